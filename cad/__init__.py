@@ -1,0 +1,1 @@
+"""Design to printable solids: mold, checks, export."""

@@ -1,0 +1,1 @@
+"""What an optopad sensor is: specification, catalogue, layout, geometry, rules."""

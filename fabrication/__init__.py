@@ -1,0 +1,1 @@
+"""Design to bench: bill of materials, wiring, casting, driver configuration, bundle."""
