@@ -1,0 +1,23 @@
+"""The errors that a user can cause; each carries one message and ends a command with exit code 2.
+
+    OptopadError
+    ├── DesignError       a design or catalogue file: the field, its value, the limit, the way out
+    ├── InputError        an argument of a command or call
+    └── ModelScopeError   a question outside what the physics models cover
+"""
+
+
+class OptopadError(Exception):
+    """Base of every error whose message is meant for the user."""
+
+
+class DesignError(OptopadError):
+    """A design or catalogue file cannot be used as it stands."""
+
+
+class InputError(OptopadError):
+    """An argument of a command or a call cannot be used."""
+
+
+class ModelScopeError(OptopadError):
+    """The physics models do not cover what was asked; nothing is extrapolated."""

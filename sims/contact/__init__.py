@@ -1,0 +1,1 @@
+"""Contact: MuJoCo soft contact gives the deformed surface, force and contact radius."""

@@ -1,0 +1,37 @@
+"""The deformed surface of the pad under one press: the vocabulary shared by contact and light.
+
+A press is axisymmetric. The surface is stored as a curve (radius, height) that starts on the axis
+under the tip and runs outward; near the shank it may run back, so radius need not increase.
+Heights are relative to the undisturbed surface, negative in the dimple, positive in the pile-up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Indentation:
+    """One press of a round tip into the pad.
+
+    Attributes
+    ----------
+    depth_mm : how far the tip's apex lies below the undisturbed surface [mm]; 0 = untouched
+    tip_radius_mm : radius of the hemispherical tip [mm]
+    radius_mm : (n,) distance from the press axis along the curve [mm]
+    height_mm : (n,) height relative to the undisturbed surface [mm]
+    contact_radius_mm : radius of the circle where the surface leaves the tip [mm]
+    force_n : press force [N]
+    """
+
+    depth_mm: float
+    tip_radius_mm: float
+    radius_mm: FloatArray
+    height_mm: FloatArray
+    contact_radius_mm: float
+    force_n: float

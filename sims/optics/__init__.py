@@ -1,0 +1,1 @@
+"""Light: rays from every emitter to every receiver through the deformed pad."""
