@@ -1,0 +1,18 @@
+"""The base of every specification model, and the field types that several of them share."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+PartId = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9.-]{0,62}$")]
+"""Identifier of a catalogue entry: lower-case letters, digits, dots and dashes."""
+
+
+class Model(BaseModel):
+    """Frozen, refuses unknown keys, refuses NaN and infinity."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True, strict=False
+    )

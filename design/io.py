@@ -1,0 +1,146 @@
+"""Reading and writing design files; nothing half-written, every refusal with its reason.
+
+A file is TOML in UTF-8. `catalog_files` at its top names files beside it with parts and materials
+of the user's own; they are read into the design, so that a saved design stands alone.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+
+from design import catalog
+from design.errors import DesignError
+from design.spec import SCHEMA_VERSION, SensorDesign
+
+MAX_FILE_BYTES = 1_000_000
+CATALOG_FILES = "catalog_files"
+
+
+def load_design(path: str | os.PathLike[str]) -> SensorDesign:
+    """Read and validate a design file.
+
+    Raises
+    ------
+    DesignError : not a readable TOML file of this schema version, or fields that are refused.
+    """
+    file = Path(path)
+    document = read_toml(file)
+    check_version(document, file)
+    return SensorDesign.from_document(_with_own_catalog(document, file), where=str(file))
+
+
+def save_design(design: SensorDesign, path: str | os.PathLike[str]) -> None:
+    """Write a design so that loading the file gives the same digest; replaces the file at once or not at all."""
+    write_text_atomically(Path(path), dump_design(design))
+
+
+def dump_design(design: SensorDesign) -> str:
+    """A design as TOML text, every effective value spelled out, empty ones left out."""
+    document = without_empty(design.model_dump(mode="json"))
+    heading = f"# optopad design {design.name}, digest {design.digest}\n"
+    return heading + tomlkit.dumps(document)
+
+
+def read_toml(file: Path) -> dict[str, Any]:
+    """Parse a TOML file.
+
+    Raises
+    ------
+    DesignError : missing, a folder, too large, not UTF-8, or not TOML (with the line).
+    """
+    try:
+        if file.stat().st_size > MAX_FILE_BYTES:
+            raise DesignError(f"{file}: larger than {MAX_FILE_BYTES} bytes, which is no design; name the right file")
+        return tomllib.loads(file.read_bytes().decode("utf-8-sig"))
+    except FileNotFoundError:
+        raise DesignError(f"{file}: no such file; `optopad new {file} --preset piacenza2017-pad` makes one") from None
+    except IsADirectoryError:
+        raise DesignError(f"{file}: a folder, not a design file; name the .toml file in it") from None
+    except UnicodeDecodeError as err:
+        raise DesignError(f"{file}: not UTF-8 text (byte {err.start}); save it as UTF-8") from None
+    except (tomllib.TOMLDecodeError, RecursionError) as err:
+        raise DesignError(f"{file}: not valid TOML: {err}") from None
+    except OSError as err:
+        raise DesignError(f"{file}: cannot be read: {err.strerror}") from None
+
+
+def check_version(document: Mapping[str, Any], file: Path) -> None:
+    """Refuse other schema versions, and say what to do.
+
+    Raises
+    ------
+    DesignError : no version, an older one (migrate it), or a newer one (update optopad).
+    """
+    version = document.get("schema_version")
+    if version is None:
+        raise DesignError(f"{file}: schema_version is missing; add `schema_version = {SCHEMA_VERSION}` at its top")
+    if not isinstance(version, int) or isinstance(version, bool) or version < 1:
+        raise DesignError(f"{file}: schema_version: {version!r} is no version; it is a whole number from 1")
+    if version > SCHEMA_VERSION:
+        raise DesignError(
+            f"{file}: schema_version: {version} is newer than {SCHEMA_VERSION}, "
+            "the newest that this optopad reads; update optopad"
+        )
+    if version < SCHEMA_VERSION:
+        raise DesignError(f"{file}: schema_version: {version} is older; run `optopad migrate {file}`")
+
+
+def write_text_atomically(file: Path, text: str) -> None:
+    """Write UTF-8 text through a temporary file beside the target.
+
+    Raises
+    ------
+    DesignError : the folder is missing, read-only or full; the old file is intact.
+    """
+    handle = None
+    try:
+        descriptor, handle = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name}.", suffix=".tmp")
+        with os.fdopen(descriptor, "w", encoding="utf-8", newline="\n") as stream:
+            stream.write(text)
+        os.chmod(handle, 0o644)
+        os.replace(handle, file)
+    except OSError as err:
+        if handle is not None:
+            Path(handle).unlink(missing_ok=True)
+        raise DesignError(f"{file}: cannot be written: {err.strerror}; choose another folder") from None
+
+
+def without_empty(document: Any) -> Any:
+    """Nested data without None and empty tables, which TOML does not need."""
+    if isinstance(document, dict):
+        kept = {key: without_empty(value) for key, value in document.items()}
+        return {key: value for key, value in kept.items() if value is not None and value != {}}
+    if isinstance(document, list):
+        return [without_empty(item) for item in document]
+    return document
+
+
+def _with_own_catalog(document: dict[str, Any], file: Path) -> dict[str, Any]:
+    names = document.pop(CATALOG_FILES, [])
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise DesignError(f"{file}: {CATALOG_FILES}: {names!r} is refused: give a list of file names")
+    if not names:
+        return document
+    own = catalog.CatalogEntries()
+    for name in names:
+        beside = _beside(file, name)
+        own = catalog.merged(own, catalog.parse_entries(read_toml(beside), where=str(beside)))
+    given = document.get("catalog", {})
+    if given:
+        own = catalog.merged(own, catalog.parse_entries(given, where=f"{file}: catalog"))
+    return document | {"catalog": own.model_dump(mode="json")}
+
+
+def _beside(file: Path, name: str) -> Path:
+    folder = file.parent.resolve()
+    target = (folder / name).resolve()
+    if not target.is_relative_to(folder):
+        raise DesignError(f"{file}: {CATALOG_FILES}: {name!r} leaves the design's folder; put it beside the design")
+    return target

@@ -1,0 +1,66 @@
+"""Dotted paths into a design: listing them, setting one, and naming the nearest when one is unknown."""
+
+from __future__ import annotations
+
+import difflib
+from typing import Any
+
+from pydantic import BaseModel
+
+from design.errors import DesignError
+
+
+def known_paths(model: type[BaseModel], prefix: str = "") -> tuple[str, ...]:
+    """Dotted paths of all fields of a model and of the models nested in it."""
+    found: list[str] = []
+    for name, field in model.model_fields.items():
+        path = f"{prefix}{name}"
+        inner = field.annotation
+        if isinstance(inner, type) and issubclass(inner, BaseModel):
+            found += known_paths(inner, f"{path}.")
+        found.append(path)
+    return tuple(found)
+
+
+def get_at(document: Any, path: str) -> Any:
+    """The value at a dotted path of nested dicts and lists; KeyError when there is none."""
+    for key in path.split("."):
+        document = document[int(key)] if isinstance(document, list) else document[key]
+    return document
+
+
+def set_at(document: dict[str, Any], path: str, value: Any, *, known: tuple[str, ...]) -> None:
+    """Set one dotted path in place; list items are addressed by number (``layout.0.count``).
+
+    Raises
+    ------
+    DesignError : the path does not exist; the nearest known names are offered.
+    """
+    *parents, last = path.split(".")
+    target: Any = document
+    try:
+        for key in parents:
+            target = target[int(key)] if isinstance(target, list) else target[key]
+        if isinstance(target, list):
+            target[int(last)] = value
+        elif path in known or last in target or _free_keys(path):
+            target[last] = value
+        else:
+            raise KeyError(last)
+    except (KeyError, IndexError, ValueError, TypeError, AttributeError):
+        raise unknown_path(path, known) from None
+
+
+def unknown_path(path: str, known: tuple[str, ...]) -> DesignError:
+    """The error for a path that no design has, with the nearest names."""
+    near = difflib.get_close_matches(path, known, n=3, cutoff=0.5)
+    if not near:
+        leaf = path.rsplit(".", 1)[-1]
+        near = [name for name in known if name.rsplit(".", 1)[-1] == leaf][:3]
+    hint = f"did you mean {', '.join(near)}?" if near else "`optopad schema` lists the fields"
+    return DesignError(f"{path}: no such field in a design; {hint}")
+
+
+def _free_keys(path: str) -> bool:
+    """Whether a path lies in a part of the design whose keys the user chooses or may leave out."""
+    return path.startswith(("part_measurements.", "layout.")) and path.count(".") == 2

@@ -1,0 +1,1 @@
+"""Ready designs, as the commented files that `optopad new` hands out."""

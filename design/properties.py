@@ -1,0 +1,173 @@
+"""Physical values of a design: catalogue entries with the design's measured values on top.
+
+Every value comes with unit, source, confidence and the band in which the true one is believed to lie.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+
+from design import catalog
+from design.catalog import CatalogEntries, Elastomer, Part, Quantity
+from design.errors import DesignError
+from design.layout import Kind
+from design.paths import get_at
+from design.spec import SensorDesign
+from design.units import NM_PER_UM, absorption_per_mm, lambertian_order
+
+MEASURED_SOURCE = "measured value given in the design"
+
+
+def entries_of(design: SensorDesign) -> CatalogEntries:
+    """The packaged catalogue with the design's own entries on top."""
+    return catalog.merged(catalog.packaged(), design.catalog)
+
+
+def part_of(design: SensorDesign, part_id: str, kind: Kind) -> Part:
+    """A catalogue part with the design's measured values in place of the catalogue's.
+
+    Raises
+    ------
+    DesignError : unknown part (nearest names offered), other kind, or a measurement of no field.
+    """
+    part = catalog.find_part(entries_of(design), part_id, kind)
+    for field, value in design.part_measurements.get(part_id, {}).items():
+        known = getattr(part, field, None)
+        if not isinstance(known, Quantity):
+            raise DesignError(
+                f"part_measurements.{part_id}.{field}: {part_id} has no such value; "
+                f"it has {', '.join(sorted(quantities_of(part)))}"
+            )
+        part = part.model_copy(update={field: _measured(known, value)})
+    return part
+
+
+def quantities_of(part: Part) -> dict[str, Quantity]:
+    """The named values of a part."""
+    pairs = ((name, getattr(part, name)) for name in type(part).model_fields)
+    return {name: value for name, value in pairs if isinstance(value, Quantity)}
+
+
+def elastomer_of(design: SensorDesign) -> Elastomer:
+    """The catalogue entry of the clear elastomer."""
+    return catalog.find_elastomer(entries_of(design), design.elastomer.material)
+
+
+def wavelength_um(design: SensorDesign) -> float:
+    """Effective wavelength of the default emitter [um]."""
+    part = part_of(design, design.emitters.part, "emitter")
+    if part.wavelength_nm is None:
+        raise DesignError(f"emitters.part: {design.emitters.part} has no wavelength_nm; add it to the part")
+    return part.wavelength_nm.value / NM_PER_UM
+
+
+def refractive_index(design: SensorDesign) -> Quantity:
+    """Index of the clear elastomer at the emitter's effective wavelength [-]."""
+    own = design.elastomer.refractive_index
+    looked_up = catalog.refractive_index(
+        elastomer_of(design), design.elastomer.mixing_ratio, wavelength_um(design)
+    )
+    return looked_up if own is None else _measured(looked_up, own)
+
+
+def absorption_db_per_cm(design: SensorDesign) -> Quantity:
+    """Absorption of the clear elastomer [dB/cm]."""
+    own = design.elastomer.absorption_db_per_cm
+    looked_up = elastomer_of(design).absorption_db_per_cm
+    return looked_up if own is None else _measured(looked_up, own)
+
+
+def absorption_coefficient_per_mm(design: SensorDesign) -> float:
+    """Natural-log absorption coefficient of the clear elastomer [1/mm]."""
+    return absorption_per_mm(absorption_db_per_cm(design).value)
+
+
+def modulus(design: SensorDesign) -> Quantity:
+    """Young's modulus of the elastomer [MPa]."""
+    own = design.elastomer.youngs_modulus_mpa
+    looked_up = catalog.youngs_modulus_mpa(elastomer_of(design), design.elastomer.mixing_ratio)
+    return looked_up if own is None else _measured(looked_up, own)
+
+
+def youngs_modulus_mpa(design: SensorDesign) -> float:
+    """Young's modulus of the elastomer [MPa]."""
+    return modulus(design).value
+
+
+def emitter_order(part: Part) -> float:
+    """Lambertian order m of an emitter's intensity cos^m [-]."""
+    return lambertian_order(part.half_angle_deg.value)
+
+
+@dataclass(frozen=True, kw_only=True)
+class UsedValue:
+    """A value that a verdict rests on.
+
+    Attributes
+    ----------
+    path : dotted path that a design sets to change or measure it
+    quantity : value, unit, source, confidence and band
+    """
+
+    path: str
+    quantity: Quantity
+
+    @property
+    def is_open(self) -> bool:
+        """Whether nobody has measured or read it."""
+        return self.quantity.confidence in ("inferred", "unverified")
+
+
+def used_values(design: SensorDesign) -> tuple[UsedValue, ...]:
+    """Every value with a band that the optical verdict rests on, measured or not."""
+    found = [
+        UsedValue(path=path, quantity=_design_quantity(design, path, band)) for path, band in _bands().items()
+    ]
+    for section, kind in (("emitters", "emitter"), ("receivers", "receiver")):
+        part_id = getattr(design, section).part
+        for name in ("active_width_mm", "active_height_mm", "half_angle_deg"):
+            if kind == "receiver" and name == "half_angle_deg":
+                continue  # the active area is bare: its angular response is the cosine
+            quantity = quantities_of(part_of(design, part_id, kind))[name]  # type: ignore[arg-type]
+            found.append(UsedValue(path=f"part_measurements.{part_id}.{name}", quantity=quantity))
+    found.append(UsedValue(path="elastomer.refractive_index", quantity=refractive_index(design)))
+    found.append(UsedValue(path="elastomer.absorption_db_per_cm", quantity=absorption_db_per_cm(design)))
+    return tuple(found)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Band:
+    """How far a design field may be off on the build: below and above its value, or absolute limits."""
+
+    minus: float
+    plus: float
+    unit: str
+    source: str
+    confidence: str
+
+
+@cache
+def _bands() -> dict[str, Band]:
+    text = (files("design") / "data" / "bands.toml").read_text(encoding="utf-8")
+    return {path: Band(**row) for path, row in tomllib.loads(text).items()}
+
+
+def _design_quantity(design: SensorDesign, path: str, band: Band) -> Quantity:
+    value = float(get_at(design.model_dump(mode="json"), path))
+    if path in design.measured:
+        return Quantity(value=value, unit=band.unit, source=MEASURED_SOURCE, confidence="measured")
+    return Quantity(
+        value=value,
+        unit=band.unit,
+        source=band.source,
+        confidence=band.confidence,  # type: ignore[arg-type]
+        low=max(value - band.minus, 0.0),
+        high=value + band.plus,
+    )
+
+
+def _measured(known: Quantity, value: float) -> Quantity:
+    return Quantity(value=value, unit=known.unit, source=MEASURED_SOURCE, confidence="measured")

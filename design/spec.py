@@ -1,0 +1,211 @@
+"""The specification of a sensor: everything that makes one design different from another.
+
+A design is frozen. Change it by copy (`with_`); its `digest` names its content, whatever the
+formatting of the file it came from. All lengths are in mm in the cavity frame of `design.cavity`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from functools import cached_property
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, ValidationError
+
+from design import paths
+from design.base import Model, PartId
+from design.catalog import CatalogEntries
+from design.errors import DesignError
+from design.layout import Pattern
+from design.validation import design_error
+
+SCHEMA_VERSION = 1
+
+DesignName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,62}$")]
+
+
+class Cavity(Model):
+    """The block of silicone: inner size of the mold and the thickness of its two layers."""
+
+    length_mm: Annotated[float, Field(ge=5.0, le=200.0, description="inner length along x")]
+    width_mm: Annotated[float, Field(ge=5.0, le=200.0, description="inner width along y")]
+    clear_thickness_mm: Annotated[float, Field(ge=1.0, le=50.0, description="clear layer that light uses")]
+    black_thickness_mm: Annotated[float, Field(ge=0.0, le=20.0, description="absorbing layer below")] = 1.0
+
+
+class Mold(Model):
+    """The printed part around the cavity."""
+
+    outer_length_mm: Annotated[float, Field(ge=6.0, le=400.0, description="outside along x")]
+    outer_width_mm: Annotated[float, Field(ge=6.0, le=400.0, description="outside along y")]
+    floor_mm: Annotated[float, Field(ge=0.6, le=30.0, description="thickness below the black layer")] = 3.0
+    rim_mm: Annotated[
+        float, Field(ge=0.0, le=20.0, description="wall above the clear layer, to pour against")
+    ] = 1.5
+    fixing_hole_diameter_mm: Annotated[
+        float, Field(ge=0.0, le=20.0, description="corner holes; 0 for none")
+    ] = 3.2
+    fixing_hole_inset_mm: Annotated[
+        float, Field(ge=0.0, le=50.0, description="hole centre to both outer faces")
+    ] = 3.25
+    part_clearance_mm: Annotated[
+        float, Field(ge=0.0, le=1.0, description="gap around a part's body, each side")
+    ] = 0.15
+    lead_clearance_mm: Annotated[
+        float, Field(ge=0.0, le=1.0, description="added to a lead's diameter for its hole")
+    ] = 0.3
+    min_web_mm: Annotated[float, Field(ge=0.2, le=5.0, description="thinnest wall the printer makes")] = 0.8
+    material: PartId = "abs-black"
+
+
+class Elastomer(Model):
+    """The clear elastomer; a value given here replaces the catalogue's and counts as measured."""
+
+    material: PartId = "sylgard-184"
+    mixing_ratio: Annotated[float, Field(gt=0.0, le=100.0, description="base over curing agent by weight")]
+    refractive_index: Annotated[float | None, Field(ge=1.0, le=2.5)] = None
+    absorption_db_per_cm: Annotated[float | None, Field(ge=0.0, le=50.0)] = None
+    youngs_modulus_mpa: Annotated[float | None, Field(gt=0.0, le=100.0)] = None
+
+
+class Surfaces(Model):
+    """Diffuse (Lambertian) reflectance of everything light can land on [-]."""
+
+    wall_reflectance: Annotated[float, Field(ge=0.0, le=0.99)] = 0.05
+    bottom_reflectance: Annotated[float, Field(ge=0.0, le=0.99)] = 0.03
+    tip_reflectance: Annotated[float, Field(ge=0.0, le=0.99)] = 0.0
+
+
+class Emitters(Model):
+    """What every emitter is unless its place in the layout says otherwise."""
+
+    part: PartId
+    height_mm: Annotated[
+        float, Field(gt=0.0, le=50.0, description="centre of the emitting area above the clear layer's bottom")
+    ]
+
+
+class Receivers(Model):
+    """What every receiver is unless its place in the layout says otherwise."""
+
+    part: PartId
+    height_mm: Annotated[
+        float, Field(gt=0.0, le=50.0, description="centre of the active area above the clear layer's bottom")
+    ]
+
+
+class Indenter(Model):
+    """The hemispherical tip that stands for a finger."""
+
+    tip_radius_mm: Annotated[float, Field(ge=0.5, le=20.0)] = 3.0
+
+
+class BoardUse(Model):
+    """The microcontroller and how it is used; pins and channels are dealt out in order when left out."""
+
+    kind: PartId = "arduino-mega-2560"
+    emitter_pins: Annotated[
+        tuple[Annotated[int, Field(ge=0, le=200)], ...] | None, Field(description="one digital pin an emitter")
+    ] = None
+    receiver_channels: Annotated[
+        tuple[str, ...] | None, Field(description="one analogue input a receiver, 'A0', 'A1' ...")
+    ] = None
+    adc_prescaler: Annotated[int, Field(description="ADC clock = board clock / prescaler")] = 64
+    settle_us: Annotated[float, Field(ge=0.0, le=10000.0, description="wait after an emitter switches")] = 20.0
+    baud: Annotated[int, Field(ge=1200, le=4_000_000)] = 1_000_000
+    frame_rate_hz: Annotated[float, Field(gt=0.0, le=5000.0, description="full frames a second wanted")] = 60.0
+
+
+class Noise(Model):
+    """Noise of one reading in ADC counts: sigma^2 = 1/12 + read^2 + (relative x counts)^2."""
+
+    read_noise_counts: Annotated[float, Field(ge=0.0, le=100.0)] = 0.5
+    relative_noise: Annotated[float, Field(ge=0.0, le=0.5)] = 0.003
+
+
+class Gain(Model):
+    """One common transimpedance gain for all receivers, set by a rule.
+
+    The median judged pair (different walls; facing pairs in facing rows), untouched, reads
+    `target_counts`; brighter pairs may clip at the converter's full scale and are listed.
+    """
+
+    target_counts: Annotated[float, Field(gt=0.0, le=65535.0)] = 300.0
+
+
+class Operating(Model):
+    """The range of use that the verdict is about."""
+
+    max_depth_mm: Annotated[float, Field(gt=0.0, le=30.0, description="deepest press")] = 5.0
+    workspace_margin_mm: Annotated[
+        float, Field(ge=0.0, le=50.0, description="tip's edge to the wall at the workspace's border")
+    ] = 3.0
+
+
+class SensorDesign(Model):
+    """One sensor: cavity, mold, materials, parts and their places, board, noise, range of use."""
+
+    schema_version: Literal[1]
+    name: DesignName
+    description: str = ""
+    measured: Annotated[
+        tuple[str, ...],
+        Field(description="dotted paths whose value in this file was measured on the build"),
+    ] = ()
+    cavity: Cavity
+    mold: Mold
+    elastomer: Elastomer
+    surfaces: Surfaces = Surfaces()
+    emitters: Emitters
+    receivers: Receivers
+    layout: Annotated[tuple[Pattern, ...], Field(min_length=1, max_length=128)]
+    indenter: Indenter = Indenter()
+    board: BoardUse = BoardUse()
+    noise: Noise = Noise()
+    gain: Gain = Gain()
+    operating: Operating = Operating()
+    part_measurements: Annotated[
+        dict[PartId, dict[str, float]],
+        Field(description="measured values that replace a catalogue part's: part, then field = value"),
+    ] = {}
+    catalog: Annotated[
+        CatalogEntries, Field(description="the user's own parts and materials, beside the packaged ones")
+    ] = CatalogEntries()
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 over the content, as 64 hexadecimal digits; independent of formatting and key order."""
+        return hashlib.sha256(canonical_json(self.model_dump(mode="json")).encode()).hexdigest()
+
+    def with_(self, **changes: Any) -> Self:
+        """Return a copy with dotted paths changed: ``with_(**{"cavity.clear_thickness_mm": 10})``.
+
+        Raises
+        ------
+        DesignError : an unknown path (nearest names are offered) or a value that its field refuses.
+        """
+        document = self.model_dump(mode="json")
+        for path, value in changes.items():
+            paths.set_at(document, path, value, known=paths.known_paths(type(self)))
+        return self.from_document(document, where=self.name)
+
+    @classmethod
+    def from_document(cls, document: dict[str, Any], *, where: str) -> Self:
+        """Validate nested plain data; ``where`` names its origin in the message.
+
+        Raises
+        ------
+        DesignError : every refused field with its value, limit and the way out.
+        """
+        try:
+            return cls.model_validate_json(json.dumps(document, default=str), strict=True)
+        except ValidationError as err:
+            raise design_error(err, where) from None
+        except RecursionError:
+            raise DesignError(f"{where}: nested too deep to be a design") from None
+
+
+def canonical_json(document: Any) -> str:
+    """One text for equal content: sorted keys, no spaces, shortest float form."""
+    return json.dumps(document, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
