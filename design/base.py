@@ -6,8 +6,8 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-PartId = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9.-]{0,62}$")]
-"""Identifier of a catalogue entry: lower-case letters, digits, dots and dashes."""
+PartId = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]{0,62}$")]
+"""Identifier of a catalogue entry: lower-case letters, digits and dashes."""
 
 
 class Model(BaseModel):

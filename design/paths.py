@@ -40,7 +40,7 @@ def set_at(document: dict[str, Any], path: str, value: Any, *, known: tuple[str,
     target: Any = document
     try:
         for key in parents:
-            target = target[int(key)] if isinstance(target, list) else target[key]
+            target = target[int(key)] if isinstance(target, list) else _step_into(target, key, path)
         if isinstance(target, list):
             target[int(last)] = value
         elif path in known or last in target or _free_keys(path):
@@ -59,6 +59,12 @@ def unknown_path(path: str, known: tuple[str, ...]) -> DesignError:
         near = [name for name in known if name.rsplit(".", 1)[-1] == leaf][:3]
     hint = f"did you mean {', '.join(near)}?" if near else "`optopad schema` lists the fields"
     return DesignError(f"{path}: no such field in a design; {hint}")
+
+
+def _step_into(target: dict[str, Any], key: str, path: str) -> Any:
+    if key not in target and path.startswith("part_measurements."):
+        target[key] = {}  # the user's first measurement of this part
+    return target[key]
 
 
 def _free_keys(path: str) -> bool:

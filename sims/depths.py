@@ -1,0 +1,31 @@
+"""The depths at which signals are computed: fine near contact, where mode 1 can be over in 0.3 mm."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+NEAR_CONTACT_MM = (0.0, 0.02, 0.05, 0.1, 0.15)
+"""First depths [mm]; from the study of depth steps."""
+
+STEP_MM = 0.1
+"""Step of the fine schedule [mm]: 0.2 mm moves mode boundaries by up to 0.04 mm."""
+
+
+def depth_schedule_mm(max_depth_mm: float, step_mm: float = STEP_MM) -> FloatArray:
+    """Depths from 0 to the deepest press, rising, the deepest one included.
+
+    Parameters
+    ----------
+    max_depth_mm : deepest press [mm]
+    step_mm : step beyond 0.2 mm [mm]
+
+    Returns
+    -------
+    (n,) depths [mm]
+    """
+    near = [depth for depth in NEAR_CONTACT_MM if depth < max_depth_mm]
+    regular = np.arange(0.2, max_depth_mm - 1e-9, step_mm)
+    return np.unique(np.round(np.concatenate([near, regular, [max_depth_mm]]), 6))

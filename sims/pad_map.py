@@ -1,0 +1,93 @@
+"""The pad as a whole: at every place of the workspace, the depths where no judged pair answers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.cavity import CavityGeometry, Workspace
+
+FloatArray = NDArray[np.float64]
+Interval = tuple[float, float]
+
+COARSE_PLACES = 5
+FINE_PLACES = 11
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """One press place of the map.
+
+    Attributes
+    ----------
+    x_mm, y_mm : press centre in the cavity frame
+    deadbands_mm : depth intervals in which no judged pair changes by the threshold
+    answering_pairs : judged pairs that change by the threshold or more over the whole press
+    largest_change : largest change of any judged pair over the whole press [noise units]
+    """
+
+    x_mm: float
+    y_mm: float
+    deadbands_mm: tuple[Interval, ...]
+    answering_pairs: int
+    largest_change: float
+
+    @property
+    def deadband_total_mm(self) -> float:
+        """Summed length of the deadbands [mm]."""
+        return sum(end - start for start, end in self.deadbands_mm)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PadMap:
+    """All places of a rectangular grid over the workspace.
+
+    Attributes
+    ----------
+    x_mm : (nx,) and y_mm : (ny,) grid lines [mm]
+    places : ny rows of nx places, y outermost
+    """
+
+    x_mm: tuple[float, ...]
+    y_mm: tuple[float, ...]
+    places: tuple[Place, ...]
+
+    @property
+    def worst(self) -> Place:
+        """The place with the most deadband; ties go to the first."""
+        return max(self.places, key=lambda place: place.deadband_total_mm)
+
+    @property
+    def dead_share(self) -> float:
+        """Share of places with a deadband [-]."""
+        return sum(bool(place.deadbands_mm) for place in self.places) / len(self.places)
+
+    def deadband_grid_mm(self) -> FloatArray:
+        """(ny, nx) summed deadband at each place [mm]."""
+        totals = [place.deadband_total_mm for place in self.places]
+        return np.array(totals).reshape(len(self.y_mm), len(self.x_mm))
+
+
+def map_grid_mm(cavity: CavityGeometry, places: int) -> tuple[FloatArray, FloatArray]:
+    """Grid lines over the workspace: ``places`` along its longer side, the same pitch along the other [mm]."""
+    space = cavity.workspace
+    spans = (space.x1_mm - space.x0_mm, space.y1_mm - space.y0_mm)
+    pitch = max(spans) / (places - 1) if max(spans) > 0 else 1.0
+    return (
+        _lines(space.x0_mm, spans[0], pitch),
+        _lines(space.y0_mm, spans[1], pitch),
+    )
+
+
+def grid_places_mm(workspace: Workspace, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
+    """(ny*nx, 2) press centres of a grid, y outermost, clamped to the workspace against round-off [mm]."""
+    return np.array([workspace.clamped(float(x), float(y)) for y in y_mm for x in x_mm])
+
+
+def _lines(start_mm: float, span_mm: float, pitch_mm: float) -> FloatArray:
+    count = round(span_mm / pitch_mm) + 1
+    if count < 2:
+        return np.array([start_mm + span_mm / 2])
+    return np.linspace(start_mm, start_mm + span_mm, count)
