@@ -1,0 +1,174 @@
+"""Mode boundaries of signals whose boundaries are known in closed form."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from design.errors import InputError
+from sims.modes import find_modes
+
+PROPERTY = settings(max_examples=60, deadline=None, derandomize=True)
+ROUNDING_MM = 1e-12
+DEPTH_MM = np.linspace(0.0, 5.0, 51)
+
+
+def fall(depth_mm, from_mm, to_mm, first=1.0, last=0.0):
+    """A straight fall between two depths, constant outside."""
+    return np.interp(depth_mm, [from_mm, to_mm], [first, last])
+
+
+def test_straight_falls_give_the_boundaries_and_the_gap_by_hand():
+    # T falls 1 -> 0 over 0..1 mm: it leaves 5 % at 0.05 mm and is settled at 0.95 mm.
+    # D falls 1 -> 0 over 2..4 mm: 95 % at 2.1 mm, 5 % at 3.9 mm.
+    modes = find_modes(DEPTH_MM, fall(DEPTH_MM, 0.0, 1.0), fall(DEPTH_MM, 2.0, 4.0))
+    assert modes.mode1_mm == pytest.approx((0.05, 0.95), abs=ROUNDING_MM)
+    assert modes.mode2_mm == pytest.approx((2.1, 3.9), abs=ROUNDING_MM)
+    assert modes.gap_mm == pytest.approx(1.15, abs=ROUNDING_MM)
+    assert modes.gap_at_least_mm is None
+
+
+def test_overlapping_modes_have_a_negative_gap():
+    modes = find_modes(DEPTH_MM, fall(DEPTH_MM, 0.0, 2.0), fall(DEPTH_MM, 1.0, 3.0))
+    assert modes.gap_mm == pytest.approx(1.1 - 1.9, abs=ROUNDING_MM)
+
+
+def test_boundaries_lie_between_samples():
+    depth = np.array([0.0, 1.0, 5.0])
+    modes = find_modes(depth, [1.0, 0.0, 0.0], [1.0, 1.0, 0.0])
+    assert modes.mode1_mm == pytest.approx((0.05, 0.95), abs=ROUNDING_MM)
+    assert modes.mode2_mm == pytest.approx((1.2, 4.8), abs=ROUNDING_MM)
+
+
+def test_a_temporary_dip_of_direct_light_does_not_start_mode_2():
+    dip = 0.3 * np.exp(-(((DEPTH_MM - 1.0) / 0.2) ** 2))
+    modes = find_modes(DEPTH_MM, fall(DEPTH_MM, 0.0, 1.0), fall(DEPTH_MM, 3.0, 4.0) - dip)
+    # at 3 mm the dip is e^-100 of 0.3, nothing to rounding
+    assert modes.mode2_mm[0] == pytest.approx(3.05, abs=1e-9)
+
+
+def test_a_permanent_dip_starts_mode_2():
+    direct = np.interp(DEPTH_MM, [0.5, 1.5, 3.0, 4.0], [1.0, 0.5, 0.9, 0.0])
+    modes = find_modes(DEPTH_MM, fall(DEPTH_MM, 0.0, 1.0), direct)
+    assert modes.mode2_mm[0] == pytest.approx(0.6, abs=ROUNDING_MM)
+
+
+def test_light_that_first_rises_starts_mode_2_only_when_it_is_lost():
+    direct = np.interp(DEPTH_MM, [0.0, 1.0, 2.0, 3.0], [1.0, 1.15, 1.0, 0.0])
+    modes = find_modes(DEPTH_MM, fall(DEPTH_MM, 0.0, 1.0), direct)
+    assert modes.mode2_mm == pytest.approx((2.05, 2.95), abs=ROUNDING_MM)
+
+
+def test_top_light_that_overshoots_settles_at_its_last_exit():
+    # range 1.2: band 0.06 round the last value 0.2; it leaves the band for good on 0 -> 0.2 at 0.14
+    top = np.interp(DEPTH_MM, [0.0, 1.0, 2.0], [1.2, 0.0, 0.2])
+    modes = find_modes(DEPTH_MM, top, fall(DEPTH_MM, 3.0, 4.0))
+    assert modes.mode1_mm == pytest.approx((0.05, 1.7), abs=ROUNDING_MM)
+
+
+def test_top_light_that_rises_at_first_starts_mode_1():
+    # range 1.1: band 0.055 round the first value 1, left upward at 0.055 / 0.1 mm
+    top = np.interp(DEPTH_MM, [0.0, 1.0, 2.0], [1.0, 1.1, 0.0])
+    assert find_modes(DEPTH_MM, top, fall(DEPTH_MM, 3.0, 4.0)).mode1_mm[0] == pytest.approx(0.55, abs=1e-12)
+
+
+def test_mode_2_that_never_starts_is_open_and_bounds_the_gap():
+    modes = find_modes(DEPTH_MM, fall(DEPTH_MM, 0.0, 0.4), np.full(51, 0.7))
+    assert modes.mode2_mm == (None, None)
+    assert modes.gap_mm is None
+    assert modes.gap_at_least_mm == pytest.approx(5.0 - 0.38, abs=ROUNDING_MM)
+
+
+def test_never_is_null_in_json():
+    modes = find_modes(DEPTH_MM, fall(DEPTH_MM, 0.0, 0.4), np.full(51, 0.7))
+    row = json.loads(json.dumps(dataclasses.asdict(modes), allow_nan=False))
+    assert row["mode2_mm"] == [None, None]
+    assert row["gap_mm"] is None
+
+
+def test_mode_2_that_starts_but_does_not_end_has_an_open_end():
+    modes = find_modes(DEPTH_MM, fall(DEPTH_MM, 0.0, 1.0), fall(DEPTH_MM, 3.73, 6.0))
+    assert modes.mode2_mm[1] is None
+    # the fall starts between two samples: the first chord is 3.7 -> 3.8 mm, then the line itself
+    assert modes.mode2_mm[0] == pytest.approx(3.73 + 0.05 * 2.27, abs=ROUNDING_MM)
+    assert modes.gap_mm == pytest.approx(3.73 + 0.05 * 2.27 - 0.95, abs=ROUNDING_MM)
+
+
+def test_top_light_that_never_changes_has_an_empty_mode_1():
+    modes = find_modes(DEPTH_MM, np.zeros(51), fall(DEPTH_MM, 2.0, 4.0))
+    assert modes.mode1_mm == (0.0, 0.0)
+    assert modes.gap_mm == pytest.approx(2.1, abs=ROUNDING_MM)
+
+
+@pytest.mark.parametrize("step_mm", [0.1, 0.05])
+def test_boundaries_of_smooth_signals_do_not_depend_on_the_grid(step_mm):
+    def boundaries(step):
+        depth = np.linspace(0.0, 5.0, round(5.0 / step) + 1)
+        modes = find_modes(depth, np.exp(-3.0 * depth), 1.0 / (1.0 + np.exp((depth - 2.5) / 0.25)))
+        return np.array([*modes.mode1_mm, *modes.mode2_mm])
+
+    # chord error: curvature x step²/8 over slope = 3 x 0.01/8 = 0.004 mm at 0.1 mm, for T
+    assert np.max(np.abs(boundaries(step_mm) - boundaries(step_mm / 2.0))) < 0.01
+
+
+def test_boundaries_converge_with_the_square_of_the_step():
+    rates = np.linspace(2.0, 4.0, 101)  # moves the boundary through all positions between samples
+
+    def worst_error(step):
+        depth = np.linspace(0.0, 5.0, round(5.0 / step) + 1)
+        errors = []
+        for k in rates:
+            exact = -np.log(np.exp(-5.0 * k) + 0.05 * (1.0 - np.exp(-5.0 * k))) / k
+            errors.append(abs(find_modes(depth, np.exp(-k * depth), fall(depth, 2, 4)).mode1_mm[1] - exact))
+        return max(errors)
+
+    errors = [worst_error(step) for step in (0.1, 0.05, 0.025)]
+    orders = np.log2(np.divide(errors[:-1], errors[1:]))
+    np.testing.assert_allclose(orders, 2.0, atol=0.2)  # next term of the chord error: k step / 3 = 0.13
+    assert errors[-1] < 4.0 * 0.025**2 / 8.0 * 1.1  # chord error k step²/8, and that next term
+
+
+@PROPERTY
+@given(scale=st.floats(0.1, 10.0), light=st.floats(1e-6, 1e3))
+def test_boundaries_scale_with_depth_and_ignore_the_unit_of_light(scale, light):
+    top, direct = fall(DEPTH_MM, 0.0, 1.3), fall(DEPTH_MM, 1.9, 3.7)
+    modes = find_modes(DEPTH_MM, top, direct)
+    scaled = find_modes(DEPTH_MM * scale, top * light, direct * light)
+    assert scaled.mode1_mm == pytest.approx(np.multiply(modes.mode1_mm, scale), rel=1e-9)
+    assert scaled.mode2_mm == pytest.approx(np.multiply(modes.mode2_mm, scale), rel=1e-9)
+    assert scaled.gap_mm == pytest.approx(modes.gap_mm * scale, rel=1e-9)
+
+
+def test_a_pair_without_direct_light_is_refused():
+    with pytest.raises(InputError, match=r"direct\[0\]: 0.0, needs more than 0"):
+        find_modes(DEPTH_MM, fall(DEPTH_MM, 0.0, 1.0), np.zeros(51))
+
+
+@pytest.mark.parametrize(
+    ("depth", "message"),
+    [
+        ([0.1, 1.0, 2.0], r"depth_mm\[0\]: 0.1 mm, needs 0 mm"),
+        ([0.0, 1.0, 1.0], r"depth_mm\[2\]: 1.0 mm, needs more than 1.0 mm"),
+        ([0.0, np.nan, 1.0], "not finite"),
+        ([0.0], r"shape \(1,\), needs \(n,\) with n >= 2"),
+    ],
+)
+def test_unusable_depths_are_refused_with_the_way_out(depth, message):
+    with pytest.raises(InputError, match=message):
+        find_modes(depth, np.ones(len(depth)), np.ones(len(depth)))
+
+
+def test_samples_that_do_not_fit_the_depths_are_refused_by_name():
+    with pytest.raises(InputError, match=r"top: shape \(3,\), needs \(51,\)"):
+        find_modes(DEPTH_MM, np.ones(3), np.ones(51))
+    with pytest.raises(InputError, match="direct: has a value that is not finite"):
+        find_modes(DEPTH_MM, np.ones(51), np.full(51, np.nan))
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 0.5, np.nan])
+def test_an_impossible_tolerance_is_refused(tolerance):
+    with pytest.raises(InputError, match=r"tolerance: .*below 0.5"):
+        find_modes(DEPTH_MM, np.ones(51), np.ones(51), tolerance=tolerance)
