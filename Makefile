@@ -1,0 +1,81 @@
+# Everything runs inside .venv; nothing needs root. `make` alone lists the targets.
+# Another interpreter: `make clean setup PYTHON=python3.12`. Package index and proxy: pip's own settings and PIP_* variables.
+
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+PYTHON ?=
+CANDIDATES = $(if $(PYTHON),$(PYTHON),python3.13 python3.12 python3.11 python3)
+SUITABLE := import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))
+DEMO := piacenza2017-pad
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test test-slow lint bench pins clean
+
+help: ## list the targets
+	@sed -n 's/^\([a-z-]*\):.*## /\1|/p' Makefile | awk -F'|' '{printf "  make %-10s %s\n", $$1, $$2}'
+
+setup: $(READY) ## create .venv and install optopad with everything it needs
+
+demo: setup ## the main job on the published pad: outputs/piacenza2017-pad-<digest8>/
+	$(BIN)/optopad run $(DEMO)
+
+test: setup ## tests of a few minutes: all but the slow ones and the benchmarks
+	$(BIN)/python -m pytest -m "not slow" --benchmark-skip
+
+test-slow: setup ## the tests marked slow
+	$(BIN)/python -m pytest -m slow --benchmark-skip
+
+lint: setup ## style, format, types, and the arrows between the rooms
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-cache
+
+bench: setup ## the benchmarks only
+	$(BIN)/python -m pytest --benchmark-only
+
+pins: ## renew constraints.txt from a fresh environment (oldest supported Python: its versions serve the newer ones)
+	@$(call find_python,$(if $(PYTHON),$(PYTHON),python3.11)); \
+	rm -rf build/pins && "$$python" -m venv build/pins && \
+	build/pins/bin/python -m pip install -e ".[dev]" && \
+	{ sed -n '/^#/p' constraints.txt; build/pins/bin/python -m pip freeze --exclude-editable; } > build/constraints.txt && \
+	mv build/constraints.txt constraints.txt && rm -rf build/pins
+
+clean: ## remove .venv, caches and build folders; outputs/ stays
+	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks .import_linter_cache *.egg-info
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# Sets the shell variable `python` to the first of the given commands that runs and is of a supported version.
+define find_python
+python=; for candidate in $(1); do \
+  if command -v "$$candidate" >/dev/null 2>&1 && "$$candidate" -c '$(SUITABLE)' >/dev/null 2>&1; then python="$$candidate"; break; fi; \
+done; \
+if [ -z "$$python" ]; then \
+  echo "optopad needs Python 3.11, 3.12 or 3.13; none of these is one: $(1)" >&2; \
+  echo "Install one (Debian and Ubuntu: python3 and python3-venv; macOS: brew install python@3.13), or name yours:" >&2; \
+  echo "  make setup PYTHON=/path/to/python3.12" >&2; \
+  exit 1; \
+fi; \
+if ! "$$python" -c 'import ensurepip, venv' >/dev/null 2>&1; then \
+  echo "$$python cannot create environments: its venv or ensurepip module is missing." >&2; \
+  echo "Install it (Debian and Ubuntu: apt-get install python3-venv), or name another Python: make setup PYTHON=..." >&2; \
+  exit 1; \
+fi
+endef
+
+# An environment that still runs is kept and brought up to date; a broken one (its Python was removed) is made anew.
+$(READY): pyproject.toml constraints.txt
+	@$(call find_python,$(CANDIDATES)); \
+	if ! $(BIN)/python -c '$(SUITABLE)' >/dev/null 2>&1 || ! $(BIN)/python -m pip --version >/dev/null 2>&1; then \
+	  echo "Creating $(VENV) with $$("$$python" --version)"; \
+	  "$$python" -m venv --clear $(VENV) || { echo "Could not create $(VENV); is the disk full or the folder read-only?" >&2; exit 1; }; \
+	fi; \
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e ".[dev]" || { \
+	  echo "pip could not install the dependencies; its lines above name the one. Usual causes:" >&2; \
+	  echo "  no package index in reach  set PIP_INDEX_URL or HTTPS_PROXY" >&2; \
+	  echo "  no wheel for this machine  optopad needs 64-bit Linux (glibc 2.31) or macOS; or try PYTHON=python3.12" >&2; \
+	  echo "  disk full                  .venv takes about 2 GB" >&2; \
+	  exit 1; \
+	}; \
+	touch $@

@@ -1,0 +1,349 @@
+"""What this machine can do: Python, packages, folders, optional tools, each with its way out.
+
+Nothing is installed, written or created. Packages are imported in processes of their own, so that a missing
+shared library, or a crash while loading one, becomes a finding and not the end of the examination. Sizes are
+asked of the operating system; a container's own memory limit is read where Linux shows it (control groups,
+version 2). Left out: whether an optional tool works, or is recent enough; only its presence is looked at.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Literal
+
+from platformdirs import user_cache_path
+
+State = Literal["ok", "missing", "warning"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing looked at. `missing` stops the main job; `warning` costs time or one optional step."""
+
+    name: str
+    state: State
+    detail: str
+    way_out: str = ""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why an import failed, and what to do about it."""
+
+    reason: str
+    way_out: str
+
+
+@dataclass(frozen=True)
+class Package:
+    """A declared dependency: distribution name, import name, oldest release that works."""
+
+    distribution: str
+    module: str
+    at_least: str
+
+
+@dataclass(frozen=True)
+class SystemLibrary:
+    """The package that holds a shared library, by package manager."""
+
+    debian: str
+    fedora: str
+    homebrew: str
+
+
+@dataclass(frozen=True)
+class Tool:
+    """An optional program: any one of its commands will do."""
+
+    commands: tuple[str, ...]
+    purpose: str
+    debian: str
+
+
+PYTHON_RANGE = ((3, 11), (3, 14))
+"""First supported version and first unsupported one."""
+
+MEMORY_ADVISED_GB = 2.0
+"""Importing CadQuery and MuJoCo takes 0.5 GB; a run adds meshes and the solver's matrices."""
+
+DISK_ADVISED_GB = 0.5
+"""A bundle is some tens of MB; the library of solved profiles and compiled kernels are of the same order."""
+
+PROBE_LIMIT_S = 60
+"""Longest wait for one import; from a cold disk CadQuery alone may take 20 s."""
+
+PACKAGES = (
+    Package("cadquery", "cadquery", "2.8"),
+    Package("h5netcdf", "h5netcdf", "1.6"),
+    Package("h5py", "h5py", "3.12"),
+    Package("manifold3d", "manifold3d", "3.1"),
+    Package("matplotlib", "matplotlib.pyplot", "3.10"),
+    Package("mujoco", "mujoco", "4.0"),
+    Package("numba", "numba", "0.61"),
+    Package("numpy", "numpy", "2.1"),
+    Package("platformdirs", "platformdirs", "4.3"),
+    Package("pydantic", "pydantic", "2.10"),
+    Package("rich", "rich", "13.9"),
+    Package("scipy", "scipy", "1.14.1"),
+    Package("tomlkit", "tomlkit", "0.13"),
+    Package("trimesh", "trimesh", "4.6"),
+    Package("typer", "typer", "0.15"),
+    Package("xarray", "xarray", "2025.1"),
+)
+
+SYSTEM_LIBRARIES = {
+    "libEGL": SystemLibrary("libegl1", "libglvnd-egl", "mesa"),
+    "libGL": SystemLibrary("libgl1", "libglvnd-glx", "mesa"),
+    "libGLX": SystemLibrary("libglx0", "libglvnd-glx", "mesa"),
+    "libGLdispatch": SystemLibrary("libglvnd0", "libglvnd", "mesa"),
+    "libX11": SystemLibrary("libx11-6", "libX11", "libx11"),
+    "libexpat": SystemLibrary("libexpat1", "expat", "expat"),
+    "libgomp": SystemLibrary("libgomp1", "libgomp", "libomp"),
+    "libstdc++": SystemLibrary("libstdc++6", "libstdc++", "gcc"),
+    "libxcb": SystemLibrary("libxcb1", "libxcb", "libxcb"),
+    "libz": SystemLibrary("zlib1g", "zlib", "zlib"),
+}
+
+TOOLS = (
+    Tool(
+        ("prusa-slicer", "PrusaSlicer", "prusa-slicer-console"), "slicing the printed parts", "prusa-slicer"
+    ),
+    Tool(("avr-gcc",), "compiling the firmware for an AVR board", "gcc-avr avr-libc"),
+    Tool(("avrdude",), "flashing the firmware onto an AVR board", "avrdude"),
+    Tool(("simavr",), "running the compiled firmware without a board", "simavr"),
+    Tool(
+        ("chromium", "chromium-browser", "google-chrome"), "drawing the report page in its test", "chromium"
+    ),
+)
+
+
+def examine(outputs: Path = Path("outputs")) -> list[Finding]:
+    """Everything worth knowing before a run, in the order in which to mend it."""
+    return [
+        python_finding(),
+        cpu_finding(),
+        memory_finding(),
+        *package_findings(),
+        numba_cache_finding(),
+        folder_finding("cache folder", cache_folder(), "set OPTOPAD_CACHE to a folder you can write to"),
+        folder_finding("outputs folder", outputs, "run from a folder you can write to, or pass --out FOLDER"),
+        *(tool_finding(tool) for tool in TOOLS),
+    ]
+
+
+def python_finding(version: tuple[int, ...] = sys.version_info[:3]) -> Finding:
+    """Whether this Python is one that the dependencies support."""
+    first, beyond = PYTHON_RANGE
+    detail = ".".join(map(str, version))
+    if first <= version < beyond:
+        return Finding("python", "ok", detail)
+    way_out = f"install Python {first[0]}.{first[1]} to {beyond[0]}.{beyond[1] - 1}, then `make clean setup`"
+    return Finding("python", "missing", detail, way_out)
+
+
+def cpu_count() -> int:
+    """Processors that this process may use [-]."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def cpu_finding() -> Finding:
+    """How many processors; the light kernels use them all."""
+    count = cpu_count()
+    if count == 1:
+        return Finding("processors", "warning", "1", "runs take about twice the times given for 2 processors")
+    return Finding("processors", "ok", str(count))
+
+
+def memory_gb(limit_file: Path = Path("/sys/fs/cgroup/memory.max")) -> float:
+    """Memory that this process may use [GB]: the machine's, or the container's where that is less."""
+    machine = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    limit = limit_file.read_text().strip() if limit_file.is_file() else "max"
+    return min(machine, int(limit) if limit.isdigit() else machine) / 1e9
+
+
+def memory_finding() -> Finding:
+    """Whether the memory is enough for the solids and the contact model."""
+    memory = memory_gb()
+    detail = f"{memory:.1f} GB"
+    if memory >= MEMORY_ADVISED_GB:
+        return Finding("memory", "ok", detail)
+    return Finding(
+        "memory", "warning", detail, f"{MEMORY_ADVISED_GB:g} GB or more is advised; close other programs"
+    )
+
+
+def package_findings() -> Iterator[Finding]:
+    """One finding a declared dependency; the imports run side by side, one process each."""
+    with ThreadPoolExecutor(max_workers=cpu_count()) as pool:
+        failures = list(pool.map(import_failure, (package.module for package in PACKAGES)))
+    for package, failure in zip(PACKAGES, failures, strict=True):
+        yield package_finding(package, installed_version(package.distribution), failure)
+
+
+def package_finding(package: Package, version: str, failure: Failure | None) -> Finding:
+    """Judge one package by its version (empty: not installed) and by how its import went."""
+    if not version:
+        return Finding(package.distribution, "missing", "not installed", "run `make setup`")
+    if failure:
+        return Finding(package.distribution, "missing", f"{version}: {failure.reason}", failure.way_out)
+    if release(version) < release(package.at_least):
+        detail = f"{version}, needs >= {package.at_least}"
+        return Finding(package.distribution, "missing", detail, "run `make setup`")
+    return Finding(package.distribution, "ok", version)
+
+
+def installed_version(distribution: str) -> str:
+    """Version of an installed distribution; empty when it is not installed."""
+    try:
+        return importlib.metadata.version(distribution)
+    except importlib.metadata.PackageNotFoundError:
+        return ""
+
+
+def release(version: str) -> tuple[int, ...]:
+    """Leading numbers of a version, for comparison: '2.8.0rc1' gives (2, 8, 0)."""
+    return tuple(int(number) for number in re.findall(r"(?:^|(?<=\.))\d+", version))
+
+
+def import_failure(module: str) -> Failure | None:
+    """Import a module in a process of its own; what went wrong, or None."""
+    command = [sys.executable, "-c", PROBE, module]
+    try:
+        probe = subprocess.run(command, capture_output=True, text=True, timeout=PROBE_LIMIT_S, check=False)
+    except subprocess.TimeoutExpired:
+        return Failure(f"its import takes longer than {PROBE_LIMIT_S} s", "try again: the disk may be busy")
+    if probe.returncode == 0:
+        return None
+    marked = [line for line in probe.stdout.splitlines() if line.startswith(PROBE_MARK)]
+    if not marked:
+        return Failure(f"its import ends the process (exit {probe.returncode})", REINSTALL)
+    kind, name, message = marked[-1].removeprefix(PROBE_MARK).split("\t", maxsplit=2)
+    error = ModuleNotFoundError if kind == "ModuleNotFoundError" else ImportError
+    return diagnose(error(message, name=name))
+
+
+REINSTALL = "reinstall it: `make clean setup`"
+
+PROBE_MARK = "optopad-probe: "
+
+PROBE = f"""
+import importlib, sys
+module = sys.argv[1]
+try:
+    importlib.import_module(module)
+except Exception as err:
+    kind = type(err).__name__
+    name = err.name if kind == "ModuleNotFoundError" else module
+    print("{PROBE_MARK}" + kind, name, " ".join(str(err).split()), sep="\\t")
+    sys.exit(3)
+"""
+"""Program of the import probe: prints kind, module and message of what went wrong."""
+
+MISSING_ON_LINUX = re.compile(r"(?P<file>(?P<stem>lib[\w.+-]+?)\.so[\d.]*): cannot open shared object file")
+MISSING_ON_MACOS = re.compile(r"Library not loaded: \S*?(?P<file>(?P<stem>lib[\w+-]+)(?:\.\d+)*\.dylib)")
+TOO_OLD_SYSTEM = re.compile(r"version [`'](?P<symbol>(?:GLIBC|GLIBCXX|CXXABI)_[\d.]+)' not found")
+
+
+def explain_import_error(err: ImportError) -> str:
+    """One line for the user: what could not be loaded, and the way out."""
+    failure = diagnose(err)
+    return f"{failure.reason}; {failure.way_out}"
+
+
+def diagnose(err: ImportError) -> Failure:
+    """Tell a missing package from a missing system library, a system that is too old, and the rest."""
+    message, name = str(err), err.name or "a package"
+    if isinstance(err, ModuleNotFoundError):
+        return Failure(f"the Python package {err.name or message} is not installed", "run `make setup`")
+    if found := MISSING_ON_LINUX.search(message) or MISSING_ON_MACOS.search(message):
+        return Failure(f"{name} needs the system library {found['file']}", library_way_out(found["stem"]))
+    if found := TOO_OLD_SYSTEM.search(message):
+        newer = "use a newer one: glibc 2.31 or later, as in Debian 11 and Ubuntu 20.04"
+        return Failure(f"{name} cannot run on this system, which lacks {found['symbol']}", newer)
+    return Failure(f"{name} cannot be imported: {message}", REINSTALL)
+
+
+def library_way_out(stem: str) -> str:
+    """How to install the shared library of this name, e.g. 'libGL'."""
+    library = SYSTEM_LIBRARIES.get(stem)
+    if library is None:
+        return f"install the package of your system that holds it (Debian: `apt-file search {stem}.so`)"
+    return (
+        f"install the Debian or Ubuntu package {library.debian} (`apt-get install {library.debian}`), "
+        f"Fedora {library.fedora}, macOS `brew install {library.homebrew}`"
+    )
+
+
+def cache_folder() -> Path:
+    """Where solved profiles are kept: OPTOPAD_CACHE, or the system's cache folder for optopad."""
+    chosen = os.environ.get("OPTOPAD_CACHE")
+    return Path(chosen) if chosen else user_cache_path("optopad")
+
+
+def nearest_existing(path: Path) -> Path:
+    """The path itself, or the first of its ancestors that is there."""
+    return next(place for place in (path.absolute(), *path.absolute().parents) if place.exists())
+
+
+def is_writable(folder: Path) -> bool:
+    """Whether the folder can be written to, or created; it is not created to find out."""
+    existing = nearest_existing(folder)
+    return existing.is_dir() and os.access(existing, os.W_OK | os.X_OK)
+
+
+def folder_finding(name: str, folder: Path, way_out: str) -> Finding:
+    """Whether files can be written to a folder, and whether its disk has room."""
+    if not is_writable(folder):
+        return Finding(name, "missing", f"{folder} cannot be written to", way_out)
+    free = shutil.disk_usage(nearest_existing(folder)).free / 1e9
+    if free < DISK_ADVISED_GB:
+        return Finding(name, "warning", f"{folder}: {free:.2f} GB free", f"free some space, or {way_out}")
+    return Finding(name, "ok", str(folder))
+
+
+def numba_cache_folders() -> list[Path]:
+    """Where numba keeps kernels, in its order: NUMBA_CACHE_DIR, beside the sources, the user's folder."""
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    if chosen:
+        return [Path(chosen)]
+    sources = find_spec("sims")
+    beside = (
+        [Path(place) / "__pycache__" for place in (sources.submodule_search_locations or [])]
+        if sources
+        else []
+    )
+    return [*beside, user_cache_path("numba")]
+
+
+def numba_cache_finding() -> Finding:
+    """Whether compiled kernels survive the process."""
+    folders = numba_cache_folders()
+    for folder in folders:
+        if is_writable(folder):
+            return Finding("kernel cache", "ok", str(folder))
+    way_out = "set NUMBA_CACHE_DIR to a folder you can write to; else every run compiles the kernels again"
+    return Finding("kernel cache", "warning", f"{folders[0]} cannot be written to", way_out)
+
+
+def tool_finding(tool: Tool) -> Finding:
+    """Whether an optional program is on the search path."""
+    name = tool.commands[0]
+    found = next(filter(None, map(shutil.which, tool.commands)), None)
+    if found:
+        return Finding(name, "ok", f"{found}, for {tool.purpose}")
+    return Finding(
+        name, "warning", f"not found; only {tool.purpose} needs it", f"Debian: apt-get install {tool.debian}"
+    )

@@ -1,0 +1,207 @@
+"""Findings of the doctor, with libraries, folders and tools taken away."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from optopad import doctor
+from optopad.doctor import Failure, Package, explain_import_error
+
+ROOT = Path(__file__).parents[2]
+CADQUERY = Package("cadquery", "cadquery", "2.8")
+
+
+def missing_library(text: str) -> ImportError:
+    return ImportError(text, name="cadquery")
+
+
+def test_every_finding_that_is_not_ok_has_a_way_out_and_it_takes_less_than_10_s() -> None:
+    start = time.monotonic()
+    findings = doctor.examine()
+    assert time.monotonic() - start < 10
+    assert len({finding.name for finding in findings}) == len(findings)
+    assert [finding for finding in findings if finding.state != "ok" and not finding.way_out] == []
+
+
+def test_packages_and_their_oldest_versions_are_those_of_pyproject() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    declared = [line.split(",")[0].split(">=") for line in project["dependencies"]]
+    assert [[package.distribution, package.at_least] for package in doctor.PACKAGES] == declared
+
+
+def test_python_range_is_that_of_pyproject() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    (first, minor), (beyond, end) = doctor.PYTHON_RANGE
+    assert project["requires-python"] == f">={first}.{minor},<{beyond}.{end}"
+
+
+@pytest.mark.parametrize(
+    ("version", "state"), [((3, 10, 13), "missing"), ((3, 11, 0), "ok"), ((3, 14, 0), "missing")]
+)
+def test_python_outside_the_range_is_missing(version: tuple[int, ...], state: str) -> None:
+    assert doctor.python_finding(version).state == state
+
+
+def test_a_missing_libgl_is_named_with_its_packages() -> None:
+    message = explain_import_error(
+        missing_library("libGL.so.1: cannot open shared object file: No such file or directory")
+    )
+    assert message == (
+        "cadquery needs the system library libGL.so.1; install the Debian or Ubuntu package libgl1 "
+        "(`apt-get install libgl1`), Fedora libglvnd-glx, macOS `brew install mesa`"
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "debian"),
+    [
+        ("libX11.so.6: cannot open shared object file: No such file", "libx11-6"),
+        ("libexpat.so.1: cannot open shared object file: No such file", "libexpat1"),
+        ("libstdc++.so.6: cannot open shared object file: No such file", "libstdc++6"),
+        ("libodd-2.so.7: cannot open shared object file: No such file", "apt-file search libodd-2.so"),
+        ("dlopen(x.so): Library not loaded: /opt/X11/lib/libX11.6.dylib", "brew install libx11"),
+    ],
+)
+def test_a_missing_library_leads_to_its_package(text: str, debian: str) -> None:
+    assert debian in explain_import_error(missing_library(text))
+
+
+def test_a_system_that_is_too_old_is_told_so() -> None:
+    text = "/lib/x86_64-linux-gnu/libc.so.6: version `GLIBC_2.31' not found (required by OCP.so)"
+    assert "lacks GLIBC_2.31; use a newer one" in explain_import_error(missing_library(text))
+
+
+def test_a_missing_python_package_is_not_taken_for_a_library() -> None:
+    err = ModuleNotFoundError("No module named 'mujoco'", name="mujoco")
+    assert explain_import_error(err) == "the Python package mujoco is not installed; run `make setup`"
+
+
+def test_another_import_error_keeps_its_own_words() -> None:
+    assert "undefined symbol: PyX" in explain_import_error(missing_library("undefined symbol: PyX"))
+
+
+def write_module(folder: Path, text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    (folder / "broken_room.py").write_text(text)
+    monkeypatch.setenv("PYTHONPATH", str(folder))
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (
+            "raise ImportError('libGL.so.1: cannot open shared object file')",
+            "broken_room needs the system library libGL.so.1",
+        ),
+        ("import not_there_at_all", "the Python package not_there_at_all is not installed"),
+        ("import os; os._exit(7)", "its import ends the process (exit 7)"),
+        ("raise RuntimeError('no display')", "broken_room cannot be imported: no display"),
+    ],
+)
+def test_an_import_that_fails_becomes_a_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, reason: str
+) -> None:
+    write_module(tmp_path, text, monkeypatch)
+    failure = doctor.import_failure("broken_room")
+    assert failure is not None
+    assert failure.reason == reason
+
+
+def test_an_import_that_hangs_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_module(tmp_path, "import time; time.sleep(60)", monkeypatch)
+    monkeypatch.setattr(doctor, "PROBE_LIMIT_S", 0.5)
+    failure = doctor.import_failure("broken_room")
+    assert failure == Failure("its import takes longer than 0.5 s", "try again: the disk may be busy")
+
+
+@pytest.mark.parametrize(
+    ("version", "failure", "state", "detail"),
+    [
+        ("2.8.0", None, "ok", "2.8.0"),
+        ("2.10", None, "ok", "2.10"),
+        ("2.7.9", None, "missing", "2.7.9, needs >= 2.8"),
+        ("", None, "missing", "not installed"),
+        ("2.8.0", Failure("no", "yes"), "missing", "2.8.0: no"),
+    ],
+)
+def test_a_package_is_judged_by_release_and_import(
+    version: str, failure: Failure | None, state: str, detail: str
+) -> None:
+    finding = doctor.package_finding(CADQUERY, version, failure)
+    assert (finding.state, finding.detail) == (state, detail)
+
+
+@pytest.mark.parametrize(
+    ("version", "numbers"),
+    [("2.8.0", (2, 8, 0)), ("2.8.0rc1", (2, 8, 0)), ("2.8.0.dev3", (2, 8, 0)), ("2026.9", (2026, 9))],
+)
+def test_release_is_the_leading_numbers(version: str, numbers: tuple[int, ...]) -> None:
+    assert doctor.release(version) == numbers
+
+
+def test_a_file_in_the_place_of_a_folder_is_reported_and_nothing_is_created(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    finding = doctor.folder_finding("outputs folder", tmp_path / "file" / "deep", "go elsewhere")
+    assert (finding.state, finding.way_out) == ("missing", "go elsewhere")
+    assert doctor.folder_finding("outputs folder", tmp_path / "new" / "deep", "").state == "ok"
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_full_disk_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "DISK_ADVISED_GB", 1e9)
+    assert doctor.folder_finding("cache folder", tmp_path, "move it").state == "warning"
+
+
+def test_the_cache_folder_can_be_chosen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OPTOPAD_CACHE", str(tmp_path))
+    assert doctor.cache_folder() == tmp_path
+    monkeypatch.delenv("OPTOPAD_CACHE")
+    assert doctor.cache_folder().name == "optopad"
+
+
+def test_an_unwritable_kernel_cache_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file" / "cache"))
+    assert doctor.numba_cache_finding().state == "warning"
+    monkeypatch.delenv("NUMBA_CACHE_DIR")
+    assert doctor.numba_cache_folders()[0] == ROOT / "sims" / "__pycache__"
+
+
+def test_a_container_limit_below_the_machine_counts(tmp_path: Path) -> None:
+    limit = tmp_path / "memory.max"
+    limit.write_text("1500000000\n")
+    assert doctor.memory_gb(limit) == 1.5
+    limit.write_text("max\n")
+    assert doctor.memory_gb(limit) == doctor.memory_gb(tmp_path / "absent")
+
+
+def test_little_memory_is_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "memory_gb", lambda: 1.0)
+    assert doctor.memory_finding().state == "warning"
+
+
+def test_absent_tools_are_warnings_and_any_of_their_commands_will_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert {doctor.tool_finding(tool).state for tool in doctor.TOOLS} == {"warning"}
+    program = tmp_path / "google-chrome"
+    program.write_text("#!/bin/sh\n")
+    program.chmod(0o755)
+    finding = doctor.tool_finding(doctor.TOOLS[-1])
+    assert (finding.name, finding.state) == ("chromium", "ok")
+
+
+def test_importing_the_doctor_imports_nothing_heavy() -> None:
+    program = (
+        "import optopad.doctor, sys; print(*{'cadquery', 'mujoco', 'numba', 'numpy'} & set(sys.modules))"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert result.stdout.strip() == ""
