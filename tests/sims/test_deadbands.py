@@ -353,8 +353,9 @@ def test_evenness_sees_a_turning_point():
 
 
 def test_evenness_stops_at_the_end_of_mode_2():
-    depth, counts = curve((0, 500), (3, 200), (5, 200))
-    assert evenness(depth, counts, end_mm=3.0) == pytest.approx(1.0, abs=1e-9)
+    depth, counts = curve((0, 500), (2, 300), (3, 270), (4, 270), (5, 0))
+    # up to 3 mm: weakest window 15 units, mean one 230 / 6
+    assert evenness(depth, counts, end_mm=3.0) == pytest.approx(15.0 / (230.0 / 6.0), abs=1e-9)
     assert evenness(depth, counts) == pytest.approx(0.0, abs=1e-9)
 
 

@@ -29,9 +29,10 @@ def test_one_noise_unit_is_one_standard_deviation_everywhere():
     np.testing.assert_allclose(slope * sigma_counts(counts), 1.0, rtol=1e-8)
 
 
-def test_noise_units_are_the_closed_form():
+@pytest.mark.parametrize("rho", [0.1, 0.003, 1e-4, 1e-6])
+def test_noise_units_are_the_closed_form(rho):
     sigma0 = np.sqrt(1.0 / 12.0 + 0.25)
-    assert noise_units(800.0, 0.5, 0.003) == pytest.approx(np.arcsinh(2.4 / sigma0) / 0.003, rel=ROUNDING)
+    assert noise_units(800.0, 0.5, rho) == pytest.approx(np.arcsinh(rho * 800.0 / sigma0) / rho, rel=ROUNDING)
 
 
 def test_without_relative_noise_units_are_counts_over_sigma():

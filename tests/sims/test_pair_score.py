@@ -216,6 +216,13 @@ def test_jitter_below_the_limit_hides_no_deadband():
         assert result.deadband_total_mm == pytest.approx(exact, abs=0.1)
 
 
+def test_the_error_of_light_beyond_the_end_of_mode_2_does_not_matter():
+    error = np.where(DEPTH_MM > 4.5, 1e-4, 1e-7)
+    result = score(*light(3.0, 4.0), standard_error=error)
+    assert result.end_mm == pytest.approx(3.95, abs=1e-9)
+    assert result.noise_margin < 0.5
+
+
 def test_an_exact_trace_has_no_further_possible_deadbands():
     result = score(*light(3.0, 4.0), standard_error=np.zeros(DEPTH_MM.size))
     assert result.noise_margin == 0.0
