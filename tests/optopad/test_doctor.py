@@ -65,7 +65,7 @@ def test_a_missing_libgl_is_named_with_its_packages() -> None:
         ("libexpat.so.1: cannot open shared object file: No such file", "libexpat1"),
         ("libstdc++.so.6: cannot open shared object file: No such file", "libstdc++6"),
         ("libodd-2.so.7: cannot open shared object file: No such file", "apt-file search libodd-2.so"),
-        ("dlopen(x.so): Library not loaded: /opt/X11/lib/libX11.6.dylib", "brew install libx11"),
+        ("dlopen(x.so): Library not loaded: @rpath/libX11.6.dylib", "brew install libx11"),
     ],
 )
 def test_a_missing_library_leads_to_its_package(text: str, debian: str) -> None:

@@ -1,0 +1,184 @@
+"""Architecture guards: what each room may import, what every file must keep to."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import json
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+ROOMS = ("design", "cad", "sims", "fabrication", "optopad")
+LONGEST_FILE = 450
+HEAVY = ("cadquery", "OCP", "mujoco", "numba", "matplotlib", "scipy")
+
+ALLOWED = {
+    "design": {"pydantic", "pydantic_core", "numpy", "tomlkit"},
+    "cad": {"cadquery", "OCP", "trimesh", "manifold3d", "numpy"},
+    "sims": {"numpy", "xarray", "h5netcdf", "matplotlib", "platformdirs"},
+    "sims/contact": {"mujoco", "numpy", "scipy", "platformdirs"},
+    "sims/optics": {"numba", "numpy"},
+    "fabrication": {"numpy", "pydantic", "tomlkit"},
+    "fabrication/driver": {"serial", "numpy"},
+    "optopad": {"typer", "rich", "tomlkit", "numpy", "platformdirs", "xarray", "matplotlib"},
+}
+"""Third-party imports, the nearest folder deciding. OCP is CadQuery's core, pydantic_core that of pydantic."""
+
+MACHINE_PATH = re.compile(r"(?<![\w.])/(?:home|root|tmp|work|Users|mnt|opt)/\w|[A-Z]:\\{1,2}Users", re.ASCII)
+"""A path that exists on one machine only."""
+
+REFUSED_MODULES = {"pickle", "cPickle", "dill", "joblib", "cloudpickle", "shelve", "marshal"}
+REFUSED_CALLS = {"eval", "exec"}
+
+
+def python_files(*folders: str) -> list[Path]:
+    return sorted(path for folder in folders for path in (ROOT / folder).rglob("*.py"))
+
+
+def name_of(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
+
+
+def imported_modules(tree: ast.Module) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            yield node.module
+
+
+def third_party(tree: ast.Module) -> set[str]:
+    tops = {module.partition(".")[0] for module in imported_modules(tree)}
+    return tops - set(sys.stdlib_module_names) - set(ROOMS)
+
+
+def room_of(path: Path) -> str:
+    parents = (folder.as_posix() for folder in path.relative_to(ROOT).parents)
+    return next(folder for folder in parents if folder in ALLOWED)
+
+
+def run_python(program: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", program]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_each_room_is_the_one_of_this_repository(room: str) -> None:
+    module = importlib.import_module(room)
+    assert module.__file__ is not None
+    assert Path(module.__file__) == ROOT / room / "__init__.py"
+
+
+def test_every_folder_of_modules_is_a_package() -> None:
+    folders = {path.parent for path in python_files(*ROOMS)}
+    assert [name_of(folder) for folder in sorted(folders) if not (folder / "__init__.py").is_file()] == []
+
+
+def is_interface(node: ast.stmt) -> bool:
+    if isinstance(node, ast.Import | ast.ImportFrom):
+        return True
+    targets = node.targets if isinstance(node, ast.Assign) else []
+    return [getattr(target, "id", "") for target in targets] == ["__all__"]
+
+
+def test_a_package_file_holds_a_docstring_and_imports_only() -> None:
+    trees = {name_of(path): tree_of(path) for path in python_files(*ROOMS) if path.name == "__init__.py"}
+    assert [name for name, tree in trees.items() if not ast.get_docstring(tree)] == []
+    assert [name for name, tree in trees.items() if not all(map(is_interface, tree.body[1:]))] == []
+
+
+def test_tests_have_no_package_files_and_no_name_twice() -> None:
+    names = [path.name for path in python_files("tests") if path.name != "conftest.py"]
+    assert "__init__.py" not in names
+    assert sorted({name for name in names if names.count(name) > 1}) == []
+
+
+def test_no_file_is_too_long_to_read_in_one_go() -> None:
+    files = (path for room in ROOMS for path in (ROOT / room).rglob("*"))
+    sources = [path for path in files if path.suffix in {".py", ".c", ".h", ".ino"}]
+    lengths = {name_of(path): len(path.read_text(encoding="utf-8").splitlines()) for path in sources}
+    assert {name: length for name, length in lengths.items() if length > LONGEST_FILE} == {}
+
+
+def text_files() -> Iterator[Path]:
+    for folder in (*ROOMS, "tests", "docs", ".ci"):
+        files = (path for path in (ROOT / folder).rglob("*") if path.is_file())
+        yield from (path for path in files if "__pycache__" not in path.parts)
+    yield from (path for path in ROOT.iterdir() if path.suffix in {".md", ".toml"})
+    yield from (ROOT / "Makefile", ROOT / "constraints.txt")
+
+
+def test_no_text_names_a_path_of_one_machine() -> None:
+    texts = {name_of(path): path.read_bytes().decode("utf-8", errors="ignore") for path in text_files()}
+    assert {name: found[0] for name, text in texts.items() if (found := MACHINE_PATH.search(text))} == {}
+
+
+def loads_or_runs_code(tree: ast.Module) -> set[str]:
+    modules = {module.partition(".")[0] for module in imported_modules(tree)}
+    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
+    names = {call.func.id for call in calls if isinstance(call.func, ast.Name)}
+    keywords = {keyword.arg or "" for call in calls for keyword in call.keywords}
+    return modules & REFUSED_MODULES | names & REFUSED_CALLS | keywords & {"allow_pickle"}
+
+
+def test_nothing_loads_or_runs_code_from_data() -> None:
+    found = {name_of(path): loads_or_runs_code(tree_of(path)) for path in python_files(*ROOMS, "tests")}
+    assert {name: words for name, words in found.items() if words} == {}
+
+
+def test_a_room_imports_only_the_libraries_it_is_allowed() -> None:
+    strangers = {
+        name_of(path): third_party(tree_of(path)) - ALLOWED[room_of(path)] for path in python_files(*ROOMS)
+    }
+    assert {name: libraries for name, libraries in strangers.items() if libraries} == {}
+
+
+def test_every_library_that_a_room_imports_is_declared() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    declared = {re.split(r"[<>=]", line)[0] for line in project["dependencies"]} | {"OCP", "pydantic_core"}
+    used = set().union(*(third_party(tree_of(path)) for path in python_files(*ROOMS)))
+    assert used <= declared
+
+
+def test_pins_are_plain_and_cover_every_declared_dependency() -> None:
+    lines = (ROOT / "constraints.txt").read_text().splitlines()
+    pins = [line for line in lines if line and not line.startswith("#")]
+    assert [line for line in pins if not re.fullmatch(r"[\w.-]+==[\w.!+]+(; \S.*)?", line)] == []
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    wanted = project["dependencies"] + project["optional-dependencies"]["dev"]
+    names = {line.partition("==")[0].lower() for line in pins}
+    assert {re.split(r"[<>=]", line)[0].lower() for line in wanted} <= names
+
+
+def test_the_arrows_between_the_rooms_hold() -> None:
+    program = (
+        "import sys; from importlinter.cli import lint_imports; "
+        "sys.exit(lint_imports(config_filename='pyproject.toml', no_cache=True))"
+    )
+    result = run_python(program)
+    assert result.returncode == 0, result.stdout + result.stderr
+
+
+def test_help_loads_no_heavy_library() -> None:
+    # Style asks for help in half a second of CPU. Clocks of shared machines are noisy, the list of loaded
+    # modules is not: each of these takes 0.1 to 3 s, and without them the command line is well below that.
+    program = (
+        "import json, sys; sys.argv = ['optopad', '--help']\n"
+        "from optopad.cli import main\n"
+        "try:\n    main()\nexcept SystemExit as end:\n    assert not end.code\n"
+        f"print(json.dumps([name for name in {HEAVY} if name in sys.modules]))"
+    )
+    result = run_python(program)
+    assert result.returncode == 0, result.stderr
+    assert json.loads(result.stdout.splitlines()[-1]) == []
