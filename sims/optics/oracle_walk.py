@@ -58,7 +58,7 @@ DIRECT, TOP, SKIRT, DIFFUSE, WALLS, BOTTOM, TIP, VOLUME, ESCAPED, UNSUBMERGED, U
 SKIRT_SLOPE = 0.02
 """Slope of the surface above which a reflection makes a path a `skirt` path [-]."""
 NUDGE_MM = 1e-6
-"""A ray restarts this far inside a curved surface [mm]: more than the pieces' distance from the curve."""
+"""A ray restarts this far inside the surface [mm]: as much as pieces overlap, far more than rounding."""
 STEP_LIMIT = 10_000
 """Flights after which a ray is given up and booked as unresolved."""
 

@@ -64,7 +64,7 @@ def test_hits_agree_with_bisection_on_the_analytic_dimple(depth_mm, bulge_mm):
         curved += math.hypot(hit[0] - CENTRE[0], hit[1] - CENTRE[1]) < surface.edge
         # the pieces lie within 0.15 µm of the curve, so the hit along the ray within 0.15 µm / cosine
         wrong += abs(t - truth) > 2e-4 / max(grazing, 1e-3)
-    assert curved > 40
+    assert curved > 25
     assert wrong <= 1  # a ray that grazes within the 2 mm / 10,000 sampling of the check itself
 
 

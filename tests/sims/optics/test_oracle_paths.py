@@ -1,0 +1,73 @@
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from design.errors import InputError
+from sims.optics.oracle_surface import is_submerged, lower_surface
+from sims.optics.oracle_walk import FATES
+from sims.optics.paths import sample_paths
+from tests.sims.optics.oracle_scenes import dimple, ring_scene, wrapped_press
+
+CENTRE = np.array([15.0, 17.0])
+
+
+@pytest.mark.parametrize("press", [None, dimple(0.5), dimple(3.0, 0.2), wrapped_press()])
+def test_every_leg_of_every_path_stays_in_the_elastomer(press):
+    surface = lower_surface(press, CENTRE, 8.0)
+    scene = ring_scene(wall_reflectance=0.5, bottom_reflectance=0.5, tip_reflectance=0.5)
+    for _, places in sample_paths(scene, CENTRE, press, emitter=1, count=300, seed=1):
+        for start, end in pairwise(places):
+            for share in np.linspace(0.01, 0.99, 25):
+                inside = start + share * (end - start)
+                # neighbouring pieces overlap by 1 nm, rays restart 1 nm inside
+                assert is_submerged(surface, inside[0], inside[1], inside[2] - 2e-6)
+                assert (inside[:2] > -1e-5).all()
+                assert (inside[:2] < 32.0 + 1e-5).all()
+
+
+def test_paths_to_a_receiver_start_on_the_emitter_and_end_on_it():
+    scene = ring_scene()
+    paths = sample_paths(scene, CENTRE, dimple(1.0), emitter=0, receiver=4, count=30, seed=2)
+    assert len(paths) == 30
+    assert {name for name, _ in paths} <= set(FATES[:4])
+    for name, places in paths:
+        assert places[0, 1] == 0.0
+        assert np.abs(places[0, [0, 2]] - scene.emitter_patch[0, :2]).max() <= 0.5
+        assert places[-1, 1] == pytest.approx(32.0, abs=1e-9)
+        assert np.abs(places[-1, [0, 2]] - scene.receiver_patch[4, :2]).max() <= 1.325 + 1e-9
+        assert name != "direct" or len(places) == 2
+
+
+def test_a_reflected_path_obeys_the_law_of_reflection():
+    paths = sample_paths(ring_scene(), CENTRE, None, emitter=0, receiver=4, count=40, seed=3)
+    mirrored = [places for name, places in paths if name == "top"]
+    assert len(mirrored) >= 3
+    for first, middle, last in mirrored:
+        into, out = middle - first, last - middle
+        into, out = into / np.linalg.norm(into), out / np.linalg.norm(out)
+        assert out == pytest.approx(into * [1.0, 1.0, -1.0], abs=1e-6)
+
+
+def test_paths_are_the_same_for_the_same_seed():
+    first, second = (
+        sample_paths(ring_scene(), CENTRE, dimple(2.0), emitter=3, count=20, seed=4) for _ in range(2)
+    )
+    for (name, places), (other, others) in zip(first, second, strict=True):
+        assert name == other
+        assert np.array_equal(places, others)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"emitter": 8}, "emitter: 8 does not exist; the scene has 8"),
+        ({"receiver": -1}, "receiver: -1 does not exist"),
+        ({"seed": -1}, "seed: -1"),
+    ],
+)
+def test_a_bad_request_is_refused_by_name(change, message):
+    with pytest.raises(InputError, match=message):
+        sample_paths(ring_scene(), CENTRE, None, **({"emitter": 0, "count": 1} | change))
