@@ -1,0 +1,263 @@
+"""Is the file that goes to the printer the part that was meant, and can it be printed?
+
+Checked on the STL as written, not on the solid: one closed body with consistent winding (trimesh
+finds open seams that CAD kernels pass), a manifold by manifold3d, volume against the formula and
+against the solid, size, faces that overhang. Walls and webs come from the parameters (`cad.webs`).
+Left out: slicing, warping, how a given printer renders a thin wall.
+"""
+
+from __future__ import annotations
+
+import io
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import manifold3d
+import numpy as np
+import trimesh
+
+from cad.mesh import Mesh, read_stl, unit_normals
+from cad.optical import cavity_agreement
+from cad.outline import outline_of
+from cad.webs import bodies_above_rim, clearances, pockets_below_clear_layer, tightest
+from design.spec import SensorDesign
+
+State = Literal["ok", "warning", "error"]
+
+VOLUME_LIMIT = 1e-3
+"""Share of the volume that chords of round faces may take away."""
+SOLID_LIMIT = 1e-6
+"""The solid and the formula describe the same shape; only rounding is left."""
+WALL_LIMIT_MM = 1e-4
+"""Single-precision coordinates of a file, at sizes up to 400 mm: 3e-5 mm."""
+OVERHANG_DEG = 45.0
+"""Faces that lean out further than this from the vertical need support."""
+OVERHANG_LIMIT_MM2 = 0.5
+"""Area of overhang below which no support is worth the mark it leaves."""
+BED_MM = (250.0, 210.0)
+"""Usual print bed, x and y."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartFile:
+    """A printed part: its file's content and the two volumes to hold it against [mm3]."""
+
+    name: str
+    stl: bytes
+    solid_mm3: float
+    formula_mm3: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """One measured value against its limit.
+
+    Attributes
+    ----------
+    name : what was measured, with the part's name in front
+    value, limit, unit : the measured value and what it has to be
+    state : ok, warning (the part can be made) or error
+    note : the place, or what to do
+    """
+
+    name: str
+    value: float
+    limit: float
+    unit: str
+    state: State
+    note: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Checks:
+    """All findings of a design's printed parts.
+
+    Attributes
+    ----------
+    digest : of the design
+    findings : in the order of the parts
+    volumes_mm3 : by part: `stl`, `solid` and `formula`
+    """
+
+    digest: str
+    findings: tuple[Finding, ...]
+    volumes_mm3: dict[str, dict[str, float]]
+
+    @property
+    def is_ok(self) -> bool:
+        """Whether nothing is in error; warnings are allowed."""
+        return all(finding.state != "error" for finding in self.findings)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data for a file."""
+        return {
+            "ok": self.is_ok,
+            "digest": self.digest,
+            "volumes_mm3": self.volumes_mm3,
+            "findings": [asdict(finding) for finding in self.findings],
+        }
+
+
+def check_parts(
+    design: SensorDesign, parts: tuple[PartFile, ...], *, bed_mm: tuple[float, float] = BED_MM
+) -> Checks:
+    """Check every printed part of a design; the part named `mold` also as the optical cavity.
+
+    Parameters
+    ----------
+    bed_mm : room of the print bed, x and y
+    """
+    findings: list[Finding] = []
+    volumes = {}
+    for part in parts:
+        loaded = trimesh.load_mesh(io.BytesIO(part.stl), file_type="stl")
+        findings += _body(part.name, loaded) + _volumes(part, float(loaded.volume))
+        findings += _printing(part.name, read_stl(part.stl), bed_mm)
+        volumes[part.name] = {
+            "stl": round(float(loaded.volume), 4),
+            "solid": round(part.solid_mm3, 4),
+            "formula": round(part.formula_mm3, 4),
+        }
+        if part.name == "mold":
+            findings += _mold_size(design, loaded.extents) + _cavity(design, read_stl(part.stl))
+    return Checks(digest=design.digest, findings=(*findings, *design_findings(design)), volumes_mm3=volumes)
+
+
+def design_findings(design: SensorDesign) -> tuple[Finding, ...]:
+    """Findings that need no solid: the tightest clearance of each kind, and notes on tall bodies."""
+    webs = [
+        Finding(
+            name=f"mold: {one.name}",
+            value=round(one.value_mm, 4),
+            limit=one.needed_mm,
+            unit="mm",
+            state="ok" if one.is_kept else "error",
+            note=one.where if one.is_kept else f"{one.where}; {one.remedy}",
+        )
+        for one in tightest(clearances(design))
+    ]
+    tall, deep = bodies_above_rim(design), pockets_below_clear_layer(design)
+    return (
+        *webs,
+        _count("bodies above the rim", tall, "in the way of the leveling blade; raise mold.rim_mm"),
+        _count("pockets below the clear layer", deep, "the black layer flows against these bodies"),
+    )
+
+
+def _count(name: str, parts: tuple[str, ...], meaning: str) -> Finding:
+    note = f"{', '.join(parts)}: {meaning}" if parts else ""
+    return Finding(
+        name=f"mold: {name}",
+        value=len(parts),
+        limit=0,
+        unit="parts",
+        state="warning" if parts else "ok",
+        note=note,
+    )
+
+
+def _exact(name: str, value: float, wanted: float, unit: str, note: str = "") -> Finding:
+    return Finding(
+        name=name,
+        value=value,
+        limit=wanted,
+        unit=unit,
+        state="ok" if value == wanted else "error",
+        note=note,
+    )
+
+
+def _at_most(
+    name: str, value: float, limit: float, unit: str, note: str = "", beyond: State = "error"
+) -> Finding:
+    return Finding(
+        name=name, value=value, limit=limit, unit=unit, state="ok" if value <= limit else beyond, note=note
+    )
+
+
+def _body(name: str, loaded: trimesh.Trimesh) -> list[Finding]:
+    mesh = manifold3d.Mesh(
+        np.asarray(loaded.vertices, dtype=np.float32), np.asarray(loaded.faces, dtype=np.uint32)
+    )
+    status = manifold3d.Manifold(mesh).status()
+    return [
+        _exact(f"{name}: watertight", int(loaded.is_watertight), 1, "yes"),
+        _exact(f"{name}: consistent winding", int(loaded.is_winding_consistent), 1, "yes"),
+        _exact(f"{name}: bodies", int(loaded.body_count), 1, "bodies"),
+        _exact(f"{name}: manifold", int(status == manifold3d.Error.NoError), 1, "yes", str(status)),
+    ]
+
+
+def _volumes(part: PartFile, stl_mm3: float) -> list[Finding]:
+    return [
+        _at_most(
+            f"{part.name}: volume of the file against the formula",
+            round(abs(stl_mm3 / part.formula_mm3 - 1), 9),
+            VOLUME_LIMIT,
+            "share",
+        ),
+        _at_most(
+            f"{part.name}: volume of the solid against the formula",
+            round(abs(part.solid_mm3 / part.formula_mm3 - 1), 9),
+            SOLID_LIMIT,
+            "share",
+        ),
+    ]
+
+
+def _printing(name: str, mesh: Mesh, bed_mm: tuple[float, float]) -> list[Finding]:
+    size = np.ptp(mesh.vertices, axis=0)
+    fits = max(size[:2]) <= max(bed_mm) and min(size[:2]) <= min(bed_mm)
+    return [
+        _at_most(
+            f"{name}: overhang",
+            round(overhang_area_mm2(mesh), 3),
+            OVERHANG_LIMIT_MM2,
+            "mm2",
+            "faces that lean out further than 45 deg, above the bed",
+            "warning",
+        ),
+        Finding(
+            name=f"{name}: print bed",
+            value=round(float(max(size[:2])), 3),
+            limit=max(bed_mm),
+            unit="mm",
+            state="ok" if fits else "warning",
+            note=f"{size[0]:.1f} x {size[1]:.1f} mm on a bed of {bed_mm[0]:g} x {bed_mm[1]:g} mm",
+        ),
+    ]
+
+
+def overhang_area_mm2(mesh: Mesh) -> float:
+    """Area of faces above the bed that lean out by more than `OVERHANG_DEG` from the vertical [mm2]."""
+    corners = mesh.corners
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+    lean = np.degrees(np.arcsin(np.clip(-unit_normals(mesh)[:, 2], -1.0, 1.0)))
+    above_bed = corners[:, :, 2].max(axis=1) > corners[:, :, 2].min() + WALL_LIMIT_MM
+    return float(areas[above_bed & (lean > OVERHANG_DEG + 1e-3)].sum())
+
+
+def _mold_size(design: SensorDesign, extents: np.ndarray[Any, Any]) -> list[Finding]:
+    wanted = (design.mold.outer_length_mm, design.mold.outer_width_mm, outline_of(design).height_mm)
+    return [
+        _at_most(
+            "mold: outer size against the design",
+            round(float(np.abs(extents - wanted).max()), 6),
+            WALL_LIMIT_MM,
+            "mm",
+            " x ".join(f"{side:.2f}" for side in extents),
+        )
+    ]
+
+
+def _cavity(design: SensorDesign, mesh: Mesh) -> list[Finding]:
+    agreement = cavity_agreement(design, mesh)
+    return [
+        _at_most(
+            "mold: cavity walls against the optical model",
+            round(agreement.worst_mm, 6),
+            WALL_LIMIT_MM,
+            "mm",
+            f"{agreement.compared} rays from inside; {agreement.windows} more leave through sockets",
+        )
+    ]

@@ -1,0 +1,87 @@
+"""The leveling blade: drawn over the wet black layer, it leaves exactly that layer's thickness.
+
+Its shoulders rest on the rim and its tongue reaches down into the cavity. Printed flat, bevel up:
+
+        outer side of the mold
+      +------------------------------+  ^ grip
+      |                              |  |
+      +--+                        +--+  v  shoulder, rests on the rim
+         |                        |     ^
+         |   tongue               |     |  rim + clear thickness
+         +------------------------+     v  edge at the black layer's top, bevelled
+          play                play
+
+It spans the shorter side of the cavity and is drawn along the longer one. Parts whose body stands
+above the rim are in its way (`cad.webs.bodies_above_rim`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cadquery as cq
+
+from design.spec import SensorDesign
+
+PLAY_MM = 0.3
+"""Between the tongue's ends and the cavity's walls: prints come out up to this much too large."""
+GRIP_MM = 12.0
+"""Height of the shoulders' bar: what two fingers hold."""
+THICKNESS_MM = 3.0
+"""Stiff enough not to bow over the cavity."""
+EDGE_MM = 1.0
+"""Thickness of the bevelled edge that touches the silicone."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BladeSize:
+    """Lengths of a blade [mm].
+
+    Attributes
+    ----------
+    span_mm, tongue_mm : length of the bar and of the tongue
+    reach_mm : from the shoulders down to the edge
+    """
+
+    span_mm: float
+    tongue_mm: float
+    reach_mm: float
+
+    @property
+    def volume_mm3(self) -> float:
+        """Volume by formula [mm3]: bar and tongue, less the bevel's triangle."""
+        bevel = min(THICKNESS_MM - EDGE_MM, self.reach_mm)
+        flat = self.span_mm * GRIP_MM + self.tongue_mm * self.reach_mm
+        return flat * THICKNESS_MM - self.tongue_mm * bevel**2 / 2
+
+
+def blade_size(design: SensorDesign) -> BladeSize | None:
+    """Lengths of a design's blade; None when there is no black layer to level."""
+    if design.cavity.black_thickness_mm == 0:
+        return None
+    spans_y = design.cavity.width_mm <= design.cavity.length_mm
+    inner = design.cavity.width_mm if spans_y else design.cavity.length_mm
+    return BladeSize(
+        span_mm=design.mold.outer_width_mm if spans_y else design.mold.outer_length_mm,
+        tongue_mm=inner - 2 * PLAY_MM,
+        reach_mm=design.cavity.clear_thickness_mm + design.mold.rim_mm,
+    )
+
+
+def leveling_blade(design: SensorDesign) -> cq.Workplane | None:
+    """The blade lying on the print bed, edge along x at y = 0; None without a black layer."""
+    size = blade_size(design)
+    if size is None:
+        return None
+    half, tongue, reach = size.span_mm / 2, size.tongue_mm / 2, size.reach_mm
+    outline = [(-tongue, 0.0), (tongue, 0.0), (tongue, reach), (half, reach)]
+    outline += [(half, reach + GRIP_MM), (-half, reach + GRIP_MM), (-half, reach), (-tongue, reach)]
+    flat = cq.Workplane("XY").polyline(outline).close().extrude(THICKNESS_MM)
+    return flat.cut(_bevel(size))
+
+
+def _bevel(size: BladeSize) -> cq.Workplane:
+    depth = min(THICKNESS_MM - EDGE_MM, size.reach_mm)
+    wedge = [(0.0, THICKNESS_MM - depth), (depth, THICKNESS_MM), (0.0, THICKNESS_MM)]
+    prism = cq.Workplane("YZ").polyline(wedge).close().extrude(size.tongue_mm)
+    return prism.translate((-size.tongue_mm / 2, 0, 0))

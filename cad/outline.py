@@ -1,0 +1,148 @@
+"""The mold as plain numbers: what is printed, before any solid is made.
+
+Frame of `design.cavity`; the mold is centred on the cavity.
+
+      top   ____      lip, 45 deg      ____
+           |    \                     /    |   rim
+           |     |~~~~ clear top ~~~~|     |
+           |     |                   |     |
+           |     |___________________|     |   -black
+           |_______________________________|   -black - floor
+           <wall>
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from cad.sockets import Hole, Socket, WallFrame, socket_of
+from design.cavity import CavityGeometry, cavity_of
+from design.layout import WALLS, Wall
+from design.spec import Mold, SensorDesign
+
+LIP_MAX_MM = 1.5
+"""Widest pour lip: enough to guide a pour and to show the fill line."""
+LIP_SHARE_OF_WALL = 0.25
+"""The lip leaves three quarters of the rim flat, for the leveling blade to rest on."""
+CORNER_RADIUS_MM = 1.0
+"""Rounding of the outer vertical edges: comfortable to hold."""
+ORIGIN_CUT_MM = 2.0
+"""45-degree cut of the outer edge at the cavity's origin, so that the walls can be told apart."""
+CORNER_SHARE_OF_WALL = 1 / 3
+"""Rounding and cut stay within this share of the thinner wall."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MoldOutline:
+    """Numbers of the mold in the cavity frame [mm].
+
+    Attributes
+    ----------
+    length_mm, width_mm : inner size of the cavity
+    wall_x_mm, wall_y_mm : thickness of the east and west, of the south and north walls
+    bottom_mm, cavity_bottom_mm, fill_mm, top_mm : levels: bed, cavity floor, undisturbed top, rim
+    lip_mm : leg of the 45-degree pour lip; it never reaches below the fill level
+    corner_radius_mm, origin_cut_mm : outer vertical edges
+    fixing_holes, sockets : what is cut through and into the walls
+    """
+
+    length_mm: float
+    width_mm: float
+    wall_x_mm: float
+    wall_y_mm: float
+    bottom_mm: float
+    cavity_bottom_mm: float
+    fill_mm: float
+    top_mm: float
+    lip_mm: float
+    corner_radius_mm: float
+    origin_cut_mm: float
+    fixing_holes: tuple[Hole, ...]
+    sockets: tuple[Socket, ...]
+
+    @property
+    def outer_length_mm(self) -> float:
+        """Outside along x [mm]."""
+        return self.length_mm + 2 * self.wall_x_mm
+
+    @property
+    def outer_width_mm(self) -> float:
+        """Outside along y [mm]."""
+        return self.width_mm + 2 * self.wall_y_mm
+
+    @property
+    def height_mm(self) -> float:
+        """From the bed to the rim [mm]."""
+        return self.top_mm - self.bottom_mm
+
+
+def outline_of(design: SensorDesign) -> MoldOutline:
+    """The numbers of a design's mold; whether they can be built is the question of `cad.webs`."""
+    cavity, mold = cavity_of(design), design.mold
+    wall_x = (mold.outer_length_mm - cavity.length_mm) / 2
+    wall_y = (mold.outer_width_mm - cavity.width_mm) / 2
+    wall = max(min(wall_x, wall_y), 0.0)
+    bottom, top = -cavity.black_mm - mold.floor_mm, cavity.clear_mm + mold.rim_mm
+    return MoldOutline(
+        length_mm=cavity.length_mm,
+        width_mm=cavity.width_mm,
+        wall_x_mm=wall_x,
+        wall_y_mm=wall_y,
+        bottom_mm=bottom,
+        cavity_bottom_mm=-cavity.black_mm,
+        fill_mm=cavity.clear_mm,
+        top_mm=top,
+        lip_mm=min(LIP_MAX_MM, mold.rim_mm, wall * LIP_SHARE_OF_WALL),
+        corner_radius_mm=min(CORNER_RADIUS_MM, wall * CORNER_SHARE_OF_WALL),
+        origin_cut_mm=_origin_cut_mm(mold, wall),
+        fixing_holes=_fixing_holes(mold, cavity, wall_x, wall_y, bottom, top),
+        sockets=tuple(
+            socket_of(part, mold, _frame(part.wall, cavity, wall_x, wall_y), top, bottom)
+            for part in cavity.parts
+        ),
+    )
+
+
+def bed_lift_mm(design: SensorDesign) -> float:
+    """What is added to z of the cavity frame in every file, so that the print bed is z = 0 [mm]."""
+    return design.cavity.black_thickness_mm + design.mold.floor_mm
+
+
+def _origin_cut_mm(mold: Mold, wall_mm: float) -> float:
+    cut = min(ORIGIN_CUT_MM, wall_mm * CORNER_SHARE_OF_WALL)
+    if mold.fixing_hole_diameter_mm == 0:
+        return cut
+    keep = mold.fixing_hole_diameter_mm / 2 + mold.min_web_mm
+    return max(min(cut, 2 * mold.fixing_hole_inset_mm - math.sqrt(2) * keep), 0.0)
+
+
+def _frame(wall: Wall, cavity: CavityGeometry, wall_x: float, wall_y: float) -> WallFrame:
+    runs_along_x = wall in ("south", "north")
+    return WallFrame(
+        wall=wall,
+        across_mm=cavity.width_mm if runs_along_x else cavity.length_mm,
+        length_mm=cavity.length_mm if runs_along_x else cavity.width_mm,
+        thickness_mm=wall_y if runs_along_x else wall_x,
+    )
+
+
+def _fixing_holes(
+    mold: Mold, cavity: CavityGeometry, wall_x: float, wall_y: float, bottom: float, top: float
+) -> tuple[Hole, ...]:
+    if mold.fixing_hole_diameter_mm == 0:
+        return ()
+    inset, radius = mold.fixing_hole_inset_mm, mold.fixing_hole_diameter_mm / 2
+    xs = (inset - wall_x, cavity.length_mm + wall_x - inset)
+    ys = (inset - wall_y, cavity.width_mm + wall_y - inset)
+    return tuple(Hole(x=x, y=y, radius=radius, z0=bottom, z1=top) for x in xs for y in ys)
+
+
+def by_wall(sockets: tuple[Socket, ...]) -> dict[Wall, tuple[Socket, ...]]:
+    """Sockets of each wall, in the order in which they stand along it."""
+    return {
+        wall: tuple(
+            sorted((s for s in sockets if s.frame.wall == wall), key=lambda socket: socket.pocket.along0)
+        )
+        for wall in WALLS
+    }

@@ -1,0 +1,61 @@
+"""Volumes of the printed parts by formula, to hold the solids and the files against.
+
+The mold is its outer prism less cuts that do not overlap, except that pockets and slots share the
+pour lip's wedge. With the wedge removing max(0, c - t) of height at distance t behind the inner
+face (c: leg of the lip), a cut of width b from t0 to t1 shares
+
+    b * integral of max(0, c - t) dt = b / 2 * ((c - t0)+^2 - (c - t1)+^2)
+
+with it. That is exact as long as every cut lies within its wall's inner length and its floor lies
+below the lip, which `cad.webs` makes sure of. The lip itself is a frustum with mitred corners:
+
+    integral over 0..c of (L + 2s)(W + 2s) - L W ds = (L + W) c^2 + 4/3 c^3
+"""
+
+from __future__ import annotations
+
+import math
+
+from cad.outline import MoldOutline, outline_of
+from cad.sockets import Cut, Hole
+from design.spec import SensorDesign
+
+
+def mold_volume_mm3(design: SensorDesign) -> float:
+    """Volume of the printed mold [mm3]."""
+    outline = outline_of(design)
+    cuts = [cut for socket in outline.sockets for cut in socket.cuts]
+    holes = [hole for socket in outline.sockets for hole in socket.holes]
+    return (
+        _prism_mm3(outline)
+        - outline.length_mm * outline.width_mm * (outline.top_mm - outline.cavity_bottom_mm)
+        - lip_volume_mm3(outline)
+        - sum(_cut_mm3(cut) - shared_with_lip_mm3(cut, outline.lip_mm) for cut in cuts)
+        - sum(_hole_mm3(hole) for hole in (*holes, *outline.fixing_holes))
+    )
+
+
+def lip_volume_mm3(outline: MoldOutline) -> float:
+    """Volume that the pour lip takes from a rim without sockets [mm3]."""
+    leg = outline.lip_mm
+    return (outline.length_mm + outline.width_mm) * leg**2 + 4 / 3 * leg**3
+
+
+def shared_with_lip_mm3(cut: Cut, lip_mm: float) -> float:
+    """Volume that a pocket or slot and the pour lip both take [mm3]."""
+    near, far = max(lip_mm - cut.out0, 0.0), max(lip_mm - cut.out1, 0.0)
+    return (cut.along1 - cut.along0) * (near**2 - far**2) / 2
+
+
+def _prism_mm3(outline: MoldOutline) -> float:
+    rounded = 3 * (1 - math.pi / 4) * outline.corner_radius_mm**2
+    area = outline.outer_length_mm * outline.outer_width_mm - rounded - outline.origin_cut_mm**2 / 2
+    return area * outline.height_mm
+
+
+def _cut_mm3(cut: Cut) -> float:
+    return (cut.along1 - cut.along0) * (cut.out1 - cut.out0) * (cut.top - cut.floor)
+
+
+def _hole_mm3(hole: Hole) -> float:
+    return math.pi * hole.radius**2 * (hole.z1 - hole.z0)
