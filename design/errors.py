@@ -1,9 +1,10 @@
 """The errors that a user can cause; each carries one message and ends a command with exit code 2.
 
-    OptopadError
-    ├── DesignError       a design or catalogue file: the field, its value, the limit, the way out
-    ├── InputError        an argument of a command or call
-    └── ModelScopeError   a question outside what the physics models cover
+OptopadError
+├── DesignError       a design or catalogue file: the field, its value, the limit, the way out
+├── InputError        an argument of a command or call
+├── OutputError       a file or folder that cannot be written
+└── ModelScopeError   a question outside what the physics models cover
 """
 
 
@@ -17,6 +18,10 @@ class DesignError(OptopadError):
 
 class InputError(OptopadError):
     """An argument of a command or a call cannot be used."""
+
+
+class OutputError(OptopadError):
+    """A file or folder cannot be written; what was there before is intact."""
 
 
 class ModelScopeError(OptopadError):

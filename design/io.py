@@ -16,7 +16,7 @@ from typing import Any
 import tomlkit
 
 from design import catalog
-from design.errors import DesignError
+from design.errors import DesignError, OutputError
 from design.spec import SCHEMA_VERSION, SensorDesign
 
 MAX_FILE_BYTES = 1_000_000
@@ -37,7 +37,7 @@ def load_design(path: str | os.PathLike[str]) -> SensorDesign:
 
 
 def save_design(design: SensorDesign, path: str | os.PathLike[str]) -> None:
-    """Write a design so that loading the file gives the same digest; replaces the file at once or not at all."""
+    """Write a design at once or not at all; loading the file gives the same digest."""
     write_text_atomically(Path(path), dump_design(design))
 
 
@@ -56,19 +56,34 @@ def read_toml(file: Path) -> dict[str, Any]:
     DesignError : missing, a folder, too large, not UTF-8, or not TOML (with the line).
     """
     try:
-        if file.stat().st_size > MAX_FILE_BYTES:
-            raise DesignError(f"{file}: larger than {MAX_FILE_BYTES} bytes, which is no design; name the right file")
-        return tomllib.loads(file.read_bytes().decode("utf-8-sig"))
+        with file.open("rb") as stream:
+            content = stream.read(MAX_FILE_BYTES + 1)
     except FileNotFoundError:
-        raise DesignError(f"{file}: no such file; `optopad new {file} --preset piacenza2017-pad` makes one") from None
+        raise DesignError(
+            f"{file}: no such file; `optopad new {file} --preset piacenza2017-pad` makes one"
+        ) from None
     except IsADirectoryError:
         raise DesignError(f"{file}: a folder, not a design file; name the .toml file in it") from None
+    except OSError as err:
+        raise DesignError(f"{file}: cannot be read: {err.strerror}; name the right file") from None
+    except ValueError as err:  # a null byte in the name
+        raise DesignError(f"{str(file)!r}: no name of a file: {err}") from None
+    if len(content) > MAX_FILE_BYTES:
+        raise DesignError(
+            f"{file}: larger than {MAX_FILE_BYTES} bytes, which is no design; name the right file"
+        )
+    return _parsed(content, file)
+
+
+def _parsed(content: bytes, file: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(content.decode("utf-8-sig"))
     except UnicodeDecodeError as err:
         raise DesignError(f"{file}: not UTF-8 text (byte {err.start}); save it as UTF-8") from None
-    except (tomllib.TOMLDecodeError, RecursionError) as err:
+    except RecursionError:
+        raise DesignError(f"{file}: not valid TOML: nested too deep") from None
+    except ValueError as err:  # TOMLDecodeError, or a number of thousands of digits
         raise DesignError(f"{file}: not valid TOML: {err}") from None
-    except OSError as err:
-        raise DesignError(f"{file}: cannot be read: {err.strerror}") from None
 
 
 def check_version(document: Mapping[str, Any], file: Path) -> None:
@@ -80,7 +95,9 @@ def check_version(document: Mapping[str, Any], file: Path) -> None:
     """
     version = document.get("schema_version")
     if version is None:
-        raise DesignError(f"{file}: schema_version is missing; add `schema_version = {SCHEMA_VERSION}` at its top")
+        raise DesignError(
+            f"{file}: schema_version is missing; add `schema_version = {SCHEMA_VERSION}` at its top"
+        )
     if not isinstance(version, int) or isinstance(version, bool) or version < 1:
         raise DesignError(f"{file}: schema_version: {version!r} is no version; it is a whole number from 1")
     if version > SCHEMA_VERSION:
@@ -97,7 +114,7 @@ def write_text_atomically(file: Path, text: str) -> None:
 
     Raises
     ------
-    DesignError : the folder is missing, read-only or full; the old file is intact.
+    OutputError : the folder is missing, read-only or full; the old file is intact.
     """
     handle = None
     try:
@@ -109,7 +126,7 @@ def write_text_atomically(file: Path, text: str) -> None:
     except OSError as err:
         if handle is not None:
             Path(handle).unlink(missing_ok=True)
-        raise DesignError(f"{file}: cannot be written: {err.strerror}; choose another folder") from None
+        raise OutputError(f"{file}: cannot be written: {err.strerror}; choose another folder") from None
 
 
 def without_empty(document: Any) -> Any:
@@ -140,7 +157,24 @@ def _with_own_catalog(document: dict[str, Any], file: Path) -> dict[str, Any]:
 
 def _beside(file: Path, name: str) -> Path:
     folder = file.parent.resolve()
-    target = (folder / name).resolve()
+    try:
+        target = (folder / name).resolve()
+    except ValueError as err:  # a null byte in the name
+        raise DesignError(f"{file}: {CATALOG_FILES}: {name!r} is no name of a file: {err}") from None
     if not target.is_relative_to(folder):
-        raise DesignError(f"{file}: {CATALOG_FILES}: {name!r} leaves the design's folder; put it beside the design")
+        raise DesignError(
+            f"{file}: {CATALOG_FILES}: {name!r} leaves the design's folder; put it beside the design"
+        )
     return target
+
+
+def file_schema() -> dict[str, Any]:
+    """JSON Schema of a design file: the specification, and what only a file may hold."""
+    schema = SensorDesign.model_json_schema()
+    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
+    schema["properties"][CATALOG_FILES] = {
+        "type": "array",
+        "items": {"type": "string"},
+        "description": "files beside the design with parts and materials of your own",
+    }
+    return schema

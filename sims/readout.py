@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from design.catalog import find_board
 from design.errors import ModelScopeError
 from design.properties import entries_of
-from design.catalog import find_board
 from design.spec import SensorDesign
 
 FloatArray = NDArray[np.float64]

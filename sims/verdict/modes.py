@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from design.errors import InputError
-from sims.depth_curve import require_depths_mm, require_samples
-from sims.verdict_defaults import MODE_TOLERANCE
+from sims.verdict.defaults import MODE_TOLERANCE
+from sims.verdict.depth_curve import require_depths_mm, require_samples
 
 FloatArray = NDArray[np.float64]
 

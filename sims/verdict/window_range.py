@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sims.depth_curve import interpolated
+from sims.verdict.depth_curve import interpolated
 
 FloatArray = NDArray[np.float64]
 Interval = tuple[float, float]

@@ -26,16 +26,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from design.errors import InputError
-from sims.depth_curve import between, require_depths_mm, require_samples
-from sims.noise_units import noise_units
-from sims.verdict_defaults import (
+from sims.verdict.defaults import (
     DEADBAND_MIN_LENGTH_MM,
     DEADBAND_THRESHOLD,
     EVENNESS_WINDOW_MM,
     READ_NOISE_COUNTS,
     RELATIVE_NOISE,
 )
-from sims.window_range import Interval, flat_intervals_mm, smallest_range
+from sims.verdict.depth_curve import between, require_depths_mm, require_samples
+from sims.verdict.noise_units import noise_units
+from sims.verdict.window_range import Interval, flat_intervals_mm, smallest_range
 
 FloatArray = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from design.errors import InputError
-from sims.deadbands import (
+from sims.verdict.deadbands import (
     continuity,
     deadband_intervals_mm,
     evenness,
@@ -24,11 +24,7 @@ from sims.deadbands import (
     saturation_interval_mm,
     total_length_mm,
 )
-from sims.depth_curve import between, clipped, require_depths_mm, require_samples, share_above
-from sims.modes import Modes, find_modes
-from sims.noise_units import noise_units
-from sims.trace_noise import noise_margin, widened_threshold
-from sims.verdict_defaults import (
+from sims.verdict.defaults import (
     DEADBAND_MIN_LENGTH_MM,
     DEADBAND_THRESHOLD,
     EVENNESS_WINDOW_MM,
@@ -36,7 +32,11 @@ from sims.verdict_defaults import (
     READ_NOISE_COUNTS,
     RELATIVE_NOISE,
 )
-from sims.window_range import Interval
+from sims.verdict.depth_curve import between, clipped, require_depths_mm, require_samples, share_above
+from sims.verdict.modes import Modes, find_modes
+from sims.verdict.noise_units import noise_units
+from sims.verdict.trace_noise import noise_margin, widened_threshold
+from sims.verdict.window_range import Interval
 
 FloatArray = NDArray[np.float64]
 

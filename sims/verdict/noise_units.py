@@ -9,7 +9,7 @@ Left out: shot noise (its variance grows with c, not c²), drift between recordi
 noise that is correlated between readings. A step of one unit is one standard deviation of one
 reading; the difference of two readings is √2 times as noisy.
 
-Source: Bartlett, "The use of transformations", Biometrics 3 (1947); default figures in `verdict_defaults`.
+Source: Bartlett, "The use of transformations", Biometrics 3 (1947); default figures in `defaults`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from design.errors import InputError
-from sims.verdict_defaults import QUANTISATION_VARIANCE, READ_NOISE_COUNTS, RELATIVE_NOISE
+from sims.verdict.defaults import QUANTISATION_VARIANCE, READ_NOISE_COUNTS, RELATIVE_NOISE
 
 FloatArray = NDArray[np.float64]
 

@@ -20,16 +20,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from design.errors import InputError
-from sims.depth_curve import between, require_depths_mm, require_samples
-from sims.noise_units import sigma_counts
-from sims.verdict_defaults import (
+from sims.verdict.defaults import (
     DEADBAND_THRESHOLD,
     READ_NOISE_COUNTS,
     RELATIVE_NOISE,
     TRACE_ERROR_LIMIT,
     TRACE_ERROR_SPREAD,
 )
-from sims.window_range import Interval
+from sims.verdict.depth_curve import between, require_depths_mm, require_samples
+from sims.verdict.noise_units import sigma_counts
+from sims.verdict.window_range import Interval
 
 
 def noise_margin(

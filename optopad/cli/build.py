@@ -1,0 +1,47 @@
+"""Verbs that make things to hold: build."""
+
+from __future__ import annotations
+
+import typer
+
+from optopad.cli.common import (
+    DEFAULT_OUT,
+    DesignArgument,
+    JsonOption,
+    OutOption,
+    SeedOption,
+    SetOption,
+    print_json,
+    read_design,
+    say,
+)
+from optopad.cli.progress import progress
+
+
+def register(app: typer.Typer) -> None:
+    """Add this group's verbs."""
+    app.command()(build)
+
+
+def build(
+    design: DesignArgument,
+    set_: SetOption = None,
+    out: OutOption = DEFAULT_OUT,
+    seed: SeedOption = 0,
+    as_json: JsonOption = False,
+) -> None:
+    """Mold and tools as STL, STEP and 3MF, with their checks."""
+    from optopad.pipeline import write_parts
+    from optopad.summary import checks_line
+
+    read = read_design(design, set_)
+    with progress(quiet=as_json) as step:
+        checks, folder = write_parts(read, out, seed=seed, on_step=step)
+    if as_json:
+        print_json({"bundle": str(folder), "checks": checks})
+        return
+    for finding in checks["findings"]:
+        if finding["state"] != "ok":
+            say(f"{finding['state']:<9} {finding['name']}: {finding['value']} (limit {finding['limit']})")
+    say(checks_line(checks))
+    say(f"files     {folder / 'cad'}")

@@ -1,0 +1,82 @@
+"""What every verb shares: its options, reading a design, changes by ``--set``, output for people and machines."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from design.errors import InputError
+from design.spec import SensorDesign
+
+DesignArgument = Annotated[
+    str, typer.Argument(metavar="DESIGN", help="Design file (.toml), bundle folder, or the name of a preset.")
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="PATH=VALUE", help="Change a field, as cavity.clear_thickness_mm=10. Repeatable."
+    ),
+]
+OutOption = Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Folder that holds the bundles.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output, nothing else.")]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of every random stream.")]
+FineOption = Annotated[
+    bool, typer.Option("--fine", help="Finer map of the pad (11 places a side, 0.1 mm steps).")
+]
+
+DEFAULT_OUT = Path("outputs")
+
+
+def read_design(where: str, changes: list[str] | None) -> SensorDesign:
+    """Load a design file, a bundle's design, or a preset, and apply ``--set`` changes.
+
+    Raises
+    ------
+    DesignError, InputError : what is wrong with the file or a change.
+    """
+    from design.io import load_design
+    from design.preset import PRESETS, preset
+
+    path = Path(where)
+    if not path.exists() and where in PRESETS:
+        design = preset(where)
+    else:
+        design = load_design(path / "design.toml" if (path / "manifest.json").is_file() else path)
+    for change in changes or []:
+        design = design.with_(**dict([parsed_change(change)]))
+    return design
+
+
+def parsed_change(text: str) -> tuple[str, Any]:
+    """Path and value of one ``PATH=VALUE``; the value is read as TOML, else as plain text.
+
+    Raises
+    ------
+    InputError : no ``=`` or no path.
+    """
+    path, equals, value = text.partition("=")
+    if not equals or not path.strip():
+        raise InputError(f"--set: {text!r} is refused: write PATH=VALUE, as cavity.clear_thickness_mm=10")
+    return path.strip(), parsed_value(value.strip())
+
+
+def parsed_value(text: str) -> Any:
+    """A value written as in a design file; bare words are text."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def print_json(document: dict[str, Any]) -> None:
+    """One JSON object on standard output; an open end is null, never Infinity."""
+    typer.echo(json.dumps(document, indent=2, allow_nan=False))
+
+
+def say(text: str = "") -> None:
+    """A line for people on standard output."""
+    typer.echo(text)

@@ -1,0 +1,61 @@
+"""Progress on standard error: a live bar on a terminal, a line a stage elsewhere, silence with --json."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+OnStep = Callable[[str, float], None]
+
+STAGE_TITLES = {
+    "contact": "contact (MuJoCo)",
+    "pairs": "light, pair by pair",
+    "map": "light, map of the pad",
+    "tolerance": "tolerance of open values",
+    "oracle": "ray tracer",
+    "mold": "mold and tools",
+    "files": "build sheet, driver config, report",
+}
+
+
+@contextmanager
+def progress(*, quiet: bool) -> Iterator[OnStep]:
+    """A function to call with a stage's name and the share of it that is done."""
+    if quiet:
+        yield lambda _stage, _share: None
+    elif sys.stderr.isatty():
+        yield from _live()
+    else:
+        yield _plain()
+
+
+def _live() -> Iterator[OnStep]:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description:<26}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
+    with Progress(*columns, TimeElapsedColumn(), console=Console(stderr=True)) as bars:
+        tasks: dict[str, TaskID] = {}
+
+        def step(stage: str, share: float) -> None:
+            if stage not in tasks:
+                tasks[stage] = bars.add_task(STAGE_TITLES.get(stage, stage), total=1.0)
+            bars.update(tasks[stage], completed=share)
+
+        yield step
+
+
+def _plain() -> OnStep:
+    started: dict[str, float] = {}
+    done: set[str] = set()
+
+    def step(stage: str, share: float) -> None:
+        started.setdefault(stage, time.monotonic())
+        if share >= 1.0 and stage not in done:
+            done.add(stage)
+            seconds = time.monotonic() - started[stage]
+            print(f"{STAGE_TITLES.get(stage, stage):<26} {seconds:6.1f} s", file=sys.stderr)
+
+    return step

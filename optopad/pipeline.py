@@ -1,0 +1,167 @@
+"""The pipeline that wires the rooms: each function fills one part of a design's bundle.
+
+Mold and physics share nothing, so they run side by side: the mold in a process of its own
+(the CAD kernel does not survive a fork, hence a fresh one), the physics here.
+"""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+from collections.abc import Callable
+from concurrent.futures import Future, ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from design.io import write_text_atomically
+from design.rules import require_valid
+from design.spec import SensorDesign
+from fabrication.bundle import bundle, bundle_name
+
+if TYPE_CHECKING:
+    from sims.verdict.result import ContinuityScore
+
+OnStep = Callable[[str, float], None]
+Press = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunResult:
+    """What the main job made.
+
+    Attributes
+    ----------
+    folder : the bundle
+    score : the verdict
+    checks : the mold's checks, as in ``checks.json``
+    """
+
+    folder: Path
+    score: ContinuityScore
+    checks: dict[str, Any]
+
+
+def run(design: SensorDesign, out: Path, *, fine: bool, seed: int, on_step: OnStep) -> RunResult:
+    """Make the whole bundle.
+
+    Raises
+    ------
+    DesignError : the design breaks a rule; nothing is written.
+    OutputError : the folder cannot be written; an earlier bundle is intact.
+    """
+    require_valid(design)
+    with bundle(design, out, seed=seed) as folder, _beside() as pool:
+        mold = _mold_beside(pool, design, folder / "cad", on_step)
+        score = _scored(design, folder, fine=fine, seed=seed, on_step=on_step)
+        checks = mold.result()
+        on_step("files", 0.0)
+        _write_fabrication(design, folder, score)
+        _write_report(design, folder, score, checks, seed)
+        on_step("files", 1.0)
+    return RunResult(folder=out / bundle_name(design), score=score, checks=checks)
+
+
+def write_parts(
+    design: SensorDesign, out: Path, *, seed: int, on_step: OnStep
+) -> tuple[dict[str, Any], Path]:
+    """Mold and tools into the bundle; returns the checks and the bundle."""
+    require_valid(design)
+    on_step("mold", 0.0)
+    with bundle(design, out, seed=seed) as folder:
+        checks = _export(design, folder / "cad")
+        on_step("mold", 1.0)
+    return checks, out / bundle_name(design)
+
+
+def write_score(
+    design: SensorDesign, out: Path, *, fine: bool, seed: int, on_step: OnStep
+) -> tuple[ContinuityScore, Path]:
+    """Verdict, map and their signals into the bundle; returns the score and the bundle."""
+    with bundle(design, out, seed=seed) as folder:
+        score = _scored(design, folder, fine=fine, seed=seed, on_step=on_step)
+    return score, out / bundle_name(design)
+
+
+def write_signals(
+    design: SensorDesign,
+    presses: list[Press],
+    out: Path,
+    *,
+    oracle_rays: int | None,
+    seed: int,
+    on_step: OnStep,
+) -> tuple[dict[str, Any], Path]:
+    """Signals of the given presses into the bundle; returns a summary and the bundle."""
+    from optopad.signals import simulated
+
+    require_valid(design)
+    with bundle(design, out, seed=seed) as folder:
+        (folder / "sims").mkdir(exist_ok=True)
+        summary = simulated(
+            design, presses, folder / "sims", oracle_rays=oracle_rays, seed=seed, on_step=on_step
+        )
+    return summary, out / bundle_name(design)
+
+
+def write_driver_config(design: SensorDesign, out: Path, *, seed: int) -> Path:
+    """Driver configuration, wiring and bill of materials into the bundle; returns the bundle."""
+    require_valid(design)
+    with bundle(design, out, seed=seed) as folder:
+        _write_fabrication(design, folder, None)
+    return out / bundle_name(design)
+
+
+def _beside() -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(max_workers=1, mp_context=multiprocessing.get_context("spawn"))
+
+
+def _mold_beside(
+    pool: ProcessPoolExecutor, design: SensorDesign, folder: Path, on_step: OnStep
+) -> Future[dict[str, Any]]:
+    on_step("mold", 0.0)
+    future = pool.submit(_export, design, folder)
+    future.add_done_callback(lambda _: on_step("mold", 1.0))
+    return future
+
+
+def _export(design: SensorDesign, folder: Path) -> dict[str, Any]:
+    from cad.export import export_parts
+
+    folder.mkdir(exist_ok=True)
+    files = export_parts(design, folder)
+    checks: dict[str, Any] = json.loads(files["checks"].read_text(encoding="utf-8"))
+    return checks
+
+
+def _scored(design: SensorDesign, folder: Path, *, fine: bool, seed: int, on_step: OnStep) -> ContinuityScore:
+    from design.cavity import cavity_of
+    from sims.continuity import score as judge
+    from sims.signal_file import save_dataset, signals_dataset
+
+    score = judge(design, fine=fine, seed=seed, on_step=on_step)
+    sims = folder / "sims"
+    sims.mkdir(exist_ok=True)
+    write_text_atomically(sims / "score.json", json.dumps(score.to_json(), indent=2) + "\n")
+    if score.pad_signals is not None and score.readout is not None:
+        gain = score.readout.counts_per_flux
+        save_dataset(
+            signals_dataset(score.pad_signals, cavity_of(design), counts_per_flux=gain), sims / "signals.nc"
+        )
+    return score
+
+
+def _write_fabrication(design: SensorDesign, folder: Path, score: ContinuityScore | None) -> None:
+    from fabrication.sheets import write_sheets
+
+    (folder / "fabrication").mkdir(exist_ok=True)
+    gain = None if score is None or score.readout is None else score.readout.counts_per_flux
+    write_sheets(design, folder / "fabrication", counts_per_flux=gain)
+
+
+def _write_report(
+    design: SensorDesign, folder: Path, score: ContinuityScore, checks: dict[str, Any], seed: int
+) -> None:
+    from optopad.report.page import write_report
+
+    write_report(design, folder, score, checks, seed=seed)

@@ -1,0 +1,78 @@
+"""The short summary for people: verdict, worst deadband, where, strength, what it rests on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sims.verdict.result import ContinuityScore, JudgedPair
+
+
+def score_lines(score: ContinuityScore) -> list[str]:
+    """The verdict in a few lines, the most important first."""
+    lines = [f"design    {score.name}  {score.digest[:8]}", f"verdict   {score.verdict}"]
+    if score.verdict == "OUT_OF_MODEL_SCOPE":
+        return [*lines, f"reason    {score.reason}"]
+    lines += [_deadband_line(score), _pairs_line(score), _strength_line(score)]
+    if score.is_facing_rows:
+        lines += [_pair_line(pair) for pair in score.pairs]
+    lines += [_band_line(score)] if score.tolerance is not None else []
+    return lines + [f"warning   {text}" for text in score.warnings]
+
+
+def checks_line(checks: dict[str, Any]) -> str:
+    """The mold's checks in a line."""
+    wrong = [
+        finding for finding in checks.get("findings", []) if finding.get("state") in ("error", "warning")
+    ]
+    state = "printable" if checks.get("ok") else "NOT printable"
+    return f"mold      {state}; {len(wrong)} findings, see cad/checks.json"
+
+
+def _deadband_line(score: ContinuityScore) -> str:
+    where = "facing pairs" if score.is_facing_rows else "pad"
+    if not score.deadbands_mm:
+        return f"deadband  none in the {where}"
+    spans = ", ".join(f"{start:.2f} to {end:.2f} mm" for start, end in score.deadbands_mm)
+    place = ""
+    if not score.is_facing_rows and score.pad_map is not None:
+        worst = score.pad_map.worst
+        place = (
+            f" at x {worst.x_mm:g}, y {worst.y_mm:g} mm ({score.pad_map.dead_share:.0%} of places have one)"
+        )
+    return f"deadband  {score.deadband_total_mm:.2f} mm: {spans}{place}"
+
+
+def _pairs_line(score: ContinuityScore) -> str:
+    worst = f"; worst {score.worst_pair} with {score.worst_pair_mm:.2f} mm" if score.worst_pair_mm else ""
+    return f"pairs     {score.pairs_with_deadband} of {len(score.pairs)} judged have one of their own{worst}"
+
+
+def _strength_line(score: ContinuityScore) -> str:
+    strength = score.strength or {}
+    return (
+        f"strength  {strength['untouched_counts']:.0f} counts untouched ({strength['untouched_flux']:.2e} of the "
+        f"emitted power), swing {strength['swing']:.0%}, {strength['resolvable_steps']:.0f} resolvable steps; "
+        f"continuity {score.continuity:.2f}, evenness {score.evenness:.2f}"
+    )
+
+
+def _pair_line(pair: JudgedPair) -> str:
+    modes, score = pair.score.modes, pair.score
+    onset, end = modes.mode2_mm
+    gap = "open" if modes.gap_mm is None else f"{modes.gap_mm:+.2f} mm"
+    dead = ", ".join(f"{a:.2f}-{b:.2f}" for a, b in score.deadbands_mm) or "none"
+    return (
+        f"{pair.name:<9} mode 1 {modes.mode1_mm[0]:.2f}-{modes.mode1_mm[1]:.2f} mm, mode 2 "
+        f"{'never' if onset is None else f'{onset:.2f}'}-{'open' if end is None else f'{end:.2f}'} mm, gap {gap}, "
+        f"deadband {dead}"
+    )
+
+
+def _band_line(score: ContinuityScore) -> str:
+    band = score.tolerance
+    assert band is not None
+    low, high = band.deadband_range_mm
+    turned = f"; turned by {', '.join(band.flipping)}" if band.flipping else "; no single value turns it"
+    return (
+        f"tolerance deadband of {band.pair}: {low:.2f} to {high:.2f} mm over the bands of open values{turned}"
+    )

@@ -1,0 +1,342 @@
+"""The verdict on a design: are the two modes contiguous, and where is the sensor blind to depth?
+
+    judged pairs, each under its own press ──► light ──► counts ──► modes, deadbands, strength
+    places of the workspace ──► judged pairs together ──► map of the pad
+    open values, both ends of their bands ──► the governing pair again ──► how firm it is
+
+Facing rows: the verdict is that of the facing pairs, the middle one first (it governs). Pads: DEADBAND
+if some place has a depth interval of at least 0.3 mm over which no judged pair changes by 3 noise units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.cavity import CavityGeometry, cavity_of
+from design.errors import ModelScopeError
+from design.pairs import direct_path_pairs, is_facing_rows, judged_pairs, mask_of
+from design.rules import require_valid
+from design.spec import SensorDesign
+from sims.contact.indentation import mesh_note, solved_press, wall_note
+from sims.depths import depth_schedule_mm
+from sims.optics.light_signals import LightSignals
+from sims.readout import Readout, readout_of
+from sims.verdict.deadbands import joint_deadband_intervals_mm
+from sims.verdict.defaults import DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT
+from sims.verdict.noise_units import noise_units
+from sims.verdict.pad_map import COARSE_PLACES, FINE_PLACES, PadMap, Place, grid_places_mm, map_grid_mm
+from sims.verdict.pair_score import PairScore, score_pair
+from sims.verdict.presses import PairCurves, pad_light, pair_curves, untouched_flux
+from sims.verdict.result import ContinuityScore, ForceCurve, JudgedPair, Verdict
+from sims.verdict.tolerance import Summary, ToleranceBand, tolerance_band
+from sims.verdict.trace_noise import trace_noise_warning
+
+FloatArray = NDArray[np.float64]
+OnStep = Callable[[str, float], None]
+
+MAP_STEP_MM = {False: 0.2, True: 0.1}
+"""Depth step of the pad map, coarse and fine [mm]."""
+
+
+def score(
+    design: SensorDesign,
+    *,
+    fine: bool = False,
+    seed: int = 0,
+    verdict_only: bool = False,
+    on_step: OnStep | None = None,
+) -> ContinuityScore:
+    """Judge a design.
+
+    Parameters
+    ----------
+    fine : 11 places along the longer side and 0.1 mm steps for the map, in place of 5 and 0.2 mm
+    seed : of the light model's random shifts
+    verdict_only : leave out what the verdict does not need: tolerance, and the map of facing rows
+    on_step : called with the stage's name and the share of it that is done
+
+    Raises
+    ------
+    DesignError : the design breaks a rule (`optopad check` lists them).
+    """
+    require_valid(design)
+    tell = on_step or (lambda _stage, _share: None)
+    try:
+        return _judged(design, fine=fine, seed=seed, verdict_only=verdict_only, tell=tell)
+    except ModelScopeError as err:
+        return _out_of_scope(design, str(err), fine=fine, seed=seed)
+
+
+def _judged(
+    design: SensorDesign, *, fine: bool, seed: int, verdict_only: bool, tell: OnStep
+) -> ContinuityScore:
+    cavity = cavity_of(design)
+    force = _force_curve(design, lambda share: tell("contact", share))
+    depth_mm = depth_schedule_mm(design.operating.max_depth_mm)
+    flat = untouched_flux(design, cavity, seed=seed)
+    pairs = judged_pairs(cavity)
+    readout = readout_of(design, flat, mask_of(pairs, cavity))
+    curves = pair_curves(design, cavity, pairs, depth_mm, seed=seed, on_step=lambda s: tell("pairs", s))
+    judged = tuple(
+        JudgedPair(name=_name(cavity, c.pair), curves=c, score=_score_curves(design, c, readout))
+        for c in curves
+    )
+    facing = is_facing_rows(cavity)
+    pad_map, pad_signals = None, None
+    if not (facing and verdict_only):
+        pad_map, pad_signals = _pad_map(design, cavity, readout, fine=fine, seed=seed, tell=tell)
+    governing = _governing(judged, facing)
+    band = None if verdict_only else _tolerance(design, governing, seed, tell)
+    return _assembled(
+        design,
+        cavity,
+        judged,
+        governing,
+        pad_map,
+        pad_signals,
+        readout,
+        flat,
+        force,
+        band,
+        fine=fine,
+        seed=seed,
+    )
+
+
+def _force_curve(design: SensorDesign, on_step: Callable[[float], None]) -> ForceCurve:
+    press = solved_press(design, on_step=on_step)
+    depth_mm = depth_schedule_mm(design.operating.max_depth_mm)
+    states = [press.at(float(depth)) for depth in depth_mm]
+    return ForceCurve(
+        depth_mm=depth_mm,
+        force_n=np.array([state.force_n for state in states]),
+        contact_radius_mm=np.array([state.contact_radius_mm for state in states]),
+    )
+
+
+def _score_curves(design: SensorDesign, curves: PairCurves, readout: Readout) -> PairScore:
+    return score_pair(
+        curves.depth_mm,
+        curves.direct,
+        curves.top,
+        curves.total,
+        gain_counts_per_flux=readout.counts_per_flux,
+        full_scale_counts=readout.full_scale_counts,
+        standard_error=curves.standard_error,
+        read_noise_counts=design.noise.read_noise_counts,
+        relative_noise=design.noise.relative_noise,
+    )
+
+
+def _governing(judged: tuple[JudgedPair, ...], facing: bool) -> JudgedPair:
+    """The middle facing pair; of a pad the pair with most deadband, then least evenness."""
+    if facing:
+        return judged[0]
+    return max(judged, key=lambda pair: (pair.score.deadband_total_mm, -pair.score.evenness))
+
+
+def _pad_map(
+    design: SensorDesign, cavity: CavityGeometry, readout: Readout, *, fine: bool, seed: int, tell: OnStep
+) -> tuple[PadMap, LightSignals]:
+    x_mm, y_mm = map_grid_mm(cavity, FINE_PLACES if fine else COARSE_PLACES)
+    depth_mm = depth_schedule_mm(design.operating.max_depth_mm, MAP_STEP_MM[fine])
+    places_mm = grid_places_mm(cavity.workspace, x_mm, y_mm)
+    light = pad_light(design, places_mm, depth_mm, seed=seed, on_step=lambda s: tell("map", s))
+    mask = direct_path_pairs(cavity)
+    counts = readout.counts(light.flux[:, mask]).reshape(len(places_mm), len(depth_mm), -1)
+    pad_map = PadMap(
+        x_mm=tuple(x_mm.tolist()),
+        y_mm=tuple(y_mm.tolist()),
+        places=tuple(_place(design, place, depth_mm, c) for place, c in zip(places_mm, counts, strict=True)),
+    )
+    return pad_map, light
+
+
+def _place(design: SensorDesign, place_mm: FloatArray, depth_mm: FloatArray, counts: FloatArray) -> Place:
+    noise = {
+        "read_noise_counts": design.noise.read_noise_counts,
+        "relative_noise": design.noise.relative_noise,
+    }
+    units = noise_units(counts, **noise)
+    change = units.max(axis=0) - units.min(axis=0)
+    return Place(
+        x_mm=float(place_mm[0]),
+        y_mm=float(place_mm[1]),
+        deadbands_mm=joint_deadband_intervals_mm(depth_mm, counts, **noise),
+        answering_pairs=int((change >= DEADBAND_THRESHOLD).sum()),
+        largest_change=float(change.max()),
+    )
+
+
+def _tolerance(design: SensorDesign, governing: JudgedPair, seed: int, tell: OnStep) -> ToleranceBand:
+    pair = governing.curves.pair
+
+    def summarise(changed: SensorDesign) -> Summary:
+        return _summary(_score_pair_of(changed, pair, seed))
+
+    return tolerance_band(
+        design, governing.name, _summary(governing.score), summarise, on_step=lambda s: tell("tolerance", s)
+    )
+
+
+def _score_pair_of(design: SensorDesign, pair: tuple[int, int], seed: int) -> PairScore:
+    cavity = cavity_of(design)
+    flat = untouched_flux(design, cavity, seed=seed)
+    readout = readout_of(design, flat, mask_of(judged_pairs(cavity), cavity))
+    depth_mm = depth_schedule_mm(design.operating.max_depth_mm)
+    return _score_curves(design, pair_curves(design, cavity, (pair,), depth_mm, seed=seed)[0], readout)
+
+
+def _summary(pair: PairScore) -> Summary:
+    return pair.modes.gap_mm, pair.deadband_total_mm
+
+
+def _assembled(
+    design: SensorDesign,
+    cavity: CavityGeometry,
+    judged: tuple[JudgedPair, ...],
+    governing: JudgedPair,
+    pad_map: PadMap | None,
+    pad_signals: LightSignals | None,
+    readout: Readout,
+    flat: FloatArray,
+    force: ForceCurve,
+    band: ToleranceBand | None,
+    *,
+    fine: bool,
+    seed: int,
+) -> ContinuityScore:
+    facing = is_facing_rows(cavity)
+    deadbands = pad_map.worst.deadbands_mm if pad_map and not facing else governing.score.deadbands_mm
+    found = any(pair.score.deadbands_mm for pair in judged) if facing else bool(deadbands)
+    headline = _headline(judged, governing, facing)
+    worst = max(judged, key=lambda pair: pair.score.deadband_total_mm)
+    verdict: Verdict = "DEADBAND" if found else "CONTIGUOUS"
+    return ContinuityScore(
+        verdict=verdict,
+        reason="",
+        digest=design.digest,
+        name=design.name,
+        seed=seed,
+        fine=fine,
+        is_facing_rows=facing,
+        deadbands_mm=tuple(deadbands),
+        worst_pair_mm=worst.score.deadband_total_mm,
+        worst_pair=worst.name,
+        mode_gap_mm=headline.gap_mm,
+        continuity=headline.continuity,
+        evenness=headline.evenness,
+        strength=headline.strength,
+        pairs=judged,
+        unjudged=_unjudged(cavity, flat, readout),
+        clipped=tuple(pair.name for pair in judged if pair.score.is_clipped),
+        untouched_flux=flat,
+        readout=readout,
+        pad_map=pad_map,
+        pad_signals=pad_signals,
+        force=force,
+        tolerance=band,
+        warnings=_warnings(design, judged, band),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Headline:
+    gap_mm: float | None
+    continuity: float
+    evenness: float
+    strength: dict[str, float]
+
+
+def _headline(judged: tuple[JudgedPair, ...], governing: JudgedPair, facing: bool) -> _Headline:
+    """The governing facing pair's figures; for a pad the medians over judged pairs."""
+    shown = (governing,) if facing else judged
+    gaps = [pair.score.modes.gap_mm for pair in shown]
+    closed = [np.inf if gap is None else gap for gap in gaps]
+    median_gap = float(np.median(closed))
+    return _Headline(
+        gap_mm=median_gap if np.isfinite(median_gap) else None,
+        continuity=float(np.median([pair.score.continuity for pair in shown])),
+        evenness=float(np.median([pair.score.evenness for pair in shown])),
+        strength={
+            "untouched_flux": float(np.median([pair.curves.total[0] for pair in shown])),
+            "untouched_counts": float(np.median([pair.score.strength.untouched_counts for pair in shown])),
+            "swing": float(np.median([pair.score.strength.swing for pair in shown])),
+            "resolvable_steps": float(np.median([pair.score.strength.resolvable_steps for pair in shown])),
+        },
+    )
+
+
+def _unjudged(cavity: CavityGeometry, flat: FloatArray, readout: Readout) -> dict[str, float]:
+    counts = readout.counts(flat)
+    judged = mask_of(judged_pairs(cavity), cavity)
+    return {_name(cavity, (int(i), int(j))): float(counts[i, j]) for i, j in np.argwhere(~judged)}
+
+
+def _name(cavity: CavityGeometry, pair: tuple[int, int]) -> str:
+    return f"{cavity.emitters[pair[0]].name}-{cavity.receivers[pair[1]].name}"
+
+
+def _warnings(
+    design: SensorDesign, judged: tuple[JudgedPair, ...], band: ToleranceBand | None
+) -> tuple[str, ...]:
+    found = [wall_note(design), mesh_note(design), _band_warning(band), _noise_warning(judged)]
+    clipped = [pair.name for pair in judged if pair.score.is_clipped]
+    if clipped:
+        found.append(
+            f"{len(clipped)} of {len(judged)} judged pairs read above full scale at the common gain and are "
+            f"blind while they do: {', '.join(clipped[:8])}; lower gain.target_counts to unclip them"
+        )
+    return tuple(text for text in found if text)
+
+
+def _band_warning(band: ToleranceBand | None) -> str | None:
+    """One line: what the verdict rests on that nobody has measured, the strongest effect first."""
+    if band is None or not (band.rows or band.unbanded):
+        return None
+    ranked = [
+        f"{row.path} {row.values[0]:.3g}..{row.values[1]:.3g} ({row.confidence}; deadband of {band.pair} "
+        f"{row.deadband_mm[0]:.2f}..{row.deadband_mm[1]:.2f} mm{', turns its verdict' if row.flips else ''})"
+        for row in band.rows
+    ]
+    return "rests on values not measured on the build: " + "; ".join(ranked + list(band.unbanded))
+
+
+def _noise_warning(judged: tuple[JudgedPair, ...]) -> str | None:
+    margins = [pair.score.noise_margin for pair in judged if pair.score.noise_margin is not None]
+    if not margins or max(margins) <= TRACE_ERROR_LIMIT:
+        return None
+    return trace_noise_warning(max(margins))
+
+
+def _out_of_scope(design: SensorDesign, reason: str, *, fine: bool, seed: int) -> ContinuityScore:
+    return ContinuityScore(
+        verdict="OUT_OF_MODEL_SCOPE",
+        reason=reason,
+        digest=design.digest,
+        name=design.name,
+        seed=seed,
+        fine=fine,
+        is_facing_rows=is_facing_rows(cavity_of(design)),
+        deadbands_mm=(),
+        worst_pair_mm=None,
+        worst_pair=None,
+        mode_gap_mm=None,
+        continuity=None,
+        evenness=None,
+        strength=None,
+        pairs=(),
+        unjudged={},
+        clipped=(),
+        untouched_flux=None,
+        readout=None,
+        pad_map=None,
+        pad_signals=None,
+        force=None,
+        tolerance=None,
+        warnings=(),
+    )

@@ -1,0 +1,172 @@
+"""What a verdict says: pairs, pad, tolerance, warnings; and its form as plain data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sims.optics.light_signals import LightSignals
+from sims.readout import Readout
+from sims.verdict.pad_map import PadMap
+from sims.verdict.pair_score import PairScore
+from sims.verdict.presses import PairCurves
+from sims.verdict.tolerance import ToleranceBand
+
+FloatArray = NDArray[np.float64]
+Verdict = Literal["CONTIGUOUS", "DEADBAND", "OUT_OF_MODEL_SCOPE"]
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class JudgedPair:
+    """One judged pair: its name (as E1-R3), light against depth, and score."""
+
+    name: str
+    curves: PairCurves
+    score: PairScore
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceCurve:
+    """Load against depth of the centred press, from the contact model.
+
+    Attributes
+    ----------
+    depth_mm, force_n, contact_radius_mm : (n,) each
+    """
+
+    depth_mm: FloatArray
+    force_n: FloatArray
+    contact_radius_mm: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContinuityScore:
+    """The verdict on a design.
+
+    Attributes
+    ----------
+    verdict, reason : the verdict and, for OUT_OF_MODEL_SCOPE, why
+    digest, name, seed, fine : what was scored, and how
+    is_facing_rows : whether the verdict is that of facing pairs (else of the pad)
+    deadbands_mm : intervals of the headline: the governing facing pair, or the worst place of the pad
+    worst_pair_mm, worst_pair : largest summed deadband of a judged pair, and its name
+    mode_gap_mm : of the governing pair, or the median judged pair; None when open
+    continuity, evenness : of the governing pair, or the medians over judged pairs [-]
+    untouched_flux : (emitter, receiver) [-]; counts at the common gain follow from readout
+    pairs : judged pairs in order; unjudged : names and untouched counts of the others
+    clipped : names of judged pairs above full scale
+    pad_map, pad_signals : what the places of the workspace say, and the light behind it
+    """
+
+    verdict: Verdict
+    reason: str
+    digest: str
+    name: str
+    seed: int
+    fine: bool
+    is_facing_rows: bool
+    deadbands_mm: tuple[Interval, ...]
+    worst_pair_mm: float | None
+    worst_pair: str | None
+    mode_gap_mm: float | None
+    continuity: float | None
+    evenness: float | None
+    strength: dict[str, float] | None
+    pairs: tuple[JudgedPair, ...]
+    unjudged: dict[str, float]
+    clipped: tuple[str, ...]
+    untouched_flux: FloatArray | None
+    readout: Readout | None
+    pad_map: PadMap | None
+    pad_signals: LightSignals | None
+    force: ForceCurve | None
+    tolerance: ToleranceBand | None
+    warnings: tuple[str, ...]
+
+    @property
+    def deadband_total_mm(self) -> float:
+        """Summed length of the headline's deadbands [mm]."""
+        return sum(end - start for start, end in self.deadbands_mm)
+
+    @property
+    def pairs_with_deadband(self) -> int:
+        """How many judged pairs have a deadband of their own."""
+        return sum(bool(pair.score.deadbands_mm) for pair in self.pairs)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data for JSON; an open end is None."""
+        return {
+            "name": self.name,
+            "digest": self.digest,
+            "verdict": self.verdict,
+            "reason": self.reason,
+            "deadband_mm": {
+                "total": None if self.verdict == "OUT_OF_MODEL_SCOPE" else _rounded(self.deadband_total_mm),
+                "worst_pair": _rounded(self.worst_pair_mm),
+                "intervals": [[_rounded(start), _rounded(end)] for start, end in self.deadbands_mm],
+            },
+            "worst_pair": self.worst_pair,
+            "pairs_with_deadband": {"count": self.pairs_with_deadband, "judged": len(self.pairs)},
+            "mode_gap_mm": _rounded(self.mode_gap_mm),
+            "continuity": _rounded(self.continuity),
+            "evenness": _rounded(self.evenness),
+            "strength": None if self.strength is None else {k: _rounded(v) for k, v in self.strength.items()},
+            "judged_by": "facing pairs" if self.is_facing_rows else "pad",
+            "pairs": [_pair_json(pair) for pair in self.pairs],
+            "unjudged_untouched_counts": {name: _rounded(value) for name, value in self.unjudged.items()},
+            "clipped": list(self.clipped),
+            "map": None if self.pad_map is None else _map_json(self.pad_map),
+            "force": None if self.force is None else _force_json(self.force),
+            "tolerance": None if self.tolerance is None else self.tolerance.to_json(),
+            "seed": self.seed,
+            "fine": self.fine,
+            "warnings": list(self.warnings),
+        }
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None or not np.isfinite(value) else float(f"{value:.6g}")
+
+
+def _pair_json(pair: JudgedPair) -> dict[str, Any]:
+    score, modes = pair.score, pair.score.modes
+    return {
+        "pair": pair.name,
+        "press_mm": [_rounded(value) for value in pair.curves.press_mm],
+        "mode1_mm": [_rounded(value) for value in modes.mode1_mm],
+        "mode2_mm": [_rounded(value) for value in modes.mode2_mm],
+        "mode_gap_mm": _rounded(modes.gap_mm),
+        "mode_gap_at_least_mm": _rounded(modes.gap_at_least_mm),
+        "end_mm": _rounded(score.end_mm),
+        "deadbands_mm": [[_rounded(start), _rounded(end)] for start, end in score.deadbands_mm],
+        "saturation_mm": None if score.saturation_mm is None else [_rounded(v) for v in score.saturation_mm],
+        "continuity": _rounded(score.continuity),
+        "evenness": _rounded(score.evenness),
+        "untouched_counts": _rounded(score.strength.untouched_counts),
+        "swing": _rounded(score.strength.swing),
+        "resolvable_steps": _rounded(score.strength.resolvable_steps),
+        "clipped_share": _rounded(score.clipped_share),
+        "noise_margin": _rounded(score.noise_margin),
+    }
+
+
+def _map_json(pad_map: PadMap) -> dict[str, Any]:
+    return {
+        "x_mm": list(pad_map.x_mm),
+        "y_mm": list(pad_map.y_mm),
+        "deadband_mm": pad_map.deadband_grid_mm().round(4).tolist(),
+        "dead_share": _rounded(pad_map.dead_share),
+        "worst_place_mm": [_rounded(pad_map.worst.x_mm), _rounded(pad_map.worst.y_mm)],
+    }
+
+
+def _force_json(force: ForceCurve) -> dict[str, list[float]]:
+    return {
+        "depth_mm": force.depth_mm.round(4).tolist(),
+        "force_n": force.force_n.round(4).tolist(),
+        "contact_radius_mm": force.contact_radius_mm.round(4).tolist(),
+    }
