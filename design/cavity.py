@@ -17,7 +17,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from design.catalog import Part
-from design.layout import Kind, Wall, expand, wall_length_mm
+from design.errors import DesignError
+from design.layout import Kind, Placement, Wall, expand, wall_length_mm
 from design.properties import part_of
 from design.spec import SensorDesign
 
@@ -151,20 +152,7 @@ def cavity_of(design: SensorDesign) -> CavityGeometry:
     DesignError : a part that the catalogue does not have, or has as the other kind.
     """
     size = design.cavity
-    placed = tuple(
-        PlacedPart(
-            name=place.name,
-            kind=place.kind,
-            wall=place.wall,
-            along_mm=place.along_mm,
-            height_mm=place.height_mm if place.height_mm is not None else _section(design, place.kind).height_mm,
-            part_id=place.part or _section(design, place.kind).part,
-            part=part_of(design, place.part or _section(design, place.kind).part, place.kind),
-            clear_mm=size.clear_thickness_mm,
-            origin=place.origin,
-        )
-        for place in expand(design.layout, size.length_mm, size.width_mm)
-    )
+    placed = tuple(_placed(design, place) for place in expand(design.layout, size.length_mm, size.width_mm))
     return CavityGeometry(
         length_mm=size.length_mm,
         width_mm=size.width_mm,
@@ -187,5 +175,26 @@ def workspace_of(design: SensorDesign) -> Workspace:
     )
 
 
-def _section(design: SensorDesign, kind: Kind):  # type: ignore[no-untyped-def]
-    return design.emitters if kind == "emitter" else design.receivers
+def part_field(place: Placement) -> str:
+    """Dotted path that names a place's part: its own pattern, or its kind's section."""
+    return f"{place.origin}.part" if place.part is not None else f"{place.kind}s.part"
+
+
+def _placed(design: SensorDesign, place: Placement) -> PlacedPart:
+    section = design.emitters if place.kind == "emitter" else design.receivers
+    part_id = place.part or section.part
+    try:
+        part = part_of(design, part_id, place.kind)
+    except DesignError as err:
+        raise DesignError(f"{part_field(place)}: {err}") from None
+    return PlacedPart(
+        name=place.name,
+        kind=place.kind,
+        wall=place.wall,
+        along_mm=place.along_mm,
+        height_mm=section.height_mm if place.height_mm is None else place.height_mm,
+        part_id=part_id,
+        part=part,
+        clear_mm=design.cavity.clear_thickness_mm,
+        origin=place.origin,
+    )

@@ -12,9 +12,9 @@ Walls seen from above; `along` runs with x on south and north, with y on east an
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from design.base import Model, PartId
 
@@ -40,10 +40,22 @@ class AlternatingRing(Model):
         Annotated[int, Field(ge=1, le=32)] | tuple[Count, Count, Count, Count],
         Field(description="parts on each wall: one number, or [south, east, north, west]; the sum is even"),
     ]
-    first: Annotated[Kind, Field(description="kind of the first part of the south wall, at low x")] = "emitter"
+    first: Annotated[Kind, Field(description="kind of the first part of the south wall, at low x")] = (
+        "emitter"
+    )
     pitch_mm: Annotated[
         PitchMm | None, Field(description="distance between neighbours [mm]; default: wall length / parts")
     ] = None
+
+    @model_validator(mode="after")
+    def _takes_turns_to_the_end(self) -> Self:
+        counts = self.parts_per_side
+        if isinstance(counts, tuple) and (sum(counts) % 2 or not sum(counts)):
+            raise ValueError(
+                f"parts_per_side = {list(counts)} has the sum {sum(counts)}; emitters and receivers take turns "
+                "around the perimeter, so the sum must be even and at least 2: add or remove one"
+            )
+        return self
 
 
 class FacingRows(Model):
@@ -196,5 +208,7 @@ def _per_side(pattern: PerSide, origin: str, length_mm: float, width_mm: float) 
             origin=origin,
         )
         for wall, count in zip(WALLS, counts, strict=True)
-        for along in _row(count, wall_length_mm(wall, length_mm, width_mm), pattern.pitch_mm, pattern.shift_mm)
+        for along in _row(
+            count, wall_length_mm(wall, length_mm, width_mm), pattern.pitch_mm, pattern.shift_mm
+        )
     ]

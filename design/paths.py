@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Iterator
 from typing import Any
 
 from pydantic import BaseModel
@@ -29,6 +30,15 @@ def get_at(document: Any, path: str) -> Any:
     return document
 
 
+def is_value(document: Any, path: str) -> bool:
+    """Whether a path leads to a value: not to nothing, and not to a table or list of values."""
+    try:
+        found = get_at(document, path)
+    except (KeyError, IndexError, ValueError, TypeError):
+        return False
+    return found is not None and not isinstance(found, dict | list)
+
+
 def set_at(document: dict[str, Any], path: str, value: Any, *, known: tuple[str, ...]) -> None:
     """Set one dotted path in place; list items are addressed by number (``layout.0.count``).
 
@@ -51,9 +61,24 @@ def set_at(document: dict[str, Any], path: str, value: Any, *, known: tuple[str,
         raise unknown_path(path, known) from None
 
 
+def leaves(document: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted path and value of everything in nested dicts and lists that is neither."""
+    if isinstance(document, dict | list):
+        items = document.items() if isinstance(document, dict) else enumerate(document)
+        for key, value in items:
+            yield from leaves(value, f"{path}.{key}" if path else str(key))
+    else:
+        yield path, document
+
+
+def nearest(name: str, known: tuple[str, ...]) -> list[str]:
+    """Up to three known names that look most like a mistyped one."""
+    return difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+
+
 def unknown_path(path: str, known: tuple[str, ...]) -> DesignError:
     """The error for a path that no design has, with the nearest names."""
-    near = difflib.get_close_matches(path, known, n=3, cutoff=0.5)
+    near = nearest(path, known)
     if not near:
         leaf = path.rsplit(".", 1)[-1]
         near = [name for name in known if name.rsplit(".", 1)[-1] == leaf][:3]

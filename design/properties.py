@@ -6,15 +6,19 @@ Every value comes with unit, source, confidence and the band in which the true o
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+
+from pydantic import ValidationError
 
 from design import catalog
 from design.catalog import CatalogEntries, Elastomer, Part, Quantity
 from design.errors import DesignError
 from design.layout import Kind
 from design.paths import get_at
+from design.quantity import Confidence
 from design.spec import SensorDesign
 from design.units import NM_PER_UM, absorption_per_mm, lambertian_order
 
@@ -34,15 +38,25 @@ def part_of(design: SensorDesign, part_id: str, kind: Kind) -> Part:
     DesignError : unknown part (nearest names offered), other kind, or a measurement of no field.
     """
     part = catalog.find_part(entries_of(design), part_id, kind)
-    for field, value in design.part_measurements.get(part_id, {}).items():
-        known = getattr(part, field, None)
-        if not isinstance(known, Quantity):
+    values = design.part_measurements.get(part_id)
+    return _with_measurements(part, part_id, values) if values else part
+
+
+def _with_measurements(part: Part, part_id: str, values: Mapping[str, float]) -> Part:
+    known = quantities_of(part)
+    for field in values:
+        if field not in known:
             raise DesignError(
                 f"part_measurements.{part_id}.{field}: {part_id} has no such value; "
-                f"it has {', '.join(sorted(quantities_of(part)))}"
+                f"it has {', '.join(sorted(known))}"
             )
-        part = part.model_copy(update={field: _measured(known, value)})
-    return part
+    changed = {name: _measured(known[name].unit, value) for name, value in values.items()}
+    try:
+        return Part.model_validate(dict(part) | changed)
+    except ValidationError as err:
+        first = err.errors(include_url=False)[0]
+        field = ".".join([f"part_measurements.{part_id}", *map(str, first["loc"])])
+        raise DesignError(f"{field}: {first['msg'].removeprefix('Value error, ')}; measure again") from None
 
 
 def quantities_of(part: Part) -> dict[str, Quantity]:
@@ -67,17 +81,17 @@ def wavelength_um(design: SensorDesign) -> float:
 def refractive_index(design: SensorDesign) -> Quantity:
     """Index of the clear elastomer at the emitter's effective wavelength [-]."""
     own = design.elastomer.refractive_index
-    looked_up = catalog.refractive_index(
+    if own is not None:
+        return _measured("1", own)
+    return catalog.refractive_index(
         elastomer_of(design), design.elastomer.mixing_ratio, wavelength_um(design)
     )
-    return looked_up if own is None else _measured(looked_up, own)
 
 
 def absorption_db_per_cm(design: SensorDesign) -> Quantity:
     """Absorption of the clear elastomer [dB/cm]."""
     own = design.elastomer.absorption_db_per_cm
-    looked_up = elastomer_of(design).absorption_db_per_cm
-    return looked_up if own is None else _measured(looked_up, own)
+    return elastomer_of(design).absorption_db_per_cm if own is None else _measured("dB/cm", own)
 
 
 def absorption_coefficient_per_mm(design: SensorDesign) -> float:
@@ -88,8 +102,9 @@ def absorption_coefficient_per_mm(design: SensorDesign) -> float:
 def modulus(design: SensorDesign) -> Quantity:
     """Young's modulus of the elastomer [MPa]."""
     own = design.elastomer.youngs_modulus_mpa
-    looked_up = catalog.youngs_modulus_mpa(elastomer_of(design), design.elastomer.mixing_ratio)
-    return looked_up if own is None else _measured(looked_up, own)
+    if own is not None:
+        return _measured("MPa", own)
+    return catalog.youngs_modulus_mpa(elastomer_of(design), design.elastomer.mixing_ratio)
 
 
 def youngs_modulus_mpa(design: SensorDesign) -> float:
@@ -126,12 +141,15 @@ def used_values(design: SensorDesign) -> tuple[UsedValue, ...]:
     found = [
         UsedValue(path=path, quantity=_design_quantity(design, path, band)) for path, band in _bands().items()
     ]
-    for section, kind in (("emitters", "emitter"), ("receivers", "receiver")):
-        part_id = getattr(design, section).part
+    defaults: tuple[tuple[str, Kind], ...] = (
+        (design.emitters.part, "emitter"),
+        (design.receivers.part, "receiver"),
+    )
+    for part_id, kind in defaults:
         for name in ("active_width_mm", "active_height_mm", "half_angle_deg"):
             if kind == "receiver" and name == "half_angle_deg":
                 continue  # the active area is bare: its angular response is the cosine
-            quantity = quantities_of(part_of(design, part_id, kind))[name]  # type: ignore[arg-type]
+            quantity = quantities_of(part_of(design, part_id, kind))[name]
             found.append(UsedValue(path=f"part_measurements.{part_id}.{name}", quantity=quantity))
     found.append(UsedValue(path="elastomer.refractive_index", quantity=refractive_index(design)))
     found.append(UsedValue(path="elastomer.absorption_db_per_cm", quantity=absorption_db_per_cm(design)))
@@ -146,7 +164,7 @@ class Band:
     plus: float
     unit: str
     source: str
-    confidence: str
+    confidence: Confidence
 
 
 @cache
@@ -163,11 +181,11 @@ def _design_quantity(design: SensorDesign, path: str, band: Band) -> Quantity:
         value=value,
         unit=band.unit,
         source=band.source,
-        confidence=band.confidence,  # type: ignore[arg-type]
+        confidence=band.confidence,
         low=max(value - band.minus, 0.0),
         high=value + band.plus,
     )
 
 
-def _measured(known: Quantity, value: float) -> Quantity:
-    return Quantity(value=value, unit=known.unit, source=MEASURED_SOURCE, confidence="measured")
+def _measured(unit: str, value: float) -> Quantity:
+    return Quantity(value=value, unit=unit, source=MEASURED_SOURCE, confidence="measured")

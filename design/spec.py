@@ -11,7 +11,7 @@ import json
 from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 
 from design import paths
 from design.base import Model, PartId
@@ -82,7 +82,8 @@ class Emitters(Model):
 
     part: PartId
     height_mm: Annotated[
-        float, Field(gt=0.0, le=50.0, description="centre of the emitting area above the clear layer's bottom")
+        float,
+        Field(gt=0.0, le=50.0, description="centre of the emitting area above the clear layer's bottom"),
     ]
 
 
@@ -106,15 +107,20 @@ class BoardUse(Model):
 
     kind: PartId = "arduino-mega-2560"
     emitter_pins: Annotated[
-        tuple[Annotated[int, Field(ge=0, le=200)], ...] | None, Field(description="one digital pin an emitter")
+        tuple[Annotated[int, Field(ge=0, le=200)], ...] | None,
+        Field(description="one digital pin an emitter"),
     ] = None
     receiver_channels: Annotated[
         tuple[str, ...] | None, Field(description="one analogue input a receiver, 'A0', 'A1' ...")
     ] = None
     adc_prescaler: Annotated[int, Field(description="ADC clock = board clock / prescaler")] = 64
-    settle_us: Annotated[float, Field(ge=0.0, le=10000.0, description="wait after an emitter switches")] = 20.0
+    settle_us: Annotated[float, Field(ge=0.0, le=10000.0, description="wait after an emitter switches")] = (
+        20.0
+    )
     baud: Annotated[int, Field(ge=1200, le=4_000_000)] = 1_000_000
-    frame_rate_hz: Annotated[float, Field(gt=0.0, le=5000.0, description="full frames a second wanted")] = 60.0
+    frame_rate_hz: Annotated[float, Field(gt=0.0, le=5000.0, description="full frames a second wanted")] = (
+        60.0
+    )
 
 
 class Noise(Model):
@@ -137,7 +143,7 @@ class Gain(Model):
 class Operating(Model):
     """The range of use that the verdict is about."""
 
-    max_depth_mm: Annotated[float, Field(gt=0.0, le=30.0, description="deepest press")] = 5.0
+    max_depth_mm: Annotated[float, Field(ge=0.1, le=30.0, description="deepest press")] = 5.0
     workspace_margin_mm: Annotated[
         float, Field(ge=0.0, le=50.0, description="tip's edge to the wall at the workspace's border")
     ] = 3.0
@@ -167,11 +173,22 @@ class SensorDesign(Model):
     operating: Operating = Operating()
     part_measurements: Annotated[
         dict[PartId, dict[str, float]],
-        Field(description="measured values that replace a catalogue part's: part, then field = value"),
-    ] = {}
+        Field(
+            default_factory=dict,
+            description="measured values that replace a catalogue part's: part, then field = value",
+        ),
+    ]
     catalog: Annotated[
         CatalogEntries, Field(description="the user's own parts and materials, beside the packaged ones")
     ] = CatalogEntries()
+
+    @model_validator(mode="after")
+    def _measured_paths_lead_to_values(self) -> Self:
+        document = self.model_dump(mode="json")
+        for path in self.measured:
+            if not paths.is_value(document, path):
+                raise ValueError(f"measured: {paths.unknown_path(path, paths.known_paths(type(self)))}")
+        return self
 
     @cached_property
     def digest(self) -> str:

@@ -37,25 +37,28 @@ def design_error(err: ValidationError, where: str) -> DesignError:
 
 def field_path(detail: ErrorDetails) -> str:
     """Dotted path of a finding, without pydantic's own union and type markers."""
-    keys = [
-        str(key)
-        for key in detail["loc"]
-        if isinstance(key, int) or not _is_marker(str(key))
-    ]
+    keys = [str(key) for key in detail["loc"] if isinstance(key, int) or not _is_marker(str(key))]
     return ".".join(keys) or "the file"
 
 
 def _is_marker(key: str) -> bool:
-    return (
-        "[" in key
-        or key in {"int", "float", "constrained-int", "alternating_ring", "facing_rows", "per_side", "single"}
-    )
+    return "[" in key or key in {
+        "int",
+        "float",
+        "constrained-int",
+        "alternating_ring",
+        "facing_rows",
+        "per_side",
+        "single",
+    }
 
 
 def _finding(detail: ErrorDetails) -> str:
     field, kind = field_path(detail), detail["type"]
     if kind in _WAY_OUT:
         return f"{field}: {_WAY_OUT[kind]}"
+    if kind == "value_error":  # raised by a rule of ours, which names its values itself
+        return f"{field}: {detail['msg'].removeprefix('Value error, ')}".removeprefix("the file: ")
     return f"{field}: {_shown(detail['input'])} is refused: {_limit(detail, field)}"
 
 
@@ -63,9 +66,13 @@ def _limit(detail: ErrorDetails, field: str) -> str:
     context: dict[str, Any] = detail.get("ctx", {})
     kind = detail["type"]
     if kind in {"greater_than", "greater_than_equal"}:
-        return f"must be {'above' if kind == 'greater_than' else 'at least'} " + _bound(context, field, small=True)
+        return f"must be {'above' if kind == 'greater_than' else 'at least'} " + _bound(
+            context, field, small=True
+        )
     if kind in {"less_than", "less_than_equal"}:
-        return f"must be {'below' if kind == 'less_than' else 'at most'} " + _bound(context, field, small=False)
+        return f"must be {'below' if kind == 'less_than' else 'at most'} " + _bound(
+            context, field, small=False
+        )
     if kind == "finite_number":
         return "must be a finite number"
     if kind == "string_pattern_mismatch":

@@ -1,0 +1,62 @@
+"""One thing that a rule noticed about a design: where, what, the limit, and the way out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Severity = Literal["error", "warning"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """An error (the design cannot be built or simulated) or a warning (it can, with this in mind).
+
+    Attributes
+    ----------
+    severity : error or warning
+    field : dotted path in the design that the finding is about
+    value : what the design has, with its unit
+    limit : what it is held against, with its unit
+    message : what is wrong, in one sentence
+    way_out : what to change
+    """
+
+    severity: Severity
+    field: str
+    value: str
+    limit: str
+    message: str
+    way_out: str
+
+    def __str__(self) -> str:
+        return f"{self.field}: {self.message} ({self.value}; needs {self.limit}); {self.way_out}"
+
+
+def error(field: str, message: str, *, value: object, limit: object, way_out: str) -> Finding:
+    """A finding that stops the design."""
+    return Finding(
+        severity="error",
+        field=field,
+        value=str(value),
+        limit=str(limit),
+        message=message,
+        way_out=way_out,
+    )
+
+
+def warning(field: str, message: str, *, value: object, limit: object, way_out: str) -> Finding:
+    """A finding that lets the design through."""
+    return Finding(
+        severity="warning",
+        field=field,
+        value=str(value),
+        limit=str(limit),
+        message=message,
+        way_out=way_out,
+    )
+
+
+def mm(length_mm: float) -> str:
+    """A length as text, to the hundredth of a millimetre [mm]."""
+    return f"{length_mm:.2f} mm"
