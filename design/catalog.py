@@ -22,7 +22,7 @@ from __future__ import annotations
 import difflib
 import json
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import cache
 from importlib import resources
 from typing import Annotated, Any, Literal, Self, TypeVar
@@ -78,7 +78,6 @@ __all__ = [
     "merged",
     "packaged",
     "parse_entries",
-    "quantities_of",
     "refractive_index",
     "youngs_modulus_mpa",
 ]
@@ -299,14 +298,6 @@ def find_mold_material(entries: CatalogEntries, material_id: str) -> MoldMateria
 def find_board(entries: CatalogEntries, board_id: str) -> Board:
     """The board of that identifier; DesignError with the nearest names when there is none."""
     return _find(entries.boards, board_id, "board", "boards")
-
-
-def quantities_of(entry: Part | Elastomer | MoldMaterial | Board) -> Iterator[tuple[str, Quantity]]:
-    """Field name and value of every quantity of an entry, in the order of its fields."""
-    for name in type(entry).model_fields:
-        value = getattr(entry, name)
-        if isinstance(value, Quantity):
-            yield name, value
 
 
 def _find(table: Mapping[str, Entry], name: str, noun: str, section: str) -> Entry:

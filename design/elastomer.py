@@ -11,6 +11,7 @@ stiffening, temperature. Nothing is extrapolated beyond a table's wavelengths or
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from math import sqrt
 from typing import Annotated, Self
@@ -124,16 +125,36 @@ class Elastomer(Model):
 
     @model_validator(mode="after")
     def _ratios_are_in_order(self) -> Self:
-        if self.mixing_ratio_high < self.mixing_ratio_low:
-            raise ValueError(
-                f"mixing_ratio_high = {self.mixing_ratio_high:g} must be at least "
-                f"mixing_ratio_low = {self.mixing_ratio_low:g}"
-            )
+        low, high = self.mixing_ratio_low, self.mixing_ratio_high
+        if high < low:
+            raise ValueError(f"mixing_ratio_high = {high:g} must be at least mixing_ratio_low = {low:g}")
         for name, rows in (("index", self.index), ("modulus", self.modulus)):
             ratios = [row.mixing_ratio for row in rows]
             if any(later <= earlier for earlier, later in pairwise(ratios)):
                 raise ValueError(f"{name}: mixing_ratio must rise from table to table, got {ratios}")
+            if ratios[0] < low or ratios[-1] > high:
+                raise ValueError(f"{name}: mixing_ratio must be within {low:g} to {high:g}, got {ratios}")
         return self
+
+    @model_validator(mode="after")
+    def _band_meets_the_tables(self) -> Self:
+        for place, formula in enumerate(self.index_band):
+            start, end = _shared_um(self.index, formula)
+            if start > end:
+                raise ValueError(
+                    f"index_band.{place}: its wavelengths must overlap those of every index table"
+                )
+        return self
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Interpolated:
+    """Index at one ratio and wavelength, its two tables, and whether it stands so in a table."""
+
+    value: float
+    ends: tuple[float, float]
+    tables: tuple[IndexTable, IndexTable]
+    is_tabulated: bool
 
 
 def refractive_index(elastomer: Elastomer, mixing_ratio: float, wavelength_um: float) -> Quantity:
@@ -143,39 +164,36 @@ def refractive_index(elastomer: Elastomer, mixing_ratio: float, wavelength_um: f
     ----------
     elastomer : the catalogue entry
     mixing_ratio : base over curing agent by weight [-]
-    wavelength_um : vacuum wavelength [µm]
+    wavelength_um : vacuum wavelength [um]
 
     Returns
     -------
-    The index [-]. Outside a band formula's own range, the difference from it at the nearest end holds.
+    The index [-]. Beyond a band formula's own range its difference at the nearest end is kept.
 
     Raises
     ------
     DesignError : a ratio or wavelength that no table covers.
     """
-    tables = elastomer.index
-    below, above, weight = _bracket(
-        [table.mixing_ratio for table in tables],
-        mixing_ratio,
-        f"elastomer.mixing_ratio: {elastomer.title} has its refractive index",
-        "choose a ratio inside, or give elastomer.refractive_index",
-    )
-    first, second = tables[below], tables[above]
-    low_index, low_exact = _in_table(first, wavelength_um, elastomer.title)
-    high_index, high_exact = _in_table(second, wavelength_um, elastomer.title)
-    value = low_index + weight * (high_index - low_index)
-    exact = low_exact and high_exact and first is second
-    others = [
-        value + _difference(formula, elastomer, mixing_ratio, wavelength_um)
-        for formula in elastomer.index_band
-    ]
+    found = _interpolate(elastomer, mixing_ratio, wavelength_um)
+    others = []
+    for formula in elastomer.index_band:
+        start, end = _shared_um(elastomer.index, formula)
+        nearest = min(max(wavelength_um, start), end)
+        others.append(
+            found.value + formula.index(nearest) - _interpolate(elastomer, mixing_ratio, nearest).value
+        )
+    grades = [table.confidence for table in found.tables]
+    if not found.is_tabulated:
+        grades.append("inferred")
     return Quantity(
-        value=value,
+        value=found.value,
         unit="1",
-        source=_joined([first.source, second.source], [formula.source for formula in elastomer.index_band]),
-        confidence=weakest(first.confidence, second.confidence, *(() if exact else ("inferred",))),
-        low=min([value, low_index, high_index, *others]),
-        high=max([value, low_index, high_index, *others]),
+        source=_joined(
+            [table.source for table in found.tables], [band.source for band in elastomer.index_band]
+        ),
+        confidence=weakest(*grades),
+        low=min(found.value, *found.ends, *others),
+        high=max(found.value, *found.ends, *others),
     )
 
 
@@ -226,6 +244,24 @@ def _bracket(knots: Sequence[float], at: float, what: str, way_out: str) -> tupl
     return above - 1, above, (at - knots[above - 1]) / (knots[above] - knots[above - 1])
 
 
+def _interpolate(elastomer: Elastomer, mixing_ratio: float, wavelength_um: float) -> _Interpolated:
+    below, above, weight = _bracket(
+        [table.mixing_ratio for table in elastomer.index],
+        mixing_ratio,
+        f"elastomer.mixing_ratio: {elastomer.title} has its refractive index",
+        "choose a ratio inside, or give elastomer.refractive_index",
+    )
+    tables = (elastomer.index[below], elastomer.index[above])
+    low_end, low_exact = _in_table(tables[0], wavelength_um, elastomer.title)
+    high_end, high_exact = _in_table(tables[1], wavelength_um, elastomer.title)
+    return _Interpolated(
+        value=low_end + weight * (high_end - low_end),
+        ends=(low_end, high_end),
+        tables=tables,
+        is_tabulated=below == above and low_exact and high_exact,
+    )
+
+
 def _in_table(table: IndexTable, wavelength_um: float, title: str) -> tuple[float, bool]:
     """Index at a wavelength, and whether the table has that very wavelength."""
     below, above, weight = _bracket(
@@ -234,22 +270,14 @@ def _in_table(table: IndexTable, wavelength_um: float, title: str) -> tuple[floa
         f"wavelength [um]: {title} at {table.mixing_ratio:g}:1 has its refractive index",
         "choose an emitter inside, or give elastomer.refractive_index",
     )
-    value = table.index[below] + weight * (table.index[above] - table.index[below])
-    return value, below == above
+    return table.index[below] + weight * (table.index[above] - table.index[below]), below == above
 
 
-def _difference(
-    formula: IndexFormula, elastomer: Elastomer, mixing_ratio: float, wavelength_um: float
-) -> float:
-    """Formula less tables at the wavelength, or at the nearest wavelength that both cover [-]."""
-    tables = elastomer.index
+def _shared_um(tables: Sequence[IndexTable], formula: IndexFormula) -> tuple[float, float]:
+    """Shortest and longest wavelength that the formula and all tables cover [um]."""
     start = max(formula.from_um, *(table.wavelength_um[0] for table in tables))
     end = min(formula.to_um, *(table.wavelength_um[-1] for table in tables))
-    nearest = min(max(wavelength_um, start), end)
-    below, above, weight = _bracket([table.mixing_ratio for table in tables], mixing_ratio, "", "")
-    low_index, _ = _in_table(tables[below], nearest, elastomer.title)
-    high_index, _ = _in_table(tables[above], nearest, elastomer.title)
-    return formula.index(nearest) - (low_index + weight * (high_index - low_index))
+    return start, end
 
 
 def _joined(sources: list[str], band: list[str]) -> str:
