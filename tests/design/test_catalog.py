@@ -178,11 +178,11 @@ def test_rtv615_table_follows_its_published_formula():
         square = wavelength_um**2
         exact = math.sqrt(1 + 1.0057 * square / (square - 0.013217))
         found = catalog.refractive_index(rtv615, 10, wavelength_um)
-        # steps of 0.01 um, n'' = 2.2 /um^2 at 0.36 um: step^2 n''/8 = 2.8e-5; rounding adds 0.5e-5
-        assert found.value == pytest.approx(exact, abs=3.3e-5)
+        # steps of 0.01 um, n'' = 2.3 /um^2 at 0.36 um: step^2 n''/8 = 2.9e-5; rounding adds 0.5e-5
+        assert found.value == pytest.approx(exact, abs=3.4e-5)
         assert found.confidence == "inferred"
     at_sodium = catalog.refractive_index(rtv615, 10, 0.589)
-    assert at_sodium.low == pytest.approx(1.406, abs=3.3e-5)
+    assert at_sodium.low == pytest.approx(1.406, abs=3.4e-5)
 
 
 # stiffness
