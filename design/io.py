@@ -82,8 +82,10 @@ def _parsed(content: bytes, file: Path) -> dict[str, Any]:
         raise DesignError(f"{file}: not UTF-8 text (byte {err.start}); save it as UTF-8") from None
     except RecursionError:
         raise DesignError(f"{file}: not valid TOML: nested too deep") from None
-    except ValueError as err:  # TOMLDecodeError, or a number of thousands of digits
+    except tomllib.TOMLDecodeError as err:
         raise DesignError(f"{file}: not valid TOML: {err}") from None
+    except ValueError:  # Python refuses to read longer whole numbers
+        raise DesignError(f"{file}: not valid TOML: a whole number of thousands of digits") from None
 
 
 def check_version(document: Mapping[str, Any], file: Path) -> None:
@@ -164,6 +166,10 @@ def _beside(file: Path, name: str) -> Path:
     if not target.is_relative_to(folder):
         raise DesignError(
             f"{file}: {CATALOG_FILES}: {name!r} leaves the design's folder; put it beside the design"
+        )
+    if not target.is_file():
+        raise DesignError(
+            f"{file}: {CATALOG_FILES}: {name!r} is no file beside the design; correct its name or remove it"
         )
     return target
 

@@ -150,7 +150,6 @@ def depth_findings(design: SensorDesign) -> Iterator[Finding]:
 
 def material_findings(design: SensorDesign) -> Iterator[Finding]:
     """Optical and elastic values that the catalogue's tables do not reach."""
-    seen: set[str] = set()
     for field, look_up in (
         ("elastomer.refractive_index", properties.refractive_index),
         ("elastomer.absorption_db_per_cm", properties.absorption_db_per_cm),
@@ -159,16 +158,15 @@ def material_findings(design: SensorDesign) -> Iterator[Finding]:
         try:
             look_up(design)
         except DesignError as err:
-            what, _, way_out = str(err).partition("; ")
-            if what not in seen:
-                seen.add(what)
-                yield error(
-                    field,
-                    what,
-                    value=f"mixing_ratio {design.elastomer.mixing_ratio:g}, {design.elastomer.material}",
-                    limit="a value inside the catalogue's table",
-                    way_out=way_out or f"give {field}",
-                )
+            where, _, rest = str(err).partition(": ")
+            what, _, way_out = rest.partition("; ")
+            yield error(
+                where if where == "elastomer.mixing_ratio" else "emitters.part",
+                what,
+                value=f"mixing_ratio {design.elastomer.mixing_ratio:g}, {design.emitters.part}",
+                limit="a value inside the catalogue's table",
+                way_out=way_out or f"give {field}",
+            )
 
 
 def colour_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator[Finding]:

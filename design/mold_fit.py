@@ -73,14 +73,15 @@ def _distances_mm(design: SensorDesign, cavity: CavityGeometry) -> Iterator[tupl
     yield "the outer face", design.mold.fixing_hole_inset_mm
     yield "the cavity", min(inner.distance_mm(*centre) for centre in centres)
     yield "the next fixing hole", _between_holes_mm(design)
-    for part in cavity.parts:
-        thickness = wall_thickness_mm(design, part.wall)
-        near = min(
-            room.distance_mm(*centre)
-            for room in _rooms(part, design, cavity, thickness)
-            for centre in centres
-        )
-        yield f"the socket of {part.name}", near
+    sockets = [
+        (room.distance_mm(*centre), part.name)
+        for part in cavity.parts
+        for room in _rooms(part, design, cavity, wall_thickness_mm(design, part.wall))
+        for centre in centres
+    ]
+    if sockets:
+        nearest, name = min(sockets)
+        yield f"the socket of {name}", nearest
 
 
 def _between_holes_mm(design: SensorDesign) -> float:

@@ -23,6 +23,12 @@ def known_paths(model: type[BaseModel], prefix: str = "") -> tuple[str, ...]:
     return tuple(found)
 
 
+def known_values(model: type[BaseModel]) -> tuple[str, ...]:
+    """Dotted paths of the fields that hold a value, not further fields."""
+    known = known_paths(model)
+    return tuple(path for path in known if not any(other.startswith(f"{path}.") for other in known))
+
+
 def get_at(document: Any, path: str) -> Any:
     """The value at a dotted path of nested dicts and lists; KeyError when there is none."""
     for key in path.split("."):

@@ -75,12 +75,12 @@ def _geometry_findings(design: SensorDesign, counts: tuple[int, int]) -> Iterato
         yield from material_findings(design)
     yield from colour_findings(design, cavity)
     yield from workspace_findings(design, cavity)
-    yield from fixing_hole_findings(design, cavity)
     if all(0 < count <= MAX_PER_KIND for count in counts):
         yield from _layout_findings(design, cavity)
 
 
 def _layout_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator[Finding]:
+    yield from fixing_hole_findings(design, cavity)
     yield from name_findings(cavity)
     yield from path_findings(cavity)
     yield from area_findings(design, cavity)

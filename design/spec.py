@@ -187,7 +187,7 @@ class SensorDesign(Model):
         document = self.model_dump(mode="json")
         for path in self.measured:
             if not paths.is_value(document, path):
-                raise ValueError(f"measured: {paths.unknown_path(path, paths.known_paths(type(self)))}")
+                raise ValueError(f"measured: {paths.unknown_path(path, paths.known_values(type(self)))}")
         return self
 
     @cached_property

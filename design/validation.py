@@ -19,6 +19,26 @@ _WAY_OUT = {
 }
 
 
+_BOUNDS = {
+    "greater_than": "above",
+    "greater_than_equal": "at least",
+    "less_than": "below",
+    "less_than_equal": "at most",
+}
+
+_WANTED = {
+    "finite_number": "must be a finite number",
+    "float_type": "must be a number",
+    "int_type": "must be a whole number",
+    "int_from_float": "must be a whole number",
+    "string_type": 'must be text, in quotes: "..."',
+    "tuple_type": "must be a list: [..., ...]",
+    "dict_type": "must be a table of fields",
+    "model_type": "must be a table of fields",
+    "model_attributes_type": "must be a table of fields",
+}
+
+
 def design_error(err: ValidationError, where: str) -> DesignError:
     """All findings of a validation as one error.
 
@@ -28,7 +48,7 @@ def design_error(err: ValidationError, where: str) -> DesignError:
     where : file or design that was being read
     """
     details = err.errors(include_url=False)
-    lines = list(dict.fromkeys(_finding(detail) for detail in details))
+    lines = list(dict.fromkeys(_finding(detail) for detail in details if not _is_echo(detail)))
     shown = lines[:LISTED_FINDINGS]
     if len(lines) > len(shown):
         shown.append(f"... and {len(lines) - len(shown)} more")
@@ -39,6 +59,11 @@ def field_path(detail: ErrorDetails) -> str:
     """Dotted path of a finding, without pydantic's own union and type markers."""
     keys = [str(key) for key in detail["loc"] if isinstance(key, int) or not _is_marker(str(key))]
     return ".".join(keys) or "the file"
+
+
+def _is_echo(detail: ErrorDetails) -> bool:
+    """Whether a list is called too short only because its entries were refused, each by itself."""
+    return detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"]
 
 
 def _is_marker(key: str) -> bool:
@@ -65,18 +90,16 @@ def _finding(detail: ErrorDetails) -> str:
 def _limit(detail: ErrorDetails, field: str) -> str:
     context: dict[str, Any] = detail.get("ctx", {})
     kind = detail["type"]
-    if kind in {"greater_than", "greater_than_equal"}:
-        return f"must be {'above' if kind == 'greater_than' else 'at least'} " + _bound(
-            context, field, small=True
-        )
-    if kind in {"less_than", "less_than_equal"}:
-        return f"must be {'below' if kind == 'less_than' else 'at most'} " + _bound(
-            context, field, small=False
-        )
-    if kind == "finite_number":
-        return "must be a finite number"
+    if kind in _BOUNDS:
+        return f"must be {_BOUNDS[kind]} {_bound(detail, field)}"
+    if kind in _WANTED:
+        return _WANTED[kind]
+    if kind == "too_short":
+        return f"must have at least {context['min_length']} entries"
+    if kind == "too_long":
+        return f"must have at most {context['max_length']} entries, has {context['actual_length']}"
     if kind == "string_pattern_mismatch":
-        return f"must match {context['pattern']} (letters, digits, dots and dashes; no folders)"
+        return f"must match {context['pattern']} (plain letters, digits and dashes; no folders)"
     if kind == "literal_error":
         return f"must be {context['expected']}"
     if kind == "union_tag_invalid":
@@ -85,13 +108,16 @@ def _limit(detail: ErrorDetails, field: str) -> str:
     return message[0].lower() + message[1:]
 
 
-def _bound(context: dict[str, Any], field: str, *, small: bool) -> str:
-    limit = context.get("gt", context.get("ge", context.get("lt", context.get("le"))))
-    unit = field.rsplit("_", 1)[-1]
-    if unit != "mm":
-        return f"{limit:g}" if isinstance(limit, int | float) else f"{limit}"
-    slip = "metres" if small else "micrometres"
-    return f"{limit:g} mm; lengths are in millimetres (was it given in {slip}?)"
+def _bound(detail: ErrorDetails, field: str) -> str:
+    """The limit that was crossed, and for lengths the unit that was likely meant."""
+    limit = next(iter(detail["ctx"].values()))
+    shown = f"{limit:.12g}" if isinstance(limit, int | float) else f"{limit}"
+    if not field.endswith("_mm"):
+        return shown
+    too_small = detail["type"].startswith("greater")
+    slip = "micrometres" if not too_small else "metres" if detail["input"] > 0 else None
+    hint = f" (was it given in {slip}?)" if slip else ""
+    return f"{shown} mm; lengths are in millimetres{hint}"
 
 
 def _shown(value: Any) -> str:

@@ -24,7 +24,7 @@ from itertools import pairwise
 
 from design.cavity import CavityGeometry, PlacedPart
 from design.finding import Finding, error, mm, warning
-from design.layout import WALLS, Wall
+from design.layout import OPPOSITE, WALLS, Wall
 from design.spec import Mold, SensorDesign
 
 ROUNDING_MM = 1e-9
@@ -102,25 +102,30 @@ def sockets_by_wall(cavity: CavityGeometry, mold: Mold) -> dict[Wall, list[Socke
 
 def wall_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator[Finding]:
     """Everything that keeps the parts from fitting into the walls."""
-    for wall, row in sockets_by_wall(cavity, design.mold).items():
-        yield from _thickness_findings(design, wall, row)
+    rows = sockets_by_wall(cavity, design.mold)
+    yield from _thickness_findings(design, "east", [*rows["east"], *rows["west"]])
+    yield from _thickness_findings(design, "south", [*rows["south"], *rows["north"]])
+    for wall, row in rows.items():
         yield from _neighbour_findings(design, wall, row)
         yield from _end_findings(design, wall, row, cavity.wall_length_mm(wall))
         yield from _height_findings(design, wall, row)
     yield from _lead_findings(design, cavity)
 
 
-def _thickness_findings(design: SensorDesign, wall: Wall, row: list[Socket]) -> Iterator[Finding]:
+def _thickness_findings(design: SensorDesign, wall: Wall, sockets: list[Socket]) -> Iterator[Finding]:
+    """A wall and the opposite one, which is as thick, with the sockets of both."""
     thickness, web = wall_thickness_mm(design, wall), design.mold.min_web_mm
-    deepest = max((socket.depth_mm for socket in row), default=0.0)
+    deepest = max((socket.depth_mm for socket in sockets), default=0.0)
     need = deepest + web
-    if thickness >= need - ROUNDING_MM or (not row and wall in ("north", "west")):
+    if thickness >= need - ROUNDING_MM:
         return
     field = OUTER_FIELD[wall]
-    holder = f"the {wall} wall with its deepest socket, {mm(deepest)}," if row else f"the {wall} wall"
+    walls = f"the {wall} and {OPPOSITE[wall]} walls"
     yield error(
         field,
-        f"{holder} is too thin",
+        f"{walls} are too thin for their deepest socket, {mm(deepest)}"
+        if sockets
+        else f"{walls} are too thin",
         value=f"outside {getattr(design.mold, field.split('.')[1]):g} mm leaves {mm(thickness)} of wall",
         limit=f"at least {mm(need)}",
         way_out=f"raise {field}, shrink the cavity, or use a part with less body_depth_mm",

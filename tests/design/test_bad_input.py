@@ -1,0 +1,60 @@
+"""Everything that is wrong with a design file is said in one message, in the user's words."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from design.errors import DesignError
+from design.io import load_design
+from design.rules import require_valid
+from tests.design.bad_designs import BAD_DESIGNS, FILE_NAME, BadDesign, design_text, put
+
+JARGON = ("type=", "https://", "pydantic", "Traceback", "input_value", "validation error", "NoneType")
+
+
+def test_the_design_that_all_bad_ones_vary_is_good(tmp_path: Path) -> None:
+    (tmp_path / FILE_NAME).write_text(design_text(), encoding="utf-8")
+    require_valid(load_design(tmp_path / FILE_NAME))
+
+
+def test_the_table_covers_at_least_a_hundred_faults_and_no_fault_twice() -> None:
+    assert len(BAD_DESIGNS) >= 100
+    assert len({bad.id for bad in BAD_DESIGNS}) == len(BAD_DESIGNS)
+
+
+@pytest.mark.parametrize("bad", BAD_DESIGNS, ids=lambda bad: bad.id)
+def test_a_bad_design_is_refused_in_the_users_words(bad: BadDesign, tmp_path: Path) -> None:
+    path = put(bad, tmp_path)
+    before = sorted(tmp_path.iterdir())
+    with pytest.raises(DesignError) as caught:
+        require_valid(load_design(path))
+    message = str(caught.value)
+    for word in bad.words:
+        assert word in message
+    for word in JARGON:
+        assert word not in message
+    assert len(message) < 4000
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_all_faults_of_a_file_are_named_at_once(tmp_path: Path) -> None:
+    text = design_text({"cavity.length_mm": "-1.0", "name": '"a/b"', "emitters.height_mm": None})
+    (tmp_path / FILE_NAME).write_text(text, encoding="utf-8")
+    with pytest.raises(DesignError) as caught:
+        load_design(tmp_path / FILE_NAME)
+    lines = str(caught.value).splitlines()
+    assert len(lines) == 1 + 3
+    assert [line.split(":")[0].strip() for line in lines[1:]] == [
+        "name",
+        "cavity.length_mm",
+        "emitters.height_mm",
+    ]
+
+
+def test_a_long_list_of_faults_is_cut_and_counted(tmp_path: Path) -> None:
+    layout = '[[layout]]\npattern = "facing_rows"\ncount = -1\n' * 30
+    (tmp_path / FILE_NAME).write_text(design_text(layout=layout), encoding="utf-8")
+    with pytest.raises(DesignError, match=r"\.\.\. and 10 more$"):
+        load_design(tmp_path / FILE_NAME)
