@@ -1,0 +1,142 @@
+"""Is a solved press to be believed? Checks from the deformed shape alone, independent of MuJoCo.
+
+A state passes when it is settled and finite, no element is inverted, the top has not sunk into the
+tip, and the force on the tip equals the reaction of the bonded bottom and wall, which is computed
+from the deformed shape by `neo_hookean`. A state that fails raises; nothing is repaired.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sims.contact.neo_hookean import nodal_forces, volumes
+
+FloatArray = NDArray[np.float64]
+
+SETTLED_LIMIT = 1e-4
+"""Largest last step of any vertex [tip radii]."""
+SETTLED_SHARE = 3e-4
+"""Largest last step of any vertex as a fraction of the depth [-]; it rules shallow presses."""
+PENETRATION_LIMIT = 0.02
+"""Deepest a surface facet may lie inside the tip [tip radii]: 60 µm for a 3 mm tip."""
+BALANCE_LIMIT = 0.01
+"""Largest difference between contact force and reaction, as a fraction of the force, [-]."""
+BALANCE_FLOOR = 1e-4
+"""Forces below this are compared absolutely [E R²]: 0.9 mN for 3 mm and 1 MPa."""
+
+
+class ContactSolveError(RuntimeError):
+    """The contact solver returned a state that fails its own checks."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PressState:
+    """One state of the wedge; lengths in tip radii, forces in E R².
+
+    Attributes
+    ----------
+    depth : press depth
+    rest, deformed : (vertex, 3) positions
+    elements : (tetrahedron, 4) vertex indices
+    is_bonded : (vertex,) True where the layer is bonded
+    poisson_ratio : [-]
+    copies : how many wedges make the full turn [-]
+    contact_force : force of the full turn on the tip
+    penetration : deepest overlap of any surface facet with the tip
+    last_step : largest motion of a vertex in the last solver step
+    steps : solver steps taken [-]
+    """
+
+    depth: float
+    rest: FloatArray
+    deformed: FloatArray
+    elements: NDArray[np.int64]
+    is_bonded: NDArray[np.bool_]
+    poisson_ratio: float
+    copies: float
+    contact_force: float
+    penetration: float
+    last_step: float
+    steps: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepCheck:
+    """What the checks of one depth found; lengths in tip radii, forces in E R².
+
+    Attributes
+    ----------
+    depth, force : press depth and force
+    reaction : vertical reaction of the bonded surfaces
+    penetration : deepest overlap of any surface facet with the tip
+    last_step : largest motion of a vertex in the last solver step
+    smallest_stretch : smallest volume ratio of an element [-]
+    volume_loss : volume lost by compression, whole turn [R³]
+    steps : solver steps taken [-]
+    """
+
+    depth: float
+    force: float
+    reaction: float
+    penetration: float
+    last_step: float
+    smallest_stretch: float
+    volume_loss: float
+    steps: float
+
+
+def settled_limit(depth: float) -> float:
+    """Largest last step of a settled state at this depth [tip radii]."""
+    return min(SETTLED_LIMIT, SETTLED_SHARE * depth)
+
+
+def _reaction(state: PressState) -> float:
+    """Vertical force that the layer exerts on its bonded vertices, downwards positive."""
+    forces = nodal_forces(state.rest, state.deformed, state.elements, 1.0, state.poisson_ratio)
+    return -state.copies * float(forces[state.is_bonded, 2].sum())
+
+
+def measure_press(state: PressState) -> StepCheck:
+    """Measure a state without judging it."""
+    rest_volumes = volumes(state.rest, state.elements)
+    present_volumes = volumes(state.deformed, state.elements)
+    return StepCheck(
+        depth=state.depth,
+        force=state.contact_force,
+        reaction=_reaction(state),
+        penetration=state.penetration,
+        last_step=state.last_step,
+        smallest_stretch=float((present_volumes / rest_volumes).min()),
+        volume_loss=state.copies * float((rest_volumes - present_volumes).sum()),
+        steps=float(state.steps),
+    )
+
+
+def _complaints(check: StepCheck) -> list[str]:
+    """What is wrong with a measured state, in words."""
+    found = []
+    limit = settled_limit(check.depth)
+    if not check.last_step <= limit:
+        found.append(f"not settled: last step {check.last_step:.1e}, limit {limit:.0e} tip radii")
+    if not check.penetration <= PENETRATION_LIMIT:
+        found.append(f"surface {check.penetration:.3f} tip radii inside the tip, limit {PENETRATION_LIMIT}")
+    if not check.smallest_stretch > 0.0:
+        found.append(f"inverted element: volume ratio {check.smallest_stretch:.2f}")
+    if not abs(check.force - check.reaction) <= BALANCE_LIMIT * max(check.force, BALANCE_FLOOR):
+        found.append(f"force {check.force:.4e} against reaction {check.reaction:.4e} E R²")
+    return found
+
+
+def check_press(state: PressState) -> StepCheck:
+    """Measure a state and raise `ContactSolveError` if it cannot be believed."""
+    where = f"contact solver at a depth of {state.depth:.4f} tip radii"
+    if not np.isfinite(state.deformed).all():
+        raise ContactSolveError(f"{where}: positions are not finite; use a finer mesh")
+    check = measure_press(state)
+    found = _complaints(check)
+    if found:
+        raise ContactSolveError(f"{where}: {'; '.join(found)}; try another mesh_mm")
+    return check

@@ -1,0 +1,131 @@
+"""What the contact model covers: layer depth, press depth, walls, and the depths that are solved.
+
+Limits come from the feasibility study of this project (section "Contact"): outside them the wedge was
+not compared with the independent finite-element solution.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import DesignError, InputError, ModelScopeError
+
+if TYPE_CHECKING:
+    from design.spec import SensorDesign
+
+FloatArray = NDArray[np.float64]
+
+WALL_RADIUS = 16 / 3
+"""Where the wall is bonded in every solution [tip radii]: 16 mm for a 3 mm tip."""
+LAYER_DEPTH_RANGE = (1.3, 6.0)
+"""Elastic depths that are modelled [tip radii]."""
+LARGEST_SHARE_OF_LAYER = 0.8
+"""Deepest press as a share of the elastic depth [-]."""
+DEEPEST_PRESS = 1.7
+"""Deepest press [tip radii]."""
+FIRST_DEPTHS = (0.02 / 3, 0.05 / 3, 0.1 / 3, 0.15 / 3, 0.2 / 3)
+"""First solved depths [tip radii]: mode 1 of a pair can be over within the first tenths of a millimetre."""
+DEPTH_STEP = 0.1 / 3
+"""Step between the solved depths that follow [tip radii]."""
+
+
+def _positive(name: str, value: float) -> float:
+    """The value, if it is a positive finite number."""
+    if not (math.isfinite(value) and value > 0.0):
+        raise DesignError(f"{name}: {value:g} must be a positive number")
+    return value
+
+
+def tip_radius_mm(design: SensorDesign) -> float:
+    """Radius of the tip [mm]."""
+    return _positive("indenter.tip_radius_mm", design.indenter.tip_radius_mm)
+
+
+def elastic_depth_mm(design: SensorDesign) -> float:
+    """Clear and black layer together [mm]: they are of the same elastomer and deform as one."""
+    cavity = design.cavity
+    return _positive(
+        "cavity.clear_thickness_mm + cavity.black_thickness_mm",
+        cavity.clear_thickness_mm + cavity.black_thickness_mm,
+    )
+
+
+def layer_depth(design: SensorDesign) -> float:
+    """Elastic depth over tip radius [-].
+
+    Raises
+    ------
+    ModelScopeError : outside the modelled range
+    """
+    radius = tip_radius_mm(design)
+    ratio = elastic_depth_mm(design) / radius
+    low, high = LAYER_DEPTH_RANGE
+    if not low - 1e-9 <= ratio <= high + 1e-9:
+        raise ModelScopeError(
+            f"cavity.clear_thickness_mm + black_thickness_mm: elastic depth {ratio * radius:g} mm is {ratio:.2f} "
+            f"tip radii; the contact model covers {low} to {high}, here {low * radius:g} to {high * radius:g} mm"
+        )
+    return ratio
+
+
+def depth_limit_mm(design: SensorDesign) -> float:
+    """Deepest press that the contact model covers [mm]."""
+    return min(LARGEST_SHARE_OF_LAYER * elastic_depth_mm(design), DEEPEST_PRESS * tip_radius_mm(design))
+
+
+def require_depth(design: SensorDesign, depth_mm: float, name: str) -> float:
+    """The depth [mm], if it is a number within the contact model.
+
+    Raises
+    ------
+    InputError : not a finite number
+    ModelScopeError : deeper than modelled
+    """
+    if not math.isfinite(depth_mm):
+        raise InputError(f"{name}: {depth_mm} must be a finite number of mm")
+    limit = depth_limit_mm(design)
+    if depth_mm > limit + 1e-9:
+        raise ModelScopeError(
+            f"{name}: {depth_mm:g} mm is deeper than the contact model covers: {limit:g} mm, the smaller of "
+            f"{LARGEST_SHARE_OF_LAYER} of the elastic depth and {DEEPEST_PRESS} tip radii; "
+            "press less deep or make the pad thicker"
+        )
+    return depth_mm
+
+
+def solved_depths(layer: float, deepest: float) -> FloatArray:
+    """Depths to solve: the stored schedule up to the first one at or beyond the deepest press.
+
+    Parameters
+    ----------
+    layer : elastic depth [tip radii]
+    deepest : deepest press asked for [tip radii]
+
+    Returns
+    -------
+    (depth,) increasing depths [tip radii]; the last is the model's limit at most
+    """
+    limit = min(LARGEST_SHARE_OF_LAYER * layer, DEEPEST_PRESS)
+    count = math.ceil((limit - FIRST_DEPTHS[-1]) / DEPTH_STEP)
+    schedule = np.append(FIRST_DEPTHS, FIRST_DEPTHS[-1] + DEPTH_STEP * np.arange(1, count + 1))
+    schedule = np.unique(np.minimum(schedule, limit))
+    if schedule.size > 1 and schedule[-1] - schedule[-2] < 1e-6:
+        schedule = np.delete(schedule, -2)
+    return schedule[: int(np.searchsorted(schedule, deepest - 1e-9)) + 1]
+
+
+def wall_note(design: SensorDesign) -> str | None:
+    """A warning when the real walls are nearer than the modelled one, else None."""
+    distance = 0.5 * min(design.cavity.length_mm, design.cavity.width_mm)
+    modelled = WALL_RADIUS * tip_radius_mm(design)
+    if distance >= modelled - 1e-9:
+        return None
+    return (
+        f"walls {distance:g} mm from the middle are nearer than the {modelled:g} mm that the contact model "
+        "bonds: real forces are higher and the surface differs (study with a 3 mm tip to 2 mm depth: walls at "
+        "10 mm +8 to +12 % force and 45 to 137 um; at 7 mm +30 to +49 % and 130 to 395 um)"
+    )

@@ -1,0 +1,60 @@
+"""Solve one layer with MuJoCo and pack the result as a `UnitPress`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from importlib.metadata import version
+
+import numpy as np
+
+from sims.contact.mesh import radial_mesh
+from sims.contact.profiles import UnitPress
+from sims.contact.scope import WALL_RADIUS
+from sims.contact.surface_curve import contact_tolerance, surface_curve
+from sims.contact.wedge import WEDGE_ANGLE, solve_wedge
+
+
+def solve_unit_press(
+    layer_depth: float,
+    mesh_size: float,
+    depths: Sequence[float],
+    on_step: Callable[[float], None] | None = None,
+) -> UnitPress:
+    """Press a tip of radius 1 into a layer of modulus 1.
+
+    Parameters
+    ----------
+    layer_depth, mesh_size : elastic depth, node spacing under the tip [tip radii]
+    depths : increasing press depths [tip radii]
+    on_step : called with the fraction done
+
+    Raises
+    ------
+    ContactSolveError : a state fails its checks
+    """
+    mesh = radial_mesh(layer_depth, WALL_RADIUS, mesh_size)
+    solution = solve_wedge(mesh, depths, on_step)
+    spacing = float(mesh.nodes[mesh.top[1], 0])
+    tolerance = contact_tolerance(spacing, WEDGE_ANGLE)
+    contact = [
+        surface_curve(radius, height, float(depth), spacing=spacing, tolerance=tolerance)[2]
+        for radius, height, depth in zip(solution.radii, solution.heights, solution.depths, strict=True)
+    ]
+    checks = {
+        name: np.array([getattr(check, name) for check in solution.checks])
+        for name in ("reaction", "penetration", "last_step", "smallest_stretch", "volume_loss")
+    }
+    return UnitPress(
+        layer_depth=layer_depth,
+        wall_radius=WALL_RADIUS,
+        mesh_size=spacing,
+        wedge_angle=WEDGE_ANGLE,
+        depths=solution.depths,
+        rest_radii=mesh.nodes[mesh.top, 0],
+        radii=solution.radii,
+        heights=solution.heights,
+        force=solution.force,
+        contact_radius=np.array(contact),
+        versions=(f"mujoco {version('mujoco')}",),
+        **checks,
+    )

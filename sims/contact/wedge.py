@@ -1,0 +1,290 @@
+"""A round tip pressed into a bonded elastic layer, solved by MuJoCo as a thin axisymmetric wedge.
+
+Model
+-----
+* Everything is in tip radii and in E·R² for forces, so that the problem has two numbers: layer depth
+  and press depth. The layer's shape does not depend on its modulus because the tip is frictionless.
+* The layer is a wedge of 0.1 rad around the press axis, made of the r-z triangles of `mesh`, each
+  swept into a prism of three tetrahedra. Every vertex has three world-axis slide joints; motion out
+  of its radial plane is forbidden by a stiff fixed tendon. (Radial slide joints together with contact
+  make the Newton solver return garbage without a warning, hence world axes.)
+* Bottom and wall are bonded. The top is free and touched by a hemisphere with a straight shank.
+* Stable Neo-Hookean material with Poisson's ratio 0.49, integrator `discrete` at time step 1: every
+  step is one damped static Newton iteration; velocities are zeroed after it. A depth is settled when
+  a step moves no vertex by more than 1e-4 tip radii (0.3 µm for a 3 mm tip).
+* Contact is a stiff penalty, proportional to the vertex mass: too light sinks in, too heavy chatters.
+
+What it leaves out: friction and adhesion, viscosity and inertia, nearer walls, the layer's own
+weight, and the last bit of incompressibility (0.49 instead of 0.5: about 1-2 % of force).
+The wedge is a 63-sided polygon seen from above: radii are uncertain by 0.1 %.
+
+Method and its traps: feasibility study of this project, section "Contact"; MuJoCo 4.0 documentation,
+`flex` and the `discrete` integrator.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sims.contact.mesh import RadialMesh
+from sims.contact.press_checks import PressState, StepCheck, check_press, settled_limit
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+POISSON_RATIO = 0.49
+"""[-]; 0.5 is incompressible."""
+WEDGE_ANGLE = 0.1
+"""Opening angle of the wedge [rad]."""
+DAMPING = 4.0
+"""Stiffness-proportional damping over the time step [-]: a step covers 1/(1 + damping) of a Newton step."""
+MASS_PER_RADIUS = 0.004
+"""Vertex mass over (spacing · angle · radius) [E R]; sets the contact stiffness."""
+SMALLEST_MASS_RADIUS = 0.7
+"""Vertices nearer to the axis weigh as much as those at this radius [tip radii]."""
+HOOP_STIFFNESS = 33.0
+"""Stiffness that forbids motion out of the radial plane [E R]."""
+FEWEST_STEPS, MOST_STEPS = 4, 160
+"""Solver steps a depth."""
+PATIENCE = 25
+"""After as many steps without settling, contact chatters: damping rises by one half."""
+_TIP_HALF_LENGTH = 4.0
+_FLEX_RADIUS = 3e-5
+_CONTACT = {"solref": [1e-4, 1.0], "solimp": [0.9999, 0.9999, 0.001, 0.5, 2.0], "condim": 1}
+
+
+@dataclass(frozen=True, kw_only=True)
+class WedgeSolution:
+    """Settled states, one a depth; lengths in tip radii, forces in E R².
+
+    Attributes
+    ----------
+    depths : (depth,) press depths
+    radii, heights : (depth, top node) deformed top surface from the axis to the wall
+    force : (depth,) press force
+    checks : one record a depth
+    """
+
+    depths: FloatArray
+    radii: FloatArray
+    heights: FloatArray
+    force: FloatArray
+    checks: tuple[StepCheck, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Tetrahedra:
+    """The wedge in space: positions, elements, and the r-z node and angle of every vertex."""
+
+    points: FloatArray
+    elements: IntArray
+    node: IntArray
+    angle: FloatArray
+
+
+def _swept(mesh: RadialMesh) -> _Tetrahedra:
+    """Sweep the r-z triangles into tetrahedra; vertices on the axis are shared by both faces."""
+    count = len(mesh.nodes)
+    on_axis = mesh.nodes[:, 0] < 1e-9
+    off_axis = np.flatnonzero(~on_axis)
+    far = np.arange(count)
+    far[off_axis] = count + np.arange(off_axis.size)
+    node = np.concatenate([np.arange(count), off_axis])
+    angle = np.concatenate(
+        [np.where(on_axis, 0.0, -0.5 * WEDGE_ANGLE), np.full(off_axis.size, 0.5 * WEDGE_ANGLE)]
+    )
+    radius = mesh.nodes[node, 0]
+    points = np.stack([radius * np.cos(angle), radius * np.sin(angle), mesh.nodes[node, 1]], axis=1)
+    # splitting along sorted indices gives neighbours the same diagonal on their common face
+    a, b, c = np.sort(mesh.triangles, axis=1).T
+    prisms = [(a, b, c, far[c]), (a, b, far[b], far[c]), (a, far[a], far[b], far[c])]
+    elements = np.concatenate([np.stack(corners, axis=1) for corners in prisms])
+    ordered = np.sort(elements, axis=1)
+    elements = elements[np.all(np.diff(ordered, axis=1) > 0, axis=1)]
+    flipped = np.linalg.det(points[elements[:, 1:]] - points[elements[:, :1]]) < 0
+    elements[flipped] = elements[flipped][:, [0, 1, 3, 2]]
+    return _Tetrahedra(points=points, elements=elements, node=node, angle=angle)
+
+
+def _set_options(spec: mujoco.MjSpec) -> None:
+    """Static Newton iterations: unit time step, no gravity, no safety floor on contact stiffness."""
+    option = spec.option
+    option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
+    option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    option.timestep = 1.0
+    option.gravity = [0.0, 0.0, 0.0]
+    option.tolerance = 1e-8
+    option.iterations = 200
+    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_REFSAFE
+    spec.memory = 1 << 30
+
+
+def _add_tip(spec: mujoco.MjSpec) -> None:
+    """A hemisphere of radius 1 with a straight shank on a body that is moved by hand."""
+    tip = spec.worldbody.add_body(name="tip", mocap=True, pos=[0.0, 0.0, 2.0])
+    tip.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        size=[1.0, _TIP_HALF_LENGTH, 0.0],
+        pos=[0.0, 0.0, _TIP_HALF_LENGTH],
+        **_CONTACT,
+    )
+
+
+def _add_vertex(spec: mujoco.MjSpec, name: str, point: FloatArray, angle: float, mass: float) -> None:
+    """A point mass that may move in its radial plane only; on the axis (angle 0) only up and down."""
+    body = spec.worldbody.add_body(name=name, pos=point)
+    body.mass, body.inertia, body.explicitinertial = mass, [mass] * 3, True
+    on_axis = np.hypot(point[0], point[1]) < 1e-9
+    for letter, axis in (("x", [1, 0, 0]), ("y", [0, 1, 0]), ("z", [0, 0, 1])):
+        joint = body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, name=name + letter)
+        if on_axis and letter != "z":
+            joint.stiffness = [HOOP_STIFFNESS, 0.0, 0.0]
+    if not on_axis:
+        hoop = spec.add_tendon(name=name)
+        hoop.wrap_joint(name + "x", -np.sin(angle))
+        hoop.wrap_joint(name + "y", np.cos(angle))
+        hoop.stiffness, hoop.springlength = [HOOP_STIFFNESS, 0.0, 0.0], [0.0, 0.0]
+
+
+def _add_layer(spec: mujoco.MjSpec, mesh: RadialMesh, wedge: _Tetrahedra) -> None:
+    """The flex: bonded vertices belong to the world, the others to bodies of their own."""
+    spacing = mesh.nodes[mesh.top[1], 0] - mesh.nodes[mesh.top[0], 0]
+    owners: list[str] = []
+    offsets: list[float] = []
+    for index, (point, node, angle) in enumerate(zip(wedge.points, wedge.node, wedge.angle, strict=True)):
+        if mesh.is_bonded[node]:
+            owners.append("world")
+            offsets += point.tolist()
+            continue
+        radius = max(float(mesh.nodes[node, 0]), SMALLEST_MASS_RADIUS)
+        _add_vertex(spec, f"v{index}", point, float(angle), MASS_PER_RADIUS * spacing * WEDGE_ANGLE * radius)
+        owners.append(f"v{index}")
+        offsets += [0.0, 0.0, 0.0]
+    flex = spec.add_flex(name="layer", dim=3, young=1.0, poisson=POISSON_RATIO, damping=DAMPING)
+    flex.elastic3d = 1
+    flex.radius, flex.contype, flex.conaffinity = _FLEX_RADIUS, 1, 1
+    flex.selfcollide = mujoco.mjtFlexSelf.mjFLEXSELF_NONE
+    flex.condim, flex.solref, flex.solimp = _CONTACT["condim"], _CONTACT["solref"], _CONTACT["solimp"]
+    flex.vertbody, flex.vert, flex.elem = owners, offsets, wedge.elements.ravel().tolist()
+
+
+def _compiled(mesh: RadialMesh, wedge: _Tetrahedra) -> mujoco.MjModel:
+    """Lower the wedge to a MuJoCo model."""
+    spec = mujoco.MjSpec()
+    _set_options(spec)
+    _add_tip(spec)
+    _add_layer(spec, mesh, wedge)
+    return spec.compile()
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep MuJoCo from writing a log file into the working folder; `check_press` judges the result."""
+    previous = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _message: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(previous)
+
+
+class _Press:
+    """One model being pressed deeper and deeper."""
+
+    def __init__(self, mesh: RadialMesh) -> None:
+        self.mesh = mesh
+        self.wedge = _swept(mesh)
+        self.model = _compiled(mesh, self.wedge)
+        self.data = mujoco.MjData(self.model)
+        vertical = [j for j in range(self.model.njnt) if self.model.jnt_axis[j][2] > 0.5]
+        self.vertical_dofs = self.model.jnt_dofadr[vertical]
+        self.copies = 2.0 * np.pi / np.sin(WEDGE_ANGLE)
+
+    def _step(self, damping: float) -> float:
+        """One damped static iteration; largest motion of a vertex [tip radii]."""
+        before = self.data.qpos.copy()
+        self.model.flex_damping[0] = damping
+        mujoco.mj_step(self.model, self.data)
+        self.data.qvel[:] = 0.0
+        return float(np.abs(self.data.qpos - before).max())
+
+    def settle(self, depth: float, guess: FloatArray) -> tuple[float, int]:
+        """Move the tip to `depth` and iterate from `guess`; last step [tip radii] and step count."""
+        self.data.mocap_pos[0] = [0.0, 0.0, 1.0 - depth]
+        self.data.qpos[:] = guess
+        damping = DAMPING
+        for count in range(1, MOST_STEPS + 1):
+            if count % PATIENCE == 0:
+                damping *= 1.5
+            last_step = self._step(damping)
+            limit = settled_limit(depth) * (1.0 + DAMPING) / (1.0 + damping)
+            if not np.isfinite(last_step) or (count >= FEWEST_STEPS and last_step < limit):
+                break
+        return last_step, count
+
+    def state(self, depth: float, last_step: float, steps: int) -> PressState:
+        """The present state as arrays."""
+        force = -self.copies * float(self.data.qfrc_constraint[self.vertical_dofs].sum())
+        penetration = max(0.0, -float(self.data.contact.dist.min())) if self.data.ncon else 0.0
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_flex(self.model, self.data)
+        return PressState(
+            depth=depth,
+            rest=self.wedge.points,
+            deformed=np.array(self.data.flexvert_xpos),
+            elements=self.wedge.elements,
+            is_bonded=self.mesh.is_bonded[self.wedge.node],
+            poisson_ratio=POISSON_RATIO,
+            copies=self.copies,
+            contact_force=force,
+            penetration=penetration,
+            last_step=last_step,
+            steps=steps,
+        )
+
+
+def solve_wedge(
+    mesh: RadialMesh, depths: Sequence[float], on_step: Callable[[float], None] | None = None
+) -> WedgeSolution:
+    """Press the tip to each depth in turn and check every settled state.
+
+    Parameters
+    ----------
+    mesh : the layer, bonded at its bottom and wall
+    depths : increasing press depths [tip radii]; a step of more than 1/30 risks divergence
+    on_step : called with the fraction done
+
+    Raises
+    ------
+    ContactSolveError : a state is not settled, not finite, inverted, sunk in, or out of balance
+    """
+    checks: list[StepCheck] = []
+    tops: list[FloatArray] = []
+    with _quiet():
+        press = _Press(mesh)
+        past = present = press.data.qpos.copy()
+        past_depth = present_depth = 0.0
+        for index, depth in enumerate(depths):
+            ratio = (depth - present_depth) / (present_depth - past_depth) if index > 0 else 0.0
+            settled = press.settle(depth, present + min(ratio, 1.0) * (present - past))
+            state = press.state(depth, *settled)
+            checks.append(check_press(state))
+            tops.append(state.deformed[mesh.top])
+            past, present = present, press.data.qpos.copy()
+            past_depth, present_depth = present_depth, depth
+            if on_step is not None:
+                on_step((index + 1) / len(depths))
+    surface = np.array(tops)
+    return WedgeSolution(
+        depths=np.array(depths, dtype=np.float64),
+        radii=np.hypot(surface[..., 0], surface[..., 1]),
+        heights=surface[..., 2],
+        force=np.array([check.force for check in checks]),
+        checks=tuple(checks),
+    )
