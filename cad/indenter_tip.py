@@ -1,7 +1,7 @@
-"""The indenter's tip: the hemisphere of the design on a plain shank, for a collet or chuck.
+r"""The indenter's tip: the hemisphere of the design on a plain shank, for a collet or chuck.
 
          ___
-       /     \\     ^ tip radius
+       /     \     ^ tip radius
       |-------|    v
       |       |    shank, same radius: silicone wraps it in deep presses
       |       |

@@ -1,4 +1,4 @@
-"""The mold: one printed part with the cavity, the sockets, the pour lip and the fixing holes.
+r"""The mold: one printed part with the cavity, the sockets, the pour lip and the fixing holes.
 
 Seen from above (L-shaped marks: sockets open to the cavity and upward), and cut through a receiver:
 

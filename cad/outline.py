@@ -1,4 +1,4 @@
-"""The mold as plain numbers: what is printed, before any solid is made.
+r"""The mold as plain numbers: what is printed, before any solid is made.
 
 Frame of `design.cavity`; the mold is centred on the cavity.
 

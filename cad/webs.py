@@ -58,8 +58,13 @@ class Clearance:
 
     @property
     def spare_mm(self) -> float:
-        """How much more there is than needed; negative when too tight [mm]."""
-        return self.value_mm - self.needed_mm
+        """How much more there is than needed, to the rounding of lengths; negative when too tight [mm]."""
+        return round(self.value_mm - self.needed_mm, 9)
+
+    def __str__(self) -> str:
+        """One line for a message: name, value, place, need, way out."""
+        value = round(self.value_mm, 3) + 0.0  # no minus zero
+        return f"{self.name}: {value:.3f} mm at {self.where}, needs >= {self.needed_mm:g} mm; {self.remedy}"
 
 
 def clearances(design: SensorDesign) -> tuple[Clearance, ...]:
@@ -92,10 +97,7 @@ def require_buildable(design: SensorDesign) -> None:
     broken = [one for one in clearances(design) if not one.is_kept]
     if not broken:
         return
-    lines = [
-        f"  {one.name}: {one.value_mm:.2f} mm at {one.where}, needs >= {one.needed_mm:.2f} mm; {one.remedy}"
-        for one in tightest(tuple(broken))
-    ]
+    lines = [f"  {one}" for one in tightest(tuple(broken))]
     raise DesignError(f"{design.name}: the mold cannot be built\n" + "\n".join(lines))
 
 

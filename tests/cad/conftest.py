@@ -1,0 +1,94 @@
+"""Designs and built molds that several tests look at; each is built once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import pytest
+
+from cad.export import part_files
+from cad.mesh import Mesh, read_stl
+from design.errors import DesignError
+from design.preset import PRESETS, preset
+from design.spec import SensorDesign
+
+
+@dataclass(frozen=True)
+class Built:
+    """A design and the content of its files."""
+
+    design: SensorDesign
+    files: dict[str, bytes]
+
+    @property
+    def mold(self) -> Mesh:
+        return read_stl(self.files["mold.stl"])
+
+
+@cache
+def built_preset(name: str) -> Built:
+    design = preset(name)
+    return Built(design, part_files(design))
+
+
+@pytest.fixture(params=PRESETS)
+def built(request: pytest.FixtureRequest) -> Built:
+    return built_preset(request.param)
+
+
+@pytest.fixture
+def pad() -> Built:
+    return built_preset("piacenza2017-pad")
+
+
+@pytest.fixture
+def random_design():
+    return _random_design
+
+
+def _random_design(seed: int) -> SensorDesign:
+    """A buildable design drawn from wide ranges; drawn again until its webs are wide enough."""
+    from cad.webs import require_buildable
+
+    random = np.random.default_rng(seed)
+    while True:
+        design = _draw(random)
+        try:
+            require_buildable(design)
+        except DesignError:
+            continue
+        return design
+
+
+def _draw(random: np.random.Generator) -> SensorDesign:
+    length, width = (round(float(random.uniform(14, 90)), 2) for _ in range(2))
+    clear = round(float(random.uniform(6, 12)), 2)
+    wall = round(float(random.uniform(4, 12)), 2)
+    changes = {
+        "cavity.length_mm": length,
+        "cavity.width_mm": width,
+        "cavity.clear_thickness_mm": clear,
+        "cavity.black_thickness_mm": float(random.choice([0.0, 1.0, 2.5])),
+        "mold.outer_length_mm": length + 2 * wall,
+        "mold.outer_width_mm": width + 2 * wall,
+        "mold.rim_mm": float(random.choice([0.0, 0.6, 1.5, 3.0])),
+        "mold.floor_mm": round(float(random.uniform(1.5, 5)), 2),
+        "mold.fixing_hole_diameter_mm": float(random.choice([0.0, 2.2, 3.2])),
+        "mold.fixing_hole_inset_mm": round(float(random.uniform(1.5, 5)), 2),
+        "emitters.part": str(random.choice(["sunled-xscwd23mb", "generic-emitter"])),
+        "receivers.part": str(random.choice(["osram-sfh206k", "generic-receiver"])),
+        "emitters.height_mm": round(float(random.uniform(1.5, clear - 1)), 2),
+        "receivers.height_mm": round(float(random.uniform(1.0, clear - 1)), 2),
+        "layout": [_layout(random)],
+    }
+    return preset("piacenza2017-pad").with_(**changes)
+
+
+def _layout(random: np.random.Generator) -> dict[str, object]:
+    if random.random() < 0.3:
+        return {"pattern": "facing_rows", "emitter_wall": "north", "count": int(random.integers(1, 9))}
+    sides = [int(n) for n in random.integers(0, 9, 4)]
+    sides[0] += sum(sides) % 2 or (2 if sum(sides) == 0 else 0)
+    return {"pattern": "alternating_ring", "parts_per_side": sides, "first": "receiver"}

@@ -1,0 +1,131 @@
+"""The checks see what is wrong with a file, and the picture shows the part."""
+
+import json
+import struct
+import time
+import zlib
+
+import numpy as np
+import pytest
+
+from cad.checks import PartFile, check_parts, design_findings, overhang_area_mm2
+from cad.mesh import Mesh, stl_bytes
+from cad.picture import mold_picture
+from cad.volume import mold_volume_mm3
+from design.preset import preset
+
+PAIR = preset("piacenza2017-pair")
+CUBE_CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=np.float32)
+CUBE_QUADS = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+
+
+def cube(lift=0.0, drop=0):
+    triangles = [row for a, b, c, d in CUBE_QUADS for row in ((a, b, c), (a, c, d))]
+    corners = CUBE_CORNERS + np.array([0, 0, lift], dtype=np.float32)
+    return Mesh(vertices=corners, triangles=np.array(triangles[drop:], dtype=np.int64))
+
+
+def joined(one, other):
+    return Mesh(
+        vertices=np.concatenate([one.vertices, other.vertices]),
+        triangles=np.concatenate([one.triangles, other.triangles + len(one.vertices)]),
+    )
+
+
+def findings_of(mesh, formula_mm3=1.0, **options):
+    part = PartFile(name="cube", stl=stl_bytes(mesh), solid_mm3=formula_mm3, formula_mm3=formula_mm3)
+    checks = check_parts(PAIR, (part,), **options)
+    return checks, {finding.name: finding for finding in checks.findings}
+
+
+def test_a_sound_cube_passes():
+    checks, found = findings_of(cube())
+    assert checks.is_ok
+    assert found["cube: bodies"].value == 1
+    assert found["cube: volume of the file against the formula"].value == 0.0
+
+
+def test_a_missing_triangle_is_an_error():
+    checks, found = findings_of(cube(drop=1))
+    assert not checks.is_ok
+    assert found["cube: watertight"].state == "error"
+    assert found["cube: manifold"].state == "error"
+
+
+def test_a_turned_triangle_is_an_error():
+    mesh = cube()
+    mesh.triangles[0] = mesh.triangles[0][::-1]
+    assert findings_of(mesh)[1]["cube: consistent winding"].state == "error"
+
+
+def test_a_floating_body_is_an_error():
+    found = findings_of(joined(cube(), cube(lift=2.0)), formula_mm3=2.0)[1]
+    assert found["cube: bodies"].value == 2
+    assert found["cube: bodies"].state == "error"
+
+
+def test_a_volume_two_thousandths_off_is_an_error():
+    found = findings_of(cube(), formula_mm3=1.002)[1]
+    assert found["cube: volume of the file against the formula"].state == "error"
+
+
+def test_overhang_is_the_area_that_hangs():
+    assert overhang_area_mm2(cube()) == 0.0
+    assert overhang_area_mm2(joined(cube(), cube(lift=2.0))) == pytest.approx(1.0)
+
+
+def test_a_part_larger_than_the_bed_is_a_warning():
+    checks, found = findings_of(cube(), bed_mm=(0.5, 2.0))
+    assert found["cube: print bed"].state == "warning"
+    assert checks.is_ok
+
+
+def test_a_mold_that_is_not_the_designs_cavity_is_an_error(pad):
+    thicker = pad.design.with_(**{"cavity.length_mm": 31.5})
+    volume = mold_volume_mm3(thicker)
+    part = PartFile(name="mold", stl=pad.files["mold.stl"], solid_mm3=volume, formula_mm3=volume)
+    found = {finding.name: finding for finding in check_parts(thicker, (part,)).findings}
+    assert found["mold: cavity walls against the optical model"].value >= 0.5
+    assert found["mold: cavity walls against the optical model"].state == "error"
+
+
+def test_checks_file_says_ok_and_whose_it_is(built):
+    checks = json.loads(built.files["checks.json"])
+    assert checks["ok"] is True
+    assert checks["digest"] == built.design.digest
+    assert set(checks["volumes_mm3"]) == {"mold", "indenter_tip", "leveling_blade"}
+    for row in checks["findings"]:
+        assert set(row) == {"name", "value", "limit", "unit", "state", "note"}
+        assert row["state"] in {"ok", "warning", "error"}
+
+
+def test_bodies_above_the_rim_are_a_warning_with_names():
+    found = {row.name: row for row in design_findings(PAIR.with_(**{"mold.rim_mm": 0.5}))}
+    tall = found["mold: bodies above the rim"]
+    assert (tall.value, tall.state) == (3, "warning")
+    assert tall.note.startswith("R1, R2, R3:")
+
+
+def pixels_of(png):
+    assert png[:8] == b"\x89PNG\r\n\x1a\n"
+    width, height = struct.unpack(">II", png[16:24])
+    length = struct.unpack(">I", png[33:37])[0]
+    rows = np.frombuffer(zlib.decompress(png[41 : 41 + length]), dtype=np.uint8).reshape(height, -1)
+    return rows[:, 1:].reshape(height, width, 4)
+
+
+def test_picture_shows_the_part_on_a_transparent_ground(pad):
+    started = time.perf_counter()
+    pixels = pixels_of(mold_picture(pad.mold, width_px=450, height_px=320))
+    assert time.perf_counter() - started < 10.0  # 1.1 s at twice this size on an idle core
+    assert pixels.shape == (320, 450, 4)
+    opaque = pixels[..., 3] == 255
+    assert pixels[0, 0, 3] == 0
+    assert 0.3 < opaque.mean() < 0.7
+    assert len(np.unique(pixels[opaque][:, 0])) > 20
+
+
+def test_picture_is_the_same_from_a_file_and_from_the_mesh(pad, tmp_path):
+    (tmp_path / "mold.stl").write_bytes(pad.files["mold.stl"])
+    small = {"width_px": 200, "height_px": 150}
+    assert mold_picture(tmp_path / "mold.stl", **small) == mold_picture(pad.mold, **small)

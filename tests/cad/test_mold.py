@@ -1,0 +1,256 @@
+"""The printed parts hold against their formulas, and the printed cavity is the optical one."""
+
+import io
+import json
+import math
+import zipfile
+from xml.etree import ElementTree
+
+import cadquery as cq
+import numpy as np
+import pytest
+import trimesh
+
+from cad.export import export_parts, part_files, step_bytes
+from cad.indenter_tip import indenter_tip, indenter_tip_volume_mm3
+from cad.leveling_blade import blade_size, leveling_blade
+from cad.mesh import mesh_of, read_stl, stl_bytes
+from cad.mold import build_mold
+from cad.optical import cavity_agreement, first_hits_mm
+from cad.outline import bed_lift_mm, outline_of
+from cad.volume import mold_volume_mm3
+from design.cavity import cavity_of
+from design.errors import DesignError
+from design.preset import preset
+
+VOLUME_LIMIT = 1e-3  # chords of the round holes; demanded of every mold
+SINGLE_PRECISION_MM = 1e-4  # coordinates in the file, below 400 mm
+
+
+def loaded(content, name="mold.stl"):
+    return trimesh.load_mesh(trimesh.util.wrap_as_stream(content[name]), file_type="stl")
+
+
+def test_every_preset_is_one_watertight_body(built):
+    for name in ("mold.stl", "leveling_blade.stl", "indenter_tip.stl"):
+        part = loaded(built.files, name)
+        assert part.is_watertight
+        assert part.is_winding_consistent
+        assert part.body_count == 1
+
+
+def test_file_volume_is_the_formula_within_a_thousandth(built):
+    assert loaded(built.files).volume == pytest.approx(mold_volume_mm3(built.design), rel=VOLUME_LIMIT)
+
+
+def test_solid_volume_is_the_formula_to_rounding(built):
+    volume = build_mold(built.design).val().Volume()
+    assert volume == pytest.approx(mold_volume_mm3(built.design), rel=1e-9)
+
+
+def test_outer_size_is_the_designs(built):
+    low, high = loaded(built.files).bounds
+    mold, cavity = built.design.mold, built.design.cavity
+    height = mold.floor_mm + cavity.black_thickness_mm + cavity.clear_thickness_mm + mold.rim_mm
+    assert high - low == pytest.approx(
+        [mold.outer_length_mm, mold.outer_width_mm, height], abs=SINGLE_PRECISION_MM
+    )
+    assert low[2] == pytest.approx(0.0, abs=SINGLE_PRECISION_MM)
+
+
+def test_the_pads_record_holds(pad):
+    # 45 x 45 x 13.5 outside, 32 x 32 cavity, 8 pockets of each kind: see test_pad_volume_by_hand
+    assert loaded(pad.files).extents == pytest.approx([45.0, 45.0, 13.5], abs=SINGLE_PRECISION_MM)
+    assert mold_volume_mm3(pad.design) == pytest.approx(13845.8575, abs=1e-3)
+
+
+def test_pad_volume_by_hand(pad):
+    if pad.design.receivers.part != "osram-sfh206k" or pad.design.receivers.height_mm != 6.0:
+        pytest.skip("the record is of the paper's parts")
+    block = (45 * 45 - 3 * (1 - math.pi / 4) - 2) * 13.5
+    cavity = 32 * 32 * 10.5
+    lip = 64 * 1.5**2 + 4 / 3 * 1.5**3
+    receiver = 5.4 * 4.25 * (9.5 - 2.4) - 5.4 * 1.5**2 / 2 + 2 * math.pi * 0.47**2 * (2.4 + 4)
+    emitter = 3.8 * 2.05 * (9.5 - 3.45) - 3.8 * 1.5**2 / 2 + 2 * 1.05 * 4.45 * (9.5 - 3.45)
+    fixing = 4 * math.pi * 1.6**2 * 13.5
+    by_hand = block - cavity - lip - 8 * receiver - 8 * emitter - fixing
+    assert mold_volume_mm3(pad.design) == pytest.approx(by_hand, rel=1e-12)
+
+
+def test_no_plastic_stands_in_the_cavity(built):
+    cavity = cavity_of(built.design)
+    box = cq.Workplane("XY").box(
+        cavity.length_mm, cavity.width_mm, cavity.clear_mm + cavity.black_mm, centered=False
+    )
+    box = box.translate((0, 0, -cavity.black_mm))
+    assert box.val().Volume() == pytest.approx(cavity.volume_mm3, rel=1e-12)
+    shared = box.intersect(build_mold(built.design))
+    assert sum(solid.Volume() for solid in shared.solids().vals()) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_rays_from_inside_meet_the_walls_that_light_meets(built):
+    agreement = cavity_agreement(built.design, built.mold, rays=600)
+    assert agreement.compared > 200
+    assert agreement.worst_mm < SINGLE_PRECISION_MM
+
+
+def test_rays_through_a_socket_end_behind_the_wall(built):
+    agreement = cavity_agreement(built.design, built.mold, rays=600)
+    assert agreement.windows > 20
+    assert agreement.shallowest_window_mm > 0.01
+
+
+def _ray_depth_behind_south_wall(design, mesh, x, z):
+    hit = first_hits_mm(mesh, np.array([[x, 5.0, z + bed_lift_mm(design)]]), np.array([[0.0, -1.0, 0.0]]))
+    return float(hit[0]) - 5.0
+
+
+def test_a_pocket_is_as_deep_as_the_body_and_its_clearance(pad):
+    receiver = next(part for part in cavity_of(pad.design).receivers if part.wall == "south")
+    depth = _ray_depth_behind_south_wall(pad.design, pad.mold, receiver.along_mm, receiver.height_mm)
+    wanted = receiver.part.body_depth_mm.value + pad.design.mold.part_clearance_mm
+    assert depth == pytest.approx(wanted, abs=SINGLE_PRECISION_MM)
+
+
+def test_moving_a_receiver_by_a_millimetre_moves_its_pocket():
+    base = preset("piacenza2017-pad").with_(
+        layout=[
+            {"pattern": "single", "kind": "emitter", "wall": "north", "along_mm": 16.0},
+            {"pattern": "single", "kind": "receiver", "wall": "south", "along_mm": 12.0},
+        ]
+    )
+    moved = base.with_(**{"layout.1.along_mm": 13.0})
+    edges = []
+    for design in (base, moved):
+        mesh = mesh_of(build_mold(design), bed_lift_mm(design))
+        xs = np.arange(5.0, 20.0, 0.05) + 0.0123
+        depth = [_ray_depth_behind_south_wall(design, mesh, x, 7.0) for x in xs]
+        open_at = xs[np.array(depth) > 1.0]
+        edges.append((open_at.min(), open_at.max()))
+    assert np.array(edges[1]) - np.array(edges[0]) == pytest.approx([1.0, 1.0], abs=1e-9)
+    assert edges[0] == pytest.approx((12 - 2.7, 12 + 2.7), abs=0.05)
+
+
+def test_the_lip_never_reaches_below_the_fill_level(random_design):
+    for seed in range(20):
+        outline = outline_of(random_design(seed))
+        assert outline.top_mm - outline.lip_mm >= outline.fill_mm - 1e-12
+
+
+def test_two_builds_give_equal_bytes(pad):
+    again = part_files(pad.design)
+    for name in (
+        "mold.stl",
+        "mold.3mf",
+        "mold.step",
+        "indenter_tip.stl",
+        "leveling_blade.stl",
+        "checks.json",
+    ):
+        assert again[name] == pad.files[name]
+
+
+def test_step_text_names_the_design_and_reads_back(pad, tmp_path):
+    assert b"'piacenza2017-pad','1970-01-01T00:00:00'" in pad.files["mold.step"]
+    (tmp_path / "mold.step").write_bytes(step_bytes(build_mold(pad.design), "again"))
+    solid = cq.importers.importStep(str(tmp_path / "mold.step"))
+    assert solid.val().Volume() == pytest.approx(mold_volume_mm3(pad.design), rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_random_design_is_one_body_of_the_formulas_volume(random_design, seed):
+    _assert_sound(random_design(seed))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(100, 130))
+def test_many_random_designs_are_one_body_of_the_formulas_volume(random_design, seed):
+    _assert_sound(random_design(seed))
+
+
+def _assert_sound(design):
+    files = part_files(design)
+    part = loaded(files)
+    assert part.is_watertight
+    assert part.body_count == 1
+    assert part.volume == pytest.approx(mold_volume_mm3(design), rel=VOLUME_LIMIT)
+    checks = json.loads(files["checks.json"])
+    assert checks["ok"], [row for row in checks["findings"] if row["state"] == "error"]
+
+
+def test_sixty_four_parts_are_one_body():
+    design = preset("piacenza2017-pad").with_(
+        **{
+            "cavity.length_mm": 115.0,
+            "cavity.width_mm": 115.0,
+            "mold.outer_length_mm": 128.0,
+            "mold.outer_width_mm": 128.0,
+            "layout": [{"pattern": "alternating_ring", "parts_per_side": 16}],
+        }
+    )
+    assert len(cavity_of(design).parts) == 64
+    _assert_sound(design)
+
+
+def test_a_pocket_deeper_than_the_cavity_stays_in_the_wall():
+    design = preset("piacenza2017-pad").with_(**{"receivers.height_mm": 1.4, "mold.floor_mm": 4.0})
+    outline = outline_of(design)
+    assert min(socket.pocket.floor for socket in outline.sockets) < outline.cavity_bottom_mm
+    _assert_sound(design)
+
+
+def test_without_a_black_layer_there_is_no_blade(tmp_path):
+    design = preset("piacenza2017-pair")
+    assert "leveling_blade.stl" in export_parts(design, tmp_path)
+    bare = design.with_(**{"cavity.black_thickness_mm": 0})
+    written = export_parts(bare, tmp_path)
+    assert blade_size(bare) is None
+    assert "leveling_blade.stl" not in written
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(written)
+
+
+def test_blade_leaves_the_black_layer(built):
+    size = blade_size(built.design)
+    rim_to_edge = built.design.cavity.clear_thickness_mm + built.design.mold.rim_mm
+    assert size.reach_mm == rim_to_edge
+    assert leveling_blade(built.design).val().Volume() == pytest.approx(size.volume_mm3, rel=1e-9)
+    part = loaded(built.files, "leveling_blade.stl")
+    low = np.array([row for row in part.vertices if row[1] < 1e-6])
+    inner = min(built.design.cavity.length_mm, built.design.cavity.width_mm)
+    assert np.ptp(low[:, 0]) == pytest.approx(inner - 0.6, abs=SINGLE_PRECISION_MM)
+
+
+def test_tip_is_the_designs_hemisphere(built):
+    radius = built.design.indenter.tip_radius_mm
+    part = loaded(built.files, "indenter_tip.stl")
+    assert part.volume == pytest.approx(indenter_tip_volume_mm3(built.design), rel=VOLUME_LIMIT)
+    assert indenter_tip(built.design).val().Volume() == pytest.approx(
+        indenter_tip_volume_mm3(built.design), rel=1e-9
+    )
+    centre = part.bounds[1][2] - radius
+    dome = part.vertices[part.vertices[:, 2] > centre + 1e-3] - [0, 0, centre]
+    assert np.linalg.norm(dome, axis=1) == pytest.approx(radius, abs=SINGLE_PRECISION_MM)
+
+
+def test_stl_round_trip_keeps_the_mesh(pad):
+    assert stl_bytes(read_stl(pad.files["mold.stl"])) == pad.files["mold.stl"]
+
+
+def test_3mf_holds_the_same_triangles_as_the_stl(pad):
+    package = zipfile.ZipFile(io.BytesIO(pad.files["mold.3mf"]))
+    model = ElementTree.fromstring(package.read("3D/3dmodel.model"))
+    name = "{http://schemas.microsoft.com/3dmanufacturing/core/2015/02}"
+    assert model.get("unit") == "millimeter"
+    vertices = np.array([[float(row.get(k)) for k in "xyz"] for row in model.iter(f"{name}vertex")])
+    triangles = np.array(
+        [[int(row.get(f"v{k}")) for k in (1, 2, 3)] for row in model.iter(f"{name}triangle")]
+    )
+    volume = trimesh.Trimesh(vertices, triangles, process=False).volume
+    assert volume == pytest.approx(loaded(pad.files).volume, rel=1e-9)
+
+
+def test_a_too_small_mold_is_refused_and_nothing_is_written(tmp_path):
+    design = preset("piacenza2017-pad").with_(**{"mold.outer_length_mm": 30.0})
+    with pytest.raises(DesignError, match=r"wall: -1\.000 mm at the east and west walls, needs >= 0\.8 mm"):
+        export_parts(design, tmp_path / "cad")
+    assert not (tmp_path / "cad").exists()
