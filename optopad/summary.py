@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from sims.verdict.result import ContinuityScore, JudgedPair
+if TYPE_CHECKING:
+    from sims.verdict.result import ContinuityScore, JudgedPair
 
 
 def score_lines(score: ContinuityScore) -> list[str]:

@@ -101,10 +101,10 @@ def sweep(
     as_json: JsonOption = False,
 ) -> None:
     """Score a design at several values of one field."""
+    path, values = parsed_sweep(field)
+    read = read_design(design, set_)
     from sims.continuity import score as judge
 
-    read = read_design(design, set_)
-    path, values = parsed_sweep(field)
     rows = []
     with progress(quiet=as_json) as step:
         for done, value in enumerate(values):

@@ -1,0 +1,116 @@
+"""The simulate verb's work: signals of chosen presses, and the plain ray tracer beside them on request."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.cavity import CavityGeometry, cavity_of
+from design.pairs import direct_path_pairs
+from design.spec import SensorDesign
+from sims.contact.indentation import solved_press
+from sims.depths import depth_schedule_mm
+from sims.optics.light_signals import LightSignals
+from sims.optics.tracing import trace
+from sims.signal_file import save_dataset, signals_dataset
+
+FloatArray = NDArray[np.float64]
+OnStep = Callable[[str, float], None]
+
+ORACLE_DEPTHS_MM = (0.0, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0)
+"""Depths of the default presses when the ray tracer is asked for: it needs seconds a state."""
+
+
+def simulated(
+    design: SensorDesign,
+    presses: list[tuple[float, float, float]],
+    folder: Path,
+    *,
+    oracle_rays: int | None,
+    seed: int,
+    on_step: OnStep,
+) -> dict[str, Any]:
+    """Trace presses, write ``signals.nc`` (and ``oracle.nc``) into ``folder``, and summarise them.
+
+    Parameters
+    ----------
+    presses : rows of x, y, depth [mm]; empty for the workspace's centre at all depths
+    oracle_rays : rays per emitter and state of the ray tracer; None to leave it out
+    """
+    cavity = cavity_of(design)
+    states = np.array(presses) if presses else _default_presses(design, cavity, oracle_rays is not None)
+    solved_press(design, max_depth_mm=float(states[:, 2].max()), on_step=lambda s: on_step("contact", s))
+    light = trace(design, states, seed=seed, on_step=lambda s: on_step("map", s))
+    save_dataset(signals_dataset(light, cavity), folder / "signals.nc")
+    comparison = None
+    if oracle_rays is not None:
+        truth = _oracle(design, states, oracle_rays, seed, on_step)
+        save_dataset(signals_dataset(truth, cavity), folder / "oracle.nc")
+        comparison = _compared(light, truth, cavity, oracle_rays)
+    return {
+        "name": design.name,
+        "digest": design.digest,
+        "seed": seed,
+        "states": [_state_summary(light, number) for number in range(len(states))],
+        "oracle": comparison,
+    }
+
+
+def _default_presses(design: SensorDesign, cavity: CavityGeometry, few: bool) -> FloatArray:
+    space = cavity.workspace
+    x_mm, y_mm = (space.x0_mm + space.x1_mm) / 2, (space.y0_mm + space.y1_mm) / 2
+    deepest = design.operating.max_depth_mm
+    depths = [d for d in ORACLE_DEPTHS_MM if d <= deepest] if few else depth_schedule_mm(deepest)
+    return np.array([[x_mm, y_mm, float(depth)] for depth in depths])
+
+
+def _oracle(design: SensorDesign, states: FloatArray, rays: int, seed: int, on_step: OnStep) -> LightSignals:
+    from sims.contact import indent
+    from sims.optics.lower import scene_of
+    from sims.optics.oracle import CLASSES, trace_oracle
+
+    indentations = [indent(design, float(depth)) if depth > 0 else None for depth in states[:, 2]]
+    found = trace_oracle(
+        scene_of(design),
+        states[:, :2],
+        indentations,
+        rays=rays,
+        seed=seed,
+        on_step=lambda s: on_step("oracle", s),
+    )
+    return LightSignals(
+        flux=found.total,
+        by_class=dict(zip(CLASSES, found.flux, strict=True)),
+        standard_error=found.standard_error,
+        presses=states,
+        digest=design.digest,
+        seed=seed,
+    )
+
+
+def _compared(light: LightSignals, truth: LightSignals, cavity: CavityGeometry, rays: int) -> dict[str, Any]:
+    """Distance of the fast model from the ray tracer over pairs with a direct path, in standard errors."""
+    mask = direct_path_pairs(cavity)
+    spread = np.hypot(light.standard_error, truth.standard_error)[:, mask]
+    z = (light.flux - truth.flux)[:, mask] / np.where(spread > 0, spread, np.inf)
+    return {
+        "rays": rays,
+        "compared": int(z.size),
+        "chi_square": float((z**2).sum()),
+        "largest_z": float(np.abs(z).max()),
+        "mean_ratio": float(light.flux[:, mask].sum() / truth.flux[:, mask].sum()),
+    }
+
+
+def _state_summary(light: LightSignals, state: int) -> dict[str, Any]:
+    return {
+        "press_mm": light.presses[state].tolist(),
+        "mean_flux": float(light.flux[state].mean()),
+        "mean_flux_by_class": {name: float(flux[state].mean()) for name, flux in light.by_class.items()},
+        "largest_standard_error": float(light.standard_error[state].max()),
+        "flux": light.flux[state].tolist(),
+    }

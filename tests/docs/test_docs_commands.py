@@ -1,0 +1,65 @@
+"""Every command in the docs runs as written, in order, in an empty folder."""
+
+import os
+import re
+from pathlib import Path
+
+import pytest
+
+from optopad.cli import main
+
+REPOSITORY = Path(__file__).parents[2]
+PAGES = sorted([*(REPOSITORY / "docs").glob("*.md"), REPOSITORY / "README.md"])
+QUICK_VERBS = {"new", "check", "schema", "migrate", "doctor"}
+
+
+def commands_of(page: Path) -> list[list[str]]:
+    blocks = re.findall(r"```console\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    lines = [line[2:] for block in blocks for line in block.splitlines() if line.startswith("$ optopad ")]
+    return [line.split()[1:] for line in lines]
+
+
+def toml_blocks_of(page: Path) -> list[str]:
+    return re.findall(r"```toml\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+
+
+@pytest.fixture
+def in_empty_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def prepare(page: Path) -> None:
+    """What a page says in prose: files that the reader has saved by then."""
+    if page.name == "own-parts.md":
+        part, use, _, gel, *_ = toml_blocks_of(page)
+        Path("my-parts.toml").write_text(part + gel, encoding="utf-8")
+        assert main(["new", "my-pad.toml"]) == 0
+        text = Path("my-pad.toml").read_text(encoding="utf-8")
+        top, emitters = use.split("\n\n")
+        text = text.replace('name = "my-pad"', f'name = "my-pad"\n{top}')
+        text = re.sub(r"\[emitters\]\npart = .*\nheight_mm = \S+", emitters.strip(), text)
+        text = text.replace('material = "sylgard-184"', 'material = "my-gel"')
+        text = text.replace("mixing_ratio = 20.0", "mixing_ratio = 1.0")
+        Path("my-pad.toml").write_text(text, encoding="utf-8")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_quick_commands_of_every_page_succeed(page, in_empty_folder):
+    prepare(page)
+    for command in commands_of(page):
+        if command[0] in QUICK_VERBS:
+            assert main(command) == 0, " ".join(command)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_all_commands_of_every_page_succeed(page, in_empty_folder):
+    prepare(page)
+    for command in commands_of(page):
+        assert main(command) == 0, " ".join(command)
+    assert not [name for name in os.listdir() if name.endswith(".partial")]
+
+
+def test_every_page_of_the_tutorial_set_has_commands():
+    assert {page.name for page in PAGES if commands_of(page)} >= {"tutorial.md", "own-parts.md", "troubleshooting.md"}

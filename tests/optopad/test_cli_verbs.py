@@ -1,0 +1,137 @@
+"""What the verbs print, write and return; the long verbs are tested on their bundle in test_run.py."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from design.io import load_design
+from design.preset import PRESETS, preset
+from optopad.cli import main
+from optopad.cli.common import parsed_change, parsed_value
+from optopad.cli.physics import parsed_sweep
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_new_writes_a_commented_preset_under_the_name_of_the_file(folder, name):
+    assert main(["new", "mine.toml", "--preset", name]) == 0
+    text = (folder / "mine.toml").read_text(encoding="utf-8")
+    assert text.count("#") > 15
+    assert load_design(folder / "mine.toml") == preset(name).with_(name="mine")
+
+
+def test_new_keeps_an_existing_file(folder, capsys):
+    (folder / "mine.toml").write_text("mine", encoding="utf-8")
+    assert main(["new", "mine.toml"]) == 2
+    assert "exists already" in capsys.readouterr().err
+    assert (folder / "mine.toml").read_text(encoding="utf-8") == "mine"
+
+
+def test_new_refuses_a_file_name_that_is_no_design_name(folder, capsys):
+    assert main(["new", "my pad.toml"]) == 2
+    assert "name" in capsys.readouterr().err
+    assert list(folder.iterdir()) == []
+
+
+def test_an_unknown_preset_is_answered_with_the_nearest(folder, capsys):
+    assert main(["new", "mine.toml", "--preset", "piacenza2017-pads"]) == 2
+    assert "did you mean piacenza2017-pad?" in capsys.readouterr().err
+
+
+def test_check_of_a_preset_prints_nothing_but_json_with_json(folder, capsys):
+    assert main(["check", "piacenza2017-pad", "--json"]) == 0
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["digest"] == preset("piacenza2017-pad").digest
+    assert printed.err == ""
+
+
+def test_check_exits_2_on_an_error_and_names_the_field(folder, capsys):
+    assert main(["check", "piacenza2017-pad", "--set", "emitters.height_mm=9"]) == 2
+    assert "emitters.height_mm" in capsys.readouterr().out
+
+
+def test_a_design_that_breaks_a_rule_is_not_run_and_nothing_is_written(folder, capsys):
+    assert main(["run", "piacenza2017-pad", "--set", "emitters.height_mm=9"]) == 2
+    printed = capsys.readouterr()
+    assert "emitters.height_mm" in printed.err
+    assert "Traceback" not in printed.err
+    assert list(folder.iterdir()) == []
+
+
+def test_set_reads_values_as_toml_and_bare_words_as_text():
+    assert parsed_change("cavity.clear_thickness_mm=10") == ("cavity.clear_thickness_mm", 10)
+    assert parsed_value("[1, 2]") == [1, 2]
+    assert parsed_value("osram-sfh206k") == "osram-sfh206k"
+    assert parsed_value("true") is True
+
+
+@pytest.mark.parametrize("text", ["cavity.clear_thickness_mm", "=10", ""])
+def test_set_without_path_or_value_is_refused(folder, capsys, text):
+    assert main(["check", "piacenza2017-pad", "--set", text]) == 2
+    assert "PATH=VALUE" in capsys.readouterr().err
+
+
+def test_a_misspelt_path_is_answered_with_the_nearest(folder, capsys):
+    assert main(["check", "piacenza2017-pad", "--set", "cavity.clear_thicknes_mm=10"]) == 2
+    assert "did you mean cavity.clear_thickness_mm" in capsys.readouterr().err
+
+
+def test_a_sweep_holds_both_ends():
+    assert parsed_sweep("cavity.clear_thickness_mm=6:12:0.5") == (
+        "cavity.clear_thickness_mm",
+        [6 + 0.5 * step for step in range(13)],
+    )
+    assert parsed_sweep("emitters.part=a,b") == ("emitters.part", ["a", "b"])
+
+
+@pytest.mark.parametrize("text", ["x", "x=", "=1:2:1", "x=2:1:1", "x=1:2:0", "x=1:2:-1", "x=1:b:1", "x=0:1e9:1"])
+def test_a_sweep_of_no_value_is_refused(folder, capsys, text):
+    assert main(["sweep", "piacenza2017-pair", text]) == 2
+    assert "sweep" in capsys.readouterr().err
+
+
+def test_the_schema_accepts_every_field_of_a_saved_design(folder, capsys):
+    assert main(["schema"]) == 0
+    schema = json.loads(capsys.readouterr().out)
+    assert set(preset("piacenza2017-pad").model_dump()) <= set(schema["properties"])
+    assert "catalog_files" in schema["properties"]
+    assert schema["additionalProperties"] is False
+
+
+def test_migrate_leaves_a_present_file_alone_and_refuses_a_newer_one(folder, capsys):
+    main(["new", "mine.toml"])
+    before = (folder / "mine.toml").read_bytes()
+    assert main(["migrate", "mine.toml"]) == 0
+    assert (folder / "mine.toml").read_bytes() == before
+    (folder / "newer.toml").write_bytes(before.replace(b"schema_version = 1", b"schema_version = 2"))
+    assert main(["migrate", "newer.toml"]) == 2
+    assert "newer" in capsys.readouterr().err
+
+
+def test_doctor_speaks_json(folder, capsys):
+    assert main(["doctor", "--json"]) == 0
+    names = {finding["name"] for finding in json.loads(capsys.readouterr().out)["findings"]}
+    assert {"python", "cadquery", "mujoco"} <= names
+
+
+def test_help_loads_no_heavy_library():
+    code = (
+        "import sys; from optopad.cli import main; main(['--help']); "
+        "heavy = {'cadquery', 'mujoco', 'numba', 'scipy', 'matplotlib', 'trimesh', 'xarray'} & set(sys.modules); "
+        "sys.exit(str(heavy) if heavy else 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "run" in done.stdout
+
+
+def test_a_verb_without_its_argument_exits_2(folder, capsys):
+    assert main(["run"]) == 2
+    assert "Missing argument" in capsys.readouterr().err
