@@ -46,19 +46,21 @@ clean: ## remove .venv, caches and build folders; outputs/ stays
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks .import_linter_cache *.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-# Sets the shell variable `python` to the first of the given commands that runs and is of a supported version.
+# Sets the shell variable `python` to the first of the given commands that runs, is of a supported version and has venv.
 define find_python
-python=; for candidate in $(1); do \
-  if command -v "$$candidate" >/dev/null 2>&1 && "$$candidate" -c '$(SUITABLE)' >/dev/null 2>&1; then python="$$candidate"; break; fi; \
+python=; bare=; for candidate in $(1); do \
+  command -v "$$candidate" >/dev/null 2>&1 && "$$candidate" -c '$(SUITABLE)' >/dev/null 2>&1 || continue; \
+  if "$$candidate" -c 'import ensurepip, venv' >/dev/null 2>&1; then python="$$candidate"; break; fi; \
+  bare="$$bare $$candidate"; \
 done; \
-if [ -z "$$python" ]; then \
+if [ -z "$$python$$bare" ]; then \
   echo "optopad needs Python 3.11, 3.12 or 3.13; none of these is one: $(1)" >&2; \
   echo "Install one (Debian and Ubuntu: python3 and python3-venv; macOS: brew install python@3.13), or name yours:" >&2; \
   echo "  make setup PYTHON=/path/to/python3.12" >&2; \
   exit 1; \
 fi; \
-if ! "$$python" -c 'import ensurepip, venv' >/dev/null 2>&1; then \
-  echo "$$python cannot create environments: its venv or ensurepip module is missing." >&2; \
+if [ -z "$$python" ]; then \
+  echo "Cannot create environments:$$bare lacks the venv or ensurepip module." >&2; \
   echo "Install it (Debian and Ubuntu: apt-get install python3-venv), or name another Python: make setup PYTHON=..." >&2; \
   exit 1; \
 fi
@@ -75,7 +77,7 @@ $(READY): pyproject.toml constraints.txt
 	  echo "pip could not install the dependencies; its lines above name the one. Usual causes:" >&2; \
 	  echo "  no package index in reach  set PIP_INDEX_URL or HTTPS_PROXY" >&2; \
 	  echo "  no wheel for this machine  optopad needs 64-bit Linux (glibc 2.31) or macOS; or try PYTHON=python3.12" >&2; \
-	  echo "  disk full                  .venv takes about 2 GB" >&2; \
+	  echo "  disk full                  .venv takes 2.2 GB" >&2; \
 	  exit 1; \
 	}; \
 	touch $@

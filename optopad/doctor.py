@@ -88,7 +88,7 @@ PACKAGES = (
     Package("h5netcdf", "h5netcdf", "1.6"),
     Package("h5py", "h5py", "3.12"),
     Package("manifold3d", "manifold3d", "3.1"),
-    Package("matplotlib", "matplotlib.pyplot", "3.10"),
+    Package("matplotlib", "matplotlib.path", "3.10"),  # compiled, and builds no font list
     Package("mujoco", "mujoco", "4.0"),
     Package("numba", "numba", "0.61"),
     Package("numpy", "numpy", "2.1"),
