@@ -172,7 +172,7 @@ class SensorDesign(Model):
     gain: Gain = Gain()
     operating: Operating = Operating()
     part_measurements: Annotated[
-        dict[PartId, dict[str, float]],
+        dict[PartId, Annotated[dict[str, float], Field(min_length=1)]],
         Field(
             default_factory=dict,
             description="measured values that replace a catalogue part's: part, then field = value",

@@ -311,6 +311,12 @@ _REFERENCES = (
         "osram-sfh206k",
     ),
     _text(
+        "a measurement of nothing",
+        design_text(tail="[part_measurements.osram-sfh206k]\n"),
+        "part_measurements.osram-sfh206k",
+        "at least 1",
+    ),
+    _text(
         "a measurement of no field",
         design_text(tail="[part_measurements.osram-sfh206k]\nactive_widht_mm = 2.6"),
         "part_measurements.osram-sfh206k.active_widht_mm",

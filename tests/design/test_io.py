@@ -1,0 +1,206 @@
+"""Files: what is saved is what is loaded, and nothing is half-written."""
+
+from __future__ import annotations
+
+import os
+import stat
+import tempfile
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+
+from design import io
+from design.errors import DesignError, OptopadError
+from design.io import dump_design, load_design, save_design, without_empty, write_text_atomically
+from design.migrate import migrated
+from design.preset import PRESETS, preset
+from design.rules import require_valid
+from design.spec import SensorDesign
+from tests.design.bad_designs import design_text
+from tests.design.spec_fields import designs, good
+
+MY_LED = """
+[parts.my-led]
+kind = "emitter"
+title = "My LED"
+manufacturer = "Mine"
+mounting = "surface"
+lead_count = 2
+"""
+MY_LED_MM = {
+    "active_width_mm": 1.0,
+    "active_height_mm": 1.0,
+    "body_width_mm": 3.0,
+    "body_depth_mm": 1.5,
+    "body_height_mm": 3.0,
+    "active_height_in_body_mm": 1.5,
+    "lead_pitch_mm": 2.54,
+    "lead_diameter_mm": 0.8,
+}
+
+
+def quantity(name: str, value: float, unit: str) -> str:
+    return (
+        f'{name} = {{ value = {value}, unit = "{unit}", source = "my caliper", confidence = "measured" }}\n'
+    )
+
+
+def my_led_file() -> str:
+    lengths = "".join(quantity(name, value, "mm") for name, value in MY_LED_MM.items())
+    rest = (
+        quantity("half_angle_deg", 60.0, "deg")
+        + quantity("wavelength_nm", 530.0, "nm")
+        + quantity("forward_voltage_v", 3.0, "V")
+        + quantity("max_current_ma", 20.0, "mA")
+    )
+    return MY_LED + lengths + rest
+
+
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(designs())
+def test_saving_and_loading_gives_the_same_digest(design: SensorDesign) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "design.toml"
+        save_design(design, file)
+        assert load_design(file).digest == design.digest
+        assert load_design(file) == design
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_saved_preset_is_the_preset(name: str, tmp_path: Path) -> None:
+    save_design(preset(name), tmp_path / "design.toml")
+    assert load_design(tmp_path / "design.toml").digest == preset(name).digest
+
+
+def test_a_saved_file_names_design_and_digest_at_its_top() -> None:
+    assert dump_design(good()).splitlines()[0] == f"# optopad design bad, digest {good().digest}"
+
+
+def test_a_byte_order_mark_is_skipped(tmp_path: Path) -> None:
+    (tmp_path / "d.toml").write_bytes(b"\xef\xbb\xbf" + design_text().encode())
+    assert load_design(tmp_path / "d.toml").digest == good().digest
+
+
+def test_windows_line_ends_make_the_same_design(tmp_path: Path) -> None:
+    (tmp_path / "d.toml").write_bytes(design_text().replace("\n", "\r\n").encode())
+    assert load_design(tmp_path / "d.toml").digest == good().digest
+
+
+def test_an_own_part_is_read_from_a_file_beside_the_design_and_saved_inside_it(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(my_led_file(), encoding="utf-8")
+    text = design_text({"emitters.part": '"my-led"'}, head='catalog_files = ["mine.toml"]')
+    (tmp_path / "d.toml").write_text(text, encoding="utf-8")
+    design = load_design(tmp_path / "d.toml")
+    require_valid(design)
+    (tmp_path / "elsewhere").mkdir()
+    save_design(design, tmp_path / "elsewhere" / "alone.toml")
+    again = load_design(tmp_path / "elsewhere" / "alone.toml")
+    assert again.digest == design.digest
+    assert again.catalog.parts["my-led"].active_width_mm.value == 1.0
+
+
+def test_what_the_design_says_itself_wins_over_its_catalogue_file(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(my_led_file(), encoding="utf-8")
+    own = my_led_file().replace("[parts.", "[catalog.parts.").replace("My LED", "My other LED")
+    text = design_text(head='catalog_files = ["mine.toml"]', tail=own)
+    (tmp_path / "d.toml").write_text(text, encoding="utf-8")
+    assert load_design(tmp_path / "d.toml").catalog.parts["my-led"].title == "My other LED"
+
+
+def test_a_name_with_a_null_byte_is_refused() -> None:
+    with pytest.raises(DesignError, match="no name of a file"):
+        load_design("a\0b.toml")
+
+
+def test_an_endless_file_is_refused_and_not_read_to_its_end() -> None:
+    with pytest.raises(DesignError, match="larger than 1000000 bytes"):
+        load_design("/dev/zero")
+
+
+def test_a_file_in_a_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "d.toml").write_text(design_text(), encoding="utf-8")
+    with pytest.raises(DesignError, match="cannot be read"):
+        load_design(tmp_path / "d.toml" / "e.toml")
+
+
+def test_a_link_that_leads_out_of_the_folder_is_no_catalogue_file(tmp_path: Path) -> None:
+    folder = tmp_path / "here"
+    folder.mkdir()
+    (tmp_path / "outside.toml").write_text(my_led_file(), encoding="utf-8")
+    (folder / "mine.toml").symlink_to(tmp_path / "outside.toml")
+    (folder / "d.toml").write_text(design_text(head='catalog_files = ["mine.toml"]'), encoding="utf-8")
+    with pytest.raises(DesignError, match="leaves the design's folder"):
+        load_design(folder / "d.toml")
+
+
+def test_a_missing_folder_is_named_and_nothing_is_made(tmp_path: Path) -> None:
+    with pytest.raises(OptopadError, match=r"nowhere/d\.toml: cannot be written: .* choose another folder"):
+        save_design(good(), tmp_path / "nowhere" / "d.toml")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_failed_write_leaves_the_old_file_and_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "d.toml"
+    save_design(good(), file)
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(io.os, "replace", full)
+    with pytest.raises(OptopadError, match="No space left on device"):
+        write_text_atomically(file, "half")
+    assert [path.name for path in tmp_path.iterdir()] == ["d.toml"]
+    assert load_design(file).digest == good().digest
+
+
+@pytest.mark.skipif(os.name == "nt", reason="modes are a POSIX notion")
+def test_a_saved_file_can_be_read_by_others(tmp_path: Path) -> None:
+    save_design(good(), tmp_path / "d.toml")
+    assert stat.S_IMODE((tmp_path / "d.toml").stat().st_mode) == 0o644
+
+
+def test_only_nothing_and_empty_tables_are_left_out() -> None:
+    given_data = {
+        "a": None,
+        "b": {},
+        "c": {"d": None},
+        "e": 0,
+        "f": "",
+        "g": [],
+        "h": False,
+        "i": [{"j": None}],
+    }
+    assert without_empty(given_data) == {"e": 0, "f": "", "g": [], "h": False, "i": [{}]}
+
+
+def test_an_older_version_is_lifted_step_by_step() -> None:
+    steps = {1: lambda old: old | {"b": old["a"]}, 2: lambda old: old | {"c": old["b"]}}
+    assert migrated({"schema_version": 1, "a": 7}, steps=steps, target=3) == {
+        "schema_version": 3,
+        "a": 7,
+        "b": 7,
+        "c": 7,
+    }
+
+
+def test_the_present_version_needs_no_step() -> None:
+    document = {"schema_version": 1, "a": 7}
+    assert migrated(document) == document
+
+
+@pytest.mark.parametrize(
+    ("document", "words"),
+    [
+        ({}, "None is no version"),
+        ({"schema_version": True}, "True is no version"),
+        ({"schema_version": "1"}, "'1' is no version"),
+        ({"schema_version": 2}, "2 is newer than 1"),
+        ({"schema_version": 0}, "no way from 0 to 1"),
+    ],
+)
+def test_what_cannot_be_lifted_is_refused(document: dict[str, object], words: str) -> None:
+    with pytest.raises(DesignError, match=words):
+        migrated(document)
