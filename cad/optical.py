@@ -24,7 +24,9 @@ Floats = NDArray[np.float64]
 
 CHUNK_RAYS = 64
 EDGE_MM = 1e-6
-"""Rays that end this close to a window's edge belong to both sides; they are not compared."""
+"""Rays that end this close to a window's edge or the fill level belong to both sides; they are left out."""
+FAR_MM = 1000.0
+"""Stands for the end of a ray that meets nothing: it left through a slot, or through a hole in the mesh."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,10 +93,10 @@ def cavity_agreement(design: SensorDesign, mesh: Mesh, *, rays: int = 400, seed:
     outline = outline_of(design)
     origins, directions = _random_rays(outline, rays, seed)
     modelled, ends = _box_exits(outline, origins, directions)
-    stays = ends[:, 2] < outline.fill_mm
+    stays = ends[:, 2] < outline.fill_mm - EDGE_MM
     origins, directions, modelled, ends = origins[stays], directions[stays], modelled[stays], ends[stays]
     lifted = origins + np.array([0.0, 0.0, bed_lift_mm(design)])
-    printed = first_hits_mm(mesh, lifted, directions)
+    printed = np.minimum(first_hits_mm(mesh, lifted, directions), FAR_MM)
     inside, near = _windows(outline, ends)
     walls, windows = ~inside & ~near, inside & ~near
     depth = _behind_wall_mm(outline, origins + printed[:, None] * directions)[windows]

@@ -159,7 +159,7 @@ def socket_of(part: PlacedPart, mold: Mold, frame: WallFrame, top_mm: float, bot
         origin=part.origin,
         frame=frame,
         pocket=pocket,
-        slots=() if is_radial else _slots(part.part, mold, frame, pocket),
+        slots=() if is_radial else _slots(part, mold, frame, pocket),
         holes=_holes(part, mold, frame, pocket, bottom_mm) if is_radial else (),
         body_top_mm=part.body_top_mm,
     )
@@ -185,31 +185,24 @@ def _holes(part: PlacedPart, mold: Mold, frame: WallFrame, pocket: Cut, bottom_m
     return tuple(Hole(x=x, y=y, radius=radius, z0=bottom_mm, z1=pocket.floor) for x, y in places)
 
 
-def _slots(part: Part, mold: Mold, frame: WallFrame, pocket: Cut) -> tuple[Cut, ...]:
-    half_pocket = (pocket.along1 - pocket.along0) / 2
-    middle = (pocket.along0 + pocket.along1) / 2
-    spans = _wire_spans(part, mold, half_pocket)
+def _slots(part: PlacedPart, mold: Mold, frame: WallFrame, pocket: Cut) -> tuple[Cut, ...]:
     return tuple(
         Cut(
-            along0=middle + low,
-            along1=middle + high,
+            along0=max(part.along_mm + low, pocket.along0),
+            along1=min(part.along_mm + high, pocket.along1),
             out0=pocket.out1,
             out1=frame.thickness_mm,
             floor=pocket.floor,
             top=pocket.top,
         )
-        for low, high in spans
+        for low, high in _wire_spans(part.part, mold, pocket.along1 - part.along_mm)
     )
 
 
-def _wire_spans(part: Part, mold: Mold, half_pocket: float) -> list[tuple[float, float]]:
+def _wire_spans(part: Part, mold: Mold, half_pocket_mm: float) -> list[tuple[float, float]]:
+    """From where to where the wires leave, from the middle of the pocket; one by one if that leaves webs."""
     width = part.lead_diameter_mm.value + mold.lead_clearance_mm
-    tongue = part.lead_pitch_mm.value - width
     offsets = lead_offsets_mm(part)
-    if tongue >= mold.min_web_mm and offsets[-1] <= half_pocket:
-        return [
-            (max(offset - width / 2, -half_pocket), min(offset + width / 2, half_pocket))
-            for offset in offsets
-        ]
-    half = min(part.lead_count * width / 2, half_pocket)
-    return [(-half, half)]
+    if part.lead_pitch_mm.value - width >= mold.min_web_mm and offsets[-1] <= half_pocket_mm:
+        return [(offset - width / 2, offset + width / 2) for offset in offsets]
+    return [(-part.lead_count * width / 2, part.lead_count * width / 2)]

@@ -129,3 +129,16 @@ def test_picture_is_the_same_from_a_file_and_from_the_mesh(pad, tmp_path):
     (tmp_path / "mold.stl").write_bytes(pad.files["mold.stl"])
     small = {"width_px": 200, "height_px": 150}
     assert mold_picture(tmp_path / "mold.stl", **small) == mold_picture(pad.mold, **small)
+
+
+def test_a_hole_in_the_mold_is_an_error_not_a_crash(pad):
+    mesh = pad.mold
+    keep = ~((mesh.corners[:, :, 2].max(axis=1) < 3.001) & (mesh.corners[:, :, 2].min(axis=1) > 2.999))
+    holed = Mesh(vertices=mesh.vertices, triangles=mesh.triangles[keep])
+    volume = mold_volume_mm3(pad.design)
+    part = PartFile(name="mold", stl=stl_bytes(holed), solid_mm3=volume, formula_mm3=volume)
+    checks = check_parts(pad.design, (part,))
+    found = {finding.name: finding for finding in checks.findings}
+    assert found["mold: watertight"].state == "error"
+    assert found["mold: cavity walls against the optical model"].state == "error"
+    json.dumps(checks.as_dict(), allow_nan=False)
