@@ -1,0 +1,1 @@
+"""Plots of a verdict: one plot a module, each `plot_x(result, ax=None) -> Axes`, units on the axes, no display."""

@@ -1,0 +1,178 @@
+"""Maps over the pad: deadband and largest signal change at each place of the workspace.
+
+A cell stands for the press at its centre; nothing is interpolated between places. Cells at the border
+reach half a pitch beyond the workspace, which is drawn dashed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
+
+from design.cavity import CavityGeometry, PlacedPart
+from design.layout import Wall
+from sims.plots.style import BLUE, INK, MUTED, VERMILLION, WIDTH_IN, axes_or_new
+from sims.verdict.pad_map import PadMap, Place
+
+FloatArray = NDArray[np.float64]
+
+DEAD_COLOURS = LinearSegmentedColormap.from_list("deadband", ["#f7f4ef", "#f2b98a", VERMILLION, "#5c2200"])
+CHANGE_COLOURS = LinearSegmentedColormap.from_list("change", ["#f2f6f9", "#9cc9e6", BLUE, "#002e4a"])
+OUTWARD: dict[Wall, tuple[float, float]] = {
+    "south": (0.0, -1.0),
+    "east": (1.0, 0.0),
+    "north": (0.0, 1.0),
+    "west": (-1.0, 0.0),
+}
+MOST_LABELS = 32
+"""Parts with their names beside them; more would overlap."""
+
+
+def plot_deadband_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None = None) -> Axes:
+    """Summed deadband at each place [mm], with the worst place framed if there is any deadband."""
+    ax = axes_or_new(ax, _height_in(cavity))
+    dead_mm = pad_map.deadband_grid_mm()
+    deepest = max(float(dead_mm.max()), 1e-9)
+    _draw_cells(ax, pad_map, cavity, dead_mm, DEAD_COLOURS, (0.0, deepest), "deadband at this place [mm]")
+    _draw_pad(ax, cavity)
+    if pad_map.worst.deadbands_mm:
+        _mark(ax, pad_map.worst, pad_map, cavity)
+    return ax
+
+
+def plot_change_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None = None) -> Axes:
+    """Largest change of any judged pair over the whole press at each place [noise units]; the weakest framed."""
+    ax = axes_or_new(ax, _height_in(cavity))
+    change = np.array([place.largest_change for place in pad_map.places]).reshape(
+        len(pad_map.y_mm), len(pad_map.x_mm)
+    )
+    label = "largest change of a pair [noise units]"
+    _draw_cells(ax, pad_map, cavity, change, CHANGE_COLOURS, (0.0, float(change.max()) or 1.0), label)
+    _draw_pad(ax, cavity)
+    _mark(ax, min(pad_map.places, key=lambda place: place.largest_change), pad_map, cavity)
+    return ax
+
+
+def _height_in(cavity: CavityGeometry) -> float:
+    return max(2.2, (WIDTH_IN - 1.4) * cavity.width_mm / cavity.length_mm + 0.8)
+
+
+def _draw_cells(
+    ax: Axes,
+    pad_map: PadMap,
+    cavity: CavityGeometry,
+    values: FloatArray,
+    colours: LinearSegmentedColormap,
+    span: tuple[float, float],
+    label: str,
+) -> None:
+    pitch = _pitch_mm(pad_map, cavity)
+    mesh = ax.pcolormesh(
+        _edges_mm(pad_map.x_mm, pitch, cavity.length_mm),
+        _edges_mm(pad_map.y_mm, pitch, cavity.width_mm),
+        values,
+        cmap=colours,
+        norm=Normalize(*span),
+        edgecolor="white",
+        linewidth=0.5,
+    )
+    assert ax.figure is not None
+    ax.figure.colorbar(mesh, ax=ax, label=label, shrink=0.75, aspect=24, pad=0.02)
+    size = 8.0 if max(len(pad_map.x_mm), len(pad_map.y_mm)) <= 7 else 5.5
+    for (row, column), value in np.ndenumerate(values):
+        share = (float(value) - span[0]) / (span[1] - span[0])
+        ax.text(
+            pad_map.x_mm[column],
+            pad_map.y_mm[row],
+            _number(float(value), size),
+            ha="center",
+            va="center",
+            fontsize=size,
+            color="white" if share > 0.55 else INK,
+            bbox={"facecolor": colours(share), "linewidth": 0, "pad": 0.6},
+        )
+
+
+def _number(value: float, size: float) -> str:
+    if value == 0.0 or value >= 20.0:
+        return f"{value:.0f}"
+    return f"{value:.2f}" if size > 6 else f"{value:.1f}"
+
+
+def _pitch_mm(pad_map: PadMap, cavity: CavityGeometry) -> float:
+    """Distance of neighbouring places; with one place only, the side of the workspace [mm]."""
+    for lines in (pad_map.x_mm, pad_map.y_mm):
+        if len(lines) > 1:
+            return lines[1] - lines[0]
+    space = cavity.workspace
+    return max(space.x1_mm - space.x0_mm, space.y1_mm - space.y0_mm, 1.0)
+
+
+def _edges_mm(lines: tuple[float, ...], pitch_mm: float, side_mm: float) -> FloatArray:
+    """Cell borders half-way between places, kept inside the cavity [mm]."""
+    centres = np.array(lines)
+    step = centres[1] - centres[0] if len(centres) > 1 else pitch_mm
+    return np.clip(np.append(centres - step / 2, centres[-1] + step / 2), 0.0, side_mm)
+
+
+def _draw_pad(ax: Axes, cavity: CavityGeometry) -> None:
+    space = cavity.workspace
+    ax.add_patch(
+        Rectangle((0, 0), cavity.length_mm, cavity.width_mm, fill=False, edgecolor=INK, linewidth=1.2)
+    )
+    inner = Rectangle(
+        (space.x0_mm, space.y0_mm),
+        space.x1_mm - space.x0_mm,
+        space.y1_mm - space.y0_mm,
+        fill=False,
+        edgecolor=INK,
+        linewidth=0.8,
+        linestyle=(0, (4, 3)),
+    )
+    inner.set_gid("workspace")
+    ax.add_patch(inner)
+    for part in cavity.parts:
+        _draw_part(ax, part, cavity)
+    room = 0.10 * max(cavity.length_mm, cavity.width_mm)
+    ax.set_xlim(-room, cavity.length_mm + room)
+    ax.set_ylim(-room, cavity.width_mm + room)
+    ax.set_aspect("equal")
+    ax.spines[["left", "bottom"]].set_visible(False)
+    ax.set_xlabel("x [mm]")
+    ax.set_ylabel("y [mm]")
+
+
+def _draw_part(ax: Axes, part: PlacedPart, cavity: CavityGeometry) -> None:
+    x, y, _ = part.position_mm(cavity.length_mm, cavity.width_mm)
+    is_emitter = part.kind == "emitter"
+    ax.plot(
+        x,
+        y,
+        marker="o" if is_emitter else "s",
+        markersize=5,
+        color=VERMILLION if is_emitter else BLUE,
+        markeredgecolor="white",
+        clip_on=False,
+        zorder=5,
+    )
+    if len(cavity.parts) <= MOST_LABELS:
+        right, up = OUTWARD[part.wall]
+        reach = 0.05 * max(cavity.length_mm, cavity.width_mm)
+        ax.text(
+            x + right * reach, y + up * reach, part.name, ha="center", va="center", fontsize=6.5, color=MUTED
+        )
+
+
+def _mark(ax: Axes, place: Place, pad_map: PadMap, cavity: CavityGeometry) -> None:
+    """A frame around one place's cell, with the group identifier ``marked``."""
+    pitch = _pitch_mm(pad_map, cavity)
+    x_mm = _edges_mm(pad_map.x_mm, pitch, cavity.length_mm)
+    y_mm = _edges_mm(pad_map.y_mm, pitch, cavity.width_mm)
+    column, row = pad_map.x_mm.index(place.x_mm), pad_map.y_mm.index(place.y_mm)
+    corner, size = (x_mm[column], y_mm[row]), (np.diff(x_mm)[column], np.diff(y_mm)[row])
+    frame = Rectangle(corner, *size, fill=False, edgecolor=INK, linewidth=2.2, zorder=4)
+    frame.set_gid("marked")
+    ax.add_patch(frame)

@@ -1,0 +1,142 @@
+"""Signal of one pair against depth: its light by path, the two modes, and where it is blind.
+
+All curves are shares of the untouched total, before noise, gain and clipping; deadbands and modes are
+those of the pair's score. "Other" is what is neither direct nor mirrored by the top: light that walls,
+bottom or tip scatter.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from sims.plots.style import BLUE, GREEN, INK, MUTED, PALE_BLUE, PALE_ORANGE, VERMILLION, axes_or_new
+from sims.verdict.result import JudgedPair
+
+FloatArray = NDArray[np.float64]
+HEIGHT_IN = 3.9
+SPANS = ("mode", "deadband")
+"""How the labels of shaded areas begin; they follow the curves in the legend."""
+
+TOTAL: dict[str, Any] = {"color": INK, "linewidth": 2.2, "linestyle": "-"}
+DIRECT: dict[str, Any] = {"color": BLUE, "linewidth": 1.6, "linestyle": (0, (6, 2))}
+TOP: dict[str, Any] = {"color": VERMILLION, "linewidth": 1.6, "linestyle": (0, (2, 1.2))}
+OTHER: dict[str, Any] = {"color": GREEN, "linewidth": 1.6, "linestyle": (0, (5, 1.5, 1, 1.5))}
+
+
+def plot_signal(pair: JudgedPair, ax: Axes | None = None) -> Axes:
+    """Light of a pair over its untouched total [-] against depth [mm].
+
+    Shaded areas carry the group identifiers ``mode1``, ``mode2`` and ``deadband``.
+    """
+    ax = axes_or_new(ax, HEIGHT_IN)
+    deepest = float(pair.curves.depth_mm[-1])
+    _shade_modes(ax, pair, deepest)
+    _draw_curves(ax, pair)
+    _hatch_deadbands(ax, pair)
+    _mark_boundaries(ax, pair)
+    _mark_full_scale(ax, pair)
+    ax.set_xlim(0.0, deepest)
+    ax.set_ylim(-0.03, 1.05 * max(1.0, float((pair.curves.total / pair.curves.total[0]).max())))
+    ax.set_xlabel("depth of the press [mm]")
+    ax.set_ylabel("light / untouched total [-]")
+    handles, labels = ax.get_legend_handles_labels()
+    order = sorted(range(len(labels)), key=lambda number: labels[number].startswith(SPANS))
+    ax.legend(
+        [handles[number] for number in order],
+        [labels[number] for number in order],
+        loc="upper left",
+        bbox_to_anchor=(-0.02, -0.17),
+        ncols=2,
+        handlelength=2.6,
+        columnspacing=1.4,
+    )
+    return ax
+
+
+def _draw_curves(ax: Axes, pair: JudgedPair) -> None:
+    curves = pair.curves
+    untouched = float(curves.total[0])
+    other = curves.total - curves.direct - curves.top
+    for label, light, look in (
+        ("total", curves.total, TOTAL),
+        ("direct", curves.direct, DIRECT),
+        ("top, mirrored", curves.top, TOP),
+        ("other, scattered", other, OTHER),
+    ):
+        ax.plot(curves.depth_mm, light / untouched, label=label, **look)
+
+
+def _shade_modes(ax: Axes, pair: JudgedPair, deepest_mm: float) -> None:
+    modes = pair.score.modes
+    start, end = modes.mode1_mm
+    if end > start:
+        area = ax.axvspan(
+            start, end, facecolor=PALE_ORANGE, linewidth=0, label=f"mode 1: {start:.2f} to {end:.2f} mm"
+        )
+        area.set_gid("mode1")
+    onset, last = modes.mode2_mm
+    if onset is not None:
+        text = f"mode 2: {onset:.2f} mm to {'beyond' if last is None else f'{last:.2f} mm'}"
+        area = ax.axvspan(
+            onset,
+            deepest_mm if last is None else last,
+            facecolor=PALE_BLUE,
+            linewidth=0,
+            alpha=0.75,
+            label=text,
+        )
+        area.set_gid("mode2")
+
+
+def _hatch_deadbands(ax: Axes, pair: JudgedPair) -> None:
+    for number, (start, end) in enumerate(pair.score.deadbands_mm):
+        several = f" {number + 1}" if len(pair.score.deadbands_mm) > 1 else ""
+        area = ax.axvspan(
+            start,
+            end,
+            facecolor="none",
+            edgecolor=MUTED,
+            hatch="////",
+            linewidth=0,
+            label=f"deadband{several}: {start:.2f} to {end:.2f} mm",
+        )
+        area.set_gid("deadband")
+
+
+def _mark_boundaries(ax: Axes, pair: JudgedPair) -> None:
+    """Lines at the end of mode 1 and the onset of mode 2; of two labels the left one ends at its line."""
+    modes = pair.score.modes
+    marks = [(modes.mode1_mm[1], "mode 1 ends", VERMILLION)]
+    if modes.mode2_mm[0] is not None:
+        marks.append((modes.mode2_mm[0], "mode 2 begins", BLUE))
+    for place, (depth_mm, text, colour) in enumerate(sorted(marks)):
+        ax.axvline(depth_mm, color=colour, linewidth=1.0)
+        ends_here = place == 0 and len(marks) > 1
+        ax.annotate(
+            text,
+            (depth_mm, 1.0),
+            xycoords=("data", "axes fraction"),
+            xytext=(2 if ends_here else -2, 3),
+            textcoords="offset points",
+            ha="right" if ends_here else "left",
+            va="bottom",
+            color=colour,
+            fontsize=8,
+        )
+
+
+def _mark_full_scale(ax: Axes, pair: JudgedPair) -> None:
+    if not pair.score.is_clipped:
+        return
+    brightest = float(pair.curves.total.max() / pair.curves.total[0])
+    ax.axhline(
+        brightest / pair.score.peak_share_of_full_scale,
+        color=MUTED,
+        linewidth=1.0,
+        linestyle=":",
+        label="full scale of the converter",
+    )

@@ -1,0 +1,104 @@
+"""How firm a verdict is: deadband and mode gap of the governing pair at both ends of every open value's band."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+from sims.plots.style import BLUE, GREY, GRID, INK, VERMILLION, axes_or_new
+from sims.verdict.tolerance import ToleranceBand, ToleranceRow
+
+ROW_IN = 0.42
+FRAME_IN = 1.0
+NOTHING = "mode 2 not reached"
+
+
+def plot_tolerance(band: ToleranceBand, ax: Axes | None = None) -> Axes:
+    """Summed deadband [mm] at the low and the high end of each value; rows that turn the verdict are starred."""
+    ax = axes_or_new(ax, FRAME_IN + ROW_IN * len(band.rows))
+    _draw_bars(ax, [row.deadband_mm for row in band.rows], band.deadband_mm)
+    most = max([band.deadband_range_mm[1], 0.1])
+    ax.set_xlim(-0.04 * most, 1.08 * most)
+    _name_rows(ax, band.rows)
+    ax.set_xlabel(f"deadband of {band.pair} [mm]")
+    _explain(ax)
+    return ax
+
+
+def plot_gap_tolerance(band: ToleranceBand, ax: Axes | None = None) -> Axes:
+    """Mode gap [mm] at the low and the high end of each value; an end without mode 2 stands as text."""
+    ax = axes_or_new(ax, FRAME_IN + ROW_IN * len(band.rows))
+    _draw_bars(ax, [row.gap_mm for row in band.rows], band.gap_mm)
+    for number, row in enumerate(band.rows):
+        if None in row.gap_mm:
+            which = (
+                "both ends"
+                if row.gap_mm == (None, None)
+                else ("low", "high")[row.gap_mm.index(None)] + " end"
+            )
+            ax.annotate(
+                f"{which}: {NOTHING}",
+                (1.0, number),
+                xycoords=("axes fraction", "data"),
+                ha="right",
+                va="bottom",
+                xytext=(0, 3),
+                textcoords="offset points",
+                fontsize=7,
+            )
+    ax.margins(x=0.08)
+    _name_rows(ax, band.rows)
+    ax.set_xlabel(f"mode gap of {band.pair} [mm]")
+    _explain(ax)
+    return ax
+
+
+def row_label(row: ToleranceRow) -> str:
+    """The value's path without its section of measurements, starred if it turns the verdict, and the ends tried."""
+    name = row.path.removeprefix("part_measurements.")
+    return f"{'* ' if row.flips else ''}{name}\n{row.values[0]:.3g} / {row.values[1]:.3g}"
+
+
+def _draw_bars(ax: Axes, ends: Sequence[tuple[float | None, float | None]], at_design: float | None) -> None:
+    if at_design is not None:
+        ax.axvline(at_design, color=INK, linewidth=1.0, linestyle="--")
+    for row, (low, high) in enumerate(ends):
+        known = [value for value in (low, high, at_design) if value is not None]
+        if known:
+            ax.plot(
+                [min(known), max(known)],
+                [row, row],
+                color=GREY,
+                linewidth=5,
+                alpha=0.6,
+                solid_capstyle="butt",
+            )
+        for value, marker, colour in ((low, "<", BLUE), (high, ">", VERMILLION)):
+            if value is not None:
+                ax.plot(
+                    value, row, marker, color=colour, markersize=7, markeredgecolor="white", linestyle="none"
+                )
+
+
+def _name_rows(ax: Axes, rows: Sequence[ToleranceRow]) -> None:
+    ax.set_yticks(range(len(rows)), [row_label(row) for row in rows], fontsize=7)
+    ax.set_ylim(len(rows) - 0.5, -0.5)
+    ax.tick_params(axis="y", length=0)
+    ax.grid(axis="x", color=GRID, linewidth=0.6)
+
+
+def _explain(ax: Axes) -> None:
+    ax.legend(
+        handles=[
+            Line2D([], [], marker="<", color=BLUE, linestyle="none", label="low end"),
+            Line2D([], [], marker=">", color=VERMILLION, linestyle="none", label="high end"),
+            Line2D([], [], color=INK, linestyle="--", linewidth=1.0, label="design"),
+        ],
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=3,
+        handletextpad=0.3,
+        columnspacing=1.0,
+    )
