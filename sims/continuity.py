@@ -145,7 +145,7 @@ def _pad_map(
     x_mm, y_mm = map_grid_mm(cavity, FINE_PLACES if fine else COARSE_PLACES)
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm, MAP_STEP_MM[fine])
     places_mm = grid_places_mm(cavity.workspace, x_mm, y_mm)
-    light = pad_light(design, places_mm, depth_mm, seed=seed, on_step=lambda s: tell("map", s))
+    light = pad_light(design, cavity, places_mm, depth_mm, seed=seed, on_step=lambda s: tell("map", s))
     mask = direct_path_pairs(cavity)
     counts = readout.counts(light.flux[:, mask]).reshape(len(places_mm), len(depth_mm), -1)
     pad_map = PadMap(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -140,7 +141,7 @@ def parsed_sweep(text: str) -> tuple[str, list[Any]]:
         first, last, step = (float(number) for number in span.split(":"))
     except ValueError:
         raise InputError(f"sweep: {span!r} is refused: write A:B:STEP, three numbers") from None
-    count = int((last - first) / step + 1e-9) + 1 if step > 0 else 0
+    count = math.floor((last - first) / step + 1e-9) + 1 if step > 0 else 0
     if not 1 <= count <= MAX_SWEEP_VALUES:
         raise InputError(
             f"sweep: {span!r} holds {max(count, 0)} values; give 1 to {MAX_SWEEP_VALUES}, step above 0"
