@@ -129,8 +129,8 @@ def loads_or_runs_code(tree: ast.Module) -> set[str]:
     modules = {module.partition(".")[0] for module in imported_modules(tree)}
     calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
     names = {call.func.id for call in calls if isinstance(call.func, ast.Name)}
-    keywords = {keyword.arg or "" for call in calls for keyword in call.keywords}
-    return modules & REFUSED_MODULES | names & REFUSED_CALLS | keywords & {"allow_pickle"}
+    keywords = {ast.unparse(keyword) for call in calls for keyword in call.keywords}
+    return modules & REFUSED_MODULES | names & REFUSED_CALLS | keywords & {"allow_pickle=True"}
 
 
 def test_nothing_loads_or_runs_code_from_data() -> None:
