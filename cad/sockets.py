@@ -173,7 +173,7 @@ def lead_offsets_mm(part: Part) -> tuple[float, ...]:
 
 def lead_setback_mm(part: Part) -> float:
     """Distance of the leads of a radial part behind its active face [mm]."""
-    return part.body_depth_mm.value / 2
+    return part.lead_setback_mm.value if part.lead_setback_mm else part.body_depth_mm.value / 2
 
 
 def _holes(part: PlacedPart, mold: Mold, frame: WallFrame, pocket: Cut, bottom_mm: float) -> tuple[Hole, ...]:

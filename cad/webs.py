@@ -247,7 +247,7 @@ def _of_hole(socket: Socket, hole: Hole, outline: MoldOutline, web: float, where
             value_mm=value,
             needed_mm=needed,
             where=where,
-            remedy="lower mold.lead_clearance_mm, or use another part (body_depth_mm, body_width_mm, lead_*)",
+            remedy="lower mold.lead_clearance_mm, or use another part (lead_setback_mm, body_width_mm, lead_pitch_mm)",
         )
 
 

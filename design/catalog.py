@@ -116,6 +116,9 @@ class Part(Model):
         LengthMm, Field(description="diagonal of a square lead; for surface parts, of the wire soldered on")
     ]
     lead_count: Annotated[int, Field(ge=2, le=16)]
+    lead_setback_mm: Annotated[
+        LengthMm | None, Field(description="radial: leads behind the active face; default: half the body's depth")
+    ] = None
     wavelength_nm: Annotated[WavelengthNm | None, Field(description="emitter: effective wavelength")] = None
     forward_voltage_v: Annotated[VoltageV | None, Field(description="emitter: at its rated current")] = None
     max_current_ma: Annotated[CurrentMa | None, Field(description="emitter: continuous")] = None

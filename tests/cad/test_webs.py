@@ -33,16 +33,16 @@ def test_the_pads_clearances_by_hand():
     found = named(DESIGN)
     wanted = {
         "wall": (45 - 32) / 2,
-        "fixing hole to outer face": (2 * 3.25 - 2.0) / math.sqrt(2) - 1.6,  # the origin cut is nearest
-        "fixing hole to cavity": math.hypot(3.25 - 1.5, 3.25 - 1.5) - 1.6,
+        "fixing hole to outer face": (2 * 3.1 - 2.0) / math.sqrt(2) - 1.6,  # the origin cut is nearest
+        "fixing hole to cavity": math.hypot(6.5 - 3.1 - 1.5, 6.5 - 3.1 - 1.5) - 1.6,
         "pocket to corner": 4.0 - 2.7,
         "pocket to pocket": 8.0 - 2.7 - 1.9,
         "pocket back to outer face": 6.5 - 4.1 - 0.15,
         "floor under pocket": 6.0 - 3.45 - 0.15 + 4.0,
         "pocket below fill level": 8.0 - (5.0 - 1.4 - 0.15),
         "lead hole to lead hole": 2.54 - 0.94,
-        "lead hole to cavity": 4.1 / 2 - 0.47,
-        "lead hole to outer face": 6.5 - 4.1 / 2 - 0.47,
+        "lead hole to cavity": 1.55 - 0.47,
+        "lead hole to outer face": 6.5 - 1.55 - 0.47,
         "lead hole to pocket edge": 2.7 - 1.27 - 0.47,
         "wire slot to wire slot": 2.8 - 1.1,
     }
@@ -85,7 +85,7 @@ def test_overlapping_pockets_are_refused_with_both_names():
         ({"mold.floor_mm": 0.6, "receivers.height_mm": 2.0}, "floor under pocket", "mold.floor_mm"),
         ({"emitters.height_mm": 9.0}, "pocket below fill level", "height_mm"),
         ({"part_measurements": {SFH: {"lead_pitch_mm": 4.4}}}, "lead hole to pocket edge", "body_width_mm"),
-        ({"part_measurements": {SFH: {"body_depth_mm": 2.0}}}, "lead hole to cavity", "body_depth_mm"),
+        ({"part_measurements": {SFH: {"lead_setback_mm": 1.0}}}, "lead hole to cavity", "lead_setback_mm"),
     ],
 )
 def test_a_refusal_names_the_clearance_and_the_field(changes, name, field):
