@@ -2,8 +2,8 @@
 
 Four round holes stand in the corners, each `fixing_hole_inset_mm` from both outer faces. The mold is
 symmetric, but the parts need not be, so every hole is held against every socket. A surface part's
-wires leave through a slot of the socket's full width at most: the slot is taken as wide as its wires
-and as the material to the outer face is deep.
+wires leave outward through slots behind the socket, at their pitch where that leaves webs between
+them and fits behind the body, else close together through one; both are taken as one slot.
 
 Left out: the pour lip, and the rounding of the outer edges.
 """
@@ -18,7 +18,7 @@ from itertools import product
 from design.cavity import CavityGeometry, PlacedPart
 from design.finding import Finding, error, mm
 from design.layout import Wall
-from design.spec import SensorDesign
+from design.spec import Mold, SensorDesign
 from design.wall_fit import ROUNDING_MM, socket_of, wall_thickness_mm
 
 HOLE_WAY_OUT = (
@@ -97,16 +97,20 @@ def _rooms(
     socket = socket_of(part, design.mold)
     rooms = [_in_plan(part.wall, cavity, socket.low_mm, socket.high_mm, 0.0, socket.depth_mm)]
     if part.part.mounting == "surface":
-        half = _wires_half_width_mm(part, design.mold.lead_clearance_mm)
+        half = _wires_half_width_mm(part, design.mold)
         low, high = max(part.along_mm - half, socket.low_mm), min(part.along_mm + half, socket.high_mm)
         rooms.append(_in_plan(part.wall, cavity, low, high, socket.depth_mm, thickness_mm))
     return rooms
 
 
-def _wires_half_width_mm(part: PlacedPart, lead_clearance_mm: float) -> float:
+def _wires_half_width_mm(part: PlacedPart, mold: Mold) -> float:
+    """Half of the width that the wires take: side by side at their pitch, or close together [mm]."""
     entry = part.part
+    wire = entry.lead_diameter_mm.value + mold.lead_clearance_mm
     row = (entry.lead_count - 1) * entry.lead_pitch_mm.value
-    return (row + entry.lead_diameter_mm.value + lead_clearance_mm) / 2
+    room = entry.body_width_mm.value + 2 * mold.part_clearance_mm
+    is_apart = entry.lead_pitch_mm.value - wire >= mold.min_web_mm and row <= room
+    return (row + wire if is_apart else entry.lead_count * wire) / 2
 
 
 def _in_plan(

@@ -218,11 +218,13 @@ def _lead_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator[Fin
     for part_id, entry in radial.items():
         radius = (entry.lead_diameter_mm.value + mold.lead_clearance_mm) / 2
         reach = (entry.lead_count - 1) / 2 * entry.lead_pitch_mm.value + radius
-        edge = entry.body_width_mm.value / 2 + mold.part_clearance_mm
+        setback = entry.lead_setback_mm.value if entry.lead_setback_mm else entry.body_depth_mm.value / 2
+        beside = entry.body_width_mm.value / 2 + mold.part_clearance_mm - reach
+        behind = entry.body_depth_mm.value + mold.part_clearance_mm - setback - radius
         for what, have, need in (
             ("between the lead holes", entry.lead_pitch_mm.value - 2 * radius, mold.min_web_mm),
-            ("from the lead holes to the cavity", entry.body_depth_mm.value / 2 - radius, mold.min_web_mm),
-            ("from the lead holes to the socket's edge", edge - reach, LEDGE_MM),
+            ("from the lead holes to the cavity", setback - radius, mold.min_web_mm),
+            ("from the lead holes to the socket's edge", min(beside, behind), LEDGE_MM),
         ):
             if have < need - ROUNDING_MM:
                 yield error(
@@ -243,7 +245,7 @@ def height_field(design: SensorDesign, part: PlacedPart) -> str:
 
 def _worst(webs: Iterable[Web]) -> Iterator[tuple[Web, str]]:
     """The narrowest of some webs and how many more there are; nothing for none."""
-    found = sorted(webs, key=lambda web: web.width_mm)
+    found = sorted(webs, key=lambda web: round(web.width_mm, 6))  # equal ones stay in order
     if found:
         more = len(found) - 1
         yield found[0], f" (and {more} more place{'s' if more > 1 else ''})" if more else ""

@@ -163,14 +163,14 @@ def _numbers(hint: Any, path: str, limits: tuple[Any, ...] = ()) -> Iterator[Num
 
 
 def _limited(field: NumericField, limits: tuple[Any, ...]) -> NumericField:
+    names = {
+        at.Ge: ("ge", "at_least"),
+        at.Gt: ("gt", "above"),
+        at.Le: ("le", "at_most"),
+        at.Lt: ("lt", "below"),
+    }
     for limit in limits:
-        match limit:
-            case at.Ge():
-                field = replace(field, at_least=limit.ge)
-            case at.Gt():
-                field = replace(field, above=limit.gt)
-            case at.Le():
-                field = replace(field, at_most=limit.le)
-            case at.Lt():
-                field = replace(field, below=limit.lt)
+        if type(limit) in names:
+            theirs, ours = names[type(limit)]
+            field = replace(field, **{ours: getattr(limit, theirs)})
     return field

@@ -8,9 +8,8 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 
-from design import io
 from design.errors import DesignError, OptopadError
 from design.io import dump_design, load_design, save_design, without_empty, write_text_atomically
 from design.migrate import migrated
@@ -57,7 +56,7 @@ def my_led_file() -> str:
     return MY_LED + lengths + rest
 
 
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=20)
 @given(designs())
 def test_saving_and_loading_gives_the_same_digest(design: SensorDesign) -> None:
     with tempfile.TemporaryDirectory() as folder:
@@ -149,7 +148,7 @@ def test_a_failed_write_leaves_the_old_file_and_no_other(
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(io.os, "replace", full)
+    monkeypatch.setattr(os, "replace", full)
     with pytest.raises(OptopadError, match="No space left on device"):
         write_text_atomically(file, "half")
     assert [path.name for path in tmp_path.iterdir()] == ["d.toml"]

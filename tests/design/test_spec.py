@@ -7,7 +7,7 @@ import tomllib
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
@@ -247,7 +247,7 @@ def test_a_digest_changes_with_every_field(path: str, value: Any) -> None:
     assert changed_leaf(path, value).digest != full.digest
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=60)
 @given(designs())
 def test_any_design_survives_its_text(design: SensorDesign) -> None:
     again = from_text(dump_design(design))
@@ -255,7 +255,7 @@ def test_any_design_survives_its_text(design: SensorDesign) -> None:
     assert again.digest == design.digest
 
 
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=30)
 @given(designs(), st.randoms(use_true_random=False))
 def test_a_digest_does_not_depend_on_the_order_of_keys(design: SensorDesign, order: Any) -> None:
     def shuffled(document: Any) -> Any:

@@ -1,0 +1,75 @@
+"""The packaged designs: what they claim, and that nothing stands in their way."""
+
+from __future__ import annotations
+
+import tomllib
+
+import pytest
+
+from design.cavity import cavity_of
+from design.errors import InputError
+from design.pairs import facing_pairs
+from design.preset import PRESETS, preset, preset_text, renamed_text
+from design.rules import check, require_valid
+from design.spec import SensorDesign
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_preset_has_no_errors(name: str) -> None:
+    require_valid(preset(name))
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_preset_is_called_as_it_is_named(name: str) -> None:
+    assert preset(name).name == name
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_renamed_preset_keeps_its_comments_and_everything_else(name: str) -> None:
+    text = renamed_text(preset_text(name), "my-pad")
+    design = SensorDesign.from_document(tomllib.loads(text), where="my-pad")
+    assert design.name == "my-pad"
+    assert design.with_(name=name).digest == preset(name).digest
+    assert text.count("#") == preset_text(name).count("#")
+
+
+def test_a_new_name_is_taken_as_it_is() -> None:
+    assert renamed_text('name = "a"\n', r"\1\g<0>") == 'name = "\\1\\g<0>"\n'
+
+
+def test_the_published_pad_is_as_stated() -> None:
+    pad = preset("piacenza2017-pad")
+    cavity = cavity_of(pad)
+    assert (pad.mold.outer_length_mm, pad.mold.outer_width_mm) == (45.0, 45.0)
+    assert (cavity.length_mm, cavity.width_mm, cavity.clear_mm, cavity.black_mm) == (32.0, 32.0, 8.0, 1.0)
+    assert (len(cavity.emitters), len(cavity.receivers)) == (8, 8)
+    assert (cavity.workspace.x0_mm, cavity.workspace.x1_mm) == (6.0, 26.0)
+    assert pad.elastomer.mixing_ratio == 20.0
+    assert pad.indenter.tip_radius_mm == 3.0
+    assert pad.board.frame_rate_hz == 60.0
+    assert pad.operating.max_depth_mm == 5.0
+
+
+def test_the_published_pair_is_as_stated() -> None:
+    pair = cavity_of(preset("piacenza2017-pair"))
+    assert (len(pair.emitters), len(pair.receivers)) == (3, 3)
+    assert facing_pairs(pair)[0] == (1, 1)
+    assert pair.length_mm == 20.0
+    assert pair.emitters[0].part_id == "sunled-xscwd23mb"
+    assert pair.receivers[0].part_id == "osram-sfh206k"
+
+
+def test_the_oblong_pad_measures_60_by_40() -> None:
+    cavity = cavity_of(preset("oblong-60x40"))
+    assert (cavity.length_mm, cavity.width_mm) == (60.0, 40.0)
+    assert (len(cavity.emitters), len(cavity.receivers)) == (12, 12)
+
+
+def test_the_published_pad_has_no_warning() -> None:
+    assert check(preset("piacenza2017-pad")) == ()
+
+
+def test_an_unknown_preset_offers_the_nearest() -> None:
+    with pytest.raises(InputError, match="did you mean piacenza2017-pad") as caught:
+        preset("piacenza-pad")
+    assert all(name in str(caught.value) for name in PRESETS)

@@ -1,0 +1,89 @@
+"""On the command line a bad design ends with exit code 2 and one message, and leaves no file behind."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from optopad.cli.main import BAD_INPUT, main
+from tests.design.bad_designs import BAD_DESIGNS, FILE_NAME, BadDesign, design_text, put
+from tests.design.test_bad_input import JARGON
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder for the bad file, while the command runs in another, empty one."""
+    (tmp_path / "here").mkdir()
+    (tmp_path / "files").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    return tmp_path / "files"
+
+
+def everything_under(folder: Path) -> list[Path]:
+    return sorted(folder.rglob("*"))
+
+
+def refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> tuple[str, str]:
+    """Standard output and error of a command that must end with exit code 2."""
+    assert main(arguments) == BAD_INPUT
+    return capsys.readouterr()
+
+
+@pytest.mark.parametrize("bad", BAD_DESIGNS, ids=lambda bad: bad.id)
+def test_making_something_of_a_bad_design_is_refused_on_standard_error(
+    bad: BadDesign, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = put(bad, folder)
+    before = everything_under(folder.parent)
+    out, err = refused(["build", str(path), "--out", str(folder.parent / "out")], capsys)
+    assert out == ""
+    assert err.startswith("optopad: ")
+    for word in bad.words:
+        assert word in err
+    for word in JARGON:
+        assert word not in err
+    assert everything_under(folder.parent) == before
+
+
+@pytest.mark.parametrize("bad", BAD_DESIGNS, ids=lambda bad: bad.id)
+def test_checking_a_bad_design_shows_its_fault_and_writes_nothing(
+    bad: BadDesign, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = put(bad, folder)
+    before = everything_under(folder.parent)
+    out, err = refused(["check", str(path)], capsys)
+    for word in bad.words:
+        assert word in out + err
+    for word in JARGON:
+        assert word not in out + err
+    assert everything_under(folder.parent) == before
+
+
+def test_a_check_of_the_good_design_ends_with_zero(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / FILE_NAME).write_text(design_text(), encoding="utf-8")
+    assert main(["check", str(folder / FILE_NAME)]) == 0
+    assert capsys.readouterr().out == "bad: 0 errors, 0 warnings\n"
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ("cavity.clear_thickness_mm=0.5", "cavity.clear_thickness_mm: 0.5 is refused: must be at least 1 mm"),
+        (
+            "cavity.clear_thickness_mm=thick",
+            "cavity.clear_thickness_mm: 'thick' is refused: must be a number",
+        ),
+        ("cavity.clear_thicknes_mm=8", "did you mean cavity.clear_thickness_mm"),
+        ("cavity.clear_thickness_mm", "PATH=VALUE"),
+        ("=8", "PATH=VALUE"),
+        ("layout.7.count=3", "layout.7.count: no such field"),
+        ("name=../../x", "no folders"),
+    ],
+)
+def test_a_bad_change_is_refused_with_its_path(
+    change: str, words: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / FILE_NAME).write_text(design_text(), encoding="utf-8")
+    _, err = refused(["check", str(folder / FILE_NAME), "--set", change], capsys)
+    assert words in err
