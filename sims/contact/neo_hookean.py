@@ -38,6 +38,19 @@ def volumes(points: FloatArray, tetrahedra: IntArray) -> FloatArray:
     return np.asarray(np.linalg.det(_edges(points, tetrahedra)) / 6.0, dtype=np.float64)
 
 
+def elastic_energy(
+    rest: FloatArray, deformed: FloatArray, tetrahedra: IntArray, youngs_modulus: float, poisson_ratio: float
+) -> float:
+    """Energy stored in the body [force · length]; arguments as for `nodal_forces`."""
+    first, shear = lame_parameters(youngs_modulus, poisson_ratio)
+    rest_edges = _edges(rest, tetrahedra)
+    gradient = _edges(deformed, tetrahedra) @ np.linalg.inv(rest_edges)
+    dilation = np.linalg.det(gradient) - 1.0
+    squares = np.einsum("eij,eij->e", gradient, gradient)
+    density = 0.5 * shear * (squares - 3.0) - shear * dilation + 0.5 * (first + shear) * dilation**2
+    return float(np.abs(np.linalg.det(rest_edges)) @ density) / 6.0
+
+
 def nodal_forces(
     rest: FloatArray, deformed: FloatArray, tetrahedra: IntArray, youngs_modulus: float, poisson_ratio: float
 ) -> FloatArray:

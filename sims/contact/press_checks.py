@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sims.contact.neo_hookean import nodal_forces, volumes
+from sims.contact.neo_hookean import elastic_energy, nodal_forces, volumes
+from sims.contact.tip import tip_gap
 
 FloatArray = NDArray[np.float64]
 
@@ -45,7 +46,7 @@ class PressState:
     poisson_ratio : [-]
     copies : how many wedges make the full turn [-]
     contact_force : force of the full turn on the tip
-    penetration : deepest overlap of any surface facet with the tip
+    overlap : deepest overlap of a surface facet with the tip, as the solver sees it
     last_step : largest motion of a vertex in the last solver step
     steps : solver steps taken [-]
     """
@@ -58,7 +59,7 @@ class PressState:
     poisson_ratio: float
     copies: float
     contact_force: float
-    penetration: float
+    overlap: float
     last_step: float
     steps: int
 
@@ -71,10 +72,11 @@ class StepCheck:
     ----------
     depth, force : press depth and force
     reaction : vertical reaction of the bonded surfaces
-    penetration : deepest overlap of any surface facet with the tip
+    penetration : deepest overlap of the layer with the tip, by facets and by vertices
     last_step : largest motion of a vertex in the last solver step
     smallest_stretch : smallest volume ratio of an element [-]
     volume_loss : volume lost by compression, whole turn [R³]
+    energy : elastic energy of the layer, whole turn [E R³]
     steps : solver steps taken [-]
     """
 
@@ -85,6 +87,7 @@ class StepCheck:
     last_step: float
     smallest_stretch: float
     volume_loss: float
+    energy: float
     steps: float
 
 
@@ -99,18 +102,26 @@ def _reaction(state: PressState) -> float:
     return -state.copies * float(forces[state.is_bonded, 2].sum())
 
 
+def _penetration(state: PressState) -> float:
+    """Deepest overlap; vertices are looked at too, because the solver sees no contact that it missed."""
+    radius = np.hypot(state.deformed[:, 0], state.deformed[:, 1])
+    return max(state.overlap, 0.0, -float(tip_gap(radius, state.deformed[:, 2], state.depth).min()))
+
+
 def measure_press(state: PressState) -> StepCheck:
     """Measure a state without judging it."""
     rest_volumes = volumes(state.rest, state.elements)
     present_volumes = volumes(state.deformed, state.elements)
+    energy = elastic_energy(state.rest, state.deformed, state.elements, 1.0, state.poisson_ratio)
     return StepCheck(
         depth=state.depth,
         force=state.contact_force,
         reaction=_reaction(state),
-        penetration=state.penetration,
+        penetration=_penetration(state),
         last_step=state.last_step,
         smallest_stretch=float((present_volumes / rest_volumes).min()),
         volume_loss=state.copies * float((rest_volumes - present_volumes).sum()),
+        energy=state.copies * energy,
         steps=float(state.steps),
     )
 

@@ -1,11 +1,12 @@
 """A solved press: surfaces, forces and checks at stored depths, and everything in between.
 
 Between stored depths the trajectories of the material nodes of the top, r(d) and z(d), are
-interpolated by PCHIP (Fritsch and Carlson 1980: monotone data stay monotone). The flat state at depth
-0 is a stored state of its own, so below the first solved depth the surface tends to the flat one.
-Force is interpolated as F^(2/3), which is linear in depth in the Hertz limit; that keeps the right
-power law down to zero. The contact edge is found again on every interpolated surface. Nothing is
-extrapolated beyond the deepest solved depth.
+interpolated by PCHIP (Fritsch and Carlson 1980: monotone data stay monotone), with the flat state as
+depth 0, and the contact edge is found again on every interpolated surface. Force is interpolated as
+F^(2/3), which is linear in depth in the Hertz limit; that keeps the power law down to zero. Below the
+first solved depth (tip radius/150, 0.02 mm for a 3 mm tip) the contact is smaller than a mesh cell:
+there the heights of the first curve are scaled with the depth and its contact radius with the root of
+the depth, as Hertz' is. Nothing is extrapolated beyond the deepest solved depth.
 
 `UnitPress` has lengths in tip radii and forces in E R²; `SolvedPress` gives it units.
 """
@@ -43,6 +44,7 @@ class UnitPress:
     penetration, last_step : (depth,) overlap with the tip; last motion of the solver
     smallest_stretch : (depth,) smallest volume ratio of an element [-]
     volume_loss : (depth,) volume lost by compression [R³]
+    energy : (depth,) elastic energy of the layer [E R³]
     versions : names and versions of what computed it
     """
 
@@ -61,6 +63,7 @@ class UnitPress:
     last_step: FloatArray
     smallest_stretch: FloatArray
     volume_loss: FloatArray
+    energy: FloatArray
     versions: tuple[str, ...]
 
     @property
@@ -80,6 +83,10 @@ class UnitPress:
         """Depth -> force^(2/3)."""
         return PchipInterpolator(np.append(0.0, self.depths), np.append(0.0, self.force) ** (2 / 3))
 
+    def nodes_at(self, depth: float) -> FloatArray:
+        """(2, node) radii and heights of the top nodes at a depth [all tip radii]."""
+        return np.asarray(self._nodes(depth), dtype=np.float64)
+
     def force_at(self, depth: float) -> float:
         """Force [E R²] at a depth between 0 and the deepest solved one [tip radii]."""
         return float(self._force_root(depth) ** 1.5) if depth > 0.0 else 0.0
@@ -89,7 +96,11 @@ class UnitPress:
         if depth <= 0.0:
             flat = np.linspace(0.0, self.wall_radius, int(self.wall_radius / FAR_SPACING) + 1)
             return flat, np.zeros_like(flat), 0.0
-        nodes = self._nodes(depth)
+        first = float(self.depths[0])
+        if depth < first:
+            radius, height, contact_radius = self.curve_at(first)
+            return radius, height * (depth / first), contact_radius * (depth / first) ** 0.5
+        nodes = self.nodes_at(depth)
         tolerance = contact_tolerance(self.mesh_size, self.wedge_angle)
         return surface_curve(nodes[0], nodes[1], depth, spacing=self.mesh_size, tolerance=tolerance)
 

@@ -64,7 +64,7 @@ def _is_whole(press: UnitPress) -> bool:
 def read_entry(key: str) -> UnitPress | None:
     """The stored press, or None where there is none that can be used."""
     try:
-        with np.load(entry_path(key), allow_pickle=False) as entry:
+        with entry_path(key).open("rb") as file, np.load(file, allow_pickle=False) as entry:
             if str(entry["key"]) != key:
                 return None
             found: dict[str, object] = {f.name: entry[f.name] for f in fields(UnitPress)}

@@ -2,10 +2,16 @@
 
 The nodes of the finite-element top touch the tip to within a few micrometres (facets are chords of a
 round tip, and contact is a stiff penalty). Inside the contact the curve is therefore the tip itself.
-The contact ends where the gap vanishes: near the edge a frictionless gap grows with the power 3/2 of
-the distance along the tip (Johnson, Contact Mechanics, section 4.2), so gap^(2/3) of the first two free
-nodes is continued linearly to zero. From there a cubic spline runs through the free nodes; it starts
-tangent to the tip and ends at the bonded wall. It is resampled densely and never enters the tip.
+The contact edge, of radius a, is where the gap vanishes. The first free node, at distance s from the
+edge, is taken to have Hertz' gap (Johnson, Contact Mechanics, 1985, eq. 3.42):
+
+    gap = a²/R G(1 + s/a),  G(x) = x²/2 - 1 + ((2 - x²) arcsin(1/x) + sqrt(x² - 1)) / π
+
+G has the power 3/2 at the edge, which any frictionless contact has, so the edge is found to a fraction
+of the node spacing at every depth; a constant other than a²/R in a deep press matters little there.
+From the edge a cubic spline runs through
+the free nodes; it starts tangent to the tip and ends at the bonded wall. It is resampled densely and
+never enters the tip.
 All lengths in tip radii.
 """
 
@@ -16,6 +22,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.optimize import brentq
 
 from sims.contact.tip import outside_tip, tip_coordinate, tip_gap, tip_outline
 
@@ -38,6 +45,12 @@ def contact_tolerance(spacing: float, wedge_angle: float) -> float:
     return 1.5 * (spacing**2 / 8.0 + 1.0 - float(np.cos(0.5 * wedge_angle)))
 
 
+def hertz_gap(ratio: FloatArray) -> FloatArray:
+    """Gap beside a Hertz contact over contact radius²/tip radius [-], at radius over contact radius >= 1."""
+    free = (2.0 - ratio**2) * np.arcsin(1.0 / ratio) + np.sqrt(ratio**2 - 1.0)
+    return np.asarray(ratio**2 / 2.0 - 1.0 + free / np.pi, dtype=np.float64)
+
+
 def contact_coordinate(
     radius: FloatArray, height: FloatArray, depth: float, tolerance: float
 ) -> tuple[float, int]:
@@ -52,11 +65,17 @@ def contact_coordinate(
     gap = tip_gap(radius, height, depth)
     touching = np.flatnonzero(gap <= tolerance)
     first = int(touching.max()) + 1 if touching.size else 0
-    along = tip_coordinate(radius[first : first + 2], height[first : first + 2], depth)
-    inner, outer = gap[first : first + 2] ** (2 / 3)
-    edge = float(along[0] - inner * (along[1] - along[0]) / (outer - inner))
-    last_touch = float(tip_coordinate(radius[first - 1], height[first - 1], depth)) if first else 0.0
-    return min(max(edge, last_touch, 0.0), float(along[0])), first
+    along = tip_coordinate(radius, height, depth)
+
+    def excess(edge: float) -> float:
+        edge_radius, edge_height = tip_outline(np.array(edge), depth)
+        distance = np.hypot(radius[first] - edge_radius, height[first] - edge_height)
+        return float(edge_radius**2 * hertz_gap(1.0 + distance / edge_radius) - gap[first])
+
+    low, high = float(along[max(first - 2, 0)]) + 1e-6, float(along[first])
+    if low >= high or excess(low) <= 0.0 or excess(high) >= 0.0:
+        return float(along[max(first - 1, 0)]), first
+    return float(brentq(excess, low, high, xtol=1e-9)), first
 
 
 def _free_curve(radius: FloatArray, height: FloatArray, edge: float, depth: float) -> FloatArray:

@@ -42,7 +42,7 @@ def solve_unit_press(
     ]
     checks = {
         name: np.array([getattr(check, name) for check in solution.checks])
-        for name in ("reaction", "penetration", "last_step", "smallest_stretch", "volume_loss")
+        for name in ("reaction", "penetration", "last_step", "smallest_stretch", "volume_loss", "energy")
     }
     return UnitPress(
         layer_depth=layer_depth,

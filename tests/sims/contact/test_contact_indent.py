@@ -1,0 +1,164 @@
+"""`indent` refuses what the model does not cover, by name, and needs no solver for a stored press."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from design.errors import DesignError, InputError, ModelScopeError, OptopadError
+from design.spec import SensorDesign
+from sims.contact import indent
+from sims.contact.indentation import depth_limit_mm, modulus_mpa, solved_press, wall_note
+from sims.contact.mesh_error import mesh_note
+from sims.contact.profiles import SolvedPress
+from sims.contact.scope import DEPTH_STEP, solved_depths, tip_radius_mm
+
+
+def test_indent_is_the_solved_press_at_that_depth(
+    check_design: SensorDesign, coarse_press: SolvedPress
+) -> None:
+    press = indent(check_design, 1.25, mesh_mm=0.45)
+    assert press.force_n == coarse_press.at(1.25).force_n
+    assert (press.depth_mm, press.tip_radius_mm) == (1.25, 3.0)
+
+
+def test_off_centre_press_has_the_centred_shape(
+    check_design: SensorDesign, coarse_press: SolvedPress
+) -> None:
+    middle, corner = (indent(check_design, 1.0, at, mesh_mm=0.45) for at in (None, (5.0, 6.0)))
+    np.testing.assert_array_equal(middle.height_mm, corner.height_mm)
+
+
+@pytest.mark.parametrize(
+    ("depth_mm", "at_mm", "error", "message"),
+    [
+        (float("nan"), None, InputError, "depth_mm: nan"),
+        (float("inf"), None, InputError, "depth_mm: inf"),
+        (5.2, None, ModelScopeError, r"depth_mm: 5\.2 mm is deeper than the contact model covers: 5\.1 mm"),
+        (1.0, (-1.0, 5.0), InputError, r"at_mm: x = -1 mm must lie in the cavity"),
+        (1.0, (5.0, 1e9), InputError, r"at_mm: y = 1e\+09 mm"),
+        (1.0, (5.0, float("nan")), InputError, "at_mm: y = nan"),
+    ],
+)
+def test_bad_arguments_are_named(
+    check_design: SensorDesign,
+    depth_mm: float,
+    at_mm: tuple[float, float] | None,
+    error: type[OptopadError],
+    message: str,
+) -> None:
+    with pytest.raises(error, match=message):
+        indent(check_design, depth_mm, at_mm, mesh_mm=0.45)
+
+
+@pytest.mark.parametrize("mesh_mm", [0.0, -0.3, 0.05, 2.0, float("nan")])
+def test_a_spacing_that_cannot_work_is_refused(check_design: SensorDesign, mesh_mm: float) -> None:
+    with pytest.raises(InputError, match="mesh_mm: "):
+        indent(check_design, 1.0, mesh_mm=mesh_mm)
+
+
+def test_a_press_beyond_four_fifths_of_the_layer_is_refused(check_design: SensorDesign) -> None:
+    thin = check_design.with_(**{"cavity.clear_thickness_mm": 3.5, "operating.max_depth_mm": 3.7})
+    assert depth_limit_mm(thin) == pytest.approx(0.8 * 4.5)
+    with pytest.raises(ModelScopeError, match=r"operating\.max_depth_mm: 3\.7 mm is deeper .* 3\.6 mm"):
+        solved_press(thin)
+
+
+@pytest.mark.parametrize("clear_mm", [2.0, 30.0])
+def test_a_layer_outside_the_modelled_range_is_refused(check_design: SensorDesign, clear_mm: float) -> None:
+    changed = check_design.with_(**{"cavity.clear_thickness_mm": clear_mm, "operating.max_depth_mm": 1.0})
+    with pytest.raises(ModelScopeError, match=r"here 3\.9 to 18 mm"):
+        indent(changed, 0.5)
+
+
+def test_zero_radius_and_negative_modulus_are_refused_by_the_design(check_design: SensorDesign) -> None:
+    with pytest.raises(DesignError, match=r"indenter\.tip_radius_mm"):
+        check_design.with_(**{"indenter.tip_radius_mm": 0.0})
+    with pytest.raises(DesignError, match=r"elastomer\.youngs_modulus_mpa"):
+        check_design.with_(**{"elastomer.youngs_modulus_mpa": -1.0})
+
+
+@pytest.mark.parametrize("radius", [0.0, -3.0, float("nan"), float("inf")])
+def test_the_contact_room_itself_refuses_a_bad_tip(radius: float) -> None:
+    with pytest.raises(DesignError, match=r"indenter\.tip_radius_mm: .* positive"):
+        tip_radius_mm(SimpleNamespace(indenter=SimpleNamespace(tip_radius_mm=radius)))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("modulus", [0.0, -1.0, float("nan")])
+def test_the_contact_room_itself_refuses_a_bad_modulus(
+    monkeypatch: pytest.MonkeyPatch, check_design: SensorDesign, modulus: float
+) -> None:
+    monkeypatch.setattr("sims.contact.indentation.youngs_modulus_mpa", lambda _: modulus)
+    with pytest.raises(DesignError, match=r"elastomer\.youngs_modulus_mpa: .* positive"):
+        modulus_mpa(check_design)
+
+
+def test_solved_depths_follow_the_schedule_and_stop_at_the_first_sufficient_one() -> None:
+    depths_mm = solved_depths(3.0, 0.75 / 3) * 3.0
+    expected = [0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8]
+    np.testing.assert_allclose(depths_mm, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("layer", [1.3, 2.0, 3.0, 6.0])
+def test_solved_depths_end_at_the_limit_of_the_model(layer: float) -> None:
+    limit = min(0.8 * layer, 1.7)
+    depths = solved_depths(layer, limit)
+    assert depths[-1] == pytest.approx(limit)
+    assert np.diff(depths).min() > 1e-6
+    assert np.diff(depths).max() <= DEPTH_STEP + 1e-9
+
+
+def test_near_walls_are_warned_about_with_the_measured_figures(check_design: SensorDesign) -> None:
+    near = check_design.with_(
+        **{"cavity.length_mm": 40.0, "cavity.width_mm": 20.0, "mold.outer_length_mm": 60.0}
+    )
+    note = wall_note(near)
+    assert note is not None
+    assert "walls 10 mm from the middle" in note
+    assert "+8 to +12 %" in note
+    assert "130 to 395 um" in note
+
+
+def test_walls_at_the_modelled_distance_give_no_note(check_design: SensorDesign) -> None:
+    assert (check_design.cavity.length_mm, check_design.cavity.width_mm) == (32.0, 32.0)
+    assert wall_note(check_design) is None
+
+
+def test_mesh_note_names_the_error_down_to_the_deepest_press(check_design: SensorDesign) -> None:
+    assert "force up to +4.6 %" in mesh_note(check_design)
+    assert "surface up to 8 um" in mesh_note(check_design)
+    assert "force up to +5.9 %" in mesh_note(check_design.with_(**{"operating.max_depth_mm": 5.0}))
+
+
+def test_progress_rises_to_one(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, check_design: SensorDesign
+) -> None:
+    monkeypatch.setenv("OPTOPAD_CACHE", str(tmp_path))
+    seen: list[float] = []
+    solved_press(check_design, 0.1, 0.75, on_step=seen.append)
+    assert seen == pytest.approx([1 / 3, 2 / 3, 1.0])
+
+
+def test_a_stored_press_is_read_without_loading_the_solver(
+    contact_cache: Path, coarse_press: SolvedPress
+) -> None:
+    program = (
+        "import sys\n"
+        "from design.preset import preset\n"
+        "from sims.contact import indent\n"
+        "design = preset('piacenza2017-pad').with_(**{'cavity.clear_thickness_mm': 7.0, "
+        "'operating.max_depth_mm': 3.0, 'elastomer.youngs_modulus_mpa': 1.0})\n"
+        "print(indent(design, 1.0, mesh_mm=0.45).force_n, 'mujoco' in sys.modules)\n"
+    )
+    root = Path(__file__).parents[3]
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=root, capture_output=True, text=True, timeout=60, check=True
+    )
+    force, loaded = done.stdout.split()
+    assert float(force) == pytest.approx(coarse_press.at(1.0).force_n, rel=1e-12)
+    assert loaded == "False"
