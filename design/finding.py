@@ -59,4 +59,4 @@ def warning(field: str, message: str, *, value: object, limit: object, way_out: 
 
 def mm(length_mm: float) -> str:
     """A length as text, to the hundredth of a millimetre [mm]."""
-    return f"{length_mm:.2f} mm"
+    return f"{round(length_mm, 2) + 0.0:.2f} mm"  # adding 0 turns -0.00 into 0.00

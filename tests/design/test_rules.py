@@ -198,12 +198,23 @@ def test_a_height_given_in_the_layout_is_named_there() -> None:
     assert only(design).field == "layout.3.height_mm"
 
 
-def test_lead_holes_of_a_radial_part_keep_a_web() -> None:
-    assert check(good(**{"part_measurements.osram-sfh206k.lead_diameter_mm": 1.44})) == ()
-    lead = {"part_measurements.osram-sfh206k.lead_diameter_mm": 1.5}  # holes 1.8 at a pitch of 2.54
-    finding = only(good(**lead))
-    assert finding.field == "mold.lead_clearance_mm"
-    assert finding.value == "0.74 mm"
+@pytest.mark.parametrize(
+    ("diameter_mm", "setback_mm", "what", "value"),
+    [
+        (1.45, 2.05, "between the lead holes", "0.79 mm"),  # holes of 1.75 at a pitch of 2.54
+        (1.0, 1.44, "from the lead holes to the cavity", "0.79 mm"),  # holes of 1.3
+        (1.0, 3.60, "from the lead holes to the socket's edge", "0.00 mm"),  # socket 4.1 + 0.15 deep
+    ],
+)
+def test_lead_holes_of_a_radial_part_keep_a_web(
+    diameter_mm: float, setback_mm: float, what: str, value: str
+) -> None:
+    leads = "part_measurements.osram-sfh206k.lead_"
+    assert check(good(**{f"{leads}diameter_mm": 1.44, f"{leads}setback_mm": 2.05})) == ()
+    finding = only(good(**{f"{leads}diameter_mm": diameter_mm, f"{leads}setback_mm": setback_mm}))
+    assert (finding.severity, finding.field) == ("error", "mold.lead_clearance_mm")
+    assert what in finding.message
+    assert finding.value == value
 
 
 @pytest.mark.parametrize(
