@@ -80,7 +80,7 @@ def _oracle(design: SensorDesign, states: FloatArray, rays: int, seed: int, on_s
         indentations,
         rays=rays,
         seed=seed,
-        on_step=lambda s: on_step("oracle", s),
+        on_step=lambda done, total: on_step("oracle", done / total),
     )
     return LightSignals(
         flux=found.total,

@@ -56,7 +56,8 @@ class PairCurves:
 def untouched_flux(design: SensorDesign, cavity: CavityGeometry, *, seed: int) -> FloatArray:
     """(emitter, receiver) flux of the untouched pad [-]."""
     presses = np.array([[cavity.length_mm / 2, cavity.width_mm / 2, 0.0]])
-    return trace(design, presses, seed=seed).flux[0]
+    light = trace(design, presses, seed=seed)
+    return np.asarray(light.flux[0])
 
 
 def pair_curves(
