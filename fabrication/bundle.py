@@ -2,7 +2,7 @@
 
 Work happens in a hidden folder beside the bundle, filled with what the bundle already holds; at the
 end the manifest is written and the folders change places. A bundle that was being replaced when the
-machine stopped is put back by the next writer.
+machine stopped is put back by the next writer. Everything is on the disk before the folders change places.
 
     outputs/<name>-<digest8>/                      the bundle
     outputs/.<name>-<digest8>.<process>.partial/   work in progress
@@ -15,6 +15,7 @@ import hashlib
 import json
 import os
 import platform
+import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,7 +23,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from design.errors import OutputError
+from design.errors import InputError, OutputError
 from design.io import save_design, write_text_atomically
 from design.spec import SensorDesign
 
@@ -49,40 +50,61 @@ def bundle(design: SensorDesign, out: Path, *, seed: int) -> Iterator[Path]:
     OutputError : the folder cannot be written or the disk is full; the old bundle is intact.
     """
     final = out / bundle_name(design)
+    staging = _staging_path(final)
     try:
-        staging = _staging(final)
-    except OSError as err:
-        raise _unwritable(out, err) from err
-    try:
+        _fill(staging, final)
         yield staging
         save_design(design, staging / "design.toml")
         write_manifest(staging, design, seed)
+        _flush(staging)
         _swap(staging, final)
     except OSError as err:
+        if _is_elsewhere(err, out):
+            raise
         raise _unwritable(final, err) from err
     finally:
         shutil.rmtree(staging, ignore_errors=True)
 
 
 def write_manifest(folder: Path, design: SensorDesign, seed: int) -> None:
-    """Write ``manifest.json``: digest, versions, seed, and every file with its size and SHA-256."""
-    document = {
-        "name": design.name,
-        "digest": design.digest,
-        "seed": seed,
-        "versions": versions(),
-        "files": {name: _record(folder / name) for name in _files(folder)},
-    }
+    """Write ``manifest.json``: digest, versions, seed, and every file with its size and SHA-256.
+
+    A bundle is filled by several commands. Each file names the run that made it, by its place in
+    ``runs``; ``seed`` and ``versions`` are those of the last run.
+    """
+    this_run = {"seed": seed, "versions": versions()}
+    former = _former_manifest(folder)
+    runs = [run for run in former["runs"] if run != this_run] + [this_run]
+    files = {}
+    for name in _files(folder):
+        record, known = _record(folder / name), former["files"].get(name, {})
+        same = known.get("sha256") == record["sha256"]
+        made_by = former["runs"][known["run"]] if same else this_run
+        files[name] = {**record, "run": runs.index(made_by)}
+    document = {"name": design.name, "digest": design.digest, **this_run, "runs": runs, "files": files}
     write_text_atomically(folder / MANIFEST, json.dumps(document, indent=2, sort_keys=True) + "\n")
 
 
 def altered_files(folder: Path) -> tuple[str, ...]:
-    """Names of files that are missing or differ from the bundle's manifest."""
-    recorded = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["files"]
+    """Names of files that are missing or differ from the bundle's manifest.
+
+    Raises
+    ------
+    InputError : no manifest, or one that is damaged.
+    """
+    try:
+        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+        recorded = {name: record["sha256"] for name, record in manifest["files"].items()}
+    except OSError as err:
+        raise InputError(f"{folder}: no bundle: {MANIFEST}: {err.strerror}; name a bundle's folder") from None
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise InputError(
+            f"{folder / MANIFEST}: damaged; run the command that made the bundle again"
+        ) from None
     return tuple(
         name
-        for name, record in recorded.items()
-        if not (folder / name).is_file() or _record(folder / name) != record
+        for name, digest in recorded.items()
+        if not (folder / name).is_file() or _record(folder / name)["sha256"] != digest
     )
 
 
@@ -97,18 +119,33 @@ def versions() -> dict[str, str]:
     return found
 
 
-def _staging(final: Path) -> Path:
+def _staging_path(final: Path) -> Path:
+    return final.parent / f".{final.name}.{os.getpid()}.partial"
+
+
+def _fill(staging: Path, final: Path) -> None:
+    """Make the folder of the work in progress, with what the bundle already holds."""
     final.parent.mkdir(parents=True, exist_ok=True)
     former = _former(final)
     if former.exists() and not final.exists():
         former.rename(final)  # a change of places was cut short
     _sweep(final)
-    staging = final.parent / f".{final.name}.{os.getpid()}.partial"
     if final.exists():
-        shutil.copytree(final, staging)
+        shutil.copytree(final, staging, symlinks=True)
     else:
         staging.mkdir()
-    return staging
+
+
+def _flush(folder: Path) -> None:
+    """Have every file and folder on the disk, so that a power cut cannot leave a bundle of empty files."""
+    for path in (*folder.rglob("*"), folder):
+        if path.is_symlink() or not (path.is_file() or path.is_dir()):
+            continue
+        descriptor = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
 
 
 def _swap(staging: Path, final: Path) -> None:
@@ -131,9 +168,10 @@ def _former(final: Path) -> Path:
 
 def _sweep(final: Path) -> None:
     """Remove work in progress whose process is gone."""
-    for left in final.parent.glob(f".{final.name}.*.partial"):
-        process = left.name.rsplit(".", 2)[-2]
-        if process.isdigit() and not _is_running(int(process)):
+    pattern = re.compile(re.escape(f".{final.name}.") + r"([0-9]+)\.partial")
+    for left in final.parent.iterdir():
+        named = pattern.fullmatch(left.name)
+        if named and not _is_running(int(named[1])):
             shutil.rmtree(left, ignore_errors=True)
 
 
@@ -150,8 +188,8 @@ def _is_running(process: int) -> bool:
 
 
 def _files(folder: Path) -> list[str]:
-    found = (path for path in folder.rglob("*") if path.is_file() and path.name != MANIFEST)
-    return sorted(path.relative_to(folder).as_posix() for path in found)
+    found = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+    return sorted(name for name in found if name != MANIFEST)
 
 
 def _record(file: Path) -> dict[str, Any]:
@@ -159,8 +197,28 @@ def _record(file: Path) -> dict[str, Any]:
     return {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
 
 
+def _former_manifest(folder: Path) -> dict[str, Any]:
+    """Runs and files of the manifest that is being replaced; none when there is none or it is damaged."""
+    nothing: dict[str, Any] = {"runs": [], "files": {}}
+    try:
+        document = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+        runs, files = list(document["runs"]), dict(document["files"])
+        complete = all(record["run"] in range(len(runs)) for record in files.values())
+    except (OSError, ValueError, KeyError, TypeError):
+        return nothing
+    return {"runs": runs, "files": files} if complete else nothing
+
+
+def _is_elsewhere(err: OSError, out: Path) -> bool:
+    """Whether an error names a file outside the bundles' folder: then it is not about writing here."""
+    if not isinstance(err.filename, str):
+        return False
+    return not Path(err.filename).absolute().is_relative_to(out.absolute())
+
+
 def _unwritable(folder: Path, err: OSError) -> OutputError:
+    reason = err.strerror or str(err)
     return OutputError(
-        f"{folder}: cannot be written: {err.strerror or err}; free the disk or choose another folder with --out "
+        f"{folder}: cannot be written: {reason}; free the disk or choose another folder with --out "
         "(an earlier bundle is intact)"
     )

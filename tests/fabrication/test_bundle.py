@@ -1,0 +1,299 @@
+"""The bundle: complete or absent, whatever interrupts the work."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import NoReturn
+
+import pytest
+
+from design.errors import DesignError, InputError, OutputError
+from design.io import load_design
+from design.preset import preset
+from design.spec import SensorDesign
+from fabrication import bundle as module
+from fabrication.bundle import MANIFEST, altered_files, bundle, bundle_name
+
+PAD = preset("piacenza2017-pad")
+
+
+def make(out: Path, content: str = "one", design: SensorDesign = PAD, seed: int = 0) -> Path:
+    with bundle(design, out, seed=seed) as folder:
+        (folder / "sims").mkdir(exist_ok=True)
+        (folder / "sims" / "score.json").write_text(content)
+    return out / bundle_name(design)
+
+
+def names(out: Path) -> list[str]:
+    return sorted(path.name for path in out.iterdir())
+
+
+def fail_after_writing(out: Path) -> NoReturn:
+    with bundle(PAD, out, seed=0) as folder:
+        (folder / "sims").mkdir(exist_ok=True)
+        (folder / "sims" / "score.json").write_text("half")
+        raise RuntimeError("broken")
+
+
+def full_disk(*_: object, **__: object) -> NoReturn:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def gone_process() -> int:
+    """Number of a process that has just ended."""
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    return ended.pid
+
+
+def test_a_bundle_is_named_by_design_and_digest_and_leaves_nothing_beside_it(tmp_path: Path) -> None:
+    folder = make(tmp_path)
+    assert names(tmp_path) == [f"piacenza2017-pad-{PAD.digest[:8]}"] == [folder.name]
+    assert sorted(path.name for path in folder.iterdir()) == ["design.toml", MANIFEST, "sims"]
+
+
+def test_the_design_in_a_bundle_has_the_same_digest(tmp_path: Path) -> None:
+    assert load_design(make(tmp_path) / "design.toml").digest == PAD.digest
+
+
+def test_the_folder_for_bundles_is_made_with_its_parents(tmp_path: Path) -> None:
+    assert make(tmp_path / "a" / "b").is_dir()
+
+
+def test_the_manifest_has_size_and_sha256_of_every_file_but_itself(tmp_path: Path) -> None:
+    folder = make(tmp_path, "content", seed=7)
+    manifest = json.loads((folder / MANIFEST).read_text())
+    assert sorted(manifest["files"]) == ["design.toml", "sims/score.json"]
+    record = manifest["files"]["sims/score.json"]
+    assert record["sha256"] == hashlib.sha256(b"content").hexdigest()
+    assert record["bytes"] == 7
+    assert (manifest["digest"], manifest["seed"]) == (PAD.digest, 7)
+    assert set(manifest["versions"]) == {"python", *module.RECORDED_PACKAGES}
+
+
+def test_a_file_called_manifest_in_a_room_is_recorded(tmp_path: Path) -> None:
+    with bundle(PAD, tmp_path, seed=0) as folder:
+        (folder / "cad").mkdir()
+        (folder / "cad" / MANIFEST).write_text("{}")
+    manifest = json.loads((tmp_path / bundle_name(PAD) / MANIFEST).read_text())
+    assert "cad/manifest.json" in manifest["files"]
+
+
+def test_a_file_kept_from_an_earlier_run_keeps_that_run_s_seed(tmp_path: Path) -> None:
+    make(tmp_path, seed=1)
+    with bundle(PAD, tmp_path, seed=2) as folder:
+        (folder / "new.txt").write_text("new")
+    manifest = json.loads((tmp_path / bundle_name(PAD) / MANIFEST).read_text())
+    seeds = {name: manifest["runs"][record["run"]]["seed"] for name, record in manifest["files"].items()}
+    assert seeds == {"design.toml": 1, "sims/score.json": 1, "new.txt": 2}
+    assert manifest["seed"] == 2
+
+
+def test_the_same_run_twice_is_recorded_once(tmp_path: Path) -> None:
+    make(tmp_path, "one", seed=3)
+    manifest = json.loads((make(tmp_path, "two", seed=3) / MANIFEST).read_text())
+    assert [run["seed"] for run in manifest["runs"]] == [3]
+    assert {record["run"] for record in manifest["files"].values()} == {0}
+
+
+@pytest.mark.parametrize("damage", ["", "[]", '{"runs": [], "files": {"a": {"run": 4}}}'])
+def test_a_damaged_manifest_does_not_stop_the_next_run(tmp_path: Path, damage: str) -> None:
+    folder = make(tmp_path)
+    (folder / MANIFEST).write_text(damage)
+    make(tmp_path, seed=5)
+    assert altered_files(folder) == ()
+    assert json.loads((folder / MANIFEST).read_text())["seed"] == 5
+
+
+def test_nothing_is_left_when_the_work_fails(tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError, match="broken"):
+        fail_after_writing(tmp_path)
+    assert names(tmp_path) == []
+
+
+def test_nothing_is_left_when_the_user_interrupts(tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt), bundle(PAD, tmp_path, seed=0):
+        raise KeyboardInterrupt
+    assert names(tmp_path) == []
+
+
+def test_the_old_bundle_stays_when_the_work_fails(tmp_path: Path) -> None:
+    folder = make(tmp_path, "old")
+    with pytest.raises(RuntimeError, match="broken"):
+        fail_after_writing(tmp_path)
+    assert (folder / "sims" / "score.json").read_text() == "old"
+    assert altered_files(folder) == ()
+    assert names(tmp_path) == [folder.name]
+
+
+@pytest.mark.parametrize("step", ["save_design", "write_manifest", "_flush", "_swap"])
+def test_the_old_bundle_stays_when_the_disk_is_full(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
+) -> None:
+    folder = make(tmp_path, "old")
+    monkeypatch.setattr(module, step, full_disk)
+    with pytest.raises(OutputError, match="No space left on device"):
+        make(tmp_path, "new")
+    assert (folder / "sims" / "score.json").read_text() == "old"
+    assert altered_files(folder) == ()
+    assert names(tmp_path) == [folder.name]
+
+
+def test_a_disk_that_fills_while_the_old_bundle_is_copied_leaves_nothing_beside_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = make(tmp_path)
+
+    def half_copied(source: Path, target: Path, **_: object) -> NoReturn:
+        target.mkdir()
+        (target / "design.toml").write_text("half")
+        full_disk()
+
+    monkeypatch.setattr(shutil, "copytree", half_copied)
+    with pytest.raises(OutputError, match="an earlier bundle is intact"):
+        make(tmp_path)
+    assert names(tmp_path) == [folder.name]
+
+
+def test_the_old_bundle_comes_back_when_the_new_one_cannot_take_its_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = make(tmp_path, "old")
+    plain = Path.rename
+
+    def refuse_the_new_one(self: Path, target: Path) -> Path:
+        if self.name.endswith(".partial"):
+            raise OSError(errno.EACCES, os.strerror(errno.EACCES))
+        return plain(self, target)
+
+    monkeypatch.setattr(Path, "rename", refuse_the_new_one)
+    with pytest.raises(OutputError, match="Permission denied"):
+        make(tmp_path, "new")
+    assert (folder / "sims" / "score.json").read_text() == "old"
+    assert names(tmp_path) == [folder.name]
+
+
+def test_a_folder_that_may_not_be_written_is_refused_with_the_way_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(self: Path, *_: object, **__: object) -> NoReturn:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(self))
+
+    monkeypatch.setattr(Path, "mkdir", refuse)
+    with pytest.raises(OutputError, match=r"Permission denied; .* --out"):
+        make(tmp_path / "out")
+
+
+def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("a file")
+    with pytest.raises(OutputError, match="cannot be written"):
+        make(tmp_path / "out")
+    assert (tmp_path / "out").read_text() == "a file"
+
+
+def test_an_error_about_a_file_elsewhere_is_not_blamed_on_the_bundle(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match="missing"), bundle(PAD, tmp_path / "out", seed=0):
+        (tmp_path / "missing").read_text()
+    assert names(tmp_path / "out") == []
+
+
+def test_leftovers_of_a_process_that_is_gone_are_swept(tmp_path: Path) -> None:
+    left = tmp_path / f".{bundle_name(PAD)}.{gone_process()}.partial"
+    left.mkdir()
+    (left / "half.txt").write_text("half")
+    folder = make(tmp_path)
+    assert names(tmp_path) == [folder.name]
+    assert not (folder / "half.txt").exists()
+
+
+def test_work_of_a_running_process_and_of_other_designs_is_left_alone(tmp_path: Path) -> None:
+    running = tmp_path / f".{bundle_name(PAD)}.{os.getppid()}.partial"
+    other = tmp_path / f".{bundle_name(PAD)}.x-12345678.{gone_process()}.partial"
+    for folder in (running, other):
+        folder.mkdir()
+    make(tmp_path)
+    assert running.is_dir()
+    assert other.is_dir()
+
+
+def test_a_change_of_places_that_was_cut_short_is_put_back(tmp_path: Path) -> None:
+    folder = make(tmp_path, "old")
+    (folder / "kept.txt").write_text("kept")
+    folder.rename(tmp_path / f".{folder.name}.old")
+    with pytest.raises(RuntimeError), bundle(PAD, tmp_path, seed=0):
+        raise RuntimeError  # even a run that fails restores it
+    assert (folder / "kept.txt").read_text() == "kept"
+    assert names(tmp_path) == [folder.name]
+
+
+def test_a_change_of_places_that_was_cut_short_at_its_end_is_tidied_up(tmp_path: Path) -> None:
+    folder = make(tmp_path, "new")
+    shutil.copytree(folder, tmp_path / f".{folder.name}.old")
+    make(tmp_path, "newer")
+    assert (folder / "sims" / "score.json").read_text() == "newer"
+    assert names(tmp_path) == [folder.name]
+
+
+def test_a_second_command_keeps_what_the_first_one_made(tmp_path: Path) -> None:
+    make(tmp_path, "first")
+    with bundle(PAD, tmp_path, seed=0) as folder:
+        (folder / "second.txt").write_text("second")
+    folder = tmp_path / bundle_name(PAD)
+    assert (folder / "sims" / "score.json").read_text() == "first"
+    assert (folder / "second.txt").read_text() == "second"
+    assert altered_files(folder) == ()
+
+
+def test_designs_that_differ_have_bundles_of_their_own(tmp_path: Path) -> None:
+    thick = PAD.with_(**{"cavity.clear_thickness_mm": 10.0})
+    assert make(tmp_path, "a") != make(tmp_path, "b", design=thick)
+    assert len(names(tmp_path)) == 2
+
+
+@pytest.mark.parametrize("name", ["../out", "a/b", "..", ".hidden", "a\\b/c", "/abs", "a\n", ""])
+def test_no_name_leads_out_of_the_folder(name: str) -> None:
+    with pytest.raises(DesignError, match="name"):
+        PAD.with_(name=name)
+
+
+@pytest.mark.parametrize("name", ["a..b", "a.", "a-", "A_1"])
+def test_every_allowed_name_stays_in_the_folder(tmp_path: Path, name: str) -> None:
+    folder = make(tmp_path, design=PAD.with_(name=name))
+    assert folder.resolve().parent == tmp_path.resolve()
+    assert names(tmp_path) == [folder.name]
+
+
+def test_changed_and_missing_files_are_named_and_new_ones_are_not(tmp_path: Path) -> None:
+    folder = make(tmp_path)
+    assert altered_files(folder) == ()
+    (folder / "sims" / "score.json").write_text("twO")
+    (folder / "design.toml").unlink()
+    (folder / "notes.txt").write_text("mine")
+    assert altered_files(folder) == ("design.toml", "sims/score.json")
+
+
+def test_a_folder_without_manifest_is_no_bundle(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no bundle"):
+        altered_files(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"files": {"a": 1}}', '{"files": []}'])
+def test_a_damaged_manifest_is_reported(tmp_path: Path, text: str) -> None:
+    (tmp_path / MANIFEST).write_text(text)
+    with pytest.raises(InputError, match="damaged"):
+        altered_files(tmp_path)
+
+
+def test_a_link_in_a_bundle_is_copied_as_a_link(tmp_path: Path) -> None:
+    folder = make(tmp_path)
+    (tmp_path / "big").mkdir()
+    (folder / "link").symlink_to(tmp_path / "big", target_is_directory=True)
+    make(tmp_path, "again")
+    assert (folder / "link").is_symlink()
