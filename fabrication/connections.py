@@ -1,0 +1,104 @@
+"""Which part hangs on which pin: the one list that every sheet is written from.
+
+Order, places and names come from `design.cavity`, pins and channels from `design.pins`. State i lights
+emitter i alone; the last state lights none. Column j of a state's readings is receiver j.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from design.cavity import PlacedPart, cavity_of
+from design.layout import Wall
+from design.pins import assigned_pins, board_of
+from design.spec import SensorDesign
+
+INWARD_NORMAL: dict[Wall, tuple[float, float, float]] = {
+    "south": (0.0, 1.0, 0.0),
+    "east": (-1.0, 0.0, 0.0),
+    "north": (0.0, -1.0, 0.0),
+    "west": (1.0, 0.0, 0.0),
+}
+"""Direction from a wall into the cavity (x, y, z) [-]."""
+
+EMITTER_POLARITY = "anode to the series resistor, cathode to the transistor's collector"
+RECEIVER_POLARITY = "cathode to the amplifier's inverting input, anode to ground"
+TWO_LEADS = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Connection:
+    """One part and what it is connected to.
+
+    Attributes
+    ----------
+    part : the placed part
+    pin : the board's label, "D22" for a digital pin, "A0" for an analogue channel
+    pin_number : digital pin, or place of the channel in the board's list of channels
+    number : state of an emitter, column of a receiver; from 0
+    position_mm : centre of the active area in the cavity frame (x, y, z) [mm]
+    normal : direction from the wall into the cavity (x, y, z) [-]
+    """
+
+    part: PlacedPart
+    pin: str
+    pin_number: int
+    number: int
+    position_mm: tuple[float, float, float]
+    normal: tuple[float, float, float]
+
+    @property
+    def polarity(self) -> str:
+        """How the part's own leads are connected."""
+        return polarity_of(self.part)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Connections:
+    """All emitters in the order of states, all receivers in the order of columns."""
+
+    emitters: tuple[Connection, ...]
+    receivers: tuple[Connection, ...]
+
+    @property
+    def all(self) -> tuple[Connection, ...]:
+        """Emitters, then receivers."""
+        return self.emitters + self.receivers
+
+
+def polarity_of(part: PlacedPart) -> str:
+    """How a part's own leads are connected; which lead is which is the data sheet's to say."""
+    polarity = EMITTER_POLARITY if part.kind == "emitter" else RECEIVER_POLARITY
+    leads = part.part.lead_count
+    return polarity if leads == TWO_LEADS else f"{polarity}; {leads} leads, see the data sheet for the others"
+
+
+def connections_of(design: SensorDesign) -> Connections:
+    """Every part of a design with its pin, place and number.
+
+    Raises
+    ------
+    DesignError : parts or pins that the catalogue or the board does not have.
+    """
+    cavity = cavity_of(design)
+    pins, channels = assigned_pins(design)
+    known = board_of(design).analog_channels
+
+    def connection(part: PlacedPart, number: int, pin: str, pin_number: int) -> Connection:
+        return Connection(
+            part=part,
+            pin=pin,
+            pin_number=pin_number,
+            number=number,
+            position_mm=part.position_mm(cavity.length_mm, cavity.width_mm),
+            normal=INWARD_NORMAL[part.wall],
+        )
+
+    lit = zip(cavity.emitters, pins, strict=True)
+    read = zip(cavity.receivers, channels, strict=True)
+    return Connections(
+        emitters=tuple(connection(part, i, f"D{pin}", pin) for i, (part, pin) in enumerate(lit)),
+        receivers=tuple(
+            connection(part, j, channel, known.index(channel)) for j, (part, channel) in enumerate(read)
+        ),
+    )

@@ -1,0 +1,293 @@
+"""The driver configuration as the laboratory's PC reads it: `driver.toml`, checked, as frozen records.
+
+Needs the standard library only: neither the CAD kernel nor the physics, nor the design's schema.
+The file belongs to one design (`digest`) and carries a checksum over its own content, so that a
+damaged or hand-edited file is refused: the way to change it is to change the design.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from design.errors import InputError
+from fabrication.record import RecordError, record_of
+
+FORMAT_VERSION = 1
+CHECKSUM = "content_sha256"
+WAY_OUT = "write it anew with `optopad driver config DESIGN`"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Units:
+    """Units of all numbers in the file, whose names end in them where they have one."""
+
+    length: str
+    time: str
+    rate: str
+    reading: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoardSetup:
+    """The board and how its converter and serial line are set.
+
+    Attributes
+    ----------
+    adc_reference : what full scale stands for
+    baud_error : made_baud over baud, less 1
+    """
+
+    kind: str
+    title: str
+    clock_hz: int
+    adc_bits: int
+    adc_reference: str
+    adc_clocks_per_conversion: int
+    adc_prescaler: int
+    settle_us: float
+    baud: int
+    made_baud: float
+    baud_error: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class StateEntry:
+    """One state of the emitters: `emitter` is lit, "" for none."""
+
+    number: int
+    emitter: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class EmitterEntry:
+    """An emitter: its pin, its state, its place in the cavity frame."""
+
+    name: str
+    pin: int
+    state: int
+    position_mm: tuple[float, float, float]
+    wall: str
+    normal: tuple[float, float, float]
+    part: str
+    active_mm: tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReceiverEntry:
+    """A receiver: its analogue channel, its column in a state's readings, its place."""
+
+    name: str
+    channel: str
+    channel_number: int
+    column: int
+    position_mm: tuple[float, float, float]
+    wall: str
+    normal: tuple[float, float, float]
+    part: str
+    active_mm: tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameLayout:
+    """A packed frame: head, readings state by state and receiver by receiver, check.
+
+    Attributes
+    ----------
+    order : axes of the readings, the slowest first
+    head_bytes : magic, version, sequence number, time
+    """
+
+    order: tuple[str, ...]
+    states: int
+    receivers: int
+    readings: int
+    bits_per_reading: int
+    magic_bytes: int
+    version_bytes: int
+    sequence_bytes: int
+    time_bytes: int
+    reading_bytes: int
+    check_bytes: int
+    total_bytes: int
+
+    def index_of(self, state: int, column: int) -> int:
+        """Place of a reading in the frame, from 0."""
+        if not (0 <= state < self.states and 0 <= column < self.receivers):
+            raise InputError(
+                f"reading (state {state}, column {column}) is not in a frame of {self.states} states and "
+                f"{self.receivers} columns; both count from 0"
+            )
+        return state * self.receivers + column
+
+    def reading_at(self, index: int) -> tuple[int, int]:
+        """State and column of the reading at a place in the frame."""
+        if not 0 <= index < self.readings:
+            raise InputError(
+                f"reading {index} is not in a frame of {self.readings} readings, which count from 0"
+            )
+        return divmod(index, self.receivers)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimingBudget:
+    """How long a frame takes by the plain sum of `design.timing`, and the rate that follows."""
+
+    conversion_us: float
+    settle_us: float
+    link_ms: float
+    frame_ms: float
+    possible_hz: float
+    wanted_hz: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorkspaceLimits:
+    """Press centres that the verdict is about, in the cavity frame, and the deepest press."""
+
+    x0_mm: float
+    x1_mm: float
+    y0_mm: float
+    y1_mm: float
+    max_depth_mm: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class AmbientRule:
+    """What takes ambient light out: the readings of `subtract_state` are subtracted from the other states'."""
+
+    subtract_state: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class GainNote:
+    """The common gain: wanted reading of the median judged pair, untouched, and counts for all of an
+    emitter's power on one receiver where the simulation has told them."""
+
+    target_counts: float
+    counts_per_flux: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriverConfig:
+    """Everything that a reader of the built sensor needs, for exactly one design."""
+
+    format_version: int
+    design: str
+    digest: str
+    optopad: str
+    content_sha256: str
+    units: Units
+    board: BoardSetup
+    frame: FrameLayout
+    timing: TimingBudget
+    workspace: WorkspaceLimits
+    ambient: AmbientRule
+    gain: GainNote
+    states: tuple[StateEntry, ...]
+    emitters: tuple[EmitterEntry, ...]
+    receivers: tuple[ReceiverEntry, ...]
+
+
+def load_driver_config(path: str | os.PathLike[str], *, digest: str | None = None) -> DriverConfig:
+    """Read and check a driver configuration.
+
+    Parameters
+    ----------
+    digest : the design that it must belong to; None takes any
+
+    Raises
+    ------
+    InputError : missing, damaged, of another format version, or of another design.
+    """
+    file = Path(path)
+    config = config_from_document(_document(file), where=str(file))
+    if digest is not None and config.digest != digest:
+        raise InputError(
+            f"{file}: belongs to design {config.design} with digest {config.digest[:8]}, needed {digest[:8]}; "
+            f"use the bundle of the same design, or {WAY_OUT}"
+        )
+    return config
+
+
+def config_from_document(document: dict[str, Any], *, where: str) -> DriverConfig:
+    """Checked records from plain data.
+
+    Raises
+    ------
+    InputError : as `load_driver_config`.
+    """
+    _check_version(document, where)
+    try:
+        config = record_of(DriverConfig, document)
+    except RecordError as err:
+        raise InputError(f"{where}: damaged: {err}; {WAY_OUT}") from None
+    _check_consistent(config, where)
+    if config.content_sha256 != content_sha256(document):
+        raise InputError(
+            f"{where}: its content differs from its checksum: damaged or changed by hand; "
+            f"change the design instead and {WAY_OUT}"
+        )
+    return config
+
+
+def content_sha256(document: dict[str, Any]) -> str:
+    """Checksum over everything in the file but the checksum itself, whatever the formatting."""
+    content = {key: value for key, value in document.items() if key != CHECKSUM}
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _document(file: Path) -> dict[str, Any]:
+    try:
+        content = file.read_bytes()
+    except OSError as err:
+        raise InputError(f"{file}: cannot be read: {err.strerror}; name a driver.toml") from None
+    try:
+        return tomllib.loads(content.decode("utf-8"))
+    except (ValueError, RecursionError) as err:
+        raise InputError(f"{file}: damaged: not valid TOML: {err}; {WAY_OUT}") from None
+
+
+def _check_version(document: dict[str, Any], where: str) -> None:
+    version = document.get("format_version")
+    if version is None:
+        raise InputError(f"{where}: no driver configuration: format_version is missing; name a driver.toml")
+    if version != FORMAT_VERSION:
+        raise InputError(
+            f"{where}: format_version: {version!r}, this optopad reads {FORMAT_VERSION}; {WAY_OUT}"
+        )
+
+
+def _check_consistent(config: DriverConfig, where: str) -> None:
+    for claim, holds in _claims(config).items():
+        if not holds:
+            raise InputError(f"{where}: damaged: {claim}; {WAY_OUT}")
+
+
+def _claims(config: DriverConfig) -> dict[str, bool]:
+    frame, lit = config.frame, [emitter.name for emitter in config.emitters]
+    names = lit + [receiver.name for receiver in config.receivers]
+    head = frame.magic_bytes + frame.version_bytes + frame.sequence_bytes + frame.time_bytes
+    return {
+        "states must be numbered from 0": [s.number for s in config.states] == list(range(frame.states)),
+        "each state but the last lights its emitter": [s.emitter for s in config.states] == [*lit, ""],
+        "emitters must be in the order of states": [e.state for e in config.emitters]
+        == list(range(len(lit))),
+        "receivers must be in the order of columns": [r.column for r in config.receivers]
+        == list(range(frame.receivers)),
+        "names must be single": len(set(names)) == len(names),
+        "pins must be single": len({e.pin for e in config.emitters}) == len(lit),
+        "channels must be single": len({r.channel for r in config.receivers}) == frame.receivers,
+        "readings must be states x receivers": frame.readings == frame.states * frame.receivers,
+        "readings must fit their bytes": frame.reading_bytes
+        == -(-frame.readings * frame.bits_per_reading // 8),
+        "the frame's bytes must add up": frame.total_bytes == head + frame.reading_bytes + frame.check_bytes,
+        "the last state must be the one subtracted": config.ambient.subtract_state == frame.states - 1,
+        "the readings' order must be state, receiver": frame.order == ("state", "receiver"),
+    }

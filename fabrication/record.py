@@ -1,0 +1,75 @@
+"""Plain data from a file into frozen dataclasses: every field there, none beside, each of its type.
+
+Understands str, int, float (finite; whole numbers pass), lists as tuples, nested dataclasses, and
+`X | None` for what may be absent. Needs the standard library only.
+"""
+
+from __future__ import annotations
+
+import math
+import types
+from dataclasses import MISSING, fields, is_dataclass
+from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
+
+Record = TypeVar("Record")
+
+
+class RecordError(ValueError):
+    """A field that is missing, unknown or of another type; the message names it."""
+
+
+def record_of(kind: type[Record], data: Any, path: str = "") -> Record:
+    """Nested plain data as a frozen dataclass.
+
+    Raises
+    ------
+    RecordError : the first field that does not fit, by its dotted path.
+    """
+    if not isinstance(data, dict):
+        raise RecordError(f"{path or 'the file'}: is no table")
+    hints = get_type_hints(kind)
+    unknown = [key for key in data if key not in hints]
+    if unknown:
+        raise RecordError(f"{_join(path, unknown[0])}: is not a field")
+    values = {}
+    for field in fields(cast(Any, kind)):
+        if field.name in data:
+            values[field.name] = _value(hints[field.name], data[field.name], _join(path, field.name))
+        elif field.default is MISSING:
+            raise RecordError(f"{_join(path, field.name)}: is missing")
+    return kind(**values)
+
+
+def _value(hint: Any, value: Any, path: str) -> Any:
+    if isinstance(hint, types.UnionType):
+        return _value(next(kind for kind in get_args(hint) if kind is not types.NoneType), value, path)
+    if get_origin(hint) is tuple:
+        return _tuple(get_args(hint), value, path)
+    if is_dataclass(hint):
+        return record_of(cast(type[Any], hint), value, path)
+    return _plain(hint, value, path)
+
+
+def _tuple(kinds: tuple[Any, ...], value: Any, path: str) -> tuple[Any, ...]:
+    if not isinstance(value, list):
+        raise RecordError(f"{path}: {value!r} is no list")
+    each = [kinds[0]] * len(value) if kinds[-1] is Ellipsis else list(kinds)
+    if len(each) != len(value):
+        raise RecordError(f"{path}: has {len(value)} entries, needs {len(each)}")
+    return tuple(
+        _value(kind, item, f"{path}[{k}]") for k, (kind, item) in enumerate(zip(each, value, strict=True))
+    )
+
+
+def _plain(kind: type[Any], value: Any, path: str) -> Any:
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+        raise RecordError(f"{path}: {value!r} is no {kind.__name__}")
+    if kind is float and not math.isfinite(value):
+        raise RecordError(f"{path}: {value!r} is no finite number")
+    return value
+
+
+def _join(path: str, name: str) -> str:
+    return f"{path}.{name}" if path else name
