@@ -1,0 +1,247 @@
+"""Bill of materials: what to buy, print and weigh for one sensor.
+
+References hang on the names of the layout: E3-Q is the transistor of emitter E3. A cost is the
+catalogue's, with currency and date, or blank. Where no part is chosen (transistor, amplifier) the
+value says what it has to do; where the gain decides (feedback), it says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+from cad.volume import mold_volume_mm3
+from design.catalog import Board, Cost, Part, find_mold_material
+from design.cavity import PlacedPart, cavity_of
+from design.pins import board_of
+from design.properties import elastomer_of, entries_of
+from design.spec import SensorDesign
+from fabrication.assumptions import assumption
+from fabrication.circuit import EmitterSwitch, emitter_switch, ohm_text
+from fabrication.silicone import MM3_PER_CM3, Pour, pours
+from fabrication.table import csv_text, number
+
+COLUMNS = (
+    "item",
+    "catalogue_id",
+    "quantity",
+    "unit",
+    "references",
+    "value",
+    "manufacturer",
+    "unit_cost",
+    "currency",
+    "cost_date",
+    "note",
+)
+
+SET_BY_GAIN = "set by gain"
+
+
+@dataclass(frozen=True, kw_only=True)
+class BomRow:
+    """One thing to get.
+
+    Attributes
+    ----------
+    quantity, unit : pieces or grams; None where it cannot be told
+    references : designators it serves, in the order of the layout
+    cost : of one unit, where somebody quoted it
+    """
+
+    item: str
+    catalogue_id: str = ""
+    quantity: float | None
+    unit: str = "piece"
+    references: tuple[str, ...] = ()
+    value: str = ""
+    manufacturer: str = ""
+    cost: Cost | None = None
+    note: str = ""
+
+
+def bom_rows(design: SensorDesign) -> tuple[BomRow, ...]:
+    """Everything that goes into one sensor."""
+    cavity, board = cavity_of(design), board_of(design)
+    return (
+        *_part_rows(cavity.emitters),
+        *_part_rows(cavity.receivers),
+        BomRow(item=board.title, catalogue_id=design.board.kind, quantity=1),
+        *_switch_rows(cavity.emitters, board),
+        *_amplifier_rows(design, cavity.receivers),
+        *_silicone_rows(design),
+        *_printed_rows(design),
+    )
+
+
+def bom_csv(design: SensorDesign) -> str:
+    """The bill of materials as CSV."""
+    return csv_text(COLUMNS, (_cells(row) for row in bom_rows(design)))
+
+
+def _cells(row: BomRow) -> tuple[str | float | None, ...]:
+    cost = row.cost
+    return (
+        row.item,
+        row.catalogue_id,
+        row.quantity,
+        row.unit,
+        " ".join(row.references),
+        row.value,
+        row.manufacturer,
+        None if cost is None else cost.value,
+        None if cost is None else cost.currency,
+        None if cost is None else cost.date,
+        row.note,
+    )
+
+
+def _part_rows(placed: Sequence[PlacedPart]) -> Iterator[BomRow]:
+    for part, names in _by_entry(placed):
+        entry = part.part
+        yield BomRow(
+            item=entry.title,
+            catalogue_id=part.part_id,
+            quantity=len(names),
+            references=names,
+            manufacturer=entry.manufacturer,
+            cost=entry.cost,
+            note=" ".join(entry.notes),
+        )
+
+
+def _switch_rows(emitters: Sequence[PlacedPart], board: Board) -> Iterator[BomRow]:
+    for part, names in _by_entry(emitters):
+        switch = emitter_switch(part.part)
+        yield BomRow(
+            item="NPN transistor",
+            quantity=len(names),
+            references=_marked(names, "Q"),
+            value=f"collector current at least {_most_ma(part.part)} mA",
+            note="one an LED: base to the base resistor, collector to the LED's cathode, its own emitter to ground",
+        )
+        yield BomRow(
+            item="base resistor",
+            quantity=len(names),
+            references=_marked(names, "RB"),
+            value=ohm_text(switch.base_ohm),
+            note=_base_note(switch, board),
+        )
+        yield BomRow(
+            item="series resistor",
+            quantity=len(names),
+            references=_marked(names, "RS"),
+            value="none fits" if switch.series_ohm is None else ohm_text(switch.series_ohm),
+            note=_series_note(switch, part.part),
+        )
+
+
+def _amplifier_rows(design: SensorDesign, receivers: Sequence[PlacedPart]) -> Iterator[BomRow]:
+    names = tuple(part.name for part in receivers)
+    rule = f"so that the median judged pair, untouched, reads {design.gain.target_counts:g} counts"
+    rows: tuple[tuple[str, str, str, str], ...] = (
+        (
+            "transimpedance amplifier",
+            "A",
+            "single supply, inputs and output down to ground",
+            "output to the receiver's channel",
+        ),
+        (
+            "feedback resistor",
+            "RF",
+            SET_BY_GAIN,
+            f"the same for all receivers, {rule}; see casting.md, last section",
+        ),
+        (
+            "feedback capacitor",
+            "CF",
+            SET_BY_GAIN,
+            f"with RF it must settle within board.settle_us = {design.board.settle_us:g} us",
+        ),
+    )
+    for item, mark, value, note in rows:
+        yield BomRow(item=item, quantity=len(names), references=_marked(names, mark), value=value, note=note)
+
+
+def _silicone_rows(design: SensorDesign) -> Iterator[BomRow]:
+    elastomer, layers = elastomer_of(design), pours(design)
+    shares: tuple[tuple[str, Callable[[Pour], float]], ...] = (
+        ("base", lambda pour: pour.base_g),
+        ("curing agent", lambda pour: pour.agent_g),
+    )
+    for component, grams in shares:
+        split = ", ".join(f"{pour.layer} layer {grams(pour):.2f} g" for pour in layers)
+        yield BomRow(
+            item=f"{elastomer.title}, {component}",
+            catalogue_id=design.elastomer.material,
+            quantity=round(sum(grams(pour) for pour in layers), 2),
+            unit="g",
+            value=f"{number(design.elastomer.mixing_ratio)} : 1 by weight",
+            manufacturer=elastomer.manufacturer,
+            note=f"{split}; includes {assumption('silicone_waste').value:.0%} waste (assumed)",
+        )
+    if any(pour.layer == "black" for pour in layers):
+        yield BomRow(
+            item="carbon black",
+            quantity=None,
+            unit="g",
+            value="to saturation",
+            note="black layer only; the paper states no share by weight",
+        )
+
+
+def _printed_rows(design: SensorDesign) -> Iterator[BomRow]:
+    material = find_mold_material(entries_of(design), design.mold.material)
+    density = material.density_g_per_cm3.value
+    mold_g = mold_volume_mm3(design) / MM3_PER_CM3 * density
+    yield BomRow(
+        item="printed mold",
+        catalogue_id=design.mold.material,
+        quantity=1,
+        value=material.title,
+        note=f"cad/mold.stl; {mold_g:.1f} g when printed solid",
+    )
+    if design.cavity.black_thickness_mm > 0:
+        yield BomRow(
+            item="printed leveling blade",
+            catalogue_id=design.mold.material,
+            quantity=1,
+            value=material.title,
+            note="cad/leveling_blade.stl",
+        )
+
+
+def _by_entry(placed: Sequence[PlacedPart]) -> Iterator[tuple[PlacedPart, tuple[str, ...]]]:
+    """One part of each catalogue entry with the names of all that share it."""
+    for part_id in dict.fromkeys(part.part_id for part in placed):
+        same = [part for part in placed if part.part_id == part_id]
+        yield same[0], tuple(part.name for part in same)
+
+
+def _marked(names: Sequence[str], mark: str) -> tuple[str, ...]:
+    return tuple(f"{name}-{mark}" for name in names)
+
+
+def _most_ma(part: Part) -> str:
+    assert part.max_current_ma is not None
+    return number(part.max_current_ma.value)
+
+
+def _base_note(switch: EmitterSwitch, board: Board) -> str:
+    volts, gain = assumption("base_emitter_v").value, assumption("forced_gain").value
+    rests = f"{volts:g} V base to emitter, forced gain {gain:g} (assumed)"
+    note = f"{switch.base_current_ma:.1f} mA from the pin; {rests}"
+    if switch.overloads_pin(board):
+        most = board.max_pin_current_ma.value
+        return f"{note}; TOO MUCH for a pin ({most:g} mA): use a logic-level MOSFET or a driver instead"
+    return note
+
+
+def _series_note(switch: EmitterSwitch, part: Part) -> str:
+    forward, supply = switch.forward_v, assumption("supply_v").value
+    rests = f"at {forward.value:g} V forward voltage ({forward.confidence}) and {supply:g} V supply (assumed)"
+    if switch.series_ohm is None:
+        return f"{rests} the supply cannot light it: use a higher supply for the emitters"
+    return (
+        f"{switch.current_ma:.1f} mA at most, {_most_ma(part)} mA allowed; {switch.series_mw:.0f} mW; {rests}"
+    )

@@ -1,0 +1,295 @@
+"""The build sheet: how to print, fill and cast this very pad, with its own numbers.
+
+Every number comes from the design, the catalogue or `fabrication/data/assumptions.toml`; values that
+nobody has read at a source are marked. Left out: vacuum level and times of degassing, and the share
+of carbon black, which neither the paper nor the catalogue gives.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+
+from cad.outline import outline_of
+from cad.webs import bodies_above_rim, pockets_below_clear_layer
+from design.catalog import find_mold_material
+from design.cavity import CavityGeometry, PlacedPart, cavity_of
+from design.elastomer import Cure
+from design.pairs import facing_pairs
+from design.properties import elastomer_of, entries_of, quantities_of
+from design.quantity import Quantity
+from design.spec import SensorDesign
+from design.wall_fit import height_field
+from fabrication.assumptions import assumption
+from fabrication.connections import polarity_of
+from fabrication.silicone import pours
+from fabrication.table import number, one_line
+
+MEASURED_FIELDS = ("body_width_mm", "body_depth_mm", "body_height_mm", "active_height_in_body_mm")
+"""Lengths of a part that its socket is cut from."""
+
+OPEN = ("inferred", "unverified")
+"""Confidences that call for a measurement."""
+
+HOURS_FROM_MINUTES = 120
+"""Cure times from here on are given in hours."""
+
+MINUTES_PER_HOUR = 60
+
+MOST_WEIGHING_ERROR = 0.05
+"""The mixing ratio, and with it the stiffness, should not be off by more than this for want of a finer scale."""
+
+
+def casting_md(design: SensorDesign) -> str:
+    """The build sheet as Markdown.
+
+    Raises
+    ------
+    DesignError : parts or materials that the catalogue does not have.
+    """
+    cavity = cavity_of(design)
+    sections = (
+        _heading(design),
+        _weights(design),
+        _measure_first(cavity),
+        _print(design, cavity),
+        _fit(design, cavity),
+        _cast(design, cavity),
+        _cure(design),
+        _measure_after(design, cavity),
+        _gain(design, cavity),
+    )
+    return "\n".join(line for section in sections for line in section).rstrip() + "\n"
+
+
+def plain(text: str) -> str:
+    """A user's text on one line, with Markdown's and HTML's own signs made harmless."""
+    return re.sub(r"([\\`*_{}\[\]<>#|~])", r"\\\1", one_line(text)).replace("\\<", "&lt;")
+
+
+def _heading(design: SensorDesign) -> Iterator[str]:
+    yield f"# Casting {design.name}"
+    yield ""
+    if design.description:
+        yield plain(design.description)
+        yield ""
+    yield f"Design digest {design.digest}. Lengths in mm. A star marks a value that nobody has read at a source."
+    yield ""
+
+
+def _weights(design: SensorDesign) -> Iterator[str]:
+    elastomer, ratio = elastomer_of(design), design.elastomer.mixing_ratio
+    density, waste = elastomer.density_g_per_cm3, assumption("silicone_waste")
+    yield "## Weigh"
+    yield ""
+    yield f"{plain(elastomer.title)}, base to curing agent {number(ratio)} : 1 by weight."
+    yield ""
+    yield "| layer | thickness mm | in the mold g | to mix g | base g | curing agent g |"
+    yield "|---|---|---|---|---|---|"
+    for pour in pours(design):
+        grams = (pour.net_g, pour.mixed_g, pour.base_g, pour.agent_g)
+        row = " | ".join(f"{gram:.2f}" for gram in grams)
+        yield f"| {pour.layer} | {number(pour.thickness_mm)} | {row} |"
+    yield ""
+    yield f"Density {_shown(density)}; {waste.value:.0%}* is added for what stays in the cup and in the gaps."
+    yield from _too_little(design)
+    if design.cavity.black_thickness_mm > 0:
+        yield "Carbon black: to saturation, as the paper has it; it states no share by weight."
+    yield ""
+
+
+def _too_little(design: SensorDesign) -> Iterator[str]:
+    step = assumption("scale_step").value
+    for pour in pours(design):
+        if step > MOST_WEIGHING_ERROR * pour.agent_g:
+            batch = step / MOST_WEIGHING_ERROR / pour.agent_g * pour.mixed_g
+            yield (
+                f"The {pour.layer} layer's {pour.agent_g:.2f} g of curing agent are too little for a scale of "
+                f"{step:g}* g: mix {math.ceil(batch)} g or more at the same ratio and use {pour.mixed_g:.2f} g of it."
+            )
+
+
+def _measure_first(cavity: CavityGeometry) -> Iterator[str]:
+    yield "## Measure before printing"
+    yield ""
+    yield "The sockets are cut from these lengths. Take a caliper to the parts at hand, chip height under a loupe"
+    yield "or on a photograph with a scale, and put what differs into the design under"
+    yield "`[part_measurements.<part>]`, for example `active_height_in_body_mm = 3.4`; then run the design anew."
+    yield ""
+    yield "| part | length | mm | confidence | measure |"
+    yield "|---|---|---|---|---|"
+    for part in _one_of_each(cavity.parts):
+        known = quantities_of(part.part)
+        for name in MEASURED_FIELDS:
+            must = "yes" if known[name].confidence in OPEN else ""
+            yield f"| {part.part_id} | {name} | {number(known[name].value)} | {known[name].confidence} | {must} |"
+    yield ""
+
+
+def _print(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
+    material, outline = find_mold_material(entries_of(design), design.mold.material), outline_of(design)
+    outside = f"{number(outline.outer_length_mm)} x {number(outline.outer_width_mm)}"
+    depth = outline.top_mm - outline.cavity_bottom_mm
+    yield "## Print and check"
+    yield ""
+    blade = " and `cad/leveling_blade.stl`" if cavity.black_mm > 0 else ""
+    yield f"1. Print `cad/mold.stl`{blade} in {plain(material.title)}, open side up."
+    yield f"2. Measure the mold: outside {outside}, cavity {number(cavity.length_mm)} x {number(cavity.width_mm)},"
+    yield f"   from rim to cavity floor {number(depth)}."
+    yield "3. Clean the sockets; the active faces must sit flush with the cavity's walls."
+    yield ""
+    for note in material.notes:
+        yield f"- {plain(note)}"
+    yield ""
+
+
+def _fit(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
+    yield "## Fit the parts"
+    yield ""
+    yield "Places and pins: `wiring.svg` and `wiring.csv`. Every part goes in from above, active face inward."
+    yield ""
+    yield "| part | references | base above black layer | leads | polarity |"
+    yield "|---|---|---|---|---|"
+    for group in _groups(cavity.parts):
+        first = group[0]
+        leads = "down through the floor" if first.part.mounting == "radial" else "out through the wall's back"
+        names = " ".join(part.name for part in group)
+        yield f"| {first.part_id} | {names} | {first.body_base_mm:.2f} | {leads} | {polarity_of(first)} |"
+    yield ""
+    yield "1. Solder wires to surface parts first; test every emitter and receiver before it is cast in."
+    yield "2. Seat each body on the floor of its socket: that sets its height."
+    yield "3. Seal every lead hole and wire slot from outside, and the gaps around the bodies."
+    below = pockets_below_clear_layer(design)
+    if below and cavity.black_mm > 0:
+        yield f"4. The sockets of {' '.join(below)} reach below the clear layer: keep black silicone off their faces."
+    yield ""
+
+
+def _cast(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
+    yield "## Cast"
+    yield ""
+    steps = [*_black_steps(design, cavity), *_clear_steps(design, cavity)]
+    yield from (f"{place}. {step}" for place, step in enumerate(steps, start=1))
+    yield ""
+    yield "Warnings:"
+    yield ""
+    yield "- Uncured resin of an SLA print inhibits the cure: the silicone stays tacky. Use a filament print."
+    yield "- Layer lines of a print copy into silicone: never cast the optical face against printed plastic."
+    for note in elastomer_of(design).notes:
+        yield f"- {plain(note)}"
+    yield ""
+
+
+def _black_steps(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
+    for pour in pours(design):
+        if pour.layer == "black":
+            yield (
+                f"Black layer: mix {pour.base_g:.2f} g base and {pour.agent_g:.2f} g curing agent, stir in carbon "
+                "black until it takes no more and still flows, and pour."
+            )
+            yield _leveling(design)
+            yield f"Cure it (below). It must be {number(cavity.black_mm)} thick, level, and black to the walls."
+
+
+def _clear_steps(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
+    clear = next(pour for pour in pours(design) if pour.layer == "clear")
+    bottom = "the black layer" if cavity.black_mm > 0 else "the cavity's floor"
+    yield (
+        f"Clear layer: mix {clear.base_g:.2f} g base and {clear.agent_g:.2f} g curing agent; degas under vacuum "
+        "until no bubbles rise."
+    )
+    yield (
+        f"Pour slowly against one wall to {number(cavity.clear_mm)} above {bottom}, which is "
+        f"{number(design.mold.rim_mm)} below the rim; degas again, prick bubbles at the active faces."
+    )
+    yield "Level the mold, cover it against dust, cure. The open surface is the optical face: nothing touches it."
+
+
+def _leveling(design: SensorDesign) -> str:
+    above = bodies_above_rim(design)
+    if above:
+        return (
+            f"{' '.join(above)} stand above the rim, in the leveling blade's way: level between them by hand, "
+            "or raise `mold.rim_mm`."
+        )
+    return (
+        "Rest the leveling blade on the rim and draw it once along the longer side; wipe off what it takes."
+    )
+
+
+def _cure(design: SensorDesign) -> Iterator[str]:
+    elastomer = elastomer_of(design)
+    yield "## Cure"
+    yield ""
+    if not elastomer.cure:
+        yield f"The catalogue has no cure times for {plain(elastomer.title)}: take the maker's."
+        yield ""
+        return
+    yield "The coolest is the safe one: hotter ones must stay below what the printed mold bears (see its notes)."
+    yield "Both layers cure alike; the black one only until it no longer sticks."
+    yield ""
+    yield "| temperature C | time | confidence | source |"
+    yield "|---|---|---|---|"
+    for cure in sorted(elastomer.cure, key=lambda way: way.temperature_c):
+        star = "*" if cure.confidence in OPEN else ""
+        source = plain(cure.source)
+        yield f"| {number(cure.temperature_c)} | {_duration(cure)}{star} | {cure.confidence} | {source} |"
+    yield ""
+
+
+def _measure_after(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
+    yield "## Measure after fitting, and tell the design"
+    yield ""
+    yield "The verdict hangs on the heights of the active areas. Before the clear layer is poured, with what is below"
+    yield "it cured, measure from its surface to the middle of each active area with a depth gauge or on a level"
+    yield "photograph. Put the mean into the design and its path into `measured`, so that the verdict no longer"
+    yield "carries their band of doubt:"
+    yield ""
+    heights = {height_field(design, part): part.height_mm for part in cavity.parts}
+    listed = ", ".join(f'"{path}"' for path in heights)
+    yield "```toml"
+    yield f"measured = [{listed}]"
+    yield "```"
+    yield ""
+    yield "| height | design mm | state |"
+    yield "|---|---|---|"
+    for path, height in heights.items():
+        state = "measured" if path in design.measured else "not measured"
+        yield f"| {path} | {number(height)} | {state} |"
+    yield ""
+
+
+def _gain(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
+    yield "## Set the gain"
+    yield ""
+    yield "No feedback resistor is computed: that needs the emitters' power, which the catalogue does not have."
+    yield "Start with a trimmer on one amplifier. With the pad untouched, and the all-off reading subtracted, turn it"
+    pairs = "facing pairs" if facing_pairs(cavity) else "pairs in different walls"
+    yield f"until the median over {pairs} reads {number(design.gain.target_counts)} counts, then fit"
+    yield "that value to all receivers. The capacitor beside it must let the reading settle within"
+    yield f"{number(design.board.settle_us)} us and keep the amplifier from ringing."
+    yield ""
+
+
+def _one_of_each(parts: Sequence[PlacedPart]) -> tuple[PlacedPart, ...]:
+    return tuple({part.part_id: part for part in reversed(parts)}.values())[::-1]
+
+
+def _groups(parts: Sequence[PlacedPart]) -> list[list[PlacedPart]]:
+    """Parts of the same entry at the same height."""
+    groups: dict[tuple[str, float], list[PlacedPart]] = {}
+    for part in parts:
+        groups.setdefault((part.part_id, part.height_mm), []).append(part)
+    return list(groups.values())
+
+
+def _shown(quantity: Quantity) -> str:
+    star = "*" if quantity.confidence in OPEN else ""
+    return f"{number(quantity.value)}{star} {quantity.unit}"
+
+
+def _duration(cure: Cure) -> str:
+    if cure.minutes >= HOURS_FROM_MINUTES:
+        return f"{number(cure.minutes / MINUTES_PER_HOUR)} h"
+    return f"{number(cure.minutes)} min"

@@ -1,0 +1,47 @@
+"""All sheets of a design, written into the bundle's folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from design.io import write_text_atomically
+from design.spec import SensorDesign
+from fabrication.bom import bom_csv
+from fabrication.casting import casting_md
+from fabrication.driver_config import dump_driver_config
+from fabrication.wiring import wiring_csv
+from fabrication.wiring_svg import wiring_svg
+
+
+def sheet_texts(design: SensorDesign, counts_per_flux: float | None = None) -> dict[str, str]:
+    """Text of every sheet by file name.
+
+    Parameters
+    ----------
+    counts_per_flux : the common gain that the simulation set [counts]; None leaves it out
+
+    Raises
+    ------
+    DesignError : parts, pins or materials that the catalogue or the board does not have.
+    """
+    return {
+        "driver.toml": dump_driver_config(design, counts_per_flux),
+        "wiring.csv": wiring_csv(design),
+        "wiring.svg": wiring_svg(design),
+        "bom.csv": bom_csv(design),
+        "casting.md": casting_md(design),
+    }
+
+
+def write_sheets(design: SensorDesign, folder: Path, counts_per_flux: float | None = None) -> dict[str, Path]:
+    """Write every sheet into a folder that exists; the paths by file name.
+
+    Raises
+    ------
+    DesignError : as `sheet_texts`; nothing is written.
+    OutputError : the folder cannot be written.
+    """
+    texts = sheet_texts(design, counts_per_flux)
+    for name, text in texts.items():
+        write_text_atomically(folder / name, text)
+    return {name: folder / name for name in texts}

@@ -1,0 +1,197 @@
+"""Bill of materials, silicone and resistors, by hand and parsed back."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from design.catalog import Part
+from design.cavity import cavity_of
+from design.pins import board_of
+from design.preset import PRESETS, preset
+from design.properties import part_of
+from design.spec import SensorDesign
+from fabrication.assumptions import assumption
+from fabrication.bom import COLUMNS, bom_csv, bom_rows
+from fabrication.circuit import E24, emitter_switch, ohm_text, standard_at_least, standard_at_most
+from fabrication.silicone import pours
+from fabrication.table import csv_text, safe_text
+
+PAD = preset("piacenza2017-pad")
+
+
+def rows_of(design: SensorDesign) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(bom_csv(design))))
+
+
+def row(design: SensorDesign, item: str) -> dict[str, str]:
+    (found,) = [row for row in rows_of(design) if row["item"] == item]
+    return found
+
+
+def led(**changes: dict[str, object]) -> Part:
+    entry = part_of(PAD, "osram-lt-p4sg", "emitter").model_dump(mode="json")
+    return Part.model_validate(entry | {name: entry[name] | change for name, change in changes.items()})
+
+
+def test_the_pad_s_silicone_is_its_volume_times_density() -> None:
+    black, clear = pours(PAD)
+    assert clear.net_g == pytest.approx(32 * 32 * 8 / 1000 * 1.03)
+    assert black.net_g == pytest.approx(32 * 32 * 1 / 1000 * 1.03)
+    assert clear.mixed_g == pytest.approx(8.43776 * 1.25)
+
+
+@pytest.mark.parametrize("ratio", [5.0, 10.0, 20.0, 30.0])
+def test_base_and_agent_make_the_mix_in_the_design_s_ratio(ratio: float) -> None:
+    for pour in pours(PAD.with_(**{"elastomer.mixing_ratio": ratio})):
+        assert pour.base_g / pour.agent_g == pytest.approx(ratio)
+        assert pour.base_g + pour.agent_g == pytest.approx(pour.mixed_g)
+
+
+def test_a_pad_without_a_black_layer_needs_no_carbon_and_no_blade() -> None:
+    bare = PAD.with_(**{"cavity.black_thickness_mm": 0.0})
+    assert [pour.layer for pour in pours(bare)] == ["clear"]
+    items = {row["item"] for row in rows_of(bare)}
+    assert not {"carbon black", "printed leveling blade"} & items
+
+
+@given(st.floats(1.0, 1e7))
+def test_standard_resistors_enclose_the_computed_value(ohm: float) -> None:
+    above, below = standard_at_least(ohm), standard_at_most(ohm)
+    assert below <= ohm * (1 + 1e-9)
+    assert above >= ohm * (1 - 1e-9)
+    assert above / below <= 1.5 / 1.3 + 1e-9  # the widest step of E24
+
+
+def test_a_standard_value_stays_itself() -> None:
+    values = [float(step) * 10**power for step in E24 for power in range(6)]
+    assert [standard_at_least(value) for value in values] == pytest.approx(values)
+    assert [standard_at_most(value) for value in values] == pytest.approx(values)
+    assert len(values) == 24 * 6
+
+
+def test_the_pad_s_series_resistor_is_computed_at_the_lowest_forward_voltage() -> None:
+    switch = emitter_switch(part_of(PAD, "sunled-xscwd23mb", "emitter"))
+    assert switch.series_ohm == 120.0  # the next above (5.0 - 2.7) V / 20 mA = 115 ohm
+    assert switch.current_ma == pytest.approx(2.3 / 120 * 1e3)
+    assert switch.series_mw == pytest.approx(2.3**2 / 120 * 1e3)
+    assert switch.forward_v.confidence == "unverified"
+
+
+@given(forward=st.floats(1.5, 4.8), most=st.floats(1.0, 100.0))
+def test_no_emitter_gets_more_than_its_current(forward: float, most: float) -> None:
+    part = led(
+        forward_voltage_v={"value": forward, "low": forward, "high": None}, max_current_ma={"value": most}
+    )
+    switch = emitter_switch(part)
+    assert switch.series_ohm is not None
+    assert switch.current_ma <= most * (1 + 1e-9)
+    supply, base = assumption("supply_v").value, assumption("base_emitter_v").value
+    assert switch.base_current_ma == pytest.approx((supply - base) / switch.base_ohm * 1e3)
+    assert most / switch.base_current_ma <= assumption("forced_gain").value * (1 + 1e-9)
+
+
+def test_an_emitter_beyond_the_supply_has_no_resistor() -> None:
+    switch = emitter_switch(led(forward_voltage_v={"value": 6.0, "low": 5.5, "high": 7.0}))
+    assert switch.series_ohm is None
+    assert switch.current_ma == 0.0
+
+
+def test_a_base_current_that_a_pin_cannot_give_is_noticed() -> None:
+    board = board_of(PAD)
+    assert not emitter_switch(led(max_current_ma={"value": 150.0})).overloads_pin(board)
+    assert emitter_switch(led(max_current_ma={"value": 300.0})).overloads_pin(board)
+
+
+@pytest.mark.parametrize(("ohm", "text"), [(120.0, "120 ohm"), (2200.0, "2.2 kohm"), (1e6, "1000 kohm")])
+def test_resistances_are_written_as_on_an_order(ohm: float, text: str) -> None:
+    assert ohm_text(ohm) == text
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_the_bill_counts_every_part_once(name: str) -> None:
+    design = preset(name)
+    cavity, rows = cavity_of(design), rows_of(design)
+    references = [reference for row in rows for reference in row["references"].split()]
+    assert len(set(references)) == len(references)
+    assert [r for r in references if "-" not in r] == [part.name for part in cavity.parts]
+    for one in rows:
+        if one["references"]:
+            assert float(one["quantity"]) == len(one["references"].split())
+    for mark in ("Q", "RB", "RS"):
+        assert [r for r in references if r.endswith(f"-{mark}")] == [
+            f"{p.name}-{mark}" for p in cavity.emitters
+        ]
+    for mark in ("A", "RF", "CF"):
+        assert [r for r in references if r.endswith(f"-{mark}")] == [
+            f"{p.name}-{mark}" for p in cavity.receivers
+        ]
+
+
+def test_no_cost_is_invented() -> None:
+    assert {(row["unit_cost"], row["currency"], row["cost_date"]) for row in rows_of(PAD)} == {("", "", "")}
+
+
+def test_a_known_cost_comes_with_currency_and_date() -> None:
+    entry = part_of(PAD, "osram-sfh206k", "receiver").model_dump(mode="json")
+    entry["cost"] = {"value": 0.79, "currency": "EUR", "date": "2024-05", "source": "a quote"}
+    priced = PAD.with_(catalog={"parts": {"osram-sfh206k": entry}})
+    found = next(row for row in rows_of(priced) if row["catalogue_id"] == "osram-sfh206k")
+    assert (found["unit_cost"], found["currency"], found["cost_date"]) == ("0.79", "EUR", "2024-05")
+
+
+def test_grams_and_values_of_the_pad() -> None:
+    assert float(row(PAD, "Dow Sylgard 184, base")["quantity"]) == pytest.approx(
+        32 * 32 * 9 / 1000 * 1.03 * 1.25 * 20 / 21, abs=0.005
+    )
+    assert float(row(PAD, "Dow Sylgard 184, curing agent")["quantity"]) == pytest.approx(
+        32 * 32 * 9 / 1000 * 1.03 * 1.25 / 21, abs=0.005
+    )
+    assert row(PAD, "series resistor")["value"] == "120 ohm"
+    assert row(PAD, "feedback resistor")["value"] == "set by gain"
+    assert row(PAD, "carbon black")["quantity"] == ""
+    assert row(PAD, "printed mold")["quantity"] == "1"
+
+
+def test_the_solid_mold_s_weight_is_its_volume_by_formula() -> None:
+    outer, cavity = 45.0 * 45.0 * 13.5, 32.0 * 32.0 * 10.5
+    grams = float(row(PAD, "printed mold")["note"].split("; ")[1].split(" g")[0])
+    assert 0.6 * (outer - cavity) * 1.04e-3 < grams < (outer - cavity) * 1.04e-3  # less sockets, holes, lip
+
+
+def test_a_bill_parsed_back_is_the_bill() -> None:
+    rows, parsed = bom_rows(PAD), rows_of(PAD)
+    assert [one["item"] for one in parsed] == [one.item for one in rows]
+    assert tuple(parsed[0]) == COLUMNS
+    assert "\r" not in bom_csv(PAD)
+
+
+@pytest.mark.parametrize("start", ["=", "+", "-", "@"])
+def test_a_title_that_looks_like_a_formula_is_defused(start: str) -> None:
+    entry = part_of(PAD, "osram-sfh206k", "receiver").model_dump(mode="json")
+    entry |= {"title": f'{start}HYPERLINK("http://x","y")', "manufacturer": f"{start}1+1"}
+    design = PAD.with_(catalog={"parts": {"osram-sfh206k": entry}})
+    found = next(row for row in rows_of(design) if row["catalogue_id"] == "osram-sfh206k")
+    assert found["item"] == f'\'{start}HYPERLINK("http://x","y")'
+    assert found["manufacturer"] == f"'{start}1+1"
+
+
+@given(st.text(max_size=40))
+def test_no_text_starts_a_formula_or_a_new_line(text: str) -> None:
+    cell = safe_text(text)
+    assert not cell.startswith(("=", "+", "-", "@", "\t", "\r", "\n"))
+    assert cell.isprintable()
+    assert list(csv.reader(io.StringIO(csv_text(["a"], [[text or "x"]])))) == [
+        ["a"],
+        [safe_text(text or "x")],
+    ] or (not safe_text(text or "x"))
+
+
+def test_negative_numbers_stay_numbers() -> None:
+    assert csv_text(["a", "b", "c"], [[-1.5, 0.1 + 0.2, None]]) == "a,b,c\n-1.5,0.3,\n"
+    assert math.isclose(float(csv_text(["a"], [[1e-4]]).splitlines()[1]), 1e-4)
