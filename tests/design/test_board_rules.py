@@ -10,21 +10,15 @@ from hypothesis import strategies as st
 
 from design.catalog import find_board, packaged
 from design.errors import DesignError
-from design.finding import Finding
 from design.pins import assigned_pins, board_of
 from design.rules import check
-from design.spec import BoardUse, SensorDesign
+from design.spec import BoardUse
 from design.timing import baud_error, frame_bytes, frame_time_ms, link_time_ms, made_baud, state_count
+from tests.design.rule_cases import only
 from tests.design.spec_fields import good, with_layout
 
 MEGA = find_board(packaged(), "arduino-mega-2560")
 CLOCK_HZ = 16_000_000
-
-
-def only(design: SensorDesign) -> Finding:
-    findings = check(design)
-    assert len(findings) == 1, [str(finding) for finding in findings]
-    return findings[0]
 
 
 def test_pins_and_channels_are_dealt_in_the_boards_order() -> None:
