@@ -115,7 +115,8 @@ def _edges_mm(lines: tuple[float, ...], pitch_mm: float, side_mm: float) -> Floa
     """Cell borders half-way between places, kept inside the cavity [mm]."""
     centres = np.array(lines)
     step = centres[1] - centres[0] if len(centres) > 1 else pitch_mm
-    return np.clip(np.append(centres - step / 2, centres[-1] + step / 2), 0.0, side_mm)
+    edges: FloatArray = np.append(centres - step / 2, centres[-1] + step / 2).clip(0.0, side_mm)
+    return edges
 
 
 def _draw_pad(ax: Axes, cavity: CavityGeometry) -> None:

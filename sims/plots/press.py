@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 
 from design.quantity import Quantity
@@ -11,6 +13,13 @@ from sims.plots.style import BLUE, GREEN, GRID, INK, PALE_BLUE, VERMILLION, axes
 from sims.verdict.result import ForceCurve
 
 HEIGHT_IN = 3.2
+POINT: dict[str, Any] = {
+    "color": VERMILLION,
+    "marker": "D",
+    "markersize": 6,
+    "markeredgecolor": INK,
+    "linestyle": "none",
+}
 
 
 def plot_force(
@@ -40,18 +49,20 @@ def plot_force(
         )
     ax.plot(force.depth_mm, force.force_n, color=BLUE, linewidth=2, label=f"modulus {modulus.value:.3g} MPa")
     for depth_mm, force_n, label in measured:
-        ax.plot(
-            depth_mm,
-            force_n,
-            "D",
-            color=VERMILLION,
-            markersize=6,
-            markeredgecolor=INK,
-            linestyle="none",
-            label=label,
-        )
+        ax.plot(depth_mm, force_n, label=label, **POINT)
     _frame(ax, force, "load [N]")
     ax.legend(loc="upper left")
+    return ax
+
+
+def plot_force_near(force: ForceCurve, modulus: Quantity, measured: tuple[float, float, str]) -> Axes:
+    """The same around one measured point, from contact to twice its depth."""
+    ax = plot_force(force, modulus, measured=[measured])
+    deepest = min(2.0 * measured[0], float(force.depth_mm[-1]))
+    stiffest = 1.0 if modulus.high is None else modulus.high / modulus.value
+    highest = float(np.interp(deepest, force.depth_mm, force.force_n)) * stiffest
+    ax.set_xlim(0.0, deepest)
+    ax.set_ylim(0.0, 1.05 * max(highest, measured[1]))
     return ax
 
 

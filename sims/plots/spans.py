@@ -25,7 +25,7 @@ def plot_spans(pairs: Sequence[JudgedPair], ax: Axes | None = None) -> Axes:
     ax.tick_params(axis="y", length=0)
     ax.grid(axis="x", color=GRID, linewidth=0.6)
     ax.set_xlabel("depth of the press [mm]")
-    ax.set_ylabel("judged pair (emitter-receiver)")
+    ax.set_ylabel("pair")
     ax.legend(
         handles=[
             Patch(color=VERMILLION, label="mode 1"),

@@ -163,7 +163,7 @@ def made_up_band(pair: str, deadband_mm: float) -> ToleranceBand:
             values=(1.0, 2.6),
             gap_mm=(None, 0.4),
             deadband_mm=(deadband_mm + 0.2, max(0.0, deadband_mm - 0.1)),
-            flips=False,
+            flips=deadband_mm == 0,
         ),
         ToleranceRow(
             path="surfaces.wall_reflectance",

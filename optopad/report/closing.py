@@ -1,0 +1,106 @@
+"""The last sections: warnings, what the models leave out, the bundle's files, where the numbers come from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from design.rules import check
+from design.spec import SensorDesign
+from optopad.report.markup import Html, bullets, element, facts, section
+from sims.verdict.result import ContinuityScore
+
+LEFT_OUT = (
+    "Contact is static, axisymmetric and frictionless: no sliding, no adhesion, no hysteresis, no slow "
+    "bonding and unbonding at the walls.",
+    "Distance to the walls: a press off the centre has the centred press's shape, with a bonded wall 16/3 tip "
+    "radii away.",
+    "One tip, a rigid hemisphere with a straight shank. Several touches at once are not modelled.",
+    "Light that leaves through the top is lost: none comes back in across the crater.",
+    "Receivers are bare active areas, without package, lens or filter. Emitters are flat and even, with intensity "
+    "falling as a power of the cosine; real packages shape their beam.",
+    "One wavelength, one refractive index; no haze, no polarisation. Walls, bottom and tip scatter evenly in all "
+    "directions; gloss is left out.",
+    "Noise is rounding, a constant and a share of the reading. Drift, ambient light, crosstalk and the amplifier's "
+    "own limits are left out; one gain serves all receivers.",
+    "Tolerance moves one value at a time; several values off together can do more.",
+    "Between the depths and places computed, signals are taken as straight lines or not at all.",
+)
+
+KNOWN_FILES = {
+    "design.toml": "the effective design",
+    "manifest.json": "digest, versions, seed, SHA-256 of every file",
+    "report.html": "this page",
+    "cad/mold.stl": "the mold, to slice",
+    "cad/mold.step": "the mold, to edit",
+    "cad/mold.3mf": "the mold, with units",
+    "cad/leveling_blade.stl": "levels the black layer",
+    "cad/indenter_tip.stl": "the tip",
+    "cad/checks.json": "mold checks",
+    "sims/signals.nc": "light of every press of the map",
+    "sims/score.json": "the verdict as data",
+    "fabrication/bom.csv": "parts to order",
+    "fabrication/wiring.csv": "pins",
+    "fabrication/wiring.svg": "layout and pins, drawn",
+    "fabrication/casting.md": "how to cast it",
+    "fabrication/driver.toml": "configuration of the driver",
+}
+WRITTEN_LAST = ("design.toml", "manifest.json", "report.html")
+"""Files of every bundle that are not there yet when the page is made."""
+
+
+def warnings_section(design: SensorDesign, score: ContinuityScore) -> Html:
+    """Everything to keep in mind about this design and this verdict."""
+    found = [*score.warnings, *(str(one) for one in check(design) if one.severity == "warning")]
+    body = bullets(found, class_="warnings") if found else element("p", "None.")
+    return section("warnings", "Warnings", body)
+
+
+def limits_section() -> Html:
+    """What no figure on the page includes."""
+    return section("limits", "What the models leave out", bullets(LEFT_OUT))
+
+
+def bundle_files(folder: Path) -> list[str]:
+    """Names of the bundle's files, those to come included; hidden work in progress is not."""
+    found = {
+        path.relative_to(folder).as_posix()
+        for path in folder.rglob("*")
+        if path.is_file() and not any(part.startswith(".") for part in path.relative_to(folder).parts)
+    }
+    return sorted(found | set(WRITTEN_LAST), key=lambda name: (name.count("/"), name))
+
+
+def files_section(names: Sequence[str]) -> Html:
+    """Links to the files beside the page."""
+    items = (
+        element(
+            "li",
+            element("a", name, href=name),
+            element("span", f" {KNOWN_FILES[name]}", class_="note") if name in KNOWN_FILES else "",
+        )
+        for name in names
+    )
+    return section(
+        "files",
+        "Files",
+        element("p", "Links work while the page lies in its bundle.", class_="note"),
+        element("ul", *items, class_="files"),
+    )
+
+
+def origin_section(design: SensorDesign, score: ContinuityScore, seed: int, versions: dict[str, str]) -> Html:
+    """What made the page: design, seed, versions."""
+    return section(
+        "origin",
+        "Where the numbers come from",
+        facts(
+            [
+                ("design", design.name),
+                ("digest", design.digest),
+                ("seed", str(seed)),
+                ("map", "fine" if score.fine else "coarse"),
+                ("versions", ", ".join(f"{name} {version}" for name, version in versions.items())),
+            ]
+        ),
+    )

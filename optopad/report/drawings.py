@@ -1,0 +1,161 @@
+"""The plots of a report as SVG, by file name, and how they are set into the page."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from design.cavity import cavity_of
+from design.properties import modulus
+from design.spec import SensorDesign
+from optopad.report.markup import Html, element
+from optopad.report.numbers import spans
+from optopad.report.published import published_load
+from optopad.report.words import governing, ranked
+from sims.plots.pad import plot_change_map, plot_deadband_map
+from sims.plots.press import plot_contact_radius, plot_force, plot_force_near
+from sims.plots.signal import plot_signal
+from sims.plots.spans import plot_spans
+from sims.plots.style import plain_style, svg_text
+from sims.plots.tolerance import plot_gap_tolerance, plot_tolerance
+from sims.verdict.result import ContinuityScore, JudgedPair
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+PREFIX = "plot-"
+MOST_FACING = 8
+"""Facing pairs that get a plot each; more are in the table only."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drawing:
+    """A plot as a file: its stem, what it shows in one sentence, and its SVG text."""
+
+    stem: str
+    shows: str
+    svg: str
+
+    @property
+    def file_name(self) -> str:
+        """Name of its file in the bundle's ``sims`` folder."""
+        return f"{self.stem}.svg"
+
+
+def shown_pairs(score: ContinuityScore) -> list[tuple[JudgedPair, str]]:
+    """Pairs that get a plot, and as what: all facing ones, or the governing, a middling and the best one."""
+    if not score.pairs:
+        return []
+    if score.is_facing_rows:
+        roles = ["middle facing pair", *["facing pair"] * (len(score.pairs) - 1)]
+        return list(zip(score.pairs, roles, strict=True))[:MOST_FACING]
+    order = ranked(score)
+    wanted = (
+        (order[0], "worst pair, the governing one"),
+        (order[len(order) // 2], "median pair"),
+        (order[-1], "best pair"),
+    )
+    chosen: dict[str, tuple[JudgedPair, str]] = {}
+    for pair, role in wanted:
+        chosen.setdefault(pair.name, (pair, role))
+    return list(chosen.values())
+
+
+def drawings_of(design: SensorDesign, score: ContinuityScore) -> dict[str, Drawing]:
+    """All plots that a score has data for, by stem without the prefix."""
+    with plain_style():
+        plots = {
+            **_pair_plots(score),
+            **_map_plots(design, score),
+            **_press_plots(design, score),
+            **_tolerance_plots(score),
+        }
+        return {name: _drawn(name, *plot) for name, plot in plots.items()}
+
+
+def _drawn(name: str, axes: Axes, shows: str) -> Drawing:
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    return Drawing(stem=PREFIX + name, shows=shows, svg=svg_text(figure, name))
+
+
+def _pair_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
+    found = {
+        f"signal-{pair.name}": (
+            plot_signal(pair),
+            f"Signal of {pair.name} against depth by path; deadband {spans(pair.score.deadbands_mm)}",
+        )
+        for pair, _ in shown_pairs(score)
+    }
+    if score.pairs:
+        found["pairs"] = (
+            plot_spans(score.pairs),
+            f"Depths of mode 1, mode 2 and deadbands of {len(score.pairs)} judged pairs",
+        )
+    return found
+
+
+def _map_plots(design: SensorDesign, score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
+    if score.pad_map is None:
+        return {}
+    cavity = cavity_of(design)
+    found = {
+        "map-change": (
+            plot_change_map(score.pad_map, cavity),
+            "Map of the largest signal change over the pad",
+        )
+    }
+    if score.pad_map.dead_share > 0:
+        found["map-deadband"] = (plot_deadband_map(score.pad_map, cavity), "Map of the deadband over the pad")
+    return found
+
+
+def _press_plots(design: SensorDesign, score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
+    if score.force is None:
+        return {}
+    stated = published_load(design)
+    measured = [stated.point] if stated else []
+    found = {
+        "force": (plot_force(score.force, modulus(design), measured=measured), "Load against depth"),
+        "contact-radius": (plot_contact_radius(score.force), "Contact radius against depth"),
+    }
+    if stated is not None:
+        near = plot_force_near(score.force, modulus(design), stated.point)
+        found["force-near"] = (near, "Load against depth around the published point")
+    return found
+
+
+def _tolerance_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
+    band = score.tolerance
+    if band is None or not band.rows:
+        return {}
+    pair = governing(score).name
+    return {
+        "tolerance-deadband": (plot_tolerance(band), f"Deadband of {pair} at both ends of every open value"),
+        "tolerance-gap": (plot_gap_tolerance(band), f"Mode gap of {pair} at both ends of every open value"),
+    }
+
+
+def figure_of(drawing: Drawing, caption: str) -> Html:
+    """A plot on its card, with a caption."""
+    return element(
+        "figure",
+        element("div", inline_svg(drawing.svg, drawing.shows), class_="card"),
+        element("figcaption", caption),
+    )
+
+
+def inline_svg(svg: str, label: str) -> Html:
+    """SVG text made part of a page: no prologue, no style of its own, no size, no names of groups."""
+    body = svg[svg.index("<svg") :]
+    body = re.sub(r"<defs>\s*<style[^>]*>.*?</style>\s*</defs>", "", body, flags=re.DOTALL)
+    body = re.sub(r'<g id="[^"]*"', "<g", body)
+    opening, rest = body.split(">", 1)
+    view = re.search(r'viewBox="[^"]*"', opening)
+    assert view is not None
+    named = element("title", label)
+    return Html(
+        f'<svg class="plot" role="img" {view[0]} xmlns="http://www.w3.org/2000/svg" '
+        f'xmlns:xlink="http://www.w3.org/1999/xlink">{named}{rest.strip()}'
+    )

@@ -1,0 +1,135 @@
+"""Write a bundle's report: one self-contained page, and the plots on it as files.
+
+The page needs no network, no script and no other file; its links lead to the files of the bundle beside it.
+Equal designs, scores, checks and files give equal bytes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from design.io import write_text_atomically
+from design.spec import SensorDesign
+from fabrication.bundle import versions
+from optopad.report.closing import (
+    bundle_files,
+    files_section,
+    limits_section,
+    origin_section,
+    warnings_section,
+)
+from optopad.report.drawings import PREFIX, Drawing, drawings_of
+from optopad.report.markup import Html, element, joined
+from optopad.report.sensor import Pictures, checks_section, pictures_of, sensor_section
+from optopad.report.signals import (
+    force_section,
+    map_section,
+    pairs_section,
+    signal_section,
+    tolerance_section,
+)
+from optopad.report.words import banner, headline
+from sims.verdict.result import ContinuityScore
+
+PAGE = "report.html"
+TITLES = {
+    "sensor": "Sensor",
+    "signals": "Signals",
+    "map": "Map",
+    "pairs": "Pairs",
+    "tolerance": "Tolerance",
+    "force": "Load",
+    "mold": "Mold",
+    "warnings": "Warnings",
+    "limits": "Left out",
+    "files": "Files",
+    "origin": "Origin",
+}
+
+
+def write_report(
+    design: SensorDesign, folder: Path, score: ContinuityScore, checks: dict[str, Any], *, seed: int
+) -> Path:
+    """Write ``report.html`` and ``sims/plot-*.svg`` into a bundle; the page's path.
+
+    Parameters
+    ----------
+    folder : the bundle, with the files that the page shows and links to
+    checks : the mold's checks, as in ``cad/checks.json``
+    """
+    drawings = drawings_of(design, score)
+    _write_drawings(folder / "sims", drawings)
+    page = report_html(
+        design, score, checks, drawings, pictures_of(folder), bundle_files(folder), versions(), seed=seed
+    )
+    write_text_atomically(folder / PAGE, page)
+    return folder / PAGE
+
+
+def _write_drawings(sims: Path, drawings: dict[str, Drawing]) -> None:
+    sims.mkdir(exist_ok=True)
+    for stale in sims.glob(f"{PREFIX}*.svg"):
+        stale.unlink()
+    for drawing in drawings.values():
+        write_text_atomically(sims / drawing.file_name, drawing.svg)
+
+
+def report_html(
+    design: SensorDesign,
+    score: ContinuityScore,
+    checks: dict[str, Any],
+    drawings: dict[str, Drawing],
+    pictures: Pictures,
+    file_names: Sequence[str],
+    made_with: dict[str, str],
+    *,
+    seed: int,
+) -> str:
+    """The page as text."""
+    sections = {
+        "sensor": sensor_section(design, pictures),
+        **_light_sections(design, score, drawings),
+        "mold": checks_section(checks),
+        "warnings": warnings_section(design, score),
+        "limits": limits_section(),
+        "files": files_section(file_names),
+        "origin": origin_section(design, score, seed, made_with),
+    }
+    shown = {name: body for name, body in sections.items() if body}
+    return Template(_resource("page.html")).substitute(
+        title=escape(f"{design.name} · {score.verdict}"),
+        style=_resource("page.css"),
+        name=escape(design.name),
+        digest=escape(design.digest[:8]),
+        navigation=_navigation(shown),
+        verdict=joined([banner(score, design.operating.max_depth_mm), headline(score)]),
+        sections=joined(shown.values()),
+    )
+
+
+def _light_sections(
+    design: SensorDesign, score: ContinuityScore, drawings: dict[str, Drawing]
+) -> dict[str, Html]:
+    if not score.pairs:
+        return {}
+    return {
+        "signals": signal_section(score, drawings),
+        "map": map_section(score, drawings),
+        "pairs": pairs_section(score, drawings),
+        "tolerance": tolerance_section(score, drawings),
+        "force": force_section(design, score, drawings),
+    }
+
+
+def _navigation(sections: dict[str, Html]) -> Html:
+    links = (element("li", element("a", TITLES[name], href=f"#{name}")) for name in sections)
+    return element("nav", element("ul", *links), aria_label="Parts of this page")
+
+
+def _resource(name: str) -> str:
+    return (files("optopad.report") / name).read_text(encoding="utf-8")

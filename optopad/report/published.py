@@ -1,0 +1,70 @@
+"""What the paper says about load, to hold the computed curve against where the sensor is the paper's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from design.spec import SensorDesign
+
+
+@dataclass(frozen=True, kw_only=True)
+class PublishedLoad:
+    """A load that was stated for one sensor.
+
+    Attributes
+    ----------
+    depth_mm, force_n : the point; both ends of "corresponds to about"
+    source, short_source : where it is stated
+    tip_radius_mm, clear_mm, black_mm, material, mixing_ratio : the press that it was stated for
+    """
+
+    depth_mm: float
+    force_n: float
+    source: str
+    short_source: str
+    tip_radius_mm: float
+    clear_mm: float
+    black_mm: float
+    material: str
+    mixing_ratio: float
+
+    @property
+    def point(self) -> tuple[float, float, str]:
+        """Depth [mm], load [N] and a label for a plot."""
+        return (
+            self.depth_mm,
+            self.force_n,
+            f"{self.short_source}: {self.depth_mm:g} mm, about {self.force_n:g} N",
+        )
+
+    def is_of(self, design: SensorDesign) -> bool:
+        """Whether a design has this tip, these layers and this elastomer."""
+        return (
+            design.indenter.tip_radius_mm == self.tip_radius_mm
+            and design.cavity.clear_thickness_mm == self.clear_mm
+            and design.cavity.black_thickness_mm == self.black_mm
+            and design.elastomer.material == self.material
+            and design.elastomer.mixing_ratio == self.mixing_ratio
+        )
+
+
+PIACENZA_2017 = PublishedLoad(
+    depth_mm=0.6,
+    force_n=2.0,
+    source=(
+        "Piacenza et al., ICRA 2017: 0.6 mm corresponds to about 2 N, measured with a 6 mm hemispherical tip on "
+        "PDMS mixed 1:20; that it was the complete pad of 1 + 8 mm is inferred"
+    ),
+    short_source="Piacenza 2017, measured",
+    tip_radius_mm=3.0,
+    clear_mm=8.0,
+    black_mm=1.0,
+    material="sylgard-184",
+    mixing_ratio=20.0,
+)
+"""Source: the paper, read; "about" is the paper's word, no error is given."""
+
+
+def published_load(design: SensorDesign) -> PublishedLoad | None:
+    """The published load that applies to a design."""
+    return PIACENZA_2017 if PIACENZA_2017.is_of(design) else None

@@ -1,0 +1,136 @@
+"""Sections on the thing itself: its pictures, what it is made of, and whether the mold can be printed."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from design.cavity import CavityGeometry, PlacedPart, cavity_of
+from design.spec import SensorDesign
+from optopad.report.markup import Html, element, facts, section, table
+from optopad.report.numbers import counted
+
+MOLD_STL = "cad/mold.stl"
+WIRING_SVG = "fabrication/wiring.svg"
+STATES = {"ok": "\N{CHECK MARK} ok", "warning": "! warning", "error": "\N{MULTIPLICATION X} error"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pictures:
+    """Pictures that a bundle holds as data addresses; None where a file is missing."""
+
+    mold: str | None
+    wiring: str | None
+
+
+def pictures_of(folder: Path) -> Pictures:
+    """The mold as a picture, and the wiring drawing."""
+    return Pictures(mold=_mold_address(folder / MOLD_STL), wiring=_svg_address(folder / WIRING_SVG))
+
+
+def _mold_address(stl: Path) -> str | None:
+    if not stl.is_file():
+        return None
+    from cad.picture import mold_picture
+
+    return _address("image/png", mold_picture(stl))
+
+
+def _svg_address(svg: Path) -> str | None:
+    return _address("image/svg+xml", svg.read_bytes()) if svg.is_file() else None
+
+
+def _address(kind: str, content: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
+
+
+def sensor_section(design: SensorDesign, pictures: Pictures) -> Html:
+    """What the sensor is, with its pictures."""
+    about = facts(_facts(design, cavity_of(design)))
+    return section(
+        "sensor",
+        "The sensor",
+        *([element("p", design.description)] if design.description else []),
+        element("div", _mold(pictures), about, class_="grid"),
+        _wiring(pictures),
+    )
+
+
+def _mold(pictures: Pictures) -> Html:
+    if pictures.mold is None:
+        return Html("")
+    return _picture(
+        pictures.mold,
+        "The mold, shaded",
+        "The mold, seen from above the corner where x and y are 0",
+        MOLD_STL,
+    )
+
+
+def _wiring(pictures: Pictures) -> Html:
+    if pictures.wiring is None:
+        return Html("")
+    words = "Layout and wiring of emitters and receivers"
+    return _picture(pictures.wiring, words, "Layout and wiring", WIRING_SVG)
+
+
+def _picture(address: str, words: str, caption: str, file: str) -> Html:
+    image = element("img", src=address, alt=words)
+    words_below = element("figcaption", f"{caption}: ", element("a", file, href=file))
+    return element("figure", element("div", image, class_="card"), words_below)
+
+
+def _facts(design: SensorDesign, cavity: CavityGeometry) -> list[tuple[str, str]]:
+    space = cavity.workspace
+    return [
+        ("cavity", f"{cavity.length_mm:g} x {cavity.width_mm:g} mm"),
+        ("layers", f"{cavity.clear_mm:g} mm clear on {cavity.black_mm:g} mm black"),
+        ("elastomer", f"{design.elastomer.material}, {design.elastomer.mixing_ratio:g} : 1 by weight"),
+        ("emitters", _parts(cavity.emitters)),
+        ("receivers", _parts(cavity.receivers)),
+        ("tip", f"hemisphere of {design.indenter.tip_radius_mm:g} mm radius"),
+        ("workspace", f"x {space.x0_mm:g} to {space.x1_mm:g}, y {space.y0_mm:g} to {space.y1_mm:g} mm"),
+        ("deepest press", f"{design.operating.max_depth_mm:g} mm"),
+        ("board", f"{design.board.kind}, {design.board.frame_rate_hz:g} frames a second wanted"),
+        ("measured on the build", ", ".join(design.measured) or "nothing yet"),
+    ]
+
+
+def _parts(parts: tuple[PlacedPart, ...]) -> str:
+    groups: dict[tuple[str, float], int] = {}
+    for part in parts:
+        groups[part.part_id, part.height_mm] = groups.get((part.part_id, part.height_mm), 0) + 1
+    return "; ".join(
+        f"{count} {part} at {height:g} mm above the bottom" for (part, height), count in groups.items()
+    )
+
+
+def checks_section(checks: dict[str, Any]) -> Html:
+    """The mold's checks, what is wrong first."""
+    findings = sorted(checks.get("findings", []), key=lambda row: list(STATES)[::-1].index(row["state"]))
+    wrong = {state: sum(row["state"] == state for row in findings) for state in ("error", "warning")}
+    lead = "The files can be printed." if checks.get("ok") else "The files can NOT be printed as they are."
+    rows = [
+        (
+            str(row["name"]),
+            element("span", STATES[row["state"]], class_=f"state {row['state']}"),
+            f"{row['value']:g}",
+            f"{row['limit']:g}",
+            str(row["unit"]),
+            str(row.get("note", "")),
+        )
+        for row in findings
+    ]
+    heads = ("check", "state", "value", "limit", "unit", "note")
+    return section(
+        "mold",
+        "Mold checks",
+        element(
+            "p",
+            f"{lead} {counted(len(findings), 'check')}, {counted(wrong['error'], 'error')}, "
+            f"{counted(wrong['warning'], 'warning')}; measured on the files as written.",
+        ),
+        table(heads, rows, label="Mold checks", numeric=(2, 3), class_="wide") if rows else Html(""),
+    )
