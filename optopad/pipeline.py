@@ -56,7 +56,7 @@ def run(design: SensorDesign, out: Path, *, fine: bool, seed: int, on_step: OnSt
         score = _scored(design, folder, fine=fine, seed=seed, on_step=on_step)
         checks = mold.result()
         on_step("files", 0.0)
-        _write_fabrication(design, folder, score)
+        _write_fabrication(design, folder, None if score.readout is None else score.readout.counts_per_flux)
         _write_report(design, folder, score, checks, seed)
         on_step("files", 1.0)
     return RunResult(folder=out / bundle_name(design), score=score, checks=checks)
@@ -108,7 +108,7 @@ def write_driver_config(design: SensorDesign, out: Path, *, seed: int) -> Path:
     """Driver configuration, wiring and bill of materials into the bundle; returns the bundle."""
     require_valid(design)
     with bundle(design, out, seed=seed) as folder:
-        _write_fabrication(design, folder, None)
+        _write_fabrication(design, folder, _known_gain(folder))
     return out / bundle_name(design)
 
 
@@ -151,12 +151,20 @@ def _scored(design: SensorDesign, folder: Path, *, fine: bool, seed: int, on_ste
     return score
 
 
-def _write_fabrication(design: SensorDesign, folder: Path, score: ContinuityScore | None) -> None:
+def _known_gain(folder: Path) -> float | None:
+    """Counts per flux of an earlier score of the same design, if the bundle holds one."""
+    score = folder / "sims" / "score.json"
+    if not score.is_file():
+        return None
+    gain: float | None = json.loads(score.read_text(encoding="utf-8"))["counts_per_flux"]
+    return gain
+
+
+def _write_fabrication(design: SensorDesign, folder: Path, counts_per_flux: float | None) -> None:
     from fabrication.sheets import write_sheets
 
     (folder / "fabrication").mkdir(exist_ok=True)
-    gain = None if score is None or score.readout is None else score.readout.counts_per_flux
-    write_sheets(design, folder / "fabrication", counts_per_flux=gain)
+    write_sheets(design, folder / "fabrication", counts_per_flux=counts_per_flux)
 
 
 def _write_report(

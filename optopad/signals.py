@@ -44,7 +44,7 @@ def simulated(
     cavity = cavity_of(design)
     states = np.array(presses) if presses else _default_presses(design, cavity, oracle_rays is not None)
     solved_press(design, max_depth_mm=float(states[:, 2].max()), on_step=lambda s: on_step("contact", s))
-    light = trace(design, states, seed=seed, on_step=lambda s: on_step("map", s))
+    light = trace(design, states, seed=seed, on_step=lambda done, total: on_step("map", done / total))
     save_dataset(signals_dataset(light, cavity), folder / "signals.nc")
     comparison = None
     if oracle_rays is not None:

@@ -97,7 +97,7 @@ def pad_light(
     """
     leads = [_lead_of(place, places_mm, cavity) for place in places_mm]
     distinct = sorted({lead for lead, _ in leads})
-    light = trace(design, _states(places_mm[distinct], depth_mm), seed=seed, on_step=on_step)
+    light = trace(design, _states(places_mm[distinct], depth_mm), seed=seed, on_step=_as_share(on_step))
     rows, emitters, receivers = _carried(leads, distinct, len(depth_mm))
 
     def carried(flux: FloatArray) -> FloatArray:
@@ -127,8 +127,12 @@ def _traced_curves(
     masks = np.zeros((len(states), len(cavity.emitters), len(cavity.receivers)), dtype=np.bool_)
     for pair in pairs:
         masks[rows[pair], pair[0], pair[1]] = True
-    light = trace(design, states, accuracy=PAIR_ACCURACY, seed=seed, pairs=masks, on_step=on_step)
+    light = trace(design, states, accuracy=PAIR_ACCURACY, seed=seed, pairs=masks, on_step=_as_share(on_step))
     return {pair: _curves(light, pair, places[pair], rows[pair], depth_mm) for pair in pairs}
+
+
+def _as_share(on_step: OnStep | None) -> Callable[[int, int], None] | None:
+    return None if on_step is None else lambda done, total: on_step(done / total)
 
 
 def _states(places_mm: FloatArray, depth_mm: FloatArray) -> FloatArray:

@@ -119,6 +119,7 @@ class ContinuityScore:
             "pairs": [_pair_json(pair) for pair in self.pairs],
             "unjudged_untouched_counts": {name: _rounded(value) for name, value in self.unjudged.items()},
             "clipped": list(self.clipped),
+            "counts_per_flux": None if self.readout is None else _rounded(self.readout.counts_per_flux),
             "map": None if self.pad_map is None else _map_json(self.pad_map),
             "force": None if self.force is None else _force_json(self.force),
             "tolerance": None if self.tolerance is None else self.tolerance.to_json(),
