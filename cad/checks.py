@@ -2,7 +2,7 @@
 
 Checked on the STL as written, not on the solid: one closed body with consistent winding (trimesh
 finds open seams that CAD kernels pass), a manifold by manifold3d, volume against the formula and
-against the solid, size, faces that overhang. Walls and webs come from the parameters (`cad.webs`).
+against the solid, size, faces that overhang. Walls and webs come from the parameters (`design.webs`).
 Left out: slicing, warping, how a given printer renders a thin wall.
 """
 
@@ -18,9 +18,9 @@ import trimesh
 
 from cad.mesh import Mesh, read_stl, unit_normals
 from cad.optical import cavity_agreement
-from cad.outline import outline_of
-from cad.webs import bodies_above_rim, clearances, pockets_below_clear_layer, tightest
+from design.mold_outline import outline_of
 from design.spec import SensorDesign
+from design.webs import bodies_above_rim, clearances, pockets_below_clear_layer, tightest
 
 State = Literal["ok", "warning", "error"]
 

@@ -22,8 +22,8 @@ from cad.indenter_tip import indenter_tip, indenter_tip_volume_mm3
 from cad.leveling_blade import blade_size, leveling_blade
 from cad.mesh import mesh_of, stl_bytes, threemf_bytes
 from cad.mold import build_mold
-from cad.outline import bed_lift_mm
 from cad.volume import mold_volume_mm3
+from design.mold_outline import bed_lift_mm
 from design.spec import SensorDesign
 
 FILES = (

@@ -15,7 +15,7 @@ Seen from above (L-shaped marks: sockets open to the cavity and upward), and cut
         +--> x  origin corner cut at 45 deg              wall        lead holes
 
 The silicone's undisturbed top is where the lip starts, if the rim is no higher than the lip: pour to that
-line. All numbers come from `cad.outline`; the frame is that of `design.cavity` (files are lifted
+line. All numbers come from `design.mold_outline`; the frame is that of `design.cavity` (files are lifted
 onto the bed by `cad.export`).
 """
 
@@ -26,10 +26,10 @@ from typing import cast
 
 import cadquery as cq
 
-from cad.outline import MoldOutline, outline_of
-from cad.sockets import Cut, Hole, Socket
-from cad.webs import require_buildable
+from design.mold_outline import MoldOutline, outline_of
+from design.sockets import Cut, Hole, Socket
 from design.spec import SensorDesign
+from design.webs import require_buildable
 
 BEYOND_MM = 1.0
 """Cutters reach this far past the faces they open, so that no two faces coincide there."""

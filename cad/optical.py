@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.mesh import Mesh
-from cad.outline import MoldOutline, bed_lift_mm, outline_of
-from cad.sockets import Socket
 from design.layout import WALLS
+from design.mold_outline import MoldOutline, bed_lift_mm, outline_of
+from design.sockets import Socket
 from design.spec import SensorDesign
 
 Floats = NDArray[np.float64]

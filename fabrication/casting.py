@@ -11,16 +11,16 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 
-from cad.outline import outline_of
-from cad.webs import bodies_above_rim, pockets_below_clear_layer
 from design.catalog import find_mold_material
 from design.cavity import CavityGeometry, PlacedPart, cavity_of
 from design.elastomer import Cure
+from design.mold_outline import outline_of
 from design.pairs import facing_pairs
 from design.properties import elastomer_of, entries_of, quantities_of
 from design.quantity import Quantity
 from design.spec import SensorDesign
 from design.wall_fit import height_field
+from design.webs import bodies_above_rim, pockets_below_clear_layer
 from fabrication.assumptions import assumption
 from fabrication.connections import polarity_of
 from fabrication.silicone import pours

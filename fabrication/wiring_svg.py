@@ -8,7 +8,7 @@
       +--^----o---+
          E1   R1
 
-Bodies and mold come from `cad.outline`, so what is drawn is what is printed.
+Bodies and mold come from `design.mold_outline`, so what is drawn is what is printed.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from cad.outline import MoldOutline, outline_of
-from cad.sockets import Socket
 from design.cavity import PlacedPart, Workspace, workspace_of
 from design.layout import WALLS, Wall
+from design.mold_outline import MoldOutline, outline_of
+from design.sockets import Socket
 from design.spec import SensorDesign
 from fabrication import svg
 from fabrication.connections import Connection, connections_of

@@ -50,7 +50,7 @@ def random_design():
 
 def _random_design(seed: int) -> SensorDesign:
     """A buildable design drawn from wide ranges; drawn again until its webs are wide enough."""
-    from cad.webs import require_buildable
+    from design.webs import require_buildable
 
     random = np.random.default_rng(seed)
     while True:

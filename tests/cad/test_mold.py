@@ -17,11 +17,12 @@ from cad.leveling_blade import blade_size, leveling_blade
 from cad.mesh import mesh_of, read_stl, stl_bytes
 from cad.mold import build_mold
 from cad.optical import cavity_agreement, first_hits_mm
-from cad.outline import bed_lift_mm, outline_of
-from cad.volume import mold_volume_mm3
+from cad.volume import mold_volume_mm3, shared_with_lip_mm3
 from design.cavity import cavity_of
 from design.errors import DesignError
+from design.mold_outline import bed_lift_mm, outline_of
 from design.preset import preset
+from design.sockets import Cut
 
 VOLUME_LIMIT = 1e-3  # chords of the round holes; demanded of every mold
 SINGLE_PRECISION_MM = 1e-4  # coordinates in the file, below 400 mm
@@ -75,6 +76,12 @@ def test_pad_volume_by_hand(pad):
     fixing = 4 * math.pi * 1.6**2 * 13.5
     by_hand = block - cavity - lip - 8 * receiver - 8 * emitter - fixing
     assert mold_volume_mm3(pad.design) == pytest.approx(by_hand, rel=1e-12)
+
+
+def test_shared_wedge_is_a_trapezium_times_the_width():
+    cut = Cut(along0=0.0, along1=2.0, out0=0.5, out1=1.0, floor=0.0, top=9.0)
+    assert shared_with_lip_mm3(cut, 1.5) == pytest.approx(2.0 * 0.5 * (1.0 + 0.5) / 2)
+    assert shared_with_lip_mm3(cut, 0.5) == 0.0
 
 
 def test_no_plastic_stands_in_the_cavity(built):

@@ -14,10 +14,10 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cad.webs import clearances
 from design.catalog import packaged
 from design.rules import check
 from design.spec import SensorDesign
+from design.webs import clearances
 from tests.design.spec_fields import with_layout
 
 LIP = "fixing hole to cavity"

@@ -6,15 +6,15 @@ import sys
 
 import pytest
 
-from cad.webs import (
+from design.errors import DesignError
+from design.preset import preset
+from design.webs import (
     bodies_above_rim,
     clearances,
     pockets_below_clear_layer,
     require_buildable,
     tightest,
 )
-from design.errors import DesignError
-from design.preset import preset
 
 DESIGN = preset("piacenza2017-pad")
 SFH = "osram-sfh206k"
@@ -109,6 +109,8 @@ def test_tall_bodies_and_deep_pockets_are_named():
 
 
 def test_clearances_need_no_cad_kernel():
-    code = "import sys, cad.webs, cad.volume; print('cadquery' in sys.modules, 'OCP' in sys.modules)"
+    code = (
+        "import sys, design.webs, design.mold_outline; print('cadquery' in sys.modules, 'OCP' in sys.modules)"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False", "False"]

@@ -14,10 +14,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
-from cad.outline import MoldOutline, by_wall, outline_of
-from cad.sockets import Box, Cut, Hole, Socket
 from design.errors import DesignError
 from design.layout import Wall
+from design.mold_outline import MoldOutline, by_wall, outline_of
+from design.sockets import Box, Cut, Hole, Socket
 from design.spec import SensorDesign
 
 LEDGE_MM = 0.1

@@ -16,9 +16,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from cad.sockets import Hole, Socket, WallFrame, socket_of
 from design.cavity import CavityGeometry, cavity_of
 from design.layout import WALLS, Wall
+from design.sockets import Hole, Socket, WallFrame, socket_of
 from design.spec import Mold, SensorDesign
 
 LIP_MAX_MM = 1.5
@@ -78,7 +78,7 @@ class MoldOutline:
 
 
 def outline_of(design: SensorDesign) -> MoldOutline:
-    """The numbers of a design's mold; whether they can be built is the question of `cad.webs`."""
+    """The numbers of a design's mold; whether they can be built is the question of `design.webs`."""
     cavity, mold = cavity_of(design), design.mold
     wall_x = (mold.outer_length_mm - cavity.length_mm) / 2
     wall_y = (mold.outer_width_mm - cavity.width_mm) / 2

@@ -14,7 +14,7 @@ is cast against the active face. Seen from above, for the south wall (t is measu
 
 Pocket and slots go down to the body's base less the clearance, wherever that is: a part is never
 raised. A base below the clear layer meets the black layer; below that, the pocket goes into the
-floor of the mold, and `cad.webs` asks for enough floor under it.
+floor of the mold, and `design.webs` asks for enough floor under it.
 
 Lead positions: in a row along the wall, centred on the active area; radial leads leave the body at
 half its depth (the catalogue does not say where). Wires that do not fit behind the body one

@@ -2,11 +2,10 @@
 
 import pytest
 
-from cad.outline import outline_of
-from cad.sockets import Cut, WallFrame
-from cad.volume import shared_with_lip_mm3
 from design.cavity import cavity_of
+from design.mold_outline import outline_of
 from design.preset import preset
+from design.sockets import Cut, WallFrame
 
 PAD = preset("piacenza2017-pad")
 LED = "sunled-xscwd23mb"
@@ -67,9 +66,3 @@ def test_height_moves_a_pocket_by_as_much():
     low, high = sockets(PAD)["R1"], sockets(PAD.with_(**{"receivers.height_mm": 6.5}))["R1"]
     assert high.pocket.floor - low.pocket.floor == pytest.approx(0.5)
     assert high.pocket.top == low.pocket.top
-
-
-def test_shared_wedge_is_a_trapezium_times_the_width():
-    cut = Cut(along0=0.0, along1=2.0, out0=0.5, out1=1.0, floor=0.0, top=9.0)
-    assert shared_with_lip_mm3(cut, 1.5) == pytest.approx(2.0 * 0.5 * (1.0 + 0.5) / 2)
-    assert shared_with_lip_mm3(cut, 0.5) == 0.0
