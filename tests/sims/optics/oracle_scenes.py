@@ -102,3 +102,21 @@ def wrapped_press() -> Indentation:
         contact_radius_mm=3.0,
         force_n=40.0,
     )
+
+
+def shank_press() -> Indentation:
+    """4.6 mm deep under a 3 mm tip: sphere, 0.5 mm of wetted shank, a smooth skirt with a bulge, no fold."""
+    angle = np.linspace(0.0, 0.5 * math.pi, 60)
+    tip = np.column_stack([3.0 * np.sin(angle), -1.6 - 3.0 * np.cos(angle)])
+    shank = np.column_stack([np.full(6, 3.0), np.linspace(-1.6, -1.1, 7)[1:]])
+    s = np.linspace(0.0, 1.0, 120)[1:]
+    skirt = np.column_stack([3.0 + 3.0 * s**1.8, -1.1 * (1.0 - s) ** 2 + 1.92 * s**2 * (1.0 - s) ** 2])
+    curve = np.vstack([tip, shank, skirt])
+    return Indentation(
+        depth_mm=4.6,
+        tip_radius_mm=3.0,
+        radius_mm=curve[:, 0],
+        height_mm=curve[:, 1],
+        contact_radius_mm=3.0,
+        force_n=30.0,
+    )

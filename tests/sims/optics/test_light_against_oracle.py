@@ -20,7 +20,7 @@ from scipy.stats import chi2
 
 from sims.optics.engine import trace_scene
 from sims.optics.oracle import trace_oracle
-from tests.sims.optics.oracle_scenes import dimple, ring_scene
+from tests.sims.optics.oracle_scenes import dimple, ring_scene, shank_press
 
 FloatArray = NDArray[np.float64]
 
@@ -31,6 +31,7 @@ STATES = {
     "one millimetre, off-centre": ((10.0, 20.0), dimple(1.0, 0.05)),
     "two millimetres, off-centre": ((22.0, 9.0), dimple(2.0, 0.05)),
     "deep": ((14.0, 17.0), dimple(3.0, 0.1)),
+    "deeper than the tip's radius": ((14.0, 17.0), shank_press()),
     "deep, at the west wall": ((4.5, 16.0), dimple(3.0, 0.1)),
 }
 SCENES = {
