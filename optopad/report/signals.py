@@ -231,7 +231,7 @@ def _tolerance_table(band: ToleranceBand) -> Html:
         "mode gap at low / high [mm]",
         "verdict",
     )
-    return table(heads, rows, label="Tolerance of the verdict", numeric=(3, 4), class_="wide")
+    return table(heads, rows, label="Tolerance of the verdict", numeric=(2, 3, 4), class_="wide")
 
 
 def _unbanded(band: ToleranceBand) -> Html:

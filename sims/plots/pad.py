@@ -124,15 +124,9 @@ def _draw_pad(ax: Axes, cavity: CavityGeometry) -> None:
     ax.add_patch(
         Rectangle((0, 0), cavity.length_mm, cavity.width_mm, fill=False, edgecolor=INK, linewidth=1.2)
     )
-    inner = Rectangle(
-        (space.x0_mm, space.y0_mm),
-        space.x1_mm - space.x0_mm,
-        space.y1_mm - space.y0_mm,
-        fill=False,
-        edgecolor=INK,
-        linewidth=0.8,
-        linestyle=(0, (4, 3)),
-    )
+    corner, size = (space.x0_mm, space.y0_mm), (space.x1_mm - space.x0_mm, space.y1_mm - space.y0_mm)
+    ax.add_patch(Rectangle(corner, *size, fill=False, edgecolor="white", linewidth=1.6))
+    inner = Rectangle(corner, *size, fill=False, edgecolor=INK, linewidth=0.8, linestyle=(0, (4, 3)))
     inner.set_gid("workspace")
     ax.add_patch(inner)
     for part in cavity.parts:
