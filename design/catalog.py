@@ -117,7 +117,8 @@ class Part(Model):
     ]
     lead_count: Annotated[int, Field(ge=2, le=16)]
     lead_setback_mm: Annotated[
-        LengthMm | None, Field(description="radial: leads behind the active face; default: half the body's depth")
+        LengthMm | None,
+        Field(description="radial: leads behind the active face; default: half the body's depth"),
     ] = None
     wavelength_nm: Annotated[WavelengthNm | None, Field(description="emitter: effective wavelength")] = None
     forward_voltage_v: Annotated[VoltageV | None, Field(description="emitter: at its rated current")] = None
