@@ -132,7 +132,7 @@ def design_findings(design: SensorDesign) -> tuple[Finding, ...]:
             limit=one.needed_mm,
             unit="mm",
             state="ok" if one.is_kept else "error",
-            note=one.where if one.is_kept else f"{one.where}; {one.remedy}",
+            note=one.where,
         )
         for one in tightest(clearances(design))
     ]

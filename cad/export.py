@@ -51,7 +51,7 @@ def export_parts(design: SensorDesign, folder: str | os.PathLike[str]) -> dict[s
 
     Raises
     ------
-    DesignError : a wall or web is too thin; nothing has been written.
+    DesignError : the design breaks a rule, such as a web that is too thin; nothing has been written.
     """
     contents = part_files(design)
     target = Path(folder)

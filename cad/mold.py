@@ -27,9 +27,9 @@ from typing import cast
 import cadquery as cq
 
 from design.mold_outline import MoldOutline, outline_of
+from design.rules import require_valid
 from design.sockets import Cut, Hole, Socket
 from design.spec import SensorDesign
-from design.webs import require_buildable
 
 BEYOND_MM = 1.0
 """Cutters reach this far past the faces they open, so that no two faces coincide there."""
@@ -40,9 +40,9 @@ def build_mold(design: SensorDesign) -> cq.Workplane:
 
     Raises
     ------
-    DesignError : a wall or web is too thin; nothing has been built.
+    DesignError : the design breaks a rule, such as a web that is too thin; nothing has been built.
     """
-    require_buildable(design)
+    require_valid(design)
     outline = outline_of(design)
     cutters = [_mouth(outline)]
     for socket in outline.sockets:

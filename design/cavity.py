@@ -33,7 +33,7 @@ class PlacedPart:
     along_mm, height_mm : centre of the active area along the wall and above the clear layer's bottom
     part_id, part : catalogue identifier and entry (measured values applied)
     clear_mm : thickness of the clear layer, for what sticks out of it
-    origin : dotted path of the layout entry that placed it
+    origin, height_field : dotted paths of the layout entry that placed it and of what gave its height
     """
 
     name: str
@@ -45,6 +45,7 @@ class PlacedPart:
     part: Part
     clear_mm: float
     origin: str
+    height_field: str
 
     @property
     def half_width_mm(self) -> float:
@@ -197,4 +198,5 @@ def _placed(design: SensorDesign, place: Placement) -> PlacedPart:
         part=part,
         clear_mm=design.cavity.clear_thickness_mm,
         origin=place.origin,
+        height_field=f"{place.kind}s.height_mm" if place.height_mm is None else f"{place.origin}.height_mm",
     )

@@ -16,7 +16,7 @@ from design.finding import Finding, error, mm, warning
 from design.layout import MAX_PER_KIND, Kind
 from design.pairs import direct_path_pairs, facing_pairs, is_facing_rows
 from design.spec import SensorDesign
-from design.wall_fit import ROUNDING_MM, height_field
+from design.units import ROUNDING_MM
 
 ELASTIC_SHARE = 0.8
 """Deepest press that the contact model covers, as a share of the elastic depth [-]."""
@@ -68,14 +68,13 @@ def name_findings(cavity: CavityGeometry) -> Iterator[Finding]:
         )
 
 
-def area_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator[Finding]:
+def area_findings(cavity: CavityGeometry) -> Iterator[Finding]:
     """Emitting and sensitive areas that are not, or not wholly, in the clear layer."""
     seen: set[tuple[str, str]] = set()
     for part in cavity.parts:
-        field = height_field(design, part)
-        if (field, part.part_id) not in seen:  # parts that share height and entry share their finding
-            seen.add((field, part.part_id))
-            yield from _area_of(part, field)
+        if (part.height_field, part.part_id) not in seen:  # parts that share both share their finding
+            seen.add((part.height_field, part.part_id))
+            yield from _area_of(part)
 
 
 def path_findings(cavity: CavityGeometry) -> Iterator[Finding]:
@@ -188,12 +187,12 @@ def colour_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator[Fi
         )
 
 
-def _area_of(part: PlacedPart, field: str) -> Iterator[Finding]:
+def _area_of(part: PlacedPart) -> Iterator[Finding]:
     low, high = part.height_mm - part.half_height_mm, part.height_mm + part.half_height_mm
     area = "emitting area" if part.kind == "emitter" else "sensitive area"
     if part.height_mm > part.clear_mm + ROUNDING_MM:
         yield error(
-            field,
+            part.height_field,
             f"the centre of the {area} of {part.name} is above the undisturbed surface",
             value=f"{part.height_mm:g} mm",
             limit=f"at most cavity.clear_thickness_mm = {part.clear_mm:g} mm",
@@ -201,7 +200,7 @@ def _area_of(part: PlacedPart, field: str) -> Iterator[Finding]:
         )
     elif high > part.clear_mm + ROUNDING_MM:
         yield warning(
-            field,
+            part.height_field,
             f"the {area} of {part.name} reaches above the surface and loses {part.lost_share:.0%} of it",
             value=f"its upper edge at {mm(high)}",
             limit=f"at most cavity.clear_thickness_mm = {part.clear_mm:g} mm for the whole of it",
@@ -209,7 +208,7 @@ def _area_of(part: PlacedPart, field: str) -> Iterator[Finding]:
         )
     if low < -ROUNDING_MM:
         yield error(
-            field,
+            part.height_field,
             f"the {area} of {part.name} sticks out below the clear layer",
             value=f"its lower edge at {mm(low)}",
             limit="at least 0.00 mm, the bottom of the clear layer",

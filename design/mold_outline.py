@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 from design.cavity import CavityGeometry, cavity_of
 from design.layout import WALLS, Wall
-from design.sockets import Hole, Socket, WallFrame, socket_of
+from design.sockets import Box, Hole, Socket, WallFrame, socket_of
 from design.spec import Mold, SensorDesign
 
 LIP_MAX_MM = 1.5
@@ -70,6 +70,18 @@ class MoldOutline:
     def outer_width_mm(self) -> float:
         """Outside along y [mm]."""
         return self.width_mm + 2 * self.wall_y_mm
+
+    @property
+    def mouth(self) -> Box:
+        """What the pour lip opens, with the cavity below it."""
+        return Box(
+            x0=-self.lip_mm,
+            x1=self.length_mm + self.lip_mm,
+            y0=-self.lip_mm,
+            y1=self.width_mm + self.lip_mm,
+            z0=self.top_mm - self.lip_mm,
+            z1=self.top_mm,
+        )
 
     @property
     def height_mm(self) -> float:

@@ -24,12 +24,11 @@ from design.light_rules import (
     path_findings,
     workspace_findings,
 )
-from design.mold_fit import fixing_hole_findings
 from design.paths import leaves
 from design.properties import entries_of
 from design.reference_rules import entry_findings, found_board, part_findings
 from design.spec import SensorDesign
-from design.wall_fit import wall_findings
+from design.web_rules import web_findings
 
 __all__ = ["Finding", "check", "require_valid"]
 
@@ -80,11 +79,10 @@ def _geometry_findings(design: SensorDesign, counts: tuple[int, int]) -> Iterato
 
 
 def _layout_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator[Finding]:
-    yield from fixing_hole_findings(design, cavity)
     yield from name_findings(cavity)
     yield from path_findings(cavity)
-    yield from area_findings(design, cavity)
-    yield from wall_findings(design, cavity)
+    yield from area_findings(cavity)
+    yield from web_findings(design)
 
 
 def _unit_findings(design: SensorDesign) -> Iterator[Finding]:

@@ -42,11 +42,6 @@ class Box:
     z0: float
     z1: float
 
-    @property
-    def volume_mm3(self) -> float:
-        """Volume [mm3]."""
-        return (self.x1 - self.x0) * (self.y1 - self.y0) * (self.z1 - self.z0)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Hole:
@@ -87,6 +82,18 @@ class WallFrame:
             case "east":
                 return self.across_mm + outward_mm, along_mm
 
+    def along_and_outward_mm(self, x_mm: float, y_mm: float) -> tuple[float, float]:
+        """The way back from `point` [mm]."""
+        match self.wall:
+            case "south":
+                return x_mm, -y_mm
+            case "north":
+                return x_mm, y_mm - self.across_mm
+            case "west":
+                return y_mm, -x_mm
+            case "east":
+                return y_mm, x_mm - self.across_mm
+
     def box(self, cut: Cut) -> Box:
         """A cut of this wall as a box in the cavity frame."""
         xa, ya = self.point(cut.along0, cut.out0)
@@ -112,21 +119,18 @@ class Socket:
 
     Attributes
     ----------
-    name, origin : the part's name, and the dotted path of the layout entry that placed it
+    part : the part at its place
     frame : its wall
     pocket : room of the body
     slots : ways of the wires of a surface part to the outside
     holes : ways of the leads of a radial part through the floor
-    body_top_mm : top of the body above the clear layer's bottom
     """
 
-    name: str
-    origin: str
+    part: PlacedPart
     frame: WallFrame
     pocket: Cut
     slots: tuple[Cut, ...]
     holes: tuple[Hole, ...]
-    body_top_mm: float
 
     @property
     def cuts(self) -> tuple[Cut, ...]:
@@ -155,13 +159,11 @@ def socket_of(part: PlacedPart, mold: Mold, frame: WallFrame, top_mm: float, bot
     )
     is_radial = part.part.mounting == "radial"
     return Socket(
-        name=part.name,
-        origin=part.origin,
+        part=part,
         frame=frame,
         pocket=pocket,
         slots=() if is_radial else _slots(part, mold, frame, pocket),
         holes=_holes(part, mold, frame, pocket, bottom_mm) if is_radial else (),
-        body_top_mm=part.body_top_mm,
     )
 
 

@@ -7,6 +7,9 @@ from __future__ import annotations
 
 import math
 
+ROUNDING_MM = 1e-9
+"""Sums of decimal lengths come out this exact; a length that equals its limit is within it."""
+
 MM_PER_CM = 10.0
 NM_PER_UM = 1000.0
 

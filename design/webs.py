@@ -1,10 +1,20 @@
 """Clearances of the mold from its parameters: every wall, web and floor that has to print.
 
 Tangent cutters give files that slicers accept and printers get wrong, and no mesh check finds a thin
-wall reliably; so distances are computed here in closed form, before any solid exists.
+wall reliably; so distances are computed here in closed form, before any solid exists. Seen from above,
+for the south wall:
 
-Distances are in plan, except the floor under a pocket. A negative value means that two cuts overlap.
-What is a wall of material needs `mold.min_web_mm`; a lead hole only has to stay inside its pocket.
+       cavity
+    ---+      +---------+        +---
+       |  E1  |<- web ->|   R1   |     pocket: body + clearance at each side and behind
+       +------+         +--------+
+             ^ web                     web >= mold.min_web_mm
+    -------------------------------- outer face
+
+Distances are in plan, except the floor under a pocket and the rim over a body. A negative value means
+that two cuts overlap. What is a wall of material needs `mold.min_web_mm`; a lead hole only has to stay
+inside its pocket. Pockets that keep a web to their wall's ends cannot meet around a corner. What a
+distance that is not kept means to the user is said in `design.web_rules`.
 """
 
 from __future__ import annotations
@@ -14,23 +24,24 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
-from design.errors import DesignError
 from design.layout import Wall
 from design.mold_outline import MoldOutline, by_wall, outline_of
 from design.sockets import Box, Cut, Hole, Socket
 from design.spec import SensorDesign
+from design.units import ROUNDING_MM
 
 LEDGE_MM = 0.1
 """A lead hole starts at least this far inside the edge of its pocket's floor."""
-ROUNDING_MM = 1e-9
-"""Sums of decimal lengths come out this exact; a web that equals the need is enough."""
 
-_OUTER: dict[Wall, str] = {
+INSET = "mold.fixing_hole_inset_mm"
+LEADS = "mold.lead_clearance_mm"
+OUTSIDE: dict[Wall, str] = {
     "south": "mold.outer_width_mm",
     "north": "mold.outer_width_mm",
     "east": "mold.outer_length_mm",
     "west": "mold.outer_length_mm",
 }
+"""Field that makes a wall thicker."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,15 +52,16 @@ class Clearance:
     ----------
     name : what the distance is, the same words for every place
     value_mm, needed_mm : what the design has, what it needs
-    where : the place, with part names
-    remedy : which fields to change
+    parts, wall : the place: names of the parts and their wall, or another place and no wall
+    field : dotted path of what the distance comes from first of all
     """
 
     name: str
     value_mm: float
     needed_mm: float
-    where: str
-    remedy: str
+    parts: str
+    wall: Wall | None = None
+    field: str
 
     @property
     def is_kept(self) -> bool:
@@ -61,20 +73,36 @@ class Clearance:
         """How much more there is than needed, to the rounding of lengths; negative when too tight [mm]."""
         return round(self.value_mm - self.needed_mm, 9)
 
-    def __str__(self) -> str:
-        """One line for a message: name, value, place, need, way out."""
-        value = round(self.value_mm, 3) + 0.0  # no minus zero
-        return f"{self.name}: {value:.3f} mm at {self.where}, needs >= {self.needed_mm:g} mm; {self.remedy}"
+    @property
+    def where(self) -> str:
+        """The place in words."""
+        return self.parts if self.wall is None else f"{self.parts} on the {self.wall} wall"
 
 
 def clearances(design: SensorDesign) -> tuple[Clearance, ...]:
-    """Every clearance of the mold, in the order walls, fixing holes, pockets, leads."""
+    """Every clearance that the mold needs, in the order walls, fixing holes, pockets, leads."""
     outline, web = outline_of(design), design.mold.min_web_mm
     return (
         *_walls(outline, web),
-        *_fixing_holes(outline, web),
-        *_between_pockets(outline, web),
+        *_between_fixing_holes(outline, web),
+        *_between_pockets(outline, web, 2 * design.mold.part_clearance_mm),
         *(found for socket in outline.sockets for found in _of_socket(socket, outline, web)),
+    )
+
+
+def rim_clearances(design: SensorDesign) -> tuple[Clearance, ...]:
+    """How far each body stays below the rim; a mold can be built without, but a blade or lid will hit it."""
+    outline = outline_of(design)
+    return tuple(
+        Clearance(
+            name="body below rim",
+            value_mm=outline.top_mm - socket.part.body_top_mm,
+            needed_mm=0.0,
+            parts=socket.part.name,
+            wall=socket.frame.wall,
+            field=socket.part.height_field,
+        )
+        for socket in outline.sockets
     )
 
 
@@ -87,186 +115,111 @@ def tightest(found: tuple[Clearance, ...]) -> tuple[Clearance, ...]:
     return tuple(worst.values())
 
 
-def require_buildable(design: SensorDesign) -> None:
-    """Refuse a mold whose walls or webs are too thin, before any solid is made.
-
-    Raises
-    ------
-    DesignError : the tightest place of each kind with its value, its need and the fields to change.
-    """
-    broken = [one for one in clearances(design) if not one.is_kept]
-    if not broken:
-        return
-    lines = [f"  {one}" for one in tightest(tuple(broken))]
-    raise DesignError(f"{design.name}: the mold cannot be built\n" + "\n".join(lines))
-
-
 def bodies_above_rim(design: SensorDesign) -> tuple[str, ...]:
-    """Names of the parts whose body stands above the rim of the mold: a blade or lid will hit them."""
-    outline = outline_of(design)
-    return tuple(s.name for s in outline.sockets if s.body_top_mm > outline.top_mm + ROUNDING_MM)
+    """Names of the parts whose body stands above the rim of the mold."""
+    return tuple(one.parts for one in rim_clearances(design) if not one.is_kept)
 
 
 def pockets_below_clear_layer(design: SensorDesign) -> tuple[str, ...]:
     """Names of the parts whose pocket reaches below the clear layer, into the black layer or the floor."""
-    return tuple(s.name for s in outline_of(design).sockets if s.pocket.floor < -ROUNDING_MM)
+    return tuple(s.part.name for s in outline_of(design).sockets if s.pocket.floor < -ROUNDING_MM)
 
 
 def _walls(outline: MoldOutline, web: float) -> Iterator[Clearance]:
-    for where, field, value in (
-        ("the east and west walls", "mold.outer_length_mm", outline.wall_x_mm),
-        ("the south and north walls", "mold.outer_width_mm", outline.wall_y_mm),
+    for parts, field, value in (
+        ("the east and west walls", OUTSIDE["east"], outline.wall_x_mm),
+        ("the south and north walls", OUTSIDE["south"], outline.wall_y_mm),
     ):
-        yield Clearance(name="wall", value_mm=value, needed_mm=web, where=where, remedy=f"raise {field}")
+        yield Clearance(name="wall", value_mm=value, needed_mm=web, parts=parts, field=field)
 
 
-def _fixing_holes(outline: MoldOutline, web: float) -> Iterator[Clearance]:
+def _between_fixing_holes(outline: MoldOutline, web: float) -> Iterator[Clearance]:
     if not outline.fixing_holes:
         return
-    hole, last, c = outline.fixing_holes[0], outline.fixing_holes[-1], outline.lip_mm
-    mouth = Box(x0=-c, x1=outline.length_mm + c, y0=-c, y1=outline.width_mm + c, z0=0.0, z1=0.0)
-    yield Clearance(
-        name="fixing hole to outer face",
-        value_mm=_to_outside_mm(hole, outline),
-        needed_mm=web,
-        where="the corners",
-        remedy="raise mold.fixing_hole_inset_mm or lower mold.fixing_hole_diameter_mm (0 for none)",
-    )
-    yield Clearance(
-        name="fixing hole to fixing hole",
-        value_mm=min(last.x - hole.x, last.y - hole.y) - 2 * hole.radius,
-        needed_mm=web,
-        where="the corners",
-        remedy="lower mold.fixing_hole_inset_mm or mold.fixing_hole_diameter_mm (0 for none)",
-    )
-    yield Clearance(
-        name="fixing hole to cavity",
-        value_mm=_gap_mm(mouth, hole),
-        needed_mm=web,
-        where="the corners, at the pour lip",
-        remedy="lower mold.fixing_hole_inset_mm or mold.fixing_hole_diameter_mm (0 for none), "
-        "or raise mold.outer_length_mm and mold.outer_width_mm",
-    )
+    hole, last = outline.fixing_holes[0], outline.fixing_holes[-1]
+    between = min(last.x - hole.x, last.y - hole.y) - 2 * hole.radius
+    for name, value in (
+        ("fixing hole to outer face", _to_outside_mm(hole, outline)),
+        ("fixing hole to fixing hole", between),
+        ("fixing hole to cavity", _gap_mm(outline.mouth, hole)),
+    ):
+        yield Clearance(name=name, value_mm=value, needed_mm=web, parts="the corners", field=INSET)
 
 
-def _between_pockets(outline: MoldOutline, web: float) -> Iterator[Clearance]:
+def _between_pockets(outline: MoldOutline, web: float, room: float) -> Iterator[Clearance]:
+    """Neighbours on each wall: the web of their pockets, or if even the bodies overlap, their distance."""
     for wall, row in by_wall(outline.sockets).items():
-        if not row:
-            continue
-        length = row[0].frame.length_mm
-        for socket, gap in ((row[0], row[0].pocket.along0), (row[-1], length - row[-1].pocket.along1)):
-            yield Clearance(
-                name="pocket to corner",
-                value_mm=gap,
-                needed_mm=web,
-                where=f"{socket.name} on the {wall} wall",
-                remedy=f"move it inward ({socket.origin}) or lengthen the cavity",
-            )
         for low, high in pairwise(row):
+            gap = high.pocket.along0 - low.pocket.along1
+            bodies = gap + room
+            overlap = bodies < -ROUNDING_MM
             yield Clearance(
-                name="pocket to pocket",
-                value_mm=high.pocket.along0 - low.pocket.along1,
-                needed_mm=web,
-                where=f"{low.name} and {high.name} on the {wall} wall",
-                remedy=f"spread or thin out the parts ({low.origin}), or lengthen the cavity",
+                name="body to body" if overlap else "pocket to pocket",
+                value_mm=bodies if overlap else gap,
+                needed_mm=web + room if overlap else web,
+                parts=f"{low.part.name} and {high.part.name}",
+                wall=wall,
+                field=high.part.origin,
             )
 
 
 def _of_socket(socket: Socket, outline: MoldOutline, web: float) -> Iterator[Clearance]:
-    wall, pocket = socket.frame.wall, socket.pocket
-    where = f"{socket.name} on the {wall} wall"
-    for name, value, remedy in (
-        (
-            "pocket back to outer face",
-            socket.frame.thickness_mm - pocket.out1,
-            f"raise {_OUTER[wall]}, or use a part with less body_depth_mm",
-        ),
-        (
-            "floor under pocket",
-            pocket.floor - outline.bottom_mm,
-            "raise the part's height_mm or mold.floor_mm",
-        ),
-        (
-            "pocket below fill level",
-            outline.fill_mm - pocket.floor,
-            "lower the part's height_mm or raise cavity.clear_thickness_mm",
-        ),
+    part, frame = socket.part, socket.frame
+    for name, field, value, needed in (
+        *_of_pocket(socket, outline, web),
+        *_to_fixing_holes(socket, outline, web),
+        *_of_leads(socket, web),
     ):
-        yield Clearance(name=name, value_mm=value, needed_mm=web, where=where, remedy=remedy)
-    for name, gap in (
-        ("pocket to fixing hole", _least_gap_mm(socket, (pocket,), outline)),
-        ("wire slot to fixing hole", _least_gap_mm(socket, socket.slots, outline)),
-    ):
-        if gap is not None:
-            yield Clearance(
-                name=name,
-                value_mm=gap,
-                needed_mm=web,
-                where=where,
-                remedy=f"move it inward ({socket.origin}), or change mold.fixing_hole_inset_mm",
-            )
-    yield from _of_leads(socket, outline, web, where)
-
-
-def _of_leads(socket: Socket, outline: MoldOutline, web: float, where: str) -> Iterator[Clearance]:
-    for low, high in pairwise(socket.slots):
         yield Clearance(
-            name="wire slot to wire slot",
-            value_mm=high.along0 - low.along1,
-            needed_mm=web,
-            where=where,
-            remedy="lower mold.lead_clearance_mm",
-        )
-    for low_hole, high_hole in pairwise(socket.holes):
-        yield Clearance(
-            name="lead hole to lead hole",
-            value_mm=_apart_mm(low_hole, high_hole),
-            needed_mm=web,
-            where=where,
-            remedy="lower mold.lead_clearance_mm, or use a part with more lead_pitch_mm",
-        )
-    for hole in socket.holes:
-        yield from _of_hole(socket, hole, outline, web, where)
-
-
-def _of_hole(socket: Socket, hole: Hole, outline: MoldOutline, web: float, where: str) -> Iterator[Clearance]:
-    pocket = socket.pocket
-    along, outward = _in_wall(socket, hole)
-    sideways = min(along - pocket.along0, pocket.along1 - along) - hole.radius
-    rows = [
-        ("lead hole to cavity", outward - hole.radius, web),
-        ("lead hole to outer face", socket.frame.thickness_mm - outward - hole.radius, web),
-        ("lead hole to pocket edge", min(sideways, pocket.out1 - outward - hole.radius), LEDGE_MM),
-    ]
-    if outline.fixing_holes:
-        nearest = min(_apart_mm(hole, fixing) for fixing in outline.fixing_holes)
-        rows.append(("lead hole to fixing hole", nearest, web))
-    for name, value, needed in rows:
-        yield Clearance(
-            name=name,
-            value_mm=value,
-            needed_mm=needed,
-            where=where,
-            remedy="lower mold.lead_clearance_mm, or use another part (lead_setback_mm, body_width_mm, lead_pitch_mm)",
+            name=name, value_mm=value, needed_mm=needed, parts=part.name, wall=frame.wall, field=field
         )
 
 
-def _in_wall(socket: Socket, hole: Hole) -> tuple[float, float]:
-    across = socket.frame.across_mm
-    match socket.frame.wall:
-        case "south":
-            return hole.x, -hole.y
-        case "north":
-            return hole.x, hole.y - across
-        case "west":
-            return hole.y, -hole.x
-        case "east":
-            return hole.y, hole.x - across
+Row = tuple[str, str, float, float]
+"""Name, field, value and need of one clearance of a socket."""
 
 
-def _least_gap_mm(socket: Socket, cuts: tuple[Cut, ...], outline: MoldOutline) -> float | None:
+def _of_pocket(socket: Socket, outline: MoldOutline, web: float) -> Iterator[Row]:
+    pocket, frame, part = socket.pocket, socket.frame, socket.part
+    to_corner = min(pocket.along0, frame.length_mm - pocket.along1)
+    yield "pocket to corner", part.origin, to_corner, web
+    yield "pocket back to outer face", OUTSIDE[frame.wall], frame.thickness_mm - pocket.out1, web
+    yield "floor under pocket", part.height_field, pocket.floor - outline.bottom_mm, web
+    yield "pocket below fill level", part.height_field, outline.fill_mm - pocket.floor, web
+
+
+def _to_fixing_holes(socket: Socket, outline: MoldOutline, web: float) -> Iterator[Row]:
+    if not outline.fixing_holes:
+        return
+    yield "pocket to fixing hole", INSET, _least_gap_mm(socket, (socket.pocket,), outline), web
+    if socket.slots:
+        yield "wire slot to fixing hole", INSET, _least_gap_mm(socket, socket.slots, outline), web
+    if socket.holes:
+        pairs = ((lead, fixing) for lead in socket.holes for fixing in outline.fixing_holes)
+        yield "lead hole to fixing hole", INSET, min(_apart_mm(*pair) for pair in pairs), web
+
+
+def _of_leads(socket: Socket, web: float) -> Iterator[Row]:
+    pocket, frame = socket.pocket, socket.frame
+    for before, after in pairwise(socket.slots):
+        yield "wire slot to wire slot", LEADS, after.along0 - before.along1, web
+    for one, other in pairwise(socket.holes):
+        yield "lead hole to lead hole", LEADS, _apart_mm(one, other), web
+    if not socket.holes:
+        return
+    radius = socket.holes[0].radius
+    places = [frame.along_and_outward_mm(hole.x, hole.y) for hole in socket.holes]
+    low, high = min(along for along, _ in places), max(along for along, _ in places)
+    near, far = min(outward for _, outward in places), max(outward for _, outward in places)
+    to_edge = min(low - pocket.along0, pocket.along1 - high, pocket.out1 - far)
+    yield "lead hole to cavity", LEADS, near - radius, web
+    yield "lead hole to outer face", OUTSIDE[frame.wall], frame.thickness_mm - far - radius, web
+    yield "lead hole to pocket edge", LEADS, to_edge - radius, LEDGE_MM
+
+
+def _least_gap_mm(socket: Socket, cuts: tuple[Cut, ...], outline: MoldOutline) -> float:
     boxes = [socket.frame.box(cut) for cut in cuts]
-    return min((_gap_mm(box, hole) for box in boxes for hole in outline.fixing_holes), default=None)
+    return min(_gap_mm(box, hole) for box in boxes for hole in outline.fixing_holes)
 
 
 def _gap_mm(box: Box, hole: Hole) -> float:

@@ -19,7 +19,6 @@ from design.pairs import facing_pairs
 from design.properties import elastomer_of, entries_of, quantities_of
 from design.quantity import Quantity
 from design.spec import SensorDesign
-from design.wall_fit import height_field
 from design.webs import bodies_above_rim, pockets_below_clear_layer
 from fabrication.assumptions import assumption
 from fabrication.connections import polarity_of
@@ -246,7 +245,7 @@ def _measure_after(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str
     yield "photograph. Put the mean into the design and its path into `measured`, so that the verdict no longer"
     yield "carries their band of doubt:"
     yield ""
-    heights = {height_field(design, part): part.height_mm for part in cavity.parts}
+    heights = {part.height_field: part.height_mm for part in cavity.parts}
     listed = ", ".join(f'"{path}"' for path in heights)
     yield "```toml"
     yield f"measured = [{listed}]"

@@ -112,7 +112,7 @@ def wiring_svg(design: SensorDesign) -> str:
     root.extend(_heading(design))
     root.extend(_mold(sheet))
     root.extend(_inside(sheet, workspace_of(design), design))
-    sockets = {socket.name: socket for socket in sheet.outline.sockets}
+    sockets = {socket.part.name: socket for socket in sheet.outline.sockets}
     root.extend(_part(sheet, one, sockets[one.part.name]) for one in connections)
     for wall in WALLS:
         root.extend(_labels(sheet, wall, [one for one in connections if one.part.wall == wall], sockets))

@@ -12,6 +12,7 @@ from cad.export import part_files
 from cad.mesh import Mesh, read_stl
 from design.errors import DesignError
 from design.preset import PRESETS, preset
+from design.rules import require_valid
 from design.spec import SensorDesign
 
 
@@ -49,14 +50,12 @@ def random_design():
 
 
 def _random_design(seed: int) -> SensorDesign:
-    """A buildable design drawn from wide ranges; drawn again until its webs are wide enough."""
-    from design.webs import require_buildable
-
+    """A usable design drawn from wide ranges; drawn again until it breaks no rule."""
     random = np.random.default_rng(seed)
     while True:
         design = _draw(random)
         try:
-            require_buildable(design)
+            require_valid(design)
         except DesignError:
             continue
         return design
@@ -82,6 +81,7 @@ def _draw(random: np.random.Generator) -> SensorDesign:
         "emitters.height_mm": round(float(random.uniform(1.5, clear - 1)), 2),
         "receivers.height_mm": round(float(random.uniform(1.0, clear - 1)), 2),
         "layout": [_layout(random)],
+        "board.frame_rate_hz": 10.0,  # slow enough for as many parts as the board has pins for
     }
     return preset("piacenza2017-pad").with_(**changes)
 

@@ -18,6 +18,7 @@ from cad.mesh import mesh_of, read_stl, stl_bytes
 from cad.mold import build_mold
 from cad.optical import cavity_agreement, first_hits_mm
 from cad.volume import mold_volume_mm3, shared_with_lip_mm3
+from design.catalog import find_board, packaged
 from design.cavity import cavity_of
 from design.errors import DesignError
 from design.mold_outline import bed_lift_mm, outline_of
@@ -186,6 +187,8 @@ def _assert_sound(design):
 
 
 def test_sixty_four_parts_are_one_body():
+    inputs = {"analog_channels": tuple(f"A{k}" for k in range(32))}
+    board = find_board(packaged(), "arduino-mega-2560").model_copy(update=inputs)
     design = preset("piacenza2017-pad").with_(
         **{
             "cavity.length_mm": 115.0,
@@ -193,6 +196,8 @@ def test_sixty_four_parts_are_one_body():
             "mold.outer_length_mm": 128.0,
             "mold.outer_width_mm": 128.0,
             "layout": [{"pattern": "alternating_ring", "parts_per_side": 16}],
+            "catalog.boards": {"arduino-mega-2560": board.model_dump(mode="json")},
+            "board.frame_rate_hz": 10.0,
         }
     )
     assert len(cavity_of(design).parts) == 64
@@ -258,6 +263,8 @@ def test_3mf_holds_the_same_triangles_as_the_stl(pad):
 
 def test_a_too_small_mold_is_refused_and_nothing_is_written(tmp_path):
     design = preset("piacenza2017-pad").with_(**{"mold.outer_length_mm": 30.0})
-    with pytest.raises(DesignError, match=r"wall: -1\.000 mm at the east and west walls, needs >= 0\.8 mm"):
+    with pytest.raises(
+        DesignError, match=r"mold\.outer_length_mm: the east and west walls are too thin \(-1\.00 mm;"
+    ):
         export_parts(design, tmp_path / "cad")
     assert not (tmp_path / "cad").exists()

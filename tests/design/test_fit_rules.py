@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import math
+import re
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from design.finding import Finding
 from design.rules import check
 from design.spec import SensorDesign
+from design.web_rules import WORDS, web_findings
+from design.webs import clearances, rim_clearances
 from tests.design.rule_cases import BENCHMARK, about, and_more, facing, only, single
 from tests.design.spec_fields import good, with_layout
 
@@ -77,15 +84,19 @@ def test_a_wall_is_as_thick_as_its_deepest_socket_and_a_web(axis: str) -> None:
     tight = fitting | {f"mold.outer_{axis}_mm": 36.88}
     finding = only(and_more(**tight))
     assert finding.field == f"mold.outer_{axis}_mm"
-    assert finding.value == "outside 36.88 mm leaves 2.44 mm of wall"
-    assert finding.limit == "at least 2.45 mm"
+    assert "the wall behind the socket of " in finding.message
+    assert (finding.value, finding.limit) == ("0.79 mm", "at least mold.min_web_mm = 0.80 mm")
+    assert f"raise mold.outer_{axis}_mm by 0.02 mm" in finding.way_out
 
 
 def test_an_outside_smaller_than_the_inside_is_an_error_even_without_parts_in_that_wall() -> None:
     design = with_layout(
         facing(), **BENCHMARK, **{"mold.outer_width_mm": 30.0, "mold.fixing_hole_diameter_mm": 0.0}
     )
-    assert only(design).value == "outside 30 mm leaves -1.00 mm of wall"
+    finding = only(design)
+    assert finding.message == "the south and north walls are too thin"
+    assert finding.value == "-1.00 mm"
+    assert "raise mold.outer_width_mm by 3.60 mm" in finding.way_out
 
 
 def test_a_socket_leaves_a_floor_below_it() -> None:
@@ -134,7 +145,7 @@ def test_lead_holes_of_a_radial_part_keep_a_web(
     ("inset_mm", "what", "value"),
     [
         (2.3, "the outer face", "0.70 mm"),
-        (6.5, "the cavity", "-1.60 mm"),
+        (6.5, "the pour lip of the cavity", "-3.10 mm"),  # centred on the cavity's corner, lip of 1.5
         (22.0, "the next fixing hole", "-2.20 mm"),
     ],
 )
@@ -144,13 +155,74 @@ def test_a_fixing_hole_keeps_a_web_to_everything(inset_mm: float, what: str, val
     assert finding.value == value
 
 
-def test_a_fixing_hole_into_a_socket_is_an_error_that_names_the_part() -> None:
-    # hole of radius 1.6 centred at (0.5, -2.5); the wires' slot runs outward from x = 0.85 on
-    thick = {"mold.outer_length_mm": 42.0, "mold.outer_width_mm": 48.0, "mold.fixing_hole_inset_mm": 5.5}
+def test_a_fixing_hole_into_a_wire_slot_is_an_error_that_names_the_part() -> None:
+    # hole of radius 1.6 centred at (0.5, -6.5); the wires' slot runs outward from x = 0.85 on
+    thick = {"mold.outer_length_mm": 42.0, "mold.outer_width_mm": 56.0, "mold.fixing_hole_inset_mm": 5.5}
     design = and_more(single("emitter", "south", 2.5), **thick)
     finding = only(design)
-    assert "a fixing hole and the socket of E4 is too thin" in finding.message
+    assert "a fixing hole and the wire slot of E4 on the south wall is too thin" in finding.message
     assert finding.value == "-1.25 mm"
     assert finding.field == "mold.fixing_hole_inset_mm"
     assert finding.severity == "error"
     assert check(design.with_(**{"mold.fixing_hole_diameter_mm": 0.0})) == ()
+
+
+def test_a_fixing_hole_into_a_socket_is_an_error_that_names_the_part() -> None:
+    # hole of radius 1.6 centred at (0.25, -5.25); the socket is 4.1 + 0.15 deep, from x = 0.85 on
+    thick = {"mold.outer_length_mm": 38.0, "mold.outer_width_mm": 49.0, "mold.fixing_hole_inset_mm": 3.25}
+    finding = only(and_more(single("receiver", "south", 3.55, part="osram-sfh206k"), **thick))
+    assert "a fixing hole and the socket of R4 on the south wall is too thin" in finding.message
+    assert finding.value == f"{math.hypot(0.6, 1.0) - 1.6:.2f} mm"
+    assert (finding.severity, finding.field) == ("error", "mold.fixing_hole_inset_mm")
+
+
+def test_a_socket_that_starts_at_the_surface_is_an_error() -> None:
+    # emitter of a measured base 0.5 below its centre, clearance 0.15; surface at 8
+    base = {"part_measurements.generic-emitter.active_height_in_body_mm": 0.5}
+    assert check(with_layout(facing(), **BENCHMARK, **base, **{"emitters.height_mm": 7.0})) == ()
+    finding = about(with_layout(facing(), **BENCHMARK, **base, **{"emitters.height_mm": 7.95}), "hardly")
+    assert finding.message.startswith("the socket of E1 on the west wall hardly reaches below the top")
+    assert (finding.severity, finding.field, finding.value) == ("error", "emitters.height_mm", "0.70 mm")
+
+
+def test_every_clearance_has_its_words_and_every_words_a_clearance() -> None:
+    leads = {"part_measurements.osram-sfh206k.lead_pitch_mm": 2.5}
+    ring = with_layout({"pattern": "alternating_ring", "parts_per_side": 4}, **leads)
+    overlapping = two_on_south(3.4)
+    found = [*clearances(ring), *clearances(overlapping), *rim_clearances(ring)]
+    assert {one.name for one in found} == set(WORDS)
+
+
+def places_more(finding: Finding) -> int:
+    """How many places a finding counts beside the one that it names."""
+    counted = re.search(r"\(and (\d+) more place", finding.message)
+    return int(counted[1]) if counted else 0
+
+
+@settings(max_examples=100)
+@given(
+    st.floats(30.0, 60.0),
+    st.floats(0.0, 9.0),
+    st.floats(0.6, 4.0),
+    st.floats(1.5, 8.5),
+    st.floats(0.5, 31.5),
+    st.sampled_from(["generic-receiver", "osram-sfh206k"]),
+)
+def test_the_rules_refuse_a_mold_exactly_if_a_clearance_is_not_kept(
+    outer_mm: float, inset_mm: float, floor_mm: float, height_mm: float, along_mm: float, part: str
+) -> None:
+    design = and_more(
+        single("emitter", "south", along_mm),
+        single("receiver", "west", along_mm, part=part),
+        **{
+            "mold.outer_length_mm": outer_mm,
+            "mold.floor_mm": floor_mm,
+            "mold.fixing_hole_inset_mm": inset_mm,
+            "emitters.height_mm": height_mm,
+        },
+    )
+    broken = [one for one in clearances(design) if not one.is_kept]
+    errors = [finding for finding in web_findings(design) if finding.severity == "error"]
+    assert bool(errors) == bool(broken)
+    assert {finding.field for finding in errors} <= {one.field for one in broken}
+    assert sum(1 + places_more(finding) for finding in errors) == len(broken)

@@ -12,7 +12,7 @@ LED = "sunled-xscwd23mb"
 
 
 def sockets(design):
-    return {socket.name: socket for socket in outline_of(design).sockets}
+    return {socket.part.name: socket for socket in outline_of(design).sockets}
 
 
 @pytest.mark.parametrize(
@@ -28,16 +28,17 @@ def test_a_cut_lies_behind_its_wall(wall, across, wanted):
     frame = WallFrame(wall=wall, across_mm=across, length_mm=32.0, thickness_mm=6.5)
     box = frame.box(Cut(along0=1.0, along1=3.0, out0=0.0, out1=4.0, floor=2.0, top=9.0))
     assert (box.x0, box.x1, box.y0, box.y1) == wanted
-    assert box.volume_mm3 == 2 * 4 * 7
+    assert (box.z0, box.z1) == (2.0, 9.0)
+    assert frame.along_and_outward_mm(*frame.point(1.0, 4.0)) == (1.0, 4.0)
 
 
 def test_a_pocket_is_the_body_and_its_clearance():
-    placed = {part.name: part for part in cavity_of(PAD).parts}
-    for name, socket in sockets(PAD).items():
-        part = placed[name].part
+    assert set(sockets(PAD)) == {part.name for part in cavity_of(PAD).parts}
+    for socket in sockets(PAD).values():
+        part = socket.part.part
         assert socket.pocket.along1 - socket.pocket.along0 == pytest.approx(part.body_width_mm.value + 0.3)
         assert socket.pocket.out1 == pytest.approx(part.body_depth_mm.value + 0.15)
-        assert socket.pocket.floor == pytest.approx(placed[name].body_base_mm - 0.15)
+        assert socket.pocket.floor == pytest.approx(socket.part.body_base_mm - 0.15)
         assert socket.pocket.top == pytest.approx(9.5)
 
 
