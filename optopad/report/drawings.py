@@ -44,7 +44,7 @@ class Drawing:
 
 
 def shown_pairs(score: ContinuityScore) -> list[tuple[JudgedPair, str]]:
-    """Pairs that get a plot, and as what: all facing ones, or the governing, a middling and the best one."""
+    """Pairs that get a plot, and as what: all facing ones; of a pad the governing, worst, median and best."""
     if not score.pairs:
         return []
     if score.is_facing_rows:
@@ -52,14 +52,16 @@ def shown_pairs(score: ContinuityScore) -> list[tuple[JudgedPair, str]]:
         return list(zip(score.pairs, roles, strict=True))[:MOST_FACING]
     order = ranked(score)
     wanted = (
-        (order[0], "worst pair, the governing one"),
+        (governing(score), "the pair whose tolerance is given below"),
+        (order[0], "worst pair"),
         (order[len(order) // 2], "median pair"),
         (order[-1], "best pair"),
     )
-    chosen: dict[str, tuple[JudgedPair, str]] = {}
+    found: dict[str, list[str]] = {}
     for pair, role in wanted:
-        chosen.setdefault(pair.name, (pair, role))
-    return list(chosen.values())
+        found.setdefault(pair.name, []).append(role)
+    by_name = {pair.name: pair for pair in score.pairs}
+    return [(by_name[name], ", ".join(as_what)) for name, as_what in found.items()]
 
 
 def drawings_of(design: SensorDesign, score: ContinuityScore) -> dict[str, Drawing]:
@@ -130,11 +132,11 @@ def _tolerance_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
     band = score.tolerance
     if band is None or not band.rows:
         return {}
-    pair = governing(score).name
-    return {
-        "tolerance-deadband": (plot_tolerance(band), f"Deadband of {pair} at both ends of every open value"),
-        "tolerance-gap": (plot_gap_tolerance(band), f"Mode gap of {pair} at both ends of every open value"),
-    }
+    ends = f"of {band.pair} at both ends of every open value"
+    found = {"tolerance-deadband": (plot_tolerance(band), f"Deadband {ends}")}
+    if any(gap is not None for row in band.rows for gap in row.gap_mm):
+        found["tolerance-gap"] = (plot_gap_tolerance(band), f"Mode gap {ends}")
+    return found
 
 
 def figure_of(drawing: Drawing, caption: str) -> Html:

@@ -10,6 +10,7 @@ from optopad.report.drawings import Drawing, figure_of, shown_pairs
 from optopad.report.markup import Html, element, section, table
 from optopad.report.numbers import DASH, counted, depth, ends, signed, spans
 from optopad.report.published import published_load
+from optopad.report.words import clipping
 from sims.verdict.defaults import DEADBAND_THRESHOLD
 from sims.verdict.result import ContinuityScore, ForceCurve, JudgedPair
 from sims.verdict.tolerance import ToleranceBand
@@ -17,6 +18,7 @@ from sims.verdict.tolerance import ToleranceBand
 Drawings = dict[str, Drawing]
 TABLE_DEPTHS_MM = (0.2, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 7.0, 10.0)
 
+ONE_PAIR = "This is the tolerance of one pair, not of the pad's verdict, which pools all judged pairs at every place."
 PAIR_HEADS = (
     "pair",
     "press at x, y",
@@ -39,7 +41,7 @@ def signal_section(score: ContinuityScore, drawings: Drawings) -> Html:
     lead = (
         "Facing rows are judged by their facing pairs, the middle one first."
         if score.is_facing_rows
-        else f"A pad is judged by its places (next section). Of its {len(score.pairs)} judged pairs these three show "
+        else f"A pad is judged by its places (next section). Of its {len(score.pairs)} judged pairs these show "
         "the range; each is pressed at the middle of its own chord."
     )
     figures = [
@@ -70,7 +72,8 @@ def _reading(pair: JudgedPair) -> str:
         apart = "Mode 2 does not begin within the depth"
     else:
         apart = f"The modes overlap by {-gap:.2f} mm" if gap < 0 else f"The modes are {gap:.2f} mm apart"
-    return f"{apart}; {'deadband ' + spans(dead) + ' mm' if dead else 'no deadband'}."
+    blind = f" {clipping(pair)}." if clipping(pair) else ""
+    return f"{apart}; {'deadband ' + spans(dead) + ' mm' if dead else 'no deadband'}.{blind}"
 
 
 def pairs_section(score: ContinuityScore, drawings: Drawings) -> Html:
@@ -191,6 +194,7 @@ def tolerance_section(score: ContinuityScore, drawings: Drawings) -> Html:
         "tolerance",
         "Tolerance",
         element("p", _tolerance_lead(band)),
+        *([] if score.is_facing_rows else [element("p", ONE_PAIR)]),
         element("div", *figures, class_="grid"),
         _tolerance_table(band) if band.rows else Html(""),
         _unbanded(band),

@@ -28,8 +28,18 @@ def ranked(score: ContinuityScore) -> list[JudgedPair]:
 
 
 def governing(score: ContinuityScore) -> JudgedPair:
-    """The pair that the headline is about: the middle facing pair, or the worst pair of a pad."""
+    """The pair whose tolerance was tried; without one the middle facing pair, or the worst pair of a pad."""
+    if score.tolerance is not None:
+        return next(pair for pair in score.pairs if pair.name == score.tolerance.pair)
     return score.pairs[0] if score.is_facing_rows else ranked(score)[0]
+
+
+def clipping(pair: JudgedPair) -> str:
+    """What to keep in mind about a pair that reads above full scale; empty for the others."""
+    if not pair.score.is_clipped:
+        return ""
+    share = f"{pair.score.clipped_share:.0%} of the depth"
+    return f"{pair.name} reads above full scale over {share} and is blind there"
 
 
 def meaning(score: ContinuityScore, deepest_mm: float) -> str:
@@ -82,13 +92,17 @@ def rests_on(score: ContinuityScore) -> Html | None:
         if band.flipping
         else "no single one of them turns its verdict"
     )
+    about = [] if score.is_facing_rows else [f" {band.pair} is one pair and does not stand for the pad."]
+    blind = clipping(governing(score))
     return element(
         "p",
         element(
             "strong",
             f"Rests on {counted(len(band.rows) + len(band.unbanded), 'value')} not measured on the build",
         ),
-        f": over their bands the deadband of {band.pair} is {low:.2f} to {high:.2f} mm; {turned}. ",
+        f": over their bands the deadband of {band.pair} is {low:.2f} to {high:.2f} mm; {turned}.",
+        *about,
+        f" {blind}. " if blind else " ",
         element("a", "See tolerance", href="#tolerance"),
         " and ",
         element("a", counted(len(score.warnings), "warning"), href="#warnings"),
@@ -147,6 +161,8 @@ def _pairs_tile(score: ContinuityScore) -> tuple[str, str, str]:
     note = "none has one"
     if score.worst_pair_mm:
         note = f"worst {score.worst_pair} with {score.worst_pair_mm:.2f} mm"
+    if score.clipped:
+        note += f"; {len(score.clipped)} read above full scale"
     return "Pairs with a deadband of their own", value, f"{note}; each pressed at its own mid-span"
 
 

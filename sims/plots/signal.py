@@ -120,7 +120,7 @@ def _mark_boundaries(ax: Axes, pair: JudgedPair) -> None:
             text,
             (depth_mm, 1.0),
             xycoords=("data", "axes fraction"),
-            xytext=(2 if ends_here else -2, 3),
+            xytext=(-1 if ends_here else 1, 3),
             textcoords="offset points",
             ha="right" if ends_here else "left",
             va="bottom",

@@ -16,10 +16,11 @@ import pytest
 from design.preset import preset
 from design.spec import SensorDesign
 from optopad.report.closing import WRITTEN_LAST
+from optopad.report.drawings import drawings_of, shown_pairs
 from optopad.report.markup import Html, bullets, element, table
 from optopad.report.page import write_report
 from optopad.report.published import PIACENZA_2017, published_load
-from optopad.report.words import governing, headline, meaning, ranked
+from optopad.report.words import governing, headline, meaning, ranked, rests_on
 from sims.verdict.result import ContinuityScore
 from tests.sims.made_up_scores import (
     CHECKS,
@@ -262,6 +263,42 @@ def test_a_facing_pair_beside_the_middle_one_is_named_when_only_it_is_dead() -> 
     dead = replace(score.pairs[2], score=made_up_pair(onset_mm=3.0).score)
     words = meaning(replace(score, verdict="DEADBAND", pairs=(*score.pairs[:2], dead)), 5.0)
     assert "1 of 3 facing pairs cannot tell depth: E3-R3 from" in words
+
+
+def test_the_plots_of_a_pad_follow_the_pair_whose_tolerance_was_tried() -> None:
+    score = dead_score()
+    assert score.tolerance is not None
+    other = replace(score, tolerance=replace(score.tolerance, pair="E3-R1"))
+    assert governing(other).name == "E3-R1"
+    roles = {pair.name: role for pair, role in shown_pairs(other)}
+    order = ranked(score)
+    assert roles == {
+        "E3-R1": "the pair whose tolerance is given below",
+        order[0].name: "worst pair",
+        order[24].name: "median pair",
+        order[-1].name: "best pair",
+    }
+
+
+def test_a_tolerance_of_a_clipped_pair_says_that_it_is_blind() -> None:
+    score = dead_score()
+    assert score.tolerance is not None
+    clipped = replace(made_up_pair(counts=1500.0), name=score.tolerance.pair)
+    rest = tuple(pair for pair in score.pairs if pair.name != clipped.name)
+    line = rests_on(replace(score, pairs=(clipped, *rest)))
+    assert line is not None
+    share = f"{clipped.score.clipped_share:.0%}"
+    assert f"{clipped.name} reads above full scale over {share} of the depth and is blind there." in line
+    assert f"{clipped.name} is one pair and does not stand for the pad." in line
+
+
+def test_a_tolerance_without_any_mode_gap_has_no_plot_of_it() -> None:
+    score = dead_score(PAIR)
+    assert score.tolerance is not None
+    rows = tuple(replace(row, gap_mm=(None, None)) for row in score.tolerance.rows)
+    never = replace(score, tolerance=replace(score.tolerance, rows=rows, gap_mm=None))
+    assert "tolerance-deadband" in drawings_of(PAIR, never)
+    assert "tolerance-gap" not in drawings_of(PAIR, never)
 
 
 def test_an_open_mode_gap_is_given_as_a_bound() -> None:
