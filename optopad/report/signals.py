@@ -11,7 +11,7 @@ from optopad.report.markup import Html, element, section, table
 from optopad.report.numbers import DASH, counted, depth, ends, signed, spans
 from optopad.report.published import published_load
 from optopad.report.words import clipping
-from sims.verdict.defaults import DEADBAND_THRESHOLD
+from sims.verdict.defaults import DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT
 from sims.verdict.result import ContinuityScore, ForceCurve, JudgedPair
 from sims.verdict.tolerance import ToleranceBand
 
@@ -33,6 +33,8 @@ PAIR_HEADS = (
     "swing",
     "steps",
     "clipped",
+    "trace error",
+    "deadband with it",
 )
 
 
@@ -101,7 +103,9 @@ def pairs_section(score: ContinuityScore, drawings: Drawings) -> Html:
         element(
             "p",
             "Depths, gaps and places in mm. Flat beyond mode 2 is saturation, not a deadband. Steps: range of the "
-            f"signal over {DEADBAND_THRESHOLD:g} noise units. Clipped: share of the depth above full scale.",
+            f"signal over {DEADBAND_THRESHOLD:g} noise units. Clipped: share of the depth above full scale. "
+            f"Trace error: largest standard error of the simulated light in noise units; the verdict wants at most "
+            f"{TRACE_ERROR_LIMIT:g}. Deadband with it: what that error may hide, with the deadbands found.",
             class_="note",
         ),
         *rest,
@@ -128,6 +132,10 @@ def _pair_row(pair: JudgedPair) -> tuple[str, ...]:
         f"{score.strength.swing:.0%}",
         f"{score.strength.resolvable_steps:.0f}",
         f"{score.clipped_share:.0%}" if score.is_clipped else "no",
+        "not given" if score.noise_margin is None else f"{score.noise_margin:.2f}",
+        "not given"
+        if score.possible_deadbands_mm is None
+        else spans(score.possible_deadbands_mm, between=DASH),
     )
 
 
