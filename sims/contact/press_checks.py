@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sims.contact.neo_hookean import elastic_energy, nodal_forces, volumes
+from sims.contact.settling import CHATTER_LIMIT
 from sims.contact.tip import tip_gap
 
 FloatArray = NDArray[np.float64]
 
 SETTLED_LIMIT = 1e-4
 """Largest last step of any vertex [tip radii]."""
-SETTLED_SHARE = 3e-4
+SETTLED_SHARE = 2e-4
 """Largest last step of any vertex as a fraction of the depth [-]; it rules shallow presses."""
 PENETRATION_LIMIT = 0.02
 """Deepest a surface facet may lie inside the tip [tip radii]: 60 µm for a 3 mm tip."""
@@ -48,6 +49,7 @@ class PressState:
     contact_force : force of the full turn on the tip
     overlap : deepest overlap of a surface facet with the tip, as the solver sees it
     last_step : largest motion of a vertex in the last solver step
+    chatter : largest distance of a vertex from the mean of the cycle that this state is; 0: no cycle
     steps : solver steps taken [-]
     """
 
@@ -61,6 +63,7 @@ class PressState:
     contact_force: float
     overlap: float
     last_step: float
+    chatter: float
     steps: int
 
 
@@ -74,6 +77,7 @@ class StepCheck:
     reaction : vertical reaction of the bonded surfaces
     penetration : deepest overlap of the layer with the tip, by facets and by vertices
     last_step : largest motion of a vertex in the last solver step
+    chatter : largest distance of a vertex from the mean of the cycle that this state is; 0: no cycle
     smallest_stretch : smallest volume ratio of an element [-]
     volume_loss : volume lost by compression, whole turn [R³]
     energy : elastic energy of the layer, whole turn [E R³]
@@ -85,6 +89,7 @@ class StepCheck:
     reaction: float
     penetration: float
     last_step: float
+    chatter: float
     smallest_stretch: float
     volume_loss: float
     energy: float
@@ -119,6 +124,7 @@ def measure_press(state: PressState) -> StepCheck:
         reaction=_reaction(state),
         penetration=_penetration(state),
         last_step=state.last_step,
+        chatter=state.chatter,
         smallest_stretch=float((present_volumes / rest_volumes).min()),
         volume_loss=state.copies * float((rest_volumes - present_volumes).sum()),
         energy=state.copies * energy,
@@ -132,6 +138,8 @@ def _complaints(check: StepCheck) -> list[str]:
     limit = settled_limit(check.depth)
     if not check.last_step <= limit:
         found.append(f"not settled: last step {check.last_step:.1e}, limit {limit:.0e} tip radii")
+    if not check.chatter <= CHATTER_LIMIT:
+        found.append(f"chatter of {check.chatter:.1e}, limit {CHATTER_LIMIT:.0e} tip radii")
     if not check.penetration <= PENETRATION_LIMIT:
         found.append(f"surface {check.penetration:.3f} tip radii inside the tip, limit {PENETRATION_LIMIT}")
     if not check.smallest_stretch > 0.0:

@@ -42,6 +42,7 @@ class UnitPress:
     force, contact_radius : (depth,)
     reaction : (depth,) reaction of the bonded surfaces, computed from the shape alone
     penetration, last_step : (depth,) overlap with the tip; last motion of the solver
+    chatter : (depth,) spread of the solver's cycle, 0 where it came to rest
     smallest_stretch : (depth,) smallest volume ratio of an element [-]
     volume_loss : (depth,) volume lost by compression [R³]
     energy : (depth,) elastic energy of the layer [E R³]
@@ -61,6 +62,7 @@ class UnitPress:
     reaction: FloatArray
     penetration: FloatArray
     last_step: FloatArray
+    chatter: FloatArray
     smallest_stretch: FloatArray
     volume_loss: FloatArray
     energy: FloatArray

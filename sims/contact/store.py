@@ -28,8 +28,9 @@ CACHE_VARIABLE = "OPTOPAD_CACHE"
 """Environment variable that names the cache folder."""
 FORMAT = 1
 """Version of the entry's layout."""
+_UNREADABLE = (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error)
+"""What reading a damaged entry raises; RuntimeError is zipfile's for flags that it does not support."""
 _SCALARS = ("layer_depth", "wall_radius", "mesh_size", "wedge_angle")
-_PER_NODE = ("rest_radii",)
 _PER_STATE = ("radii", "heights")
 
 
@@ -64,11 +65,15 @@ def _is_whole(press: UnitPress) -> bool:
 def read_entry(key: str) -> UnitPress | None:
     """The stored press, or None where there is none that can be used."""
     try:
-        with entry_path(key).open("rb") as file, np.load(file, allow_pickle=False) as entry:
+        with entry_path(key).open("rb") as file, zipfile.ZipFile(file) as archive:
+            if archive.testzip() is not None:
+                return None
+            file.seek(0)
+            entry = np.load(file, allow_pickle=False)
             if str(entry["key"]) != key:
                 return None
             found: dict[str, object] = {f.name: entry[f.name] for f in fields(UnitPress)}
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
+    except _UNREADABLE:
         return None
     found |= {name: float(np.asarray(found[name])) for name in _SCALARS}
     found["versions"] = tuple(str(text) for text in np.atleast_1d(np.asarray(found["versions"])))

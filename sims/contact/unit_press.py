@@ -42,7 +42,15 @@ def solve_unit_press(
     ]
     checks = {
         name: np.array([getattr(check, name) for check in solution.checks])
-        for name in ("reaction", "penetration", "last_step", "smallest_stretch", "volume_loss", "energy")
+        for name in (
+            "reaction",
+            "penetration",
+            "last_step",
+            "chatter",
+            "smallest_stretch",
+            "volume_loss",
+            "energy",
+        )
     }
     return UnitPress(
         layer_depth=layer_depth,

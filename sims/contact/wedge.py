@@ -11,8 +11,9 @@ Model
 * Bottom and wall are bonded. The top is free and touched by a hemisphere with a straight shank.
 * Stable Neo-Hookean material with Poisson's ratio 0.49, integrator `discrete` at time step 1: every
   step is one damped static Newton iteration; velocities are zeroed after it. A depth is settled when
-  a step moves no vertex by more than 1e-4 tip radii (0.3 µm for a 3 mm tip).
+  a step moves no vertex by more than 1e-4 tip radii (0.3 µm for a 3 mm tip) nor by 0.02 % of the depth.
 * Contact is a stiff penalty, proportional to the vertex mass: too light sinks in, too heavy chatters.
+  Where one facet chatters all the same, the mean of its cycle is taken (see `settling`).
 
 What it leaves out: friction and adhesion, viscosity and inertia, nearer walls, the layer's own
 weight, and the last bit of incompressibility (0.49 instead of 0.5: about 1-2 % of force).
@@ -35,6 +36,7 @@ from numpy.typing import NDArray
 
 from sims.contact.mesh import RadialMesh
 from sims.contact.press_checks import PressState, StepCheck, check_press, settled_limit
+from sims.contact.settling import WINDOW, History
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -51,13 +53,13 @@ SMALLEST_MASS_RADIUS = 0.7
 """Vertices nearer to the axis weigh as much as those at this radius [tip radii]."""
 HOOP_STIFFNESS = 3300.0
 """Stiffness that forbids motion out of the radial plane [E R]."""
-FEWEST_STEPS, MOST_STEPS = 4, 160
-"""Solver steps a depth."""
-PATIENCE = 25
-"""After as many steps without settling, contact chatters: damping rises by one half."""
+FEWEST_STEPS, MOST_STEPS = 4, 400
+"""Solver steps a depth; slow modes of very deep presses take up to 130."""
+CONTACT_TIME = 0.1
+"""Time constant of the contact over the time step [-]; smaller ones chatter, larger ones sink in."""
 _TIP_HALF_LENGTH = 4.0
 _FLEX_RADIUS = 3e-5
-_CONTACT = {"solref": [1e-4, 1.0], "solimp": [0.9999, 0.9999, 0.001, 0.5, 2.0], "condim": 1}
+_CONTACT = {"solref": [CONTACT_TIME, 1.0], "solimp": [0.9999, 0.9999, 0.001, 0.5, 2.0], "condim": 1}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -210,33 +212,37 @@ class _Press:
         self.data = mujoco.MjData(self.model)
         vertical = [j for j in range(self.model.njnt) if self.model.jnt_axis[j][2] > 0.5]
         self.vertical_dofs = self.model.jnt_dofadr[vertical]
-        self.copies = 2.0 * np.pi / np.sin(WEDGE_ANGLE)
+        self.copies = float(2.0 * np.pi / np.sin(WEDGE_ANGLE))
 
-    def _step(self, damping: float) -> float:
+    def _step(self) -> float:
         """One damped static iteration; largest motion of a vertex [tip radii]."""
         before = self.data.qpos.copy()
-        self.model.flex_damping[0] = damping
         mujoco.mj_step(self.model, self.data)
         self.data.qvel[:] = 0.0
         return float(np.abs(self.data.qpos - before).max())
 
-    def settle(self, depth: float, guess: FloatArray) -> tuple[float, int]:
-        """Move the tip to `depth` and iterate from `guess`; last step [tip radii] and step count."""
+    def _force(self) -> float:
+        """Contact force of the full turn [E R²]."""
+        return -float(self.copies * self.data.qfrc_constraint[self.vertical_dofs].sum())
+
+    def settle(self, depth: float, guess: FloatArray) -> PressState:
+        """Move the tip to `depth` and iterate from `guess` until at rest, or until patience ends."""
         self.data.mocap_pos[0] = [0.0, 0.0, 1.0 - depth]
         self.data.qpos[:] = guess
-        damping = DAMPING
+        history = History()
         for count in range(1, MOST_STEPS + 1):
-            if count % PATIENCE == 0:
-                damping *= 1.5
-            last_step = self._step(damping)
-            limit = settled_limit(depth) * (1.0 + DAMPING) / (1.0 + damping)
-            if not np.isfinite(last_step) or (count >= FEWEST_STEPS and last_step < limit):
+            last_step = self._step()
+            if not np.isfinite(last_step) or (count >= FEWEST_STEPS and last_step < settled_limit(depth)):
                 break
-        return last_step, count
+            history.add(self.data.qpos, self._force())
+            cycle = history.cycle() if count % WINDOW == 0 else None
+            if cycle is not None:
+                self.data.qpos[:] = cycle.mean
+                return self._state(depth, cycle.force, 0.0, cycle.spread, count)
+        return self._state(depth, self._force(), last_step, 0.0, count)
 
-    def state(self, depth: float, last_step: float, steps: int) -> PressState:
-        """The present state as arrays."""
-        force = -self.copies * float(self.data.qfrc_constraint[self.vertical_dofs].sum())
+    def _state(self, depth: float, force: float, last_step: float, chatter: float, steps: int) -> PressState:
+        """The present positions as arrays."""
         overlap = max(0.0, -float(self.data.contact.dist.min())) if self.data.ncon else 0.0
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_flex(self.model, self.data)
@@ -251,6 +257,7 @@ class _Press:
             contact_force=force,
             overlap=overlap,
             last_step=last_step,
+            chatter=chatter,
             steps=steps,
         )
 
@@ -279,8 +286,7 @@ def solve_wedge(
         past_depth = present_depth = 0.0
         for index, depth in enumerate(depths):
             ratio = (depth - present_depth) / (present_depth - past_depth) if index > 0 else 0.0
-            settled = press.settle(depth, present + min(ratio, 1.0) * (present - past))
-            state = press.state(depth, *settled)
+            state = press.settle(depth, present + min(ratio, 1.0) * (present - past))
             checks.append(check_press(state))
             radius = np.hypot(state.deformed[:, 0], state.deformed[:, 1])
             radii.append(press.wedge.face_mean(radius, mesh.top))

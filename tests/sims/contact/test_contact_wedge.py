@@ -10,6 +10,7 @@ import pytest
 
 from sims.contact.mesh import radial_mesh
 from sims.contact.press_checks import ContactSolveError, PressState, check_press, settled_limit
+from sims.contact.settling import WINDOW, History
 from sims.contact.wedge import WEDGE_ANGLE, solve_wedge, sweep
 
 MESH = radial_mesh(2.0, 16 / 3, 0.25)
@@ -28,6 +29,7 @@ def rest_state() -> PressState:
         contact_force=0.0,
         overlap=0.0,
         last_step=0.0,
+        chatter=0.0,
         steps=4,
     )
 
@@ -53,8 +55,31 @@ def test_unsettled_state_is_refused() -> None:
         check_press(replace(rest_state(), last_step=2e-4))
 
 
+def test_wide_chatter_is_refused() -> None:
+    with pytest.raises(ContactSolveError, match="chatter of"):
+        check_press(replace(rest_state(), chatter=3e-3))
+
+
+@pytest.mark.parametrize(
+    ("drift", "amplitude", "accepted"), [(0.0, 5e-4, True), (0.0, 3e-3, False), (1e-5, 5e-4, False)]
+)
+def test_only_a_narrow_cycle_about_a_fixed_point_counts_as_rest(
+    drift: float, amplitude: float, accepted: bool
+) -> None:
+    history = History()
+    for step in range(2 * WINDOW):
+        assert history.cycle() is None
+        history.add(np.array([0.1, 0.2 + drift * step + amplitude * (-1.0) ** step]), 3.0 + (-1.0) ** step)
+    cycle = history.cycle()
+    assert (cycle is not None) is accepted
+    if cycle is not None:
+        np.testing.assert_allclose(cycle.mean, [0.1, 0.2], atol=1e-15)
+        assert cycle.spread == pytest.approx(amplitude)
+        assert cycle.force == pytest.approx(3.0)
+
+
 def test_shallow_states_must_settle_in_proportion_to_their_depth() -> None:
-    assert settled_limit(0.01) == pytest.approx(3e-6)
+    assert settled_limit(0.01) == pytest.approx(2e-6)
     assert settled_limit(1.0) == 1e-4
 
 
