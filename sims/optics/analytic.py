@@ -30,7 +30,10 @@ def compact_dimple(
     skirt = 3.0 * left * root / contact
     inside = np.linspace(0.0, contact, 40)
     outside = contact + np.concatenate(
-        [np.linspace(0.0, skirt, 120)[1:], np.linspace(skirt, max(outer_radius_mm - contact, skirt + 1.0), 80)[1:]]
+        [
+            np.linspace(0.0, skirt, 120)[1:],
+            np.linspace(skirt, max(outer_radius_mm - contact, skirt + 1.0), 80)[1:],
+        ]
     )
     share = np.clip(1.0 - (outside - contact) / skirt, 0.0, None)
     q = np.clip((outside - contact) / (outside[-1] - contact), 0.0, 1.0)

@@ -39,20 +39,24 @@ def wanted_pairs(
             f"pairs: {mask.dtype} of shape {mask.shape}; give booleans of shape "
             f"({emitters}, {receivers}) or ({states}, {emitters}, {receivers})"
         )
-    return np.ascontiguousarray(np.broadcast_to(mask, (states, emitters, receivers)))
+    return np.array(np.broadcast_to(mask, (states, emitters, receivers)), order="C")
 
 
 def _require(name: str, value: float, low: float, high: float, *, open_low: bool = False) -> None:
     inside = low < value <= high if open_low else low <= value <= high
     if not (inside and np.isfinite(value)):
-        raise InputError(f"{name}: {value:g}, must lie in {low:g} to {high:g}{' (not 0)' if open_low else ''}")
+        raise InputError(
+            f"{name}: {value:g}, must lie in {low:g} to {high:g}{' (not 0)' if open_low else ''}"
+        )
 
 
 def _check_patches(
     kind: str, walls: NDArray[np.int64], patches: NDArray[np.float64], scene: OpticalScene
 ) -> None:
     if np.ndim(walls) != 1 or len(walls) == 0 or np.shape(patches) != (len(walls), 4):
-        raise InputError(f"{kind}_patch: shape {np.shape(patches)}, needs ({np.size(walls)}, 4) and one or more")
+        raise InputError(
+            f"{kind}_patch: shape {np.shape(patches)}, needs ({np.size(walls)}, 4) and one or more"
+        )
     for k, (wall, patch) in enumerate(zip(walls, patches, strict=True)):
         name = f"{kind}_patch[{k}]"
         if wall not in range(WALLS):

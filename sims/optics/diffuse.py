@@ -44,8 +44,8 @@ def layout_of(box, size):
     for k in range(6):
         across = box[0] if k == 0 or k == 2 or k == BOTTOM else box[1]
         up = box[1] if k == BOTTOM else box[2]
-        out[k, 0] = max(1, int(math.ceil(across / size)))
-        out[k, 1] = max(1, int(math.ceil(up / size)))
+        out[k, 0] = max(1, math.ceil(across / size))
+        out[k, 1] = max(1, math.ceil(up / size))
         if k == TIP:
             out[k, 0] = TIP_SECTORS
             out[k, 1] = TIP_RINGS
@@ -169,17 +169,7 @@ def join(from_emitter, from_receiver, receiver_area, areas, layout, reflectances
 
 
 @kernel
-def untouched_deposits(sources, receivers, box, press, cubic, steepest, points, count, shifts, layout):
-    """(source, patch) deposits under the untouched top."""
-    patches = layout[5, 2] + layout[5, 0] * layout[5, 1]
-    out = np.zeros((sources.shape[0], patches))
-    for i in range(sources.shape[0]):
-        deposit(sources[i], receivers, box, press, cubic, steepest, points, count, shifts[i], layout, out[i])
-    return out
-
-
-@kernel
-def bounce_matrix(layout, receivers, box, press, cubic, steepest, points, count):
+def bounces(layout, receivers, box, press, cubic, steepest, points, count):
     """(patch, patch) share of one patch's scattered light that lands on another, untouched top."""
     patches = layout[5, 2]
     out = np.zeros((patches, patches + layout[5, 0] * layout[5, 1]))

@@ -16,8 +16,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from sims.optics.rays import fresnel, height, kernel, wall_normal, wall_point
 from sims.optics.surface import ACTIVE, CELLS, GRADING, LOWEST, OUTER_R, SPHERE_R, X, Y
 
@@ -165,7 +163,9 @@ def column_flux(x, y, z, source, target, qx, qy, z0, z1, mirrored, box, nodes, w
 
 
 @kernel
-def direct_flux(source, target, box, press, cubic, nodes_e, weights_e, nodes_u, weights_u, nodes_z, weights_z):
+def direct_flux(
+    source, target, box, press, cubic, nodes_e, weights_e, nodes_u, weights_u, nodes_z, weights_z
+):
     """Straight flux of a pair under a press, as a fraction of the emitter's power."""
     highest = max(source[2] + source[4], target[2] + target[4])
     radius = blocking_radius(highest, press, cubic)
@@ -206,15 +206,3 @@ def flat_flux(source, target, box, mirrored, nodes, weights):
                 flux = column_flux(x, y, z, source, target, qx, qy, low, high, mirrored, box, nodes, weights)
                 total += weights[a] * weights[b] * weights[c] * flux
     return total * 2.0 * target[3] * 4.0 * source[3] * source[4] / source[6]
-
-
-@kernel
-def flat_matrix(emitters, receivers, box, nodes, weights):
-    """(2, emitter, receiver) straight and mirrored flux under a flat top."""
-    out = np.zeros((2, emitters.shape[0], receivers.shape[0]))
-    for i in range(emitters.shape[0]):
-        for j in range(receivers.shape[0]):
-            if emitters[i, 0] != receivers[j, 0]:
-                out[0, i, j] = flat_flux(emitters[i], receivers[j], box, False, nodes, weights)
-                out[1, i, j] = flat_flux(emitters[i], receivers[j], box, True, nodes, weights)
-    return out

@@ -12,10 +12,11 @@ is outside the skirt radius (the outermost radius where the surface is steeper t
 chains with a reflection inside it; `diffuse` light scattered at least once. Everything mirrored by the top
 is `top` + `skirt`.
 
-Method: straight and flat-mirrored light by quadrature with an analytic horizon (`direct`), one reflection as
-an integral over the top (`skirt`), more by common random points (`repeated`), diffuse light by joined
-deposits (`diffuse`), as a ratio to the untouched pad, whose orders beyond the first come from a patch
-radiosity. Two replicates with irrational offsets give the standard error.
+Method: straight and flat-mirrored light by quadrature with an analytic horizon (`direct`); one reflection at
+the gently curved part path by path (`mirror`), elsewhere as an integral over the top (`skirt`); more
+reflections by common random points (`repeated`); diffuse light by joined deposits (`diffuse`), as a ratio to
+the untouched pad, whose orders beyond the first come from a patch radiosity. Replicates with independent
+offsets give the standard error.
 
 The standard error covers cell placement, sampled chains and the sampled part of diffuse light. It does not
 cover: the Gauss rules of straight light (order `nodes_*`), one midpoint visibility per cell, the finite
@@ -56,12 +57,14 @@ class Accuracy:
     ----------
     replicates : independent offsets, 2 or more [-]
     rings, sectors : coarse cells of the top around the press [-]
-    cell_tolerance : share of a receiver's angular size over which a cell may vary [-]
-    cell_share : largest share of a pair's untouched flux that one cell may carry [-]
+    cell_tolerance : share of its size by which a receiver's image may move across a coarse cell [-]
+    cell_share : share of a pair's untouched flux by which a cell's two rules may differ [-]
+    calm_share : curvature up to which light is mirrored path by path, over what folds an image [-]
     chain_rings, chain_sectors : first pass for repeated reflections [-]
     chain_share : share of the brightest pair's flux per sample of repeated reflections [-]
     diffuse_rays : rays per emitter and receiver, a power of two [-]
     nodes_emitter, nodes_column, nodes_height : Gauss nodes of straight light [-]
+    mirror_emitter, mirror_receiver : Gauss nodes of light mirrored by the calm part of the top [-]
     flat_nodes : Gauss nodes of the untouched pad [-]
     reference_rays : rays per emitter and receiver for the untouched pad's diffuse light [-]
     """
@@ -69,27 +72,39 @@ class Accuracy:
     replicates: int = 2
     rings: int = 10
     sectors: int = 32
-    cell_tolerance: float = 0.3
-    cell_share: float = 0.003
+    cell_tolerance: float = 0.6
+    cell_share: float = 3e-4
+    calm_share: float = 0.5
     chain_rings: int = 12
     chain_sectors: int = 40
-    chain_share: float = 2e-4
-    diffuse_rays: int = 512
+    chain_share: float = 1e-3
+    diffuse_rays: int = 1024
     nodes_emitter: int = 4
     nodes_column: int = 16
     nodes_height: int = 4
     flat_nodes: int = 12
+    mirror_emitter: int = 3
+    mirror_receiver: int = 5
     reference_rays: int = 16384
 
 
 ACCURACIES = {
-    "draft": Accuracy(cell_share=0.01, cell_tolerance=0.4, diffuse_rays=256, chain_share=5e-4),
+    "draft": Accuracy(cell_tolerance=1.0, cell_share=1e-3, diffuse_rays=512, chain_share=4e-3),
     "standard": Accuracy(),
     "fine": Accuracy(
-        cell_share=0.0005, cell_tolerance=0.15, diffuse_rays=4096, chain_share=2e-5, chain_rings=24,
-        chain_sectors=96, nodes_emitter=6, nodes_column=32, nodes_height=6,
+        cell_tolerance=0.2,
+        cell_share=2e-5,
+        diffuse_rays=4096,
+        chain_share=2e-5,
+        chain_rings=24,
+        chain_sectors=96,
+        nodes_emitter=6,
+        nodes_column=32,
+        nodes_height=6,
+        mirror_emitter=4,
+        mirror_receiver=6,
     ),
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,9 +171,9 @@ def trace_scene(
     for start in range(0, states, BATCH_STATES):
         part = slice(start, min(start + BATCH_STATES, states))
         values = _trace_batch(wanted[part], surfaces, part, untouched, settings)
-        flux[:, part] = values.mean(axis=0).transpose(1, 0, 2, 3)
+        flux[:, part] = values.mean(axis=1).transpose(1, 0, 2, 3)
         totals = values.sum(axis=2)
-        error[part] = totals.std(axis=0, ddof=1) / np.sqrt(settings.replicates)
+        error[part] = totals.std(axis=1, ddof=1) / np.sqrt(settings.replicates)
         if on_step is not None:
             on_step(part.stop, states)
     active = surfaces.press[:, SKIRT_R]
@@ -195,9 +210,7 @@ def _packed(scene: OpticalScene) -> tuple[FloatArray, FloatArray, FloatArray]:
     return box, emitters, receivers
 
 
-def _clipped(
-    walls: NDArray[np.int64], patches: FloatArray, orders: FloatArray, height: float
-) -> FloatArray:
+def _clipped(walls: NDArray[np.int64], patches: FloatArray, orders: FloatArray, height: float) -> FloatArray:
     low = np.clip(patches[:, 1] - patches[:, 3], 0.0, height)
     high = np.clip(patches[:, 1] + patches[:, 3], 0.0, height)
     full_area = 4 * patches[:, 2] * patches[:, 3]
@@ -209,11 +222,11 @@ def _clipped(
 def _untouched(scene: OpticalScene, settings: Accuracy, seed: int) -> _Untouched:
     from scipy.stats import qmc
 
-    from sims.optics import diffuse, direct
+    from sims.optics import compiled, diffuse
 
     box, emitters, receivers = _packed(scene)
     nodes, weights = _gauss(settings.flat_nodes)
-    flat = direct.flat_matrix(emitters, receivers, box, nodes, weights)
+    flat = compiled.flat_matrix(emitters, receivers, box, nodes, weights)
     largest = max(settings.reference_rays, settings.diffuse_rays, 1024)
     points = qmc.Sobol(4, scramble=True, rng=POINT_SEED).random(largest)
     shifts = np.random.default_rng(seed).random((settings.replicates, 6))
@@ -250,15 +263,16 @@ def _no_press(box: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 def _deposits(
     parts: _Parts, shift: FloatArray, count: int, layout: NDArray[np.int64]
 ) -> tuple[FloatArray, FloatArray]:
-    from sims.optics import diffuse
+    from sims.optics import compiled
+    from sims.optics.diffuse import golden_shift
 
     box, emitters, receivers, points, _ = parts
     top = _no_press(box)
-    shift_e = np.array([diffuse.golden_shift(k + 1.0) + shift for k in range(len(emitters))])
-    shift_r = np.array([diffuse.golden_shift(k + 1000.0) + shift for k in range(len(receivers))])
+    shift_e = np.array([golden_shift(k + 1.0) + shift for k in range(len(emitters))])
+    shift_r = np.array([golden_shift(k + 1000.0) + shift for k in range(len(receivers))])
     return (
-        diffuse.untouched_deposits(emitters, receivers, box, *top, points, count, shift_e, layout),
-        diffuse.untouched_deposits(receivers, receivers, box, *top, points, count, shift_r, layout),
+        compiled.untouched_deposits(emitters, receivers, box, *top, points, count, shift_e, layout),
+        compiled.untouched_deposits(receivers, receivers, box, *top, points, count, shift_r, layout),
     )
 
 
@@ -281,14 +295,14 @@ def _couple(
 
 def _higher_orders(parts: _Parts, settings: Accuracy) -> FloatArray:
     """(emitter, receiver) all scattered orders over the first, untouched pad."""
-    from sims.optics import diffuse
+    from sims.optics import compiled, diffuse
 
     box, _, receivers, points, reflectances = parts
     surface = 2 * (box[0] + box[1]) * box[2] + box[0] * box[1]
     layout = diffuse.layout_of(box, max(2.0, float(np.sqrt(surface / RADIOSITY_PATCHES))))
     areas = diffuse.patch_areas(layout, receivers, box)
     given, taken = _deposits(parts, np.zeros(4), min(settings.reference_rays, 4096), layout)
-    matrix = diffuse.bounce_matrix(layout, receivers, box, *_no_press(box), points, 128)
+    matrix = compiled.bounce_matrix(layout, receivers, box, *_no_press(box), points, 128)
     patches = len(matrix)
     per_patch = np.repeat(reflectances, layout[:, 0] * layout[:, 1])[:patches]
     system = np.eye(patches) - (per_patch[:, None] * matrix).T
@@ -308,7 +322,7 @@ def _gauss(count: int) -> tuple[FloatArray, FloatArray]:
 def _trace_batch(
     wanted: NDArray[np.bool_], surfaces: SurfaceStack, part: slice, fixed: _Untouched, settings: Accuracy
 ) -> FloatArray:
-    from sims.optics.states import trace_states
+    from sims.optics.compiled import trace_states
 
     rules = (
         *_gauss(settings.nodes_emitter),
@@ -318,14 +332,15 @@ def _trace_batch(
     numbers = np.array(
         [
             settings.rings, settings.sectors, settings.cell_tolerance, settings.cell_share,
-            settings.chain_rings, settings.chain_sectors, settings.chain_share,
+            settings.chain_rings, settings.chain_sectors, settings.chain_share, settings.calm_share,
         ],
         dtype=np.float64,
     )  # fmt: skip
     return np.asarray(
         trace_states(
             wanted, fixed.emitters, fixed.receivers, fixed.box, surfaces.press[part], surfaces.cubic[part],
-            surfaces.steepest[part], fixed.flat, fixed.flat_diffuse, fixed.flat_join, fixed.scale, rules,
+            surfaces.steepest[part], surfaces.bends[part], fixed.flat, fixed.flat_diffuse, fixed.flat_join,
+            fixed.scale, rules, (*_gauss(settings.mirror_emitter), *_gauss(settings.mirror_receiver)),
             fixed.points, settings.diffuse_rays, fixed.shifts, fixed.layout, fixed.areas,
             fixed.reflectances, numbers,
         )

@@ -1,7 +1,8 @@
-"""What a trace says: flux of every state, emitter and receiver, with its path classes and its error."""
+"""What every receiver gets from every emitter: the named result of a trace."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,20 +13,21 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class LightSignals:
-    """Flux as a fraction of an emitter's power. Axes run state, emitter, receiver.
+    """Flux over emitted power, by state, emitter and receiver.
 
     Attributes
     ----------
-    flux : (state, emitter, receiver) sum over path classes [-]; 0 for pairs that were left out
-    by_class : the same for `direct`, `top`, `skirt` and `diffuse` light; top + skirt is all that the top mirrors
-    standard_error : (state, emitter, receiver) of flux [-]
-    presses : (state, 3) x, y, depth of the press [mm]; depth 0 or less is untouched
-    digest : of the design that was traced
-    seed : of the random offsets
+    flux : (state, emitter, receiver) sum over path classes [-]
+    by_class : path class (direct, top, skirt, diffuse) to (state, emitter, receiver) [-];
+        light mirrored by the top is top + skirt
+    standard_error : (state, emitter, receiver) of flux; what it covers is said in `sims.optics.engine` [-]
+    presses : (state, 3) x, y, depth of the press; depth 0 or less is untouched [mm]
+    digest : of the design
+    seed : of the offsets
     """
 
     flux: FloatArray
-    by_class: dict[str, FloatArray]
+    by_class: Mapping[str, FloatArray]
     standard_error: FloatArray
     presses: FloatArray
     digest: str

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit  # type: ignore[import-untyped]
+from numba import njit
 
 from sims.optics.surface import (
     ACTIVE,
@@ -36,7 +36,7 @@ BOTTOM, TIP, LOST = 4, 5, -1
 MAX_BOUNCES = 24
 LOST_WEIGHT = 1e-9
 
-kernel = njit(cache=True, error_model="numpy")
+kernel = njit(error_model="numpy")
 
 
 @kernel
@@ -110,6 +110,24 @@ def height_and_slope(r, press, cubic):
     t = x - k
     h = cubic[k, 0] + t * (cubic[k, 1] + t * (cubic[k, 2] + t * cubic[k, 3]))
     return h, (cubic[k, 1] + t * (2.0 * cubic[k, 2] + t * 3.0 * cubic[k, 3])) * per_mm
+
+
+@kernel
+def height_slope_bend(r, press, cubic):
+    """Height of the top, dh/dr and d²h/dr² beyond the sphere."""
+    if press[ACTIVE] == 0.0 or r >= press[OUTER_R]:
+        return press[TOP], 0.0, 0.0
+    x = _cell_x(r, press)
+    span = press[OUTER_R] - press[SPHERE_R]
+    per_mm = 1.0 / (span * (GRADING + 2.0 * (1.0 - GRADING) * x))
+    turn = -2.0 * (1.0 - GRADING) * span * per_mm * per_mm * per_mm
+    x *= CELLS
+    k = min(int(x), CELLS - 1)
+    t = x - k
+    h = cubic[k, 0] + t * (cubic[k, 1] + t * (cubic[k, 2] + t * cubic[k, 3]))
+    first = (cubic[k, 1] + t * (2.0 * cubic[k, 2] + t * 3.0 * cubic[k, 3])) * CELLS
+    second = (2.0 * cubic[k, 2] + t * 6.0 * cubic[k, 3]) * (CELLS * CELLS)
+    return h, first * per_mm, second * per_mm * per_mm + first * turn
 
 
 @kernel

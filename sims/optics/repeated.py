@@ -14,8 +14,8 @@ import math
 import numpy as np
 
 from sims.optics.rays import chain, fresnel, height, is_clear, kernel, wall_normal, wall_point
-from sims.optics.skirt import top_point
 from sims.optics.surface import SKIRT_R, X, Y
+from sims.optics.top_cells import top_point
 
 NEAR_RECEIVER_MM = 3.0
 FEWEST_SAMPLES = 6
@@ -32,7 +32,7 @@ def fraction(x):
 @kernel
 def first_reflection(wall, u, v, x, y, z, source, sectors, box, press, cubic, steepest):
     """Flux per du dv from an emitter point by the top at (u, v); start and direction after it; radius."""
-    px, py, pz, gx, gy, r, plan = top_point(wall, u, v, sectors, box, press, cubic)
+    px, py, pz, gx, gy, r, plan = top_point(wall, u, v, sectors, press, cubic)
     n0, n1 = wall_normal(int(source[0]))
     dx = px - x
     dy = py - y
@@ -109,7 +109,11 @@ def repeated_reflections(
             )  # fmt: skip
             power[b, a] = f / (rings * per_sector)
             if tops > 0:
-                near = kind >= 0 and kind < 4 and _receiver(kind, x, y, z, receivers, wanted, NEAR_RECEIVER_MM) >= 0
+                near = (
+                    kind >= 0
+                    and kind < 4
+                    and _receiver(kind, x, y, z, receivers, wanted, NEAR_RECEIVER_MM) >= 0
+                )
                 tag[b, a] = 2 if near else 1
     for b in range(power.shape[0]):
         wall = b // per_sector

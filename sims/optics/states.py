@@ -8,20 +8,16 @@ Path classes: `DIRECT` straight; `TOP` specular, every reflection at the top out
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange  # type: ignore[import-untyped]
 
 from sims.optics.diffuse import deposit, golden_shift, join
 from sims.optics.direct import blocking_radius, bundle_misses, direct_flux
+from sims.optics.mirror import calm_mirror, calm_radius
 from sims.optics.rays import kernel
 from sims.optics.repeated import repeated_reflections
-from sims.optics.skirt import (
-    STACK,
-    aim_cells,
-    coarse_cells,
-    sector_angles,
-    single_reflection,
-)
+from sims.optics.skirt import STACK, single_reflection
 from sims.optics.surface import ACTIVE, OUTER_R
+from sims.optics.top_cells import coarse_cells, sectors_of
+from sims.optics.top_image import aim_cells
 
 DIRECT, TOP, SKIRT, DIFFUSE = range(4)
 CLASSES = 4
@@ -50,13 +46,39 @@ def straight(out, wanted, emitters, receivers, flat, box, press, cubic, rules):
 
 
 @kernel
-def specular(out, wanted, emitters, receivers, scale, box, press, cubic, steepest, points, shift, settings):
+def calm(
+    out, reach, wanted, emitters, receivers, box, press, cubic, steepest, bends, calm_share, mirror_rules
+):
+    """Mirrored light of pairs that only meet the calm part of the top; where `skirt` must look for more."""
+    nodes_e, weights_e, nodes_q, weights_q = mirror_rules
+    for i in range(emitters.shape[0]):
+        for j in range(receivers.shape[0]):
+            reach[i, j] = EVERYWHERE
+            if not wanted[i, j] or emitters[i, 0] == receivers[j, 0]:
+                continue
+            if bundle_misses(emitters[i], receivers[j], press[OUTER_R], box, press):
+                reach[i, j] = press[OUTER_R]
+                continue
+            radius = calm_radius(emitters[i], receivers[j], calm_share, box, press, bends)
+            flux = calm_mirror(
+                emitters[i], receivers[j], radius, box, press, cubic, steepest, nodes_e, weights_e, nodes_q,
+                weights_q,
+            )  # fmt: skip
+            if flux >= 0.0:
+                out[TOP, i, j] = flux
+                reach[i, j] = radius
+
+
+@kernel
+def specular(
+    out, reach, wanted, emitters, receivers, scale, box, press, cubic, steepest, points, shift, settings
+):
     """Add light with one or more reflections at the deformed top to TOP and SKIRT."""
     rings = int(settings[0])
     tolerance = settings[2]
-    sectors = sector_angles(press, box)
+    sectors = sectors_of(press, box)
     cells = coarse_cells(rings, int(settings[1]), shift[0], shift[1], sectors)
-    work = np.zeros((24 + 2 * STACK, 3))
+    work = np.zeros((24 + STACK, 3))
     several = np.zeros((receivers.shape[0], 2))
     for i in range(emitters.shape[0]):
         if not wanted[i].any():
@@ -67,13 +89,8 @@ def specular(out, wanted, emitters, receivers, scale, box, press, cubic, steepes
             if not wanted[i, j]:
                 continue
             brightest = max(brightest, scale[i, j])
-            reach = EVERYWHERE
-            if emitters[i, 0] != receivers[j, 0] and bundle_misses(
-                emitters[i], receivers[j], press[OUTER_R], box, press
-            ):
-                reach = press[OUTER_R]
             outer, inner = single_reflection(
-                emitters[i], receivers[j], cells, aims, sectors, reach, tolerance,
+                emitters[i], receivers[j], cells, aims, sectors, reach[i, j], tolerance,
                 settings[3] * scale[i, j], box, press, cubic, steepest, work,
             )  # fmt: skip
             out[TOP, i, j] += outer
@@ -117,33 +134,40 @@ def scattered(
                 out[DIFFUSE, i, j] += flat_diffuse[i, j] * now / flat_join[i, j]
 
 
-@njit(cache=True, error_model="numpy", parallel=True)
-def trace_states(
-    wanted, emitters, receivers, box, press, cubic, steepest, flat, flat_diffuse, flat_join, scale,
-    rules, points, count, shifts, layout, areas, reflectances, settings,
+@kernel
+def one_state(
+    result, wanted, emitters, receivers, box, press, cubic, steepest, bends, flat, flat_diffuse, flat_join, scale,
+    rules, mirror_rules, points, count, shifts, layout, areas, reflectances, settings,
 ):  # fmt: skip
-    """(replicate, state, class, emitter, receiver) flux over emitted power."""
-    replicates = shifts.shape[0]
-    states = press.shape[0]
-    out = np.zeros((replicates, states, CLASSES, emitters.shape[0], receivers.shape[0]))
-    for state in prange(states):
-        first = np.zeros((CLASSES, emitters.shape[0], receivers.shape[0]))
-        straight(
-            first, wanted[state], emitters, receivers, flat, box, press[state], cubic[state], rules
+    """Fill (replicate, class, emitter, receiver) with flux over emitted power."""
+    straight(result[0], wanted, emitters, receivers, flat, box, press, cubic, rules)
+    reach = np.empty(wanted.shape)
+    if press[ACTIVE] > 0.0:
+        calm(
+            result[0],
+            reach,
+            wanted,
+            emitters,
+            receivers,
+            box,
+            press,
+            cubic,
+            steepest,
+            bends,
+            settings[7],
+            mirror_rules,
         )
-        for n in range(replicates):
-            result = first.copy()
-            if press[state, ACTIVE] > 0.0:
-                specular(
-                    result, wanted[state], emitters, receivers, scale, box, press[state], cubic[state],
-                    steepest[state], points, shifts[n], settings,
-                )  # fmt: skip
-                scattered(
-                    result, wanted[state], emitters, receivers, flat_diffuse, flat_join[n], box,
-                    press[state], cubic[state], steepest[state], points, count, shifts[n], layout,
-                    areas, reflectances,
-                )  # fmt: skip
-            else:
-                result[DIFFUSE] = flat_diffuse * wanted[state]
-            out[n, state] = result
-    return out
+    for n in range(1, shifts.shape[0]):
+        result[n] = result[0]
+    for n in range(shifts.shape[0]):
+        if press[ACTIVE] == 0.0:
+            result[n, DIFFUSE] = flat_diffuse * wanted
+            continue
+        specular(
+            result[n], reach, wanted, emitters, receivers, scale, box, press, cubic, steepest, points, shifts[n],
+            settings,
+        )  # fmt: skip
+        scattered(
+            result[n], wanted, emitters, receivers, flat_diffuse, flat_join[n], box, press, cubic, steepest,
+            points, count, shifts[n], layout, areas, reflectances,
+        )  # fmt: skip

@@ -66,12 +66,14 @@ class SurfaceStack:
         undisturbed top [mm]
     cubic : (state, cell, 4) height above the clear layer's bottom as a cubic in the cell's fraction [mm]
     steepest : (state, cell + 1) largest |dh/dr| from this node outward [-]
+    bends : (state, cell + 1) largest curvature |h''| or |h'| / r from this node outward [1/mm]
     moved_mm : (state,) how far a point was moved to make the curve single valued [mm]
     """
 
     press: FloatArray
     cubic: FloatArray
     steepest: FloatArray
+    bends: FloatArray
     moved_mm: FloatArray
 
 
@@ -99,18 +101,19 @@ def stack_surfaces(
     press[:, TOP] = press[:, LOWEST] = press[:, HIGHEST] = scene.height_mm
     cubic = np.zeros((count, CELLS, 4))
     steepest = np.zeros((count, CELLS + 1))
+    bends = np.zeros((count, CELLS + 1))
     moved = np.zeros(count)
-    lowered: dict[int, tuple[FloatArray, FloatArray, FloatArray, float]] = {}
+    lowered: dict[int, _Lowered] = {}
     for state, indentation in enumerate(indentations):
         if indentation is None or indentation.depth_mm <= 0:
             continue
         key = id(indentation)
         if key not in lowered:
             lowered[key] = _lower(indentation, scene.height_mm)
-        press[state], cubic[state], steepest[state], moved[state] = lowered[key]
+        press[state], cubic[state], steepest[state], bends[state], moved[state] = lowered[key]
         press[state, X:ACTIVE] = centres[state]
         _check_place(state, centres[state], press[state, CONTACT_R], scene)
-    return SurfaceStack(press=press, cubic=cubic, steepest=steepest, moved_mm=moved)
+    return SurfaceStack(press=press, cubic=cubic, steepest=steepest, bends=bends, moved_mm=moved)
 
 
 def _check_place(state: int, centre: FloatArray, contact_radius: float, scene: OpticalScene) -> None:
@@ -128,7 +131,10 @@ def _check_place(state: int, centre: FloatArray, contact_radius: float, scene: O
         )
 
 
-def _lower(indentation: Indentation, top_mm: float) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+_Lowered = tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]
+
+
+def _lower(indentation: Indentation, top_mm: float) -> _Lowered:
     _check_curve(indentation, top_mm)
     tip, depth = indentation.tip_radius_mm, indentation.depth_mm
     centre_z = top_mm - depth + tip
@@ -136,7 +142,7 @@ def _lower(indentation: Indentation, top_mm: float) -> tuple[FloatArray, FloatAr
     start = float(min(indentation.contact_radius_mm, steepest_sphere))
     radius, height, moved, contact = _single_valued(indentation, start)
     radius, height, slope = _with_tail(radius, height, start / np.sqrt(tip**2 - start**2))
-    cubic, steepest, node_r, node_slope = _pieces(radius, height, slope, top_mm)
+    cubic, steepest, bends, node_r, node_slope = _pieces(radius, height, slope, top_mm)
     skirt = node_r[np.abs(node_slope) >= SKIRT_SLOPE]
     row = np.zeros(COLUMNS)
     row[ACTIVE], row[SPHERE_R], row[TIP_R], row[SPHERE_Z] = 1.0, start, tip, centre_z
@@ -144,13 +150,15 @@ def _lower(indentation: Indentation, top_mm: float) -> tuple[FloatArray, FloatAr
     row[LOWEST], row[HIGHEST] = top_mm - depth, max(top_mm, float(cubic[:, 0].max()))
     row[SKIRT_R] = max(contact, float(skirt.max()) if skirt.size else contact)
     row[TOP] = top_mm
-    return row, cubic, steepest, moved
+    return row, cubic, steepest, bends, moved
 
 
 def _check_curve(indentation: Indentation, top_mm: float) -> None:
     radius, height = np.asarray(indentation.radius_mm), np.asarray(indentation.height_mm)
     if radius.ndim != 1 or radius.shape != height.shape or radius.size < 4:
-        raise InputError(f"indentation: radius {radius.shape} and height {height.shape} must be equal, n >= 4")
+        raise InputError(
+            f"indentation: radius {radius.shape} and height {height.shape} must be equal, n >= 4"
+        )
     scalars = (indentation.depth_mm, indentation.tip_radius_mm, indentation.contact_radius_mm)
     if not (np.isfinite(radius).all() and np.isfinite(height).all() and np.isfinite(scalars).all()):
         raise InputError("indentation: the profile holds a value that is not finite; solve it again")
@@ -202,8 +210,8 @@ def _with_tail(
 
 def _pieces(
     radius: FloatArray, height: FloatArray, slope: FloatArray, top_mm: float
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Cubic pieces uniform in x, suffix maximum of |slope|, node radii and slopes."""
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Cubic pieces uniform in x, suffix maxima of slope and curvature, node radii and slopes."""
     curve = CubicHermiteSpline(radius, height, slope)
     x = np.linspace(0.0, 1.0, CELLS + 1)
     span = radius[-1] - radius[0]
@@ -220,7 +228,16 @@ def _pieces(
     within = np.linspace(0.0, 1.0, 9)
     gradient = cubic[:, 1:2] + 2 * cubic[:, 2:3] * within + 3 * cubic[:, 3:4] * within**2
     cell_x = (np.arange(CELLS)[:, None] + within) / CELLS
-    in_r = gradient * CELLS / (span * (GRADING + 2 * (1 - GRADING) * cell_x))
-    worst = np.append(np.abs(in_r).max(axis=1) * 1.01, 0.0)
-    steepest = np.maximum.accumulate(worst[::-1])[::-1].copy()
-    return cubic, steepest, node_r, node_slope
+    per_mm = CELLS / (span * (GRADING + 2 * (1 - GRADING) * cell_x))
+    in_r = gradient * per_mm
+    turn = -2 * (1 - GRADING) * span * per_mm**3 / CELLS**2
+    curved = np.abs((2 * cubic[:, 2:3] + 6 * cubic[:, 3:4] * within) * per_mm**2 + gradient * turn)
+    radii = radius[0] + span * (GRADING * cell_x + (1 - GRADING) * cell_x**2)
+    bends = _outward_maximum(np.maximum(curved, np.abs(in_r) / radii))
+    return cubic, _outward_maximum(1.01 * np.abs(in_r)), bends, node_r, node_slope
+
+
+def _outward_maximum(values: FloatArray) -> FloatArray:
+    """(cell + 1,) largest value of this and all outer cells; 0 beyond the last."""
+    worst = np.append(values.max(axis=1), 0.0)
+    return np.maximum.accumulate(worst[::-1])[::-1].copy()

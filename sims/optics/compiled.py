@@ -1,0 +1,104 @@
+# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
+"""The compiled entry points, cached on disk; everything below them is compiled into them.
+
+A cache on disk notices a change of its own file only. Each entry point therefore closes over a fingerprint
+of all kernel sources, which is part of its cache key: a changed kernel is never answered from an old cache.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+from numba import njit, prange
+
+from sims.optics import (
+    diffuse,
+    direct,
+    mirror,
+    pinhole,
+    rays,
+    repeated,
+    skirt,
+    states,
+    surface,
+    top_cells,
+    top_image,
+)
+from sims.optics.diffuse import bounces, deposit
+from sims.optics.direct import flat_flux
+from sims.optics.states import CLASSES, one_state
+
+KERNEL_MODULES = (
+    surface,
+    rays,
+    top_cells,
+    top_image,
+    pinhole,
+    direct,
+    mirror,
+    skirt,
+    repeated,
+    diffuse,
+    states,
+)
+
+
+def source_fingerprint() -> int:
+    """63-bit hash of the sources that the compiled code depends on."""
+    digest = hashlib.sha256()
+    for module in KERNEL_MODULES:
+        digest.update(Path(str(module.__file__)).read_bytes())
+    return int.from_bytes(digest.digest()[:8], "big") >> 1
+
+
+def _compile(fingerprint):
+    @njit(cache=True, error_model="numpy")
+    def flat_matrix(emitters, receivers, box, nodes, weights):
+        """(2, emitter, receiver) straight and mirrored flux under a flat top."""
+        out = np.zeros((2, emitters.shape[0], receivers.shape[0]))
+        for i in range(emitters.shape[0] if fingerprint >= 0 else 0):
+            for j in range(receivers.shape[0]):
+                if emitters[i, 0] != receivers[j, 0]:
+                    out[0, i, j] = flat_flux(emitters[i], receivers[j], box, False, nodes, weights)
+                    out[1, i, j] = flat_flux(emitters[i], receivers[j], box, True, nodes, weights)
+        return out
+
+    @njit(cache=True, error_model="numpy")
+    def untouched_deposits(sources, receivers, box, press, cubic, steepest, points, count, shifts, layout):
+        """(source, patch) deposits under the untouched top."""
+        out = np.zeros((sources.shape[0], layout[5, 2] + layout[5, 0] * layout[5, 1]))
+        for i in range(sources.shape[0] if fingerprint >= 0 else 0):
+            deposit(
+                sources[i], receivers, box, press, cubic, steepest, points, count, shifts[i], layout, out[i]
+            )
+        return out
+
+    @njit(cache=True, error_model="numpy")
+    def bounce_matrix(layout, receivers, box, press, cubic, steepest, points, count):
+        """(patch, patch) share of one patch's scattered light that lands on another, untouched top."""
+        if fingerprint < 0:
+            return np.zeros((0, 0))
+        return bounces(layout, receivers, box, press, cubic, steepest, points, count)
+
+    @njit(cache=True, error_model="numpy", parallel=True)
+    def trace_states(
+        wanted, emitters, receivers, box, press, cubic, steepest, bends, flat, flat_diffuse, flat_join,
+        scale, rules, mirror_rules, points, count, shifts, layout, areas, reflectances, settings,
+    ):  # fmt: skip
+        """(state, replicate, class, emitter, receiver) flux over emitted power."""
+        states = press.shape[0] if fingerprint >= 0 else 0
+        out = np.zeros((states, shifts.shape[0], CLASSES, emitters.shape[0], receivers.shape[0]))
+        for state in prange(states):
+            one_state(
+                out[state], wanted[state], emitters, receivers, box, press[state], cubic[state],
+                steepest[state], bends[state], flat, flat_diffuse, flat_join, scale, rules, mirror_rules,
+                points, count, shifts, layout, areas, reflectances, settings,
+            )  # fmt: skip
+        return out
+
+    return flat_matrix, untouched_deposits, bounce_matrix, trace_states
+
+
+flat_matrix, untouched_deposits, bounce_matrix, trace_states = _compile(source_fingerprint())

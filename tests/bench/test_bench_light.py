@@ -1,0 +1,45 @@
+"""Time of the light engine: one state of the 8 + 8 pad, and one pair of it."""
+
+import numpy as np
+import pytest
+
+from sims.optics.analytic import compact_dimple
+from sims.optics.engine import trace_scene
+from sims.optics.scene import OpticalScene
+
+PLACES = (4.0, 12.0, 20.0, 28.0)
+STATES = 4
+
+
+def ring() -> OpticalScene:
+    row = [(wall, along) for wall in range(4) for along in (PLACES if wall < 2 else PLACES[::-1])]
+    return OpticalScene(
+        length_mm=32.0,
+        width_mm=32.0,
+        height_mm=8.0,
+        refractive_index=1.41,
+        absorption_per_mm=0.0,
+        wall_reflectance=0.05,
+        bottom_reflectance=0.03,
+        tip_reflectance=0.0,
+        emitter_wall=np.array([wall for wall, _ in row[0::2]]),
+        emitter_patch=np.array([[along, 4.0, 0.5, 0.5] for _, along in row[0::2]]),
+        emitter_order=np.ones(8),
+        receiver_wall=np.array([wall for wall, _ in row[1::2]]),
+        receiver_patch=np.array([[along, 4.0, 1.325, 1.325] for _, along in row[1::2]]),
+    )
+
+
+@pytest.mark.parametrize("pairs", [64, 1])
+def test_four_pressed_states_of_the_ring(benchmark, pairs):
+    scene = ring()
+    mask = (
+        np.ones((8, 8), dtype=bool) if pairs == 64 else np.eye(8, dtype=bool)[:, ::-1] & (np.arange(8) == 4)
+    )
+    places = np.array([[16.0, 16.0], [11.0, 9.0], [20.0, 14.0], [9.0, 21.0]])
+    dimples = [compact_dimple(depth, bulge_mm=0.03 * depth) for depth in (0.5, 1.5, 3.0, 4.5)]
+    raw = benchmark.pedantic(
+        lambda: trace_scene(scene, places, dimples, pairs=mask), rounds=3, iterations=1, warmup_rounds=1
+    )
+    assert raw.flux.shape == (4, STATES, 8, 8)
+    assert (raw.flux.sum(axis=0) > 0).sum() == STATES * pairs
