@@ -26,10 +26,12 @@ from sims.optics import (
     top_cells,
     top_image,
 )
-from sims.optics.diffuse import bounces, deposit
+from sims.optics.diffuse import bounces, deposit, golden_shift, layout_of
+from sims.optics.diffuse import patch_areas as areas_of
 from sims.optics.direct import flat_flux
 from sims.optics.states import CLASSES, one_state
 
+EMITTER_SEQUENCE, RECEIVER_SEQUENCE = states.EMITTER_SEQUENCE, states.RECEIVER_SEQUENCE
 KERNEL_MODULES = (
     surface,
     rays,
@@ -66,12 +68,24 @@ def _compile(fingerprint):
         return out
 
     @njit(cache=True, error_model="numpy")
-    def untouched_deposits(sources, receivers, box, press, cubic, steepest, points, count, shifts, layout):
+    def untouched_deposits(
+        sources, receivers, box, press, cubic, steepest, points, count, shift, first, layout
+    ):
         """(source, patch) deposits under the untouched top."""
         out = np.zeros((sources.shape[0], layout[5, 2] + layout[5, 0] * layout[5, 1]))
         for i in range(sources.shape[0] if fingerprint >= 0 else 0):
             deposit(
-                sources[i], receivers, box, press, cubic, steepest, points, count, shifts[i], layout, out[i]
+                sources[i],
+                receivers,
+                box,
+                press,
+                cubic,
+                steepest,
+                points,
+                count,
+                golden_shift(i + first) + shift,
+                layout,
+                out[i],
             )
         return out
 
@@ -98,7 +112,19 @@ def _compile(fingerprint):
             )  # fmt: skip
         return out
 
-    return flat_matrix, untouched_deposits, bounce_matrix, trace_states
+    @njit(cache=True, error_model="numpy")
+    def patch_layout(box, size):
+        """(6, 3) columns, rows, first index of the patches on walls 0-3, bottom and tip."""
+        return layout_of(box, size if fingerprint >= 0 else 1.0)
+
+    @njit(cache=True, error_model="numpy")
+    def patch_areas(layout, receivers, box):
+        """(patch,) area without receiver faces; 0 for the tip's, which change with the press."""
+        return areas_of(layout, receivers, box) if fingerprint >= 0 else np.zeros(0)
+
+    return flat_matrix, untouched_deposits, bounce_matrix, trace_states, patch_layout, patch_areas
 
 
-flat_matrix, untouched_deposits, bounce_matrix, trace_states = _compile(source_fingerprint())
+flat_matrix, untouched_deposits, bounce_matrix, trace_states, patch_layout, patch_areas = _compile(
+    source_fingerprint()
+)

@@ -20,7 +20,7 @@ from sims.optics.top_image import aim_offset, angular_change, image_box
 CELL_STACK = 96
 STACK = CELL_STACK + 64
 DEEPEST = 7.0
-DARK_CHANGE = 0.2
+DARK_CHANGE = 0.35
 GAUSS = 0.5773502691896258
 SMALLEST_U = 2e-5
 MARGIN = 0.75

@@ -22,6 +22,7 @@ from sims.optics.top_image import aim_cells
 DIRECT, TOP, SKIRT, DIFFUSE = range(4)
 CLASSES = 4
 EVERYWHERE = 1e9
+EMITTER_SEQUENCE, RECEIVER_SEQUENCE = 1.0, 1000.0
 
 
 @kernel
@@ -118,13 +119,13 @@ def scattered(
         if wanted[i].any():
             deposit(
                 emitters[i], receivers, box, press, cubic, steepest, points, count,
-                golden_shift(i + 1.0) + shift[2:6], layout, from_emitter[i],
+                golden_shift(i + EMITTER_SEQUENCE) + shift[2:6], layout, from_emitter[i],
             )  # fmt: skip
     for j in range(receivers.shape[0]):
         if wanted[:, j].any():
             deposit(
                 receivers[j], receivers, box, press, cubic, steepest, points, count,
-                golden_shift(j + 1000.0) + shift[2:6], layout, from_receiver[j],
+                golden_shift(j + RECEIVER_SEQUENCE) + shift[2:6], layout, from_receiver[j],
             )  # fmt: skip
     for i in range(emitters.shape[0]):
         for j in range(receivers.shape[0]):
