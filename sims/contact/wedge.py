@@ -192,8 +192,12 @@ def compile_wedge(mesh: RadialMesh, wedge: Tetrahedra) -> mujoco.MjModel:
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep MuJoCo from writing a log file into the working folder; `check_press` judges the result."""
+def quiet_mujoco() -> Iterator[None]:
+    """Keep MuJoCo from writing a log file into the working folder.
+
+    It warns that the unconstrained start of a step is solved to 1e-4 only; that start does not matter for
+    a state at rest, which `check_press` judges from its shape.
+    """
     previous = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda _message: None)
     try:
@@ -280,7 +284,7 @@ def solve_wedge(
     checks: list[StepCheck] = []
     radii: list[FloatArray] = []
     heights: list[FloatArray] = []
-    with _quiet():
+    with quiet_mujoco():
         press = _Press(mesh)
         past = present = press.data.qpos.copy()
         past_depth = present_depth = 0.0

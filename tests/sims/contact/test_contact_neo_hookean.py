@@ -8,7 +8,7 @@ import pytest
 
 from sims.contact.mesh import radial_mesh
 from sims.contact.neo_hookean import lame_parameters, nodal_forces, volumes
-from sims.contact.wedge import POISSON_RATIO, compile_wedge, sweep
+from sims.contact.wedge import POISSON_RATIO, compile_wedge, quiet_mujoco, sweep
 
 CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
 TETRAHEDRA = np.array([[0, 4, 6, 7], [0, 6, 2, 7], [0, 2, 3, 7], [0, 3, 1, 7], [0, 1, 5, 7], [0, 5, 4, 7]])
@@ -51,7 +51,8 @@ def test_forces_are_those_of_mujoco_for_a_large_random_deformation() -> None:
     model.tendon_stiffness[:] = 0.0
     data = mujoco.MjData(model)
     data.qpos[:] = np.random.default_rng(0).normal(scale=0.02, size=model.nq)
-    mujoco.mj_forward(model, data)
+    with quiet_mujoco():
+        mujoco.mj_forward(model, data)
     ours = nodal_forces(wedge.points, np.array(data.flexvert_xpos), wedge.elements, 1.0, POISSON_RATIO)
     free = np.flatnonzero(model.flex_vertbodyid > 0)
     first_dof = model.jnt_dofadr[model.body_jntadr[model.flex_vertbodyid[free]]]
