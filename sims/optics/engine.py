@@ -74,7 +74,7 @@ class Accuracy:
     rings: int = 10
     sectors: int = 32
     cell_tolerance: float = 0.45
-    cell_share: float = 1e-3
+    cell_share: float = 3e-4
     calm_share: float = 0.5
     chain_rings: int = 12
     chain_sectors: int = 40
