@@ -7,20 +7,25 @@ Mold and physics share nothing, so they run side by side: the mold in a process 
 from __future__ import annotations
 
 import json
-import multiprocessing
-from collections.abc import Callable
-from concurrent.futures import Future, ProcessPoolExecutor
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from design.io import write_text_atomically
+from design.errors import OutputError
+from design.io import save_design, write_text_atomically
 from design.rules import require_valid
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
 
 if TYPE_CHECKING:
     from sims.verdict.result import ContinuityScore
+
+REFUSED = 2
+"""Exit code of a process that ended with a message for the user."""
 
 OnStep = Callable[[str, float], None]
 Press = tuple[float, float, float]
@@ -51,10 +56,11 @@ def run(design: SensorDesign, out: Path, *, fine: bool, seed: int, on_step: OnSt
     OutputError : the folder cannot be written; an earlier bundle is intact.
     """
     require_valid(design)
-    with bundle(design, out, seed=seed) as folder, _beside() as pool:
-        mold = _mold_beside(pool, design, folder / "cad", on_step)
+    with bundle(design, out, seed=seed) as folder, _mold_beside(design, folder) as mold:
         score = _scored(design, folder, fine=fine, seed=seed, on_step=on_step)
-        checks = mold.result()
+        on_step("mold", 0.0)
+        checks = _finished(mold, folder / "cad")
+        on_step("mold", 1.0)
         on_step("files", 0.0)
         _write_fabrication(design, folder, None if score.readout is None else score.readout.counts_per_flux)
         _write_report(design, folder, score, checks, seed)
@@ -66,10 +72,14 @@ def write_parts(
     design: SensorDesign, out: Path, *, seed: int, on_step: OnStep
 ) -> tuple[dict[str, Any], Path]:
     """Mold and tools into the bundle; returns the checks and the bundle."""
+    from cad.export import export_parts
+
     require_valid(design)
     on_step("mold", 0.0)
     with bundle(design, out, seed=seed) as folder:
-        checks = _export(design, folder / "cad")
+        (folder / "cad").mkdir(exist_ok=True)
+        export_parts(design, folder / "cad")
+        checks = _checks(folder / "cad")
         on_step("mold", 1.0)
     return checks, out / bundle_name(design)
 
@@ -112,25 +122,38 @@ def write_driver_config(design: SensorDesign, out: Path, *, seed: int) -> Path:
     return out / bundle_name(design)
 
 
-def _beside() -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(max_workers=1, mp_context=multiprocessing.get_context("spawn"))
+@contextmanager
+def _mold_beside(design: SensorDesign, folder: Path) -> Iterator[subprocess.Popen[str]]:
+    """The mold's process, started; it is stopped if the work beside it fails or is interrupted."""
+    (folder / "cad").mkdir(exist_ok=True)
+    save_design(design, folder / "design.toml")
+    command = [sys.executable, "-m", "cad", str(folder / "design.toml"), str(folder / "cad")]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            process.kill()
+            process.communicate()
 
 
-def _mold_beside(
-    pool: ProcessPoolExecutor, design: SensorDesign, folder: Path, on_step: OnStep
-) -> Future[dict[str, Any]]:
-    on_step("mold", 0.0)
-    future = pool.submit(_export, design, folder)
-    future.add_done_callback(lambda _: on_step("mold", 1.0))
-    return future
+def _finished(mold: subprocess.Popen[str], folder: Path) -> dict[str, Any]:
+    """Wait for the mold's process and read its checks.
+
+    Raises
+    ------
+    OutputError, RuntimeError : its message, when it refused or broke.
+    """
+    _, message = mold.communicate()
+    if mold.returncode == REFUSED:
+        raise OutputError(message.strip())
+    if mold.returncode != 0:
+        raise RuntimeError(f"the mold's process ended with {mold.returncode}: {message.strip()}")
+    return _checks(folder)
 
 
-def _export(design: SensorDesign, folder: Path) -> dict[str, Any]:
-    from cad.export import export_parts
-
-    folder.mkdir(exist_ok=True)
-    files = export_parts(design, folder)
-    checks: dict[str, Any] = json.loads(files["checks"].read_text(encoding="utf-8"))
+def _checks(folder: Path) -> dict[str, Any]:
+    checks: dict[str, Any] = json.loads((folder / "checks.json").read_text(encoding="utf-8"))
     return checks
 
 

@@ -74,6 +74,4 @@ def _band_line(score: ContinuityScore) -> str:
     assert band is not None
     low, high = band.deadband_range_mm
     turned = f"; turned by {', '.join(band.flipping)}" if band.flipping else "; no single value turns it"
-    return (
-        f"tolerance deadband of {band.pair}: {low:.2f} to {high:.2f} mm over the bands of open values{turned}"
-    )
+    return f"tolerance deadband of {band.judged}: {low:.2f} to {high:.2f} mm over the bands of open values{turned}"

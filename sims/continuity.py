@@ -19,21 +19,23 @@ from numpy.typing import NDArray
 from design.cavity import CavityGeometry, cavity_of
 from design.errors import ModelScopeError
 from design.pairs import direct_path_pairs, is_facing_rows, judged_pairs, mask_of
-from design.rules import require_valid
+from design.rules import check, require_valid
 from design.spec import SensorDesign
 from sims.contact.indentation import mesh_note, solved_press, wall_note
 from sims.depths import depth_schedule_mm
 from sims.optics.light_signals import LightSignals
 from sims.readout import Readout, readout_of
+from sims.verdict.builds import noise_of, pair_brief, place_brief, responsive_pairs, score_curves
 from sims.verdict.deadbands import joint_deadband_intervals_mm
-from sims.verdict.defaults import DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT
+from sims.verdict.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT
+from sims.verdict.depth_curve import clipped
 from sims.verdict.noise_units import noise_units
 from sims.verdict.pad_map import COARSE_PLACES, FINE_PLACES, PadMap, Place, grid_places_mm, map_grid_mm
-from sims.verdict.pair_score import PairScore, score_pair
-from sims.verdict.presses import PairCurves, pad_light, pair_curves, untouched_flux
+from sims.verdict.presses import pad_light, pair_curves, untouched_flux
 from sims.verdict.result import ContinuityScore, ForceCurve, JudgedPair, Verdict
-from sims.verdict.tolerance import Summary, ToleranceBand, tolerance_band
+from sims.verdict.tolerance import ToleranceBand, ToleranceRow, tolerance_band
 from sims.verdict.trace_noise import trace_noise_warning
+from sims.verdict.window_range import smallest_range
 
 FloatArray = NDArray[np.float64]
 OnStep = Callable[[str, float], None]
@@ -82,7 +84,7 @@ def _judged(
     readout = readout_of(design, flat, mask_of(pairs, cavity))
     curves = pair_curves(design, cavity, pairs, depth_mm, seed=seed, on_step=lambda s: tell("pairs", s))
     judged = tuple(
-        JudgedPair(name=_name(cavity, c.pair), curves=c, score=_score_curves(design, c, readout))
+        JudgedPair(name=_name(cavity, c.pair), curves=c, score=score_curves(design, c, readout))
         for c in curves
     )
     facing = is_facing_rows(cavity)
@@ -90,7 +92,7 @@ def _judged(
     if not (facing and verdict_only):
         pad_map, pad_signals = _pad_map(design, cavity, readout, fine=fine, seed=seed, tell=tell)
     governing = _governing(judged, facing)
-    band = None if verdict_only else _tolerance(design, governing, seed, tell)
+    band = None if verdict_only else _tolerance(design, governing, pad_map, pad_signals, readout, seed, tell)
     return _assembled(
         design,
         cavity,
@@ -118,25 +120,14 @@ def _force_curve(design: SensorDesign, on_step: Callable[[float], None]) -> Forc
     )
 
 
-def _score_curves(design: SensorDesign, curves: PairCurves, readout: Readout) -> PairScore:
-    return score_pair(
-        curves.depth_mm,
-        curves.direct,
-        curves.top,
-        curves.total,
-        gain_counts_per_flux=readout.counts_per_flux,
-        full_scale_counts=readout.full_scale_counts,
-        standard_error=curves.standard_error,
-        read_noise_counts=design.noise.read_noise_counts,
-        relative_noise=design.noise.relative_noise,
-    )
-
-
 def _governing(judged: tuple[JudgedPair, ...], facing: bool) -> JudgedPair:
-    """The middle facing pair; of a pad the pair with most deadband, then least evenness."""
+    """The middle facing pair; of a pad the pair with most deadband, then least evenness, clipped ones last."""
     if facing:
         return judged[0]
-    return max(judged, key=lambda pair: (pair.score.deadband_total_mm, -pair.score.evenness))
+    return max(
+        judged,
+        key=lambda pair: (not pair.score.is_clipped, pair.score.deadband_total_mm, -pair.score.evenness),
+    )
 
 
 def _pad_map(
@@ -147,20 +138,20 @@ def _pad_map(
     places_mm = grid_places_mm(cavity.workspace, x_mm, y_mm)
     light = pad_light(design, cavity, places_mm, depth_mm, seed=seed, on_step=lambda s: tell("map", s))
     mask = direct_path_pairs(cavity)
-    counts = readout.counts(light.flux[:, mask]).reshape(len(places_mm), len(depth_mm), -1)
+    counts = (light.flux[:, mask] * readout.counts_per_flux).reshape(len(places_mm), len(depth_mm), -1)
     pad_map = PadMap(
         x_mm=tuple(x_mm.tolist()),
         y_mm=tuple(y_mm.tolist()),
-        places=tuple(_place(design, place, depth_mm, c) for place, c in zip(places_mm, counts, strict=True)),
+        places=tuple(
+            _place(design, place, *clipped(depth_mm, c, readout.full_scale_counts))
+            for place, c in zip(places_mm, counts, strict=True)
+        ),
     )
     return pad_map, light
 
 
 def _place(design: SensorDesign, place_mm: FloatArray, depth_mm: FloatArray, counts: FloatArray) -> Place:
-    noise = {
-        "read_noise_counts": design.noise.read_noise_counts,
-        "relative_noise": design.noise.relative_noise,
-    }
+    noise = noise_of(design)
     units = noise_units(counts, **noise)
     change = units.max(axis=0) - units.min(axis=0)
     return Place(
@@ -169,30 +160,41 @@ def _place(design: SensorDesign, place_mm: FloatArray, depth_mm: FloatArray, cou
         deadbands_mm=joint_deadband_intervals_mm(depth_mm, counts, **noise),
         answering_pairs=int((change >= DEADBAND_THRESHOLD).sum()),
         largest_change=float(change.max()),
+        margin=smallest_range(depth_mm, units, min(DEADBAND_MIN_LENGTH_MM, float(depth_mm[-1]))),
     )
 
 
-def _tolerance(design: SensorDesign, governing: JudgedPair, seed: int, tell: OnStep) -> ToleranceBand:
-    pair = governing.curves.pair
+def _tolerance(
+    design: SensorDesign,
+    governing: JudgedPair,
+    pad_map: PadMap | None,
+    pad_signals: LightSignals | None,
+    readout: Readout,
+    seed: int,
+    tell: OnStep,
+) -> ToleranceBand:
+    """Facing rows by their governing pair; a pad by the pairs that answer at its weakest place."""
 
-    def summarise(changed: SensorDesign) -> Summary:
-        return _summary(_score_pair_of(changed, pair, seed))
+    def step(share: float) -> None:
+        tell("tolerance", share)
 
-    return tolerance_band(
-        design, governing.name, _summary(governing.score), summarise, on_step=lambda s: tell("tolerance", s)
-    )
-
-
-def _score_pair_of(design: SensorDesign, pair: tuple[int, int], seed: int) -> PairScore:
-    cavity = cavity_of(design)
-    flat = untouched_flux(design, cavity, seed=seed)
-    readout = readout_of(design, flat, mask_of(judged_pairs(cavity), cavity))
-    depth_mm = depth_schedule_mm(design.operating.max_depth_mm)
-    return _score_curves(design, pair_curves(design, cavity, (pair,), depth_mm, seed=seed)[0], readout)
+    if pad_map is None or pad_signals is None or is_facing_rows(cavity_of(design)):
+        pair = governing.curves.pair
+        return tolerance_band(design, governing.name, lambda build: pair_brief(build, pair, seed=seed), step)
+    weak = pad_map.weakest
+    place_mm = (weak.x_mm, weak.y_mm)
+    pairs = _answering_pairs(design, pad_signals, place_mm, readout)
+    name = f"the pad at x {weak.x_mm:g}, y {weak.y_mm:g} mm"
+    return tolerance_band(design, name, lambda build: place_brief(build, place_mm, pairs, seed=seed), step)
 
 
-def _summary(pair: PairScore) -> Summary:
-    return pair.modes.gap_mm, pair.deadband_total_mm
+def _answering_pairs(
+    design: SensorDesign, light: LightSignals, place_mm: tuple[float, float], readout: Readout
+) -> tuple[tuple[int, int], ...]:
+    pairs = judged_pairs(cavity_of(design))
+    here = (light.presses[:, 0] == place_mm[0]) & (light.presses[:, 1] == place_mm[1])
+    counts = readout.counts(np.stack([light.flux[here, i, j] for i, j in pairs], axis=1))
+    return responsive_pairs(design, light.presses[here, 2], counts, pairs)
 
 
 def _assembled(
@@ -225,6 +227,7 @@ def _assembled(
         fine=fine,
         is_facing_rows=facing,
         deadbands_mm=tuple(deadbands),
+        governing=governing.name,
         worst_pair_mm=worst.score.deadband_total_mm,
         worst_pair=worst.name,
         mode_gap_mm=headline.gap_mm,
@@ -284,26 +287,36 @@ def _name(cavity: CavityGeometry, pair: tuple[int, int]) -> str:
 def _warnings(
     design: SensorDesign, judged: tuple[JudgedPair, ...], band: ToleranceBand | None
 ) -> tuple[str, ...]:
-    found = [wall_note(design), mesh_note(design), _band_warning(band), _noise_warning(judged)]
+    found = [str(finding) for finding in check(design)]  # errors were refused before
+    found += [text for text in (wall_note(design), mesh_note(design)) if text]
+    found += [text for text in (_band_warning(band), _noise_warning(judged)) if text]
     clipped = [pair.name for pair in judged if pair.score.is_clipped]
     if clipped:
         found.append(
             f"{len(clipped)} of {len(judged)} judged pairs read above full scale at the common gain and are "
             f"blind while they do: {', '.join(clipped[:8])}; lower gain.target_counts to unclip them"
         )
-    return tuple(text for text in found if text)
+    return tuple(found)
 
 
 def _band_warning(band: ToleranceBand | None) -> str | None:
     """One line: what the verdict rests on that nobody has measured, the strongest effect first."""
     if band is None or not (band.rows or band.unbanded):
         return None
-    ranked = [
-        f"{row.path} {row.values[0]:.3g}..{row.values[1]:.3g} ({row.confidence}; deadband of {band.pair} "
-        f"{row.deadband_mm[0]:.2f}..{row.deadband_mm[1]:.2f} mm{', turns its verdict' if row.flips else ''})"
-        for row in band.rows
+    ranked = [f"{row.path} {row.values[0]:.3g}..{row.values[1]:.3g} ({_effect(row)})" for row in band.rows]
+    others = [f"{path} (no band)" for path in band.unbanded] + [
+        f"{text} (not tried)" for text in band.untried
     ]
-    return "rests on values not measured on the build: " + "; ".join(ranked + list(band.unbanded))
+    return (
+        f"rests on values not measured on the build, tried on {band.judged} (deadband {band.deadband_mm:.2f} mm, "
+        f"margin {band.margin:.0f} noise units): " + "; ".join(ranked + others)
+    )
+
+
+def _effect(row: ToleranceRow) -> str:
+    dead, margin = row.deadband_mm, row.margin
+    turns = ", turns the verdict" if row.flips else ""
+    return f"{row.confidence}: {dead[0]:.2f}..{dead[1]:.2f} mm, {margin[0]:.0f}..{margin[1]:.0f}{turns}"
 
 
 def _noise_warning(judged: tuple[JudgedPair, ...]) -> str | None:
@@ -323,6 +336,7 @@ def _out_of_scope(design: SensorDesign, reason: str, *, fine: bool, seed: int) -
         fine=fine,
         is_facing_rows=is_facing_rows(cavity_of(design)),
         deadbands_mm=(),
+        governing=None,
         worst_pair_mm=None,
         worst_pair=None,
         mode_gap_mm=None,

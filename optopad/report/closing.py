@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from design.rules import check
 from design.spec import SensorDesign
 from optopad.report.markup import Html, bullets, element, facts, section
 from sims.verdict.result import ContinuityScore
@@ -49,9 +48,9 @@ WRITTEN_LAST = ("design.toml", "manifest.json", "report.html")
 """Files of every bundle that are not there yet when the page is made."""
 
 
-def warnings_section(design: SensorDesign, score: ContinuityScore) -> Html:
+def warnings_section(score: ContinuityScore) -> Html:
     """Everything to keep in mind about this design and this verdict."""
-    found = [*score.warnings, *(str(one) for one in check(design) if one.severity == "warning")]
+    found = list(score.warnings)
     body = bullets(found, class_="warnings") if found else element("p", "None.")
     return section("warnings", "Warnings", body)
 

@@ -18,7 +18,7 @@ from sims.plots.press import plot_contact_radius, plot_force, plot_force_near
 from sims.plots.signal import plot_signal
 from sims.plots.spans import plot_spans
 from sims.plots.style import plain_style, svg_text
-from sims.plots.tolerance import plot_gap_tolerance, plot_tolerance
+from sims.plots.tolerance import plot_gap_tolerance, plot_margin_tolerance, plot_tolerance
 from sims.verdict.result import ContinuityScore, JudgedPair
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def shown_pairs(score: ContinuityScore) -> list[tuple[JudgedPair, str]]:
         return list(zip(score.pairs, roles, strict=True))[:MOST_FACING]
     order = ranked(score)
     wanted = (
-        (governing(score), "the pair whose tolerance is given below"),
+        (governing(score), "most deadband of those never clipped"),
         (order[0], "worst pair"),
         (order[len(order) // 2], "median pair"),
         (order[-1], "best pair"),
@@ -132,10 +132,11 @@ def _tolerance_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
     band = score.tolerance
     if band is None or not band.rows:
         return {}
-    ends = f"of {band.pair} at both ends of every open value"
+    ends = f"of {band.judged} at both ends of every open value"
     found = {"tolerance-deadband": (plot_tolerance(band), f"Deadband {ends}")}
     if any(gap is not None for row in band.rows for gap in row.gap_mm):
         found["tolerance-gap"] = (plot_gap_tolerance(band), f"Mode gap {ends}")
+    found["tolerance-margin"] = (plot_margin_tolerance(band), f"Margin to a deadband {ends}")
     return found
 
 

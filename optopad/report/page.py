@@ -95,7 +95,7 @@ def report_html(
         "sensor": sensor_section(design, pictures),
         **_light_sections(design, score, drawings),
         "mold": checks_section(checks),
-        "warnings": warnings_section(design, score),
+        "warnings": warnings_section(score),
         "limits": limits_section(),
         "files": files_section(file_names),
         "origin": origin_section(design, score, seed, made_with),

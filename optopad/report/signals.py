@@ -18,7 +18,10 @@ from sims.verdict.tolerance import ToleranceBand
 Drawings = dict[str, Drawing]
 TABLE_DEPTHS_MM = (0.2, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 7.0, 10.0)
 
-ONE_PAIR = "This is the tolerance of one pair, not of the pad's verdict, which pools all judged pairs at every place."
+ONE_PLACE = (
+    "The pad is tried at its weakest place, by the few pairs that answer most there: fewer pairs can only lengthen a "
+    "deadband. Other places are not tried."
+)
 PAIR_HEADS = (
     "pair",
     "press at x, y",
@@ -192,9 +195,13 @@ def tolerance_section(score: ContinuityScore, drawings: Drawings) -> Html:
         for name, caption in (
             (
                 "tolerance-deadband",
-                "Deadband, the strongest effect first. Starred: turns the pair's verdict.",
+                "Deadband, the strongest effect first. Starred: turns the verdict.",
             ),
             ("tolerance-gap", "Mode gap: below 0 the modes overlap."),
+            (
+                "tolerance-margin",
+                "Change over the least responsive 0.3 mm of depth; below 3 noise units is a deadband.",
+            ),
         )
         if name in drawings
     ]
@@ -202,7 +209,7 @@ def tolerance_section(score: ContinuityScore, drawings: Drawings) -> Html:
         "tolerance",
         "Tolerance",
         element("p", _tolerance_lead(band)),
-        *([] if score.is_facing_rows else [element("p", ONE_PAIR)]),
+        *([] if score.is_facing_rows else [element("p", ONE_PLACE)]),
         element("div", *figures, class_="grid"),
         _tolerance_table(band) if band.rows else Html(""),
         _unbanded(band),
@@ -217,7 +224,7 @@ def _tolerance_lead(band: ToleranceBand) -> str:
         else "No single value turns the verdict."
     )
     return (
-        f"{counted(len(band.rows), 'value')} behind the verdict of {band.pair} were never measured on the build. "
+        f"{counted(len(band.rows), 'value')} behind the verdict of {band.judged} were never measured on the build. "
         f"One at a time, at both ends of its band, with the gain set anew: the deadband is {low:.2f} to {high:.2f} mm "
         f"({band.deadband_mm:.2f} mm as designed). {turned}"
     )
@@ -231,6 +238,7 @@ def _tolerance_table(band: ToleranceBand) -> Html:
             ends(*row.values),
             f"{row.deadband_mm[0]:.2f} / {row.deadband_mm[1]:.2f}",
             f"{signed(row.gap_mm[0])} / {signed(row.gap_mm[1])}",
+            f"{row.margin[0]:.1f} / {row.margin[1]:.1f}",
             element("strong", "turns it") if row.flips else "no",
         )
         for row in band.rows
@@ -241,9 +249,10 @@ def _tolerance_table(band: ToleranceBand) -> Html:
         "band",
         "deadband at low / high [mm]",
         "mode gap at low / high [mm]",
+        "margin at low / high [noise units]",
         "verdict",
     )
-    return table(heads, rows, label="Tolerance of the verdict", numeric=(2, 3, 4), class_="wide")
+    return table(heads, rows, label="Tolerance of the verdict", numeric=(2, 3, 4, 5), class_="wide")
 
 
 def _unbanded(band: ToleranceBand) -> Html:

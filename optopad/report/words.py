@@ -28,10 +28,8 @@ def ranked(score: ContinuityScore) -> list[JudgedPair]:
 
 
 def governing(score: ContinuityScore) -> JudgedPair:
-    """The pair whose tolerance was tried; without one the middle facing pair, or the worst pair of a pad."""
-    if score.tolerance is not None:
-        return next(pair for pair in score.pairs if pair.name == score.tolerance.pair)
-    return score.pairs[0] if score.is_facing_rows else ranked(score)[0]
+    """The pair that stands for the rest."""
+    return next(pair for pair in score.pairs if pair.name == score.governing)
 
 
 def clipping(pair: JudgedPair) -> str:
@@ -92,17 +90,14 @@ def rests_on(score: ContinuityScore) -> Html | None:
         if band.flipping
         else "no single one of them turns its verdict"
     )
-    about = [] if score.is_facing_rows else [f" {band.pair} is one pair and does not stand for the pad."]
-    blind = clipping(governing(score))
     return element(
         "p",
         element(
             "strong",
             f"Rests on {counted(len(band.rows) + len(band.unbanded), 'value')} not measured on the build",
         ),
-        f": over their bands the deadband of {band.pair} is {low:.2f} to {high:.2f} mm; {turned}.",
-        *about,
-        f" {blind}. " if blind else " ",
+        f": over their bands the deadband of {band.judged} is {low:.2f} to {high:.2f} mm; {turned}.",
+        " ",
         element("a", "See tolerance", href="#tolerance"),
         " and ",
         element("a", counted(len(score.warnings), "warning"), href="#warnings"),

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from sims.plots.style import BLUE, GREY, GRID, INK, VERMILLION, axes_or_new
+from sims.verdict.defaults import DEADBAND_THRESHOLD
 from sims.verdict.tolerance import ToleranceBand, ToleranceRow
 
 ROW_IN = 0.42
@@ -22,7 +23,7 @@ def plot_tolerance(band: ToleranceBand, ax: Axes | None = None) -> Axes:
     most = max([band.deadband_range_mm[1], 0.1])
     ax.set_xlim(-0.04 * most, 1.08 * most)
     _name_rows(ax, band.rows)
-    ax.set_xlabel(f"deadband of {band.pair} [mm]")
+    ax.set_xlabel(f"deadband of {band.judged} [mm]")
     _explain(ax)
     return ax
 
@@ -50,7 +51,19 @@ def plot_gap_tolerance(band: ToleranceBand, ax: Axes | None = None) -> Axes:
             )
     ax.margins(x=0.08)
     _name_rows(ax, band.rows)
-    ax.set_xlabel(f"mode gap of {band.pair} [mm]")
+    ax.set_xlabel(f"mode gap of {band.judged} [mm]")
+    _explain(ax)
+    return ax
+
+
+def plot_margin_tolerance(band: ToleranceBand, ax: Axes | None = None) -> Axes:
+    """Change over the least responsive 0.3 mm of depth [noise units] at both ends; a deadband left of the line."""
+    ax = axes_or_new(ax, FRAME_IN + ROW_IN * len(band.rows))
+    _draw_bars(ax, [row.margin for row in band.rows], band.margin)
+    ax.axvline(DEADBAND_THRESHOLD, color=VERMILLION, linewidth=1.0, linestyle=":")
+    ax.set_xlim(left=0.0)
+    _name_rows(ax, band.rows)
+    ax.set_xlabel(f"margin of {band.judged} [noise units]; deadband below {DEADBAND_THRESHOLD:g}")
     _explain(ax)
     return ax
 

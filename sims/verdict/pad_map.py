@@ -26,6 +26,7 @@ class Place:
     deadbands_mm : depth intervals in which no judged pair changes by the threshold
     answering_pairs : judged pairs that change by the threshold or more over the whole press
     largest_change : largest change of any judged pair over the whole press [noise units]
+    margin : change of the most responsive pair over the least responsive 0.3 mm [noise units]; below 3 is a deadband
     """
 
     x_mm: float
@@ -33,6 +34,7 @@ class Place:
     deadbands_mm: tuple[Interval, ...]
     answering_pairs: int
     largest_change: float
+    margin: float
 
     @property
     def deadband_total_mm(self) -> float:
@@ -58,6 +60,11 @@ class PadMap:
     def worst(self) -> Place:
         """The place with the most deadband; ties go to the first."""
         return max(self.places, key=lambda place: place.deadband_total_mm)
+
+    @property
+    def weakest(self) -> Place:
+        """The place nearest to a deadband, or deepest in one."""
+        return min(self.places, key=lambda place: (-place.deadband_total_mm, place.margin))
 
     @property
     def dead_share(self) -> float:

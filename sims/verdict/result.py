@@ -53,6 +53,8 @@ class ContinuityScore:
     digest, name, seed, fine : what was scored, and how
     is_facing_rows : whether the verdict is that of facing pairs (else of the pad)
     deadbands_mm : intervals of the headline: the governing facing pair, or the worst place of the pad
+    governing : name of the pair that stands for the rest: the middle facing one; of a pad the unclipped one with
+        most deadband, then least evenness
     worst_pair_mm, worst_pair : largest summed deadband of a judged pair, and its name
     mode_gap_mm : of the governing pair, or the median judged pair; None when open
     continuity, evenness : of the governing pair, or the medians over judged pairs [-]
@@ -70,6 +72,7 @@ class ContinuityScore:
     fine: bool
     is_facing_rows: bool
     deadbands_mm: tuple[Interval, ...]
+    governing: str | None
     worst_pair_mm: float | None
     worst_pair: str | None
     mode_gap_mm: float | None
@@ -110,6 +113,7 @@ class ContinuityScore:
                 "intervals": [[_rounded(start), _rounded(end)] for start, end in self.deadbands_mm],
             },
             "worst_pair": self.worst_pair,
+            "governing_pair": self.governing,
             "pairs_with_deadband": {"count": self.pairs_with_deadband, "judged": len(self.pairs)},
             "mode_gap_mm": _rounded(self.mode_gap_mm),
             "continuity": _rounded(self.continuity),
@@ -161,6 +165,8 @@ def _map_json(pad_map: PadMap) -> dict[str, Any]:
         "y_mm": list(pad_map.y_mm),
         "deadband_mm": pad_map.deadband_grid_mm().round(4).tolist(),
         "dead_share": _rounded(pad_map.dead_share),
+        "margin_noise_units": [round(place.margin, 3) for place in pad_map.places],
+        "weakest_place_mm": [_rounded(pad_map.weakest.x_mm), _rounded(pad_map.weakest.y_mm)],
         "worst_place_mm": [_rounded(pad_map.worst.x_mm), _rounded(pad_map.worst.y_mm)],
     }
 

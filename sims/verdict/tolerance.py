@@ -1,7 +1,8 @@
-"""How firm a verdict is: the governing pair traced again at both ends of every open value's band.
+"""How firm a verdict is: the build judged again at both ends of every open value's band.
 
 One value at a time, all others at their design value, the gain set anew (as it would be on that
-build). Left out: values off together (a Monte Carlo over builds), bands that nobody has given.
+build). Ranked by whether an end turns the verdict, then by how far it moves the margin to a deadband.
+Left out: values off together (a Monte Carlo over builds), bands that nobody has given.
 """
 
 from __future__ import annotations
@@ -10,11 +11,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from design.errors import OptopadError
 from design.properties import UsedValue, used_values
 from design.spec import SensorDesign
-
-Summary = tuple[float | None, float]
-"""Signed mode gap [mm] (None when open) and summed deadband [mm] of the governing pair."""
+from sims.verdict.builds import Brief
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +27,7 @@ class ToleranceRow:
     values : the low and high end tried
     gap_mm : mode gap at both ends [mm]; None when mode 2 is never reached
     deadband_mm : summed deadband at both ends [mm]
+    margin : change over the least responsive 0.3 mm of depth at both ends [noise units]; below 3 is a deadband
     flips : whether either end has a deadband where the design has none, or the other way round
     """
 
@@ -35,11 +36,16 @@ class ToleranceRow:
     values: tuple[float, float]
     gap_mm: tuple[float | None, float | None]
     deadband_mm: tuple[float, float]
+    margin: tuple[float, float]
     flips: bool
 
-    def effect_mm(self, deadband_mm: float) -> float:
-        """Largest move of the summed deadband away from the design's [mm]."""
-        return max(abs(value - deadband_mm) for value in self.deadband_mm)
+    def effect(self, design: Brief) -> tuple[bool, float, float]:
+        """Sort key: turns the verdict; largest move of the deadband [mm]; of the margin [noise units]."""
+        return (
+            self.flips,
+            max(abs(value - design.deadband_mm) for value in self.deadband_mm),
+            max(abs(value - design.margin) for value in self.margin),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,17 +54,20 @@ class ToleranceBand:
 
     Attributes
     ----------
-    pair : name of the governing pair
-    deadband_mm, gap_mm : at the design's own values [mm]
+    judged : what was judged: the governing pair's name, or the pad at its weakest place
+    deadband_mm, gap_mm, margin : at the design's own values [mm], [mm], [noise units]
     rows : ranked
     unbanded : open values that have no band, so that nothing can be said of them
+    untried : ends of bands at which no build can be judged, and why
     """
 
-    pair: str
+    judged: str
     deadband_mm: float
     gap_mm: float | None
+    margin: float
     rows: tuple[ToleranceRow, ...]
     unbanded: tuple[str, ...]
+    untried: tuple[str, ...] = ()
 
     @property
     def deadband_range_mm(self) -> tuple[float, float]:
@@ -74,63 +83,67 @@ class ToleranceBand:
     def to_json(self) -> dict[str, Any]:
         """Plain data for JSON."""
         return {
-            "pair": self.pair,
+            "judged": self.judged,
             "deadband_mm": round(self.deadband_mm, 4),
             "deadband_range_mm": [round(value, 4) for value in self.deadband_range_mm],
             "mode_gap_mm": None if self.gap_mm is None else round(self.gap_mm, 4),
+            "margin_noise_units": round(self.margin, 3),
             "flips_verdict": list(self.flipping),
             "rows": [_row_json(row) for row in self.rows],
             "unbanded": list(self.unbanded),
+            "untried": list(self.untried),
         }
 
 
 def tolerance_band(
     design: SensorDesign,
-    pair: str,
-    summary: Summary,
-    summarise: Callable[[SensorDesign], Summary],
+    judged: str,
+    judge: Callable[[SensorDesign], Brief],
     on_step: Callable[[float], None] | None = None,
 ) -> ToleranceBand:
     """Try both ends of every open value's band.
 
     Parameters
     ----------
-    pair : name of the governing pair
-    summary : its mode gap and deadband at the design's own values
-    summarise : the same for a changed design
+    judged : what the judge looks at, for messages
+    judge : the brief of a build; called for the design as it is first
     """
+    as_designed = judge(design)
     open_values = [used for used in used_values(design) if used.is_open or _band_is_wide(used)]
     banded = [used for used in open_values if _ends(used) is not None]
-    rows = []
+    rows, untried = [], []
     for done, used in enumerate(banded):
-        rows.append(_row(design, used, summary, summarise))
+        try:
+            rows.append(_row(design, used, as_designed, judge))
+        except OptopadError as err:
+            untried.append(f"{used.path}: {err}")
         if on_step is not None:
             on_step((done + 1) / len(banded))
-    rows.sort(
-        key=lambda row: (row.flips, row.effect_mm(summary[1]), _gap_move(row, summary[0])), reverse=True
-    )
     return ToleranceBand(
-        pair=pair,
-        gap_mm=summary[0],
-        deadband_mm=summary[1],
-        rows=tuple(rows),
+        judged=judged,
+        gap_mm=as_designed.gap_mm,
+        deadband_mm=as_designed.deadband_mm,
+        margin=as_designed.margin,
+        rows=tuple(sorted(rows, key=lambda row: row.effect(as_designed), reverse=True)),
         unbanded=tuple(used.path for used in open_values if _ends(used) is None),
+        untried=tuple(untried),
     )
 
 
 def _row(
-    design: SensorDesign, used: UsedValue, summary: Summary, summarise: Callable[[SensorDesign], Summary]
+    design: SensorDesign, used: UsedValue, as_designed: Brief, judge: Callable[[SensorDesign], Brief]
 ) -> ToleranceRow:
     ends = _ends(used)
     assert ends is not None
-    (gap_low, dead_low), (gap_high, dead_high) = (summarise(design.with_(**{used.path: end})) for end in ends)
+    low, high = (judge(design.with_(**{used.path: end})) for end in ends)
     return ToleranceRow(
         path=used.path,
         confidence=used.quantity.confidence,
         values=ends,
-        gap_mm=(gap_low, gap_high),
-        deadband_mm=(dead_low, dead_high),
-        flips=any((dead > 0.0) != (summary[1] > 0.0) for dead in (dead_low, dead_high)),
+        gap_mm=(low.gap_mm, high.gap_mm),
+        deadband_mm=(low.deadband_mm, high.deadband_mm),
+        margin=(low.margin, high.margin),
+        flips=any((build.deadband_mm > 0.0) != (as_designed.deadband_mm > 0.0) for build in (low, high)),
     )
 
 
@@ -145,12 +158,6 @@ def _ends(used: UsedValue) -> tuple[float, float] | None:
     return low, high
 
 
-def _gap_move(row: ToleranceRow, gap_mm: float | None) -> float:
-    if gap_mm is None:
-        return 0.0
-    return max((abs(value - gap_mm) for value in row.gap_mm if value is not None), default=0.0)
-
-
 def _row_json(row: ToleranceRow) -> dict[str, Any]:
     return {
         "path": row.path,
@@ -158,5 +165,6 @@ def _row_json(row: ToleranceRow) -> dict[str, Any]:
         "values": list(row.values),
         "mode_gap_mm": [None if gap is None else round(gap, 4) for gap in row.gap_mm],
         "deadband_mm": [round(value, 4) for value in row.deadband_mm],
+        "margin_noise_units": [round(value, 3) for value in row.margin],
         "flips_verdict": row.flips,
     }

@@ -55,26 +55,28 @@ def flat_intervals_mm(
 
 
 def smallest_range(depth_mm: FloatArray, units: FloatArray, length_mm: float) -> float:
-    """Smallest range of a signal within any window of a given length.
+    """Smallest range of a signal, or of the most responsive of several, within any window of a given length.
 
     Parameters
     ----------
     depth_mm : (n,) increasing depths [mm]
-    units : (n,) signal, straight between the depths
+    units : (n,) signal or (n, pair) signals, straight between the depths
     length_mm : window length [mm]; at most the depth range
 
     Returns
     -------
     range, in the unit of the signal
     """
-    _, _, at_first, at_last = _range_lines(depth_mm, units[:, np.newaxis], length_mm)
-    first, last = at_first[:, :, 0], at_last[:, :, 0]
+    _, _, at_first, at_last = _range_lines(depth_mm, units.reshape(len(depth_mm), -1), length_mm)
+    first, last = (np.moveaxis(lines, 1, 2).reshape(-1, lines.shape[1]) for lines in (at_first, at_last))
     slope = last - first
     i, j = np.triu_indices(first.shape[0], k=1)
     closing = slope[i] - slope[j]
     meet = (first[j] - first[i]) / np.where(closing == 0.0, np.inf, closing)
     share = np.concatenate((np.zeros_like(first[:1]), np.ones_like(first[:1]), np.clip(meet, 0.0, 1.0)))
-    ranges = np.max(first[:, np.newaxis] + slope[:, np.newaxis] * share[np.newaxis], axis=0)
+    ranges = np.full(share.shape, -np.inf)
+    for start, climb in zip(first, slope, strict=True):
+        np.maximum(ranges, start + climb * share, out=ranges)
     return float(np.min(ranges))
 
 

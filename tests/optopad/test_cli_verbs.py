@@ -91,7 +91,9 @@ def test_a_sweep_holds_both_ends():
     assert parsed_sweep("emitters.part=a,b") == ("emitters.part", ["a", "b"])
 
 
-@pytest.mark.parametrize("text", ["x", "x=", "=1:2:1", "x=2:1:1", "x=1:2:0", "x=1:2:-1", "x=1:b:1", "x=0:1e9:1"])
+@pytest.mark.parametrize(
+    "text", ["x", "x=", "=1:2:1", "x=2:1:1", "x=1:2:0", "x=1:2:-1", "x=1:b:1", "x=0:1e9:1"]
+)
 def test_a_sweep_of_no_value_is_refused(folder, capsys, text):
     assert main(["sweep", "piacenza2017-pair", text]) == 2
     assert "sweep" in capsys.readouterr().err

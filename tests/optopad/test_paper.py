@@ -14,7 +14,13 @@ def row_of(tmp_path_factory):
     out = tmp_path_factory.mktemp("outputs")
 
     def row(thickness_mm, capsys):
-        command = ["score", "piacenza2017-pair", "--set", f"cavity.clear_thickness_mm={thickness_mm}", "--json"]
+        command = [
+            "score",
+            "piacenza2017-pair",
+            "--set",
+            f"cavity.clear_thickness_mm={thickness_mm}",
+            "--json",
+        ]
         assert main([*command, "--out", str(out)]) == 0
         return json.loads(capsys.readouterr().out)
 

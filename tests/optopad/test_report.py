@@ -166,7 +166,7 @@ def test_every_image_says_what_it_shows(text: str) -> None:
     assert all(page.values("alt"))
     assert len(page.values("alt")) == page.tags["img"] == 2
     assert page.tags["title"] == 1 + page.tags["svg"]
-    assert len([value for value in page.values("role") if value == "img"]) == page.tags["svg"] == 11
+    assert len([value for value in page.values("role") if value == "img"]) == page.tags["svg"] == 12
 
 
 def test_wide_tables_can_be_scrolled_with_the_keyboard(text: str) -> None:
@@ -265,31 +265,30 @@ def test_a_facing_pair_beside_the_middle_one_is_named_when_only_it_is_dead() -> 
     assert "1 of 3 facing pairs cannot tell depth: E3-R3 from" in words
 
 
-def test_the_plots_of_a_pad_follow_the_pair_whose_tolerance_was_tried() -> None:
+def test_the_plots_of_a_pad_follow_its_governing_pair() -> None:
     score = dead_score()
-    assert score.tolerance is not None
-    other = replace(score, tolerance=replace(score.tolerance, pair="E3-R1"))
+    other = replace(score, governing="E3-R1")
     assert governing(other).name == "E3-R1"
     roles = {pair.name: role for pair, role in shown_pairs(other)}
     order = ranked(score)
     assert roles == {
-        "E3-R1": "the pair whose tolerance is given below",
+        "E3-R1": "most deadband of those never clipped",
         order[0].name: "worst pair",
         order[24].name: "median pair",
         order[-1].name: "best pair",
     }
 
 
-def test_a_tolerance_of_a_clipped_pair_says_that_it_is_blind() -> None:
+def test_the_tolerance_of_a_pad_says_that_it_is_of_one_place(tmp_path: Path) -> None:
     score = dead_score()
     assert score.tolerance is not None
-    clipped = replace(made_up_pair(counts=1500.0), name=score.tolerance.pair)
-    rest = tuple(pair for pair in score.pairs if pair.name != clipped.name)
-    line = rests_on(replace(score, pairs=(clipped, *rest)))
+    tried = replace(score, tolerance=replace(score.tolerance, judged="the pad at x 6, y 6 mm"))
+    said = Page(written(tmp_path, PAD, tried)).text
+    assert "The pad is tried at its weakest place" in said
+    assert "Margin to a deadband of the pad at x 6, y 6 mm" in said
+    line = rests_on(tried)
     assert line is not None
-    share = f"{clipped.score.clipped_share:.0%}"
-    assert f"{clipped.name} reads above full scale over {share} of the depth and is blind there." in line
-    assert f"{clipped.name} is one pair and does not stand for the pad." in line
+    assert "the deadband of the pad at x 6, y 6 mm is" in line
 
 
 def test_a_tolerance_without_any_mode_gap_has_no_plot_of_it() -> None:

@@ -141,6 +141,7 @@ def made_up_map(cavity: CavityGeometry, *, dead_mm: float, places: int = 5) -> P
                     deadbands_mm=bands,
                     answering_pairs=20 + row + column,
                     largest_change=change,
+                    margin=0.5 if bands else 4.0 + row + column,
                 )
             )
     return PadMap(x_mm=tuple(x_mm.tolist()), y_mm=tuple(y_mm.tolist()), places=tuple(found))
@@ -155,6 +156,7 @@ def made_up_band(pair: str, deadband_mm: float) -> ToleranceBand:
             values=(5.7, 6.3),
             gap_mm=(1.9, 0.2),
             deadband_mm=(deadband_mm + 0.6, 0.0),
+            margin=(0.4, 9.0),
             flips=deadband_mm > 0,
         ),
         ToleranceRow(
@@ -163,6 +165,7 @@ def made_up_band(pair: str, deadband_mm: float) -> ToleranceBand:
             values=(1.0, 2.6),
             gap_mm=(None, 0.4),
             deadband_mm=(deadband_mm + 0.2, max(0.0, deadband_mm - 0.1)),
+            margin=(1.0, 5.0),
             flips=deadband_mm == 0,
         ),
         ToleranceRow(
@@ -171,13 +174,15 @@ def made_up_band(pair: str, deadband_mm: float) -> ToleranceBand:
             values=(0.03, 0.1),
             gap_mm=(0.61, 0.63),
             deadband_mm=(deadband_mm, deadband_mm),
+            margin=(4.0, 4.2),
             flips=False,
         ),
     )
     return ToleranceBand(
-        pair=pair,
+        judged=pair,
         deadband_mm=deadband_mm,
         gap_mm=0.6,
+        margin=4.1,
         rows=rows,
         unbanded=("elastomer.absorption_db_per_cm",),
     )
@@ -218,6 +223,7 @@ def _made_up(design: SensorDesign, onset_mm: float) -> ContinuityScore:
         fine=False,
         is_facing_rows=facing,
         deadbands_mm=bands,
+        governing=governing.name,
         worst_pair_mm=first.score.deadband_total_mm,
         worst_pair=first.name,
         mode_gap_mm=governing.score.modes.gap_mm,

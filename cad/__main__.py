@@ -1,0 +1,28 @@
+"""``python -m cad DESIGN FOLDER``: a design's parts as files, in a process of their own.
+
+The pipeline makes the mold this way beside the physics: the CAD kernel does not survive a fork, and a
+fresh interpreter asks nothing of the caller's main module.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from cad.export import export_parts
+from design.errors import OptopadError
+from design.io import load_design
+
+
+def main(design_file: str, folder: str) -> int:
+    """Export; returns the exit code: 0 done, 2 refused, with the message on standard error."""
+    try:
+        export_parts(load_design(design_file), Path(folder))
+    except OptopadError as err:
+        print(err, file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))

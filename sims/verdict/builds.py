@@ -1,0 +1,147 @@
+"""One build of a design, judged in brief: the gap, the deadband and the margin that a verdict turns on.
+
+Used to try builds that differ from the design in an open value. Facing rows are judged by one pair under
+its own press; a pad at one place, by the few pairs that respond most there in some part of the depth. Fewer
+pairs can only lengthen a pad's deadband, so a pad that is safe by them is safe.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.cavity import cavity_of
+from design.pairs import chord_midpoint_mm, judged_pairs, mask_of
+from design.spec import SensorDesign
+from sims.depths import depth_schedule_mm
+from sims.optics.engine import ACCURACIES
+from sims.optics.light_signals import LightSignals
+from sims.optics.tracing import trace
+from sims.readout import Readout, readout_of
+from sims.verdict.deadbands import joint_deadband_intervals_mm, total_length_mm
+from sims.verdict.defaults import DEADBAND_MIN_LENGTH_MM
+from sims.verdict.depth_curve import between, clipped
+from sims.verdict.noise_units import noise_units
+from sims.verdict.pair_score import PairScore, score_pair
+from sims.verdict.presses import Pair, PairCurves, curves_of, states_of
+from sims.verdict.window_range import smallest_range
+
+FloatArray = NDArray[np.float64]
+
+STEP_MM = 0.2
+"""Depth step of tried builds [mm]: it moves mode boundaries by 0.04 mm at most, at half the cost."""
+ACCURACY = replace(ACCURACIES["standard"], reference_rays=4096)
+"""Light settings of tried builds; the design as it is is traced the same way for comparison."""
+RESPONSE_WINDOW_MM = 1.0
+"""Part of the depth in which the most responsive pair of a place is looked for [mm]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Brief:
+    """What a verdict turns on.
+
+    Attributes
+    ----------
+    gap_mm : signed mode gap [mm]; None when mode 2 is never reached, or for a pad
+    deadband_mm : summed length of the deadbands [mm]
+    margin : change of the signal over the least responsive 0.3 mm of depth [noise units]; below 3 is a deadband
+    """
+
+    gap_mm: float | None
+    deadband_mm: float
+    margin: float
+
+
+def score_curves(design: SensorDesign, curves: PairCurves, readout: Readout) -> PairScore:
+    """Judge one pair's light at the common gain; where a reading is clipped, the trace's error is cut off with it."""
+    is_clipped = curves.total * readout.counts_per_flux >= readout.full_scale_counts
+    return score_pair(
+        curves.depth_mm,
+        curves.direct,
+        curves.top,
+        curves.total,
+        gain_counts_per_flux=readout.counts_per_flux,
+        full_scale_counts=readout.full_scale_counts,
+        standard_error=np.where(is_clipped, 0.0, curves.standard_error),
+        **noise_of(design),
+    )
+
+
+def pair_brief(design: SensorDesign, pair: Pair, *, seed: int) -> Brief:
+    """A build judged by one pair under the press at its chord's midpoint."""
+    place_mm = chord_midpoint_mm(cavity_of(design), pair)
+    depth_mm, light, readout = _pressed(design, place_mm, (pair,), seed)
+    curves = curves_of(light, pair, place_mm, slice(1, None), depth_mm)
+    score = score_curves(design, curves, readout)
+    return Brief(
+        gap_mm=score.modes.gap_mm,
+        deadband_mm=score.deadband_total_mm,
+        margin=_margin(design, depth_mm, readout, curves.total[:, None], score.end_mm),
+    )
+
+
+def place_brief(
+    design: SensorDesign, place_mm: tuple[float, float], pairs: tuple[Pair, ...], *, seed: int
+) -> Brief:
+    """A build judged at one place by a few pairs together, over all depths."""
+    depth_mm, light, readout = _pressed(design, place_mm, pairs, seed)
+    flux = np.stack([light.flux[1:, i, j] for i, j in pairs], axis=1)
+    found = joint_deadband_intervals_mm(
+        *clipped(depth_mm, flux * readout.counts_per_flux, readout.full_scale_counts), **noise_of(design)
+    )
+    return Brief(
+        gap_mm=None,
+        deadband_mm=total_length_mm(found),
+        margin=_margin(design, depth_mm, readout, flux, float(depth_mm[-1])),
+    )
+
+
+def responsive_pairs(
+    design: SensorDesign, depth_mm: FloatArray, counts: FloatArray, pairs: tuple[Pair, ...]
+) -> tuple[Pair, ...]:
+    """The pairs that change most in some part of the depth.
+
+    Parameters
+    ----------
+    depth_mm : (n,) depths
+    counts : (n, pair) readings at one place
+    pairs : names of the columns
+    """
+    units = noise_units(counts, **noise_of(design))
+    chosen: dict[Pair, None] = {}
+    for start in np.arange(0.0, depth_mm[-1] - 1e-9, RESPONSE_WINDOW_MM):
+        end = min(start + RESPONSE_WINDOW_MM, float(depth_mm[-1]))
+        _, inside = between(depth_mm, units, float(start), end)
+        chosen[pairs[int(np.ptp(inside, axis=0).argmax())]] = None
+    return tuple(chosen)
+
+
+def noise_of(design: SensorDesign) -> dict[str, float]:
+    """The design's noise model, as keywords of the verdict's functions."""
+    return {
+        "read_noise_counts": design.noise.read_noise_counts,
+        "relative_noise": design.noise.relative_noise,
+    }
+
+
+def _pressed(
+    design: SensorDesign, place_mm: tuple[float, float], pairs: tuple[Pair, ...], seed: int
+) -> tuple[FloatArray, LightSignals, Readout]:
+    """Depths, light and gain of one press: state 0 is the untouched pad with all pairs, then a state a depth."""
+    cavity = cavity_of(design)
+    depth_mm = depth_schedule_mm(design.operating.max_depth_mm, STEP_MM)
+    states = states_of(np.array([place_mm]), np.concatenate([[0.0], depth_mm]))
+    masks = np.repeat(mask_of(pairs, cavity)[np.newaxis], len(states), axis=0)
+    masks[0] = True
+    light = trace(design, states, accuracy=ACCURACY, seed=seed, pairs=masks)
+    return depth_mm, light, readout_of(design, light.flux[0], mask_of(judged_pairs(cavity), cavity))
+
+
+def _margin(
+    design: SensorDesign, depth_mm: FloatArray, readout: Readout, flux: FloatArray, end_mm: float
+) -> float:
+    knots_mm, counts = clipped(depth_mm, flux * readout.counts_per_flux, readout.full_scale_counts)
+    part_mm, units = between(knots_mm, noise_units(counts, **noise_of(design)), 0.0, end_mm)
+    return smallest_range(part_mm, units, min(DEADBAND_MIN_LENGTH_MM, end_mm))
