@@ -19,7 +19,7 @@ the untouched pad, whose orders beyond the first come from a patch radiosity. Re
 offsets give the standard error.
 
 The standard error covers cell placement, sampled chains and the sampled part of diffuse light. It does not
-cover: the Gauss rules of straight light (order `nodes_*`), one midpoint visibility per cell, the finite
+cover: the Gauss rules of straight light (order `nodes_*`), shadow edges inside a cell's light (12 to 18 points), the finite
 patch size, higher diffuse orders, which keep their untouched ratio, and chains beyond 24 reflections. With
 two replicates it has one degree of freedom for each pair: pool it over pairs or states before you rely on it.
 
@@ -274,7 +274,7 @@ def _no_press(box: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
     press = np.zeros(COLUMNS)
     press[[TOP, LOWEST, HIGHEST]] = box[2]
-    return press, np.zeros((CELLS, 4)), np.zeros(CELLS + 1)
+    return press, np.zeros((CELLS, 4)), np.zeros((2, CELLS + 1))
 
 
 def _deposits(

@@ -5,7 +5,7 @@
 (length, width, height, refractive index, absorption per mm).
 
 Ray and top: the gap g(t) = h(r(t)) - z(t) closes at most at the rate dz + M |d_plan|, M the largest slope
-of the part of the surface still ahead, so steps of g over that rate cannot jump over a crossing; no step
+of the part of the surface still ahead (of its falling part once the ray moves outward), so steps of g over that rate cannot jump over a crossing; no step
 is shorter than `MIN_STEP_MM`, so a chord through the tip shorter than that is missed (it would be less
 than 2e-5 mm deep in a 3 mm tip). Fresnel: unpolarised, elastomer to air (Born and Wolf, sec. 1.5).
 """
@@ -136,8 +136,18 @@ def slope_bound(r, press, steepest):
     if press[ACTIVE] == 0.0 or r >= press[OUTER_R]:
         return 0.0
     if r <= press[SPHERE_R]:
-        return steepest[0]
-    return steepest[min(int(_cell_x(r, press) * CELLS), CELLS - 1)]
+        return steepest[0, 0]
+    return steepest[0, min(int(_cell_x(r, press) * CELLS), CELLS - 1)]
+
+
+@kernel
+def fall_bound(r, press, steepest):
+    """Largest fall -dh/dr at this radius and beyond."""
+    if press[ACTIVE] == 0.0 or r >= press[OUTER_R]:
+        return 0.0
+    if r <= press[SPHERE_R]:
+        return steepest[1, 0]
+    return steepest[1, min(int(_cell_x(r, press) * CELLS), CELLS - 1)]
 
 
 @kernel
@@ -167,7 +177,7 @@ def march(x, y, z, dx, dy, dz, t0, t1, press, cubic, steepest):
             return t, -1.0
         previous = t
         if t >= closest:
-            rate = dz + slope_bound(r, press, steepest) * plan
+            rate = dz + fall_bound(r, press, steepest) * plan
             if rate <= 0.0:
                 return t, -1.0
             step = gap / rate

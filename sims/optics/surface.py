@@ -65,7 +65,7 @@ class SurfaceStack:
         the tip's centre, outer radius, contact radius, lowest and highest surface, skirt radius,
         undisturbed top [mm]
     cubic : (state, cell, 4) height above the clear layer's bottom as a cubic in the cell's fraction [mm]
-    steepest : (state, cell + 1) largest |dh/dr| from this node outward [-]
+    steepest : (state, 2, cell + 1) from this node outward: largest |dh/dr|, largest fall -dh/dr [-]
     bends : (state, cell + 1) largest curvature |h''| or |h'| / r from this node outward [1/mm]
     moved_mm : (state,) how far a point was moved to make the curve single valued [mm]
     """
@@ -100,7 +100,7 @@ def stack_surfaces(
     press = np.zeros((count, COLUMNS))
     press[:, TOP] = press[:, LOWEST] = press[:, HIGHEST] = scene.height_mm
     cubic = np.zeros((count, CELLS, 4))
-    steepest = np.zeros((count, CELLS + 1))
+    steepest = np.zeros((count, 2, CELLS + 1))
     bends = np.zeros((count, CELLS + 1))
     moved = np.zeros(count)
     lowered: dict[int, _Lowered] = {}
@@ -234,7 +234,8 @@ def _pieces(
     curved = np.abs((2 * cubic[:, 2:3] + 6 * cubic[:, 3:4] * within) * per_mm**2 + gradient * turn)
     radii = radius[0] + span * (GRADING * cell_x + (1 - GRADING) * cell_x**2)
     bends = _outward_maximum(np.maximum(curved, np.abs(in_r) / radii))
-    return cubic, _outward_maximum(1.01 * np.abs(in_r)), bends, node_r, node_slope
+    steepest = np.stack([_outward_maximum(1.01 * x) for x in (np.abs(in_r), np.maximum(-in_r, 0.0))])
+    return cubic, steepest, bends, node_r, node_slope
 
 
 def _outward_maximum(values: FloatArray) -> FloatArray:
