@@ -4,10 +4,11 @@
 `press`, `cubic`, `steepest` are one state's rows of `sims.optics.surface.SurfaceStack`; `box` is
 (length, width, height, refractive index, absorption per mm).
 
-Ray and top: the gap g(t) = h(r(t)) - z(t) closes at most at the rate dz + M |d_plan|, M the largest slope
-of the part of the surface still ahead (of its falling part once the ray moves outward), so steps of g over that rate cannot jump over a crossing; no step
-is shorter than `MIN_STEP_MM`, so a chord through the tip shorter than that is missed (it would be less
-than 2e-5 mm deep in a 3 mm tip). Fresnel: unpolarised, elastomer to air (Born and Wolf, sec. 1.5).
+Ray and top: the gap g(t) = h(r(t)) - z(t) closes at most at the rate dz + M |d_plan|, M the largest slope of
+the part of the surface still ahead (of its falling part once the ray moves outward), so steps of g over that
+rate cannot jump over a crossing. No step is shorter than `MIN_STEP_MM`, so a chord through the tip shorter
+than that is missed (it would be less than 2e-5 mm deep in a 3 mm tip). Fresnel: unpolarised, elastomer to air
+(Born and Wolf, sec. 1.5).
 """
 
 from __future__ import annotations
