@@ -22,26 +22,23 @@ from design.pairs import direct_path_pairs, is_facing_rows, judged_pairs, mask_o
 from design.rules import check, require_valid
 from design.spec import SensorDesign
 from sims.contact.indentation import mesh_note, solved_press, wall_note
-from sims.depths import depth_schedule_mm
+from sims.depths import COARSE_STEP_MM, STEP_MM, depth_schedule_mm
 from sims.optics.light_signals import LightSignals
 from sims.readout import Readout, readout_of
 from sims.verdict.builds import noise_of, pair_brief, place_brief, responsive_pairs, score_curves
 from sims.verdict.deadbands import joint_deadband_intervals_mm
 from sims.verdict.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT
 from sims.verdict.depth_curve import clipped
-from sims.verdict.noise_units import noise_units
+from sims.verdict.noise_units import noise_units, sigma_counts
 from sims.verdict.pad_map import COARSE_PLACES, FINE_PLACES, PadMap, Place, grid_places_mm, map_grid_mm
-from sims.verdict.presses import pad_light, pair_curves, untouched_flux
+from sims.verdict.presses import MAP_ACCURACY, PAIR_ACCURACY, pad_light, pair_curves, untouched_flux
 from sims.verdict.result import ContinuityScore, ForceCurve, JudgedPair, Verdict
 from sims.verdict.tolerance import ToleranceBand, ToleranceRow, tolerance_band
-from sims.verdict.trace_noise import trace_noise_warning
+from sims.verdict.trace_noise import trace_noise_warning, widened_threshold
 from sims.verdict.window_range import smallest_range
 
 FloatArray = NDArray[np.float64]
 OnStep = Callable[[str, float], None]
-
-MAP_STEP_MM = {False: 0.2, True: 0.1}
-"""Depth step of the pad map, coarse and fine [mm]."""
 
 
 def score(
@@ -56,7 +53,7 @@ def score(
 
     Parameters
     ----------
-    fine : 11 places along the longer side and 0.1 mm steps for the map, in place of 5 and 0.2 mm
+    fine : 11 places along the longer side and 0.1 mm steps for the map, in place of 5 and 0.2 mm; finer light
     seed : of the light model's random shifts
     verdict_only : leave out what the verdict does not need: tolerance, and the map of facing rows
     on_step : called with the stage's name and the share of it that is done
@@ -82,7 +79,15 @@ def _judged(
     flat = untouched_flux(design, cavity, seed=seed)
     pairs = judged_pairs(cavity)
     readout = readout_of(design, flat, mask_of(pairs, cavity))
-    curves = pair_curves(design, cavity, pairs, depth_mm, seed=seed, on_step=lambda s: tell("pairs", s))
+    curves = pair_curves(
+        design,
+        cavity,
+        pairs,
+        depth_mm,
+        accuracy="fine" if fine else PAIR_ACCURACY,
+        seed=seed,
+        on_step=lambda share: tell("pairs", share),
+    )
     judged = tuple(
         JudgedPair(name=_name(cavity, c.pair), curves=c, score=score_curves(design, c, readout))
         for c in curves
@@ -134,33 +139,49 @@ def _pad_map(
     design: SensorDesign, cavity: CavityGeometry, readout: Readout, *, fine: bool, seed: int, tell: OnStep
 ) -> tuple[PadMap, LightSignals]:
     x_mm, y_mm = map_grid_mm(cavity, FINE_PLACES if fine else COARSE_PLACES)
-    depth_mm = depth_schedule_mm(design.operating.max_depth_mm, MAP_STEP_MM[fine])
+    depth_mm = depth_schedule_mm(design.operating.max_depth_mm, STEP_MM if fine else COARSE_STEP_MM)
     places_mm = grid_places_mm(cavity.workspace, x_mm, y_mm)
-    light = pad_light(design, cavity, places_mm, depth_mm, seed=seed, on_step=lambda s: tell("map", s))
+    accuracy = "standard" if fine else MAP_ACCURACY
+    light = pad_light(
+        design, cavity, places_mm, depth_mm, accuracy=accuracy, seed=seed, on_step=lambda s: tell("map", s)
+    )
     mask = direct_path_pairs(cavity)
-    counts = (light.flux[:, mask] * readout.counts_per_flux).reshape(len(places_mm), len(depth_mm), -1)
+    shape = (len(places_mm), len(depth_mm), int(mask.sum()))
+    counts = (light.flux[:, mask] * readout.counts_per_flux).reshape(shape)
+    errors = (light.standard_error[:, mask] * readout.counts_per_flux).reshape(shape)
     pad_map = PadMap(
         x_mm=tuple(x_mm.tolist()),
         y_mm=tuple(y_mm.tolist()),
         places=tuple(
-            _place(design, place, *clipped(depth_mm, c, readout.full_scale_counts))
-            for place, c in zip(places_mm, counts, strict=True)
+            _place(design, place, depth_mm, readings, error, readout.full_scale_counts)
+            for place, readings, error in zip(places_mm, counts, errors, strict=True)
         ),
     )
     return pad_map, light
 
 
-def _place(design: SensorDesign, place_mm: FloatArray, depth_mm: FloatArray, counts: FloatArray) -> Place:
+def _place(
+    design: SensorDesign,
+    place_mm: FloatArray,
+    depth_mm: FloatArray,
+    counts: FloatArray,
+    errors: FloatArray,
+    full_scale_counts: float,
+) -> Place:
+    """Judge one place from the unlimited counts (depth, pair) of all judged pairs and their errors."""
     noise = noise_of(design)
-    units = noise_units(counts, **noise)
-    change = units.max(axis=0) - units.min(axis=0)
+    knots_mm, readings = clipped(depth_mm, counts, full_scale_counts)
+    units = noise_units(readings, **noise)
+    change = np.ptp(units, axis=0)
+    error_units = np.where(counts < full_scale_counts, errors / sigma_counts(counts, **noise), 0.0)
     return Place(
         x_mm=float(place_mm[0]),
         y_mm=float(place_mm[1]),
-        deadbands_mm=joint_deadband_intervals_mm(depth_mm, counts, **noise),
+        deadbands_mm=joint_deadband_intervals_mm(knots_mm, readings, **noise),
         answering_pairs=int((change >= DEADBAND_THRESHOLD).sum()),
         largest_change=float(change.max()),
-        margin=smallest_range(depth_mm, units, min(DEADBAND_MIN_LENGTH_MM, float(depth_mm[-1]))),
+        margin=smallest_range(knots_mm, units, min(DEADBAND_MIN_LENGTH_MM, float(depth_mm[-1]))),
+        trace_error=float(np.sqrt(np.mean(error_units**2))),
     )
 
 
@@ -243,7 +264,7 @@ def _assembled(
         pad_signals=pad_signals,
         force=force,
         tolerance=band,
-        warnings=_warnings(design, judged, band),
+        warnings=_warnings(design, judged, pad_map, band),
     )
 
 
@@ -285,11 +306,13 @@ def _name(cavity: CavityGeometry, pair: tuple[int, int]) -> str:
 
 
 def _warnings(
-    design: SensorDesign, judged: tuple[JudgedPair, ...], band: ToleranceBand | None
+    design: SensorDesign, judged: tuple[JudgedPair, ...], pad_map: PadMap | None, band: ToleranceBand | None
 ) -> tuple[str, ...]:
     found = [str(finding) for finding in check(design)]  # errors were refused before
     found += [text for text in (wall_note(design), mesh_note(design)) if text]
     found += [text for text in (_band_warning(band), _noise_warning(judged)) if text]
+    if pad_map is not None and not is_facing_rows(cavity_of(design)):
+        found += _margin_warning(pad_map.weakest)
     clipped = [pair.name for pair in judged if pair.score.is_clipped]
     if clipped:
         found.append(
@@ -297,6 +320,18 @@ def _warnings(
             f"blind while they do: {', '.join(clipped[:8])}; lower gain.target_counts to unclip them"
         )
     return tuple(found)
+
+
+def _margin_warning(weakest: Place) -> list[str]:
+    """A pad that is safe by less than the trace's own error adds to the range of its most responsive pair."""
+    needed = widened_threshold(weakest.trace_error)
+    if weakest.deadbands_mm or weakest.margin >= needed:
+        return []
+    return [
+        f"the pad is near a deadband: at x {weakest.x_mm:g}, y {weakest.y_mm:g} mm its most responsive pair changes by "
+        f"{weakest.margin:.1f} noise units over the least responsive 0.3 mm, and the light trace's own error can make "
+        f"{needed:.1f} of nothing; run with --fine, and take the verdict as open"
+    ]
 
 
 def _band_warning(band: ToleranceBand | None) -> str | None:

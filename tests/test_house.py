@@ -25,7 +25,11 @@ ALLOWED = {
     "cad": {"cadquery", "OCP", "trimesh", "manifold3d", "numpy"},
     "sims": {"numpy", "xarray", "h5netcdf", "matplotlib", "platformdirs"},
     "sims/contact": {"mujoco", "numpy", "scipy", "platformdirs"},
-    "sims/optics": {"numba", "numpy", "scipy"},  # scipy lowers a profile to cubic pieces and draws Sobol points
+    "sims/optics": {
+        "numba",
+        "numpy",
+        "scipy",
+    },  # scipy lowers a profile to cubic pieces and draws Sobol points
     "fabrication": {"numpy", "pydantic", "tomlkit"},
     "fabrication/driver": {"serial", "numpy"},
     "optopad": {"typer", "rich", "tomlkit", "numpy", "platformdirs", "xarray", "matplotlib"},

@@ -25,7 +25,7 @@ OutOption = Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Folder
 JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output, nothing else.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of every random stream.")]
 FineOption = Annotated[
-    bool, typer.Option("--fine", help="Finer map of the pad (11 places a side, 0.1 mm steps).")
+    bool, typer.Option("--fine", help="Finer light, and 11 places a side for the map of the pad.")
 ]
 
 DEFAULT_OUT = Path("outputs")

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from design.cavity import cavity_of
 from design.pairs import chord_midpoint_mm, judged_pairs, mask_of
 from design.spec import SensorDesign
-from sims.depths import depth_schedule_mm
-from sims.optics.engine import ACCURACIES
+from sims.depths import COARSE_STEP_MM, depth_schedule_mm
 from sims.optics.light_signals import LightSignals
 from sims.optics.tracing import trace
 from sims.readout import Readout, readout_of
@@ -25,14 +24,12 @@ from sims.verdict.defaults import DEADBAND_MIN_LENGTH_MM
 from sims.verdict.depth_curve import between, clipped
 from sims.verdict.noise_units import noise_units
 from sims.verdict.pair_score import PairScore, score_pair
-from sims.verdict.presses import Pair, PairCurves, curves_of, states_of
+from sims.verdict.presses import MAP_ACCURACY, Pair, PairCurves, curves_of, states_of
 from sims.verdict.window_range import smallest_range
 
 FloatArray = NDArray[np.float64]
 
-STEP_MM = 0.2
-"""Depth step of tried builds [mm]: it moves mode boundaries by 0.04 mm at most, at half the cost."""
-ACCURACY = replace(ACCURACIES["standard"], reference_rays=4096)
+ACCURACY = replace(MAP_ACCURACY, reference_rays=4096)
 """Light settings of tried builds; the design as it is is traced the same way for comparison."""
 RESPONSE_WINDOW_MM = 1.0
 """Part of the depth in which the most responsive pair of a place is looked for [mm]."""
@@ -131,7 +128,7 @@ def _pressed(
 ) -> tuple[FloatArray, LightSignals, Readout]:
     """Depths, light and gain of one press: state 0 is the untouched pad with all pairs, then a state a depth."""
     cavity = cavity_of(design)
-    depth_mm = depth_schedule_mm(design.operating.max_depth_mm, STEP_MM)
+    depth_mm = depth_schedule_mm(design.operating.max_depth_mm, COARSE_STEP_MM)
     states = states_of(np.array([place_mm]), np.concatenate([[0.0], depth_mm]))
     masks = np.repeat(mask_of(pairs, cavity)[np.newaxis], len(states), axis=0)
     masks[0] = True

@@ -26,6 +26,7 @@ class Place:
     deadbands_mm : depth intervals in which no judged pair changes by the threshold
     answering_pairs : judged pairs that change by the threshold or more over the whole press
     largest_change : largest change of any judged pair over the whole press [noise units]
+    trace_error : root mean square standard error of the light trace over judged pairs and depths [noise units]
     margin : change of the most responsive pair over the least responsive 0.3 mm [noise units]; below 3 is a deadband
     """
 
@@ -35,6 +36,7 @@ class Place:
     answering_pairs: int
     largest_change: float
     margin: float
+    trace_error: float
 
     @property
     def deadband_total_mm(self) -> float:

@@ -108,5 +108,5 @@ def trace_noise_warning(
     hidden = f" and may hide up to {hidden_mm:.2f} mm of deadband" if hidden_mm > 0.0 else ""
     return (
         f"light trace: standard error up to {margin:.2g} noise units, limit {limit:.2g}; "
-        f"its jitter can pass for signal{hidden}; trace with a finer accuracy"
+        f"its jitter can pass for signal{hidden}; run with --fine"
     )

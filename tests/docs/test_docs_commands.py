@@ -62,4 +62,8 @@ def test_all_commands_of_every_page_succeed(page, in_empty_folder):
 
 
 def test_every_page_of_the_tutorial_set_has_commands():
-    assert {page.name for page in PAGES if commands_of(page)} >= {"tutorial.md", "own-parts.md", "troubleshooting.md"}
+    assert {page.name for page in PAGES if commands_of(page)} >= {
+        "tutorial.md",
+        "own-parts.md",
+        "troubleshooting.md",
+    }

@@ -142,6 +142,7 @@ def made_up_map(cavity: CavityGeometry, *, dead_mm: float, places: int = 5) -> P
                     answering_pairs=20 + row + column,
                     largest_change=change,
                     margin=0.5 if bands else 4.0 + row + column,
+                    trace_error=0.2,
                 )
             )
     return PadMap(x_mm=tuple(x_mm.tolist()), y_mm=tuple(y_mm.tolist()), places=tuple(found))

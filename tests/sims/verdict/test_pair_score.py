@@ -181,7 +181,7 @@ def test_a_fine_trace_draws_no_warning_and_a_coarse_one_names_value_limit_and_wa
     warning = trace_noise_warning(0.8, hidden_mm=0.4)
     assert "0.8 noise units, limit 0.5" in warning
     assert "hide up to 0.40 mm of deadband" in warning
-    assert "finer accuracy" in warning
+    assert "--fine" in warning
 
 
 def test_the_threshold_widens_with_the_trace_error():
