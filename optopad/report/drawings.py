@@ -13,7 +13,7 @@ from optopad.report.markup import Html, element
 from optopad.report.numbers import spans
 from optopad.report.published import published_load
 from optopad.report.words import governing, ranked
-from sims.plots.pad import plot_change_map, plot_deadband_map
+from sims.plots.pad import plot_deadband_map, plot_margin_map
 from sims.plots.press import plot_contact_radius, plot_force, plot_force_near
 from sims.plots.signal import plot_signal
 from sims.plots.spans import plot_spans
@@ -103,9 +103,9 @@ def _map_plots(design: SensorDesign, score: ContinuityScore) -> dict[str, tuple[
         return {}
     cavity = cavity_of(design)
     found = {
-        "map-change": (
-            plot_change_map(score.pad_map, cavity),
-            "Map of the largest signal change over the pad",
+        "map-margin": (
+            plot_margin_map(score.pad_map, cavity),
+            "Map of the margin to a deadband over the pad",
         )
     }
     if score.pad_map.dead_share > 0:

@@ -11,7 +11,7 @@ from optopad.report.markup import Html, element, section, table
 from optopad.report.numbers import DASH, counted, depth, ends, signed, spans
 from optopad.report.published import published_load
 from optopad.report.words import clipping
-from sims.verdict.defaults import DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT
+from sims.verdict.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT
 from sims.verdict.result import ContinuityScore, ForceCurve, JudgedPair
 from sims.verdict.tolerance import ToleranceBand
 
@@ -147,7 +147,7 @@ def map_section(score: ContinuityScore, drawings: Drawings) -> Html:
     pad_map = score.pad_map
     if pad_map is None:
         return Html("")
-    weakest = min(pad_map.places, key=lambda place: place.largest_change)
+    weakest = pad_map.weakest
     figures = []
     if "map-deadband" in drawings:
         figures.append(
@@ -159,9 +159,11 @@ def map_section(score: ContinuityScore, drawings: Drawings) -> Html:
         )
     figures.append(
         figure_of(
-            drawings["map-change"],
-            f"Largest change of any judged pair over the whole press. Framed: the weakest place, "
-            f"{weakest.largest_change:.0f} noise units; {counted(weakest.answering_pairs, 'pair')} answer there.",
+            drawings["map-margin"],
+            f"Change of the most responsive pair over the least responsive {DEADBAND_MIN_LENGTH_MM:g} mm of depth; "
+            f"below {DEADBAND_THRESHOLD:g} noise units is a deadband. Framed: the weakest place, "
+            f"{weakest.margin:.1f} noise units (the light trace's own error there is {weakest.trace_error:.1f}); "
+            f"{counted(weakest.answering_pairs, 'pair')} answer there.",
         )
     )
     lead = f"{counted(len(pad_map.places), 'place')} pressed; {pad_map.dead_share:.0%} have a deadband."

@@ -1,4 +1,4 @@
-"""Maps over the pad: deadband and largest signal change at each place of the workspace.
+"""Maps over the pad: deadband, and margin to one, at each place of the workspace.
 
 A cell stands for the press at its centre; nothing is interpolated between places. Cells at the border
 reach half a pitch beyond the workspace, which is drawn dashed.
@@ -43,16 +43,16 @@ def plot_deadband_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None =
     return ax
 
 
-def plot_change_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None = None) -> Axes:
-    """Largest change of any judged pair over the whole press at each place [noise units]; the weakest framed."""
+def plot_margin_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None = None) -> Axes:
+    """Change of the most responsive pair over the least responsive 0.3 mm [noise units]; the weakest framed."""
     ax = axes_or_new(ax, _height_in(cavity))
-    change = np.array([place.largest_change for place in pad_map.places]).reshape(
+    margin = np.array([place.margin for place in pad_map.places]).reshape(
         len(pad_map.y_mm), len(pad_map.x_mm)
     )
-    label = "largest change of a pair [noise units]"
-    _draw_cells(ax, pad_map, cavity, change, CHANGE_COLOURS, (0.0, float(change.max()) or 1.0), label)
+    label = "change over the least responsive 0.3 mm [noise units]"
+    _draw_cells(ax, pad_map, cavity, margin, CHANGE_COLOURS, (0.0, float(margin.max()) or 1.0), label)
     _draw_pad(ax, cavity)
-    _mark(ax, min(pad_map.places, key=lambda place: place.largest_change), pad_map, cavity)
+    _mark(ax, pad_map.weakest, pad_map, cavity)
     return ax
 
 

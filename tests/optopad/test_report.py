@@ -182,7 +182,7 @@ def test_plots_are_files_of_the_bundle_too(bundle: Path) -> None:
     assert {name for name in names if name.startswith("plot-signal-")} == {
         f"plot-signal-{name}.svg" for name in shown
     }
-    assert {"plot-pairs.svg", "plot-map-deadband.svg", "plot-map-change.svg", "plot-tolerance-gap.svg"} <= {
+    assert {"plot-pairs.svg", "plot-map-deadband.svg", "plot-map-margin.svg", "plot-tolerance-gap.svg"} <= {
         *names
     }
 

@@ -19,7 +19,7 @@ from matplotlib.patches import Rectangle
 from design.cavity import cavity_of
 from design.preset import preset
 from design.properties import modulus
-from sims.plots.pad import plot_change_map, plot_deadband_map
+from sims.plots.pad import plot_deadband_map, plot_margin_map
 from sims.plots.press import plot_contact_radius, plot_force, plot_force_near
 from sims.plots.signal import plot_signal
 from sims.plots.spans import plot_spans
@@ -138,10 +138,10 @@ def test_nothing_is_framed_on_a_map_without_a_deadband():
     assert areas(plot_deadband_map(made_up_map(CAVITY, dead_mm=0.0), CAVITY), "marked") == []
 
 
-def test_the_change_map_frames_the_weakest_place():
+def test_the_margin_map_frames_the_weakest_place():
     pad_map = made_up_map(CAVITY, dead_mm=0.0)
-    ax = plot_change_map(pad_map, CAVITY)
-    assert grid(ax)[0, 0] == 120.0
+    ax = plot_margin_map(pad_map, CAVITY)
+    assert grid(ax)[0, 0] == 4.0
     left, right = areas(ax, "marked")[0]
     assert left < 6.0 < right
 
@@ -205,7 +205,7 @@ def every_plot(ax: Axes | None = None) -> dict[str, Axes]:
         "signal": plot_signal(score.pairs[0], ax),
         "spans": plot_spans(score.pairs[:3], ax),
         "deadband": plot_deadband_map(score.pad_map, CAVITY, ax),
-        "change": plot_change_map(score.pad_map, CAVITY, ax),
+        "margin": plot_margin_map(score.pad_map, CAVITY, ax),
         "force": plot_force(score.force, MODULUS, ax),
         "radius": plot_contact_radius(score.force, ax),
         "tolerance": plot_tolerance(score.tolerance, ax),
@@ -218,7 +218,7 @@ def test_axes_are_labelled_with_their_units():
         "signal": ("[mm]", "[-]"),
         "spans": ("[mm]", ""),
         "deadband": ("[mm]", "[mm]"),
-        "change": ("[mm]", "[mm]"),
+        "margin": ("[mm]", "[mm]"),
         "force": ("[mm]", "[N]"),
         "radius": ("[mm]", "[mm]"),
         "tolerance": ("[mm]", ""),
@@ -232,8 +232,10 @@ def test_axes_are_labelled_with_their_units():
 def test_the_colour_bars_carry_units():
     figure = every_plot()["deadband"].figure
     assert [bar.get_ylabel() for bar in figure.axes[1:]] == ["deadband at this place [mm]"]
-    figure = every_plot()["change"].figure
-    assert [bar.get_ylabel() for bar in figure.axes[1:]] == ["largest change of a pair [noise units]"]
+    figure = every_plot()["margin"].figure
+    assert [bar.get_ylabel() for bar in figure.axes[1:]] == [
+        "change over the least responsive 0.3 mm [noise units]"
+    ]
 
 
 def test_plots_draw_on_the_axes_given():
