@@ -7,6 +7,7 @@ Mold and physics share nothing, so they run side by side: the mold in a process 
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -88,6 +89,7 @@ def write_score(
     design: SensorDesign, out: Path, *, fine: bool, seed: int, on_step: OnStep
 ) -> tuple[ContinuityScore, Path]:
     """Verdict, map and their signals into the bundle; returns the score and the bundle."""
+    require_valid(design)
     with bundle(design, out, seed=seed) as folder:
         score = _scored(design, folder, fine=fine, seed=seed, on_step=on_step)
     return score, out / bundle_name(design)
@@ -127,8 +129,12 @@ def _mold_beside(design: SensorDesign, folder: Path) -> Iterator[subprocess.Pope
     """The mold's process, started; it is stopped if the work beside it fails or is interrupted."""
     (folder / "cad").mkdir(exist_ok=True)
     save_design(design, folder / "design.toml")
-    command = [sys.executable, "-m", "cad", str(folder / "design.toml"), str(folder / "cad")]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    # -P: a design.py or cad.py of the user's in the current folder must not stand in for ours
+    command = [sys.executable, "-P", "-m", "cad", str(folder / "design.toml"), str(folder / "cad")]
+    here = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    process = subprocess.Popen(
+        command, env=here, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    )
     try:
         yield process
     finally:

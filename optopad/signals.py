@@ -43,8 +43,9 @@ def simulated(
     """
     cavity = cavity_of(design)
     states = np.array(presses) if presses else _default_presses(design, cavity, oracle_rays is not None)
-    solved_press(design, max_depth_mm=float(states[:, 2].max()), on_step=lambda s: on_step("contact", s))
-    light = trace(design, states, seed=seed, on_step=lambda done, total: on_step("map", done / total))
+    deepest_mm = max(design.operating.max_depth_mm, float(states[:, 2].max()))  # what the trace asks for, too
+    solved_press(design, max_depth_mm=deepest_mm, on_step=lambda s: on_step("contact", s))
+    light = trace(design, states, seed=seed, on_step=lambda done, total: on_step("light", done / total))
     save_dataset(signals_dataset(light, cavity), folder / "signals.nc")
     comparison = None
     if oracle_rays is not None:

@@ -30,7 +30,7 @@ def checks_line(checks: dict[str, Any]) -> str:
 
 
 def _deadband_line(score: ContinuityScore) -> str:
-    where = "facing pairs" if score.is_facing_rows else "pad"
+    where = f"governing pair {score.governing}" if score.is_facing_rows else "pad"
     if not score.deadbands_mm:
         return f"deadband  none in the {where}"
     spans = ", ".join(f"{start:.2f} to {end:.2f} mm" for start, end in score.deadbands_mm)

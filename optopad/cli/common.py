@@ -68,7 +68,7 @@ def parsed_value(text: str) -> Any:
     """A value written as in a design file; bare words are text."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):  # not TOML, a whole number of thousands of digits, nested too deep
         return text
 
 

@@ -50,8 +50,7 @@ def _run(arguments: list[str]) -> int:
     except TyperException as err:
         return _misused(err)
     except typer.Abort:
-        print("interrupted: nothing is half-written, and finished parts are found again", file=sys.stderr)
-        return INTERRUPTED
+        return _interrupted()
     except ImportError as err:
         from optopad.doctor import explain_import_error
 
@@ -59,7 +58,16 @@ def _run(arguments: list[str]) -> int:
     except Exception:
         traceback.print_exc()
         return _refused("this is optopad's own failure; please report it with the lines above", OUR_FAILURE)
+    if outcome == INTERRUPTED:  # the command line's library answers Ctrl-C with this code and no word
+        return _interrupted()
     return outcome if isinstance(outcome, int) else DONE
+
+
+def _interrupted() -> int:
+    print(
+        "optopad: interrupted: nothing is half-written, and finished parts are found again", file=sys.stderr
+    )
+    return INTERRUPTED
 
 
 def _misused(err: TyperException) -> int:

@@ -104,13 +104,13 @@ def sweep(
     """Score a design at several values of one field."""
     path, values = parsed_sweep(field)
     read = read_design(design, set_)
+    builds = [_valid_build(read, path, value) for value in values]
     from sims.continuity import score as judge
 
     rows = []
     with progress(quiet=as_json) as step:
-        for done, value in enumerate(values):
-            changed = read.with_(**{path: value})
-            result = judge(changed, seed=seed, verdict_only=True)
+        for done, (value, build) in enumerate(zip(values, builds, strict=True)):
+            result = judge(build, seed=seed, verdict_only=True)
             rows.append({"value": value} | result.to_json())
             step(f"sweep of {path}", (done + 1) / len(values))
     folder = _write_sweep(read, out, path, rows, seed)
@@ -141,12 +141,25 @@ def parsed_sweep(text: str) -> tuple[str, list[Any]]:
         first, last, step = (float(number) for number in span.split(":"))
     except ValueError:
         raise InputError(f"sweep: {span!r} is refused: write A:B:STEP, three numbers") from None
-    count = math.floor((last - first) / step + 1e-9) + 1 if step > 0 else 0
-    if not 1 <= count <= MAX_SWEEP_VALUES:
+    steps = (last - first) / step + 1e-9 if step > 0 else math.nan
+    if not 0 <= steps < MAX_SWEEP_VALUES:  # false for a number that is not finite, too
         raise InputError(
-            f"sweep: {span!r} holds {max(count, 0)} values; give 1 to {MAX_SWEEP_VALUES}, step above 0"
+            f"sweep: {span!r} is refused: give 1 to {MAX_SWEEP_VALUES} values, A up to B, STEP above 0"
         )
-    return path, [round(first + step * number, 9) for number in range(count)]
+    return path, [round(first + step * number, 9) for number in range(math.floor(steps) + 1)]
+
+
+def _valid_build(design: SensorDesign, path: str, value: Any) -> SensorDesign:
+    """One design of a sweep; refused before anything is computed, so that no finished value is lost."""
+    from design.errors import DesignError
+    from design.rules import require_valid
+
+    build = design.with_(**{path: value})
+    try:
+        require_valid(build)
+    except DesignError as err:
+        raise DesignError(f"sweep: {path} = {value}: {err}") from None
+    return build
 
 
 def _parsed_press(text: str) -> tuple[float, float, float]:
@@ -158,6 +171,8 @@ def _parsed_press(text: str) -> tuple[float, float, float]:
         raise InputError(
             f"--press: {text!r} is refused: write X,Y,DEPTH in millimetres, as 16,16,2"
         ) from None
+    if not all(math.isfinite(number) for number in (x_mm, y_mm, depth_mm)):
+        raise InputError(f"--press: {text!r} is refused: needs three finite numbers of millimetres")
     return x_mm, y_mm, depth_mm
 
 

@@ -12,6 +12,7 @@ OnStep = Callable[[str, float], None]
 STAGE_TITLES = {
     "contact": "contact (MuJoCo)",
     "pairs": "light, pair by pair",
+    "light": "light",
     "map": "light, map of the pad",
     "tolerance": "tolerance of open values",
     "oracle": "ray tracer",

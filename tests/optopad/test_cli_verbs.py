@@ -70,6 +70,7 @@ def test_set_reads_values_as_toml_and_bare_words_as_text():
     assert parsed_value("[1, 2]") == [1, 2]
     assert parsed_value("osram-sfh206k") == "osram-sfh206k"
     assert parsed_value("true") is True
+    assert parsed_value("9" * 5000) == "9" * 5000
 
 
 @pytest.mark.parametrize("text", ["cavity.clear_thickness_mm", "=10", ""])
@@ -92,11 +93,60 @@ def test_a_sweep_holds_both_ends():
 
 
 @pytest.mark.parametrize(
-    "text", ["x", "x=", "=1:2:1", "x=2:1:1", "x=1:2:0", "x=1:2:-1", "x=1:b:1", "x=0:1e9:1"]
+    "text",
+    [
+        "x",
+        "x=",
+        "=1:2:1",
+        "x=2:1:1",
+        "x=1:2:0",
+        "x=1:2:-1",
+        "x=1:b:1",
+        "x=0:1e9:1",
+        "x=nan:1:1",
+        "x=0:inf:1",
+        "x=0:1:nan",
+    ],
 )
 def test_a_sweep_of_no_value_is_refused(folder, capsys, text):
     assert main(["sweep", "piacenza2017-pair", text]) == 2
     assert "sweep" in capsys.readouterr().err
+
+
+def test_a_sweep_with_one_unusable_value_is_refused_before_anything_is_computed(folder, capsys):
+    assert main(["sweep", "piacenza2017-pair", "cavity.clear_thickness_mm=8,5"]) == 2
+    printed = capsys.readouterr().err
+    assert "cavity.clear_thickness_mm = 5" in printed
+    assert "receivers.height_mm" in printed
+    assert list(folder.iterdir()) == []
+
+
+def test_a_sweep_out_of_scope_keeps_its_rows(folder, capsys):
+    assert main(["sweep", "piacenza2017-pair", "operating.max_depth_mm=5.3,5.5", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert [row["verdict"] for row in rows] == ["OUT_OF_MODEL_SCOPE"] * 2
+    assert [row["value"] for row in rows] == [5.3, 5.5]
+
+
+@pytest.mark.parametrize("text", ["10,10", "10,10,deep", "10,10,nan", "inf,10,1"])
+def test_a_press_that_is_no_place_and_depth_is_refused(folder, capsys, text):
+    assert main(["simulate", "piacenza2017-pair", "--press", text]) == 2
+    assert "--press" in capsys.readouterr().err
+    assert list(folder.iterdir()) == []
+
+
+def test_a_score_of_a_design_that_breaks_a_rule_leaves_no_folder(folder, capsys):
+    assert main(["score", "piacenza2017-pad", "--set", "emitters.height_mm=9"]) == 2
+    assert list(folder.iterdir()) == []
+
+
+def test_an_interrupted_verb_says_so_and_exits_130(folder, capsys, monkeypatch):
+    def interrupted():
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("optopad.doctor.examine", interrupted)
+    assert main(["doctor"]) == 130
+    assert "nothing is half-written" in capsys.readouterr().err
 
 
 def test_the_schema_accepts_every_field_of_a_saved_design(folder, capsys):

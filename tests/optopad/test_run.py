@@ -14,7 +14,7 @@ from design.preset import preset
 from fabrication.bundle import altered_files, bundle_name
 from fabrication.driver_file import load_driver_config
 from optopad.cli import main
-from optopad.pipeline import run
+from optopad.pipeline import _finished, _mold_beside, run
 
 DESIGN = preset("piacenza2017-pair")
 
@@ -107,6 +107,13 @@ def test_the_page_opens_without_a_network(folder):
     assert "CONTIGUOUS" in page
     assert 'src="http' not in page
     assert 'href="http' not in page
+
+
+def test_the_molds_process_takes_no_module_from_the_current_folder(tmp_path, monkeypatch):
+    (tmp_path / "design.py").write_text("raise SystemExit(1)", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    with _mold_beside(DESIGN, tmp_path) as mold:
+        assert _finished(mold, tmp_path / "cad")["ok"]
 
 
 def test_a_run_that_fails_late_leaves_the_old_bundle_intact(folder, out, monkeypatch):
