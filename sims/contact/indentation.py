@@ -39,7 +39,7 @@ __all__ = [
     "wall_note",
 ]
 
-RECIPE = 6
+RECIPE = 7
 """Version of the solver behind stored solutions. Raise it when results change."""
 DEFAULT_MESH = 0.1
 """Node spacing under the tip [tip radii]: 0.3 mm for a 3 mm tip."""
