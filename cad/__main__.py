@@ -21,6 +21,9 @@ def main(design_file: str, folder: str) -> int:
     except OptopadError as err:
         print(err, file=sys.stderr)
         return 2
+    except OSError as err:
+        print(f"{folder}: cannot be written: {err.strerror or err}", file=sys.stderr)
+        return 2
     return 0
 
 

@@ -27,6 +27,11 @@ def direct_path_pairs(cavity: CavityGeometry) -> BoolArray:
 
 
 def is_facing_rows(cavity: CavityGeometry) -> bool:
+    """Whether emitters and receivers sit in opposite walls and at least one of each face each other."""
+    return bool(facing_pairs(cavity))
+
+
+def _sit_opposite(cavity: CavityGeometry) -> bool:
     """Whether all emitters sit in one wall and all receivers in the opposite one."""
     emitter_walls = {part.wall for part in cavity.emitters}
     receiver_walls = {part.wall for part in cavity.receivers}
@@ -35,7 +40,7 @@ def is_facing_rows(cavity: CavityGeometry) -> bool:
 
 def facing_pairs(cavity: CavityGeometry) -> tuple[tuple[int, int], ...]:
     """(emitter, receiver) numbers at the same place along facing rows, the middle pair first."""
-    if not is_facing_rows(cavity):
+    if not _sit_opposite(cavity):
         return ()
     pairs = [
         (i, j)

@@ -16,11 +16,13 @@ from pydantic import ValidationError
 from design import catalog
 from design.catalog import CatalogEntries, Elastomer, Part, Quantity
 from design.errors import DesignError
-from design.layout import Kind
+from design.layout import Kind, Placement, expand
 from design.paths import get_at
 from design.quantity import Confidence
-from design.spec import SensorDesign
+from design.spec import Emitters, Receivers, SensorDesign
 from design.units import NM_PER_UM, absorption_per_mm, lambertian_order
+
+SECTIONS: dict[str, Kind] = {"emitters": "emitter", "receivers": "receiver"}
 
 MEASURED_SOURCE = "measured value given in the design"
 
@@ -139,13 +141,10 @@ class UsedValue:
 def used_values(design: SensorDesign) -> tuple[UsedValue, ...]:
     """Every value with a band that the optical verdict rests on, measured or not."""
     found = [
-        UsedValue(path=path, quantity=_design_quantity(design, path, band)) for path, band in _bands().items()
+        UsedValue(path=path, quantity=_design_quantity(design, path, band))
+        for path, band in _bands_in_use(design).items()
     ]
-    defaults: tuple[tuple[str, Kind], ...] = (
-        (design.emitters.part, "emitter"),
-        (design.receivers.part, "receiver"),
-    )
-    for part_id, kind in defaults:
+    for part_id, kind in _parts_in_use(design):
         for name in ("active_width_mm", "active_height_mm", "half_angle_deg"):
             if kind == "receiver" and name == "half_angle_deg":
                 continue  # the active area is bare: its angular response is the cosine
@@ -154,6 +153,35 @@ def used_values(design: SensorDesign) -> tuple[UsedValue, ...]:
     found.append(UsedValue(path="elastomer.refractive_index", quantity=refractive_index(design)))
     found.append(UsedValue(path="elastomer.absorption_db_per_cm", quantity=absorption_db_per_cm(design)))
     return tuple(found)
+
+
+def _parts_in_use(design: SensorDesign) -> tuple[tuple[str, Kind], ...]:
+    """Catalogue identifiers of the placed parts, each once, in order."""
+    return tuple(
+        dict.fromkeys(
+            (place.part or _section(design, place.kind).part, place.kind) for place in _placements(design)
+        )
+    )
+
+
+def _bands_in_use(design: SensorDesign) -> dict[str, Band]:
+    """The bands of design fields that the placed parts use: a layout entry's own height has its section's band."""
+    bands = dict(_bands())
+    for section, kind in SECTIONS.items():
+        band = bands.pop(f"{section}.height_mm")
+        for place in _placements(design):
+            if place.kind == kind:
+                own = f"{place.origin}.height_mm"
+                bands[f"{section}.height_mm" if place.height_mm is None else own] = band
+    return bands
+
+
+def _placements(design: SensorDesign) -> tuple[Placement, ...]:
+    return expand(design.layout, design.cavity.length_mm, design.cavity.width_mm)
+
+
+def _section(design: SensorDesign, kind: Kind) -> Emitters | Receivers:
+    return design.emitters if kind == "emitter" else design.receivers
 
 
 @dataclass(frozen=True, kw_only=True)

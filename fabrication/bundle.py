@@ -52,7 +52,10 @@ def bundle(design: SensorDesign, out: Path, *, seed: int) -> Iterator[Path]:
     final = out / bundle_name(design)
     staging = _staging_path(final)
     try:
-        _fill(staging, final)
+        try:
+            _fill(staging, final)
+        except OSError as err:
+            raise _unwritable(final, err) from err
         yield staging
         save_design(design, staging / "design.toml")
         write_manifest(staging, design, seed)
@@ -155,7 +158,7 @@ def _swap(staging: Path, final: Path) -> None:
         final.rename(former)
     try:
         staging.rename(final)
-    except OSError:
+    except BaseException:  # an interrupt between the two renames as well
         if former.exists() and not final.exists():
             former.rename(final)
         raise

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from design.errors import OutputError
+from design.errors import InputError, OutputError
 from design.io import save_design, write_text_atomically
 from design.rules import require_valid
 from design.spec import SensorDesign
@@ -92,6 +92,11 @@ def write_score(
     require_valid(design)
     with bundle(design, out, seed=seed) as folder:
         score = _scored(design, folder, fine=fine, seed=seed, on_step=on_step)
+        if (folder / "report.html").exists():  # a bundle tells one verdict: page and gain follow it
+            _write_fabrication(
+                design, folder, None if score.readout is None else score.readout.counts_per_flux
+            )
+            _write_report(design, folder, score, _checks(folder / "cad"), seed)
     return score, out / bundle_name(design)
 
 
@@ -185,7 +190,10 @@ def _known_gain(folder: Path) -> float | None:
     score = folder / "sims" / "score.json"
     if not score.is_file():
         return None
-    gain: float | None = json.loads(score.read_text(encoding="utf-8"))["counts_per_flux"]
+    try:
+        gain: float | None = json.loads(score.read_text(encoding="utf-8"))["counts_per_flux"]
+    except (ValueError, KeyError, TypeError):
+        raise InputError(f"{score}: damaged; run `optopad score` again") from None
     return gain
 
 

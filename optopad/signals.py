@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.cavity import CavityGeometry, cavity_of
+from design.errors import ModelScopeError
 from design.pairs import direct_path_pairs
 from design.spec import SensorDesign
 from sims.contact.indentation import solved_press
@@ -34,7 +35,7 @@ def simulated(
     seed: int,
     on_step: OnStep,
 ) -> dict[str, Any]:
-    """Trace presses, write ``signals.nc`` (and ``oracle.nc``) into ``folder``, and summarise them.
+    """Trace presses, write ``presses.nc`` (and ``oracle.nc``) into ``folder``, and summarise them.
 
     Parameters
     ----------
@@ -43,10 +44,11 @@ def simulated(
     """
     cavity = cavity_of(design)
     states = np.array(presses) if presses else _default_presses(design, cavity, oracle_rays is not None)
+    _require_in_workspace(states, cavity)
     deepest_mm = max(design.operating.max_depth_mm, float(states[:, 2].max()))  # what the trace asks for, too
     solved_press(design, max_depth_mm=deepest_mm, on_step=lambda s: on_step("contact", s))
     light = trace(design, states, seed=seed, on_step=lambda done, total: on_step("light", done / total))
-    save_dataset(signals_dataset(light, cavity), folder / "signals.nc")
+    save_dataset(signals_dataset(light, cavity), folder / "presses.nc")
     comparison = None
     if oracle_rays is not None:
         truth = _oracle(design, states, oracle_rays, seed, on_step)
@@ -59,6 +61,16 @@ def simulated(
         "states": [_state_summary(light, number) for number in range(len(states))],
         "oracle": comparison,
     }
+
+
+def _require_in_workspace(states: FloatArray, cavity: CavityGeometry) -> None:
+    space = cavity.workspace
+    for x_mm, y_mm, _ in states:
+        if not space.contains(float(x_mm), float(y_mm)):
+            raise ModelScopeError(
+                f"--press: ({x_mm:g}, {y_mm:g}) mm is outside the workspace, x {space.x0_mm:g} to {space.x1_mm:g} and "
+                f"y {space.y0_mm:g} to {space.y1_mm:g} mm; press inside, or lower operating.workspace_margin_mm"
+            )
 
 
 def _default_presses(design: SensorDesign, cavity: CavityGeometry, few: bool) -> FloatArray:

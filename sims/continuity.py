@@ -74,6 +74,7 @@ def _judged(
     design: SensorDesign, *, fine: bool, seed: int, verdict_only: bool, tell: OnStep
 ) -> ContinuityScore:
     cavity = cavity_of(design)
+    _require_judgeable_depth(design)
     force = _force_curve(design, lambda share: tell("contact", share))
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm)
     flat = untouched_flux(design, cavity, seed=seed)
@@ -114,6 +115,14 @@ def _judged(
     )
 
 
+def _require_judgeable_depth(design: SensorDesign) -> None:
+    if design.operating.max_depth_mm < DEADBAND_MIN_LENGTH_MM:
+        raise ModelScopeError(
+            f"operating.max_depth_mm: {design.operating.max_depth_mm:g} mm is less than a deadband's least length, "
+            f"{DEADBAND_MIN_LENGTH_MM:g} mm, so nothing can be judged; raise it"
+        )
+
+
 def _force_curve(design: SensorDesign, on_step: Callable[[float], None]) -> ForceCurve:
     press = solved_press(design, on_step=on_step)
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm)
@@ -126,9 +135,13 @@ def _force_curve(design: SensorDesign, on_step: Callable[[float], None]) -> Forc
 
 
 def _governing(judged: tuple[JudgedPair, ...], facing: bool) -> JudgedPair:
-    """The middle facing pair; of a pad the pair with most deadband, then least evenness, clipped ones last."""
+    """The middle facing pair, or the worst one if only another has a deadband.
+
+    Of a pad: the pair with most deadband, then least evenness, clipped ones last.
+    """
     if facing:
-        return judged[0]
+        worst = max(judged, key=lambda pair: pair.score.deadband_total_mm)
+        return judged[0] if judged[0].score.deadbands_mm else worst
     return max(
         judged,
         key=lambda pair: (not pair.score.is_clipped, pair.score.deadband_total_mm, -pair.score.evenness),
@@ -387,5 +400,5 @@ def _out_of_scope(design: SensorDesign, reason: str, *, fine: bool, seed: int) -
         pad_signals=None,
         force=None,
         tolerance=None,
-        warnings=(),
+        warnings=tuple(str(finding) for finding in check(design)),
     )

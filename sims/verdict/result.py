@@ -168,7 +168,9 @@ def _map_json(pad_map: PadMap) -> dict[str, Any]:
         "margin_noise_units": [round(place.margin, 3) for place in pad_map.places],
         "trace_error_noise_units": [round(place.trace_error, 3) for place in pad_map.places],
         "weakest_place_mm": [_rounded(pad_map.weakest.x_mm), _rounded(pad_map.weakest.y_mm)],
-        "worst_place_mm": [_rounded(pad_map.worst.x_mm), _rounded(pad_map.worst.y_mm)],
+        "worst_place_mm": [_rounded(pad_map.worst.x_mm), _rounded(pad_map.worst.y_mm)]
+        if pad_map.worst.deadbands_mm
+        else None,
     }
 
 
