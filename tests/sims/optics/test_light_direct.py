@@ -7,6 +7,7 @@ import pytest
 
 from sims.optics.engine import Accuracy, trace_scene
 from sims.optics.scene import OpticalScene
+from tests.sims.optics.form_factors import parallel_factor, perpendicular_factor
 
 CHEAP = Accuracy(reference_rays=1024, diffuse_rays=64, flat_nodes=16)
 
@@ -33,38 +34,6 @@ def scene(walls, patches, **changes):
 def untouched(given):
     raw = trace_scene(given, np.zeros((1, 2)), [None], accuracy=CHEAP)
     return raw.flux[:, 0, 0, 0]
-
-
-def parallel_factor(x, y, eta, xi, z):
-    """Form factor between parallel rectangles x (2,), y (2,) and xi, eta, z apart (Howell C-13)."""
-    total = 0.0
-    for a in range(2):
-        for b in range(2):
-            for c in range(2):
-                for d in range(2):
-                    u, v = x[a] - xi[c], y[b] - eta[d]
-                    p, q = np.hypot(u, z), np.hypot(v, z)
-                    g = v * p * np.arctan(v / p) + u * q * np.arctan(u / q)
-                    g -= z * z / 2 * np.log(u * u + v * v + z * z)
-                    total += (-1) ** (a + b + c + d) * g
-    return total / (2 * np.pi * (x[1] - x[0]) * (y[1] - y[0]))
-
-
-def perpendicular_factor(x, y, eta, xi):
-    """Form factor between rectangles on two perpendicular planes that share the y axis (Howell C-15).
-
-    Rectangle 1: x (2,) from the common edge, y (2,) along it; rectangle 2: xi (2,) from the edge, eta (2,).
-    """
-    total = 0.0
-    for a in range(2):
-        for b in range(2):
-            for c in range(2):
-                for d in range(2):
-                    k2 = x[a] ** 2 + xi[c] ** 2
-                    k, v = np.sqrt(k2), y[b] - eta[d]
-                    g = v * k * np.arctan(v / k) - (k2 - v * v) / 4 * np.log(k2 + v * v)
-                    total += (-1) ** (a + b + c + d) * g
-    return total / (2 * np.pi * (x[1] - x[0]) * (y[1] - y[0]))
 
 
 def test_direct_flux_equals_the_form_factor_of_facing_rectangles():
