@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 from design import properties
 from design.cavity import CavityGeometry, PlacedPart
+from design.contact_scope import DEEPEST_PRESS, LARGEST_SHARE_OF_LAYER, LAYER_DEPTH_RANGE
 from design.errors import DesignError
 from design.finding import Finding, error, mm, warning
 from design.layout import MAX_PER_KIND, Kind
@@ -18,19 +19,13 @@ from design.pairs import direct_path_pairs, facing_pairs, is_facing_rows
 from design.spec import SensorDesign
 from design.units import ROUNDING_MM
 
-ELASTIC_SHARE = 0.8
-"""Deepest press that the contact model covers, as a share of the elastic depth [-]."""
-
-TIP_RADII = 1.7
-"""Deepest press that the contact model covers, in tip radii [-]."""
-
 KINDS: tuple[Kind, Kind] = ("emitter", "receiver")
 
 
 def deepest_modelled_mm(design: SensorDesign) -> float:
     """Deepest press that the contact model covers [mm]."""
     elastic = design.cavity.clear_thickness_mm + design.cavity.black_thickness_mm
-    return min(ELASTIC_SHARE * elastic, TIP_RADII * design.indenter.tip_radius_mm)
+    return min(LARGEST_SHARE_OF_LAYER * elastic, DEEPEST_PRESS * design.indenter.tip_radius_mm)
 
 
 def count_findings(emitter_count: int, receiver_count: int) -> Iterator[Finding]:
@@ -126,8 +121,18 @@ def workspace_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator
 
 
 def depth_findings(design: SensorDesign) -> Iterator[Finding]:
-    """A press deeper than the clear layer, or than the contact model holds."""
+    """A layer that the contact model does not hold; a press deeper than the clear layer, or than the model holds."""
     depth, clear = design.operating.max_depth_mm, design.cavity.clear_thickness_mm
+    elastic, tip = clear + design.cavity.black_thickness_mm, design.indenter.tip_radius_mm
+    thinnest, thickest = (radii * tip for radii in LAYER_DEPTH_RANGE)
+    if not thinnest - ROUNDING_MM <= elastic <= thickest + ROUNDING_MM:
+        yield warning(
+            "cavity.clear_thickness_mm",
+            "both layers together are outside the contact model, so the verdict will be OUT_OF_MODEL_SCOPE",
+            value=f"{mm(elastic)} elastic depth",
+            limit=f"{mm(thinnest)} to {mm(thickest)}: {LAYER_DEPTH_RANGE[0]:g} to {LAYER_DEPTH_RANGE[1]:g} x tip radius",
+            way_out="change it, cavity.black_thickness_mm or indenter.tip_radius_mm",
+        )
     scope = deepest_modelled_mm(design)
     if depth > clear + ROUNDING_MM:
         yield error(
@@ -142,7 +147,7 @@ def depth_findings(design: SensorDesign) -> Iterator[Finding]:
             "operating.max_depth_mm",
             "the deepest press is outside the contact model, so the verdict will be OUT_OF_MODEL_SCOPE",
             value=f"{depth:g} mm",
-            limit=f"at most {mm(scope)}: {ELASTIC_SHARE:g} x elastic depth and {TIP_RADII:g} x tip radius",
+            limit=f"at most {mm(scope)}: {LARGEST_SHARE_OF_LAYER:g} x elastic depth and {DEEPEST_PRESS:g} x tip radius",
             way_out="lower it, thicken the layers, or use a larger indenter.tip_radius_mm",
         )
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from design.contact_scope import DEEPEST_PRESS, LARGEST_SHARE_OF_LAYER, LAYER_DEPTH_RANGE
 from design.errors import DesignError, InputError, ModelScopeError
 
 if TYPE_CHECKING:
@@ -21,12 +22,6 @@ FloatArray = NDArray[np.float64]
 
 WALL_RADIUS = 16 / 3
 """Where the wall is bonded in every solution [tip radii]: 16 mm for a 3 mm tip."""
-LAYER_DEPTH_RANGE = (1.3, 6.0)
-"""Elastic depths that are modelled [tip radii]."""
-LARGEST_SHARE_OF_LAYER = 0.8
-"""Deepest press as a share of the elastic depth [-]."""
-DEEPEST_PRESS = 1.7
-"""Deepest press [tip radii]."""
 FIRST_DEPTHS = (0.02 / 3, 0.05 / 3, 0.1 / 3, 0.15 / 3, 0.2 / 3)
 """First solved depths [tip radii]: mode 1 of a pair can be over within the first tenths of a millimetre."""
 DEPTH_STEP = 0.1 / 3
