@@ -130,7 +130,7 @@ def depth_findings(design: SensorDesign) -> Iterator[Finding]:
             "cavity.clear_thickness_mm",
             "both layers together are outside the contact model, so the verdict will be OUT_OF_MODEL_SCOPE",
             value=f"{mm(elastic)} elastic depth",
-            limit=f"{mm(thinnest)} to {mm(thickest)}: {LAYER_DEPTH_RANGE[0]:g} to {LAYER_DEPTH_RANGE[1]:g} x tip radius",
+            limit=f"{mm(thinnest)} to {mm(thickest)}: {LAYER_DEPTH_RANGE[0]:g} to {LAYER_DEPTH_RANGE[1]:g} tip radii",
             way_out="change it, cavity.black_thickness_mm or indenter.tip_radius_mm",
         )
     scope = deepest_modelled_mm(design)

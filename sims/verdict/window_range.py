@@ -8,7 +8,7 @@ range is then the largest of seven lines,
     l - r,  r - l,  l - m,  M - l,  r - m,  M - r,  M - m,
 
 hence convex in a. "Range below k" is therefore one open interval of a in each cell between events,
-and the smallest range lies where two lines meet or at a cell's end: both follow in closed form.
+which follows in closed form; the smallest range of a cell is the lowest point of a convex function.
 """
 
 from __future__ import annotations
@@ -20,6 +20,10 @@ from sims.verdict.depth_curve import interpolated
 
 FloatArray = NDArray[np.float64]
 Interval = tuple[float, float]
+
+GOLDEN = (5.0**0.5 - 1.0) / 2.0
+GOLDEN_STEPS = 60
+"""Each step leaves 0.62 of the bracket: 60 leave 3e-13 of a cell."""
 
 
 def flat_intervals_mm(
@@ -69,15 +73,35 @@ def smallest_range(depth_mm: FloatArray, units: FloatArray, length_mm: float) ->
     """
     _, _, at_first, at_last = _range_lines(depth_mm, units.reshape(len(depth_mm), -1), length_mm)
     first, last = (np.moveaxis(lines, 1, 2).reshape(-1, lines.shape[1]) for lines in (at_first, at_last))
+    return float(np.min(_lowest_of_highest(first, last)))
+
+
+def _lowest_of_highest(first: FloatArray, last: FloatArray) -> FloatArray:
+    """Lowest point, within each cell, of the highest of several straight lines.
+
+    The highest of straight lines is convex, so golden-section search shrinks each cell to its lowest point.
+
+    Parameters
+    ----------
+    first, last : (line, cell) values of the lines at a cell's two ends
+
+    Returns
+    -------
+    (cell,) lowest value
+    """
+    low, high = np.zeros(first.shape[1]), np.ones(first.shape[1])
     slope = last - first
-    i, j = np.triu_indices(first.shape[0], k=1)
-    closing = slope[i] - slope[j]
-    meet = (first[j] - first[i]) / np.where(closing == 0.0, np.inf, closing)
-    share = np.concatenate((np.zeros_like(first[:1]), np.ones_like(first[:1]), np.clip(meet, 0.0, 1.0)))
-    ranges = np.full(share.shape, -np.inf)
-    for start, climb in zip(first, slope, strict=True):
-        np.maximum(ranges, start + climb * share, out=ranges)
-    return float(np.min(ranges))
+    for _ in range(GOLDEN_STEPS):
+        left, right = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+        goes_left = np.max(first + slope * left, axis=0) <= np.max(first + slope * right, axis=0)
+        low, high = np.where(goes_left, low, left), np.where(goes_left, right, high)
+    ends = np.stack(
+        [
+            np.max(first + slope * share, axis=0)
+            for share in (low, high, np.zeros_like(low), np.ones_like(low))
+        ]
+    )
+    return np.asarray(ends.min(axis=0))
 
 
 def _range_lines(
