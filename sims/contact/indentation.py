@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cache
 from importlib.metadata import version
 
 from design.errors import DesignError, InputError
@@ -49,6 +50,12 @@ edge, finer ones may chatter at deep presses (which is refused, not hidden)."""
 
 _SOLVED: dict[str, UnitPress] = {}
 """Solutions of this process by key; each is a pure function of its key."""
+
+
+@cache
+def _mujoco_version() -> str:
+    """Looked up once: the installed package's record is read from disk."""
+    return version("mujoco")
 
 
 def modulus_mpa(design: SensorDesign) -> float:
@@ -95,7 +102,7 @@ def _unit_press(
         "mesh": mesh_size,
         "depths": depths,
         "recipe": RECIPE,
-        "mujoco": version("mujoco"),
+        "mujoco": _mujoco_version(),
     }
     key = entry_key(inputs)
     notes: tuple[str, ...] = ()
