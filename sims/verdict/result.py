@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -71,24 +71,24 @@ class ContinuityScore:
     seed: int
     fine: bool
     is_facing_rows: bool
-    deadbands_mm: tuple[Interval, ...]
-    governing: str | None
-    worst_pair_mm: float | None
-    worst_pair: str | None
-    mode_gap_mm: float | None
-    continuity: float | None
-    evenness: float | None
-    strength: dict[str, float] | None
-    pairs: tuple[JudgedPair, ...]
-    unjudged: dict[str, float]
-    clipped: tuple[str, ...]
-    untouched_flux: FloatArray | None
-    readout: Readout | None
-    pad_map: PadMap | None
-    pad_signals: LightSignals | None
-    force: ForceCurve | None
-    tolerance: ToleranceBand | None
-    warnings: tuple[str, ...]
+    deadbands_mm: tuple[Interval, ...] = ()
+    governing: str | None = None
+    worst_pair_mm: float | None = None
+    worst_pair: str | None = None
+    mode_gap_mm: float | None = None
+    continuity: float | None = None
+    evenness: float | None = None
+    strength: dict[str, float] | None = None
+    pairs: tuple[JudgedPair, ...] = ()
+    unjudged: dict[str, float] = field(default_factory=dict)
+    clipped: tuple[str, ...] = ()
+    untouched_flux: FloatArray | None = None
+    readout: Readout | None = None
+    pad_map: PadMap | None = None
+    pad_signals: LightSignals | None = None
+    force: ForceCurve | None = None
+    tolerance: ToleranceBand | None = None
+    warnings: tuple[str, ...] = ()
 
     @property
     def deadband_total_mm(self) -> float:
