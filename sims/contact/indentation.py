@@ -40,7 +40,7 @@ __all__ = [
     "wall_note",
 ]
 
-RECIPE = 7
+RECIPE = 8
 """Version of the solver behind stored solutions. Raise it when results change."""
 DEFAULT_MESH = 0.1
 """Node spacing under the tip [tip radii]: 0.3 mm for a 3 mm tip."""

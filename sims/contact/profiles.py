@@ -39,6 +39,7 @@ class UnitPress:
     depths : (depth,) solved press depths, increasing, without 0
     rest_radii : (node,) radii of the top nodes at rest, from the axis to the wall
     radii, heights : (depth, node) deformed top
+    normal_force : (depth, node) force of the tip on each top node, whole turn; positive where it presses
     force, contact_radius : (depth,)
     reaction : (depth,) reaction of the bonded surfaces, computed from the shape alone
     penetration, last_step : (depth,) overlap with the tip; last motion of the solver
@@ -57,6 +58,7 @@ class UnitPress:
     rest_radii: FloatArray
     radii: FloatArray
     heights: FloatArray
+    normal_force: FloatArray
     force: FloatArray
     contact_radius: FloatArray
     reaction: FloatArray

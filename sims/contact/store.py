@@ -31,7 +31,7 @@ FORMAT = 1
 _UNREADABLE = (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error)
 """What reading a damaged entry raises; RuntimeError is zipfile's for flags that it does not support."""
 _SCALARS = ("layer_depth", "wall_radius", "mesh_size", "wedge_angle")
-_PER_STATE = ("radii", "heights")
+_PER_STATE = ("radii", "heights", "normal_force")
 
 
 def cache_folder() -> Path:

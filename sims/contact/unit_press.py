@@ -61,6 +61,7 @@ def solve_unit_press(
         rest_radii=mesh.nodes[mesh.top, 0],
         radii=solution.radii,
         heights=solution.heights,
+        normal_force=solution.normal_force,
         force=solution.force,
         contact_radius=np.array(contact),
         versions=(f"mujoco {version('mujoco')}",),

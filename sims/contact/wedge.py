@@ -26,6 +26,7 @@ Method and its traps: feasibility study of this project, section "Contact"; MuJo
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -39,6 +40,7 @@ from numpy.typing import NDArray
 from sims.contact.mesh import RadialMesh
 from sims.contact.press_checks import PressState, StepCheck, check_press, settled_limit
 from sims.contact.settling import WINDOW, History
+from sims.contact.top_load import contact_forces, shared_out
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -78,6 +80,7 @@ class WedgeSolution:
     ----------
     depths : (depth,) press depths
     radii, heights : (depth, top node) deformed top from the axis to the wall, mean of the two faces
+    normal_force : (depth, top node) force of the tip on the node, positive where it presses the layer
     force : (depth,) press force
     checks : one record a depth
     """
@@ -85,6 +88,7 @@ class WedgeSolution:
     depths: FloatArray
     radii: FloatArray
     heights: FloatArray
+    normal_force: FloatArray
     force: FloatArray
     checks: tuple[StepCheck, ...]
 
@@ -225,6 +229,7 @@ class _Press:
         vertical = [j for j in range(self.model.njnt) if self.model.jnt_axis[j][2] > 0.5]
         self.vertical_dofs = self.model.jnt_dofadr[vertical]
         self.copies = float(2.0 * np.pi / np.sin(WEDGE_ANGLE))
+        self.normal_force = np.zeros(len(mesh.top))
 
     def _step(self) -> float:
         """One damped static iteration; largest motion of a vertex [tip radii]."""
@@ -236,6 +241,14 @@ class _Press:
     def _force(self) -> float:
         """Contact force of the full turn [E R²]."""
         return -float(self.copies * self.data.qfrc_constraint[self.vertical_dofs].sum())
+
+    def _normal_force(self) -> FloatArray:
+        """(top node,) contact force on the nodes of the top, whole turn [E R²]."""
+        at, force = contact_forces(self.data)
+        points = np.asarray(self.data.flexvert_xpos, dtype=np.float64)
+        radius = self.wedge.face_mean(np.hypot(points[:, 0], points[:, 1]), self.mesh.top)
+        height = self.wedge.face_mean(points[:, 2], self.mesh.top)
+        return shared_out(at, self.copies * force, np.stack([radius, height], axis=1))
 
     def approach(self, depth: float, guess: FloatArray) -> None:
         """Move the tip to `depth` and iterate a few times, on the way to deeper states."""
@@ -259,15 +272,19 @@ class _Press:
     def _iterated(self, depth: float, limit: float) -> PressState:
         """Iterate until no vertex moves by `limit` in a step, until a narrow cycle, or until patience ends."""
         history = History()
+        loads: deque[FloatArray] = deque(maxlen=WINDOW)
         for count in range(1, MOST_STEPS + 1):
             last_step = self._step()
+            loads.append(self._normal_force())
             if not np.isfinite(last_step) or (count >= FEWEST_STEPS and last_step < limit):
                 break
             history.add(self.data.qpos, self._force())
             cycle = history.cycle() if count % WINDOW == 0 else None
             if cycle is not None:
+                self.normal_force = np.mean(loads, axis=0)
                 self.data.qpos[:] = cycle.mean
                 return self._state(depth, cycle.force, 0.0, cycle.spread, count)
+        self.normal_force = loads[-1]
         return self._state(depth, self._force(), last_step, 0.0, count)
 
     def _state(self, depth: float, force: float, last_step: float, chatter: float, steps: int) -> PressState:
@@ -320,6 +337,7 @@ def solve_wedge(
         depths=np.array(depths, dtype=np.float64),
         radii=np.array([one.radii for one in found]),
         heights=np.array([one.heights for one in found]),
+        normal_force=np.array([one.normal_force for one in found]),
         force=np.array([one.check.force for one in found]),
         checks=tuple(one.check for one in found),
     )
@@ -331,6 +349,7 @@ class _Settled:
 
     radii: FloatArray
     heights: FloatArray
+    normal_force: FloatArray
     check: StepCheck
 
 
@@ -365,6 +384,7 @@ def _settled(mesh: RadialMesh, depths: Sequence[float], first: int, progress: _P
                 _Settled(
                     press.wedge.face_mean(radius, mesh.top),
                     press.wedge.face_mean(state.deformed[:, 2], mesh.top),
+                    press.normal_force,
                     check_press(state),
                 )
             )
