@@ -93,10 +93,10 @@ def _free_curve(radius: FloatArray, height: FloatArray, edge: float, depth: floa
     return np.asarray(spline(np.concatenate(pieces)), dtype=np.float64)
 
 
-def surface_curve(
+def free_surface(
     radius: FloatArray, height: FloatArray, depth: float, *, spacing: float, tolerance: float
-) -> tuple[FloatArray, FloatArray, float]:
-    """The deformed top as a dense curve.
+) -> tuple[float, FloatArray]:
+    """The contact edge and the surface beyond it.
 
     Parameters
     ----------
@@ -107,20 +107,43 @@ def surface_curve(
 
     Returns
     -------
-    radius, height : (n,) curve from the axis, at height -depth, to the wall, at height 0 [tip radii]
-    contact radius : radius of the circle where the surface leaves the tip [tip radii]
+    edge : outline coordinate of the contact edge [tip radii]
+    points : (n, 2) dense free surface that follows the edge, to the wall [tip radii]
     """
     edge, first = contact_coordinate(radius, height, depth, tolerance)
     along = tip_coordinate(radius[first : first + 1], height[first : first + 1], depth)
     if along[0] - edge < _LEAST_CLEARANCE * spacing:
         first += 1
+    return edge, _free_curve(radius[first:], height[first:], edge, depth)
+
+
+def whole_curve(edge: float, free: FloatArray, depth: float) -> tuple[FloatArray, FloatArray, float]:
+    """The exact tip up to the contact edge, then the free surface, which never enters the tip.
+
+    Parameters
+    ----------
+    edge : outline coordinate of the contact edge [tip radii]
+    free : (n, 2) free surface that follows the edge [tip radii]
+    depth : press depth > 0 [tip radii]
+
+    Returns
+    -------
+    radius, height : (n,) curve from the axis, at height -depth, to the end of the free surface [tip radii]
+    contact radius : radius of the circle where the surface leaves the tip [tip radii]
+    """
     count = max(2, int(np.ceil(edge / NEAR_SPACING)) + 1)
     tip_radius, tip_height = tip_outline(np.linspace(0.0, edge, count), depth)
-    free = _free_curve(radius[first:], height[first:], edge, depth)
     free_radius, free_height = outside_tip(free[:, 0], free[:, 1], depth)
-    contact_radius = float(np.sin(min(edge, 0.5 * np.pi)))
     return (
         np.concatenate([tip_radius, free_radius]),
         np.concatenate([tip_height, free_height]),
-        contact_radius,
+        float(np.sin(min(edge, 0.5 * np.pi))),
     )
+
+
+def surface_curve(
+    radius: FloatArray, height: FloatArray, depth: float, *, spacing: float, tolerance: float
+) -> tuple[FloatArray, FloatArray, float]:
+    """The deformed top as a dense curve: `whole_curve` of `free_surface`, which have the parameters."""
+    edge, free = free_surface(radius, height, depth, spacing=spacing, tolerance=tolerance)
+    return whole_curve(edge, free, depth)
