@@ -117,6 +117,11 @@ def free_surface(
     return edge, _free_curve(radius[first:], height[first:], edge, depth)
 
 
+def contact_radius_at(edge: float) -> float:
+    """Radius of the tip's outline where the surface leaves it, at an outline coordinate [tip radii]."""
+    return float(np.sin(min(edge, 0.5 * np.pi)))
+
+
 def whole_curve(edge: float, free: FloatArray, depth: float) -> tuple[FloatArray, FloatArray, float]:
     """The exact tip up to the contact edge, then the free surface, which never enters the tip.
 
@@ -137,7 +142,7 @@ def whole_curve(edge: float, free: FloatArray, depth: float) -> tuple[FloatArray
     return (
         np.concatenate([tip_radius, free_radius]),
         np.concatenate([tip_height, free_height]),
-        float(np.sin(min(edge, 0.5 * np.pi))),
+        contact_radius_at(edge),
     )
 
 
