@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterator
-from typing import Any
+from types import NoneType
+from typing import Any, get_args
 
 from pydantic import BaseModel
 
@@ -16,9 +17,10 @@ def known_paths(model: type[BaseModel], prefix: str = "") -> tuple[str, ...]:
     found: list[str] = []
     for name, field in model.model_fields.items():
         path = f"{prefix}{name}"
-        inner = field.annotation
-        if isinstance(inner, type) and issubclass(inner, BaseModel):
-            found += known_paths(inner, f"{path}.")
+        options = get_args(field.annotation)
+        for inner in options if NoneType in options else (field.annotation,):
+            if isinstance(inner, type) and issubclass(inner, BaseModel):
+                found += known_paths(inner, f"{path}.")
         found.append(path)
     return tuple(found)
 
@@ -56,7 +58,7 @@ def set_at(document: dict[str, Any], path: str, value: Any, *, known: tuple[str,
     target: Any = document
     try:
         for key in parents:
-            target = target[int(key)] if isinstance(target, list) else _step_into(target, key, path)
+            target = target[int(key)] if isinstance(target, list) else _step_into(target, key, path, known)
         if isinstance(target, list):
             target[int(last)] = value
         elif path in known or last in target or _free_keys(path):
@@ -92,9 +94,9 @@ def unknown_path(path: str, known: tuple[str, ...]) -> DesignError:
     return DesignError(f"{path}: no such field in a design; {hint}")
 
 
-def _step_into(target: dict[str, Any], key: str, path: str) -> Any:
-    if key not in target and path.startswith("part_measurements."):
-        target[key] = {}  # the user's first measurement of this part
+def _step_into(target: dict[str, Any], key: str, path: str, known: tuple[str, ...]) -> Any:
+    if target.get(key) is None and (path in known or path.startswith("part_measurements.")):
+        target[key] = {}  # an optional table, or the user's first measurement of this part
     return target[key]
 
 

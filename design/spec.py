@@ -11,7 +11,13 @@ import json
 from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import (
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    model_serializer,
+    model_validator,
+)
 
 from design import paths
 from design.base import Model, PartId
@@ -59,6 +65,18 @@ class Mold(Model):
     material: PartId = "abs-black"
 
 
+class Viscoelastic(Model):
+    """How the load relaxes at constant depth; there are no defaults, because no source gives values."""
+
+    relaxed_share: Annotated[
+        float,
+        Field(ge=0.0, le=0.95, description="share of the instantaneous modulus that relaxes away"),
+    ]
+    time_constant_s: Annotated[
+        float, Field(gt=0.0, le=1e6, description="of the relaxation after a step in depth")
+    ]
+
+
 class Elastomer(Model):
     """The clear elastomer; a value given here replaces the catalogue's and counts as measured."""
 
@@ -67,6 +85,18 @@ class Elastomer(Model):
     refractive_index: Annotated[float | None, Field(ge=1.0, le=2.5)] = None
     absorption_db_per_cm: Annotated[float | None, Field(ge=0.0, le=50.0)] = None
     youngs_modulus_mpa: Annotated[float | None, Field(gt=0.0, le=100.0)] = None
+    viscoelastic: Annotated[
+        Viscoelastic | None,
+        Field(description="load that depends on the past, in the load protocol only; absent: elastic"),
+    ] = None
+
+    @model_serializer(mode="wrap")
+    def _without_an_absent_option(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave the option out where it is absent: designs without it keep their digest."""
+        document: dict[str, Any] = plain(self)
+        if self.viscoelastic is None:
+            document.pop("viscoelastic", None)
+        return document
 
 
 class Surfaces(Model):

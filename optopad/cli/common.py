@@ -46,9 +46,7 @@ def read_design(where: str, changes: list[str] | None) -> SensorDesign:
         design = preset(where)
     else:
         design = load_design(path / "design.toml" if (path / "manifest.json").is_file() else path)
-    for change in changes or []:
-        design = design.with_(**dict([parsed_change(change)]))
-    return design
+    return design.with_(**dict(parsed_change(change) for change in changes)) if changes else design
 
 
 def parsed_change(text: str) -> tuple[str, Any]:

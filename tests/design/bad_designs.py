@@ -21,6 +21,8 @@ GOOD: Mapping[str, str] = {
     "mold.outer_length_mm": "45.0",
     "mold.outer_width_mm": "45.0",
     "elastomer.mixing_ratio": "20.0",
+    "elastomer.viscoelastic.relaxed_share": "0.2",
+    "elastomer.viscoelastic.time_constant_s": "5.0",
     "emitters.part": '"sunled-xscwd23mb"',
     "emitters.height_mm": "5.0",
     "receivers.part": '"osram-sfh206k"',

@@ -73,3 +73,16 @@ def test_an_unknown_preset_offers_the_nearest() -> None:
     with pytest.raises(InputError, match="did you mean piacenza2017-pad") as caught:
         preset("piacenza-pad")
     assert all(name in str(caught.value) for name in PRESETS)
+
+
+@pytest.mark.parametrize(
+    ("name", "start"),
+    [
+        ("piacenza2017-pad", "0c3a4f54dac2"),
+        ("piacenza2017-pair", "cfa40125d7eb"),
+        ("oblong-60x40", "f47ad7800653"),
+        ("fingertip-16", "823cc13780b1"),
+    ],
+)
+def test_a_new_option_that_is_absent_leaves_the_digest_of_a_preset(name: str, start: str) -> None:
+    assert preset(name).digest.startswith(start)  # as before `elastomer.viscoelastic` came

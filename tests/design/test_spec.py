@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from design.errors import DesignError
 from design.io import dump_design
 from design.paths import get_at, leaves, set_at
-from design.spec import SensorDesign
+from design.spec import SensorDesign, Viscoelastic
 from tests.design.bad_designs import design_text
 from tests.design.spec_fields import (
     NumericField,
@@ -27,6 +27,10 @@ from tests.design.spec_fields import (
 )
 
 LIMITED = limited_fields()
+NO_OPTION: dict[str, str | None] = {
+    "elastomer.viscoelastic.relaxed_share": None,
+    "elastomer.viscoelastic.time_constant_s": None,
+}
 
 
 def from_text(text: str) -> SensorDesign:
@@ -47,7 +51,7 @@ def test_the_walk_over_the_schema_finds_its_numbers() -> None:
         "layout.0.count",
         "layout.0.pitch_mm",
     } <= paths
-    assert len(LIMITED) == 44
+    assert len(LIMITED) == 46
 
 
 def test_every_number_has_limits_but_those_that_the_board_limits() -> None:
@@ -107,6 +111,24 @@ def test_with_sets_the_first_measurement_of_a_part() -> None:
     assert design.part_measurements == {"osram-sfh206k": {"active_width_mm": 2.6}}
 
 
+def test_with_fills_an_optional_table_that_was_absent() -> None:
+    design = good(**{"elastomer.viscoelastic": None})
+    assert design.elastomer.viscoelastic is None
+    changes = {"elastomer.viscoelastic.relaxed_share": 0.3, "elastomer.viscoelastic.time_constant_s": 2.0}
+    assert design.with_(**changes).elastomer.viscoelastic == Viscoelastic(
+        relaxed_share=0.3, time_constant_s=2.0
+    )
+    with pytest.raises(DesignError, match=r"elastomer\.viscoelastic\.time_constant_s: is missing"):
+        design.with_(**{"elastomer.viscoelastic.relaxed_share": 0.3})
+
+
+def test_a_design_without_the_viscoelastic_option_has_no_word_of_it() -> None:
+    absent = good(**{"elastomer.viscoelastic": None})
+    assert "viscoelastic" not in json.dumps(absent.model_dump(mode="json"))
+    assert absent.digest == from_text(design_text(NO_OPTION)).digest
+    assert absent.digest != good().digest
+
+
 def test_with_an_unknown_path_offers_the_nearest_names() -> None:
     with pytest.raises(
         DesignError, match=r"cavity\.clear_thicknes_mm: .* did you mean cavity\.clear_thickness_mm"
@@ -148,6 +170,7 @@ def test_a_digest_ignores_comments_order_and_number_format() -> None:
             "layout = [{parts_per_side = 4, pattern = 'alternating_ring'}]",
             "receivers = {height_mm = 6, part = 'osram-sfh206k'}",
             "emitters = {height_mm = 5e0, part = 'sunled-xscwd23mb'}",
+            "elastomer.viscoelastic = {time_constant_s = 5, relaxed_share = 2e-1}",
             "elastomer.mixing_ratio = 20",
             "mold = {outer_width_mm = 45, outer_length_mm = 4.5e1}",
             "cavity = {clear_thickness_mm = 8, width_mm = 32, length_mm = 3_2.0}",
