@@ -1,0 +1,86 @@
+"""Load against depth of the centred press, with the band that the material's modulus leaves open.
+
+The layer's shape does not depend on its modulus, and the load is proportional to it: F = E R² f(d/R, h/R).
+So one solved press gives the load at the catalogue's modulus and at both ends of its band (the mixing
+ratio sets the value; cure and batch, the band). A modulus that was measured on the build has no band.
+
+What it leaves out: the band holds the modulus only, not the error of the contact model (see
+`mesh_error`) nor the distance of the real walls.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.properties import modulus
+from design.quantity import Quantity
+from design.spec import SensorDesign
+from sims.contact.profiles import SolvedPress
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceCurve:
+    """Load against depth of the centred press, from the contact model.
+
+    Attributes
+    ----------
+    depth_mm, contact_radius_mm : (n,) each [mm]
+    force_n : (n,) load at the modulus believed most [N]
+    low_n, high_n : (n,) load at the ends of the modulus's band [N]; equal to `force_n` without a band
+    """
+
+    depth_mm: FloatArray
+    force_n: FloatArray
+    contact_radius_mm: FloatArray
+    low_n: FloatArray
+    high_n: FloatArray
+
+    @property
+    def has_band(self) -> bool:
+        """Whether the modulus is uncertain."""
+        return bool(self.low_n[-1] < self.high_n[-1])
+
+    def at(self, depth_mm: float) -> tuple[float, float, float]:
+        """Load and the ends of its band [N] at a depth, on straight lines between the stored ones."""
+        low, value, high = (
+            float(np.interp(depth_mm, self.depth_mm, load))
+            for load in (self.low_n, self.force_n, self.high_n)
+        )
+        return value, low, high
+
+
+def band_factors(young: Quantity) -> tuple[float, float]:
+    """Ends of a modulus's band over its value [-]; 1 where there is no band."""
+    low = young.value if young.low is None else young.low
+    high = young.value if young.high is None else young.high
+    return low / young.value, high / young.value
+
+
+def force_curve(design: SensorDesign, press: SolvedPress, depth_mm: FloatArray) -> ForceCurve:
+    """The load curve of a solved press.
+
+    Parameters
+    ----------
+    design : the sensor whose elastomer gives the band
+    press : its solved press
+    depth_mm : (n,) increasing depths [mm]
+
+    Raises
+    ------
+    ModelScopeError : deeper than solved
+    """
+    states = [press.at(float(depth)) for depth in depth_mm]
+    force = np.array([state.force_n for state in states])
+    low, high = band_factors(modulus(design))
+    return ForceCurve(
+        depth_mm=np.asarray(depth_mm, dtype=np.float64),
+        force_n=force,
+        contact_radius_mm=np.array([state.contact_radius_mm for state in states]),
+        low_n=low * force,
+        high_n=high * force,
+    )
