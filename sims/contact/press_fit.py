@@ -29,16 +29,35 @@ def _resampled(points: FloatArray) -> FloatArray:
     return np.asarray(CubicSpline(length, points)(length[-1] * arc_shares()), dtype=np.float64)
 
 
-def _load_inside(force: FloatArray, along: FloatArray, edge: float) -> FloatArray:
-    """(share,) part of the load within `LOAD_SHARES` of the contact; a node loads the cells beside it."""
-    loaded = np.flatnonzero(force > 0.0)
-    count = int(loaded[-1]) + 1
-    middles = 0.5 * (along[: count - 1] + along[1:count])
+def tributary_areas(radius: FloatArray, height: FloatArray) -> FloatArray:
+    """(node,) area of the full turn that loads each node of a polyline, ∫ N 2πr ds with its hat function N.
+
+    A node on the axis has a third of the disk to its neighbour, not the quarter out to the middle between them.
+    """
+    length = np.hypot(np.diff(radius), np.diff(height))
+    areas = np.zeros_like(radius)
+    areas[:-1] += 2.0 * np.pi * length * (radius[:-1] / 3.0 + radius[1:] / 6.0)
+    areas[1:] += 2.0 * np.pi * length * (radius[:-1] / 6.0 + radius[1:] / 3.0)
+    return areas
+
+
+def _load_inside(
+    force: FloatArray, radius: FloatArray, height: FloatArray, along: FloatArray, edge: float
+) -> FloatArray:
+    """(share,) part of the load within `LOAD_SHARES` of the contact; a node carries its own area's load."""
+    count = int(np.flatnonzero(force > 0.0)[-1]) + 1
     inside = np.cumsum(force[:count]) / force[:count].sum()
-    kept = middles < edge
-    places = np.concatenate([[0.0], middles[kept] / edge, [1.0]])
+    reach = np.cumsum(tributary_areas(radius, height))[: count - 1]
+    ring = np.pi * (radius[1:] + radius[:-1]) * np.hypot(np.diff(radius), np.diff(height))
+    root = np.sqrt(
+        np.append(0.0, np.cumsum(ring))
+    )  # the root of the area within a node: nearly linear along the tip
+    whole = float(np.interp(edge, along, root)) ** 2
+    kept = reach < whole
+    places = np.concatenate([[0.0], reach[kept] / whole, [1.0]])
     shares = np.concatenate([[0.0], inside[: count - 1][kept], [1.0]])
-    return np.asarray(PchipInterpolator(places, shares)(LOAD_SHARES), dtype=np.float64)
+    wanted = np.interp(LOAD_SHARES * edge, along, root) ** 2 / whole
+    return np.asarray(PchipInterpolator(places, shares)(np.minimum(wanted, 1.0)), dtype=np.float64)
 
 
 def _state(unit: UnitPress, index: int) -> StateValues:
@@ -52,7 +71,9 @@ def _state(unit: UnitPress, index: int) -> StateValues:
         log_force=float(np.log(unit.force[index])),
         log_edge=float(np.log(edge)),
         free=_resampled(np.concatenate([start[None], free])) - start,
-        load=_load_inside(unit.normal_force[index], tip_coordinate(radius, height, depth), edge),
+        load=_load_inside(
+            unit.normal_force[index], radius, height, tip_coordinate(radius, height, depth), edge
+        ),
     )
 
 
