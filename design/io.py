@@ -1,7 +1,8 @@
 """Reading and writing design files; nothing half-written, every refusal with its reason.
 
 A file is TOML in UTF-8. `catalog_files` at its top names files beside it with parts and materials
-of the user's own; they are read into the design, so that a saved design stands alone.
+of the user's own, `profile_csv` under `[indenter]` a file with the tip's points; they are read into the
+design, so that a saved design stands alone.
 """
 
 from __future__ import annotations
@@ -18,9 +19,11 @@ import tomlkit
 from design import catalog
 from design.errors import DesignError, OutputError
 from design.spec import SCHEMA_VERSION, SensorDesign
+from design.tip_profile import read_profile
 
 MAX_FILE_BYTES = 1_000_000
 CATALOG_FILES = "catalog_files"
+PROFILE_FILE = "profile_csv"
 
 
 def load_design(path: str | os.PathLike[str]) -> SensorDesign:
@@ -33,7 +36,8 @@ def load_design(path: str | os.PathLike[str]) -> SensorDesign:
     file = Path(path)
     document = read_toml(file)
     check_version(document, file)
-    return SensorDesign.from_document(_with_own_catalog(document, file), where=str(file))
+    document = _with_own_profile(_with_own_catalog(document, file), file)
+    return SensorDesign.from_document(document, where=str(file))
 
 
 def save_design(design: SensorDesign, path: str | os.PathLike[str]) -> None:
@@ -149,7 +153,7 @@ def _with_own_catalog(document: dict[str, Any], file: Path) -> dict[str, Any]:
         return document
     own = catalog.CatalogEntries()
     for name in names:
-        beside = _beside(file, name)
+        beside = _beside(file, name, CATALOG_FILES)
         own = catalog.merged(own, catalog.parse_entries(read_toml(beside), where=str(beside)))
     given = document.get("catalog", {})
     if given:
@@ -157,19 +161,30 @@ def _with_own_catalog(document: dict[str, Any], file: Path) -> dict[str, Any]:
     return document | {"catalog": own.model_dump(mode="json")}
 
 
-def _beside(file: Path, name: str) -> Path:
+def _with_own_profile(document: dict[str, Any], file: Path) -> dict[str, Any]:
+    indenter = document.get("indenter")
+    if not isinstance(indenter, dict) or PROFILE_FILE not in indenter:
+        return document
+    key, name = f"indenter.{PROFILE_FILE}", indenter[PROFILE_FILE]
+    if not isinstance(name, str):
+        raise DesignError(f"{file}: {key}: {name!r} is refused: give the name of a file, in quotes")
+    if "profile_mm" in indenter:
+        raise DesignError(f"{file}: {key}: stands beside indenter.profile_mm; keep one of the two")
+    given = {field: value for field, value in indenter.items() if field != PROFILE_FILE}
+    return document | {"indenter": given | {"profile_mm": read_profile(_beside(file, name, key))}}
+
+
+def _beside(file: Path, name: str, key: str) -> Path:
     folder = file.parent.resolve()
     try:
         target = (folder / name).resolve()
     except ValueError as err:  # a null byte in the name
-        raise DesignError(f"{file}: {CATALOG_FILES}: {name!r} is no name of a file: {err}") from None
+        raise DesignError(f"{file}: {key}: {name!r} is no name of a file: {err}") from None
     if not target.is_relative_to(folder):
-        raise DesignError(
-            f"{file}: {CATALOG_FILES}: {name!r} leaves the design's folder; put it beside the design"
-        )
+        raise DesignError(f"{file}: {key}: {name!r} leaves the design's folder; put it beside the design")
     if not target.is_file():
         raise DesignError(
-            f"{file}: {CATALOG_FILES}: {name!r} is no file beside the design; correct its name or remove it"
+            f"{file}: {key}: {name!r} is no file beside the design; correct its name or remove it"
         )
     return target
 
@@ -182,5 +197,9 @@ def file_schema() -> dict[str, Any]:
         "type": "array",
         "items": {"type": "string"},
         "description": "files beside the design with parts and materials of your own",
+    }
+    schema["$defs"]["Indenter"]["properties"][PROFILE_FILE] = {
+        "type": "string",
+        "description": "file beside the design with the points of profile_mm, one a row",
     }
     return schema

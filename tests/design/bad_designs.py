@@ -409,6 +409,101 @@ _FITS = (
     _field("indenter.tip_radius_mm", "0.003", "0.003", "at least 0.5 mm"),
 )
 
+_PROFILE = {"indenter.shape": '"profile"'}
+
+_TIPS = (
+    _field("indenter.shape", '"ball"', "ball", "hemisphere"),
+    _field("indenter.edge_radius_mm", "0.3", "'flat_punch' or 'cone'", "'hemisphere'"),
+    _field("indenter.profile_mm", "[[0.0, 0.0], [3.0, 1.0]]", "'profile'", "'hemisphere'"),
+    _text(
+        "an angle of a flat punch",
+        design_text({"indenter.shape": '"flat_punch"', "indenter.cone_half_angle_deg": "60.0"}),
+        "indenter.cone_half_angle_deg",
+        "'cone'",
+        "'flat_punch'",
+    ),
+    _text(
+        "an edge wider than its tip",
+        design_text({"indenter.shape": '"flat_punch"', "indenter.edge_radius_mm": "3.5"}),
+        "indenter.edge_radius_mm",
+        "3.5",
+        "tip_radius_mm = 3 mm",
+    ),
+    _text("a profile without points", design_text(_PROFILE), "indenter.profile_mm", "missing", "profile_csv"),
+    *(
+        _text(what, design_text(_PROFILE | {"indenter.profile_mm": points}), *words)
+        for what, points, words in (
+            (
+                "a profile that is no function",
+                "[[0, 0], [2, 1], [1.5, 2], [3, 3]]",
+                ("indenter.profile_mm.2", "1.5 mm after 2 mm", "function of radius"),
+            ),
+            (
+                "a profile that falls",
+                "[[0, 0], [2, 1], [3, 0.5]]",
+                ("indenter.profile_mm.2", "0.5 mm after 1 mm", "must not fall"),
+            ),
+            (
+                "a profile without an apex",
+                "[[0.1, 0], [3, 0.5]]",
+                ("indenter.profile_mm.0", "[0.1, 0]", "apex"),
+            ),
+            (
+                "a profile that misses its shank",
+                "[[0, 0], [2.5, 0.5]]",
+                ("indenter.profile_mm.1", "2.5 mm", "tip_radius_mm = 3 mm"),
+            ),
+            (
+                "a profile in micrometres",
+                "[[0, 0], [3, 500]]",
+                ("indenter.profile_mm.1", "500 mm", "at most 50 mm"),
+            ),
+            ("a profile of one point", "[[0, 0]]", ("indenter.profile_mm", "at least 2")),
+        )
+    ),
+    _text(
+        "a profile's file outside the folder",
+        design_text(_PROFILE | {"indenter.profile_csv": '"../tip.csv"'}),
+        "indenter.profile_csv",
+        "../tip.csv",
+        "leaves the design's folder",
+    ),
+    _text(
+        "a profile's file that is a number",
+        design_text(_PROFILE | {"indenter.profile_csv": "3"}),
+        "indenter.profile_csv",
+        "3 is refused",
+    ),
+    _text(
+        "a profile given twice",
+        design_text(
+            _PROFILE | {"indenter.profile_csv": '"tip.csv"', "indenter.profile_mm": "[[0, 0], [3, 1]]"}
+        ),
+        "indenter.profile_csv",
+        "keep one",
+    ),
+    *(
+        BadDesign(
+            id=what,
+            content=design_text(_PROFILE | {"indenter.profile_csv": '"tip.csv"'}).encode(),
+            beside={"tip.csv": text},
+            words=words,
+        )
+        for what, text, words in (
+            (
+                "a profile's file that is no function",
+                "r_mm,height_mm\n0,0\n2,1\n2,2\n3,3\n",
+                ("tip.csv: row 4", "radius 2 mm after 2 mm", "function of radius"),
+            ),
+            ("a profile's file with a word", "0,0\n1,high\n3,2\n", ("tip.csv: row 2", "1 high")),
+            ("a profile's file with a third number", "0,0,1\n3,2,1\n", ("tip.csv: row 1", "0 0 1")),
+            ("a profile's file without points", "r,h\n", ("tip.csv", "0 points", "at least 2")),
+            ("a profile's file with no number", "0,0\nnan,1\n3,2\n", ("tip.csv: row 2", "finite")),
+            ("a profile's file of another radius", "0,0\n4,2\n", ("indenter.profile_mm.1", "4 mm")),
+        )
+    ),
+)
+
 _BOARD = (
     _field("board.emitter_pins", "[22, 23, 24, 25, 26, 27, 28, 22]", "pin 22", "2 emitters"),
     _field("board.emitter_pins", "[22, 23]", "8 emitters", "exactly 8"),
@@ -441,5 +536,6 @@ BAD_DESIGNS: tuple[BadDesign, ...] = (
     *_REFERENCES,
     *_CATALOGUES,
     *_FITS,
+    *_TIPS,
     *_BOARD,
 )

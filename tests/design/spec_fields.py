@@ -103,7 +103,11 @@ def pattern_of(path: str) -> dict[str, Any]:
 
 def designs() -> st.SearchStrategy[SensorDesign]:
     """Valid designs: every number anywhere in its limits, any text, any mixture of patterns."""
-    values = {field.path: _values(field) for field in _fields_of(SensorDesign, "") if _is_limited(field)}
+    values = {
+        field.path: _values(field)
+        for field in _fields_of(SensorDesign, "")
+        if _is_limited(field) and not field.path.startswith("indenter.")
+    }
     ids = st.from_regex(r"[a-z0-9][a-z0-9-]{0,20}", fullmatch=True)
     others = {
         "name": st.from_regex(r"[A-Za-z0-9][A-Za-z0-9._-]{0,20}", fullmatch=True),
@@ -114,7 +118,32 @@ def designs() -> st.SearchStrategy[SensorDesign]:
             ids, st.dictionaries(st.just("active_width_mm"), st.floats(-1e6, 1e6), min_size=1), max_size=2
         ),
     }
-    return st.fixed_dictionaries({}, optional={**values, **others}).map(lambda changes: good(**changes))
+    given = st.fixed_dictionaries({}, optional={**values, **others})
+    return st.tuples(given, tips()).map(lambda parts: good(**parts[0], **parts[1]))
+
+
+def tips() -> st.SearchStrategy[dict[str, Any]]:
+    """Dotted paths of any tip; rounding radii are at most the smallest tip's radius."""
+    rounding = st.floats(0.05, 0.5)
+    radius = {"indenter.tip_radius_mm": st.floats(0.5, 20.0)}
+    edge = {"indenter.edge_radius_mm": rounding}
+    cone = {
+        "indenter.apex_radius_mm": rounding,
+        "indenter.cone_half_angle_deg": st.floats(20.0, 85.0),
+    }
+    profile = st.lists(st.floats(0.01, 1.0), min_size=1, max_size=8).map(profile_through)
+    return st.one_of(
+        st.fixed_dictionaries({}, optional=radius),
+        st.fixed_dictionaries({"indenter.shape": st.just("flat_punch")}, optional=radius | edge),
+        st.fixed_dictionaries({"indenter.shape": st.just("cone")}, optional=radius | edge | cone),
+        st.fixed_dictionaries({"indenter.shape": st.just("profile"), "indenter.profile_mm": profile}),
+    )
+
+
+def profile_through(steps: list[float]) -> list[list[float]]:
+    """A profile of the default tip radius, 3 mm, with these relative steps in radius and in height."""
+    along = [sum(steps[:count]) / sum(steps) for count in range(len(steps) + 1)]
+    return [[3.0 * share, 2.0 * share**2] for share in along]
 
 
 def _patterns() -> list[st.SearchStrategy[dict[str, Any]]]:

@@ -11,7 +11,14 @@ import pytest
 from hypothesis import given, settings
 
 from design.errors import DesignError, OptopadError
-from design.io import dump_design, load_design, save_design, without_empty, write_text_atomically
+from design.io import (
+    dump_design,
+    file_schema,
+    load_design,
+    save_design,
+    without_empty,
+    write_text_atomically,
+)
 from design.migrate import migrated
 from design.preset import PRESETS, preset
 from design.rules import require_valid
@@ -203,3 +210,20 @@ def test_the_present_version_needs_no_step() -> None:
 def test_what_cannot_be_lifted_is_refused(document: dict[str, object], words: str) -> None:
     with pytest.raises(DesignError, match=words):
         migrated(document)
+
+
+def test_a_tips_points_are_read_from_a_file_beside_the_design_and_saved_inside_it(tmp_path: Path) -> None:
+    text = design_text({"indenter.shape": '"profile"', "indenter.profile_csv": '"tip.csv"'})
+    (tmp_path / "d.toml").write_text(text, encoding="utf-8")
+    (tmp_path / "tip.csv").write_text(
+        "r_mm; height_mm\n# made by hand\n0; 0\n\n1.5; 0.4\n3; 3\n", encoding="utf-8"
+    )
+    design = load_design(tmp_path / "d.toml")
+    assert design.indenter.profile_mm == ((0.0, 0.0), (1.5, 0.4), (3.0, 3.0))
+    (tmp_path / "elsewhere").mkdir()
+    save_design(design, tmp_path / "elsewhere" / "alone.toml")
+    assert load_design(tmp_path / "elsewhere" / "alone.toml").digest == design.digest
+
+
+def test_the_schema_of_a_file_knows_the_profiles_file() -> None:
+    assert file_schema()["$defs"]["Indenter"]["properties"]["profile_csv"]["type"] == "string"
