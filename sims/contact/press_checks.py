@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sims.contact.neo_hookean import elastic_energy, nodal_forces, volumes
 from sims.contact.settling import CHATTER_LIMIT
-from sims.contact.tip import tip_gap
+from sims.contact.tip import HEMISPHERE, TipOutline, tip_gap
 
 FloatArray = NDArray[np.float64]
 
@@ -51,6 +51,7 @@ class PressState:
     last_step : largest motion of a vertex in the last solver step
     chatter : largest distance of a vertex from the mean of the cycle that this state is; 0: no cycle
     steps : solver steps taken [-]
+    tip : what presses
     """
 
     depth: float
@@ -65,6 +66,7 @@ class PressState:
     last_step: float
     chatter: float
     steps: int
+    tip: TipOutline = HEMISPHERE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,10 +109,22 @@ def _reaction(state: PressState) -> float:
     return -state.copies * float(forces[state.is_bonded, 2].sum())
 
 
+def _balances(force: float, reaction: float) -> bool:
+    """Whether the force on the tip is that on the bonded surfaces; False where one is no number."""
+    return abs(force - reaction) <= BALANCE_LIMIT * max(force, BALANCE_FLOOR)
+
+
+def is_balanced(state: PressState) -> bool:
+    """Whether the force on the tip is that on the bonded surfaces."""
+    return _balances(state.contact_force, _reaction(state))
+
+
 def _penetration(state: PressState) -> float:
     """Deepest overlap; vertices are looked at too, because the solver sees no contact that it missed."""
     radius = np.hypot(state.deformed[:, 0], state.deformed[:, 1])
-    return max(state.overlap, 0.0, -float(tip_gap(radius, state.deformed[:, 2], state.depth).min()))
+    return max(
+        state.overlap, 0.0, -float(tip_gap(radius, state.deformed[:, 2], state.depth, state.tip).min())
+    )
 
 
 def measure_press(state: PressState) -> StepCheck:
@@ -144,7 +158,7 @@ def _complaints(check: StepCheck) -> list[str]:
         found.append(f"surface {check.penetration:.3f} tip radii inside the tip, limit {PENETRATION_LIMIT}")
     if not check.smallest_stretch > 0.0:
         found.append(f"inverted element: volume ratio {check.smallest_stretch:.2f}")
-    if not abs(check.force - check.reaction) <= BALANCE_LIMIT * max(check.force, BALANCE_FLOOR):
+    if not _balances(check.force, check.reaction):
         found.append(f"force {check.force:.4e} against reaction {check.reaction:.4e} E R²")
     return found
 

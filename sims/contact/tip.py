@@ -1,42 +1,196 @@
-"""The tip: a hemisphere with a straight shank, in tip radii, and the coordinate along its outline.
+"""The tip in tip radii: an outline of lines and arcs with a straight shank, and the coordinate along it.
 
-       |  |                     outline coordinate t: 0 at the apex, angle of the sphere
-       |  |  shank              up to π/2, then π/2 + height above the equator
+       |  |                     outline coordinate t: arc length from the apex [tip radii]; on a
+       |  |  shank              hemisphere the angle up to π/2, then π/2 + height above the equator
 z=0 ---|--|----- undisturbed top
-       \\  /   hemisphere
+       \\  /   outline          height of the outline is a function of radius, from the axis to 1
         --     apex, at z = -depth
+
+Points inside are those with a radius below 1 and a height above the outline's. Distances are to the
+nearest point of outline and shank, which is exact for every outline.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
+from design.spec import Indenter
+from design.tip_shape import tip_outline as outline_pieces
+
 FloatArray = NDArray[np.float64]
+Row = tuple[float, float, float, float, float, float, float]
+
+_KINK = 1e-6
+"""Turn of the tangent between two pieces that counts as a kink [rad]."""
 
 
-def tip_gap(radius: FloatArray, height: FloatArray, depth: float) -> FloatArray:
+@dataclass(frozen=True)
+class TipOutline:
+    """A tip of radius 1; equal outlines are equal, whatever they were made from.
+
+    Attributes
+    ----------
+    rows : one a piece, from the apex: radius and height of its start, of its end and of its centre, and the
+        radius of an arc, which bulges outward; centre and radius are 0 for a line [tip radii]
+    """
+
+    rows: tuple[Row, ...]
+
+    @cached_property
+    def table(self) -> FloatArray:
+        """(piece, 7) the rows, with the shank as the last: a vertical line without end."""
+        height = self.rows[-1][3]
+        return np.array([*self.rows, (1.0, height, 1.0, height + 1.0, 0.0, 0.0, 0.0)], dtype=np.float64)
+
+    @cached_property
+    def angles(self) -> FloatArray:
+        """(piece, 2) angle of the tangent to the radial direction at start and end [rad]."""
+        start_r, start_h, end_r, end_h, centre_r, centre_h, radius = self.table.T
+        line = np.arctan2(end_h - start_h, end_r - start_r)
+        first = np.where(radius > 0.0, np.arctan2(start_r - centre_r, centre_h - start_h), line)
+        last = np.where(radius > 0.0, np.arctan2(end_r - centre_r, centre_h - end_h), line)
+        return np.stack([first, last], axis=1)
+
+    @cached_property
+    def lengths(self) -> FloatArray:
+        """(piece,) arc length; infinite for the shank."""
+        chord = np.hypot(self.table[:, 2] - self.table[:, 0], self.table[:, 3] - self.table[:, 1])
+        arc = self.table[:, 6] * (self.angles[:, 1] - self.angles[:, 0])
+        length = np.where(self.table[:, 6] > 0.0, arc, chord)
+        length[-1] = np.inf
+        return np.asarray(length, dtype=np.float64)
+
+    @cached_property
+    def starts(self) -> FloatArray:
+        """(piece,) outline coordinate of each start."""
+        return np.concatenate([[0.0], np.cumsum(self.lengths[:-1])])
+
+    @cached_property
+    def kinks(self) -> FloatArray:
+        """(k,) outline coordinates at which the tangent jumps."""
+        jump = np.abs(self.angles[1:, 0] - self.angles[:-1, 1]) > _KINK
+        return np.asarray(self.starts[1:][jump], dtype=np.float64)
+
+    @property
+    def contact_power(self) -> float:
+        """Power of the depth with which the contact radius grows at first touch: flat 0, round 1/2, pointed 1."""
+        if self.rows[0][6] > 0.0:
+            return 0.5
+        return 0.0 if self.rows[0][3] <= self.rows[0][1] else 1.0
+
+    def points(self, coordinate: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Radius and height above the apex (...,) at outline coordinates."""
+        along = np.asarray(coordinate, dtype=np.float64)
+        piece = np.clip(np.searchsorted(self.starts, along, side="right") - 1, 0, len(self.table) - 1)
+        start_r, start_h, _, _, centre_r, centre_h, radius = np.moveaxis(self.table[piece], -1, 0)
+        offset, first = along - self.starts[piece], self.angles[piece, 0]
+        angle = first + offset / np.where(radius > 0.0, radius, 1.0)
+        return (
+            np.where(radius > 0.0, centre_r + radius * np.sin(angle), start_r + offset * np.cos(first)),
+            np.where(radius > 0.0, centre_h - radius * np.cos(angle), start_h + offset * np.sin(first)),
+        )
+
+    def tangent_angle(self, coordinate: float) -> float:
+        """Angle of the tangent to the radial direction [rad]; at a kink that of the piece before it."""
+        piece = max(int(np.searchsorted(self.starts, coordinate, side="left")) - 1, 0)
+        first, last = self.angles[piece]
+        share = (coordinate - self.starts[piece]) / self.lengths[piece]
+        return float(first + (last - first) * share)
+
+    def height(self, radius: FloatArray) -> FloatArray:
+        """(...,) height of the outline above the apex at radii up to 1."""
+        rows = self.table[:-1]
+        piece = np.minimum(np.searchsorted(rows[:, 2], radius, side="left"), len(rows) - 1)
+        start_r, start_h, end_r, end_h, centre_r, centre_h, arc = np.moveaxis(rows[piece], -1, 0)
+        slope = (end_h - start_h) / np.where(end_r > start_r, end_r - start_r, 1.0)
+        dip = np.sqrt(np.maximum(arc**2 - (radius - centre_r) ** 2, 0.0))
+        line = start_h + slope * (radius - start_r)
+        return np.asarray(np.where(arc > 0.0, centre_h - dip, line), dtype=np.float64)
+
+    def nearest(self, radius: FloatArray, height: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Distance to the nearest point of the outline and its coordinate, (...,) each.
+
+        Parameters
+        ----------
+        radius, height : (...,) of the points, height above the apex
+        """
+        r, h = (np.asarray(values, dtype=np.float64)[..., None] for values in (radius, height))
+        start_r, start_h, _, _, centre_r, centre_h, arc = self.table.T
+        first, last = self.angles.T
+        angle = np.clip(np.arctan2(r - centre_r, centre_h - h), first, last)
+        offset = np.clip((r - start_r) * np.cos(first) + (h - start_h) * np.sin(first), 0.0, self.lengths)
+        off_line = np.hypot(r - start_r - offset * np.cos(first), h - start_h - offset * np.sin(first))
+        off_arc = np.hypot(r - centre_r - arc * np.sin(angle), h - centre_h + arc * np.cos(angle))
+        is_arc = arc > 0.0
+        distance = np.where(is_arc, off_arc, off_line)
+        along = self.starts + np.where(is_arc, arc * (angle - first), offset)
+        best = np.argmin(distance, axis=-1)[..., None]
+        return (
+            np.take_along_axis(distance, best, axis=-1)[..., 0],
+            np.take_along_axis(along, best, axis=-1)[..., 0],
+        )
+
+
+HEMISPHERE = TipOutline(((0.0, 0.0, 1.0, 1.0, 0.0, 1.0, 1.0),))
+"""A quarter of a circle; its outline coordinate is the angle."""
+
+
+def tip_of(indenter: Indenter) -> TipOutline:
+    """The outline of a design's tip in tip radii."""
+    scale = indenter.tip_radius_mm
+    rows = ((*piece.start, *piece.end, *piece.centre, piece.radius) for piece in outline_pieces(indenter))
+    return TipOutline(tuple(_scaled(row, scale) for row in rows))
+
+
+def _scaled(row: Sequence[float], scale: float) -> Row:
+    """A row in tip radii, without the last digits that a unit's change makes."""
+    a, b, c, d, e, f, g = (round(value / scale, 12) for value in row)
+    return a, b, c, d, e, f, g
+
+
+def tip_gap(radius: FloatArray, height: FloatArray, depth: float, tip: TipOutline = HEMISPHERE) -> FloatArray:
     """(...,) distance of points to the tip's surface, negative inside; all in tip radii."""
-    below_equator = np.minimum(height - (1.0 - depth), 0.0)
-    return np.asarray(np.hypot(radius, below_equator) - 1.0, dtype=np.float64)
+    if tip == HEMISPHERE:
+        below_equator = np.minimum(height - (1.0 - depth), 0.0)
+        return np.asarray(np.hypot(radius, below_equator) - 1.0, dtype=np.float64)
+    above_apex = np.asarray(height, dtype=np.float64) + depth
+    distance, _ = tip.nearest(radius, above_apex)
+    inside = (np.asarray(radius) < 1.0) & (above_apex > tip.height(np.minimum(radius, 1.0)))
+    return np.where(inside, -distance, distance)
 
 
-def tip_coordinate(radius: FloatArray, height: FloatArray, depth: float) -> FloatArray:
+def tip_coordinate(
+    radius: FloatArray, height: FloatArray, depth: float, tip: TipOutline = HEMISPHERE
+) -> FloatArray:
     """(...,) outline coordinate of the tip's point nearest to each position; all in tip radii."""
-    above_equator = height - (1.0 - depth)
-    angle = np.arctan2(radius, np.maximum(-above_equator, 0.0))
-    return np.asarray(angle + np.maximum(above_equator, 0.0), dtype=np.float64)
+    if tip == HEMISPHERE:
+        above_equator = height - (1.0 - depth)
+        angle = np.arctan2(radius, np.maximum(-above_equator, 0.0))
+        return np.asarray(angle + np.maximum(above_equator, 0.0), dtype=np.float64)
+    return tip.nearest(radius, np.asarray(height, dtype=np.float64) + depth)[1]
 
 
-def tip_outline(coordinate: FloatArray, depth: float) -> tuple[FloatArray, FloatArray]:
+def tip_outline(
+    coordinate: FloatArray, depth: float, tip: TipOutline = HEMISPHERE
+) -> tuple[FloatArray, FloatArray]:
     """Radius and height (...,) of the tip's outline at an outline coordinate; all in tip radii."""
-    angle = np.minimum(coordinate, 0.5 * np.pi)
-    above_equator = np.maximum(coordinate - 0.5 * np.pi, 0.0)
-    return np.sin(angle), 1.0 - depth - np.cos(angle) + above_equator
+    if tip == HEMISPHERE:
+        angle = np.minimum(coordinate, 0.5 * np.pi)
+        above_equator = np.maximum(coordinate - 0.5 * np.pi, 0.0)
+        return np.sin(angle), 1.0 - depth - np.cos(angle) + above_equator
+    radius, height = tip.points(coordinate)
+    return radius, height - depth
 
 
-def outside_tip(radius: FloatArray, height: FloatArray, depth: float) -> tuple[FloatArray, FloatArray]:
+def outside_tip(
+    radius: FloatArray, height: FloatArray, depth: float, tip: TipOutline = HEMISPHERE
+) -> tuple[FloatArray, FloatArray]:
     """Points moved onto the tip's surface where they lie inside it; all (...,) in tip radii."""
-    inside = tip_gap(radius, height, depth) < 0.0
-    on_radius, on_height = tip_outline(tip_coordinate(radius, height, depth), depth)
+    inside = tip_gap(radius, height, depth, tip) < 0.0
+    on_radius, on_height = tip_outline(tip_coordinate(radius, height, depth, tip), depth, tip)
     return np.where(inside, on_radius, radius), np.where(inside, on_height, height)
