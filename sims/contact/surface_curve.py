@@ -9,6 +9,7 @@ edge, is taken to have Hertz' gap (Johnson, Contact Mechanics, 1985, eq. 3.42):
 
 G has the power 3/2 at the edge, which any frictionless contact has, so the edge is found to a fraction
 of the node spacing at every depth; a constant other than a²/R in a deep press matters little there.
+On other tips than a hemisphere the constant is not known: it comes from the second free node.
 From the edge a cubic spline runs through
 the free nodes; it starts tangent to the tip and ends at the bonded wall. It is resampled densely and
 never enters the tip.
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
-from sims.contact.tip import outside_tip, tip_coordinate, tip_gap, tip_outline
+from sims.contact.tip import HEMISPHERE, TipOutline, outside_tip, tip_coordinate, tip_gap, tip_outline
 
 FloatArray = NDArray[np.float64]
 
@@ -52,7 +53,7 @@ def hertz_gap(ratio: FloatArray) -> FloatArray:
 
 
 def contact_coordinate(
-    radius: FloatArray, height: FloatArray, depth: float, tolerance: float
+    radius: FloatArray, height: FloatArray, depth: float, tolerance: float, tip: TipOutline = HEMISPHERE
 ) -> tuple[float, int]:
     """Outline coordinate of the contact edge [tip radii] and index of the first free node.
 
@@ -61,16 +62,21 @@ def contact_coordinate(
     radius, height : (node,) surface nodes from the axis outward [tip radii]
     depth : press depth [tip radii]
     tolerance : gap below which a node touches [tip radii]
+    tip : what presses
     """
-    gap = tip_gap(radius, height, depth)
+    gap = tip_gap(radius, height, depth, tip)
     touching = np.flatnonzero(gap <= tolerance)
     first = int(touching.max()) + 1 if touching.size else 0
-    along = tip_coordinate(radius, height, depth)
+    along = tip_coordinate(radius, height, depth, tip)
+    free = slice(first, first + 2)
 
     def excess(edge: float) -> float:
-        edge_radius, edge_height = tip_outline(np.array(edge), depth)
-        distance = np.hypot(radius[first] - edge_radius, height[first] - edge_height)
-        return float(edge_radius**2 * hertz_gap(1.0 + distance / edge_radius) - gap[first])
+        edge_radius, edge_height = tip_outline(np.array(edge), depth, tip)
+        distance = np.hypot(radius[free] - edge_radius, height[free] - edge_height)
+        shape = hertz_gap(1.0 + distance / edge_radius)
+        if tip == HEMISPHERE:
+            return float(edge_radius**2 * shape[0] - gap[first])
+        return float(shape[0] * gap[first + 1] - shape[1] * gap[first])
 
     low, high = float(along[max(first - 2, 0)]) + 1e-6, float(along[first])
     if low >= high or excess(low) <= 0.0 or excess(high) >= 0.0:
@@ -78,10 +84,12 @@ def contact_coordinate(
     return float(brentq(excess, low, high, xtol=1e-9)), first
 
 
-def _free_curve(radius: FloatArray, height: FloatArray, edge: float, depth: float) -> FloatArray:
+def _free_curve(
+    radius: FloatArray, height: FloatArray, edge: float, depth: float, tip: TipOutline
+) -> FloatArray:
     """(n, 2) spline through free nodes, tangent to the tip at the contact edge."""
-    start = np.stack(tip_outline(np.array(edge), depth))
-    angle = min(edge, 0.5 * np.pi)
+    start = np.stack(tip_outline(np.array(edge), depth, tip))
+    angle = min(edge, 0.5 * np.pi) if tip == HEMISPHERE else tip.tangent_angle(edge)
     tangent = np.array([np.cos(angle), np.sin(angle)])
     points = np.concatenate([start[None], np.stack([radius, height], axis=1)])
     chord = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
@@ -94,7 +102,13 @@ def _free_curve(radius: FloatArray, height: FloatArray, edge: float, depth: floa
 
 
 def free_surface(
-    radius: FloatArray, height: FloatArray, depth: float, *, spacing: float, tolerance: float
+    radius: FloatArray,
+    height: FloatArray,
+    depth: float,
+    *,
+    spacing: float,
+    tolerance: float,
+    tip: TipOutline = HEMISPHERE,
 ) -> tuple[float, FloatArray]:
     """The contact edge and the surface beyond it.
 
@@ -104,25 +118,35 @@ def free_surface(
     depth : press depth > 0 [tip radii]
     spacing : node spacing at rest under the tip [tip radii]
     tolerance : gap below which a node touches [tip radii]
+    tip : what presses
 
     Returns
     -------
     edge : outline coordinate of the contact edge [tip radii]
     points : (n, 2) dense free surface that follows the edge, to the wall [tip radii]
     """
-    edge, first = contact_coordinate(radius, height, depth, tolerance)
-    along = tip_coordinate(radius[first : first + 1], height[first : first + 1], depth)
+    edge, first = contact_coordinate(radius, height, depth, tolerance, tip)
+    along = tip_coordinate(radius[first : first + 1], height[first : first + 1], depth, tip)
     if along[0] - edge < _LEAST_CLEARANCE * spacing:
         first += 1
-    return edge, _free_curve(radius[first:], height[first:], edge, depth)
+    return edge, _free_curve(radius[first:], height[first:], edge, depth, tip)
 
 
-def contact_radius_at(edge: float) -> float:
+def contact_radius_at(edge: float, tip: TipOutline = HEMISPHERE) -> float:
     """Radius of the tip's outline where the surface leaves it, at an outline coordinate [tip radii]."""
-    return float(np.sin(min(edge, 0.5 * np.pi)))
+    return float(tip_outline(np.array(edge), 0.0, tip)[0])
 
 
-def whole_curve(edge: float, free: FloatArray, depth: float) -> tuple[FloatArray, FloatArray, float]:
+def _inside_contact(edge: float, tip: TipOutline) -> FloatArray:
+    """(n,) outline coordinates from the apex to the contact edge, close enough to draw the tip; its kinks too."""
+    even = np.linspace(0.0, edge, max(2, int(np.ceil(edge / NEAR_SPACING)) + 1))
+    kinks = tip.kinks[tip.kinks < edge]
+    return even if kinks.size == 0 else np.unique(np.concatenate([even, kinks]))
+
+
+def whole_curve(
+    edge: float, free: FloatArray, depth: float, tip: TipOutline = HEMISPHERE
+) -> tuple[FloatArray, FloatArray, float]:
     """The exact tip up to the contact edge, then the free surface, which never enters the tip.
 
     Parameters
@@ -130,25 +154,31 @@ def whole_curve(edge: float, free: FloatArray, depth: float) -> tuple[FloatArray
     edge : outline coordinate of the contact edge [tip radii]
     free : (n, 2) free surface that follows the edge [tip radii]
     depth : press depth > 0 [tip radii]
+    tip : what presses
 
     Returns
     -------
     radius, height : (n,) curve from the axis, at height -depth, to the end of the free surface [tip radii]
     contact radius : radius of the circle where the surface leaves the tip [tip radii]
     """
-    count = max(2, int(np.ceil(edge / NEAR_SPACING)) + 1)
-    tip_radius, tip_height = tip_outline(np.linspace(0.0, edge, count), depth)
-    free_radius, free_height = outside_tip(free[:, 0], free[:, 1], depth)
+    tip_radius, tip_height = tip_outline(_inside_contact(edge, tip), depth, tip)
+    free_radius, free_height = outside_tip(free[:, 0], free[:, 1], depth, tip)
     return (
         np.concatenate([tip_radius, free_radius]),
         np.concatenate([tip_height, free_height]),
-        contact_radius_at(edge),
+        contact_radius_at(edge, tip),
     )
 
 
 def surface_curve(
-    radius: FloatArray, height: FloatArray, depth: float, *, spacing: float, tolerance: float
+    radius: FloatArray,
+    height: FloatArray,
+    depth: float,
+    *,
+    spacing: float,
+    tolerance: float,
+    tip: TipOutline = HEMISPHERE,
 ) -> tuple[FloatArray, FloatArray, float]:
     """The deformed top as a dense curve: `whole_curve` of `free_surface`, which have the parameters."""
-    edge, free = free_surface(radius, height, depth, spacing=spacing, tolerance=tolerance)
-    return whole_curve(edge, free, depth)
+    edge, free = free_surface(radius, height, depth, spacing=spacing, tolerance=tolerance, tip=tip)
+    return whole_curve(edge, free, depth, tip)
