@@ -3,6 +3,8 @@
 A press is axisymmetric. The surface is stored as a curve (radius, height) that starts on the axis
 under the tip and runs outward; near the shank it may run back, so radius need not increase.
 Heights are relative to the undisturbed surface, negative in the dimple, positive in the pile-up.
+Inside the contact circle the surface is the tip's: exactly a sphere under a hemisphere, the curve itself
+under any other tip.
 """
 
 from __future__ import annotations
@@ -17,16 +19,17 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Indentation:
-    """One press of a round tip into the pad.
+    """One press of a tip, which is a body of revolution, into the pad.
 
     Attributes
     ----------
     depth_mm : how far the tip's apex lies below the undisturbed surface [mm]; 0 = untouched
-    tip_radius_mm : radius of the hemispherical tip [mm]
+    tip_radius_mm : radius of the tip and its shank [mm]
     radius_mm : (n,) distance from the press axis along the curve [mm]
     height_mm : (n,) height relative to the undisturbed surface [mm]
     contact_radius_mm : radius of the circle where the surface leaves the tip [mm]
     force_n : press force [N]
+    is_hemisphere : whether the tip is a hemisphere of that radius
     """
 
     depth_mm: float
@@ -35,3 +38,4 @@ class Indentation:
     height_mm: FloatArray
     contact_radius_mm: float
     force_n: float
+    is_hemisphere: bool = True

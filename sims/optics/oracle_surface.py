@@ -4,7 +4,8 @@ Model
 -----
 The press is axisymmetric about a vertical axis. Inside the contact circle the surface *is* the tip:
 an exact sphere, and above its equator (a press deeper than the tip radius) the cylindrical shank up to
-the last point of the curve that is no farther out than the contact radius. Beyond, the stored points
+the last point of the curve that is no farther out than the contact radius. Under a tip that is no
+hemisphere, the curve itself is the tip up to that point, as straight pieces. Beyond, the stored points
 (radius, height) are read as one smooth curve: a monotone cubic (PCHIP, Fritsch & Carlson 1980) of radius
 and of height over chord length, starting on the tip. So the curve may run back under itself. It is cut
 into straight pieces that turn by at most `TURN_LIMIT` and are at most `PIECE_LIMIT_MM` long, which keeps
@@ -60,7 +61,7 @@ class RevolvedSurface(NamedTuple):
     tip_z, tip_radius : height of the tip sphere's centre, its radius [mm]
     cap_radius : radius of the part of the sphere that is in contact [mm]; 0 without contact
     pieces : (p, 8) r, z of the start; r, z of the unit direction; length; angle of the curve's tangent to
-        the radial direction at start and end [rad]; 1 if in contact with the shank
+        the radial direction at start and end [rad]; 1 if in contact with the tip
     blocks : (b, 4) smallest and largest r, smallest and largest z of each run of `BLOCK` pieces
     """
 
@@ -91,8 +92,8 @@ def lower_surface(
     if indentation is None or indentation.depth_mm <= 0.0:
         return RevolvedSurface(x, y, top_mm, 0.0, 0.0, 1.0, 0.0, np.empty((0, 8)), np.empty((0, 4)))
     _check_indentation(indentation, top_mm, where)
-    knots, shank, cap_radius = _free_curve(indentation, where)
-    pieces = [*_shank_pieces(shank), *_curve_pieces(knots), *_closing_ring(knots)]
+    knots, wetted, cap_radius = _free_curve(indentation, where)
+    pieces = [*_wetted_pieces(wetted), *_curve_pieces(knots), *_closing_ring(knots)]
     table = np.array(pieces, dtype=np.float64).reshape(-1, 8)
     table[:, 1] += top_mm
     return RevolvedSurface(
@@ -142,12 +143,14 @@ def _check_indentation(press: Indentation, top_mm: float, where: str) -> None:
 
 
 def _free_curve(press: Indentation, where: str) -> tuple[FloatArray, FloatArray, float]:
-    """Knots (n, 2) of the free curve, ends (0 or 2, 2) of the wetted shank, radius of the tip's cap."""
+    """Knots (n, 2) of the free curve, ends (m, 2) of the tip's wetted straight pieces, radius of its cap."""
     curve = np.column_stack([press.radius_mm, press.height_mm]).astype(np.float64)
     if press.contact_radius_mm == 0.0:
         return _apart(curve), np.empty((0, 2)), 0.0
     tip, equator = press.tip_radius_mm, press.tip_radius_mm - press.depth_mm
     last = int(np.flatnonzero(curve[:, 0] <= press.contact_radius_mm * (1.0 + 1e-9))[-1])
+    if not press.is_hemisphere:
+        return _apart(curve[last:]), _apart(curve[: last + 1]), 0.0
     r, z = curve[last]
     gap = math.hypot(r, z - equator) - tip if z <= equator else r - tip
     if abs(gap) > TIP_MISMATCH_MM:
@@ -169,11 +172,10 @@ def _apart(knots: FloatArray) -> FloatArray:
     return np.asarray(knots[np.concatenate([[True], step > SEAM_MM])])
 
 
-def _shank_pieces(shank: FloatArray) -> list[tuple[float, ...]]:
-    if len(shank) == 0:
-        return []
-    (r, z0), (_, z1) = shank
-    return [(r, z0, 0.0, 1.0, z1 - z0, 0.5 * math.pi, 0.5 * math.pi, 1.0)]
+def _wetted_pieces(ends: FloatArray) -> list[tuple[float, ...]]:
+    step = np.diff(ends, axis=0)
+    size, angle = np.hypot(step[:, 0], step[:, 1]), np.arctan2(step[:, 1], step[:, 0])
+    return [(*ends[i], *(step[i] / size[i]), size[i], angle[i], angle[i], 1.0) for i in range(len(step))]
 
 
 def _closing_ring(knots: FloatArray) -> list[tuple[float, ...]]:

@@ -4,7 +4,8 @@ Model
 -----
 Around the press axis the top is h(r): the exact tip sphere inside the contact, then a C1 curve
 through the indentation's points (modified Akima slopes), then a C1 cubic tail to the undisturbed
-height, then flat. The pile-up may rise above the undisturbed top.
+height, then flat. The pile-up may rise above the undisturbed top. A tip that is no hemisphere has no
+sphere: the curve begins `APEX_MM` beside the axis, and the contact is the part of it within the contact radius.
 
 Between contact edge and outer radius the curve is stored as `CELLS` cubic pieces, uniform in x with
 r = a + (b - a) (g x + (1 - g) x²), g = `GRADING`, so that pieces are short at the contact edge.
@@ -22,7 +23,7 @@ Choices and their bounds
   `CUT_SLOPE`, and ends in a tail of `TAIL_MM`. A residual slope e moves a mirror image by 2 e D:
   at 20 mm 0.8 µm, below 0.05 % of a 2 mm receiver.
 
-Left out: anything not axisymmetric.
+Left out: anything not axisymmetric; light that a tip scatters, unless it is a hemisphere (refused).
 """
 
 from __future__ import annotations
@@ -49,6 +50,8 @@ CUT_SLOPE = 2e-5
 TAIL_MM = 4.0
 SKIRT_SLOPE = 0.1
 MIN_KNOT_STEP_MM = 1e-3
+APEX_MM = 1e-3
+FLATTEST_APEX_MM = 1e-9
 
 # columns of a press row
 X, Y, ACTIVE, SPHERE_R, TIP_R, SPHERE_Z, OUTER_R, CONTACT_R, LOWEST, HIGHEST, SKIRT_R, TOP = range(12)
@@ -109,11 +112,20 @@ def stack_surfaces(
             continue
         key = id(indentation)
         if key not in lowered:
+            _check_scatter(indentation, scene)
             lowered[key] = _lower(indentation, scene.height_mm)
         press[state], cubic[state], steepest[state], bends[state], moved[state] = lowered[key]
         press[state, X:ACTIVE] = centres[state]
         _check_place(state, centres[state], press[state, CONTACT_R], scene)
     return SurfaceStack(press=press, cubic=cubic, steepest=steepest, bends=bends, moved_mm=moved)
+
+
+def _check_scatter(indentation: Indentation, scene: OpticalScene) -> None:
+    if scene.tip_reflectance > 0.0 and not indentation.is_hemisphere:
+        raise ModelScopeError(
+            f"surfaces.tip_reflectance: {scene.tip_reflectance:g} with another tip than a hemisphere: light that "
+            "the tip scatters is modelled for hemispheres only; set it to 0, or indenter.shape to 'hemisphere'"
+        )
 
 
 def _check_place(state: int, centre: FloatArray, contact_radius: float, scene: OpticalScene) -> None:
@@ -136,11 +148,10 @@ _Lowered = tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]
 
 def _lower(indentation: Indentation, top_mm: float) -> _Lowered:
     _check_curve(indentation, top_mm)
-    tip, depth = indentation.tip_radius_mm, indentation.depth_mm
+    depth = indentation.depth_mm
+    tip, start = _sphere(indentation)
     centre_z = top_mm - depth + tip
-    steepest_sphere = tip * MAX_SLOPE / np.hypot(1.0, MAX_SLOPE)
-    start = float(min(indentation.contact_radius_mm, steepest_sphere))
-    radius, height, moved, contact = _single_valued(indentation, start)
+    radius, height, moved, contact = _single_valued(indentation, tip, start)
     radius, height, slope = _with_tail(radius, height, start / np.sqrt(tip**2 - start**2))
     cubic, steepest, bends, node_r, node_slope = _pieces(radius, height, slope, top_mm)
     skirt = node_r[np.abs(node_slope) >= SKIRT_SLOPE]
@@ -151,6 +162,16 @@ def _lower(indentation: Indentation, top_mm: float) -> _Lowered:
     row[SKIRT_R] = max(contact, float(skirt.max()) if skirt.size else contact)
     row[TOP] = top_mm
     return row, cubic, steepest, bends, moved
+
+
+def _sphere(indentation: Indentation) -> tuple[float, float]:
+    """Radius of the sphere around the axis and of the part of it that is touched."""
+    tip = indentation.tip_radius_mm
+    if indentation.is_hemisphere:
+        return tip, float(min(indentation.contact_radius_mm, tip * MAX_SLOPE / np.hypot(1.0, MAX_SLOPE)))
+    rise = float(np.interp(APEX_MM, indentation.radius_mm, indentation.height_mm)) + indentation.depth_mm
+    rise = min(max(rise, FLATTEST_APEX_MM), 0.5 * APEX_MM)
+    return 0.5 * (APEX_MM**2 / rise + rise), APEX_MM
 
 
 def _check_curve(indentation: Indentation, top_mm: float) -> None:
@@ -170,26 +191,37 @@ def _check_curve(indentation: Indentation, top_mm: float) -> None:
         )
 
 
-def _single_valued(indentation: Indentation, start: float) -> tuple[FloatArray, FloatArray, float, float]:
-    """Radius and relative height from the contact edge outward, the largest move, the contact radius."""
-    tip, depth = indentation.tip_radius_mm, indentation.depth_mm
+def _single_valued(
+    indentation: Indentation, tip: float, start: float
+) -> tuple[FloatArray, FloatArray, float, float]:
+    """Radius and relative height from the sphere's end outward, the largest move, the contact radius."""
+    depth = indentation.depth_mm
     radius = np.asarray(indentation.radius_mm, dtype=np.float64)
     height = np.asarray(indentation.height_mm, dtype=np.float64)
     outward = np.maximum.accumulate(radius)
     moved = float(np.max(outward - radius))
     is_new = np.concatenate(([True], np.diff(outward) > 0)) & (radius > start + MIN_KNOT_STEP_MM)
-    wraps = indentation.contact_radius_mm > start
+    touched = _touched_mm(indentation, start)
     contact = start
     knots_r, knots_h = [start], [-depth + tip - float(np.sqrt(tip**2 - start**2))]
     for r, h in zip(radius[is_new], height[is_new], strict=True):
-        h = min(h, -depth + tip - np.sqrt(max(tip**2 - r**2, 0.0))) if r < tip else h
+        if indentation.is_hemisphere and r < tip:
+            h = min(h, -depth + tip - np.sqrt(max(tip**2 - r**2, 0.0)))
         placed = max(r, knots_r[-1] + MIN_KNOT_STEP_MM, knots_r[-1] + abs(h - knots_h[-1]) / MAX_SLOPE)
         moved = max(moved, placed - r)
         knots_r.append(placed)
         knots_h.append(float(h))
-        if wraps and r <= tip + SHANK_TOLERANCE_MM and h < 0:
+        if r <= touched and h < 0:
             contact = placed
     return np.array(knots_r), np.array(knots_h), moved, contact
+
+
+def _touched_mm(indentation: Indentation, start: float) -> float:
+    """Radius up to which the curve below the undisturbed top touches the tip; 0 for the sphere alone."""
+    tip, contact = indentation.tip_radius_mm, indentation.contact_radius_mm
+    if indentation.is_hemisphere:
+        return tip + SHANK_TOLERANCE_MM if contact > start else 0.0
+    return tip + SHANK_TOLERANCE_MM if contact > tip - 1e-9 else contact * (1.0 + 1e-9)
 
 
 def _with_tail(

@@ -1,0 +1,90 @@
+"""Light under tips that are no hemispheres: lowered like the curve itself, in the engine and in the oracle."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from design.errors import ModelScopeError
+from sims.indentation import Indentation
+from sims.optics import rays
+from sims.optics.engine import trace_scene
+from sims.optics.oracle import trace_oracle
+from sims.optics.surface import CONTACT_R, stack_surfaces
+from tests.sims.optics.oracle_scenes import dimple, ring_scene, shank_press
+
+CENTRE = np.array([[14.0, 17.0]])
+
+
+def punch(depth_mm: float) -> Indentation:
+    """A flat punch of 3 mm radius, edge of 0.3 mm touched over 60 degrees, and a cubic skirt."""
+    angle = np.linspace(0.0, math.pi / 3.0, 12)
+    edge = np.column_stack([2.7 + 0.3 * np.sin(angle), 0.3 * (1.0 - np.cos(angle)) - depth_mm])
+    face = np.column_stack([np.linspace(0.0, 2.7, 30)[:-1], np.full(29, -depth_mm)])
+    share = np.linspace(0.0, 1.0, 300)[1:]
+    left = depth_mm - 0.15
+    skirt = np.column_stack([edge[-1, 0] + 3.0 * left / math.sqrt(3.0) * share, -left * (1.0 - share) ** 3])
+    curve = np.vstack([face, edge, skirt])
+    return Indentation(
+        depth_mm=depth_mm,
+        tip_radius_mm=3.0,
+        radius_mm=curve[:, 0],
+        height_mm=curve[:, 1],
+        contact_radius_mm=float(edge[-1, 0]),
+        force_n=1.0,
+        is_hemisphere=False,
+    )
+
+
+@pytest.mark.parametrize(
+    ("press", "limit_mm"),
+    [(dimple(0.3), 2e-4), (dimple(2.0, 0.05), 1e-3), (punch(1.0), 1e-3), (punch(3.0), 2e-3)],
+)
+def test_the_table_follows_the_curve_of_any_tip(press: Indentation, limit_mm: float) -> None:
+    other = replace(press, is_hemisphere=False)
+    stack = stack_surfaces([other], CENTRE, ring_scene())
+    inside = (press.radius_mm > 0.01) & (press.radius_mm < 9.0)
+    found = [rays.height(r, stack.press[0], stack.cubic[0]) - 8.0 for r in press.radius_mm[inside]]
+    # a cell of the table is 0.03 to 0.06 mm wide here: an eighth of its square over the edge's 0.3 mm radius
+    # is 1.5 um, over the tip's 3 mm 0.15 um
+    assert np.abs(found - press.height_mm[inside]).max() < limit_mm
+    assert stack.press[0, CONTACT_R] == pytest.approx(press.contact_radius_mm, abs=0.01)
+
+
+# Same points, other table: cells of 0.04 mm instead of 0.01 mm beside the contact. Along a wetted shank the
+# points that make it single valued move by a thirtieth of its 0.5 mm, in one table from the equator on.
+@pytest.mark.parametrize(
+    ("press", "share"), [(dimple(0.5, 0.02), 1e-5), (dimple(2.0, 0.05), 1e-5), (shank_press(), 1e-3)]
+)
+def test_a_sphere_given_as_a_curve_has_the_light_of_the_sphere(press: Indentation, share: float) -> None:
+    sphere, curve = (
+        trace_scene(ring_scene(), CENTRE, [replace(press, is_hemisphere=flag)], seed=7)
+        for flag in (True, False)
+    )
+    change = (sphere.flux - curve.flux).sum(axis=0)
+    assert np.abs(change).max() <= share * sphere.flux.sum(axis=0).max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("depth_mm", [0.4, 1.5, 3.0])
+def test_light_under_a_flat_punch_is_the_oracles(depth_mm: float) -> None:
+    scene, count = ring_scene(), 2_000_000
+    oracle = trace_oracle(scene, CENTRE, [punch(depth_mm)], rays=count, seed=2017)
+    fast = trace_scene(scene, CENTRE, [punch(depth_mm)], seed=7)
+    pooled = (fast.standard_error**2).mean()
+    theirs, ours = oracle.flux.sum(axis=0)[0], fast.flux.sum(axis=0)[0]
+    bright = ours * count >= 25.0
+    pulls = ((ours - theirs) / np.sqrt(ours / count + pooled))[bright]
+    # an oracle pair counts rays, so its variance is flux / rays; chi-square at 1e-4, 5 errors for the worst
+    assert bright.sum() > 40
+    assert (pulls**2).sum() < chi2.ppf(1.0 - 1e-4, bright.sum())
+    assert np.abs(pulls).max() < 5.0
+
+
+def test_light_that_another_tip_scatters_is_out_of_scope() -> None:
+    with pytest.raises(ModelScopeError, match=r"surfaces\.tip_reflectance: 0\.3 .* hemispheres only"):
+        trace_scene(ring_scene(tip_reflectance=0.3), CENTRE, [punch(1.0)])
