@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from design.properties import modulus
 from design.quantity import Quantity
 from design.spec import SensorDesign
-from sims.contact.profiles import SolvedPress
+from sims.contact.solved_press import SolvedPress
 
 FloatArray = NDArray[np.float64]
 
@@ -52,6 +52,10 @@ class ForceCurve:
             for load in (self.low_n, self.force_n, self.high_n)
         )
         return value, low, high
+
+    def contact_radius_at(self, depth_mm: float) -> float:
+        """Contact radius [mm] at a depth, on straight lines between the stored ones."""
+        return float(np.interp(depth_mm, self.depth_mm, self.contact_radius_mm))
 
 
 def band_factors(young: Quantity) -> tuple[float, float]:

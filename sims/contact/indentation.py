@@ -1,23 +1,23 @@
 """The press of a design's tip into its pad: depth in, surface, force and contact radius out.
 
-A solution belongs to one elastic depth over tip radius. It is solved once, kept in this process and
-on disk, and scaled: lengths with the tip radius R, force with E R² (a frictionless neo-Hookean layer
-has no other length or force). The bonded wall is always 16/3 R away; `wall_note` says when the real
-walls are nearer. Off-centre presses have the centred shape in this version.
+A press belongs to one elastic depth over tip radius. It is taken from the shipped library (or solved live, where
+a mesh is asked for) and scaled: lengths with the tip radius R, force with E R² (a frictionless neo-Hookean
+layer has no other length or force). The library's wall is bonded 16/3 R from the axis.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cache
-from importlib.metadata import version
+from functools import lru_cache
 
 from design.errors import DesignError, InputError
 from design.properties import youngs_modulus_mpa
 from design.spec import SensorDesign
+from sims.contact.library import shipped_library
 from sims.contact.mesh_error import mesh_note
-from sims.contact.profiles import SolvedPress, UnitPress
+from sims.contact.press_fit import fit_press
+from sims.contact.profiles import UnitPress
 from sims.contact.scope import (
     depth_limit_mm,
     elastic_depth_mm,
@@ -27,7 +27,9 @@ from sims.contact.scope import (
     tip_radius_mm,
     wall_note,
 )
-from sims.contact.store import entry_key, read_entry, write_entry
+from sims.contact.smooth_press import SmoothPress
+from sims.contact.solved_press import SolvedPress
+from sims.contact.stored_press import stored_press
 from sims.indentation import Indentation
 
 __all__ = [
@@ -40,22 +42,17 @@ __all__ = [
     "wall_note",
 ]
 
-RECIPE = 8
-"""Version of the solver behind stored solutions. Raise it when results change."""
 DEFAULT_MESH = 0.1
 """Node spacing under the tip [tip radii]: 0.3 mm for a 3 mm tip."""
 MESH_RANGE = (0.04, 0.15)
 """Spacings that are accepted [tip radii]; coarser facets bridge the equator of the tip and lose the contact
 edge, finer ones may chatter at deep presses (which is refused, not hidden)."""
 
-_SOLVED: dict[str, UnitPress] = {}
-"""Solutions of this process by key; each is a pure function of its key."""
+LEAST_LIVE_DEPTH = 0.4 / 3
+"""A live solve goes at least so deep, so that a smooth description has enough depths [tip radii]."""
 
-
-@cache
-def _mujoco_version() -> str:
-    """Looked up once: the installed package's record is read from disk."""
-    return version("mujoco")
+_SMOOTH: dict[int, tuple[UnitPress, SmoothPress]] = {}
+"""Smooth descriptions of this process's solved states, by their identity (they are kept alive beside it)."""
 
 
 def modulus_mpa(design: SensorDesign) -> float:
@@ -82,38 +79,23 @@ def _mesh_size(design: SensorDesign, mesh_mm: float | None) -> float:
     return mesh_mm / radius
 
 
-def _solve(
-    layer: float, mesh_size: float, depths: tuple[float, ...], on_step: Callable[[float], None] | None
-) -> UnitPress:
-    """Run MuJoCo; imported here so that stored solutions need no solver."""
-    from sims.contact.unit_press import solve_unit_press
-
-    return solve_unit_press(layer, mesh_size, depths, on_step)
-
-
-def _unit_press(
-    layer: float, mesh_size: float, deepest: float, on_step: Callable[[float], None] | None
-) -> tuple[UnitPress, tuple[str, ...]]:
-    """From this process, from disk, or solved and stored; with notes."""
-    layer, mesh_size = round(layer, 9), round(mesh_size, 9)
+def _live_press(
+    design: SensorDesign, mesh_size: float, deepest: float, on_step: Callable[[float], None] | None
+) -> tuple[UnitPress, SmoothPress, tuple[str, ...]]:
+    """Solved states, their smooth description (made once for every set of states), and notes."""
+    layer = layer_depth(design)
+    deepest = max(deepest, LEAST_LIVE_DEPTH)
     depths = tuple(round(float(depth), 9) for depth in solved_depths(layer, deepest))
-    inputs = {
-        "layer": layer,
-        "mesh": mesh_size,
-        "depths": depths,
-        "recipe": RECIPE,
-        "mujoco": _mujoco_version(),
-    }
-    key = entry_key(inputs)
-    notes: tuple[str, ...] = ()
-    if key not in _SOLVED:
-        press = read_entry(key)
-        if press is None:
-            press = _solve(layer, mesh_size, depths, on_step)
-            note = write_entry(key, press)
-            notes = (note,) if note else ()
-        _SOLVED[key] = press
-    return _SOLVED[key], notes
+    unit, notes = stored_press(layer, mesh_size, depths, on_step)
+    if id(unit) not in _SMOOTH:
+        _SMOOTH[id(unit)] = (unit, fit_press(unit))
+    return (*_SMOOTH[id(unit)], notes)
+
+
+@lru_cache(maxsize=64)
+def _library_press(layer: float) -> SmoothPress:
+    """The library's presses of a layer; designs that differ elsewhere share them."""
+    return shipped_library().press(layer)
 
 
 def solved_press(
@@ -122,13 +104,13 @@ def solved_press(
     mesh_mm: float | None = None,
     on_step: Callable[[float], None] | None = None,
 ) -> SolvedPress:
-    """The solved press of a design's tip into its pad, down to a depth.
+    """The press of a design's tip into its pad, down to a depth or deeper.
 
     Parameters
     ----------
     design : the sensor
-    max_depth_mm : deepest press, by default that of the design's range of use [mm]
-    mesh_mm : node spacing under the tip, by default a tenth of the tip radius [mm]
+    max_depth_mm : deepest press wanted, by default that of the design's range of use [mm]
+    mesh_mm : node spacing under the tip [mm]; None takes the shipped library, a value solves anew
     on_step : called with the fraction done while solving
 
     Raises
@@ -140,8 +122,15 @@ def solved_press(
     wanted = design.operating.max_depth_mm if max_depth_mm is None else max_depth_mm
     radius, layer, modulus = tip_radius_mm(design), layer_depth(design), modulus_mpa(design)
     deepest = require_depth(design, wanted, name) / radius
-    unit, notes = _unit_press(layer, _mesh_size(design, mesh_mm), deepest, on_step)
-    return SolvedPress(unit=unit, tip_radius_mm=radius, youngs_modulus_mpa=modulus, notes=notes)
+    unit: UnitPress | None = None
+    notes: tuple[str, ...] = ()
+    if mesh_mm is None:
+        smooth = _library_press(round(layer, 9))
+    else:
+        unit, smooth, notes = _live_press(design, _mesh_size(design, mesh_mm), deepest, on_step)
+    return SolvedPress(
+        smooth=smooth, unit=unit, tip_radius_mm=radius, youngs_modulus_mpa=modulus, notes=notes
+    )
 
 
 def _require_inside(design: SensorDesign, at_mm: tuple[float, float]) -> None:
@@ -168,7 +157,7 @@ def indent(
     depth_mm : how far the tip's apex lies below the undisturbed surface [mm]; 0 or less: untouched
     at_mm : (x, y) of the press axis in the cavity frame [mm]; None is the middle. The shape is that of
         the centred press wherever it is.
-    mesh_mm : node spacing under the tip, by default a tenth of the tip radius [mm]
+    mesh_mm : node spacing under the tip [mm]; None takes the shipped library, a value solves anew
 
     Returns
     -------

@@ -27,7 +27,7 @@ from sims.contact.tip import tip_outline
 
 FloatArray = NDArray[np.float64]
 
-FIRST_SPACING, SPACING_GROWTH, LARGEST_SPACING = 0.0045, 1.06, 0.02
+FIRST_SPACING, SPACING_GROWTH, LARGEST_SPACING = 0.003, 1.04, 0.015
 """First spacing, ratio of neighbouring ones and bound of the surface samples [share of the arc length]."""
 LOAD_SHARES = np.linspace(0.0, 1.0, 17)
 """Shares of the contact's outline at which the load inside is kept [-]."""

@@ -6,15 +6,21 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
+from scipy.spatial import cKDTree
 
 from design.errors import ModelScopeError
 from design.spec import SensorDesign
-from sims.contact.indentation import indent, solved_press
-from sims.contact.mesh_error import CHECK_DEPTH_MM, CHECK_FORCE_N, DEFAULT_FORCE_ERROR
-from sims.contact.profiles import SolvedPress, UnitPress
+from sims.contact.indentation import indent
+from sims.contact.press_fit import fit_press
+from sims.contact.profiles import UnitPress
+from sims.contact.solved_press import SolvedPress
+from sims.contact.surface_curve import contact_tolerance, surface_curve
 from sims.contact.tip import tip_gap
 from sims.indentation import Indentation
 
+CHECK_FORCE_N = {0.5: 1.261, 1.0: 3.758, 2.0: 11.06, 3.0: 19.89}
+"""Check values of the feasibility study at 8 mm elastic depth, 3 mm tip, 1 MPa [N]."""
 CHECK_CONTACT_RADIUS_MM = {0.2: 0.76, 0.5: 1.26, 1.0: 1.77, 2.0: 2.40, 3.0: 2.82}
 
 
@@ -45,12 +51,13 @@ def test_force_tends_to_the_power_three_halves_at_contact(shallow_press: SolvedP
     assert np.log10(force[1] / force[0]) == pytest.approx(1.5, abs=0.1)
 
 
-@pytest.mark.parametrize("depth_mm", [0.5, 1.0, 2.0, 3.0])
-def test_coarse_force_is_within_a_tenth_of_the_study(coarse_press: SolvedPress, depth_mm: float) -> None:
+@pytest.mark.parametrize(("depth_mm", "expected_n"), CHECK_FORCE_N.items())
+def test_coarse_force_is_within_a_tenth_of_the_study(
+    coarse_press: SolvedPress, depth_mm: float, expected_n: float
+) -> None:
     # 0.45 mm facets make the tip act blunter: error falls with the spacing squared over the contact radius
     # squared, measured +6 % at 0.5 mm and +3 to +4 % at 1 to 3 mm; always too stiff, as linear elements are
-    ratio = coarse_press.at(depth_mm).force_n / CHECK_FORCE_N[CHECK_DEPTH_MM.index(depth_mm)]
-    assert 1.0 < ratio < 1.1
+    assert 1.0 < coarse_press.at(depth_mm).force_n / expected_n < 1.1
 
 
 @pytest.mark.parametrize(("depth_mm", "expected_mm"), CHECK_CONTACT_RADIUS_MM.items())
@@ -77,7 +84,7 @@ def test_force_equals_the_reaction_of_the_bonded_surfaces(coarse_press: SolvedPr
 def test_work_of_the_tip_is_the_elastic_energy(coarse_press: SolvedPress) -> None:
     unit = coarse_press.unit
     depths = np.linspace(0.0, 1.0, 2001)
-    force = np.array([unit.force_at(float(depth)) for depth in depths])
+    force = np.array([coarse_press.smooth.force_at(float(depth)) for depth in depths])
     work = float(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(depths)))
     # the difference is stored in the contact penalty (half of force times a few micrometres) and in the
     # stand-off of facets: together under 1 % of the depth
@@ -95,6 +102,25 @@ def dimple_volume_mm3(press: Indentation) -> float:
     """Volume of the dimple below the undisturbed top [mm³]."""
     moment = -2 * np.pi * press.radius_mm * np.minimum(press.height_mm, 0.0)
     return float(np.sum(0.5 * (moment[1:] + moment[:-1]) * np.diff(press.radius_mm)))
+
+
+def solved_curve(unit: UnitPress, index: int) -> tuple[np.ndarray, np.ndarray, float]:
+    """Curve of one solved state, without any smoothing in depth."""
+    tolerance = contact_tolerance(unit.mesh_size, unit.wedge_angle)
+    return surface_curve(
+        unit.radii[index],
+        unit.heights[index],
+        float(unit.depths[index]),
+        spacing=unit.mesh_size,
+        tolerance=tolerance,
+    )
+
+
+def distance_um(curve: tuple[np.ndarray, ...], other: tuple[np.ndarray, ...]) -> float:
+    """Largest distance of a curve's points from another curve, for a tip of 3 mm [um]."""
+    dense = CubicSpline(np.arange(other[0].size), np.stack(other[:2], axis=1))
+    points = dense(np.linspace(0.0, other[0].size - 1.0, 60 * other[0].size))
+    return float(cKDTree(points).query(np.stack(curve[:2], axis=1))[0].max() * 3000.0)
 
 
 def test_surface_nodes_enclose_the_volume_that_compression_took(coarse_press: SolvedPress) -> None:
@@ -128,29 +154,39 @@ def test_volume_lost_is_small_beside_the_displaced_volume(coarse_press: SolvedPr
     assert 0.0 < coarse_press.unit.volume_loss[-1] * 27.0 < 0.25 * dimple_volume_mm3(press)
 
 
-def test_neighbouring_depths_are_interpolated_to_a_few_micrometres(coarse_press: SolvedPress) -> None:
+def test_left_out_depths_are_interpolated_to_a_few_micrometres(coarse_press: SolvedPress) -> None:
     unit = coarse_press.unit
-    for left_out in (9, 16, 25):
-        keep = np.arange(unit.depths.size) != left_out
-        changes = {
-            field.name: getattr(unit, field.name)[keep]
-            for field in dataclasses.fields(UnitPress)
-            if isinstance(getattr(unit, field.name), np.ndarray) and field.name != "rest_radii"
-        }
-        thinned = dataclasses.replace(unit, **changes)
-        depth = float(unit.depths[left_out])
-        nodes = thinned.nodes_at(depth)
-        # a gap of 0.2 mm instead of 0.1 mm: eight to sixteen times the error of the real interpolation
-        assert np.abs(nodes - [unit.radii[left_out], unit.heights[left_out]]).max() * 3.0 < 0.02
-        assert thinned.force_at(depth) == pytest.approx(unit.force[left_out], rel=0.01)
-
-
-def test_stored_depths_come_back_exactly(coarse_press: SolvedPress) -> None:
-    unit = coarse_press.unit
-    for index in (0, 4, 20):
+    left_out = np.array([9, 16, 25])
+    kept = np.setdiff1d(np.arange(unit.depths.size), left_out)
+    changes = {
+        field.name: getattr(unit, field.name)[kept]
+        for field in dataclasses.fields(UnitPress)
+        if isinstance(getattr(unit, field.name), np.ndarray) and field.name != "rest_radii"
+    }
+    thinned = fit_press(dataclasses.replace(unit, **changes))
+    for index in left_out:
         depth = float(unit.depths[index])
-        assert unit.force_at(depth) == pytest.approx(unit.force[index], rel=1e-12)
-        assert unit.curve_at(depth)[2] == pytest.approx(unit.contact_radius[index], rel=1e-9)
+        # facets of 0.45 mm make solved forces jitter by up to 3 % of the force where the contact is two nodes wide
+        assert thinned.force_at(depth) == pytest.approx(unit.force[index], rel=0.03)
+        assert distance_um(thinned.curve_at(depth), solved_curve(unit, int(index))) < 10.0
+
+
+def test_smooth_press_stays_near_every_solved_state(coarse_press: SolvedPress) -> None:
+    unit = coarse_press.unit
+    for index in range(unit.depths.size):
+        depth = float(unit.depths[index])
+        # least squares: a third as many coefficients as solved numbers; jitter as above
+        assert coarse_press.smooth.force_at(depth) == pytest.approx(unit.force[index], rel=0.03)
+        assert distance_um(coarse_press.smooth.curve_at(depth), solved_curve(unit, index)) < 10.0
+
+
+def test_force_and_edge_are_smooth_functions_of_depth(coarse_press: SolvedPress) -> None:
+    depths = np.linspace(0.05, 1.0, 400)
+    force = np.array([coarse_press.smooth.force_at(float(depth)) for depth in depths])
+    # a cubic spline: second differences never jump by more than a corner-free curve's would
+    slope = np.diff(force) / np.diff(depths)
+    assert np.all(slope > 0.0)
+    assert np.abs(np.diff(slope)).max() < 0.02 * slope.max()
 
 
 @pytest.mark.parametrize("depth_mm", [0.0, -0.3])
@@ -178,10 +214,12 @@ def test_curve_is_dense_and_starts_and_ends_where_it_should(
     assert (press.radius_mm[0], press.height_mm[0]) == (0.0, pytest.approx(-depth_mm))
     assert press.radius_mm[-1] == pytest.approx(16.0)
     assert press.height_mm[-1] == pytest.approx(0.0, abs=1e-9)
-    steps = np.hypot(np.diff(press.radius_mm), np.diff(press.height_mm))
-    near = press.radius_mm[1:] < 2.0 * press.contact_radius_mm
-    assert steps[near].max() < 0.025 * 3.0
-    assert steps.min() > 0.0
+    points = np.stack([press.radius_mm, press.height_mm], axis=1)
+    along = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
+    assert np.diff(along).min() > 0.0
+    half = CubicSpline(along[::2], points[::2])(along[1:-1:2])
+    # a cubic through every second point finds the others: through all of them it is sixteen times nearer
+    assert np.hypot(*(half - points[1:-1:2]).T).max() * 1000.0 < 5.0
 
 
 def test_deeper_than_solved_is_refused_not_extrapolated(coarse_press: SolvedPress) -> None:
@@ -216,23 +254,3 @@ def test_modulus_scales_the_force_and_leaves_the_shape(
     soft = coarse_press.at(1.3)
     np.testing.assert_array_equal(stiff.height_mm, soft.height_mm)
     assert stiff.force_n == pytest.approx(2.5 * soft.force_n, rel=1e-12)
-
-
-@pytest.mark.slow
-def test_default_mesh_has_the_stated_force_error(check_design: SensorDesign) -> None:
-    press = solved_press(check_design, 5.0)
-    for depth_mm, force_n, error in zip(CHECK_DEPTH_MM, CHECK_FORCE_N, DEFAULT_FORCE_ERROR, strict=True):
-        # the stated error is a measurement with one solver version: half a per cent for others
-        assert press.at(depth_mm).force_n / force_n - 1.0 == pytest.approx(error, abs=0.005)
-
-
-@pytest.mark.slow
-def test_force_error_falls_as_the_mesh_is_refined(check_design: SensorDesign) -> None:
-    error = [
-        np.array([solved_press(check_design, 2.0, mesh_mm=size).at(d).force_n for d in (0.5, 1.0, 2.0)])
-        / [1.261, 3.758, 11.06]
-        - 1.0
-        for size in (0.45, 0.25)
-    ]
-    # first order would give 0.56; what stays on a fine mesh (0.7 to 1 %: Poisson's ratio, overlap) is taken off
-    assert np.all(error[1] - 0.01 < 0.56 * (error[0] - 0.01))

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from design.spec import SensorDesign
-from sims.contact import indentation
+from sims.contact import stored_press
 from sims.contact.indentation import solved_press
-from sims.contact.profiles import SolvedPress, UnitPress
+from sims.contact.profiles import UnitPress
+from sims.contact.solved_press import SolvedPress
 from sims.contact.store import cache_folder, entry_key, entry_path, read_entry, write_entry
 
 KEY = entry_key({"case": 1})
@@ -110,8 +111,8 @@ def test_an_unwritable_folder_gives_a_result_with_a_note(
     blocked = tmp_path / "file"
     blocked.write_text("a file where the folder should be")
     monkeypatch.setenv("OPTOPAD_CACHE", str(blocked))
-    monkeypatch.setattr(indentation, "_SOLVED", {})
-    monkeypatch.setattr(indentation, "_solve", lambda *_: coarse_press.unit)
+    monkeypatch.setattr(stored_press, "_SOLVED", {})
+    monkeypatch.setattr(stored_press, "_solve", lambda *_: coarse_press.unit)
     press = solved_press(check_design, mesh_mm=0.45)
     assert press.at(1.0).force_n == coarse_press.at(1.0).force_n
     assert len(press.notes) == 1
@@ -127,9 +128,9 @@ def test_a_damaged_entry_is_solved_again_and_replaced(
         calls.append(1)
         return coarse_press.unit
 
-    monkeypatch.setattr(indentation, "_solve", solve)
+    monkeypatch.setattr(stored_press, "_solve", solve)
     for damage in (False, True, False):
-        monkeypatch.setattr(indentation, "_SOLVED", {})
+        monkeypatch.setattr(stored_press, "_SOLVED", {})
         for path in folder.glob("*.npz") if damage else ():
             path.write_bytes(b"not a zip file")
         assert solved_press(check_design, mesh_mm=0.45).notes == ()

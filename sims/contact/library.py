@@ -1,0 +1,141 @@
+"""The shipped library of solved presses: any layer between the solved ones in well under a millisecond.
+
+Entries are `SmoothPress`es of one tip radius and one modulus at the elastic depths `LAYERS`, all on the
+same shares of their deepest press (0.8 of the elastic depth or 1.7 tip radii, whichever is less). Between
+them every spline coefficient is a cubic spline in 1/depth of the layer. The deepest press has a corner where
+the two limits meet (2.125 tip radii), so thin and thick layers have splines of their own that share that entry.
+Outside the entries nothing is extrapolated.
+
+`optopad contact build` makes the file anew; docs/validation/contact.md has the error of solver and interpolation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache, cached_property
+from importlib import resources
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from design.contact_scope import DEEPEST_PRESS, LARGEST_SHARE_OF_LAYER
+from sims.contact.smooth_press import VALUES, FitResidual, SmoothPress
+
+FloatArray = NDArray[np.float64]
+
+FILE = "profiles.npz"
+"""Name of the file in the package's data folder."""
+FORMAT = 1
+"""Version of the file's layout."""
+CORNER = DEEPEST_PRESS / LARGEST_SHARE_OF_LAYER
+"""Layer at which the two limits of the press meet [tip radii]: 2.125."""
+LAYERS = (1.3, 1.45, 1.63, 1.85, CORNER, 2.4, 2.7, 3.0, 3.5, 4.2, 5.0, 6.0)
+"""Elastic depths of the entries [tip radii], about even in 1/depth; 3.0 is the published pad's."""
+_JOIN = 1e-9
+
+
+def deepest_press(layer: float) -> float:
+    """Deepest press of a layer that the library holds; both in tip radii."""
+    return min(LARGEST_SHARE_OF_LAYER * layer, DEEPEST_PRESS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Library:
+    """Solved presses of several layers; lengths in tip radii, forces in E R².
+
+    Attributes
+    ----------
+    layers : (layer,) increasing elastic depths, `CORNER` among them
+    first : (layer,) shallowest solved press
+    wall_radius, mesh_size : radius of the bonded wall, node spacing under the tip
+    knots : (knot,) of the splines in ln(depth / deepest) [-]
+    coefficients : (layer, coefficient, VALUES)
+    residual : (layer, 6) of the fits, in the order of `FitResidual`
+    recipe : version of the solver that made it
+    versions : names and versions of the programs that made it
+    """
+
+    layers: FloatArray
+    first: FloatArray
+    wall_radius: float
+    mesh_size: float
+    knots: FloatArray
+    coefficients: FloatArray
+    residual: FloatArray
+    recipe: int
+    versions: tuple[str, ...]
+
+    def covers(self, layer: float) -> bool:
+        """Whether a layer lies between the thinnest and the thickest entry."""
+        return bool(self.layers[0] - _JOIN <= layer <= self.layers[-1] + _JOIN)
+
+    @cached_property
+    def _charts(self) -> tuple[tuple[slice, CubicSpline], ...]:
+        """Entries and interpolation weights of the thin and of the thick layers."""
+        corner = int(np.argmin(np.abs(self.layers - CORNER)))
+        parts = (slice(0, corner + 1), slice(corner, len(self.layers)))
+        # abscissae of a spline increase: 1/layer is taken backwards
+        return tuple(
+            (part, CubicSpline(1.0 / self.layers[part][::-1], np.eye(len(self.layers[part]))[::-1]))
+            for part in parts
+        )
+
+    def press(self, layer: float) -> SmoothPress:
+        """The presses of a layer between the entries.
+
+        Parameters
+        ----------
+        layer : elastic depth, which `covers` accepts [tip radii]
+        """
+        layer = float(np.clip(layer, self.layers[0], self.layers[-1]))
+        part, weights = self._charts[int(layer > CORNER)]
+        share = weights(1.0 / layer)
+        nearest = int(np.argmin(np.abs(self.layers - layer)))
+        return SmoothPress(
+            layer_depth=layer,
+            wall_radius=self.wall_radius,
+            mesh_size=self.mesh_size,
+            first=float(share @ self.first[part]),
+            deepest=deepest_press(layer),
+            knots=self.knots,
+            coefficients=np.tensordot(share, self.coefficients[part], axes=1),
+            residual=FitResidual.from_array(self.residual[nearest]),
+            versions=self.versions,
+        )
+
+
+def pack(library: Library) -> dict[str, NDArray[np.generic]]:
+    """Arrays of the file; coefficients in single precision (2 nm for a 3 mm tip)."""
+    return {
+        "format": np.array(FORMAT),
+        "recipe": np.array(library.recipe),
+        "layers": library.layers,
+        "first": library.first,
+        "wall_radius": np.array(library.wall_radius),
+        "mesh_size": np.array(library.mesh_size),
+        "knots": library.knots,
+        "coefficients": library.coefficients.astype(np.float32),
+        "residual": library.residual,
+        "versions": np.array(library.versions),
+    }
+
+
+@cache
+def shipped_library() -> Library:
+    """The library that comes with the package, read once."""
+    with resources.files("sims.contact.data").joinpath(FILE).open("rb") as file:
+        held = dict(np.load(file, allow_pickle=False))
+    if int(held["format"]) != FORMAT or held["coefficients"].shape[2] != VALUES:
+        raise RuntimeError(f"{FILE} is not of this version of optopad; run `optopad contact build`")
+    return Library(
+        layers=held["layers"],
+        first=held["first"],
+        wall_radius=float(held["wall_radius"]),
+        mesh_size=float(held["mesh_size"]),
+        knots=held["knots"],
+        coefficients=held["coefficients"].astype(np.float64),
+        residual=held["residual"],
+        recipe=int(held["recipe"]),
+        versions=tuple(str(text) for text in held["versions"]),
+    )

@@ -1,0 +1,77 @@
+"""A press of one tip into one layer in mm and N, at every depth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from design.errors import ModelScopeError
+from sims.contact.profiles import UnitPress
+from sims.contact.smooth_press import SmoothPress
+from sims.indentation import Indentation
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolvedPress:
+    """A press of one tip into one layer, in mm and N, at every depth up to the deepest solved one.
+
+    Attributes
+    ----------
+    smooth : the presses in tip radii and E R²
+    tip_radius_mm : radius of the hemispherical tip [mm]
+    youngs_modulus_mpa : modulus of the layer [MPa]; it scales the force only
+    unit : the solver's states, where the press was solved live; None from the library
+    notes : what the user should know about this solution
+    """
+
+    smooth: SmoothPress
+    tip_radius_mm: float
+    youngs_modulus_mpa: float
+    unit: UnitPress | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def deepest_mm(self) -> float:
+        """Deepest solved press [mm]."""
+        return self.smooth.deepest * self.tip_radius_mm
+
+    @property
+    def mesh_mm(self) -> float:
+        """Node spacing under the tip [mm]."""
+        return self.smooth.mesh_size * self.tip_radius_mm
+
+    def scaled_depth(self, depth_mm: float) -> float:
+        """A depth in tip radii, at most the deepest solved one.
+
+        Raises
+        ------
+        ModelScopeError : deeper than solved
+        """
+        depth = depth_mm / self.tip_radius_mm
+        if not depth <= self.smooth.deepest * (1.0 + 1e-9):
+            raise ModelScopeError(
+                f"depth_mm: {depth_mm:g} is beyond the solved {self.deepest_mm:g} mm; "
+                "raise operating.max_depth_mm or press less deep"
+            )
+        return min(depth, self.smooth.deepest)
+
+    def force_n(self, depth_mm: float) -> float:
+        """Press force at a depth [mm], in N."""
+        unit_n = self.youngs_modulus_mpa * self.tip_radius_mm**2
+        return self.smooth.force_at(self.scaled_depth(depth_mm)) * unit_n
+
+    def at(self, depth_mm: float) -> Indentation:
+        """The press at a depth [mm]; a depth of 0 or less is the untouched pad.
+
+        Raises
+        ------
+        ModelScopeError : deeper than solved
+        """
+        radius, height, contact_radius = self.smooth.curve_at(self.scaled_depth(depth_mm))
+        return Indentation(
+            depth_mm=depth_mm,
+            tip_radius_mm=self.tip_radius_mm,
+            radius_mm=radius * self.tip_radius_mm,
+            height_mm=height * self.tip_radius_mm,
+            contact_radius_mm=contact_radius * self.tip_radius_mm,
+            force_n=self.force_n(depth_mm),
+        )

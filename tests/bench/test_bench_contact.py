@@ -1,0 +1,48 @@
+"""Time of the contact model: a press from the library, loading the library, a coarse live solve."""
+
+import numpy as np
+import pytest
+
+from design.preset import preset
+from sims.contact import indent
+from sims.contact.indentation import solved_press
+from sims.contact.library import shipped_library
+from sims.contact.mesh import radial_mesh
+from sims.contact.scope import WALL_RADIUS
+from sims.contact.wedge import solve_wedge
+
+
+def test_press_from_the_loaded_library(benchmark):
+    design = preset("piacenza2017-pad")
+    indent(design, 1.0)
+    assert benchmark(indent, design, 2.34).force_n > 0.0
+
+
+def test_press_from_the_library_off_centre(benchmark):
+    design = preset("piacenza2017-pad")
+    indent(design, 1.0, (7.0, 9.0))
+    assert benchmark(indent, design, 2.34, (7.0, 9.0)).force_n > 0.0
+
+
+def test_press_of_another_layer_each_time(benchmark):
+    design = preset("piacenza2017-pad")
+    layers = iter(np.linspace(4.0, 15.0, 100_000))
+
+    def press():
+        changed = design.model_copy(
+            update={"cavity": design.cavity.model_copy(update={"clear_thickness_mm": float(next(layers))})}
+        )
+        return solved_press(changed, 2.0).at(2.0)
+
+    assert benchmark(press).force_n > 0.0
+
+
+def test_loading_the_library(benchmark):
+    assert benchmark(shipped_library.__wrapped__).layers.size > 3
+
+
+@pytest.mark.slow
+def test_coarse_live_solve_to_a_third_of_the_radius(benchmark):
+    mesh = radial_mesh(3.0, WALL_RADIUS, 0.15)
+    depths = np.linspace(1 / 30, 1 / 3, 10)
+    assert benchmark.pedantic(solve_wedge, args=(mesh, depths), rounds=2).force[-1] > 0.0
