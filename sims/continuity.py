@@ -21,6 +21,7 @@ from design.errors import ModelScopeError
 from design.pairs import direct_path_pairs, is_facing_rows, judged_pairs, mask_of
 from design.rules import check, require_valid
 from design.spec import SensorDesign
+from sims.contact.force_curve import ForceCurve, force_curve
 from sims.contact.indentation import mesh_note, solved_press, wall_note
 from sims.depths import COARSE_STEP_MM, STEP_MM, depth_schedule_mm
 from sims.optics.light_signals import LightSignals
@@ -32,7 +33,7 @@ from sims.verdict.depth_curve import clipped
 from sims.verdict.noise_units import noise_units, sigma_counts
 from sims.verdict.pad_map import COARSE_PLACES, FINE_PLACES, PadMap, Place, grid_places_mm, map_grid_mm
 from sims.verdict.presses import MAP_ACCURACY, PAIR_ACCURACY, pad_light, pair_curves, untouched_flux
-from sims.verdict.result import ContinuityScore, ForceCurve, JudgedPair, Verdict
+from sims.verdict.result import ContinuityScore, JudgedPair, Verdict
 from sims.verdict.tolerance import ToleranceBand, ToleranceRow, tolerance_band
 from sims.verdict.trace_noise import trace_noise_warning, widened_threshold
 from sims.verdict.window_range import smallest_range
@@ -125,13 +126,7 @@ def _require_judgeable_depth(design: SensorDesign) -> None:
 
 def _force_curve(design: SensorDesign, on_step: Callable[[float], None]) -> ForceCurve:
     press = solved_press(design, on_step=on_step)
-    depth_mm = depth_schedule_mm(design.operating.max_depth_mm)
-    states = [press.at(float(depth)) for depth in depth_mm]
-    return ForceCurve(
-        depth_mm=depth_mm,
-        force_n=np.array([state.force_n for state in states]),
-        contact_radius_mm=np.array([state.contact_radius_mm for state in states]),
-    )
+    return force_curve(design, press, depth_schedule_mm(design.operating.max_depth_mm))
 
 
 def _governing(judged: tuple[JudgedPair, ...], facing: bool) -> JudgedPair:

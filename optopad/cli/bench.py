@@ -1,8 +1,6 @@
-"""Verbs of the laboratory bench: contact, driver, doctor."""
+"""Verbs of the laboratory bench: driver, doctor."""
 
 from __future__ import annotations
-
-from typing import Annotated
 
 import typer
 
@@ -17,56 +15,14 @@ from optopad.cli.common import (
     read_design,
     say,
 )
-from optopad.cli.progress import progress
 
-contact = typer.Typer(help="The contact model: press, surface, force.", no_args_is_help=True)
 driver = typer.Typer(help="The built sensor: its driver configuration.", no_args_is_help=True)
 
 
 def register(app: typer.Typer) -> None:
     """Add this group's verbs."""
-    app.add_typer(contact, name="contact")
     app.add_typer(driver, name="driver")
     app.command()(doctor)
-
-
-@contact.command()
-def show(
-    design: DesignArgument,
-    depth: Annotated[float, typer.Option(help="Depth of the press [mm].")] = 2.0,
-    set_: SetOption = None,
-    as_json: JsonOption = False,
-) -> None:
-    """Force, contact radius and surface of a centred press."""
-    from sims.contact.indentation import indent, mesh_note, solved_press, wall_note
-
-    read = read_design(design, set_)
-    with progress(quiet=as_json) as step:
-        solved_press(
-            read, max(depth, read.operating.max_depth_mm), on_step=lambda share: step("contact", share)
-        )
-    press = indent(read, depth)
-    notes = [note for note in (wall_note(read), mesh_note(read)) if note]
-    if as_json:
-        print_json(
-            {
-                "depth_mm": press.depth_mm,
-                "force_n": press.force_n,
-                "contact_radius_mm": press.contact_radius_mm,
-                "radius_mm": press.radius_mm.tolist(),
-                "height_mm": press.height_mm.tolist(),
-                "warnings": notes,
-            }
-        )
-        return
-    say(
-        f"depth {press.depth_mm:g} mm: force {press.force_n:.2f} N, contact radius {press.contact_radius_mm:.2f} mm"
-    )
-    say(
-        f"highest pile-up {press.height_mm.max() * 1000:.0f} um at {press.radius_mm[press.height_mm.argmax()]:.1f} mm"
-    )
-    for note in notes:
-        say(f"warning   {note}")
 
 
 @driver.command()

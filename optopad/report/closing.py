@@ -10,11 +10,11 @@ from optopad.report.markup import Html, bullets, element, facts, section
 from sims.verdict.result import ContinuityScore
 
 LEFT_OUT = (
-    "Contact is static, axisymmetric and frictionless: no sliding, no adhesion, no hysteresis, no slow "
-    "bonding and unbonding at the walls.",
+    "Contact is static, axisymmetric and frictionless: no sliding, no adhesion, no slow bonding and unbonding at "
+    "the walls. Hysteresis of the load is an option for one protocol and never enters the light.",
     "Distance to the walls: a press off the centre has the centred press's shape, with a bonded wall 16/3 tip "
     "radii away.",
-    "One tip, a rigid hemisphere with a straight shank. Several touches at once are not modelled.",
+    "One tip, a rigid body of revolution with a straight shank. Several touches at once are not modelled.",
     "Light that leaves through the top is lost: none comes back in across the crater.",
     "Receivers are bare active areas, without package, lens or filter. Emitters are flat and even, with intensity "
     "falling as a power of the cosine; real packages shape their beam.",
@@ -38,6 +38,7 @@ KNOWN_FILES = {
     "cad/checks.json": "mold checks",
     "sims/signals.nc": "light of every press of the map",
     "sims/score.json": "the verdict as data",
+    "sims/contact-profile.svg": "the press, in section",
     "fabrication/bom.csv": "parts to order",
     "fabrication/wiring.csv": "pins",
     "fabrication/wiring.svg": "layout and pins, drawn",

@@ -7,14 +7,24 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from design.cavity import cavity_of
+from design.load_protocol import load_protocol
 from design.properties import modulus
 from design.spec import SensorDesign
 from optopad.report.markup import Html, element
 from optopad.report.numbers import spans
 from optopad.report.published import published_load
 from optopad.report.words import governing, ranked
+from sims.contact.force_curve import ForceCurve
+from sims.contact.load_protocol import load_history
+from sims.contact.viscoelastic import solid_of
+from sims.plots.contact import (
+    plot_contact_radius,
+    plot_force,
+    plot_force_near,
+    plot_load_over_time,
+    plot_load_protocol,
+)
 from sims.plots.pad import plot_deadband_map, plot_margin_map
-from sims.plots.press import plot_contact_radius, plot_force, plot_force_near
 from sims.plots.signal import plot_signal
 from sims.plots.spans import plot_spans
 from sims.plots.style import plain_style, svg_text
@@ -25,6 +35,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 PREFIX = "plot-"
+PROTOCOL = "piacenza2017"
+"""The load protocol that a page shows for a pad whose load relaxes."""
 MOST_FACING = 8
 """Facing pairs that get a plot each; more are in the table only."""
 
@@ -125,7 +137,19 @@ def _press_plots(design: SensorDesign, score: ContinuityScore) -> dict[str, tupl
     if stated is not None:
         near = plot_force_near(score.force, modulus(design), stated.point)
         found["force-near"] = (near, "Load against depth around the published point")
-    return found
+    return found | _protocol_plots(design, score.force)
+
+
+def _protocol_plots(design: SensorDesign, force: ForceCurve) -> dict[str, tuple[Axes, str]]:
+    """The paper's load protocol, for a design whose load relaxes and whose press is deep enough."""
+    solid, protocol = solid_of(design), load_protocol(PROTOCOL)
+    if solid is None or protocol.deepest_mm.value > force.depth_mm[-1]:
+        return {}
+    history = load_history(protocol, lambda depth_mm: force.at(depth_mm)[0], solid)
+    return {
+        "load-protocol": (plot_load_protocol(history), "Load against depth over the load protocol"),
+        "load-time": (plot_load_over_time(history), "Load against time over the load protocol"),
+    }
 
 
 def _tolerance_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:

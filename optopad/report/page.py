@@ -24,10 +24,10 @@ from optopad.report.closing import (
     warnings_section,
 )
 from optopad.report.drawings import PREFIX, Drawing, drawings_of
+from optopad.report.load import force_section
 from optopad.report.markup import Html, element, joined
 from optopad.report.sensor import Pictures, checks_section, pictures_of, sensor_section
 from optopad.report.signals import (
-    force_section,
     map_section,
     pairs_section,
     signal_section,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from design.spec import SensorDesign
+from sims.contact.force_curve import ForceCurve
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +46,66 @@ class PublishedLoad:
             and design.cavity.black_thickness_mm == self.black_mm
             and design.elastomer.material == self.material
             and design.elastomer.mixing_ratio == self.mixing_ratio
+            and design.indenter.shape == "hemisphere"
         )
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoadComparison:
+    """A stated load beside the computed one.
+
+    Attributes
+    ----------
+    stated : the load that was stated
+    force_n, low_n, high_n : the load computed there, and the ends of its band [N]
+    needed_modulus_mpa : modulus at which the computed load would be the stated one [MPa]
+    """
+
+    stated: PublishedLoad
+    force_n: float
+    low_n: float
+    high_n: float
+    needed_modulus_mpa: float
+
+    @property
+    def miss(self) -> float:
+        """Computed over stated load, less 1 [-]."""
+        return self.force_n / self.stated.force_n - 1.0
+
+    @property
+    def is_in_band(self) -> bool:
+        """Whether the stated load lies in the band of the modulus."""
+        return self.low_n <= self.stated.force_n <= self.high_n
+
+    @property
+    def words(self) -> str:
+        """The comparison in plain words, a miss included."""
+        side = "above" if self.miss > 0.0 else "below"
+        band = "inside" if self.is_in_band else "OUTSIDE"
+        return (
+            f"computed at {self.stated.depth_mm:g} mm: {self.force_n:.2f} N, {abs(self.miss):.0%} {side} the stated "
+            f"{self.stated.force_n:g} N, which lies {band} the band of the modulus ({self.low_n:.2f} to "
+            f"{self.high_n:.2f} N); a modulus of {self.needed_modulus_mpa:.2f} MPa would give it. It was not fitted "
+            "to that point, and no error of the statement is known"
+        )
+
+
+def compared(stated: PublishedLoad, force: ForceCurve, modulus_mpa: float) -> LoadComparison:
+    """Hold a computed curve against a stated load.
+
+    Parameters
+    ----------
+    force : the curve, at least as deep as the stated point
+    modulus_mpa : Young's modulus that it was computed with [MPa]
+    """
+    force_n, low_n, high_n = force.at(stated.depth_mm)
+    return LoadComparison(
+        stated=stated,
+        force_n=force_n,
+        low_n=low_n,
+        high_n=high_n,
+        needed_modulus_mpa=modulus_mpa * stated.force_n / force_n,
+    )
 
 
 PIACENZA_2017 = PublishedLoad(

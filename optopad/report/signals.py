@@ -1,22 +1,16 @@
-"""Sections on what the light does: signals of pairs, all judged pairs, the map, tolerance, load."""
+"""Sections on what the light does: signals of pairs, all judged pairs, the map, tolerance."""
 
 from __future__ import annotations
 
-import numpy as np
-
-from design.properties import modulus
-from design.spec import SensorDesign
 from optopad.report.drawings import Drawing, figure_of, shown_pairs
 from optopad.report.markup import Html, element, section, table
 from optopad.report.numbers import DASH, counted, depth, ends, signed, spans
-from optopad.report.published import published_load
 from optopad.report.words import clipping
 from sims.verdict.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT
-from sims.verdict.result import ContinuityScore, ForceCurve, JudgedPair
+from sims.verdict.result import ContinuityScore, JudgedPair
 from sims.verdict.tolerance import ToleranceBand
 
 Drawings = dict[str, Drawing]
-TABLE_DEPTHS_MM = (0.2, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 7.0, 10.0)
 
 ONE_PLACE = (
     "The pad is tried at its weakest place, by the few pairs that answer most there: fewer pairs can only lengthen a "
@@ -262,67 +256,3 @@ def _unbanded(band: ToleranceBand) -> Html:
         return Html("")
     names = ", ".join(band.unbanded)
     return element("p", f"Without a band, so that nothing can be said of them: {names}.", class_="note")
-
-
-def force_section(design: SensorDesign, score: ContinuityScore, drawings: Drawings) -> Html:
-    """The press: load and contact radius."""
-    if score.force is None:
-        return Html("")
-    quantity = modulus(design)
-    stated = published_load(design)
-    notes = [
-        f"The load is proportional to Young's modulus, {quantity.value:.3g} MPa "
-        f"({quantity.confidence}: {quantity.source})."
-    ]
-    if stated is not None:
-        here = float(np.interp(stated.depth_mm, score.force.depth_mm, score.force.force_n))
-        notes.append(
-            f"{stated.source}. Computed at {stated.depth_mm:g} mm: {here:.2f} N{_force_band(design, here)}; it was not "
-            "fitted to that point."
-        )
-    return section(
-        "force",
-        "Load against depth",
-        element(
-            "div",
-            *(figure_of(drawings[name], text) for name, text in _FORCE_FIGURES if name in drawings),
-            class_="grid",
-        ),
-        table(
-            ("depth [mm]", "load [N]", "band of the modulus [N]", "contact radius [mm]"),
-            _force_rows(design, score.force),
-            label="Load and contact radius",
-            numeric=(1, 2, 3),
-        ),
-        *(element("p", note, class_="note") for note in notes),
-    )
-
-
-_FORCE_FIGURES = (
-    ("force", "Load of a centred press; shaded: the band of the modulus."),
-    ("force-near", "The same near contact, with the point that the paper states."),
-    ("contact-radius", "Radius of the circle where pad and tip touch."),
-)
-
-
-def _force_band(design: SensorDesign, force_n: float) -> str:
-    quantity = modulus(design)
-    if quantity.low is None or quantity.high is None:
-        return ""
-    low, high = force_n * quantity.low / quantity.value, force_n * quantity.high / quantity.value
-    return f" ({low:.2f} to {high:.2f} N over the band of the modulus)"
-
-
-def _force_rows(design: SensorDesign, force: ForceCurve) -> list[tuple[str, ...]]:
-    quantity = modulus(design)
-    rows: list[tuple[str, ...]] = []
-    for at_mm in TABLE_DEPTHS_MM:
-        if at_mm > force.depth_mm[-1]:
-            break
-        load = float(np.interp(at_mm, force.depth_mm, force.force_n))
-        radius = float(np.interp(at_mm, force.depth_mm, force.contact_radius_mm))
-        band = "measured"
-        if quantity.low is not None and quantity.high is not None:
-            band = ends(load * quantity.low / quantity.value, load * quantity.high / quantity.value)
-        rows.append((f"{at_mm:g}", f"{load:.2f}", band, f"{radius:.2f}"))
-    return rows

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from sims.contact.force_curve import ForceCurve
 from sims.optics.light_signals import LightSignals
 from sims.readout import Readout
 from sims.verdict.pad_map import PadMap
@@ -27,20 +28,6 @@ class JudgedPair:
     name: str
     curves: PairCurves
     score: PairScore
-
-
-@dataclass(frozen=True, kw_only=True)
-class ForceCurve:
-    """Load against depth of the centred press, from the contact model.
-
-    Attributes
-    ----------
-    depth_mm, force_n, contact_radius_mm : (n,) each
-    """
-
-    depth_mm: FloatArray
-    force_n: FloatArray
-    contact_radius_mm: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,5 +165,7 @@ def _force_json(force: ForceCurve) -> dict[str, list[float]]:
     return {
         "depth_mm": force.depth_mm.round(4).tolist(),
         "force_n": force.force_n.round(4).tolist(),
+        "low_n": force.low_n.round(4).tolist(),
+        "high_n": force.high_n.round(4).tolist(),
         "contact_radius_mm": force.contact_radius_mm.round(4).tolist(),
     }

@@ -17,9 +17,10 @@ from design.preset import preset
 from design.spec import SensorDesign
 from optopad.report.closing import WRITTEN_LAST
 from optopad.report.drawings import drawings_of, shown_pairs
+from optopad.report.load import force_section
 from optopad.report.markup import Html, bullets, element, table
 from optopad.report.page import write_report
-from optopad.report.published import PIACENZA_2017, published_load
+from optopad.report.published import PIACENZA_2017, compared, published_load
 from optopad.report.words import governing, headline, meaning, ranked, rests_on
 from sims.verdict.result import ContinuityScore
 from tests.sims.made_up_scores import (
@@ -27,6 +28,7 @@ from tests.sims.made_up_scores import (
     WARNINGS,
     contiguous_score,
     dead_score,
+    made_up_force,
     made_up_pair,
     out_of_scope_score,
 )
@@ -321,7 +323,40 @@ def test_the_published_load_is_shown_for_the_papers_press_only(text: str) -> Non
     assert published_load(PAD.with_(**{"elastomer.mixing_ratio": 10.0})) is None
     said = Page(text).text
     assert "0.6 mm corresponds to about 2 N" in said
-    assert f"Computed at 0.6 mm: {3.3 * 0.6**1.5:.2f} N" in said
+    load = 3.3 * 0.6**1.5
+    assert f"Computed at 0.6 mm: {load:.2f} N, {1 - load / 2:.0%} below the stated 2 N" in said
+    assert "which lies inside the band of the modulus" in said
+
+
+def test_a_published_load_outside_the_band_is_called_outside() -> None:
+    soft = compared(PIACENZA_2017, made_up_force(band=(0.9, 1.1)), 1.0)
+    assert not soft.is_in_band
+    assert "which lies OUTSIDE the band" in soft.words
+    assert soft.needed_modulus_mpa == pytest.approx(2.0 / soft.force_n)
+
+
+def test_the_load_at_the_deepest_press_is_told_with_its_band(text: str) -> None:
+    load = 3.3 * 5.0**1.5
+    expected = (
+        f"The deepest press, 5 mm, takes {load:.3g} N ({0.66 * load:.3g} to {1.49 * load:.3g} N over the band"
+    )
+    assert expected in Page(text).text
+
+
+def test_press_and_retract_are_drawn_only_for_a_pad_whose_load_relaxes(text: str) -> None:
+    assert "Press and retract have the same load: relaxation is off." in Page(text).text
+    press_only = replace(dead_score(), pairs=(), pad_map=None, tolerance=None)
+    assert "load-protocol" not in drawings_of(PAD, press_only)
+    relaxing = PAD.with_(
+        **{"elastomer.viscoelastic.relaxed_share": 0.2, "elastomer.viscoelastic.time_constant_s": 5.0}
+    )
+    drawings = drawings_of(relaxing, press_only)
+    assert {"load-protocol", "load-time"} <= set(drawings)
+    said = Page(force_section(relaxing, press_only, drawings)).text
+    assert "20% of the instantaneous modulus relaxes with a time constant of 5 s" in said
+    shallow = replace(press_only, force=made_up_force(3.0))
+    assert "load-protocol" not in drawings_of(relaxing, shallow)
+    assert "deeper than operating.max_depth_mm: not drawn" in Page(force_section(relaxing, shallow, {})).text
 
 
 def test_mold_checks_are_listed_with_what_is_wrong_first(text: str) -> None:

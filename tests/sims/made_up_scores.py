@@ -10,12 +10,13 @@ from design.cavity import CavityGeometry, cavity_of
 from design.pairs import chord_midpoint_mm, is_facing_rows, judged_pairs
 from design.preset import preset
 from design.spec import SensorDesign
+from sims.contact.force_curve import ForceCurve
 from sims.depths import depth_schedule_mm
 from sims.readout import Readout
 from sims.verdict.pad_map import PadMap, Place, map_grid_mm
 from sims.verdict.pair_score import score_pair
 from sims.verdict.presses import PairCurves
-from sims.verdict.result import ContinuityScore, ForceCurve, JudgedPair
+from sims.verdict.result import ContinuityScore, JudgedPair
 from sims.verdict.tolerance import ToleranceBand, ToleranceRow
 
 FULL_SCALE = 1023.0
@@ -189,10 +190,17 @@ def made_up_band(pair: str, deadband_mm: float) -> ToleranceBand:
     )
 
 
-def made_up_force(deepest_mm: float = 5.0) -> ForceCurve:
-    """A load of 3.3 N/mm^1.5."""
+def made_up_force(deepest_mm: float = 5.0, band: tuple[float, float] = (0.66, 1.49)) -> ForceCurve:
+    """A load of 3.3 N/mm^1.5, and the ends of its band as factors."""
     depth = depth_schedule_mm(deepest_mm)
-    return ForceCurve(depth_mm=depth, force_n=3.3 * depth**1.5, contact_radius_mm=3.0 * np.tanh(depth / 1.7))
+    load = 3.3 * depth**1.5
+    return ForceCurve(
+        depth_mm=depth,
+        force_n=load,
+        contact_radius_mm=3.0 * np.tanh(depth / 1.7),
+        low_n=band[0] * load,
+        high_n=band[1] * load,
+    )
 
 
 def _made_up(design: SensorDesign, onset_mm: float) -> ContinuityScore:

@@ -17,10 +17,23 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from design.cavity import cavity_of
+from design.load_protocol import load_protocol
 from design.preset import preset
 from design.properties import modulus
+from sims.contact.load_protocol import LoadHistory, load_history
+from sims.contact.pressure import ContactPressure
+from sims.contact.viscoelastic import StandardLinearSolid
+from sims.indentation import Indentation
+from sims.plots.contact import (
+    plot_contact_radius,
+    plot_force,
+    plot_force_near,
+    plot_load_over_time,
+    plot_load_protocol,
+    plot_pressure,
+    plot_profile,
+)
 from sims.plots.pad import plot_deadband_map, plot_margin_map
-from sims.plots.press import plot_contact_radius, plot_force, plot_force_near
 from sims.plots.signal import plot_signal
 from sims.plots.spans import plot_spans
 from sims.plots.style import plain_style, svg_text
@@ -38,6 +51,8 @@ from tests.sims.made_up_scores import (
 PAD = preset("piacenza2017-pad")
 CAVITY = cavity_of(PAD)
 MODULUS = modulus(PAD)
+SOLID = StandardLinearSolid(relaxed_share=0.3, time_constant_s=5.0)
+TIP_MM = (np.array([0.0, 2.0, 3.0, 3.0]), np.array([0.0, 3.0 - 5.0**0.5, 3.0, 9.0]))
 
 
 def areas(ax: Axes, gid: str) -> list[tuple[float, float]]:
@@ -162,7 +177,7 @@ def test_load_is_shaded_over_the_band_of_the_modulus():
 
 def test_a_measured_modulus_has_no_band():
     measured = replace_quantity(low=None, high=None)
-    assert len(plot_force(made_up_force(), measured).collections) == 0
+    assert len(plot_force(made_up_force(band=(1.0, 1.0)), measured).collections) == 0
 
 
 def replace_quantity(**changes: object) -> object:
@@ -173,6 +188,75 @@ def test_the_near_view_reaches_twice_the_measured_depth():
     ax = plot_force_near(made_up_force(), MODULUS, (0.6, 2.0, "stated"))
     assert ax.get_xlim() == pytest.approx((0.0, 1.2))
     assert ax.get_ylim()[1] > 2.0
+
+
+def test_a_profile_is_drawn_to_one_scale_with_the_tip_in_the_dimple():
+    ax = plot_profile(made_up_press(), TIP_MM)
+    assert ax.get_aspect() == 1.0
+    surface, tip = line(ax, "surface at 2 mm, 10 N"), np.array(ax.lines[0].get_data())
+    assert surface[1].min() == tip[1].min() == -2.0
+    assert surface[0] == pytest.approx(-surface[0][::-1])
+    assert line(ax, "edge of the contact, at 2.50 mm")[0].tolist() == [-2.5, 2.5]
+
+
+def test_an_untouched_pad_has_no_contact_edge():
+    press = replace(made_up_press(), depth_mm=0.0, contact_radius_mm=0.0, force_n=0.0)
+    labels = plot_profile(press, TIP_MM).get_legend_handles_labels()[1]
+    assert labels == ["surface at 0 mm, 0 N", "undisturbed surface"]
+
+
+def test_pressure_is_mirrored_and_says_when_it_is_not_resolved():
+    ax = plot_pressure(made_up_pressure())
+    assert line(ax, "depth 2 mm")[0].tolist() == [-2.5, -1.0, 0.0, 0.0, 1.0, 2.5]
+    assert ax.get_title() == ""
+    assert "not resolved" in plot_pressure(replace(made_up_pressure(), is_resolved=False)).get_title()
+
+
+def test_a_load_protocol_without_relaxation_is_one_curve_and_with_it_a_loop():
+    elastic, relaxing = made_up_history(None), made_up_history(SOLID)
+    assert plot_load_protocol(elastic).get_legend_handles_labels()[1] == [
+        "pressing and retracting: the same, elastic",
+        "end of a pause",
+    ]
+    ax = plot_load_protocol(relaxing)
+    inward, outward = line(ax, "pressing"), line(ax, "retracting")
+    at_mm = 2.5
+    assert np.interp(at_mm, *inward) > 1.05 * np.interp(at_mm, *outward[:, ::-1])
+    assert line(ax, "end of a pause")[0].tolist() == [1, 2, 3, 4, 5, 4, 3, 2, 1, 0]
+
+
+def test_load_over_time_shows_the_elastic_press_where_the_load_relaxes():
+    labels = plot_load_over_time(made_up_history(SOLID)).get_legend_handles_labels()[1]
+    assert "elastic press (fully relaxed)" in labels
+    assert len(plot_load_over_time(made_up_history(None)).get_legend_handles_labels()[1]) == 2
+
+
+def made_up_press() -> Indentation:
+    angle = np.linspace(0.0, np.arcsin(2.5 / 3.0), 20)
+    radius = np.concatenate([3.0 * np.sin(angle), [4.0, 8.0, 16.0]])
+    height = np.concatenate([1.0 - 3.0 * np.cos(angle), [-0.3, 0.05, 0.0]])
+    return Indentation(
+        depth_mm=2.0,
+        tip_radius_mm=3.0,
+        radius_mm=radius,
+        height_mm=height,
+        contact_radius_mm=2.5,
+        force_n=10.0,
+    )
+
+
+def made_up_pressure() -> ContactPressure:
+    return ContactPressure(
+        depth_mm=2.0,
+        radius_mm=np.array([0.0, 1.0, 2.5]),
+        height_mm=np.array([-2.0, -1.8, -0.7]),
+        pressure_mpa=np.array([0.8, 0.7, 0.0]),
+        is_resolved=True,
+    )
+
+
+def made_up_history(solid: StandardLinearSolid | None) -> LoadHistory:
+    return load_history(load_protocol("piacenza2017"), lambda depth_mm: 3.3 * depth_mm**1.5, solid)
 
 
 def test_tolerance_marks_both_ends_of_every_value():
@@ -208,6 +292,10 @@ def every_plot(ax: Axes | None = None) -> dict[str, Axes]:
         "margin": plot_margin_map(score.pad_map, CAVITY, ax),
         "force": plot_force(score.force, MODULUS, ax),
         "radius": plot_contact_radius(score.force, ax),
+        "profile": plot_profile(made_up_press(), TIP_MM, ax),
+        "pressure": plot_pressure(made_up_pressure(), ax),
+        "protocol": plot_load_protocol(made_up_history(SOLID), ax),
+        "protocol-time": plot_load_over_time(made_up_history(SOLID), ax),
         "tolerance": plot_tolerance(score.tolerance, ax),
         "gap": plot_gap_tolerance(score.tolerance, ax),
     }
@@ -221,6 +309,10 @@ def test_axes_are_labelled_with_their_units():
         "margin": ("[mm]", "[mm]"),
         "force": ("[mm]", "[N]"),
         "radius": ("[mm]", "[mm]"),
+        "profile": ("[mm]", "[mm]"),
+        "pressure": ("[mm]", "[MPa]"),
+        "protocol": ("[mm]", "[N]"),
+        "protocol-time": ("[s]", "[N]"),
         "tolerance": ("[mm]", ""),
         "gap": ("[mm]", ""),
     }
@@ -265,7 +357,7 @@ def test_svg_is_the_same_each_time_and_holds_text_but_no_date():
 
 
 def test_no_display_and_no_global_figures_are_needed():
-    modules = "sims.plots.pad, sims.plots.signal, sims.plots.press, sims.plots.tolerance"
+    modules = "sims.plots.pad, sims.plots.signal, sims.plots.contact, sims.plots.tolerance"
     program = f"import sys, {modules}; print('matplotlib.pyplot' in sys.modules)"
     root = Path(__file__).parents[2]
     found = subprocess.run(

@@ -1,0 +1,225 @@
+"""The press itself: surface under the tip, load, contact radius, pressure, and the load over a protocol."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from design.quantity import Quantity
+from sims.contact.force_curve import ForceCurve
+from sims.contact.load_protocol import LoadHistory
+from sims.contact.pressure import ContactPressure
+from sims.indentation import Indentation
+from sims.plots.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    GRID,
+    INK,
+    MUTED,
+    PALE_BLUE,
+    VERMILLION,
+    axes_or_new,
+)
+
+FloatArray = NDArray[np.float64]
+
+HEIGHT_IN = 3.2
+PROFILE_HEIGHT_IN = 3.0
+SHOWN_RADII = 3.0
+"""Half the width of a profile plot [tip radii]."""
+POINT: dict[str, Any] = {
+    "color": VERMILLION,
+    "marker": "D",
+    "markersize": 6,
+    "markeredgecolor": INK,
+    "linestyle": "none",
+}
+DEPTH_LABEL = "depth of the press [mm]"
+
+
+def plot_profile(press: Indentation, tip_mm: tuple[FloatArray, FloatArray], ax: Axes | None = None) -> Axes:
+    """Section through tip and pad: height [mm] against distance from the axis [mm], to one scale.
+
+    Parameters
+    ----------
+    press : the deformed surface
+    tip_mm : radius and height above its apex of the tip's outline, from the apex up the shank [mm]
+    """
+    ax = axes_or_new(ax, PROFILE_HEIGHT_IN)
+    half_width = SHOWN_RADII * press.tip_radius_mm
+    radius, height = _mirrored(press.radius_mm, press.height_mm)
+    tip_radius, tip_height = _mirrored(tip_mm[0], tip_mm[1] - press.depth_mm)
+    floor, ceiling = -press.depth_mm - 0.5 * press.tip_radius_mm, 0.7 * press.tip_radius_mm
+    # a polygon, because the surface may run back beside the shank
+    ax.fill(
+        np.append(radius, radius[[-1, 0]]), np.append(height, [floor, floor]), color=PALE_BLUE, linewidth=0
+    )
+    ax.fill(tip_radius, tip_height, facecolor="white", edgecolor=GREY, hatch="////", linewidth=0)
+    ax.plot(tip_radius, tip_height, color=MUTED, linewidth=1.2)
+    ax.plot(
+        radius,
+        height,
+        color=BLUE,
+        linewidth=2,
+        label=f"surface at {press.depth_mm:g} mm, {press.force_n:.3g} N",
+    )
+    ax.axhline(0.0, color=MUTED, linewidth=1.0, linestyle=(0, (4, 3)), label="undisturbed surface")
+    _mark_contact_edge(ax, press)
+    for height_mm, name in ((0.4 * press.tip_radius_mm, "tip"), (0.5 * (floor - press.depth_mm), "pad")):
+        box = {"facecolor": "white" if name == "tip" else "none", "edgecolor": "none", "pad": 2.0}
+        ax.text(0.0, height_mm, name, ha="center", va="center", color=INK, bbox=box)
+    ax.set_xlim(-half_width, half_width)
+    ax.set_ylim(floor, ceiling)
+    ax.set_aspect("equal")
+    ax.set_xlabel("distance from the axis of the press [mm]")
+    ax.set_ylabel("height [mm]")
+    ax.legend(loc="lower left", bbox_to_anchor=(-0.02, 1.0), ncols=2)
+    return ax
+
+
+def _mirrored(radius: FloatArray, height: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A section's curve from left to right, from one that starts on the axis."""
+    return np.concatenate([-radius[::-1], radius]), np.concatenate([height[::-1], height])
+
+
+def _mark_contact_edge(ax: Axes, press: Indentation) -> None:
+    if press.contact_radius_mm <= 0.0:
+        return
+    edge = int(np.argmax(press.radius_mm >= press.contact_radius_mm - 1e-9))
+    height_mm = press.height_mm[edge]
+    ax.plot(
+        [-press.contact_radius_mm, press.contact_radius_mm],
+        [height_mm, height_mm],
+        label=f"edge of the contact, at {press.contact_radius_mm:.2f} mm",
+        **(POINT | {"marker": "o", "markersize": 5}),
+    )
+
+
+def plot_pressure(pressure: ContactPressure, ax: Axes | None = None) -> Axes:
+    """Pressure between tip and pad [MPa] against distance from the axis [mm]."""
+    ax = axes_or_new(ax, HEIGHT_IN)
+    radius, height = _mirrored(pressure.radius_mm, pressure.pressure_mpa)
+    ax.fill_between(radius, 0.0, height, color=PALE_BLUE, linewidth=0)
+    ax.plot(radius, height, color=BLUE, linewidth=2, label=f"depth {pressure.depth_mm:g} mm")
+    if not pressure.is_resolved:
+        ax.set_title(
+            "the contact is too small for the mesh: shape not resolved", fontsize=9, color=VERMILLION
+        )
+    ax.set_ylim(0.0, 1.2 * max(float(pressure.pressure_mpa.max()), 1e-6))
+    ax.grid(color=GRID, linewidth=0.6)
+    ax.set_xlabel("distance from the axis of the press [mm]")
+    ax.set_ylabel("contact pressure [MPa]")
+    ax.legend(loc="upper left")
+    return ax
+
+
+def plot_force(
+    force: ForceCurve,
+    modulus: Quantity,
+    ax: Axes | None = None,
+    *,
+    measured: Sequence[tuple[float, float, str]] = (),
+) -> Axes:
+    """Load [N] against depth [mm], with the band of the modulus.
+
+    Parameters
+    ----------
+    modulus : Young's modulus that the loads were computed with [MPa]
+    measured : depth [mm], force [N] and label of measurements to hold the curve against
+    """
+    ax = axes_or_new(ax, HEIGHT_IN)
+    if force.has_band:
+        ax.fill_between(
+            force.depth_mm,
+            force.low_n,
+            force.high_n,
+            color=PALE_BLUE,
+            linewidth=0,
+            label=f"modulus {modulus.low:.3g} to {modulus.high:.3g} MPa",
+        )
+    ax.plot(force.depth_mm, force.force_n, color=BLUE, linewidth=2, label=f"modulus {modulus.value:.3g} MPa")
+    for depth_mm, force_n, label in measured:
+        ax.plot(depth_mm, force_n, label=label, **POINT)
+    _frame(ax, force.depth_mm, "load [N]")
+    ax.legend(loc="upper left")
+    return ax
+
+
+def plot_force_near(force: ForceCurve, modulus: Quantity, measured: tuple[float, float, str]) -> Axes:
+    """The same around one measured point, from contact to twice its depth."""
+    ax = plot_force(force, modulus, measured=[measured])
+    deepest = min(2.0 * measured[0], float(force.depth_mm[-1]))
+    ax.set_xlim(0.0, deepest)
+    ax.set_ylim(0.0, 1.05 * max(force.at(deepest)[2], measured[1]))
+    return ax
+
+
+def plot_contact_radius(force: ForceCurve, ax: Axes | None = None) -> Axes:
+    """Radius of the circle of contact [mm] against depth [mm]."""
+    ax = axes_or_new(ax, HEIGHT_IN)
+    ax.plot(force.depth_mm, force.contact_radius_mm, color=GREEN, linewidth=2)
+    _frame(ax, force.depth_mm, "contact radius [mm]")
+    return ax
+
+
+def plot_load_protocol(history: LoadHistory, ax: Axes | None = None) -> Axes:
+    """Load [N] against depth [mm] over a protocol; points: the load at the end of each pause."""
+    ax = axes_or_new(ax, HEIGHT_IN)
+    turn = history.turn
+    inward = "pressing" if history.has_relaxation else "pressing and retracting: the same, elastic"
+    ax.plot(history.depth_mm[: turn + 1], history.load_n[: turn + 1], color=BLUE, linewidth=1.6, label=inward)
+    if history.has_relaxation:
+        ax.plot(
+            history.depth_mm[turn:],
+            history.load_n[turn:],
+            color=VERMILLION,
+            linewidth=1.6,
+            linestyle=(0, (5, 2)),
+            label="retracting",
+        )
+    _mark_pauses(ax, history, history.depth_mm)
+    _frame(ax, history.depth_mm[: turn + 1], "load [N]")
+    ax.legend(loc="upper left")
+    return ax
+
+
+def plot_load_over_time(history: LoadHistory, ax: Axes | None = None) -> Axes:
+    """Load [N] against time [s] over a protocol, with the load of the elastic press."""
+    ax = axes_or_new(ax, HEIGHT_IN)
+    ax.plot(history.time_s, history.load_n, color=BLUE, linewidth=1.6, label="load")
+    if history.has_relaxation:
+        ax.plot(
+            history.time_s,
+            history.elastic_n,
+            color=MUTED,
+            linewidth=1.0,
+            linestyle=(0, (2, 1.5)),
+            label="elastic press (fully relaxed)",
+        )
+    _mark_pauses(ax, history, history.time_s)
+    ax.set_xlim(0.0, float(history.time_s[-1]))
+    ax.set_ylim(0.0, 1.35 * float(history.load_n.max()))
+    ax.grid(color=GRID, linewidth=0.6)
+    ax.set_xlabel("time from first contact [s]")
+    ax.set_ylabel("load [N]")
+    ax.legend(loc="upper left", ncols=2)
+    return ax
+
+
+def _mark_pauses(ax: Axes, history: LoadHistory, across: FloatArray) -> None:
+    look = POINT | {"marker": "o", "markersize": 4.5}
+    ends = history.pause_ends
+    ax.plot(across[ends], history.load_n[ends], label="end of a pause", clip_on=False, zorder=3, **look)
+
+
+def _frame(ax: Axes, depth_mm: FloatArray, label: str) -> None:
+    ax.set_xlim(0.0, float(depth_mm[-1]))
+    ax.set_ylim(bottom=0.0)
+    ax.grid(color=GRID, linewidth=0.6)
+    ax.set_xlabel(DEPTH_LABEL)
+    ax.set_ylabel(label)
