@@ -1,15 +1,15 @@
-r"""The indenter's tip: the hemisphere of the design on a plain shank, for a collet or chuck.
+r"""The indenter's tip: the outline of the design's tip on a plain shank, for a collet or chuck.
 
          ___
-       /     \     ^ tip radius
+       /     \     ^ outline (`design.tip_shape`): hemisphere, flat punch, cone or profile
       |-------|    v
-      |       |    shank, same radius: silicone wraps it in deep presses
+      |       |    shank of tip_radius_mm: silicone wraps it in deep presses
       |       |
       +-------+    bed
       <  2 R  >
 
-Printed upright, the dome has layer steps: sand it, or use it as a gauge for a turned tip.
-The dome's pole tessellates with one degenerate triangle, which `cad.mesh` drops.
+Printed upright, the tip has layer steps: sand it, or use it as a gauge for a turned tip.
+The pole tessellates with one degenerate triangle, which `cad.mesh` drops.
 """
 
 from __future__ import annotations
@@ -19,32 +19,34 @@ import math
 import cadquery as cq
 
 from design.spec import SensorDesign
+from design.tip_shape import tip_outline, tip_volume_mm3
 
 SHANK_MM = 20.0
 """Held length of the shank, beyond the deepest press."""
 
 
 def shank_mm(design: SensorDesign) -> float:
-    """Length of the cylinder below the dome [mm]."""
+    """Length of the cylinder below the outline [mm]."""
     return SHANK_MM + design.operating.max_depth_mm
 
 
 def indenter_tip_volume_mm3(design: SensorDesign) -> float:
-    """Volume by formula [mm3]: hemisphere and cylinder."""
+    """Volume by formula [mm3]: the outline's body of revolution and the cylinder."""
     radius = design.indenter.tip_radius_mm
-    return math.pi * radius**2 * shank_mm(design) + 2 / 3 * math.pi * radius**3
+    return math.pi * radius**2 * shank_mm(design) + tip_volume_mm3(design.indenter)
 
 
 def indenter_tip(design: SensorDesign) -> cq.Workplane:
-    """The tip standing on the print bed, dome up, axis at x = y = 0."""
+    """The tip standing on the print bed, apex up, axis at x = y = 0."""
     radius, shank = design.indenter.tip_radius_mm, shank_mm(design)
-    arc = math.radians(45)
-    profile = (
-        cq.Workplane("XY")
-        .moveTo(0, 0)
-        .lineTo(radius, 0)
-        .lineTo(radius, shank)
-        .threePointArc((radius * math.cos(arc), shank + radius * math.sin(arc)), (0, shank + radius))
-        .close()
-    )
-    return profile.revolve(360, (0, 0, 0), (0, 1, 0)).rotate((0, 0, 0), (1, 0, 0), 90)
+    pieces = tip_outline(design.indenter)
+    apex = shank + pieces[-1].end[1]
+    profile = cq.Workplane("XY").moveTo(0, 0).lineTo(radius, 0).lineTo(radius, shank)
+    for piece in reversed(pieces):
+        end = (piece.start[0], apex - piece.start[1])
+        if piece.radius == 0.0:
+            profile = profile.lineTo(*end)
+        else:
+            middle = piece.middle
+            profile = profile.threePointArc((middle[0], apex - middle[1]), end)
+    return profile.close().revolve(360, (0, 0, 0), (0, 1, 0)).rotate((0, 0, 0), (1, 0, 0), 90)

@@ -63,6 +63,14 @@ class Piece:
     centre: tuple[float, float] = (0.0, 0.0)
     radius: float = 0.0
 
+    @property
+    def middle(self) -> tuple[float, float]:
+        """The point half-way along the piece."""
+        if self.radius == 0.0:
+            return 0.5 * (self.start[0] + self.end[0]), 0.5 * (self.start[1] + self.end[1])
+        angle = 0.5 * (_angle(self, self.start) + _angle(self, self.end))
+        return self.centre[0] + self.radius * math.sin(angle), self.centre[1] - self.radius * math.cos(angle)
+
 
 def tip_outline(indenter: Indenter) -> tuple[Piece, ...]:
     """The outline from the apex to the shank."""

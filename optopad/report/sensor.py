@@ -9,6 +9,7 @@ from typing import Any
 
 from design.cavity import CavityGeometry, PlacedPart, cavity_of
 from design.spec import SensorDesign
+from design.tip_shape import tip_words
 from optopad.report.markup import Html, element, facts, section, table
 from optopad.report.numbers import counted
 
@@ -90,7 +91,7 @@ def _facts(design: SensorDesign, cavity: CavityGeometry) -> list[tuple[str, str]
         ("elastomer", f"{design.elastomer.material}, {design.elastomer.mixing_ratio:g} : 1 by weight"),
         ("emitters", _parts(cavity.emitters)),
         ("receivers", _parts(cavity.receivers)),
-        ("tip", f"hemisphere of {design.indenter.tip_radius_mm:g} mm radius"),
+        ("tip", tip_words(design.indenter)),
         ("workspace", f"x {space.x0_mm:g} to {space.x1_mm:g}, y {space.y0_mm:g} to {space.y1_mm:g} mm"),
         ("deepest press", f"{design.operating.max_depth_mm:g} mm"),
         ("board", f"{design.board.kind}, {design.board.frame_rate_hz:g} frames a second wanted"),

@@ -12,7 +12,7 @@ import pytest
 import trimesh
 
 from cad.export import export_parts, part_files, step_bytes
-from cad.indenter_tip import indenter_tip, indenter_tip_volume_mm3
+from cad.indenter_tip import indenter_tip, indenter_tip_volume_mm3, shank_mm
 from cad.leveling_blade import blade_size, leveling_blade
 from cad.mesh import mesh_of, read_stl, stl_bytes
 from cad.mold import build_mold
@@ -24,6 +24,7 @@ from design.errors import DesignError
 from design.mold_outline import bed_lift_mm, outline_of
 from design.preset import preset
 from design.sockets import Cut
+from design.tip_shape import tip_height_mm
 
 VOLUME_LIMIT = 1e-3  # chords of the round holes; demanded of every mold
 SINGLE_PRECISION_MM = 1e-4  # coordinates in the file, below 400 mm
@@ -268,3 +269,27 @@ def test_a_too_small_mold_is_refused_and_nothing_is_written(tmp_path):
     ):
         export_parts(design, tmp_path / "cad")
     assert not (tmp_path / "cad").exists()
+
+
+TIPS = {
+    "punch": {"indenter.shape": "flat_punch"},
+    "sharp punch": {"indenter.shape": "flat_punch", "indenter.edge_radius_mm": 0.05},
+    "cone": {"indenter.shape": "cone", "indenter.cone_half_angle_deg": 40.0},
+    "ball of a punch": {"indenter.shape": "flat_punch", "indenter.edge_radius_mm": 3.0},
+    "profile": {
+        "indenter.shape": "profile",
+        "indenter.profile_mm": [[0, 0], [0.6, 0.02], [1.2, 0.5], [2.4, 0.6], [2.7, 2.0], [3, 2.2]],
+    },
+}
+
+
+@pytest.mark.parametrize("shape", TIPS.values(), ids=TIPS)
+def test_another_tip_has_the_volume_of_its_outline_and_is_closed(shape):
+    design = preset("piacenza2017-pad").with_(**shape)
+    solid, expected = indenter_tip(design), indenter_tip_volume_mm3(design)
+    assert solid.val().isValid()
+    assert solid.val().Volume() == pytest.approx(expected, rel=1e-9)
+    part = trimesh.load_mesh(io.BytesIO(stl_bytes(mesh_of(solid))), file_type="stl")
+    assert part.is_watertight
+    assert part.volume == pytest.approx(expected, rel=VOLUME_LIMIT)
+    assert part.bounds[1][2] == pytest.approx(shank_mm(design) + tip_height_mm(design.indenter), abs=1e-4)
