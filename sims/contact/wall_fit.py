@@ -1,0 +1,277 @@
+"""From the runs of `wall_runs` to the shipped data of the wall correction.
+
+The difference of two surfaces is taken at fixed places although their nodes have moved apart: with u the
+difference of node positions and ∇z the slope of the mean surface, dz = u_z - ∇z · (u_x, u_y), at the mean position,
+which is exact to second order in u. What remains beside the carried height of the wall (see
+`wall_superposition`) is fitted by splines with weights cos θ of the surface's slope: near the steep flank
+it is the distance between the surfaces that counts, not the height.
+All lengths in tip radii.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from sims.contact.scope import WALL_RADIUS
+from sims.contact.tip import tip_gap
+from sims.contact.wall_runs import (
+    DEPTH_COUNT,
+    DISTANCES,
+    LAYERS,
+    PAIR_DISTANCE,
+    PAIR_LAYERS,
+    PAIR_WALLS,
+    POISSON_RATIO,
+    SPACING,
+    Walls,
+    WallSurfaces,
+    pair_run,
+    read_run,
+    single_run,
+)
+from sims.contact.wall_shape import (
+    ACROSS_COUNT,
+    ALONG_COUNT,
+    RIM_RADII,
+    across_basis,
+    along_basis,
+    contact_window,
+    fade,
+)
+from sims.contact.wall_superposition import WallField
+
+FloatArray = NDArray[np.float64]
+
+SMOOTHING = 3e-5
+"""Weight of the squared second differences of the coefficients against squared misfits [-]."""
+TOUCHING_GAP = 3e-3
+"""Gap below which a point of a facet touches the tip [tip radii]."""
+CLEAR_OF_CONTACT = 0.1
+"""Distance from the contact edge from which nodes are compared [tip radii]: nearer ones belong to facets in contact."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Difference:
+    """Difference of two pads' surfaces at the nodes of the top that are free in both.
+
+    Attributes
+    ----------
+    x, y : (n,) places, mean of both pads
+    dz : (n,) height of the second above that of the first
+    cosine : (n,) cosine of the surface's slope
+    """
+
+    x: FloatArray
+    y: FloatArray
+    dz: FloatArray
+    cosine: FloatArray
+
+    def beyond(self, radius: float) -> Difference:
+        """Only places at a larger distance from the axis."""
+        far = np.hypot(self.x, self.y) > radius
+        return Difference(x=self.x[far], y=self.y[far], dz=self.dz[far], cosine=self.cosine[far])
+
+
+def _slopes(points: FloatArray, facets: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
+    """(node,) slopes of a triangulated surface, means over the facets around each node."""
+    first, second = points[facets[:, 1]] - points[facets[:, 0]], points[facets[:, 2]] - points[facets[:, 0]]
+    normal = np.cross(first, second)
+    total = np.zeros_like(points)
+    for corner in range(3):
+        np.add.at(total, facets[:, corner], normal)
+    return -total[:, 0] / total[:, 2], -total[:, 1] / total[:, 2]
+
+
+def _reference_top(reference: WallSurfaces, pad: WallSurfaces, index: int) -> FloatArray:
+    """(node, 3) the reference's surface at every top node of a pad; half a reference is mirrored for a whole pad."""
+    mirror = np.where((pad.rest[:, 1] < 0.0) & reference.is_half, -1.0, 1.0)
+    place = {tuple(rest): number for number, rest in enumerate(np.round(reference.rest, 6).tolist())}
+    wanted = np.round(pad.rest * np.column_stack([np.ones_like(mirror), mirror]), 6) + 0.0
+    top = reference.top[index][[place[tuple(rest)] for rest in wanted.tolist()]]
+    return np.asarray(top * np.column_stack([np.ones_like(mirror), mirror, np.ones_like(mirror)]))
+
+
+def _everywhere(
+    reference: WallSurfaces, pad: WallSurfaces, index: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Mean places (node, 2), difference of height (node,), cosine of slope (node,) of all top nodes."""
+    before, after = _reference_top(reference, pad, index), pad.top[index]
+    mean, moved = 0.5 * (before + after), after - before
+    slope_x, slope_y = _slopes(mean, pad.facets)
+    dz = moved[:, 2] - slope_x * moved[:, 0] - slope_y * moved[:, 1]
+    return mean[:, :2], dz, 1.0 / np.sqrt(1.0 + slope_x**2 + slope_y**2)
+
+
+def difference(reference: WallSurfaces, pad: WallSurfaces, walls: Walls, index: int) -> Difference:
+    """Difference of a pad's surface from the reference's at one depth, inside the walls."""
+    places, dz, cosine = _everywhere(reference, pad, index)
+    x, y = pad.rest.T
+    west, east, south, north = walls
+    inside = (x > -west + 1e-6) & (x < east - 1e-6) & (y > -south + 1e-6) & (y < north - 1e-6)
+    return Difference(x=places[inside, 0], y=places[inside, 1], dz=dz[inside], cosine=cosine[inside])
+
+
+def touching_radius(surfaces: WallSurfaces, index: int) -> float:
+    """Largest radius at which a facet touches the tip."""
+    corners, depth = surfaces.top[index][surfaces.facets], float(surfaces.depths[index])
+    found, count = 0.0, 6
+    for first in range(count + 1):
+        for second in range(count + 1 - first):
+            share = np.array([first, second, count - first - second]) / count
+            points = np.einsum("c,fcd->fd", share, corners)
+            radius = np.hypot(points[:, 0], points[:, 1])
+            touching = tip_gap(radius, points[:, 2], depth) < TOUCHING_GAP
+            found = max(found, float(radius[touching].max(initial=0.0)))
+    return min(found, 1.0)
+
+
+def contact_radii(surfaces: WallSurfaces) -> FloatArray:
+    """(depth,) contact radius, smooth in depth: Hertz' root times a quadratic, at most 1."""
+    root = np.sqrt(surfaces.depths)
+    measured = np.array([touching_radius(surfaces, index) for index in range(len(surfaces.depths))])
+    partial = measured < 0.97
+    shape = np.polyfit(surfaces.depths[partial], (measured / root)[partial], 2)
+    fitted = np.where(partial, root * np.polyval(shape, surfaces.depths), measured)
+    return np.asarray(np.minimum(fitted, 1.0), dtype=np.float64)
+
+
+def rim_heights(surfaces: WallSurfaces, index: int) -> FloatArray:
+    """Height of the centred press at `RIM_RADII`, from the nodes on the east axis."""
+    on_axis = (np.abs(surfaces.rest[:, 1]) < 1e-9) & (surfaces.rest[:, 0] > 0.5)
+    points = surfaces.top[index][on_axis]
+    points = points[np.argsort(points[:, 0])]
+    outer = points[:, 0] > 1.05
+    curve = PchipInterpolator(points[outer, 0], points[outer, 2], extrapolate=True)
+    return np.asarray(curve(RIM_RADII), dtype=np.float64)
+
+
+def base_of(heights: FloatArray) -> Callable[[FloatArray], FloatArray]:
+    """Height of the centred press as a function of radius, zero from 16/3 on."""
+    curve = PchipInterpolator(RIM_RADII, heights)
+    return lambda radius: np.where(
+        radius < WALL_RADIUS, curve(np.clip(radius, RIM_RADII[0], WALL_RADIUS)), 0.0
+    )
+
+
+def _roughness() -> FloatArray:
+    """Squared second differences of the coefficients in both directions, as a matrix."""
+
+    def one(count: int) -> FloatArray:
+        step = np.diff(np.eye(count), 2, axis=0)
+        return step.T @ step
+
+    across, along = np.eye(ACROSS_COUNT), np.eye(ALONG_COUNT)
+    return np.asarray(np.kron(one(ACROSS_COUNT), along) + np.kron(across, one(ALONG_COUNT)), dtype=np.float64)
+
+
+def single_coefficients(
+    reference: WallSurfaces, pad: WallSurfaces, distance: float, index: int, contact_radius: float
+) -> FloatArray:
+    """(ACROSS_COUNT, ALONG_COUNT) splines of one wall's rest at one depth."""
+    places, dz, _ = _everywhere(reference, pad, index)
+    at_wall = np.abs(pad.rest[:, 0] + distance) < 1e-6
+    order = np.argsort(places[at_wall, 1])
+    carried = PchipInterpolator(places[at_wall, 1][order], -dz[at_wall][order])
+    walls = (distance, WALL_RADIUS, WALL_RADIUS, WALL_RADIUS)
+    free = difference(reference, pad, walls, index).beyond(contact_radius)
+    window = contact_window(np.hypot(free.x, free.y), contact_radius)
+    wanted = free.dz + window * fade(free.x + distance, distance) * carried(np.clip(free.y, 0.0, WALL_RADIUS))
+    basis = across_basis(free.x, distance)[:, :, None] * along_basis(free.y)[:, None, :]
+    matrix = (window * free.cosine)[:, None] * basis.reshape(len(free.x), -1)
+    normal = matrix.T @ matrix + SMOOTHING * _roughness() + 1e-9 * np.eye(matrix.shape[1])
+    solution = np.linalg.solve(normal, matrix.T @ (free.cosine * wanted))
+    return np.asarray(solution.reshape(ACROSS_COUNT, ALONG_COUNT), dtype=np.float64)
+
+
+def _fit_layer(layer: float, folder: Path) -> dict[str, FloatArray]:
+    """Arrays of one layer: by depth, and by distance and depth."""
+    reference = read_run(single_run(layer, WALL_RADIUS), folder)
+    contact = contact_radii(reference)
+    pads = [read_run(single_run(layer, distance), folder) for distance in DISTANCES]
+    coefficients = [
+        [single_coefficients(reference, pad, distance, k, float(contact[k])) for k in range(DEPTH_COUNT)]
+        for pad, distance in zip(pads, DISTANCES, strict=True)
+    ]
+    return {
+        "contact_radius": contact,
+        "rim": np.array([rim_heights(reference, k) for k in range(DEPTH_COUNT)]),
+        "force_ratio": np.array([pad.force / reference.force - 1.0 for pad in pads]),
+        "coefficients": np.array(coefficients),
+    }
+
+
+def _field_amplitude(field: WallField, free: Difference) -> float:
+    """By how much the sum of the single walls' rests falls short of a pad with two walls."""
+    without = WallField(
+        walls=field.walls,
+        coefficients=np.zeros_like(field.coefficients),
+        contact_radius=field.contact_radius,
+        base=field.base,
+    )
+    carried = without.height(free.x, free.y)
+    shape = free.cosine * (field.height(free.x, free.y) - carried)
+    return float(shape @ (free.cosine * (free.dz - carried)) / (shape @ shape))
+
+
+def _fit_pair(layer: float, walls: Walls, single: dict[str, FloatArray], folder: Path) -> FloatArray:
+    """(2, 3) coupling of two walls, of force and of height, 1 - 1/amplitude: quadratics in the share of depth."""
+    reference = read_run(pair_run(layer, (WALL_RADIUS,) * 4), folder)
+    pad = read_run(pair_run(layer, walls), folder)
+    near = DISTANCES.index(PAIR_DISTANCE)
+    force = (pad.force / reference.force - 1.0) / (2.0 * single["force_ratio"][near])
+    height = []
+    for index in range(DEPTH_COUNT):
+        contact = float(single["contact_radius"][index])
+        field = WallField(
+            walls=walls,
+            coefficients=np.repeat(single["coefficients"][near, index][None], 4, axis=0),
+            contact_radius=contact,
+            base=base_of(single["rim"][index]),
+        )
+        free = difference(reference, pad, walls, index).beyond(contact + CLEAR_OF_CONTACT)
+        height.append(_field_amplitude(field, free))
+    share = np.arange(1, DEPTH_COUNT + 1) / DEPTH_COUNT
+    found = 1.0 - 1.0 / np.array([force, height])
+    return np.array([np.polynomial.polynomial.polyfit(share, row, 2, w=share) for row in found])
+
+
+def fit_all(folder: Path) -> dict[str, NDArray[np.generic]]:
+    """Everything that is shipped, by name."""
+    layers = {layer: _fit_layer(layer, folder) for layer in LAYERS}
+    pairs = {
+        name: np.array([_fit_pair(layer, walls, layers[layer], folder) for layer in PAIR_LAYERS])
+        for name, walls in PAIR_WALLS.items()
+    }
+    with np.load(folder / f"{single_run(LAYERS[0], WALL_RADIUS).name}.npz", allow_pickle=False) as entry:
+        solver = str(entry["mujoco"])
+    return {
+        "layers": np.array(LAYERS),
+        "distances": np.array(DISTANCES),
+        "pair_layers": np.array(PAIR_LAYERS),
+        "pair_distance": np.array(PAIR_DISTANCE),
+        "couplings": np.stack([pairs["corner"], pairs["channel"]], axis=2),
+        **{
+            name: np.array([layers[layer][name] for layer in LAYERS])
+            for name in ("contact_radius", "force_ratio")
+        },
+        **{
+            name: np.array([layers[layer][name] for layer in LAYERS], dtype=np.float32)
+            for name in ("rim", "coefficients")
+        },
+        "provenance": np.array(
+            f"sims.contact.wall_runs and wall_fit; MuJoCo {solver}, flex tetrahedra, 24 a hexahedron of {SPACING} tip "
+            f"radii, Stable Neo-Hookean, Poisson's ratio {POISSON_RATIO}; lengths in tip radii"
+        ),
+    }
+
+
+def write_data(folder: Path, path: Path) -> None:
+    """Fit the runs and write the shipped file."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    np.savez_compressed(path, allow_pickle=False, **fit_all(folder))

@@ -1,0 +1,207 @@
+"""The three-dimensional runs behind the wall correction: which pads are pressed, and their surfaces on disk.
+
+For each layer depth two meshes are used, each with a pad whose walls are all at 16/3 tip radii as the
+reference: one with a single nearer wall to the west, one with several walls at `PAIR_DISTANCE` (two
+adjacent, two opposite, all four). Every finished run is one file; an interrupted set goes on where it stopped.
+    python -m sims.contact.wall_runs FOLDER [PROCESSES]
+makes all runs (about 35 minutes on one core) and then the shipped file.
+All lengths in tip radii, forces in E R².
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import zlib
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from importlib.metadata import version
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.contact_scope import DEEPEST_PRESS, LARGEST_SHARE_OF_LAYER
+from sims.contact.scope import WALL_RADIUS
+
+FloatArray = NDArray[np.float64]
+
+LAYERS = (1.3, 1.9, 2.8, 4.1, 6.0)
+"""Elastic depths [tip radii]."""
+DISTANCES = (1.5, 1.8, 2.4, 3.4)
+"""Distances of a single near wall [tip radii]; at 16/3 the correction is zero by definition."""
+PAIR_LAYERS = (1.3, 2.8, 6.0)
+"""Elastic depths of the pads with two near walls [tip radii]."""
+PAIR_DISTANCE = 2.4
+"""Distance of each of two near walls [tip radii]."""
+DEPTH_COUNT = 14
+"""Depths a run, evenly spaced up to the model's limit."""
+POISSON_RATIO = 0.495
+"""[-]; see `block`."""
+SPACING = 0.4
+"""Edge of the hexahedra under the tip [tip radii]."""
+
+CHECK_DEPTHS = (1 / 3, 2 / 3, 1.0, 4 / 3, 1.7)
+"""Depths of the runs that check the correction [tip radii]: 1, 2, 3, 4 and 5.1 mm for a 3 mm tip."""
+CHECK_WALLS = {
+    "near a wall": (2.0, 26 / 3, 16 / 3, 16 / 3),
+    "in a corner": (7 / 3, 25 / 3, 8 / 3, 8.0),
+    "small pad": (4.0,) * 4,
+    "smaller pad": (8 / 3,) * 4,
+}
+"""Pads that are no nodes of the data: 32 x 32 mm pressed at (6, 16) and at (7, 8) mm with a 3 mm tip; the middle of
+a 16 x 16 mm pad with a 2 mm tip; the middle of a pad with walls at 8/3 tip radii. Order: west, east, south, north."""
+
+Walls = tuple[float, float, float, float]
+_FAR = WALL_RADIUS
+PAIR_WALLS = {
+    "corner": (PAIR_DISTANCE, _FAR, PAIR_DISTANCE, _FAR),
+    "channel": (PAIR_DISTANCE, PAIR_DISTANCE, _FAR, _FAR),
+}
+"""Distances (west, east, south, north) of the runs with two near walls [tip radii]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WallRun:
+    """One pad to be pressed.
+
+    Attributes
+    ----------
+    layer : elastic depth
+    walls : distances (west, east, south, north)
+    stops : for each side, distances through which the mesh has lines; equal for pads that are compared
+    spacing : edge of the hexahedra under the tip
+    poisson_ratio : [-]
+    stiffness : of the contact, over the usual one [-]
+    depths : press depths
+    """
+
+    layer: float
+    walls: Walls
+    stops: tuple[tuple[float, ...], ...]
+    depths: tuple[float, ...]
+    spacing: float = SPACING
+    poisson_ratio: float = POISSON_RATIO
+    stiffness: float = 1.0
+
+    @property
+    def name(self) -> str:
+        """File name without ending."""
+        walls = "-".join(f"{wall:.3f}" for wall in self.walls)
+        lines = zlib.crc32(repr((self.stops, self.depths, self.stiffness)).encode())
+        return f"h{self.layer:.3f}_w{walls}_m{lines:08x}_s{self.spacing:.3f}_n{self.poisson_ratio:.4f}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class WallSurfaces:
+    """A finished run; lengths in tip radii, forces in E R².
+
+    Attributes
+    ----------
+    depths, force : (depth,)
+    rest : (top node, 2) places of the master mesh at rest
+    facets : (facet, 3) triangles of the top
+    top : (depth, top node, 3) deformed top
+    is_half : whether only y >= 0 is modelled
+    """
+
+    depths: FloatArray
+    force: FloatArray
+    rest: FloatArray
+    facets: NDArray[np.int64]
+    top: FloatArray
+    is_half: bool
+
+
+def run_depths(layer: float) -> tuple[float, ...]:
+    """Depths of a run: even steps to the deepest press of the model [tip radii]."""
+    deepest = min(LARGEST_SHARE_OF_LAYER * layer, DEEPEST_PRESS)
+    return tuple(deepest * (index + 1) / DEPTH_COUNT for index in range(DEPTH_COUNT))
+
+
+def single_run(layer: float, distance: float) -> WallRun:
+    """A pad with one near wall to the west; at 16/3 the reference."""
+    stops = ((*DISTANCES, _FAR), (_FAR,), (_FAR,), (_FAR,))
+    return WallRun(layer=layer, walls=(distance, _FAR, _FAR, _FAR), stops=stops, depths=run_depths(layer))
+
+
+def pair_run(layer: float, walls: Walls) -> WallRun:
+    """A pad with two near walls; all at 16/3: the reference."""
+    stops = ((PAIR_DISTANCE, _FAR),) * 4
+    return WallRun(layer=layer, walls=walls, stops=stops, depths=run_depths(layer))
+
+
+def all_runs() -> list[WallRun]:
+    """Every run of the shipped data, the most useful first."""
+    order = sorted(LAYERS, key=lambda layer: abs(np.log(layer / 2.8)))
+    singles = [single_run(layer, distance) for layer in order for distance in (_FAR, *DISTANCES)]
+    pairs = [pair_run(layer, walls) for layer in PAIR_LAYERS for walls in ((_FAR,) * 4, *PAIR_WALLS.values())]
+    return singles + pairs
+
+
+def check_run(walls: Walls, *, near: bool = True, layer: float = 3.0) -> WallRun:
+    """A pad that the data does not contain, or (`near` False) its reference on the same mesh."""
+    sides = [tuple(sorted({wall, _FAR})) for wall in walls]
+    return WallRun(layer=layer, walls=walls if near else (_FAR,) * 4, stops=tuple(sides), depths=CHECK_DEPTHS)
+
+
+def make_run(run: WallRun, folder: Path) -> Path:
+    """Solve a run and store it, unless it is stored already; returns its file."""
+    from sims.contact.block import solve_block
+    from sims.contact.block_mesh import block_mesh
+
+    path = folder / f"{run.name}.npz"
+    if path.exists():
+        return path
+    mesh = block_mesh(run.layer, run.walls, run.stops, run.spacing)
+    states = list(solve_block(mesh, run.depths, run.spacing, run.poisson_ratio, run.stiffness))
+    temporary = path.with_suffix(f".{os.getpid()}.part")
+    with temporary.open("wb") as file:
+        np.savez_compressed(
+            file,
+            allow_pickle=False,
+            depths=np.array([state.depth for state in states]),
+            force=np.array([state.force for state in states]),
+            reaction=np.array([state.check.reaction for state in states]),
+            last_step=np.array([state.check.last_step for state in states]),
+            penetration=np.array([state.check.penetration for state in states]),
+            smallest_stretch=np.array([state.check.smallest_stretch for state in states]),
+            top=np.array([state.top for state in states], dtype=np.float32),
+            rest=mesh.top,
+            facets=mesh.facets.astype(np.int32),
+            is_half=np.array(mesh.is_half),
+            mujoco=np.array(version("mujoco")),
+        )
+    os.replace(temporary, path)
+    return path
+
+
+def read_run(run: WallRun, folder: Path) -> WallSurfaces:
+    """A stored run."""
+    with np.load(folder / f"{run.name}.npz", allow_pickle=False) as entry:
+        return WallSurfaces(
+            depths=entry["depths"],
+            force=entry["force"],
+            rest=entry["rest"],
+            facets=entry["facets"].astype(np.int64),
+            top=entry["top"].astype(np.float64),
+            is_half=bool(entry["is_half"]),
+        )
+
+
+def make_runs(runs: Sequence[WallRun], folder: Path, processes: int = 1) -> None:
+    """Solve and store all runs, each in one process."""
+    folder.mkdir(parents=True, exist_ok=True)
+    if processes == 1:
+        for run in runs:
+            make_run(run, folder)
+        return
+    with ProcessPoolExecutor(max_workers=processes, mp_context=get_context("spawn")) as pool:
+        for future in [pool.submit(make_run, run, folder) for run in runs]:
+            future.result()
+
+
+if __name__ == "__main__":
+    make_runs(all_runs(), Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 1)

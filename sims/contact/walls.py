@@ -1,0 +1,190 @@
+"""What near walls add to a centred press: a factor on the force and a field on the height.
+
+The centred press of the library has a wall bonded at 16/3 tip radii. A pad whose walls are nearer to the press
+axis, because the press is off-centre or the pad is small, is stiffer, and its surface is zero at those walls and
+higher everywhere else: rubber keeps its volume. The correction is the difference, from three-dimensional MuJoCo
+runs (`wall_runs`, `block`), of a pad with near walls and the same mesh with all walls at 16/3, so it is zero for
+a centred press in a square pad of that half width. Walls farther than 16/3 count as at 16/3.
+
+Single walls are data, by layer depth, wall distance and press depth; several walls are superposed as stated in
+`wall_superposition`. Force: F/F0 = 1 + Σ A_i σ_i, with σ_i what wall i alone adds and A_i its amplitude.
+
+Interpolation is linear in the data: cubic splines in the logarithm of the layer depth and the reciprocal of the
+wall distance (with zero slope at 16/3, so that a wall comes in smoothly), and over press depth relative to the
+deepest one, in its root for the force, which like the contact radius starts as a root.
+
+Out of range is refused by name: a wall nearer than 1.5 tip radii, a layer or press outside the contact model, walls
+so near together that superposition has not been verified. Measured errors: `docs/validation/walls.md`.
+
+Left out: the volume that rubber loses (Poisson's ratio is 0.495), friction, and the difference that a cylindrical and
+a square wall at 16/3 make.
+All lengths in tip radii unless a name says mm.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from design.contact_scope import DEEPEST_PRESS, LARGEST_SHARE_OF_LAYER
+from design.errors import InputError, ModelScopeError
+from sims.contact.scope import WALL_RADIUS, tip_radius_mm
+from sims.contact.wall_data import wall_data
+from sims.contact.wall_shape import BASE_START
+from sims.contact.wall_superposition import WallField, Walls, amplitudes, coupling
+
+if TYPE_CHECKING:
+    from design.spec import SensorDesign
+
+FloatArray = NDArray[np.float64]
+Rim = tuple[FloatArray, FloatArray]
+
+LARGEST_COUPLING = 0.5
+"""Largest sum of couplings on a wall [-]; four walls at 8/3 tip radii, the nearest that were verified, reach 0.4."""
+_SIDES = ("west", "east", "south", "north")
+
+
+@dataclass(frozen=True, kw_only=True)
+class WallCorrection:
+    """The correction for one place, layer and press depth; lengths in tip radii.
+
+    Attributes
+    ----------
+    force_factor : force over that of the centred press [-]
+    field : the change of the height; None where no wall is nearer than 16/3
+    notes : what the user should know
+    """
+
+    force_factor: float
+    field: WallField | None
+    notes: tuple[str, ...] = ()
+
+    def height(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Change of the surface's height at places inside the pad.
+
+        Parameters
+        ----------
+        x, y : same shape; place relative to the press axis, east and north positive
+
+        Returns
+        -------
+        the same shape; zero inside the contact, minus the centred height at the walls
+        """
+        x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+        if self.field is None:
+            return np.zeros(np.broadcast(x, y).shape)
+        x, y = np.broadcast_arrays(x, y)
+        return self.field.height(x.ravel(), y.ravel()).reshape(x.shape)
+
+    def azimuthal_mean(self, radius: FloatArray, directions: int = 48) -> FloatArray:
+        """(n,) mean of the change over the part of each circle that lies inside the pad."""
+        radius = np.asarray(radius, dtype=np.float64)
+        if self.field is None:
+            return np.zeros_like(radius)
+        angle = 2.0 * np.pi * (np.arange(directions) + 0.5) / directions
+        x, y = radius[:, None] * np.cos(angle), radius[:, None] * np.sin(angle)
+        west, east, south, north = self.field.walls
+        inside = (x >= -west) & (x <= east) & (y >= -south) & (y <= north)
+        change = np.where(inside, self.height(x, y), 0.0).sum(axis=1)
+        return np.asarray(change / np.maximum(inside.sum(axis=1), 1), dtype=np.float64)
+
+
+NO_CORRECTION = WallCorrection(force_factor=1.0, field=None)
+"""No wall nearer than 16/3 tip radii, or an untouched pad."""
+
+
+def _require(layer: float, depth: float, distances: Walls) -> None:
+    """Refuse what the data does not cover."""
+    data = wall_data()
+    low, high = float(data.layers[0]), float(data.layers[-1])
+    if not low - 1e-9 <= layer <= high + 1e-9:
+        raise ModelScopeError(f"layer: {layer:g} tip radii; the wall correction covers {low:g} to {high:g}")
+    deepest = deepest_press(layer)
+    if not depth <= deepest * (1.0 + 1e-9):
+        raise ModelScopeError(f"depth: {depth:g} tip radii; the wall correction covers up to {deepest:g}")
+    for side, distance in zip(_SIDES, distances, strict=True):
+        if not math.isfinite(distance):
+            raise InputError(f"distances: {side} = {distance} must be a finite number of tip radii")
+        if distance < data.nearest - 1e-9:
+            raise ModelScopeError(
+                f"distances: the {side} wall is {distance:.2f} tip radii from the press axis; the wall correction "
+                f"covers {data.nearest:g} and more; press farther from it or use a smaller tip"
+            )
+
+
+def deepest_press(layer: float) -> float:
+    """Deepest press that the correction covers [tip radii]."""
+    return min(LARGEST_SHARE_OF_LAYER * layer, DEEPEST_PRESS)
+
+
+def _base(rim: Rim) -> Callable[[FloatArray], FloatArray]:
+    """Height of the centred press beyond `BASE_START`, zero from 16/3 on, from points of its curve."""
+    radius, height = rim
+    first = int(np.flatnonzero(radius < BASE_START)[-1]) if radius[0] < BASE_START else 0
+    curve = PchipInterpolator(radius[first:], height[first:])
+    return lambda at: np.where(at < WALL_RADIUS, curve(np.clip(at, BASE_START, WALL_RADIUS)), 0.0)
+
+
+def wall_correction(layer: float, depth: float, distances: Walls, rim: Rim | None = None) -> WallCorrection:
+    """The correction of a centred press for near walls; all lengths in tip radii.
+
+    Parameters
+    ----------
+    layer, depth : elastic depth of the layer, press depth
+    distances : distances (west, east, south, north) of the walls from the press axis; beyond 16/3: no effect
+    rim : (radius, height), both (n,), of the centred press's curve outside the contact, the radius increasing from
+        1.2 or less to 16/3; with it, corrected heights are zero at the walls exactly. By default that of the runs.
+
+    Raises
+    ------
+    InputError : a distance that is no number
+    ModelScopeError : outside the range of the data, or walls too near together
+    """
+    _require(layer, depth, distances)
+    walls = tuple(min(distance, WALL_RADIUS) for distance in distances)
+    if depth <= 0.0 or min(walls) >= WALL_RADIUS - 1e-9:
+        return NO_CORRECTION
+    state = wall_data().at(layer, depth / deepest_press(layer))
+    weights = [wall_data().distance_weights(wall) for wall in walls]
+    added = np.array([weight @ state.force_ratio for weight in weights])
+    strength = added / state.pair_force_ratio
+    force, height = (coupling(adjacent, opposite, strength) for adjacent, opposite in state.couplings)
+    largest = float(max(force.sum(axis=1).max(), height.sum(axis=1).max()))
+    if largest > LARGEST_COUPLING:
+        places = ", ".join(f"{side} {wall:.2f}" for side, wall in zip(_SIDES, walls, strict=True))
+        raise ModelScopeError(
+            f"distances: walls at {places} tip radii are too near together for the wall correction (coupling "
+            f"{largest:.2f}, limit {LARGEST_COUPLING}); use a larger pad or a smaller tip"
+        )
+    blocks = np.array(
+        [
+            size * (weight @ state.coefficients)
+            for size, weight in zip(amplitudes(height), weights, strict=True)
+        ]
+    )
+    field = WallField(
+        walls=(walls[0], walls[1], walls[2], walls[3]),
+        coefficients=blocks.reshape(4, *state.block_shape),
+        contact_radius=state.contact_radius,
+        base=_base(rim if rim is not None else (state.rim_radii, state.rim)),
+    )
+    return WallCorrection(force_factor=1.0 + float(amplitudes(force) @ added), field=field)
+
+
+def walls_of(design: SensorDesign, at_mm: tuple[float, float] | None = None) -> Walls:
+    """Distances (west, east, south, north) of a design's walls from a press axis [tip radii].
+
+    Parameters
+    ----------
+    design : the sensor
+    at_mm : (x, y) of the press axis in the cavity frame [mm]; None is the middle
+    """
+    radius, length, width = tip_radius_mm(design), design.cavity.length_mm, design.cavity.width_mm
+    x, y = at_mm if at_mm is not None else (0.5 * length, 0.5 * width)
+    return (x / radius, (length - x) / radius, y / radius, (width - y) / radius)
