@@ -30,6 +30,8 @@ class Indentation:
     contact_radius_mm : radius of the circle where the surface leaves the tip [mm]
     force_n : press force [N]
     is_hemisphere : whether the tip is a hemisphere of that radius
+    inclination_deg : (n,) angle of the curve's tangent to the radial direction, continuous along the curve
+        (its normal is C1 data, the points are its knots) [deg]; None where only points are known
     """
 
     depth_mm: float
@@ -39,3 +41,4 @@ class Indentation:
     contact_radius_mm: float
     force_n: float
     is_hemisphere: bool = True
+    inclination_deg: FloatArray | None = None

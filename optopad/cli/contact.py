@@ -1,4 +1,4 @@
-"""Verbs of the contact model: contact show."""
+"""Verbs of the contact model: contact show, contact build."""
 
 from __future__ import annotations
 
@@ -57,3 +57,37 @@ def show(
     say("\n".join(view_lines(view)))
     if files:
         say(f"files     {files[0].parent}/contact-*")
+
+
+@contact.command()
+def build(
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where the library is written.")] = Path(
+        "outputs/contact/profiles.npz"
+    ),
+    workers: Annotated[
+        int | None, typer.Option(min=1, max=256, help="Processes at work; default: one a processor.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Solve the library of presses anew (about an hour on two cores); interrupted, it goes on where it stopped."""
+    import os
+
+    from sims.contact.library import library_differences, shipped_library
+    from sims.contact.library_build import build_library, require_writable, write_library
+
+    require_writable(out)
+
+    def tell(done: int, total: int) -> None:
+        if not as_json:
+            typer.echo(f"solved    {done} of {total}", err=True)
+
+    library = build_library(workers or os.cpu_count() or 1, tell)
+    write_library(library, out)
+    force, surface = library_differences(library, shipped_library())
+    if as_json:
+        print_json({"file": str(out), "force_difference": force, "surface_difference_tip_radii": surface})
+        return
+    say(f"file      {out}")
+    say(
+        f"beside the shipped library: force within {100 * force:.2g} %, surface within {surface:.2g} tip radii"
+    )

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 
 from design.errors import DesignError, InputError
 from design.properties import youngs_modulus_mpa
 from design.spec import SensorDesign
+from sims.contact.incompressible import POISSON_RATIOS, nearly_incompressible
 from sims.contact.library import shipped_library
 from sims.contact.mesh_error import mesh_note
 from sims.contact.press_fit import fit_press
@@ -29,7 +31,8 @@ from sims.contact.scope import (
 )
 from sims.contact.smooth_press import SmoothPress
 from sims.contact.solved_press import SolvedPress
-from sims.contact.stored_press import stored_press
+from sims.contact.stored_press import PressInputs, stored_press
+from sims.contact.tip import HEMISPHERE, tip_of
 from sims.indentation import Indentation
 
 __all__ = [
@@ -51,8 +54,8 @@ edge, finer ones may chatter at deep presses (which is refused, not hidden)."""
 LEAST_LIVE_DEPTH = 0.4 / 3
 """A live solve goes at least so deep, so that a smooth description has enough depths [tip radii]."""
 
-_SMOOTH: dict[int, tuple[UnitPress, SmoothPress]] = {}
-"""Smooth descriptions of this process's solved states, by their identity (they are kept alive beside it)."""
+_SMOOTH: dict[tuple[int, int], tuple[UnitPress, UnitPress, SmoothPress]] = {}
+"""Presses made of this process's solutions, by their identity (they are kept alive beside it)."""
 
 
 def modulus_mpa(design: SensorDesign) -> float:
@@ -82,14 +85,36 @@ def _mesh_size(design: SensorDesign, mesh_mm: float | None) -> float:
 def _live_press(
     design: SensorDesign, mesh_size: float, deepest: float, on_step: Callable[[float], None] | None
 ) -> tuple[UnitPress, SmoothPress, tuple[str, ...]]:
-    """Solved states, their smooth description (made once for every set of states), and notes."""
+    """Solved states at the larger Poisson's ratio, the nearly incompressible press, and notes."""
     layer = layer_depth(design)
-    deepest = max(deepest, LEAST_LIVE_DEPTH)
-    depths = tuple(round(float(depth), 9) for depth in solved_depths(layer, deepest))
-    unit, notes = stored_press(layer, mesh_size, depths, on_step)
-    if id(unit) not in _SMOOTH:
-        _SMOOTH[id(unit)] = (unit, fit_press(unit))
-    return (*_SMOOTH[id(unit)], notes)
+    depths = tuple(round(float(depth), 9) for depth in solved_depths(layer, max(deepest, LEAST_LIVE_DEPTH)))
+    inputs = [
+        PressInputs(
+            layer=layer, mesh_size=mesh_size, depths=depths, poisson_ratio=ratio, tip=tip_of(design.indenter)
+        )
+        for ratio in POISSON_RATIOS
+    ]
+    shares = dict.fromkeys(POISSON_RATIOS, 0.0)
+
+    def solve(one: PressInputs) -> tuple[UnitPress, tuple[str, ...]]:
+        return stored_press(one, lambda share: advance(one.poisson_ratio, share))
+
+    def advance(ratio: float, share: float) -> None:
+        shares[ratio] = share
+        if on_step is not None:
+            on_step(sum(shares.values()) / len(shares))
+
+    with ThreadPoolExecutor(max_workers=len(inputs)) as pool:
+        (soft, _), (stiff, notes) = pool.map(solve, inputs)
+    return stiff, _smooth(soft, stiff), notes
+
+
+def _smooth(soft: UnitPress, stiff: UnitPress) -> SmoothPress:
+    """The nearly incompressible press, made once for every pair of solutions of this process."""
+    key = (id(soft), id(stiff))
+    if key not in _SMOOTH:
+        _SMOOTH[key] = (soft, stiff, nearly_incompressible(fit_press(soft), fit_press(stiff)))
+    return _SMOOTH[key][2]
 
 
 @lru_cache(maxsize=64)
@@ -110,7 +135,8 @@ def solved_press(
     ----------
     design : the sensor
     max_depth_mm : deepest press wanted, by default that of the design's range of use [mm]
-    mesh_mm : node spacing under the tip [mm]; None takes the shipped library, a value solves anew
+    mesh_mm : node spacing under the tip [mm]; a value solves anew. None takes the shipped library, which has
+        hemispheres; other tips are solved with a spacing of a tenth of the tip radius.
     on_step : called with the fraction done while solving
 
     Raises
@@ -124,7 +150,7 @@ def solved_press(
     deepest = require_depth(design, wanted, name) / radius
     unit: UnitPress | None = None
     notes: tuple[str, ...] = ()
-    if mesh_mm is None:
+    if mesh_mm is None and tip_of(design.indenter) == HEMISPHERE:
         smooth = _library_press(round(layer, 9))
     else:
         unit, smooth, notes = _live_press(design, _mesh_size(design, mesh_mm), deepest, on_step)
@@ -157,7 +183,8 @@ def indent(
     depth_mm : how far the tip's apex lies below the undisturbed surface [mm]; 0 or less: untouched
     at_mm : (x, y) of the press axis in the cavity frame [mm]; None is the middle. The shape is that of
         the centred press wherever it is.
-    mesh_mm : node spacing under the tip [mm]; None takes the shipped library, a value solves anew
+    mesh_mm : node spacing under the tip [mm]; a value solves anew. None takes the shipped library, which has
+        hemispheres; other tips are solved with a spacing of a tenth of the tip radius.
 
     Returns
     -------

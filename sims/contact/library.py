@@ -139,3 +139,21 @@ def shipped_library() -> Library:
         recipe=int(held["recipe"]),
         versions=tuple(str(text) for text in held["versions"]),
     )
+
+
+def library_differences(left: Library, right: Library) -> tuple[float, float]:
+    """How far two libraries of the same layers are apart.
+
+    Returns
+    -------
+    force : largest difference over the right one's force [-]
+    surface : largest difference of a sample of the free surface [tip radii]
+    """
+    force = surface = 0.0
+    for layer in right.layers:
+        first, second = left.press(float(layer)), right.press(float(layer))
+        for depth in np.linspace(0.02, 1.0, 25) * second.deepest:
+            here, there = first.values_at(float(depth)), second.values_at(float(depth))
+            force = max(force, abs(float(np.expm1(here.log_force - there.log_force))))
+            surface = max(surface, float(np.abs(here.free - there.free).max()))
+    return force, surface

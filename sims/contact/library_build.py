@@ -1,7 +1,7 @@
-"""Make the library of solved presses anew: one solve a layer, in parallel, resumable.
+"""Make the library of solved presses anew: two solves a layer, in parallel, resumable.
 
-Every finished layer is stored in the cache of solved presses at once, so an interrupted build goes on
-where it stopped. Workers are processes of their own, one thread each; a layer is a pure function of its
+Every finished solve is stored in the cache of solved presses at once, so an interrupted build goes on
+where it stopped. Workers are processes of their own, one thread each; a solve is a pure function of its
 inputs, so their number does not change the result.
 """
 
@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from errno import EISDIR
 from importlib.metadata import version
 from multiprocessing import get_context
 from pathlib import Path
@@ -18,11 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import OutputError
+from sims.contact.incompressible import POISSON_RATIOS, nearly_incompressible
 from sims.contact.library import LAYERS, Library, deepest_press, pack
 from sims.contact.press_fit import fit_press
 from sims.contact.profiles import UnitPress
 from sims.contact.scope import DEPTH_STEP, FIRST_DEPTHS
-from sims.contact.stored_press import RECIPE, stored_press
+from sims.contact.smooth_press import SmoothPress
+from sims.contact.stored_press import RECIPE, PressInputs, stored_press
 
 FloatArray = NDArray[np.float64]
 
@@ -39,14 +42,26 @@ def library_depths(layer: float) -> tuple[float, ...]:
     return tuple(round(float(depth), 9) for depth in schedule * (deepest / longest))
 
 
-def solve_entry(layer: float, on_step: Callable[[float], None] | None = None) -> UnitPress:
+def entry_inputs(layer: float, poisson_ratio: float) -> PressInputs:
+    """What an entry's solve depends on."""
+    return PressInputs(
+        layer=layer, mesh_size=LIBRARY_MESH, depths=library_depths(layer), poisson_ratio=poisson_ratio
+    )
+
+
+def solve_entry(layer: float, poisson_ratio: float) -> UnitPress:
     """The solved states of one layer [tip radii], from the cache or solved and stored there."""
-    return stored_press(layer, LIBRARY_MESH, library_depths(layer), on_step)[0]
+    return stored_press(entry_inputs(layer, poisson_ratio))[0]
 
 
-def assembled(entries: Sequence[UnitPress]) -> Library:
-    """The library of solved layers, thinnest first."""
-    presses = [fit_press(entry) for entry in entries]
+def entry_press(layer: float) -> SmoothPress:
+    """One nearly incompressible entry, from both of its solves."""
+    soft, stiff = (fit_press(solve_entry(layer, ratio)) for ratio in POISSON_RATIOS)
+    return nearly_incompressible(soft, stiff)
+
+
+def assembled(presses: Sequence[SmoothPress]) -> Library:
+    """The library of entries, thinnest first."""
     return Library(
         layers=np.array([press.layer_depth for press in presses]),
         first=np.array([press.first for press in presses]),
@@ -60,36 +75,52 @@ def assembled(entries: Sequence[UnitPress]) -> Library:
     )
 
 
-def build_library(workers: int, on_step: Callable[[float], None] | None = None) -> Library:
+def build_library(workers: int, on_step: Callable[[int, int], None] | None = None) -> Library:
     """Solve every layer that the cache lacks, and fit them all.
 
     Parameters
     ----------
     workers : processes at work
-    on_step : called with the fraction of layers done
+    on_step : called with the number of solves done and of all
 
     Raises
     ------
     ContactSolveError : a layer's state fails its checks
     """
-    thickest_first = sorted(LAYERS, reverse=True)
+    thickest_first = [(layer, ratio) for layer in sorted(LAYERS, reverse=True) for ratio in POISSON_RATIOS]
     with ProcessPoolExecutor(max_workers=workers, mp_context=get_context("spawn")) as pool:
-        jobs: dict[Future[UnitPress], float] = {
-            pool.submit(solve_entry, layer): layer for layer in thickest_first
-        }
-        waiting = set(jobs)
+        jobs = [pool.submit(solve_entry, layer, ratio) for layer, ratio in thickest_first]
         try:
-            while waiting:
-                done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-                for job in done:
-                    job.result()
+            for count, job in enumerate(as_completed(jobs), start=1):
+                job.result()
                 if on_step is not None:
-                    on_step(1.0 - len(waiting) / len(jobs))
+                    on_step(count, len(jobs))
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
-    found = {layer: job.result() for job, layer in jobs.items()}
-    return assembled([found[layer] for layer in LAYERS])
+    return assembled([entry_press(layer) for layer in LAYERS])
+
+
+def _unwritable(path: Path, err: OSError) -> OutputError:
+    return OutputError(f"{path}: cannot be written ({err.strerror or err}); choose another --out")
+
+
+def require_writable(path: Path) -> None:
+    """Refuse a place before hours are spent on what shall be written there.
+
+    Raises
+    ------
+    OutputError : the place cannot be written
+    """
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        if path.is_dir():
+            raise IsADirectoryError(EISDIR, os.strerror(EISDIR))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.touch()
+        part.unlink()
+    except OSError as err:
+        raise _unwritable(path, err) from err
 
 
 def write_library(library: Library, path: Path) -> None:
@@ -99,11 +130,12 @@ def write_library(library: Library, path: Path) -> None:
     ------
     OutputError : the place cannot be written
     """
+    require_writable(path)
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part = path.with_name(f".{path.name}.{os.getpid()}.part")
         with part.open("wb") as file:
             np.savez_compressed(file, allow_pickle=False, **pack(library))
         os.replace(part, path)
     except OSError as err:
-        raise OutputError(f"{path}: cannot be written ({err.strerror or err}); choose another --out") from err
+        part.unlink(missing_ok=True)
+        raise _unwritable(path, err) from err

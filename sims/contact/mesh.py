@@ -28,13 +28,13 @@ IntArray = NDArray[np.int64]
 
 FINE_RADIUS = 4 / 3
 """Radius of the fine zone [tip radii]."""
-FINE_DEPTH = 0.8
+FINE_DEPTH = 0.5
 """Depth of the fine zone [tip radii]."""
-GROWTH = 1.2
+GROWTH = 1.08
 """Ratio of neighbouring spacings outside the fine zone [-]."""
-LARGEST_RADIAL_SPACING = 2 / 3
+LARGEST_RADIAL_SPACING = 0.25
 """Largest radial spacing [tip radii]."""
-LARGEST_AXIAL_SPACING = 1 / 3
+LARGEST_AXIAL_SPACING = 0.15
 """Largest axial spacing [tip radii]."""
 
 

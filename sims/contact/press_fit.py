@@ -65,14 +65,16 @@ def _state(unit: UnitPress, index: int) -> StateValues:
     depth = float(unit.depths[index])
     radius, height = unit.radii[index], unit.heights[index]
     tolerance = contact_tolerance(unit.mesh_size, unit.wedge_angle)
-    edge, free = free_surface(radius, height, depth, spacing=unit.mesh_size, tolerance=tolerance)
-    start = np.stack(tip_outline(np.array(edge), depth))
+    edge, free = free_surface(
+        radius, height, depth, spacing=unit.mesh_size, tolerance=tolerance, tip=unit.tip
+    )
+    start = np.stack(tip_outline(np.array(edge), depth, unit.tip))
     return StateValues(
         log_force=float(np.log(unit.force[index])),
         log_edge=float(np.log(edge)),
         free=_resampled(np.concatenate([start[None], free])) - start,
         load=_load_inside(
-            unit.normal_force[index], radius, height, tip_coordinate(radius, height, depth), edge
+            unit.normal_force[index], radius, height, tip_coordinate(radius, height, depth, unit.tip), edge
         ),
     )
 
@@ -113,4 +115,5 @@ def fit_press(unit: UnitPress) -> SmoothPress:
         coefficients=spline.c,
         residual=_residual(states, spline(places)),
         versions=unit.versions,
+        tip=unit.tip,
     )

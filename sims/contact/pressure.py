@@ -23,7 +23,7 @@ from scipy.interpolate import PchipInterpolator
 
 from sims.contact.smooth_press import LOAD_SHARES
 from sims.contact.solved_press import SolvedPress
-from sims.contact.tip import tip_outline
+from sims.contact.tip import TipOutline, tip_outline
 
 FloatArray = NDArray[np.float64]
 
@@ -65,11 +65,11 @@ class ContactPressure:
         return float(np.pi / 3.0 * np.sum(moment * (second - first)))
 
 
-def _outline_areas(edge: float, depth: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _outline_areas(edge: float, depth: float, tip: TipOutline) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Radius and height of the tip's outline, and its area inside, `_FINE_STEPS` to one of `LOAD_SHARES`."""
     steps = _FINE_STEPS * (LOAD_SHARES.size - 1)
     along = np.linspace(0.0, edge, steps + 1)
-    radius, height = tip_outline(along, depth)
+    radius, height = tip_outline(along, depth, tip)
     ring = np.pi * (radius[1:] + radius[:-1]) * np.hypot(np.diff(radius), np.diff(height))
     return radius, height, np.append(0.0, np.cumsum(ring))
 
@@ -107,7 +107,7 @@ def contact_pressure(press: SolvedPress, depth_mm: float) -> ContactPressure:
         )
     depth = press.scaled_depth(depth_mm)
     edge = press.smooth.edge_at(depth)
-    radius, height, area = _outline_areas(edge, depth)
+    radius, height, area = _outline_areas(edge, depth, press.smooth.tip)
     share = np.maximum(np.diff(press.smooth.values_at(depth).load), 0.0)
     ring = share / np.diff(area[::_FINE_STEPS])
     axial = float(np.sum(ring * np.pi * np.diff((tip_mm * radius[::_FINE_STEPS]) ** 2)))

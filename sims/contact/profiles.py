@@ -6,9 +6,12 @@ Lengths in tip radii, forces in E R². `press_fit` makes smooth functions of dep
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
+from sims.contact.tip import TipOutline
 
 FloatArray = NDArray[np.float64]
 
@@ -22,6 +25,8 @@ class UnitPress:
     layer_depth, wall_radius : elastic depth of the layer, radius of the bonded wall
     mesh_size : node spacing under the tip
     wedge_angle : opening angle of the solved wedge [rad]
+    poisson_ratio : of the layer [-]
+    tip_rows : (piece, 7) outline of the tip, see `TipOutline`
     depths : (depth,) solved press depths, increasing, without 0
     rest_radii : (node,) radii of the top nodes at rest, from the axis to the wall
     radii, heights : (depth, node) deformed top
@@ -40,6 +45,8 @@ class UnitPress:
     wall_radius: float
     mesh_size: float
     wedge_angle: float
+    poisson_ratio: float
+    tip_rows: FloatArray
     depths: FloatArray
     rest_radii: FloatArray
     radii: FloatArray
@@ -60,3 +67,8 @@ class UnitPress:
     def deepest(self) -> float:
         """Deepest solved press [tip radii]."""
         return float(self.depths[-1])
+
+    @cached_property
+    def tip(self) -> TipOutline:
+        """What presses."""
+        return TipOutline.from_rows(self.tip_rows)

@@ -15,15 +15,15 @@ Lengths in tip radii, forces in E R².
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
-from sims.contact.surface_curve import contact_radius_at, whole_curve
-from sims.contact.tip import tip_outline
+from sims.contact.surface_curve import TopCurve, contact_radius_at, whole_curve
+from sims.contact.tip import HEMISPHERE, TipOutline, tip_outline
 
 FloatArray = NDArray[np.float64]
 
@@ -112,6 +112,7 @@ class SmoothPress:
     knots : (knot,) of the cubic splines in ln(depth / deepest), with repeated ends [-]
     coefficients : (coefficient, VALUES) of the splines
     residual : of the fit to the solved states
+    tip : what presses
     versions : names and versions of what computed it
     """
 
@@ -124,6 +125,7 @@ class SmoothPress:
     coefficients: FloatArray
     residual: FitResidual
     versions: tuple[str, ...]
+    tip: TipOutline = HEMISPHERE
 
     @cached_property
     def _values(self) -> BSpline:
@@ -158,24 +160,30 @@ class SmoothPress:
         power = self._powers[1] * min(0.0, float(np.log(depth / self.first)))
         return float(np.exp(float(self._values(self._place(depth))[1]) + power))
 
-    def curve_at(self, depth: float) -> tuple[FloatArray, FloatArray, float]:
-        """Radius and height (n,) of the top from axis to wall, and the contact radius."""
+    def curve_at(self, depth: float) -> TopCurve:
+        """The top from axis to wall at a depth between 0 and the deepest one."""
         if depth <= 0.0:
             flat = self.wall_radius * arc_shares()
-            return flat, np.zeros_like(flat), 0.0
+            nothing = np.zeros_like(flat)
+            return TopCurve(radius=flat, height=nothing, inclination=nothing, contact_radius=0.0)
         solved = max(depth, self.first)
         values = self.values_at(solved)
         edge = float(np.exp(values.log_edge))
-        radius, height, contact_radius = whole_curve(edge, self._free(values.free, edge, solved), solved)
-        if depth < self.first:
-            return radius, height * (depth / self.first), contact_radius_at(self.edge_at(depth))
-        return radius, height, contact_radius
+        curve = whole_curve(edge, self._free(values.free, edge, solved), solved, self.tip)
+        if depth >= self.first:
+            return curve
+        return replace(
+            curve,
+            height=curve.height * (depth / self.first),
+            inclination=np.arctan(np.tan(curve.inclination) * (depth / self.first)),
+            contact_radius=contact_radius_at(self.edge_at(depth), self.tip),
+        )
 
     def _free(self, relative: FloatArray, edge: float, depth: float) -> FloatArray:
         """(SAMPLES, 2) free surface that starts on the tip and ends where the layer is bonded.
 
         Fitting edge and surface one by one moves the end by a micrometre or so; that is shared out along the arc.
         """
-        free = np.stack(tip_outline(np.array(edge), depth)) + relative
+        free = np.stack(tip_outline(np.array(edge), depth, self.tip)) + relative
         miss = np.array([self.wall_radius, 0.0]) - free[-1]
         return np.asarray(free + arc_shares()[:, None] * miss, dtype=np.float64)[1:]

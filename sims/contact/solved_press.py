@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from design.errors import ModelScopeError
 from sims.contact.profiles import UnitPress
 from sims.contact.smooth_press import SmoothPress
+from sims.contact.tip import HEMISPHERE
 from sims.indentation import Indentation
 
 
@@ -66,12 +69,14 @@ class SolvedPress:
         ------
         ModelScopeError : deeper than solved
         """
-        radius, height, contact_radius = self.smooth.curve_at(self.scaled_depth(depth_mm))
+        curve = self.smooth.curve_at(self.scaled_depth(depth_mm))
         return Indentation(
             depth_mm=depth_mm,
             tip_radius_mm=self.tip_radius_mm,
-            radius_mm=radius * self.tip_radius_mm,
-            height_mm=height * self.tip_radius_mm,
-            contact_radius_mm=contact_radius * self.tip_radius_mm,
+            radius_mm=curve.radius * self.tip_radius_mm,
+            height_mm=curve.height * self.tip_radius_mm,
+            inclination_deg=np.degrees(curve.inclination),
+            contact_radius_mm=curve.contact_radius * self.tip_radius_mm,
             force_n=self.force_n(depth_mm),
+            is_hemisphere=self.smooth.tip == HEMISPHERE,
         )

@@ -30,7 +30,7 @@ FORMAT = 1
 """Version of the entry's layout."""
 _UNREADABLE = (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error)
 """What reading a damaged entry raises; RuntimeError is zipfile's for flags that it does not support."""
-_SCALARS = ("layer_depth", "wall_radius", "mesh_size", "wedge_angle")
+_SCALARS = ("layer_depth", "wall_radius", "mesh_size", "wedge_angle", "poisson_ratio")
 _PER_STATE = ("radii", "heights", "normal_force")
 
 
@@ -54,7 +54,10 @@ def entry_path(key: str) -> Path:
 def _is_whole(press: UnitPress) -> bool:
     """Whether all arrays are finite and fit together."""
     depths, nodes = press.depths.size, press.rest_radii.size
-    shapes = dict.fromkeys(_PER_STATE, (depths, nodes)) | {"rest_radii": (nodes,)}
+    shapes = dict.fromkeys(_PER_STATE, (depths, nodes)) | {
+        "rest_radii": (nodes,),
+        "tip_rows": (len(press.tip_rows), 7),
+    }
     arrays = {f.name: getattr(press, f.name) for f in fields(press) if f.name not in (*_SCALARS, "versions")}
     return depths > 0 and all(
         array.shape == shapes.get(name, (depths,)) and bool(np.isfinite(array).all())

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 
 from sims.contact.profiles import UnitPress
 from sims.contact.store import entry_key, read_entry, write_entry
+from sims.contact.tip import HEMISPHERE, TipOutline
 
-RECIPE = 9
+RECIPE = 11
 """Version of the solver behind stored solutions. Raise it when results change."""
 
 _SOLVED: dict[str, UnitPress] = {}
@@ -22,47 +24,74 @@ def _mujoco_version() -> str:
     return version("mujoco")
 
 
-def _solve(
-    layer: float, mesh_size: float, depths: tuple[float, ...], on_step: Callable[[float], None] | None
-) -> UnitPress:
+@dataclass(frozen=True, kw_only=True)
+class PressInputs:
+    """Everything that a solution depends on; lengths in tip radii.
+
+    Attributes
+    ----------
+    layer : elastic depth
+    mesh_size : node spacing under the tip
+    depths : increasing depths to solve
+    poisson_ratio : of the layer [-]
+    tip : what presses
+    """
+
+    layer: float
+    mesh_size: float
+    depths: tuple[float, ...]
+    poisson_ratio: float
+    tip: TipOutline = HEMISPHERE
+
+    def key(self) -> str:
+        """Name of the stored solution."""
+        return entry_key(
+            {
+                "layer": round(self.layer, 9),
+                "mesh": round(self.mesh_size, 9),
+                "depths": self.depths,
+                "poisson": self.poisson_ratio,
+                "tip": self.tip.rows,
+                "recipe": RECIPE,
+                "mujoco": _mujoco_version(),
+            }
+        )
+
+
+def _solve(inputs: PressInputs, on_step: Callable[[float], None] | None) -> UnitPress:
     """Run MuJoCo; imported here so that stored solutions need no solver."""
     from sims.contact.unit_press import solve_unit_press
 
-    return solve_unit_press(layer, mesh_size, depths, on_step)
+    return solve_unit_press(
+        round(inputs.layer, 9),
+        round(inputs.mesh_size, 9),
+        inputs.depths,
+        inputs.poisson_ratio,
+        on_step,
+        inputs.tip,
+    )
 
 
 def stored_press(
-    layer: float,
-    mesh_size: float,
-    depths: tuple[float, ...],
-    on_step: Callable[[float], None] | None = None,
+    inputs: PressInputs, on_step: Callable[[float], None] | None = None
 ) -> tuple[UnitPress, tuple[str, ...]]:
-    """The solved states of a layer, with notes on what the user should know.
+    """The solved states, with notes on what the user should know.
 
     Parameters
     ----------
-    layer, mesh_size : elastic depth, node spacing under the tip [tip radii]
-    depths : increasing depths to solve [tip radii]
+    inputs : what is pressed, and how
     on_step : called with the fraction done while solving
 
     Raises
     ------
     ContactSolveError : a state fails its checks
     """
-    layer, mesh_size = round(layer, 9), round(mesh_size, 9)
-    inputs = {
-        "layer": layer,
-        "mesh": mesh_size,
-        "depths": depths,
-        "recipe": RECIPE,
-        "mujoco": _mujoco_version(),
-    }
-    key = entry_key(inputs)
+    key = inputs.key()
     notes: tuple[str, ...] = ()
     if key not in _SOLVED:
         press = read_entry(key)
         if press is None:
-            press = _solve(layer, mesh_size, depths, on_step)
+            press = _solve(inputs, on_step)
             note = write_entry(key, press)
             notes = (note,) if note else ()
         _SOLVED[key] = press

@@ -18,6 +18,7 @@ All lengths in tip radii.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -144,29 +145,61 @@ def _inside_contact(edge: float, tip: TipOutline) -> FloatArray:
     return even if kinks.size == 0 else np.unique(np.concatenate([even, kinks]))
 
 
-def whole_curve(
-    edge: float, free: FloatArray, depth: float, tip: TipOutline = HEMISPHERE
-) -> tuple[FloatArray, FloatArray, float]:
+@dataclass(frozen=True, kw_only=True)
+class TopCurve:
+    """The deformed top from the axis to the wall; lengths in tip radii.
+
+    Attributes
+    ----------
+    radius, height : (n,) points: the exact tip up to the contact edge, then the free surface
+    inclination : (n,) angle of the tangent to the radial direction [rad]; it is continuous at the edge
+    contact_radius : radius of the circle where the surface leaves the tip
+    """
+
+    radius: FloatArray
+    height: FloatArray
+    inclination: FloatArray
+    contact_radius: float
+
+
+def _tangent_angles(along: FloatArray, tip: TipOutline) -> FloatArray:
+    """(n,) angle of the tip's tangent at outline coordinates [rad]."""
+    if tip == HEMISPHERE:
+        return np.minimum(along, 0.5 * np.pi)
+    return np.array([tip.tangent_angle(float(place)) for place in along])
+
+
+def _free_angles(radius: FloatArray, height: FloatArray, first: float) -> FloatArray:
+    """(n,) angle of the tangent of the spline through points, `first` at the first of them [rad]."""
+    points = np.stack([radius, height], axis=1)
+    chord = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
+    start = np.array([np.cos(first), np.sin(first)])
+    tangent = CubicSpline(chord, points, bc_type=((1, start), (2, np.zeros(2))))(chord, 1)
+    return np.asarray(np.arctan2(tangent[:, 1], tangent[:, 0]), dtype=np.float64)
+
+
+def whole_curve(edge: float, free: FloatArray, depth: float, tip: TipOutline = HEMISPHERE) -> TopCurve:
     """The exact tip up to the contact edge, then the free surface, which never enters the tip.
 
     Parameters
     ----------
     edge : outline coordinate of the contact edge [tip radii]
-    free : (n, 2) free surface that follows the edge [tip radii]
+    free : (n, 2) free surface that follows the edge, to the wall [tip radii]
     depth : press depth > 0 [tip radii]
     tip : what presses
-
-    Returns
-    -------
-    radius, height : (n,) curve from the axis, at height -depth, to the end of the free surface [tip radii]
-    contact radius : radius of the circle where the surface leaves the tip [tip radii]
     """
-    tip_radius, tip_height = tip_outline(_inside_contact(edge, tip), depth, tip)
+    along = _inside_contact(edge, tip)
+    tip_radius, tip_height = tip_outline(along, depth, tip)
     free_radius, free_height = outside_tip(free[:, 0], free[:, 1], depth, tip)
-    return (
-        np.concatenate([tip_radius, free_radius]),
-        np.concatenate([tip_height, free_height]),
-        contact_radius_at(edge, tip),
+    tip_angle = _tangent_angles(along, tip)
+    free_angle = _free_angles(
+        np.append(tip_radius[-1], free_radius), np.append(tip_height[-1], free_height), float(tip_angle[-1])
+    )
+    return TopCurve(
+        radius=np.concatenate([tip_radius, free_radius]),
+        height=np.concatenate([tip_height, free_height]),
+        inclination=np.concatenate([tip_angle, free_angle[1:]]),
+        contact_radius=contact_radius_at(edge, tip),
     )
 
 
@@ -178,7 +211,7 @@ def surface_curve(
     spacing: float,
     tolerance: float,
     tip: TipOutline = HEMISPHERE,
-) -> tuple[FloatArray, FloatArray, float]:
+) -> TopCurve:
     """The deformed top as a dense curve: `whole_curve` of `free_surface`, which have the parameters."""
     edge, free = free_surface(radius, height, depth, spacing=spacing, tolerance=tolerance, tip=tip)
     return whole_curve(edge, free, depth, tip)

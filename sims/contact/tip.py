@@ -41,6 +41,11 @@ class TipOutline:
 
     rows: tuple[Row, ...]
 
+    @classmethod
+    def from_rows(cls, rows: FloatArray) -> TipOutline:
+        """From (piece, 7) rows."""
+        return cls(tuple((a, b, c, d, e, f, g) for a, b, c, d, e, f, g in np.asarray(rows).tolist()))
+
     @cached_property
     def table(self) -> FloatArray:
         """(piece, 7) the rows, with the shank as the last: a vertical line without end."""

@@ -11,6 +11,7 @@ from sims.contact.mesh import radial_mesh
 from sims.contact.profiles import UnitPress
 from sims.contact.scope import WALL_RADIUS
 from sims.contact.surface_curve import contact_tolerance, surface_curve
+from sims.contact.tip import HEMISPHERE, TipOutline
 from sims.contact.wedge import WEDGE_ANGLE, solve_wedge
 
 
@@ -18,7 +19,9 @@ def solve_unit_press(
     layer_depth: float,
     mesh_size: float,
     depths: Sequence[float],
+    poisson_ratio: float,
     on_step: Callable[[float], None] | None = None,
+    tip: TipOutline = HEMISPHERE,
 ) -> UnitPress:
     """Press a tip of radius 1 into a layer of modulus 1.
 
@@ -26,18 +29,22 @@ def solve_unit_press(
     ----------
     layer_depth, mesh_size : elastic depth, node spacing under the tip [tip radii]
     depths : increasing press depths [tip radii]
+    poisson_ratio : of the layer [-]
     on_step : called with the fraction done
+    tip : what presses
 
     Raises
     ------
     ContactSolveError : a state fails its checks
     """
     mesh = radial_mesh(layer_depth, WALL_RADIUS, mesh_size)
-    solution = solve_wedge(mesh, depths, on_step)
+    solution = solve_wedge(mesh, depths, poisson_ratio, on_step, tip)
     spacing = float(mesh.nodes[mesh.top[1], 0])
     tolerance = contact_tolerance(spacing, WEDGE_ANGLE)
     contact = [
-        surface_curve(radius, height, float(depth), spacing=spacing, tolerance=tolerance)[2]
+        surface_curve(
+            radius, height, float(depth), spacing=spacing, tolerance=tolerance, tip=tip
+        ).contact_radius
         for radius, height, depth in zip(solution.radii, solution.heights, solution.depths, strict=True)
     ]
     checks = {
@@ -57,6 +64,8 @@ def solve_unit_press(
         wall_radius=WALL_RADIUS,
         mesh_size=spacing,
         wedge_angle=WEDGE_ANGLE,
+        poisson_ratio=poisson_ratio,
+        tip_rows=np.array(tip.rows),
         depths=solution.depths,
         rest_radii=mesh.nodes[mesh.top, 0],
         radii=solution.radii,

@@ -11,14 +11,14 @@ Model
 * Bottom and wall are bonded. The top is free and touched by a tip with a straight shank: a capsule for a
   hemisphere, else the convex bodies of `tip_hulls`. A facet has one contact with each of them. Beneath a flat
   face it wanders over the facet, so flat tips end in narrow cycles more often, and take ten times the steps.
-* Stable Neo-Hookean material with Poisson's ratio 0.49, integrator `discrete` at time step 1: every
+* Stable Neo-Hookean material, integrator `discrete` at time step 1: every
   step is one damped static Newton iteration; velocities are zeroed after it. A depth is settled when
   a step moves no vertex by more than 1e-4 tip radii (0.3 µm for a 3 mm tip) nor by 0.02 % of the depth.
 * Contact is a stiff penalty, proportional to the vertex mass: too light sinks in, too heavy chatters.
   Where one facet chatters all the same, the mean of its cycle is taken (see `settling`).
 
 What it leaves out: friction and adhesion, viscosity and inertia, nearer walls, the layer's own
-weight, and the last bit of incompressibility (0.49 instead of 0.5: about 1-2 % of force).
+weight. Linear tetrahedra lock beyond a Poisson's ratio of 0.49: see `incompressible` for the last bit.
 The wedge is a 63-sided polygon seen from above: radii are uncertain by 0.1 %. Prisms are split one way,
 so the two faces of the wedge differ a little (9 µm at 3 mm depth on a 0.45 mm mesh); their mean is used.
 
@@ -30,7 +30,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from threading import Lock
@@ -49,8 +48,6 @@ from sims.contact.top_load import contact_forces, shared_out
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-POISSON_RATIO = 0.49
-"""[-]; 0.5 is incompressible."""
 WEDGE_ANGLE = 0.1
 """Opening angle of the wedge [rad]."""
 DAMPING = 4.0
@@ -63,10 +60,6 @@ HOOP_STIFFNESS = 3300.0
 """Stiffness that forbids motion out of the radial plane [E R]."""
 DAMPING_FACTORS = (1.0, 4.0, 16.0)
 """Damping is raised by these where contact chatters; the limit at which a state counts as settled falls with it."""
-SHALLOW_SHARE = 0.6
-"""Share of the depths that the first of the two threads settles; it balances their times for a 5 mm press."""
-APPROACH_STEPS = 3
-"""Solver steps at a depth that is only passed through."""
 FEWEST_STEPS, MOST_STEPS = 4, 160
 """Solver steps a depth; slow modes of very deep presses take up to 130."""
 CONTACT_TIME = 0.1
@@ -182,7 +175,7 @@ def _add_vertex(spec: mujoco.MjSpec, name: str, point: FloatArray, angle: float,
         hoop.stiffness, hoop.springlength = [HOOP_STIFFNESS, 0.0, 0.0], [0.0, 0.0]
 
 
-def _add_layer(spec: mujoco.MjSpec, mesh: RadialMesh, wedge: Tetrahedra) -> None:
+def _add_layer(spec: mujoco.MjSpec, mesh: RadialMesh, wedge: Tetrahedra, poisson_ratio: float) -> None:
     """The flex: bonded vertices belong to the world, the others to bodies of their own."""
     spacing = mesh.nodes[mesh.top[1], 0] - mesh.nodes[mesh.top[0], 0]
     owners: list[str] = []
@@ -196,7 +189,7 @@ def _add_layer(spec: mujoco.MjSpec, mesh: RadialMesh, wedge: Tetrahedra) -> None
         _add_vertex(spec, f"v{index}", point, float(angle), MASS_PER_RADIUS * spacing * WEDGE_ANGLE * radius)
         owners.append(f"v{index}")
         offsets += [0.0, 0.0, 0.0]
-    flex = spec.add_flex(name="layer", dim=3, young=1.0, poisson=POISSON_RATIO, damping=DAMPING)
+    flex = spec.add_flex(name="layer", dim=3, young=1.0, poisson=poisson_ratio, damping=DAMPING)
     flex.elastic3d = 1
     flex.radius, flex.contype, flex.conaffinity = _FLEX_RADIUS, 1, 1
     flex.selfcollide = mujoco.mjtFlexSelf.mjFLEXSELF_NONE
@@ -204,37 +197,51 @@ def _add_layer(spec: mujoco.MjSpec, mesh: RadialMesh, wedge: Tetrahedra) -> None
     flex.vertbody, flex.vert, flex.elem = owners, offsets, wedge.elements.ravel().tolist()
 
 
-def compile_wedge(mesh: RadialMesh, wedge: Tetrahedra, tip: TipOutline = HEMISPHERE) -> mujoco.MjModel:
+def compile_wedge(
+    mesh: RadialMesh, wedge: Tetrahedra, poisson_ratio: float, tip: TipOutline = HEMISPHERE
+) -> mujoco.MjModel:
     """Lower the wedge to a MuJoCo model."""
     spec = mujoco.MjSpec()
     _set_options(spec)
     _add_tip(spec, tip)
-    _add_layer(spec, mesh, wedge)
+    _add_layer(spec, mesh, wedge, poisson_ratio)
     return spec.compile()
+
+
+class _Quiet:
+    """How many solves want MuJoCo quiet, and the handler that returns with the last of them."""
+
+    lock, solves, previous = Lock(), 0, None
 
 
 @contextmanager
 def quiet_mujoco() -> Iterator[None]:
-    """Keep MuJoCo from writing a log file into the working folder.
+    """Keep MuJoCo from writing a log file into the working folder; threads may nest it.
 
     It warns that the unconstrained start of a step is solved to 1e-4 only; that start does not matter for
     a state at rest, which `check_press` judges from its shape.
     """
-    previous = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(lambda _message: None)
+    with _Quiet.lock:
+        if _Quiet.solves == 0:
+            _Quiet.previous = mujoco.get_mju_user_warning()
+            mujoco.set_mju_user_warning(lambda _message: None)
+        _Quiet.solves += 1
     try:
         yield
     finally:
-        mujoco.set_mju_user_warning(previous)
+        with _Quiet.lock:
+            _Quiet.solves -= 1
+            if _Quiet.solves == 0:
+                mujoco.set_mju_user_warning(_Quiet.previous)
 
 
 class _Press:
     """One model being pressed deeper and deeper."""
 
-    def __init__(self, mesh: RadialMesh, tip: TipOutline = HEMISPHERE) -> None:
-        self.mesh, self.tip = mesh, tip
+    def __init__(self, mesh: RadialMesh, poisson_ratio: float, tip: TipOutline) -> None:
+        self.mesh, self.poisson_ratio, self.tip = mesh, poisson_ratio, tip
         self.wedge = sweep(mesh)
-        self.model = compile_wedge(mesh, self.wedge, tip)
+        self.model = compile_wedge(mesh, self.wedge, poisson_ratio, tip)
         self.data = mujoco.MjData(self.model)
         vertical = [j for j in range(self.model.njnt) if self.model.jnt_axis[j][2] > 0.5]
         self.vertical_dofs = self.model.jnt_dofadr[vertical]
@@ -259,13 +266,6 @@ class _Press:
         radius = self.wedge.face_mean(np.hypot(points[:, 0], points[:, 1]), self.mesh.top)
         height = self.wedge.face_mean(points[:, 2], self.mesh.top)
         return shared_out(at, self.copies * force, np.stack([radius, height], axis=1))
-
-    def approach(self, depth: float, guess: FloatArray) -> None:
-        """Move the tip to `depth` and iterate a few times, on the way to deeper states."""
-        self.data.mocap_pos[0] = [0.0, 0.0, 1.0 - depth]
-        self.data.qpos[:] = guess
-        for _ in range(APPROACH_STEPS):
-            self._step()
 
     def settle(self, depth: float, guess: FloatArray) -> PressState:
         """Move the tip to `depth` and iterate from `guess` until at rest; where contact chatters, damp it harder."""
@@ -312,7 +312,7 @@ class _Press:
             deformed=np.array(self.data.flexvert_xpos),
             elements=self.wedge.elements,
             is_bonded=self.mesh.is_bonded[self.wedge.node],
-            poisson_ratio=POISSON_RATIO,
+            poisson_ratio=self.poisson_ratio,
             copies=self.copies,
             contact_force=force,
             overlap=overlap,
@@ -326,19 +326,17 @@ class _Press:
 def solve_wedge(
     mesh: RadialMesh,
     depths: Sequence[float],
+    poisson_ratio: float,
     on_step: Callable[[float], None] | None = None,
     tip: TipOutline = HEMISPHERE,
 ) -> WedgeSolution:
     """Press the tip to each depth in turn and check every settled state.
 
-    Two threads share the work: one settles the shallower depths, the other presses through them without
-    settling and settles the deeper ones. A settled state does not depend on the way there (no friction, no
-    viscosity), and which thread settles which depth is fixed, so the result does not depend on timing.
-
     Parameters
     ----------
     mesh : the layer, bonded at its bottom and wall
     depths : increasing press depths [tip radii]; a step of more than 1/30 risks divergence
+    poisson_ratio : of the layer [-]; beyond 0.49 the tetrahedra lock
     on_step : called with the fraction done
     tip : what presses
 
@@ -346,12 +344,12 @@ def solve_wedge(
     ------
     ContactSolveError : a state is not settled, not finite, inverted, sunk in, or out of balance
     """
-    split = round(SHALLOW_SHARE * len(depths))
-    progress = _Progress(len(depths), on_step)
-    with quiet_mujoco(), ThreadPoolExecutor(max_workers=2) as pool:
-        shallow = pool.submit(_settled, mesh, tip, depths[:split], 0, progress)
-        deep = pool.submit(_settled, mesh, tip, depths, split, progress)
-        found = [*shallow.result(), *deep.result()]
+    found = []
+    with quiet_mujoco():
+        for settled in _settled(_Press(mesh, poisson_ratio, tip), depths):
+            found.append(settled)
+            if on_step is not None:
+                on_step(len(found) / len(depths))
     return WedgeSolution(
         depths=np.array(depths, dtype=np.float64),
         radii=np.array([one.radii for one in found]),
@@ -372,44 +370,19 @@ class _Settled:
     check: StepCheck
 
 
-class _Progress:
-    """Counts settled states of all threads."""
-
-    def __init__(self, total: int, on_step: Callable[[float], None] | None) -> None:
-        self.total, self.on_step, self.done, self.lock = total, on_step, 0, Lock()
-
-    def advance(self) -> None:
-        with self.lock:
-            self.done += 1
-            if self.on_step is not None:
-                self.on_step(self.done / self.total)
-
-
-def _settled(
-    mesh: RadialMesh, tip: TipOutline, depths: Sequence[float], first: int, progress: _Progress
-) -> list[_Settled]:
-    """Press through the depths before `first`, then settle and check the rest."""
-    press = _Press(mesh, tip)
+def _settled(press: _Press, depths: Sequence[float]) -> Iterator[_Settled]:
+    """Settle and check each depth, from the last one moved on."""
     past = present = press.data.qpos.copy()
     past_depth = present_depth = 0.0
-    found = []
     for index, depth in enumerate(depths):
         ratio = (depth - present_depth) / (present_depth - past_depth) if index > 0 else 0.0
-        guess = present + min(ratio, 1.0) * (present - past)
-        if index < first:
-            press.approach(depth, guess)
-        else:
-            state = press.settle(depth, guess)
-            radius = np.hypot(state.deformed[:, 0], state.deformed[:, 1])
-            found.append(
-                _Settled(
-                    press.wedge.face_mean(radius, mesh.top),
-                    press.wedge.face_mean(state.deformed[:, 2], mesh.top),
-                    press.normal_force,
-                    check_press(state),
-                )
-            )
-            progress.advance()
+        state = press.settle(depth, present + min(ratio, 1.0) * (present - past))
+        radius = np.hypot(state.deformed[:, 0], state.deformed[:, 1])
+        yield _Settled(
+            press.wedge.face_mean(radius, press.mesh.top),
+            press.wedge.face_mean(state.deformed[:, 2], press.mesh.top),
+            press.normal_force,
+            check_press(state),
+        )
         past, present = present, press.data.qpos.copy()
         past_depth, present_depth = present_depth, depth
-    return found

@@ -3,9 +3,9 @@
 Model
 -----
 Around the press axis the top is h(r): the exact tip sphere inside the contact, then a C1 curve
-through the indentation's points (modified Akima slopes), then a C1 cubic tail to the undisturbed
-height, then flat. The pile-up may rise above the undisturbed top. A tip that is no hemisphere has no
-sphere: the curve begins `APEX_MM` beside the axis, and the contact is the part of it within the contact radius.
+through the indentation's points (with the slopes of its inclinations, else modified Akima's), then a C1
+cubic tail to the undisturbed height, then flat. The pile-up may rise above the undisturbed top. A tip that is no
+hemisphere has no sphere: the curve begins `APEX_MM` beside the axis, and the contact is the part of it within the contact radius.
 
 Between contact edge and outer radius the curve is stored as `CELLS` cubic pieces, uniform in x with
 r = a + (b - a) (g x + (1 - g) x²), g = `GRADING`, so that pieces are short at the contact edge.
@@ -151,8 +151,9 @@ def _lower(indentation: Indentation, top_mm: float) -> _Lowered:
     depth = indentation.depth_mm
     tip, start = _sphere(indentation)
     centre_z = top_mm - depth + tip
-    radius, height, moved, contact = _single_valued(indentation, tip, start)
-    radius, height, slope = _with_tail(radius, height, start / np.sqrt(tip**2 - start**2))
+    radius, height, given, moved, contact = _single_valued(indentation, tip, start)
+    given[0] = start / np.sqrt(tip**2 - start**2)
+    radius, height, slope = _with_tail(radius, height, given)
     cubic, steepest, bends, node_r, node_slope = _pieces(radius, height, slope, top_mm)
     skirt = node_r[np.abs(node_slope) >= SKIRT_SLOPE]
     row = np.zeros(COLUMNS)
@@ -193,8 +194,8 @@ def _check_curve(indentation: Indentation, top_mm: float) -> None:
 
 def _single_valued(
     indentation: Indentation, tip: float, start: float
-) -> tuple[FloatArray, FloatArray, float, float]:
-    """Radius and relative height from the sphere's end outward, the largest move, the contact radius."""
+) -> tuple[FloatArray, FloatArray, FloatArray, float, float]:
+    """Radius, relative height and slope (NaN: unknown) from the sphere's end outward, largest move, contact radius."""
     depth = indentation.depth_mm
     radius = np.asarray(indentation.radius_mm, dtype=np.float64)
     height = np.asarray(indentation.height_mm, dtype=np.float64)
@@ -203,17 +204,28 @@ def _single_valued(
     is_new = np.concatenate(([True], np.diff(outward) > 0)) & (radius > start + MIN_KNOT_STEP_MM)
     touched = _touched_mm(indentation, start)
     contact = start
-    knots_r, knots_h = [start], [-depth + tip - float(np.sqrt(tip**2 - start**2))]
-    for r, h in zip(radius[is_new], height[is_new], strict=True):
+    knots_r, knots_h, slopes = [start], [-depth + tip - float(np.sqrt(tip**2 - start**2))], [np.nan]
+    for r, h, slope in zip(radius[is_new], height[is_new], _slopes(indentation)[is_new], strict=True):
         if indentation.is_hemisphere and r < tip:
             h = min(h, -depth + tip - np.sqrt(max(tip**2 - r**2, 0.0)))
         placed = max(r, knots_r[-1] + MIN_KNOT_STEP_MM, knots_r[-1] + abs(h - knots_h[-1]) / MAX_SLOPE)
         moved = max(moved, placed - r)
         knots_r.append(placed)
         knots_h.append(float(h))
+        slopes.append(float(slope) if placed == r else np.nan)
         if r <= touched and h < 0:
             contact = placed
-    return np.array(knots_r), np.array(knots_h), moved, contact
+    return np.array(knots_r), np.array(knots_h), np.array(slopes), moved, contact
+
+
+def _slopes(indentation: Indentation) -> FloatArray:
+    """(n,) dh/dr at the points; NaN where the curve is steeper than a function of radius may be, or unknown."""
+    if indentation.inclination_deg is None:
+        return np.full(np.shape(indentation.radius_mm), np.nan)
+    angle = np.radians(indentation.inclination_deg)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = np.sin(angle) / np.cos(angle)
+    return np.where((np.cos(angle) > 0.0) & (np.abs(slope) < MAX_SLOPE), slope, np.nan)
 
 
 def _touched_mm(indentation: Indentation, start: float) -> float:
@@ -225,11 +237,11 @@ def _touched_mm(indentation: Indentation, start: float) -> float:
 
 
 def _with_tail(
-    radius: FloatArray, height: FloatArray, first_slope: float
+    radius: FloatArray, height: FloatArray, given: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Knots with slopes, cut where the rest is flat and closed by a cubic tail."""
     slope = Akima1DInterpolator(radius, height, method="makima").derivative()(radius)
-    slope[0] = first_slope
+    slope = np.where(np.isfinite(given), given, slope)
     slope = np.clip(slope, -MAX_SLOPE, MAX_SLOPE)
     counts = np.flatnonzero((np.abs(height) > CUT_HEIGHT_MM) | (np.abs(slope) > CUT_SLOPE))
     last = int(counts[-1]) + 1

@@ -59,12 +59,31 @@ def test_curve_starts_at_the_apex_ends_at_the_wall_and_stays_out_of_the_tip() ->
     radius = np.append(np.arange(0.0, 3.0, 0.1), 16 / 3)
     height = hertz_surface(radius, 0.1)
     height[-1] = 0.0
-    along_r, along_z, contact = surface_curve(
-        radius, height, 0.1, spacing=0.1, tolerance=contact_tolerance(0.1, 0.1)
-    )
+    curve = surface_curve(radius, height, 0.1, spacing=0.1, tolerance=contact_tolerance(0.1, 0.1))
+    along_r, along_z, contact = curve.radius, curve.height, curve.contact_radius
     assert (along_r[0], along_z[0]) == (0.0, pytest.approx(-0.1))
     assert along_r[-1] == pytest.approx(16 / 3)
     assert along_z[-1] == pytest.approx(0.0, abs=1e-12)
     assert tip_gap(along_r, along_z, 0.1).min() > -1e-12
     inside = along_r <= contact + 1e-12
     np.testing.assert_allclose(tip_gap(along_r[inside], along_z[inside], 0.1), 0.0, atol=1e-12)
+
+
+def test_inclination_is_the_slope_of_the_curve_and_continuous_at_the_edge() -> None:
+    radius = np.append(np.arange(0.0, 3.0, 0.1), 16 / 3)
+    height = hertz_surface(radius, 0.1)
+    height[-1] = 0.0
+    curve = surface_curve(radius, height, 0.1, spacing=0.1, tolerance=contact_tolerance(0.1, 0.1))
+    contact_edge = curve.contact_radius
+    inside = curve.radius <= contact_edge + 1e-12
+    np.testing.assert_allclose(np.sin(curve.inclination[inside]), curve.radius[inside], atol=1e-12)
+    chords = np.arctan2(np.diff(curve.height), np.diff(curve.radius))
+    middles = 0.5 * (curve.inclination[1:] + curve.inclination[:-1])
+    # the chord of a curve of curvature k and length s turns from its ends by k s / 2 each: third order is left
+    assert np.abs(chords - middles)[curve.radius[1:] < 1.5].max() < 2e-3
+    # beyond the edge Hertz' surface turns back with a vertical tangent of its slope (power 1/2): a spline through
+    # nodes 0.1 apart rounds that off, but its first point is no further from the edge's angle than Hertz' next node
+    edge = int(np.flatnonzero(inside)[-1])
+    node = float(np.arange(0.0, 3.0, 0.1)[np.arange(0.0, 3.0, 0.1) > contact_edge][0])
+    slope = (hertz_surface(np.array([node + 1e-4]), 0.1) - hertz_surface(np.array([node]), 0.1))[0] / 1e-4
+    assert np.arctan(slope) < curve.inclination[edge + 1] < curve.inclination[edge]

@@ -11,13 +11,15 @@ import pytest
 
 from design.errors import OutputError
 from design.spec import SensorDesign
-from sims.contact import library_build, stored_press
+from sims.contact import stored_press
+from sims.contact.incompressible import POISSON_RATIOS, nearly_incompressible
 from sims.contact.indentation import solved_press
 from sims.contact.library import CORNER, FILE, LAYERS, Library, deepest_press, pack, shipped_library
-from sims.contact.library_build import assembled, library_depths, solve_entry, write_library
+from sims.contact.library_build import assembled, entry_inputs, entry_press, library_depths, write_library
 from sims.contact.press_fit import fit_press
 from sims.contact.smooth_press import SmoothPress
 from sims.contact.solved_press import SolvedPress
+from sims.contact.stored_press import PressInputs
 
 
 @pytest.fixture(scope="module")
@@ -113,34 +115,46 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path: Path, library: Librar
         write_library(library, tmp_path / "file" / "own.npz")
 
 
-def test_finished_layers_are_not_solved_again(
+def test_finished_solves_are_not_repeated(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, coarse_press: SolvedPress
 ) -> None:
     monkeypatch.setenv("OPTOPAD_CACHE", str(tmp_path))
     monkeypatch.setattr(stored_press, "_SOLVED", {})
-    solved: list[float] = []
+    solved: list[tuple[float, float]] = []
 
-    def solve(layer: float, *_: object) -> object:
-        solved.append(layer)
-        return replace(coarse_press.unit, layer_depth=layer)
+    def solve(inputs: PressInputs, *_: object) -> object:
+        solved.append((inputs.layer, inputs.poisson_ratio))
+        return replace(coarse_press.unit, layer_depth=inputs.layer)
 
     monkeypatch.setattr(stored_press, "_solve", solve)
-    first = [solve_entry(layer) for layer in LAYERS[:3]]
+    first = [entry_press(layer) for layer in LAYERS[:2]]
     monkeypatch.setattr(stored_press, "_SOLVED", {})
-    again = [solve_entry(layer) for layer in LAYERS[:4]]
-    assert solved == list(LAYERS[:4])
-    np.testing.assert_array_equal(first[1].force, again[1].force)
-    assert assembled(again).coefficients.shape[0] == 4
+    again = [entry_press(layer) for layer in LAYERS[:3]]
+    assert solved == [(layer, ratio) for layer in LAYERS[:3] for ratio in POISSON_RATIOS]
+    np.testing.assert_array_equal(first[1].coefficients, again[1].coefficients)
+    assert assembled(again).coefficients.shape[0] == 3
+
+
+def test_compressibility_is_extrapolated_in_a_straight_line(library: Library) -> None:
+    stiff = library.press(3.0)
+    rise = np.linspace(-1.0, 1.0, stiff.coefficients.size).reshape(stiff.coefficients.shape)
+    soft = replace(stiff, coefficients=stiff.coefficients - 0.02 * rise)
+    found = nearly_incompressible(soft, stiff)
+    # 1 - 2 nu falls from 0.04 by 0.02, and from there by 0.018 more
+    np.testing.assert_allclose(found.coefficients - stiff.coefficients, 0.018 * rise, atol=1e-12)
 
 
 @pytest.mark.slow
 def test_an_entry_solved_live_is_the_shipped_one(library: Library) -> None:
     layer = LAYERS[2]
     depths = library_depths(layer)
-    # the first half of the depths; the spline through them differs from the whole one near its end only
-    unit, _ = stored_press.stored_press(layer, library_build.LIBRARY_MESH, depths[:24])
-    live, shipped = fit_press(unit), library.press(layer)
-    assert unit.mesh_size == pytest.approx(library.mesh_size)
+    # the first part of the depths; the spline through them differs from the whole one near its end only
+    soft, stiff = (
+        stored_press.stored_press(replace(entry_inputs(layer, ratio), depths=depths[:24]))[0]
+        for ratio in POISSON_RATIOS
+    )
+    live, shipped = nearly_incompressible(fit_press(soft), fit_press(stiff)), library.press(layer)
+    assert stiff.mesh_size == pytest.approx(library.mesh_size)
     for depth in depths[2:18:3]:
         # another processor rounds differently and may leave a facet in or out of contact
         assert live.force_at(depth) == pytest.approx(shipped.force_at(depth), rel=5e-3)

@@ -15,7 +15,7 @@ from sims.contact.indentation import indent
 from sims.contact.press_fit import fit_press
 from sims.contact.profiles import UnitPress
 from sims.contact.solved_press import SolvedPress
-from sims.contact.surface_curve import contact_tolerance, surface_curve
+from sims.contact.surface_curve import TopCurve, contact_tolerance, surface_curve
 from sims.contact.tip import tip_gap
 from sims.indentation import Indentation
 
@@ -104,7 +104,7 @@ def dimple_volume_mm3(press: Indentation) -> float:
     return float(np.sum(0.5 * (moment[1:] + moment[:-1]) * np.diff(press.radius_mm)))
 
 
-def solved_curve(unit: UnitPress, index: int) -> tuple[np.ndarray, np.ndarray, float]:
+def solved_curve(unit: UnitPress, index: int) -> TopCurve:
     """Curve of one solved state, without any smoothing in depth."""
     tolerance = contact_tolerance(unit.mesh_size, unit.wedge_angle)
     return surface_curve(
@@ -116,11 +116,12 @@ def solved_curve(unit: UnitPress, index: int) -> tuple[np.ndarray, np.ndarray, f
     )
 
 
-def distance_um(curve: tuple[np.ndarray, ...], other: tuple[np.ndarray, ...]) -> float:
+def distance_um(curve: TopCurve, other: TopCurve) -> float:
     """Largest distance of a curve's points from another curve, for a tip of 3 mm [um]."""
-    dense = CubicSpline(np.arange(other[0].size), np.stack(other[:2], axis=1))
-    points = dense(np.linspace(0.0, other[0].size - 1.0, 60 * other[0].size))
-    return float(cKDTree(points).query(np.stack(curve[:2], axis=1))[0].max() * 3000.0)
+    count = other.radius.size
+    dense = CubicSpline(np.arange(count), np.stack([other.radius, other.height], axis=1))
+    points = dense(np.linspace(0.0, count - 1.0, 60 * count))
+    return float(cKDTree(points).query(np.stack([curve.radius, curve.height], axis=1))[0].max() * 3000.0)
 
 
 def test_surface_nodes_enclose_the_volume_that_compression_took(coarse_press: SolvedPress) -> None:

@@ -81,7 +81,7 @@ def test_point_forces_are_shared_by_the_lever_rule() -> None:
 @pytest.mark.slow
 def test_nodal_forces_add_up_to_the_press_force_and_a_shallow_press_has_hertz_pressure() -> None:
     depths = [0.02 / 3, 0.05 / 3, 0.1 / 3, 0.15 / 3, 0.2 / 3, TWELFTH, 0.1, 0.4 / 3, 0.5 / 3]
-    unit = solve_unit_press(6.0, 0.1, depths)
+    unit = solve_unit_press(6.0, 0.1, depths, 0.49)
     for index in range(2, len(depths)):
         height_share = np.sqrt(np.maximum(1.0 - unit.radii[index] ** 2, 0.0))  # cosine of the tip's normal
         carried = float(np.sum(unit.normal_force[index] * height_share))

@@ -118,21 +118,21 @@ def test_positions_that_are_no_numbers_are_refused(value: float) -> None:
 
 def test_a_depth_step_far_too_large_raises_instead_of_returning_a_surface() -> None:
     with pytest.raises(ContactSolveError):
-        solve_wedge(MESH, [1.5])
+        solve_wedge(MESH, [1.5], 0.49)
 
 
 def test_solving_twice_gives_the_same_bits_and_writes_no_log(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    first, second = (solve_wedge(MESH, [0.01, 0.03]) for _ in range(2))
+    first, second = (solve_wedge(MESH, [0.01, 0.03], 0.49) for _ in range(2))
     np.testing.assert_array_equal(first.heights, second.heights)
     np.testing.assert_array_equal(first.force, second.force)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_far_top_moves_up_and_the_bonded_end_stays() -> None:
-    solution = solve_wedge(MESH, [0.01, 0.03, 0.06])
+    solution = solve_wedge(MESH, [0.01, 0.03, 0.06], 0.49)
     assert solution.heights[-1, -1] == 0.0
     assert solution.radii[-1, -1] == pytest.approx(16 / 3, rel=1e-12)
     assert solution.heights[-1].max() > 0.0
