@@ -5,7 +5,8 @@ Model
 Around the press axis the top is h(r): the exact tip sphere inside the contact, then a C1 curve
 through the indentation's points (with the slopes of its inclinations, else modified Akima's), then a C1
 cubic tail to the undisturbed height, then flat. The pile-up may rise above the undisturbed top. A tip that is no
-hemisphere has no sphere: the curve begins `APEX_MM` beside the axis, and the contact is the part of it within the contact radius.
+hemisphere has no sphere: the curve begins `APEX_MM` beside the axis, and the contact is the part of it within
+the contact radius.
 
 Between contact edge and outer radius the curve is stored as `CELLS` cubic pieces, uniform in x with
 r = a + (b - a) (g x + (1 - g) x²), g = `GRADING`, so that pieces are short at the contact edge.
