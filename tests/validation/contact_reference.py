@@ -36,12 +36,12 @@ FIELDS = ("force", "reaction", "energy", "volume_change", "penetration")
 
 @dataclass(frozen=True, kw_only=True)
 class ReferenceState:
-    """One press of the unit hemisphere into a layer; lengths in tip radii, force in E R², pressure in E.
+    """One press of the unit hemisphere into a layer; lengths in tip radii, force in E R².
 
     Attributes
     ----------
     layer, depth : thickness of the layer, depth of the apex
-    force : press force
+    force, energy : press force, elastic energy
     contact_edge : (r, z) where the surface leaves the tip
     nodes : (2 * edges + 1, 2) deformed nodes of the top; corner, middle, corner, ... of quadratic edges
     rest_radii : (2 * edges + 1,) radius of these nodes at rest
@@ -51,6 +51,7 @@ class ReferenceState:
     layer: float
     depth: float
     force: float
+    energy: float
     contact_edge: tuple[float, float]
     nodes: FloatArray
     rest_radii: FloatArray
@@ -125,6 +126,7 @@ def reference_state(layer: float, depth: float) -> ReferenceState:
         layer=layer,
         depth=depth,
         force=float(arrays["force"][at]),
+        energy=float(arrays["energy"][at]),
         contact_edge=(float(arrays["contact_edge"][at][0]), float(arrays["contact_edge"][at][1])),
         nodes=arrays["nodes"][at],
         rest_radii=arrays["rest_radii"],
