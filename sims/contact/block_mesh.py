@@ -32,9 +32,9 @@ FINE_DEPTH = 0.8
 GROWTH = 1.4
 """Ratio of neighbouring spacings beyond the fine zone [-]."""
 LARGEST_LATERAL, LARGEST_VERTICAL = 1.0, 0.9
-"""Largest spacing towards the walls and towards the bottom [tip radii]."""
+"""Largest spacing towards the walls, and towards the bottom unless a fifth of the layer is more [tip radii]."""
 THINNEST_SHARE = 0.2
-"""Largest vertical spacing under the tip over the layer's depth [-]."""
+"""Largest vertical spacing under the tip, in a thin layer, over the layer's depth [-]."""
 _TINY = 1e-9
 
 
@@ -92,7 +92,8 @@ def vertical_lines(layer: float, fine: float) -> FloatArray:
     """(line,) heights from the bottom to the top [tip radii]."""
     depth, spacing = min(FINE_DEPTH, 0.6 * layer), min(fine, THINNEST_SHARE * layer)
     lines = list(np.linspace(0.0, depth, round(depth / spacing) + 1))
-    return -np.array(_extended(lines, layer, lines[1], LARGEST_VERTICAL))[::-1]
+    largest = max(LARGEST_VERTICAL, THINNEST_SHARE * layer)
+    return -np.array(_extended(lines, layer, lines[1], largest))[::-1]
 
 
 def _middles(lines: FloatArray) -> FloatArray:

@@ -63,17 +63,21 @@ class WallData:
         flat = arrays["coefficients"].astype(np.float64)
         self._coefficients = flat.reshape(*flat.shape[:3], -1)
         self._couplings = arrays["couplings"]
+        self.pair_distance = float(arrays["pair_distance"])
         share = np.arange(self._contact.shape[1] + 1) / self._contact.shape[1]
         self._by_layer = _cardinal(np.log(self.layers))
         self._by_pair_layer = _cardinal(np.log(arrays["pair_layers"]))
-        self._by_distance = _cardinal(1.0 / np.append(WALL_RADIUS, self.distances[::-1]), "clamped")
+        self.farthest = float(self.distances[-1])
+        self._stored = [*range(len(self.distances) - 1), len(self.distances)]
+        nodes = np.insert(self.distances, -1, WALL_RADIUS)
+        self._by_distance = _cardinal(1.0 / nodes[::-1], "clamped")
         self._by_depth = _cardinal(share, "clamped")
         self._by_root = _cardinal(np.sqrt(share))
-        self._pair_weights = self.distance_weights(float(arrays["pair_distance"]))
+        self._pair_weights = self.distance_weights(self.pair_distance)
 
     def distance_weights(self, wall: float) -> FloatArray:
         """(distance,) weights of the stored distances; all 0 at 16/3, where the correction is none."""
-        return np.asarray(self._by_distance(1.0 / wall)[:0:-1], dtype=np.float64)
+        return np.asarray(self._by_distance(1.0 / wall)[::-1][self._stored], dtype=np.float64)
 
     def at(self, layer: float, share: float) -> WallState:
         """The data at a layer depth and a share of the deepest press in it [-]."""
@@ -88,8 +92,7 @@ class WallData:
             contact_radius=float(by_layer @ self._contact @ by_root),
             rim_radii=RIM_RADII,
             rim=by_depth @ np.tensordot(by_layer, self._rim, 1),
-            couplings=np.tensordot(self._by_pair_layer(np.log(layer)), self._couplings, 1)
-            @ np.array([1.0, share, share**2]),
+            couplings=np.tensordot(self._by_pair_layer(np.log(layer)), self._couplings, 1),
         )
 
 

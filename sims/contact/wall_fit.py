@@ -10,6 +10,7 @@ All lengths in tip radii.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,19 +21,24 @@ from scipy.interpolate import PchipInterpolator
 
 from sims.contact.scope import WALL_RADIUS
 from sims.contact.tip import tip_gap
+from sims.contact.wall_data import DATA_FILE
 from sims.contact.wall_runs import (
     DEPTH_COUNT,
     DISTANCES,
+    FAR_DISTANCE,
     LAYERS,
     PAIR_DISTANCE,
     PAIR_LAYERS,
-    PAIR_WALLS,
     POISSON_RATIO,
     SPACING,
     Walls,
     WallSurfaces,
+    all_runs,
+    make_runs,
     pair_run,
+    pair_walls,
     read_run,
+    run_depths,
     single_run,
 )
 from sims.contact.wall_shape import (
@@ -48,10 +54,14 @@ from sims.contact.wall_superposition import WallField
 
 FloatArray = NDArray[np.float64]
 
+MOVED = (*DISTANCES, FAR_DISTANCE)
+"""Distances of a single wall in the data [tip radii]."""
 SMOOTHING = 3e-5
 """Weight of the squared second differences of the coefficients against squared misfits [-]."""
 TOUCHING_GAP = 3e-3
 """Gap below which a point of a facet touches the tip [tip radii]."""
+COUPLING_DEPTH = 1.3
+"""Deepest press that enters the couplings [tip radii]."""
 CLEAR_OF_CONTACT = 0.1
 """Distance from the contact edge from which nodes are compared [tip radii]: nearer ones belong to facets in contact."""
 
@@ -89,12 +99,21 @@ def _slopes(points: FloatArray, facets: NDArray[np.int64]) -> tuple[FloatArray, 
 
 
 def _reference_top(reference: WallSurfaces, pad: WallSurfaces, index: int) -> FloatArray:
-    """(node, 3) the reference's surface at every top node of a pad; half a reference is mirrored for a whole pad."""
+    """(node, 3) the reference's surface at every top node of a pad.
+
+    Half a reference is mirrored for a whole pad; places beyond the reference's walls are at rest.
+    """
     mirror = np.where((pad.rest[:, 1] < 0.0) & reference.is_half, -1.0, 1.0)
+    sides = np.column_stack([np.ones_like(mirror), mirror])
     place = {tuple(rest): number for number, rest in enumerate(np.round(reference.rest, 6).tolist())}
-    wanted = np.round(pad.rest * np.column_stack([np.ones_like(mirror), mirror]), 6) + 0.0
-    top = reference.top[index][[place[tuple(rest)] for rest in wanted.tolist()]]
-    return np.asarray(top * np.column_stack([np.ones_like(mirror), mirror, np.ones_like(mirror)]))
+    numbers = np.array(
+        [place.get(tuple(rest), -1) for rest in (np.round(pad.rest * sides, 6) + 0.0).tolist()]
+    )
+    top = np.column_stack([pad.rest, np.zeros(len(pad.rest))])
+    known = numbers >= 0
+    top[known] = reference.top[index][numbers[known]]
+    top[known, 1] *= mirror[known]
+    return top
 
 
 def _everywhere(
@@ -193,10 +212,10 @@ def _fit_layer(layer: float, folder: Path) -> dict[str, FloatArray]:
     """Arrays of one layer: by depth, and by distance and depth."""
     reference = read_run(single_run(layer, WALL_RADIUS), folder)
     contact = contact_radii(reference)
-    pads = [read_run(single_run(layer, distance), folder) for distance in DISTANCES]
+    pads = [read_run(single_run(layer, distance), folder) for distance in MOVED]
     coefficients = [
         [single_coefficients(reference, pad, distance, k, float(contact[k])) for k in range(DEPTH_COUNT)]
-        for pad, distance in zip(pads, DISTANCES, strict=True)
+        for pad, distance in zip(pads, MOVED, strict=True)
     ]
     return {
         "contact_radius": contact,
@@ -219,43 +238,61 @@ def _field_amplitude(field: WallField, free: Difference) -> float:
     return float(shape @ (free.cosine * (free.dz - carried)) / (shape @ shape))
 
 
-def _fit_pair(layer: float, walls: Walls, single: dict[str, FloatArray], folder: Path) -> FloatArray:
-    """(2, 3) coupling of two walls, of force and of height, 1 - 1/amplitude: quadratics in the share of depth."""
-    reference = read_run(pair_run(layer, (WALL_RADIUS,) * 4), folder)
-    pad = read_run(pair_run(layer, walls), folder)
-    near = DISTANCES.index(PAIR_DISTANCE)
-    force = (pad.force / reference.force - 1.0) / (2.0 * single["force_ratio"][near])
+def _pair_effect(
+    layer: float, kind: str, single: dict[str, FloatArray], folder: Path, distance: float = PAIR_DISTANCE
+) -> FloatArray:
+    """(2, depth) of a pad of the two-wall mesh: force added, and amplitude of the single walls' rests."""
+    reference = read_run(pair_run(layer, "reference", distance), folder)
+    pad = read_run(pair_run(layer, kind, distance), folder)
+    walls = pair_walls(kind, distance)
     height = []
     for index in range(DEPTH_COUNT):
         contact = float(single["contact_radius"][index])
         field = WallField(
             walls=walls,
-            coefficients=np.repeat(single["coefficients"][near, index][None], 4, axis=0),
+            coefficients=np.repeat(single["coefficients"][MOVED.index(distance), index][None], 4, axis=0),
             contact_radius=contact,
             base=base_of(single["rim"][index]),
         )
         free = difference(reference, pad, walls, index).beyond(contact + CLEAR_OF_CONTACT)
         height.append(_field_amplitude(field, free))
-    share = np.arange(1, DEPTH_COUNT + 1) / DEPTH_COUNT
-    found = 1.0 - 1.0 / np.array([force, height])
-    return np.array([np.polynomial.polynomial.polyfit(share, row, 2, w=share) for row in found])
+    return np.array([pad.force / reference.force - 1.0, height])
+
+
+def _coupling_of(
+    layer: float, kind: str, single: dict[str, FloatArray], folder: Path, distance: float = PAIR_DISTANCE
+) -> FloatArray:
+    """(2,) coupling of two walls, of force and of height: 1 - 1/amplitude.
+
+    Amplitudes are those of two walls over that of one on the same mesh, whose error cancels. They hardly depend on
+    depth up to `COUPLING_DEPTH`; beyond, where the shank touches, the small differences of force scatter.
+    """
+    alone = _pair_effect(layer, "single", single, folder, distance) * np.array([[2.0], [1.0]])
+    both = _pair_effect(layer, kind, single, folder, distance)
+    depths = np.array(run_depths(layer))
+    weight = np.where(depths <= COUPLING_DEPTH, depths, 0.0)
+    return np.asarray(np.average(1.0 - alone / both, axis=1, weights=weight), dtype=np.float64)
 
 
 def fit_all(folder: Path) -> dict[str, NDArray[np.generic]]:
     """Everything that is shipped, by name."""
     layers = {layer: _fit_layer(layer, folder) for layer in LAYERS}
-    pairs = {
-        name: np.array([_fit_pair(layer, walls, layers[layer], folder) for layer in PAIR_LAYERS])
-        for name, walls in PAIR_WALLS.items()
-    }
+    couplings = np.array(
+        [
+            np.stack(
+                [_coupling_of(layer, kind, layers[layer], folder) for kind in ("corner", "channel")], axis=1
+            )
+            for layer in PAIR_LAYERS
+        ]
+    )
     with np.load(folder / f"{single_run(LAYERS[0], WALL_RADIUS).name}.npz", allow_pickle=False) as entry:
         solver = str(entry["mujoco"])
     return {
         "layers": np.array(LAYERS),
-        "distances": np.array(DISTANCES),
+        "distances": np.array(MOVED),
         "pair_layers": np.array(PAIR_LAYERS),
         "pair_distance": np.array(PAIR_DISTANCE),
-        "couplings": np.stack([pairs["corner"], pairs["channel"]], axis=2),
+        "couplings": couplings,
         **{
             name: np.array([layers[layer][name] for layer in LAYERS])
             for name in ("contact_radius", "force_ratio")
@@ -275,3 +312,9 @@ def write_data(folder: Path, path: Path) -> None:
     """Fit the runs and write the shipped file."""
     path.parent.mkdir(parents=True, exist_ok=True)
     np.savez_compressed(path, allow_pickle=False, **fit_all(folder))
+
+
+if __name__ == "__main__":
+    runs_folder = Path(sys.argv[1])
+    make_runs(all_runs(), runs_folder, int(sys.argv[2]) if len(sys.argv) > 2 else 1)
+    write_data(runs_folder, DATA_FILE)

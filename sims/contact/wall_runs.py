@@ -1,17 +1,16 @@
 """The three-dimensional runs behind the wall correction: which pads are pressed, and their surfaces on disk.
 
 For each layer depth two meshes are used, each with a pad whose walls are all at 16/3 tip radii as the
-reference: one with a single nearer wall to the west, one with several walls at `PAIR_DISTANCE` (two
+reference: one with a single wall moved to the west, one with several walls at `PAIR_DISTANCE` (two
 adjacent, two opposite, all four). Every finished run is one file; an interrupted set goes on where it stopped.
-    python -m sims.contact.wall_runs FOLDER [PROCESSES]
-makes all runs (about 35 minutes on one core) and then the shipped file.
+    python -m sims.contact.wall_fit FOLDER [PROCESSES]
+makes all runs (about 30 s each on one core of its own) and from them the shipped file.
 All lengths in tip radii, forces in E R².
 """
 
 from __future__ import annotations
 
 import os
-import sys
 import zlib
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -32,6 +31,8 @@ LAYERS = (1.3, 1.9, 2.8, 4.1, 6.0)
 """Elastic depths [tip radii]."""
 DISTANCES = (1.5, 1.8, 2.4, 3.4)
 """Distances of a single near wall [tip radii]; at 16/3 the correction is zero by definition."""
+FAR_DISTANCE = 8.0
+"""Distance of a single wall that is farther than 16/3; farther ones count as at this one [tip radii]."""
 PAIR_LAYERS = (1.3, 2.8, 6.0)
 """Elastic depths of the pads with two near walls [tip radii]."""
 PAIR_DISTANCE = 2.4
@@ -56,11 +57,8 @@ a 16 x 16 mm pad with a 2 mm tip; the middle of a pad with walls at 8/3 tip radi
 
 Walls = tuple[float, float, float, float]
 _FAR = WALL_RADIUS
-PAIR_WALLS = {
-    "corner": (PAIR_DISTANCE, _FAR, PAIR_DISTANCE, _FAR),
-    "channel": (PAIR_DISTANCE, PAIR_DISTANCE, _FAR, _FAR),
-}
-"""Distances (west, east, south, north) of the runs with two near walls [tip radii]."""
+PAIRS = ("single", "corner", "channel")
+"""Pads on the mesh of two near walls: one wall, two that meet, two that face each other."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,22 +120,39 @@ def run_depths(layer: float) -> tuple[float, ...]:
 
 
 def single_run(layer: float, distance: float) -> WallRun:
-    """A pad with one near wall to the west; at 16/3 the reference."""
-    stops = ((*DISTANCES, _FAR), (_FAR,), (_FAR,), (_FAR,))
+    """A pad with one wall moved to the west; at 16/3 the reference.
+
+    The mesh of the farther wall continues that of the others, which have the same lines up to 16/3.
+    """
+    beyond = (FAR_DISTANCE,) if distance > _FAR else ()
+    stops = ((*DISTANCES, _FAR, *beyond), (_FAR,), (_FAR,), (_FAR,))
     return WallRun(layer=layer, walls=(distance, _FAR, _FAR, _FAR), stops=stops, depths=run_depths(layer))
 
 
-def pair_run(layer: float, walls: Walls) -> WallRun:
-    """A pad with two near walls; all at 16/3: the reference."""
-    stops = ((PAIR_DISTANCE, _FAR),) * 4
-    return WallRun(layer=layer, walls=walls, stops=stops, depths=run_depths(layer))
+def pair_walls(kind: str, distance: float = PAIR_DISTANCE) -> Walls:
+    """Distances (west, east, south, north) of one of `PAIRS`; "reference": all at 16/3."""
+    west, far = distance, _FAR
+    return {
+        "reference": (far, far, far, far),
+        "single": (west, far, far, far),
+        "corner": (west, far, west, far),
+        "channel": (west, west, far, far),
+    }[kind]
+
+
+def pair_run(layer: float, kind: str, distance: float = PAIR_DISTANCE) -> WallRun:
+    """A pad with up to two near walls."""
+    stops = ((distance, _FAR),) * 4
+    return WallRun(layer=layer, walls=pair_walls(kind, distance), stops=stops, depths=run_depths(layer))
 
 
 def all_runs() -> list[WallRun]:
     """Every run of the shipped data, the most useful first."""
     order = sorted(LAYERS, key=lambda layer: abs(np.log(layer / 2.8)))
-    singles = [single_run(layer, distance) for layer in order for distance in (_FAR, *DISTANCES)]
-    pairs = [pair_run(layer, walls) for layer in PAIR_LAYERS for walls in ((_FAR,) * 4, *PAIR_WALLS.values())]
+    singles = [
+        single_run(layer, distance) for layer in order for distance in (_FAR, *DISTANCES, FAR_DISTANCE)
+    ]
+    pairs = [pair_run(layer, kind) for layer in PAIR_LAYERS for kind in ("reference", *PAIRS)]
     return singles + pairs
 
 
@@ -201,7 +216,3 @@ def make_runs(runs: Sequence[WallRun], folder: Path, processes: int = 1) -> None
     with ProcessPoolExecutor(max_workers=processes, mp_context=get_context("spawn")) as pool:
         for future in [pool.submit(make_run, run, folder) for run in runs]:
             future.result()
-
-
-if __name__ == "__main__":
-    make_runs(all_runs(), Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 1)

@@ -7,8 +7,8 @@ bonded in the reference. Three pieces, each C1:
 * `fade` e(s) = (1 - s/D)² to s = D: carries the height that the reference has at the wall's place inwards;
 * a tensor of cubic B-splines in ξ(x) and |y|/b, zero at the near wall and at b, even in y.
 
-ξ stretches the side of the wall so that the wall lies at -1 and the axis at 0 for every D; its slope at the axis
-is that of the other side, so the field is C1 there:
+ξ stretches the side of the wall so that the wall lies at -1 and the axis at 0 for every D, near or far; its slope
+at the axis is that of the other side, so the field is C1 there:
 
     ξ = x / (b + (b/D - 1) x)  for x < 0,   x / b  otherwise
 """

@@ -4,13 +4,14 @@ The centred press of the library has a wall bonded at 16/3 tip radii. A pad whos
 axis, because the press is off-centre or the pad is small, is stiffer, and its surface is zero at those walls and
 higher everywhere else: rubber keeps its volume. The correction is the difference, from three-dimensional MuJoCo
 runs (`wall_runs`, `block`), of a pad with near walls and the same mesh with all walls at 16/3, so it is zero for
-a centred press in a square pad of that half width. Walls farther than 16/3 count as at 16/3.
+a centred press in a square pad of that half width. A wall farther than 16/3 has an effect too, of the other sign:
+the centred press is held down at 16/3, where such a pad is still raised. Beyond 8 tip radii nothing changes.
 
 Single walls are data, by layer depth, wall distance and press depth; several walls are superposed as stated in
 `wall_superposition`. Force: F/F0 = 1 + Σ A_i σ_i, with σ_i what wall i alone adds and A_i its amplitude.
 
 Interpolation is linear in the data: cubic splines in the logarithm of the layer depth and the reciprocal of the
-wall distance (with zero slope at 16/3, so that a wall comes in smoothly), and over press depth relative to the
+wall distance (with zero slope at 8, where its effect ends), and over press depth relative to the
 deepest one, in its root for the force, which like the contact radius starts as a root.
 
 Out of range is refused by name: a wall nearer than 1.5 tip radii, a layer or press outside the contact model, walls
@@ -37,7 +38,7 @@ from design.errors import InputError, ModelScopeError
 from sims.contact.scope import WALL_RADIUS, tip_radius_mm
 from sims.contact.wall_data import wall_data
 from sims.contact.wall_shape import BASE_START
-from sims.contact.wall_superposition import WallField, Walls, amplitudes, coupling
+from sims.contact.wall_superposition import WallField, Walls, amplitudes, coupling, height_strength
 
 if TYPE_CHECKING:
     from design.spec import SensorDesign
@@ -57,7 +58,7 @@ class WallCorrection:
     Attributes
     ----------
     force_factor : force over that of the centred press [-]
-    field : the change of the height; None where no wall is nearer than 16/3
+    field : the change of the height; None where all walls are at 16/3
     notes : what the user should know
     """
 
@@ -96,7 +97,7 @@ class WallCorrection:
 
 
 NO_CORRECTION = WallCorrection(force_factor=1.0, field=None)
-"""No wall nearer than 16/3 tip radii, or an untouched pad."""
+"""All walls at 16/3 tip radii, or an untouched pad."""
 
 
 def _require(layer: float, depth: float, distances: Walls) -> None:
@@ -137,7 +138,7 @@ def wall_correction(layer: float, depth: float, distances: Walls, rim: Rim | Non
     Parameters
     ----------
     layer, depth : elastic depth of the layer, press depth
-    distances : distances (west, east, south, north) of the walls from the press axis; beyond 16/3: no effect
+    distances : distances (west, east, south, north) of the walls from the press axis; those beyond 8 count as at 8
     rim : (radius, height), both (n,), of the centred press's curve outside the contact, the radius increasing from
         1.2 or less to 16/3; with it, corrected heights are zero at the walls exactly. By default that of the runs.
 
@@ -147,14 +148,19 @@ def wall_correction(layer: float, depth: float, distances: Walls, rim: Rim | Non
     ModelScopeError : outside the range of the data, or walls too near together
     """
     _require(layer, depth, distances)
-    walls = tuple(min(distance, WALL_RADIUS) for distance in distances)
-    if depth <= 0.0 or min(walls) >= WALL_RADIUS - 1e-9:
+    walls = tuple(min(distance, wall_data().farthest) for distance in distances)
+    if depth <= 0.0 or all(abs(wall - WALL_RADIUS) < 1e-9 for wall in walls):
         return NO_CORRECTION
     state = wall_data().at(layer, depth / deepest_press(layer))
     weights = [wall_data().distance_weights(wall) for wall in walls]
     added = np.array([weight @ state.force_ratio for weight in weights])
-    strength = added / state.pair_force_ratio
-    force, height = (coupling(adjacent, opposite, strength) for adjacent, opposite in state.couplings)
+    strengths = (
+        added / state.pair_force_ratio,
+        height_strength(np.array(walls), wall_data().pair_distance),
+    )
+    force, height = (
+        coupling(pair[0], pair[1], s) for pair, s in zip(state.couplings, strengths, strict=True)
+    )
     largest = float(max(force.sum(axis=1).max(), height.sum(axis=1).max()))
     if largest > LARGEST_COUPLING:
         places = ", ".join(f"{side} {wall:.2f}" for side, wall in zip(_SIDES, walls, strict=True))
