@@ -22,6 +22,7 @@ from design.light_rules import (
     material_findings,
     name_findings,
     path_findings,
+    tip_findings,
     workspace_findings,
 )
 from design.paths import leaves
@@ -46,6 +47,7 @@ def check(design: SensorDesign) -> tuple[Finding, ...]:
         *entry_findings(design),
         *count_findings(*counts),
         *depth_findings(design),
+        *tip_findings(design),
         *_unit_findings(design),
     ]
     board = found_board(design)
