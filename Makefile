@@ -10,7 +10,7 @@ SUITABLE := import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))
 DEMO := piacenza2017-pad
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow lint bench pins clean
+.PHONY: help setup demo test test-slow lint bench validate pins clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1|/p' Makefile | awk -F'|' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -34,6 +34,11 @@ lint: setup ## style, format, types, and the arrows between the rooms
 
 bench: setup ## the benchmarks only
 	$(BIN)/python -m pytest --benchmark-only
+
+validate: setup ## the figures of docs/validation, made anew (over an hour; interrupted, it goes on where it stopped)
+	$(BIN)/python -m tests.validation.contact_reference
+	$(BIN)/python -m tests.validation.contact_table
+	$(BIN)/python -m tests.validation.library_interpolation
 
 pins: ## renew constraints.txt from a fresh environment (oldest supported Python: its versions serve the newer ones)
 	@$(call find_python,$(if $(PYTHON),$(PYTHON),python3.11)); \

@@ -1,11 +1,13 @@
 """What the contact model covers, so that a design can be told before anything is solved.
 
-Limits of the feasibility study (section "Contact"): outside them the solver was not compared with the
-independent finite-element solution.
+The shipped library was compared with an independent finite-element solution (docs/validation/contact.md).
+Layers beyond it are solved live, take minutes and were compared with nothing; layers beyond those are refused.
 """
 
-LAYER_DEPTH_RANGE = (1.3, 6.0)
-"""Elastic depths (clear + black layer) that are modelled [tip radii]."""
+LIBRARY_LAYER_RANGE = (1.3, 6.0)
+"""Elastic depths (clear + black layer) of the shipped library [tip radii]."""
+LAYER_DEPTH_RANGE = (1.0, 10.0)
+"""Elastic depths that are modelled at all [tip radii]."""
 LARGEST_SHARE_OF_LAYER = 0.8
 """Deepest press as a share of the elastic depth [-]."""
 DEEPEST_PRESS = 1.7

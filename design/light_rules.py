@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 from design import properties
 from design.cavity import CavityGeometry, PlacedPart
-from design.contact_scope import DEEPEST_PRESS, LARGEST_SHARE_OF_LAYER, LAYER_DEPTH_RANGE
+from design.contact_scope import DEEPEST_PRESS, LARGEST_SHARE_OF_LAYER, LAYER_DEPTH_RANGE, LIBRARY_LAYER_RANGE
 from design.errors import DesignError
 from design.finding import Finding, error, mm, warning
 from design.layout import MAX_PER_KIND, Kind
@@ -132,6 +132,19 @@ def depth_findings(design: SensorDesign) -> Iterator[Finding]:
             value=f"{mm(elastic)} elastic depth",
             limit=f"{mm(thinnest)} to {mm(thickest)}: {LAYER_DEPTH_RANGE[0]:g} to {LAYER_DEPTH_RANGE[1]:g} tip radii",
             way_out="change it, cavity.black_thickness_mm or indenter.tip_radius_mm",
+        )
+    elif (
+        not LIBRARY_LAYER_RANGE[0] * tip - ROUNDING_MM
+        <= elastic
+        <= LIBRARY_LAYER_RANGE[1] * tip + ROUNDING_MM
+    ):
+        low, high = LIBRARY_LAYER_RANGE
+        yield warning(
+            "cavity.clear_thickness_mm",
+            "both layers together are outside the contact library: solved live (minutes), and compared with nothing",
+            value=f"{mm(elastic)} elastic depth",
+            limit=f"{mm(low * tip)} to {mm(high * tip)}: {low:g} to {high:g} tip radii",
+            way_out="change it, cavity.black_thickness_mm or indenter.tip_radius_mm, or check the force on the build",
         )
     scope = deepest_modelled_mm(design)
     if depth > clear + ROUNDING_MM:

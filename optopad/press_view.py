@@ -19,8 +19,9 @@ from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
 from optopad.report.published import LoadComparison, compared, published_load
 from sims.contact.force_curve import ForceCurve, force_curve
-from sims.contact.indentation import indent, mesh_note, solved_press, wall_note
+from sims.contact.indentation import indent, solved_press
 from sims.contact.load_protocol import LoadHistory, load_history
+from sims.contact.press_notes import contact_notes
 from sims.contact.pressure import ContactPressure, contact_pressure
 from sims.contact.tip import tip_of
 from sims.contact.viscoelastic import solid_of
@@ -127,7 +128,7 @@ def view_press(
         pressure=contact_pressure(solved, depth_mm),
         comparison=compared(stated, force, young.value) if stated and stated.depth_mm <= deepest else None,
         driven=_driven(design, protocol, driven, solved.force_n) if protocol and driven else None,
-        warnings=tuple(note for note in (wall_note(design), mesh_note(design), *solved.notes) if note),
+        warnings=contact_notes(design),
     )
 
 

@@ -22,7 +22,8 @@ from design.pairs import direct_path_pairs, is_facing_rows, judged_pairs, mask_o
 from design.rules import check, require_valid
 from design.spec import SensorDesign
 from sims.contact.force_curve import ForceCurve, force_curve
-from sims.contact.indentation import mesh_note, solved_press, wall_note
+from sims.contact.indentation import solved_press
+from sims.contact.press_notes import contact_notes
 from sims.depths import COARSE_STEP_MM, STEP_MM, depth_schedule_mm
 from sims.optics.light_signals import LightSignals
 from sims.readout import Readout, readout_of
@@ -317,7 +318,7 @@ def _warnings(
     design: SensorDesign, judged: tuple[JudgedPair, ...], pad_map: PadMap | None, band: ToleranceBand | None
 ) -> tuple[str, ...]:
     found = [str(finding) for finding in check(design)]  # errors were refused before
-    found += [text for text in (wall_note(design), mesh_note(design)) if text]
+    found += contact_notes(design)
     found += [text for text in (_band_warning(band), _noise_warning(judged)) if text]
     if pad_map is not None and not is_facing_rows(cavity_of(design)):
         found += _margin_warning(pad_map.weakest)

@@ -9,53 +9,36 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 
-from design.errors import DesignError, InputError
+from design.errors import DesignError, InputError, ModelScopeError
 from design.properties import youngs_modulus_mpa
 from design.spec import SensorDesign
-from sims.contact.incompressible import POISSON_RATIOS, nearly_incompressible
 from sims.contact.library import shipped_library
-from sims.contact.mesh_error import mesh_note
-from sims.contact.press_fit import fit_press
+from sims.contact.live_press import live_note, live_press, mesh_size
 from sims.contact.profiles import UnitPress
 from sims.contact.scope import (
+    FIRST_DEPTHS,
     depth_limit_mm,
     elastic_depth_mm,
     layer_depth,
     require_depth,
-    solved_depths,
     tip_radius_mm,
-    wall_note,
 )
 from sims.contact.smooth_press import SmoothPress
 from sims.contact.solved_press import SolvedPress
-from sims.contact.stored_press import PressInputs, stored_press
 from sims.contact.tip import HEMISPHERE, tip_of
+from sims.contact.wall_superposition import Walls
+from sims.contact.walls import wall_correction, walls_of
 from sims.indentation import Indentation
 
 __all__ = [
     "depth_limit_mm",
     "elastic_depth_mm",
     "indent",
-    "mesh_note",
     "modulus_mpa",
     "solved_press",
-    "wall_note",
 ]
-
-DEFAULT_MESH = 0.1
-"""Node spacing under the tip [tip radii]: 0.3 mm for a 3 mm tip."""
-MESH_RANGE = (0.04, 0.15)
-"""Spacings that are accepted [tip radii]; coarser facets bridge the equator of the tip and lose the contact
-edge, finer ones may chatter at deep presses (which is refused, not hidden)."""
-
-LEAST_LIVE_DEPTH = 0.4 / 3
-"""A live solve goes at least so deep, so that a smooth description has enough depths [tip radii]."""
-
-_SMOOTH: dict[tuple[int, int], tuple[UnitPress, UnitPress, SmoothPress]] = {}
-"""Presses made of this process's solutions, by their identity (they are kept alive beside it)."""
 
 
 def modulus_mpa(design: SensorDesign) -> float:
@@ -71,52 +54,6 @@ def modulus_mpa(design: SensorDesign) -> float:
     return modulus
 
 
-def _mesh_size(design: SensorDesign, mesh_mm: float | None) -> float:
-    """Node spacing under the tip [tip radii]."""
-    if mesh_mm is None:
-        return DEFAULT_MESH
-    radius = tip_radius_mm(design)
-    low, high = (bound * radius for bound in MESH_RANGE)
-    if not low - 1e-9 <= mesh_mm <= high + 1e-9:
-        raise InputError(f"mesh_mm: {mesh_mm:g} mm must lie between {low:g} and {high:g} mm for this tip")
-    return mesh_mm / radius
-
-
-def _live_press(
-    design: SensorDesign, mesh_size: float, deepest: float, on_step: Callable[[float], None] | None
-) -> tuple[UnitPress, SmoothPress, tuple[str, ...]]:
-    """Solved states at the larger Poisson's ratio, the nearly incompressible press, and notes."""
-    layer = layer_depth(design)
-    depths = tuple(round(float(depth), 9) for depth in solved_depths(layer, max(deepest, LEAST_LIVE_DEPTH)))
-    inputs = [
-        PressInputs(
-            layer=layer, mesh_size=mesh_size, depths=depths, poisson_ratio=ratio, tip=tip_of(design.indenter)
-        )
-        for ratio in POISSON_RATIOS
-    ]
-    shares = dict.fromkeys(POISSON_RATIOS, 0.0)
-
-    def solve(one: PressInputs) -> tuple[UnitPress, tuple[str, ...]]:
-        return stored_press(one, lambda share: advance(one.poisson_ratio, share))
-
-    def advance(ratio: float, share: float) -> None:
-        shares[ratio] = share
-        if on_step is not None:
-            on_step(sum(shares.values()) / len(shares))
-
-    with ThreadPoolExecutor(max_workers=len(inputs)) as pool:
-        (soft, _), (stiff, notes) = pool.map(solve, inputs)
-    return stiff, _smooth(soft, stiff), notes
-
-
-def _smooth(soft: UnitPress, stiff: UnitPress) -> SmoothPress:
-    """The nearly incompressible press, made once for every pair of solutions of this process."""
-    key = (id(soft), id(stiff))
-    if key not in _SMOOTH:
-        _SMOOTH[key] = (soft, stiff, nearly_incompressible(fit_press(soft), fit_press(stiff)))
-    return _SMOOTH[key][2]
-
-
 @lru_cache(maxsize=64)
 def _library_press(layer: float) -> SmoothPress:
     """The library's presses of a layer; designs that differ elsewhere share them."""
@@ -128,6 +65,8 @@ def solved_press(
     max_depth_mm: float | None = None,
     mesh_mm: float | None = None,
     on_step: Callable[[float], None] | None = None,
+    *,
+    at_mm: tuple[float, float] | None = None,
 ) -> SolvedPress:
     """The press of a design's tip into its pad, down to a depth or deeper.
 
@@ -136,27 +75,49 @@ def solved_press(
     design : the sensor
     max_depth_mm : deepest press wanted, by default that of the design's range of use [mm]
     mesh_mm : node spacing under the tip [mm]; a value solves anew. None takes the shipped library, which has
-        hemispheres; other tips are solved with a spacing of a tenth of the tip radius.
+        hemispheres and layers of 1.3 to 6 tip radii; others are solved with a tenth of the tip radius.
     on_step : called with the fraction done while solving
+    at_mm : (x, y) of the press axis in the cavity frame [mm]; None is the middle. It changes the force and the
+        correction for walls; the curve is that of the centred press.
 
     Raises
     ------
     DesignError, InputError : a value that is no positive number
-    ModelScopeError : a layer or depth outside the model
+    ModelScopeError : a layer, depth or (with `at_mm`) place outside the model
     """
     name = "operating.max_depth_mm" if max_depth_mm is None else "max_depth_mm"
     wanted = design.operating.max_depth_mm if max_depth_mm is None else max_depth_mm
-    radius, layer, modulus = tip_radius_mm(design), layer_depth(design), modulus_mpa(design)
+    radius, layer, modulus = tip_radius_mm(design), round(layer_depth(design), 9), modulus_mpa(design)
     deepest = require_depth(design, wanted, name) / radius
+    walls, notes = _walls(design, layer, at_mm)
     unit: UnitPress | None = None
-    notes: tuple[str, ...] = ()
-    if mesh_mm is None and tip_of(design.indenter) == HEMISPHERE:
-        smooth = _library_press(round(layer, 9))
+    if mesh_mm is None and tip_of(design.indenter) == HEMISPHERE and shipped_library().covers(layer):
+        smooth = _library_press(layer)
     else:
-        unit, smooth, notes = _live_press(design, _mesh_size(design, mesh_mm), deepest, on_step)
+        unit, smooth, told = live_press(design, mesh_size(design, mesh_mm), deepest, on_step)
+        notes += (live_note(design, mesh_mm), *told)
     return SolvedPress(
-        smooth=smooth, unit=unit, tip_radius_mm=radius, youngs_modulus_mpa=modulus, notes=notes
+        smooth=smooth,
+        unit=unit,
+        tip_radius_mm=radius,
+        youngs_modulus_mpa=modulus,
+        walls=walls,
+        notes=notes,
     )
+
+
+def _walls(
+    design: SensorDesign, layer: float, at_mm: tuple[float, float] | None
+) -> tuple[Walls | None, tuple[str, ...]]:
+    """Distances of the walls [tip radii], None in the middle of a pad that the correction does not cover; notes."""
+    walls = walls_of(design, at_mm)
+    try:
+        wall_correction(layer, FIRST_DEPTHS[0], walls)
+    except ModelScopeError as err:
+        if at_mm is not None:
+            raise
+        return None, (f"walls: forces are those of a wall at 16/3 tip radii ({err})",)
+    return walls, ()
 
 
 def _require_inside(design: SensorDesign, at_mm: tuple[float, float]) -> None:
@@ -181,10 +142,9 @@ def indent(
     ----------
     design : the sensor
     depth_mm : how far the tip's apex lies below the undisturbed surface [mm]; 0 or less: untouched
-    at_mm : (x, y) of the press axis in the cavity frame [mm]; None is the middle. The shape is that of
-        the centred press wherever it is.
-    mesh_mm : node spacing under the tip [mm]; a value solves anew. None takes the shipped library, which has
-        hemispheres; other tips are solved with a spacing of a tenth of the tip radius.
+    at_mm : (x, y) of the press axis in the cavity frame [mm]; None is the middle. The force is that of the
+        place, the curve that of the centred press: `pad_surface` has what the walls change of it.
+    mesh_mm : node spacing under the tip [mm]; a value solves anew, see `solved_press`
 
     Returns
     -------
@@ -199,4 +159,4 @@ def indent(
     if at_mm is not None:
         _require_inside(design, at_mm)
     deepest = max(depth_mm, design.operating.max_depth_mm)
-    return solved_press(design, deepest, mesh_mm).at(depth_mm)
+    return solved_press(design, deepest, mesh_mm, at_mm=at_mm).at(depth_mm)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from errno import EISDIR
 from importlib.metadata import version
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from pathlib import Path
 
 import numpy as np
@@ -97,6 +97,8 @@ def build_library(workers: int, on_step: Callable[[int, int], None] | None = Non
                     on_step(count, len(jobs))
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
+            for worker in active_children():
+                worker.terminate()
             raise
     return assembled([entry_press(layer) for layer in LAYERS])
 

@@ -34,8 +34,8 @@ GROWTH = 1.08
 """Ratio of neighbouring spacings outside the fine zone [-]."""
 LARGEST_RADIAL_SPACING = 0.25
 """Largest radial spacing [tip radii]."""
-LARGEST_AXIAL_SPACING = 0.15
-"""Largest axial spacing [tip radii]."""
+FEWEST_ROWS = 20
+"""The largest axial spacing is the layer's depth over this [-], but never less than the spacing under the tip."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +102,8 @@ def radial_mesh(layer_depth: float, wall_radius: float, spacing: float) -> Radia
     spacing : node spacing in the fine zone under the tip [tip radii]
     """
     radii = graded_spacing(wall_radius, FINE_RADIUS, spacing, LARGEST_RADIAL_SPACING)
-    heights = -graded_spacing(layer_depth, FINE_DEPTH, spacing, LARGEST_AXIAL_SPACING)[::-1]
+    coarsest = max(spacing, layer_depth / FEWEST_ROWS)
+    heights = -graded_spacing(layer_depth, FINE_DEPTH, spacing, coarsest)[::-1]
     grid = np.stack(np.meshgrid(radii, heights, indexing="ij"), axis=-1)
     middles = 0.25 * (grid[1:, 1:] + grid[1:, :-1] + grid[:-1, 1:] + grid[:-1, :-1])
     nodes = np.concatenate([grid.reshape(-1, 2), middles.reshape(-1, 2)])

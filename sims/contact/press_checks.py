@@ -20,8 +20,10 @@ FloatArray = NDArray[np.float64]
 
 SETTLED_LIMIT = 1e-4
 """Largest last step of any vertex [tip radii]."""
-SETTLED_SHARE = 2e-4
-"""Largest last step of any vertex as a fraction of the depth [-]; it rules shallow presses."""
+SHALLOW = 0.05
+"""Depth below which the contact spans a few nodes only, and a step moves its force more [tip radii]."""
+SETTLED_SHARES = (2e-4, 4e-4)
+"""Largest last step of any vertex as a fraction of the depth [-], for shallow presses and for deeper ones."""
 PENETRATION_LIMIT = 0.02
 """Deepest a surface facet may lie inside the tip [tip radii]: 60 µm for a 3 mm tip."""
 BALANCE_LIMIT = 0.01
@@ -100,7 +102,7 @@ class StepCheck:
 
 def settled_limit(depth: float) -> float:
     """Largest last step of a settled state at this depth [tip radii]."""
-    return min(SETTLED_LIMIT, SETTLED_SHARE * depth)
+    return min(SETTLED_LIMIT, SETTLED_SHARES[depth > SHALLOW] * depth)
 
 
 def _reaction(state: PressState) -> float:

@@ -111,16 +111,3 @@ def solved_depths(layer: float, deepest: float) -> FloatArray:
     if schedule.size > 1 and schedule[-1] - schedule[-2] < 1e-6:
         schedule = np.delete(schedule, -2)
     return schedule[: int(np.searchsorted(schedule, deepest - 1e-9)) + 1]
-
-
-def wall_note(design: SensorDesign) -> str | None:
-    """A warning when the real walls are nearer than the modelled one, else None."""
-    distance = 0.5 * min(design.cavity.length_mm, design.cavity.width_mm)
-    modelled = WALL_RADIUS * tip_radius_mm(design)
-    if distance >= modelled - 1e-9:
-        return None
-    return (
-        f"walls {distance:g} mm from the middle are nearer than the {modelled:g} mm that the contact model "
-        "bonds: real forces are higher and the surface differs (study with a 3 mm tip to 2 mm depth: walls at "
-        "10 mm +8 to +12 % force and 45 to 137 um; at 7 mm +30 to +49 % and 130 to 395 um)"
-    )

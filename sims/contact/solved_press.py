@@ -10,6 +10,8 @@ from design.errors import ModelScopeError
 from sims.contact.profiles import UnitPress
 from sims.contact.smooth_press import SmoothPress
 from sims.contact.tip import HEMISPHERE
+from sims.contact.wall_superposition import Walls
+from sims.contact.walls import wall_correction
 from sims.indentation import Indentation
 
 
@@ -22,6 +24,8 @@ class SolvedPress:
     smooth : the presses in tip radii and E R²
     tip_radius_mm : radius of the hemispherical tip [mm]
     youngs_modulus_mpa : modulus of the layer [MPa]; it scales the force only
+    walls : distances (west, east, south, north) of the pad's walls from the press axis [tip radii]; None leaves
+        the wall at 16/3 tip radii all around
     unit : the solver's states, where the press was solved live; None from the library
     notes : what the user should know about this solution
     """
@@ -29,6 +33,7 @@ class SolvedPress:
     smooth: SmoothPress
     tip_radius_mm: float
     youngs_modulus_mpa: float
+    walls: Walls | None = None
     unit: UnitPress | None = None
     notes: tuple[str, ...] = ()
 
@@ -59,8 +64,14 @@ class SolvedPress:
 
     def force_n(self, depth_mm: float) -> float:
         """Press force at a depth [mm], in N."""
-        unit_n = self.youngs_modulus_mpa * self.tip_radius_mm**2
-        return self.smooth.force_at(self.scaled_depth(depth_mm)) * unit_n
+        depth, unit_n = self.scaled_depth(depth_mm), self.youngs_modulus_mpa * self.tip_radius_mm**2
+        return self.smooth.force_at(depth) * unit_n * self._wall_factor(depth)
+
+    def _wall_factor(self, depth: float) -> float:
+        """What the walls make of the force [-]."""
+        if self.walls is None or depth <= 0.0:
+            return 1.0
+        return wall_correction(self.smooth.layer_depth, depth, self.walls).force_factor
 
     def at(self, depth_mm: float) -> Indentation:
         """The press at a depth [mm]; a depth of 0 or less is the untouched pad.

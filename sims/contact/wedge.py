@@ -13,7 +13,8 @@ Model
   face it wanders over the facet, so flat tips end in narrow cycles more often, and take ten times the steps.
 * Stable Neo-Hookean material, integrator `discrete` at time step 1: every
   step is one damped static Newton iteration; velocities are zeroed after it. A depth is settled when
-  a step moves no vertex by more than 1e-4 tip radii (0.3 µm for a 3 mm tip) nor by 0.02 % of the depth.
+  a step moves no vertex by more than 1e-4 tip radii (0.3 µm for a 3 mm tip) nor by 0.04 % of
+  the depth (0.02 % at first touch).
 * Contact is a stiff penalty, proportional to the vertex mass: too light sinks in, too heavy chatters.
   Where one facet chatters all the same, the mean of its cycle is taken (see `settling`).
 
