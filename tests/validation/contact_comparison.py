@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from sims.indentation import Indentation
-from tests.validation.contact_reference import ReferenceState
+from tests.validation.contact_reference import ReferenceState, contact_edge, sampled_curve
 
 FloatArray = NDArray[np.float64]
 
@@ -153,3 +153,21 @@ def press_error(press: Indentation, state: ReferenceState, youngs_modulus_mpa: f
         contact_radius_mm=press.contact_radius_mm,
         oracle_radius_mm=scale * state.contact_radius,
     )
+
+
+def oracle_error(state: ReferenceState, tip_radius_mm: float) -> PressError:
+    """The oracle on elements of twice the size against itself, in the measures of `press_error`.
+
+    With errors that fall at least with the square of the size, the finer solution is wrong by a third of it.
+    """
+    coarse = state.half
+    radius, height = sampled_curve(coarse.nodes, 16)
+    press = Indentation(
+        depth_mm=state.depth * tip_radius_mm,
+        tip_radius_mm=tip_radius_mm,
+        radius_mm=radius * tip_radius_mm,
+        height_mm=height * tip_radius_mm,
+        contact_radius_mm=contact_edge(coarse.nodes, state.depth)[0] * tip_radius_mm,
+        force_n=coarse.force * tip_radius_mm**2,
+    )
+    return press_error(press, state, 1.0)

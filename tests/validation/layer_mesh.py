@@ -24,27 +24,14 @@ class Grading:
     largest_radial, largest_axial : bounds of the size
     """
 
-    size: float = 0.05
-    axis_size: float = 0.025
+    size: float = 0.1
+    axis_size: float = 0.05
     axis_radius: float = 0.4
     fine_radius: float = 1.3
     fine_depth: float = 0.5
     growth: float = 1.15
     largest_radial: float = 0.4
     largest_axial: float = 0.15
-
-    def halved(self) -> Grading:
-        """Every size halved, growth per length kept."""
-        return Grading(
-            size=0.5 * self.size,
-            axis_size=0.5 * self.axis_size,
-            axis_radius=self.axis_radius,
-            fine_radius=self.fine_radius,
-            fine_depth=self.fine_depth,
-            growth=self.growth**0.5,
-            largest_radial=0.5 * self.largest_radial,
-            largest_axial=0.5 * self.largest_axial,
-        )
 
 
 def graded(length: float, fine: float, size: float, growth: float, largest: float) -> FloatArray:
@@ -59,10 +46,24 @@ def graded(length: float, fine: float, size: float, growth: float, largest: floa
     return np.concatenate([even, fine + beyond * (length - fine) / beyond[-1]])
 
 
-def layer_mesh(layer: float, wall: float, grading: Grading) -> MeshQuad:
-    """Mesh of a layer: axis at r = 0, wall at r = `wall`, free top at z = 0, bottom at z = -`layer`."""
+def halved(ticks: FloatArray) -> FloatArray:
+    """The same coordinates with the middles between them."""
+    return np.sort(np.concatenate([ticks, 0.5 * (ticks[1:] + ticks[:-1])]))
+
+
+def layer_mesh(layer: float, wall: float, grading: Grading, halvings: int = 0) -> MeshQuad:
+    """Mesh of a layer: axis at r = 0, wall at r = `wall`, free top at z = 0, bottom at z = -`layer`.
+
+    Parameters
+    ----------
+    layer, wall : thickness of the layer, radius of the wall
+    grading : sizes of the elements
+    halvings : how often every element is then cut into four
+    """
     inner = graded(grading.fine_radius, grading.axis_radius, grading.axis_size, grading.growth, grading.size)
     outer = graded(wall - grading.fine_radius, 0.0, grading.size, grading.growth, grading.largest_radial)
     radii = np.concatenate([inner, grading.fine_radius + outer[1:]])
     depths = graded(layer, grading.fine_depth, grading.size, grading.growth, grading.largest_axial)
+    for _ in range(halvings):
+        radii, depths = halved(radii), halved(depths)
     return MeshQuad.init_tensor(radii, -depths[::-1])

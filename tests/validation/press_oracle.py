@@ -35,6 +35,8 @@ PENALTY = 1000.0
 """Contact stiffness k on the way [E / R]."""
 FINAL_PENALTY = 3000.0
 """Contact stiffness k of a state that is read: smaller gaps at the contact edge, slower on the way [E / R]."""
+SOFT_PENALTIES = (100.0, 300.0)
+"""Contact stiffnesses through which a state is found that is not found directly [E / R]."""
 LARGEST_STEP = 0.05
 SMALLEST_STEP = 1e-3
 EDGE_QUADRATURE = 7
@@ -70,9 +72,15 @@ class Press:
     """A layer under a tip, pressed deeper and deeper."""
 
     def __init__(
-        self, layer: float, wall: float, grading: Grading, poisson_ratio: float, tip: Tip | None = None
+        self,
+        layer: float,
+        wall: float,
+        grading: Grading,
+        poisson_ratio: float,
+        tip: Tip | None = None,
+        halvings: int = 0,
     ) -> None:
-        self.solid = Solid(layer_mesh(layer, wall, grading), poisson_ratio)
+        self.solid = Solid(layer_mesh(layer, wall, grading, halvings), poisson_ratio)
         self.tip = tip or sphere_tip()
         self._lower_top()
         nodes = self.solid.nodes
@@ -185,9 +193,32 @@ class Press:
                 on_step(target, count)
             step *= 1.5 if count <= 7 else 0.8
 
+    def _settle(self, guess: FloatArray, depth: float, penalty: float) -> FloatArray:
+        """Equilibrium at a depth from a near guess; where contact does not settle, by way of softer contact."""
+        try:
+            return self._solve(guess, depth, penalty)[0]
+        except OracleError:
+            for softer in (*SOFT_PENALTIES, PENALTY, penalty):
+                guess = self._solve(guess, depth, softer)[0]
+            return guess
+
+    def adopt(self, other: Press) -> None:
+        """Solve the depth of a press on another mesh, from its state."""
+        ours, theirs = self.solid, other.solid
+        guess = np.zeros(self.size)
+        moved = other.state[: 2 * theirs.node_count].reshape(-1, 2)
+        for axis in (0, 1):
+            guess[axis : 2 * ours.node_count : 2] = interpolated(theirs.nodes, moved[:, axis], ours.nodes, 2)
+        pressure = other.state[2 * theirs.node_count : theirs.size]
+        guess[2 * ours.node_count : ours.size] = interpolated(theirs.mesh.p, pressure, ours.mesh.p, 1)
+        corners, their_corners = (one.solid.nodes[0][one.top_nodes[::2]] for one in (self, other))
+        guess[ours.size :] = np.interp(corners, their_corners, other.state[theirs.size :])
+        self.state = self._settle(guess, other.depth, PENALTY)
+        self.depth = other.depth
+
     def read(self) -> PressedState:
         """The present state, solved with the final contact stiffness."""
-        self.state, _ = self._solve(self.state, self.depth, FINAL_PENALTY)
+        self.state = self._settle(self.state, self.depth, FINAL_PENALTY)
         r, z = self._edge_points(self.state)
         gap = self.tip.gap(r, z, self.depth)
         traction = np.maximum(self._multiplier(self.state) - FINAL_PENALTY * gap.distance, 0.0)
@@ -209,6 +240,33 @@ class Press:
             curve=curve,
             contact=contact[np.argsort(self.edge_radius.ravel())],
         )
+
+
+def lagrange_matrix(ticks: FloatArray, points: FloatArray, order: int) -> FloatArray:
+    """Values at points from values at ticks, piecewise polynomial over every `order` intervals; (point, tick)."""
+    piece = np.clip(
+        np.searchsorted(ticks[::order], points, side="right") - 1, 0, (len(ticks) - 1) // order - 1
+    )
+    matrix = np.zeros((len(points), len(ticks)))
+    for own in range(order + 1):
+        weight = np.ones(len(points))
+        for other in set(range(order + 1)) - {own}:
+            here, there = ticks[order * piece + own], ticks[order * piece + other]
+            weight *= (points - there) / (here - there)
+        matrix[np.arange(len(points)), order * piece + own] = weight
+    return matrix
+
+
+def interpolated(nodes: FloatArray, values: FloatArray, points: FloatArray, order: int) -> FloatArray:
+    """Values at the points of one grid from values at the nodes of another; both (2, n), products of r and z."""
+    (r, column), (z, row) = (np.unique(np.round(one, 12), return_inverse=True) for one in nodes)
+    (new_r, new_column), (new_z, new_row) = (
+        np.unique(np.round(one, 12), return_inverse=True) for one in points
+    )
+    grid = np.zeros((len(r), len(z)))
+    grid[column, row] = values
+    found = lagrange_matrix(r, new_r, order) @ grid @ lagrange_matrix(z, new_z, order).T
+    return np.asarray(found[new_column, new_row])
 
 
 def pressed_states(
