@@ -31,7 +31,6 @@ class WallState:
     Attributes
     ----------
     force_ratio : (distance,) force that a single wall adds over that of the centred press [-]
-    pair_force_ratio : the same at the distance of the two-wall runs
     coefficients : (distance, coefficient) splines of the height field
     contact_radius : radius of the contact of the centred press
     rim_radii, rim : (n,) curve of the centred press outside the contact
@@ -39,7 +38,6 @@ class WallState:
     """
 
     force_ratio: FloatArray
-    pair_force_ratio: float
     coefficients: FloatArray
     contact_radius: float
     rim_radii: FloatArray
@@ -67,13 +65,13 @@ class WallData:
         share = np.arange(self._contact.shape[1] + 1) / self._contact.shape[1]
         self._by_layer = _cardinal(np.log(self.layers))
         self._by_pair_layer = _cardinal(np.log(arrays["pair_layers"]))
+        self._pair_layers = float(arrays["pair_layers"][0]), float(arrays["pair_layers"][-1])
         self.farthest = float(self.distances[-1])
         self._stored = [*range(len(self.distances) - 1), len(self.distances)]
         nodes = np.insert(self.distances, -1, WALL_RADIUS)
         self._by_distance = _cardinal(1.0 / nodes[::-1], "clamped")
         self._by_depth = _cardinal(share, "clamped")
         self._by_root = _cardinal(np.sqrt(share))
-        self._pair_weights = self.distance_weights(self.pair_distance)
 
     def distance_weights(self, wall: float) -> FloatArray:
         """(distance,) weights of the stored distances; all 0 at 16/3, where the correction is none."""
@@ -87,12 +85,13 @@ class WallData:
         coefficients = np.tensordot(by_layer, self._coefficients, 1)
         return WallState(
             force_ratio=force,
-            pair_force_ratio=float(self._pair_weights @ force),
             coefficients=np.einsum("k,jkc->jc", by_depth, coefficients),
             contact_radius=float(by_layer @ self._contact @ by_root),
             rim_radii=RIM_RADII,
             rim=by_depth @ np.tensordot(by_layer, self._rim, 1),
-            couplings=np.tensordot(self._by_pair_layer(np.log(layer)), self._couplings, 1),
+            couplings=np.tensordot(
+                self._by_pair_layer(np.log(np.clip(layer, *self._pair_layers))), self._couplings, 1
+            ),
         )
 
 

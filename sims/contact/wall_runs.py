@@ -1,8 +1,8 @@
 """The three-dimensional runs behind the wall correction: which pads are pressed, and their surfaces on disk.
 
 For each layer depth two meshes are used, each with a pad whose walls are all at 16/3 tip radii as the
-reference: one with a single wall moved to the west, one with several walls at `PAIR_DISTANCE` (two
-adjacent, two opposite, all four). Every finished run is one file; an interrupted set goes on where it stopped.
+reference: one with a single wall moved to the west, one with one or two walls at `PAIR_DISTANCE`
+(that meet, or face each other). Every finished run is one file; an interrupted set goes on where it stopped.
     python -m sims.contact.wall_fit FOLDER [PROCESSES]
 makes all runs (about 30 s each on one core of its own) and from them the shipped file.
 All lengths in tip radii, forces in E R².
@@ -33,8 +33,8 @@ DISTANCES = (1.5, 1.8, 2.4, 3.4)
 """Distances of a single near wall [tip radii]; at 16/3 the correction is zero by definition."""
 FAR_DISTANCE = 8.0
 """Distance of a single wall that is farther than 16/3; farther ones count as at this one [tip radii]."""
-PAIR_LAYERS = (1.3, 2.8, 6.0)
-"""Elastic depths of the pads with two near walls [tip radii]."""
+PAIR_LAYERS = (2.8, 4.1)
+"""Elastic depths of the pads with two near walls [tip radii]; thinner and deeper layers take the nearest one's."""
 PAIR_DISTANCE = 2.4
 """Distance of each of two near walls [tip radii]."""
 DEPTH_COUNT = 14
@@ -49,10 +49,12 @@ CHECK_DEPTHS = (1 / 3, 2 / 3, 1.0, 4 / 3, 1.7)
 CHECK_WALLS = {
     "near a wall": (2.0, 26 / 3, 16 / 3, 16 / 3),
     "in a corner": (7 / 3, 25 / 3, 8 / 3, 8.0),
+    "in a tight corner": (2.0, 16 / 3, 2.0, 16 / 3),
     "small pad": (4.0,) * 4,
     "smaller pad": (8 / 3,) * 4,
 }
-"""Pads that are no nodes of the data: 32 x 32 mm pressed at (6, 16) and at (7, 8) mm with a 3 mm tip; the middle of
+"""Pads that are no nodes of the data: 32 x 32 mm pressed at (6, 16), (7, 8) and (6, 6) mm with a 3 mm tip (the last
+with its far walls at 16 mm); the middle of
 a 16 x 16 mm pad with a 2 mm tip; the middle of a pad with walls at 8/3 tip radii. Order: west, east, south, north."""
 
 Walls = tuple[float, float, float, float]

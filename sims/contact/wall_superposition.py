@@ -10,9 +10,11 @@ zero at every wall exactly, also in the corners, and one wall alone gives back i
 
 Amplitudes: a wall acts on what the press sends to it, and the others return some of it,
 A_i = 1 + Σ_j M_ij A_j with M_ij = c_ij s_j: c from pads with two equal walls (that meet, or face each other) at a
-distance D_0, s_j how much of that wall j returns: 1 at D_0, 0 at 16/3. For the force s_j is the force that wall j
-adds alone over that at D_0. For the height, which reaches farther, s = (1/D - 3/16) / (1/D_0 - 3/16); two facing
-walls at 3.4 tip radii returned 0.45 of those at D_0 = 2.4, for which this says 0.47.
+distance D_0, one c for the force and one for the height; s_j how much of that wall j returns: 1 at D_0, 0 at 16/3,
+
+    s = (1/D - 3/16) / (1/D_0 - 3/16)
+
+Two facing walls at 3.4 tip radii returned 0.45 of those at D_0 = 2.4, for which this says 0.47.
 """
 
 from __future__ import annotations
@@ -39,8 +41,8 @@ OPPOSITE = np.array([[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, 0, 1], [0, 0, 1, 0]], dt
 """Which of them face each other."""
 
 
-def height_strength(distance: FloatArray, pair_distance: float) -> FloatArray:
-    """s of the height for walls at distances (n,), from D_0."""
+def wall_strength(distance: FloatArray, pair_distance: float) -> FloatArray:
+    """s for walls at distances (n,), from D_0."""
     far = 1.0 / WALL_RADIUS
     return np.asarray((1.0 / distance - far) / (1.0 / pair_distance - far), dtype=np.float64)
 
@@ -53,6 +55,11 @@ def coupling(adjacent: float, opposite: float, strength: FloatArray) -> FloatArr
 def amplitudes(matrix: FloatArray) -> FloatArray:
     """(4,) A with A = 1 + M A."""
     return np.asarray(np.linalg.solve(np.eye(4) - matrix, np.ones(4)), dtype=np.float64)
+
+
+def returned_share(matrix: FloatArray) -> float:
+    """Largest eigenvalue of M by size: what one more round of reflections adds relative to the last."""
+    return float(np.abs(np.linalg.eigvals(matrix)).max())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,9 +90,7 @@ class WallField:
             self._moved(), self.walls, self.coefficients, frames, strict=True
         ):
             if moved:
-                total += np.einsum(
-                    "ni,ij,nj->n", across_basis(across, wall), block, along_basis(along), optimize=True
-                )
+                total += ((across_basis(across, wall) @ block) * along_basis(along)).sum(axis=1)
         return total
 
     def _centred(self, x: FloatArray, y: FloatArray) -> FloatArray:

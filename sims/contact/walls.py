@@ -38,7 +38,14 @@ from design.errors import InputError, ModelScopeError
 from sims.contact.scope import WALL_RADIUS, tip_radius_mm
 from sims.contact.wall_data import wall_data
 from sims.contact.wall_shape import BASE_START
-from sims.contact.wall_superposition import WallField, Walls, amplitudes, coupling, height_strength
+from sims.contact.wall_superposition import (
+    WallField,
+    Walls,
+    amplitudes,
+    coupling,
+    returned_share,
+    wall_strength,
+)
 
 if TYPE_CHECKING:
     from design.spec import SensorDesign
@@ -46,8 +53,9 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 Rim = tuple[FloatArray, FloatArray]
 
-LARGEST_COUPLING = 0.5
-"""Largest sum of couplings on a wall [-]; four walls at 8/3 tip radii, the nearest that were verified, reach 0.4."""
+LARGEST_RETURNED_SHARE = 0.45
+"""Largest share of their effect that the walls may return to each other [-]; four walls at 8/3 tip radii, the nearest
+that were compared with a run, return 0.4."""
 _SIDES = ("west", "east", "south", "north")
 
 
@@ -154,19 +162,16 @@ def wall_correction(layer: float, depth: float, distances: Walls, rim: Rim | Non
     state = wall_data().at(layer, depth / deepest_press(layer))
     weights = [wall_data().distance_weights(wall) for wall in walls]
     added = np.array([weight @ state.force_ratio for weight in weights])
-    strengths = (
-        added / state.pair_force_ratio,
-        height_strength(np.array(walls), wall_data().pair_distance),
-    )
     force, height = (
-        coupling(pair[0], pair[1], s) for pair, s in zip(state.couplings, strengths, strict=True)
+        coupling(adjacent, facing, wall_strength(np.array(walls), wall_data().pair_distance))
+        for adjacent, facing in state.couplings
     )
-    largest = float(max(force.sum(axis=1).max(), height.sum(axis=1).max()))
-    if largest > LARGEST_COUPLING:
+    returned = max(returned_share(force), returned_share(height))
+    if returned > LARGEST_RETURNED_SHARE:
         places = ", ".join(f"{side} {wall:.2f}" for side, wall in zip(_SIDES, walls, strict=True))
         raise ModelScopeError(
-            f"distances: walls at {places} tip radii are too near together for the wall correction (coupling "
-            f"{largest:.2f}, limit {LARGEST_COUPLING}); use a larger pad or a smaller tip"
+            f"distances: walls at {places} tip radii are too near together for the wall correction (each round of "
+            f"reflections returns {returned:.2f}, limit {LARGEST_RETURNED_SHARE}); use a larger pad or a smaller tip"
         )
     blocks = np.array(
         [
