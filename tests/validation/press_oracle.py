@@ -35,8 +35,9 @@ PENALTY = 1000.0
 """Contact stiffness k on the way [E / R]."""
 FINAL_PENALTY = 3000.0
 """Contact stiffness k of a state that is read: smaller gaps at the contact edge, slower on the way [E / R]."""
-SOFT_PENALTIES = (100.0, 300.0)
-"""Contact stiffnesses through which a state is found that is not found directly [E / R]."""
+LADDERS = ((1.0,), (0.5, 0.7, 1.0), (0.3, 0.2, 0.1, 0.03, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0))
+"""Shares of the contact stiffness through which a state is sought, tried in turn: the set of touching points
+may cycle for one stiffness and not for another [-]."""
 LARGEST_STEP = 0.05
 SMALLEST_STEP = 1e-3
 EDGE_QUADRATURE = 7
@@ -194,13 +195,18 @@ class Press:
             step *= 1.5 if count <= 7 else 0.8
 
     def _settle(self, guess: FloatArray, depth: float, penalty: float) -> FloatArray:
-        """Equilibrium at a depth from a near guess; where contact does not settle, by way of softer contact."""
-        try:
-            return self._solve(guess, depth, penalty)[0]
-        except OracleError:
-            for softer in (*SOFT_PENALTIES, PENALTY, penalty):
-                guess = self._solve(guess, depth, softer)[0]
-            return guess
+        """Equilibrium at a depth from a near guess; where contact does not settle, by way of other stiffnesses."""
+        failure = OracleError()
+        for ladder in LADDERS:
+            state = guess
+            try:
+                for share in ladder:
+                    state, _ = self._solve(state, depth, share * penalty)
+            except OracleError as error:
+                failure = error
+            else:
+                return state
+        raise failure
 
     def adopt(self, other: Press) -> None:
         """Solve the depth of a press on another mesh, from its state."""
