@@ -1,4 +1,4 @@
-"""Time of the contact model: a press from the library, loading the library, a coarse live solve."""
+"""Time of the contact model: a press from the library, loading the library, a live solve, an entry of the library."""
 
 import numpy as np
 import pytest
@@ -6,9 +6,12 @@ import pytest
 from design.preset import preset
 from sims.contact import indent
 from sims.contact.indentation import solved_press
+from sims.contact.incompressible import POISSON_RATIOS
 from sims.contact.library import shipped_library
+from sims.contact.library_build import entry_inputs
 from sims.contact.mesh import radial_mesh
 from sims.contact.scope import WALL_RADIUS
+from sims.contact.unit_press import solve_unit_press
 from sims.contact.wedge import solve_wedge
 
 
@@ -46,3 +49,15 @@ def test_coarse_live_solve_to_a_third_of_the_radius(benchmark):
     mesh = radial_mesh(3.0, WALL_RADIUS, 0.15)
     depths = np.linspace(1 / 30, 1 / 3, 10)
     assert benchmark.pedantic(solve_wedge, args=(mesh, depths, 0.49), rounds=2).force[-1] > 0.0
+
+
+@pytest.mark.slow
+def test_one_entry_of_the_library(benchmark):
+    inputs = [entry_inputs(3.0, ratio) for ratio in POISSON_RATIOS]
+
+    def solve():
+        return [
+            solve_unit_press(one.layer, one.mesh_size, one.depths, one.poisson_ratio).force[-1] for one in inputs
+        ]
+
+    assert min(benchmark.pedantic(solve, rounds=1)) > 0.0
