@@ -5,8 +5,8 @@ import pytest
 
 from design.preset import preset
 from sims.contact import indent
-from sims.contact.indentation import solved_press
 from sims.contact.incompressible import POISSON_RATIOS
+from sims.contact.indentation import solved_press
 from sims.contact.library import shipped_library
 from sims.contact.library_build import entry_inputs
 from sims.contact.mesh import radial_mesh
