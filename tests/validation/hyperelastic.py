@@ -1,30 +1,32 @@
-"""Axisymmetric near-incompressible neo-Hookean solid, displacement and pressure: energy, residual and tangent.
+"""Nearly incompressible neo-Hookean solid, displacement and pressure: energy, residual and tangent.
 
-Total energy of the full turn, minimal in the displacement u and maximal in the pressure-like field p:
+Energy, minimal in the displacement u and maximal in the pressure-like field p:
 
-    E(u, p) = ∫ [ μ/2 (tr FᵀF - 3) - μ ln J + κ/2 (J - 1)² + p (J - 1) - p²/(2(λ - κ)) ] 2πr dr dz
-    F = I + ∂(u_r, u_z)/∂(r, z) in the plane, 1 + u_r/r around the axis;  J = det F
+    E(u, p) = ∫ [ μ/2 (tr FᵀF - 3) - μ ln J + κ/2 (J - 1)² + p (J - 1) - p²/(2(λ - κ)) ] dV,   J = det F
 
 Stationary in p it is the compressible neo-Hookean solid μ/2 (I₁ - 3) - μ ln J + λ/2 (J - 1)² with Lamé's
 constants of small strains, whatever the share κ of λ that acts pointwise: p enforces J on average over elements
 and leaves J at a point free, which a very deep press on a coarse mesh would abuse; κ of a few μ prevents it.
-Taylor-Hood elements (biquadratic u, continuous bilinear p) satisfy the inf-sup condition, so that λ/μ may be
-large without locking. Left out: viscosity, gravity, friction.
+Taylor-Hood elements (quadratic u, continuous linear p) satisfy the inf-sup condition, so that λ/μ may be large
+without locking. Left out: viscosity, gravity, friction.
 
 Source: Bonet and Wood, Nonlinear Continuum Mechanics for Finite Element Analysis, 2nd ed., ch. 6 and 8 (solid),
 Brezzi and Fortin, Mixed and Hybrid Finite Element Methods, ch. VI (elements).
 
-Unknowns are one vector: u_r and u_z node by node, then p. Lengths are in tip radii, stresses in Young's modulus.
+Unknowns are one vector: the displacements node by node, then p. Lengths are in tip radii, stresses in Young's modulus.
+The components of F are listed in one axis: see `Axisymmetric` (5) and `Spatial` (9).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
-from skfem import Basis, ElementQuad1, ElementQuad2, MeshQuad
+from skfem import Basis, ElementHex1, ElementHex2, ElementQuad1, ElementQuad2, Mesh
 
 from tests.validation.newton import InvertedElementError
 
@@ -32,8 +34,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 QUADRATURE = 5
-"""Polynomial order that the volume quadrature integrates exactly: 3 x 3 points."""
-
+"""Polynomial order that the volume quadrature integrates exactly: 3 Gauss points an axis."""
 POINTWISE_SHARE = 10.0
 """Part of λ that acts at each quadrature point [μ]."""
 
@@ -53,36 +54,46 @@ def lame(poisson_ratio: float) -> tuple[float, float]:
     return 2.0 * mu * poisson_ratio / (1.0 - 2.0 * poisson_ratio), mu
 
 
-class Solid:
-    """One mesh with everything that does not depend on the state."""
+class Kinematics(Protocol):
+    """How displacements strain a solid."""
 
-    def __init__(self, mesh: MeshQuad, poisson_ratio: float) -> None:
-        self.mesh = mesh
-        self.lam, self.mu = lame(poisson_ratio)
-        self.pointwise = POINTWISE_SHARE * self.mu
-        self.mixed = self.lam - self.pointwise
-        displacement = Basis(mesh, ElementQuad2(), intorder=QUADRATURE)
-        pressure = displacement.with_element(ElementQuad1())
-        self.displacement = displacement
-        self.nodes: FloatArray = displacement.doflocs
-        self.node_count = int(displacement.N)
-        self.size = 2 * self.node_count + int(pressure.N)
-        radius = displacement.global_coordinates()[0]
-        self.weight: FloatArray = displacement.dx * 2.0 * np.pi * radius
-        self.strain = self._strain_operator(displacement, radius)
-        values = np.array([np.asarray(one[0]) for one in pressure.basis])
-        self.pressure_values: FloatArray = np.ascontiguousarray(
-            np.broadcast_to(values, (4, *radius.shape)).transpose(1, 2, 0)
-        )
-        nodes = displacement.element_dofs.T
-        self.u_dofs: IntArray = np.stack([2 * nodes, 2 * nodes + 1], axis=-1).reshape(len(nodes), 18)
-        self.p_dofs: IntArray = 2 * self.node_count + pressure.element_dofs.T
+    dimension: int
+    identity: FloatArray
+    displacement_element: type
+    pressure_element: type
 
-    @staticmethod
-    def _strain_operator(basis: Basis, radius: FloatArray) -> FloatArray:
-        """(element, point, 5, 18) derivative of F_rr, F_rz, F_zr, F_zz, F_θθ by the element's displacements."""
-        elements, points = radius.shape
-        operator = np.zeros((elements, points, 5, 18))
+    def weight(self, basis: Basis) -> FloatArray:
+        """(element, point) volume at rest of the quadrature points."""
+
+    def strain_operator(self, basis: Basis) -> FloatArray:
+        """(element, point, component, unknown) derivative of F by the element's displacements."""
+
+    def volume_ratio(self, gradient: FloatArray) -> FloatArray:
+        """(...) J of deformation gradients (..., component)."""
+
+    def cofactor(self, gradient: FloatArray) -> FloatArray:
+        """(..., component) derivative of J by F."""
+
+    def second_derivative(self, gradient: FloatArray) -> list[tuple[int, int, FloatArray]]:
+        """Components i < j and the derivative (...) of J by F_i and F_j, where it is not zero."""
+
+
+class Axisymmetric:
+    """F_rr, F_rz, F_zr, F_zz, F_θθ = 1 + u_r/r of a body of revolution; volumes are those of the full turn."""
+
+    dimension = 2
+    identity = np.array([1.0, 0.0, 0.0, 1.0, 1.0])
+    displacement_element = ElementQuad2
+    pressure_element = ElementQuad1
+
+    def weight(self, basis: Basis) -> FloatArray:
+        """(element, point) volume at rest of the quadrature points."""
+        return np.asarray(basis.dx * 2.0 * np.pi * basis.global_coordinates()[0])
+
+    def strain_operator(self, basis: Basis) -> FloatArray:
+        """(element, point, 5, 18) derivative of F by the element's displacements."""
+        radius = basis.global_coordinates()[0]
+        operator = np.zeros((*radius.shape, 5, 2 * len(basis.basis)))
         for index, (field,) in enumerate(basis.basis):
             operator[:, :, 0, 2 * index] = field.grad[0]
             operator[:, :, 1, 2 * index] = field.grad[1]
@@ -91,18 +102,103 @@ class Solid:
             operator[:, :, 4, 2 * index] = np.asarray(field) / radius
         return operator
 
+    def volume_ratio(self, gradient: FloatArray) -> FloatArray:
+        """(...) J of deformation gradients (..., 5)."""
+        rr, rz, zr, zz, around = np.moveaxis(gradient, -1, 0)
+        return np.asarray((rr * zz - rz * zr) * around)
+
+    def cofactor(self, gradient: FloatArray) -> FloatArray:
+        """(..., 5) derivative of J by F."""
+        rr, rz, zr, zz, around = np.moveaxis(gradient, -1, 0)
+        return np.stack([zz * around, -zr * around, -rz * around, rr * around, rr * zz - rz * zr], axis=-1)
+
+    def second_derivative(self, gradient: FloatArray) -> list[tuple[int, int, FloatArray]]:
+        """Components i < j and the derivative (...) of J by F_i and F_j, where it is not zero."""
+        rr, rz, zr, zz, around = np.moveaxis(gradient, -1, 0)
+        return [(0, 3, around), (1, 2, -around), (0, 4, zz), (1, 4, -zr), (2, 4, -rz), (3, 4, rr)]
+
+
+class Spatial:
+    """F_xx, F_xy, F_xz, F_yx, ... of a body in space."""
+
+    dimension = 3
+    identity = np.eye(3).ravel()
+    displacement_element = ElementHex2
+    pressure_element = ElementHex1
+
+    def weight(self, basis: Basis) -> FloatArray:
+        """(element, point) volume at rest of the quadrature points."""
+        return np.asarray(basis.dx)
+
+    def strain_operator(self, basis: Basis) -> FloatArray:
+        """(element, point, 9, 81) derivative of F by the element's displacements."""
+        operator = np.zeros((*basis.dx.shape, 9, 3 * len(basis.basis)))
+        for index, (field,) in enumerate(basis.basis):
+            for row, column in product(range(3), repeat=2):
+                operator[:, :, 3 * row + column, 3 * index + row] = field.grad[column]
+        return operator
+
+    def volume_ratio(self, gradient: FloatArray) -> FloatArray:
+        """(...) J of deformation gradients (..., 9)."""
+        return np.asarray((gradient[..., :3] * self.cofactor(gradient)[..., :3]).sum(axis=-1))
+
+    def cofactor(self, gradient: FloatArray) -> FloatArray:
+        """(..., 9) derivative of J by F."""
+        rows = gradient.reshape(*gradient.shape[:-1], 3, 3)
+        turned = [np.cross(rows[..., (k + 1) % 3, :], rows[..., (k + 2) % 3, :]) for k in range(3)]
+        return np.concatenate(turned, axis=-1)
+
+    def second_derivative(self, gradient: FloatArray) -> list[tuple[int, int, FloatArray]]:
+        """Components i < j and the derivative (...) of J by F_i and F_j, where it is not zero."""
+        found = []
+        for (i, j), (k, m) in product(product(range(3), repeat=2), repeat=2):
+            if i < k and j != m:
+                sign = 1.0 if ((k - i) % 3 == 1) == ((m - j) % 3 == 1) else -1.0
+                found.append((3 * i + j, 3 * k + m, sign * gradient[..., 3 * (3 - i - k) + 3 - j - m]))
+        return found
+
+
+class Solid:
+    """One mesh with everything that does not depend on the state."""
+
+    def __init__(self, mesh: Mesh, poisson_ratio: float, kinematics: Kinematics | None = None) -> None:
+        self.mesh = mesh
+        self.kinematics: Kinematics = kinematics or Axisymmetric()
+        self.lam, self.mu = lame(poisson_ratio)
+        self.pointwise = POINTWISE_SHARE * self.mu
+        self.mixed = self.lam - self.pointwise
+        dimension = self.kinematics.dimension
+        displacement = Basis(mesh, self.kinematics.displacement_element(), intorder=QUADRATURE)
+        pressure = displacement.with_element(self.kinematics.pressure_element())
+        self.displacement = displacement
+        self.nodes: FloatArray = displacement.doflocs
+        self.node_count = int(displacement.N)
+        self.displacement_size = dimension * self.node_count
+        self.size = self.displacement_size + int(pressure.N)
+        self.weight = self.kinematics.weight(displacement)
+        self.strain = self.kinematics.strain_operator(displacement)
+        values = [np.broadcast_to(np.asarray(one[0]), self.weight.shape) for one in pressure.basis]
+        self.pressure_values: FloatArray = np.stack(values, axis=-1)
+        nodes = displacement.element_dofs.T[..., None]
+        self.u_dofs: IntArray = (dimension * nodes + np.arange(dimension)).reshape(len(nodes), -1)
+        self.p_dofs: IntArray = self.displacement_size + pressure.element_dofs.T
+
+    def moved(self, state: FloatArray) -> FloatArray:
+        """(node, dimension) displacements."""
+        return state[: self.displacement_size].reshape(self.node_count, -1)
+
     def deformation(self, state: FloatArray) -> FloatArray:
-        """(element, point, 5) deformation gradient F_rr, F_rz, F_zr, F_zz, F_θθ."""
+        """(element, point, component) deformation gradient."""
         gradient = np.matmul(self.strain, state[self.u_dofs][:, None, :, None])[..., 0]
-        return np.asarray(gradient + np.array([1.0, 0.0, 0.0, 1.0, 1.0]))
+        return np.asarray(gradient + self.kinematics.identity)
 
     def pressure(self, state: FloatArray) -> FloatArray:
         """(element, point) the field p."""
         return np.asarray(np.matmul(self.pressure_values, state[self.p_dofs][:, :, None])[..., 0])
 
     def volume(self, state: FloatArray) -> float:
-        """Deformed volume of the full turn."""
-        return float((self.weight * volume_ratio(self.deformation(state))).sum())
+        """Deformed volume."""
+        return float((self.weight * self.kinematics.volume_ratio(self.deformation(state))).sum())
 
     def assemble(self, state: FloatArray, with_tangent: bool) -> Assembled:
         """Energy, its gradient and its second derivative.
@@ -112,7 +208,7 @@ class Solid:
         InvertedElementError : J <= 0 somewhere
         """
         gradient, pressure = self.deformation(state), self.pressure(state)
-        ratio = volume_ratio(gradient)
+        ratio = self.kinematics.volume_ratio(gradient)
         if not ratio.min() > 0.0:
             raise InvertedElementError("an element has no positive volume")
         density = (
@@ -136,11 +232,11 @@ class Solid:
 
         Parameters
         ----------
-        gradient : (element, point, 5) deformation gradient
+        gradient : (element, point, component) deformation gradient
         pressure : (element, point) the field p
         """
-        ratio = volume_ratio(gradient)
-        stress = self.mu * gradient + self._spherical(ratio, pressure)[..., None] * cofactor(gradient)
+        ratio, cofactor = self.kinematics.volume_ratio(gradient), self.kinematics.cofactor(gradient)
+        stress = self.mu * gradient + self._spherical(ratio, pressure)[..., None] * cofactor
         weighted = (self.weight[..., None] * stress)[..., None]
         dilation = self.weight * (ratio - 1.0 - pressure / self.mixed)
         variation = np.zeros(self.size)
@@ -150,38 +246,24 @@ class Solid:
 
     def _tangent(self, gradient: FloatArray, pressure: FloatArray) -> csc_matrix:
         """Sparse second derivative of the energy, symmetric and indefinite."""
-        rr, rz, zr, zz, around = np.moveaxis(gradient, -1, 0)
-        ratio, by_gradient = volume_ratio(gradient), cofactor(gradient)
+        ratio, cofactor = self.kinematics.volume_ratio(gradient), self.kinematics.cofactor(gradient)
         spherical = self._spherical(ratio, pressure)
         twice_by_ratio = (self.pointwise + self.mu / ratio**2)[..., None, None]
-        stiffness = twice_by_ratio * by_gradient[..., :, None] * by_gradient[..., None, :]
-        stiffness[..., range(5), range(5)] += self.mu
-        second = [(0, 3, around), (1, 2, -around), (0, 4, zz), (1, 4, -zr), (2, 4, -rz), (3, 4, rr)]
-        for i, j, value in second:
+        stiffness = twice_by_ratio * cofactor[..., :, None] * cofactor[..., None, :]
+        components = range(cofactor.shape[-1])
+        stiffness[..., components, components] += self.mu
+        for i, j, value in self.kinematics.second_derivative(gradient):
             stiffness[..., i, j] += spherical * value
             stiffness[..., j, i] += spherical * value
-        elements, points = ratio.shape
         weight = self.weight[..., None]
-        flat = self.strain.reshape(elements, points * 5, 18)
+        flat = self.strain.reshape(len(ratio), -1, self.strain.shape[-1])
         loaded = np.matmul(weight[..., None] * stiffness, self.strain).reshape(flat.shape)
         uu = np.matmul(flat.swapaxes(1, 2), loaded)
-        dilation = np.matmul(self.strain.swapaxes(2, 3), (weight * by_gradient)[..., None])[..., 0]
+        dilation = np.matmul(self.strain.swapaxes(2, 3), (weight * cofactor)[..., None])[..., 0]
         up = np.matmul(dilation.swapaxes(1, 2), self.pressure_values)
         pp = np.matmul((weight * self.pressure_values).swapaxes(1, 2), self.pressure_values) / -self.mixed
         local = np.block([[uu, up], [up.swapaxes(1, 2), pp]])
         return scattered(local, np.concatenate([self.u_dofs, self.p_dofs], axis=1), self.size)
-
-
-def volume_ratio(gradient: FloatArray) -> FloatArray:
-    """(...) J of deformation gradients F_rr, F_rz, F_zr, F_zz, F_θθ."""
-    rr, rz, zr, zz, around = np.moveaxis(gradient, -1, 0)
-    return np.asarray((rr * zz - rz * zr) * around)
-
-
-def cofactor(gradient: FloatArray) -> FloatArray:
-    """(..., 5) derivative of J by the deformation gradient."""
-    rr, rz, zr, zz, around = np.moveaxis(gradient, -1, 0)
-    return np.stack([zz * around, -zr * around, -rz * around, rr * around, rr * zz - rz * zr], axis=-1)
 
 
 def scattered(local: FloatArray, dofs: IntArray, size: int) -> csc_matrix:

@@ -28,7 +28,10 @@ class InvertedElementError(OracleError):
 
 
 def solve_newton(
-    assemble: Callable[[FloatArray], tuple[FloatArray, csc_matrix]], start: FloatArray, free: IntArray
+    assemble: Callable[[FloatArray], tuple[FloatArray, csc_matrix]],
+    start: FloatArray,
+    free: IntArray,
+    most_iterations: int = MOST_ITERATIONS,
 ) -> tuple[FloatArray, int]:
     """State with zero residual in the free unknowns, and the number of iterations.
 
@@ -39,6 +42,7 @@ def solve_newton(
     assemble : state -> residual and tangent of all unknowns; raises InvertedElementError outside its domain
     start : first guess, which holds the prescribed values
     free : indices of the unknowns that are not prescribed
+    most_iterations : patience
 
     Raises
     ------
@@ -46,7 +50,7 @@ def solve_newton(
     """
     state = start
     residual, tangent = assemble(state)
-    for count in range(MOST_ITERATIONS):
+    for count in range(most_iterations):
         norm = float(np.linalg.norm(residual[free]))
         if np.abs(residual[free]).max() < RESIDUAL_LIMIT:
             return state, count
@@ -71,4 +75,4 @@ def solve_newton(
                 break
             fraction *= 0.5
         state = state + fraction * step
-    raise OracleError(f"residual {norm:.1e} after {MOST_ITERATIONS} iterations")
+    raise OracleError(f"residual {norm:.1e} after {most_iterations} iterations")

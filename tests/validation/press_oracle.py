@@ -1,18 +1,9 @@
-"""Frictionless press of a rigid tip into the oracle's layer: augmented Lagrangian contact, Newton, continuation.
+"""Axisymmetric press of a rigid tip into a bonded layer: the solid, the contact of its top, and continuation in depth.
 
-Contact adds to the energy of the solid, at quadrature points of the top edge (rest area dA = 2πr dr),
-
-    C(u, t) = ∫ [ <t - k g>² - t² ] / (2k) dA,     g = signed distance of the deformed point to the tip,
-
-with <x> = max(x, 0), penalty k and multiplier t (Alart and Curnier, Comput. Methods Appl. Mech. Eng. 92, 1991).
-Minimal in u and maximal in t: inside the contact the mean gap vanishes, outside t does, whatever k is. <t - k g>
-is the contact force per rest area; over the ratio of deformed to rest area it is the contact pressure.
-t is continuous and linear along each edge, an order less than u, which satisfies the inf-sup condition;
-multipliers at the quadrature points do not, and their pressure oscillates from edge to edge.
-
-u, p and t are found together by Newton's method, started from the secant of the last two depths; a
-depth step that does not converge is halved. (Updating t between solutions, after Uzawa, diverges beyond depth
-1.6 R in a layer of 8/3 R: the layer under the free load t has a negative stiffness there, larger than k.)
+Displacement, pressure and contact multiplier (`hyperelastic`, `contact_surface`) are found together by Newton's
+method, started from the secant of the last two depths; a depth step that does not converge is halved. (Updating the
+multiplier between solutions, after Uzawa, diverges beyond depth 1.6 R in a layer of 8/3 R: the layer under the
+free load t has a negative stiffness there, larger than the penalty.)
 
 Lengths in tip radii R, stresses in E, forces in E R², energies in E R³.
 """
@@ -26,9 +17,10 @@ import numpy as np
 from scipy.sparse import csc_matrix
 from skfem import ElementQuad2, FacetBasis
 
-from tests.validation.hyperelastic import FloatArray, Solid, scattered
+from tests.validation.contact_surface import ContactSurface, GapFunction, facet_nodes
+from tests.validation.hyperelastic import FloatArray, IntArray, Solid
 from tests.validation.layer_mesh import Grading, layer_mesh
-from tests.validation.newton import OracleError, solve_newton
+from tests.validation.newton import MOST_ITERATIONS, OracleError, solve_newton
 from tests.validation.tip_outlines import Tip, sphere_tip
 
 PENALTY = 1000.0
@@ -38,6 +30,8 @@ FINAL_PENALTY = 3000.0
 LADDERS = ((1.0,), (0.5, 0.7, 1.0), (0.3, 0.2, 0.1, 0.03, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0))
 """Shares of the contact stiffness through which a state is sought, tried in turn: the set of touching points
 may cycle for one stiffness and not for another [-]."""
+NEAR_PATIENCE = 9
+"""Most Newton iterations from a near guess; more mean that touching points cycle."""
 LARGEST_STEP = 0.05
 SMALLEST_STEP = 1e-3
 EDGE_QUADRATURE = 7
@@ -83,95 +77,44 @@ class Press:
     ) -> None:
         self.solid = Solid(layer_mesh(layer, wall, grading, halvings), poisson_ratio)
         self.tip = tip or sphere_tip()
-        self._lower_top()
+        self.top, self.top_nodes = _top_of(self.solid)
         nodes = self.solid.nodes
         bonded = np.flatnonzero((nodes[1] < -layer + 1e-9) | (nodes[0] > wall - 1e-9))
         axis = np.flatnonzero(nodes[0] < 1e-9)
         fixed = np.concatenate([2 * bonded, 2 * bonded + 1, 2 * axis])
         self.bonded_vertical = 2 * bonded + 1
-        self.size = self.solid.size + len(self.edge_nodes) + 1
+        self.size = int(self.top.multiplier_dofs.max()) + 1
         self.free = np.setdiff1d(np.arange(self.size), fixed)
         self.state = np.zeros(self.size)
         self.depth = 0.0
         self.slope = np.zeros(self.size)
         self.rest_volume = self.solid.volume(self.state[: self.solid.size])
 
-    def _lower_top(self) -> None:
-        """Shape values, slopes, weights and unknowns of the top's edges, from the axis outward."""
-        mesh = self.solid.mesh
-        facets = mesh.facets_satisfying(lambda x: np.abs(x[1]) < 1e-9)
-        facets = facets[np.argsort(mesh.p[0, mesh.facets[:, facets]].mean(axis=0))]
-        basis = FacetBasis(mesh, ElementQuad2(), facets=facets, intorder=EDGE_QUADRATURE)
-        radius = basis.global_coordinates()[0]
-        nodes = basis.element_dofs.T
-        on_top = np.abs(self.solid.nodes[1][nodes]) < 1e-9
-        kept = np.array([row[flags] for row, flags in zip(nodes, on_top, strict=True)])
-        order = np.argsort(self.solid.nodes[0][kept], axis=1)
-        pick = np.array([np.flatnonzero(flags)[o] for flags, o in zip(on_top, order, strict=True)])
-        self.edge_nodes = np.take_along_axis(nodes, pick, axis=1)
-        shapes = np.stack([np.broadcast_to(np.asarray(one[0]), radius.shape) for one in basis.basis])
-        slopes = np.stack([one[0].grad[0] for one in basis.basis])
-        rows = np.arange(len(facets))[:, None]
-        self.edge_shape: FloatArray = shapes[pick, rows].transpose(0, 2, 1)
-        self.edge_slope: FloatArray = slopes[pick, rows].transpose(0, 2, 1)
-        self.edge_radius: FloatArray = radius
-        self.edge_weight: FloatArray = basis.dx * 2.0 * np.pi * radius
-        dofs = np.stack([2 * self.edge_nodes, 2 * self.edge_nodes + 1], axis=-1)
-        self.edge_dofs = dofs.reshape(len(facets), 6)
-        self.hats = self._corner_hats(radius)
-        self.top_nodes = np.append(self.edge_nodes[:, :2].ravel(), self.edge_nodes[-1, 2])
+    def _gap(self, depth: float) -> GapFunction:
+        """Distance of points (..., 2) to the tip at a depth, with derivatives."""
 
-    def _corner_hats(self, radius: FloatArray) -> FloatArray:
-        """(edge, point, 2) linear shape functions of the two corners of every edge."""
-        inner, outer = (self.solid.nodes[0][self.edge_nodes[:, k]][:, None] for k in (0, 2))
-        share = (radius - inner) / (outer - inner)
-        corners = np.arange(len(radius) + 1)
-        self.multiplier_dofs = self.solid.size + np.stack([corners[:-1], corners[1:]], axis=1)
-        return np.stack([1.0 - share, share], axis=-1)
+        def gap(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+            found = self.tip.gap(points[..., 0], points[..., 1], depth)
+            along = np.stack([-found.normal[1], found.normal[0]], axis=-1)
+            bent = found.curvature[..., None, None] * along[..., :, None] * along[..., None, :]
+            return found.distance, np.moveaxis(found.normal, 0, -1), bent
 
-    def _multiplier(self, state: FloatArray) -> FloatArray:
-        """(edge, point) multiplier at the contact quadrature."""
-        return np.matmul(self.hats, state[self.multiplier_dofs][..., None])[..., 0]
-
-    def _edge_points(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(edge, point) deformed radius and height of the contact quadrature."""
-        moved = np.matmul(self.edge_shape, state[self.edge_dofs].reshape(-1, 3, 2))
-        return self.edge_radius + moved[..., 0], moved[..., 1]
+        return gap
 
     def _assemble(self, state: FloatArray, depth: float, penalty: float) -> tuple[FloatArray, csc_matrix]:
         """Residual and tangent of solid and contact."""
         solid = self.solid.assemble(state[: self.solid.size], True)
-        gap = self.tip.gap(*self._edge_points(state), depth)
-        multiplier = self._multiplier(state)
-        traction = np.maximum(multiplier - penalty * gap.distance, 0.0)
-        closed = traction > 0.0
-        weight = self.edge_weight[..., None]
-        normal = self._along(gap.normal)
-        tangent = self._along(np.stack([-gap.normal[1], gap.normal[0]]))
-        residual = np.zeros(self.size)
-        residual[: self.solid.size] = solid.residual
-        np.add.at(residual, self.edge_dofs, -(weight * traction[..., None] * normal).sum(axis=1))
-        excess = (traction - multiplier) / penalty
-        np.add.at(residual, self.multiplier_dofs, (weight * excess[..., None] * self.hats).sum(axis=1))
-        touching = weight * closed[..., None]
-        uu = np.matmul((penalty * touching * normal).swapaxes(1, 2), normal)
-        uu -= np.matmul((weight * (traction * gap.curvature)[..., None] * tangent).swapaxes(1, 2), tangent)
-        um = -np.matmul((touching * normal).swapaxes(1, 2), self.hats)
-        mm = np.matmul((weight * (closed - 1.0)[..., None] * self.hats).swapaxes(1, 2), self.hats) / penalty
-        local = np.block([[uu, um], [um.swapaxes(1, 2), mm]])
-        contact = scattered(local, np.concatenate([self.edge_dofs, self.multiplier_dofs], axis=1), self.size)
+        residual, tangent = self.top.assemble(state, self._gap(depth), penalty)
+        residual[: self.solid.size] += solid.residual
         inside = solid.tangent.copy()
         inside.resize(self.size, self.size)
-        return residual, (inside + contact).tocsc()
+        return residual, (inside + tangent).tocsc()
 
-    def _along(self, direction: FloatArray) -> FloatArray:
-        """(edge, point, 6) change of a displacement along a direction by the edge's unknowns."""
-        shapes = self.edge_shape[..., :, None] * np.moveaxis(direction, 0, -1)[..., None, :]
-        return shapes.reshape(*direction.shape[1:], 6)
-
-    def _solve(self, guess: FloatArray, depth: float, penalty: float = PENALTY) -> tuple[FloatArray, int]:
+    def _solve(
+        self, guess: FloatArray, depth: float, penalty: float = PENALTY, patience: int = MOST_ITERATIONS
+    ) -> tuple[FloatArray, int]:
         """Equilibrium at a depth from a guess, and the number of iterations."""
-        return solve_newton(lambda state: self._assemble(state, depth, penalty), guess, self.free)
+        return solve_newton(lambda state: self._assemble(state, depth, penalty), guess, self.free, patience)
 
     def advance(self, depth: float, on_step: Callable[[float, int], None] | None = None) -> None:
         """Continue to a deeper state."""
@@ -201,7 +144,7 @@ class Press:
             state = guess
             try:
                 for share in ladder:
-                    state, _ = self._solve(state, depth, share * penalty)
+                    state, _ = self._solve(state, depth, share * penalty, NEAR_PATIENCE)
             except OracleError as error:
                 failure = error
             else:
@@ -225,27 +168,58 @@ class Press:
     def read(self) -> PressedState:
         """The present state, solved with the final contact stiffness."""
         self.state = self._settle(self.state, self.depth, FINAL_PENALTY)
-        r, z = self._edge_points(self.state)
-        gap = self.tip.gap(r, z, self.depth)
-        traction = np.maximum(self._multiplier(self.state) - FINAL_PENALTY * gap.distance, 0.0)
+        points = self.top.points(self.state)
+        distance, normal, _ = self._gap(self.depth)(points)
+        traction = self.top.traction(self.state, distance, FINAL_PENALTY)
         solid = self.solid.assemble(self.state[: self.solid.size], False)
-        moved = np.matmul(self.edge_slope, self.state[self.edge_dofs].reshape(-1, 3, 2))
-        area = np.hypot(1.0 + moved[..., 0], moved[..., 1]) * r / self.edge_radius
-        curve = (
-            self.solid.nodes[:, self.top_nodes].T
-            + self.state[: 2 * self.solid.node_count].reshape(-1, 2)[self.top_nodes]
+        curve = (self.solid.nodes.T + self.solid.moved(self.state))[self.top_nodes]
+        area = self._area_ratio(points)
+        contact = np.concatenate(
+            [points, np.stack([traction / area, self.top.weight * area], axis=-1)], axis=-1
         )
-        contact = np.stack([r, z, traction / area, self.edge_weight * area], axis=-1).reshape(-1, 4)
         return PressedState(
             depth=self.depth,
-            force=float(-(self.edge_weight * traction * gap.normal[1]).sum()),
+            force=float(-(self.top.weight * traction * normal[..., 1]).sum()),
             reaction=float(-solid.residual[self.bonded_vertical].sum()),
             energy=solid.energy,
             volume_change=self.solid.volume(self.state[: self.solid.size]) / self.rest_volume - 1.0,
-            penetration=float(np.maximum(-gap.distance, 0.0).max()),
+            penetration=float(np.maximum(-distance, 0.0).max()),
             curve=curve,
-            contact=contact[np.argsort(self.edge_radius.ravel())],
+            contact=contact.reshape(-1, 4)[np.argsort(self.top.rest[..., 0].ravel())],
         )
+
+    def _area_ratio(self, points: FloatArray) -> FloatArray:
+        """(edge, point) deformed over rest area of the top."""
+        rest = self.top.rest[..., 0]
+        corners = self.solid.nodes.T[self.top.nodes]
+        place = (rest - corners[:, :1, 0]) / (corners[:, 2:, 0] - corners[:, :1, 0])
+        slope = np.stack([4 * place - 3, 4 - 8 * place, 4 * place - 1], axis=-1)
+        moved = np.matmul(slope, corners + self.solid.moved(self.state)[self.top.nodes])
+        length = (corners[:, 2, 0] - corners[:, 0, 0])[:, None]
+        return np.asarray(np.hypot(moved[..., 0], moved[..., 1]) / length * points[..., 0] / rest)
+
+
+def _top_of(solid: Solid) -> tuple[ContactSurface, IntArray]:
+    """The top as a contact surface, edges from the axis outward, and its nodes in the same order."""
+    mesh = solid.mesh
+    facets = mesh.facets_satisfying(lambda x: np.abs(x[1]) < 1e-9)
+    facets = facets[np.argsort(mesh.p[0, mesh.facets[:, facets]].mean(axis=0))]
+    basis = FacetBasis(mesh, ElementQuad2(), facets=facets, intorder=EDGE_QUADRATURE)
+    nodes, place = facet_nodes(solid.nodes, basis.element_dofs, np.abs(solid.nodes[1]) < 1e-9)
+    rest = np.moveaxis(np.asarray(basis.global_coordinates()), 0, -1)
+    values = np.stack([np.broadcast_to(np.asarray(one[0]), rest.shape[:-1]) for one in basis.basis])
+    inner, outer = (solid.nodes[0][nodes[:, k]][:, None] for k in (0, 2))
+    share = (rest[..., 0] - inner) / (outer - inner)
+    corners = solid.size + np.arange(len(facets) + 1)
+    top = ContactSurface(
+        shape=values[place, np.arange(len(facets))[:, None]].swapaxes(1, 2),
+        hats=np.stack([1.0 - share, share], axis=-1),
+        weight=basis.dx * 2.0 * np.pi * rest[..., 0],
+        rest=rest,
+        nodes=nodes,
+        multiplier_dofs=np.stack([corners[:-1], corners[1:]], axis=1),
+    )
+    return top, np.append(nodes[:, :2].ravel(), nodes[-1, 2])
 
 
 def lagrange_matrix(ticks: FloatArray, points: FloatArray, order: int) -> FloatArray:
