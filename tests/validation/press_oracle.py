@@ -1,9 +1,4 @@
-"""Axisymmetric press of a rigid tip into a bonded layer: the solid, the contact of its top, and continuation in depth.
-
-Displacement, pressure and contact multiplier (`hyperelastic`, `contact_surface`) are found together by Newton's
-method, started from the secant of the last two depths; a depth step that does not converge is halved. (Updating the
-multiplier between solutions, after Uzawa, diverges beyond depth 1.6 R in a layer of 8/3 R: the layer under the
-free load t has a negative stiffness there, larger than the penalty.)
+"""Axisymmetric press of a rigid tip into a layer bonded at its bottom and at a cylindrical wall.
 
 Lengths in tip radii R, stresses in E, forces in E R², energies in E R³.
 """
@@ -14,26 +9,14 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csc_matrix
 from skfem import ElementQuad2, FacetBasis
 
 from tests.validation.contact_surface import ContactSurface, GapFunction, facet_nodes
+from tests.validation.continuation import FINAL_PENALTY, Continuation
 from tests.validation.hyperelastic import FloatArray, IntArray, Solid
 from tests.validation.layer_mesh import Grading, layer_mesh
-from tests.validation.newton import MOST_ITERATIONS, OracleError, solve_newton
 from tests.validation.tip_outlines import Tip, sphere_tip
 
-PENALTY = 1000.0
-"""Contact stiffness k on the way [E / R]."""
-FINAL_PENALTY = 3000.0
-"""Contact stiffness k of a state that is read: smaller gaps at the contact edge, slower on the way [E / R]."""
-LADDERS = ((1.0,), (0.5, 0.7, 1.0), (0.3, 0.2, 0.1, 0.03, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0))
-"""Shares of the contact stiffness through which a state is sought, tried in turn: the set of touching points
-may cycle for one stiffness and not for another [-]."""
-NEAR_PATIENCE = 9
-"""Most Newton iterations from a near guess; more mean that touching points cycle."""
-LARGEST_STEP = 0.05
-SMALLEST_STEP = 1e-3
 EDGE_QUADRATURE = 7
 """Polynomial order of the contact quadrature: 4 points an edge."""
 
@@ -63,7 +46,7 @@ class PressedState:
     contact: FloatArray
 
 
-class Press:
+class Press(Continuation):
     """A layer under a tip, pressed deeper and deeper."""
 
     def __init__(
@@ -75,104 +58,31 @@ class Press:
         tip: Tip | None = None,
         halvings: int = 0,
     ) -> None:
-        self.solid = Solid(layer_mesh(layer, wall, grading, halvings), poisson_ratio)
+        solid = Solid(layer_mesh(layer, wall, grading, halvings), poisson_ratio)
         self.tip = tip or sphere_tip()
-        self.top, self.top_nodes = _top_of(self.solid)
-        nodes = self.solid.nodes
-        bonded = np.flatnonzero((nodes[1] < -layer + 1e-9) | (nodes[0] > wall - 1e-9))
-        axis = np.flatnonzero(nodes[0] < 1e-9)
-        fixed = np.concatenate([2 * bonded, 2 * bonded + 1, 2 * axis])
-        self.bonded_vertical = 2 * bonded + 1
-        self.size = int(self.top.multiplier_dofs.max()) + 1
-        self.free = np.setdiff1d(np.arange(self.size), fixed)
-        self.state = np.zeros(self.size)
-        self.depth = 0.0
-        self.slope = np.zeros(self.size)
-        self.rest_volume = self.solid.volume(self.state[: self.solid.size])
+        top, self.top_nodes = _top_of(solid)
+        r, z = solid.nodes
+        bonded = np.flatnonzero((z < -layer + 1e-9) | (r > wall - 1e-9))
+        fixed = np.concatenate([2 * bonded, 2 * bonded + 1, 2 * np.flatnonzero(r < 1e-9)])
+        super().__init__(solid, top, fixed, 2 * bonded + 1)
 
-    def _gap(self, depth: float) -> GapFunction:
+    def gap(self, depth: float) -> GapFunction:
         """Distance of points (..., 2) to the tip at a depth, with derivatives."""
 
-        def gap(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-            found = self.tip.gap(points[..., 0], points[..., 1], depth)
-            along = np.stack([-found.normal[1], found.normal[0]], axis=-1)
-            bent = found.curvature[..., None, None] * along[..., :, None] * along[..., None, :]
-            return found.distance, np.moveaxis(found.normal, 0, -1), bent
+        def found(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+            gap = self.tip.gap(points[..., 0], points[..., 1], depth)
+            along = np.stack([-gap.normal[1], gap.normal[0]], axis=-1)
+            bent = gap.curvature[..., None, None] * along[..., :, None] * along[..., None, :]
+            return gap.distance, np.moveaxis(gap.normal, 0, -1), bent
 
-        return gap
-
-    def _assemble(self, state: FloatArray, depth: float, penalty: float) -> tuple[FloatArray, csc_matrix]:
-        """Residual and tangent of solid and contact."""
-        solid = self.solid.assemble(state[: self.solid.size], True)
-        residual, tangent = self.top.assemble(state, self._gap(depth), penalty)
-        residual[: self.solid.size] += solid.residual
-        inside = solid.tangent.copy()
-        inside.resize(self.size, self.size)
-        return residual, (inside + tangent).tocsc()
-
-    def _solve(
-        self, guess: FloatArray, depth: float, penalty: float = PENALTY, patience: int = MOST_ITERATIONS
-    ) -> tuple[FloatArray, int]:
-        """Equilibrium at a depth from a guess, and the number of iterations."""
-        return solve_newton(lambda state: self._assemble(state, depth, penalty), guess, self.free, patience)
-
-    def advance(self, depth: float, on_step: Callable[[float, int], None] | None = None) -> None:
-        """Continue to a deeper state."""
-        step = min(LARGEST_STEP, max(self.depth, 0.02))
-        while self.depth < depth - 1e-12:
-            step = min(step, LARGEST_STEP)
-            target = self.depth + step
-            if target > depth - 0.3 * step:
-                target = depth
-            try:
-                state, count = self._solve(self.state + (target - self.depth) * self.slope, target)
-            except RuntimeError:  # OracleError, or a factorisation that found the matrix singular
-                step *= 0.5
-                if step < SMALLEST_STEP:
-                    raise OracleError(f"depth {target:g}: no state found") from None
-                continue
-            self.slope = (state - self.state) / (target - self.depth)
-            self.state, self.depth = state, target
-            if on_step is not None:
-                on_step(target, count)
-            step *= 1.5 if count <= 7 else 0.8
-
-    def _settle(self, guess: FloatArray, depth: float, penalty: float) -> FloatArray:
-        """Equilibrium at a depth from a near guess; where contact does not settle, by way of other stiffnesses."""
-        failure = OracleError()
-        for ladder in LADDERS:
-            state = guess
-            try:
-                for share in ladder:
-                    state, _ = self._solve(state, depth, share * penalty, NEAR_PATIENCE)
-            except OracleError as error:
-                failure = error
-            else:
-                return state
-        raise failure
-
-    def adopt(self, other: Press) -> None:
-        """Solve the depth of a press on another mesh, from its state."""
-        ours, theirs = self.solid, other.solid
-        guess = np.zeros(self.size)
-        moved = other.state[: 2 * theirs.node_count].reshape(-1, 2)
-        for axis in (0, 1):
-            guess[axis : 2 * ours.node_count : 2] = interpolated(theirs.nodes, moved[:, axis], ours.nodes, 2)
-        pressure = other.state[2 * theirs.node_count : theirs.size]
-        guess[2 * ours.node_count : ours.size] = interpolated(theirs.mesh.p, pressure, ours.mesh.p, 1)
-        corners, their_corners = (one.solid.nodes[0][one.top_nodes[::2]] for one in (self, other))
-        guess[ours.size :] = np.interp(corners, their_corners, other.state[theirs.size :])
-        self.state = self._settle(guess, other.depth, PENALTY)
-        self.depth = other.depth
+        return found
 
     def read(self) -> PressedState:
         """The present state, solved with the final contact stiffness."""
-        self.state = self._settle(self.state, self.depth, FINAL_PENALTY)
+        self.settle(self.state, self.depth, FINAL_PENALTY)
+        traction, distance, normal = self.traction()
+        solid = self.solid.assemble(self.solid_state, False)
         points = self.top.points(self.state)
-        distance, normal, _ = self._gap(self.depth)(points)
-        traction = self.top.traction(self.state, distance, FINAL_PENALTY)
-        solid = self.solid.assemble(self.state[: self.solid.size], False)
-        curve = (self.solid.nodes.T + self.solid.moved(self.state))[self.top_nodes]
         area = self._area_ratio(points)
         contact = np.concatenate(
             [points, np.stack([traction / area, self.top.weight * area], axis=-1)], axis=-1
@@ -180,11 +90,11 @@ class Press:
         return PressedState(
             depth=self.depth,
             force=float(-(self.top.weight * traction * normal[..., 1]).sum()),
-            reaction=float(-solid.residual[self.bonded_vertical].sum()),
+            reaction=float(-solid.residual[self.held].sum()),
             energy=solid.energy,
-            volume_change=self.solid.volume(self.state[: self.solid.size]) / self.rest_volume - 1.0,
+            volume_change=self.solid.volume(self.solid_state) / self.rest_volume - 1.0,
             penetration=float(np.maximum(-distance, 0.0).max()),
-            curve=curve,
+            curve=(self.solid.nodes.T + self.solid.moved(self.state))[self.top_nodes],
             contact=contact.reshape(-1, 4)[np.argsort(self.top.rest[..., 0].ravel())],
         )
 
@@ -220,33 +130,6 @@ def _top_of(solid: Solid) -> tuple[ContactSurface, IntArray]:
         multiplier_dofs=np.stack([corners[:-1], corners[1:]], axis=1),
     )
     return top, np.append(nodes[:, :2].ravel(), nodes[-1, 2])
-
-
-def lagrange_matrix(ticks: FloatArray, points: FloatArray, order: int) -> FloatArray:
-    """Values at points from values at ticks, piecewise polynomial over every `order` intervals; (point, tick)."""
-    piece = np.clip(
-        np.searchsorted(ticks[::order], points, side="right") - 1, 0, (len(ticks) - 1) // order - 1
-    )
-    matrix = np.zeros((len(points), len(ticks)))
-    for own in range(order + 1):
-        weight = np.ones(len(points))
-        for other in set(range(order + 1)) - {own}:
-            here, there = ticks[order * piece + own], ticks[order * piece + other]
-            weight *= (points - there) / (here - there)
-        matrix[np.arange(len(points)), order * piece + own] = weight
-    return matrix
-
-
-def interpolated(nodes: FloatArray, values: FloatArray, points: FloatArray, order: int) -> FloatArray:
-    """Values at the points of one grid from values at the nodes of another; both (2, n), products of r and z."""
-    (r, column), (z, row) = (np.unique(np.round(one, 12), return_inverse=True) for one in nodes)
-    (new_r, new_column), (new_z, new_row) = (
-        np.unique(np.round(one, 12), return_inverse=True) for one in points
-    )
-    grid = np.zeros((len(r), len(z)))
-    grid[column, row] = values
-    found = lagrange_matrix(r, new_r, order) @ grid @ lagrange_matrix(z, new_z, order).T
-    return np.asarray(found[new_column, new_row])
 
 
 def pressed_states(
