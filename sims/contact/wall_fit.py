@@ -56,7 +56,7 @@ FloatArray = NDArray[np.float64]
 
 MOVED = (*DISTANCES, FAR_DISTANCE)
 """Distances of a single wall in the data [tip radii]."""
-SMOOTHING = 3e-5
+SMOOTHING = 1e-3
 """Weight of the squared second differences of the coefficients against squared misfits [-]."""
 TOUCHING_GAP = 3e-3
 """Gap below which a point of a facet touches the tip [tip radii]."""
