@@ -6,9 +6,9 @@ length (relative to the edge), and the share of the load inside fixed shares of 
 spline in ln(depth / deepest), in which force and edge are nearly straight lines (powers of the depth:
 Hertz' 3/2 and 1/2). All are linear in the coefficients, so that layers can be interpolated.
 
-Below the first solved depth (0.02 mm for a 3 mm tip) the contact is smaller than a mesh cell: there force
-and edge follow the power that they have at the first depth, and the heights of the free surface are scaled with
-the depth. Nothing is extrapolated beyond the deepest solved depth.
+Below the first solved depth (0.02 mm for a 3 mm tip) the contact is smaller than a mesh cell: there contact
+radius and force follow the powers that theory gives them at first touch (1/2 and 3/2 under a round tip), and the
+heights of the surface are scaled with the depth. Nothing is extrapolated beyond the deepest solved depth.
 
 Lengths in tip radii, forces in E R².
 """
@@ -131,12 +131,6 @@ class SmoothPress:
     def _values(self) -> BSpline:
         return BSpline(self.knots, self.coefficients, 3)
 
-    @cached_property
-    def _powers(self) -> tuple[float, float]:
-        """Slopes of ln force and ln edge over ln depth at the first solved depth."""
-        slope = self._values(self._place(self.first), 1)
-        return float(slope[0]), float(slope[1])
-
     def _place(self, depth: float) -> float:
         """The splines' argument, kept inside the knots."""
         place = float(np.log(min(max(depth, self.first), self.deepest) / self.deepest))
@@ -150,15 +144,17 @@ class SmoothPress:
         """Force at a depth between 0 and the deepest one [E R²]."""
         if depth <= 0.0:
             return 0.0
-        power = self._powers[0] * min(0.0, float(np.log(depth / self.first)))
-        return float(np.exp(float(self._values(self._place(depth))[0]) + power))
+        shallower = min(0.0, float(np.log(depth / self.first)))
+        log_force = float(self._values(self._place(depth))[0])
+        return float(np.exp(log_force + (1.0 + self.tip.contact_power) * shallower))
 
     def edge_at(self, depth: float) -> float:
         """Outline coordinate of the contact edge at a depth between 0 and the deepest one [tip radii]."""
         if depth <= 0.0:
             return 0.0
-        power = self._powers[1] * min(0.0, float(np.log(depth / self.first)))
-        return float(np.exp(float(self._values(self._place(depth))[1]) + power))
+        shallower = min(0.0, float(np.log(depth / self.first)))
+        log_edge = float(self._values(self._place(depth))[1])
+        return float(np.exp(log_edge + self.tip.contact_power * shallower))
 
     def curve_at(self, depth: float) -> TopCurve:
         """The top from axis to wall at a depth between 0 and the deepest one."""

@@ -81,6 +81,13 @@ class TipOutline:
         jump = np.abs(self.angles[1:, 0] - self.angles[:-1, 1]) > _KINK
         return np.asarray(self.starts[1:][jump], dtype=np.float64)
 
+    @property
+    def contact_power(self) -> float:
+        """Power of the depth with which the contact radius grows at first touch: round 1/2, pointed 1, flat 0 [-]."""
+        if self.rows[0][6] > 0.0:
+            return 0.5
+        return 0.0 if self.rows[0][3] <= self.rows[0][1] else 1.0
+
     def points(self, coordinate: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Radius and height above the apex (...,) at outline coordinates."""
         along = np.asarray(coordinate, dtype=np.float64)

@@ -14,7 +14,7 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial import cKDTree
 
 from sims.contact.incompressible import POISSON_RATIOS
@@ -36,9 +36,11 @@ TIP_UM = 3000.0
 def distances_um(press: SmoothPress, other: SmoothPress, depth: float) -> np.ndarray:
     """(n,) distance of the points of one curve from another, for a tip of 3 mm."""
     curve, dense = press.curve_at(depth), other.curve_at(depth)
-    count = dense.radius.size
-    line = CubicSpline(np.arange(count), np.stack([dense.radius, dense.height], axis=1))
-    points = line(np.linspace(0.0, count - 1.0, 60 * count))
+    knots = np.stack([dense.radius, dense.height], axis=1)
+    along = np.append(0.0, np.cumsum(np.hypot(*np.diff(knots, axis=0).T)))
+    tangents = np.stack([np.cos(dense.inclination), np.sin(dense.inclination)], axis=1)
+    line = CubicHermiteSpline(along, knots, tangents)
+    points = line(np.linspace(0.0, along[-1], 20_000))
     return np.asarray(cKDTree(points).query(np.stack([curve.radius, curve.height], axis=1))[0] * TIP_UM)
 
 

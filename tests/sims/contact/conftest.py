@@ -44,5 +44,5 @@ def coarse_press(check_design: SensorDesign) -> SolvedPress:
 
 @pytest.fixture(scope="session")
 def shallow_press(check_design: SensorDesign) -> SolvedPress:
-    """The default mesh, to half a millimetre only."""
+    """From the library."""
     return solved_press(check_design, 0.5)

@@ -67,7 +67,7 @@ def test_walls_stiffen_a_press_beside_them_and_a_small_pad(pad: SensorDesign) ->
 
 
 def test_a_place_nearer_to_a_wall_than_the_data_is_refused_by_name(pad: SensorDesign) -> None:
-    with pytest.raises(ModelScopeError, match="the west wall is 1.00 tip radii from the press axis"):
+    with pytest.raises(ModelScopeError, match=r"the west wall is 1\.00 tip radii from the press axis"):
         indent(pad, 1.0, (3.0, 16.0))
 
 
