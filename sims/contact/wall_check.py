@@ -104,9 +104,10 @@ def table(reference: WallRun, pad: WallRun, folder: Path) -> list[str]:
 
 
 def variants(name: str) -> dict[str, tuple[WallRun, WallRun]]:
-    """The check with another contact stiffness and another Poisson's ratio."""
+    """The check on another mesh, with another contact stiffness and another Poisson's ratio."""
     reference, pad = check_runs(name)
     changed: dict[str, Callable[[WallRun], WallRun]] = {
+        "finer mesh, to 3 mm": lambda run: replace(run, spacing=0.3, depths=run.depths[:3]),
         "stiffer contact": lambda run: replace(run, stiffness=2.0),
         "Poisson's ratio 0.49": lambda run: replace(run, poisson_ratio=0.49),
     }
