@@ -29,7 +29,6 @@ LADDERS = ((1.0,), (0.5, 0.7, 1.0), (0.3, 0.2, 0.1, 0.03, 0.1, 0.2, 0.3, 0.5, 0.
 may cycle for one stiffness and not for another [-]."""
 NEAR_PATIENCE = 9
 """Most Newton iterations from a near guess; more mean that touching points cycle."""
-LARGEST_STEP = 0.05
 SMALLEST_STEP = 1e-3
 
 
@@ -43,6 +42,9 @@ class Continuation(ABC):
     held : vertical unknowns of the bonded nodes, whose residual is the reaction
     state, depth : the present state
     """
+
+    largest_step = 0.05
+    """Largest depth step [tip radii]."""
 
     def __init__(self, solid: Solid, top: ContactSurface, fixed: IntArray, held: IntArray) -> None:
         self.solid, self.top, self.held = solid, top, held
@@ -79,9 +81,9 @@ class Continuation(ABC):
 
     def advance(self, depth: float, on_step: Callable[[float, int], None] | None = None) -> None:
         """Continue to a deeper state."""
-        step = min(LARGEST_STEP, max(self.depth, 0.02))
+        step = min(self.largest_step, max(self.depth, 0.02))
         while self.depth < depth - 1e-12:
-            step = min(step, LARGEST_STEP)
+            step = min(step, self.largest_step)
             target = self.depth + step
             if target > depth - 0.3 * step:
                 target = depth
