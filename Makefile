@@ -39,6 +39,7 @@ validate: setup ## the figures of docs/validation, made anew (over an hour; inte
 	$(BIN)/python -m tests.validation.contact_reference
 	$(BIN)/python -m tests.validation.contact_table
 	$(BIN)/python -m tests.validation.library_interpolation
+	$(BIN)/python -m sims.contact.wall_check build/validation/walls
 
 pins: ## renew constraints.txt from a fresh environment (oldest supported Python: its versions serve the newer ones)
 	@$(call find_python,$(if $(PYTHON),$(PYTHON),python3.11)); \

@@ -109,15 +109,25 @@ def solved_press(
 def _walls(
     design: SensorDesign, layer: float, at_mm: tuple[float, float] | None
 ) -> tuple[Walls | None, tuple[str, ...]]:
-    """Distances of the walls [tip radii], None in the middle of a pad that the correction does not cover; notes."""
+    """Distances of the walls [tip radii], None in the middle of a pad that the correction does not cover; notes.
+
+    At a place that was asked for, the correction itself refuses what it does not cover.
+    """
     walls = walls_of(design, at_mm)
+    reason = None if at_mm is not None else _uncovered(layer, walls)
+    if reason is None:
+        return walls, ()
+    return None, (f"walls: forces are those of a wall at 16/3 tip radii ({reason})",)
+
+
+@lru_cache(maxsize=64)
+def _uncovered(layer: float, walls: Walls) -> str | None:
+    """Why the wall correction does not cover a place, or None."""
     try:
         wall_correction(layer, FIRST_DEPTHS[0], walls)
     except ModelScopeError as err:
-        if at_mm is not None:
-            raise
-        return None, (f"walls: forces are those of a wall at 16/3 tip radii ({err})",)
-    return walls, ()
+        return str(err)
+    return None
 
 
 def _require_inside(design: SensorDesign, at_mm: tuple[float, float]) -> None:
