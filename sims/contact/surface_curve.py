@@ -53,6 +53,15 @@ def hertz_gap(ratio: FloatArray) -> FloatArray:
     return np.asarray(ratio**2 / 2.0 - 1.0 + free / np.pi, dtype=np.float64)
 
 
+def _hertz_coordinate(depth: float, tip: TipOutline) -> float:
+    """Where the tip is half the depth above its apex: the contact edge on a parabola, for want of a better one.
+
+    A cone's is at 2/π of the depth (Sneddon), so this is good to a quarter for a contact within one cell.
+    """
+    places = np.linspace(0.0, tip.starts[-1] + depth, 400)
+    return float(np.interp(0.5 * depth, tip.points(places)[1], places))
+
+
 def contact_coordinate(
     radius: FloatArray, height: FloatArray, depth: float, tolerance: float, tip: TipOutline = HEMISPHERE
 ) -> tuple[float, int]:
@@ -67,7 +76,9 @@ def contact_coordinate(
     """
     gap = tip_gap(radius, height, depth, tip)
     touching = np.flatnonzero(gap <= tolerance)
-    first = int(touching.max()) + 1 if touching.size else 0
+    first = (
+        int(touching.max()) + 1 if touching.size else 1
+    )  # a facet may stand on a sharp apex between two nodes
     along = tip_coordinate(radius, height, depth, tip)
     free = slice(first, first + 2)
 
@@ -81,7 +92,9 @@ def contact_coordinate(
 
     low, high = float(along[max(first - 2, 0)]) + 1e-6, float(along[first])
     if low >= high or excess(low) <= 0.0 or excess(high) >= 0.0:
-        return float(along[max(first - 1, 0)]), first
+        if first > 1:
+            return float(along[first - 1]), first
+        return min(_hertz_coordinate(depth, tip), float(along[first])), first
     return float(brentq(excess, low, high, xtol=1e-9)), first
 
 

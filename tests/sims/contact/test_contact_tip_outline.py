@@ -146,6 +146,19 @@ def test_the_edge_on_another_tip_is_found_without_knowing_its_curvature(depth: f
     assert math.sin(edge) == pytest.approx(edge_radius, abs=0.2 * spacing)
 
 
+@pytest.mark.parametrize("apex_gap", [0.0, 0.02])
+@pytest.mark.parametrize("tip", [HEMISPHERE, CONE, WAVY], ids=["hemisphere", "cone", "wavy"])
+def test_a_contact_within_the_first_cell_has_an_edge_beside_the_axis(
+    tip: TipOutline, apex_gap: float
+) -> None:
+    radius = np.append(np.arange(0.0, 3.0, 0.15), 16 / 3)
+    height = np.where(radius < 0.1, -0.007 - apex_gap, -0.004 / (1.0 + radius))
+    height[1] = min(height[1], tip.height(radius[1:2])[0] - 0.007 - 0.008)  # the first free node hangs below
+    edge, first = contact_coordinate(radius, height, 0.007, contact_tolerance(0.15, 0.1), tip)
+    assert first == 1
+    assert 1e-3 < edge < 0.16
+
+
 def test_the_curve_under_a_wavy_tip_has_its_kinks_and_stays_out_of_it() -> None:
     radius = np.append(np.arange(0.0, 3.0, 0.1), 16 / 3)
     height = np.where(radius < 0.45, np.interp(radius, *WAVY.points(WAVY.starts)) - 0.2, -0.02 / (1 + radius))
