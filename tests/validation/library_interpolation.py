@@ -40,7 +40,7 @@ def distances_um(press: SmoothPress, other: SmoothPress, depth: float) -> np.nda
     along = np.append(0.0, np.cumsum(np.hypot(*np.diff(knots, axis=0).T)))
     tangents = np.stack([np.cos(dense.inclination), np.sin(dense.inclination)], axis=1)
     line = CubicHermiteSpline(along, knots, tangents)
-    points = line(np.linspace(0.0, along[-1], 20_000))
+    points = line(np.linspace(0.0, along[-1], 100_000))
     return np.asarray(cKDTree(points).query(np.stack([curve.radius, curve.height], axis=1))[0] * TIP_UM)
 
 
