@@ -16,7 +16,7 @@ import numpy as np
 from skfem import ElementHex2, FacetBasis, MeshHex
 
 from tests.validation.contact_surface import ContactSurface, GapFunction, facet_nodes
-from tests.validation.continuation import FINAL_PENALTY, Continuation
+from tests.validation.continuation import Continuation
 from tests.validation.hyperelastic import FloatArray, IntArray, Solid, Spatial
 from tests.validation.layer_mesh import graded, halved
 from tests.validation.tip_outlines import Tip, sphere_tip
@@ -87,6 +87,8 @@ class BlockPress(Continuation):
 
     largest_step = 0.12
     """Largest depth step [tip radii]; coarse meshes take larger ones."""
+    penalty = final_penalty = 300.0
+    """Contact stiffness [E / R]; on coarse faces touching points cycle with stiffer ones."""
 
     def __init__(
         self,
@@ -135,7 +137,7 @@ class BlockPress(Continuation):
 
     def read(self) -> BlockState:
         """The present state, solved with the final contact stiffness."""
-        self.settle(self.state, self.depth, FINAL_PENALTY)
+        self.settle(self.state, self.depth, self.final_penalty)
         traction, distance, normal = self.traction()
         solid = self.solid.assemble(self.solid_state, False)
         return BlockState(

@@ -17,13 +17,10 @@ import numpy as np
 from scipy.sparse import csc_matrix
 
 from tests.validation.contact_surface import ContactSurface, GapFunction
+from tests.validation.elimination import nested_dissection
 from tests.validation.hyperelastic import FloatArray, IntArray, Solid
 from tests.validation.newton import MOST_ITERATIONS, OracleError, solve_newton
 
-PENALTY = 1000.0
-"""Contact stiffness k on the way [E / R]."""
-FINAL_PENALTY = 3000.0
-"""Contact stiffness k of a state that is read: smaller gaps at the contact edge, slower on the way [E / R]."""
 LADDERS = ((1.0,), (0.5, 0.7, 1.0), (0.3, 0.2, 0.1, 0.03, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0))
 """Shares of the contact stiffness through which a state is sought, tried in turn: the set of touching points
 may cycle for one stiffness and not for another [-]."""
@@ -38,22 +35,37 @@ class Continuation(ABC):
     Attributes
     ----------
     solid, top : what is pressed, and the part of its surface that may touch
-    free : unknowns that are not prescribed: displacements, pressures and multipliers
+    free : unknowns that are not prescribed (displacements, pressures and multipliers) in order of elimination
     held : vertical unknowns of the bonded nodes, whose residual is the reaction
     state, depth : the present state
     """
 
     largest_step = 0.05
     """Largest depth step [tip radii]."""
+    penalty = 1000.0
+    """Contact stiffness k on the way [E / R]."""
+    final_penalty = 3000.0
+    """Contact stiffness k of a state that is read: smaller gaps at the contact edge, slower on the way [E / R]."""
 
     def __init__(self, solid: Solid, top: ContactSurface, fixed: IntArray, held: IntArray) -> None:
         self.solid, self.top, self.held = solid, top, held
         self.size = int(top.multiplier_dofs.max()) + 1
-        self.free = np.setdiff1d(np.arange(self.size), fixed)
+        self.free = self._elimination_order(fixed)
         self.state = np.zeros(self.size)
         self.depth = 0.0
         self.slope = np.zeros(self.size)
         self.rest_volume = solid.volume(self.solid_state)
+
+    def _elimination_order(self, fixed: IntArray) -> IntArray:
+        """Unknowns that are not fixed, ordered by nested dissection."""
+        mesh = self.solid.mesh
+        dimension = len(mesh.p)
+        corners = np.concatenate([self.corners().T, np.zeros((self.size - self.solid.size, 1))], axis=1)
+        places = np.concatenate([np.repeat(self.solid.nodes.T, dimension, axis=0), mesh.p.T, corners])
+        order = nested_dissection(places, [np.unique(np.round(ticks, 9)) for ticks in mesh.p])
+        is_free = np.ones(self.size, dtype=bool)
+        is_free[fixed] = False
+        return np.asarray(order[is_free[order]])
 
     @property
     def solid_state(self) -> FloatArray:
@@ -74,10 +86,12 @@ class Continuation(ABC):
         return residual, (inside + tangent).tocsc()
 
     def _solve(
-        self, guess: FloatArray, depth: float, penalty: float = PENALTY, patience: int = MOST_ITERATIONS
+        self, guess: FloatArray, depth: float, penalty: float, patience: int = MOST_ITERATIONS
     ) -> tuple[FloatArray, int]:
         """Equilibrium at a depth from a guess, and the number of iterations."""
-        return solve_newton(lambda state: self._assemble(state, depth, penalty), guess, self.free, patience)
+        return solve_newton(
+            lambda state: self._assemble(state, depth, penalty), guess, self.free, patience, "NATURAL"
+        )
 
     def advance(self, depth: float, on_step: Callable[[float, int], None] | None = None) -> None:
         """Continue to a deeper state."""
@@ -88,7 +102,8 @@ class Continuation(ABC):
             if target > depth - 0.3 * step:
                 target = depth
             try:
-                state, count = self._solve(self.state + (target - self.depth) * self.slope, target)
+                guess = self.state + (target - self.depth) * self.slope
+                state, count = self._solve(guess, target, self.penalty)
             except RuntimeError:  # OracleError, or a factorisation that found the matrix singular
                 step *= 0.5
                 if step < SMALLEST_STEP:
@@ -128,7 +143,7 @@ class Continuation(ABC):
         guess[ours.displacement_size : ours.size] = interpolated(theirs.mesh.p, pressure, ours.mesh.p, 1)
         values = interpolated(other.corners(), other.state[theirs.size :], self.corners(), 1)
         guess[ours.size :] = values
-        self.settle(guess, other.depth, PENALTY)
+        self.settle(guess, other.depth, self.penalty)
 
     def corners(self) -> FloatArray:
         """(dimension - 1, multiplier) places of the multipliers on the top."""
@@ -139,10 +154,10 @@ class Continuation(ABC):
             places[dofs - self.solid.size] = found
         return places.T
 
-    def traction(self, penalty: float = FINAL_PENALTY) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def traction(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(facet, point) contact force per rest area, gap, and (facet, point, dimension) normal of the tip."""
         distance, normal, _ = self.gap(self.depth)(self.top.points(self.state))
-        return self.top.traction(self.state, distance, penalty), distance, normal
+        return self.top.traction(self.state, distance, self.final_penalty), distance, normal
 
 
 def lagrange_matrix(ticks: FloatArray, points: FloatArray, order: int) -> FloatArray:

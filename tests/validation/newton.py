@@ -32,6 +32,7 @@ def solve_newton(
     start: FloatArray,
     free: IntArray,
     most_iterations: int = MOST_ITERATIONS,
+    ordering: str = "MMD_AT_PLUS_A",
 ) -> tuple[FloatArray, int]:
     """State with zero residual in the free unknowns, and the number of iterations.
 
@@ -43,6 +44,7 @@ def solve_newton(
     start : first guess, which holds the prescribed values
     free : indices of the unknowns that are not prescribed
     most_iterations : patience
+    ordering : of the elimination, as of `scipy.sparse.linalg.splu`; NATURAL is that of `free`
 
     Raises
     ------
@@ -56,7 +58,7 @@ def solve_newton(
             return state, count
         factors = splu(
             tangent[free][:, free].tocsc(),
-            permc_spec="MMD_AT_PLUS_A",
+            permc_spec=ordering,
             diag_pivot_thresh=1e-3,
             options={"SymmetricMode": True},
         )

@@ -12,7 +12,7 @@ import numpy as np
 from skfem import ElementQuad2, FacetBasis
 
 from tests.validation.contact_surface import ContactSurface, GapFunction, facet_nodes
-from tests.validation.continuation import FINAL_PENALTY, Continuation
+from tests.validation.continuation import Continuation
 from tests.validation.hyperelastic import FloatArray, IntArray, Solid
 from tests.validation.layer_mesh import Grading, layer_mesh
 from tests.validation.tip_outlines import Tip, sphere_tip
@@ -79,7 +79,7 @@ class Press(Continuation):
 
     def read(self) -> PressedState:
         """The present state, solved with the final contact stiffness."""
-        self.settle(self.state, self.depth, FINAL_PENALTY)
+        self.settle(self.state, self.depth, self.final_penalty)
         traction, distance, normal = self.traction()
         solid = self.solid.assemble(self.solid_state, False)
         points = self.top.points(self.state)

@@ -31,7 +31,7 @@ FloatArray = NDArray[np.float64]
 
 STORED = Path(__file__).with_name("wall_reference.npz")
 LAYER = 3.0
-DEPTHS = (1 / 3, 2 / 3)
+DEPTHS = (1 / 3, 2 / 3, 1.0)
 MIDDLE: Walls = (16 / 3, 16 / 3, 0.0, 16 / 3)
 PLACES: dict[str, Walls] = {
     "near a wall": (2.0, 26 / 3, 0.0, 16 / 3),
