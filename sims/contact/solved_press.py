@@ -11,7 +11,7 @@ from sims.contact.profiles import UnitPress
 from sims.contact.smooth_press import SmoothPress
 from sims.contact.tip import HEMISPHERE
 from sims.contact.wall_superposition import Walls
-from sims.contact.walls import wall_correction
+from sims.contact.walls import wall_force_factor
 from sims.indentation import Indentation
 
 
@@ -71,7 +71,7 @@ class SolvedPress:
         """What the walls make of the force [-]."""
         if self.walls is None or depth <= 0.0:
             return 1.0
-        return wall_correction(self.smooth.layer_depth, depth, self.walls).force_factor
+        return wall_force_factor(self.smooth.layer_depth, depth, self.walls)
 
     def at(self, depth_mm: float) -> Indentation:
         """The press at a depth [mm]; a depth of 0 or less is the untouched pad.

@@ -36,7 +36,7 @@ from scipy.interpolate import PchipInterpolator
 from design.contact_scope import DEEPEST_PRESS, LARGEST_SHARE_OF_LAYER
 from design.errors import InputError, ModelScopeError
 from sims.contact.scope import WALL_RADIUS, tip_radius_mm
-from sims.contact.wall_data import wall_data
+from sims.contact.wall_data import WallState, wall_data
 from sims.contact.wall_shape import BASE_START
 from sims.contact.wall_superposition import (
     WallField,
@@ -140,6 +140,49 @@ def _base(rim: Rim) -> Callable[[FloatArray], FloatArray]:
     return lambda at: np.where(at < WALL_RADIUS, curve(np.clip(at, BASE_START, WALL_RADIUS)), 0.0)
 
 
+@dataclass(frozen=True)
+class _Superposed:
+    """The data at one layer and depth, and how the walls of one place add up."""
+
+    walls: Walls
+    state: WallState
+    weights: list[FloatArray]
+    force: FloatArray
+    height: FloatArray
+
+    def force_factor(self) -> float:
+        added = np.array([weight @ self.state.force_ratio for weight in self.weights])
+        return 1.0 + float(amplitudes(self.force) @ added)
+
+
+def _superposed(layer: float, depth: float, distances: Walls) -> _Superposed | None:
+    """What `wall_correction` says; None where nothing is to be corrected."""
+    _require(layer, depth, distances)
+    west, east, south, north = (min(distance, wall_data().farthest) for distance in distances)
+    walls = (west, east, south, north)
+    if depth <= 0.0 or all(abs(wall - WALL_RADIUS) < 1e-9 for wall in walls):
+        return None
+    state = wall_data().at(layer, depth / deepest_press(layer))
+    force, height = (
+        coupling(adjacent, facing, wall_strength(np.array(walls), wall_data().pair_distance))
+        for adjacent, facing in state.couplings
+    )
+    returned = max(returned_share(force), returned_share(height))
+    if returned > LARGEST_RETURNED_SHARE:
+        places = ", ".join(f"{side} {wall:.2f}" for side, wall in zip(_SIDES, walls, strict=True))
+        raise ModelScopeError(
+            f"distances: walls at {places} tip radii are too near together for the wall correction (each round of "
+            f"reflections returns {returned:.2f}, limit {LARGEST_RETURNED_SHARE}); use a larger pad or a smaller tip"
+        )
+    return _Superposed(walls, state, [wall_data().distance_weights(wall) for wall in walls], force, height)
+
+
+def wall_force_factor(layer: float, depth: float, distances: Walls) -> float:
+    """Force over that of the centred press [-], without the field; arguments and errors of `wall_correction`."""
+    found = _superposed(layer, depth, distances)
+    return 1.0 if found is None else found.force_factor()
+
+
 def wall_correction(layer: float, depth: float, distances: Walls, rim: Rim | None = None) -> WallCorrection:
     """The correction of a centred press for near walls; all lengths in tip radii.
 
@@ -155,37 +198,23 @@ def wall_correction(layer: float, depth: float, distances: Walls, rim: Rim | Non
     InputError : a distance that is no number
     ModelScopeError : outside the range of the data, or walls too near together
     """
-    _require(layer, depth, distances)
-    walls = tuple(min(distance, wall_data().farthest) for distance in distances)
-    if depth <= 0.0 or all(abs(wall - WALL_RADIUS) < 1e-9 for wall in walls):
+    found = _superposed(layer, depth, distances)
+    if found is None:
         return NO_CORRECTION
-    state = wall_data().at(layer, depth / deepest_press(layer))
-    weights = [wall_data().distance_weights(wall) for wall in walls]
-    added = np.array([weight @ state.force_ratio for weight in weights])
-    force, height = (
-        coupling(adjacent, facing, wall_strength(np.array(walls), wall_data().pair_distance))
-        for adjacent, facing in state.couplings
-    )
-    returned = max(returned_share(force), returned_share(height))
-    if returned > LARGEST_RETURNED_SHARE:
-        places = ", ".join(f"{side} {wall:.2f}" for side, wall in zip(_SIDES, walls, strict=True))
-        raise ModelScopeError(
-            f"distances: walls at {places} tip radii are too near together for the wall correction (each round of "
-            f"reflections returns {returned:.2f}, limit {LARGEST_RETURNED_SHARE}); use a larger pad or a smaller tip"
-        )
+    state = found.state
     blocks = np.array(
         [
             size * (weight @ state.coefficients)
-            for size, weight in zip(amplitudes(height), weights, strict=True)
+            for size, weight in zip(amplitudes(found.height), found.weights, strict=True)
         ]
     )
     field = WallField(
-        walls=(walls[0], walls[1], walls[2], walls[3]),
+        walls=found.walls,
         coefficients=blocks.reshape(4, *state.block_shape),
         contact_radius=state.contact_radius,
         base=_base(rim if rim is not None else (state.rim_radii, state.rim)),
     )
-    return WallCorrection(force_factor=1.0 + float(amplitudes(force) @ added), field=field)
+    return WallCorrection(force_factor=found.force_factor(), field=field)
 
 
 def walls_of(design: SensorDesign, at_mm: tuple[float, float] | None = None) -> Walls:

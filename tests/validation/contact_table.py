@@ -157,7 +157,8 @@ ORACLE_HEAD = [
 ]
 
 
-def _table(head: list[str], body: list[list[str]]) -> str:
+def markdown_table(head: list[str], body: list[list[str]]) -> str:
+    """Rows of cells under a head."""
     rule = ["---"] * len(head)
     return "\n".join("| " + " | ".join(cells) + " |" for cells in [head, rule, *body])
 
@@ -169,10 +170,10 @@ def markdown(found: list[Row]) -> str:
         [
             f"Made with mujoco {version('mujoco')} and scikit-fem {version('scikit-fem')}.",
             "### The model against the oracle (limit in parentheses)",
-            _table(MODEL_HEAD, [_model_row(row) for row in found]),
+            markdown_table(MODEL_HEAD, [_model_row(row) for row in found]),
             "Above a limit: " + ("; ".join(above) if above else "nothing") + ".",
             "### The oracle's elements of 0.05 against those of 0.025 tip radii",
-            _table(ORACLE_HEAD, [_oracle_row(row) for row in found]),
+            markdown_table(ORACLE_HEAD, [_oracle_row(row) for row in found]),
         ]
     )
 
@@ -191,10 +192,11 @@ def comma_separated(found: list[Row]) -> str:
     return stream.getvalue()
 
 
-def with_table(page: str, table: str) -> str:
-    """The page with the text between its marks replaced."""
-    before, rest = page.split(BEGIN)
-    return f"{before}{BEGIN}\n\n{table}\n\n{END}{rest.split(END)[1]}"
+def with_table(page: str, table: str, marks: tuple[str, str] = (BEGIN, END)) -> str:
+    """The page with the text between two marks replaced."""
+    begin, end = marks
+    before, rest = page.split(begin)
+    return f"{before}{begin}\n\n{table}\n\n{end}{rest.split(end)[1]}"
 
 
 def main(arguments: list[str]) -> None:

@@ -12,6 +12,7 @@ from sims.contact import indent
 from sims.contact.indentation import solved_press
 from sims.contact.pad_surface import pad_surface
 from sims.contact.press_notes import contact_notes
+from sims.contact.walls import wall_correction, wall_force_factor
 
 
 @pytest.fixture(scope="module")
@@ -81,3 +82,8 @@ def test_an_untouched_pad_is_flat_everywhere(pad: SensorDesign) -> None:
     surface = pad_surface(pad, 0.0, (7.0, 8.0))
     assert surface.press.force_n == 0.0
     np.testing.assert_array_equal(surface.height_mm(np.linspace(0, 32, 9), np.linspace(0, 32, 9)), 0.0)
+
+
+@pytest.mark.parametrize("walls", [(2.0, 8.67, 5.33, 5.33), (2.4, 3.0, 2.2, 9.0), (16 / 3,) * 4])
+def test_the_factor_alone_is_that_of_the_whole_correction(walls: tuple[float, ...]) -> None:
+    assert wall_force_factor(3.0, 0.7, walls) == wall_correction(3.0, 0.7, walls).force_factor
