@@ -57,7 +57,8 @@ def test_one_entry_of_the_library(benchmark):
 
     def solve():
         return [
-            solve_unit_press(one.layer, one.mesh_size, one.depths, one.poisson_ratio).force[-1] for one in inputs
+            solve_unit_press(one.layer, one.mesh_size, one.depths, one.poisson_ratio).force[-1]
+            for one in inputs
         ]
 
     assert min(benchmark.pedantic(solve, rounds=1)) > 0.0
