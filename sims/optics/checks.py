@@ -6,9 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import InputError
-from sims.optics.scene import OpticalScene
+from sims.optics.emission import pattern_power
+from sims.optics.scene import FloatArray, OpticalScene
 
 WALLS = 4
+POWER_TOLERANCE = 1e-6
+"""Far below the light model's 0.01 % bias: a pattern off by more was never normalised."""
 
 
 def check_scene(scene: OpticalScene) -> None:
@@ -25,6 +28,12 @@ def check_scene(scene: OpticalScene) -> None:
         raise InputError(f"emitter_order: shape {np.shape(scene.emitter_order)}, needs one per emitter")
     for k, order in enumerate(scene.emitter_order):
         _require(f"emitter_order[{k}]", order, 0.0, 1000.0)
+    if scene.emitter_pattern is not None:
+        _check_pattern(scene.emitter_pattern, len(scene.emitter_wall))
+    if scene.receiver_response is not None:
+        _check_response(scene.receiver_response, len(scene.receiver_wall))
+    if scene.wall_index is not None:
+        _require("wall_index", scene.wall_index, 1.0, 4.0)
 
 
 def wanted_pairs(
@@ -77,3 +86,39 @@ def _check_patches(
                 f"{name}: {z - half_height:g} to {z + half_height:g} mm high, nothing of it in the clear layer of "
                 f"{scene.height_mm:g} mm; change its height"
             )
+
+
+def _check_table(name: str, table: FloatArray, rows: int) -> None:
+    if np.ndim(table) != 2 or len(table) != rows or np.shape(table)[1] < 2:
+        raise InputError(
+            f"{name}: shape {np.shape(table)}, needs ({rows}, 2 or more): a row each, at cosines linspace(0, 1, n)"
+        )
+
+
+def _check_pattern(pattern: FloatArray, emitters: int) -> None:
+    _check_table("emitter_pattern", pattern, emitters)
+    for k, row in enumerate(np.asarray(pattern, dtype=np.float64)):
+        if np.isnan(row).all():
+            continue  # by its order
+        if not (np.isfinite(row).all() and (row >= 0).all()):
+            node = int(np.argwhere(~(np.isfinite(row) & (row >= 0)))[0, 0])
+            raise InputError(
+                f"emitter_pattern[{k}, {node}]: {row[node]:g}, must be 0 or more; "
+                "only a whole row may be NaN, which stands for emitter_order"
+            )
+        power = float(pattern_power(row))
+        if abs(power - 1.0) > POWER_TOLERANCE:
+            raise InputError(
+                f"emitter_pattern[{k}]: its power 2 pi int c L dc is {power:.7g}, must be 1 within "
+                f"{POWER_TOLERANCE:g}; divide the row by it (sims.optics.emission.normalised_pattern)"
+            )
+
+
+def _check_response(response: FloatArray, receivers: int) -> None:
+    _check_table("receiver_response", response, receivers)
+    bad = np.argwhere(~((np.asarray(response) >= 0) & (np.asarray(response) <= 1)))
+    if len(bad):
+        k, node = bad[0]
+        raise InputError(
+            f"receiver_response[{k}, {node}]: {response[k, node]:g}, a share of the arriving light must lie in 0 to 1"
+        )

@@ -45,6 +45,19 @@ SCENE = OpticalScene(
         ({"emitter_patch": np.array([[8.0, 9.0, 0.5, 0.5]])}, "nothing of it in the clear layer"),
         ({"receiver_patch": np.array([[8.0, np.nan, 0.5, 0.5]])}, "not finite"),
         ({"receiver_patch": np.zeros((0, 4)), "receiver_wall": np.zeros(0, int)}, "receiver_patch"),
+        (
+            {"emitter_pattern": np.full(9, 1 / np.pi)},
+            r"emitter_pattern: shape \(9,\), needs \(1, 2 or more\)",
+        ),
+        ({"emitter_pattern": np.full((2, 9), 1 / np.pi)}, r"emitter_pattern: shape \(2, 9\)"),
+        ({"emitter_pattern": np.full((1, 9), 0.33)}, "its power .* is 1.036.*divide the row by it"),
+        ({"emitter_pattern": np.array([[0.3, np.nan, 0.3]])}, r"emitter_pattern\[0, 1\]: nan"),
+        ({"emitter_pattern": np.array([[-0.1, 0.5, 0.3]])}, r"emitter_pattern\[0, 0\]: -0.1"),
+        ({"receiver_response": np.ones((3, 9))}, r"receiver_response: shape \(3, 9\)"),
+        ({"receiver_response": np.array([[0.0, 1.2]])}, r"receiver_response\[0, 1\]: 1.2"),
+        ({"receiver_response": np.array([[np.nan, 1.0]])}, r"receiver_response\[0, 0\]: nan"),
+        ({"wall_index": 0.9}, "wall_index: 0.9, must lie in 1 to 4"),
+        ({"wall_index": np.nan}, "wall_index"),
     ],
 )
 def test_a_bad_scene_is_refused_by_field(changes, message):

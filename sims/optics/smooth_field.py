@@ -1,0 +1,140 @@
+"""A smooth height field over the pad's top, for what a press of revolution cannot describe.
+
+Between nodes the field is the bicubic Hermite patch of value, both slopes and the mixed derivative at
+the four corners of a cell, so it and its slope are continuous everywhere inside; outside it is 0. Whoever makes a
+field sees to it that it and its slope vanish at the border, or that the border lies on or beyond the walls.
+The nodes' derivatives come from the C2 bicubic spline through the heights (scipy's RectBivariateSpline,
+not-a-knot ends), which the Hermite patches then reproduce exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import InputError
+
+FloatArray = NDArray[np.float64]
+
+MIN_CELLS = 4
+"""A bicubic spline needs four points a side; one cell more keeps its ends apart."""
+MAX_NODES = 1_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class SmoothField:
+    """A height added to the top, on a regular grid.
+
+    Attributes
+    ----------
+    origin_mm : (2,) x and y of the first node in the cavity frame [mm]
+    step_mm : (2,) distance of nodes along x and y [mm]
+    nodes : (nx, ny, 4) value [mm], slope along x [-], slope along y [-], mixed derivative [1/mm] at
+        x_i = x_0 + i dx, y_j = y_0 + j dy
+
+    Raises
+    ------
+    InputError : a wrong shape, a step that is not above 0, or a value that is not finite.
+    """
+
+    origin_mm: FloatArray
+    step_mm: FloatArray
+    nodes: FloatArray
+
+    def __post_init__(self) -> None:
+        """Refuse what no kernel can read."""
+        for name in ("origin_mm", "step_mm"):
+            values = np.asarray(getattr(self, name))
+            if values.shape != (2,) or not np.isfinite(values).all():
+                raise InputError(f"{name}: {values}, needs two finite numbers, of x and y")
+        if not (np.asarray(self.step_mm) > 0).all():
+            raise InputError(f"step_mm: {self.step_mm}, must be above 0 mm along x and y")
+        shape = np.shape(self.nodes)
+        if len(shape) != 3 or shape[2] != 4 or min(shape[:2]) < 2:
+            raise InputError(f"nodes: shape {shape}, needs (2 or more, 2 or more, 4)")
+        if not np.isfinite(self.nodes).all():
+            i, j, k = np.argwhere(~np.isfinite(self.nodes))[0]
+            raise InputError(f"nodes[{i}, {j}, {k}]: {self.nodes[i, j, k]}, must be finite")
+
+    def height_mm(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
+        """(...,) height [mm] at (...,) places in the cavity frame [mm]: the readable form of the kernels' patch."""
+        u, i = _cell(np.asarray(x_mm, dtype=np.float64), self.origin_mm[0], self.step_mm[0], len(self.nodes))
+        v, j = _cell(
+            np.asarray(y_mm, dtype=np.float64), self.origin_mm[1], self.step_mm[1], self.nodes.shape[1]
+        )
+        inside = (u >= 0) & (u <= 1) & (v >= 0) & (v <= 1)
+        along, across = _hermite(u, self.step_mm[0]), _hermite(v, self.step_mm[1])
+        total = np.zeros(np.broadcast(u, v).shape)
+        for a in range(2):
+            for b in range(2):
+                node = self.nodes[i + a, j + b]
+                total += node[..., 0] * along[a][0] * across[b][0] + node[..., 1] * along[a][1] * across[b][0]
+                total += node[..., 2] * along[a][0] * across[b][1] + node[..., 3] * along[a][1] * across[b][1]
+        return np.where(inside, total, 0.0)
+
+
+def smooth_field(
+    height_mm: Callable[[FloatArray, FloatArray], FloatArray],
+    length_mm: float,
+    width_mm: float,
+    spacing_mm: float,
+) -> SmoothField:
+    """Sample a height over the whole pad, from wall to wall.
+
+    Parameters
+    ----------
+    height_mm : (n,) x and (n,) y in the cavity frame [mm] to (n,) height [mm]
+    length_mm, width_mm : of the cavity [mm]
+    spacing_mm : of the nodes at most; the grid is stretched to end at the walls [mm]
+
+    Raises
+    ------
+    InputError : a size or spacing that is not above 0, too many nodes, or heights that are not finite.
+    """
+    for name, value in (("length_mm", length_mm), ("width_mm", width_mm), ("spacing_mm", spacing_mm)):
+        if not 0 < value < np.inf:
+            raise InputError(f"{name}: {value:g} mm, must be above 0")
+    counts = [max(MIN_CELLS, int(np.ceil(size / spacing_mm - 1e-9))) + 1 for size in (length_mm, width_mm)]
+    if counts[0] * counts[1] > MAX_NODES:
+        raise InputError(
+            f"spacing_mm: {spacing_mm:g} mm makes {counts[0]} x {counts[1]} nodes, at most {MAX_NODES}; widen it"
+        )
+    x, y = np.linspace(0.0, length_mm, counts[0]), np.linspace(0.0, width_mm, counts[1])
+    grid_x, grid_y = (axis.ravel() for axis in np.meshgrid(x, y, indexing="ij"))
+    values = np.asarray(height_mm(grid_x, grid_y), dtype=np.float64)
+    if values.shape != grid_x.shape:
+        raise InputError(
+            f"height_mm: gave shape {values.shape} for {grid_x.shape} places; give one height each"
+        )
+    step = np.array([x[1], y[1]])
+    return SmoothField(origin_mm=np.zeros(2), step_mm=step, nodes=_spline_nodes(x, y, values))
+
+
+def _spline_nodes(x: FloatArray, y: FloatArray, values: FloatArray) -> FloatArray:
+    from scipy.interpolate import RectBivariateSpline
+
+    heights = values.reshape(len(x), len(y))
+    if not np.isfinite(heights).all():
+        i, j = np.argwhere(~np.isfinite(heights))[0]
+        raise InputError(f"height_mm: {heights[i, j]} at ({x[i]:g}, {y[j]:g}) mm, must be finite everywhere")
+    spline = RectBivariateSpline(x, y, heights)
+    slopes = [spline(x, y, dx=dx, dy=dy) for dx, dy in ((1, 0), (0, 1), (1, 1))]
+    return np.ascontiguousarray(np.stack([heights, *slopes], axis=-1))
+
+
+def _cell(place: FloatArray, origin: float, step: float, count: int) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Fraction within, and number of, the cell of a place; the fraction leaves 0 to 1 outside the grid."""
+    t = (place - origin) / step
+    cell = np.clip(np.floor(t), 0, count - 2).astype(np.int64)
+    return t - cell, cell
+
+
+def _hermite(
+    t: FloatArray, step: float
+) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
+    """For the cell's first and second end: weights of its value and of its slope."""
+    s = 1.0 - t
+    return ((1 + 2 * t) * s * s, step * t * s * s), ((1 + 2 * s) * t * t, -step * s * t * t)
