@@ -1,8 +1,13 @@
-"""Single light paths for pictures, drawn from the oracle's own walk."""
+"""Single light paths for pictures, drawn from the oracle's own walk.
+
+A ray is named by its number: the same number leaves an emitter at the same place in the same direction
+whatever the press, so what a press does to one ray can be followed.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -21,6 +26,25 @@ TRIES_PER_PATH = 1_000_000
 """Rays tried for each path asked for, before fewer paths are given back."""
 PLACES = 200
 """Most places on one path; a longer path is passed over."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LightPath:
+    """One ray from its emitter to its end.
+
+    Attributes
+    ----------
+    fate : name of the class or of the loss, from `sims.optics.oracle_walk.FATES`
+    emitter, receiver : numbers; receiver -1 where the light is lost
+    ray : number of the ray
+    places_mm : (n, 3) places along the path [mm]
+    """
+
+    fate: str
+    emitter: int
+    receiver: int
+    ray: int
+    places_mm: FloatArray
 
 
 def sample_paths(
@@ -48,21 +72,98 @@ def sample_paths(
     -------
     name of the class or fate (`sims.optics.oracle_walk.FATES`), and (n, 3) places along the path [mm]
     """
-    lowered = lower_scene(replace(scene, absorption_per_mm=0.0))
-    (surface,) = lower_presses(scene, np.asarray(centre_mm, dtype=np.float64)[None], [indentation])
-    check_seed(seed)
-    _check_number("emitter", emitter, len(scene.emitter_wall))
+    found = random_paths(
+        scene,
+        centre_mm,
+        indentation,
+        emitter=emitter,
+        receiver=receiver,
+        count=count,
+        most_rays=TRIES_PER_PATH * count,
+        seed=seed,
+    )
+    return [(path.fate, path.places_mm) for path in found]
+
+
+def random_paths(
+    scene: OpticalScene,
+    centre_mm: ArrayLike,
+    indentation: Indentation | None,
+    *,
+    emitter: int,
+    receiver: int | None = None,
+    count: int,
+    most_rays: int,
+    seed: int = 0,
+) -> list[LightPath]:
+    """As `sample_paths`, with the rays' numbers.
+
+    Parameters
+    ----------
+    most_rays : rays tried in all, before fewer paths than `count` are given back
+    """
+    walker = _Walker(scene, centre_mm, indentation, emitter, seed)
     if receiver is not None:
         _check_number("receiver", receiver, len(scene.receiver_wall))
-    wanted = -1 if receiver is None else receiver
-    paths: list[tuple[str, FloatArray]] = []
+    paths: list[LightPath] = []
     ray = 0
-    for _ in range(count):
-        ray, fate, places = _next_path(lowered, surface, emitter, wanted, seed, ray, TRIES_PER_PATH)
-        if fate < 0:
+    while len(paths) < count and ray < most_rays:
+        path = walker.next_path(ray, most_rays - ray, -1 if receiver is None else receiver)
+        if path is None:
             break
-        paths.append((FATES[fate], places))
+        paths.append(path)
+        ray = path.ray + 1
     return paths
+
+
+def follow_rays(
+    scene: OpticalScene,
+    centre_mm: ArrayLike,
+    indentation: Indentation | None,
+    *,
+    emitter: int,
+    rays: Sequence[int],
+    seed: int = 0,
+) -> list[LightPath]:
+    """Where rays of given numbers go under a press; a ray that starts above the surface is left out.
+
+    Parameters
+    ----------
+    rays : numbers, as in `LightPath.ray`; the seed must be the one that they were found with
+    """
+    walker = _Walker(scene, centre_mm, indentation, emitter, seed)
+    found = (walker.next_path(ray, 1, -1) for ray in rays)
+    return [path for path in found if path is not None]
+
+
+class _Walker:
+    """A scene, a press and an emitter as numbers, ready to walk single rays."""
+
+    def __init__(
+        self,
+        scene: OpticalScene,
+        centre_mm: ArrayLike,
+        indentation: Indentation | None,
+        emitter: int,
+        seed: int,
+    ) -> None:
+        self._scene = lower_scene(replace(scene, absorption_per_mm=0.0))
+        centres = np.asarray(centre_mm, dtype=np.float64)[None]
+        (self._surface,) = lower_presses(scene, centres, [indentation])
+        check_seed(seed)
+        _check_number("emitter", emitter, len(scene.emitter_wall))
+        self._emitter, self._seed = emitter, seed
+
+    def next_path(self, ray: int, tries: int, wanted: int) -> LightPath | None:
+        """From a ray number on, the next one that ends on the wanted receiver (-1: any end)."""
+        number, fate, receiver, places = _next_path(
+            self._scene, self._surface, self._emitter, wanted, self._seed, ray, tries
+        )
+        if fate < 0:
+            return None
+        return LightPath(
+            fate=FATES[fate], emitter=self._emitter, receiver=receiver, ray=number, places_mm=places
+        )
 
 
 def _check_number(name: str, value: int, count: int) -> None:
@@ -73,12 +174,12 @@ def _check_number(name: str, value: int, count: int) -> None:
 @njit(cache=True)
 def _next_path(
     scene: Scene, surface: RevolvedSurface, emitter: int, wanted: int, seed: int, ray: int, tries: int
-) -> tuple[int, int, FloatArray]:
-    """From a ray number on, the next one that ends on the wanted receiver (-1: any end)."""
+) -> tuple[int, int, int, FloatArray]:
+    """Number, fate, receiver and places of the next ray that ends on the wanted receiver (-1: any end)."""
     vertices = np.empty((PLACES, 3))
     for number in range(ray, ray + tries):
         stream = ray_stream(seed, 0, emitter, number)
         fate, receiver, _, count = walk(scene, surface, emitter, stream, vertices)
         if fate != UNSUBMERGED and count <= PLACES and (wanted < 0 or receiver == wanted):
-            return number + 1, fate, vertices[:count].copy()
-    return ray + tries, -1, vertices[:0].copy()
+            return number, fate, receiver, vertices[:count].copy()
+    return ray + tries, -1, -1, vertices[:0].copy()

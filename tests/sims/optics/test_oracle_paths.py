@@ -8,7 +8,7 @@ import pytest
 from design.errors import InputError
 from sims.optics.oracle_surface import is_submerged, lower_surface
 from sims.optics.oracle_walk import FATES
-from sims.optics.paths import sample_paths
+from sims.optics.paths import follow_rays, random_paths, sample_paths
 from tests.sims.optics.oracle_scenes import dimple, ring_scene, wrapped_press
 
 CENTRE = np.array([15.0, 17.0])
@@ -71,3 +71,29 @@ def test_paths_are_the_same_for_the_same_seed():
 def test_a_bad_request_is_refused_by_name(change, message):
     with pytest.raises(InputError, match=message):
         sample_paths(ring_scene(), CENTRE, None, **({"emitter": 0, "count": 1} | change))
+
+
+def test_a_ray_followed_under_a_press_leaves_its_emitter_the_same_way():
+    scene = ring_scene()
+    found = random_paths(scene, CENTRE, None, emitter=0, receiver=4, count=20, most_rays=10**6, seed=5)
+    assert len(found) == 20
+    numbers = [path.ray for path in found]
+    assert numbers == sorted(set(numbers))
+    same = follow_rays(scene, CENTRE, None, emitter=0, rays=numbers, seed=5)
+    for path, again in zip(found, same, strict=True):
+        assert np.array_equal(path.places_mm, again.places_mm)
+        assert (again.fate, again.receiver, again.ray) == (path.fate, 4, path.ray)
+    middle = (scene.emitter_patch[0, 0] + scene.receiver_patch[4, 0]) / 2, 16.0  # under the chord
+    pressed = follow_rays(scene, middle, dimple(3.0), emitter=0, rays=numbers, seed=5)
+    assert [path.ray for path in pressed] == numbers
+    for path, bent in zip(found, pressed, strict=True):
+        first, other = (legs[1] - legs[0] for legs in (path.places_mm, bent.places_mm))
+        assert np.array_equal(bent.places_mm[0], path.places_mm[0])
+        assert np.cross(first, other) == pytest.approx(0.0, abs=1e-9)  # one direction, to rounding
+    assert any(path.receiver != 4 for path in pressed)
+
+
+def test_a_search_for_paths_ends_after_the_rays_allowed():
+    found = random_paths(ring_scene(), CENTRE, None, emitter=0, receiver=4, count=50, most_rays=2000, seed=5)
+    assert 0 < len(found) < 50
+    assert max(path.ray for path in found) < 2000
