@@ -21,7 +21,10 @@ from sims.optics.oracle_walk import FATES, UNSUBMERGED, Scene, ray_stream, walk
 from sims.optics.scene import OpticalScene
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
+LOST = -1
+"""In place of a receiver's number: light that no receiver gets."""
 TRIES_PER_PATH = 1_000_000
 """Rays tried for each path asked for, before fewer paths are given back."""
 PLACES = 200
@@ -72,12 +75,14 @@ def sample_paths(
     -------
     name of the class or fate (`sims.optics.oracle_walk.FATES`), and (n, 3) places along the path [mm]
     """
+    if receiver is not None:
+        _check_number("receiver", receiver, len(scene.receiver_wall))
     found = random_paths(
         scene,
         centre_mm,
         indentation,
         emitter=emitter,
-        receiver=receiver,
+        ends=None if receiver is None else (receiver,),
         count=count,
         most_rays=TRIES_PER_PATH * count,
         seed=seed,
@@ -91,24 +96,24 @@ def random_paths(
     indentation: Indentation | None,
     *,
     emitter: int,
-    receiver: int | None = None,
+    ends: Sequence[int] | None = None,
     count: int,
     most_rays: int,
     seed: int = 0,
 ) -> list[LightPath]:
-    """As `sample_paths`, with the rays' numbers.
+    """As `sample_paths`, for several ends, and with the rays' numbers, which rise.
 
     Parameters
     ----------
+    ends : receivers that count, and `LOST` for all light that no receiver gets; None: every end
     most_rays : rays tried in all, before fewer paths than `count` are given back
     """
     walker = _Walker(scene, centre_mm, indentation, emitter, seed)
-    if receiver is not None:
-        _check_number("receiver", receiver, len(scene.receiver_wall))
+    wanted = _wanted_ends(ends, len(scene.receiver_wall))
     paths: list[LightPath] = []
     ray = 0
     while len(paths) < count and ray < most_rays:
-        path = walker.next_path(ray, most_rays - ray, -1 if receiver is None else receiver)
+        path = walker.next_path(ray, most_rays - ray, wanted)
         if path is None:
             break
         paths.append(path)
@@ -132,7 +137,8 @@ def follow_rays(
     rays : numbers, as in `LightPath.ray`; the seed must be the one that they were found with
     """
     walker = _Walker(scene, centre_mm, indentation, emitter, seed)
-    found = (walker.next_path(ray, 1, -1) for ray in rays)
+    anywhere = _wanted_ends(None, len(scene.receiver_wall))
+    found = (walker.next_path(ray, 1, anywhere) for ray in rays)
     return [path for path in found if path is not None]
 
 
@@ -154,8 +160,8 @@ class _Walker:
         _check_number("emitter", emitter, len(scene.emitter_wall))
         self._emitter, self._seed = emitter, seed
 
-    def next_path(self, ray: int, tries: int, wanted: int) -> LightPath | None:
-        """From a ray number on, the next one that ends on the wanted receiver (-1: any end)."""
+    def next_path(self, ray: int, tries: int, wanted: BoolArray) -> LightPath | None:
+        """From a ray number on, the next one that ends where it is wanted."""
         number, fate, receiver, places = _next_path(
             self._scene, self._surface, self._emitter, wanted, self._seed, ray, tries
         )
@@ -166,6 +172,16 @@ class _Walker:
         )
 
 
+def _wanted_ends(ends: Sequence[int] | None, receivers: int) -> BoolArray:
+    """(receiver + 1,) which ends count; the last for lost light."""
+    wanted = np.full(receivers + 1, ends is None)
+    for end in ends or ():
+        if end != LOST:
+            _check_number("receiver", end, receivers)
+        wanted[end] = True
+    return wanted
+
+
 def _check_number(name: str, value: int, count: int) -> None:
     if not 0 <= value < count:
         raise InputError(f"{name}: {value} does not exist; the scene has {count}, numbered from 0")
@@ -173,13 +189,13 @@ def _check_number(name: str, value: int, count: int) -> None:
 
 @njit(cache=True)
 def _next_path(
-    scene: Scene, surface: RevolvedSurface, emitter: int, wanted: int, seed: int, ray: int, tries: int
+    scene: Scene, surface: RevolvedSurface, emitter: int, wanted: BoolArray, seed: int, ray: int, tries: int
 ) -> tuple[int, int, int, FloatArray]:
-    """Number, fate, receiver and places of the next ray that ends on the wanted receiver (-1: any end)."""
+    """Number, fate, receiver and places of the next ray that ends where it is wanted."""
     vertices = np.empty((PLACES, 3))
     for number in range(ray, ray + tries):
         stream = ray_stream(seed, 0, emitter, number)
         fate, receiver, _, count = walk(scene, surface, emitter, stream, vertices)
-        if fate != UNSUBMERGED and count <= PLACES and (wanted < 0 or receiver == wanted):
+        if fate != UNSUBMERGED and count <= PLACES and wanted[receiver]:  # LOST is the last
             return number, fate, receiver, vertices[:count].copy()
     return ray + tries, -1, -1, vertices[:0].copy()

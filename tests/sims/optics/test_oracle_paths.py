@@ -8,7 +8,7 @@ import pytest
 from design.errors import InputError
 from sims.optics.oracle_surface import is_submerged, lower_surface
 from sims.optics.oracle_walk import FATES
-from sims.optics.paths import follow_rays, random_paths, sample_paths
+from sims.optics.paths import LOST, follow_rays, random_paths, sample_paths
 from tests.sims.optics.oracle_scenes import dimple, ring_scene, wrapped_press
 
 CENTRE = np.array([15.0, 17.0])
@@ -75,7 +75,7 @@ def test_a_bad_request_is_refused_by_name(change, message):
 
 def test_a_ray_followed_under_a_press_leaves_its_emitter_the_same_way():
     scene = ring_scene()
-    found = random_paths(scene, CENTRE, None, emitter=0, receiver=4, count=20, most_rays=10**6, seed=5)
+    found = random_paths(scene, CENTRE, None, emitter=0, ends=[4], count=20, most_rays=10**6, seed=5)
     assert len(found) == 20
     numbers = [path.ray for path in found]
     assert numbers == sorted(set(numbers))
@@ -94,6 +94,17 @@ def test_a_ray_followed_under_a_press_leaves_its_emitter_the_same_way():
 
 
 def test_a_search_for_paths_ends_after_the_rays_allowed():
-    found = random_paths(ring_scene(), CENTRE, None, emitter=0, receiver=4, count=50, most_rays=2000, seed=5)
+    found = random_paths(ring_scene(), CENTRE, None, emitter=0, ends=[4], count=50, most_rays=2000, seed=5)
     assert 0 < len(found) < 50
     assert max(path.ray for path in found) < 2000
+
+
+def test_ends_choose_between_several_receivers_and_lost_light():
+    scene, ask = ring_scene(), {"emitter": 0, "count": 60, "most_rays": 10**6, "seed": 6}
+    both = random_paths(scene, CENTRE, None, ends=[4, 5], **ask)
+    assert {path.receiver for path in both} == {4, 5}
+    lost = random_paths(scene, CENTRE, None, ends=[LOST], **ask)
+    assert {path.receiver for path in lost} == {LOST}
+    assert {path.fate for path in lost}.isdisjoint(FATES[:4])
+    every = random_paths(scene, CENTRE, None, **ask)
+    assert [path.ray for path in every] == list(range(60))
