@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -16,3 +17,10 @@ class Model(BaseModel):
     model_config = ConfigDict(
         frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True, strict=False
     )
+
+
+def without_defaults(document: dict[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
+    """Leave options out that have their default value: content from before them keeps its digest."""
+    return {
+        name: value for name, value in document.items() if name not in defaults or value != defaults[name]
+    }

@@ -13,8 +13,12 @@ and `boards`, each by identifier. A part seen from the cavity, its active face f
                 x above the base:       |  |   surface: wires leave through the back)
                 active_height_in_body_mm
 
-Left out: emission patterns other than cosine powers, spectra (one effective wavelength stands
-for an emitter), drift with temperature.
+An emitter shines as a power of the cosine with its half angle, or as its `angular_pattern` says; one effective
+wavelength stands for it, or its `spectrum`, over which the index is averaged. A receiver counts all light that falls on
+its active area, unless `epoxy_index` says what lies on the chip: then light refracts into it, and its angular
+response follows from its half angle or its `angular_response`.
+
+Left out: drift with temperature.
 """
 
 from __future__ import annotations
@@ -27,10 +31,17 @@ from functools import cache
 from importlib import resources
 from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import (
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    model_serializer,
+    model_validator,
+)
 from pydantic_core import ErrorDetails
 
-from design.base import Model, PartId
+from design.angular import AngularTable
+from design.base import Model, PartId, without_defaults
 from design.elastomer import (
     Cure,
     Elastomer,
@@ -52,11 +63,13 @@ from design.quantity import (
     LengthMm,
     Quantity,
     Reflectance,
+    RefractiveIndex,
     ResponsivityAPerW,
     Text,
     VoltageV,
     WavelengthNm,
 )
+from design.spectrum import Spectrum
 
 __all__ = [
     "PACKAGED_FILES",
@@ -86,6 +99,8 @@ PACKAGED_FILES = ("emitters", "receivers", "elastomers", "mold_materials", "boar
 
 _EMITTER_ONLY = ("wavelength_nm", "forward_voltage_v", "max_current_ma")
 _RECEIVER_ONLY = ("responsivity_a_per_w", "responsivity_wavelength_nm", "dark_current_na", "capacitance_pf")
+_EMITTER_OPTIONS = ("angular_pattern", "spectrum")
+_RECEIVER_OPTIONS = ("epoxy_index", "angular_response")
 
 Entry = TypeVar("Entry")
 
@@ -129,21 +144,59 @@ class Part(Model):
     ] = None
     dark_current_na: Annotated[DarkCurrentNa | None, Field(description="receiver: typical")] = None
     capacitance_pf: Annotated[CapacitancePf | None, Field(description="receiver: without bias")] = None
+    angular_pattern: Annotated[
+        AngularTable | None,
+        Field(description="emitter: the sheet's intensity, in place of the half angle's power of the cosine"),
+    ] = None
+    spectrum: Annotated[
+        Spectrum | None, Field(description="emitter: the index is averaged over it, not at wavelength_nm")
+    ] = None
+    epoxy_index: Annotated[
+        RefractiveIndex | None,
+        Field(
+            description="receiver: index of what lies on the chip, behind a flat face; absent: a bare active area"
+        ),
+    ] = None
+    angular_response: Annotated[
+        AngularTable | None,
+        Field(
+            description="receiver: the sheet's response in air, in place of the half angle; needs epoxy_index"
+        ),
+    ] = None
     cost: Cost | None = None
     notes: tuple[Text, ...] = ()
 
+    @model_serializer(mode="wrap")
+    def _without_absent_options(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Designs with parts of their own from before these options keep their digest."""
+        return without_defaults(plain(self), dict.fromkeys((*_EMITTER_OPTIONS, *_RECEIVER_OPTIONS)))
+
     @model_validator(mode="after")
     def _has_the_fields_of_its_kind(self) -> Self:
-        own, other = (
-            (_EMITTER_ONLY, _RECEIVER_ONLY) if self.kind == "emitter" else (_RECEIVER_ONLY, _EMITTER_ONLY)
-        )
+        emits = self.kind == "emitter"
+        own, other = (_EMITTER_ONLY, _RECEIVER_ONLY) if emits else (_RECEIVER_ONLY, _EMITTER_ONLY)
+        others_options = _RECEIVER_OPTIONS if emits else _EMITTER_OPTIONS
         missing = [name for name in own if getattr(self, name) is None]
-        foreign = [name for name in other if getattr(self, name) is not None]
+        foreign = [name for name in (*other, *others_options) if getattr(self, name) is not None]
         if missing:
             raise ValueError(f"kind = {self.kind!r} needs {', '.join(missing)}; add it")
         if foreign:
             raise ValueError(
                 f"kind = {self.kind!r} has no {', '.join(foreign)}; remove it or correct the kind"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _response_can_be_refracted(self) -> Self:
+        response = self.angular_response
+        if response is not None and self.epoxy_index is None:
+            raise ValueError(
+                "angular_response needs epoxy_index, into which its angles in air refract; "
+                "add it (1.0 for a chip in air)"
+            )
+        if response is not None and response.relative[0] <= 0.0:
+            raise ValueError(
+                "angular_response.relative is 0 on the axis, where responsivity holds; correct it"
             )
         return self
 
@@ -175,7 +228,16 @@ class MoldMaterial(Model):
     title: Text
     wall_reflectance: Annotated[Reflectance, Field(description="diffuse share of the light that lands on it")]
     density_g_per_cm3: DensityGPerCm3
+    refractive_index: Annotated[
+        RefractiveIndex | None,
+        Field(description="of the bulk, for walls with surfaces.wall_finish = 'glossy'"),
+    ] = None
     notes: tuple[Text, ...] = ()
+
+    @model_serializer(mode="wrap")
+    def _without_an_absent_index(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Designs with materials of their own from before this field keep their digest."""
+        return without_defaults(plain(self), {"refractive_index": None})
 
 
 class Board(Model):

@@ -201,16 +201,19 @@ def material_findings(design: SensorDesign) -> Iterator[Finding]:
 def colour_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator[Finding]:
     """Emitters of other colours than the default one, for which the index is looked up."""
     default = properties.wavelength_um(design) * 1000.0
+    spectrum = properties.part_of(design, design.emitters.part, "emitter").spectrum
     others = {
         part.part_id: part
         for part in cavity.emitters
-        if part.part.wavelength_nm is not None and abs(part.part.wavelength_nm.value - default) > 1e-6
+        if part.part.wavelength_nm is not None
+        and (abs(part.part.wavelength_nm.value - default) > 1e-6 or part.part.spectrum != spectrum)
     }
     for part_id, part in others.items():
         assert part.part.wavelength_nm is not None  # filtered above
+        differs = "wavelength" if part.part.spectrum == spectrum else "spectrum"
         yield warning(
             part.origin,
-            f"{part_id} has another wavelength than emitters.part, whose refractive index is used for all",
+            f"{part_id} has another {differs} than emitters.part, whose refractive index is used for all",
             value=f"{part.part.wavelength_nm.value:g} nm",
             limit=f"{default:g} nm",
             way_out="make it emitters.part, or compare both designs",

@@ -20,11 +20,15 @@ from design.layout import Kind, Placement, expand
 from design.paths import get_at
 from design.quantity import Confidence
 from design.spec import Emitters, Receivers, SensorDesign
+from design.spectrum import SpectralIndex, spectral_index
 from design.units import NM_PER_UM, absorption_per_mm, lambertian_order
 
 SECTIONS: dict[str, Kind] = {"emitters": "emitter", "receivers": "receiver"}
 
 MEASURED_SOURCE = "measured value given in the design"
+AIR_GAP = Quantity(value=1.0, unit="1", source="air, by definition of an air gap", confidence="read")
+ADDED_UNITS = {"emitter": {}, "receiver": {"epoxy_index": "1"}}
+"""Values that a measurement may add to a part which the catalogue has without them."""
 
 
 def entries_of(design: SensorDesign) -> CatalogEntries:
@@ -45,14 +49,14 @@ def part_of(design: SensorDesign, part_id: str, kind: Kind) -> Part:
 
 
 def _with_measurements(part: Part, part_id: str, values: Mapping[str, float]) -> Part:
-    known = quantities_of(part)
+    known = {name: quantity.unit for name, quantity in quantities_of(part).items()} | ADDED_UNITS[part.kind]
     for field in values:
         if field not in known:
             raise DesignError(
                 f"part_measurements.{part_id}.{field}: {part_id} has no such value; "
                 f"it has {', '.join(sorted(known))}"
             )
-    changed = {name: _measured(known[name].unit, value) for name, value in values.items()}
+    changed = {name: _measured(known[name], value) for name, value in values.items()}
     try:
         return Part.model_validate(dict(part) | changed)
     except ValidationError as err:
@@ -74,20 +78,63 @@ def elastomer_of(design: SensorDesign) -> Elastomer:
 
 def wavelength_um(design: SensorDesign) -> float:
     """Effective wavelength of the default emitter [um]."""
-    part = part_of(design, design.emitters.part, "emitter")
+    part = _default_emitter(design)
     if part.wavelength_nm is None:
         raise DesignError(f"emitters.part: {design.emitters.part} has no wavelength_nm; add it to the part")
     return part.wavelength_nm.value / NM_PER_UM
 
 
 def refractive_index(design: SensorDesign) -> Quantity:
-    """Index of the clear elastomer at the emitter's effective wavelength [-]."""
+    """Index of the clear elastomer at the emitter's effective wavelength, or averaged over its spectrum [-]."""
     own = design.elastomer.refractive_index
     if own is not None:
         return _measured("1", own)
-    return catalog.refractive_index(
-        elastomer_of(design), design.elastomer.mixing_ratio, wavelength_um(design)
-    )
+    spectral = elastomer_spectral_index(design)
+    return _index_at(design, wavelength_um(design)) if spectral is None else spectral.mean
+
+
+def elastomer_spectral_index(design: SensorDesign) -> SpectralIndex | None:
+    """Index of the clear elastomer over the default emitter's spectrum; None for an emitter without one.
+
+    Raises
+    ------
+    DesignError : a wavelength with weight that the elastomer's tables do not reach.
+    """
+    spectrum = _default_emitter(design).spectrum
+    if spectrum is None:
+        return None
+    return spectral_index(spectrum, lambda at_um: _index_at(design, at_um))
+
+
+def _index_at(design: SensorDesign, at_um: float) -> Quantity:
+    return catalog.refractive_index(elastomer_of(design), design.elastomer.mixing_ratio, at_um)
+
+
+def _default_emitter(design: SensorDesign) -> Part:
+    return part_of(design, design.emitters.part, "emitter")
+
+
+def wall_index(design: SensorDesign) -> Quantity | None:
+    """Index of what lies behind smooth walls [-]; None where walls only scatter.
+
+    Raises
+    ------
+    DesignError : a glossy wall of a material without an index.
+    """
+    surfaces = design.surfaces
+    if surfaces.wall_finish == "diffuse":
+        return None
+    if surfaces.wall_finish == "air_gap":
+        return AIR_GAP
+    if surfaces.wall_index is not None:
+        return _measured("1", surfaces.wall_index)
+    index = catalog.find_mold_material(entries_of(design), design.mold.material).refractive_index
+    if index is None:
+        raise DesignError(
+            f"surfaces.wall_index: mold.material {design.mold.material} has no refractive_index, which "
+            "surfaces.wall_finish = 'glossy' needs; give surfaces.wall_index, or add it to the material"
+        )
+    return index
 
 
 def absorption_db_per_cm(design: SensorDesign) -> Quantity:
@@ -145,14 +192,33 @@ def used_values(design: SensorDesign) -> tuple[UsedValue, ...]:
         for path, band in _bands_in_use(design).items()
     ]
     for part_id, kind in _parts_in_use(design):
-        for name in ("active_width_mm", "active_height_mm", "half_angle_deg"):
-            if kind == "receiver" and name == "half_angle_deg":
-                continue  # the active area is bare: its angular response is the cosine
-            quantity = quantities_of(part_of(design, part_id, kind))[name]
-            found.append(UsedValue(path=f"part_measurements.{part_id}.{name}", quantity=quantity))
+        found += _values_of_part(part_of(design, part_id, kind), part_id)
+    if design.surfaces.wall_finish == "glossy" and (behind := wall_index(design)) is not None:
+        found.append(UsedValue(path="surfaces.wall_index", quantity=behind))
     found.append(UsedValue(path="elastomer.refractive_index", quantity=refractive_index(design)))
     found.append(UsedValue(path="elastomer.absorption_db_per_cm", quantity=absorption_db_per_cm(design)))
     return tuple(found)
+
+
+def _values_of_part(part: Part, part_id: str) -> list[UsedValue]:
+    """Sizes, and whatever says how a part shines or counts; a bare receiver counts at every angle alike."""
+    names = ["active_width_mm", "active_height_mm"]
+    table_name = "angular_pattern" if part.kind == "emitter" else "angular_response"
+    table = part.angular_pattern if part.kind == "emitter" else part.angular_response
+    if part.epoxy_index is not None:
+        names.append("epoxy_index")
+    if table is None and (part.kind == "emitter" or part.epoxy_index is not None):
+        names.append("half_angle_deg")
+    quantities = quantities_of(part)
+    found = [
+        UsedValue(path=f"part_measurements.{part_id}.{name}", quantity=quantities[name]) for name in names
+    ]
+    if table is not None:
+        half = Quantity(
+            value=table.half_angle_deg(), unit="deg", source=table.source, confidence=table.confidence
+        )
+        found.append(UsedValue(path=f"catalog.parts.{part_id}.{table_name}", quantity=half))
+    return found
 
 
 def _parts_in_use(design: SensorDesign) -> tuple[tuple[str, Kind], ...]:

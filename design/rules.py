@@ -13,6 +13,7 @@ from design.board_rules import board_findings
 from design.cavity import CavityGeometry, cavity_of
 from design.errors import DesignError
 from design.finding import Finding, warning
+from design.finish_rules import angle_findings, finish_findings
 from design.layout import MAX_PER_KIND, Placement, expand
 from design.light_rules import (
     area_findings,
@@ -48,6 +49,7 @@ def check(design: SensorDesign) -> tuple[Finding, ...]:
         *count_findings(*counts),
         *depth_findings(design),
         *tip_findings(design),
+        *finish_findings(design),
         *_unit_findings(design),
     ]
     board = found_board(design)
@@ -75,6 +77,7 @@ def _geometry_findings(design: SensorDesign, counts: tuple[int, int]) -> Iterato
     if design.elastomer.material in entries_of(design).elastomers:
         yield from material_findings(design)
     yield from colour_findings(design, cavity)
+    yield from angle_findings(cavity)
     yield from workspace_findings(design, cavity)
     if all(0 < count <= MAX_PER_KIND for count in counts):
         yield from _layout_findings(design, cavity)

@@ -20,7 +20,7 @@ from pydantic import (
 )
 
 from design import paths
-from design.base import Model, PartId
+from design.base import Model, PartId, without_defaults
 from design.catalog import CatalogEntries
 from design.errors import DesignError
 from design.layout import Pattern
@@ -94,18 +94,31 @@ class Elastomer(Model):
     @model_serializer(mode="wrap")
     def _without_an_absent_option(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Leave the option out where it is absent: designs without it keep their digest."""
-        document: dict[str, Any] = plain(self)
-        if self.viscoelastic is None:
-            document.pop("viscoelastic", None)
-        return document
+        return without_defaults(plain(self), {"viscoelastic": None})
 
 
 class Surfaces(Model):
-    """Diffuse (Lambertian) reflectance of everything light can land on [-]."""
+    """Diffuse (Lambertian) reflectance of everything light can land on [-], and the finish of the walls."""
 
     wall_reflectance: Annotated[float, Field(ge=0.0, le=0.99)] = 0.05
     bottom_reflectance: Annotated[float, Field(ge=0.0, le=0.99)] = 0.03
     tip_reflectance: Annotated[float, Field(ge=0.0, le=0.99)] = 0.0
+    wall_finish: Annotated[
+        Literal["diffuse", "glossy", "air_gap"],
+        Field(
+            description="diffuse: walls scatter only; glossy: a smooth bonded face mirrors by Fresnel besides; "
+            "air_gap: the elastomer is not bonded, and its own face mirrors"
+        ),
+    ] = "diffuse"
+    wall_index: Annotated[
+        float | None,
+        Field(ge=1.0, le=2.5, description="glossy: index of the wall; the mold material's if left out"),
+    ] = None
+
+    @model_serializer(mode="wrap")
+    def _without_the_usual_finish(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave finish and index out where they are the default: designs without them keep their digest."""
+        return without_defaults(plain(self), {"wall_finish": "diffuse", "wall_index": None})
 
 
 class Emitters(Model):

@@ -3,6 +3,12 @@
 A pattern is the radiance over power and area L(c) [1/sr] of a flat patch at the cosines
 `np.linspace(0, 1, n)`, linear between. Its power into the half space is 2 pi int_0^1 c L(c) dc, here
 integrated exactly: a cell of width h from node a to node b adds h / 6 (c_a (2 L_a + L_b) + c_b (L_a + 2 L_b)).
+
+A sheet's table of the intensity I over the angle becomes L(c) = I / c at every node but c = 0. That node gets the
+value, 0 or more, with which the first cell holds the sheet's power there: the limit where I vanishes at 90 degrees, and
+a bounded value where a sheet shows light at 90 degrees, which a flat face cannot emit. The pattern is then scaled to
+unit power. It is taken as it stands in the elastomer, as a half angle is: how a package shines into air, sheets say;
+refraction at its face is left out (a Lambertian source behind a flat face stays one but for Fresnel losses).
 """
 
 from __future__ import annotations
@@ -10,11 +16,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from design.angular import AngularTable
 from design.errors import InputError
 
 FloatArray = NDArray[np.float64]
 
 COSINE_NODES = 129
+GRAZING_NODES = 32
 
 
 def cosine_nodes(count: int = COSINE_NODES) -> FloatArray:
@@ -54,3 +62,15 @@ def lambertian_pattern(order: float, count: int = COSINE_NODES) -> FloatArray:
     if not 1.0 <= order < np.inf:
         raise InputError(f"order: {order:g}, a table needs 1 or more; give emitter_order instead")
     return normalised_pattern(cosine_nodes(count) ** (order - 1.0))
+
+
+def table_pattern(table: AngularTable, count: int = COSINE_NODES) -> FloatArray:
+    """(count,) pattern of unit power of a sheet's intensity over the angle, at the cosine's nodes."""
+    c = cosine_nodes(count)
+    radiance = np.zeros(count)
+    radiance[1:] = table.at(np.degrees(np.arccos(c[1:]))) / c[1:]
+    within, weights = np.polynomial.legendre.leggauss(GRAZING_NODES)
+    grazing = c[1] * (within + 1) / 2
+    power = c[1] / 2 * np.sum(weights * table.at(np.degrees(np.arccos(grazing))))
+    radiance[0] = max(0.0, 6 * power / c[1] ** 2 - 2 * radiance[1])
+    return normalised_pattern(radiance)

@@ -13,6 +13,7 @@ from sims.indentation import Indentation
 from sims.optics.engine import CLASS_NAMES, Accuracy, trace_scene
 from sims.optics.light_signals import LightSignals
 from sims.optics.lower import scene_of
+from sims.optics.scene import OpticalScene
 
 FloatArray = NDArray[np.float64]
 Profile = Indentation | Sequence[Indentation | None]
@@ -47,8 +48,10 @@ def trace(
     """
     rows = _single_tips(presses)
     indentations = _indentations(design, rows, profile)
+    scene = scene_of(design)
+    _refuse_what_no_kernel_follows(scene)
     raw = trace_scene(
-        scene_of(design),
+        scene,
         rows[:, :2],
         indentations,
         accuracy=accuracy,
@@ -64,6 +67,13 @@ def trace(
         digest=design.digest,
         seed=seed,
     )
+
+
+def _refuse_what_no_kernel_follows(scene: OpticalScene) -> None:
+    """Refuse options of a scene that the kernels would silently leave out."""
+    for name in ("emitter_pattern", "receiver_response", "wall_index"):
+        if getattr(scene, name) is not None:
+            raise ModelScopeError(f"{name}: this option of the design is not traced; leave it out")
 
 
 def _single_tips(presses: FloatArray) -> FloatArray:
