@@ -14,6 +14,7 @@ from scipy.interpolate import PchipInterpolator
 
 from design.spec import SensorDesign
 from sims.contact.indentation import solved_press
+from sims.contact.wall_shape import contact_window
 from sims.contact.walls import WallCorrection, wall_correction, walls_of
 from sims.indentation import Indentation
 
@@ -46,12 +47,37 @@ class PadSurface:
         return np.asarray(PchipInterpolator(radius, height)(reached), dtype=np.float64)
 
     def height_mm(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-        """(...,) height of the top over the undisturbed one [mm] at places in the cavity frame [mm], same shape."""
-        tip = self.press.tip_radius_mm
-        along = np.clip(x_mm, 0.0, self.size_mm[0]) - self.at_mm[0]
-        across = np.clip(y_mm, 0.0, self.size_mm[1]) - self.at_mm[1]
-        added = tip * self.correction.height(along / tip, across / tip)
+        """(...,) height of the top over the undisturbed one [mm] at places in the cavity frame [mm].
+
+        Places are shapes that broadcast; (nx, 1) and (1, ny), a grid, are the cheapest.
+        """
+        along, across = self._from_axis(x_mm, y_mm)
+        added = self._added_mm(along, across)
         return np.asarray(self.centred_height_mm(np.hypot(along, across)) + added, dtype=np.float64)
+
+    def wall_height_mm(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
+        """(...,) the part of `height_mm` that the walls add [mm], 0 inside the contact of this press.
+
+        The correction's data have a contact of their own, up to 0.07 tip radii smaller; here the correction sets in
+        at the press's contact edge, over the same width, so the height of a ring of about that width differs.
+        """
+        along, across = self._from_axis(x_mm, y_mm)
+        added = self._added_mm(along, across)
+        if self.correction.field is None:
+            return added
+        radius = np.hypot(along, across) / self.press.tip_radius_mm
+        own = self.correction.field.contact_radius
+        edge = max(own, self.press.contact_radius_mm / self.press.tip_radius_mm)
+        window = contact_window(radius, own)
+        return np.where(window > 0.0, added * contact_window(radius, edge) / np.maximum(window, 1e-300), 0.0)
+
+    def _from_axis(self, x_mm: FloatArray, y_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
+        along = np.clip(x_mm, 0.0, self.size_mm[0]) - self.at_mm[0]
+        return along, np.clip(y_mm, 0.0, self.size_mm[1]) - self.at_mm[1]
+
+    def _added_mm(self, along_mm: FloatArray, across_mm: FloatArray) -> FloatArray:
+        tip = self.press.tip_radius_mm
+        return tip * self.correction.height(along_mm / tip, across_mm / tip)
 
 
 def _outward(press: Indentation) -> tuple[FloatArray, FloatArray]:

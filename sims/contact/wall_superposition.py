@@ -83,14 +83,16 @@ class WallField:
         return tuple(abs(wall - WALL_RADIUS) > 1e-9 for wall in self.walls)
 
     def _rest(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Σ A_i f_i."""
-        total = np.zeros_like(x)
+        """Σ A_i f_i; each f_i is a sum of products of functions of x and of y, so a grid costs little."""
+        total = np.zeros(np.broadcast(x, y).shape)
         frames = ((x, y), (-x, y), (y, x), (-y, x))
         for moved, wall, block, (across, along) in zip(
             self._moved(), self.walls, self.coefficients, frames, strict=True
         ):
             if moved:
-                total += ((across_basis(across, wall) @ block) * along_basis(along)).sum(axis=1)
+                crossing = (across_basis(across.ravel(), wall) @ block).reshape(*across.shape, -1)
+                beside = along_basis(along.ravel()).reshape(*along.shape, -1)
+                total += np.einsum("...k,...k->...", crossing, beside)
         return total
 
     def _centred(self, x: FloatArray, y: FloatArray) -> FloatArray:
@@ -104,19 +106,20 @@ class WallField:
         moved = self._moved()
         along_x = [side for side, is_moved in zip(sides_x, moved[:2], strict=True) if is_moved]
         along_y = [side for side, is_moved in zip(sides_y, moved[2:], strict=True) if is_moved]
-        total = np.zeros_like(x)
+        total = np.zeros(np.broadcast(x, y).shape)
+        one = (1,) * total.ndim
         for place, weight in along_x:
-            total -= weight * field(np.full_like(x, place), y)
+            total -= weight * field(np.full(one, place), y)
         for place, weight in along_y:
-            total -= weight * field(x, np.full_like(y, place))
+            total -= weight * field(x, np.full(one, place))
         for place, weight in along_x:
             for other, other_weight in along_y:
-                corner = field(np.array([place]), np.array([other]))
+                corner = field(np.full(one, place), np.full(one, other))
                 total += weight * other_weight * corner
         return total
 
     def height(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """(n,) what the walls add to the height at places (n,) inside the pad, from the press axis."""
+        """What the walls add to the height at places inside the pad, from the press axis; shapes that broadcast."""
         window = contact_window(np.hypot(x, y), self.contact_radius)
         change = self._carried(self._centred, x, y, 1.0) + self._rest(x, y)
         if sum(self._moved()) > 1:

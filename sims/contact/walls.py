@@ -79,17 +79,19 @@ class WallCorrection:
 
         Parameters
         ----------
-        x, y : same shape; place relative to the press axis, east and north positive
+        x, y : shapes that broadcast, as (nx, 1) and (1, ny) for a grid, the cheapest; place relative to the press
+            axis, east and north positive
 
         Returns
         -------
-        the same shape; zero inside the contact, minus the centred height at the walls
+        the broadcast shape; zero inside the contact, minus the centred height at the walls
         """
         x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
         if self.field is None:
             return np.zeros(np.broadcast(x, y).shape)
-        x, y = np.broadcast_arrays(x, y)
-        return self.field.height(x.ravel(), y.ravel()).reshape(x.shape)
+        if x.ndim != y.ndim:
+            x, y = np.broadcast_arrays(x, y)
+        return self.field.height(x, y)
 
     def azimuthal_mean(self, radius: FloatArray, directions: int = 48) -> FloatArray:
         """(n,) mean of the change over the part of each circle that lies inside the pad."""

@@ -21,7 +21,8 @@ class LightSignals:
     by_class : path class (direct, top, skirt, diffuse) to (state, emitter, receiver) [-];
         light mirrored by the top is top + skirt
     standard_error : (state, emitter, receiver) of flux; what it covers is said in `sims.optics.engine` [-]
-    presses : (state, 3) x, y, depth of the press; depth 0 or less is untouched [mm]
+    presses : (state, 3) x, y, depth of the press, or (state, tip, 3) where some state has several tips;
+        depth 0 or less is untouched [mm]
     digest : of the design
     seed : of the offsets
     """

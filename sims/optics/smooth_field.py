@@ -9,7 +9,7 @@ not-a-knot ends), which the Hermite patches then reproduce exactly.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,7 +86,7 @@ def smooth_field(
 
     Parameters
     ----------
-    height_mm : (n,) x and (n,) y in the cavity frame [mm] to (n,) height [mm]
+    height_mm : (nx, 1) x and (1, ny) y in the cavity frame [mm] to (nx, ny) height [mm]
     length_mm, width_mm : of the cavity [mm]
     spacing_mm : of the nodes at most; the grid is stretched to end at the walls [mm]
 
@@ -103,20 +103,34 @@ def smooth_field(
             f"spacing_mm: {spacing_mm:g} mm makes {counts[0]} x {counts[1]} nodes, at most {MAX_NODES}; widen it"
         )
     x, y = np.linspace(0.0, length_mm, counts[0]), np.linspace(0.0, width_mm, counts[1])
-    grid_x, grid_y = (axis.ravel() for axis in np.meshgrid(x, y, indexing="ij"))
-    values = np.asarray(height_mm(grid_x, grid_y), dtype=np.float64)
-    if values.shape != grid_x.shape:
+    values = np.asarray(height_mm(x[:, None], y[None, :]), dtype=np.float64)
+    if values.shape != (len(x), len(y)):
         raise InputError(
-            f"height_mm: gave shape {values.shape} for {grid_x.shape} places; give one height each"
+            f"height_mm: gave shape {values.shape} for {len(x)} x {len(y)} places; give one height each"
         )
     step = np.array([x[1], y[1]])
     return SmoothField(origin_mm=np.zeros(2), step_mm=step, nodes=_spline_nodes(x, y, values))
 
 
-def _spline_nodes(x: FloatArray, y: FloatArray, values: FloatArray) -> FloatArray:
+def sum_of_fields(fields: Sequence[SmoothField]) -> SmoothField:
+    """The sum of one or more fields on the same grid.
+
+    Raises
+    ------
+    InputError : no field, or grids that differ.
+    """
+    grids = {(*field.origin_mm, *field.step_mm, *field.nodes.shape) for field in fields}
+    if len(grids) != 1:
+        raise InputError(
+            f"fields: {len(fields)} on {len(grids)} different grids; give one or more on one grid"
+        )
+    nodes = np.sum([field.nodes for field in fields], axis=0)
+    return SmoothField(origin_mm=fields[0].origin_mm, step_mm=fields[0].step_mm, nodes=nodes)
+
+
+def _spline_nodes(x: FloatArray, y: FloatArray, heights: FloatArray) -> FloatArray:
     from scipy.interpolate import RectBivariateSpline
 
-    heights = values.reshape(len(x), len(y))
     if not np.isfinite(heights).all():
         i, j = np.argwhere(~np.isfinite(heights))[0]
         raise InputError(f"height_mm: {heights[i, j]} at ({x[i]:g}, {y[j]:g}) mm, must be finite everywhere")

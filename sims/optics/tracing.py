@@ -14,9 +14,12 @@ from sims.optics.engine import CLASS_NAMES, Accuracy, trace_scene
 from sims.optics.light_signals import LightSignals
 from sims.optics.lower import scene_of
 from sims.optics.scene import OpticalScene
+from sims.optics.smooth_field import SmoothField, sum_of_fields
+from sims.optics.wall_correction import SPACING_MM, wall_field
 
 FloatArray = NDArray[np.float64]
-Profile = Indentation | Sequence[Indentation | None]
+Profile = Indentation | Sequence[Indentation | Sequence[Indentation | None] | None]
+Tips = list[list[Indentation | None]]
 
 
 def trace(
@@ -35,7 +38,8 @@ def trace(
     design : the sensor
     presses : (state, 3) rows of x, y, depth, or (state, tip, 3) with NaN rows for absent tips; depth 0 or
         less is untouched [mm]
-    profile : None for the contact model, one indentation for all touched states, or one per state
+    profile : None for the contact model, one indentation for all tips, or one per state: for all its tips, or a
+        sequence of one per tip
     accuracy : draft, standard, fine, or settings
     seed : of all offsets; same seed, same bits
     pairs : (emitter, receiver) or (state, emitter, receiver) mask of pairs to trace; others are 0
@@ -46,14 +50,15 @@ def trace(
     InputError : presses of a wrong shape or outside the block; a bad profile.
     ModelScopeError : more than one tip in a state; a press that contact or surface model does not cover.
     """
-    rows = _single_tips(presses)
-    indentations = _indentations(design, rows, profile)
+    tips = _tips(presses)
+    _refuse_several_tips(tips)
+    indentations = _indentations(design, tips, profile)
     scene = scene_of(design)
     _refuse_what_no_kernel_follows(scene)
     raw = trace_scene(
         scene,
-        rows[:, :2],
-        indentations,
+        tips[:, 0, :2],
+        [of_state[0] for of_state in indentations],
         accuracy=accuracy,
         seed=seed,
         pairs=pairs,
@@ -63,10 +68,54 @@ def trace(
         flux=raw.flux.sum(axis=0),
         by_class={name: raw.flux[k] for k, name in enumerate(CLASS_NAMES)},
         standard_error=raw.standard_error,
-        presses=rows,
+        presses=tips[:, 0] if tips.shape[1] == 1 else tips,
         digest=design.digest,
         seed=seed,
     )
+
+
+def correction_fields(
+    design: SensorDesign, presses: FloatArray, spacing_mm: float = SPACING_MM
+) -> list[SmoothField | None]:
+    """What near walls add to the top of each state, by the contact model.
+
+    Parameters
+    ----------
+    design : the sensor
+    presses : as `trace` takes them; several tips add up
+    spacing_mm : of the fields' nodes at most [mm]
+
+    Returns
+    -------
+    One field per state, to be traced beside the centred presses of `sims.contact.indent`; None where untouched.
+
+    Raises
+    ------
+    InputError : presses of a wrong shape or not finite.
+    ModelScopeError : a place that the wall correction does not cover.
+    """
+    scene, known = scene_of(design), dict[tuple[float, float, float], SmoothField]()
+    fields: list[SmoothField | None] = []
+    for of_state in _tips(presses):
+        parts = []
+        for x, y, depth in of_state[of_state[:, 2] > 0]:
+            key = (float(x), float(y), float(depth))
+            if key not in known:
+                known[key] = _correction_field(design, scene, key, spacing_mm)
+            parts.append(known[key])
+        fields.append(sum_of_fields(parts) if parts else None)
+    return fields
+
+
+def _correction_field(
+    design: SensorDesign, scene: OpticalScene, press: tuple[float, float, float], spacing_mm: float
+) -> SmoothField:
+    from sims.contact import indent
+    from sims.contact.pad_surface import pad_surface
+
+    x, y, depth = press
+    surface = pad_surface(design, depth, (x, y))
+    return wall_field(surface.wall_height_mm, indent(design, depth), (x, y), scene, spacing_mm)
 
 
 def _refuse_what_no_kernel_follows(scene: OpticalScene) -> None:
@@ -76,45 +125,57 @@ def _refuse_what_no_kernel_follows(scene: OpticalScene) -> None:
             raise ModelScopeError(f"{name}: this option of the design is not traced; leave it out")
 
 
-def _single_tips(presses: FloatArray) -> FloatArray:
-    """(state, 3) presses with one tip a state."""
-    rows = np.asarray(presses, dtype=np.float64)
-    if rows.ndim not in (2, 3) or rows.shape[-1] != 3:
-        raise InputError(f"presses: shape {rows.shape}, needs (state, 3) or (state, tip, 3) of x, y, depth")
-    if rows.ndim == 3:
-        rows = np.array([_only_tip(state, tips) for state, tips in enumerate(rows)]).reshape(-1, 3)
-    touched = ~(rows[:, 2] <= 0)
-    if not np.isfinite(rows[touched]).all():
-        raise InputError(
-            f"presses: state {int(np.flatnonzero(~np.isfinite(rows).all(axis=1))[0])} is not finite"
+def _refuse_several_tips(tips: FloatArray) -> None:
+    """Refuse states that the kernels would not follow."""
+    if tips.shape[1] > 1:
+        counts = (tips[:, :, 2] > 0).sum(axis=1)
+        state = int(np.argmax(counts))
+        raise ModelScopeError(
+            f"presses: state {state} has {counts[state]} tips; the light model covers one tip, split the state"
         )
+
+
+def _tips(presses: FloatArray) -> FloatArray:
+    """(state, tip, 3) presses; one tip a state wherever no state has more. Absent tips are zeros."""
+    rows = np.asarray(presses, dtype=np.float64)
+    if rows.ndim not in (2, 3) or rows.shape[-1] != 3 or (rows.ndim == 3 and rows.shape[1] == 0):
+        raise InputError(f"presses: shape {rows.shape}, needs (state, 3) or (state, tip, 3) of x, y, depth")
+    if rows.ndim == 2:
+        rows, touched = rows[:, None, :], ~(rows[:, None, 2] <= 0)
+    else:
+        touched = rows[:, :, 2] > 0
+        if len(rows) == 0 or touched.sum(axis=1).max() <= 1:
+            first = np.argmax(touched, axis=1)[:, None]
+            rows = np.take_along_axis(rows, first[:, :, None], axis=1)
+            touched = np.take_along_axis(touched, first, axis=1)
+        rows = np.where(touched[:, :, None], rows, 0.0)
+    bad = touched & ~np.isfinite(rows).all(axis=2)
+    if bad.any():
+        raise InputError(f"presses: state {int(np.flatnonzero(bad.any(axis=1))[0])} is not finite")
     return rows
 
 
-def _only_tip(state: int, tips: FloatArray) -> FloatArray:
-    active = tips[tips[:, 2] > 0]
-    if len(active) > 1:
-        raise ModelScopeError(
-            f"presses: state {state} has {len(active)} tips; the light model covers one tip, split the state"
-        )
-    return active[0] if len(active) else np.zeros(3)
-
-
-def _indentations(
-    design: SensorDesign, rows: FloatArray, profile: Profile | None
-) -> list[Indentation | None]:
-    if isinstance(profile, Indentation):
-        return [profile if depth > 0 else None for depth in rows[:, 2]]
+def _indentations(design: SensorDesign, tips: FloatArray, profile: Profile | None) -> Tips:
+    """One list per state of one indentation per tip, None where it does not touch."""
     if profile is not None:
-        if len(profile) != len(rows):
-            raise InputError(
-                f"profile: {len(profile)} indentations for {len(rows)} states; give one per state"
-            )
-        return [given if depth > 0 else None for given, depth in zip(profile, rows[:, 2], strict=True)]
+        return _given_indentations(tips, profile)
     from sims.contact import indent
 
-    solved: dict[float, Indentation] = {}
-    for depth in rows[:, 2]:
-        if depth > 0 and depth not in solved:
-            solved[float(depth)] = indent(design, float(depth))
-    return [solved.get(float(depth)) for depth in rows[:, 2]]
+    depths = sorted({float(depth) for depth in tips[:, :, 2].ravel() if depth > 0})
+    solved = {depth: indent(design, depth) for depth in depths}
+    return [[solved.get(float(depth)) for depth in of_state] for of_state in tips[:, :, 2]]
+
+
+def _given_indentations(tips: FloatArray, profile: Profile) -> Tips:
+    per_state = [profile] * len(tips) if isinstance(profile, Indentation) else list(profile)
+    if len(per_state) != len(tips):
+        raise InputError(f"profile: {len(per_state)} indentations for {len(tips)} states; give one per state")
+    nested: Tips = []
+    for state, (given, depths) in enumerate(zip(per_state, tips[:, :, 2], strict=True)):
+        each = list(given) if isinstance(given, Sequence) else [given] * len(depths)
+        if len(each) != len(depths):
+            raise InputError(
+                f"profile: {len(each)} indentations for {len(depths)} tips of state {state}; give one per tip"
+            )
+        nested.append([one if depth > 0 else None for one, depth in zip(each, depths, strict=True)])
+    return nested

@@ -44,7 +44,7 @@ def test_height_and_slope_are_continuous_across_cells():
 
 
 def test_the_grid_ends_at_the_walls_and_is_zero_beyond():
-    field = smooth_field(lambda x, y: np.ones_like(x), 12.0, 9.0, 0.7)
+    field = smooth_field(lambda x, y: np.ones_like(x + y), 12.0, 9.0, 0.7)
     last = field.origin_mm + field.step_mm * (np.array(field.nodes.shape[:2]) - 1)
     assert np.abs(last - [12.0, 9.0]).max() < 1e-12
     assert (field.step_mm <= 0.7).all()
