@@ -44,7 +44,7 @@ def simulated(
     """
     cavity = cavity_of(design)
     states = np.array(presses) if presses else _default_presses(design, cavity, oracle_rays is not None)
-    _require_in_workspace(states, cavity)
+    require_in_workspace(states, cavity)
     deepest_mm = max(design.operating.max_depth_mm, float(states[:, 2].max()))  # what the trace asks for, too
     solved_press(design, max_depth_mm=deepest_mm, on_step=lambda s: on_step("contact", s))
     light = trace(design, states, seed=seed, on_step=lambda done, total: on_step("light", done / total))
@@ -63,7 +63,11 @@ def simulated(
     }
 
 
-def _require_in_workspace(states: FloatArray, cavity: CavityGeometry) -> None:
+def require_in_workspace(states: FloatArray, cavity: CavityGeometry) -> None:
+    """Refuse presses outside the workspace.
+
+    states : (state, 3) x, y, depth [mm]
+    """
     space = cavity.workspace
     for x_mm, y_mm, _ in states:
         if not space.contains(float(x_mm), float(y_mm)):

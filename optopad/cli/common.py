@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import tomllib
 from pathlib import Path
 from typing import Annotated, Any
@@ -68,6 +69,24 @@ def parsed_value(text: str) -> Any:
         return tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):  # not TOML, a whole number of thousands of digits, nested too deep
         return text
+
+
+def parsed_press(text: str) -> tuple[float, float, float]:
+    """Place and depth of one ``X,Y,DEPTH`` [mm].
+
+    Raises
+    ------
+    InputError : not three finite numbers.
+    """
+    try:
+        x_mm, y_mm, depth_mm = (float(number) for number in text.split(","))
+    except ValueError:
+        raise InputError(
+            f"--press: {text!r} is refused: write X,Y,DEPTH in millimetres, as 16,16,2"
+        ) from None
+    if not all(math.isfinite(number) for number in (x_mm, y_mm, depth_mm)):
+        raise InputError(f"--press: {text!r} is refused: needs three finite numbers of millimetres")
+    return x_mm, y_mm, depth_mm
 
 
 def print_json(document: dict[str, Any]) -> None:

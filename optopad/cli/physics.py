@@ -16,6 +16,7 @@ from optopad.cli.common import (
     OutOption,
     SeedOption,
     SetOption,
+    parsed_press,
     parsed_value,
     print_json,
     read_design,
@@ -81,7 +82,7 @@ def simulate(
     from optopad.pipeline import write_signals
 
     read = read_design(design, set_)
-    presses = [_parsed_press(text) for text in press or []]
+    presses = [parsed_press(text) for text in press or []]
     with progress(quiet=as_json) as step:
         summary, folder = write_signals(
             read, presses, out, oracle_rays=rays if oracle else None, seed=seed, on_step=step
@@ -160,20 +161,6 @@ def _valid_build(design: SensorDesign, path: str, value: Any) -> SensorDesign:
     except DesignError as err:
         raise DesignError(f"sweep: {path} = {value}: {err}") from None
     return build
-
-
-def _parsed_press(text: str) -> tuple[float, float, float]:
-    from design.errors import InputError
-
-    try:
-        x_mm, y_mm, depth_mm = (float(number) for number in text.split(","))
-    except ValueError:
-        raise InputError(
-            f"--press: {text!r} is refused: write X,Y,DEPTH in millimetres, as 16,16,2"
-        ) from None
-    if not all(math.isfinite(number) for number in (x_mm, y_mm, depth_mm)):
-        raise InputError(f"--press: {text!r} is refused: needs three finite numbers of millimetres")
-    return x_mm, y_mm, depth_mm
 
 
 def _say_signals(summary: dict[str, Any]) -> None:

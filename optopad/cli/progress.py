@@ -16,6 +16,7 @@ STAGE_TITLES = {
     "map": "light, map of the pad",
     "tolerance": "tolerance of open values",
     "oracle": "ray tracer",
+    "rays": "sample paths",
     "mold": "mold and tools",
     "files": "build sheet, driver config, report",
 }

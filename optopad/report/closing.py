@@ -39,6 +39,7 @@ KNOWN_FILES = {
     "sims/signals.nc": "light of every press of the map",
     "sims/score.json": "the verdict as data",
     "sims/contact-profile.svg": "the press, in section",
+    "sims/rays.json": "sample paths of light, drawn beside it",
     "fabrication/bom.csv": "parts to order",
     "fabrication/wiring.csv": "pins",
     "fabrication/wiring.svg": "layout and pins, drawn",

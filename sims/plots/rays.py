@@ -1,0 +1,436 @@
+"""Sample paths of light in a vertical section and in plan, with the power that each kind carries.
+
+The section is cut along a line between two walls, for a pair its chord. Paths are projected onto it straight
+from the side, so a path that leaves the section's plane may seem to end at a wall that it does not touch; the
+plan beside it shows where it goes. The press is cut where the plane meets it; when its axis is not in the
+plane, its outline through the axis is drawn dashed.
+
+Lines are samples, `sims.ray_states` says of what; powers stand in the legend and come from the light model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Polygon, Rectangle
+from numpy.typing import NDArray
+
+from design.cavity import CavityGeometry, PlacedPart, cavity_of
+from design.spec import SensorDesign
+from sims.contact.tip import tip_of
+from sims.light_kinds import KINDS, LOST, LightKind, kind_of
+from sims.optics.paths import LightPath
+from sims.plots.style import GREY, INK, MUTED, PALE_BLUE, axes_or_new
+from sims.ray_states import RayState
+
+FloatArray = NDArray[np.float64]
+
+SECTION_IN = (6.6, 2.3)
+PLAN_IN = (3.6, 3.2)
+BLACK = "#33383f"
+"""The black layer; not quite black, so that marks on it can be seen."""
+RAY_WIDTH, LOST_WIDTH = 0.55, 0.8
+TIP_POINTS = 400
+TIP_LENGTH = 6.0
+"""Length of the tip's outline [tip radii]."""
+HEAD_ROOM = 0.95
+"""Height of a section above the undisturbed surface [tip radii]."""
+SECTION_ROOM, PLAN_ROOM = 0.07, 0.11
+"""Room around the block, over its length in view [-]."""
+ON_AXIS_MM = 0.05
+"""Distance of the press's axis from the section's plane below which they count as one [mm]."""
+CUT_FACE_MM = 0.15
+"""Half the drawn thickness of a face that the section cuts [mm]."""
+MOST_LABELS, MOST_LABELS_IN_SECTION = 32, 2
+"""Parts with their names beside them; more would overlap."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cut:
+    """The line of a section from wall to wall, seen from its left hand.
+
+    Attributes
+    ----------
+    start_mm, end_mm : (x, y) of its ends [mm]
+    name : what it is, for the axis
+    """
+
+    start_mm: tuple[float, float]
+    end_mm: tuple[float, float]
+    name: str
+
+    @property
+    def length_mm(self) -> float:
+        """Length of the line [mm]."""
+        return float(np.hypot(*np.subtract(self.end_mm, self.start_mm)))
+
+    @property
+    def direction(self) -> FloatArray:
+        """(2,) unit vector from start to end [-]."""
+        return np.subtract(self.end_mm, self.start_mm) / self.length_mm
+
+    def reach_mm(self, cavity: CavityGeometry) -> tuple[float, float]:
+        """Ends of the whole block as seen from the side, along the line [mm]."""
+        corners = np.array([(x, y) for x in (0.0, cavity.length_mm) for y in (0.0, cavity.width_mm)])
+        along = self.along_mm(corners)
+        return float(along.min()), float(along.max())
+
+    def along_mm(self, places_mm: FloatArray) -> FloatArray:
+        """(...,) distance from the start along the line of (..., 2 or 3) places [mm]."""
+        return np.asarray((places_mm[..., :2] - np.array(self.start_mm)) @ self.direction)
+
+    def beside_mm(self, place_mm: tuple[float, float]) -> float:
+        """Distance of a place from the line [mm]."""
+        ahead, aside = np.subtract(place_mm, self.start_mm), self.direction[::-1] * [-1.0, 1.0]
+        return float(abs(ahead @ aside))
+
+
+def cut_of_pair(cavity: CavityGeometry, pair: tuple[int, int]) -> Cut:
+    """The chord of a pair, from emitter to receiver."""
+    ends = cavity.emitters[pair[0]], cavity.receivers[pair[1]]
+    start, end = (part.position_mm(cavity.length_mm, cavity.width_mm)[:2] for part in ends)
+    return Cut(start_mm=start, end_mm=end, name=f"along the chord from {ends[0].name} to {ends[1].name}")
+
+
+def cut_across(cavity: CavityGeometry, part: PlacedPart) -> Cut:
+    """The line from a part straight across to the opposite wall."""
+    x, y, _ = part.position_mm(cavity.length_mm, cavity.width_mm)
+    far = (cavity.length_mm - x, y) if part.wall in ("east", "west") else (x, cavity.width_mm - y)
+    return Cut(start_mm=(x, y), end_mm=far, name=f"from {part.name} straight across")
+
+
+def cut_through(cavity: CavityGeometry, x_mm: float, y_mm: float) -> Cut:
+    """The line through a place along the longer side."""
+    if cavity.length_mm >= cavity.width_mm:
+        return Cut(start_mm=(0.0, y_mm), end_mm=(cavity.length_mm, y_mm), name=f"along x at y = {y_mm:g} mm")
+    return Cut(start_mm=(x_mm, 0.0), end_mm=(x_mm, cavity.width_mm), name=f"along y at x = {x_mm:g} mm")
+
+
+def plot_ray_section(
+    state: RayState,
+    design: SensorDesign,
+    ax: Axes | None = None,
+    *,
+    cut: Cut,
+    untouched: float | None = None,
+) -> Axes:
+    """Vertical section: height above the clear layer's bottom [mm] against distance along a cut [mm].
+
+    Parameters
+    ----------
+    state : the press, the paths and their powers
+    cut : the section's line
+    untouched : power that the legend's shares are of, over that of the emitters [-]; None: of the emitters'
+    """
+    ax = axes_or_new(ax, SECTION_IN[1], SECTION_IN[0])
+    cavity = cavity_of(design)
+    reach = cut.reach_mm(cavity)
+    ceiling = cavity.clear_mm + HEAD_ROOM * design.indenter.tip_radius_mm
+    _draw_block(ax, cavity, cut, reach)
+    _draw_press(ax, state, design, cut, reach)
+    _draw_paths(ax, state, lambda places: np.column_stack([cut.along_mm(places), places[:, 2]]))
+    _draw_faces(ax, state, cavity, cut)
+    margin = SECTION_ROOM * (reach[1] - reach[0])
+    ax.set_xlim(reach[0] - margin, reach[1] + margin)
+    ax.set_ylim(-cavity.black_mm, ceiling)
+    ax.set_aspect("equal")
+    ax.set_xlabel(f"distance {cut.name} [mm]")
+    ax.set_ylabel("height [mm]")
+    ax.legend(
+        handles=legend_handles(state, untouched),
+        loc="lower left",
+        bbox_to_anchor=(-0.01, 1.0),
+        ncols=2,
+        handlelength=2.8,
+    )
+    return ax
+
+
+def plot_ray_plan(
+    state: RayState, design: SensorDesign, ax: Axes | None = None, *, cut: Cut | None = None
+) -> Axes:
+    """The same from above: y [mm] against x [mm], with the press's contact circle and the cut, dashed."""
+    ax = axes_or_new(ax, PLAN_IN[1], PLAN_IN[0])
+    cavity = cavity_of(design)
+    size = cavity.length_mm, cavity.width_mm
+    ax.add_patch(Rectangle((0.0, 0.0), *size, facecolor=PALE_BLUE, alpha=0.45, linewidth=0))
+    ax.add_patch(Rectangle((0.0, 0.0), *size, fill=False, edgecolor=INK, linewidth=1.2, zorder=4))
+    _draw_dimple(ax, state)
+    if cut is not None:
+        ends = np.array([cut.start_mm, cut.end_mm]).T
+        ax.plot(*ends, color=MUTED, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1.5)
+    _draw_paths(ax, state, lambda places: places[:, :2])
+    shown = _shown_parts(state, cavity)
+    for part in cavity.parts:
+        _draw_part(ax, part, cavity, part.name in shown)
+    room = PLAN_ROOM * max(size)
+    ax.set_xlim(-room, size[0] + room)
+    ax.set_ylim(-room, size[1] + room)
+    ax.set_aspect("equal")
+    ax.set_xticks([tick for tick in ax.get_xticks() if 0.0 <= tick <= size[0]])
+    ax.set_yticks([tick for tick in ax.get_yticks() if 0.0 <= tick <= size[1]])
+    ax.spines[["left", "bottom"]].set_visible(False)
+    ax.set_xlabel("x [mm]")
+    ax.set_ylabel("y [mm]")
+    return ax
+
+
+def _draw_block(ax: Axes, cavity: CavityGeometry, cut: Cut, reach: tuple[float, float]) -> None:
+    """Clear layer and black layer: pale what lies beside the section, full what it cuts."""
+    for (start, end), alpha in ((reach, 0.25), ((0.0, cut.length_mm), 0.45)):
+        corner = (start, -cavity.black_mm)
+        ax.add_patch(Rectangle(corner, end - start, cavity.black_mm, color=BLACK, alpha=alpha + 0.4, lw=0))
+    ax.add_patch(
+        Rectangle((reach[0], 0.0), reach[1] - reach[0], cavity.clear_mm, color=PALE_BLUE, alpha=0.25, lw=0)
+    )
+    ax.text(
+        cut.length_mm / 2,
+        -cavity.black_mm / 2,
+        "black layer",
+        ha="center",
+        va="center",
+        color="white",
+        fontsize=6,
+    )
+    for along in (0.0, cut.length_mm):
+        ax.plot([along, along], [-cavity.black_mm, cavity.clear_mm], color=INK, linewidth=1.2)
+
+
+def _draw_press(
+    ax: Axes, state: RayState, design: SensorDesign, cut: Cut, reach: tuple[float, float]
+) -> None:
+    """The clear layer under its deformed top, and the tip, where the section cuts them."""
+    top = design.cavity.clear_thickness_mm
+    ends = 0.0, cut.length_mm
+    press = state.indentation
+    if press is None:
+        along, height = np.array(ends), np.array([top, top])
+    else:
+        axis, aside = float(cut.along_mm(np.array(state.press_mm[:2]))), cut.beside_mm(state.press_mm[:2])
+        across, relative = _cut_curve(press.radius_mm, press.height_mm, aside)
+        along = np.concatenate(
+            [[min(ends[0], axis + across[0])], axis + across, [max(ends[1], axis + across[-1])]]
+        )
+        height = top + np.concatenate([[0.0], relative, [0.0]])
+        _draw_tip(ax, state, design, axis, aside)
+        ax.plot(reach, [top, top], color=MUTED, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1.5)
+    along, height = _clipped(along, height, *ends)
+    outline = np.column_stack([[ends[0], *along, ends[1]], [0.0, *height, 0.0]])
+    ax.add_patch(Polygon(outline, facecolor=PALE_BLUE, alpha=0.6, linewidth=0, zorder=0.9))
+    (surface,) = ax.plot(along, height, color=INK, linewidth=1.4, zorder=2.6)
+    surface.set_gid("surface")
+
+
+def _clipped(along: FloatArray, height: FloatArray, low: float, high: float) -> tuple[FloatArray, FloatArray]:
+    """A curve from left to right between two places, its ends interpolated; it may run back in between."""
+    first, last = int(np.argmax(along >= low)), len(along) - int(np.argmax(along[::-1] <= high))
+    left = np.interp(low, along[max(first - 1, 0) : first + 1], height[max(first - 1, 0) : first + 1])
+    right = np.interp(high, along[last - 1 : last + 1], height[last - 1 : last + 1])
+    return (
+        np.concatenate([[low], along[first:last], [high]]),
+        np.concatenate([[left], height[first:last], [right]]),
+    )
+
+
+def _draw_tip(ax: Axes, state: RayState, design: SensorDesign, axis_mm: float, aside_mm: float) -> None:
+    press = state.indentation
+    assert press is not None
+    apex = design.cavity.clear_thickness_mm - press.depth_mm
+    radius, height = tip_of(design.indenter).points(np.linspace(0.0, TIP_LENGTH, TIP_POINTS))
+    if aside_mm < press.tip_radius_mm:
+        across, up = _cut_curve(radius * press.tip_radius_mm, height * press.tip_radius_mm, aside_mm)
+        outline = np.column_stack([axis_mm + across, apex + up])
+        tip = Polygon(
+            outline, closed=False, facecolor="white", edgecolor=GREY, hatch="////", linewidth=0, zorder=1.2
+        )
+        tip.set_gid("tip")
+        ax.add_patch(tip)
+        ax.plot(*outline.T, color=MUTED, linewidth=1.0, zorder=1.3)
+    if aside_mm > ON_AXIS_MM:
+        across, up = _cut_curve(radius * press.tip_radius_mm, height * press.tip_radius_mm, 0.0)
+        ax.plot(axis_mm + across, apex + up, color=MUTED, linewidth=0.8, linestyle=(0, (1, 1.5)), zorder=1.4)
+
+
+def _cut_curve(radius: FloatArray, height: FloatArray, aside: float) -> tuple[FloatArray, FloatArray]:
+    """A revolved curve cut by a plane beside its axis: distance along the plane and height, from left to right."""
+    inside = radius < aside
+    if inside.all():
+        return np.array([0.0]), height[-1:]
+    first = int(np.argmin(inside))
+    if first > 0:
+        share = (aside - radius[first - 1]) / (radius[first] - radius[first - 1])
+        height = np.insert(height, first, height[first - 1] + share * (height[first] - height[first - 1]))
+        radius = np.insert(radius, first, aside)
+    across = np.sqrt(np.maximum(radius[first:] ** 2 - aside**2, 0.0))
+    return np.concatenate([-across[::-1], across]), np.concatenate([height[first:][::-1], height[first:]])
+
+
+def _draw_paths(ax: Axes, state: RayState, projected: Any) -> None:
+    """Lines and marks of every kind, lost light below the rest."""
+    _draw_kind(ax, LOST, state.lost, projected, zorder=2.0)
+    for kind, paths in paths_by_kind(state.paths):
+        _draw_kind(ax, kind, paths, projected, zorder=2.2)
+
+
+def paths_by_kind(paths: Sequence[LightPath]) -> list[tuple[LightKind, list[LightPath]]]:
+    """Paths of each kind that occurs, in the order of a legend."""
+    found: dict[str, tuple[LightKind, list[LightPath]]] = {}
+    for path in paths:
+        kind = kind_of(path.fate)
+        found.setdefault(kind.title, (kind, []))[1].append(path)
+    order = [kind.title for kind in KINDS]
+    return [
+        found[title] for title in sorted(found, key=lambda t: order.index(t) if t in order else len(order))
+    ]
+
+
+def _draw_kind(ax: Axes, kind: LightKind, paths: Sequence[LightPath], projected: Any, zorder: float) -> None:
+    if not paths:
+        return
+    legs = [projected(path.places_mm) for path in paths]
+    width = LOST_WIDTH if kind is LOST else RAY_WIDTH
+    lines = LineCollection(legs, colors=kind.colour, linewidths=width, linestyles=_dash(kind), alpha=0.8)
+    lines.set_zorder(zorder)
+    lines.set_gid(f"rays-{kind.key}")
+    ax.add_collection(lines)
+    marks = {"mirror": slice(1, -1), "scatter": slice(1, -1), "end": slice(-1, None)}
+    if kind.mark != "none":
+        places = np.concatenate([leg[marks[kind.mark]] for leg in legs])
+        look = {"color": kind.colour, "linestyle": "none", "zorder": zorder + 0.1, **_mark(kind)}
+        ax.plot(*places.T, **look)
+
+
+def _dash(kind: LightKind) -> Any:
+    return (0, kind.dash) if kind.dash else "solid"
+
+
+def _mark(kind: LightKind) -> dict[str, Any]:
+    return {
+        "mirror": {"marker": "^", "markersize": 2.6, "markeredgewidth": 0},
+        "scatter": {"marker": "o", "markersize": 1.8, "markeredgewidth": 0},
+        "end": {"marker": "x", "markersize": 3.0, "markeredgewidth": 0.7},
+        "none": {},
+    }[kind.mark]
+
+
+def legend_handles(state: RayState, untouched: float | None) -> list[Line2D]:
+    """The look of every kind that is drawn or carries power, with its share of the power in words.
+
+    Parameters
+    ----------
+    untouched : power that the shares are of, over that of the emitters [-]; None: of the emitters'
+    """
+    unit, power = untouched or 1.0, state.power_by_kind
+    drawn = {kind.key: kind for kind, _ in paths_by_kind(state.paths)}
+    handles = []
+    for kind in (*KINDS[:-1], *(kind for kind in drawn.values() if kind.key == "other")):
+        share = power.get(kind.key)
+        if kind.key in drawn or (share is not None and share > 0.0):
+            known = "not in the light model" if share is None else percent(share / unit)
+            handles.append(_handle(kind, f"{kind.title}, {known}"))
+    if state.lost:
+        title = "lost under the press" if untouched else f"lost, {percent(1.0 - state.total)}"
+        handles.append(_handle(LOST, title))
+    return handles
+
+
+def _handle(kind: LightKind, label: str) -> Line2D:
+    look = {"linestyle": _dash(kind), "linewidth": 1.2, **_mark(kind)}
+    return Line2D([], [], color=kind.colour, label=label, **look)
+
+
+def percent(share: float) -> str:
+    """A share as people read it: never a bare zero for something small."""
+    if 0.0 < share < 0.0005:
+        return "under 0.05 %"
+    return f"{100 * share:.1f} %"
+
+
+def _shown_parts(state: RayState, cavity: CavityGeometry) -> set[str]:
+    """Names of the parts that the drawn light runs between."""
+    paths = (*state.paths, *state.lost)
+    return {cavity.emitters[path.emitter].name for path in paths} | {
+        cavity.receivers[path.receiver].name for path in state.paths
+    }
+
+
+def _draw_faces(ax: Axes, state: RayState, cavity: CavityGeometry, cut: Cut) -> None:
+    """Active faces of the parts that light runs between: those that the section cuts, and outlines of the others."""
+    names = _shown_parts(state, cavity)
+    for part in cavity.parts:
+        if part.name not in names:
+            continue
+        x, y, height = part.position_mm(cavity.length_mm, cavity.width_mm)
+        along = float(cut.along_mm(np.array([x, y])))
+        is_cut = min(np.hypot(x - end[0], y - end[1]) for end in (cut.start_mm, cut.end_mm)) < ON_AXIS_MM
+        wall = np.array([1.0, 0.0]) if part.wall in ("south", "north") else np.array([0.0, 1.0])
+        half = CUT_FACE_MM if is_cut else part.half_width_mm * abs(float(wall @ cut.direction))
+        face = Rectangle(
+            (along - half, height - part.half_height_mm), 2 * half, 2 * part.half_height_mm, edgecolor=INK
+        )
+        filled = INK if part.kind == "emitter" else "white"
+        face.set(
+            facecolor=filled if is_cut else "none",
+            linewidth=0.9 if is_cut else 0.6,
+            zorder=3 if is_cut else 1.6,
+        )
+        ax.add_patch(face)
+        if is_cut or len(names) <= MOST_LABELS_IN_SECTION:
+            _name_face(ax, part.name, along, half, height, cut)
+
+
+def _name_face(ax: Axes, name: str, along: float, half: float, height: float, cut: Cut) -> None:
+    is_left = along < cut.length_mm / 2
+    ax.annotate(
+        name,
+        (along - half if is_left else along + half, height),
+        xytext=(-3 if is_left else 3, 0),
+        textcoords="offset points",
+        ha="right" if is_left else "left",
+        va="center",
+        fontsize=8,
+    )
+
+
+def _draw_dimple(ax: Axes, state: RayState) -> None:
+    press = state.indentation
+    if press is None:
+        return
+    centre = state.press_mm[:2]
+    tip = Circle(
+        centre, press.tip_radius_mm, facecolor="white", alpha=0.7, edgecolor=MUTED, linestyle=(0, (3, 2))
+    )
+    tip.set_linewidth(0.8)
+    ax.add_patch(tip)
+    contact = Circle(
+        centre, press.contact_radius_mm, facecolor="none", edgecolor=GREY, hatch="////", linewidth=0.8
+    )
+    contact.set_gid("contact")
+    ax.add_patch(contact)
+
+
+def _draw_part(ax: Axes, part: PlacedPart, cavity: CavityGeometry, is_shown: bool) -> None:
+    x, y, _ = part.position_mm(cavity.length_mm, cavity.width_mm)
+    colour = INK if is_shown else GREY
+    ax.plot(
+        x,
+        y,
+        marker="o" if part.kind == "emitter" else "s",
+        markersize=5,
+        markerfacecolor=colour if part.kind == "emitter" else "white",
+        markeredgecolor=colour,
+        clip_on=False,
+        zorder=5,
+    )
+    if is_shown or len(cavity.parts) <= MOST_LABELS:
+        right, up = {"south": (0, -1), "east": (1, 0), "north": (0, 1), "west": (-1, 0)}[part.wall]
+        reach = 0.055 * max(cavity.length_mm, cavity.width_mm)
+        ax.text(
+            x + right * reach, y + up * reach, part.name, ha="center", va="center", fontsize=7, color=colour
+        )

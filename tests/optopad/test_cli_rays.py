@@ -1,0 +1,144 @@
+"""`optopad rays`: what it prints, gives as JSON and writes, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from design.preset import preset
+from fabrication.bundle import altered_files, bundle_name
+from optopad.cli import main
+
+PAIR = "piacenza2017-pair"
+ONE = ["--emitter", "E2", "--receiver", "R2", "--count", "6"]
+FOLDER = Path("outputs") / bundle_name(preset(PAIR))
+
+
+@pytest.fixture
+def drawn(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+
+    def draw(*arguments: str) -> str:
+        assert main(["rays", PAIR, *arguments]) == 0
+        return capsys.readouterr().out
+
+    return draw
+
+
+def test_a_pair_is_drawn_and_its_files_are_listed(drawn):
+    text = drawn(*ONE, "--press", "10,10,1")
+    files = [line.split()[1] for line in text.splitlines() if line.startswith("file ")]
+    sims = FOLDER / "sims"
+    assert files == [str(sims / name) for name in ("rays-E2-R2.svg", "rays-E2-R2.png", "rays.json")]
+    assert (sims / "rays-E2-R2.png").read_bytes().startswith(b"\x89PNG")
+    said = " ".join(ElementTree.parse(sims / "rays-E2-R2.svg").getroot().itertext())
+    assert "light from E2 to R2" in said
+    assert "distance along the chord from E2 to R2 [mm]" in said
+    assert "not from counts of lines" in " ".join(said.split())
+    assert altered_files(FOLDER) == ()
+
+
+def test_lines_say_what_of_the_untouched_light_arrives(drawn):
+    lines = drawn(*ONE, "--press", "10,10,1").splitlines()
+    assert lines[0] == "light     E2-R2, powers in % of the untouched light; presses as asked"
+    assert lines[1].startswith("untouched")
+    assert "total 100.00" in lines[1]
+    assert lines[2].startswith("press  10.00  10.00  depth  1.00 mm")
+
+
+def test_json_is_one_object_and_the_data_file_holds_every_path(drawn, capsys):
+    found = json.loads(drawn(*ONE, "--press", "10,10,1", "--json"))
+    assert capsys.readouterr().err == ""
+    untouched, pressed = found["states"]
+    assert untouched["share"] == pytest.approx(1.0)
+    assert sum(pressed["share_by_kind"].values()) == pytest.approx(pressed["share"])
+    assert sum(pressed["flux_by_class"].values()) == pytest.approx(pressed["share"] * found["unit_flux"])
+    data = json.loads((FOLDER / "sims" / "rays.json").read_text(encoding="utf-8"))
+    for row, told in zip(data["states"], found["states"], strict=True):
+        kinds = [path["kind"] for path in row["paths"] if path["receiver"] == "R2"]
+        assert {kind: kinds.count(kind) for kind in set(kinds)} | {
+            "lost": len(row["paths"]) - len(kinds)
+        } == told["paths_by_kind"]
+        assert all(path["places_mm"][0][0] == 0.0 and path["emitter"] == "E2" for path in row["paths"])
+    assert {row["kind"] for row in data["kinds"]} >= {"direct", "top", "diffuse", "lost"}
+
+
+def test_a_part_is_found_by_its_number_too_and_case_does_not_matter(drawn):
+    assert json.loads(
+        drawn("--emitter", "e2", "--receiver", "2", "--count", "2", "--press", "10,10,1", "--json")
+    )["light"] == ("E2-R2")
+
+
+def test_without_a_pair_all_light_is_drawn_with_its_losses(drawn):
+    found = json.loads(drawn("--count", "5", "--press", "10,10,1", "--json"))
+    assert (found["light"], found["power_of"]) == ("all", "emitted light")
+    assert all(state["paths_by_kind"]["lost"] == 5 for state in found["states"])
+    assert all(0.0 < state["share"] < 0.2 for state in found["states"])
+
+
+def test_one_emitter_or_one_receiver_can_be_asked_for(drawn):
+    assert (
+        json.loads(drawn("--emitter", "E1", "--count", "4", "--press", "10,10,1", "--json"))["light"] == "E1"
+    )
+    found = json.loads(drawn("--receiver", "R3", "--count", "4", "--press", "10,10,1", "--json"))
+    assert (found["light"], found["power_of"]) == ("R3", "untouched light")
+    names = sorted(path.name for path in (FOLDER / "sims").iterdir())
+    assert names == ["rays-R3.png", "rays-R3.svg", "rays.json"]  # pictures of an earlier request do not stay
+
+
+def test_without_a_verdict_three_depths_are_drawn(drawn):
+    found = json.loads(drawn(*ONE, "--json"))
+    assert [state["press_mm"] for state in found["states"][1:]] == [[10, 10, 1], [10, 10, 2], [10, 10, 4]]
+
+
+def test_a_deadband_that_a_verdict_found_is_drawn_at_both_ends(drawn):
+    drawn(*ONE, "--press", "10,10,1")
+    score = {"pairs": [{"pair": "E2-R2", "deadbands_mm": [[0.5, 0.9], [1.5, 3.0]]}], "map": None}
+    (FOLDER / "sims" / "score.json").write_text(json.dumps(score), encoding="utf-8")
+    found = json.loads(drawn(*ONE, "--json"))
+    assert [state["press_mm"][2] for state in found["states"]] == [0.0, 1.5, 3.0]
+    assert found["presses_are"] == "where the deadband from 1.5 to 3 mm begins and ends"
+
+
+def test_a_pad_is_pressed_at_its_weakest_place(drawn):
+    drawn(*ONE, "--press", "10,10,1")
+    score = {"map": {"weakest_place_mm": [7, 8], "worst_place_mm": None}, "deadband_mm": {"intervals": []}}
+    (FOLDER / "sims" / "score.json").write_text(json.dumps(score | {"judged_by": "pad"}), encoding="utf-8")
+    found = json.loads(drawn("--count", "2", "--json"))
+    assert [state["press_mm"] for state in found["states"][1:]] == [[7, 8, 1], [7, 8, 2], [7, 8, 4]]
+
+
+@pytest.mark.parametrize("text", ["no json", "[]", '{"map": {"weakest_place_mm": 3}}'])
+def test_a_damaged_verdict_is_named(drawn, capsys, text):
+    drawn(*ONE, "--press", "10,10,1")
+    (FOLDER / "sims" / "score.json").write_text(text, encoding="utf-8")
+    assert main(["rays", PAIR]) == 2
+    assert "run `optopad score` again" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--emitter", "E9"], "--emitter: 'E9' does not exist; the design has E1, E2, E3"),
+        (["--receiver", "E1"], "--receiver: 'E1' does not exist; the design has R1, R2, R3"),
+        (["--emitter", ""], "does not exist"),
+        (["--press", "1,1,1"], "outside the workspace"),
+        (["--press", "10,10"], "write X,Y,DEPTH"),
+        (["--press", "10,10,nan"], "finite"),
+        (["--press", "10,10,7.9"], "depth"),
+        (["--count", "0"], "count"),
+        (["--seed", "-1"], "seed"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused_by_name_and_writes_nothing(
+    tmp_path, monkeypatch, capsys, arguments, message
+):
+    monkeypatch.chdir(tmp_path)
+    assert main(["rays", PAIR, *arguments]) == 2
+    printed = capsys.readouterr()
+    assert message in printed.err
+    assert "Traceback" not in printed.err
+    assert list(tmp_path.iterdir()) == []
