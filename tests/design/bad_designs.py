@@ -397,6 +397,25 @@ _CATALOGUES = (
     ),
 )
 
+_OPTICS = (
+    _field("surfaces.wall_finish", '"matt"', "matt", "air_gap"),
+    _field("surfaces.wall_index", "0.9", "0.9", "at least 1"),
+    _field("surfaces.wall_index", "1.5", "'diffuse'", "wall_finish = 'glossy'"),
+    _text(
+        "epoxy thinner than air",
+        design_text(tail="[part_measurements.osram-sfh206k]\nepoxy_index = 0.5"),
+        "part_measurements.osram-sfh206k.epoxy_index",
+        "0.5",
+        "from 1 to 2.5",
+    ),
+    _text(
+        "epoxy on an emitter",
+        design_text(tail="[part_measurements.sunled-xscwd23mb]\nepoxy_index = 1.5"),
+        "part_measurements.sunled-xscwd23mb.epoxy_index",
+        "no such value",
+    ),
+)
+
 _FITS = (
     _field("mold.outer_length_mm", "33.0", "socket", "0.50 mm"),
     _field("mold.outer_width_mm", "20.0", "socket", "-6.00 mm"),
@@ -535,6 +554,7 @@ BAD_DESIGNS: tuple[BadDesign, ...] = (
     *_LAYOUTS,
     *_REFERENCES,
     *_CATALOGUES,
+    *_OPTICS,
     *_FITS,
     *_TIPS,
     *_BOARD,

@@ -32,8 +32,8 @@ def in_empty_folder(tmp_path, monkeypatch):
 def prepare(page: Path) -> None:
     """What a page says in prose: files that the reader has saved by then."""
     if page.name == "own-parts.md":
-        part, use, _, gel, *_ = toml_blocks_of(page)
-        Path("my-parts.toml").write_text(part + gel, encoding="utf-8")
+        part, use, _, gel, shine, epoxy, walls, *_ = toml_blocks_of(page)
+        Path("my-parts.toml").write_text("\n".join([part, shine, gel]), encoding="utf-8")
         assert main(["new", "my-pad.toml"]) == 0
         text = Path("my-pad.toml").read_text(encoding="utf-8")
         top, emitters = use.split("\n\n")
@@ -41,6 +41,7 @@ def prepare(page: Path) -> None:
         text = re.sub(r"\[emitters\]\npart = .*\nheight_mm = \S+", emitters.strip(), text)
         text = text.replace('material = "sylgard-184"', 'material = "my-gel"')
         text = text.replace("mixing_ratio = 20.0", "mixing_ratio = 1.0")
+        text = re.sub(r"\[surfaces\].*\n", walls, text) + "\n" + epoxy
         Path("my-pad.toml").write_text(text, encoding="utf-8")
 
 
