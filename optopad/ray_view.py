@@ -20,7 +20,7 @@ from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
 from optopad.signals import require_in_workspace
 from sims.contact.indentation import solved_press
-from sims.light_kinds import KINDS, kind_of
+from sims.light_kinds import KINDS, LOST, kind_of
 from sims.optics.paths import LightPath
 from sims.plots.ray_sheet import ray_sheet
 from sims.plots.rays import Cut, cut_across, cut_of_pair, cut_through
@@ -261,7 +261,11 @@ def paths_json(view: RayView) -> dict[str, Any]:
     document = view_json(view)
     cavity = cavity_of(view.design)
     for row, state in zip(document["states"], view.states, strict=True):
-        row["paths"] = [_path_json(path, cavity) for path in (*state.paths, *state.lost)]
+        row["paths"] = [_path_json(path, cavity) for path in state.paths]
+        row["lost_paths"] = [
+            _path_json(path, cavity) | {"kind": LOST.key, "arrived_at": _receiver_name(cavity, former)}
+            for path, former in zip(state.lost, state.lost_by, strict=True)
+        ]
     kinds = [
         {"kind": kind.key, "title": kind.title, "mode": kind.mode, "classes": list(kind.classes)}
         for kind in KINDS
@@ -274,10 +278,14 @@ def _path_json(path: LightPath, cavity: CavityGeometry) -> dict[str, Any]:
         "class": path.fate,
         "kind": kind_of(path.fate).key,
         "emitter": cavity.emitters[path.emitter].name,
-        "receiver": None if path.receiver < 0 else cavity.receivers[path.receiver].name,
+        "receiver": _receiver_name(cavity, path.receiver),
         "ray": path.ray,
         "places_mm": path.places_mm.round(4).tolist(),
     }
+
+
+def _receiver_name(cavity: CavityGeometry, number: int) -> str | None:
+    return None if number < 0 else cavity.receivers[number].name
 
 
 def caption(view: RayView) -> str:

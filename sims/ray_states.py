@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,11 +26,11 @@ from sims.light_kinds import kind_of
 from sims.optics.engine import Accuracy
 from sims.optics.light_signals import LightSignals
 from sims.optics.lower import scene_of
-from sims.optics.paths import LOST, LightPath, follow_rays, random_paths
-from sims.optics.scene import OpticalScene
+from sims.optics.paths import LOST, LightPath, LightWalker
 from sims.optics.tracing import trace
 
 FloatArray = NDArray[np.float64]
+T = TypeVar("T")
 Pair = tuple[int, int]
 Press = tuple[float, float, float]
 
@@ -53,6 +54,7 @@ class RayState:
     emitters : number of emitters that the pairs have together
     paths : light that arrives, the more of a kind the more power it has
     lost : light that does not: under a press, rays that arrived while it was untouched
+    lost_by : for each of the lost, the receiver that it reached while untouched, or `LOST`
     """
 
     press_mm: Press
@@ -61,6 +63,7 @@ class RayState:
     emitters: int
     paths: tuple[LightPath, ...]
     lost: tuple[LightPath, ...]
+    lost_by: tuple[int, ...]
 
     @property
     def power_by_kind(self) -> dict[str, float]:
@@ -86,6 +89,7 @@ class RayChoice:
     pairs : emitter and receiver numbers
     count : paths drawn of the strongest kind
     shows_all_losses : draw any light that no receiver of the pairs gets, in place of what the press takes away
+    pool_per_path : paths looked for, over those drawn
     most_rays : rays tried for an emitter under one press
     accuracy : of the light model
     seed : of all random streams
@@ -94,6 +98,7 @@ class RayChoice:
     pairs: tuple[Pair, ...]
     count: int
     shows_all_losses: bool = False
+    pool_per_path: int = POOL_PER_PATH
     most_rays: int = MOST_RAYS
     accuracy: str | Accuracy = "standard"
     seed: int = 0
@@ -131,16 +136,21 @@ def ray_states(
     states: list[RayState] = []
     for number, row in enumerate(rows):
         press = indent(design, row[2]) if number else None
-        search = _Search(scene=scene, choice=choice, centre_mm=row[:2], press=press)
+        walker = LightWalker(scene, row[:2], press, choice.seed)
+        search = _Search(
+            walker=walker, choice=choice, is_pressed=press is not None, receivers=len(scene.receiver_wall)
+        )
         pools = {emitter: search.arriving(emitter) for emitter in choice.receivers}
         untouched = untouched or pools
+        lost = search.lost(untouched)
         state = RayState(
             press_mm=row,
             indentation=press,
             power=_power(light, number, choice.pairs),
             emitters=len(choice.receivers),
             paths=(),
-            lost=search.lost(untouched),
+            lost=tuple(path for path, _ in lost),
+            lost_by=tuple(receiver for _, receiver in lost),
         )
         brightest = max((states or [state])[0].power_by_kind.values())
         states.append(replace(state, paths=_drawn(pools, _numbers(state, brightest, choice.count))))
@@ -165,58 +175,40 @@ def _power(light: LightSignals, state: int, pairs: tuple[Pair, ...]) -> dict[str
 class _Search:
     """Looks for paths under one press."""
 
-    scene: OpticalScene
+    walker: LightWalker
     choice: RayChoice
-    centre_mm: tuple[float, float]
-    press: Indentation | None
+    is_pressed: bool
+    receivers: int
 
     def arriving(self, emitter: int) -> list[LightPath]:
         """Light of an emitter that its receivers get, in the order of the rays."""
-        wanted = self.choice.count * POOL_PER_PATH
-        return random_paths(
-            self.scene,
-            self.centre_mm,
-            self.press,
-            emitter=emitter,
-            ends=self.choice.receivers[emitter],
-            count=max(1, round(wanted / len(self.choice.receivers))),
-            most_rays=self.choice.most_rays,
-            seed=self.choice.seed,
-        )
-
-    def lost(self, untouched: dict[int, list[LightPath]]) -> tuple[LightPath, ...]:
-        """Light that does not arrive: anything lost, or what arrived in the untouched pad."""
         choice = self.choice
-        if choice.shows_all_losses:
-            pools = {emitter: self._anything_lost(emitter) for emitter in choice.receivers}
-        elif self.press is None:
+        wanted = max(1, round(choice.count * choice.pool_per_path / len(choice.receivers)))
+        ends = choice.receivers[emitter]
+        return self.walker.random_paths(emitter, ends, count=wanted, most_rays=choice.most_rays)
+
+    def lost(self, untouched: dict[int, list[LightPath]]) -> tuple[tuple[LightPath, int], ...]:
+        """Light that does not arrive, and where it arrived while untouched."""
+        if self.choice.shows_all_losses:
+            pools = {emitter: self._anything_lost(emitter) for emitter in self.choice.receivers}
+            return _in_turn(pools, self.choice.count)
+        if not self.is_pressed:
             return ()
-        else:
-            pools = {emitter: self._missing(emitter, former) for emitter, former in untouched.items()}
-            share = sum(map(len, pools.values())) / max(1, sum(map(len, untouched.values())))
-            return _in_turn(pools, _number(share, choice.count))
-        return _in_turn(pools, choice.count)
+        pools = {emitter: self._missing(emitter, former) for emitter, former in untouched.items()}
+        share = sum(map(len, pools.values())) / max(1, sum(map(len, untouched.values())))
+        return _in_turn(pools, _number(share, self.choice.count))
 
-    def _anything_lost(self, emitter: int) -> list[LightPath]:
-        every = range(len(self.scene.receiver_wall))
-        others = [end for end in every if end not in self.choice.receivers[emitter]]
-        return random_paths(
-            self.scene,
-            self.centre_mm,
-            self.press,
-            emitter=emitter,
-            ends=[LOST, *others],
-            count=self.choice.count,
-            most_rays=self.choice.most_rays,
-            seed=self.choice.seed,
-        )
+    def _anything_lost(self, emitter: int) -> list[tuple[LightPath, int]]:
+        ends = [LOST, *sorted(set(range(self.receivers)) - set(self.choice.receivers[emitter]))]
+        choice = self.choice
+        found = self.walker.random_paths(emitter, ends, count=choice.count, most_rays=choice.most_rays)
+        return [(path, LOST) for path in found]
 
-    def _missing(self, emitter: int, former: list[LightPath]) -> list[LightPath]:
-        rays = [path.ray for path in former]
-        now = follow_rays(
-            self.scene, self.centre_mm, self.press, emitter=emitter, rays=rays, seed=self.choice.seed
-        )
-        return [path for path in now if path.receiver not in self.choice.receivers[emitter]]
+    def _missing(self, emitter: int, former: list[LightPath]) -> list[tuple[LightPath, int]]:
+        receivers = {path.ray: path.receiver for path in former}
+        now = self.walker.follow(emitter, list(receivers))
+        wanted = self.choice.receivers[emitter]
+        return [(path, receivers[path.ray]) for path in now if path.receiver not in wanted]
 
 
 def _numbers(state: RayState, brightest: float, count: int) -> dict[str, int]:
@@ -240,7 +232,7 @@ def _drawn(pools: dict[int, list[LightPath]], numbers: dict[str, int]) -> tuple[
     return tuple(path for key, pool in by_kind.items() for path in _in_turn(pool, numbers.get(key, FEWEST)))
 
 
-def _in_turn(pools: dict[int, list[LightPath]], count: int) -> tuple[LightPath, ...]:
+def _in_turn(pools: dict[int, list[T]], count: int) -> tuple[T, ...]:
     """The first paths of every pool, one after the other, up to a count."""
     ranked = sorted(
         ((rank, emitter) for emitter, pool in pools.items() for rank in range(len(pool))),

@@ -75,101 +75,75 @@ def sample_paths(
     -------
     name of the class or fate (`sims.optics.oracle_walk.FATES`), and (n, 3) places along the path [mm]
     """
+    walker = LightWalker(scene, centre_mm, indentation, seed)
     if receiver is not None:
         _check_number("receiver", receiver, len(scene.receiver_wall))
-    found = random_paths(
-        scene,
-        centre_mm,
-        indentation,
-        emitter=emitter,
-        ends=None if receiver is None else (receiver,),
-        count=count,
-        most_rays=TRIES_PER_PATH * count,
-        seed=seed,
-    )
+    ends = None if receiver is None else (receiver,)
+    found = walker.random_paths(emitter, ends, count=count, most_rays=TRIES_PER_PATH * count)
     return [(path.fate, path.places_mm) for path in found]
 
 
-def random_paths(
-    scene: OpticalScene,
-    centre_mm: ArrayLike,
-    indentation: Indentation | None,
-    *,
-    emitter: int,
-    ends: Sequence[int] | None = None,
-    count: int,
-    most_rays: int,
-    seed: int = 0,
-) -> list[LightPath]:
-    """As `sample_paths`, for several ends, and with the rays' numbers, which rise.
+class LightWalker:
+    """A scene under one press, ready to walk single rays.
 
     Parameters
     ----------
-    ends : receivers that count, and `LOST` for all light that no receiver gets; None: every end
-    most_rays : rays tried in all, before fewer paths than `count` are given back
+    centre_mm : (2,) press axis [mm]
+    indentation : the press; None where untouched
+    seed : of the random streams, >= 0
     """
-    walker = _Walker(scene, centre_mm, indentation, emitter, seed)
-    wanted = _wanted_ends(ends, len(scene.receiver_wall))
-    paths: list[LightPath] = []
-    ray = 0
-    while len(paths) < count and ray < most_rays:
-        path = walker.next_path(ray, most_rays - ray, wanted)
-        if path is None:
-            break
-        paths.append(path)
-        ray = path.ray + 1
-    return paths
-
-
-def follow_rays(
-    scene: OpticalScene,
-    centre_mm: ArrayLike,
-    indentation: Indentation | None,
-    *,
-    emitter: int,
-    rays: Sequence[int],
-    seed: int = 0,
-) -> list[LightPath]:
-    """Where rays of given numbers go under a press; a ray that starts above the surface is left out.
-
-    Parameters
-    ----------
-    rays : numbers, as in `LightPath.ray`; the seed must be the one that they were found with
-    """
-    walker = _Walker(scene, centre_mm, indentation, emitter, seed)
-    anywhere = _wanted_ends(None, len(scene.receiver_wall))
-    found = (walker.next_path(ray, 1, anywhere) for ray in rays)
-    return [path for path in found if path is not None]
-
-
-class _Walker:
-    """A scene, a press and an emitter as numbers, ready to walk single rays."""
 
     def __init__(
-        self,
-        scene: OpticalScene,
-        centre_mm: ArrayLike,
-        indentation: Indentation | None,
-        emitter: int,
-        seed: int,
+        self, scene: OpticalScene, centre_mm: ArrayLike, indentation: Indentation | None, seed: int
     ) -> None:
         self._scene = lower_scene(replace(scene, absorption_per_mm=0.0))
         centres = np.asarray(centre_mm, dtype=np.float64)[None]
         (self._surface,) = lower_presses(scene, centres, [indentation])
         check_seed(seed)
-        _check_number("emitter", emitter, len(scene.emitter_wall))
-        self._emitter, self._seed = emitter, seed
+        self._emitters, self._receivers = len(scene.emitter_wall), len(scene.receiver_wall)
+        self._seed = seed
 
-    def next_path(self, ray: int, tries: int, wanted: BoolArray) -> LightPath | None:
+    def random_paths(
+        self, emitter: int, ends: Sequence[int] | None = None, *, count: int, most_rays: int
+    ) -> list[LightPath]:
+        """Random paths of one emitter's light in the order of the rays, each as likely as the power it carries.
+
+        Parameters
+        ----------
+        ends : receivers that count, and `LOST` for all light that no receiver gets; None: every end
+        most_rays : rays tried in all, before fewer paths than `count` are given back
+        """
+        wanted = _wanted_ends(ends, self._receivers)
+        paths: list[LightPath] = []
+        ray = 0
+        while len(paths) < count and ray < most_rays:
+            path = self._next_path(emitter, ray, most_rays - ray, wanted)
+            if path is None:
+                break
+            paths.append(path)
+            ray = path.ray + 1
+        return paths
+
+    def follow(self, emitter: int, rays: Sequence[int]) -> list[LightPath]:
+        """Where rays of given numbers go; a ray that starts above the surface is left out.
+
+        Parameters
+        ----------
+        rays : numbers, as in `LightPath.ray`, found with the same seed under any press
+        """
+        anywhere = _wanted_ends(None, self._receivers)
+        found = (self._next_path(emitter, ray, 1, anywhere) for ray in rays)
+        return [path for path in found if path is not None]
+
+    def _next_path(self, emitter: int, ray: int, tries: int, wanted: BoolArray) -> LightPath | None:
         """From a ray number on, the next one that ends where it is wanted."""
+        _check_number("emitter", emitter, self._emitters)
         number, fate, receiver, places = _next_path(
-            self._scene, self._surface, self._emitter, wanted, self._seed, ray, tries
+            self._scene, self._surface, emitter, wanted, self._seed, ray, tries
         )
         if fate < 0:
             return None
-        return LightPath(
-            fate=FATES[fate], emitter=self._emitter, receiver=receiver, ray=number, places_mm=places
-        )
+        return LightPath(fate=FATES[fate], emitter=emitter, receiver=receiver, ray=number, places_mm=places)
 
 
 def _wanted_ends(ends: Sequence[int] | None, receivers: int) -> BoolArray:

@@ -58,10 +58,11 @@ def test_json_is_one_object_and_the_data_file_holds_every_path(drawn, capsys):
     assert sum(pressed["flux_by_class"].values()) == pytest.approx(pressed["share"] * found["unit_flux"])
     data = json.loads((FOLDER / "sims" / "rays.json").read_text(encoding="utf-8"))
     for row, told in zip(data["states"], found["states"], strict=True):
-        kinds = [path["kind"] for path in row["paths"] if path["receiver"] == "R2"]
-        assert {kind: kinds.count(kind) for kind in set(kinds)} | {
-            "lost": len(row["paths"]) - len(kinds)
-        } == told["paths_by_kind"]
+        kinds = [path["kind"] for path in row["paths"]]
+        counts = {kind: kinds.count(kind) for kind in set(kinds)} | {"lost": len(row["lost_paths"])}
+        assert counts == told["paths_by_kind"]
+        assert {path["receiver"] for path in row["paths"]} == {"R2"}
+        assert all(path["arrived_at"] == "R2" != path["receiver"] for path in row["lost_paths"])
         assert all(path["places_mm"][0][0] == 0.0 and path["emitter"] == "E2" for path in row["paths"])
     assert {row["kind"] for row in data["kinds"]} >= {"direct", "top", "diffuse", "lost"}
 

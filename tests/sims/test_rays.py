@@ -62,6 +62,7 @@ def made_up_state(press: tuple[float, float, float], *paths: LightPath, **power:
         emitters=1,
         paths=paths,
         lost=(),
+        lost_by=(),
     )
 
 
@@ -117,6 +118,7 @@ def test_lost_light_is_light_that_arrived_before_the_press(states):
     for state in states[1:]:
         assert state.lost
         assert all(path.receiver != PAIR[1] for path in state.lost)
+        assert state.lost_by == (PAIR[1],) * len(state.lost)
         # same ray number, same start: the ray is the one that was found in the untouched pad
         assert {path.places_mm[0, 0] for path in state.lost} == {0.0}
 

@@ -8,7 +8,7 @@ import pytest
 from design.errors import InputError
 from sims.optics.oracle_surface import is_submerged, lower_surface
 from sims.optics.oracle_walk import FATES
-from sims.optics.paths import LOST, follow_rays, random_paths, sample_paths
+from sims.optics.paths import LOST, LightWalker, sample_paths
 from tests.sims.optics.oracle_scenes import dimple, ring_scene, wrapped_press
 
 CENTRE = np.array([15.0, 17.0])
@@ -75,16 +75,16 @@ def test_a_bad_request_is_refused_by_name(change, message):
 
 def test_a_ray_followed_under_a_press_leaves_its_emitter_the_same_way():
     scene = ring_scene()
-    found = random_paths(scene, CENTRE, None, emitter=0, ends=[4], count=20, most_rays=10**6, seed=5)
+    walker = LightWalker(scene, CENTRE, None, 5)
+    found = walker.random_paths(0, [4], count=20, most_rays=10**6)
     assert len(found) == 20
     numbers = [path.ray for path in found]
     assert numbers == sorted(set(numbers))
-    same = follow_rays(scene, CENTRE, None, emitter=0, rays=numbers, seed=5)
-    for path, again in zip(found, same, strict=True):
+    for path, again in zip(found, walker.follow(0, numbers), strict=True):
         assert np.array_equal(path.places_mm, again.places_mm)
         assert (again.fate, again.receiver, again.ray) == (path.fate, 4, path.ray)
     middle = (scene.emitter_patch[0, 0] + scene.receiver_patch[4, 0]) / 2, 16.0  # under the chord
-    pressed = follow_rays(scene, middle, dimple(3.0), emitter=0, rays=numbers, seed=5)
+    pressed = LightWalker(scene, middle, dimple(3.0), 5).follow(0, numbers)
     assert [path.ray for path in pressed] == numbers
     for path, bent in zip(found, pressed, strict=True):
         first, other = (legs[1] - legs[0] for legs in (path.places_mm, bent.places_mm))
@@ -94,17 +94,16 @@ def test_a_ray_followed_under_a_press_leaves_its_emitter_the_same_way():
 
 
 def test_a_search_for_paths_ends_after_the_rays_allowed():
-    found = random_paths(ring_scene(), CENTRE, None, emitter=0, ends=[4], count=50, most_rays=2000, seed=5)
+    found = LightWalker(ring_scene(), CENTRE, None, 5).random_paths(0, [4], count=50, most_rays=2000)
     assert 0 < len(found) < 50
     assert max(path.ray for path in found) < 2000
 
 
 def test_ends_choose_between_several_receivers_and_lost_light():
-    scene, ask = ring_scene(), {"emitter": 0, "count": 60, "most_rays": 10**6, "seed": 6}
-    both = random_paths(scene, CENTRE, None, ends=[4, 5], **ask)
+    walker = LightWalker(ring_scene(), CENTRE, None, 6)
+    both = walker.random_paths(0, [4, 5], count=60, most_rays=10**6)
     assert {path.receiver for path in both} == {4, 5}
-    lost = random_paths(scene, CENTRE, None, ends=[LOST], **ask)
+    lost = walker.random_paths(0, [LOST], count=60, most_rays=10**6)
     assert {path.receiver for path in lost} == {LOST}
     assert {path.fate for path in lost}.isdisjoint(FATES[:4])
-    every = random_paths(scene, CENTRE, None, **ask)
-    assert [path.ray for path in every] == list(range(60))
+    assert [path.ray for path in walker.random_paths(0, count=60, most_rays=10**6)] == list(range(60))
