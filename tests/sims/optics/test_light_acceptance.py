@@ -138,6 +138,16 @@ def test_light_that_no_sheet_in_air_shows_counts_as_at_the_last_angle():
     assert np.ptp(ratio[1:]) < ROUNDING  # at c = 0 nothing enters
 
 
+@pytest.mark.parametrize(("epoxy", "largest"), [(1.53, 2e-5), (1.42, 2e-5), (1.40, 1.6e-3), (1.0, 1.6e-3)])
+def test_the_table_keeps_the_transmission_of_diffuse_light(epoxy, largest):
+    fine = cosine_nodes(20001)
+    part = receiver(epoxy_index=quantity(epoxy, "1"), half_angle_deg=quantity(60.0, "deg"))
+    table = np.interp(fine, cosine_nodes(), response_nodes(part, GEL))
+    error = 2 * np.trapezoid(fine * (table - transmitted_share(fine, GEL, epoxy)), fine)
+    # what the module states: smooth T, and T with the root of a critical angle somewhere in a cell
+    assert abs(error) < largest
+
+
 def test_responses_are_shares():
     for relative in ((1.0, 1.0, 1.0), (1.0, 3.0, 0.0), (1.0, 0.0, 0.0)):
         nodes = response_nodes(behind_epoxy(((0.0, 45.0, 90.0), relative)), GEL)
