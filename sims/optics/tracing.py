@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,10 +56,11 @@ def trace(
     indentations = _indentations(design, tips, profile)
     scene = scene_of(design)
     _refuse_what_no_kernel_follows(scene)
+    centres, pressed = _as_engine_takes_them(tips, indentations)
     raw = trace_scene(
         scene,
-        tips[:, 0, :2],
-        [of_state[0] for of_state in indentations],
+        centres,
+        pressed,
         accuracy=accuracy,
         seed=seed,
         pairs=pairs,
@@ -133,6 +135,13 @@ def _refuse_several_tips(tips: FloatArray) -> None:
         raise ModelScopeError(
             f"presses: state {state} has {counts[state]} tips; the light model covers one tip, split the state"
         )
+
+
+def _as_engine_takes_them(tips: FloatArray, indentations: Tips) -> tuple[FloatArray, Sequence[Any]]:
+    """Centres and indentations: (state, 2) and one per state for one tip, else (state, tip, 2) and a list per state."""
+    if tips.shape[1] == 1:
+        return tips[:, 0, :2], [of_state[0] for of_state in indentations]
+    return tips[:, :, :2], indentations
 
 
 def _tips(presses: FloatArray) -> FloatArray:
