@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from hashlib import sha256
@@ -117,9 +117,9 @@ class Reference:
         return np.asarray((self.halves[0] - self.halves[1]) / 2.0)
 
 
-def grouped(flux: FloatArray) -> FloatArray:
-    """(group, ...) from (class, ...): what is neither direct nor diffuse was mirrored."""
-    direct, diffuse = (flux[CLASS_NAMES.index(name)] for name in ("direct", "diffuse"))
+def grouped(flux: FloatArray, names: Sequence[str] = CLASS_NAMES) -> FloatArray:
+    """(group, ...) from (class, ...) of these names: what is neither direct nor diffuse was mirrored."""
+    direct, diffuse = (flux[list(names).index(name)] for name in ("direct", "diffuse"))
     return np.stack([direct, flux.sum(axis=0) - direct - diffuse, diffuse])
 
 
