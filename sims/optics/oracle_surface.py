@@ -1,23 +1,20 @@
-"""The deformed top of the pad as the oracle sees it, and where a ray leaves the elastomer through it.
+"""The pad's top under one press, a surface of revolution, and where rays meet it from inside and from outside.
 
 Model
 -----
-The press is axisymmetric about a vertical axis. Inside the contact circle the surface *is* the tip:
-an exact sphere, and above its equator (a press deeper than the tip radius) the cylindrical shank up to
-the last point of the curve that is no farther out than the contact radius. Under a tip that is no
-hemisphere, the curve itself is the tip up to that point, as straight pieces. Beyond, the stored points
-(radius, height) are read as one smooth curve: a monotone cubic (PCHIP, Fritsch & Carlson 1980) of radius
-and of height over chord length, starting on the tip. So the curve may run back under itself. It is cut
-into straight pieces that turn by at most `TURN_LIMIT` and are at most `PIECE_LIMIT_MM` long, which keeps
-them within 0.15 µm of the curve; revolved, each piece is a cone frustum, which a ray meets where a
-quadratic says. Normals turn linearly from end to end of a piece, so they are continuous. Beyond the last
-point the top is the plane z = height; if the curve does not end at height zero, a vertical ring closes
-the step.
+The press is axisymmetric about a vertical axis. The contact and where it ends are as in
+`sims.optics.oracle_profile`. Beyond, the stored points (radius, height) are read as one smooth curve: a monotone
+cubic (PCHIP, Fritsch & Carlson 1980) of radius and of height over chord length, starting on the tip. So the
+curve may run back under itself. It is cut into straight pieces that turn by at most `TURN_LIMIT` and are at most
+`PIECE_LIMIT_MM` long, which keeps them within 0.15 µm of the curve; revolved, each piece is a cone frustum,
+which a ray meets where a quadratic says. Normals turn linearly from end to end of a piece, so they are
+continuous. Beyond the last point the top is the plane z = height; if the curve does not end at height zero, a
+vertical ring closes the step.
 
 Left out
 --------
-Anything that is not axisymmetric; several tips; the wall's hold on the surface (the curve passes through
-the wall unchanged and is cut off there).
+Anything that is not axisymmetric, and several tips: `sims.optics.oracle_heights` has those. The wall's hold on
+the surface (the curve passes through the wall unchanged and is cut off there).
 
 This file shares no code with the fast engine on purpose: it is the other half of a comparison.
 """
@@ -32,8 +29,8 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from design.errors import InputError
 from sims.indentation import Indentation
+from sims.optics.oracle_profile import SEAM_MM, check_indentation, free_curve
 
 FloatArray = NDArray[np.float64]
 
@@ -41,10 +38,6 @@ TURN_LIMIT = 0.01
 """Largest turn of the curve within one straight piece [rad]."""
 PIECE_LIMIT_MM = 0.1
 """Longest straight piece [mm]; with the turn limit its sagitta is at most 0.125 µm."""
-SEAM_MM = 1e-6
-"""Overlap of neighbouring pieces [mm], so that no ray slips through a seam."""
-TIP_MISMATCH_MM = 0.1
-"""Largest distance between the end of the contact on the curve and the tip [mm]: mesh and penetration."""
 BLOCK = 16
 
 NOTHING, FREE, CONTACT = 0, 1, 2
@@ -57,23 +50,30 @@ class RevolvedSurface(NamedTuple):
     ----------
     centre_x, centre_y : of the press axis [mm]
     top : height of the undisturbed surface [mm]
+    highest : of the surface [mm]
     edge : radius beyond which the surface is the plane z = top [mm]; 0 for an untouched pad
     tip_z, tip_radius : height of the tip sphere's centre, its radius [mm]
     cap_radius : radius of the part of the sphere that is in contact [mm]; 0 without contact
     pieces : (p, 8) r, z of the start; r, z of the unit direction; length; angle of the curve's tangent to
         the radial direction at start and end [rad]; 1 if in contact with the tip
     blocks : (b, 4) smallest and largest r, smallest and largest z of each run of `BLOCK` pieces
+    back, back_blocks : the free pieces run through from their end to their start, as light in air meets them
+    solids : (k, 6) the tip as light in air meets it (`sims.optics.oracle_top.tip_hit`)
     """
 
     centre_x: float
     centre_y: float
     top: float
+    highest: float
     edge: float
     tip_z: float
     tip_radius: float
     cap_radius: float
     pieces: FloatArray
     blocks: FloatArray
+    back: FloatArray
+    back_blocks: FloatArray
+    solids: FloatArray
 
 
 def lower_surface(
@@ -90,86 +90,40 @@ def lower_surface(
     """
     x, y = float(centre_mm[0]), float(centre_mm[1])
     if indentation is None or indentation.depth_mm <= 0.0:
-        return RevolvedSurface(x, y, top_mm, 0.0, 0.0, 1.0, 0.0, np.empty((0, 8)), np.empty((0, 4)))
-    _check_indentation(indentation, top_mm, where)
-    knots, wetted, cap_radius = _free_curve(indentation, where)
+        none, no_block = np.empty((0, 8)), np.empty((0, 4))
+        return RevolvedSurface(
+            x, y, top_mm, top_mm, 0.0, 0.0, 1.0, 0.0, none, no_block, none, no_block, np.empty((0, 6))
+        )
+    check_indentation(indentation, top_mm, where)
+    knots, wetted, cap_radius = free_curve(indentation, where)
     pieces = [*_wetted_pieces(wetted), *_curve_pieces(knots), *_closing_ring(knots)]
     table = np.array(pieces, dtype=np.float64).reshape(-1, 8)
     table[:, 1] += top_mm
+    back = _reversed_pieces(table[table[:, 7] == 0.0])
     return RevolvedSurface(
         x,
         y,
         top_mm,
+        float(max(knots[:, 1].max(), 0.0)) + top_mm,
         float(knots[-1, 0]),
         top_mm - indentation.depth_mm + indentation.tip_radius_mm,
         float(indentation.tip_radius_mm),
         cap_radius,
         table,
         _bounding_blocks(table),
+        back,
+        _bounding_blocks(back),
+        np.empty((0, 6)),
     )
 
 
-def _check_indentation(press: Indentation, top_mm: float, where: str) -> None:
-    radius, height = np.asarray(press.radius_mm, float), np.asarray(press.height_mm, float)
-    scalars = (press.depth_mm, press.tip_radius_mm, press.contact_radius_mm)
-    if radius.ndim != 1 or radius.shape != height.shape or radius.size < 2:
-        raise InputError(
-            f"{where}: radius_mm {radius.shape} and height_mm {height.shape} must be two lists of the same"
-            " length, at least 2 points"
-        )
-    if not (np.isfinite(radius).all() and np.isfinite(height).all() and np.isfinite(scalars).all()):
-        raise InputError(f"{where}: the profile holds NaN or infinity; solve the contact again")
-    if radius.min() < 0.0:
-        raise InputError(f"{where}: radius_mm {radius.min():g} is negative; a radius is a distance")
-    if radius[0] > SEAM_MM:
-        raise InputError(f"{where}: the curve starts at radius {radius[0]:g} mm; it must start at 0")
-    if radius[-1] < radius.max():
-        raise InputError(
-            f"{where}: the curve ends at radius {radius[-1]:g} mm, inside its largest {radius.max():g} mm;"
-            " it must end at its outer rim"
-        )
-    if press.tip_radius_mm <= 0.0:
-        raise InputError(f"{where}: tip_radius_mm {press.tip_radius_mm:g} must be > 0")
-    if press.contact_radius_mm < 0.0 or press.contact_radius_mm > radius[-1] - 2.0 * SEAM_MM:
-        raise InputError(
-            f"{where}: contact_radius_mm {press.contact_radius_mm:g} must be >= 0 and inside the curve's rim,"
-            f" {radius[-1]:g} mm"
-        )
-    deepest = max(press.depth_mm, -float(height.min()))
-    if deepest >= top_mm:
-        raise InputError(
-            f"{where}: reaches {deepest:g} mm down in a clear layer of {top_mm:g} mm; press less deep"
-        )
-
-
-def _free_curve(press: Indentation, where: str) -> tuple[FloatArray, FloatArray, float]:
-    """Knots (n, 2) of the free curve, ends (m, 2) of the tip's wetted straight pieces, radius of its cap."""
-    curve = np.column_stack([press.radius_mm, press.height_mm]).astype(np.float64)
-    if press.contact_radius_mm == 0.0:
-        return _apart(curve), np.empty((0, 2)), 0.0
-    tip, equator = press.tip_radius_mm, press.tip_radius_mm - press.depth_mm
-    last = int(np.flatnonzero(curve[:, 0] <= press.contact_radius_mm * (1.0 + 1e-9))[-1])
-    if not press.is_hemisphere:
-        return _apart(curve[last:]), _apart(curve[: last + 1]), 0.0
-    r, z = curve[last]
-    gap = math.hypot(r, z - equator) - tip if z <= equator else r - tip
-    if abs(gap) > TIP_MISMATCH_MM:
-        raise InputError(
-            f"{where}: at the contact radius the curve is {gap:+.3f} mm off the tip (limit"
-            f" {TIP_MISMATCH_MM:g} mm); check tip_radius_mm {tip:g} and depth_mm {press.depth_mm:g}"
-        )
-    if z > equator:
-        shank = np.array([[tip, equator], [tip, z]])
-        return _apart(np.vstack([shank[1:], curve[last + 1 :]])), shank, tip
-    cap = min(press.contact_radius_mm, tip)
-    start = np.array([[cap, equator - math.sqrt(tip * tip - cap * cap)]])
-    return _apart(np.vstack([start, curve[last + 1 :]])), np.empty((0, 2)), cap
-
-
-def _apart(knots: FloatArray) -> FloatArray:
-    """The knots without those that repeat the one before them."""
-    step = np.hypot(*np.diff(knots, axis=0).T)
-    return np.asarray(knots[np.concatenate([[True], step > SEAM_MM])])
+def _reversed_pieces(table: FloatArray) -> FloatArray:
+    """The same pieces from end to start, so that what left the elastomer through them enters it."""
+    back = table.copy()
+    back[:, :2] += table[:, 2:4] * table[:, 4:5]
+    back[:, 2:4] *= -1.0
+    back[:, 5], back[:, 6] = table[:, 6] + math.pi, table[:, 5] + math.pi
+    return back
 
 
 def _wetted_pieces(ends: FloatArray) -> list[tuple[float, ...]]:
@@ -267,17 +221,48 @@ def surface_hit(
             best, what = t, CONTACT
             nr = -math.sqrt(max(a * t * t + 2.0 * b * t + c, 0.0)) / s.tip_radius
             nz = (s.tip_z - z - t * dz) / s.tip_radius
-    t, piece = _piece_distance(s, a, b, c, z, dz, best)
+    t, piece = _piece_distance(s.pieces, s.blocks, s.edge, a, b, c, z, dz, best)
     if piece >= 0:
         best, what = t, (CONTACT if s.pieces[piece, 7] > 0.0 else FREE)
-        r = math.sqrt(max(a * t * t + 2.0 * b * t + c, 0.0))
-        r0, z0, kr, kz, length, angle0, angle1, _ = s.pieces[piece]
-        share = min(max(((r - r0) * kr + (z + t * dz - z0) * kz) / length, 0.0), 1.0)
-        angle = angle0 + share * (angle1 - angle0)
-        nr, nz = -math.sin(angle), math.cos(angle)
+        nr, nz = _piece_normal(s.pieces[piece], math.sqrt(max(a * t * t + 2.0 * b * t + c, 0.0)), z + t * dz)
     hx, hy = px + best * dx, py + best * dy
     r = max(math.hypot(hx, hy), 1e-12)
     return best, what, nr * hx / r, nr * hy / r, nz
+
+
+@njit(cache=True)
+def surface_entry(
+    s: RevolvedSurface, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float
+) -> tuple[float, int, float, float, float]:
+    """First place nearer than `limit` where a ray in air enters the elastomer; tips are not seen here.
+
+    Parameters and results as of `surface_hit`, but the start is in air and the normal points into the elastomer.
+    """
+    if dz >= 0.0 and z > s.highest + SEAM_MM:
+        return limit, NOTHING, 0.0, 0.0, -1.0
+    px, py = x - s.centre_x, y - s.centre_y
+    a, b, c = dx * dx + dy * dy, px * dx + py * dy, px * px + py * py
+    best, what, nr, nz = limit, NOTHING, 0.0, -1.0
+    if dz < 0.0:
+        t = (s.top - z) / dz
+        if -1e-9 < t < best and a * t * t + 2.0 * b * t + c >= max(s.edge - SEAM_MM, 0.0) ** 2:
+            best, what = max(t, 0.0), FREE
+    t, piece = _piece_distance(s.back, s.back_blocks, s.edge, a, b, c, z, dz, best)
+    if piece >= 0:
+        best, what = t, FREE
+        nr, nz = _piece_normal(s.back[piece], math.sqrt(max(a * t * t + 2.0 * b * t + c, 0.0)), z + t * dz)
+    hx, hy = px + best * dx, py + best * dy
+    r = max(math.hypot(hx, hy), 1e-12)
+    return best, what, nr * hx / r, nr * hy / r, nz
+
+
+@njit(cache=True)
+def _piece_normal(piece: FloatArray, r: float, z: float) -> tuple[float, float]:
+    """Radial and vertical part of the unit normal at a place on a piece."""
+    r0, z0, kr, kz, length, angle0, angle1, _ = piece
+    share = min(max(((r - r0) * kr + (z - z0) * kz) / length, 0.0), 1.0)
+    angle = angle0 + share * (angle1 - angle0)
+    return -math.sin(angle), math.cos(angle)
 
 
 @njit(cache=True)
@@ -299,12 +284,20 @@ def _cap_distance(
 
 @njit(cache=True)
 def _piece_distance(
-    s: RevolvedSurface, a: float, b: float, c: float, z: float, dz: float, limit: float
+    pieces: FloatArray,
+    blocks: FloatArray,
+    edge: float,
+    a: float,
+    b: float,
+    c: float,
+    z: float,
+    dz: float,
+    limit: float,
 ) -> tuple[float, int]:
-    """Nearest exit through the frusta; the ray's squared radius is a t² + 2 b t + c, its height z + dz t."""
+    """Nearest passage through the frusta; the ray's squared radius is a t² + 2 b t + c, its height z + dz t."""
     best, piece = limit, -1
     start, stop = 0.0, limit
-    reach = (s.edge + SEAM_MM) ** 2
+    reach = (edge + SEAM_MM) ** 2
     if a > 1e-14:
         gap = b * b - a * (c - reach)
         if gap <= 0.0:
@@ -313,8 +306,8 @@ def _piece_distance(
         stop = min(stop, (-b + math.sqrt(gap)) / a)
     elif c > reach:
         return best, piece
-    for k in range(s.blocks.shape[0]):
-        low_r, high_r, low_z, high_z = s.blocks[k]
+    for k in range(blocks.shape[0]):
+        low_r, high_r, low_z, high_z = blocks[k]
         t0, t1 = start, min(stop, best)
         if abs(dz) > 1e-14:
             ta, tb = (low_z - z) / dz, (high_z - z) / dz
@@ -328,8 +321,8 @@ def _piece_distance(
         farthest = max(a * t0 * t0 + 2.0 * b * t0 + c, a * t1 * t1 + 2.0 * b * t1 + c)
         if nearest > high_r * high_r or farthest < low_r * low_r:
             continue
-        for i in range(k * BLOCK, min((k + 1) * BLOCK, s.pieces.shape[0])):
-            t = _frustum_exit(s.pieces[i], a, b, c, z, dz, best)
+        for i in range(k * BLOCK, min((k + 1) * BLOCK, pieces.shape[0])):
+            t = _frustum_exit(pieces[i], a, b, c, z, dz, best)
             if t < best:
                 best, piece = t, i
     return best, piece

@@ -15,9 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from design.errors import InputError
 from sims.indentation import Indentation
-from sims.optics.oracle import check_seed, lower_presses, lower_scene
-from sims.optics.oracle_surface import RevolvedSurface
-from sims.optics.oracle_walk import FATES, UNSUBMERGED, Scene, ray_stream, walk
+from sims.optics.oracle import check_seed
+from sims.optics.oracle_chance import ray_stream
+from sims.optics.oracle_scene import Scene, lower_scene
+from sims.optics.oracle_top import Top, lower_presses
+from sims.optics.oracle_walk import FATES, UNSUBMERGED, walk
 from sims.optics.scene import OpticalScene
 
 FloatArray = NDArray[np.float64]
@@ -163,13 +165,13 @@ def _check_number(name: str, value: int, count: int) -> None:
 
 @njit(cache=True)
 def _next_path(
-    scene: Scene, surface: RevolvedSurface, emitter: int, wanted: BoolArray, seed: int, ray: int, tries: int
+    scene: Scene, top: Top, emitter: int, wanted: BoolArray, seed: int, ray: int, tries: int
 ) -> tuple[int, int, int, FloatArray]:
     """Number, fate, receiver and places of the next ray that ends where it is wanted."""
     vertices = np.empty((PLACES, 3))
     for number in range(ray, ray + tries):
         stream = ray_stream(seed, 0, emitter, number)
-        fate, receiver, _, count = walk(scene, surface, emitter, stream, vertices)
+        fate, receiver, _, count = walk(scene, top, emitter, stream, vertices)
         if fate != UNSUBMERGED and count <= PLACES and wanted[receiver]:  # LOST is the last
             return number, fate, receiver, vertices[:count].copy()
     return ray + tries, -1, -1, vertices[:0].copy()
