@@ -30,14 +30,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import ArrayLike, NDArray
 
 from design.errors import InputError
-from sims.optics.oracle_chance import ray_stream
-from sims.optics.oracle_scene import Scene, lower_scene
-from sims.optics.oracle_top import Presses, Top, lower_presses
-from sims.optics.oracle_walk import CROSSING, FATES, VOLUME, walk
+from sims.optics.oracle_compiled import trace_emitter
+from sims.optics.oracle_scene import lower_scene
+from sims.optics.oracle_top import Presses, lower_presses
+from sims.optics.oracle_walk import CROSSING, FATES
 from sims.optics.scene import OpticalScene
 from sims.optics.smooth_field import SmoothField
 
@@ -45,9 +44,6 @@ FloatArray = NDArray[np.float64]
 
 CLASSES = FATES[: CROSSING + 1]
 """Classes of received light, in the order of `OracleLight.flux`."""
-FATE_COUNT = len(FATES)
-BATCHES = 256
-"""Parts in which the rays of one emitter are summed; fixed, so that threads never change an answer."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,7 +118,7 @@ def trace_oracle(
     ledger = np.zeros((len(FATES), len(tops), emitters))
     for state, top in enumerate(tops):
         for emitter in range(emitters):
-            sums = _trace_emitter(lowered, top, seed, state, emitter, rays)
+            sums = trace_emitter(lowered, top, seed, state, emitter, rays)
             flux[:, state, emitter], square[:, state, emitter], ledger[:, state, emitter] = (
                 np.asarray(part.sum(axis=0)) / rays for part in sums
             )
@@ -147,25 +143,3 @@ def check_seed(seed: int) -> None:
     """Refuse seeds that do not fit a random stream."""
     if not 0 <= seed < 2**63:
         raise InputError(f"seed: {seed} must lie between 0 and 2^63 - 1")
-
-
-@njit(cache=True, parallel=True)
-def _trace_emitter(
-    scene: Scene, top: Top, seed: int, state: int, emitter: int, rays: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Sums over rays in each batch: received weight and its square by class, and the ledger."""
-    receivers = scene.receiver_wall.shape[0]
-    flux = np.zeros((BATCHES, CROSSING + 1, receivers))
-    square = np.zeros((BATCHES, CROSSING + 1, receivers))
-    ledger = np.zeros((BATCHES, FATE_COUNT))
-    for batch in prange(BATCHES):
-        vertices = np.empty((0, 3))
-        for ray in range(batch * rays // BATCHES, (batch + 1) * rays // BATCHES):
-            stream = ray_stream(seed, state, emitter, ray)
-            fate, receiver, weight, _ = walk(scene, top, emitter, stream, vertices)
-            ledger[batch, fate] += weight
-            ledger[batch, VOLUME] += 1.0 - weight
-            if receiver >= 0:
-                flux[batch, fate, receiver] += weight
-                square[batch, fate, receiver] += weight * weight
-    return flux, square, ledger

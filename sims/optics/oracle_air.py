@@ -31,7 +31,7 @@ AIR_STEP_LIMIT = 1_000
 """Flights in air after which a ray is given up."""
 
 
-@njit(cache=True)
+@njit()
 def fly(
     scene: Scene,
     top: Top,
@@ -91,7 +91,7 @@ def fly(
     return GIVEN_UP, stream, (x, y, z), (dx, dy, dz), count
 
 
-@njit(cache=True)
+@njit()
 def record(vertices: FloatArray, count: int, x: float, y: float, z: float) -> int:
     """Write down one place of a path while there is room; the count of places so far."""
     if count < vertices.shape[0]:

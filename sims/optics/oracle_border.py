@@ -11,7 +11,7 @@ import math
 from numba import njit
 
 
-@njit(cache=True)
+@njit()
 def fresnel_reflectance(cosine: float, ratio: float) -> float:
     """Share of unpolarised light that a border reflects.
 
@@ -26,7 +26,7 @@ def fresnel_reflectance(cosine: float, ratio: float) -> float:
     return 0.5 * (across * across + within * within)
 
 
-@njit(cache=True)
+@njit()
 def refracted_direction(
     dx: float, dy: float, dz: float, nx: float, ny: float, nz: float, ratio: float
 ) -> tuple[float, float, float]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 
-@njit(cache=True)
+@njit()
 def scramble(key: np.uint64) -> np.uint64:
     """Mix 64 bits so that neighbouring keys give unrelated ones (splitmix64's finaliser)."""
     key = (key ^ (key >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -26,7 +26,7 @@ def scramble(key: np.uint64) -> np.uint64:
     return key ^ (key >> np.uint64(31))
 
 
-@njit(cache=True)
+@njit()
 def ray_stream(seed: int, state: int, emitter: int, ray: int) -> np.uint64:
     """Start of the random stream of one ray."""
     golden = np.uint64(0x9E3779B97F4A7C15)
@@ -36,14 +36,14 @@ def ray_stream(seed: int, state: int, emitter: int, ray: int) -> np.uint64:
     return scramble((key ^ np.uint64(ray)) + golden)
 
 
-@njit(cache=True)
+@njit()
 def draw(stream: np.uint64) -> tuple[np.uint64, float]:
     """Advance a stream; a number in [0, 1)."""
     stream = stream + np.uint64(0x9E3779B97F4A7C15)
     return stream, float(scramble(stream) >> np.uint64(11)) * 2.0**-53
 
 
-@njit(cache=True)
+@njit()
 def direction_about(nx: float, ny: float, nz: float, cosine: float, v: float) -> tuple[float, float, float]:
     """The direction at a cosine to a unit normal and at the azimuth 2 π v; v in [0, 1)."""
     sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
@@ -58,7 +58,7 @@ def direction_about(nx: float, ny: float, nz: float, cosine: float, v: float) ->
     return p * ax + q * bx + cosine * nx, p * ay + q * by + cosine * ny, p * az + q * bz + cosine * nz
 
 
-@njit(cache=True)
+@njit()
 def lobe_direction(
     nx: float, ny: float, nz: float, order: float, u: float, v: float
 ) -> tuple[float, float, float]:
@@ -86,7 +86,7 @@ def pattern_shares(radiance: FloatArray) -> FloatArray:
     return shares
 
 
-@njit(cache=True)
+@njit()
 def pattern_cosine(radiance: FloatArray, shares: FloatArray, u: float) -> float:
     """A cosine drawn from one radiance table.
 
@@ -113,10 +113,10 @@ def pattern_cosine(radiance: FloatArray, shares: FloatArray, u: float) -> float:
         if abs(guess - t) < 1e-15:
             break
         t = guess
-    return cosine + width * t
+    return float(cosine + width * t)
 
 
-@njit(cache=True)
+@njit()
 def table_value(table: FloatArray, cosine: float) -> float:
     """A table (n,) over the cosines linspace(0, 1, n), read linearly; cosine in [0, 1]."""
     last = table.shape[0] - 1

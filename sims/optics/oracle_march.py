@@ -40,7 +40,7 @@ FACE_MM = 1e-7
 INSIDE, OUTSIDE = 1.0, -1.0
 
 
-@njit(cache=True)
+@njit()
 def summed_height(s: SummedSurface, x: float, y: float) -> tuple[float, float, float]:
     """Height of the top [mm] and its slopes along x and y [-] at a place."""
     height, along, across = s.top, 0.0, 0.0
@@ -71,7 +71,7 @@ def summed_height(s: SummedSurface, x: float, y: float) -> tuple[float, float, f
     return height, along, across
 
 
-@njit(cache=True)
+@njit()
 def _field_height(s: SummedSurface, x: float, y: float) -> tuple[float, float, float]:
     """The field's value [mm] and slopes [-] at a place."""
     u, v = (x - s.origin[0]) / s.step[0], (y - s.origin[1]) / s.step[1]
@@ -92,7 +92,7 @@ def _field_height(s: SummedSurface, x: float, y: float) -> tuple[float, float, f
     return value, along, across
 
 
-@njit(cache=True)
+@njit()
 def _cubic_ends(t: float, end: int, step: float) -> tuple[float, float, float, float]:
     """Weights of an end's value and slope in a cubic's value, then in its slope; t in [0, 1] from the first end."""
     if end == 0:
@@ -110,7 +110,7 @@ def _cubic_ends(t: float, end: int, step: float) -> tuple[float, float, float, f
     )
 
 
-@njit(cache=True)
+@njit()
 def _clearance(
     s: SummedSurface, side: float, x: float, y: float, z: float, dx: float, dy: float, dz: float, t: float
 ) -> tuple[float, float]:
@@ -119,7 +119,7 @@ def _clearance(
     return side * (height - z - t * dz), side * (along * dx + across * dy - dz)
 
 
-@njit(cache=True)
+@njit()
 def _bend(s: SummedSurface, x: float, y: float, dx: float, dy: float, t0: float, t1: float) -> float:
     """Bound of the clearance's second derivative between two places on a ray [1/mm]."""
     bound = s.field_bend
@@ -139,7 +139,7 @@ def _bend(s: SummedSurface, x: float, y: float, dx: float, dy: float, t0: float,
     return a * bound
 
 
-@njit(cache=True)
+@njit()
 def _next_border(
     s: SummedSurface, x: float, y: float, dx: float, dy: float, t: float, limit: float
 ) -> tuple[float, int]:
@@ -170,7 +170,7 @@ def _next_border(
     return best, which
 
 
-@njit(cache=True)
+@njit()
 def _first_zero(
     s: SummedSurface,
     side: float,
@@ -206,7 +206,7 @@ def _first_zero(
     return math.inf
 
 
-@njit(cache=True)
+@njit()
 def _bisected(
     s: SummedSurface,
     side: float,
@@ -231,7 +231,7 @@ def _bisected(
     return low
 
 
-@njit(cache=True)
+@njit()
 def summed_hit(
     s: SummedSurface,
     side: float,
@@ -276,7 +276,7 @@ def summed_hit(
     return limit, NOTHING, 0.0, 0.0, side
 
 
-@njit(cache=True)
+@njit()
 def _met(
     s: SummedSurface, side: float, x: float, y: float, distance: float
 ) -> tuple[float, int, float, float, float]:
@@ -290,7 +290,7 @@ def _met(
     return distance, what, -along * size, -across * size, size
 
 
-@njit(cache=True)
+@njit()
 def _face(
     s: SummedSurface, which: int, x: float, y: float, dx: float, dy: float, t: float
 ) -> tuple[float, int, float, float, float]:
@@ -304,7 +304,7 @@ def _face(
     return t, FREE, nx / size, ny / size, 0.0
 
 
-@njit(cache=True)
+@njit()
 def is_under_sum(s: SummedSurface, x: float, y: float, z: float) -> bool:
     """Whether a point lies in the elastomer."""
     return bool(z <= summed_height(s, x, y)[0])

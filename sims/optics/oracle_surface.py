@@ -177,7 +177,7 @@ def _bounding_blocks(table: FloatArray) -> FloatArray:
     return np.array(rows).reshape(-1, 4)
 
 
-@njit(cache=True)
+@njit()
 def is_submerged(s: RevolvedSurface, x: float, y: float, z: float) -> bool:
     """Whether a point lies in the elastomer: the surface passes above it an odd number of times."""
     r = math.hypot(x - s.centre_x, y - s.centre_y)
@@ -193,7 +193,7 @@ def is_submerged(s: RevolvedSurface, x: float, y: float, z: float) -> bool:
     return above % 2 == 1
 
 
-@njit(cache=True)
+@njit()
 def surface_hit(
     s: RevolvedSurface, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float
 ) -> tuple[float, int, float, float, float]:
@@ -230,7 +230,7 @@ def surface_hit(
     return best, what, nr * hx / r, nr * hy / r, nz
 
 
-@njit(cache=True)
+@njit()
 def surface_entry(
     s: RevolvedSurface, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float
 ) -> tuple[float, int, float, float, float]:
@@ -256,7 +256,7 @@ def surface_entry(
     return best, what, nr * hx / r, nr * hy / r, nz
 
 
-@njit(cache=True)
+@njit()
 def _piece_normal(piece: FloatArray, r: float, z: float) -> tuple[float, float]:
     """Radial and vertical part of the unit normal at a place on a piece."""
     r0, z0, kr, kz, length, angle0, angle1, _ = piece
@@ -265,7 +265,7 @@ def _piece_normal(piece: FloatArray, r: float, z: float) -> tuple[float, float]:
     return -math.sin(angle), math.cos(angle)
 
 
-@njit(cache=True)
+@njit()
 def _cap_distance(
     s: RevolvedSurface, px: float, py: float, z: float, dx: float, dy: float, dz: float
 ) -> float:
@@ -282,7 +282,7 @@ def _cap_distance(
     return t
 
 
-@njit(cache=True)
+@njit()
 def _piece_distance(
     pieces: FloatArray,
     blocks: FloatArray,
@@ -328,7 +328,7 @@ def _piece_distance(
     return best, piece
 
 
-@njit(cache=True)
+@njit()
 def _frustum_exit(
     piece: FloatArray, a: float, b: float, c: float, z: float, dz: float, limit: float
 ) -> float:

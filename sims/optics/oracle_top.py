@@ -219,7 +219,7 @@ def _compiled_is_flat(top: Any) -> Any:
     return of_sum if top.instance_class is SummedSurface else of_revolved
 
 
-@njit(cache=True)
+@njit()
 def tip_hit(
     solids: FloatArray, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float
 ) -> tuple[float, bool, float, float, float]:

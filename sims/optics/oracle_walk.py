@@ -84,7 +84,7 @@ STEP_LIMIT = 10_000
 """Flights after which a ray is given up and booked as unresolved."""
 
 
-@njit(cache=True)
+@njit()
 def emission_direction(scene: Scene, emitter: int, u: float, v: float) -> tuple[float, float, float]:
     """A direction of an emitter's light, by its table or its order; u, v in [0, 1)."""
     nx, ny, nz = inward_normal(scene.emitter_wall[emitter])
@@ -94,7 +94,7 @@ def emission_direction(scene: Scene, emitter: int, u: float, v: float) -> tuple[
     return lobe_direction(nx, ny, nz, scene.emitter_order[emitter], u, v)
 
 
-@njit(cache=True)
+@njit()
 def walk(
     scene: Scene, top: Top, emitter: int, stream: np.uint64, vertices: FloatArray
 ) -> tuple[int, int, float, int]:
@@ -134,7 +134,7 @@ def walk(
     return UNRESOLVED, -1, weight, count
 
 
-@njit(cache=True, forceinline=True)
+@njit(forceinline=True)
 def walk_inside(
     scene: Scene,
     top: Top,
@@ -210,7 +210,7 @@ def walk_inside(
     return UNRESOLVED, -1, weight, count, stream, place, direction
 
 
-@njit(cache=True)
+@njit()
 def _counted_share(scene: Scene, receiver: int, cosine: float) -> float:
     """Share of light arriving at a cosine which a receiver counts [-]."""
     if scene.receiver_response.shape[1] == 0:
@@ -218,7 +218,7 @@ def _counted_share(scene: Scene, receiver: int, cosine: float) -> float:
     return table_value(scene.receiver_response[receiver], cosine)
 
 
-@njit(cache=True)
+@njit()
 def _fate_in_air(end: int) -> int:
     """The fate of light that a flight in air has ended."""
     if end == OVER_THE_WALLS:

@@ -10,17 +10,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from design.errors import InputError
-from sims.indentation import Indentation
 from sims.optics.oracle import check_seed
-from sims.optics.oracle_chance import ray_stream
-from sims.optics.oracle_scene import Scene, lower_scene
-from sims.optics.oracle_top import Top, lower_presses
-from sims.optics.oracle_walk import FATES, UNSUBMERGED, walk
+from sims.optics.oracle_compiled import next_path
+from sims.optics.oracle_scene import lower_scene
+from sims.optics.oracle_top import Presses, lower_presses
+from sims.optics.oracle_walk import FATES
 from sims.optics.scene import OpticalScene
+from sims.optics.smooth_field import SmoothField
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -55,20 +54,22 @@ class LightPath:
 def sample_paths(
     scene: OpticalScene,
     centre_mm: ArrayLike,
-    indentation: Indentation | None,
+    indentation: Presses,
     *,
     emitter: int,
     receiver: int | None = None,
     count: int,
     seed: int = 0,
+    field: SmoothField | None = None,
 ) -> list[tuple[str, FloatArray]]:
     """Random paths of one emitter's light, each as likely as the power it carries.
 
-    With absorption a path is drawn as if there were none: the picture shows where light goes, not how much.
+    A path that leaves the elastomer and enters it again has its places in air too; one that escapes ends where it
+    last met anything. With absorption a path is drawn as if there were none: the picture shows where light goes, not how much.
 
     Parameters
     ----------
-    centre_mm : (2,) press axis [mm]
+    centre_mm, indentation, field : as of `LightWalker`
     emitter, receiver : numbers; with a receiver only paths that end on it, without any fate
     count : paths wanted; fewer come back where light that reaches the receiver is too rare
     seed : of the random streams, >= 0
@@ -77,7 +78,7 @@ def sample_paths(
     -------
     name of the class or fate (`sims.optics.oracle_walk.FATES`), and (n, 3) places along the path [mm]
     """
-    walker = LightWalker(scene, centre_mm, indentation, seed)
+    walker = LightWalker(scene, centre_mm, indentation, seed, field)
     if receiver is not None:
         _check_number("receiver", receiver, len(scene.receiver_wall))
     ends = None if receiver is None else (receiver,)
@@ -86,21 +87,27 @@ def sample_paths(
 
 
 class LightWalker:
-    """A scene under one press, ready to walk single rays.
+    """A scene in one state, ready to walk single rays.
 
     Parameters
     ----------
-    centre_mm : (2,) press axis [mm]
-    indentation : the press; None where untouched
+    centre_mm : (2,) press axis, or (tip, 2) axes where several tips press at once [mm]
+    indentation : the press, None where untouched, or a sequence of these, one per tip
     seed : of the random streams, >= 0
+    field : height added to the top, or None
     """
 
     def __init__(
-        self, scene: OpticalScene, centre_mm: ArrayLike, indentation: Indentation | None, seed: int
+        self,
+        scene: OpticalScene,
+        centre_mm: ArrayLike,
+        indentation: Presses,
+        seed: int,
+        field: SmoothField | None = None,
     ) -> None:
         self._scene = lower_scene(replace(scene, absorption_per_mm=0.0))
         centres = np.asarray(centre_mm, dtype=np.float64)[None]
-        (self._surface,) = lower_presses(scene, centres, [indentation])
+        (self._top,) = lower_presses(scene, centres, [indentation], [field])
         check_seed(seed)
         self._emitters, self._receivers = len(scene.emitter_wall), len(scene.receiver_wall)
         self._seed = seed
@@ -140,8 +147,8 @@ class LightWalker:
     def _next_path(self, emitter: int, ray: int, tries: int, wanted: BoolArray) -> LightPath | None:
         """From a ray number on, the next one that ends where it is wanted."""
         _check_number("emitter", emitter, self._emitters)
-        number, fate, receiver, places = _next_path(
-            self._scene, self._surface, emitter, wanted, self._seed, ray, tries
+        number, fate, receiver, places = next_path(
+            self._scene, self._top, emitter, wanted, self._seed, ray, tries, PLACES
         )
         if fate < 0:
             return None
@@ -161,17 +168,3 @@ def _wanted_ends(ends: Sequence[int] | None, receivers: int) -> BoolArray:
 def _check_number(name: str, value: int, count: int) -> None:
     if not 0 <= value < count:
         raise InputError(f"{name}: {value} does not exist; the scene has {count}, numbered from 0")
-
-
-@njit(cache=True)
-def _next_path(
-    scene: Scene, top: Top, emitter: int, wanted: BoolArray, seed: int, ray: int, tries: int
-) -> tuple[int, int, int, FloatArray]:
-    """Number, fate, receiver and places of the next ray that ends where it is wanted."""
-    vertices = np.empty((PLACES, 3))
-    for number in range(ray, ray + tries):
-        stream = ray_stream(seed, 0, emitter, number)
-        fate, receiver, _, count = walk(scene, top, emitter, stream, vertices)
-        if fate != UNSUBMERGED and count <= PLACES and wanted[receiver]:  # LOST is the last
-            return number, fate, receiver, vertices[:count].copy()
-    return ray + tries, -1, -1, vertices[:0].copy()

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from sims.optics.oracle_walk import draw, fresnel_reflectance, lobe_direction, ray_stream
+from sims.optics.oracle_border import fresnel_reflectance
+from sims.optics.oracle_chance import draw, lobe_direction, ray_stream
 
 
 def test_reflectance_at_normal_incidence_is_the_square_of_the_index_step():

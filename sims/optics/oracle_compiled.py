@@ -1,0 +1,90 @@
+# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
+"""The oracle's two compiled entry points, cached on disk; everything below them is compiled into them.
+
+A cache on disk notices a change of its own file only. Each entry point therefore closes over a fingerprint of all
+the oracle's sources, which is part of its cache key: a changed kernel is never answered from an old cache.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+from numba import njit, prange
+
+from sims.optics import (
+    oracle_air,
+    oracle_border,
+    oracle_chance,
+    oracle_heights,
+    oracle_march,
+    oracle_profile,
+    oracle_scene,
+    oracle_surface,
+    oracle_top,
+    oracle_walk,
+)
+from sims.optics.oracle_chance import ray_stream
+from sims.optics.oracle_walk import CROSSING, FATES, UNSUBMERGED, VOLUME, walk
+
+MODULES = (
+    oracle_air,
+    oracle_border,
+    oracle_chance,
+    oracle_heights,
+    oracle_march,
+    oracle_profile,
+    oracle_scene,
+    oracle_surface,
+    oracle_top,
+    oracle_walk,
+)
+CLASS_COUNT, FATE_COUNT = CROSSING + 1, len(FATES)
+BATCHES = 256
+"""Parts in which the rays of one emitter are summed; fixed, so that threads never change an answer."""
+
+
+def source_fingerprint() -> int:
+    """63-bit hash of the sources that the compiled code depends on."""
+    digest = hashlib.sha256()
+    for module in MODULES:
+        digest.update(Path(str(module.__file__)).read_bytes())
+    return int.from_bytes(digest.digest()[:8], "big") >> 1
+
+
+def _compile(fingerprint):
+    @njit(cache=True, parallel=True)
+    def trace_emitter(scene, top, seed, state, emitter, rays):
+        """Sums over rays in each batch: received weight and its square by class, and the ledger."""
+        receivers = scene.receiver_wall.shape[0]
+        flux = np.zeros((BATCHES, CLASS_COUNT, receivers))
+        square = np.zeros((BATCHES, CLASS_COUNT, receivers))
+        ledger = np.zeros((BATCHES, FATE_COUNT))
+        for batch in prange(BATCHES if fingerprint >= 0 else 0):
+            vertices = np.empty((0, 3))
+            for ray in range(batch * rays // BATCHES, (batch + 1) * rays // BATCHES):
+                stream = ray_stream(seed, state, emitter, ray)
+                fate, receiver, weight, _ = walk(scene, top, emitter, stream, vertices)
+                ledger[batch, fate] += weight
+                ledger[batch, VOLUME] += 1.0 - weight
+                if receiver >= 0:
+                    flux[batch, fate, receiver] += weight
+                    square[batch, fate, receiver] += weight * weight
+        return flux, square, ledger
+
+    @njit(cache=True)
+    def next_path(scene, top, emitter, wanted, seed, ray, tries, places):
+        """Number, fate, receiver and places of the next ray that ends where it is wanted."""
+        vertices = np.empty((places, 3))
+        for number in range(ray, ray + tries if fingerprint >= 0 else 0):
+            stream = ray_stream(seed, 0, emitter, number)
+            fate, receiver, _, count = walk(scene, top, emitter, stream, vertices)
+            if fate != UNSUBMERGED and count <= places and wanted[receiver]:  # -1, lost, is the last
+                return number, fate, receiver, vertices[:count].copy()
+        return ray + tries, -1, -1, vertices[:0].copy()
+
+    return trace_emitter, next_path
+
+
+trace_emitter, next_path = _compile(source_fingerprint())
