@@ -65,7 +65,8 @@ def sample_paths(
     """Random paths of one emitter's light, each as likely as the power it carries.
 
     A path that leaves the elastomer and enters it again has its places in air too; one that escapes ends where it
-    last met anything. With absorption a path is drawn as if there were none: the picture shows where light goes, not how much.
+    last met anything. With absorption a path is drawn as if there were none: the picture shows where light goes,
+    not how much.
 
     Parameters
     ----------
