@@ -108,7 +108,7 @@ def test_with_receivers_all_over_the_walls_the_engine_counts_all_light_that_reac
     centre, press = np.array([[14.0, 12.0]]), [dimple(depth_mm, 0.03)]
     oracle = trace_oracle(scene, centre, press, rays=8_000_000, seed=11)
     assert oracle.ledger.sum() == pytest.approx(1.0, abs=1e-9)
-    reached = oracle.total.sum()
+    reached = oracle.without_crossing.sum()
     error = np.sqrt(reached * (1.0 - reached) / oracle.rays)
     fast = trace_scene(scene, centre, press, accuracy="fine", seed=3)
     sampled = np.sqrt(np.sum(fast.standard_error**2))
