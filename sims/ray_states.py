@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +29,6 @@ from sims.optics.paths import LOST, LightPath, LightWalker
 from sims.optics.tracing import trace
 
 FloatArray = NDArray[np.float64]
-T = TypeVar("T")
 Pair = tuple[int, int]
 Press = tuple[float, float, float]
 
@@ -68,10 +66,15 @@ class RayState:
     @property
     def power_by_kind(self) -> dict[str, float]:
         """Power of all pairs together by the key of its kind, over that of their emitters together [-]."""
+        everything = list(range(len(next(iter(self.power.values())))))
+        return {key: value / self.emitters for key, value in self.sums_by_kind(everything).items()}
+
+    def sums_by_kind(self, pairs: list[int]) -> dict[str, float]:
+        """Power of some pairs, by their places in `power`, by the key of its kind, over that of one emitter [-]."""
         found: dict[str, float] = {}
         for name, values in self.power.items():
             key = kind_of(name).key
-            found[key] = found.get(key, 0.0) + float(values.sum()) / self.emitters
+            found[key] = found.get(key, 0.0) + float(values[pairs].sum())
         return found
 
     @property
@@ -87,7 +90,8 @@ class RayChoice:
     Attributes
     ----------
     pairs : emitter and receiver numbers
-    count : paths drawn of the strongest kind
+    count : paths drawn of the strongest kind of light
+    draws_each_pair : so many of each pair's strongest kind, in place of that of all pairs together
     shows_all_losses : draw any light that no receiver of the pairs gets, in place of what the press takes away
     pool_per_path : paths looked for, over those drawn
     most_rays : rays tried for an emitter under one press
@@ -97,6 +101,7 @@ class RayChoice:
 
     pairs: tuple[Pair, ...]
     count: int
+    draws_each_pair: bool = False
     shows_all_losses: bool = False
     pool_per_path: int = POOL_PER_PATH
     most_rays: int = MOST_RAYS
@@ -108,6 +113,20 @@ class RayChoice:
         """Receivers of each emitter."""
         emitters = dict.fromkeys(emitter for emitter, _ in self.pairs)
         return {one: tuple(r for emitter, r in self.pairs if emitter == one) for one in emitters}
+
+    @property
+    def groups(self) -> list[list[int]]:
+        """Pairs whose light is drawn together, by their places in `pairs`."""
+        everything = list(range(len(self.pairs)))
+        return [[number] for number in everything] if self.draws_each_pair else [everything]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Found:
+    """A path, and the pair that it is drawn for: for lost light, the one that it reached while untouched."""
+
+    pair: Pair
+    path: LightPath
 
 
 def ray_states(
@@ -132,28 +151,28 @@ def ray_states(
     rows = [(design.cavity.length_mm / 2, design.cavity.width_mm / 2, 0.0), *presses]
     light = _light(design, choice, rows)
     scene = scene_of(design)
-    untouched: dict[int, list[LightPath]] = {}
+    before: list[_Found] = []
     states: list[RayState] = []
     for number, row in enumerate(rows):
         press = indent(design, row[2]) if number else None
-        walker = LightWalker(scene, row[:2], press, choice.seed)
-        search = _Search(
-            walker=walker, choice=choice, is_pressed=press is not None, receivers=len(scene.receiver_wall)
-        )
-        pools = {emitter: search.arriving(emitter) for emitter in choice.receivers}
-        untouched = untouched or pools
-        lost = search.lost(untouched)
+        search = _Search(walker=LightWalker(scene, row[:2], press, choice.seed), choice=choice)
         state = RayState(
             press_mm=row,
             indentation=press,
             power=_power(light, number, choice.pairs),
             emitters=len(choice.receivers),
             paths=(),
-            lost=tuple(path for path, _ in lost),
-            lost_by=tuple(receiver for _, receiver in lost),
+            lost=(),
+            lost_by=(),
         )
-        brightest = max((states or [state])[0].power_by_kind.values())
-        states.append(replace(state, paths=_drawn(pools, _numbers(state, brightest, choice.count))))
+        arriving = search.arriving()
+        before = before if number else arriving
+        lost = (
+            search.anything_lost(len(scene.receiver_wall))
+            if choice.shows_all_losses
+            else search.missing(before)
+        )
+        states.append(_filled(state, (states or [state])[0], choice, arriving, before, lost))
         if on_step is not None:
             on_step((number + 1) / len(rows))
     return tuple(states)
@@ -177,64 +196,84 @@ class _Search:
 
     walker: LightWalker
     choice: RayChoice
-    is_pressed: bool
-    receivers: int
 
-    def arriving(self, emitter: int) -> list[LightPath]:
-        """Light of an emitter that its receivers get, in the order of the rays."""
+    def arriving(self) -> list[_Found]:
+        """Light that the pairs' receivers get."""
         choice = self.choice
-        wanted = max(1, round(choice.count * choice.pool_per_path / len(choice.receivers)))
-        ends = choice.receivers[emitter]
-        return self.walker.random_paths(emitter, ends, count=wanted, most_rays=choice.most_rays)
+        together = len(choice.pairs) if choice.draws_each_pair else 1
+        wanted = max(1, round(choice.count * choice.pool_per_path * together / len(choice.receivers)))
+        return [
+            _Found(pair=(emitter, path.receiver), path=path)
+            for emitter, ends in choice.receivers.items()
+            for path in self.walker.random_paths(emitter, ends, count=wanted, most_rays=choice.most_rays)
+        ]
 
-    def lost(self, untouched: dict[int, list[LightPath]]) -> tuple[tuple[LightPath, int], ...]:
-        """Light that does not arrive, and where it arrived while untouched."""
-        if self.choice.shows_all_losses:
-            pools = {emitter: self._anything_lost(emitter) for emitter in self.choice.receivers}
-            return _in_turn(pools, self.choice.count)
-        if not self.is_pressed:
-            return ()
-        pools = {emitter: self._missing(emitter, former) for emitter, former in untouched.items()}
-        share = sum(map(len, pools.values())) / max(1, sum(map(len, untouched.values())))
-        return _in_turn(pools, _number(share, self.choice.count))
+    def anything_lost(self, receivers: int) -> list[_Found]:
+        """Light that no receiver of the pairs gets, of so many receivers in all."""
+        choice, found = self.choice, []
+        for emitter, own in choice.receivers.items():
+            ends = [LOST, *sorted(set(range(receivers)) - set(own))]
+            paths = self.walker.random_paths(emitter, ends, count=choice.count, most_rays=choice.most_rays)
+            found += [_Found(pair=(emitter, LOST), path=path) for path in paths]
+        return found
 
-    def _anything_lost(self, emitter: int) -> list[tuple[LightPath, int]]:
-        ends = [LOST, *sorted(set(range(self.receivers)) - set(self.choice.receivers[emitter]))]
-        choice = self.choice
-        found = self.walker.random_paths(emitter, ends, count=choice.count, most_rays=choice.most_rays)
-        return [(path, LOST) for path in found]
-
-    def _missing(self, emitter: int, former: list[LightPath]) -> list[tuple[LightPath, int]]:
-        receivers = {path.ray: path.receiver for path in former}
-        now = self.walker.follow(emitter, list(receivers))
-        wanted = self.choice.receivers[emitter]
-        return [(path, receivers[path.ray]) for path in now if path.receiver not in wanted]
+    def missing(self, before: list[_Found]) -> list[_Found]:
+        """Light that arrived before and does not now."""
+        found = []
+        for emitter, own in self.choice.receivers.items():
+            former = {one.path.ray: one.pair for one in before if one.pair[0] == emitter}
+            now = self.walker.follow(emitter, list(former))
+            found += [_Found(pair=former[path.ray], path=path) for path in now if path.receiver not in own]
+        return found
 
 
-def _numbers(state: RayState, brightest: float, count: int) -> dict[str, int]:
-    """How many paths of each kind are drawn: `count` for one as bright as the brightest while untouched."""
-    shares = {
-        key: power / brightest if brightest > 0.0 else 1.0 for key, power in state.power_by_kind.items()
-    }
-    return {key: _number(share, count) for key, share in shares.items()}
+def _filled(
+    state: RayState,
+    untouched: RayState,
+    choice: RayChoice,
+    arriving: list[_Found],
+    before: list[_Found],
+    lost: list[_Found],
+) -> RayState:
+    """A state with the paths that are drawn of those found."""
+    drawn: list[_Found] = []
+    gone: list[_Found] = []
+    for group in choice.groups:
+        pairs = {choice.pairs[number] for number in group}
+        mine, former = _of(pairs, arriving), _of(pairs, before)
+        brightest = max(untouched.sums_by_kind(group).values())
+        powers = state.sums_by_kind(group)
+        for key in dict.fromkeys(kind_of(one.path.fate).key for one in mine):
+            share = powers.get(key, 0.0) / brightest if brightest > 0.0 else 1.0
+            same = [one for one in mine if kind_of(one.path.fate).key == key]
+            drawn += _in_turn(same, _number(share, choice.count))
+        if not choice.shows_all_losses:
+            away = _of(pairs, lost)
+            gone += _in_turn(away, _number(len(away) / max(1, len(former)), choice.count))
+    if choice.shows_all_losses:
+        gone = _in_turn(lost, choice.count)
+    return replace(
+        state,
+        paths=tuple(one.path for one in drawn),
+        lost=tuple(one.path for one in gone),
+        lost_by=tuple(one.pair[1] for one in gone),
+    )
+
+
+def _of(pairs: set[Pair], found: list[_Found]) -> list[_Found]:
+    return [one for one in found if one.pair in pairs]
 
 
 def _number(share: float, count: int) -> int:
+    """How many paths are drawn of a kind with so much power, over the brightest kind of the untouched pad."""
     return min(count, max(FEWEST, round(count * float(np.sqrt(max(share, 0.0))))))
 
 
-def _drawn(pools: dict[int, list[LightPath]], numbers: dict[str, int]) -> tuple[LightPath, ...]:
-    """So many paths of each kind, where as many were found, the emitters in turn."""
-    by_kind: dict[str, dict[int, list[LightPath]]] = {}
-    for emitter, pool in pools.items():
-        for path in pool:
-            by_kind.setdefault(kind_of(path.fate).key, {}).setdefault(emitter, []).append(path)
-    return tuple(path for key, pool in by_kind.items() for path in _in_turn(pool, numbers.get(key, FEWEST)))
-
-
-def _in_turn(pools: dict[int, list[T]], count: int) -> tuple[T, ...]:
-    """The first paths of every pool, one after the other, up to a count."""
-    ranked = sorted(
-        ((rank, emitter) for emitter, pool in pools.items() for rank in range(len(pool))),
-    )
-    return tuple(pools[emitter][rank] for rank, emitter in ranked[:count])
+def _in_turn(found: list[_Found], count: int) -> list[_Found]:
+    """The first of every emitter's, one after the other, up to a count."""
+    seen: dict[int, int] = {}
+    ranks = []
+    for place, one in enumerate(found):
+        seen[one.pair[0]] = rank = seen.get(one.pair[0], -1) + 1
+        ranks.append((rank, place))
+    return [found[place] for _, place in sorted(ranks)[:count]]

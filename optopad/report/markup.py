@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from html import escape
 
-VOID = frozenset({"img", "br"})
+VOID = frozenset({"img", "br", "input"})
 
 
 class Html(str):

@@ -1,6 +1,7 @@
 """Write a bundle's report: one self-contained page, and the plots on it as files.
 
-The page needs no network, no script and no other file; its links lead to the files of the bundle beside it.
+The page needs no network and no other file; its links lead to the files of the bundle beside it. Its one script
+turns the view of the light and may do nothing else; without it the page shows a still.
 Equal designs, scores, checks and files give equal bytes.
 """
 
@@ -26,6 +27,8 @@ from optopad.report.closing import (
 from optopad.report.drawings import PREFIX, Drawing, drawings_of
 from optopad.report.load import force_section
 from optopad.report.markup import Html, element, joined
+from optopad.report.ray_scene import RayScene, ray_scene
+from optopad.report.rays import rays_section, script_policy
 from optopad.report.sensor import Pictures, checks_section, pictures_of, sensor_section
 from optopad.report.signals import (
     map_section,
@@ -40,6 +43,7 @@ PAGE = "report.html"
 TITLES = {
     "sensor": "Sensor",
     "signals": "Signals",
+    "rays": "Light",
     "map": "Map",
     "pairs": "Pairs",
     "tolerance": "Tolerance",
@@ -65,7 +69,15 @@ def write_report(
     drawings = drawings_of(design, score)
     _write_drawings(folder / "sims", drawings)
     page = report_html(
-        design, score, checks, drawings, pictures_of(folder), bundle_files(folder), versions(), seed=seed
+        design,
+        score,
+        checks,
+        drawings,
+        pictures_of(folder),
+        bundle_files(folder),
+        versions(),
+        ray_scene(design, score, seed=seed),
+        seed=seed,
     )
     write_text_atomically(folder / PAGE, page)
     return folder / PAGE
@@ -87,13 +99,14 @@ def report_html(
     pictures: Pictures,
     file_names: Sequence[str],
     made_with: dict[str, str],
+    light: RayScene | None,
     *,
     seed: int,
 ) -> str:
     """The page as text."""
     sections = {
         "sensor": sensor_section(design, pictures),
-        **_light_sections(design, score, drawings),
+        **_light_sections(design, score, drawings, light),
         "mold": checks_section(checks),
         "warnings": warnings_section(score),
         "limits": limits_section(),
@@ -103,6 +116,7 @@ def report_html(
     shown = {name: body for name, body in sections.items() if body}
     return Template(_resource("page.html")).substitute(
         title=escape(f"{design.name} · {score.verdict}"),
+        policy="" if light is None else script_policy(),
         style=_resource("page.css"),
         name=escape(design.name),
         digest=escape(design.digest[:8]),
@@ -113,12 +127,13 @@ def report_html(
 
 
 def _light_sections(
-    design: SensorDesign, score: ContinuityScore, drawings: dict[str, Drawing]
+    design: SensorDesign, score: ContinuityScore, drawings: dict[str, Drawing], light: RayScene | None
 ) -> dict[str, Html]:
     if not score.pairs:
         return {}
     return {
         "signals": signal_section(score, drawings),
+        "rays": Html("") if light is None else rays_section(light),
         "map": map_section(score, drawings),
         "pairs": pairs_section(score, drawings),
         "tolerance": tolerance_section(score, drawings),

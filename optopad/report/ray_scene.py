@@ -27,10 +27,10 @@ FloatArray = NDArray[np.float64]
 Interval = tuple[float, float]
 
 MOST_PAIRS = 8
-PATHS_A_KIND = 40
-POOL_PER_PATH = 8
-MOST_RAYS = 40_000
-"""Rays tried for an emitter under one press; with seven presses and eight emitters about a second at most."""
+PATHS_A_PAIR = 12
+POOL_PER_PATH = 4
+MOST_RAYS = 20_000
+"""Rays tried for an emitter under one press; with six presses and eight emitters about a second at most."""
 DEPTH_SHARES = (0.1, 0.2, 0.4, 0.6, 1.0)
 """Depths shown, over the deepest press [-]."""
 NEAR_MM = 0.2
@@ -111,7 +111,8 @@ def ray_scene(design: SensorDesign, score: ContinuityScore, *, seed: int) -> Ray
     pairs = _nearest_pairs(cavity, place)
     choice = RayChoice(
         pairs=pairs,
-        count=PATHS_A_KIND,
+        count=PATHS_A_PAIR,
+        draws_each_pair=True,
         pool_per_path=POOL_PER_PATH,
         most_rays=MOST_RAYS,
         accuracy=MAP_ACCURACY,
@@ -202,19 +203,21 @@ def scene_json(scene: RayScene) -> dict[str, Any]:
                 "depth": state.press_mm[2],
                 "curve": _curve(state),
                 "rays": _rays(state, keys, scene.pairs),
-                "shares": [[_rounded(scene.share(number, kind)) for kind in kinds]]
-                + [
-                    [_rounded(scene.share(number, kind, pair)) for kind in kinds]
-                    for pair in range(len(scene.pairs))
-                ],
+                "shares": [_shares(scene, number, pair) for pair in (None, *range(len(scene.pairs)))],
             }
             for number, (label, state) in enumerate(zip(scene.labels, scene.states, strict=True))
         ],
     }
 
 
+def _shares(scene: RayScene, number: int, pair: int | None) -> list[float | None]:
+    """Share of every kind, and of all together last [-]."""
+    shares = [scene.share(number, kind, pair) for kind in scene.kinds]
+    return [_rounded(share) for share in (*shares, sum(share or 0.0 for share in shares))]
+
+
 def _rounded(share: float | None) -> float | None:
-    return None if share is None else float(f"{share:.3g}")
+    return None if share is None else float(f"{share:.4g}")
 
 
 def _rays(state: RayState, keys: list[str], pairs: tuple[Pair, ...]) -> list[list[Any]]:

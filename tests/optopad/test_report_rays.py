@@ -1,0 +1,290 @@
+"""The view of the light on the page: its numbers, its one script, and that it turns in a real browser."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from html import unescape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from design.preset import preset
+from optopad.report.page import write_report
+from optopad.report.ray_scene import (
+    CURVE_TOLERANCE_MM,
+    RayScene,
+    _marked_depths,
+    _nearest_pairs,
+    _thinned,
+    ray_scene,
+    scene_json,
+)
+from optopad.report.rays import rays_section, script_policy
+from sims.light_kinds import DIRECT, LOST, MIRRORED
+from tests.optopad.page_reader import Page
+from tests.sims.made_up_scores import CHECKS, contiguous_score, dead_score, out_of_scope_score
+
+PAIR = preset("piacenza2017-pair")
+PAD = preset("piacenza2017-pad")
+LARGEST_SECTION = 300_000
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+
+
+@pytest.fixture(scope="module")
+def scene() -> RayScene:
+    found = ray_scene(PAIR, dead_score(PAIR), seed=7)
+    assert found is not None
+    return found
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("page")
+
+
+@pytest.fixture(scope="module")
+def text(folder: Path) -> str:
+    return write_report(PAIR, folder, dead_score(PAIR), CHECKS, seed=7).read_text(encoding="utf-8")
+
+
+def test_presses_are_at_the_verdicts_place_with_both_ends_of_its_deadband(scene):
+    governing = dead_score(PAIR).pairs[0]
+    start, end = governing.score.deadbands_mm[0]
+    assert scene.place_mm == governing.curves.press_mm
+    words = dict(zip([round(state.press_mm[2], 3) for state in scene.states], scene.labels, strict=True))
+    assert words[0.0] == "untouched"
+    assert words[round(start, 3)].endswith("the deadband begins")
+    assert words[round(end, 3)].endswith("the deadband ends")
+    assert list(words) == sorted(words)
+
+
+def test_a_pad_is_shown_at_its_weakest_place_with_the_pairs_that_pass_there():
+    score = dead_score(PAD)
+    weakest = score.pad_map.weakest
+    pairs = _nearest_pairs(ray_scene_cavity(), (weakest.x_mm, weakest.y_mm))
+    assert len(pairs) == 8
+    # E8 sits at (0, 12) and R1 at (12, 0): their chord passes through (6, 6), the weakest place
+    assert (weakest.x_mm, weakest.y_mm) == (6, 6)
+    assert pairs[0] == (7, 0)
+
+
+def ray_scene_cavity():
+    from design.cavity import cavity_of
+
+    return cavity_of(PAD)
+
+
+def test_a_depth_beside_an_end_of_the_deadband_is_left_out():
+    found = _marked_depths(((1.1, 2.9),), 5.0)
+    assert sorted(found) == [0.5, 1.1, 2.0, 2.9, 5.0]
+    assert sorted(_marked_depths((), 5.0)) == [0.5, 1.0, 2.0, 3.0, 5.0]
+    assert 5.4 not in _marked_depths(((4.0, 5.4),), 5.0)
+
+
+def test_without_a_verdict_there_is_no_view():
+    assert ray_scene(PAIR, out_of_scope_score(PAIR), seed=0) is None
+    assert ray_scene(PAD, replace(contiguous_score(PAD), pad_map=None), seed=0) is None
+
+
+def test_shares_of_the_untouched_pad_add_up_to_one(scene):
+    assert sum(scene.share(0, kind) or 0.0 for kind in scene.kinds) == pytest.approx(1.0)
+    for pair in range(len(scene.pairs)):
+        assert sum(scene.share(0, kind, pair) or 0.0 for kind in scene.kinds) == pytest.approx(1.0)
+    assert scene.share(1, LOST) is None
+    assert scene.share(len(scene.states) - 1, MIRRORED) < scene.share(0, MIRRORED)
+
+
+def test_data_holds_every_path_of_its_pair_to_a_hundredth_of_a_millimetre(scene):
+    data = scene_json(scene)
+    keys = [kind["key"] for kind in data["kinds"]]
+    for row, state in zip(data["states"], scene.states, strict=True):
+        assert len(row["rays"]) == len(state.paths) + len(state.lost)
+        for (kind, pair, numbers), path in zip(row["rays"], (*state.paths, *state.lost), strict=True):
+            assert np.array(numbers).reshape(-1, 3) / 100 == pytest.approx(path.places_mm, abs=0.0051)
+            assert scene.pairs[pair][0] == path.emitter
+            assert keys[kind] == "lost" or scene.pairs[pair][1] == path.receiver
+    assert [row["shares"][0][-1] for row in data["states"]] == sorted(
+        (row["shares"][0][-1] for row in data["states"]), reverse=True
+    )
+    assert data["states"][0]["shares"][0][-1] == 1.0
+
+
+def test_a_thinned_curve_stays_within_its_tolerance():
+    x = np.linspace(0.0, 3.0, 400)
+    curve = np.column_stack([x, np.sin(2 * x)])
+    thin = _thinned(curve, CURVE_TOLERANCE_MM)
+    assert len(thin) < 60
+    # an upright distance is at most 1 / cos(slope) of the tolerance; the slope is at most 2
+    assert np.abs(np.interp(x, *thin.T) - curve[:, 1]).max() < CURVE_TOLERANCE_MM * 5**0.5
+
+
+def test_the_section_stays_small(scene):
+    assert len(rays_section(scene).encode()) < LARGEST_SECTION
+    pad = ray_scene(PAD, dead_score(PAD), seed=0)
+    assert pad is not None
+    assert len(rays_section(pad).encode()) < LARGEST_SECTION
+
+
+def test_only_the_views_own_script_may_run(text):
+    (policy,) = re.findall(r'Content-Security-Policy" content="([^"]*)"', text)
+    scripts = re.findall(r"<script(?: [^>]*)?>(.*?)</script>", text, flags=re.DOTALL)
+    kinds = re.findall(r"<script([^>]*)>", text)
+    assert [kind.strip() for kind in kinds] == ['type="application/json" id="rays-data"', ""]
+    digest = base64.b64encode(hashlib.sha256(scripts[1].encode()).digest()).decode()
+    assert policy == f"default-src 'none'; style-src 'unsafe-inline'; img-src data:{script_policy()}"
+    assert script_policy() == f"; script-src 'sha256-{digest}'"
+
+
+def test_data_cannot_end_its_own_element(scene):
+    states = (scene.labels[0], "</script><script>alert(1)</script>", *scene.labels[2:])
+    section = rays_section(replace(scene, labels=states))
+    assert section.count("<script") == 2
+    found = re.search(r'id="rays-data">(.*?)</script>', section, flags=re.DOTALL)
+    assert found is not None
+    assert json.loads(found[1])["states"][1]["label"] == states[1]
+
+
+def test_without_scripts_there_are_stills_and_the_numbers(text, scene):
+    page = Page(text)
+    assert ("div", "hidden", "") in page.attributes  # the view waits for its script
+    rows = [" ".join((label, *shares_of(scene, number))) for number, label in enumerate(scene.labels)]
+    assert [row for row in rows if row not in page.text] == []
+    assert text.count("Block, parts and sample paths of light") == 2
+
+
+def shares_of(scene: RayScene, number: int) -> list[str]:
+    share = scene.share(number, DIRECT)
+    assert share is not None
+    return [f"{100 * share:.1f} %" if share >= 0.0005 or share == 0.0 else "under 0.05 %"]
+
+
+FRAMES = "window.requestAnimationFrame = (draw) => setTimeout(draw, 16);"
+"""A browser without a screen draws no frames of its own while its clock is stepped."""
+PROBE = """
+const box = document.getElementById("rays-view"), canvas = box.querySelector("canvas"), found = {};
+const wait = () => new Promise((done) => setTimeout(done, 80));
+const total = () => box.querySelector("[data-total]").textContent;
+const note = (name) => { found[name] = {...box.dataset, total: total()}; };
+const key = (name) => canvas.dispatchEvent(new KeyboardEvent("keydown", {key: name, bubbles: true}));
+const point = (type, pointerId, clientX, clientY) => canvas.dispatchEvent(
+  new PointerEvent(type, {pointerId, clientX, clientY, bubbles: true, pointerType: pointerId > 1 ? "touch" : "mouse"})
+);
+const choose = (query) => box.querySelector(query).click();
+(async () => {
+  await wait(); note("start");
+  const pixels = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+  found.painted = pixels.filter((value, k) => k % 4 === 3 && value > 0).length / (pixels.length / 4);
+  found.visible = [box.hidden, getComputedStyle(document.getElementById("rays-still")).display];
+  key("ArrowRight"); key("ArrowUp"); await wait(); note("keys");
+  key("+"); await wait(); note("larger");
+  key("0"); await wait(); note("reset");
+  for (let k = 0; k < 40; k += 1) key("ArrowUp"); await wait(); note("top");
+  choose("[data-do=side]"); await wait(); note("side");
+  choose("[data-do=reset]"); await wait();
+  point("pointerdown", 1, 300, 300); point("pointermove", 1, 350, 310);
+  point("pointerup", 1, 350, 310); point("pointermove", 1, 400, 310);
+  await wait(); note("dragged");
+  choose("[data-do=reset]"); await wait();
+  point("pointerdown", 2, 300, 300); point("pointerdown", 3, 400, 300); point("pointermove", 3, 500, 300);
+  point("pointerup", 2, 300, 300); point("pointerup", 3, 500, 300); await wait(); note("pinched");
+  choose("input[name=rays-press][value='3']"); await wait(); note("pressed");
+  choose("input[name=rays-kind][value=direct]"); await wait(); note("without direct");
+  choose("input[name=rays-kind][value=direct]");
+  const select = box.querySelector("select");
+  select.value = "1";
+  select.dispatchEvent(new Event("change", {bubbles: true}));
+  await wait(); note("one pair");
+  window.dispatchEvent(new Event("beforeprint"));
+  window.dispatchEvent(new Event("afterprint"));
+  await wait(); note("printed");
+  const told = document.createElement("pre");
+  told.id = "probe";
+  told.textContent = JSON.stringify(found);
+  document.body.append(told);
+})();
+"""
+
+
+@pytest.fixture(scope="module")
+def seen(text: str, folder: Path) -> dict[str, Any]:
+    """What a browser shows after each of a row of actions; the page's policy holds, with the probe let in by name."""
+    browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+    if browser is None:
+        pytest.skip(f"no browser: none of {', '.join(BROWSERS)} is installed")
+    ours = " ".join(
+        f"'sha256-{base64.b64encode(hashlib.sha256(x.encode()).digest()).decode()}'" for x in (FRAMES, PROBE)
+    )
+    probed = text.replace(script_policy(), f"{script_policy()} {ours}")
+    probed = probed.replace("</head>", f"<script>{FRAMES}</script></head>")
+    page = folder / "probed.html"
+    page.write_text(probed.replace("</body>", f"<script>{PROBE}</script></body>"), encoding="utf-8")
+    command = [
+        browser,
+        "--headless=new",
+        "--no-sandbox",
+        "--disable-gpu",
+        f"--user-data-dir={folder / 'profile'}",
+    ]
+    command += ["--window-size=1000,900", "--virtual-time-budget=10000", "--dump-dom", page.as_uri()]
+    shown = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False).stdout
+    told = re.search(r'<pre id="probe">(.*?)</pre>', shown, flags=re.DOTALL)
+    assert told is not None, shown[-500:]
+    document: dict[str, Any] = json.loads(unescape(told[1]))
+    return document
+
+
+def angles(row: dict[str, str]) -> tuple[float, float]:
+    return float(row["yaw"]), float(row["pitch"])
+
+
+def test_the_view_replaces_the_stills_and_draws(seen):
+    assert seen["start"]["ready"] == "yes"
+    assert seen["visible"] == [False, "none"]
+    assert seen["painted"] > 0.2
+    drawn = json.loads(seen["start"]["drawn"])
+    assert min(drawn["direct"], drawn["top"]) >= 12  # at least four lines for each of three pairs
+    assert drawn["lost"] == 0
+    assert seen["start"]["total"] == "100.0 % of their untouched light arrives"
+
+
+def test_keys_turn_and_size_the_view(seen):
+    yaw, pitch = angles(seen["start"])
+    assert angles(seen["keys"]) == (yaw + 6, pitch + 6)
+    assert float(seen["larger"]["zoom"]) == 1.15
+    assert (*angles(seen["reset"]), seen["reset"]["zoom"]) == (yaw, pitch, "1.00")
+    assert angles(seen["top"]) == (yaw, 90.0)  # and no further
+    assert angles(seen["side"]) == (0.0, 0.0)
+
+
+def test_a_mouse_turns_the_view_only_while_pressed(seen):
+    yaw, pitch = angles(seen["start"])
+    assert angles(seen["dragged"]) == pytest.approx((yaw + 0.4 * 50, pitch + 0.4 * 10))
+
+
+def test_two_fingers_size_the_view(seen):
+    assert float(seen["pinched"]["zoom"]) == pytest.approx(2.0)
+
+
+def test_a_press_a_kind_and_a_pair_can_be_chosen(seen, scene):
+    data = scene_json(scene)
+    direct = [kind["key"] for kind in data["kinds"]].index("direct")
+    assert seen["pressed"]["state"] == "3"
+    share = data["states"][3]["shares"][0][-1]
+    assert seen["pressed"]["total"] == f"{100 * share:.1f} % of their untouched light arrives"
+    assert json.loads(seen["pressed"]["drawn"])["lost"] > 0
+    assert json.loads(seen["without direct"]["drawn"]) == json.loads(seen["pressed"]["drawn"]) | {"direct": 0}
+    lines = [ray for ray in data["states"][3]["rays"] if ray[:2] == [direct, 0]]
+    assert json.loads(seen["one pair"]["drawn"])["direct"] == len(lines)
+    assert seen["one pair"]["total"].endswith("of its untouched light arrives")
+
+
+def test_printing_leaves_the_view_as_it_was(seen):
+    assert seen["printed"] == seen["one pair"]
