@@ -22,8 +22,8 @@ from optopad.signals import require_in_workspace
 from sims.contact.indentation import solved_press
 from sims.light_kinds import KINDS, LOST, kind_of
 from sims.optics.paths import LightPath
+from sims.plots.ray_cut import Cut, cut_across, cut_of_pair, cut_through
 from sims.plots.ray_sheet import ray_sheet
-from sims.plots.rays import Cut, cut_across, cut_of_pair, cut_through
 from sims.plots.style import plain_style, svg_text
 from sims.ray_states import Pair, Press, RayChoice, RayState, ray_states
 

@@ -9,11 +9,11 @@ from matplotlib.figure import Figure
 
 from design.cavity import cavity_of
 from design.spec import SensorDesign
+from sims.plots.ray_cut import Cut
 from sims.plots.rays import (
     HEAD_ROOM,
     PLAN_ROOM,
     SECTION_ROOM,
-    Cut,
     legend_handles,
     percent,
     plot_ray_plan,

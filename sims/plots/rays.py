@@ -11,7 +11,6 @@ Lines are samples, `sims.ray_states` says of what; powers stand in the legend an
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,6 +25,7 @@ from design.spec import SensorDesign
 from sims.contact.tip import tip_of
 from sims.light_kinds import KINDS, LOST, LightKind, kind_of
 from sims.optics.paths import LightPath
+from sims.plots.ray_cut import Cut
 from sims.plots.style import GREY, INK, MUTED, PALE_BLUE, axes_or_new
 from sims.ray_states import RayState
 
@@ -49,67 +49,6 @@ CUT_FACE_MM = 0.15
 """Half the drawn thickness of a face that the section cuts [mm]."""
 MOST_LABELS, MOST_LABELS_IN_SECTION = 32, 2
 """Parts with their names beside them; more would overlap."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Cut:
-    """The line of a section from wall to wall, seen from its left hand.
-
-    Attributes
-    ----------
-    start_mm, end_mm : (x, y) of its ends [mm]
-    name : what it is, for the axis
-    """
-
-    start_mm: tuple[float, float]
-    end_mm: tuple[float, float]
-    name: str
-
-    @property
-    def length_mm(self) -> float:
-        """Length of the line [mm]."""
-        return float(np.hypot(*np.subtract(self.end_mm, self.start_mm)))
-
-    @property
-    def direction(self) -> FloatArray:
-        """(2,) unit vector from start to end [-]."""
-        return np.subtract(self.end_mm, self.start_mm) / self.length_mm
-
-    def reach_mm(self, cavity: CavityGeometry) -> tuple[float, float]:
-        """Ends of the whole block as seen from the side, along the line [mm]."""
-        corners = np.array([(x, y) for x in (0.0, cavity.length_mm) for y in (0.0, cavity.width_mm)])
-        along = self.along_mm(corners)
-        return float(along.min()), float(along.max())
-
-    def along_mm(self, places_mm: FloatArray) -> FloatArray:
-        """(...,) distance from the start along the line of (..., 2 or 3) places [mm]."""
-        return np.asarray((places_mm[..., :2] - np.array(self.start_mm)) @ self.direction)
-
-    def beside_mm(self, place_mm: tuple[float, float]) -> float:
-        """Distance of a place from the line [mm]."""
-        ahead, aside = np.subtract(place_mm, self.start_mm), self.direction[::-1] * [-1.0, 1.0]
-        return float(abs(ahead @ aside))
-
-
-def cut_of_pair(cavity: CavityGeometry, pair: tuple[int, int]) -> Cut:
-    """The chord of a pair, from emitter to receiver."""
-    ends = cavity.emitters[pair[0]], cavity.receivers[pair[1]]
-    start, end = (part.position_mm(cavity.length_mm, cavity.width_mm)[:2] for part in ends)
-    return Cut(start_mm=start, end_mm=end, name=f"along the chord from {ends[0].name} to {ends[1].name}")
-
-
-def cut_across(cavity: CavityGeometry, part: PlacedPart) -> Cut:
-    """The line from a part straight across to the opposite wall."""
-    x, y, _ = part.position_mm(cavity.length_mm, cavity.width_mm)
-    far = (cavity.length_mm - x, y) if part.wall in ("east", "west") else (x, cavity.width_mm - y)
-    return Cut(start_mm=(x, y), end_mm=far, name=f"from {part.name} straight across")
-
-
-def cut_through(cavity: CavityGeometry, x_mm: float, y_mm: float) -> Cut:
-    """The line through a place along the longer side."""
-    if cavity.length_mm >= cavity.width_mm:
-        return Cut(start_mm=(0.0, y_mm), end_mm=(cavity.length_mm, y_mm), name=f"along x at y = {y_mm:g} mm")
-    return Cut(start_mm=(x_mm, 0.0), end_mm=(x_mm, cavity.width_mm), name=f"along y at x = {x_mm:g} mm")
 
 
 def plot_ray_section(

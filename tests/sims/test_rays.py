@@ -16,12 +16,9 @@ from sims.optics.engine import CLASS_NAMES
 from sims.optics.oracle_walk import FATES
 from sims.optics.paths import LightPath
 from sims.plots import style
+from sims.plots.ray_cut import Cut, cut_across, cut_of_pair, cut_through
 from sims.plots.ray_sheet import ray_sheet
 from sims.plots.rays import (
-    Cut,
-    cut_across,
-    cut_of_pair,
-    cut_through,
     legend_handles,
     percent,
     plot_ray_plan,
