@@ -27,6 +27,7 @@ from tests.bench.benchmark_states import (
     different_walls,
 )
 from tests.validation.contact_table import markdown_table, with_table
+from tests.validation.dense_curve import dense_press
 from tests.validation.light_reference import BUILD, GROUPS, grouped, reference
 from tests.validation.light_table import PAGE
 
@@ -57,7 +58,7 @@ def oracle_flux(surface: str, folder: Path = BUILD, rays: int = RAYS) -> FloatAr
         file = folder / f"oracle-{surface}-{rays}-{place:02d}.npz"
         if not file.exists():
             wanted = range(place * depths, (place + 1) * depths)
-            presses = [states.indentations[k] for k in wanted]
+            presses = [dense_press(states.indentations[k]) for k in wanted]
             light = trace_oracle(scene, states.centres_mm[wanted], presses, rays=rays, seed=SEED + place)
             inside = [number for number, name in enumerate(CLASSES) if name != "crossing"]  # not modelled
             np.savez(file, flux=grouped(light.flux[inside], [CLASSES[number] for number in inside]))

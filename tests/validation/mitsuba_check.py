@@ -25,6 +25,7 @@ from tests.bench.benchmark_states import benchmark_scene, different_walls, surfa
 from tests.bench.forward_walk import Walked
 from tests.bench.surface_mesh import compact_height
 from tests.validation.contact_table import markdown_table, with_table
+from tests.validation.dense_curve import dense_press
 
 FloatArray = NDArray[np.float64]
 
@@ -62,7 +63,8 @@ class Comparison:
 
 
 def curve_height(press: Indentation, top_mm: float) -> Callable[[FloatArray], FloatArray]:
-    """Height [mm] over radius [mm]: the sphere inside the contact, a monotone cubic through the points beyond."""
+    """Height [mm] over radius [mm]: the sphere inside the contact, a monotone cubic through many points beyond."""
+    press = dense_press(press)
     beyond = press.radius_mm > press.contact_radius_mm + 1e-6
     tip, tip_z = press.tip_radius_mm, top_mm - press.depth_mm + press.tip_radius_mm
     edge = tip_z - np.sqrt(tip**2 - press.contact_radius_mm**2)
