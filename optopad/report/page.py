@@ -14,6 +14,7 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+from design.errors import InputError, ModelScopeError
 from design.io import write_text_atomically
 from design.spec import SensorDesign
 from fabrication.bundle import versions
@@ -76,11 +77,19 @@ def write_report(
         pictures_of(folder),
         bundle_files(folder),
         versions(),
-        ray_scene(design, score, seed=seed),
+        _light(design, score, seed),
         seed=seed,
     )
     write_text_atomically(folder / PAGE, page)
     return folder / PAGE
+
+
+def _light(design: SensorDesign, score: ContinuityScore, seed: int) -> RayScene | str | None:
+    """The view of the light, or why there is none although there is a verdict: a page without it is still a page."""
+    try:
+        return ray_scene(design, score, seed=seed)
+    except (InputError, ModelScopeError) as err:
+        return f"No picture: the ray tracer refuses this design. {err}"
 
 
 def _write_drawings(sims: Path, drawings: dict[str, Drawing]) -> None:
@@ -99,7 +108,7 @@ def report_html(
     pictures: Pictures,
     file_names: Sequence[str],
     made_with: dict[str, str],
-    light: RayScene | None,
+    light: RayScene | str | None,
     *,
     seed: int,
 ) -> str:
@@ -116,7 +125,7 @@ def report_html(
     shown = {name: body for name, body in sections.items() if body}
     return Template(_resource("page.html")).substitute(
         title=escape(f"{design.name} · {score.verdict}"),
-        policy="" if light is None else script_policy(),
+        policy=script_policy() if isinstance(light, RayScene) else "",
         style=_resource("page.css"),
         name=escape(design.name),
         digest=escape(design.digest[:8]),
@@ -127,13 +136,13 @@ def report_html(
 
 
 def _light_sections(
-    design: SensorDesign, score: ContinuityScore, drawings: dict[str, Drawing], light: RayScene | None
+    design: SensorDesign, score: ContinuityScore, drawings: dict[str, Drawing], light: RayScene | str | None
 ) -> dict[str, Html]:
     if not score.pairs:
         return {}
     return {
         "signals": signal_section(score, drawings),
-        "rays": Html("") if light is None else rays_section(light),
+        "rays": rays_section(light),
         "map": map_section(score, drawings),
         "pairs": pairs_section(score, drawings),
         "tolerance": tolerance_section(score, drawings),

@@ -217,7 +217,7 @@ def _shares(scene: RayScene, number: int, pair: int | None) -> list[float | None
 
 
 def _rounded(share: float | None) -> float | None:
-    return None if share is None else float(f"{share:.4g}")
+    return None if share is None else float(f"{share:.6g}")
 
 
 def _rays(state: RayState, keys: list[str], pairs: tuple[Pair, ...]) -> list[list[Any]]:

@@ -113,7 +113,7 @@ def _line(eye: _Eye, path: LightPath, kind: LightKind) -> Html:
         points=eye.points(places),
         fill="none",
         stroke=kind.colour,
-        stroke_width="0.8",
+        stroke_width="0.65",
         stroke_dasharray=" ".join(f"{value:g}" for value in kind.dash) or None,
     )
 

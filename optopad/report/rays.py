@@ -17,6 +17,7 @@ from optopad.report.ray_still import still
 from sims.light_kinds import LOST, LightKind
 from sims.plots.rays import percent
 
+TITLE = "Where the light goes"
 SCRIPT = "rays_view.js"
 STILLS = 2
 """States drawn as stills: untouched and the middle one of the presses."""
@@ -45,11 +46,15 @@ def script_policy() -> str:
     return f"; script-src 'sha256-{digest}'"
 
 
-def rays_section(scene: RayScene) -> Html:
-    """The view with its controls, the stills, the table, and the script."""
+def rays_section(scene: RayScene | str | None) -> Html:
+    """The view with its controls, the stills, the table, and the script; or why there is none."""
+    if scene is None:
+        return Html("")
+    if isinstance(scene, str):
+        return section("rays", TITLE, element("p", scene))
     return section(
         "rays",
-        "Where the light goes",
+        TITLE,
         element("p", _lead(scene)),
         _view(scene),
         element("div", element("div", *_stills(scene), class_="grid"), _legend(scene), id="rays-still"),

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from design.errors import ModelScopeError
 from design.preset import preset
 from optopad.report.page import write_report
 from optopad.report.ray_scene import (
@@ -150,6 +151,17 @@ def test_data_cannot_end_its_own_element(scene):
     found = re.search(r'id="rays-data">(.*?)</script>', section, flags=re.DOTALL)
     assert found is not None
     assert json.loads(found[1])["states"][1]["label"] == states[1]
+
+
+def test_a_design_that_the_ray_tracer_refuses_still_has_a_page(tmp_path, monkeypatch):
+    def refuse(*_, **__):
+        raise ModelScopeError("made-up <limit>")
+
+    monkeypatch.setattr("optopad.report.page.ray_scene", refuse)
+    page = write_report(PAIR, tmp_path, dead_score(PAIR), CHECKS, seed=7).read_text(encoding="utf-8")
+    assert "No picture: the ray tracer refuses this design. made-up &lt;limit&gt;" in page
+    assert "<script" not in page
+    assert "script-src" not in page
 
 
 def test_without_scripts_there_are_stills_and_the_numbers(text, scene):
