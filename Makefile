@@ -40,7 +40,7 @@ validate: setup ## the figures of docs/validation, made anew (over an hour; inte
 	$(BIN)/python -m tests.validation.contact_table
 	$(BIN)/python -m tests.validation.library_interpolation
 	$(BIN)/python -m sims.contact.wall_check build/validation/walls
-	$(BIN)/python -m tests.validation.light_reference
+	$(BIN)/python -m tests.validation.light_reference_build
 	$(BIN)/python -m tests.validation.light_table
 	$(BIN)/python -m tests.validation.light_oracle
 	$(BIN)/python -m tests.validation.light_speed
