@@ -47,6 +47,8 @@ ON_AXIS_MM = 0.05
 """Distance of the press's axis from the section's plane below which they count as one [mm]."""
 CUT_FACE_MM = 0.15
 """Half the drawn thickness of a face that the section cuts [mm]."""
+NAME_POINTS = 5
+"""Distance of a part's name from its mark [points]."""
 MOST_LABELS, MOST_LABELS_IN_SECTION = 32, 2
 """Parts with their names beside them; more would overlap."""
 
@@ -369,7 +371,13 @@ def _draw_part(ax: Axes, part: PlacedPart, cavity: CavityGeometry, is_shown: boo
     )
     if is_shown or len(cavity.parts) <= MOST_LABELS:
         right, up = {"south": (0, -1), "east": (1, 0), "north": (0, 1), "west": (-1, 0)}[part.wall]
-        reach = 0.055 * max(cavity.length_mm, cavity.width_mm)
-        ax.text(
-            x + right * reach, y + up * reach, part.name, ha="center", va="center", fontsize=7, color=colour
+        ax.annotate(
+            part.name,
+            (x, y),
+            xytext=(NAME_POINTS * right, NAME_POINTS * up),
+            textcoords="offset points",
+            ha={1: "left", 0: "center", -1: "right"}[right],
+            va={1: "bottom", 0: "center", -1: "top"}[up],
+            fontsize=7,
+            color=colour,
         )
