@@ -3,6 +3,7 @@
 
 A cache on disk notices a change of its own file only. Each entry point therefore closes over a fingerprint of all
 the oracle's sources, which is part of its cache key: a changed kernel is never answered from an old cache.
+What every flight goes through is forced inline: calls that hand over a scene of arrays cost a third of the speed.
 """
 
 from __future__ import annotations

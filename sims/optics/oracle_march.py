@@ -35,6 +35,8 @@ FINEST_MM = 2e-5
 """Shortest step along a ray [mm]."""
 BORDER_MM = 1e-9
 """A part of a ray starts and ends this far from the circles and lines that bound it [mm]."""
+MARGIN_MM = 1e-6
+"""A field goes on this far beyond its border [mm], so that rounding at a wall where it ends is no step."""
 FACE_MM = 1e-7
 """Fall of the clearance across a border that is a vertical face, not rounding [mm]."""
 INSIDE, OUTSIDE = 1.0, -1.0
@@ -76,8 +78,10 @@ def _field_height(s: SummedSurface, x: float, y: float) -> tuple[float, float, f
     """The field's value [mm] and slopes [-] at a place."""
     u, v = (x - s.origin[0]) / s.step[0], (y - s.origin[1]) / s.step[1]
     last_i, last_j = s.nodes.shape[0] - 1, s.nodes.shape[1] - 1
-    if u < 0.0 or v < 0.0 or u > last_i or v > last_j:
+    du, dv = MARGIN_MM / s.step[0], MARGIN_MM / s.step[1]
+    if u < -du or v < -dv or u > last_i + du or v > last_j + dv:
         return 0.0, 0.0, 0.0
+    u, v = min(max(u, 0.0), float(last_i)), min(max(v, 0.0), float(last_j))
     i, j = min(int(u), last_i - 1), min(int(v), last_j - 1)
     u, v = u - i, v - j
     value, along, across = 0.0, 0.0, 0.0
@@ -159,12 +163,13 @@ def _next_border(
                     best, which = place, k
     if s.nodes.shape[0] > 0:
         for end in range(2):
+            margin = MARGIN_MM if end == 1 else -MARGIN_MM
             if dx != 0.0:
-                place = (s.origin[0] + end * (s.nodes.shape[0] - 1) * s.step[0] - x) / dx
+                place = (s.origin[0] + end * (s.nodes.shape[0] - 1) * s.step[0] + margin - x) / dx
                 if t < place < best:
                     best, which = place, -1
             if dy != 0.0:
-                place = (s.origin[1] + end * (s.nodes.shape[1] - 1) * s.step[1] - y) / dy
+                place = (s.origin[1] + end * (s.nodes.shape[1] - 1) * s.step[1] + margin - y) / dy
                 if t < place < best:
                     best, which = place, -2
     return best, which

@@ -168,7 +168,7 @@ def inward_normal(face: int) -> tuple[float, float, float]:
     return 0.0, 0.0, 1.0
 
 
-@njit()
+@njit(forceinline=True)
 def emission_point(scene: Scene, emitter: int, u: float, v: float) -> tuple[float, float, float]:
     """A point of an emitter's rectangle; u, v in [0, 1)."""
     along, height, half_width, half_height = scene.emitter_patch[emitter]
@@ -184,7 +184,7 @@ def emission_point(scene: Scene, emitter: int, u: float, v: float) -> tuple[floa
     return 0.0, along, height
 
 
-@njit()
+@njit(forceinline=True)
 def face_hit(
     scene: Scene, x: float, y: float, z: float, dx: float, dy: float, dz: float
 ) -> tuple[float, int]:
@@ -203,7 +203,7 @@ def face_hit(
     return max(best, 0.0), face
 
 
-@njit()
+@njit(forceinline=True)
 def receiver_at(scene: Scene, wall: int, x: float, y: float, z: float) -> int:
     """The receiver that covers a point of a wall below the undisturbed top, or -1."""
     along = x if wall == 0 or wall == 2 else y

@@ -193,7 +193,7 @@ def is_submerged(s: RevolvedSurface, x: float, y: float, z: float) -> bool:
     return above % 2 == 1
 
 
-@njit()
+@njit(forceinline=True)
 def surface_hit(
     s: RevolvedSurface, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float
 ) -> tuple[float, int, float, float, float]:

@@ -94,7 +94,7 @@ def emission_direction(scene: Scene, emitter: int, u: float, v: float) -> tuple[
     return lobe_direction(nx, ny, nz, scene.emitter_order[emitter], u, v)
 
 
-@njit()
+@njit(forceinline=True)
 def walk(
     scene: Scene, top: Top, emitter: int, stream: np.uint64, vertices: FloatArray
 ) -> tuple[int, int, float, int]:
