@@ -32,7 +32,7 @@ def dense_press(press: Indentation) -> Indentation:
     chord = np.hypot(*np.diff(knots, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(chord)])
     curve = CubicHermiteSpline(along, knots, np.column_stack([np.cos(angle), np.sin(angle)]))
-    free = int(np.searchsorted(press.radius_mm, press.contact_radius_mm, side="right")) - 1
+    free = int(np.argmax(press.radius_mm > press.contact_radius_mm - 1e-9))
     fine = [
         np.linspace(start, end, POINTS_A_PIECE, endpoint=False)
         for start, end in zip(along[free:-1], along[free + 1 :], strict=True)
