@@ -53,8 +53,9 @@ class Reference:
 
 def grouped(flux: FloatArray, names: Sequence[str] = CLASS_NAMES) -> FloatArray:
     """(group, ...) from (class, ...) of these names: what is neither direct nor diffuse was mirrored."""
-    direct, diffuse = (flux[list(names).index(name)] for name in ("direct", "diffuse"))
-    return np.stack([direct, flux.sum(axis=0) - direct - diffuse, diffuse])
+    named = dict(zip(names, flux, strict=True))
+    direct, diffuse = named.pop("direct"), named.pop("diffuse")
+    return np.stack([direct, np.sum(list(named.values()), axis=0), diffuse])
 
 
 @cache

@@ -83,10 +83,24 @@ ANALYTIC = {
     ),
 }
 CONTACT = {
-    name: replace(half, accuracy=replace(half.accuracy, rings=rings, sectors=sectors, calm_share=calm_share))
-    for (name, half), rings, sectors, calm_share in zip(
-        ANALYTIC.items(), (64, 90), (208, 300), (0.7, 0.85), strict=True
-    )
+    "one": replace(
+        ANALYTIC["one"],
+        accuracy=replace(ANALYTIC["one"].accuracy, rings=64, sectors=208, calm_share=0.7),
+    ),
+    "two": replace(
+        ANALYTIC["two"],
+        accuracy=replace(
+            ANALYTIC["two"].accuracy,
+            replicates=2,
+            rings=90,
+            sectors=300,
+            cell_tolerance=0.25,
+            cell_share=1e-5,
+            calm_share=0.85,
+            chain_rings=96,
+            chain_sectors=384,
+        ),
+    ),
 }
 """These surfaces bend everywhere, so more images must be found, and most mirrored light goes path by path: the weight
 at the centroid of a lit area, which the cells of the top use, gives 0.05 % too much of it (0.01 % of the signal)."""
