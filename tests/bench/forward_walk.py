@@ -30,6 +30,7 @@ FAINT, KEPT = 1e-3, 0.1
 """Below this weight a ray goes on with this chance, its weight raised by as much."""
 MOST_FLIGHTS = 64
 TOP, DIMPLE = 5, 6
+MIRRORED, SCATTERED = 1, 2
 
 fast = njit(fastmath=True, inline="always", error_model="numpy")
 
@@ -45,6 +46,7 @@ class Walked:
     rays : of each emitter
     segments : flights of all rays
     seconds : processor time
+    groups : (3, e, r) flux of straight, mirrored and scattered light, where the walk tells them apart [-]
     """
 
     flux: FloatArray
@@ -52,6 +54,7 @@ class Walked:
     rays: int
     segments: int
     seconds: float
+    groups: FloatArray | None = None
 
     def rays_for(self, relative_error: float, pairs: NDArray[np.bool_]) -> FloatArray:
         """(e,) rays until the worst wanted pair of an emitter has this relative standard error."""
@@ -88,13 +91,15 @@ def walk(
     start = process_time()
     total, square, segments = _walk_all(*arguments, rays, seed)
     seconds = process_time() - start
-    mean = total / rays
+    groups = total / rays
+    mean = groups.sum(axis=0)
     return Walked(
         flux=mean,
         variance=square / rays - mean**2,
         rays=rays,
         segments=int(segments),
         seconds=seconds,
+        groups=groups,
     )
 
 
@@ -292,8 +297,9 @@ def _receiver(kind, x, y, z, receivers, first):
 
 @njit(fastmath=True, error_model="numpy")
 def _walk_one(kind, x, y, z, dx, dy, dz, stream, box, receivers, first, s):
-    """Follow one ray; stream, receiver or -1, weight, flights."""
+    """Follow one ray; stream, receiver or -1, weight, flights, group."""
     weight = 1.0
+    group = 0
     flights = 0
     while flights < MOST_FLIGHTS:
         t, kind = _closest(x, y, z, dx, dy, dz, box, s)
@@ -305,15 +311,17 @@ def _walk_one(kind, x, y, z, dx, dy, dz, stream, box, receivers, first, s):
             if kind < 4:
                 j = _receiver(kind, x, y, z, receivers, first)
                 if j >= 0:
-                    return stream, j, weight, flights
+                    return stream, j, weight, flights, group
             stream, chance = _draw(stream)
             if chance > (box[4] if kind < 4 else box[5]):
-                return stream, -1, 0.0, flights
+                return stream, -1, 0.0, flights, group
             stream, u = _draw(stream)
             stream, v = _draw(stream)
             dx, dy, dz = _cosine_direction(kind, u, v)
+            group = SCATTERED
         elif kind == TOP:
             z = box[2]
+            group = max(group, MIRRORED)
             weight *= _fresnel(dz, box[3])
             dz = -dz
         else:
@@ -321,7 +329,7 @@ def _walk_one(kind, x, y, z, dx, dy, dz, stream, box, receivers, first, s):
             py = y - s[1]
             q = px * px + py * py
             if q < s[4]:
-                return stream, -1, 0.0, flights
+                return stream, -1, 0.0, flights, group
             r = math.sqrt(q)
             g = max((s[8] - r) / s[7], 0.0)
             slope = 3.0 * s[6] / s[7] * g * g
@@ -330,8 +338,9 @@ def _walk_one(kind, x, y, z, dx, dy, dz, stream, box, receivers, first, s):
             ny = -slope * py / r * nz
             c = dx * nx + dy * ny + dz * nz
             if c <= 0.0:
-                return stream, -1, 0.0, flights
+                return stream, -1, 0.0, flights, group
             weight *= _fresnel(c, box[3])
+            group = max(group, MIRRORED)
             dx -= 2.0 * c * nx
             dy -= 2.0 * c * ny
             dz -= 2.0 * c * nz
@@ -341,15 +350,15 @@ def _walk_one(kind, x, y, z, dx, dy, dz, stream, box, receivers, first, s):
         if weight < FAINT:
             stream, chance = _draw(stream)
             if chance > KEPT:
-                return stream, -1, 0.0, flights
+                return stream, -1, 0.0, flights, group
             weight /= KEPT
-    return stream, -1, 0.0, flights
+    return stream, -1, 0.0, flights, group
 
 
 @njit(fastmath=True, error_model="numpy")
 def _walk_all(box, emitters, receivers, first, s, rays, seed):
-    """(e, r) sums of weights and of their squares, and the flights of all rays."""
-    total = np.zeros((emitters.shape[0], receivers.shape[0]))
+    """(group, e, r) sums of weights, (e, r) sums of their squares, and the flights of all rays."""
+    total = np.zeros((3, emitters.shape[0], receivers.shape[0]))
     square = np.zeros((emitters.shape[0], receivers.shape[0]))
     segments = 0
     for i in range(emitters.shape[0]):
@@ -365,12 +374,12 @@ def _walk_all(box, emitters, receivers, first, s, rays, seed):
             x = along if wall % 2 == 0 else (box[0] if wall == 1 else 0.0)
             y = along if wall % 2 == 1 else (box[1] if wall == 2 else 0.0)
             dx, dy, dz = _cosine_direction(wall, u, v)
-            stream, j, weight, flights = _walk_one(
+            stream, j, weight, flights, group = _walk_one(
                 wall, x, y, z, dx, dy, dz, stream, box, receivers, first, s
             )
             segments += flights
             if j >= 0:
-                total[i, j] += weight
+                total[group, i, j] += weight
                 square[i, j] += weight * weight
     return total, square, segments
 

@@ -1,10 +1,11 @@
-"""The light reference against the oracle, which shares no code with the engine: is its mean right?
+"""The light reference against plain forward tracers, which share no code with the engine: is its mean right?
 
     python -m tests.validation.light_oracle
 
-sends a million rays from every emitter in each of the 2 x 108 benchmark states (ten minutes on one core; finished
-places are kept in `build/validation/`) and writes the second table of docs/validation/light.md. Single pairs of the
-oracle are far too noisy to judge the reference; sums over all states and pairs are not.
+On analytic surfaces the plain walk of tests/bench (4 million rays from every emitter in each of 108 states), on the
+contact model's the oracle (250,000 rays): ten minutes each on one core; finished places are kept in
+`build/validation/`. Writes a table of docs/validation/light.md. Single pairs of a forward tracer are far too noisy
+to judge the reference; sums over all states and pairs are not.
 """
 
 from __future__ import annotations
@@ -22,10 +23,12 @@ from sims.optics.oracle import CLASSES, trace_oracle
 from tests.bench.benchmark_states import (
     DEPTHS_MM,
     SURFACES,
+    BenchmarkStates,
     benchmark_scene,
     benchmark_states,
     different_walls,
 )
+from tests.bench.forward_walk import walk
 from tests.validation.contact_table import markdown_table, with_table
 from tests.validation.dense_curve import dense_press
 from tests.validation.light_reference import BUILD, GROUPS, grouped, reference
@@ -34,7 +37,7 @@ from tests.validation.light_table import PAGE
 FloatArray = NDArray[np.float64]
 
 MARKS = "<!-- made by tests/validation/light_oracle.py -->", "<!-- end of the oracle -->"
-RAYS = 1_000_000
+RAYS = {"analytic": 4_000_000, "contact": 250_000}
 SEED = 31
 
 
@@ -48,37 +51,49 @@ class Mean:
     standard_error: float
 
 
-def oracle_flux(surface: str, folder: Path = BUILD, rays: int = RAYS) -> FloatArray:
-    """(group, state, e, r) flux that the oracle counted."""
-    states, scene = benchmark_states(surface), benchmark_scene()
+def counted_flux(surface: str, folder: Path = BUILD) -> FloatArray:
+    """(group, state, e, r) flux that the forward tracer of a family of surfaces counted."""
+    states = benchmark_states(surface)
     folder.mkdir(parents=True, exist_ok=True)
     parts = []
     depths = len(DEPTHS_MM)
     for place in range(len(states.indentations) // depths):
-        file = folder / f"oracle-{surface}-{rays}-{place:02d}.npz"
+        file = folder / f"counted-{surface}-{RAYS[surface]}-{place:02d}.npz"
         if not file.exists():
-            wanted = range(place * depths, (place + 1) * depths)
-            presses = [dense_press(states.indentations[k]) for k in wanted]
-            light = trace_oracle(scene, states.centres_mm[wanted], presses, rays=rays, seed=SEED + place)
-            inside = [number for number, name in enumerate(CLASSES) if name != "crossing"]  # not modelled
-            np.savez(file, flux=grouped(light.flux[inside], [CLASSES[number] for number in inside]))
+            wanted = states.some(list(range(place * depths, (place + 1) * depths)))
+            count = _by_walk if surface == "analytic" else _by_oracle
+            np.savez(file, flux=count(wanted, RAYS[surface], SEED + place))
             print(f"{surface}: place {place + 1}", file=sys.stderr, flush=True)
         with np.load(file, allow_pickle=False) as stored:
             parts.append(stored["flux"])
     return np.concatenate(parts, axis=1)
 
 
-def means(surface: str, rays: int = RAYS) -> Iterator[Mean]:
-    """Every group and the sum. A ray counts once or not at all, so a count has the variance of a binomial one."""
+def _by_walk(states: BenchmarkStates, rays: int, seed: int) -> FloatArray:
+    scene = benchmark_scene()
+    presses = zip(states.centres_mm, states.indentations, strict=True)
+    found = [walk(scene, *press, rays, seed * 1000 + number) for number, press in enumerate(presses)]
+    return np.stack([one.groups for one in found if one.groups is not None], axis=1)
+
+
+def _by_oracle(states: BenchmarkStates, rays: int, seed: int) -> FloatArray:
+    presses = [dense_press(press) for press in states.indentations]
+    light = trace_oracle(benchmark_scene(), states.centres_mm, presses, rays=rays, seed=seed)
+    modelled = [number for number, name in enumerate(CLASSES) if name != "crossing"]
+    return grouped(light.flux[modelled], [CLASSES[number] for number in modelled])
+
+
+def means(surface: str) -> Iterator[Mean]:
+    """Every group and the sum. A ray counts once at most, with a weight of at most 1: binomial variance or less."""
     judged = different_walls(benchmark_scene())
-    truth, counted = reference(surface), oracle_flux(surface, rays=rays)
+    truth, counted = reference(surface), counted_flux(surface)
     scale = truth.flat.sum(axis=0)[judged].mean()
     for name, mine, other in [
         *zip(GROUPS, truth.flux, counted, strict=True),
         ("signal", truth.flux.sum(axis=0), counted.sum(axis=0)),
     ]:
         per_emitter = (mine * judged).sum(axis=-1)
-        variance = (per_emitter * (1.0 - per_emitter) / rays).sum()
+        variance = (per_emitter * (1.0 - per_emitter) / RAYS[surface]).sum()
         count = mine.shape[0] * judged.sum()
         yield Mean(
             surface=surface,
