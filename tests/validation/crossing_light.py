@@ -3,17 +3,17 @@
     python -m tests.validation.crossing_light            the tables of docs/validation/crossing.md, half an hour
     python -m tests.validation.crossing_light --fresh    the same, with nothing taken from an interrupted run
 
-The oracle sends `RAYS` rays from every emitter in each of the 2 x 108 benchmark states, and counts those that are
-received after a flight in air (class `crossing`). Finished places are kept in `build/validation/crossing/`. The pair
-with the largest share of each surface and depth is then measured again, with `AGAIN` rays and another seed, because
-the largest of many noisy figures is too large on average.
+The oracle sends rays from every emitter in each of the 2 x 108 benchmark states, and counts those that are received
+after a flight in air (class `crossing`); then, fewer of them, with the tip at 121 places 2 mm apart. Finished places
+are kept in `build/validation/crossing/`. The pair with the largest share of each surface and depth is measured again,
+with `AGAIN` rays and another seed, because the largest of many noisy figures is too large on average.
 """
 
 from __future__ import annotations
 
 import shutil
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -41,8 +41,10 @@ ROOT = Path(__file__).parents[2]
 BUILD = ROOT / "build" / "validation" / "crossing"
 PAGE = ROOT / "docs" / "validation" / "crossing.md"
 MARKS = "<!-- made by tests/validation/crossing_light.py -->", "<!-- end -->"
-RAYS, AGAIN, FLAT = 400_000, 4_000_000, 2_000_000
+RAYS, SCAN, AGAIN, FLAT = 400_000, 50_000, 4_000_000, 2_000_000
+"""Rays of an emitter: at the benchmark's places, in the scan, for the largest pair again, on the untouched pad."""
 SEED = 101
+SCAN_DEPTHS_MM = (3.0, 4.0, 5.0)
 VERSION = 1
 """Counts up when the oracle's physics changes, so that stored runs are not taken for new ones."""
 
@@ -106,22 +108,31 @@ def only_emitter(scene: OpticalScene, emitter: int) -> OpticalScene:
     )
 
 
-def measured(surface: str) -> Iterator[Crossing]:
+def scan_places_mm() -> FloatArray:
+    """(121, 2) press axes 2 mm apart, 6 mm and more from the walls [mm]."""
+    ticks = np.linspace(6.0, 26.0, 11)
+    return np.array([(x, y) for x in ticks for y in ticks])
+
+
+def measured(
+    surface: str, places: FloatArray, depths_mm: Sequence[float], rays: int, name: str
+) -> Iterator[Crossing]:
     """One row for every depth. A ray counts once or not at all, so a count has the variance of a binomial one."""
-    scene, places = benchmark_scene(), places_mm()
-    presses = [surface_of(surface)(depth_mm) for depth_mm in DEPTHS_MM]
+    scene = benchmark_scene()
+    presses = [surface_of(surface)(depth_mm) for depth_mm in depths_mm]
     flux = np.stack(
         [
             kept(
-                f"{surface}-{RAYS}-{number:02d}",
-                partial(crossing_flux, scene, centre, presses, RAYS, SEED + 1 + number),
+                f"{name}-{rays}-{number:02d}",
+                partial(crossing_flux, scene, centre, presses, rays, SEED + 1 + number),
             )
             for number, centre in enumerate(places)
         ]
     )  # (place, depth, emitter, receiver)
     flat, judged = kept(f"flat-{FLAT}", flat_flux), different_walls(scene)
-    share, variance = flux / flat, flux * (1.0 - flux) / RAYS / flat**2
-    for at, depth_mm in enumerate(DEPTHS_MM):
+    scale = np.where(judged, flat, flat[judged].mean())  # some pairs of one wall have no signal at all
+    share, variance = flux / scale, flux * (1.0 - flux) / rays / scale**2
+    for at, depth_mm in enumerate(depths_mm):
         mine, noise = share[:, at, judged], variance[:, at, judged]
         place, emitter, receiver = np.unravel_index(
             np.argmax(np.where(judged, share[:, at], -1.0)), share[:, at].shape
@@ -129,7 +140,7 @@ def measured(surface: str) -> Iterator[Crossing]:
         one = partial(
             crossing_flux, only_emitter(scene, int(emitter)), places[place], [presses[at]], AGAIN, SEED
         )
-        again = float(kept(f"{surface}-{AGAIN}-again-{at}", one)[0, 0, receiver])
+        again = float(kept(f"{name}-{AGAIN}-again-{at}", one)[0, 0, receiver])
         signal = float(flat[emitter, receiver])
         yield Crossing(
             surface=surface,
@@ -159,7 +170,7 @@ def cells(row: Crossing) -> list[str]:
 
 
 def main(arguments: list[str]) -> None:
-    """Make the table."""
+    """Make the tables."""
     if "--fresh" in arguments and BUILD.exists():
         shutil.rmtree(BUILD)
     numba.set_num_threads(1)
@@ -172,9 +183,20 @@ def main(arguments: list[str]) -> None:
         "which",
         "pairs of one wall, mean % of the others' signal",
     ]
-    table = markdown_table(head, [cells(row) for surface in SURFACES for row in measured(surface)])
-    print(table)
-    PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8"), table, MARKS), encoding="utf-8")
+    tables = []
+    for title, places, depths_mm, rays, prefix in (
+        ("The 18 benchmark places", places_mm(), DEPTHS_MM, RAYS, ""),
+        ("121 places, 2 mm apart", scan_places_mm(), SCAN_DEPTHS_MM, SCAN, "scan-"),
+    ):
+        rows = [
+            cells(row)
+            for surface in SURFACES
+            for row in measured(surface, places, depths_mm, rays, prefix + surface)
+        ]
+        tables.append(f"### {title}\n\n{markdown_table(head, rows)}")
+    text = "\n\n".join(tables)
+    print(text)
+    PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8"), text, MARKS), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -99,8 +99,8 @@ def test_light_that_crosses_is_reciprocal():
     receivers = [(2, 6.5, 4.0, 1.3, 1.5), (1, 5.0, 5.5, 1.3, 1.3)]
     black = {"wall_reflectance": 0.0, "bottom_reflectance": 0.0, "length_mm": 12.0, "width_mm": 12.0}
     press, centre = without_tip(dimple(1.0, 0.1)), [[6.0, 5.5]]
-    forth = trace_oracle(scene_of(emitters, receivers, **black), centre, [press], rays=2_000_000, seed=8)
-    back = trace_oracle(scene_of(receivers, emitters, **black), centre, [press], rays=2_000_000, seed=9)
+    forth = trace_oracle(scene_of(emitters, receivers, **black), centre, [press], rays=600_000, seed=8)
+    back = trace_oracle(scene_of(receivers, emitters, **black), centre, [press], rays=600_000, seed=9)
     area = np.array([[4.0 * row[3] * row[4] for row in rows] for rows in (emitters, receivers)])
     forward = forth.flux[CROSSING, 0] * area[0][:, None]
     backward = (back.flux[CROSSING, 0] * area[1][:, None]).T
@@ -108,8 +108,9 @@ def test_light_that_crosses_is_reciprocal():
         forth.class_standard_error[CROSSING, 0] * area[0][:, None],
         (back.class_standard_error[CROSSING, 0] * area[1][:, None]).T,
     )
-    assert (forward / error).max() > 20.0
-    assert np.abs((forward - backward) / error).max() < 4.0
+    seen = error > 0.0
+    assert (forward[seen] / error[seen]).max() > 10.0
+    assert np.abs((forward - backward)[seen] / error[seen]).max() < 4.0
 
 
 @pytest.mark.parametrize("press", [dimple(2.0, 0.1), wrapped_press()])

@@ -247,8 +247,8 @@ def test_light_is_reciprocal_with_tables_and_smooth_walls(several):
     centres = [[[9.0, 5.0], [4.5, 9.5]]] if several else [[9.0, 5.0]]
     presses = [[dimple(0.7, 0.05), dimple(0.4)]] if several else [dimple(0.7, 0.05)]
     fields = [smooth_field(lambda x, y: 0.01 * (x - y), 14.0, 14.0, 2.0)] if several else None
-    forth = trace_oracle(forth_scene, centres, presses, fields=fields, rays=1_500_000, seed=8)
-    back = trace_oracle(back_scene, centres, presses, fields=fields, rays=1_500_000, seed=9)
+    forth = trace_oracle(forth_scene, centres, presses, fields=fields, rays=1_000_000, seed=8)
+    back = trace_oracle(back_scene, centres, presses, fields=fields, rays=1_000_000, seed=9)
     area = [4.0 * row[3] * row[4] for row in (emitters[0], receivers[0])]
     for name in (DIRECT, TOP, SKIRT, WALL):
         forward = forth.flux[name, 0, 0, 0] * area[0]
@@ -257,7 +257,7 @@ def test_light_is_reciprocal_with_tables_and_smooth_walls(several):
             forth.class_standard_error[name, 0, 0, 0] * area[0],
             back.class_standard_error[name, 0, 0, 0] * area[1] * power * peak,
         )
-        assert forward > 10.0 * error
+        assert forward > 8.0 * error
         assert abs(forward - backward) < 4.0 * error
 
 
