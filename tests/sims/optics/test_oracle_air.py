@@ -121,6 +121,7 @@ def test_with_white_walls_and_tip_all_light_is_received_or_flies_over_the_walls(
     # light between the tip and the surface close to it starts inside the tip by rounding: a part in 100,000
     assert received + fate(light, "escaped") == pytest.approx(1.0, abs=1e-4)
     assert light.flux[CROSSING].sum() > 0.01
+    assert light.without_crossing == pytest.approx(light.total - light.flux[CROSSING], abs=1e-12)
 
 
 def test_a_tip_is_a_half_sphere_under_a_cylinder():
