@@ -3,7 +3,7 @@
     python -m tests.validation.light_oracle
 
 On analytic surfaces the plain walk of tests/bench (4 million rays from every emitter in each of 108 states), on the
-contact model's the oracle (250,000 rays): ten minutes each on one core; finished places are kept in
+contact model's the oracle (100,000 rays): five minutes each on one core; finished places are kept in
 `build/validation/`. Writes a table of docs/validation/light.md. Single pairs of a forward tracer are far too noisy
 to judge the reference; sums over all states and pairs are not.
 """
@@ -37,13 +37,13 @@ from tests.validation.light_table import PAGE
 FloatArray = NDArray[np.float64]
 
 MARKS = "<!-- made by tests/validation/light_oracle.py -->", "<!-- end of the oracle -->"
-RAYS = {"analytic": 4_000_000, "contact": 250_000}
+RAYS = {"analytic": 4_000_000, "contact": 100_000}
 SEED = 31
 
 
 @dataclass(frozen=True, kw_only=True)
 class Mean:
-    """Mean over states and pairs of reference less oracle, over the mean undeformed signal, and its standard error."""
+    """Mean over states and pairs of reference less tracer, over the mean undeformed signal, and its standard error."""
 
     surface: str
     group: str
@@ -116,7 +116,7 @@ def main() -> None:
         ]
         for mean in found
     ]
-    head = ["surface", "class", "reference - oracle, % of the undeformed signal", "in standard errors"]
+    head = ["surface", "class", "reference - tracer, % of the undeformed signal", "in standard errors"]
     table = markdown_table(head, cells)
     print(table)
     PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8"), table, MARKS), encoding="utf-8")
