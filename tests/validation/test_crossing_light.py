@@ -30,11 +30,12 @@ def test_shares_are_of_the_pairs_own_undeformed_signal(made_up):
     assert deep.largest == pytest.approx(0.02)
     assert deep.mean == pytest.approx(0.02 / (2 * 48))
     assert deep.where == (20.0, 12.0, 5, 2)
-    # a count of 80 in a million, its noise taken off the square; 320 in the second measurement
+    # a count of 80 in a million, its noise taken off the square; 800 in the second measurement
     assert deep.rms == pytest.approx(np.sqrt((0.02**2 - 80.0 / 4000.0**2) / 96.0), rel=1e-3)
-    assert deep.largest_error == pytest.approx(np.sqrt(320.0) / 16000.0, rel=1e-3)
+    assert deep.largest_error == pytest.approx(np.sqrt(800.0) / 40000.0, rel=1e-3)
     assert "5 → 2 at (20.0, 12.0) mm" in cells(deep)
-    assert "none seen" in cells(shallow)
+    assert deep.is_clear
+    assert "none above noise" in cells(shallow)
 
 
 def test_a_finished_part_is_not_made_again(made_up):
