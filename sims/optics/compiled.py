@@ -16,33 +16,40 @@ from numba import njit, prange
 from sims.optics import (
     diffuse,
     direct,
-    mirror,
+    image_cells,
+    images,
+    mirror_paths,
     pinhole,
+    radial,
     rays,
     repeated,
-    skirt,
     states,
     surface,
-    top_cells,
-    top_image,
+    top,
+    top_grid,
+    top_light,
 )
-from sims.optics.diffuse import bounces, deposit, golden_shift, layout_of
+from sims.optics.diffuse import bounces, deposit, join, layout_of
 from sims.optics.diffuse import patch_areas as areas_of
 from sims.optics.direct import flat_flux
-from sims.optics.states import CLASSES, one_state
+from sims.optics.states import CLASSES, golden_shift, one_state
+from sims.optics.top import Top
 
 EMITTER_SEQUENCE, RECEIVER_SEQUENCE = states.EMITTER_SEQUENCE, states.RECEIVER_SEQUENCE
 KERNEL_MODULES = (
     surface,
+    radial,
+    top,
     rays,
-    top_cells,
-    top_image,
-    pinhole,
+    top_grid,
+    image_cells,
     direct,
-    mirror,
-    skirt,
-    repeated,
+    pinhole,
+    mirror_paths,
+    images,
     diffuse,
+    top_light,
+    repeated,
     states,
 )
 
@@ -68,47 +75,46 @@ def _compile(fingerprint):
         return out
 
     @njit(cache=True, error_model="numpy")
-    def untouched_deposits(
-        sources, receivers, box, press, cubic, steepest, points, count, shift, first, layout
-    ):
-        """(source, patch) deposits under the untouched top."""
+    def untouched_deposits(sources, receivers, box, top, points, count, shift, first, layout):
+        """(source, patch) deposits under the untouched top; (source, receiver) what smooth walls mirror there."""
         out = np.zeros((sources.shape[0], layout[5, 2] + layout[5, 0] * layout[5, 1]))
+        seen = np.zeros((sources.shape[0], receivers.shape[0]))
         for i in range(sources.shape[0] if fingerprint >= 0 else 0):
-            deposit(
-                sources[i],
-                receivers,
-                box,
-                press,
-                cubic,
-                steepest,
-                points,
-                count,
-                golden_shift(i + first) + shift,
-                layout,
-                out[i],
-            )
+            moved = golden_shift(i + first) + shift
+            deposit(sources[i], receivers, box, top, points, count, moved, layout, out[i], seen[i])
+        return out, seen
+
+    @njit(cache=True, error_model="numpy")
+    def joined(given, taken, receivers, areas, layout, reflectances, top):
+        """(emitter, receiver) once-scattered flux from deposits."""
+        out = np.zeros((given.shape[0], taken.shape[0]))
+        for i in range(given.shape[0] if fingerprint >= 0 else 0):
+            for j in range(taken.shape[0]):
+                area = 4.0 * receivers[j, 3] * receivers[j, 4]
+                out[i, j] = join(given[i], taken[j], area, areas, layout, reflectances, top)
         return out
 
     @njit(cache=True, error_model="numpy")
-    def bounce_matrix(layout, receivers, box, press, cubic, steepest, points, count):
+    def bounce_matrix(layout, receivers, box, top, points, count):
         """(patch, patch) share of one patch's scattered light that lands on another, untouched top."""
         if fingerprint < 0:
             return np.zeros((0, 0))
-        return bounces(layout, receivers, box, press, cubic, steepest, points, count)
+        return bounces(layout, receivers, box, top, points, count)
 
     @njit(cache=True, error_model="numpy", parallel=True)
     def trace_states(
-        wanted, emitters, receivers, box, press, cubic, steepest, bends, flat, flat_diffuse, flat_join,
-        scale, rules, mirror_rules, points, count, shifts, layout, areas, reflectances, settings,
+        wanted, emitters, receivers, box, tops, flat, scale, rules, image_rules, points, shifts, layout, areas,
+        reflectances, settings, flat_rays,
     ):  # fmt: skip
         """(state, replicate, class, emitter, receiver) flux over emitted power."""
+        press, cubic, steepest, field, grid = tops
         states = press.shape[0] if fingerprint >= 0 else 0
         out = np.zeros((states, shifts.shape[0], CLASSES, emitters.shape[0], receivers.shape[0]))
         for state in prange(states):
             one_state(
-                out[state], wanted[state], emitters, receivers, box, press[state], cubic[state],
-                steepest[state], bends[state], flat, flat_diffuse, flat_join, scale, rules, mirror_rules,
-                points, count, shifts, layout, areas, reflectances, settings,
+                out[state], wanted[state], emitters, receivers, box,
+                Top(press[state], cubic[state], steepest[state], field[state], grid[state]), flat, scale, rules,
+                image_rules, points, shifts, layout, areas, reflectances, settings, flat_rays,
             )  # fmt: skip
         return out
 
@@ -122,9 +128,9 @@ def _compile(fingerprint):
         """(patch,) area without receiver faces; 0 for the tip's, which change with the press."""
         return areas_of(layout, receivers, box) if fingerprint >= 0 else np.zeros(0)
 
-    return flat_matrix, untouched_deposits, bounce_matrix, trace_states, patch_layout, patch_areas
+    return flat_matrix, untouched_deposits, joined, bounce_matrix, trace_states, patch_layout, patch_areas
 
 
-flat_matrix, untouched_deposits, bounce_matrix, trace_states, patch_layout, patch_areas = _compile(
+flat_matrix, untouched_deposits, joined, bounce_matrix, trace_states, patch_layout, patch_areas = _compile(
     source_fingerprint()
 )

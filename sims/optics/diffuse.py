@@ -1,14 +1,15 @@
 # mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
 """Kernels: light that walls, bottom or tip scatter once.
 
-The power of every emitter is deposited on patches of walls, bottom and tip by rays that follow the whole
-specular chain through the deformed top; the same is done from every receiver, and by reciprocity
+The power of every emitter is deposited on patches of walls, bottom and tip by rays that follow the whole specular
+chain through the top; the same is done from every receiver, and by reciprocity
 
     flux = sum over patches of  reflectance x deposit_e x deposit_r x A_r / A_patch.
 
-Every ray uses the same points in every state. Receiver faces absorb; emitter faces reflect like the wall
-around them. Patches have a finite size (a bias of the join that is the same with and without a press);
-`sims.optics.engine` divides it out with a finer join of the untouched pad.
+A deposit is shared between the four patches around it, so it changes smoothly with the ray. Receiver faces absorb;
+emitter faces reflect like the wall around them. Smooth walls mirror their Fresnel share on. Patches have a finite
+size (a bias of the join that is the same with and without a press); `sims.optics.engine` divides it out with the
+untouched pad's join.
 """
 
 from __future__ import annotations
@@ -17,12 +18,21 @@ import math
 
 import numpy as np
 
-from sims.optics.rays import BOTTOM, TIP, chain, height, kernel, wall_normal, wall_point
-from sims.optics.repeated import fraction
-from sims.optics.surface import ACTIVE, CONTACT_R, TIP_R, X, Y
+from sims.optics.radial import kernel, mirrored_share, radiance, wall_normal, wall_point
+from sims.optics.rays import BOTTOM, LOST_WEIGHT, TIP, chain
+from sims.optics.surface import CONTACT_R, TIP_R, X, Y
+from sims.optics.top import surface_height
 
 TIP_RINGS = 3
 TIP_SECTORS = 12
+MIRRORINGS = 64
+"""Most reflections at smooth walls on one path."""
+
+
+@kernel
+def fraction(x):
+    """Part after the point."""
+    return x - math.floor(x)
 
 
 @kernel
@@ -55,28 +65,45 @@ def layout_of(box, size):
 
 
 @kernel
-def patch_of(kind, x, y, z, layout, box, press):
-    """Index of the patch that holds a point."""
-    if kind == TIP:
-        px = x - press[X]
-        py = y - press[Y]
-        q = (px * px + py * py) / (press[CONTACT_R] * press[CONTACT_R])
-        a = int((math.atan2(py, px) / (2.0 * math.pi) + 0.5) * TIP_SECTORS)
-        b = int(q * TIP_RINGS)
-    else:
-        across = box[0] if kind == 0 or kind == 2 or kind == BOTTOM else box[1]
-        up = box[1] if kind == BOTTOM else box[2]
-        along = x if kind == 0 or kind == 2 or kind == BOTTOM else y
-        a = int(along / across * layout[kind, 0])
-        b = int((y if kind == BOTTOM else z) / up * layout[kind, 1])
-    a = min(max(a, 0), layout[kind, 0] - 1)
-    b = min(max(b, 0), layout[kind, 1] - 1)
-    return layout[kind, 2] + b * layout[kind, 0] + a
+def _tip_patch(x, y, layout, press):
+    """Index of the tip's patch that holds a place."""
+    px = x - press[X]
+    py = y - press[Y]
+    q = (px * px + py * py) / (press[CONTACT_R] * press[CONTACT_R])
+    a = min(int((math.atan2(py, px) / (2.0 * math.pi) + 0.5) * TIP_SECTORS), TIP_SECTORS - 1)
+    b = min(int(q * TIP_RINGS), TIP_RINGS - 1)
+    return layout[TIP, 2] + b * layout[TIP, 0] + a
 
 
 @kernel
-def on_receiver(kind, x, y, z, receivers):
-    """Whether a wall point lies on a receiver's face."""
+def add_deposit(kind, x, y, z, weight, layout, box, top, out):
+    """Add a weight to the patches around a point of a wall, the bottom or the tip."""
+    if kind == TIP:
+        out[_tip_patch(x, y, layout, top.press[0])] += weight
+        return
+    columns = layout[kind, 0]
+    rows = layout[kind, 1]
+    across = box[0] if kind == 0 or kind == 2 or kind == BOTTOM else box[1]
+    up = box[1] if kind == BOTTOM else box[2]
+    along = x if kind == 0 or kind == 2 or kind == BOTTOM else y
+    s = min(max(along / across * columns - 0.5, 0.0), columns - 1.0)
+    t = min(max((y if kind == BOTTOM else z) / up * rows - 0.5, 0.0), rows - 1.0)
+    a = min(int(s), max(columns - 2, 0))
+    b = min(int(t), max(rows - 2, 0))
+    s -= a
+    t -= b
+    first = layout[kind, 2] + b * columns + a
+    right = 1 if columns > 1 else 0
+    above = columns if rows > 1 else 0
+    out[first] += weight * (1.0 - s) * (1.0 - t)
+    out[first + right] += weight * s * (1.0 - t)
+    out[first + above] += weight * (1.0 - s) * t
+    out[first + above + right] += weight * s * t
+
+
+@kernel
+def receiver_at(kind, x, y, z, receivers):
+    """The receiver whose face holds a wall point; -1 if none."""
     along = x if kind == 0 or kind == 2 else y
     for j in range(receivers.shape[0]):
         if (
@@ -84,8 +111,8 @@ def on_receiver(kind, x, y, z, receivers):
             and abs(along - receivers[j, 1]) <= receivers[j, 3]
             and abs(z - receivers[j, 2]) <= receivers[j, 4]
         ):
-            return True
-    return False
+            return j
+    return -1
 
 
 @kernel
@@ -121,37 +148,68 @@ def tip_patch_area(ring, press):
 
 
 @kernel
-def deposit(source, receivers, box, press, cubic, steepest, points, count, shift, layout, out):
-    """Add the share of a patch's emission that lands on every patch after any specular chain."""
-    weight = 4.0 * source[3] * source[4] / source[6] / count
-    wall = int(source[0])
-    for k in range(count):
-        p = points[k]
-        along = source[1] + source[3] * (2.0 * fraction(p[0] + shift[0]) - 1.0)
-        other = source[2] + source[4] * (2.0 * fraction(p[1] + shift[1]) - 1.0)
-        cos_out = (1.0 - fraction(p[2] + shift[2])) ** (1.0 / (source[5] + 1.0))
-        sin_out = math.sqrt(max(1.0 - cos_out * cos_out, 0.0))
-        phi = 2.0 * math.pi * fraction(p[3] + shift[3])
-        if wall == BOTTOM:
-            x, y, z = along, other, 0.0
-            dx, dy, dz = sin_out * math.cos(phi), sin_out * math.sin(phi), cos_out
-        else:
-            x, y, z = wall_point(wall, along, other, box)
-            n0, n1 = wall_normal(wall)
-            side = sin_out * math.cos(phi)
-            dx = n0 * cos_out - n1 * side
-            dy = n1 * cos_out + n0 * side
-            dz = sin_out * math.sin(phi)
-        if press[ACTIVE] > 0.0 and z >= height(math.hypot(x - press[X], y - press[Y]), press, cubic):
-            continue
-        kind, x, y, z, left, _, _ = chain(x, y, z, dx, dy, dz, 1.0, box, press, cubic, steepest)
-        if kind < 0 or (kind < BOTTOM and on_receiver(kind, x, y, z, receivers)):
-            continue
-        out[patch_of(kind, x, y, z, layout, box, press)] += weight * left
+def leaving(patch, p, shift, box):
+    """A point of a wall patch and a direction by its cosine order (a table: Lambertian): start, direction, weight."""
+    wall = int(patch[0])
+    along = patch[1] + patch[3] * (2.0 * fraction(p[0] + shift[0]) - 1.0)
+    other = patch[2] + patch[4] * (2.0 * fraction(p[1] + shift[1]) - 1.0)
+    order = max(patch[5], 1.0) if patch[5] < 0.0 else patch[5]
+    cos_out = (1.0 - fraction(p[2] + shift[2])) ** (1.0 / (order + 1.0))
+    sin_out = math.sqrt(max(1.0 - cos_out * cos_out, 0.0))
+    phi = 2.0 * math.pi * fraction(p[3] + shift[3])
+    weight = 4.0 * patch[3] * patch[4] / patch[6]
+    if patch[5] < 0.0:
+        weight *= math.pi * radiance(patch, cos_out)
+    if wall == BOTTOM:
+        return along, other, 0.0, sin_out * math.cos(phi), sin_out * math.sin(phi), cos_out, weight
+    x, y, z = wall_point(wall, along, other, box)
+    n0, n1 = wall_normal(wall)
+    side = sin_out * math.cos(phi)
+    return x, y, z, n0 * cos_out - n1 * side, n1 * cos_out + n0 * side, sin_out * math.sin(phi), weight
 
 
 @kernel
-def join(from_emitter, from_receiver, receiver_area, areas, layout, reflectances, press):
+def follow(x, y, z, dx, dy, dz, weight, receivers, layout, box, top, out, seen):
+    """Deposit what a ray brings to walls, bottom and tip; add to seen what smooth walls mirror onto receivers."""
+    for mirrorings in range(MIRRORINGS):
+        kind, x, y, z, dx, dy, dz, left, _, _ = chain(x, y, z, dx, dy, dz, 1.0, box, top)
+        weight *= left
+        if kind < 0 or weight < LOST_WEIGHT:
+            return
+        if kind >= BOTTOM:
+            add_deposit(kind, x, y, z, weight, layout, box, top, out)
+            return
+        n0, n1 = wall_normal(kind)
+        cos_in = -(dx * n0 + dy * n1)
+        j = receiver_at(kind, x, y, z, receivers)
+        if j >= 0:
+            if mirrorings > 0:
+                seen[j] += weight * math.pi * radiance(receivers[j], cos_in)
+            return
+        share = mirrored_share(cos_in, box[3], box[5]) if box[5] > 0.0 else 0.0
+        add_deposit(kind, x, y, z, weight * (1.0 - share), layout, box, top, out)
+        weight *= share
+        if weight < LOST_WEIGHT:
+            return
+        dx += 2.0 * cos_in * n0
+        dy += 2.0 * cos_in * n1
+        x += 1e-9 * n0
+        y += 1e-9 * n1
+
+
+@kernel
+def deposit(source, receivers, box, top, points, count, shift, layout, out, seen):
+    """Add the share of a patch's emission that lands on every patch after any specular chain, by rays into the
+    half space; and what smooth walls mirror onto receivers.
+    """
+    for k in range(count):
+        x, y, z, dx, dy, dz, weight = leaving(source, points[k], shift, box)
+        if z < surface_height(x, y, top):
+            follow(x, y, z, dx, dy, dz, weight / count, receivers, layout, box, top, out, seen)
+
+
+@kernel
+def join(from_emitter, from_receiver, receiver_area, areas, layout, reflectances, top):
     """Once-scattered flux of a pair from its two deposits."""
     total = 0.0
     for k in range(6):
@@ -161,7 +219,7 @@ def join(from_emitter, from_receiver, receiver_area, areas, layout, reflectances
                 n = layout[k, 2] + b * layout[k, 0] + a
                 product = from_emitter[n] * from_receiver[n]
                 if product > 0.0:
-                    area = tip_patch_area(b, press) if k == TIP else areas[n]
+                    area = tip_patch_area(b, top.press[0]) if k == TIP else areas[n]
                     if area > 1e-9:
                         part += product / area
         total += part * reflectances[k]
@@ -169,12 +227,13 @@ def join(from_emitter, from_receiver, receiver_area, areas, layout, reflectances
 
 
 @kernel
-def bounces(layout, receivers, box, press, cubic, steepest, points, count):
+def bounces(layout, receivers, box, top, points, count):
     """(patch, patch) share of one patch's scattered light that lands on another, untouched top."""
     patches = layout[5, 2]
     out = np.zeros((patches, patches + layout[5, 0] * layout[5, 1]))
     source = np.zeros(7)
     shift = np.zeros(4)
+    seen = np.zeros(receivers.shape[0])
     for k in range(5):
         du = (box[0] if k == 0 or k == 2 or k == BOTTOM else box[1]) / layout[k, 0]
         dv = (box[1] if k == BOTTOM else box[2]) / layout[k, 1]
@@ -185,5 +244,5 @@ def bounces(layout, receivers, box, press, cubic, steepest, points, count):
                 source[3], source[4], source[5] = 0.5 * du, 0.5 * dv, 1.0
                 source[6] = du * dv
                 shift[:] = golden_shift(n + 1.0)
-                deposit(source, receivers, box, press, cubic, steepest, points, count, shift, layout, out[n])
+                deposit(source, receivers, box, top, points, count, shift, layout, out[n], seen)
     return out[:, :patches]

@@ -7,17 +7,17 @@ emitter point e and column u the top's horizon over the column is
 
     Z* = z_e + min over the chord of (h(s) - z_e) / s,     s = fraction of the way in plan,
 
-and straight light is visible below Z*. Patches are rows (wall, along, z, half width, half height,
-order m, full area as mounted), clipped to the clear layer. Intensity (m + 1)/(2 pi) cos^m of the whole
-area's power; Fresnel at the top, Beer-Lambert along the path.
+and straight light is visible below Z*. Several tips: the smallest of their horizons. Patches are clipped to the clear
+layer; Fresnel at the top, Beer-Lambert along the path.
 """
 
 from __future__ import annotations
 
 import math
 
-from sims.optics.rays import fresnel, height, kernel, wall_normal, wall_point
+from sims.optics.radial import fresnel, height, kernel, radiance, wall_normal, wall_point
 from sims.optics.surface import ACTIVE, CELLS, GRADING, LOWEST, OUTER_R, SPHERE_R, X, Y
+from sims.optics.top import SLACK, is_plain, surface_height
 
 HORIZON_SAMPLES = 14
 HORIZON_BISECTIONS = 9
@@ -74,17 +74,48 @@ def _left_of(ax, ay, bx, by, cx, cy):
 
 
 @kernel
+def reach_of(z, top, radii):
+    """Fill radii (tip,) beyond which no tip's dimple can block a line that stays below z."""
+    for k in range(top.press.shape[0]):
+        radii[k] = blocking_radius(z + top.grid[SLACK], top.press[k], top.cubic[k])
+
+
+@kernel
+def misses_all(source, target, radii, box, top):
+    """Whether the pair's bundle in plan stays clear of every tip's radius."""
+    for k in range(top.press.shape[0]):
+        if top.press[k, ACTIVE] > 0.0 and not bundle_misses(source, target, radii[k], box, top.press[k]):
+            return False
+    return True
+
+
+@kernel
 def _rise(s, b, c, a, z, press, cubic):
     r = math.sqrt(max(a * s * s + 2.0 * b * s + c, 0.0))
     return (height(r, press, cubic) - z) / s
 
 
 @kernel
-def horizon(x, y, z, qx, qy, radius, press, cubic):
-    """Height at q below which the straight line from (x, y, z) passes under the top.
+def _rise_any(s, x, y, dx, dy, z, top):
+    return (surface_height(x + s * dx, y + s * dy, top) - z) / s
 
-    Only the part of the chord within `radius` of the press axis can block; OPEN if there is none.
-    """
+
+@kernel
+def horizon(x, y, z, qx, qy, radii, top):
+    """Height at q below which the straight line from (x, y, z) passes under the top; OPEN if none can block."""
+    lowest = OPEN
+    for k in range(top.press.shape[0]):
+        if radii[k] > 0.0:
+            lowest = min(lowest, _horizon_of(k, x, y, z, qx, qy, radii[k], top))
+    return lowest
+
+
+@kernel
+def _horizon_of(tip, x, y, z, qx, qy, radius, top):
+    """The horizon of the part of the chord within `radius` of a tip's axis."""
+    press = top.press[tip]
+    cubic = top.cubic[tip]
+    plain = is_plain(top)
     dx = qx - x
     dy = qy - y
     px = x - press[X]
@@ -104,7 +135,8 @@ def horizon(x, y, z, qx, qy, radius, press, cubic):
     best = 1e18
     at = 0
     for k in range(HORIZON_SAMPLES + 1):
-        value = _rise(low + step * k, b, c, a, z, press, cubic)
+        s = low + step * k
+        value = _rise(s, b, c, a, z, press, cubic) if plain else _rise_any(s, x, y, dx, dy, z, top)
         if value < best:
             best = value
             at = k
@@ -112,21 +144,21 @@ def horizon(x, y, z, qx, qy, radius, press, cubic):
     right = low + step * min(at + 1, HORIZON_SAMPLES)
     s1 = right - GOLDEN * (right - left)
     s2 = left + GOLDEN * (right - left)
-    f1 = _rise(s1, b, c, a, z, press, cubic)
-    f2 = _rise(s2, b, c, a, z, press, cubic)
+    f1 = _rise(s1, b, c, a, z, press, cubic) if plain else _rise_any(s1, x, y, dx, dy, z, top)
+    f2 = _rise(s2, b, c, a, z, press, cubic) if plain else _rise_any(s2, x, y, dx, dy, z, top)
     for _ in range(HORIZON_BISECTIONS):
         if f1 < f2:
             right = s2
             s2 = s1
             f2 = f1
             s1 = right - GOLDEN * (right - left)
-            f1 = _rise(s1, b, c, a, z, press, cubic)
+            f1 = _rise(s1, b, c, a, z, press, cubic) if plain else _rise_any(s1, x, y, dx, dy, z, top)
         else:
             left = s1
             s1 = s2
             f1 = f2
             s2 = left + GOLDEN * (right - left)
-            f2 = _rise(s2, b, c, a, z, press, cubic)
+            f2 = _rise(s2, b, c, a, z, press, cubic) if plain else _rise_any(s2, x, y, dx, dy, z, top)
     return z + min(best, min(f1, f2))
 
 
@@ -143,7 +175,7 @@ def column_flux(x, y, z, source, target, qx, qy, z0, z1, mirrored, box, nodes, w
     into = -(dx * m0 + dy * m1)
     if out <= 0.0 or into <= 0.0:
         return 0.0
-    order = source[5]
+    plain = source[5] == 1.0 and target[5] == 1.0
     plan2 = dx * dx + dy * dy
     total = 0.0
     for k in range(nodes.shape[0]):
@@ -152,23 +184,19 @@ def column_flux(x, y, z, source, target, qx, qy, z0, z1, mirrored, box, nodes, w
         d2 = plan2 + dz * dz
         d = math.sqrt(d2)
         f = out * into / (d2 * d2)
-        if order != 1.0:
-            f *= (out / d) ** (order - 1.0)
+        if not plain:
+            f *= math.pi * math.pi * radiance(source, out / d) * radiance(target, into / d)
         if mirrored:
             f *= fresnel(dz / d, box[3])
         if box[4] > 0.0:
             f *= math.exp(-box[4] * d)
         total += weights[k] * f
-    return total * (z1 - z0) * (order + 1.0) / (2.0 * math.pi)
+    return total * (z1 - z0) / math.pi
 
 
 @kernel
-def direct_flux(
-    source, target, box, press, cubic, nodes_e, weights_e, nodes_u, weights_u, nodes_z, weights_z
-):
+def direct_flux(source, target, radii, box, top, nodes_e, weights_e, nodes_u, weights_u, nodes_z, weights_z):
     """Straight flux of a pair under a press, as a fraction of the emitter's power."""
-    highest = max(source[2] + source[4], target[2] + target[4])
-    radius = blocking_radius(highest, press, cubic)
     total = 0.0
     low = target[2] - target[4]
     high = target[2] + target[4]
@@ -181,9 +209,7 @@ def direct_flux(
             for c in range(nodes_u.shape[0]):
                 column = target[1] + target[3] * (2.0 * nodes_u[c] - 1.0)
                 qx, qy, _ = wall_point(int(target[0]), column, 0.0, box)
-                edge = high
-                if radius > 0.0:
-                    edge = min(edge, horizon(x, y, z, qx, qy, radius, press, cubic))
+                edge = min(high, horizon(x, y, z, qx, qy, radii, top))
                 flux = column_flux(x, y, z, source, target, qx, qy, low, edge, False, box, nodes_z, weights_z)
                 total += share * weights_u[c] * flux
     return total * 2.0 * target[3] * 4.0 * source[3] * source[4] / source[6]

@@ -4,13 +4,13 @@
 At a point p of the top the receiver's corners are reflected in the tangent plane and projected through p
 onto the emitter's plane; the projection clipped against the emitter is the lit area A_p, so
 
-    flux = integral over the top of r dr dphi  (g . d) (d . n_e) cos^(m-1) / d^4  (m + 1) / (2 pi) A_p / A_e
+    flux = integral over the top of r dr dphi  (g . d) (d . n_e) L / d^4  A_p / A_e  response
 
-with d from emitter to p, g = (-dh/dx, -dh/dy, 1). No ray is sampled, and a caustic is no singularity. The
-lit area is weighted at its centroid, within `NEAR_SIZES` emitter sizes by three points a triangle.
+with d from emitter to p, g = (-dh/dx, -dh/dy, 1), L the emitter's radiance. No ray is sampled, and a caustic is no
+singularity. The lit area is weighted at its centroid, within `NEAR_SIZES` emitter sizes by three points a triangle.
 
-Both legs are tested against the top: for the centroid, and where a leg passes the steep part of the dimple
-for the corners of the lit area too; if these differ, every triangle point is tested for itself.
+Shadows: a leg that falls faster than the top can along its way is clear. Any other is tested at the centroid and the
+corners of the lit area, and where these differ at every point of the triangles.
 """
 
 from __future__ import annotations
@@ -18,60 +18,46 @@ from __future__ import annotations
 import math
 
 from sims.optics.direct import plan_distance
-from sims.optics.rays import fall_bound, fresnel, is_clear, kernel, wall_normal, wall_point
-from sims.optics.surface import SKIRT_R, X, Y
-from sims.optics.top_cells import top_point
+from sims.optics.radial import fall_bound, fresnel, kernel, radiance, slope_bound, wall_normal, wall_point
+from sims.optics.rays import is_clear
+from sims.optics.surface import ACTIVE, X, Y
+from sims.optics.top import FIELD_SLOPE, touching_tip
+from sims.optics.top_grid import top_point
 
-NEAR_SIZES = 14.0
+NEAR_SIZES = 10.0
 INWARD = 0.97
-SHADOW_REACH = 1.1
-LEAVING = 0.3
-SPARE_SLOPE = 0.02
 
 
 @kernel
-def _clip(poly, other, source):
-    """Clip a homogeneous polygon (tangential, vertical, w) against the emitter's half sizes; vertex count."""
-    n = 4
-    for side in range(5):
-        kept = 0
-        for c in range(n):
-            d = c + 1 if c + 1 < n else 0
-            if side == 0:
-                fa = poly[c, 2] - 1e-9
-                fb = poly[d, 2] - 1e-9
-            elif side == 1:
-                fa = source[3] * poly[c, 2] - poly[c, 0]
-                fb = source[3] * poly[d, 2] - poly[d, 0]
-            elif side == 2:
-                fa = source[3] * poly[c, 2] + poly[c, 0]
-                fb = source[3] * poly[d, 2] + poly[d, 0]
-            elif side == 3:
-                fa = source[4] * poly[c, 2] - poly[c, 1]
-                fb = source[4] * poly[d, 2] - poly[d, 1]
-            else:
-                fa = source[4] * poly[c, 2] + poly[c, 1]
-                fb = source[4] * poly[d, 2] + poly[d, 1]
-            if fa >= 0.0:
-                other[kept, 0] = poly[c, 0]
-                other[kept, 1] = poly[c, 1]
-                other[kept, 2] = poly[c, 2]
-                kept += 1
-            if (fa >= 0.0) != (fb >= 0.0):
-                t = fa / (fa - fb)
-                for k in range(3):
-                    other[kept, k] = poly[c, k] + t * (poly[d, k] - poly[c, k])
-                kept += 1
-        n = kept
-        if n < 3:
-            return 0
-        for c in range(n):
-            for k in range(3):
-                poly[c, k] = other[c, k]
+def _cut(n, poly, other, along, up, whole):
+    """Clip a polygon of homogeneous points (x, y, w) to along x + up y + whole w >= 0; its number of corners."""
+    outside = 0
     for c in range(n):
-        poly[c, 0] /= poly[c, 2]
-        poly[c, 1] /= poly[c, 2]
-    return n
+        if along * poly[c, 0] + up * poly[c, 1] + whole * poly[c, 2] < 0.0:
+            outside += 1
+    if outside == 0:
+        return n
+    if outside == n:
+        return 0
+    kept = 0
+    fc = along * poly[0, 0] + up * poly[0, 1] + whole * poly[0, 2]
+    for c in range(n):
+        d = c + 1 if c + 1 < n else 0
+        fd = along * poly[d, 0] + up * poly[d, 1] + whole * poly[d, 2]
+        if fc >= 0.0:
+            for k in range(3):
+                other[kept, k] = poly[c, k]
+            kept += 1
+        if (fc >= 0.0) != (fd >= 0.0):
+            t = fc / (fc - fd)
+            for k in range(3):
+                other[kept, k] = poly[c, k] + t * (poly[d, k] - poly[c, k])
+            kept += 1
+        fc = fd
+    for c in range(kept):
+        for k in range(3):
+            poly[c, k] = other[c, k]
+    return kept if kept > 2 else 0
 
 
 @kernel
@@ -99,6 +85,21 @@ def _project(source, target, px, py, pz, gx, gy, ex, ey, ez, depth, box, poly):
 
 
 @kernel
+def _on_emitter(n, poly, other, source):
+    """Clip images to the emitter's rectangle; their number of corners."""
+    n = _cut(n, poly, other, 0.0, 0.0, 1.0)
+    if n > 0:
+        n = _cut(n, poly, other, -1.0, 0.0, source[3])
+    if n > 0:
+        n = _cut(n, poly, other, 1.0, 0.0, source[3])
+    if n > 0:
+        n = _cut(n, poly, other, 0.0, -1.0, source[4])
+    if n > 0:
+        n = _cut(n, poly, other, 0.0, 1.0, source[4])
+    return n
+
+
+@kernel
 def _spread(a, b, px, py, pz, gx, gy, ex, ey, ez, source, box):
     """Emission, incidence and absorption weight of the emitter point at offset (a, b); direction to p."""
     n0, n1 = wall_normal(int(source[0]))
@@ -113,9 +114,7 @@ def _spread(a, b, px, py, pz, gx, gy, ex, ey, ez, source, box):
         return 0.0, dx, dy, dz
     d = math.sqrt(d2)
     f = out * into / (d2 * d2)
-    order = source[5]
-    if order != 1.0:
-        f *= (out / d) ** (order - 1.0)
+    f *= radiance(source, out / d)
     cos_in = into / (d * math.sqrt(1.0 + gx * gx + gy * gy))
     return f * fresnel(cos_in, box[3]) * math.exp(-box[4] * d), dx, dy, dz
 
@@ -143,21 +142,54 @@ def _polygon(n, poly):
 
 
 @kernel
-def _sees(a, b, px, py, pz, gx, gy, ex, ey, ez, source, target, box, press, cubic, steepest):
-    """Length of the leg to the receiver's plane for the emitter point at offset (a, b); -1 if it is hidden."""
+def _may_be_shaded(px, py, pz, patch, box, top):
+    """Whether a leg from the top down to a patch may meet the top again: none does that falls faster all the way."""
+    x0, y0, z = wall_point(int(patch[0]), patch[1] - patch[3], patch[2] + patch[4], box)
+    x1, y1, _ = wall_point(int(patch[0]), patch[1] + patch[3], patch[2] + patch[4], box)
+    run = max(plan_distance(x0, y0, x0, y0, px, py), plan_distance(x1, y1, x1, y1, px, py))
+    slope = top.grid[FIELD_SLOPE]
+    for k in range(top.press.shape[0]):
+        press = top.press[k]
+        if press[ACTIVE] == 0.0:
+            continue
+        rx = px - press[X]
+        ry = py - press[Y]
+        if rx * (x0 - px) + ry * (y0 - py) >= 0.0 and rx * (x1 - px) + ry * (y1 - py) >= 0.0:
+            slope += fall_bound(math.sqrt(rx * rx + ry * ry), press, top.steepest[k])
+            continue
+        one = (x0 - px) * ry - (y0 - py) * rx
+        two = (x1 - px) * ry - (y1 - py) * rx
+        near = 0.0
+        if one * two > 0.0:
+            near = min(
+                plan_distance(px, py, x0, y0, press[X], press[Y]),
+                plan_distance(px, py, x1, y1, press[X], press[Y]),
+            )
+        slope += slope_bound(near, press, top.steepest[k])
+    return pz - z < slope * run
+
+
+@kernel
+def _sees(a, b, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top):
+    """Whether the emitter point at offset (a, b) reaches p, and its mirrored ray the receiver's plane.
+
+    Only legs that may be shaded are tested.
+    """
     on_x = int(source[0]) % 2 == 0
     dx = px - ex - (a if on_x else 0.0)
     dy = py - ey - (0.0 if on_x else a)
     dz = pz - ez - b
     into = dz - gx * dx - gy * dy
     if into <= 0.0:
-        return -1.0
+        return False
     d = math.sqrt(dx * dx + dy * dy + dz * dz)
     dx /= d
     dy /= d
     dz /= d
-    if not is_clear(px, py, pz, -dx, -dy, -dz, d, press, cubic, steepest):
-        return -1.0
+    if dim_e and not is_clear(px, py, pz, -dx, -dy, -dz, d, top):
+        return False
+    if not dim_q:
+        return True
     back = 2.0 * into / d / (1.0 + gx * gx + gy * gy)
     dx += back * gx
     dy += back * gy
@@ -166,56 +198,32 @@ def _sees(a, b, px, py, pz, gx, gy, ex, ey, ez, source, target, box, press, cubi
     qx, qy, _ = wall_point(int(target[0]), target[1], target[2], box)
     approach = -(dx * m0 + dy * m1)
     if approach <= 1e-9:
-        return -1.0
+        return False
     length = ((px - qx) * m0 + (py - qy) * m1) / approach
-    if length <= 0.0 or not is_clear(px, py, pz, dx, dy, dz, length, press, cubic, steepest):
-        return -1.0
-    return length
+    return length > 0.0 and is_clear(px, py, pz, dx, dy, dz, length, top)
 
 
 @kernel
-def _is_divided(
-    n, poly, cx, cy, seen, px, py, pz, gx, gy, ex, ey, ez, source, target, box, press, cubic, steepest
-):
-    """Whether some corner of the lit area (drawn in a little) is hidden and some is not."""
+def _seen_corners(n, poly, cx, cy, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top):
+    """How many of the centroid and the corners (drawn in a little) of the lit area are seen."""
+    seen = 1 if _sees(cx, cy, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top) else 0
     for c in range(n):
         x = cx + INWARD * (poly[c, 0] - cx)
         y = cy + INWARD * (poly[c, 1] - cy)
-        leg = _sees(x, y, px, py, pz, gx, gy, ex, ey, ez, source, target, box, press, cubic, steepest)
-        if (leg >= 0.0) != seen:
-            return True
-    return False
+        if _sees(x, y, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top):
+            seen += 1
+    return seen
 
 
 @kernel
 def _mean_weight(
-    n,
-    poly,
-    area,
-    cx,
-    cy,
-    divided,
-    px,
-    py,
-    pz,
-    gx,
-    gy,
-    ex,
-    ey,
-    ez,
-    source,
-    target,
-    box,
-    press,
-    cubic,
-    steepest,
+    n, poly, area, cx, cy, divided, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top
 ):
     """Mean weight over the lit area, three points in each triangle from centroid to edge (second order).
 
-    Where the area is divided, a hidden point counts nothing; returns also a leg length to the receiver.
+    Where the area is divided, a hidden point counts nothing.
     """
     total = 0.0
-    length = -1.0
     for c in range(n):
         e = c + 1 if c + 1 < n else 0
         ax, ay, bx, by = poly[c, 0], poly[c, 1], poly[e, 0], poly[e, 1]
@@ -225,70 +233,69 @@ def _mean_weight(
             wb = 2.0 / 3.0 if k == 1 else 1.0 / 6.0
             x = (1.0 - wa - wb) * cx + wa * ax + wb * bx
             y = (1.0 - wa - wb) * cy + wa * ay + wb * by
-            if divided:
-                leg = _sees(x, y, px, py, pz, gx, gy, ex, ey, ez, source, target, box, press, cubic, steepest)
-                if leg < 0.0:
-                    continue
-                length = leg
+            if divided and not _sees(
+                x, y, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top
+            ):
+                continue
             f, _, _, _ = _spread(x, y, px, py, pz, gx, gy, ex, ey, ez, source, box)
             total += f * cross / 6.0
-    return total / area, length
+    return total / area
 
 
 @kernel
-def _may_be_shaded(px, py, pz, qx, qy, qz, press, steepest):
-    """Whether a leg from the top to (around) q comes near the steep part, and not just away from it."""
-    if plan_distance(px, py, qx, qy, press[X], press[Y]) > SHADOW_REACH * press[SKIRT_R]:
-        return False
-    dx = qx - px
-    dy = qy - py
-    run = math.hypot(dx, dy)
-    r = math.hypot(px - press[X], py - press[Y])
-    outward = (px - press[X]) * dx + (py - press[Y]) * dy
-    leaves = outward > LEAVING * r * run
-    return not (leaves and pz - qz > (fall_bound(r, press, steepest) + SPARE_SLOPE) * run)
+def _arrival(dx, dy, dz, px, py, gx, gy, target, box):
+    """Length of the leg from p to the receiver's plane and its cosine there, for the direction d before p."""
+    d = 1.0 / math.sqrt(dx * dx + dy * dy + dz * dz)
+    back = 2.0 * (dz - gx * dx - gy * dy) * d / (1.0 + gx * gx + gy * gy)
+    dx = dx * d + back * gx
+    dy = dy * d + back * gy
+    m0, m1 = wall_normal(int(target[0]))
+    qx, qy, _ = wall_point(int(target[0]), target[1], target[2], box)
+    facing = -(dx * m0 + dy * m1)
+    return ((px - qx) * m0 + (py - qy) * m1) / max(facing, 1e-9), facing
 
 
 @kernel
-def pinhole(wall, u, v, source, target, sectors, reach, box, press, cubic, steepest, poly, other):
-    """Flux through the top at (u, v) per du dv, the radius, and whether the image meets the emitter."""
-    px, py, pz, gx, gy, r, plan = top_point(wall, u, v, sectors, press, cubic)
-    if r > reach:
-        return 0.0, r, False
+def pinhole(sector, u, v, source, target, sectors, box, top, work):
+    """Flux through the top at (u, v) per du dv, and the place over the skirt's radius."""
+    px, py, pz, gx, gy, _, plan = top_point(sector, u, v, sectors, top)
+    tip, share = touching_tip(px, py, top)
+    if tip >= 0 and u > 0.0:
+        return 0.0, share
     ex, ey, ez = wall_point(int(source[0]), source[1], source[2], box)
     n0, n1 = wall_normal(int(source[0]))
     depth = (px - ex) * n0 + (py - ey) * n1
     if depth <= 1e-6:
-        return 0.0, r, False
+        return 0.0, share
+    poly = work[0]
     _project(source, target, px, py, pz, gx, gy, ex, ey, ez, depth, box, poly)
-    n = _clip(poly, other, source)
+    n = _on_emitter(4, poly, work[1], source)
     if n == 0:
-        return 0.0, r, False
+        return 0.0, share
+    for c in range(n):
+        poly[c, 0] /= poly[c, 2]
+        poly[c, 1] /= poly[c, 2]
     area, cx, cy = _polygon(n, poly)
     if area == 0.0:
-        return 0.0, r, False
-    length = _sees(cx, cy, px, py, pz, gx, gy, ex, ey, ez, source, target, box, press, cubic, steepest)
-    qx, qy, _ = wall_point(int(target[0]), target[1], target[2], box)
+        return 0.0, share
+    dim_e = _may_be_shaded(px, py, pz, source, box, top)
+    dim_q = _may_be_shaded(px, py, pz, target, box, top)
     divided = False
-    if _may_be_shaded(px, py, pz, ex, ey, ez + source[4], press, steepest) or _may_be_shaded(
-        px, py, pz, qx, qy, target[2] + target[4], press, steepest
-    ):
-        divided = _is_divided(
-            n, poly, cx, cy, length >= 0.0, px, py, pz, gx, gy, ex, ey, ez, source, target, box, press, cubic,
-            steepest,
-        )  # fmt: skip
-    if length < 0.0 and not divided:
-        return 0.0, r, True
+    if dim_e or dim_q:
+        seen = _seen_corners(
+            n, poly, cx, cy, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top
+        )
+        if seen == 0:
+            return 0.0, share
+        divided = seen < n + 1
     f, dx, dy, dz = _spread(cx, cy, px, py, pz, gx, gy, ex, ey, ez, source, box)
     near = NEAR_SIZES * 2.0 * max(source[3], source[4])
     if divided or dx * dx + dy * dy + dz * dz < near * near:
-        f, leg = _mean_weight(
-            n, poly, area, cx, cy, divided, px, py, pz, gx, gy, ex, ey, ez, source, target, box, press, cubic,
-            steepest,
-        )  # fmt: skip
-        if divided:
-            length = leg
+        f = _mean_weight(
+            n, poly, area, cx, cy, divided, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top
+        )
     if f <= 0.0:
-        return 0.0, r, True
-    f *= math.exp(-box[4] * length) * abs(area) / source[6] * (source[5] + 1.0) / (2.0 * math.pi)
-    return f * plan, r, True
+        return 0.0, share
+    length, facing = _arrival(dx, dy, dz, px, py, gx, gy, target, box)
+    f *= math.exp(-box[4] * length) * abs(area) / source[6] * math.pi * radiance(target, facing)
+    return f * plan, share

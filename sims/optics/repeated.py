@@ -1,148 +1,200 @@
 # mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
 """Kernels: light with two or more specular reflections at the deformed top.
 
-The first reflection point is sampled over the top on a stratified grid, with emitter points from a fixed
-low-discrepancy set, so that neighbouring depths use the same points. A first pass flags the cells whose ray
-meets the top again and ends near a wanted receiver; these and their neighbours are resampled, more often
-where more light may pass. A feature narrower than a cell that the first pass misses on all sides is left out.
+The rays of `sims.optics.top_light` tell which cells of the top send light to a second reflection and on towards a
+receiver. These cells and their neighbours are sampled on a finer lattice, the finer the more light may pass. The ray
+from the emitter's centre and two more, from its side and from its upper edge, give the parallelogram that the emitter
+lights on the receiver's wall through that point; its share that falls on the receiver counts, so a ray is no
+hit or miss. A feature narrower than a cell that all rays around it miss is left out.
 """
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
+from sims.optics.radial import kernel, radiance, wall_normal, wall_point
+from sims.optics.top import surface_gradient, surface_height
+from sims.optics.top_grid import place_on_top
+from sims.optics.top_light import (
+    ALONG,
+    AREA,
+    CONTACT_RINGS,
+    GX,
+    GY,
+    KIND,
+    POWER,
+    PX,
+    PY,
+    PZ,
+    SECTOR,
+    TOPS,
+    U0,
+    U1,
+    UP,
+    V0,
+    V1,
+    echo,
+    first_leg,
+)
 
-from sims.optics.rays import chain, fresnel, height, is_clear, kernel, wall_normal, wall_point
-from sims.optics.surface import SKIRT_R, X, Y
-from sims.optics.top_cells import top_point
-
-NEAR_RECEIVER_MM = 3.0
-FEWEST_SAMPLES = 6
-MOST_SAMPLES = 160
-SECTOR_CELLS = 4
-
-
-@kernel
-def fraction(x):
-    """Part after the point."""
-    return x - math.floor(x)
-
-
-@kernel
-def first_reflection(wall, u, v, x, y, z, source, sectors, box, press, cubic, steepest):
-    """Flux per du dv from an emitter point by the top at (u, v); start and direction after it; radius."""
-    px, py, pz, gx, gy, r, plan = top_point(wall, u, v, sectors, press, cubic)
-    n0, n1 = wall_normal(int(source[0]))
-    dx = px - x
-    dy = py - y
-    dz = pz - z
-    out = dx * n0 + dy * n1
-    into = -gx * dx - gy * dy + dz
-    if out <= 0.0 or into <= 0.0 or z >= height(math.hypot(x - press[X], y - press[Y]), press, cubic):
-        return 0.0, px, py, pz, 0.0, 0.0, 0.0, r, 0.0
-    d2 = dx * dx + dy * dy + dz * dz
-    d = math.sqrt(d2)
-    f = plan * out * into / (d2 * d2) * (out / d) ** (source[5] - 1.0) * (source[5] + 1.0) / (2.0 * math.pi)
-    f *= math.exp(-box[4] * d) * 4.0 * source[3] * source[4] / source[6]
-    dx /= d
-    dy /= d
-    dz /= d
-    if not is_clear(px, py, pz, -dx, -dy, -dz, d, press, cubic, steepest):
-        return 0.0, px, py, pz, 0.0, 0.0, 0.0, r, 0.0
-    norm = 1.0 / math.sqrt(1.0 + gx * gx + gy * gy)
-    cos_in = into / d * norm
-    back = 2.0 * cos_in * norm
-    return f, px + 1e-9 * gx, py + 1e-9 * gy, pz - 1e-9, dx + back * gx, dy + back * gy, dz - back, r, cos_in
+NEAR_RECEIVER_MM = 2.0
+FEWEST, MOST = 2, 9
+EDGE = 0.5
 
 
 @kernel
-def _receiver(kind, x, y, z, receivers, wanted, margin):
-    """First wanted receiver whose face, grown by margin, holds the point; -1 if none."""
-    along = x if kind == 0 or kind == 2 else y
+def overlap_share(s, z, ax, az, bx, bz, low_s, high_s, low_z, high_z, poly, other):
+    """Share of the parallelogram centre +- a +- b that lies in a rectangle."""
+    whole = 4.0 * abs(ax * bz - az * bx)
+    if whole < 1e-9:
+        return 1.0 if low_s <= s <= high_s and low_z <= z <= high_z else 0.0
+    for c in range(4):
+        i = -1.0 if c == 0 or c == 3 else 1.0
+        j = -1.0 if c < 2 else 1.0
+        poly[c, 0] = s + i * ax + j * bx
+        poly[c, 1] = z + i * az + j * bz
+    n = 4
+    for side in range(4):
+        kept = 0
+        for c in range(n):
+            d = c + 1 if c + 1 < n else 0
+            if side == 0:
+                fa = poly[c, 0] - low_s
+                fb = poly[d, 0] - low_s
+            elif side == 1:
+                fa = high_s - poly[c, 0]
+                fb = high_s - poly[d, 0]
+            elif side == 2:
+                fa = poly[c, 1] - low_z
+                fb = poly[d, 1] - low_z
+            else:
+                fa = high_z - poly[c, 1]
+                fb = high_z - poly[d, 1]
+            if fa >= 0.0:
+                other[kept, 0] = poly[c, 0]
+                other[kept, 1] = poly[c, 1]
+                kept += 1
+            if (fa >= 0.0) != (fb >= 0.0):
+                t = fa / (fa - fb)
+                other[kept, 0] = poly[c, 0] + t * (poly[d, 0] - poly[c, 0])
+                other[kept, 1] = poly[c, 1] + t * (poly[d, 1] - poly[c, 1])
+                kept += 1
+        n = kept
+        if n < 3:
+            return 0.0
+        for c in range(n):
+            poly[c, 0] = other[c, 0]
+            poly[c, 1] = other[c, 1]
+    area = 0.0
+    for c in range(1, n - 1):
+        area += (poly[c, 0] - poly[0, 0]) * (poly[c + 1, 1] - poly[0, 1])
+        area -= (poly[c, 1] - poly[0, 1]) * (poly[c + 1, 0] - poly[0, 0])
+    return min(0.5 * abs(area) / whole, 1.0)
+
+
+@kernel
+def _landing(p, along, up, source, box, top):
+    """Power, wall and place, further reflections, nearest one and cosine of arrival of the path from an emitter point over
+    p; power 0 if there is none."""
+    ex, ey, ez = wall_point(int(source[0]), along, up, box)
+    if ez >= surface_height(ex, ey, top):
+        return 0.0, -1, 0.0, 0.0, 0, 1e30, 1.0
+    weight, dx, dy, dz, cos_in = first_leg(p, ex, ey, ez, source, box, top)
+    if weight == 0.0:
+        return 0.0, -1, 0.0, 0.0, 0, 1e30, 1.0
+    kind, x, y, z, dx, dy, dz, left, tops, nearest = echo(p, dx, dy, dz, cos_in, box, top)
+    n0, n1 = wall_normal(kind) if 0 <= kind < 4 else (0.0, 0.0)
+    return weight * left, kind, (x if kind == 0 or kind == 2 else y), z, tops, nearest, -(dx * n0 + dy * n1)
+
+
+@kernel
+def _reaches(kind, low_s, high_s, low_z, high_z, receivers, wanted):
+    """Whether a box on a wall overlaps a wanted receiver."""
     for j in range(receivers.shape[0]):
-        if (
-            wanted[j]
-            and receivers[j, 0] == kind
-            and abs(along - receivers[j, 1]) <= receivers[j, 3] + margin
-            and abs(z - receivers[j, 2]) <= receivers[j, 4] + margin
-        ):
-            return j
-    return -1
+        if not wanted[j] or receivers[j, 0] != kind:
+            continue
+        if low_s > receivers[j, 1] + receivers[j, 3] or high_s < receivers[j, 1] - receivers[j, 3]:
+            continue
+        if low_z > receivers[j, 2] + receivers[j, 4] or high_z < receivers[j, 2] - receivers[j, 4]:
+            continue
+        return True
+    return False
 
 
 @kernel
-def _trace(wall, u, v, e0, e1, source, sectors, box, press, cubic, steepest):
-    """One sample: flux density, kind, end point, further top reflections, smallest radius."""
-    along = source[1] + source[3] * (2.0 * e0 - 1.0)
-    up = source[2] + source[4] * (2.0 * e1 - 1.0)
-    x, y, z = wall_point(int(source[0]), along, up, box)
-    f, x, y, z, dx, dy, dz, r, cos_in = first_reflection(
-        wall, u, v, x, y, z, source, sectors, box, press, cubic, steepest
+def _cell_power(a, b, columns, echoes, receivers, wanted):
+    """Power that a cell or a neighbour sends over a further reflection; -1 if it cannot be bound for a receiver."""
+    brightest = 0.0
+    for wall in range(4):
+        low_s = 1e9
+        high_s = -1e9
+        low_z = 1e9
+        high_z = -1e9
+        most = 0.0
+        for near in range(3):
+            c = b if near == 0 else int(columns[b, 2 + near])
+            for d in range(max(a - 1, CONTACT_RINGS), min(a + 2, echoes.shape[0])):
+                one = echoes[d, c]
+                if one[POWER] > 0.0 and one[KIND] == wall and one[TOPS] > 0.0:
+                    low_s = min(low_s, one[ALONG])
+                    high_s = max(high_s, one[ALONG])
+                    low_z = min(low_z, one[UP])
+                    high_z = max(high_z, one[UP])
+                    most = max(most, one[POWER])
+        if most > 0.0 and _reaches(
+            wall, low_s - NEAR_RECEIVER_MM, high_s + NEAR_RECEIVER_MM, low_z - NEAR_RECEIVER_MM,
+            high_z + NEAR_RECEIVER_MM, receivers, wanted,
+        ):  # fmt: skip
+            brightest = max(brightest, most)
+    return brightest if brightest > 0.0 else -1.0
+
+
+@kernel
+def _add_sample(p, source, receivers, wanted, box, top, poly, other, out):
+    """Add one point's light to out[receiver, (outside, inside the skirt)]."""
+    power, kind, s, z, tops, nearest, facing = _landing(p, source[1], source[2], source, box, top)
+    if power <= 0.0 or tops == 0 or kind < 0 or kind > 3:
+        return
+    side, kind_s, s1, z1, tops_s, _, _ = _landing(
+        p, source[1] + EDGE * source[3], source[2], source, box, top
     )
-    if f <= 0.0:
-        return 0.0, -1, x, y, z, 0, r
-    f *= fresnel(cos_in, box[3])
-    kind, x, y, z, weight, tops, nearest = chain(x, y, z, dx, dy, dz, 1.0, box, press, cubic, steepest)
-    return f * weight, kind, x, y, z, tops, min(r, nearest)
+    above, kind_z, s2, z2, tops_z, _, _ = _landing(
+        p, source[1], source[2] + EDGE * source[4], source, box, top
+    )
+    ax = az = bx = bz = 0.0
+    if side > 0.0 and above > 0.0 and kind_s == kind and kind_z == kind and tops_s == tops and tops_z == tops:
+        ax = (s1 - s) / EDGE
+        az = (z1 - z) / EDGE
+        bx = (s2 - s) / EDGE
+        bz = (z2 - z) / EDGE
+    for j in range(receivers.shape[0]):
+        r = receivers[j]
+        if not wanted[j] or r[0] != kind:
+            continue
+        share = overlap_share(
+            s, z, ax, az, bx, bz, r[1] - r[3], r[1] + r[3], r[2] - r[4], r[2] + r[4], poly, other
+        )
+        if share > 0.0:
+            out[j, 1 if nearest < 1.0 else 0] += power * share * math.pi * radiance(r, facing)
 
 
 @kernel
 def repeated_reflections(
-    source, receivers, wanted, sectors, box, press, cubic, steepest, points, shift, rings, columns, unit, out
+    source, receivers, wanted, lattice, echoes, columns, shift_u, shift_v, unit, sectors, box, top, p, poly, other, out
 ):
     """Add flux of chains with two or more top reflections to out[receiver, (outside, inside the skirt)]."""
-    per_sector = max(1, columns // SECTOR_CELLS)
-    power = np.zeros((SECTOR_CELLS * per_sector, rings))
-    tag = np.zeros((SECTOR_CELLS * per_sector, rings), np.int64)
-    n = 0
-    for b in range(power.shape[0]):
-        wall = b // per_sector
-        for a in range(rings):
-            p = points[n % points.shape[0]]
-            n += 1
-            u = (a + fraction(p[2] + shift[2])) / rings
-            v = (b % per_sector + fraction(p[3] + shift[3])) / per_sector
-            f, kind, x, y, z, tops, _ = _trace(
-                wall, u, v, fraction(p[0] + shift[0]), fraction(p[1] + shift[1]),
-                source, sectors, box, press, cubic, steepest,
-            )  # fmt: skip
-            power[b, a] = f / (rings * per_sector)
-            if tops > 0:
-                near = (
-                    kind >= 0
-                    and kind < 4
-                    and _receiver(kind, x, y, z, receivers, wanted, NEAR_RECEIVER_MM) >= 0
-                )
-                tag[b, a] = 2 if near else 1
-    for b in range(power.shape[0]):
-        wall = b // per_sector
-        for a in range(rings):
-            flag = 0
-            brightest = 0.0
-            for bb in range(b - 1, b + 2):
-                for aa in range(max(a - 1, 0), min(a + 2, rings)):
-                    flag = max(flag, tag[bb % power.shape[0], aa])
-                    brightest = max(brightest, power[bb % power.shape[0], aa])
-            if flag == 0:
+    for a in range(CONTACT_RINGS, lattice.shape[0]):
+        for b in range(lattice.shape[1]):
+            cell = lattice[a, b]
+            power = _cell_power(a, b, columns, echoes, receivers, wanted)
+            if power <= 0.0:
                 continue
-            samples = FEWEST_SAMPLES
-            if flag == 2:
-                samples = int(min(max(brightest / unit, FEWEST_SAMPLES), MOST_SAMPLES))
-            address = b * rings + a + 1.0
-            for k in range(samples):
-                p = points[k]
-                u = (a + fraction(p[2] + shift[2] + address * 0.7548776662466927)) / rings
-                v = (b % per_sector + fraction(p[3] + shift[3] + address * 0.5698402909980532)) / per_sector
-                f, kind, x, y, z, tops, nearest = _trace(
-                    wall, u, v,
-                    fraction(p[0] + shift[0] + address * 0.8191725133961645),
-                    fraction(p[1] + shift[1] + address * 0.6710436067037893),
-                    source, sectors, box, press, cubic, steepest,
-                )  # fmt: skip
-                if tops == 0 or kind < 0 or kind > 3:
-                    continue
-                j = _receiver(kind, x, y, z, receivers, wanted, 0.0)
-                if j >= 0:
-                    inner = 1 if nearest < press[SKIRT_R] else 0
-                    out[j, inner] += f / (rings * per_sector * samples)
+            m = int(min(max(math.ceil(math.sqrt(power / unit)), FEWEST), MOST))
+            for c in range(m):
+                for d in range(m):
+                    u = cell[U0] + (c + shift_u) / m * (cell[U1] - cell[U0])
+                    v = cell[V0] + (d + shift_v) / m * (cell[V1] - cell[V0])
+                    p[PX], p[PY], _, area = place_on_top(int(cell[SECTOR]), u, v, sectors, top)
+                    p[AREA] = area * (cell[U1] - cell[U0]) * (cell[V1] - cell[V0]) / (m * m)
+                    p[PZ], p[GX], p[GY] = surface_gradient(p[PX], p[PY], top)
+                    _add_sample(p, source, receivers, wanted, box, top, poly, other, out)

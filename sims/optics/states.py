@@ -1,174 +1,209 @@
 # mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
-"""Kernel: all states, one after the other on each thread; a state's result depends on no other state.
+"""Kernels: all states, one after the other on each thread; a state's result depends on no other state.
 
-Path classes: `DIRECT` straight; `TOP` specular, every reflection at the top outside the skirt radius;
-`SKIRT` specular with a reflection inside it; `DIFFUSE` scattered by wall, bottom or tip at least once.
+Path classes: `DIRECT` straight; `TOPS` specular, every reflection at the top outside the skirt radius; `SKIRT`
+specular with a reflection inside it; `WALL` specular with a reflection at a smooth wall; `DIFFUSE` scattered by wall,
+bottom or tip at least once.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from sims.optics.diffuse import deposit, golden_shift, join
-from sims.optics.direct import blocking_radius, bundle_misses, direct_flux
-from sims.optics.mirror import calm_mirror, calm_radius
-from sims.optics.rays import kernel
+from sims.optics.diffuse import deposit, fraction, join
+from sims.optics.direct import direct_flux, misses_all, reach_of
+from sims.optics.image_cells import BOX_COLUMNS, PATCH_COLUMNS, patch_boxes, patch_table
+from sims.optics.images import single_reflection
+from sims.optics.radial import kernel
 from sims.optics.repeated import repeated_reflections
-from sims.optics.skirt import STACK, single_reflection
-from sims.optics.surface import ACTIVE, OUTER_R
-from sims.optics.top_cells import coarse_cells, sectors_of
-from sims.optics.top_image import aim_cells
+from sims.optics.surface import OUTER_R
+from sims.optics.top import FIELD_ON, is_touched
+from sims.optics.top_grid import columns_of, sectors_of, top_nodes
+from sims.optics.top_light import CONTACT_RINGS, ECHO_COLUMNS, POINT_COLUMNS, lattice_points, top_change
 
-DIRECT, TOP, SKIRT, DIFFUSE = range(4)
-CLASSES = 4
-EVERYWHERE = 1e9
+DIRECT, TOPS, SKIRT, WALL, DIFFUSE = range(5)
+CLASSES = 5
 EMITTER_SEQUENCE, RECEIVER_SEQUENCE = 1.0, 1000.0
+# columns of a replicate's shifts
+CELL_SHIFT, RAY_SHIFT, GRID_PHASE = 0, 2, 6
+SHIFTS = 8
+# numbers of the settings
+RINGS, COLUMNS, STEP, TOP_RINGS, TOP_COLUMNS, REPEAT_SHARE, RAYS = range(7)
+CLIP_CORNERS = 14
 
 
 @kernel
-def straight(out, wanted, emitters, receivers, flat, box, press, cubic, rules):
-    """Straight light and, where the bundle misses the deformed top in plan, mirrored light."""
+def golden_shift(k):
+    """(4,) k-th point of an additive sequence with irrational, mutually unrelated steps, in 0..1."""
+    out = np.empty(4)
+    out[0] = fraction(k * 0.8566748838545029)
+    out[1] = fraction(k * 0.7338918566271260)
+    out[2] = fraction(k * 0.6287067210378087)
+    out[3] = fraction(k * 0.5385972572236101)
+    return out
+
+
+@kernel
+def straight(out, keeps, wanted, emitters, receivers, flat, box, top, rules):
+    """Straight light; where a pair's bundle misses every deformed part in plan, the untouched mirrored light too."""
     nodes_e, weights_e, nodes_u, weights_u, nodes_z, weights_z = rules
+    radii = np.empty(top.press.shape[0])
     for i in range(emitters.shape[0]):
         for j in range(receivers.shape[0]):
+            keeps[i, j] = False
             if not wanted[i, j] or emitters[i, 0] == receivers[j, 0]:
                 continue
             e = emitters[i]
             r = receivers[j]
-            radius = blocking_radius(max(e[2] + e[4], r[2] + r[4]), press, cubic)
-            if press[ACTIVE] == 0.0 or bundle_misses(e, r, radius, box, press):
+            reach_of(max(e[2] + e[4], r[2] + r[4]), top, radii)
+            if misses_all(e, r, radii, box, top):
                 out[DIRECT, i, j] = flat[0, i, j]
             else:
                 out[DIRECT, i, j] = direct_flux(
-                    e, r, box, press, cubic, nodes_e, weights_e, nodes_u, weights_u, nodes_z, weights_z
+                    e, r, radii, box, top, nodes_e, weights_e, nodes_u, weights_u, nodes_z, weights_z
                 )
-            if press[ACTIVE] == 0.0 or bundle_misses(e, r, press[OUTER_R], box, press):
-                out[TOP, i, j] = flat[1, i, j]
+            if top.grid[FIELD_ON] == 0.0 and misses_all(e, r, top.press[:, OUTER_R], box, top):
+                out[TOPS, i, j] = flat[1, i, j]
+                keeps[i, j] = True
 
 
 @kernel
-def calm(
-    out, reach, wanted, emitters, receivers, box, press, cubic, steepest, bends, calm_share, mirror_rules
-):
-    """Mirrored light of pairs that only meet the calm part of the top; where `skirt` must look for more."""
-    nodes_e, weights_e, nodes_q, weights_q = mirror_rules
-    for i in range(emitters.shape[0]):
-        for j in range(receivers.shape[0]):
-            reach[i, j] = EVERYWHERE
-            if not wanted[i, j] or emitters[i, 0] == receivers[j, 0]:
-                continue
-            if bundle_misses(emitters[i], receivers[j], press[OUTER_R], box, press):
-                reach[i, j] = press[OUTER_R]
-                continue
-            radius = calm_radius(emitters[i], receivers[j], calm_share, box, press, bends)
-            flux = calm_mirror(
-                emitters[i], receivers[j], radius, box, press, cubic, steepest, nodes_e, weights_e, nodes_q,
-                weights_q,
-            )  # fmt: skip
-            if flux >= 0.0:
-                out[TOP, i, j] = flux
-                reach[i, j] = radius
-
-
-@kernel
-def specular(
-    out, reach, wanted, emitters, receivers, scale, box, press, cubic, steepest, points, shift, settings
-):
-    """Add light with one or more reflections at the deformed top to TOP and SKIRT."""
-    rings = int(settings[0])
-    tolerance = settings[2]
-    sectors = sectors_of(press, box)
-    cells = coarse_cells(rings, int(settings[1]), shift[0], shift[1], sectors)
-    work = np.zeros((24 + STACK, 3))
-    several = np.zeros((receivers.shape[0], 2))
+def mirrored_once(result, keeps, wanted, emitters, receivers, sectors, box, top, image_rules, shifts, settings):
+    """Add light with one reflection at the deformed top to TOPS and SKIRT of every replicate."""
+    rings = int(settings[RINGS])
+    phase_u = shifts[0, GRID_PHASE]
+    columns = columns_of(settings[COLUMNS], shifts[0, GRID_PHASE + 1], sectors)
+    width = columns.shape[0]
+    nodes = top_nodes(rings, phase_u, columns, sectors, top)
+    tables = np.empty((receivers.shape[0], rings + 1, width, PATCH_COLUMNS))
+    boxes = np.empty((receivers.shape[0], rings, width, BOX_COLUMNS))
+    own = np.empty((rings + 1, width, PATCH_COLUMNS))
+    own_boxes = np.empty((rings, width, BOX_COLUMNS))
+    tag = np.zeros((rings, width), np.int64)
+    stack = np.empty(rings * width, np.int64)
+    cells = np.empty(rings * width, np.int64)
+    steps = np.empty((rings, width, 2))
+    corner = np.empty((4, PATCH_COLUMNS))
+    work = np.empty((2, CLIP_CORNERS, 3))
+    flux = np.empty((shifts.shape[0], 2))
+    for j in range(receivers.shape[0]):
+        if wanted[:, j].any():
+            patch_table(receivers[j], nodes, box, tables[j])
+            patch_boxes(tables[j], columns, boxes[j])
     for i in range(emitters.shape[0]):
         if not wanted[i].any():
             continue
-        aims = aim_cells(cells, emitters[i], sectors, EVERYWHERE, box, press, cubic)
-        brightest = 0.0
+        patch_table(emitters[i], nodes, box, own)
+        patch_boxes(own, columns, own_boxes)
         for j in range(receivers.shape[0]):
             if not wanted[i, j]:
                 continue
-            brightest = max(brightest, scale[i, j])
-            outer, inner = single_reflection(
-                emitters[i], receivers[j], cells, aims, sectors, reach[i, j], tolerance,
-                settings[3] * scale[i, j], box, press, cubic, steepest, work,
+            flux[:] = 0.0
+            single_reflection(
+                emitters[i], receivers[j], own, tables[j], own_boxes, boxes[j], keeps[i, j], settings[STEP], shifts, rings,
+                phase_u, columns, sectors, nodes, box, top, image_rules, tag, stack, cells, steps, corner, work, flux,
             )  # fmt: skip
-            out[TOP, i, j] += outer
-            out[SKIRT, i, j] += inner
-        several[:] = 0.0
-        repeated_reflections(
-            emitters[i], receivers, wanted[i], sectors, box, press, cubic, steepest, points,
-            golden_shift(i + 1.0) + shift[2:6], int(settings[4]), int(settings[5]),
-            settings[6] * brightest, several,
-        )  # fmt: skip
-        out[TOP, i] += several[:, 0]
-        out[SKIRT, i] += several[:, 1]
+            for n in range(shifts.shape[0]):
+                result[n, TOPS, i, j] += flux[n, 0]
+                result[n, SKIRT, i, j] += flux[n, 1]
 
 
 @kernel
-def scattered(
-    out, wanted, emitters, receivers, flat_diffuse, flat_join, box, press, cubic, steepest,
-    points, count, shift, layout, areas, reflectances,
-):  # fmt: skip
-    """Diffuse light: the untouched value times the ratio of joins on common points."""
-    patches = areas.shape[0]
-    from_emitter = np.zeros((emitters.shape[0], patches))
-    from_receiver = np.zeros((receivers.shape[0], patches))
+def beyond_one(out, wanted, emitters, receivers, flat, scale, sectors, box, top, points, shift, layout, areas,
+               reflectances, settings, flat_rays):  # fmt: skip
+    """Add light with several reflections to TOPS and SKIRT, light mirrored by walls to WALL, and scattered light."""
+    flat_diffuse, flat_wall, given, taken, flat_join = flat
+    columns = columns_of(settings[TOP_COLUMNS], 0.5, sectors)
+    lattice = lattice_points(int(settings[TOP_RINGS]), columns, shift[0], shift[1], sectors, top)
+    echoes = np.zeros((lattice.shape[0], lattice.shape[1], ECHO_COLUMNS))
+    several = np.zeros((receivers.shape[0], 2))
+    p = np.zeros(POINT_COLUMNS)
+    poly = np.empty((CLIP_CORNERS, 3))
+    other = np.empty((CLIP_CORNERS, 3))
+    from_emitter = given.copy()
+    from_receiver = taken.copy()
+    seen = np.zeros((emitters.shape[0], receivers.shape[0]))
     for i in range(emitters.shape[0]):
-        if wanted[i].any():
-            deposit(
-                emitters[i], receivers, box, press, cubic, steepest, points, count,
-                golden_shift(i + EMITTER_SEQUENCE) + shift[2:6], layout, from_emitter[i],
-            )  # fmt: skip
-    for j in range(receivers.shape[0]):
-        if wanted[:, j].any():
-            deposit(
-                receivers[j], receivers, box, press, cubic, steepest, points, count,
-                golden_shift(j + RECEIVER_SEQUENCE) + shift[2:6], layout, from_receiver[j],
-            )  # fmt: skip
+        if not wanted[i].any():
+            continue
+        change = from_emitter[i] if box[5] == 0.0 else np.zeros(areas.shape[0])
+        top_change(emitters[i], receivers, lattice, golden_shift(i + EMITTER_SEQUENCE)[:2] + shift[2:4], layout, box,
+                   top, change, echoes)  # fmt: skip
+        brightest = 0.0
+        for j in range(receivers.shape[0]):
+            if wanted[i, j]:
+                brightest = max(brightest, scale[i, j])
+        several[:] = 0.0
+        repeated_reflections(
+            emitters[i], receivers, wanted[i], lattice, echoes, columns, shift[0], shift[1],
+            settings[REPEAT_SHARE] * brightest, sectors, box, top, p, poly, other, several,
+        )  # fmt: skip
+        out[TOPS, i] += several[:, 0]
+        out[SKIRT, i] += several[:, 1]
+    if box[5] > 0.0:
+        walled(from_emitter, from_receiver, seen, wanted, emitters, receivers, box, top, points, int(settings[RAYS]),
+               shift, layout, flat_rays)  # fmt: skip
+    else:
+        for j in range(receivers.shape[0]):
+            if wanted[:, j].any():
+                top_change(receivers[j], receivers, lattice, golden_shift(j + RECEIVER_SEQUENCE)[:2] + shift[2:4],
+                           layout, box, top, from_receiver[j], echoes)  # fmt: skip
     for i in range(emitters.shape[0]):
         for j in range(receivers.shape[0]):
-            if wanted[i, j] and flat_join[i, j] > 0.0:
+            if not wanted[i, j]:
+                continue
+            if box[5] > 0.0:
+                out[WALL, i, j] = max(flat_wall[i, j] + seen[i, j], 0.0)
+            if flat_join[i, j] > 0.0:
                 area = 4.0 * receivers[j, 3] * receivers[j, 4]
-                now = join(from_emitter[i], from_receiver[j], area, areas, layout, reflectances, press)
-                out[DIFFUSE, i, j] += flat_diffuse[i, j] * now / flat_join[i, j]
+                now = join(from_emitter[i], from_receiver[j], area, areas, layout, reflectances, top)
+                out[DIFFUSE, i, j] = max(flat_diffuse[i, j] * now / flat_join[i, j], 0.0)
+
+
+@kernel
+def walled(from_emitter, from_receiver, seen, wanted, emitters, receivers, box, top, points, count, shift, layout,
+           flat_rays):  # fmt: skip
+    """Between smooth walls: add the change of all deposits, and of light mirrored onto receivers, by the same rays as
+    in the untouched pad.
+    """
+    given, taken, flat_seen = flat_rays
+    from_emitter -= given
+    from_receiver -= taken
+    seen -= flat_seen
+    none = np.zeros(receivers.shape[0])
+    for i in range(emitters.shape[0]):
+        if wanted[i].any():
+            deposit(emitters[i], receivers, box, top, points, count, golden_shift(i + EMITTER_SEQUENCE) + shift[2:6],
+                    layout, from_emitter[i], seen[i])  # fmt: skip
+    for j in range(receivers.shape[0]):
+        if wanted[:, j].any():
+            deposit(receivers[j], receivers, box, top, points, count, golden_shift(j + RECEIVER_SEQUENCE) + shift[2:6],
+                    layout, from_receiver[j], none)  # fmt: skip
 
 
 @kernel
 def one_state(
-    result, wanted, emitters, receivers, box, press, cubic, steepest, bends, flat, flat_diffuse, flat_join, scale,
-    rules, mirror_rules, points, count, shifts, layout, areas, reflectances, settings,
+    result, wanted, emitters, receivers, box, top, flat, scale, rules, image_rules, points, shifts, layout, areas,
+    reflectances, settings, flat_rays,
 ):  # fmt: skip
     """Fill (replicate, class, emitter, receiver) with flux over emitted power."""
-    straight(result[0], wanted, emitters, receivers, flat, box, press, cubic, rules)
-    reach = np.empty(wanted.shape)
-    if press[ACTIVE] > 0.0:
-        calm(
-            result[0],
-            reach,
-            wanted,
-            emitters,
-            receivers,
-            box,
-            press,
-            cubic,
-            steepest,
-            bends,
-            settings[7],
-            mirror_rules,
-        )
+    flat_straight, flat_diffuse, flat_wall, given, taken, flat_join = flat
+    if not is_touched(top):
+        for n in range(shifts.shape[0]):
+            result[n, DIRECT] = flat_straight[0] * wanted
+            result[n, TOPS] = flat_straight[1] * wanted
+            result[n, WALL] = flat_wall * wanted
+            result[n, DIFFUSE] = flat_diffuse * wanted
+        return
+    keeps = np.zeros(wanted.shape, np.bool_)
+    straight(result[0], keeps, wanted, emitters, receivers, flat_straight, box, top, rules)
     for n in range(1, shifts.shape[0]):
         result[n] = result[0]
+    sectors = sectors_of(top, box)
+    mirrored_once(result, keeps, wanted, emitters, receivers, sectors, box, top, image_rules, shifts, settings)
     for n in range(shifts.shape[0]):
-        if press[ACTIVE] == 0.0:
-            result[n, DIFFUSE] = flat_diffuse * wanted
-            continue
-        specular(
-            result[n], reach, wanted, emitters, receivers, scale, box, press, cubic, steepest, points, shifts[n],
-            settings,
-        )  # fmt: skip
-        scattered(
-            result[n], wanted, emitters, receivers, flat_diffuse, flat_join[n], box, press, cubic, steepest,
-            points, count, shifts[n], layout, areas, reflectances,
+        rays = (flat_rays[0][n], flat_rays[1][n], flat_rays[2][n])
+        beyond_one(
+            result[n], wanted, emitters, receivers, (flat_diffuse, flat_wall, given, taken, flat_join), scale, sectors,
+            box, top, points, shifts[n], layout, areas, reflectances, settings, rays,
         )  # fmt: skip

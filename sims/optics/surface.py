@@ -24,7 +24,7 @@ Choices and their bounds
   `CUT_SLOPE`, and ends in a tail of `TAIL_MM`. A residual slope e moves a mirror image by 2 e D:
   at 20 mm 0.8 µm, below 0.05 % of a 2 mm receiver.
 
-Left out: anything not axisymmetric; light that a tip scatters, unless it is a hemisphere (refused).
+Left out: anything not axisymmetric (`sims.optics.tops` adds several tips and a smooth field); light that a tip scatters, unless it is a hemisphere (refused).
 """
 
 from __future__ import annotations
@@ -70,14 +70,12 @@ class SurfaceStack:
         undisturbed top [mm]
     cubic : (state, cell, 4) height above the clear layer's bottom as a cubic in the cell's fraction [mm]
     steepest : (state, 2, cell + 1) from this node outward: largest |dh/dr|, largest fall -dh/dr [-]
-    bends : (state, cell + 1) largest curvature |h''| or |h'| / r from this node outward [1/mm]
     moved_mm : (state,) how far a point was moved to make the curve single valued [mm]
     """
 
     press: FloatArray
     cubic: FloatArray
     steepest: FloatArray
-    bends: FloatArray
     moved_mm: FloatArray
 
 
@@ -105,7 +103,6 @@ def stack_surfaces(
     press[:, TOP] = press[:, LOWEST] = press[:, HIGHEST] = scene.height_mm
     cubic = np.zeros((count, CELLS, 4))
     steepest = np.zeros((count, 2, CELLS + 1))
-    bends = np.zeros((count, CELLS + 1))
     moved = np.zeros(count)
     lowered: dict[int, _Lowered] = {}
     for state, indentation in enumerate(indentations):
@@ -115,10 +112,10 @@ def stack_surfaces(
         if key not in lowered:
             _check_scatter(indentation, scene)
             lowered[key] = _lower(indentation, scene.height_mm)
-        press[state], cubic[state], steepest[state], bends[state], moved[state] = lowered[key]
+        press[state], cubic[state], steepest[state], moved[state] = lowered[key]
         press[state, X:ACTIVE] = centres[state]
         _check_place(state, centres[state], press[state, CONTACT_R], scene)
-    return SurfaceStack(press=press, cubic=cubic, steepest=steepest, bends=bends, moved_mm=moved)
+    return SurfaceStack(press=press, cubic=cubic, steepest=steepest, moved_mm=moved)
 
 
 def _check_scatter(indentation: Indentation, scene: OpticalScene) -> None:
@@ -144,7 +141,7 @@ def _check_place(state: int, centre: FloatArray, contact_radius: float, scene: O
         )
 
 
-_Lowered = tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]
+_Lowered = tuple[FloatArray, FloatArray, FloatArray, float]
 
 
 def _lower(indentation: Indentation, top_mm: float) -> _Lowered:
@@ -155,7 +152,7 @@ def _lower(indentation: Indentation, top_mm: float) -> _Lowered:
     radius, height, given, moved, contact = _single_valued(indentation, tip, start)
     given[0] = start / np.sqrt(tip**2 - start**2)
     radius, height, slope = _with_tail(radius, height, given)
-    cubic, steepest, bends, node_r, node_slope = _pieces(radius, height, slope, top_mm)
+    cubic, steepest, node_r, node_slope = _pieces(radius, height, slope, top_mm)
     skirt = node_r[np.abs(node_slope) >= SKIRT_SLOPE]
     row = np.zeros(COLUMNS)
     row[ACTIVE], row[SPHERE_R], row[TIP_R], row[SPHERE_Z] = 1.0, start, tip, centre_z
@@ -163,7 +160,7 @@ def _lower(indentation: Indentation, top_mm: float) -> _Lowered:
     row[LOWEST], row[HIGHEST] = top_mm - depth, max(top_mm, float(cubic[:, 0].max()))
     row[SKIRT_R] = max(contact, float(skirt.max()) if skirt.size else contact)
     row[TOP] = top_mm
-    return row, cubic, steepest, bends, moved
+    return row, cubic, steepest, moved
 
 
 def _sphere(indentation: Indentation) -> tuple[float, float]:
@@ -255,8 +252,8 @@ def _with_tail(
 
 def _pieces(
     radius: FloatArray, height: FloatArray, slope: FloatArray, top_mm: float
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Cubic pieces uniform in x, suffix maxima of slope and curvature, node radii and slopes."""
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Cubic pieces uniform in x, suffix maxima of slope, node radii and slopes."""
     curve = CubicHermiteSpline(radius, height, slope)
     x = np.linspace(0.0, 1.0, CELLS + 1)
     span = radius[-1] - radius[0]
@@ -275,12 +272,8 @@ def _pieces(
     cell_x = (np.arange(CELLS)[:, None] + within) / CELLS
     per_mm = CELLS / (span * (GRADING + 2 * (1 - GRADING) * cell_x))
     in_r = gradient * per_mm
-    turn = -2 * (1 - GRADING) * span * per_mm**3 / CELLS**2
-    curved = np.abs((2 * cubic[:, 2:3] + 6 * cubic[:, 3:4] * within) * per_mm**2 + gradient * turn)
-    radii = radius[0] + span * (GRADING * cell_x + (1 - GRADING) * cell_x**2)
-    bends = _outward_maximum(np.maximum(curved, np.abs(in_r) / radii))
     steepest = np.stack([_outward_maximum(1.01 * x) for x in (np.abs(in_r), np.maximum(-in_r, 0.0))])
-    return cubic, steepest, bends, node_r, node_slope
+    return cubic, steepest, node_r, node_slope
 
 
 def _outward_maximum(values: FloatArray) -> FloatArray:

@@ -1,0 +1,117 @@
+"""How finely light is integrated: named settings, own settings, or a wanted relative error."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from design.errors import InputError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Accuracy:
+    """Settings of the integration.
+
+    Attributes
+    ----------
+    replicates : independent offsets, 2 or more [-]
+    rings, columns : cells of the top around a press, for light mirrored once [-]
+    image_step : share of its size by which an image moves between lattice points, where it is not whole [-]
+    top_rings, top_columns : points of the top for scattered light and for several reflections [-]
+    repeat_share : share of the brightest pair's untouched flux a sample of several reflections may stand for [-]
+    nodes_emitter, nodes_column, nodes_height : Gauss nodes of straight light [-]
+    few_emitter, few_receiver, most_emitter, most_receiver : Gauss nodes of whole images that vary little and much [-]
+    flat_nodes : Gauss nodes of the untouched pad [-]
+    reference_rays : rays per emitter and receiver for the untouched pad's scattered light, a power of two [-]
+    wall_rays : rays per emitter and receiver and state between smooth walls, a power of two [-]
+    """
+
+    replicates: int = 2
+    rings: int = 24
+    columns: int = 64
+    image_step: float = 0.14
+    top_rings: int = 12
+    top_columns: int = 28
+    repeat_share: float = 1e-3
+    nodes_emitter: int = 4
+    nodes_column: int = 16
+    nodes_height: int = 4
+    few_emitter: int = 2
+    few_receiver: int = 3
+    most_emitter: int = 3
+    most_receiver: int = 4
+    flat_nodes: int = 12
+    reference_rays: int = 16384
+    wall_rays: int = 4096
+
+
+ACCURACIES = {
+    "draft": Accuracy(image_step=0.25, top_rings=8, top_columns=20, repeat_share=4e-3, wall_rays=1024),
+    "standard": Accuracy(),
+    "fine": Accuracy(
+        rings=32,
+        columns=96,
+        image_step=0.06,
+        top_rings=32,
+        top_columns=80,
+        repeat_share=1e-4,
+        nodes_emitter=6,
+        nodes_column=32,
+        nodes_height=6,
+        few_emitter=3,
+        few_receiver=4,
+        most_emitter=4,
+        most_receiver=6,
+        wall_rays=16384,
+    ),
+    "reference": Accuracy(
+        replicates=4,
+        rings=40,
+        columns=120,
+        image_step=0.025,
+        top_rings=80,
+        top_columns=200,
+        repeat_share=1e-5,
+        nodes_emitter=6,
+        nodes_column=32,
+        nodes_height=6,
+        few_emitter=3,
+        few_receiver=5,
+        most_emitter=5,
+        most_receiver=8,
+        reference_rays=65536,
+        wall_rays=65536,
+    ),
+}
+
+
+def accuracy_of(accuracy: str | Accuracy) -> Accuracy:
+    """Settings by name or as given.
+
+    Raises
+    ------
+    InputError : an unknown name, or fewer than two replicates.
+    """
+    if isinstance(accuracy, str):
+        if accuracy not in ACCURACIES:
+            raise InputError(
+                f"accuracy: {accuracy!r}, must be one of {', '.join(ACCURACIES)}, or a relative error as 0.001"
+            )
+        return ACCURACIES[accuracy]
+    if accuracy.replicates < 2:
+        raise InputError(f"accuracy: {accuracy.replicates} replicates, needs 2 or more for a standard error")
+    return accuracy
+
+
+def checked_target(target: float) -> float:
+    """A wanted relative error as it is, if it makes sense.
+
+    Raises
+    ------
+    InputError : not above 0 and below 1.
+    """
+    if not (math.isfinite(target) and 0.0 < target < 1.0):
+        raise InputError(
+            f"accuracy: {target:g}, a relative error must lie above 0 and below 1; try 0.001 (0.1 %)"
+        )
+    return target

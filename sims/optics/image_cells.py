@@ -1,0 +1,279 @@
+# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
+"""Kernels: where a pair's singly reflected light meets the top.
+
+A path from e over the top's point p to q has the length F = |p - e| + |q - p|. It is a mirror path where the
+gradient of F along the top vanishes (Fermat). Gradient and second derivatives of F are sums of an emitter's part and
+a receiver's part, so both are tabulated once for every patch on the nodes of `sims.optics.top_grid`. A pair's light
+can only come from cells where the sum of gradients passes through zero for some points of the two patches; to first
+order these points move it within a sum of two parallelograms. Such cells form islands: one image each, or several
+that meet in a caustic.
+"""
+
+from __future__ import annotations
+
+import math
+
+from sims.optics.radial import kernel, wall_point
+from sims.optics.top import surface_bend
+from sims.optics.top_grid import GX, GY, HXX, HXY, HYY, NX, NY, NZ, place_on_top, ring_edge
+
+# columns of a patch row at a node
+FX, FY, SX, SY, UX, UY, FXX, FXY, FYY, LIT = range(10)
+PATCH_COLUMNS = 10
+BOX_COLUMNS = 5
+MARGIN = 0.35
+"""Share of a cell's change of gradient by which its corners may fail to bound it."""
+GRAZE = 1.2
+CORE = 1.6
+FOLD_U, FOLD_V = 4, 2
+"""How far outside the pair's range, in its sizes, a place still tells whether an image folds; places a cell."""
+NEVER = 1e30
+
+
+@kernel
+def leg_row(patch, x, y, z, gx, gy, hxx, hxy, hyy, box, row):
+    """Fill (10,): gradient in plan of the leg's length from the patch's centre; how far that moves from the centre to
+    its side and to its upper edge; second derivatives; how much the top's underside faces the patch.
+    """
+    wall = int(patch[0])
+    ex, ey, ez = wall_point(wall, patch[1], patch[2], box)
+    along_x = 1.0 if wall % 2 == 0 else 0.0
+    ax = x - ex
+    ay = y - ey
+    az = z - ez
+    d = 1.0 / max(math.sqrt(ax * ax + ay * ay + az * az), 1e-6)
+    ax *= d
+    ay *= d
+    az *= d
+    fx = ax + az * gx
+    fy = ay + az * gy
+    along = ax if wall % 2 == 0 else ay
+    row[FX] = fx
+    row[FY] = fy
+    row[SX] = patch[3] * (along_x - along * fx) * d
+    row[SY] = patch[3] * (1.0 - along_x - along * fy) * d
+    row[UX] = patch[4] * (gx - az * fx) * d
+    row[UY] = patch[4] * (gy - az * fy) * d
+    row[FXX] = (1.0 + gx * gx - fx * fx) * d + az * hxx
+    row[FXY] = (gx * gy - fx * fy) * d + az * hxy
+    row[FYY] = (1.0 + gy * gy - fy * fy) * d + az * hyy
+    row[LIT] = az - gx * ax - gy * ay + GRAZE * math.sqrt(patch[3] * patch[3] + patch[4] * patch[4]) * d
+
+
+@kernel
+def patch_table(patch, nodes, box, out):
+    """Fill (ring + 1, column, 10) with the rows of one patch."""
+    for a in range(nodes.shape[0]):
+        for b in range(nodes.shape[1]):
+            p = nodes[a, b]
+            leg_row(patch, p[NX], p[NY], p[NZ], p[GX], p[GY], p[HXX], p[HXY], p[HYY], box, out[a, b])
+
+
+@kernel
+def _passes_box(emitter, receiver, a, b, e):
+    """Whether both gradient components may vanish somewhere in the cell, and both patches see its underside."""
+    low_x = NEVER
+    high_x = -NEVER
+    low_y = NEVER
+    high_y = -NEVER
+    wide_x = 0.0
+    wide_y = 0.0
+    lit_e = -1.0
+    lit_q = -1.0
+    for k in range(4):
+        i = a + k % 2
+        j = b if k < 2 else e
+        one = emitter[i, j]
+        two = receiver[i, j]
+        fx = one[FX] + two[FX]
+        fy = one[FY] + two[FY]
+        low_x = min(low_x, fx)
+        high_x = max(high_x, fx)
+        low_y = min(low_y, fy)
+        high_y = max(high_y, fy)
+        wide_x = max(wide_x, abs(one[SX]) + abs(one[UX]) + abs(two[SX]) + abs(two[UX]))
+        wide_y = max(wide_y, abs(one[SY]) + abs(one[UY]) + abs(two[SY]) + abs(two[UY]))
+        lit_e = max(lit_e, one[LIT])
+        lit_q = max(lit_q, two[LIT])
+    wide_x += MARGIN * (high_x - low_x) + 1e-6
+    wide_y += MARGIN * (high_y - low_y) + 1e-6
+    if low_x > wide_x or high_x < -wide_x or low_y > wide_y or high_y < -wide_y:
+        return False
+    return lit_e > 0.0 and lit_q > 0.0
+
+
+@kernel
+def _across(one, two, side):
+    """Gradient across one of the four edge directions of the patches' range, and half that range."""
+    edge = one if side < 2 else two
+    nx = -edge[UY] if side % 2 == 1 else -edge[SY]
+    ny = edge[UX] if side % 2 == 1 else edge[SX]
+    size = 1.0 / max(math.sqrt(nx * nx + ny * ny), 1e-12)
+    nx *= size
+    ny *= size
+    reach = abs(one[SX] * nx + one[SY] * ny) + abs(one[UX] * nx + one[UY] * ny)
+    reach += abs(two[SX] * nx + two[SY] * ny) + abs(two[UX] * nx + two[UY] * ny)
+    return (one[FX] + two[FX]) * nx + (one[FY] + two[FY]) * ny, reach
+
+
+@kernel
+def image_steps(emitter, receiver, a, b, e):
+    """By how many of its sizes the pair's image moves across a cell along u and v; (-1, -1): no light from there."""
+    if not _passes_box(emitter, receiver, a, b, e):
+        return -1.0, -1.0
+    along_u = 0.0
+    along_v = 0.0
+    for side in range(4):
+        f0, w0 = _across(emitter[a, b], receiver[a, b], side)
+        f1, w1 = _across(emitter[a + 1, b], receiver[a + 1, b], side)
+        f2, w2 = _across(emitter[a, e], receiver[a, e], side)
+        f3, w3 = _across(emitter[a + 1, e], receiver[a + 1, e], side)
+        low = min(min(f0, f1), min(f2, f3))
+        high = max(max(f0, f1), max(f2, f3))
+        wide = max(max(w0, w1), max(w2, w3))
+        spare = wide + MARGIN * (high - low) + 1e-6
+        if low > spare or high < -spare:
+            return -1.0, -1.0
+        along_u = max(along_u, max(abs(f1 - f0), abs(f3 - f2)) / (2.0 * wide + 1e-12))
+        along_v = max(along_v, max(abs(f2 - f0), abs(f3 - f1)) / (2.0 * wide + 1e-12))
+    return along_u, along_v
+
+
+@kernel
+def patch_boxes(table, columns, out):
+    """Fill (ring, column, 5): bounds of the gradient of a patch and of its range over a cell (low x, high x, low y,
+    high y), and how much the cell faces the patch at most.
+    """
+    for a in range(table.shape[0] - 1):
+        for b in range(table.shape[1]):
+            e = int(columns[b, 4])
+            row = out[a, b]
+            row[0] = NEVER
+            row[1] = -NEVER
+            row[2] = NEVER
+            row[3] = -NEVER
+            row[4] = -1.0
+            wide_x = 0.0
+            wide_y = 0.0
+            for k in range(4):
+                one = table[a + k % 2, b if k < 2 else e]
+                row[0] = min(row[0], one[FX])
+                row[1] = max(row[1], one[FX])
+                row[2] = min(row[2], one[FY])
+                row[3] = max(row[3], one[FY])
+                row[4] = max(row[4], one[LIT])
+                wide_x = max(wide_x, abs(one[SX]) + abs(one[UX]))
+                wide_y = max(wide_y, abs(one[SY]) + abs(one[UY]))
+            wide_x += MARGIN * (row[1] - row[0]) + 1e-6
+            wide_y += MARGIN * (row[3] - row[2]) + 1e-6
+            row[0] -= wide_x
+            row[1] += wide_x
+            row[2] -= wide_y
+            row[3] += wide_y
+
+
+@kernel
+def lit_cells(emitter, receiver, box_e, box_q, columns, steps, tag):
+    """Fill steps[ring, column, 2] and set tag to 1 where a cell may hold a mirror path, else 0; their number."""
+    count = 0
+    for a in range(emitter.shape[0] - 1):
+        for b in range(emitter.shape[1]):
+            tag[a, b] = 0
+            one = box_e[a, b]
+            two = box_q[a, b]
+            if one[0] + two[0] > 0.0 or one[1] + two[1] < 0.0 or one[2] + two[2] > 0.0:
+                continue
+            if one[3] + two[3] < 0.0 or one[4] < 0.0 or two[4] < 0.0:
+                continue
+            along_u, along_v = image_steps(emitter, receiver, a, b, int(columns[b, 4]))
+            if along_u >= 0.0:
+                steps[a, b, 0] = along_u
+                steps[a, b, 1] = along_v
+                tag[a, b] = 1
+                count += 1
+    return count
+
+
+@kernel
+def take_island(first, number, columns, tag, stack, cells):
+    """Give one island of cells tagged 1 (neighbours by side or corner) its number; returns how many cells it has."""
+    rings, width = tag.shape
+    found = 0
+    tag[first // width, first % width] = number
+    stack[0] = first
+    left = 1
+    while left > 0:
+        left -= 1
+        at = stack[left]
+        cells[found] = at
+        found += 1
+        a = at // width
+        b = at % width
+        for near in range(3):
+            c = b if near == 0 else int(columns[b, 2 + near])
+            for d in range(max(a - 1, 0), min(a + 2, rings)):
+                if tag[d, c] == 1:
+                    tag[d, c] = number
+                    stack[left] = d * width + c
+                    left += 1
+    return found
+
+
+@kernel
+def island_start(emitter, receiver, columns, cells, count):
+    """Ring and column of an island's node that is nearest to a mirror path."""
+    width = emitter.shape[1]
+    nearest = NEVER
+    best_a = 0
+    best_b = 0
+    for n in range(count):
+        for k in range(4):
+            i = cells[n] // width + k % 2
+            j = cells[n] % width
+            j = j if k < 2 else int(columns[j, 4])
+            off = _range_share(emitter[i, j], receiver[i, j])
+            if off < nearest:
+                nearest = off
+                best_a = i
+                best_b = j
+    return best_a, best_b
+
+
+@kernel
+def _range_share(one, two):
+    """How far a place lies from a mirror path of the pair, over the pair's range; up to 1 inside."""
+    off = 0.0
+    for side in range(4):
+        f, w = _across(one, two, side)
+        off = max(off, abs(f) / (w + 1e-12))
+    return off
+
+
+@kernel
+def island_fold(source, target, cells, count, rings, phase, columns, sectors, box, top, one, two):
+    """Sign of det d²F/dp² over an island, at `FOLD_U` x `FOLD_V` places a cell in or near the pair's range; 0 where it
+    changes, or if no place is near.
+    """
+    width = columns.shape[0]
+    sign = 0
+    for n in range(count):
+        a = cells[n] // width
+        b = cells[n] % width
+        u0 = ring_edge(a, rings, phase)
+        du = ring_edge(a + 1, rings, phase) - u0
+        for m in range(FOLD_U * FOLD_V):
+            u = u0 + (m % FOLD_U + 0.5) / FOLD_U * du
+            v = columns[b, 1] + (m // FOLD_U + 0.5) / FOLD_V * (columns[b, 2] - columns[b, 1])
+            x, y, _, _ = place_on_top(int(columns[b, 0]), u, v, sectors, top)
+            h, gx, gy, hxx, hxy, hyy = surface_bend(x, y, top)
+            leg_row(source, x, y, h, gx, gy, hxx, hxy, hyy, box, one)
+            leg_row(target, x, y, h, gx, gy, hxx, hxy, hyy, box, two)
+            if _range_share(one, two) > CORE:
+                continue
+            fxy = one[FXY] + two[FXY]
+            here = 1 if (one[FXX] + two[FXX]) * (one[FYY] + two[FYY]) > fxy * fxy else -1
+            if sign == 0:
+                sign = here
+            elif sign != here:
+                return 0
+    return sign

@@ -1,0 +1,128 @@
+# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
+"""Kernels: light with exactly one reflection at the deformed top.
+
+Island by island (`sims.optics.image_cells`): an image that is whole, that is which every point of the emitter sends to
+every point of the receiver, hidden nowhere and without a fold, is summed path by path (`sims.optics.mirror_paths`).
+Any other, cut by a contact edge or a shadow or folded in a caustic, is summed over the top (`sims.optics.pinhole`) on a
+lattice of points so close that the image moves by `step` of its size from one to the next. Every replicate moves the
+lattice by another fraction of its spacing.
+"""
+
+from __future__ import annotations
+
+import math
+
+from sims.optics.image_cells import _across, island_fold, island_start, lit_cells, take_island
+from sims.optics.mirror_paths import whole_image
+from sims.optics.pinhole import pinhole
+from sims.optics.radial import kernel
+from sims.optics.top import is_beyond, touching_tip
+from sims.optics.top_grid import NX, NY, place_on_top, ring_edge
+
+FINEST = 96
+NEAR_RANGE = 1.35
+BENT, MOST_CHANGE = 0.25, 4.0
+"""A place counts within 1.35 half ranges, and by up to one more where the range changes across the cell."""
+
+
+@kernel
+def _range_corners(emitter, receiver, a, b, e, corner):
+    """Fill corner[side, 4] with the gradient across each edge direction over half the range; their largest change."""
+    change = 0.0
+    for side in range(4):
+        for k in range(4):
+            i = a + k % 2
+            j = b if k < 2 else e
+            f, w = _across(emitter[i, j], receiver[i, j], side)
+            corner[side, k] = f / (w + 1e-12)
+        for k in range(1, 4):
+            change = max(change, abs(corner[side, k] - corner[side, 0]))
+    return change
+
+
+@kernel
+def _is_far(corner, fu, fv, limit):
+    """Whether a place in a cell lies outside the pair's range."""
+    for side in range(4):
+        low = corner[side, 0] + fu * (corner[side, 1] - corner[side, 0])
+        high = corner[side, 2] + fu * (corner[side, 3] - corner[side, 2])
+        if abs(low + fv * (high - low)) > limit:
+            return True
+    return False
+
+
+@kernel
+def cell_sum(
+    source, target, emitter, receiver, a, b, steps, step, shift, skip_flat, rings, phase, columns, sectors, box, top,
+    corner, work,
+):  # fmt: skip
+    """Flux through one cell of the grid: (outside the skirt, inside it)."""
+    change = _range_corners(emitter, receiver, a, b, int(columns[b, 4]), corner)
+    limit = NEAR_RANGE + BENT * min(change, MOST_CHANGE)
+    nu = int(min(max(math.ceil(steps[0] / step), 1.0), FINEST))
+    nv = int(min(max(math.ceil(steps[1] / step), 1.0), FINEST))
+    u0 = ring_edge(a, rings, phase)
+    du = (ring_edge(a + 1, rings, phase) - u0) / nu
+    dv = (columns[b, 2] - columns[b, 1]) / nv
+    outer = 0.0
+    inner = 0.0
+    for m in range(nu):
+        for n in range(nv):
+            if _is_far(corner, (m + shift[0]) / nu, (n + shift[1]) / nv, limit):
+                continue
+            u = u0 + (m + shift[0]) * du
+            v = columns[b, 1] + (n + shift[1]) * dv
+            if skip_flat:
+                x, y, _, _ = place_on_top(int(columns[b, 0]), u, v, sectors, top)
+                if is_beyond(x, y, top):
+                    continue
+            flux, share = pinhole(int(columns[b, 0]), u, v, source, target, sectors, box, top, work)
+            if share < 1.0:
+                inner += flux
+            else:
+                outer += flux
+    return outer * du * dv, inner * du * dv
+
+
+@kernel
+def single_reflection(
+    source, target, emitter, receiver, box_e, box_q, skip_flat, step, shifts, rings, phase, columns, sectors, nodes, box, top,
+    rules, tag, stack, cells, steps, corner, work, out,
+):  # fmt: skip
+    """Add a pair's singly reflected flux to out[replicate, (outside, inside the skirt)].
+
+    `skip_flat`: light from beyond every deformed part is left out (the untouched value stands for it).
+    """
+    if lit_cells(emitter, receiver, box_e, box_q, columns, steps, tag) == 0:
+        return
+    width = tag.shape[1]
+    number = 1
+    for first in range(tag.size):
+        if tag[first // width, first % width] != 1:
+            continue
+        number += 1
+        count = take_island(first, number, columns, tag, stack, cells)
+        sign = island_fold(
+            source, target, cells, count, rings, phase, columns, sectors, box, top, corner[0], corner[1]
+        )
+        if sign != 0:
+            a, b = island_start(emitter, receiver, columns, cells, count)
+            flux, x, y = whole_image(
+                source, target, nodes[a, b, NX], nodes[a, b, NY], float(sign), number, tag, rings, phase, columns,
+                sectors, box, top, rules,
+            )  # fmt: skip
+            if flux >= 0.0:
+                _, share = touching_tip(x, y, top)
+                if not (skip_flat and is_beyond(x, y, top)):
+                    out[:, 1 if share < 1.0 else 0] += flux
+                continue
+        for k in range(count):
+            a = cells[k] // width
+            b = cells[k] % width
+            for n in range(shifts.shape[0]):
+                outer, inner = cell_sum(
+                    source, target, emitter, receiver, a, b, steps[a, b], step, shifts[n], skip_flat, rings, phase,
+                    columns, sectors, box, top, corner, work,
+                )  # fmt: skip
+                out[n, 0] += outer
+                out[n, 1] += inner

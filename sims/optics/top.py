@@ -1,0 +1,223 @@
+# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
+"""Kernels: the deformed top as the sum of every tip's radial table and of a smooth field.
+
+A state's top is a `Top`: rows of `sims.optics.surface.SurfaceStack` for each tip, a bicubic Hermite field
+(`sims.optics.smooth_field`; empty where there is none), and what is known of the field as a whole.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from sims.optics.radial import distance, height, height_and_slope, height_slope_bend, kernel
+from sims.optics.scene import FloatArray
+from sims.optics.surface import ACTIVE, CONTACT_R, OUTER_R, SKIRT_R, TOP, X, Y
+
+FIELD_ON, FIELD_X, FIELD_Y, FIELD_DX, FIELD_DY, FIELD_LOWEST, FIELD_SLOPE, SLACK = range(8)
+GRID_COLUMNS = 8
+
+
+class Top(NamedTuple):
+    """One state's surface.
+
+    Attributes
+    ----------
+    press : (tip, 12); cubic : (tip, cell, 4); steepest : (tip, 2, cell + 1), see `sims.optics.surface`
+    field : (nx, ny, 4) nodes of the field, or (0, 0, 4)
+    grid : (8,) field on, origin, steps, lowest value (0 or below), largest slope; how far the field and the
+        tips beside the one at hand may lower the top [mm]
+    """
+
+    press: FloatArray
+    cubic: FloatArray
+    steepest: FloatArray
+    field: FloatArray
+    grid: FloatArray
+
+
+@kernel
+def is_plain(top):
+    """Whether one radial table is all there is."""
+    return top.press.shape[0] == 1 and top.grid[FIELD_ON] == 0.0
+
+
+@kernel
+def is_touched(top):
+    """Whether the top differs from the undisturbed plane."""
+    if top.grid[FIELD_ON] != 0.0:
+        return True
+    for k in range(top.press.shape[0]):
+        if top.press[k, ACTIVE] > 0.0:
+            return True
+    return False
+
+
+@kernel
+def touching_tip(x, y, top):
+    """The tip that touches the top there (-1: none), and the smallest distance from an axis over its skirt radius."""
+    share = 1e30
+    tip = -1
+    for k in range(top.press.shape[0]):
+        if top.press[k, ACTIVE] > 0.0:
+            r = distance(x - top.press[k, X], y - top.press[k, Y])
+            if r < top.press[k, CONTACT_R]:
+                tip = k
+            share = min(share, r / top.press[k, SKIRT_R])
+    return tip, share
+
+
+@kernel
+def is_beyond(x, y, top):
+    """Whether a place lies beyond the outer radius of every tip, where the top without a field is undisturbed."""
+    for k in range(top.press.shape[0]):
+        if top.press[k, ACTIVE] > 0.0:
+            if distance(x - top.press[k, X], y - top.press[k, Y]) < top.press[k, OUTER_R]:
+                return False
+    return True
+
+
+@kernel
+def _field_cell(x, y, top):
+    """Cell of the field and fractions within it; -1 outside."""
+    grid = top.grid
+    u = (x - grid[FIELD_X]) / grid[FIELD_DX]
+    v = (y - grid[FIELD_Y]) / grid[FIELD_DY]
+    nx = top.field.shape[0] - 1
+    ny = top.field.shape[1] - 1
+    if not (0.0 <= u <= nx and 0.0 <= v <= ny):
+        return -1, -1, 0.0, 0.0
+    i = min(int(u), nx - 1)
+    j = min(int(v), ny - 1)
+    return i, j, u - i, v - j
+
+
+@kernel
+def _ends(t, step):
+    """Hermite weights of value and slope at both ends of a cell."""
+    s = 1.0 - t
+    return (1.0 + 2.0 * t) * s * s, step * t * s * s, (1.0 + 2.0 * s) * t * t, -step * s * t * t
+
+
+@kernel
+def _end_slopes(t, step):
+    """First derivatives of `_ends` with respect to the place."""
+    s = 1.0 - t
+    return -6.0 * t * s / step, s * (1.0 - 3.0 * t), 6.0 * t * s / step, t * (3.0 * t - 2.0)
+
+
+@kernel
+def _end_bends(t, step):
+    """Second derivatives of `_ends`."""
+    s2 = step * step
+    return (12.0 * t - 6.0) / s2, (6.0 * t - 4.0) / step, (6.0 - 12.0 * t) / s2, (6.0 * t - 2.0) / step
+
+
+@kernel
+def _mixed(i, j, along, across, field):
+    """Sum over a cell's four nodes of weights along x and y."""
+    total = 0.0
+    for a in range(2):
+        for b in range(2):
+            node = field[i + a, j + b]
+            wa = along[2 * a]
+            sa = along[2 * a + 1]
+            wb = across[2 * b]
+            sb = across[2 * b + 1]
+            total += wb * (node[0] * wa + node[1] * sa) + sb * (node[2] * wa + node[3] * sa)
+    return total
+
+
+@kernel
+def surface_height(x, y, top):
+    """Height of the top above the bottom."""
+    press = top.press
+    h = height(distance(x - press[0, X], y - press[0, Y]), press[0], top.cubic[0])
+    if is_plain(top):
+        return h
+    for k in range(1, press.shape[0]):
+        r = distance(x - press[k, X], y - press[k, Y])
+        h += height(r, press[k], top.cubic[k]) - press[k, TOP]
+    if top.grid[FIELD_ON] != 0.0:
+        i, j, u, v = _field_cell(x, y, top)
+        if i >= 0:
+            h += _mixed(i, j, _ends(u, top.grid[FIELD_DX]), _ends(v, top.grid[FIELD_DY]), top.field)
+    return h
+
+
+@kernel
+def surface_gradient(x, y, top):
+    """Height of the top, dh/dx, dh/dy."""
+    press = top.press
+    rx = x - press[0, X]
+    ry = y - press[0, Y]
+    r = distance(rx, ry)
+    h, slope = height_and_slope(r, press[0], top.cubic[0])
+    per = slope / max(r, 1e-12)
+    gx = per * rx
+    gy = per * ry
+    if is_plain(top):
+        return h, gx, gy
+    for k in range(1, press.shape[0]):
+        rx = x - press[k, X]
+        ry = y - press[k, Y]
+        r = distance(rx, ry)
+        more, slope = height_and_slope(r, press[k], top.cubic[k])
+        per = slope / max(r, 1e-12)
+        h += more - press[k, TOP]
+        gx += per * rx
+        gy += per * ry
+    if top.grid[FIELD_ON] != 0.0:
+        i, j, u, v = _field_cell(x, y, top)
+        if i >= 0:
+            along = _ends(u, top.grid[FIELD_DX])
+            across = _ends(v, top.grid[FIELD_DY])
+            h += _mixed(i, j, along, across, top.field)
+            gx += _mixed(i, j, _end_slopes(u, top.grid[FIELD_DX]), across, top.field)
+            gy += _mixed(i, j, along, _end_slopes(v, top.grid[FIELD_DY]), top.field)
+    return h, gx, gy
+
+
+@kernel
+def _tip_bend(x, y, press, cubic):
+    """One tip's height, gradient and second derivatives outside its exact sphere."""
+    rx = x - press[X]
+    ry = y - press[Y]
+    r = max(distance(rx, ry), 1e-9)
+    h, slope, bend = height_slope_bend(r, press, cubic)
+    c = rx / r
+    s = ry / r
+    around = slope / r
+    turn = bend - around
+    return h, slope * c, slope * s, around + turn * c * c, turn * c * s, around + turn * s * s
+
+
+@kernel
+def surface_bend(x, y, top):
+    """Height of the top, dh/dx, dh/dy, d2h/dx2, d2h/dxdy, d2h/dy2, outside the tips' exact spheres."""
+    h, gx, gy, hxx, hxy, hyy = _tip_bend(x, y, top.press[0], top.cubic[0])
+    if is_plain(top):
+        return h, gx, gy, hxx, hxy, hyy
+    for k in range(1, top.press.shape[0]):
+        more, mx, my, mxx, mxy, myy = _tip_bend(x, y, top.press[k], top.cubic[k])
+        h += more - top.press[k, TOP]
+        gx += mx
+        gy += my
+        hxx += mxx
+        hxy += mxy
+        hyy += myy
+    if top.grid[FIELD_ON] != 0.0:
+        i, j, u, v = _field_cell(x, y, top)
+        if i >= 0:
+            dx = top.grid[FIELD_DX]
+            dy = top.grid[FIELD_DY]
+            along = _ends(u, dx)
+            across = _ends(v, dy)
+            along_slope = _end_slopes(u, dx)
+            across_slope = _end_slopes(v, dy)
+            h += _mixed(i, j, along, across, top.field)
+            gx += _mixed(i, j, along_slope, across, top.field)
+            gy += _mixed(i, j, along, across_slope, top.field)
+            hxx += _mixed(i, j, _end_bends(u, dx), across, top.field)
+            hxy += _mixed(i, j, along_slope, across_slope, top.field)
+            hyy += _mixed(i, j, along, _end_bends(v, dy), top.field)
+    return h, gx, gy, hxx, hxy, hyy

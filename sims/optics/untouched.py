@@ -1,0 +1,225 @@
+# mypy: allow-untyped-calls
+"""What a scene, settings and a seed fix once: packed patches, the untouched pad's light, point sets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from dataclasses import fields as dataclass_fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sims.optics.accuracy import Accuracy
+from sims.optics.scene import OpticalScene
+
+FloatArray = NDArray[np.float64]
+POINT_SEED = 20170603
+PATCH_MM = 4.0
+REFERENCE_PATCH_MM = 1.0
+RADIOSITY_PATCHES = 600
+PHASE_SPREAD = 0.3
+REMEMBERED_PADS = 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Untouched:
+    """The untouched pad.
+
+    Attributes
+    ----------
+    box, emitters, receivers : packed for the kernels, see `sims.optics.radial`
+    straight : (2, emitter, receiver) straight and mirrored flux
+    diffuse, wall : (emitter, receiver) scattered flux of all orders; flux mirrored by smooth walls
+    given, taken : (patch row, patch) deposits of emitters and of receivers
+    joined : (emitter, receiver) once-scattered flux of these deposits
+    rays : deposits and wall-mirrored flux of the rays that states use between smooth walls, per replicate
+    scale : (emitter, receiver) flux of all classes, above 0
+    """
+
+    box: FloatArray
+    emitters: FloatArray
+    receivers: FloatArray
+    straight: FloatArray
+    diffuse: FloatArray
+    wall: FloatArray
+    given: FloatArray
+    taken: FloatArray
+    joined: FloatArray
+    rays: tuple[FloatArray, FloatArray, FloatArray]
+    scale: FloatArray
+    points: FloatArray
+    shifts: FloatArray
+    layout: NDArray[np.int64]
+    areas: FloatArray
+    reflectances: FloatArray
+
+
+_REMEMBERED: dict[str, Untouched] = {}
+"""Untouched pads of this process by content; each is a pure function of its key."""
+
+
+def untouched_pad(scene: OpticalScene, settings: Accuracy, seed: int) -> Untouched:
+    """The untouched pad of a scene, remembered within this process."""
+    fields = (getattr(scene, field.name) for field in dataclass_fields(scene))
+    content = "|".join(
+        "none" if value is None else np.asarray(value, dtype=np.float64).tobytes().hex() for value in fields
+    )
+    key = f"{content}|{settings}|{seed}"
+    if key not in _REMEMBERED:
+        if len(_REMEMBERED) >= REMEMBERED_PADS:
+            _REMEMBERED.pop(next(iter(_REMEMBERED)))
+        _REMEMBERED[key] = _solved(scene, settings, seed)
+    return _REMEMBERED[key]
+
+
+def gauss(count: int) -> tuple[FloatArray, FloatArray]:
+    """Gauss-Legendre nodes and weights on 0..1."""
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    return (nodes + 1) / 2, weights / 2
+
+
+def packed(scene: OpticalScene) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Box (6,), emitters (e, 7 or more) and receivers (r, 7 or more), clipped to the clear layer."""
+    box = np.array(
+        [
+            scene.length_mm, scene.width_mm, scene.height_mm, scene.refractive_index, scene.absorption_per_mm,
+            scene.wall_index or 0.0,
+        ]
+    )  # fmt: skip
+    bare = np.ones(len(scene.receiver_wall))
+    emitters = _clipped(scene.emitter_wall, scene.emitter_patch, scene.emitter_order, scene.height_mm)
+    receivers = _clipped(scene.receiver_wall, scene.receiver_patch, bare, scene.height_mm)
+    receivers[:, 6] = 4 * receivers[:, 3] * receivers[:, 4]
+    response = None if scene.receiver_response is None else scene.receiver_response / np.pi
+    return box, _with_table(emitters, scene.emitter_pattern), _with_table(receivers, response)
+
+
+def _clipped(walls: NDArray[np.int64], patches: FloatArray, orders: FloatArray, height: float) -> FloatArray:
+    low = np.clip(patches[:, 1] - patches[:, 3], 0.0, height)
+    high = np.clip(patches[:, 1] + patches[:, 3], 0.0, height)
+    full_area = 4 * patches[:, 2] * patches[:, 3]
+    return np.column_stack(
+        [walls, patches[:, 0], (low + high) / 2, patches[:, 2], (high - low) / 2, orders, full_area]
+    ).astype(np.float64)
+
+
+def _with_table(rows: FloatArray, table: FloatArray | None) -> FloatArray:
+    """Rows with their radiance tables behind, marked by an order of -1; a table of NaN leaves the order."""
+    if table is None:
+        return rows
+    given = np.isfinite(table).all(axis=1)
+    rows[given, 5] = -1.0
+    return np.hstack([rows, np.where(given[:, None], table, 0.0)])
+
+
+def _no_press(box: FloatArray) -> object:
+    from sims.optics.surface import CELLS, COLUMNS, HIGHEST, LOWEST, TOP
+    from sims.optics.top import GRID_COLUMNS, Top
+
+    press = np.zeros((1, COLUMNS))
+    press[0, [TOP, LOWEST, HIGHEST]] = box[2]
+    return Top(
+        press, np.zeros((1, CELLS, 4)), np.zeros((1, 2, CELLS + 1)), np.zeros((0, 0, 4)), np.zeros(GRID_COLUMNS)
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Parts:
+    """What every join of the untouched pad needs."""
+
+    box: FloatArray
+    emitters: FloatArray
+    receivers: FloatArray
+    points: FloatArray
+    reflectances: FloatArray
+
+    def deposits(
+        self, shift: FloatArray, count: int, layout: NDArray[np.int64]
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Deposits of emitters and of receivers, and wall-mirrored flux."""
+        from sims.optics import compiled
+
+        first_e, first_r = compiled.EMITTER_SEQUENCE, compiled.RECEIVER_SEQUENCE
+        rest = (self.receivers, self.box, _no_press(self.box), self.points, count, shift)
+        given, seen = compiled.untouched_deposits(self.emitters, *rest, first_e, layout)
+        taken, _ = compiled.untouched_deposits(self.receivers, *rest, first_r, layout)
+        return given, taken, seen
+
+    def joined(
+        self, given: FloatArray, taken: FloatArray, layout: NDArray[np.int64], areas: FloatArray
+    ) -> FloatArray:
+        """(emitter, receiver) once-scattered flux."""
+        from sims.optics import compiled
+
+        return np.asarray(
+            compiled.joined(
+                given, taken, self.receivers, areas, layout, self.reflectances, _no_press(self.box)
+            )
+        )
+
+    def higher_orders(self, count: int) -> FloatArray:
+        """(emitter, receiver) all scattered orders over the first."""
+        from sims.optics import compiled
+
+        box = self.box
+        surface = 2 * (box[0] + box[1]) * box[2] + box[0] * box[1]
+        layout = compiled.patch_layout(box, max(2.0, float(np.sqrt(surface / RADIOSITY_PATCHES))))
+        areas = compiled.patch_areas(layout, self.receivers, box)
+        given, taken, _ = self.deposits(np.zeros(4), count, layout)
+        matrix = compiled.bounce_matrix(layout, self.receivers, box, _no_press(box), self.points, 128)
+        patches = len(matrix)
+        per_patch = np.repeat(self.reflectances, layout[:, 0] * layout[:, 1])[:patches]
+        system = np.eye(patches) - (per_patch[:, None] * matrix).T
+        every = given.copy()
+        every[:, :patches] = np.linalg.solve(system, given[:, :patches].T).T
+        first = self.joined(given, taken, layout, areas)
+        total = self.joined(every, taken, layout, areas)
+        return np.divide(total, first, out=np.ones_like(first), where=first > 0)
+
+
+def _shifts(settings: Accuracy, seed: int) -> FloatArray:
+    """(replicate, 8) offsets: of lattices in their cells (evenly spread over the replicates), of rays, of the grid."""
+    count = settings.replicates
+    shifts = np.random.default_rng(seed).random((count, 8))
+    base = 0.5 / count + PHASE_SPREAD / count * (shifts[0, :2] - 0.5)
+    shifts[:, :2] = (base + np.arange(count)[:, None] / count) % 1.0
+    shifts[:, 1] = np.roll(shifts[:, 1], count // 2)
+    shifts[:, 6:] = 0.5 + PHASE_SPREAD * (shifts[0, 6:] - 0.5)
+    return shifts
+
+
+def _solved(scene: OpticalScene, settings: Accuracy, seed: int) -> Untouched:
+    from scipy.stats import qmc
+
+    from sims.optics import compiled
+
+    box, emitters, receivers = packed(scene)
+    straight = compiled.flat_matrix(emitters, receivers, box, *gauss(settings.flat_nodes))
+    largest = max(settings.reference_rays, settings.wall_rays, 1024)
+    points = qmc.Sobol(4, scramble=True, rng=POINT_SEED).random(largest)
+    reflectances = np.array([scene.wall_reflectance] * 4 + [scene.bottom_reflectance, scene.tip_reflectance])
+    parts = _Parts(box=box, emitters=emitters, receivers=receivers, points=points, reflectances=reflectances)
+    shifts = _shifts(settings, seed)
+    layout = compiled.patch_layout(box, PATCH_MM)
+    areas = compiled.patch_areas(layout, receivers, box)
+    given, taken, wall = parts.deposits(np.zeros(4), settings.reference_rays, layout)
+    finer = compiled.patch_layout(box, REFERENCE_PATCH_MM)
+    first = parts.joined(
+        *parts.deposits(np.zeros(4), settings.reference_rays, finer)[:2],
+        finer,
+        compiled.patch_areas(finer, receivers, box),
+    )
+    diffuse = first * parts.higher_orders(min(settings.reference_rays, 4096))
+    if scene.wall_index:
+        per = [parts.deposits(shift[2:6], settings.wall_rays, layout) for shift in shifts]
+        rays = (np.stack([x[0] for x in per]), np.stack([x[1] for x in per]), np.stack([x[2] for x in per]))
+    else:
+        none = np.zeros((len(shifts), 0, 0))
+        rays = (none, none, none)
+    total = straight.sum(axis=0) + diffuse + wall
+    scale = np.where(total > 0, total, total[total > 0].mean() if (total > 0).any() else 1e-3)
+    return Untouched(
+        box=box, emitters=emitters, receivers=receivers, straight=straight, diffuse=diffuse, wall=wall, given=given,
+        taken=taken, joined=parts.joined(given, taken, layout, areas), rays=rays, scale=scale, points=points,
+        shifts=shifts, layout=layout, areas=areas, reflectances=reflectances,
+    )  # fmt: skip
