@@ -16,9 +16,11 @@ class Accuracy:
     ----------
     replicates : independent offsets, 2 or more [-]
     rings, columns : cells of the top around a press, for light mirrored once [-]
+    whole_ratio : largest over smallest flux density of an image's corner paths that is still summed path by path; 0:
+        every image on the lattice [-]
     image_step : share of its size by which an image moves between lattice points, where it is not whole [-]
     top_rings, top_columns : points of the top for scattered light and for several reflections [-]
-    repeat_share : share of the brightest pair's untouched flux a sample of several reflections may stand for [-]
+    repeat_share : share of the brightest pair's untouched flux that a sample of several reflections may stand for [-]
     nodes_emitter, nodes_column, nodes_height : Gauss nodes of straight light [-]
     few_emitter, few_receiver, most_emitter, most_receiver : Gauss nodes of whole images that vary little and much [-]
     flat_nodes : Gauss nodes of the untouched pad [-]
@@ -29,9 +31,10 @@ class Accuracy:
     replicates: int = 2
     rings: int = 24
     columns: int = 64
+    whole_ratio: float = 8.0
     image_step: float = 0.14
-    top_rings: int = 12
-    top_columns: int = 28
+    top_rings: int = 16
+    top_columns: int = 40
     repeat_share: float = 1e-3
     nodes_emitter: int = 4
     nodes_column: int = 16
@@ -46,7 +49,7 @@ class Accuracy:
 
 
 ACCURACIES = {
-    "draft": Accuracy(image_step=0.25, top_rings=8, top_columns=20, repeat_share=4e-3, wall_rays=1024),
+    "draft": Accuracy(image_step=0.25, top_rings=10, top_columns=24, repeat_share=4e-3, wall_rays=1024),
     "standard": Accuracy(),
     "fine": Accuracy(
         rings=32,
@@ -83,6 +86,10 @@ ACCURACIES = {
         wall_rays=65536,
     ),
 }
+
+
+LADDER = tuple(ACCURACIES[name] for name in ("draft", "standard", "fine", "reference"))
+"""Settings that a wanted relative error is tried with, cheapest first."""
 
 
 def accuracy_of(accuracy: str | Accuracy) -> Accuracy:

@@ -1,7 +1,42 @@
 # mypy: allow-untyped-calls
 """Trace every pair of a scene through pressed tops: flux by path class, with a standard error.
 
-DOC
+Model
+-----
+Geometric optics in a block of one index whose top is the deformed surface: unpolarised Fresnel and total
+reflection at the top, Beer-Lambert absorption along every path, an absorbing or diffuse tip inside the
+contact, diffuse walls and bottom, walls that also mirror their Fresnel share where the scene gives an index behind
+them, absorbing receiver faces. Emitters by their order or table, receivers by their response table. Light that
+leaves through the top is lost.
+
+Path classes: `direct` straight light, occluded by the dimple; `top` specular chains whose every reflection
+is outside the skirt radius (the outermost radius where a tip's curve is steeper than 0.1); `skirt` specular
+chains with a reflection inside it; `wall` never scattered and mirrored by a wall at least once; `diffuse` light
+scattered at least once. Everything mirrored by the top alone is `top` + `skirt`.
+
+Method, class by class
+----------------------
+- integrated: straight light, by quadrature with an analytic horizon (`direct`); light mirrored once, image by image
+  (`images`): path by path where an image is whole, else on a lattice of points of the top with the lit area of the
+  emitter cut exactly (`pinhole`).
+- traced with smoothing: light mirrored several times, by three rays a point that give the patch of wall that the
+  emitter lights through it (`repeated`).
+- traced and joined: scattered light, as the untouched pad's (rays, and a patch radiosity for orders beyond the first)
+  times the ratio of deposits on patches with and without the press; the press changes the deposits by rays of a lattice
+  on the deformed top alone (`top_light`).
+- traced: light between smooth walls, by the same rays with and without the press.
+
+Replicates with other offsets give the standard error. It covers lattices and rays. It does not cover: the Gauss rules
+of straight light and of whole images, images narrower than the cells that look for them, the patch size, higher
+diffuse orders (which keep their untouched ratio), chains beyond 24 reflections. With two replicates it has one degree
+of freedom for each pair: pool it over pairs or states before you rely on it. Light reflected several times is sampled
+for the wanted pairs, so a pair mask changes it within that error; all else is the same to the bit.
+
+Reuse: a pair whose bundle misses every deformed part keeps its untouched value; presses that a symmetry of the layout
+carries onto each other are traced once (`scene_symmetry`).
+
+Left out: roughness and haze, polarisation, light that leaves the top and comes back across the crater (measured in
+docs/validation/crossing.md), sockets and part bodies behind the walls.
 """
 
 from __future__ import annotations
@@ -12,9 +47,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sims.optics.accuracy import ACCURACIES, Accuracy, accuracy_of
+from sims.indentation import Indentation
+from sims.optics.accuracy import ACCURACIES, LADDER, Accuracy, accuracy_of, checked_target
 from sims.optics.checks import check_scene, wanted_pairs
 from sims.optics.scene import OpticalScene
+from sims.optics.scene_symmetry import StateClasses, state_classes
 from sims.optics.smooth_field import SmoothField
 from sims.optics.surface import SKIRT_R
 from sims.optics.tops import Presses, TopStack, stack_tops
@@ -35,12 +72,16 @@ class RawLight:
     ----------
     flux : (class, state, emitter, receiver), classes in the order of `CLASS_NAMES` [-]
     standard_error : (state, emitter, receiver) of the sum over classes [-]
-    skirt_radius_mm : (state,) border between top and skirt; 0 where untouched
+    skirt_radius_mm : (state,) border between top and skirt, of the widest tip; 0 where untouched
+    relative_error : (state,) root mean square over the wanted pairs of the standard error over the untouched flux [-]
+    is_met : (state,) whether that is within the wanted relative error; True where none was wanted
     """
 
     flux: FloatArray
     standard_error: FloatArray
     skirt_radius_mm: FloatArray
+    relative_error: FloatArray
+    is_met: NDArray[np.bool_]
 
 
 def trace_scene(
@@ -49,7 +90,7 @@ def trace_scene(
     indentations: Presses,
     *,
     fields: Sequence[SmoothField | None] | None = None,
-    accuracy: str | Accuracy = "standard",
+    accuracy: str | float | Accuracy = "standard",
     seed: int = 0,
     pairs: NDArray[np.bool_] | None = None,
     on_step: Callable[[int, int], None] | None = None,
@@ -62,7 +103,8 @@ def trace_scene(
     centres_mm : (state, 2) or (state, tip, 2) press axes; ignored where untouched [mm]
     indentations : per state one, None where untouched, or a sequence of these, one for each tip
     fields : one per state, added to the top; None: none
-    accuracy : draft, standard, fine, reference, or settings
+    accuracy : draft, standard, fine, reference, settings, or a wanted relative error: settings are then refined for
+        the states that miss it (`RawLight.relative_error`), up to reference; `is_met` tells
     seed : of all offsets; same seed, same bits, whatever the number of threads
     pairs : (emitter, receiver) or (state, emitter, receiver) mask; a pair left out is 0
     on_step : called with (states done, states)
@@ -71,26 +113,81 @@ def trace_scene(
     ------
     InputError, ModelScopeError : see `sims.optics.checks`, `sims.optics.surface` and `sims.optics.tops`.
     """
-    settings = accuracy_of(accuracy)
     check_scene(scene)
-    tops = stack_tops(indentations, np.asarray(centres_mm, dtype=np.float64), scene, fields)
     states = len(indentations)
     wanted = wanted_pairs(pairs, states, len(scene.emitter_wall), len(scene.receiver_wall))
-    fixed = untouched_pad(scene, settings, seed)
-    flux, error = np.zeros((len(CLASS_NAMES), *wanted.shape)), np.zeros(wanted.shape)
-    for start in range(0, states, BATCH_STATES):
-        part = slice(start, min(start + BATCH_STATES, states))
-        values = _trace_batch(wanted[part], tops, part, fixed, settings)
-        flux[:, part] = values.mean(axis=1).transpose(1, 0, 2, 3)
-        totals = values.sum(axis=2)
-        error[part] = totals.std(axis=1, ddof=1) / np.sqrt(settings.replicates)
-        if on_step is not None:
-            on_step(part.stop, states)
-    return RawLight(flux=flux, standard_error=error, skirt_radius_mm=tops.press[:, :, SKIRT_R].max(axis=1))
+    tops = stack_tops(indentations, np.asarray(centres_mm, dtype=np.float64), scene, fields)
+    classes = _classes(scene, centres_mm, indentations, fields)
+    asked = _class_pairs(wanted, classes)
+    if isinstance(accuracy, (str, Accuracy)):
+        target, ladder = np.inf, [accuracy_of(accuracy)]
+    else:
+        target, ladder = checked_target(accuracy), list(LADDER)
+    flux, error = np.zeros((len(CLASS_NAMES), *asked.shape)), np.zeros(asked.shape)
+    relative = np.full(len(classes.first), np.inf)
+    for settings in ladder:
+        left = np.flatnonzero(relative > target) if np.isfinite(target) else np.arange(len(classes.first))
+        if left.size == 0:
+            break
+        fixed = untouched_pad(scene, settings, seed)
+        for start in range(0, len(left), BATCH_STATES):
+            part = left[start : start + BATCH_STATES]
+            values = _trace_batch(asked[part], tops, classes.first[part], fixed, settings)
+            flux[:, part] = values.mean(axis=1).transpose(1, 0, 2, 3)
+            error[part] = values.sum(axis=2).std(axis=1, ddof=1) / np.sqrt(settings.replicates)
+            relative[part] = _pooled(error[part] / fixed.scale, asked[part])
+            if on_step is not None:
+                done = len(classes.first) - len(left) + start + len(part)
+                on_step(done * states // len(classes.first), states)
+    member, rows = (
+        classes.member[:, None, None],
+        (classes.emitters[:, :, None], classes.receivers[:, None, :]),
+    )
+    return RawLight(
+        flux=np.where(wanted, flux[:, member, *rows], 0.0),
+        standard_error=np.where(wanted, error[member, *rows], 0.0),
+        skirt_radius_mm=tops.press[:, :, SKIRT_R].max(axis=1, initial=0.0),
+        relative_error=relative[classes.member],
+        is_met=relative[classes.member] <= target,
+    )
+
+
+def _classes(
+    scene: OpticalScene,
+    centres_mm: FloatArray,
+    indentations: Presses,
+    fields: Sequence[SmoothField | None] | None,
+) -> StateClasses:
+    """Classes of equal light; every state its own where fields are given, for a field is known as numbers only."""
+    pressed = [[one] if one is None or isinstance(one, Indentation) else list(one) for one in indentations]
+    centres = np.asarray(centres_mm, dtype=np.float64).reshape(len(pressed), -1, 2)
+    if fields is None or all(field is None for field in fields):
+        return state_classes(scene, np.nan_to_num(centres), pressed)
+    every = np.arange(len(pressed))
+    return StateClasses(
+        first=every,
+        member=every,
+        emitters=np.tile(np.arange(len(scene.emitter_wall)), (len(every), 1)),
+        receivers=np.tile(np.arange(len(scene.receiver_wall)), (len(every), 1)),
+    )
+
+
+def _class_pairs(wanted: NDArray[np.bool_], classes: StateClasses) -> NDArray[np.bool_]:
+    """(class, emitter, receiver) every pair that some state of a class wants."""
+    asked = np.zeros((len(classes.first), *wanted.shape[1:]), dtype=np.bool_)
+    for state, number in enumerate(classes.member):
+        asked[number][np.ix_(classes.emitters[state], classes.receivers[state])] |= wanted[state]
+    return asked
+
+
+def _pooled(share: FloatArray, asked: NDArray[np.bool_]) -> FloatArray:
+    """(state,) root mean square over the asked pairs of a (state, emitter, receiver) share."""
+    count = np.maximum(asked.sum(axis=(1, 2)), 1)
+    return np.asarray(np.sqrt(np.where(asked, share**2, 0.0).sum(axis=(1, 2)) / count))
 
 
 def _trace_batch(
-    wanted: NDArray[np.bool_], tops: TopStack, part: slice, fixed: Untouched, settings: Accuracy
+    wanted: NDArray[np.bool_], tops: TopStack, part: NDArray[np.int64], fixed: Untouched, settings: Accuracy
 ) -> FloatArray:
     from sims.optics.compiled import trace_states
 
@@ -108,7 +205,7 @@ def _trace_batch(
     numbers = np.array(
         [
             settings.rings, settings.columns, settings.image_step, settings.top_rings, settings.top_columns,
-            settings.repeat_share, settings.wall_rays,
+            settings.repeat_share, settings.wall_rays, settings.whole_ratio,
         ],
         dtype=np.float64,
     )  # fmt: skip

@@ -86,8 +86,8 @@ def cell_sum(
 
 @kernel
 def single_reflection(
-    source, target, emitter, receiver, box_e, box_q, skip_flat, step, shifts, rings, phase, columns, sectors, nodes, box, top,
-    rules, tag, stack, cells, steps, corner, work, out,
+    source, target, emitter, receiver, box_e, box_q, skip_flat, step, whole_ratio, shifts, rings, phase, columns,
+    sectors, nodes, box, top, rules, tag, stack, cells, steps, corner, work, out,
 ):  # fmt: skip
     """Add a pair's singly reflected flux to out[replicate, (outside, inside the skirt)].
 
@@ -102,14 +102,16 @@ def single_reflection(
             continue
         number += 1
         count = take_island(first, number, columns, tag, stack, cells)
-        sign = island_fold(
-            source, target, cells, count, rings, phase, columns, sectors, box, top, corner[0], corner[1]
-        )
+        sign = 0
+        if whole_ratio > 0.0:
+            sign = island_fold(
+                source, target, cells, count, rings, phase, columns, sectors, box, top, corner[0], corner[1]
+            )
         if sign != 0:
             a, b = island_start(emitter, receiver, columns, cells, count)
             flux, x, y = whole_image(
                 source, target, nodes[a, b, NX], nodes[a, b, NY], float(sign), number, tag, rings, phase, columns,
-                sectors, box, top, rules,
+                sectors, box, top, rules, whole_ratio,
             )  # fmt: skip
             if flux >= 0.0:
                 _, share = touching_tip(x, y, top)

@@ -18,13 +18,15 @@ class LightSignals:
     Attributes
     ----------
     flux : (state, emitter, receiver) sum over path classes [-]
-    by_class : path class (direct, top, skirt, diffuse) to (state, emitter, receiver) [-];
+    by_class : path class (direct, top, skirt, wall, diffuse) to (state, emitter, receiver) [-];
         light mirrored by the top is top + skirt
     standard_error : (state, emitter, receiver) of flux; what it covers is said in `sims.optics.engine` [-]
     presses : (state, 3) x, y, depth of the press, or (state, tip, 3) where some state has several tips;
         depth 0 or less is untouched [mm]
     digest : of the design
     seed : of the offsets
+    relative_error : (state,) root mean square over the wanted pairs of standard error over untouched flux [-]
+    is_met : (state,) whether that is within the relative error asked for; True where none was asked for
     """
 
     flux: FloatArray
@@ -33,3 +35,5 @@ class LightSignals:
     presses: FloatArray
     digest: str
     seed: int
+    relative_error: FloatArray | None = None
+    is_met: NDArray[np.bool_] | None = None

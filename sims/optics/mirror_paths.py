@@ -20,8 +20,8 @@ NEWTON_STEPS = 8
 CONVERGED_MM = 1e-5
 """Newton's steps shrink quadratically: the error after the last is far below this."""
 LONGEST_STEP_MM = 6.0
-FEW_RATIO, MOST_RATIO = 3.0, 8.0
-"""Largest over smallest flux density of an image's corner paths that the coarse and the fine rule take."""
+FEW_RATIO = 3.0
+"""Largest over smallest flux density of an image's corner paths that the coarse rule takes."""
 
 
 @kernel
@@ -174,7 +174,9 @@ def image_sum(source, target, cx, cy, sign, box, top, nodes_e, weights_e, nodes_
 
 
 @kernel
-def whole_image(source, target, x, y, sign, number, tag, rings, phase, columns, sectors, box, top, rules):
+def whole_image(
+    source, target, x, y, sign, number, tag, rings, phase, columns, sectors, box, top, rules, whole_ratio
+):
     """Flux of the image that begins near (x, y), and its centre; -1 unless it is whole and simple."""
     few_e, few_we, few_q, few_wq, most_e, most_we, most_q, most_wq = rules
     ex, ey, ez = wall_point(int(source[0]), source[1], source[2], box)
@@ -182,10 +184,8 @@ def whole_image(source, target, x, y, sign, number, tag, rings, phase, columns, 
     found, cx, cy, _ = mirror_point(ex, ey, ez, qx, qy, qz, x, y, sign, box, top)
     if not found:
         return -1.0, x, y
-    ratio = corner_paths(
-        source, target, cx, cy, sign, number, tag, rings, phase, columns, sectors, box, top
-    )
-    if ratio < 0.0 or ratio > MOST_RATIO:
+    ratio = corner_paths(source, target, cx, cy, sign, number, tag, rings, phase, columns, sectors, box, top)
+    if ratio < 0.0 or ratio > whole_ratio:
         return -1.0, cx, cy
     if ratio < FEW_RATIO:
         return image_sum(source, target, cx, cy, sign, box, top, few_e, few_we, few_q, few_wq), cx, cy

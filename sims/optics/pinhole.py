@@ -292,7 +292,26 @@ def pinhole(sector, u, v, source, target, sectors, box, top, work):
     near = NEAR_SIZES * 2.0 * max(source[3], source[4])
     if divided or dx * dx + dy * dy + dz * dz < near * near:
         f = _mean_weight(
-            n, poly, area, cx, cy, divided, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top
+            n,
+            poly,
+            area,
+            cx,
+            cy,
+            divided,
+            dim_e,
+            dim_q,
+            px,
+            py,
+            pz,
+            gx,
+            gy,
+            ex,
+            ey,
+            ez,
+            source,
+            target,
+            box,
+            top,
         )
     if f <= 0.0:
         return 0.0, share

@@ -2,7 +2,8 @@
 """Kernels: light with two or more specular reflections at the deformed top.
 
 The rays of `sims.optics.top_light` tell which cells of the top send light to a second reflection and on towards a
-receiver. These cells and their neighbours are sampled on a finer lattice, the finer the more light may pass. The ray
+receiver. These cells and their neighbours are sampled on a finer lattice, the finer the more light may pass; cells
+that send it elsewhere, on a coarse one. The ray
 from the emitter's centre and two more, from its side and from its upper edge, give the parallelogram that the emitter
 lights on the receiver's wall through that point; its share that falls on the receiver counts, so a ray is no
 hit or miss. A feature narrower than a cell that all rays around it miss is left out.
@@ -38,8 +39,11 @@ from sims.optics.top_light import (
 )
 
 NEAR_RECEIVER_MM = 2.0
-FEWEST, MOST = 2, 9
+FEWEST, NEAR_FEWEST, MOST = 2, 4, 12
+"""Points along each side of a cell whose neighbours reflect again: elsewhere, towards a receiver, and at most."""
 EDGE = 0.5
+WIDEST_MM = 4.0
+"""Farthest from a ray's end that the light around it is looked for on a receiver."""
 
 
 @kernel
@@ -94,8 +98,9 @@ def overlap_share(s, z, ax, az, bx, bz, low_s, high_s, low_z, high_z, poly, othe
 
 @kernel
 def _landing(p, along, up, source, box, top):
-    """Power, wall and place, further reflections, nearest one and cosine of arrival of the path from an emitter point over
-    p; power 0 if there is none."""
+    """Power, wall and place, further reflections, nearest one and cosine of arrival of the path from an emitter point
+    over p; power 0 if there is none.
+    """
     ex, ey, ez = wall_point(int(source[0]), along, up, box)
     if ez >= surface_height(ex, ey, top):
         return 0.0, -1, 0.0, 0.0, 0, 1e30, 1.0
@@ -123,8 +128,12 @@ def _reaches(kind, low_s, high_s, low_z, high_z, receivers, wanted):
 
 @kernel
 def _cell_power(a, b, columns, echoes, receivers, wanted):
-    """Power that a cell or a neighbour sends over a further reflection; -1 if it cannot be bound for a receiver."""
+    """Largest power of a ray by a cell or a neighbour that is reflected again; 0 if none is.
+
+    Negative (by the same size) where the ends of these rays, with a margin, leave every wanted receiver out.
+    """
     brightest = 0.0
+    any_power = 0.0
     for wall in range(4):
         low_s = 1e9
         high_s = -1e9
@@ -135,18 +144,20 @@ def _cell_power(a, b, columns, echoes, receivers, wanted):
             c = b if near == 0 else int(columns[b, 2 + near])
             for d in range(max(a - 1, CONTACT_RINGS), min(a + 2, echoes.shape[0])):
                 one = echoes[d, c]
-                if one[POWER] > 0.0 and one[KIND] == wall and one[TOPS] > 0.0:
-                    low_s = min(low_s, one[ALONG])
-                    high_s = max(high_s, one[ALONG])
-                    low_z = min(low_z, one[UP])
-                    high_z = max(high_z, one[UP])
-                    most = max(most, one[POWER])
+                if one[POWER] > 0.0 and one[TOPS] > 0.0:
+                    any_power = max(any_power, one[POWER])
+                    if one[KIND] == wall:
+                        low_s = min(low_s, one[ALONG])
+                        high_s = max(high_s, one[ALONG])
+                        low_z = min(low_z, one[UP])
+                        high_z = max(high_z, one[UP])
+                        most = max(most, one[POWER])
         if most > 0.0 and _reaches(
             wall, low_s - NEAR_RECEIVER_MM, high_s + NEAR_RECEIVER_MM, low_z - NEAR_RECEIVER_MM,
             high_z + NEAR_RECEIVER_MM, receivers, wanted,
         ):  # fmt: skip
             brightest = max(brightest, most)
-    return brightest if brightest > 0.0 else -1.0
+    return brightest if brightest > 0.0 else -any_power
 
 
 @kernel
@@ -154,6 +165,8 @@ def _add_sample(p, source, receivers, wanted, box, top, poly, other, out):
     """Add one point's light to out[receiver, (outside, inside the skirt)]."""
     power, kind, s, z, tops, nearest, facing = _landing(p, source[1], source[2], source, box, top)
     if power <= 0.0 or tops == 0 or kind < 0 or kind > 3:
+        return
+    if not _reaches(kind, s - WIDEST_MM, s + WIDEST_MM, z - WIDEST_MM, z + WIDEST_MM, receivers, wanted):
         return
     side, kind_s, s1, z1, tops_s, _, _ = _landing(
         p, source[1] + EDGE * source[3], source[2], source, box, top
@@ -180,16 +193,33 @@ def _add_sample(p, source, receivers, wanted, box, top, poly, other, out):
 
 @kernel
 def repeated_reflections(
-    source, receivers, wanted, lattice, echoes, columns, shift_u, shift_v, unit, sectors, box, top, p, poly, other, out
+    source,
+    receivers,
+    wanted,
+    lattice,
+    echoes,
+    columns,
+    shift_u,
+    shift_v,
+    unit,
+    sectors,
+    box,
+    top,
+    p,
+    poly,
+    other,
+    out,
 ):
     """Add flux of chains with two or more top reflections to out[receiver, (outside, inside the skirt)]."""
     for a in range(CONTACT_RINGS, lattice.shape[0]):
         for b in range(lattice.shape[1]):
             cell = lattice[a, b]
             power = _cell_power(a, b, columns, echoes, receivers, wanted)
-            if power <= 0.0:
+            if power == 0.0:
                 continue
-            m = int(min(max(math.ceil(math.sqrt(power / unit)), FEWEST), MOST))
+            m = FEWEST
+            if power > 0.0:
+                m = int(min(max(math.ceil(math.sqrt(power / unit)), NEAR_FEWEST), MOST))
             for c in range(m):
                 for d in range(m):
                     u = cell[U0] + (c + shift_u) / m * (cell[U1] - cell[U0])

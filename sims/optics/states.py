@@ -19,7 +19,7 @@ from sims.optics.repeated import repeated_reflections
 from sims.optics.surface import OUTER_R
 from sims.optics.top import FIELD_ON, is_touched
 from sims.optics.top_grid import columns_of, sectors_of, top_nodes
-from sims.optics.top_light import CONTACT_RINGS, ECHO_COLUMNS, POINT_COLUMNS, lattice_points, top_change
+from sims.optics.top_light import ECHO_COLUMNS, POINT_COLUMNS, lattice_points, top_change
 
 DIRECT, TOPS, SKIRT, WALL, DIFFUSE = range(5)
 CLASSES = 5
@@ -28,7 +28,7 @@ EMITTER_SEQUENCE, RECEIVER_SEQUENCE = 1.0, 1000.0
 CELL_SHIFT, RAY_SHIFT, GRID_PHASE = 0, 2, 6
 SHIFTS = 8
 # numbers of the settings
-RINGS, COLUMNS, STEP, TOP_RINGS, TOP_COLUMNS, REPEAT_SHARE, RAYS = range(7)
+RINGS, COLUMNS, STEP, TOP_RINGS, TOP_COLUMNS, REPEAT_SHARE, RAYS, WHOLE_RATIO = range(8)
 CLIP_CORNERS = 14
 
 
@@ -68,7 +68,9 @@ def straight(out, keeps, wanted, emitters, receivers, flat, box, top, rules):
 
 
 @kernel
-def mirrored_once(result, keeps, wanted, emitters, receivers, sectors, box, top, image_rules, shifts, settings):
+def mirrored_once(
+    result, keeps, wanted, emitters, receivers, sectors, box, top, image_rules, shifts, settings
+):
     """Add light with one reflection at the deformed top to TOPS and SKIRT of every replicate."""
     rings = int(settings[RINGS])
     phase_u = shifts[0, GRID_PHASE]
@@ -100,8 +102,9 @@ def mirrored_once(result, keeps, wanted, emitters, receivers, sectors, box, top,
                 continue
             flux[:] = 0.0
             single_reflection(
-                emitters[i], receivers[j], own, tables[j], own_boxes, boxes[j], keeps[i, j], settings[STEP], shifts, rings,
-                phase_u, columns, sectors, nodes, box, top, image_rules, tag, stack, cells, steps, corner, work, flux,
+                emitters[i], receivers[j], own, tables[j], own_boxes, boxes[j], keeps[i, j], settings[STEP],
+                settings[WHOLE_RATIO], shifts, rings, phase_u, columns, sectors, nodes, box, top, image_rules, tag,
+                stack, cells, steps, corner, work, flux,
             )  # fmt: skip
             for n in range(shifts.shape[0]):
                 result[n, TOPS, i, j] += flux[n, 0]
@@ -200,7 +203,9 @@ def one_state(
     for n in range(1, shifts.shape[0]):
         result[n] = result[0]
     sectors = sectors_of(top, box)
-    mirrored_once(result, keeps, wanted, emitters, receivers, sectors, box, top, image_rules, shifts, settings)
+    mirrored_once(
+        result, keeps, wanted, emitters, receivers, sectors, box, top, image_rules, shifts, settings
+    )
     for n in range(shifts.shape[0]):
         rays = (flat_rays[0][n], flat_rays[1][n], flat_rays[2][n])
         beyond_one(

@@ -24,7 +24,8 @@ Choices and their bounds
   `CUT_SLOPE`, and ends in a tail of `TAIL_MM`. A residual slope e moves a mirror image by 2 e D:
   at 20 mm 0.8 µm, below 0.05 % of a 2 mm receiver.
 
-Left out: anything not axisymmetric (`sims.optics.tops` adds several tips and a smooth field); light that a tip scatters, unless it is a hemisphere (refused).
+Left out: anything not axisymmetric (`sims.optics.tops` adds several tips and a smooth field); light that a tip
+scatters, unless it is a hemisphere (refused).
 """
 
 from __future__ import annotations

@@ -46,10 +46,10 @@ def is_touched(top):
     """Whether the top differs from the undisturbed plane."""
     if top.grid[FIELD_ON] != 0.0:
         return True
+    touched = False
     for k in range(top.press.shape[0]):
-        if top.press[k, ACTIVE] > 0.0:
-            return True
-    return False
+        touched = touched or top.press[k, ACTIVE] > 0.0
+    return touched
 
 
 @kernel
@@ -70,9 +70,9 @@ def touching_tip(x, y, top):
 def is_beyond(x, y, top):
     """Whether a place lies beyond the outer radius of every tip, where the top without a field is undisturbed."""
     for k in range(top.press.shape[0]):
-        if top.press[k, ACTIVE] > 0.0:
-            if distance(x - top.press[k, X], y - top.press[k, Y]) < top.press[k, OUTER_R]:
-                return False
+        outer = top.press[k, OUTER_R] if top.press[k, ACTIVE] > 0.0 else 0.0
+        if distance(x - top.press[k, X], y - top.press[k, Y]) < outer:
+            return False
     return True
 
 

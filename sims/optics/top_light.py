@@ -46,7 +46,9 @@ def lattice_points(rings, columns, shift_u, shift_v, sectors, top):
         ox = top.press[tip, X]
         oy = top.press[tip, Y]
         contact = top.press[tip, CONTACT_R]
-        angle = math.atan2((x0 - ox) * (y1 - oy) - (y0 - oy) * (x1 - ox), (x0 - ox) * (x1 - ox) + (y0 - oy) * (y1 - oy))
+        angle = math.atan2(
+            (x0 - ox) * (y1 - oy) - (y0 - oy) * (x1 - ox), (x0 - ox) * (x1 - ox) + (y0 - oy) * (y1 - oy)
+        )
         xc, yc, _, _ = place_on_top(k, 0.0, v, sectors, top)
         for a in range(CONTACT_RINGS + rings):
             row = out[a, b]
@@ -148,7 +150,9 @@ def top_change(source, receivers, lattice, shift, layout, box, top, out, echoes)
                 continue
             gone = weight
             if box[4] > 0.0:
-                gone *= math.exp(box[4] * math.sqrt((p[PX] - ex) ** 2 + (p[PY] - ey) ** 2 + (p[PZ] - ez) ** 2))
+                gone *= math.exp(
+                    box[4] * math.sqrt((p[PX] - ex) ** 2 + (p[PY] - ey) ** 2 + (p[PZ] - ez) ** 2)
+                )
             kind, x, y, z, left = _untouched_fate(ex, ey, ez, dx, dy, dz, height, box)
             if kind >= 0 and (kind == BOTTOM or receiver_at(kind, x, y, z, receivers) < 0):
                 add_deposit(kind, x, y, z, -gone * left, layout, box, top, out)

@@ -19,11 +19,11 @@ from design.errors import InputError, ModelScopeError
 from sims.indentation import Indentation
 from sims.optics.scene import OpticalScene
 from sims.optics.smooth_field import SmoothField
-from sims.optics.surface import ACTIVE, SKIRT_R, SPHERE_R, TOP, X, Y, SurfaceStack, stack_surfaces
+from sims.optics.surface import ACTIVE, SKIRT_R, SPHERE_R, TOP, SurfaceStack, X, Y, stack_surfaces
 from sims.optics.top import FIELD_LOWEST, FIELD_SLOPE, GRID_COLUMNS, SLACK
 
 FloatArray = NDArray[np.float64]
-Presses = Sequence[Indentation | None | Sequence[Indentation | None]]
+Presses = Sequence[Indentation | Sequence[Indentation | None] | None]
 SUBDIVISION = 4
 SLOPE_RESERVE = 1.1
 
@@ -45,7 +45,9 @@ class TopStack:
     field: FloatArray
     grid: FloatArray
 
-    def part(self, states: slice) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    def part(
+        self, states: NDArray[np.int64]
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
         """Arrays of some states in the order of `sims.optics.top.Top`."""
         return (
             self.press[states],
@@ -95,7 +97,7 @@ def stack_tops(
     return TopStack(press=press, cubic=cubic, steepest=steepest, field=field, grid=grid)
 
 
-def _as_tips(one: Indentation | None | Sequence[Indentation | None]) -> list[Indentation | None]:
+def _as_tips(one: Indentation | Sequence[Indentation | None] | None) -> list[Indentation | None]:
     return [one] if one is None or isinstance(one, Indentation) else list(one) or [None]
 
 
@@ -124,8 +126,8 @@ def _check_apart(press: FloatArray, scene: OpticalScene) -> None:
         touching = tips[tips[:, ACTIVE] > 0.0]
         if len(touching) > 1 and scene.tip_reflectance > 0.0:
             raise ModelScopeError(
-                f"surfaces.tip_reflectance: {scene.tip_reflectance:g} with {len(touching)} tips in state {state}: light "
-                "that tips scatter is modelled for one tip only; set it to 0"
+                f"surfaces.tip_reflectance: {scene.tip_reflectance:g} with {len(touching)} tips in state {state}: "
+                "light that tips scatter is modelled for one tip only; set it to 0"
             )
         for k, one in enumerate(touching):
             for other in touching[k + 1 :]:
@@ -200,7 +202,9 @@ def _sampled(field: SmoothField) -> tuple[FloatArray, FloatArray, FloatArray]:
     t = np.linspace(0.0, 1.0, SUBDIVISION + 1)
     (along, along_slope), (across, across_slope) = (_weights(t, step) for step in field.step_mm)
     n = field.nodes
-    corners = np.stack([np.stack([n[a : len(n) - 1 + a, b : n.shape[1] - 1 + b] for b in (0, 1)]) for a in (0, 1)])
+    corners = np.stack(
+        [np.stack([n[a : len(n) - 1 + a, b : n.shape[1] - 1 + b] for b in (0, 1)]) for a in (0, 1)]
+    )
     # node columns: value, d/dx, d/dy, mixed -> (x kind, y kind)
     kinds = corners.reshape(*corners.shape[:4], 2, 2).swapaxes(4, 5)
     pattern = "abijkl,pak,qbl->ijpq"
@@ -214,6 +218,18 @@ def _sampled(field: SmoothField) -> tuple[FloatArray, FloatArray, FloatArray]:
 def _weights(t: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
     """(point, end, kind) Hermite weights of value and slope at both ends, and their derivatives."""
     s = 1.0 - t
-    value = np.stack([np.stack([(1 + 2 * t) * s * s, step * t * s * s], -1), np.stack([(1 + 2 * s) * t * t, -step * s * t * t], -1)], 1)
-    slope = np.stack([np.stack([-6 * t * s / step, s * (1 - 3 * t)], -1), np.stack([6 * t * s / step, t * (3 * t - 2)], -1)], 1)
+    value = np.stack(
+        [
+            np.stack([(1 + 2 * t) * s * s, step * t * s * s], -1),
+            np.stack([(1 + 2 * s) * t * t, -step * s * t * t], -1),
+        ],
+        1,
+    )
+    slope = np.stack(
+        [
+            np.stack([-6 * t * s / step, s * (1 - 3 * t)], -1),
+            np.stack([6 * t * s / step, t * (3 * t - 2)], -1),
+        ],
+        1,
+    )
     return value, slope

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from design.errors import InputError, ModelScopeError
+from design.errors import InputError
 from design.spec import SensorDesign
 from sims.indentation import Indentation
 from sims.optics.engine import CLASS_NAMES, Accuracy, trace_scene
@@ -27,10 +27,11 @@ def trace(
     design: SensorDesign,
     presses: FloatArray,
     profile: Profile | None = None,
-    accuracy: str | Accuracy = "standard",
+    accuracy: str | float | Accuracy = "standard",
     seed: int = 0,
     pairs: NDArray[np.bool_] | None = None,
     on_step: Callable[[int, int], None] | None = None,
+    fields: Sequence[SmoothField | None] | None = None,
 ) -> LightSignals:
     """Trace a design's pad for a list of presses.
 
@@ -41,21 +42,20 @@ def trace(
         less is untouched [mm]
     profile : None for the contact model, one indentation for all tips, or one per state: for all its tips, or a
         sequence of one per tip
-    accuracy : draft, standard, fine, or settings
+    accuracy : draft, standard, fine, reference, settings, or a wanted relative error as 0.001
     seed : of all offsets; same seed, same bits
     pairs : (emitter, receiver) or (state, emitter, receiver) mask of pairs to trace; others are 0
     on_step : called with (states done, states)
+    fields : one per state, added to the top, as `correction_fields` makes them; None: the centred shape everywhere
 
     Raises
     ------
     InputError : presses of a wrong shape or outside the block; a bad profile.
-    ModelScopeError : more than one tip in a state; a press that contact or surface model does not cover.
+    ModelScopeError : tips whose dimples overlap; a press that contact or surface model does not cover.
     """
     tips = _tips(presses)
-    _refuse_several_tips(tips)
     indentations = _indentations(design, tips, profile)
     scene = scene_of(design)
-    _refuse_what_no_kernel_follows(scene)
     centres, pressed = _as_engine_takes_them(tips, indentations)
     raw = trace_scene(
         scene,
@@ -65,6 +65,7 @@ def trace(
         seed=seed,
         pairs=pairs,
         on_step=on_step,
+        fields=fields,
     )
     return LightSignals(
         flux=raw.flux.sum(axis=0),
@@ -73,6 +74,8 @@ def trace(
         presses=tips[:, 0] if tips.shape[1] == 1 else tips,
         digest=design.digest,
         seed=seed,
+        relative_error=raw.relative_error,
+        is_met=raw.is_met,
     )
 
 
@@ -118,23 +121,6 @@ def _correction_field(
     x, y, depth = press
     surface = pad_surface(design, depth, (x, y))
     return wall_field(surface.wall_height_mm, indent(design, depth), (x, y), scene, spacing_mm)
-
-
-def _refuse_what_no_kernel_follows(scene: OpticalScene) -> None:
-    """Refuse options of a scene that the kernels would silently leave out."""
-    for name in ("emitter_pattern", "receiver_response", "wall_index"):
-        if getattr(scene, name) is not None:
-            raise ModelScopeError(f"{name}: this option of the design is not traced; leave it out")
-
-
-def _refuse_several_tips(tips: FloatArray) -> None:
-    """Refuse states that the kernels would not follow."""
-    if tips.shape[1] > 1:
-        counts = (tips[:, :, 2] > 0).sum(axis=1)
-        state = int(np.argmax(counts))
-        raise ModelScopeError(
-            f"presses: state {state} has {counts[state]} tips; the light model covers one tip, split the state"
-        )
 
 
 def _as_engine_takes_them(tips: FloatArray, indentations: Tips) -> tuple[FloatArray, Sequence[Any]]:

@@ -107,7 +107,7 @@ def _with_table(rows: FloatArray, table: FloatArray | None) -> FloatArray:
     """Rows with their radiance tables behind, marked by an order of -1; a table of NaN leaves the order."""
     if table is None:
         return rows
-    given = np.isfinite(table).all(axis=1)
+    given = np.asarray(np.isfinite(table).all(axis=1))
     rows[given, 5] = -1.0
     return np.hstack([rows, np.where(given[:, None], table, 0.0)])
 
@@ -119,7 +119,11 @@ def _no_press(box: FloatArray) -> object:
     press = np.zeros((1, COLUMNS))
     press[0, [TOP, LOWEST, HIGHEST]] = box[2]
     return Top(
-        press, np.zeros((1, CELLS, 4)), np.zeros((1, 2, CELLS + 1)), np.zeros((0, 0, 4)), np.zeros(GRID_COLUMNS)
+        press,
+        np.zeros((1, CELLS, 4)),
+        np.zeros((1, 2, CELLS + 1)),
+        np.zeros((0, 0, 4)),
+        np.zeros(GRID_COLUMNS),
     )
 
 

@@ -26,13 +26,14 @@ IntArray = NDArray[np.int64]
 Pair = tuple[int, int]
 OnStep = Callable[[float], None]
 
-PAIR_ACCURACY = replace(ACCURACIES["standard"], cell_share=1e-4, cell_tolerance=0.4, diffuse_rays=4096)
+PAIR_ACCURACY = replace(
+    ACCURACIES["standard"], image_step=0.08, top_rings=24, top_columns=64, repeat_share=3e-4
+)
 """Settings of single pairs: a deadband is told by changes of 3 noise units, about 1 % of the signal, so the jitter
-from depth to depth must stay well below one unit. Against "fine" on the paper's pad: half the time."""
+from depth to depth must stay well below one unit."""
 
-MAP_ACCURACY = replace(ACCURACIES["standard"], cell_share=1e-3, cell_tolerance=1.0)
-"""Settings of the map: against "fine" at two places of the paper's pad 0.2 % RMS of a pair's untouched light, the
-same as "standard" (fewer cells of the top change little), at two thirds of its cost."""
+MAP_ACCURACY = ACCURACIES["standard"]
+"""Settings of the map."""
 
 SPECULAR_CLASSES = ("top", "skirt")
 """Path classes whose sum is the light reflected at the top surface: what mode 1 takes away."""

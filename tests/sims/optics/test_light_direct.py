@@ -9,7 +9,7 @@ from sims.optics.engine import Accuracy, trace_scene
 from sims.optics.scene import OpticalScene
 from tests.sims.optics.form_factors import parallel_factor, perpendicular_factor
 
-CHEAP = Accuracy(reference_rays=1024, diffuse_rays=64, flat_nodes=16)
+CHEAP = Accuracy(reference_rays=1024, flat_nodes=16)
 
 
 def scene(walls, patches, **changes):

@@ -8,7 +8,7 @@ from sims.optics.engine import CLASS_NAMES, Accuracy, trace_scene
 from sims.optics.lower import scene_of
 from tests.sims.optics.form_factors import parallel_factor, perpendicular_factor
 
-CHEAP = Accuracy(reference_rays=1024, diffuse_rays=64)
+CHEAP = Accuracy(reference_rays=1024)
 NO_LOSS = {"elastomer.absorption_db_per_cm": 0.0}
 SOUTH, EAST, NORTH, WEST = range(4)
 

@@ -70,7 +70,7 @@ def test_a_vanishing_press_leaves_the_untouched_signal():
 def test_two_methods_agree_on_light_mirrored_by_a_curved_top():
     scene, place, pile_up = pair(), np.array([[10.0, 2.6]]), [compact_dimple(0.3, bulge_mm=0.1)]
     by_path = trace_scene(scene, place, pile_up, accuracy="fine")
-    settings = replace(ACCURACIES["fine"], calm_share=0.0)
+    settings = replace(ACCURACIES["fine"], whole_ratio=0.0, image_step=0.02)
     by_cells = trace_scene(scene, place, pile_up, accuracy=settings)
     flux, expected = (raw.flux[TOP : SKIRT + 1].sum() for raw in (by_cells, by_path))
     assert flux == pytest.approx(expected, rel=1e-3)

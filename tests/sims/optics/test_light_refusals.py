@@ -110,9 +110,16 @@ def test_presses_of_a_wrong_shape_are_refused(presses):
         trace(None, presses)
 
 
-def test_two_tips_at_once_are_out_of_scope():
-    with pytest.raises(ModelScopeError, match="2 tips"):
-        trace(None, np.array([[[5.0, 5.0, 1.0], [15.0, 15.0, 1.0]]]))
+def test_two_tips_whose_dimples_overlap_are_out_of_scope():
+    dimples = [[compact_dimple(2.0), compact_dimple(2.0)]]
+    with pytest.raises(ModelScopeError, match=r"tips 6\.00 mm apart"):
+        trace_scene(SCENE, np.array([[[8.0, 10.0], [14.0, 10.0]]]), dimples)
+
+
+@pytest.mark.parametrize("wanted", [0.0, 1.0, -0.1, float("nan")])
+def test_a_relative_error_that_makes_no_sense_is_refused(wanted):
+    with pytest.raises(InputError, match="relative error"):
+        trace_scene(SCENE, np.zeros((1, 2)), [None], accuracy=wanted)
 
 
 def test_a_profile_per_state_must_match_the_states():

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from sims.indentation import Indentation
-from sims.optics import rays, surface
+from sims.optics import radial, surface
 from sims.optics.analytic import compact_dimple
+from sims.optics.rays import top_hit
 from sims.optics.scene import OpticalScene
+from sims.optics.top import GRID_COLUMNS, Top
 
 SCENE = OpticalScene(
     length_mm=32.0,
@@ -30,17 +32,23 @@ def lowered(indentation):
     return stack.press[0], stack.cubic[0], stack
 
 
+def one_tip(stack):
+    return Top(
+        stack.press[:1], stack.cubic[:1], stack.steepest[:1], np.zeros((0, 0, 4)), np.zeros(GRID_COLUMNS)
+    )
+
+
 @pytest.mark.parametrize("depth", [0.1, 0.5, 1.0, 2.0, 3.0, 4.5])
 def test_table_follows_the_curve_within_a_micrometre(depth):
     curve = compact_dimple(depth, bulge_mm=0.15)
     press, cubic, _ = lowered(curve)
-    found = np.array([rays.height(r, press, cubic) for r in curve.radius_mm]) - 8.0
+    found = np.array([radial.height(r, press, cubic) for r in curve.radius_mm]) - 8.0
     assert np.abs(found - curve.height_mm).max() < 1e-3
 
 
 def test_pile_up_above_the_undisturbed_top_is_kept():
     press, cubic, _ = lowered(compact_dimple(2.0, bulge_mm=0.15))
-    highest = max(rays.height(r, press, cubic) for r in np.linspace(3, 16, 400))
+    highest = max(radial.height(r, press, cubic) for r in np.linspace(3, 16, 400))
     assert highest - 8.0 == pytest.approx(0.15, abs=2e-3)
     assert press[surface.HIGHEST] >= highest - 1e-4
 
@@ -52,29 +60,29 @@ def test_height_and_slope_are_continuous_everywhere():
     span = press[surface.OUTER_R] - press[surface.SPHERE_R]
     joints.extend(press[surface.SPHERE_R] + span * (surface.GRADING * x + (1 - surface.GRADING) * x**2))
     for r in joints:
-        below = rays.height_and_slope(r - 1e-8, press, cubic)
-        above = rays.height_and_slope(r + 1e-8, press, cubic)
+        below = radial.height_and_slope(r - 1e-8, press, cubic)
+        above = radial.height_and_slope(r + 1e-8, press, cubic)
         assert above == pytest.approx(below, abs=1e-5)
 
 
 def test_slope_and_bend_are_the_derivatives_of_height():
     press, cubic, _ = lowered(compact_dimple(2.0, bulge_mm=0.15))
     for r in np.linspace(2.6, 19.0, 57):
-        h, slope, bend = rays.height_slope_bend(r, press, cubic)
+        h, slope, bend = radial.height_slope_bend(r, press, cubic)
         step = 1e-5
-        up, down = rays.height(r + step, press, cubic), rays.height(r - step, press, cubic)
+        up, down = radial.height(r + step, press, cubic), radial.height(r - step, press, cubic)
         assert slope == pytest.approx((up - down) / (2 * step), abs=1e-6)
-        steeper, flatter = (rays.height_and_slope(r + s, press, cubic)[1] for s in (step, -step))
+        steeper, flatter = (radial.height_and_slope(r + s, press, cubic)[1] for s in (step, -step))
         assert bend == pytest.approx((steeper - flatter) / (2 * step), abs=1e-3)
-        assert rays.height_and_slope(r, press, cubic) == pytest.approx((h, slope), abs=1e-12)
+        assert radial.height_and_slope(r, press, cubic) == pytest.approx((h, slope), abs=1e-12)
 
 
 def test_slope_bound_holds_outward():
     press, cubic, stack = lowered(compact_dimple(3.0, bulge_mm=0.15))
     radii = np.linspace(0.01, 20.0, 2000)
-    slopes = np.array([abs(rays.height_and_slope(r, press, cubic)[1]) for r in radii])
+    slopes = np.array([abs(radial.height_and_slope(r, press, cubic)[1]) for r in radii])
     outward = np.maximum.accumulate(slopes[::-1])[::-1]
-    bounds = np.array([rays.slope_bound(r, press, stack.steepest[0]) for r in radii])
+    bounds = np.array([radial.slope_bound(r, press, stack.steepest[0]) for r in radii])
     assert (bounds >= outward - 1e-9).all()
 
 
@@ -92,26 +100,26 @@ def test_overhang_near_the_shank_keeps_the_lowest_surface():
     )
     press, cubic, stack = lowered(curve)
     assert stack.moved_mm[0] == pytest.approx(0.05, abs=0.02)
-    assert rays.height(3.4, press, cubic) - 8.0 == pytest.approx(-0.3, abs=0.01)
-    assert rays.slope_bound(0.0, press, stack.steepest[0]) <= 1.5 * surface.MAX_SLOPE
+    assert radial.height(3.4, press, cubic) - 8.0 == pytest.approx(-0.3, abs=0.01)
+    assert radial.slope_bound(0.0, press, stack.steepest[0]) <= 1.5 * surface.MAX_SLOPE
 
 
 def test_ray_meets_the_sphere_where_geometry_says():
-    press, cubic, stack = lowered(compact_dimple(2.0))
-    hit = rays.top_hit(4.0, 16.0, 6.5, 1.0, 0.0, 0.0, 28.0, press, cubic, stack.steepest[0])
+    press, _, stack = lowered(compact_dimple(2.0))
+    hit = top_hit(4.0, 16.0, 6.5, 1.0, 0.0, 0.0, 28.0, one_tip(stack))
     expected = 12.0 - np.sqrt(9.0 - (press[surface.SPHERE_Z] - 6.5) ** 2)
     assert hit == pytest.approx(expected, abs=1e-8)
 
 
 def test_ray_over_the_rim_meets_the_pile_up():
     press, cubic, stack = lowered(compact_dimple(2.0, bulge_mm=0.2))
-    hit = rays.top_hit(0.0, 16.0, 8.0, 1.0, 0.0, 0.002, 28.0, press, cubic, stack.steepest[0])
+    hit = top_hit(0.0, 16.0, 8.0, 1.0, 0.0, 0.002, 28.0, one_tip(stack))
     r = 16.0 - hit
-    assert rays.height(r, press, cubic) == pytest.approx(8.0 + 0.002 * hit, abs=1e-9)
+    assert radial.height(r, press, cubic) == pytest.approx(8.0 + 0.002 * hit, abs=1e-9)
 
 
 def test_a_grazing_chord_of_a_twentieth_millimetre_is_seen():
-    press, cubic, stack = lowered(compact_dimple(2.0))
+    _, _, stack = lowered(compact_dimple(2.0))
     z = 6.0 + 0.025**2 / (2 * 3.0)
-    hit = rays.top_hit(1.0, 16.0, z, 1.0, 0.0, 0.0, 30.0, press, cubic, stack.steepest[0])
+    hit = top_hit(1.0, 16.0, z, 1.0, 0.0, 0.0, 30.0, one_tip(stack))
     assert hit == pytest.approx(15.0 - 0.025, abs=1e-4)

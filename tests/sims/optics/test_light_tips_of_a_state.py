@@ -23,10 +23,16 @@ def asked(monkeypatch):
         calls.append((centres_mm, indentations))
         shape = (len(indentations), len(scene.emitter_wall), len(scene.receiver_wall))
         flux = np.zeros((len(CLASS_NAMES), *shape))
-        return RawLight(flux=flux, standard_error=flux[0], skirt_radius_mm=np.zeros(shape[0]))
+        zeros = np.zeros(shape[0])
+        return RawLight(
+            flux=flux,
+            standard_error=flux[0],
+            skirt_radius_mm=zeros,
+            relative_error=zeros,
+            is_met=zeros == 0.0,
+        )
 
     monkeypatch.setattr(tracing, "trace_scene", record)
-    monkeypatch.setattr(tracing, "_refuse_several_tips", lambda tips: None, raising=False)
     return calls
 
 
