@@ -21,7 +21,9 @@ CONVERGED_MM = 1e-5
 """Newton's steps shrink quadratically: the error after the last is far below this."""
 LONGEST_STEP_MM = 6.0
 FEW_RATIO = 3.0
-"""Largest over smallest flux density of an image's corner paths that the coarse rule takes."""
+WHOLE_TOLERANCE = 0.01
+"""Largest over smallest flux density of an image's corner paths that the coarse rule takes; share by which Simpson's
+rule, corners and middle, may differ from it: a jump of the top's curvature within an image shows there."""
 
 
 @kernel
@@ -121,38 +123,40 @@ def _patch_point(patch, a, b, box):
 
 @kernel
 def corner_paths(source, target, cx, cy, sign, number, tag, rings, phase, columns, sectors, box, top):
-    """Largest over smallest flux density of the 16 paths between corners; -1 unless each exists, is clear, and
-    reflects in or beside the image's own island.
+    """Largest over smallest, and mean, flux density of the 16 paths between corners; -1 unless each exists, is clear,
+    and reflects in or beside the image's own island.
     """
     low = 1e30
     high = 0.0
+    total = 0.0
     for k in range(16):
         ex, ey, ez = _patch_point(source, float(k & 1), float((k >> 1) & 1), box)
         qx, qy, qz = _patch_point(target, float((k >> 2) & 1), float((k >> 3) & 1), box)
         found, x, y, det = mirror_point(ex, ey, ez, qx, qy, qz, cx, cy, sign, box, top)
         if not found:
-            return -1.0
+            return -1.0, 0.0
         ring, column = cell_at(x, y, rings, phase, columns, sectors, top)
         if ring < 0:
-            return -1.0
+            return -1.0, 0.0
         inside = False
         for near in range(3):
             c = column if near == 0 else int(columns[column, 2 + near])
             for a in range(max(ring - 1, 0), min(ring + 2, rings)):
                 inside = inside or tag[a, c] == number
         if not inside:
-            return -1.0
+            return -1.0, 0.0
         flux = path_flux(ex, ey, ez, qx, qy, qz, x, y, det, source, target, box, top)
         if flux <= 0.0:
-            return -1.0
+            return -1.0, 0.0
         low = min(low, flux)
         high = max(high, flux)
-    return high / low
+        total += flux
+    return high / low, total / 16.0
 
 
 @kernel
 def image_sum(source, target, cx, cy, sign, box, top, nodes_e, weights_e, nodes_q, weights_q):
-    """Flux of an image by Gauss nodes on both patches; -1 if a path is not found or not clear."""
+    """Mean flux density of an image by Gauss nodes on both patches; -1 if a path is not found or not clear."""
     total = 0.0
     for a in range(nodes_e.shape[0]):
         for b in range(nodes_e.shape[0]):
@@ -170,7 +174,7 @@ def image_sum(source, target, cx, cy, sign, box, top, nodes_e, weights_e, nodes_
                     if flux < 0.0:
                         return -1.0
                     total += weights_e[a] * weights_e[b] * weights_q[c] * weights_q[d] * flux
-    return total * 16.0 * source[3] * source[4] * target[3] * target[4] / source[6]
+    return total
 
 
 @kernel
@@ -181,12 +185,19 @@ def whole_image(
     few_e, few_we, few_q, few_wq, most_e, most_we, most_q, most_wq = rules
     ex, ey, ez = wall_point(int(source[0]), source[1], source[2], box)
     qx, qy, qz = wall_point(int(target[0]), target[1], target[2], box)
-    found, cx, cy, _ = mirror_point(ex, ey, ez, qx, qy, qz, x, y, sign, box, top)
+    found, cx, cy, det = mirror_point(ex, ey, ez, qx, qy, qz, x, y, sign, box, top)
     if not found:
         return -1.0, x, y
-    ratio = corner_paths(source, target, cx, cy, sign, number, tag, rings, phase, columns, sectors, box, top)
+    ratio, corners = corner_paths(
+        source, target, cx, cy, sign, number, tag, rings, phase, columns, sectors, box, top
+    )
     if ratio < 0.0 or ratio > whole_ratio:
         return -1.0, cx, cy
     if ratio < FEW_RATIO:
-        return image_sum(source, target, cx, cy, sign, box, top, few_e, few_we, few_q, few_wq), cx, cy
-    return image_sum(source, target, cx, cy, sign, box, top, most_e, most_we, most_q, most_wq), cx, cy
+        mean = image_sum(source, target, cx, cy, sign, box, top, few_e, few_we, few_q, few_wq)
+    else:
+        mean = image_sum(source, target, cx, cy, sign, box, top, most_e, most_we, most_q, most_wq)
+    middle = path_flux(ex, ey, ez, qx, qy, qz, cx, cy, det, source, target, box, top)
+    if mean < 0.0 or abs((corners + 2.0 * middle) / 3.0 - mean) > WHOLE_TOLERANCE * mean:
+        return -1.0, cx, cy
+    return mean * 16.0 * source[3] * source[4] * target[3] * target[4] / source[6], cx, cy

@@ -7,7 +7,8 @@ onto the emitter's plane; the projection clipped against the emitter is the lit 
     flux = integral over the top of r dr dphi  (g . d) (d . n_e) L / d^4  A_p / A_e  response
 
 with d from emitter to p, g = (-dh/dx, -dh/dy, 1), L the emitter's radiance. No ray is sampled, and a caustic is no
-singularity. The lit area is weighted at its centroid, within `NEAR_SIZES` emitter sizes by three points a triangle.
+singularity. The lit area is weighted by three points in each of its triangles: near the critical
+angle the mirrored share changes too fast for its centroid alone.
 
 Shadows: a leg that falls faster than the top can along its way is clear. Any other is tested at the centroid and the
 corners of the lit area, and where these differ at every point of the triangles.
@@ -24,7 +25,6 @@ from sims.optics.surface import ACTIVE, X, Y
 from sims.optics.top import FIELD_SLOPE, touching_tip
 from sims.optics.top_grid import top_point
 
-NEAR_SIZES = 10.0
 INWARD = 0.97
 
 
@@ -288,33 +288,12 @@ def pinhole(sector, u, v, source, target, sectors, box, top, work):
         if seen == 0:
             return 0.0, share
         divided = seen < n + 1
-    f, dx, dy, dz = _spread(cx, cy, px, py, pz, gx, gy, ex, ey, ez, source, box)
-    near = NEAR_SIZES * 2.0 * max(source[3], source[4])
-    if divided or dx * dx + dy * dy + dz * dz < near * near:
-        f = _mean_weight(
-            n,
-            poly,
-            area,
-            cx,
-            cy,
-            divided,
-            dim_e,
-            dim_q,
-            px,
-            py,
-            pz,
-            gx,
-            gy,
-            ex,
-            ey,
-            ez,
-            source,
-            target,
-            box,
-            top,
-        )
+    f = _mean_weight(
+        n, poly, area, cx, cy, divided, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top
+    )
     if f <= 0.0:
         return 0.0, share
+    _, dx, dy, dz = _spread(cx, cy, px, py, pz, gx, gy, ex, ey, ez, source, box)
     length, facing = _arrival(dx, dy, dz, px, py, gx, gy, target, box)
     f *= math.exp(-box[4] * length) * abs(area) / source[6] * math.pi * radiance(target, facing)
     return f * plan, share

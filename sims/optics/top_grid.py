@@ -62,13 +62,16 @@ def _cell_of_tip(tip, top, box, corners, other):
 
 @kernel
 def sectors_of(top, box):
-    """(sector, 6) start of each edge and vector to its end, both from the axis; angle; tip. Sorted by tip."""
+    """(sector, 6) start of each edge and vector to its end, both from the axis; angle; tip. Sorted by tip.
+
+    Where no tip touches, the first one's axis serves as the middle of the grid.
+    """
     corners = np.empty((MOST_EDGES, 2))
     other = np.empty((MOST_EDGES, 2))
     out = np.empty((top.press.shape[0] * MOST_EDGES, 6))
     found = 0
     for tip in range(top.press.shape[0]):
-        if top.press[tip, ACTIVE] == 0.0:
+        if top.press[tip, ACTIVE] == 0.0 and not (tip == 0 and top.press[:, ACTIVE].max() == 0.0):
             continue
         n = _cell_of_tip(tip, top, box, corners, other)
         for c in range(n):

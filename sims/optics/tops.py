@@ -93,6 +93,8 @@ def stack_tops(
         press, cubic, steepest = _touched_first(press, cubic, steepest)
         _check_apart(press, scene)
     field, grid = _stacked_fields(fields, states)
+    untouched = (press[:, :, ACTIVE] == 0.0).all(axis=1)
+    press[untouched, 0, X], press[untouched, 0, Y] = scene.length_mm / 2, scene.width_mm / 2
     grid[:, SLACK] += _neighbours_depth_mm(press, columns, cubic)
     return TopStack(press=press, cubic=cubic, steepest=steepest, field=field, grid=grid)
 

@@ -111,14 +111,14 @@ def test_flux_is_reciprocal_for_lambertian_patches():
 def test_pairs_on_one_wall_have_neither_straight_nor_mirrored_light():
     given = scene((0, 0), ([6.0, 4.0, 0.5, 0.5], [15.0, 5.0, 1.3, 1.3]), wall_reflectance=0.05)
     flux = untouched(given)
-    assert flux[:3].sum() == 0.0
-    assert flux[3] > 0.0
+    assert flux[:4].sum() == 0.0
+    assert flux[4] > 0.0
 
 
 def test_diffuse_light_vanishes_with_reflectance_and_grows_in_proportion():
     given = scene((0, 2), ([8.0, 4.0, 0.5, 0.5], [15.0, 5.0, 1.3, 1.3]))
-    black = untouched(given)[3]
-    weak = untouched(replace(given, wall_reflectance=1e-4, bottom_reflectance=1e-4))[3]
-    twice = untouched(replace(given, wall_reflectance=2e-4, bottom_reflectance=2e-4))[3]
+    black = untouched(given)[4]
+    weak = untouched(replace(given, wall_reflectance=1e-4, bottom_reflectance=1e-4))[4]
+    twice = untouched(replace(given, wall_reflectance=2e-4, bottom_reflectance=2e-4))[4]
     assert black == 0.0
     assert twice / weak == pytest.approx(2.0, rel=1e-3)

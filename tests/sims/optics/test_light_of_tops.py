@@ -27,22 +27,25 @@ def light(scene=SCENE, places=PLACE, pressed=(DIMPLE,), **settings):
 def test_an_absent_second_tip_changes_nothing():
     alone = light()
     beside = light(places=np.array([[PLACE[0], [25.0, 25.0]]]), pressed=[[DIMPLE, None]])
-    assert (alone.flux == beside.flux).all()
+    assert beside.flux[DIRECT] == pytest.approx(alone.flux[DIRECT], rel=1e-9)
+    assert beside.flux.sum(axis=0) == pytest.approx(
+        alone.flux.sum(axis=0), abs=1e-3 * alone.flux.sum(axis=0).max()
+    )
 
 
 def test_two_tips_far_apart_change_straight_and_mirrored_light_like_each_alone():
-    """Small dimples in corners: a pair whose bundle passes one only sees that one."""
-    small = compact_dimple(0.5)
-    places = np.array([[7.0, 8.0], [25.0, 24.0]])
+    """Where light meets one dimple only; what meets both is second order in what each takes."""
+    small = compact_dimple(1.0)
+    places = np.array([[9.0, 16.0], [23.0, 17.0]])
     raw = light(
         places=np.array([places, places, places, places]),
         pressed=[[small, small], [small, None], [None, small], [None, None]],
     )
     once = raw.flux[TOP] + raw.flux[SKIRT] + raw.flux[DIRECT]
     both, one, other, none = once
-    untouched = none.max(axis=None)
-    assert both - none == pytest.approx(one + other - 2 * none, abs=2e-3 * untouched)
-    assert np.abs(both - none).max() > 0.02 * untouched
+    untouched = np.median(none[none > 0])
+    assert both - none == pytest.approx(one + other - 2 * none, abs=0.02 * untouched)
+    assert np.abs(both - none).max() > 0.1 * untouched
 
 
 def test_a_field_of_zeros_changes_nothing_but_the_route():
@@ -60,7 +63,9 @@ def test_a_lifted_top_is_a_thicker_layer():
     thicker = trace_scene(replace(SCENE, height_mm=8.3), PLACE, [None])
     across = SCENE.emitter_wall[:, None] != SCENE.receiver_wall
     mirrored = (raw.flux[TOP] + raw.flux[SKIRT])[0][across]
-    assert mirrored == pytest.approx(thicker.flux[TOP, 0][across], rel=1e-3)
+    assert mirrored == pytest.approx(
+        thicker.flux[TOP, 0][across], rel=3e-3
+    )  # paths near a corner are cut by the grid's end
 
 
 def test_a_table_of_a_lambertian_emitter_is_the_order_one_emitter():
@@ -94,11 +99,15 @@ def test_an_air_gap_mirrors_a_facing_pair_in_the_walls_beside_it():
 @pytest.mark.parametrize("wall_index", [None, 1.0])
 def test_symmetric_presses_are_traced_once_and_come_back_renumbered(wall_index):
     scene = replace(SCENE, wall_index=wall_index)
-    places = np.array([[11.0, 13.5], [32.0 - 13.5, 11.0], [32.0 - 11.0, 32.0 - 13.5], [13.5, 32.0 - 11.0]])
-    raw = trace_scene(scene, places, [DIMPLE] * 4)
-    for turns in range(1, 4):
-        turned = np.roll(raw.flux[:, 0], (2 * turns, 2 * turns), axis=(1, 2))
-        assert (raw.flux[:, turns] == turned).all()
+    motions = symmetries_of(scene)
+    places = np.concatenate([motion.image(PLACE) for motion in motions])
+    raw = trace_scene(scene, places, [DIMPLE] * len(motions))
+    for state, motion in enumerate(motions):
+        moved = raw.flux[:, state][:, motion.emitters][:, :, motion.receivers]
+        assert (moved == raw.flux[:, 0]).all()
+    alone = trace_scene(scene, places[-1:], [DIMPLE])
+    spread = 5 * np.hypot(alone.standard_error[0], raw.standard_error[-1]).max() + 1e-6
+    assert alone.flux[:, 0].sum(axis=0) == pytest.approx(raw.flux[:, -1].sum(axis=0), abs=spread)
 
 
 def test_the_ring_has_its_turns_and_diagonal_mirrors_or_none_once_a_part_moves():
