@@ -11,7 +11,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from sims.indentation import Indentation
-from sims.optics import rays, surface
+from sims.optics.radial import wall_hit
+from sims.optics.rays import top_hit
+from sims.optics.top import Top
+from sims.optics.tops import stack_tops
 from tests.bench import forward_walk
 from tests.bench.benchmark_states import benchmark_scene
 from tests.bench.surface_mesh import box_mesh, top_mesh
@@ -31,21 +34,21 @@ class Hits:
 
 
 @njit(error_model="numpy")
-def _engine_hits(lines, box, press, cubic, steepest, out):
+def _engine_hits(lines, box, top, out):
     for k in range(lines.shape[0]):
         x, y, z = lines[k, 0], lines[k, 1], lines[k, 2]
         dx, dy, dz = lines[k, 3], lines[k, 4], lines[k, 5]
-        t, _ = rays.wall_hit(x, y, z, dx, dy, dz, box)
-        hit = rays.top_hit(x, y, z, dx, dy, dz, t, press, cubic, steepest)
+        t, _ = wall_hit(x, y, z, dx, dy, dz, box)
+        hit = top_hit(x, y, z, dx, dy, dz, t, top)
         out[k] = hit if hit >= 0.0 else t
 
 
 def engine_hits(press: Indentation, centre_mm: FloatArray, lines: FloatArray, repeats: int = 3) -> Hits:
     """The engine's own intersection; lines (n, 6) are origins [mm] and unit directions."""
     scene = benchmark_scene()
-    stack = surface.stack_surfaces([press], centre_mm[None], scene)
-    box = np.array([scene.length_mm, scene.width_mm, scene.height_mm, scene.refractive_index, 0.0])
-    table = box, stack.press[0], stack.cubic[0], stack.steepest[0]
+    stack = stack_tops([press], centre_mm[None], scene)
+    box = np.array([scene.length_mm, scene.width_mm, scene.height_mm, scene.refractive_index, 0.0, 0.0])
+    table = box, Top(*(rows[0] for rows in stack.part(np.array([0]))))
     out = np.empty(len(lines))
     _engine_hits(lines[:10], *table, out)
 
