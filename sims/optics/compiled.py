@@ -107,13 +107,13 @@ def _compile(fingerprint):
         reflectances, settings, flat_rays,
     ):  # fmt: skip
         """(state, replicate, class, emitter, receiver) flux over emitted power."""
-        press, cubic, steepest, field, grid = tops
-        states = press.shape[0] if fingerprint >= 0 else 0
+        rows, field = tops
+        states = rows.shape[0] if fingerprint >= 0 else 0
         out = np.zeros((states, shifts.shape[0], CLASSES, emitters.shape[0], receivers.shape[0]))
         for state in prange(states):
             one_state(
                 out[state], wanted[state], emitters, receivers, box,
-                Top(press[state], cubic[state], steepest[state], field[state], grid[state]), flat, scale, rules,
+                Top(rows[state], field[state]), flat, scale, rules,
                 image_rules, points, shifts, layout, areas, reflectances, settings, flat_rays,
             )  # fmt: skip
         return out

@@ -65,11 +65,11 @@ def layout_of(box, size):
 
 
 @kernel
-def _tip_patch(x, y, layout, press):
+def _tip_patch(x, y, layout, tip, rows):
     """Index of the tip's patch that holds a place."""
-    px = x - press[X]
-    py = y - press[Y]
-    q = (px * px + py * py) / (press[CONTACT_R] * press[CONTACT_R])
+    px = x - rows[tip, X]
+    py = y - rows[tip, Y]
+    q = (px * px + py * py) / (rows[tip, CONTACT_R] * rows[tip, CONTACT_R])
     a = min(int((math.atan2(py, px) / (2.0 * math.pi) + 0.5) * TIP_SECTORS), TIP_SECTORS - 1)
     b = min(int(q * TIP_RINGS), TIP_RINGS - 1)
     return layout[TIP, 2] + b * layout[TIP, 0] + a
@@ -79,7 +79,7 @@ def _tip_patch(x, y, layout, press):
 def add_deposit(kind, x, y, z, weight, layout, box, top, out):
     """Add a weight to the patches around a point of a wall, the bottom or the tip."""
     if kind == TIP:
-        out[_tip_patch(x, y, layout, top.press[0])] += weight
+        out[_tip_patch(x, y, layout, 0, top.rows)] += weight
         return
     columns = layout[kind, 0]
     rows = layout[kind, 1]
@@ -138,13 +138,13 @@ def patch_areas(layout, receivers, box):
 
 
 @kernel
-def tip_patch_area(ring, press):
+def tip_patch_area(ring, tip, rows):
     """Area of one tip patch: rings of equal plan area, on the sphere up to the contact edge."""
-    tip = press[TIP_R]
-    contact = min(press[CONTACT_R], tip)
-    low = math.sqrt(max(tip * tip - contact * contact * ring / TIP_RINGS, 0.0))
-    high = math.sqrt(max(tip * tip - contact * contact * (ring + 1.0) / TIP_RINGS, 0.0))
-    return 2.0 * math.pi * tip * (low - high) / TIP_SECTORS
+    radius = rows[tip, TIP_R]
+    contact = min(rows[tip, CONTACT_R], radius)
+    low = math.sqrt(max(radius * radius - contact * contact * ring / TIP_RINGS, 0.0))
+    high = math.sqrt(max(radius * radius - contact * contact * (ring + 1.0) / TIP_RINGS, 0.0))
+    return 2.0 * math.pi * radius * (low - high) / TIP_SECTORS
 
 
 @kernel
@@ -219,7 +219,7 @@ def join(from_emitter, from_receiver, receiver_area, areas, layout, reflectances
                 n = layout[k, 2] + b * layout[k, 0] + a
                 product = from_emitter[n] * from_receiver[n]
                 if product > 0.0:
-                    area = tip_patch_area(b, top.press[0]) if k == TIP else areas[n]
+                    area = tip_patch_area(b, 0, top.rows) if k == TIP else areas[n]
                     if area > 1e-9:
                         part += product / area
         total += part * reflectances[k]

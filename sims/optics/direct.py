@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 
 from sims.optics.radial import fresnel, height, kernel, radiance, wall_normal, wall_point
-from sims.optics.surface import ACTIVE, CELLS, GRADING, LOWEST, OUTER_R, SPHERE_R, X, Y
+from sims.optics.surface import ACTIVE, CELLS, CUBIC, GRADING, LOWEST, OUTER_R, SPHERE_R, X, Y
 from sims.optics.top import SLACK, is_plain, surface_height
 
 HORIZON_SAMPLES = 14
@@ -26,15 +26,18 @@ OPEN = 1e9
 
 
 @kernel
-def blocking_radius(z, press, cubic):
+def blocking_radius(z, tip, rows):
     """Radius beyond which the top lies nowhere below z."""
-    if press[ACTIVE] == 0.0 or z <= press[LOWEST]:
+    if rows[tip, ACTIVE] == 0.0 or z <= rows[tip, LOWEST]:
         return -1.0
-    low = press[SPHERE_R]
+    low = rows[tip, SPHERE_R]
     for k in range(CELLS - 1, -1, -1):
-        if cubic[k, 0] < z - 1e-9 or cubic[k, 0] + cubic[k, 1] / 3.0 < z - 1e-9:
+        if (
+            rows[tip, CUBIC + 4 * k] < z - 1e-9
+            or rows[tip, CUBIC + 4 * k] + rows[tip, CUBIC + 4 * k + 1] / 3.0 < z - 1e-9
+        ):
             x = (k + 1.0) / CELLS
-            return low + (press[OUTER_R] - low) * x * (GRADING + (1.0 - GRADING) * x)
+            return low + (rows[tip, OUTER_R] - low) * x * (GRADING + (1.0 - GRADING) * x)
     return low
 
 
@@ -48,14 +51,12 @@ def plan_distance(ax, ay, bx, by, cx, cy):
 
 
 @kernel
-def bundle_misses(source, target, radius, box, press):
+def bundle_misses(source, target, radius, box, x, y):
     """Whether no straight line in plan from source to target comes within radius of the press axis."""
     a0, b0, _ = wall_point(int(source[0]), source[1] - source[3], 0.0, box)
     a1, b1, _ = wall_point(int(source[0]), source[1] + source[3], 0.0, box)
     c0, d0, _ = wall_point(int(target[0]), target[1] - target[3], 0.0, box)
     c1, d1, _ = wall_point(int(target[0]), target[1] + target[3], 0.0, box)
-    x = press[X]
-    y = press[Y]
     near = min(
         min(plan_distance(a0, b0, c0, d0, x, y), plan_distance(a0, b0, c1, d1, x, y)),
         min(plan_distance(a1, b1, c0, d0, x, y), plan_distance(a1, b1, c1, d1, x, y)),
@@ -76,23 +77,25 @@ def _left_of(ax, ay, bx, by, cx, cy):
 @kernel
 def reach_of(z, top, radii):
     """Fill radii (tip,) beyond which no tip's dimple can block a line that stays below z."""
-    for k in range(top.press.shape[0]):
-        radii[k] = blocking_radius(z + top.grid[SLACK], top.press[k], top.cubic[k])
+    for k in range(top.rows.shape[0]):
+        radii[k] = blocking_radius(z + top.rows[0, SLACK], k, top.rows)
 
 
 @kernel
 def misses_all(source, target, radii, box, top):
     """Whether the pair's bundle in plan stays clear of every tip's radius."""
-    for k in range(top.press.shape[0]):
-        if top.press[k, ACTIVE] > 0.0 and not bundle_misses(source, target, radii[k], box, top.press[k]):
+    for k in range(top.rows.shape[0]):
+        if top.rows[k, ACTIVE] > 0.0 and not bundle_misses(
+            source, target, radii[k], box, top.rows[k, X], top.rows[k, Y]
+        ):
             return False
     return True
 
 
 @kernel
-def _rise(s, b, c, a, z, press, cubic):
+def _rise(s, b, c, a, z, tip, rows):
     r = math.sqrt(max(a * s * s + 2.0 * b * s + c, 0.0))
-    return (height(r, press, cubic) - z) / s
+    return (height(r, tip, rows) - z) / s
 
 
 @kernel
@@ -104,7 +107,7 @@ def _rise_any(s, x, y, dx, dy, z, top):
 def horizon(x, y, z, qx, qy, radii, top):
     """Height at q below which the straight line from (x, y, z) passes under the top; OPEN if none can block."""
     lowest = OPEN
-    for k in range(top.press.shape[0]):
+    for k in range(top.rows.shape[0]):
         if radii[k] > 0.0:
             lowest = min(lowest, _horizon_of(k, x, y, z, qx, qy, radii[k], top))
     return lowest
@@ -113,13 +116,11 @@ def horizon(x, y, z, qx, qy, radii, top):
 @kernel
 def _horizon_of(tip, x, y, z, qx, qy, radius, top):
     """The horizon of the part of the chord within `radius` of a tip's axis."""
-    press = top.press[tip]
-    cubic = top.cubic[tip]
     plain = is_plain(top)
     dx = qx - x
     dy = qy - y
-    px = x - press[X]
-    py = y - press[Y]
+    px = x - top.rows[tip, X]
+    py = y - top.rows[tip, Y]
     a = dx * dx + dy * dy
     b = px * dx + py * dy
     c = px * px + py * py
@@ -136,7 +137,7 @@ def _horizon_of(tip, x, y, z, qx, qy, radius, top):
     at = 0
     for k in range(HORIZON_SAMPLES + 1):
         s = low + step * k
-        value = _rise(s, b, c, a, z, press, cubic) if plain else _rise_any(s, x, y, dx, dy, z, top)
+        value = _rise(s, b, c, a, z, tip, top.rows) if plain else _rise_any(s, x, y, dx, dy, z, top)
         if value < best:
             best = value
             at = k
@@ -144,21 +145,21 @@ def _horizon_of(tip, x, y, z, qx, qy, radius, top):
     right = low + step * min(at + 1, HORIZON_SAMPLES)
     s1 = right - GOLDEN * (right - left)
     s2 = left + GOLDEN * (right - left)
-    f1 = _rise(s1, b, c, a, z, press, cubic) if plain else _rise_any(s1, x, y, dx, dy, z, top)
-    f2 = _rise(s2, b, c, a, z, press, cubic) if plain else _rise_any(s2, x, y, dx, dy, z, top)
+    f1 = _rise(s1, b, c, a, z, tip, top.rows) if plain else _rise_any(s1, x, y, dx, dy, z, top)
+    f2 = _rise(s2, b, c, a, z, tip, top.rows) if plain else _rise_any(s2, x, y, dx, dy, z, top)
     for _ in range(HORIZON_BISECTIONS):
         if f1 < f2:
             right = s2
             s2 = s1
             f2 = f1
             s1 = right - GOLDEN * (right - left)
-            f1 = _rise(s1, b, c, a, z, press, cubic) if plain else _rise_any(s1, x, y, dx, dy, z, top)
+            f1 = _rise(s1, b, c, a, z, tip, top.rows) if plain else _rise_any(s1, x, y, dx, dy, z, top)
         else:
             left = s1
             s1 = s2
             f1 = f2
             s2 = left + GOLDEN * (right - left)
-            f2 = _rise(s2, b, c, a, z, press, cubic) if plain else _rise_any(s2, x, y, dx, dy, z, top)
+            f2 = _rise(s2, b, c, a, z, tip, top.rows) if plain else _rise_any(s2, x, y, dx, dy, z, top)
     return z + min(best, min(f1, f2))
 
 

@@ -146,7 +146,7 @@ def trace_scene(
     return RawLight(
         flux=np.where(wanted, flux[:, member, *rows], 0.0),
         standard_error=np.where(wanted, error[member, *rows], 0.0),
-        skirt_radius_mm=tops.press[:, :, SKIRT_R].max(axis=1, initial=0.0),
+        skirt_radius_mm=tops.rows[:, :, SKIRT_R].max(axis=1, initial=0.0),
         relative_error=relative[classes.member],
         is_met=relative[classes.member] <= target,
     )

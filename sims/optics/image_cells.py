@@ -31,9 +31,9 @@ NEVER = 1e30
 
 
 @kernel
-def leg_row(patch, x, y, z, gx, gy, hxx, hxy, hyy, box, row):
-    """Fill (10,): gradient in plan of the leg's length from the patch's centre; how far that moves from the centre to
-    its side and to its upper edge; second derivatives; how much the top's underside faces the patch.
+def leg_row(patch, x, y, z, gx, gy, hxx, hxy, hyy, box, out, a, b):
+    """Fill out[a, b]: gradient in plan of the leg's length from the patch's centre; how far that moves from the centre
+    to its side and to its upper edge; second derivatives; how much the top's underside faces the patch.
     """
     wall = int(patch[0])
     ex, ey, ez = wall_point(wall, patch[1], patch[2], box)
@@ -48,16 +48,16 @@ def leg_row(patch, x, y, z, gx, gy, hxx, hxy, hyy, box, row):
     fx = ax + az * gx
     fy = ay + az * gy
     along = ax if wall % 2 == 0 else ay
-    row[FX] = fx
-    row[FY] = fy
-    row[SX] = patch[3] * (along_x - along * fx) * d
-    row[SY] = patch[3] * (1.0 - along_x - along * fy) * d
-    row[UX] = patch[4] * (gx - az * fx) * d
-    row[UY] = patch[4] * (gy - az * fy) * d
-    row[FXX] = (1.0 + gx * gx - fx * fx) * d + az * hxx
-    row[FXY] = (gx * gy - fx * fy) * d + az * hxy
-    row[FYY] = (1.0 + gy * gy - fy * fy) * d + az * hyy
-    row[LIT] = az - gx * ax - gy * ay + GRAZE * math.sqrt(patch[3] * patch[3] + patch[4] * patch[4]) * d
+    out[a, b, FX] = fx
+    out[a, b, FY] = fy
+    out[a, b, SX] = patch[3] * (along_x - along * fx) * d
+    out[a, b, SY] = patch[3] * (1.0 - along_x - along * fy) * d
+    out[a, b, UX] = patch[4] * (gx - az * fx) * d
+    out[a, b, UY] = patch[4] * (gy - az * fy) * d
+    out[a, b, FXX] = (1.0 + gx * gx - fx * fx) * d + az * hxx
+    out[a, b, FXY] = (gx * gy - fx * fy) * d + az * hxy
+    out[a, b, FYY] = (1.0 + gy * gy - fy * fy) * d + az * hyy
+    out[a, b, LIT] = az - gx * ax - gy * ay + GRAZE * math.sqrt(patch[3] * patch[3] + patch[4] * patch[4]) * d
 
 
 @kernel
@@ -65,8 +65,10 @@ def patch_table(patch, nodes, box, out):
     """Fill (ring + 1, column, 10) with the rows of one patch."""
     for a in range(nodes.shape[0]):
         for b in range(nodes.shape[1]):
-            p = nodes[a, b]
-            leg_row(patch, p[NX], p[NY], p[NZ], p[GX], p[GY], p[HXX], p[HXY], p[HYY], box, out[a, b])
+            leg_row(
+                patch, nodes[a, b, NX], nodes[a, b, NY], nodes[a, b, NZ], nodes[a, b, GX], nodes[a, b, GY],
+                nodes[a, b, HXX], nodes[a, b, HXY], nodes[a, b, HYY], box, out, a, b,
+            )  # fmt: skip
 
 
 @kernel
@@ -83,18 +85,28 @@ def _passes_box(emitter, receiver, a, b, e):
     for k in range(4):
         i = a + k % 2
         j = b if k < 2 else e
-        one = emitter[i, j]
-        two = receiver[i, j]
-        fx = one[FX] + two[FX]
-        fy = one[FY] + two[FY]
+        fx = emitter[i, j, FX] + receiver[i, j, FX]
+        fy = emitter[i, j, FY] + receiver[i, j, FY]
         low_x = min(low_x, fx)
         high_x = max(high_x, fx)
         low_y = min(low_y, fy)
         high_y = max(high_y, fy)
-        wide_x = max(wide_x, abs(one[SX]) + abs(one[UX]) + abs(two[SX]) + abs(two[UX]))
-        wide_y = max(wide_y, abs(one[SY]) + abs(one[UY]) + abs(two[SY]) + abs(two[UY]))
-        lit_e = max(lit_e, one[LIT])
-        lit_q = max(lit_q, two[LIT])
+        wide_x = max(
+            wide_x,
+            abs(emitter[i, j, SX])
+            + abs(emitter[i, j, UX])
+            + abs(receiver[i, j, SX])
+            + abs(receiver[i, j, UX]),
+        )
+        wide_y = max(
+            wide_y,
+            abs(emitter[i, j, SY])
+            + abs(emitter[i, j, UY])
+            + abs(receiver[i, j, SY])
+            + abs(receiver[i, j, UY]),
+        )
+        lit_e = max(lit_e, emitter[i, j, LIT])
+        lit_q = max(lit_q, receiver[i, j, LIT])
     wide_x += MARGIN * (high_x - low_x) + 1e-6
     wide_y += MARGIN * (high_y - low_y) + 1e-6
     if low_x > wide_x or high_x < -wide_x or low_y > wide_y or high_y < -wide_y:
@@ -103,17 +115,25 @@ def _passes_box(emitter, receiver, a, b, e):
 
 
 @kernel
-def _across(one, two, side):
-    """Gradient across one of the four edge directions of the patches' range, and half that range."""
-    edge = one if side < 2 else two
-    nx = -edge[UY] if side % 2 == 1 else -edge[SY]
-    ny = edge[UX] if side % 2 == 1 else edge[SX]
+def across(emitter, receiver, i, j, side):
+    """Gradient at a node across one of the four edge directions of the pair's range, and half that range."""
+    if side < 2:
+        nx = -emitter[i, j, UY] if side == 1 else -emitter[i, j, SY]
+        ny = emitter[i, j, UX] if side == 1 else emitter[i, j, SX]
+    else:
+        nx = -receiver[i, j, UY] if side == 3 else -receiver[i, j, SY]
+        ny = receiver[i, j, UX] if side == 3 else receiver[i, j, SX]
     size = 1.0 / max(math.sqrt(nx * nx + ny * ny), 1e-12)
     nx *= size
     ny *= size
-    reach = abs(one[SX] * nx + one[SY] * ny) + abs(one[UX] * nx + one[UY] * ny)
-    reach += abs(two[SX] * nx + two[SY] * ny) + abs(two[UX] * nx + two[UY] * ny)
-    return (one[FX] + two[FX]) * nx + (one[FY] + two[FY]) * ny, reach
+    reach = abs(emitter[i, j, SX] * nx + emitter[i, j, SY] * ny) + abs(
+        emitter[i, j, UX] * nx + emitter[i, j, UY] * ny
+    )
+    reach += abs(receiver[i, j, SX] * nx + receiver[i, j, SY] * ny)
+    reach += abs(receiver[i, j, UX] * nx + receiver[i, j, UY] * ny)
+    return (emitter[i, j, FX] + receiver[i, j, FX]) * nx + (
+        emitter[i, j, FY] + receiver[i, j, FY]
+    ) * ny, reach
 
 
 @kernel
@@ -124,10 +144,10 @@ def image_steps(emitter, receiver, a, b, e):
     along_u = 0.0
     along_v = 0.0
     for side in range(4):
-        f0, w0 = _across(emitter[a, b], receiver[a, b], side)
-        f1, w1 = _across(emitter[a + 1, b], receiver[a + 1, b], side)
-        f2, w2 = _across(emitter[a, e], receiver[a, e], side)
-        f3, w3 = _across(emitter[a + 1, e], receiver[a + 1, e], side)
+        f0, w0 = across(emitter, receiver, a, b, side)
+        f1, w1 = across(emitter, receiver, a + 1, b, side)
+        f2, w2 = across(emitter, receiver, a, e, side)
+        f3, w3 = across(emitter, receiver, a + 1, e, side)
         low = min(min(f0, f1), min(f2, f3))
         high = max(max(f0, f1), max(f2, f3))
         wide = max(max(w0, w1), max(w2, w3))
@@ -147,29 +167,29 @@ def patch_boxes(table, columns, out):
     for a in range(table.shape[0] - 1):
         for b in range(table.shape[1]):
             e = int(columns[b, 4])
-            row = out[a, b]
-            row[0] = NEVER
-            row[1] = -NEVER
-            row[2] = NEVER
-            row[3] = -NEVER
-            row[4] = -1.0
+            out[a, b, 0] = NEVER
+            out[a, b, 1] = -NEVER
+            out[a, b, 2] = NEVER
+            out[a, b, 3] = -NEVER
+            out[a, b, 4] = -1.0
             wide_x = 0.0
             wide_y = 0.0
             for k in range(4):
-                one = table[a + k % 2, b if k < 2 else e]
-                row[0] = min(row[0], one[FX])
-                row[1] = max(row[1], one[FX])
-                row[2] = min(row[2], one[FY])
-                row[3] = max(row[3], one[FY])
-                row[4] = max(row[4], one[LIT])
-                wide_x = max(wide_x, abs(one[SX]) + abs(one[UX]))
-                wide_y = max(wide_y, abs(one[SY]) + abs(one[UY]))
-            wide_x += MARGIN * (row[1] - row[0]) + 1e-6
-            wide_y += MARGIN * (row[3] - row[2]) + 1e-6
-            row[0] -= wide_x
-            row[1] += wide_x
-            row[2] -= wide_y
-            row[3] += wide_y
+                i = a + k % 2
+                j = b if k < 2 else e
+                out[a, b, 0] = min(out[a, b, 0], table[i, j, FX])
+                out[a, b, 1] = max(out[a, b, 1], table[i, j, FX])
+                out[a, b, 2] = min(out[a, b, 2], table[i, j, FY])
+                out[a, b, 3] = max(out[a, b, 3], table[i, j, FY])
+                out[a, b, 4] = max(out[a, b, 4], table[i, j, LIT])
+                wide_x = max(wide_x, abs(table[i, j, SX]) + abs(table[i, j, UX]))
+                wide_y = max(wide_y, abs(table[i, j, SY]) + abs(table[i, j, UY]))
+            wide_x += MARGIN * (out[a, b, 1] - out[a, b, 0]) + 1e-6
+            wide_y += MARGIN * (out[a, b, 3] - out[a, b, 2]) + 1e-6
+            out[a, b, 0] -= wide_x
+            out[a, b, 1] += wide_x
+            out[a, b, 2] -= wide_y
+            out[a, b, 3] += wide_y
 
 
 @kernel
@@ -179,11 +199,11 @@ def lit_cells(emitter, receiver, box_e, box_q, columns, steps, tag):
     for a in range(emitter.shape[0] - 1):
         for b in range(emitter.shape[1]):
             tag[a, b] = 0
-            one = box_e[a, b]
-            two = box_q[a, b]
-            if one[0] + two[0] > 0.0 or one[1] + two[1] < 0.0 or one[2] + two[2] > 0.0:
+            if box_e[a, b, 0] + box_q[a, b, 0] > 0.0 or box_e[a, b, 1] + box_q[a, b, 1] < 0.0:
                 continue
-            if one[3] + two[3] < 0.0 or one[4] < 0.0 or two[4] < 0.0:
+            if box_e[a, b, 2] + box_q[a, b, 2] > 0.0 or box_e[a, b, 3] + box_q[a, b, 3] < 0.0:
+                continue
+            if box_e[a, b, 4] < 0.0 or box_q[a, b, 4] < 0.0:
                 continue
             along_u, along_v = image_steps(emitter, receiver, a, b, int(columns[b, 4]))
             if along_u >= 0.0:
@@ -231,7 +251,7 @@ def island_start(emitter, receiver, columns, cells, count):
             i = cells[n] // width + k % 2
             j = cells[n] % width
             j = j if k < 2 else int(columns[j, 4])
-            off = _range_share(emitter[i, j], receiver[i, j])
+            off = _range_share(emitter, receiver, i, j)
             if off < nearest:
                 nearest = off
                 best_a = i
@@ -240,11 +260,11 @@ def island_start(emitter, receiver, columns, cells, count):
 
 
 @kernel
-def _range_share(one, two):
+def _range_share(emitter, receiver, i, j):
     """How far a place lies from a mirror path of the pair, over the pair's range; up to 1 inside."""
     off = 0.0
     for side in range(4):
-        f, w = _across(one, two, side)
+        f, w = across(emitter, receiver, i, j, side)
         off = max(off, abs(f) / (w + 1e-12))
     return off
 
@@ -266,12 +286,13 @@ def island_fold(source, target, cells, count, rings, phase, columns, sectors, bo
             v = columns[b, 1] + (m // FOLD_U + 0.5) / FOLD_V * (columns[b, 2] - columns[b, 1])
             x, y, _, _ = place_on_top(int(columns[b, 0]), u, v, sectors, top)
             h, gx, gy, hxx, hxy, hyy = surface_bend(x, y, top)
-            leg_row(source, x, y, h, gx, gy, hxx, hxy, hyy, box, one)
-            leg_row(target, x, y, h, gx, gy, hxx, hxy, hyy, box, two)
-            if _range_share(one, two) > CORE:
+            leg_row(source, x, y, h, gx, gy, hxx, hxy, hyy, box, one, 0, 0)
+            leg_row(target, x, y, h, gx, gy, hxx, hxy, hyy, box, two, 0, 0)
+            if _range_share(one, two, 0, 0) > CORE:
                 continue
-            fxy = one[FXY] + two[FXY]
-            here = 1 if (one[FXX] + two[FXX]) * (one[FYY] + two[FYY]) > fxy * fxy else -1
+            fxy = one[0, 0, FXY] + two[0, 0, FXY]
+            fxx = one[0, 0, FXX] + two[0, 0, FXX]
+            here = 1 if fxx * (one[0, 0, FYY] + two[0, 0, FYY]) > fxy * fxy else -1
             if sign == 0:
                 sign = here
             elif sign != here:

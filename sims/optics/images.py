@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from sims.optics.image_cells import _across, island_fold, island_start, lit_cells, take_island
+from sims.optics.image_cells import across, island_fold, island_start, lit_cells, take_island
 from sims.optics.mirror_paths import whole_image
 from sims.optics.pinhole import pinhole
 from sims.optics.radial import kernel
@@ -33,7 +33,7 @@ def _range_corners(emitter, receiver, a, b, e, corner):
         for k in range(4):
             i = a + k % 2
             j = b if k < 2 else e
-            f, w = _across(emitter[i, j], receiver[i, j], side)
+            f, w = across(emitter, receiver, i, j, side)
             corner[side, k] = f / (w + 1e-12)
         for k in range(1, 4):
             change = max(change, abs(corner[side, k] - corner[side, 0]))
@@ -54,7 +54,7 @@ def _is_far(corner, fu, fv, limit):
 @kernel
 def cell_sum(
     source, target, emitter, receiver, a, b, steps, step, shift, skip_flat, rings, phase, columns, sectors, box, top,
-    corner, work,
+    corner, poly, other,
 ):  # fmt: skip
     """Flux through one cell of the grid: (outside the skirt, inside it)."""
     change = _range_corners(emitter, receiver, a, b, int(columns[b, 4]), corner)
@@ -76,7 +76,7 @@ def cell_sum(
                 x, y, _, _ = place_on_top(int(columns[b, 0]), u, v, sectors, top)
                 if is_beyond(x, y, top):
                     continue
-            flux, share = pinhole(int(columns[b, 0]), u, v, source, target, sectors, box, top, work)
+            flux, share = pinhole(int(columns[b, 0]), u, v, source, target, sectors, box, top, poly, other)
             if share < 1.0:
                 inner += flux
             else:
@@ -87,7 +87,7 @@ def cell_sum(
 @kernel
 def single_reflection(
     source, target, emitter, receiver, box_e, box_q, skip_flat, step, whole_ratio, shifts, rings, phase, columns,
-    sectors, nodes, box, top, rules, tag, stack, cells, steps, corner, work, out,
+    sectors, nodes, box, top, rules, tag, stack, cells, steps, corner, one, two, poly, other, out,
 ):  # fmt: skip
     """Add a pair's singly reflected flux to out[replicate, (outside, inside the skirt)].
 
@@ -105,7 +105,7 @@ def single_reflection(
         sign = 0
         if whole_ratio > 0.0:
             sign = island_fold(
-                source, target, cells, count, rings, phase, columns, sectors, box, top, corner[0], corner[1]
+                source, target, cells, count, rings, phase, columns, sectors, box, top, one, two
             )
         if sign != 0:
             a, b = island_start(emitter, receiver, columns, cells, count)
@@ -124,7 +124,7 @@ def single_reflection(
             for n in range(shifts.shape[0]):
                 outer, inner = cell_sum(
                     source, target, emitter, receiver, a, b, steps[a, b], step, shifts[n], skip_flat, rings, phase,
-                    columns, sectors, box, top, corner, work,
+                    columns, sectors, box, top, corner, poly, other,
                 )  # fmt: skip
                 out[n, 0] += outer
                 out[n, 1] += inner

@@ -147,25 +147,25 @@ def _may_be_shaded(px, py, pz, patch, box, top):
     x0, y0, z = wall_point(int(patch[0]), patch[1] - patch[3], patch[2] + patch[4], box)
     x1, y1, _ = wall_point(int(patch[0]), patch[1] + patch[3], patch[2] + patch[4], box)
     run = max(plan_distance(x0, y0, x0, y0, px, py), plan_distance(x1, y1, x1, y1, px, py))
-    slope = top.grid[FIELD_SLOPE]
-    for k in range(top.press.shape[0]):
-        press = top.press[k]
-        if press[ACTIVE] == 0.0:
+    slope = top.rows[0, FIELD_SLOPE]
+    rows = top.rows
+    for k in range(rows.shape[0]):
+        if rows[k, ACTIVE] == 0.0:
             continue
-        rx = px - press[X]
-        ry = py - press[Y]
+        rx = px - rows[k, X]
+        ry = py - rows[k, Y]
         if rx * (x0 - px) + ry * (y0 - py) >= 0.0 and rx * (x1 - px) + ry * (y1 - py) >= 0.0:
-            slope += fall_bound(math.sqrt(rx * rx + ry * ry), press, top.steepest[k])
+            slope += fall_bound(math.sqrt(rx * rx + ry * ry), k, rows)
             continue
         one = (x0 - px) * ry - (y0 - py) * rx
         two = (x1 - px) * ry - (y1 - py) * rx
         near = 0.0
         if one * two > 0.0:
             near = min(
-                plan_distance(px, py, x0, y0, press[X], press[Y]),
-                plan_distance(px, py, x1, y1, press[X], press[Y]),
+                plan_distance(px, py, x0, y0, rows[k, X], rows[k, Y]),
+                plan_distance(px, py, x1, y1, rows[k, X], rows[k, Y]),
             )
-        slope += slope_bound(near, press, top.steepest[k])
+        slope += slope_bound(near, k, rows)
     return pz - z < slope * run
 
 
@@ -256,7 +256,7 @@ def _arrival(dx, dy, dz, px, py, gx, gy, target, box):
 
 
 @kernel
-def pinhole(sector, u, v, source, target, sectors, box, top, work):
+def pinhole(sector, u, v, source, target, sectors, box, top, poly, other):
     """Flux through the top at (u, v) per du dv, and the place over the skirt's radius."""
     px, py, pz, gx, gy, _, plan = top_point(sector, u, v, sectors, top)
     tip, share = touching_tip(px, py, top)
@@ -267,9 +267,8 @@ def pinhole(sector, u, v, source, target, sectors, box, top, work):
     depth = (px - ex) * n0 + (py - ey) * n1
     if depth <= 1e-6:
         return 0.0, share
-    poly = work[0]
     _project(source, target, px, py, pz, gx, gy, ex, ey, ez, depth, box, poly)
-    n = _on_emitter(4, poly, work[1], source)
+    n = _on_emitter(4, poly, other, source)
     if n == 0:
         return 0.0, share
     for c in range(n):

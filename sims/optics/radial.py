@@ -1,7 +1,7 @@
 # mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
 """Kernels: the radial table of one tip, and what does not depend on the top.
 
-`press`, `cubic`, `steepest` are one tip's rows of `sims.optics.surface.SurfaceStack`; `box` is (length, width,
+`rows` (tip, n) hold `sims.optics.surface.SurfaceStack` tip by tip (`ROW` columns); `box` is (length, width,
 height, refractive index, absorption per mm, index behind smooth walls or 0). A patch is a row (wall, along, z,
 half width, half height, Lambertian order or -1, full area as mounted, radiance over the cosine's nodes ...).
 Fresnel: unpolarised, from inside (Born and Wolf, sec. 1.5).
@@ -16,10 +16,12 @@ from numba import njit
 from sims.optics.surface import (
     ACTIVE,
     CELLS,
+    CUBIC,
     GRADING,
     OUTER_R,
     SPHERE_R,
     SPHERE_Z,
+    STEEPEST,
     TIP_R,
     TOP,
 )
@@ -132,75 +134,87 @@ def wall_hit(x, y, z, dx, dy, dz, box):
 
 
 @kernel
-def _cell_x(r, press):
+def _cell_x(r, tip, rows):
     """Table coordinate x in 0..1 of a radius beyond the sphere."""
-    q = (r - press[SPHERE_R]) / (press[OUTER_R] - press[SPHERE_R])
+    q = (r - rows[tip, SPHERE_R]) / (rows[tip, OUTER_R] - rows[tip, SPHERE_R])
     return 2.0 * q / (GRADING + math.sqrt(GRADING * GRADING + 4.0 * (1.0 - GRADING) * q))
 
 
 @kernel
-def height(r, press, cubic):
+def height(r, tip, rows):
     """Height of the top above the bottom."""
-    if press[ACTIVE] == 0.0 or r >= press[OUTER_R]:
-        return press[TOP]
-    if r <= press[SPHERE_R]:
-        return press[SPHERE_Z] - math.sqrt(press[TIP_R] * press[TIP_R] - r * r)
-    x = _cell_x(r, press) * CELLS
+    if rows[tip, ACTIVE] == 0.0 or r >= rows[tip, OUTER_R]:
+        return rows[tip, TOP]
+    if r <= rows[tip, SPHERE_R]:
+        return rows[tip, SPHERE_Z] - math.sqrt(rows[tip, TIP_R] * rows[tip, TIP_R] - r * r)
+    x = _cell_x(r, tip, rows) * CELLS
     k = min(int(x), CELLS - 1)
     t = x - k
-    return cubic[k, 0] + t * (cubic[k, 1] + t * (cubic[k, 2] + t * cubic[k, 3]))
+    return rows[tip, CUBIC + 4 * k] + t * (
+        rows[tip, CUBIC + 4 * k + 1] + t * (rows[tip, CUBIC + 4 * k + 2] + t * rows[tip, CUBIC + 4 * k + 3])
+    )
 
 
 @kernel
-def height_and_slope(r, press, cubic):
+def height_and_slope(r, tip, rows):
     """Height of the top and dh/dr."""
-    if press[ACTIVE] == 0.0 or r >= press[OUTER_R]:
-        return press[TOP], 0.0
-    if r <= press[SPHERE_R]:
-        root = math.sqrt(press[TIP_R] * press[TIP_R] - r * r)
-        return press[SPHERE_Z] - root, r / root
-    x = _cell_x(r, press)
-    per_mm = CELLS / ((press[OUTER_R] - press[SPHERE_R]) * (GRADING + 2.0 * (1.0 - GRADING) * x))
+    if rows[tip, ACTIVE] == 0.0 or r >= rows[tip, OUTER_R]:
+        return rows[tip, TOP], 0.0
+    if r <= rows[tip, SPHERE_R]:
+        root = math.sqrt(rows[tip, TIP_R] * rows[tip, TIP_R] - r * r)
+        return rows[tip, SPHERE_Z] - root, r / root
+    x = _cell_x(r, tip, rows)
+    per_mm = CELLS / ((rows[tip, OUTER_R] - rows[tip, SPHERE_R]) * (GRADING + 2.0 * (1.0 - GRADING) * x))
     x *= CELLS
     k = min(int(x), CELLS - 1)
     t = x - k
-    h = cubic[k, 0] + t * (cubic[k, 1] + t * (cubic[k, 2] + t * cubic[k, 3]))
-    return h, (cubic[k, 1] + t * (2.0 * cubic[k, 2] + t * 3.0 * cubic[k, 3])) * per_mm
+    h = rows[tip, CUBIC + 4 * k] + t * (
+        rows[tip, CUBIC + 4 * k + 1] + t * (rows[tip, CUBIC + 4 * k + 2] + t * rows[tip, CUBIC + 4 * k + 3])
+    )
+    return h, (
+        rows[tip, CUBIC + 4 * k + 1]
+        + t * (2.0 * rows[tip, CUBIC + 4 * k + 2] + t * 3.0 * rows[tip, CUBIC + 4 * k + 3])
+    ) * per_mm
 
 
 @kernel
-def height_slope_bend(r, press, cubic):
+def height_slope_bend(r, tip, rows):
     """Height of the top, dh/dr and d²h/dr² beyond the sphere."""
-    if press[ACTIVE] == 0.0 or r >= press[OUTER_R]:
-        return press[TOP], 0.0, 0.0
-    x = _cell_x(r, press)
-    span = press[OUTER_R] - press[SPHERE_R]
+    if rows[tip, ACTIVE] == 0.0 or r >= rows[tip, OUTER_R]:
+        return rows[tip, TOP], 0.0, 0.0
+    x = _cell_x(r, tip, rows)
+    span = rows[tip, OUTER_R] - rows[tip, SPHERE_R]
     per_mm = 1.0 / (span * (GRADING + 2.0 * (1.0 - GRADING) * x))
     turn = -2.0 * (1.0 - GRADING) * span * per_mm * per_mm * per_mm
     x *= CELLS
     k = min(int(x), CELLS - 1)
     t = x - k
-    h = cubic[k, 0] + t * (cubic[k, 1] + t * (cubic[k, 2] + t * cubic[k, 3]))
-    first = (cubic[k, 1] + t * (2.0 * cubic[k, 2] + t * 3.0 * cubic[k, 3])) * CELLS
-    second = (2.0 * cubic[k, 2] + t * 6.0 * cubic[k, 3]) * (CELLS * CELLS)
+    h = rows[tip, CUBIC + 4 * k] + t * (
+        rows[tip, CUBIC + 4 * k + 1] + t * (rows[tip, CUBIC + 4 * k + 2] + t * rows[tip, CUBIC + 4 * k + 3])
+    )
+    first = (
+        rows[tip, CUBIC + 4 * k + 1]
+        + t * (2.0 * rows[tip, CUBIC + 4 * k + 2] + t * 3.0 * rows[tip, CUBIC + 4 * k + 3])
+    ) * CELLS
+    second = (2.0 * rows[tip, CUBIC + 4 * k + 2] + t * 6.0 * rows[tip, CUBIC + 4 * k + 3]) * (CELLS * CELLS)
     return h, first * per_mm, second * per_mm * per_mm + first * turn
 
 
 @kernel
-def slope_bound(r, press, steepest):
+def slope_bound(r, tip, rows):
     """Largest |dh/dr| at this radius and beyond."""
-    if press[ACTIVE] == 0.0 or r >= press[OUTER_R]:
+    if rows[tip, ACTIVE] == 0.0 or r >= rows[tip, OUTER_R]:
         return 0.0
-    if r <= press[SPHERE_R]:
-        return steepest[0, 0]
-    return steepest[0, min(int(_cell_x(r, press) * CELLS), CELLS - 1)]
+    if r <= rows[tip, SPHERE_R]:
+        return rows[tip, STEEPEST]
+    return rows[tip, STEEPEST + min(int(_cell_x(r, tip, rows) * CELLS), CELLS - 1)]
 
 
 @kernel
-def fall_bound(r, press, steepest):
+def fall_bound(r, tip, rows):
     """Largest fall -dh/dr at this radius and beyond."""
-    if press[ACTIVE] == 0.0 or r >= press[OUTER_R]:
+    if rows[tip, ACTIVE] == 0.0 or r >= rows[tip, OUTER_R]:
         return 0.0
-    if r <= press[SPHERE_R]:
-        return steepest[1, 0]
-    return steepest[1, min(int(_cell_x(r, press) * CELLS), CELLS - 1)]
+    if r <= rows[tip, SPHERE_R]:
+        return rows[tip, STEEPEST + CELLS + 1]
+    return rows[tip, STEEPEST + CELLS + 1 + min(int(_cell_x(r, tip, rows) * CELLS), CELLS - 1)]

@@ -39,12 +39,12 @@ LOST_WEIGHT = 1e-9
 
 
 @kernel
-def march(x, y, z, dx, dy, dz, t0, t1, press, cubic, steepest):
+def march(x, y, z, dx, dy, dz, t0, t1, tip, rows):
     """Bracket of the first crossing from below to above one tip's top in [t0, t1]; (t0, -1) if there is none."""
-    if max(z + dz * t0, z + dz * t1) < press[LOWEST]:
+    if max(z + dz * t0, z + dz * t1) < rows[tip, LOWEST]:
         return t0, -1.0
-    px = x - press[X]
-    py = y - press[Y]
+    px = x - rows[tip, X]
+    py = y - rows[tip, Y]
     plan2 = dx * dx + dy * dy
     plan = math.sqrt(plan2)
     b = px * dx + py * dy
@@ -54,24 +54,24 @@ def march(x, y, z, dx, dy, dz, t0, t1, press, cubic, steepest):
     r_min = math.sqrt(max(plan2 * t_min * t_min + 2.0 * b * t_min + c, 0.0))
     t = t0
     if dz > 0.0:
-        t = max(t, min((press[LOWEST] - z) / dz, t1))
+        t = max(t, min((rows[tip, LOWEST] - z) / dz, t1))
     previous = t
     while True:
         r = math.sqrt(max(plan2 * t * t + 2.0 * b * t + c, 0.0))
-        gap = height(r, press, cubic) - (z + dz * t)
+        gap = height(r, tip, rows) - (z + dz * t)
         if gap < 0.0:
             return previous, t
         if t >= t1:
             return t, -1.0
         previous = t
         if t >= closest:
-            rate = dz + fall_bound(r, press, steepest) * plan
+            rate = dz + fall_bound(r, tip, rows) * plan
             if rate <= 0.0:
                 return t, -1.0
             step = gap / rate
         else:
             window = max(0.25, 0.35 * r)
-            rate = dz + slope_bound(max(r_min, r - window), press, steepest) * plan
+            rate = dz + slope_bound(max(r_min, r - window), tip, rows) * plan
             step = window / plan if rate <= 0.0 else min(gap / rate, window / plan)
         t = min(t + max(step, MIN_STEP_MM), t1)
 
@@ -79,10 +79,10 @@ def march(x, y, z, dx, dy, dz, t0, t1, press, cubic, steepest):
 @kernel
 def march_any(x, y, z, dx, dy, dz, t0, t1, top):
     """As `march`, for several tips and a field: the rates of all of them add up."""
-    tips = top.press.shape[0]
-    lowest = top.grid[FIELD_LOWEST]
+    tips = top.rows.shape[0]
+    lowest = top.rows[0, FIELD_LOWEST]
     for k in range(tips):
-        lowest += min(top.press[k, LOWEST], top.press[k, TOP]) - (top.press[k, TOP] if k > 0 else 0.0)
+        lowest += min(top.rows[k, LOWEST], top.rows[k, TOP]) - (top.rows[k, TOP] if k > 0 else 0.0)
     if max(z + dz * t0, z + dz * t1) < lowest:
         return t0, -1.0
     plan = math.sqrt(dx * dx + dy * dy)
@@ -100,19 +100,19 @@ def march_any(x, y, z, dx, dy, dz, t0, t1, top):
             return t, -1.0
         previous = t
         window = 1e9
-        slope = top.grid[FIELD_SLOPE]
+        slope = top.rows[0, FIELD_SLOPE]
         for k in range(tips):
-            if top.press[k, ACTIVE] == 0.0:
+            if top.rows[k, ACTIVE] == 0.0:
                 continue
-            rx = px - top.press[k, X]
-            ry = py - top.press[k, Y]
+            rx = px - top.rows[k, X]
+            ry = py - top.rows[k, Y]
             r = distance(rx, ry)
             if rx * dx + ry * dy >= 0.0:
-                slope += fall_bound(r, top.press[k], top.steepest[k])
+                slope += fall_bound(r, k, top.rows)
             else:
                 ahead = max(0.25, 0.35 * r)
                 window = min(window, ahead)
-                slope += slope_bound(max(r - ahead, 0.0), top.press[k], top.steepest[k])
+                slope += slope_bound(max(r - ahead, 0.0), k, top.rows)
         rate = dz + slope * plan
         if rate <= 0.0 and window > 1e8:
             return t, -1.0
@@ -126,7 +126,7 @@ def march_any(x, y, z, dx, dy, dz, t0, t1, top):
 def crossing(x, y, z, dx, dy, dz, t0, t1, top):
     """Bracket of the first crossing from below to above the top in [t0, t1]; (t0, -1) if there is none."""
     if is_plain(top):
-        return march(x, y, z, dx, dy, dz, t0, t1, top.press[0], top.cubic[0], top.steepest[0])
+        return march(x, y, z, dx, dy, dz, t0, t1, 0, top.rows)
     return march_any(x, y, z, dx, dy, dz, t0, t1, top)
 
 
@@ -146,7 +146,7 @@ def top_hit(x, y, z, dx, dy, dz, t1, top):
     if not is_touched(top):
         if dz <= 0.0:
             return -1.0
-        t = (top.press[0, TOP] - z) / dz
+        t = (top.rows[0, TOP] - z) / dz
         return t if t < t1 else -1.0
     low, high = crossing(x, y, z, dx, dy, dz, 0.0, t1, top)
     if high < 0.0:

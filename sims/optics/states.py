@@ -47,7 +47,7 @@ def golden_shift(k):
 def straight(out, keeps, wanted, emitters, receivers, flat, box, top, rules):
     """Straight light; where a pair's bundle misses every deformed part in plan, the untouched mirrored light too."""
     nodes_e, weights_e, nodes_u, weights_u, nodes_z, weights_z = rules
-    radii = np.empty(top.press.shape[0])
+    radii = np.empty(top.rows.shape[0])
     for i in range(emitters.shape[0]):
         for j in range(receivers.shape[0]):
             keeps[i, j] = False
@@ -62,7 +62,7 @@ def straight(out, keeps, wanted, emitters, receivers, flat, box, top, rules):
                 out[DIRECT, i, j] = direct_flux(
                     e, r, radii, box, top, nodes_e, weights_e, nodes_u, weights_u, nodes_z, weights_z
                 )
-            if top.grid[FIELD_ON] == 0.0 and misses_all(e, r, top.press[:, OUTER_R], box, top):
+            if top.rows[0, FIELD_ON] == 0.0 and misses_all(e, r, top.rows[:, OUTER_R], box, top):
                 out[TOPS, i, j] = flat[1, i, j]
                 keeps[i, j] = True
 
@@ -85,8 +85,11 @@ def mirrored_once(
     stack = np.empty(rings * width, np.int64)
     cells = np.empty(rings * width, np.int64)
     steps = np.empty((rings, width, 2))
-    corner = np.empty((4, PATCH_COLUMNS))
-    work = np.empty((2, CLIP_CORNERS, 3))
+    corner = np.empty((4, 4))
+    poly = np.empty((CLIP_CORNERS, 3))
+    other = np.empty((CLIP_CORNERS, 3))
+    one = np.empty((1, 1, PATCH_COLUMNS))
+    two = np.empty((1, 1, PATCH_COLUMNS))
     flux = np.empty((shifts.shape[0], 2))
     for j in range(receivers.shape[0]):
         if wanted[:, j].any():
@@ -104,7 +107,7 @@ def mirrored_once(
             single_reflection(
                 emitters[i], receivers[j], own, tables[j], own_boxes, boxes[j], keeps[i, j], settings[STEP],
                 settings[WHOLE_RATIO], shifts, rings, phase_u, columns, sectors, nodes, box, top, image_rules, tag,
-                stack, cells, steps, corner, work, flux,
+                stack, cells, steps, corner, one, two, poly, other, flux,
             )  # fmt: skip
             for n in range(shifts.shape[0]):
                 result[n, TOPS, i, j] += flux[n, 0]

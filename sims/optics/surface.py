@@ -58,6 +58,11 @@ FLATTEST_APEX_MM = 1e-9
 # columns of a press row
 X, Y, ACTIVE, SPHERE_R, TIP_R, SPHERE_Z, OUTER_R, CONTACT_R, LOWEST, HIGHEST, SKIRT_R, TOP = range(12)
 COLUMNS = 12
+# a tip's row as kernels read it: the press's columns, what is known of the field (first tip), slopes, cubic pieces
+FIELD_COLUMNS = 8
+STEEPEST = COLUMNS + FIELD_COLUMNS
+CUBIC = STEEPEST + 2 * (CELLS + 1)
+ROW = CUBIC + 4 * CELLS
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,10 +11,11 @@ from typing import NamedTuple
 
 from sims.optics.radial import distance, height, height_and_slope, height_slope_bend, kernel
 from sims.optics.scene import FloatArray
-from sims.optics.surface import ACTIVE, CONTACT_R, OUTER_R, SKIRT_R, TOP, X, Y
+from sims.optics.surface import ACTIVE, COLUMNS, CONTACT_R, FIELD_COLUMNS, OUTER_R, SKIRT_R, TOP, X, Y
 
-FIELD_ON, FIELD_X, FIELD_Y, FIELD_DX, FIELD_DY, FIELD_LOWEST, FIELD_SLOPE, SLACK = range(8)
-GRID_COLUMNS = 8
+FIELD_ON, FIELD_X, FIELD_Y, FIELD_DX, FIELD_DY, FIELD_LOWEST, FIELD_SLOPE, SLACK = range(
+    COLUMNS, COLUMNS + FIELD_COLUMNS
+)
 
 
 class Top(NamedTuple):
@@ -22,33 +23,29 @@ class Top(NamedTuple):
 
     Attributes
     ----------
-    press : (tip, 12); cubic : (tip, cell, 4); steepest : (tip, 2, cell + 1), see `sims.optics.surface`
+    rows : (tip, n) see `sims.optics.surface`; in the first, from `FIELD_ON`: field on, origin, steps, lowest value (0
+        or below), largest slope; how far the field and the tips beside the one at hand may lower the top [mm]
     field : (nx, ny, 4) nodes of the field, or (0, 0, 4)
-    grid : (8,) field on, origin, steps, lowest value (0 or below), largest slope; how far the field and the
-        tips beside the one at hand may lower the top [mm]
     """
 
-    press: FloatArray
-    cubic: FloatArray
-    steepest: FloatArray
+    rows: FloatArray
     field: FloatArray
-    grid: FloatArray
 
 
 @kernel
 def is_plain(top):
     """Whether one radial table is all there is."""
-    return top.press.shape[0] == 1 and top.grid[FIELD_ON] == 0.0
+    return top.rows.shape[0] == 1 and top.rows[0, FIELD_ON] == 0.0
 
 
 @kernel
 def is_touched(top):
     """Whether the top differs from the undisturbed plane."""
-    if top.grid[FIELD_ON] != 0.0:
+    if top.rows[0, FIELD_ON] != 0.0:
         return True
     touched = False
-    for k in range(top.press.shape[0]):
-        touched = touched or top.press[k, ACTIVE] > 0.0
+    for k in range(top.rows.shape[0]):
+        touched = touched or top.rows[k, ACTIVE] > 0.0
     return touched
 
 
@@ -57,21 +54,21 @@ def touching_tip(x, y, top):
     """The tip that touches the top there (-1: none), and the smallest distance from an axis over its skirt radius."""
     share = 1e30
     tip = -1
-    for k in range(top.press.shape[0]):
-        if top.press[k, ACTIVE] > 0.0:
-            r = distance(x - top.press[k, X], y - top.press[k, Y])
-            if r < top.press[k, CONTACT_R]:
+    for k in range(top.rows.shape[0]):
+        if top.rows[k, ACTIVE] > 0.0:
+            r = distance(x - top.rows[k, X], y - top.rows[k, Y])
+            if r < top.rows[k, CONTACT_R]:
                 tip = k
-            share = min(share, r / top.press[k, SKIRT_R])
+            share = min(share, r / top.rows[k, SKIRT_R])
     return tip, share
 
 
 @kernel
 def is_beyond(x, y, top):
     """Whether a place lies beyond the outer radius of every tip, where the top without a field is undisturbed."""
-    for k in range(top.press.shape[0]):
-        outer = top.press[k, OUTER_R] if top.press[k, ACTIVE] > 0.0 else 0.0
-        if distance(x - top.press[k, X], y - top.press[k, Y]) < outer:
+    for k in range(top.rows.shape[0]):
+        outer = top.rows[k, OUTER_R] if top.rows[k, ACTIVE] > 0.0 else 0.0
+        if distance(x - top.rows[k, X], y - top.rows[k, Y]) < outer:
             return False
     return True
 
@@ -79,9 +76,9 @@ def is_beyond(x, y, top):
 @kernel
 def _field_cell(x, y, top):
     """Cell of the field and fractions within it; -1 outside."""
-    grid = top.grid
-    u = (x - grid[FIELD_X]) / grid[FIELD_DX]
-    v = (y - grid[FIELD_Y]) / grid[FIELD_DY]
+    rows = top.rows
+    u = (x - rows[0, FIELD_X]) / rows[0, FIELD_DX]
+    v = (y - rows[0, FIELD_Y]) / rows[0, FIELD_DY]
     nx = top.field.shape[0] - 1
     ny = top.field.shape[1] - 1
     if not (0.0 <= u <= nx and 0.0 <= v <= ny):
@@ -130,60 +127,60 @@ def _mixed(i, j, along, across, field):
 @kernel
 def surface_height(x, y, top):
     """Height of the top above the bottom."""
-    press = top.press
-    h = height(distance(x - press[0, X], y - press[0, Y]), press[0], top.cubic[0])
+    rows = top.rows
+    h = height(distance(x - rows[0, X], y - rows[0, Y]), 0, rows)
     if is_plain(top):
         return h
-    for k in range(1, press.shape[0]):
-        r = distance(x - press[k, X], y - press[k, Y])
-        h += height(r, press[k], top.cubic[k]) - press[k, TOP]
-    if top.grid[FIELD_ON] != 0.0:
+    for k in range(1, rows.shape[0]):
+        r = distance(x - rows[k, X], y - rows[k, Y])
+        h += height(r, k, rows) - rows[k, TOP]
+    if top.rows[0, FIELD_ON] != 0.0:
         i, j, u, v = _field_cell(x, y, top)
         if i >= 0:
-            h += _mixed(i, j, _ends(u, top.grid[FIELD_DX]), _ends(v, top.grid[FIELD_DY]), top.field)
+            h += _mixed(i, j, _ends(u, top.rows[0, FIELD_DX]), _ends(v, top.rows[0, FIELD_DY]), top.field)
     return h
 
 
 @kernel
 def surface_gradient(x, y, top):
     """Height of the top, dh/dx, dh/dy."""
-    press = top.press
-    rx = x - press[0, X]
-    ry = y - press[0, Y]
+    rows = top.rows
+    rx = x - rows[0, X]
+    ry = y - rows[0, Y]
     r = distance(rx, ry)
-    h, slope = height_and_slope(r, press[0], top.cubic[0])
+    h, slope = height_and_slope(r, 0, rows)
     per = slope / max(r, 1e-12)
     gx = per * rx
     gy = per * ry
     if is_plain(top):
         return h, gx, gy
-    for k in range(1, press.shape[0]):
-        rx = x - press[k, X]
-        ry = y - press[k, Y]
+    for k in range(1, rows.shape[0]):
+        rx = x - rows[k, X]
+        ry = y - rows[k, Y]
         r = distance(rx, ry)
-        more, slope = height_and_slope(r, press[k], top.cubic[k])
+        more, slope = height_and_slope(r, k, rows)
         per = slope / max(r, 1e-12)
-        h += more - press[k, TOP]
+        h += more - rows[k, TOP]
         gx += per * rx
         gy += per * ry
-    if top.grid[FIELD_ON] != 0.0:
+    if top.rows[0, FIELD_ON] != 0.0:
         i, j, u, v = _field_cell(x, y, top)
         if i >= 0:
-            along = _ends(u, top.grid[FIELD_DX])
-            across = _ends(v, top.grid[FIELD_DY])
+            along = _ends(u, top.rows[0, FIELD_DX])
+            across = _ends(v, top.rows[0, FIELD_DY])
             h += _mixed(i, j, along, across, top.field)
-            gx += _mixed(i, j, _end_slopes(u, top.grid[FIELD_DX]), across, top.field)
-            gy += _mixed(i, j, along, _end_slopes(v, top.grid[FIELD_DY]), top.field)
+            gx += _mixed(i, j, _end_slopes(u, top.rows[0, FIELD_DX]), across, top.field)
+            gy += _mixed(i, j, along, _end_slopes(v, top.rows[0, FIELD_DY]), top.field)
     return h, gx, gy
 
 
 @kernel
-def _tip_bend(x, y, press, cubic):
+def _tip_bend(x, y, tip, rows):
     """One tip's height, gradient and second derivatives outside its exact sphere."""
-    rx = x - press[X]
-    ry = y - press[Y]
+    rx = x - rows[tip, X]
+    ry = y - rows[tip, Y]
     r = max(distance(rx, ry), 1e-9)
-    h, slope, bend = height_slope_bend(r, press, cubic)
+    h, slope, bend = height_slope_bend(r, tip, rows)
     c = rx / r
     s = ry / r
     around = slope / r
@@ -194,22 +191,22 @@ def _tip_bend(x, y, press, cubic):
 @kernel
 def surface_bend(x, y, top):
     """Height of the top, dh/dx, dh/dy, d2h/dx2, d2h/dxdy, d2h/dy2, outside the tips' exact spheres."""
-    h, gx, gy, hxx, hxy, hyy = _tip_bend(x, y, top.press[0], top.cubic[0])
+    h, gx, gy, hxx, hxy, hyy = _tip_bend(x, y, 0, top.rows)
     if is_plain(top):
         return h, gx, gy, hxx, hxy, hyy
-    for k in range(1, top.press.shape[0]):
-        more, mx, my, mxx, mxy, myy = _tip_bend(x, y, top.press[k], top.cubic[k])
-        h += more - top.press[k, TOP]
+    for k in range(1, top.rows.shape[0]):
+        more, mx, my, mxx, mxy, myy = _tip_bend(x, y, k, top.rows)
+        h += more - top.rows[k, TOP]
         gx += mx
         gy += my
         hxx += mxx
         hxy += mxy
         hyy += myy
-    if top.grid[FIELD_ON] != 0.0:
+    if top.rows[0, FIELD_ON] != 0.0:
         i, j, u, v = _field_cell(x, y, top)
         if i >= 0:
-            dx = top.grid[FIELD_DX]
-            dy = top.grid[FIELD_DY]
+            dx = top.rows[0, FIELD_DX]
+            dy = top.rows[0, FIELD_DY]
             along = _ends(u, dx)
             across = _ends(v, dy)
             along_slope = _end_slopes(u, dx)

@@ -33,13 +33,13 @@ def _cell_of_tip(tip, top, box, corners, other):
     corners[2, 0], corners[2, 1] = box[0], box[1]
     corners[3, 0], corners[3, 1] = 0.0, box[1]
     n = 4
-    x = top.press[tip, X]
-    y = top.press[tip, Y]
-    for k in range(top.press.shape[0]):
-        if k == tip or top.press[k, ACTIVE] == 0.0:
+    x = top.rows[tip, X]
+    y = top.rows[tip, Y]
+    for k in range(top.rows.shape[0]):
+        if k == tip or top.rows[k, ACTIVE] == 0.0:
             continue
-        dx = top.press[k, X] - x
-        dy = top.press[k, Y] - y
+        dx = top.rows[k, X] - x
+        dy = top.rows[k, Y] - y
         half = 0.5 * (dx * dx + dy * dy)
         kept = 0
         for c in range(n):
@@ -68,18 +68,18 @@ def sectors_of(top, box):
     """
     corners = np.empty((MOST_EDGES, 2))
     other = np.empty((MOST_EDGES, 2))
-    out = np.empty((top.press.shape[0] * MOST_EDGES, 6))
+    out = np.empty((top.rows.shape[0] * MOST_EDGES, 6))
     found = 0
-    for tip in range(top.press.shape[0]):
-        if top.press[tip, ACTIVE] == 0.0 and not (tip == 0 and top.press[:, ACTIVE].max() == 0.0):
+    for tip in range(top.rows.shape[0]):
+        if top.rows[tip, ACTIVE] == 0.0 and not (tip == 0 and top.rows[:, ACTIVE].max() == 0.0):
             continue
         n = _cell_of_tip(tip, top, box, corners, other)
         for c in range(n):
             d = c + 1 if c + 1 < n else 0
-            ax = corners[c, 0] - top.press[tip, X]
-            ay = corners[c, 1] - top.press[tip, Y]
-            bx = corners[d, 0] - top.press[tip, X]
-            by = corners[d, 1] - top.press[tip, Y]
+            ax = corners[c, 0] - top.rows[tip, X]
+            ay = corners[c, 1] - top.rows[tip, Y]
+            bx = corners[d, 0] - top.rows[tip, X]
+            by = corners[d, 1] - top.rows[tip, Y]
             out[found, AX] = ax
             out[found, AY] = ay
             out[found, BX] = bx - ax
@@ -100,11 +100,11 @@ def place_on_top(sector, u, v, sectors, top):
     reach = math.sqrt(reach2)
     turn = (wx * sectors[sector, BY] - wy * sectors[sector, BX]) / reach2
     tip = int(sectors[sector, TIP])
-    inner = top.press[tip, CONTACT_R]
+    inner = top.rows[tip, CONTACT_R]
     span = max(reach - inner, 0.0)
     r = inner + span * u * u
-    x = top.press[tip, X] + r * wx / reach
-    y = top.press[tip, Y] + r * wy / reach
+    x = top.rows[tip, X] + r * wx / reach
+    y = top.rows[tip, Y] + r * wy / reach
     return x, y, r, r * 2.0 * span * u * turn
 
 
@@ -175,8 +175,8 @@ def cell_at(x, y, rings, phase, columns, sectors, top):
     for n in range(columns.shape[0]):
         k = int(columns[n, 0])
         tip = int(sectors[k, TIP])
-        dx = x - top.press[tip, X]
-        dy = y - top.press[tip, Y]
+        dx = x - top.rows[tip, X]
+        dy = y - top.rows[tip, Y]
         ax = sectors[k, AX] + columns[n, 1] * sectors[k, BX]
         ay = sectors[k, AY] + columns[n, 1] * sectors[k, BY]
         bx = sectors[k, AX] + columns[n, 2] * sectors[k, BX]
@@ -190,7 +190,7 @@ def cell_at(x, y, rings, phase, columns, sectors, top):
         wy = ay + v * (by - ay)
         reach = math.sqrt(wx * wx + wy * wy)
         r = math.sqrt(dx * dx + dy * dy)
-        inner = top.press[tip, CONTACT_R]
+        inner = top.rows[tip, CONTACT_R]
         if r < inner or r > reach:
             continue
         u = math.sqrt((r - inner) / max(reach - inner, 1e-12))

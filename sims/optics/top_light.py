@@ -43,9 +43,9 @@ def lattice_points(rings, columns, shift_u, shift_v, sectors, top):
         v = columns[b, 1] + shift_v * (columns[b, 2] - columns[b, 1])
         x0, y0, _, _ = place_on_top(k, 0.0, columns[b, 1], sectors, top)
         x1, y1, _, _ = place_on_top(k, 0.0, columns[b, 2], sectors, top)
-        ox = top.press[tip, X]
-        oy = top.press[tip, Y]
-        contact = top.press[tip, CONTACT_R]
+        ox = top.rows[tip, X]
+        oy = top.rows[tip, Y]
+        contact = top.rows[tip, CONTACT_R]
         angle = math.atan2(
             (x0 - ox) * (y1 - oy) - (y0 - oy) * (x1 - ox), (x0 - ox) * (x1 - ox) + (y0 - oy) * (y1 - oy)
         )
@@ -68,7 +68,7 @@ def lattice_points(rings, columns, shift_u, shift_v, sectors, top):
                 other, _ = touching_tip(row[PX], row[PY], top)
                 if other >= 0:
                     row[AREA] = 0.0
-                if top.grid[FIELD_ON] == 0.0 and is_beyond(row[PX], row[PY], top):
+                if top.rows[0, FIELD_ON] == 0.0 and is_beyond(row[PX], row[PY], top):
                     row[AREA] = 0.0
             row[SECTOR] = k
             row[V0] = columns[b, 1]
@@ -132,7 +132,7 @@ def _untouched_fate(x, y, z, dx, dy, dz, height, box):
 @kernel
 def top_change(source, receivers, lattice, shift, layout, box, top, out, echoes):
     """Add the change of a patch's deposits to out (patch,); fill echoes (row, column, 5) with each ray's end."""
-    height = top.press[0, TOP]
+    height = top.rows[0, TOP]
     n = 0
     for a in range(lattice.shape[0]):
         for b in range(lattice.shape[1]):

@@ -19,8 +19,22 @@ from design.errors import InputError, ModelScopeError
 from sims.indentation import Indentation
 from sims.optics.scene import OpticalScene
 from sims.optics.smooth_field import SmoothField
-from sims.optics.surface import ACTIVE, SKIRT_R, SPHERE_R, TOP, SurfaceStack, X, Y, stack_surfaces
-from sims.optics.top import FIELD_LOWEST, FIELD_SLOPE, GRID_COLUMNS, SLACK
+from sims.optics.surface import (
+    ACTIVE,
+    CELLS,
+    CUBIC,
+    FIELD_COLUMNS,
+    GRADING,
+    OUTER_R,
+    SKIRT_R,
+    SPHERE_R,
+    TOP,
+    SurfaceStack,
+    X,
+    Y,
+    stack_surfaces,
+)
+from sims.optics.top import FIELD_LOWEST, FIELD_ON, FIELD_SLOPE, SLACK
 
 FloatArray = NDArray[np.float64]
 Presses = Sequence[Indentation | Sequence[Indentation | None] | None]
@@ -34,28 +48,16 @@ class TopStack:
 
     Attributes
     ----------
-    press, cubic, steepest : (state, tip, ...) rows of `sims.optics.surface.SurfaceStack`
+    rows : (state, tip, n) see `sims.optics.surface`
     field : (state, nx, ny, 4) nodes of the fields; (state, 0, 0, 4) where no state has one
-    grid : (state, 8) see `sims.optics.top`
     """
 
-    press: FloatArray
-    cubic: FloatArray
-    steepest: FloatArray
+    rows: FloatArray
     field: FloatArray
-    grid: FloatArray
 
-    def part(
-        self, states: NDArray[np.int64]
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    def part(self, states: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
         """Arrays of some states in the order of `sims.optics.top.Top`."""
-        return (
-            self.press[states],
-            self.cubic[states],
-            self.steepest[states],
-            self.field[states],
-            self.grid[states],
-        )
+        return self.rows[states], self.field[states]
 
 
 def stack_tops(
@@ -85,18 +87,30 @@ def stack_tops(
         stack_surfaces([one[k] if k < len(one) else None for one in nested], centres[:, k], scene)
         for k in range(tips)
     ]
-    press, cubic, steepest = (
-        np.stack([getattr(column, name) for column in columns], axis=1)
-        for name in ("press", "cubic", "steepest")
-    )
+    rows = np.stack([_packed(column) for column in columns], axis=1)
     if tips > 1:
-        press, cubic, steepest = _touched_first(press, cubic, steepest)
-        _check_apart(press, scene)
-    field, grid = _stacked_fields(fields, states)
-    untouched = (press[:, :, ACTIVE] == 0.0).all(axis=1)
-    press[untouched, 0, X], press[untouched, 0, Y] = scene.length_mm / 2, scene.width_mm / 2
-    grid[:, SLACK] += _neighbours_depth_mm(press, columns, cubic)
-    return TopStack(press=press, cubic=cubic, steepest=steepest, field=field, grid=grid)
+        rows = _touched_first(rows)
+        _check_apart(rows, scene)
+    untouched = (rows[:, :, ACTIVE] == 0.0).all(axis=1)
+    rows[untouched, 0, X], rows[untouched, 0, Y] = scene.length_mm / 2, scene.width_mm / 2
+    field, known = _stacked_fields(fields, states)
+    rows[:, 0, FIELD_ON : FIELD_ON + FIELD_COLUMNS] = known
+    rows[:, 0, SLACK] += _neighbours_depth_mm(rows)
+    return TopStack(rows=rows, field=field)
+
+
+def _packed(column: SurfaceStack) -> FloatArray:
+    """(state, n) rows of one tip; what is known of the field comes later."""
+    states = len(column.press)
+    return np.concatenate(
+        [
+            column.press,
+            np.zeros((states, FIELD_COLUMNS)),
+            column.steepest.reshape(states, -1),
+            column.cubic.reshape(states, -1),
+        ],
+        axis=1,
+    )
 
 
 def _as_tips(one: Indentation | Sequence[Indentation | None] | None) -> list[Indentation | None]:
@@ -114,17 +128,14 @@ def _centres(centres_mm: FloatArray, states: int, tips: int) -> FloatArray:
     return centres
 
 
-def _touched_first(
-    press: FloatArray, cubic: FloatArray, steepest: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _touched_first(rows: FloatArray) -> FloatArray:
     """The same with each state's touching tips before its absent ones."""
-    order = np.argsort(press[:, :, ACTIVE] == 0.0, axis=1, kind="stable")
-    rows = np.arange(len(press))[:, None]
-    return press[rows, order], cubic[rows, order], steepest[rows, order]
+    order = np.argsort(rows[:, :, ACTIVE] == 0.0, axis=1, kind="stable")
+    return np.asarray(rows[np.arange(len(rows))[:, None], order])
 
 
-def _check_apart(press: FloatArray, scene: OpticalScene) -> None:
-    for state, tips in enumerate(press):
+def _check_apart(rows: FloatArray, scene: OpticalScene) -> None:
+    for state, tips in enumerate(rows):
         touching = tips[tips[:, ACTIVE] > 0.0]
         if len(touching) > 1 and scene.tip_reflectance > 0.0:
             raise ModelScopeError(
@@ -142,39 +153,33 @@ def _check_apart(press: FloatArray, scene: OpticalScene) -> None:
                     )
 
 
-def _neighbours_depth_mm(press: FloatArray, columns: list[SurfaceStack], cubic: FloatArray) -> FloatArray:
+def _neighbours_depth_mm(rows: FloatArray) -> FloatArray:
     """(state,) how far tips may lower the top on the side of another tip, summed."""
-    depth = np.zeros(len(press))
-    if len(columns) == 1:
-        return depth
-    for state, tips in enumerate(press):
-        count = int((tips[:, ACTIVE] > 0.0).sum())
-        for k in range(count):
-            near = min(
-                (np.hypot(*(tips[k, [X, Y]] - tips[m, [X, Y]])) / 2 for m in range(count) if m != k),
-                default=np.inf,
-            )
-            depth[state] += _fall_beyond_mm(tips[k], cubic[state, k], float(near))
+    depth = np.zeros(len(rows))
+    for state, tips in enumerate(rows):
+        touching = tips[tips[:, ACTIVE] > 0.0]
+        for k, one in enumerate(touching):
+            apart = [np.hypot(*(one[[X, Y]] - other[[X, Y]])) for m, other in enumerate(touching) if m != k]
+            depth[state] += _fall_beyond_mm(one, min(apart) / 2) if apart else 0.0
     return depth
 
 
-def _fall_beyond_mm(press: FloatArray, cubic: FloatArray, radius_mm: float) -> float:
+def _fall_beyond_mm(row: FloatArray, radius_mm: float) -> float:
     """How far below the undisturbed top a curve lies at most beyond a radius [mm]."""
-    from sims.optics.surface import CELLS, GRADING, OUTER_R
-
     x = np.arange(CELLS + 1) / CELLS
-    edges = press[SPHERE_R] + (press[OUTER_R] - press[SPHERE_R]) * x * (GRADING + (1 - GRADING) * x)
-    outside = edges[1:] > radius_mm
-    lowest = np.minimum(cubic[:, 0], cubic.sum(axis=1))[outside]
-    return max(float(press[TOP] - lowest.min()), 0.0) if lowest.size else 0.0
+    edges = row[SPHERE_R] + (row[OUTER_R] - row[SPHERE_R]) * x * (GRADING + (1 - GRADING) * x)
+    cubic = row[CUBIC:].reshape(CELLS, 4)[edges[1:] > radius_mm]
+    if len(cubic) == 0:
+        return 0.0
+    return max(float(row[TOP] - np.minimum(cubic[:, 0], cubic.sum(axis=1)).min()), 0.0)
 
 
 def _stacked_fields(
     fields: Sequence[SmoothField | None] | None, states: int
 ) -> tuple[FloatArray, FloatArray]:
-    grid = np.zeros((states, GRID_COLUMNS))
+    known = np.zeros((states, FIELD_COLUMNS))
     if fields is None or all(field is None for field in fields):
-        return np.zeros((states, 0, 0, 4)), grid
+        return np.zeros((states, 0, 0, 4)), known
     if len(fields) != states:
         raise InputError(f"fields: {len(fields)} for {states} states; give one, or None, per state")
     shapes = {field.nodes.shape for field in fields if field is not None}
@@ -184,18 +189,18 @@ def _stacked_fields(
     for state, field in enumerate(fields):
         if field is not None:
             nodes[state] = field.nodes
-            grid[state] = _grid_row(field)
-    return nodes, grid
+            known[state] = _known_of(field)
+    return nodes, known
 
 
-def _grid_row(field: SmoothField) -> FloatArray:
+def _known_of(field: SmoothField) -> FloatArray:
     """Origin, steps and bounds of a field; bounds from `SUBDIVISION` points a cell along each side."""
     value, slope_x, slope_y = _sampled(field)
-    row = np.zeros(GRID_COLUMNS)
+    row = np.zeros(FIELD_COLUMNS)
     row[:5] = 1.0, *field.origin_mm, *field.step_mm
-    row[FIELD_LOWEST] = min(SLOPE_RESERVE * float(value.min()), 0.0)
-    row[FIELD_SLOPE] = SLOPE_RESERVE * float(np.hypot(slope_x, slope_y).max())
-    row[SLACK] = -row[FIELD_LOWEST]
+    row[FIELD_LOWEST - FIELD_ON] = min(SLOPE_RESERVE * float(value.min()), 0.0)
+    row[FIELD_SLOPE - FIELD_ON] = SLOPE_RESERVE * float(np.hypot(slope_x, slope_y).max())
+    row[SLACK - FIELD_ON] = -row[FIELD_LOWEST - FIELD_ON]
     return row
 
 

@@ -113,18 +113,12 @@ def _with_table(rows: FloatArray, table: FloatArray | None) -> FloatArray:
 
 
 def _no_press(box: FloatArray) -> object:
-    from sims.optics.surface import CELLS, COLUMNS, HIGHEST, LOWEST, TOP
-    from sims.optics.top import GRID_COLUMNS, Top
+    from sims.optics.surface import HIGHEST, LOWEST, ROW, TOP
+    from sims.optics.top import Top
 
-    press = np.zeros((1, COLUMNS))
-    press[0, [TOP, LOWEST, HIGHEST]] = box[2]
-    return Top(
-        press,
-        np.zeros((1, CELLS, 4)),
-        np.zeros((1, 2, CELLS + 1)),
-        np.zeros((0, 0, 4)),
-        np.zeros(GRID_COLUMNS),
-    )
+    rows = np.zeros((1, ROW))
+    rows[0, [TOP, LOWEST, HIGHEST]] = box[2]
+    return Top(rows, np.zeros((0, 0, 4)))
 
 
 @dataclass(frozen=True, kw_only=True)

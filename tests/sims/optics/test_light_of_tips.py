@@ -11,10 +11,11 @@ from scipy.stats import chi2
 
 from design.errors import ModelScopeError
 from sims.indentation import Indentation
-from sims.optics import rays
 from sims.optics.engine import trace_scene
 from sims.optics.oracle import trace_oracle
-from sims.optics.surface import CONTACT_R, stack_surfaces
+from sims.optics.radial import height
+from sims.optics.surface import CONTACT_R
+from sims.optics.tops import stack_tops
 from tests.sims.optics.oracle_scenes import dimple, ring_scene, shank_press
 
 CENTRE = np.array([[14.0, 17.0]])
@@ -46,13 +47,13 @@ def punch(depth_mm: float) -> Indentation:
 )
 def test_the_table_follows_the_curve_of_any_tip(press: Indentation, limit_mm: float) -> None:
     other = replace(press, is_hemisphere=False)
-    stack = stack_surfaces([other], CENTRE, ring_scene())
+    rows = stack_tops([other], CENTRE, ring_scene()).rows[0]
     inside = (press.radius_mm > 0.01) & (press.radius_mm < 9.0)
-    found = [rays.height(r, stack.press[0], stack.cubic[0]) - 8.0 for r in press.radius_mm[inside]]
+    found = [height(r, 0, rows) - 8.0 for r in press.radius_mm[inside]]
     # a cell of the table is 0.03 to 0.06 mm wide here: an eighth of its square over the edge's 0.3 mm radius
     # is 1.5 um, over the tip's 3 mm 0.15 um
     assert np.abs(found - press.height_mm[inside]).max() < limit_mm
-    assert stack.press[0, CONTACT_R] == pytest.approx(press.contact_radius_mm, abs=0.01)
+    assert rows[0, CONTACT_R] == pytest.approx(press.contact_radius_mm, abs=0.01)
 
 
 # Same points, other table: cells of 0.04 mm instead of 0.01 mm beside the contact. Along a wetted shank the
