@@ -29,7 +29,8 @@ FloatArray = NDArray[np.float64]
 RECIPE = 2
 """Version of the surfaces, the physics and the method behind states kept in the build folder. Raise it when results
 change. The stored reference is of version 1: of the engine before this one, which summed mirrored light over cells of
-the top or path by path, and scattered light on common rays and patches of 1 mm. So it checks today's methods by others."""
+the top or path by path, and scattered light on common rays and patches of 1 mm. So it checks today's
+methods by others."""
 
 
 @dataclass(frozen=True, kw_only=True)
