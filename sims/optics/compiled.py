@@ -75,13 +75,13 @@ def _compile(fingerprint):
         return out
 
     @njit(cache=True, error_model="numpy")
-    def untouched_deposits(sources, receivers, box, top, points, count, shift, first, layout):
+    def untouched_deposits(sources, gathers, receivers, box, top, points, count, shift, first, layout):
         """(source, patch) deposits under the untouched top; (source, receiver) what smooth walls mirror there."""
         out = np.zeros((sources.shape[0], layout[5, 2] + layout[5, 0] * layout[5, 1]))
         seen = np.zeros((sources.shape[0], receivers.shape[0]))
         for i in range(sources.shape[0] if fingerprint >= 0 else 0):
             moved = golden_shift(i + first) + shift
-            deposit(sources[i], receivers, box, top, points, count, moved, layout, out[i], seen[i])
+            deposit(sources[i], gathers, receivers, box, top, points, count, moved, layout, out[i], seen[i])
         return out, seen
 
     @njit(cache=True, error_model="numpy")

@@ -169,8 +169,12 @@ def leaving(patch, p, shift, box):
 
 
 @kernel
-def follow(x, y, z, dx, dy, dz, weight, receivers, layout, box, top, out, seen):
-    """Deposit what a ray brings to walls, bottom and tip; add to seen what smooth walls mirror onto receivers."""
+def follow(x, y, z, dx, dy, dz, weight, gathers, receivers, layout, box, top, out, seen):
+    """Deposit what a ray brings to walls, bottom and tip; add to seen what smooth walls mirror onto receivers.
+
+    Light loses the mirrored share where it enters a smooth wall to be scattered, not where it comes out of it again: a
+    ray that gathers light for a receiver, backwards, loses nothing there.
+    """
     for mirrorings in range(MIRRORINGS):
         kind, x, y, z, dx, dy, dz, left, _, _ = chain(x, y, z, dx, dy, dz, 1.0, box, top)
         weight *= left
@@ -187,7 +191,8 @@ def follow(x, y, z, dx, dy, dz, weight, receivers, layout, box, top, out, seen):
                 seen[j] += weight * math.pi * radiance(receivers[j], cos_in)
             return
         share = mirrored_share(cos_in, box[3], box[5]) if box[5] > 0.0 else 0.0
-        add_deposit(kind, x, y, z, weight * (1.0 - share), layout, box, top, out)
+        entering = weight if gathers else weight * (1.0 - share)
+        add_deposit(kind, x, y, z, entering, layout, box, top, out)
         weight *= share
         if weight < LOST_WEIGHT:
             return
@@ -198,14 +203,14 @@ def follow(x, y, z, dx, dy, dz, weight, receivers, layout, box, top, out, seen):
 
 
 @kernel
-def deposit(source, receivers, box, top, points, count, shift, layout, out, seen):
+def deposit(source, gathers, receivers, box, top, points, count, shift, layout, out, seen):
     """Add the share of a patch's emission that lands on every patch after any specular chain, by rays into the
     half space; and what smooth walls mirror onto receivers.
     """
     for k in range(count):
         x, y, z, dx, dy, dz, weight = leaving(source, points[k], shift, box)
         if z < surface_height(x, y, top):
-            follow(x, y, z, dx, dy, dz, weight / count, receivers, layout, box, top, out, seen)
+            follow(x, y, z, dx, dy, dz, weight / count, gathers, receivers, layout, box, top, out, seen)
 
 
 @kernel
@@ -244,5 +249,5 @@ def bounces(layout, receivers, box, top, points, count):
                 source[3], source[4], source[5] = 0.5 * du, 0.5 * dv, 1.0
                 source[6] = du * dv
                 shift[:] = golden_shift(n + 1.0)
-                deposit(source, receivers, box, top, points, count, shift, layout, out[n], seen)
+                deposit(source, False, receivers, box, top, points, count, shift, layout, out[n], seen)
     return out[:, :patches]

@@ -199,7 +199,7 @@ def _standard_error(values: FloatArray) -> FloatArray:
 
 def _with_rules(error: FloatArray, flux: FloatArray, fixed: Untouched) -> FloatArray:
     """Add what fixed rules may be off, `RULES_ERROR` of the untouched flux, where the press changes a pair at all."""
-    untouched = fixed.straight.sum(axis=0) + fixed.diffuse + fixed.wall
+    untouched = fixed.straight.sum(axis=0) + fixed.diffuse + fixed.wall.mean(axis=0)
     is_changed = np.abs(flux - untouched) > 1e-9 * fixed.scale
     return np.where(is_changed, np.hypot(error, RULES_ERROR * fixed.scale), error)
 

@@ -179,12 +179,12 @@ def walled(from_emitter, from_receiver, seen, wanted, emitters, receivers, box, 
     none = np.zeros(receivers.shape[0])
     for i in range(emitters.shape[0]):
         if wanted[i].any():
-            deposit(emitters[i], receivers, box, top, points, count, golden_shift(i + EMITTER_SEQUENCE) + shift[2:6],
-                    layout, from_emitter[i], seen[i])  # fmt: skip
+            deposit(emitters[i], False, receivers, box, top, points, count,
+                    golden_shift(i + EMITTER_SEQUENCE) + shift[2:6], layout, from_emitter[i], seen[i])  # fmt: skip
     for j in range(receivers.shape[0]):
         if wanted[:, j].any():
-            deposit(receivers[j], receivers, box, top, points, count, golden_shift(j + RECEIVER_SEQUENCE) + shift[2:6],
-                    layout, from_receiver[j], none)  # fmt: skip
+            deposit(receivers[j], True, receivers, box, top, points, count,
+                    golden_shift(j + RECEIVER_SEQUENCE) + shift[2:6], layout, from_receiver[j], none)  # fmt: skip
 
 
 @kernel
@@ -198,7 +198,7 @@ def one_state(
         for n in range(shifts.shape[0]):
             result[n, DIRECT] = flat_straight[0] * wanted
             result[n, TOPS] = flat_straight[1] * wanted
-            result[n, WALL] = flat_wall * wanted
+            result[n, WALL] = flat_wall[n] * wanted
             result[n, DIFFUSE] = flat_diffuse * wanted
         return
     keeps = np.zeros(wanted.shape, np.bool_)
@@ -212,6 +212,6 @@ def one_state(
     for n in range(shifts.shape[0]):
         rays = (flat_rays[0][n], flat_rays[1][n], flat_rays[2][n])
         beyond_one(
-            result[n], wanted, emitters, receivers, (flat_diffuse, flat_wall, given, taken, flat_join), scale, sectors,
-            box, top, points, shifts[n], layout, areas, reflectances, settings, rays,
+            result[n], wanted, emitters, receivers, (flat_diffuse, flat_wall[n], given, taken, flat_join), scale,
+            sectors, box, top, points, shifts[n], layout, areas, reflectances, settings, rays,
         )  # fmt: skip

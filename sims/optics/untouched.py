@@ -17,6 +17,8 @@ POINT_SEED = 20170603
 PATCH_MM = 4.0
 REFERENCE_PATCH_MM = 1.0
 RADIOSITY_PATCHES = 600
+WALL_REFERENCE_RAYS = 65536
+"""Rays per emitter and replicate for the light that smooth walls mirror in the untouched pad: hit or miss, so many."""
 PHASE_SPREAD = 0.3
 REMEMBERED_PADS = 8
 
@@ -29,7 +31,8 @@ class Untouched:
     ----------
     box, emitters, receivers : packed for the kernels, see `sims.optics.radial`
     straight : (2, emitter, receiver) straight and mirrored flux
-    diffuse, wall : (emitter, receiver) scattered flux of all orders; flux mirrored by smooth walls
+    diffuse : (emitter, receiver) scattered flux of all orders
+    wall : (replicate, emitter, receiver) flux mirrored by smooth walls
     given, taken : (patch row, patch) deposits of emitters and of receivers
     joined : (emitter, receiver) once-scattered flux of these deposits
     rays : deposits and wall-mirrored flux of the rays that states use between smooth walls, per replicate
@@ -139,8 +142,8 @@ class _Parts:
 
         first_e, first_r = compiled.EMITTER_SEQUENCE, compiled.RECEIVER_SEQUENCE
         rest = (self.receivers, self.box, _no_press(self.box), self.points, count, shift)
-        given, seen = compiled.untouched_deposits(self.emitters, *rest, first_e, layout)
-        taken, _ = compiled.untouched_deposits(self.receivers, *rest, first_r, layout)
+        given, seen = compiled.untouched_deposits(self.emitters, False, *rest, first_e, layout)
+        taken, _ = compiled.untouched_deposits(self.receivers, True, *rest, first_r, layout)
         return given, taken, seen
 
     def joined(
@@ -193,14 +196,15 @@ def _solved(scene: OpticalScene, settings: Accuracy, seed: int) -> Untouched:
 
     box, emitters, receivers = packed(scene)
     straight = compiled.flat_matrix(emitters, receivers, box, *gauss(settings.flat_nodes))
-    largest = max(settings.reference_rays, settings.wall_rays, 1024)
+    wall_reference = max(settings.reference_rays, WALL_REFERENCE_RAYS)
+    largest = max(wall_reference if scene.wall_index else settings.reference_rays, settings.wall_rays, 1024)
     points = qmc.Sobol(4, scramble=True, rng=POINT_SEED).random(largest)
     reflectances = np.array([scene.wall_reflectance] * 4 + [scene.bottom_reflectance, scene.tip_reflectance])
     parts = _Parts(box=box, emitters=emitters, receivers=receivers, points=points, reflectances=reflectances)
     shifts = _shifts(settings, seed)
     layout = compiled.patch_layout(box, PATCH_MM)
     areas = compiled.patch_areas(layout, receivers, box)
-    given, taken, wall = parts.deposits(np.zeros(4), settings.reference_rays, layout)
+    given, taken, _ = parts.deposits(np.zeros(4), settings.reference_rays, layout)
     finer = compiled.patch_layout(box, REFERENCE_PATCH_MM)
     first = parts.joined(
         *parts.deposits(np.zeros(4), settings.reference_rays, finer)[:2],
@@ -209,12 +213,14 @@ def _solved(scene: OpticalScene, settings: Accuracy, seed: int) -> Untouched:
     )
     diffuse = first * parts.higher_orders(min(settings.reference_rays, 4096))
     if scene.wall_index:
+        wall = np.stack([parts.deposits(shift[2:6], wall_reference, layout)[2] for shift in shifts])
         per = [parts.deposits(shift[2:6], settings.wall_rays, layout) for shift in shifts]
         rays = (np.stack([x[0] for x in per]), np.stack([x[1] for x in per]), np.stack([x[2] for x in per]))
     else:
         none = np.zeros((len(shifts), 0, 0))
         rays = (none, none, none)
-    total = straight.sum(axis=0) + diffuse + wall
+        wall = np.zeros((len(shifts), len(emitters), len(receivers)))
+    total = straight.sum(axis=0) + diffuse + wall.mean(axis=0)
     scale = np.where(total > 0, total, total[total > 0].mean() if (total > 0).any() else 1e-3)
     return Untouched(
         box=box, emitters=emitters, receivers=receivers, straight=straight, diffuse=diffuse, wall=wall, given=given,
