@@ -18,10 +18,10 @@ import pytest
 ROOT = Path(__file__).parents[1]
 ROOMS = ("design", "cad", "sims", "fabrication", "optopad")
 LONGEST_FILE = 450
-HEAVY = ("cadquery", "OCP", "mujoco", "numba", "matplotlib", "scipy")
+HEAVY = ("cadquery", "OCP", "mujoco", "numba", "matplotlib", "optuna", "scipy")
 
 ALLOWED = {
-    "design": {"pydantic", "pydantic_core", "numpy", "tomlkit"},
+    "design": {"pydantic", "pydantic_core", "numpy", "optuna", "sqlalchemy", "tomlkit"},
     "cad": {"cadquery", "OCP", "trimesh", "manifold3d", "numpy"},
     "sims": {"numpy", "xarray", "h5netcdf", "matplotlib", "platformdirs"},
     "sims/contact": {"mujoco", "numpy", "scipy", "platformdirs"},
@@ -32,7 +32,7 @@ ALLOWED = {
     },  # scipy lowers a profile to cubic pieces and draws Sobol points
     "fabrication": {"numpy", "pydantic", "tomlkit"},
     "fabrication/driver": {"serial", "numpy"},
-    "optopad": {"typer", "rich", "tomlkit", "numpy", "platformdirs", "xarray", "matplotlib"},
+    "optopad": {"distributed", "typer", "rich", "tomlkit", "numpy", "platformdirs", "xarray", "matplotlib"},
 }
 """Third-party imports, the nearest folder deciding. OCP is CadQuery's core, pydantic_core is pydantic's."""
 
@@ -151,7 +151,8 @@ def test_a_room_imports_only_the_libraries_it_is_allowed() -> None:
 
 def test_every_library_that_a_room_imports_is_declared() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    declared = {re.split(r"[<>=]", line)[0] for line in project["dependencies"]} | {"OCP", "pydantic_core"}
+    wanted = project["dependencies"] + project["optional-dependencies"]["cluster"]
+    declared = {re.split(r"[<>=]", line)[0] for line in wanted} | {"OCP", "pydantic_core"}
     used = set().union(*(third_party(tree_of(path)) for path in python_files(*ROOMS)))
     assert used <= declared
 
