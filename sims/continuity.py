@@ -152,7 +152,7 @@ def _pad_map(
     places_mm = grid_places_mm(cavity.workspace, x_mm, y_mm)
     accuracy = "standard" if fine else MAP_ACCURACY
     light = pad_light(
-        design, cavity, places_mm, depth_mm, accuracy=accuracy, seed=seed, on_step=lambda s: tell("map", s)
+        design, places_mm, depth_mm, accuracy=accuracy, seed=seed, on_step=lambda s: tell("map", s)
     )
     mask = direct_path_pairs(cavity)
     shape = (len(places_mm), len(depth_mm), int(mask.sum()))

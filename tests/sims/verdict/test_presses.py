@@ -1,0 +1,42 @@
+"""The presses of a verdict: what is pressed where, and that each pair's light is that of its own press."""
+
+import numpy as np
+import pytest
+
+from design.cavity import cavity_of
+from design.pairs import chord_midpoint_mm, judged_pairs, mask_of
+from design.preset import preset
+from sims.optics.tracing import trace
+from sims.verdict.presses import MAP_ACCURACY, pad_light, pair_curves, states_of
+
+PAD = preset("piacenza2017-pad")
+CAVITY = cavity_of(PAD)
+DEPTH_MM = np.array([0.5, 2.0])
+
+
+def test_states_run_through_depths_first():
+    states = states_of(np.array([[1.0, 2.0], [3.0, 4.0]]), DEPTH_MM)
+    assert states.tolist() == [[1.0, 2.0, 0.5], [1.0, 2.0, 2.0], [3.0, 4.0, 0.5], [3.0, 4.0, 2.0]]
+
+
+def test_a_pair_s_curves_are_its_light_under_a_press_at_its_chord_s_midpoint():
+    pairs = judged_pairs(CAVITY)[:3]
+    for pair, curves in zip(
+        pairs, pair_curves(PAD, CAVITY, pairs, DEPTH_MM, accuracy="draft", seed=1), strict=True
+    ):
+        assert curves.press_mm == chord_midpoint_mm(CAVITY, pair)
+        states = states_of(np.array([curves.press_mm]), DEPTH_MM)
+        alone = trace(PAD, states, accuracy="draft", seed=1, pairs=mask_of((pair,), CAVITY))
+        assert curves.total == pytest.approx(alone.flux[:, *pair], rel=1e-9)
+        assert curves.direct + curves.top + curves.diffuse == pytest.approx(curves.total, rel=1e-12)
+
+
+def test_a_map_s_light_has_one_entry_a_state_throughout():
+    """The two places go onto each other in a half turn: one is traced, both come back."""
+    places = np.array([[12.0, 9.0], [CAVITY.length_mm - 12.0, CAVITY.width_mm - 9.0]])
+    light = pad_light(PAD, places, DEPTH_MM, accuracy=MAP_ACCURACY, seed=0)
+    assert light.presses.tolist() == states_of(places, DEPTH_MM).tolist()
+    for of_state in (light.flux, light.standard_error, light.relative_error, light.is_met):
+        assert of_state is not None
+        assert len(of_state) == 4
+    assert sorted(light.flux[1].ravel()) == sorted(light.flux[3].ravel())
