@@ -15,8 +15,8 @@ Seen from above (L-shaped marks: sockets open to the cavity and upward), and cut
         +--> x  origin corner cut at 45 deg              wall        lead holes
 
 The silicone's undisturbed top is where the lip starts, if the rim is no higher than the lip: pour to that
-line. All numbers come from `design.mold_outline`; the frame is that of `design.cavity` (files are lifted
-onto the bed by `cad.export`).
+line. A label is sunk into the underside (`design.mold_label`). All numbers come from `design.mold_outline`; the
+frame is that of `design.cavity` (files are lifted onto the bed by `cad.export`).
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from typing import cast
 
 import cadquery as cq
 
+from design.mold_label import Stroke
 from design.mold_outline import MoldOutline, outline_of
 from design.rules import require_valid
 from design.sockets import Cut, Hole, Socket
@@ -48,6 +49,7 @@ def build_mold(design: SensorDesign) -> cq.Workplane:
     for socket in outline.sockets:
         cutters += _socket_cutters(socket, outline)
     cutters += [_drill(hole) for hole in outline.fixing_holes]
+    cutters += [_engraved(stroke, outline) for stroke in outline.label.strokes]
     pieces = _block(outline).cut(*cutters).Solids()
     assert len(pieces) == 1, f"{design.name}: the mold falls into {len(pieces)} pieces"
     return cq.Workplane(obj=pieces[0])
@@ -110,6 +112,16 @@ def _slab(socket: Socket, cut: Cut, out0: float, out1: float) -> cq.Solid:
     )
     return cq.Solid.makeBox(
         box.x1 - box.x0, box.y1 - box.y0, box.z1 - box.z0, cq.Vector(box.x0, box.y0, box.z0)
+    )
+
+
+def _engraved(stroke: Stroke, outline: MoldOutline) -> cq.Solid:
+    """A stroke of the label, from below the bed up into the floor."""
+    return cq.Solid.makeBox(
+        stroke.x1 - stroke.x0,
+        stroke.y1 - stroke.y0,
+        outline.label.depth_mm + BEYOND_MM,
+        cq.Vector(stroke.x0, stroke.y0, outline.bottom_mm - BEYOND_MM),
     )
 
 

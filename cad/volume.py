@@ -32,6 +32,7 @@ def mold_volume_mm3(design: SensorDesign) -> float:
         - lip_volume_mm3(outline)
         - sum(_cut_mm3(cut) - shared_with_lip_mm3(cut, outline.lip_mm) for cut in cuts)
         - sum(_hole_mm3(hole) for hole in (*holes, *outline.fixing_holes))
+        - outline.label.area_mm2 * outline.label.depth_mm
     )
 
 

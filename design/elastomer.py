@@ -168,12 +168,17 @@ def refractive_index(elastomer: Elastomer, mixing_ratio: float, wavelength_um: f
 
     Returns
     -------
-    The index [-]. Beyond a band formula's own range its difference at the nearest end is kept.
+    The index [-]. Beyond a band formula's own range its difference at the nearest end is kept. At a ratio that
+    the material allows beyond its tables, that of the nearest table, with a band over all of them: they do not
+    order by ratio, so their spread is that of samples, and there is no trend to follow.
 
     Raises
     ------
     DesignError : a ratio or wavelength that no table covers.
     """
+    nearest_ratio = _ratio_with_table(elastomer, mixing_ratio)
+    is_held = nearest_ratio != mixing_ratio
+    mixing_ratio = nearest_ratio
     found = _interpolate(elastomer, mixing_ratio, wavelength_um)
     others = []
     for formula in elastomer.index_band:
@@ -182,8 +187,10 @@ def refractive_index(elastomer: Elastomer, mixing_ratio: float, wavelength_um: f
         others.append(
             found.value + formula.index(nearest) - _interpolate(elastomer, mixing_ratio, nearest).value
         )
+    if is_held:
+        others += [_in_table(table, wavelength_um, elastomer.title)[0] for table in elastomer.index]
     grades = [table.confidence for table in found.tables]
-    if not found.is_tabulated:
+    if is_held or not found.is_tabulated:
         grades.append("inferred")
     return Quantity(
         value=found.value,
@@ -242,6 +249,14 @@ def _bracket(knots: Sequence[float], at: float, what: str, way_out: str) -> tupl
         raise DesignError(f"{what} {known}, not at {at:g}; {way_out}")
     above = next(place for place, knot in enumerate(knots) if knot > at)
     return above - 1, above, (at - knots[above - 1]) / (knots[above] - knots[above - 1])
+
+
+def _ratio_with_table(elastomer: Elastomer, mixing_ratio: float) -> float:
+    """The ratio itself, or the nearest one with a table where the material allows ratios beyond its several tables."""
+    ratios = [table.mixing_ratio for table in elastomer.index]
+    if len(ratios) == 1 or not elastomer.mixing_ratio_low <= mixing_ratio <= elastomer.mixing_ratio_high:
+        return mixing_ratio
+    return min(max(mixing_ratio, ratios[0]), ratios[-1])
 
 
 def _interpolate(elastomer: Elastomer, mixing_ratio: float, wavelength_um: float) -> _Interpolated:

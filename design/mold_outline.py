@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 from design.cavity import CavityGeometry, cavity_of
 from design.layout import WALLS, Wall
+from design.mold_label import MoldLabel, mold_label
 from design.sockets import Box, Hole, Socket, WallFrame, socket_of
 from design.spec import Mold, SensorDesign
 
@@ -45,6 +46,7 @@ class MoldOutline:
     lip_mm : leg of the 45-degree pour lip; it never reaches below the fill level
     corner_radius_mm, origin_cut_mm : outer vertical edges
     fixing_holes, sockets : what is cut through and into the walls
+    label : what is sunk into the underside
     """
 
     length_mm: float
@@ -60,6 +62,7 @@ class MoldOutline:
     origin_cut_mm: float
     fixing_holes: tuple[Hole, ...]
     sockets: tuple[Socket, ...]
+    label: MoldLabel
 
     @property
     def outer_length_mm(self) -> float:
@@ -113,6 +116,7 @@ def outline_of(design: SensorDesign) -> MoldOutline:
             socket_of(part, mold, _frame(part.wall, cavity, wall_x, wall_y), top, bottom)
             for part in cavity.parts
         ),
+        label=mold_label(design),
     )
 
 

@@ -26,6 +26,7 @@ from design.light_rules import (
     tip_findings,
     workspace_findings,
 )
+from design.mold_label import label_findings
 from design.paths import leaves
 from design.properties import entries_of
 from design.reference_rules import entry_findings, found_board, part_findings
@@ -50,6 +51,7 @@ def check(design: SensorDesign) -> tuple[Finding, ...]:
         *depth_findings(design),
         *tip_findings(design),
         *finish_findings(design),
+        *label_findings(design),
         *_unit_findings(design),
     ]
     board = found_board(design)

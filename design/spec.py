@@ -64,6 +64,19 @@ class Mold(Model):
     ] = 0.3
     min_web_mm: Annotated[float, Field(ge=0.2, le=5.0, description="thinnest wall the printer makes")] = 0.8
     material: PartId = "abs-black"
+    label: Annotated[
+        str,
+        Field(
+            max_length=40,
+            pattern=r"^[A-Za-z0-9 ._+/-]*$",
+            description="text sunk into the underside; letters are printed as capitals",
+        ),
+    ] = ""
+
+    @model_serializer(mode="wrap")
+    def _without_an_empty_label(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave the label out where there is none: designs without it keep their digest."""
+        return without_defaults(plain(self), {"label": ""})
 
 
 class Viscoelastic(Model):

@@ -164,12 +164,22 @@ def test_index_lies_in_its_band_and_among_all_tables(ratio, wavelength_um):
 
 
 def test_index_outside_the_tables_is_refused_with_the_range():
-    with pytest.raises(DesignError, match=r"Sylgard 184 has its refractive index from 5 to 20, not at 25"):
-        catalog.refractive_index(SYLGARD, 25, 0.55)
+    with pytest.raises(DesignError, match=r"Sylgard 184 has its refractive index from 5 to 20, not at 34"):
+        catalog.refractive_index(SYLGARD, 34, 0.55)
     with pytest.raises(DesignError, match=r"at 20:1 has its refractive index from 0\.4 to 1, not at 1\.2"):
         catalog.refractive_index(SYLGARD, 20, 1.2)
     with pytest.raises(DesignError, match=r"at 1 only, not at 10; choose a ratio inside, or give"):
         catalog.refractive_index(catalog.find_elastomer(ENTRIES, "smooth-on-solaris"), 10, 0.55)
+
+
+@pytest.mark.parametrize("ratio", [20.5, 25, 33])
+def test_index_of_a_softer_mix_than_any_table_is_the_last_ones_with_a_band_over_all(ratio):
+    found, last = (catalog.refractive_index(SYLGARD, at, 0.55) for at in (ratio, 20))
+    tables = [catalog.refractive_index(SYLGARD, table.mixing_ratio, 0.55).value for table in SYLGARD.index]
+    assert found.value == last.value
+    assert found.confidence == "inferred"
+    assert found.low == min(tables)  # the tables do not order by ratio: their spread is that of samples
+    assert found.high >= max(tables)
 
 
 def test_rtv615_table_follows_its_published_formula():

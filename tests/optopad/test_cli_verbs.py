@@ -10,7 +10,7 @@ from design.io import load_design
 from design.preset import PRESETS, preset
 from optopad.cli import main
 from optopad.cli.common import parsed_change, parsed_value
-from optopad.cli.physics import parsed_sweep
+from optopad.cli.sweep import parsed_sweep
 
 
 @pytest.fixture

@@ -1,0 +1,199 @@
+r"""The label of a mold: a text sunk into its underside, below the cavity, where no socket or hole is.
+
+    seen from below                     one letter: 5 x 7 points, each a square of 1.25 pitches,
+    +---------------------------+       so that points which meet at a corner overlap: a cut that
+    | o                       o |       touches itself along an edge only is no manifold
+    |     ###   #####                      ##
+    |     #       #     8.5               #  #
+    |     ###   #####                      ##
+    | o                       o |
+    +---------------------------+
+
+Sunk, not raised, because the underside lies on the print bed: what would be raised there lifts the mold. Strokes
+are at most two millimetres wide, so their ceilings bridge. Long texts are broken into lines. Letters are
+rectangles, not a font of the system: equal designs give equal molds everywhere.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from itertools import groupby
+
+from design.finding import Finding, error, mm
+from design.spec import SensorDesign
+
+DEPTH_MM = 0.6
+"""Three layers of 0.2 mm: deep enough to read, also where the first layer is squeezed."""
+MARGIN_MM = 0.8
+"""Between the text and the outline of the cavity above it: the usual thinnest wall."""
+SMALLEST_PITCH_MM = 0.6
+"""Strokes of 0.75 mm and gaps of 0.45 mm: what a 0.4 mm nozzle still draws apart."""
+EASY_PITCH_MM = 0.75
+"""A text is broken into lines only where its letters would be smaller: strokes of 0.94 mm."""
+LARGEST_PITCH_MM = 1.5
+OVERLAP = 1.25
+"""Side of a point over the pitch of points."""
+COLUMNS, ROWS = 5, 7
+LETTER_GAP, LINE_GAP = 1, 2
+"""Free points between letters and between lines."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stroke:
+    """A rectangle of the label in the cavity frame [mm]."""
+
+    x0: float
+    x1: float
+    y0: float
+    y1: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class MoldLabel:
+    """A label as it is cut.
+
+    Attributes
+    ----------
+    strokes : rectangles, some of which overlap; empty without a text
+    depth_mm : how deep they are sunk [mm]
+    stroke_mm : width of a stroke [mm]
+    """
+
+    strokes: tuple[Stroke, ...]
+    depth_mm: float
+    stroke_mm: float
+
+    @property
+    def area_mm2(self) -> float:
+        """Area of the union of the strokes [mm2]."""
+        xs = sorted({edge for stroke in self.strokes for edge in (stroke.x0, stroke.x1)})
+        ys = sorted({edge for stroke in self.strokes for edge in (stroke.y0, stroke.y1)})
+        column, row = {x: k for k, x in enumerate(xs)}, {y: k for k, y in enumerate(ys)}
+        covered = {
+            (i, j)
+            for stroke in self.strokes
+            for i in range(column[stroke.x0], column[stroke.x1])
+            for j in range(row[stroke.y0], row[stroke.y1])
+        }
+        return sum((xs[i + 1] - xs[i]) * (ys[j + 1] - ys[j]) for i, j in covered)
+
+
+def mold_label(design: SensorDesign) -> MoldLabel:
+    """The label of a design's mold; without strokes where there is no text. Rules say whether it can be read."""
+    text = design.mold.label.upper().strip()
+    if not text:
+        return MoldLabel(strokes=(), depth_mm=0.0, stroke_mm=0.0)
+    lines, pitch = _largest(text, design)
+    centre = design.cavity.length_mm / 2, design.cavity.width_mm / 2
+    return MoldLabel(
+        strokes=tuple(_strokes(lines, pitch, centre)), depth_mm=DEPTH_MM, stroke_mm=OVERLAP * pitch
+    )
+
+
+def label_findings(design: SensorDesign) -> Iterator[Finding]:
+    """What is wrong with a label: letters too small to print, a floor too thin to sink them into."""
+    text = design.mold.label.upper().strip()
+    if not text:
+        return
+    _, pitch = _largest(text, design)
+    if pitch < SMALLEST_PITCH_MM:
+        yield error(
+            "mold.label",
+            "its letters would be too small to print below this cavity",
+            value=f"{design.mold.label!r}, strokes {mm(OVERLAP * pitch)}",
+            limit=f"strokes of at least {mm(OVERLAP * SMALLEST_PITCH_MM)}",
+            way_out="shorten the label",
+        )
+    if design.mold.floor_mm - DEPTH_MM < design.mold.min_web_mm:
+        yield error(
+            "mold.floor_mm",
+            "the floor is too thin to sink a label into it",
+            value=mm(design.mold.floor_mm),
+            limit=f"at least mold.min_web_mm + {DEPTH_MM:g} = {mm(design.mold.min_web_mm + DEPTH_MM)}",
+            way_out="raise it, or leave mold.label empty",
+        )
+
+
+def _largest(text: str, design: SensorDesign) -> tuple[list[str], float]:
+    """The fewest lines with an easy pitch of points below the cavity, else those with the widest; that pitch [mm]."""
+    room_mm = tuple(side - 2 * MARGIN_MM for side in (design.cavity.length_mm, design.cavity.width_mm))
+    broken = [_lines(text, count) for count in range(1, len(text) + 1)]
+    pitches = [min(room_mm[0] / _width(lines), room_mm[1] / _height(lines)) for lines in broken]
+    easy = (number for number, pitch in enumerate(pitches) if pitch >= EASY_PITCH_MM)
+    best = next(easy, max(range(len(broken)), key=lambda number: (round(pitches[number], 9), -number)))
+    return broken[best], min(pitches[best], LARGEST_PITCH_MM)
+
+
+def _lines(text: str, count: int) -> list[str]:
+    length = -(-len(text) // count)
+    return [text[start : start + length] for start in range(0, len(text), length)]
+
+
+def _width(lines: list[str]) -> float:
+    longest = max(len(line) for line in lines)
+    return longest * (COLUMNS + LETTER_GAP) - LETTER_GAP + OVERLAP - 1.0
+
+
+def _height(lines: list[str]) -> float:
+    return len(lines) * (ROWS + LINE_GAP) - LINE_GAP + OVERLAP - 1.0
+
+
+def _strokes(lines: list[str], pitch_mm: float, centre_mm: tuple[float, float]) -> list[Stroke]:
+    """Runs of points, mirrored along x: the text is read from below."""
+    points = _points(lines)
+    across = {point for run in _runs(points, horizontal=True) for point in run}
+    along = {point for run in _runs(points, horizontal=False) for point in run}
+    alone = [[point] for point in sorted(points - across - along)]
+    runs = [*_runs(points, horizontal=True), *_runs(points, horizontal=False), *alone]
+    wide, high = _width(lines), _height(lines)
+    strokes = []
+    for run in runs:
+        (column0, row0), (column1, row1) = run[0], run[-1]
+        left, right = column0 - wide / 2, column1 + OVERLAP - wide / 2
+        top, bottom = high / 2 - row0, high / 2 - row1 - OVERLAP
+        strokes.append(
+            Stroke(
+                x0=round(centre_mm[0] - right * pitch_mm, 6),
+                x1=round(centre_mm[0] - left * pitch_mm, 6),
+                y0=round(centre_mm[1] + bottom * pitch_mm, 6),
+                y1=round(centre_mm[1] + top * pitch_mm, 6),
+            )
+        )
+    return strokes
+
+
+def _points(lines: list[str]) -> set[tuple[int, int]]:
+    """Column and row, from the top left, of every point of a text."""
+    return {
+        (place * (COLUMNS + LETTER_GAP) + column, number * (ROWS + LINE_GAP) + row)
+        for number, line in enumerate(lines)
+        for place, letter in enumerate(line)
+        for column, bits in enumerate(letters()[letter])
+        for row in range(ROWS)
+        if bits >> row & 1
+    }
+
+
+def _runs(points: set[tuple[int, int]], *, horizontal: bool) -> list[list[tuple[int, int]]]:
+    """Runs of two points or more along one direction."""
+    ordered = sorted((point[::-1] if horizontal else point) for point in points)
+    runs = []
+    for _, group in groupby(enumerate(ordered), key=lambda item: (item[1][0], item[1][1] - item[0])):
+        run = [point[::-1] if horizontal else point for _, point in group]
+        if len(run) > 1:
+            runs.append(run)
+    return runs
+
+
+@cache
+def letters() -> dict[str, tuple[int, ...]]:
+    """Columns of points of every letter that a label may have."""
+    text = (files("design") / "data" / "letters.toml").read_text(encoding="utf-8")
+    return {
+        name: tuple(int(bits, 16) for bits in columns.split())
+        for name, columns in tomllib.loads(text).items()
+    }

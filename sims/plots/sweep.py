@@ -1,0 +1,107 @@
+"""A sweep as small multiples: signal against depth, a panel a value, modes and deadbands shaded.
+
+All panels share one scale, the brightest untouched signal of the sweep, so that what a value costs in signal is
+seen beside what it does to the modes. The middle one of facing pairs is shown, or the governing pair of a pad; a
+deadband in another pair is named in the title. A value outside the models' scope stands as an empty panel with the
+reason.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from math import ceil
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from sims.plots.signal import DIRECT, TOP, TOTAL
+from sims.plots.style import GRID, MUTED, PALE_BLUE, PALE_ORANGE
+from sims.sweep import SweepRow
+
+PANEL_IN = (1.75, 1.55)
+MOST_COLUMNS = 4
+FRAME_IN = 0.75
+REASON_CHARACTERS = 30
+
+
+def plot_sweep(path: str, rows: Sequence[SweepRow]) -> Figure:
+    """Light over the brightest untouched signal of the sweep [-] against depth [mm], a panel a value."""
+    columns = min(MOST_COLUMNS, len(rows))
+    lines = ceil(len(rows) / columns)
+    size = (max(PANEL_IN[0] * columns, 2.6) + 0.4, PANEL_IN[1] * lines + FRAME_IN)
+    figure = Figure(figsize=size, layout="constrained")
+    panels = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True)
+    brightest = max((row.curve.total[0] for row in rows if row.curve is not None), default=1.0)
+    for number, ax in enumerate(panels.flat):
+        if number >= len(rows):
+            ax.set_visible(False)
+            panels.flat[number - columns].tick_params(labelbottom=True)
+            continue
+        plot_swept_value(rows[number], brightest, ax)
+    deepest = max((row.curve.depth_mm[-1] for row in rows if row.curve is not None), default=1.0)
+    highest = max((max(row.curve.total) / brightest for row in rows if row.curve is not None), default=1.0)
+    panels.flat[0].set_xlim(0.0, deepest)
+    panels.flat[0].set_ylim(-0.03, 1.05 * max(1.0, highest))
+    figure.supxlabel("depth of the press [mm]", fontsize=9)
+    figure.supylabel("light / brightest untouched signal [-]", fontsize=9)
+    figure.legend(handles=_legend(), loc="outside upper left", ncols=3 if columns > 2 else 1)
+    figure.suptitle(path, fontsize=9, x=0.99, ha="right")
+    return figure
+
+
+def plot_swept_value(row: SweepRow, brightest: float, ax: Axes) -> Axes:
+    """One value's panel.
+
+    Parameters
+    ----------
+    brightest : light over emitted power that stands for 1 [-]
+    """
+    ax.set_title(_title(row), fontsize=8, loc="left")
+    ax.grid(color=GRID, linewidth=0.5)
+    if row.curve is None:
+        reason = textwrap.fill(row.score["reason"], REASON_CHARACTERS, max_lines=6)
+        ax.text(0.5, 0.5, reason, transform=ax.transAxes, ha="center", va="center", fontsize=6, color=MUTED)
+        return ax
+    _shade(ax, row.shown, row.curve.depth_mm[-1])
+    for light, look in ((row.curve.total, TOTAL), (row.curve.direct, DIRECT), (row.curve.top, TOP)):
+        ax.plot(row.curve.depth_mm, [value / brightest for value in light], **look | {"linewidth": 1.2})
+    return ax
+
+
+def _title(row: SweepRow) -> str:
+    value = f"{row.value:g}" if isinstance(row.value, float) else str(row.value)
+    if row.curve is None:
+        return f"{value}: out of scope"
+    total = row.score["deadband_mm"]["total"]
+    if not total:
+        return f"{value}: contiguous"
+    by_map = row.score["judged_by"] == "pad"
+    where = " (pad)" if by_map else f" ({row.score['governing_pair']})" if row.is_of_another_pair else ""
+    return f"{value}: deadband {total:.2f} mm{where}"
+
+
+def _shade(ax: Axes, pair: dict[str, Any], deepest_mm: float) -> None:
+    start, end = pair["mode1_mm"]
+    ax.axvspan(start, end, facecolor=PALE_ORANGE, linewidth=0)
+    onset, last = pair["mode2_mm"]
+    if onset is not None:
+        ax.axvspan(onset, deepest_mm if last is None else last, facecolor=PALE_BLUE, linewidth=0, alpha=0.75)
+    for begin, stop in pair["deadbands_mm"]:
+        area = ax.axvspan(begin, stop, facecolor="none", edgecolor=MUTED, hatch="////", linewidth=0)
+        area.set_gid("deadband")
+
+
+def _legend() -> list[Any]:
+    return [
+        *(
+            Line2D([], [], label=label, **look | {"linewidth": 1.2})
+            for label, look in (("total", TOTAL), ("direct", DIRECT), ("top, mirrored", TOP))
+        ),
+        Patch(facecolor=PALE_ORANGE, label="mode 1"),
+        Patch(facecolor=PALE_BLUE, label="mode 2"),
+        Patch(facecolor="none", edgecolor=MUTED, hatch="////", linewidth=0, label="deadband of the pair"),
+    ]
