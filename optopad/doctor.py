@@ -23,6 +23,9 @@ from typing import Literal
 
 from platformdirs import user_cache_path
 
+from design.errors import InputError
+from sims.cache_folder import CACHE_VARIABLE, cache_folder
+
 State = Literal["ok", "missing", "warning"]
 
 
@@ -138,7 +141,8 @@ def examine(outputs: Path = Path("outputs")) -> list[Finding]:
         memory_finding(),
         *package_findings(),
         numba_cache_finding(),
-        folder_finding("cache folder", cache_folder(), "set OPTOPAD_CACHE to a folder you can write to"),
+        folder_finding("cache folder", cache_folder(), f"set {CACHE_VARIABLE} to a folder you can write to"),
+        light_finding(),
         folder_finding("outputs folder", outputs, "run from a folder you can write to, or pass --out FOLDER"),
         *(tool_finding(tool) for tool in TOOLS),
     ]
@@ -289,12 +293,6 @@ def library_way_out(stem: str) -> str:
     )
 
 
-def cache_folder() -> Path:
-    """Where solved profiles are kept: OPTOPAD_CACHE, or the system's cache folder for optopad."""
-    chosen = os.environ.get("OPTOPAD_CACHE")
-    return Path(chosen) if chosen else user_cache_path("optopad")
-
-
 def nearest_existing(path: Path) -> Path:
     """The path itself, or the first of its ancestors that is there."""
     return next(place for place in (path.absolute(), *path.absolute().parents) if place.exists())
@@ -314,6 +312,23 @@ def folder_finding(name: str, folder: Path, way_out: str) -> Finding:
     if free < DISK_ADVISED_GB:
         return Finding(name, "warning", f"{folder}: {free:.2f} GB free", f"free some space, or {way_out}")
     return Finding(name, "ok", str(folder))
+
+
+def light_finding() -> Finding:
+    """How much traced light is kept, how to clear it and how to do without."""
+    from sims.light_store import SIZE_VARIABLE, light_store
+
+    try:
+        store = light_store()
+    except InputError as err:
+        return Finding("light cache", "missing", str(err), f"set {SIZE_VARIABLE} to a number, or unset it")
+    if store is None:
+        return Finding("light cache", "ok", f"off: {SIZE_VARIABLE} is 0")
+    used_mb = store.path.stat().st_size / 1e6 if store.path.is_file() else 0.0
+    held = f"{store.rows()} rows, {used_mb:.1f} of at most {store.size_mb:g} MB"
+    return Finding(
+        "light cache", "ok", f"{held}, in {store.path} (delete it to clear; {SIZE_VARIABLE}=0: off)"
+    )
 
 
 def numba_cache_folders() -> list[Path]:

@@ -20,12 +20,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from platformdirs import user_cache_path
 
+from sims.cache_folder import CACHE_VARIABLE
+from sims.cache_folder import cache_folder as folder_of_all
 from sims.contact.profiles import UnitPress
 
-CACHE_VARIABLE = "OPTOPAD_CACHE"
-"""Environment variable that names the cache folder."""
 FORMAT = 1
 """Version of the entry's layout."""
 _UNREADABLE = (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error)
@@ -36,8 +35,7 @@ _PER_STATE = ("radii", "heights", "normal_force")
 
 def cache_folder() -> Path:
     """Folder of the stored presses."""
-    chosen = os.environ.get(CACHE_VARIABLE)
-    return (Path(chosen) if chosen else user_cache_path("optopad")) / "contact"
+    return folder_of_all() / "contact"
 
 
 def entry_key(inputs: Mapping[str, object]) -> str:

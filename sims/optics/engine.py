@@ -34,7 +34,8 @@ rely on it. Light reflected several times is sampled for the wanted pairs, so a 
 all else is the same to the bit.
 
 Reuse: a pair whose bundle misses every deformed part keeps its untouched value; presses that a symmetry of the layout
-carries onto each other are traced once (`scene_symmetry`).
+carries onto each other are traced once (`scene_symmetry`); one emitter's light in one state depends on no other emitter
+and no other state, so whoever keeps such rows hands them in (`light_rows`): read or traced, the bits are the same.
 
 Left out: roughness and haze, polarisation, light that leaves the top and comes back across the crater (measured in
 docs/validation/crossing.md), sockets and part bodies behind the walls.
@@ -51,6 +52,7 @@ from numpy.typing import NDArray
 from sims.indentation import Indentation
 from sims.optics.accuracy import ACCURACIES, LADDER, Accuracy, accuracy_of, checked_target
 from sims.optics.checks import check_scene, wanted_pairs
+from sims.optics.light_rows import KeptRows, content_of, row_names, row_of
 from sims.optics.scene import OpticalScene
 from sims.optics.scene_symmetry import StateClasses, state_classes
 from sims.optics.smooth_field import SmoothField
@@ -66,6 +68,9 @@ LATTICE_CLASSES = ("top", "skirt")
 RULES_ERROR = 1e-4
 """Median error of pairs whose replicates agree: docs/validation/light.md [-]."""
 BATCH_STATES = 32
+OF_CLASSES, ERROR, SCALE = slice(0, len(CLASS_NAMES)), len(CLASS_NAMES), len(CLASS_NAMES) + 1
+ROW = len(CLASS_NAMES) + 2
+"""Lines of a row, each over receivers: flux of each class, standard error, untouched flux (above 0)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,6 +103,7 @@ def trace_scene(
     seed: int = 0,
     pairs: NDArray[np.bool_] | None = None,
     on_step: Callable[[int, int], None] | None = None,
+    kept: KeptRows | None = None,
 ) -> RawLight:
     """Trace a scene for a list of presses.
 
@@ -112,6 +118,7 @@ def trace_scene(
     seed : of all offsets; same seed, same bits, whatever the number of threads
     pairs : (emitter, receiver) or (state, emitter, receiver) mask; a pair left out is 0
     on_step : called with (states done, states)
+    kept : rows that need not be traced, and where traced ones go; None: everything is traced
 
     Raises
     ------
@@ -127,33 +134,112 @@ def trace_scene(
         target, ladder = np.inf, [accuracy_of(accuracy)]
     else:
         target, ladder = checked_target(accuracy), list(LADDER)
-    flux, error = np.zeros((len(CLASS_NAMES), *asked.shape)), np.zeros(asked.shape)
+    rows = np.zeros((*asked.shape[:2], ROW, asked.shape[2]))
     relative = np.full(len(classes.first), np.inf)
     for settings in ladder:
         left = np.flatnonzero(relative > target) if np.isfinite(target) else np.arange(len(classes.first))
         if left.size == 0:
             break
-        fixed = untouched_pad(scene, settings, seed)
-        for start in range(0, len(left), BATCH_STATES):
-            part = left[start : start + BATCH_STATES]
-            values = _trace_batch(asked[part], tops, classes.first[part], fixed, settings)
-            flux[:, part] = values.mean(axis=1).transpose(1, 0, 2, 3)
-            error[part] = _with_rules(_standard_error(values), flux[:, part].sum(axis=0), fixed)
-            relative[part] = _pooled(error[part] / fixed.scale, asked[part])
-            if on_step is not None:
-                done = len(classes.first) - len(left) + start + len(part)
-                on_step(done * states // len(classes.first), states)
-    member, rows = (
+        work = _Work(
+            scene=scene,
+            tops=tops,
+            states=classes.first[left],
+            asked=asked[left],
+            settings=settings,
+            seed=seed,
+        )
+        rows[left] = _rows_of(work, kept, _as_share_of_states(on_step, len(classes.first), states))
+        relative[left] = _pooled(rows[left, :, ERROR] / rows[left, :, SCALE], asked[left])
+    member, there = (
         classes.member[:, None, None],
         (classes.emitters[:, :, None], classes.receivers[:, None, :]),
     )
+    lines = rows.transpose(2, 0, 1, 3)
     return RawLight(
-        flux=np.where(wanted, flux[:, member, *rows], 0.0),
-        standard_error=np.where(wanted, error[member, *rows], 0.0),
+        flux=np.where(wanted, lines[OF_CLASSES][:, member, *there], 0.0),
+        standard_error=np.where(wanted, lines[ERROR][member, *there], 0.0),
         skirt_radius_mm=tops.rows[:, :, SKIRT_R].max(axis=1, initial=0.0),
         relative_error=relative[classes.member],
         is_met=relative[classes.member] <= target,
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Work:
+    """States to trace with the same settings.
+
+    Attributes
+    ----------
+    states : (n,) their tops
+    asked : (n, emitter, receiver) pairs to trace
+    """
+
+    scene: OpticalScene
+    tops: TopStack
+    states: NDArray[np.int64]
+    asked: NDArray[np.bool_]
+    settings: Accuracy
+    seed: int
+
+
+def _rows_of(work: _Work, kept: KeptRows | None, on_done: Callable[[int], None]) -> FloatArray:
+    """(n, emitter, line, receiver) rows of light, kept or traced; `on_done` is told how many states are left."""
+    rows = np.zeros((*work.asked.shape[:2], ROW, work.asked.shape[2]))
+    rows[:, :, SCALE] = 1.0
+    missing = np.asarray(work.asked.any(axis=2))
+    names: list[list[bytes]] = []
+    if kept is not None:
+        names = row_names(work.scene, work.tops, work.states, work.asked, work.settings, work.seed)
+        missing &= ~_read(rows, missing, names, kept)
+    todo = np.flatnonzero(missing.any(axis=1))
+    on_done(len(todo))
+    for start in range(0, len(todo), BATCH_STATES):
+        part = todo[start : start + BATCH_STATES]
+        traced = _traced_rows(work, part, work.asked[part] & missing[part][:, :, None])
+        at, emitters = np.nonzero(missing[part])
+        rows[part[at], emitters] = traced[at, emitters]
+        if kept is not None:
+            kept.write({names[k][i]: content_of(rows[k, i]) for k, i in zip(part[at], emitters, strict=True)})
+        on_done(len(todo) - start - len(part))
+    return rows
+
+
+def _read(
+    rows: FloatArray, wanted: NDArray[np.bool_], names: list[list[bytes]], kept: KeptRows
+) -> NDArray[np.bool_]:
+    """(n, emitter) which of the wanted rows are kept; those are filled in."""
+    places = [(int(k), int(i)) for k, i in np.argwhere(wanted)]
+    found = kept.read([names[k][i] for k, i in places])
+    there = np.zeros(wanted.shape, dtype=np.bool_)
+    for k, i in places:
+        row = row_of(found.get(names[k][i], b""), rows.shape[2:])
+        if row is not None:
+            rows[k, i], there[k, i] = row, True
+    return there
+
+
+def _traced_rows(work: _Work, part: NDArray[np.int64], wanted: NDArray[np.bool_]) -> FloatArray:
+    """(n, emitter, line, receiver) rows of some states."""
+    fixed = untouched_pad(work.scene, work.settings, work.seed)
+    values = _trace_batch(wanted, work.tops, work.states[part], fixed, work.settings)
+    flux = values.mean(axis=1)
+    rows = np.empty((*wanted.shape[:2], ROW, wanted.shape[2]))
+    rows[:, :, OF_CLASSES] = flux.transpose(0, 2, 1, 3)
+    rows[:, :, ERROR] = _with_rules(_standard_error(values), flux.sum(axis=1), fixed)
+    rows[:, :, SCALE] = fixed.scale
+    return rows
+
+
+def _as_share_of_states(
+    on_step: Callable[[int, int], None] | None, classes: int, states: int
+) -> Callable[[int], None]:
+    """From how many classes of states are left to (states done, states)."""
+
+    def on_done(left: int) -> None:
+        if on_step is not None:
+            on_step((classes - left) * states // max(classes, 1), states)
+
+    return on_done
 
 
 def _classes(

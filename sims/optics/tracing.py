@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from design.errors import InputError
 from design.spec import SensorDesign
 from sims.indentation import Indentation
+from sims.light_store import light_store
 from sims.optics.engine import CLASS_NAMES, Accuracy, trace_scene
 from sims.optics.light_signals import LightSignals
 from sims.optics.lower import scene_of
@@ -33,7 +34,7 @@ def trace(
     on_step: Callable[[int, int], None] | None = None,
     fields: Sequence[SmoothField | None] | None = None,
 ) -> LightSignals:
-    """Trace a design's pad for a list of presses.
+    """Trace a design's pad for a list of presses; light traced before is read from disk (`light_store`).
 
     Parameters
     ----------
@@ -66,6 +67,7 @@ def trace(
         pairs=pairs,
         on_step=on_step,
         fields=fields,
+        kept=light_store(),
     )
     return LightSignals(
         flux=raw.flux.sum(axis=0),

@@ -21,6 +21,8 @@ WALL_REFERENCE_RAYS = 65536
 """Rays per emitter and replicate for the light that smooth walls mirror in the untouched pad: hit or miss, so many."""
 PHASE_SPREAD = 0.3
 REMEMBERED_PADS = 8
+DARK_SCALE = 1e-3
+"""Scale of an emitter that lights no receiver [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,6 +162,8 @@ class _Parts:
 
     def higher_orders(self, count: int) -> FloatArray:
         """(emitter, receiver) all scattered orders over the first."""
+        from scipy.linalg import lu_factor, lu_solve
+
         from sims.optics import compiled
 
         box = self.box
@@ -171,8 +175,12 @@ class _Parts:
         patches = len(matrix)
         per_patch = np.repeat(self.reflectances, layout[:, 0] * layout[:, 1])[:patches]
         system = np.eye(patches) - (per_patch[:, None] * matrix).T
+        solved = lu_factor(system)
         every = given.copy()
-        every[:, :patches] = np.linalg.solve(system, given[:, :patches].T).T
+        for (
+            row
+        ) in every:  # one by one: solved side by side, an emitter's last bits may hang on how many there are
+            row[:patches] = lu_solve(solved, row[:patches])
         first = self.joined(given, taken, layout, areas)
         total = self.joined(every, taken, layout, areas)
         return np.divide(total, first, out=np.ones_like(first), where=first > 0)
@@ -221,9 +229,15 @@ def _solved(scene: OpticalScene, settings: Accuracy, seed: int) -> Untouched:
         rays = (none, none, none)
         wall = np.zeros((len(shifts), len(emitters), len(receivers)))
     total = straight.sum(axis=0) + diffuse + wall.mean(axis=0)
-    scale = np.where(total > 0, total, total[total > 0].mean() if (total > 0).any() else 1e-3)
     return Untouched(
         box=box, emitters=emitters, receivers=receivers, straight=straight, diffuse=diffuse, wall=wall, given=given,
-        taken=taken, joined=parts.joined(given, taken, layout, areas), rays=rays, scale=scale, points=points,
-        shifts=shifts, layout=layout, areas=areas, reflectances=reflectances,
+        taken=taken, joined=parts.joined(given, taken, layout, areas), rays=rays, scale=_above_zero(total),
+        points=points, shifts=shifts, layout=layout, areas=areas, reflectances=reflectances,
     )  # fmt: skip
+
+
+def _above_zero(flux: FloatArray) -> FloatArray:
+    """(emitter, receiver) flux, in place of 0 the mean of what the emitter's other pairs get; no other emitter's."""
+    lit = flux > 0
+    mean = flux.sum(axis=1) / np.maximum(lit.sum(axis=1), 1)
+    return np.asarray(np.where(lit, flux, np.where(mean > 0, mean, DARK_SCALE)[:, None]))

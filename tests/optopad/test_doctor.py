@@ -12,6 +12,7 @@ import pytest
 
 from optopad import doctor
 from optopad.doctor import Failure, Package, explain_import_error
+from sims.light_store import LightStore
 
 ROOT = Path(__file__).parents[2]
 CADQUERY = Package("cadquery", "cadquery", "2.8")
@@ -202,11 +203,34 @@ def test_absent_tools_are_warnings_and_any_of_their_commands_will_do(
     assert (finding.name, finding.state) == ("chromium", "ok")
 
 
-def test_importing_the_doctor_imports_nothing_heavy() -> None:
+def test_the_doctor_imports_nothing_heavy() -> None:
     program = (
-        "import optopad.doctor, sys; print(*{'cadquery', 'mujoco', 'numba', 'numpy'} & set(sys.modules))"
+        "import optopad.doctor, sys; optopad.doctor.light_finding(); "
+        "print(*{'cadquery', 'mujoco', 'numba', 'numpy'} & set(sys.modules))"
     )
     result = subprocess.run(
         [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True
     )
     assert result.stdout.strip() == ""
+
+
+def test_kept_light_is_listed_with_the_way_to_clear_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("OPTOPAD_CACHE", str(tmp_path))
+    monkeypatch.setenv("OPTOPAD_LIGHT_CACHE_MB", "200")
+    LightStore(tmp_path / "light" / "rows.sqlite", 200.0).write({b"one": b"row", b"another": b"row"})
+    finding = doctor.light_finding()
+    assert finding.state == "ok"
+    assert finding.detail.startswith("2 rows, 0.0 of at most 200 MB, in ")
+    assert str(tmp_path / "light" / "rows.sqlite") in finding.detail
+    assert "delete it to clear" in finding.detail
+
+
+def test_kept_light_may_be_off_and_its_size_must_be_a_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OPTOPAD_LIGHT_CACHE_MB", "0")
+    assert doctor.light_finding().detail == "off: OPTOPAD_LIGHT_CACHE_MB is 0"
+    monkeypatch.setenv("OPTOPAD_LIGHT_CACHE_MB", "much")
+    finding = doctor.light_finding()
+    assert finding.state == "missing"
+    assert "'much' is refused" in finding.detail
