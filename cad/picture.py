@@ -43,7 +43,7 @@ def mold_picture(part: Mesh | str | os.PathLike[str], *, width_px: int = 900, he
     points = _fitted(mesh.vertices.astype(np.float64) @ turn.T, size)
     normals = unit_normals(mesh) @ turn.T
     image, depth = _shaded(points[mesh.triangles], normals, size)
-    _draw_edges(image, depth, points, _creases(mesh, normals))
+    _draw_edges(image, depth, points, creases(mesh))
     return _png(_reduced(image))
 
 
@@ -95,9 +95,9 @@ def _fill(image: Floats, depth: Floats, corners: Floats, normal: Floats, colour:
     image[rows, columns][inside] = (*colour, 1.0)
 
 
-def _creases(mesh: Mesh, normals: Floats) -> NDArray[np.int64]:
+def creases(mesh: Mesh) -> NDArray[np.int64]:
     """(n, 2) vertices of the edges where two faces meet at more than `CREASE_DEG`."""
-    triangles = mesh.triangles
+    triangles, normals = mesh.triangles, unit_normals(mesh)
     edges = np.sort(
         np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1
     )

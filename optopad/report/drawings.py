@@ -10,6 +10,7 @@ from design.cavity import cavity_of
 from design.load_protocol import load_protocol
 from design.properties import modulus
 from design.spec import SensorDesign
+from optopad.report.layout_drawing import BLACK, plot_layout
 from optopad.report.markup import Html, element
 from optopad.report.numbers import spans
 from optopad.report.published import published_load
@@ -27,7 +28,19 @@ from sims.plots.contact import (
 from sims.plots.pad import plot_deadband_map, plot_margin_map
 from sims.plots.signal import plot_signal
 from sims.plots.spans import plot_spans
-from sims.plots.style import plain_style, svg_text
+from sims.plots.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    GRID,
+    INK,
+    MUTED,
+    PALE_BLUE,
+    PALE_ORANGE,
+    VERMILLION,
+    plain_style,
+    svg_text,
+)
 from sims.plots.tolerance import plot_gap_tolerance, plot_margin_tolerance, plot_tolerance
 from sims.verdict.result import ContinuityScore, JudgedPair
 
@@ -37,6 +50,20 @@ if TYPE_CHECKING:
 PREFIX = "plot-"
 PROTOCOL = "piacenza2017"
 """The load protocol that a page shows for a pad whose load relaxes."""
+THEMED = {
+    "#ffffff": "var(--plot-ground)",
+    INK: "var(--plot-ink)",
+    MUTED: "var(--plot-muted)",
+    GRID: "var(--plot-grid)",
+    BLUE: "var(--plot-blue)",
+    VERMILLION: "var(--plot-vermillion)",
+    GREEN: "var(--plot-green)",
+    GREY: "var(--plot-grey)",
+    BLACK: "var(--plot-black)",
+    PALE_BLUE: "var(--plot-pale-blue)",
+    PALE_ORANGE: "var(--plot-pale-orange)",
+}
+"""Colours of the plots by the page's names for them."""
 MOST_FACING = 8
 """Facing pairs that get a plot each; more are in the table only."""
 
@@ -80,6 +107,7 @@ def drawings_of(design: SensorDesign, score: ContinuityScore) -> dict[str, Drawi
     """All plots that a score has data for, by stem without the prefix."""
     with plain_style():
         plots = {
+            "layout": (plot_layout(design), f"Layout of {design.name} with its dimensions in millimetres"),
             **_pair_plots(score),
             **_map_plots(design, score),
             **_press_plots(design, score),
@@ -168,8 +196,22 @@ def figure_of(drawing: Drawing, caption: str) -> Html:
     """A plot on its card, with a caption."""
     return element(
         "figure",
-        element("div", inline_svg(drawing.svg, drawing.shows), class_="card"),
+        element("div", inline_svg(drawing.svg, drawing.shows), class_=_card(drawing)),
         element("figcaption", caption),
+    )
+
+
+def _card(drawing: Drawing) -> str:
+    """A map's cells keep their colours, and so their ground; all others follow the page, light or dark."""
+    return "card" if drawing.stem.startswith(f"{PREFIX}map-") else "card themed"
+
+
+def _themed(svg: str) -> str:
+    """A plot's colours as those of the page: the style names of matplotlib's own attributes."""
+    return re.sub(
+        r'(?:style|fill)="[^"]*"',
+        lambda found: re.sub(r"#[0-9a-f]{6}", lambda colour: THEMED.get(colour[0], colour[0]), found[0]),
+        svg,
     )
 
 
@@ -177,7 +219,7 @@ def inline_svg(svg: str, label: str) -> Html:
     """SVG text made part of a page: no prologue, no style of its own, no size, no names of groups."""
     body = svg[svg.index("<svg") :]
     body = re.sub(r"<defs>\s*<style[^>]*>.*?</style>\s*</defs>", "", body, flags=re.DOTALL)
-    body = re.sub(r'<g id="[^"]*"', "<g", body)
+    body = _themed(re.sub(r'<g id="[^"]*"', "<g", body))
     opening, rest = body.split(">", 1)
     view = re.search(r'viewBox="[^"]*"', opening)
     assert view is not None

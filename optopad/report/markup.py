@@ -82,9 +82,14 @@ def facts(rows: Iterable[tuple[str, str]]) -> Html:
     return element("dl", *(element("div", pair) for pair in pairs))
 
 
-def section(identifier: str, title: str, *children: str) -> Html:
+def section(identifier: str, title: str, *children: str, class_: str | None = None) -> Html:
     """A part of the page with a heading that can be linked to."""
     heading = f"{identifier}-title"
     return element(
-        "section", element("h2", title, id=heading), *children, id=identifier, aria_labelledby=heading
+        "section",
+        element("h2", title, id=heading),
+        *children,
+        id=identifier,
+        aria_labelledby=heading,
+        class_=class_,
     )

@@ -1,13 +1,14 @@
 """Write a bundle's report: one self-contained page, and the plots on it as files.
 
 The page needs no network and no other file; its links lead to the files of the bundle beside it. Its one script
-turns the view of the light and may do nothing else; without it the page shows a still.
+turns the view, picks pairs, slides through the maps and sets light or dark; without it, and in print, the page shows
+the same as drawings and tables.
 Equal designs, scores, checks and files give equal bytes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -18,6 +19,7 @@ from design.errors import InputError, ModelScopeError
 from design.io import write_text_atomically
 from design.spec import SensorDesign
 from fabrication.bundle import versions
+from optopad.report.build import Sheets, build_section, sheets_of
 from optopad.report.closing import (
     bundle_files,
     files_section,
@@ -27,34 +29,57 @@ from optopad.report.closing import (
 )
 from optopad.report.drawings import PREFIX, Drawing, drawings_of
 from optopad.report.load import force_section
+from optopad.report.map_scene import MapScene, map_scene
+from optopad.report.maps import map_section
 from optopad.report.markup import Html, element, joined
+from optopad.report.mold_scene import mold_scene
 from optopad.report.ray_scene import RayScene, ray_scene
-from optopad.report.rays import rays_section, script_policy
+from optopad.report.rays import rays_section
+from optopad.report.scripts import script_element, script_policy
 from optopad.report.sensor import Pictures, checks_section, pictures_of, sensor_section
-from optopad.report.signals import (
-    map_section,
-    pairs_section,
-    signal_section,
-    tolerance_section,
-)
+from optopad.report.signals import pairs_section, signal_section, tolerance_section
 from optopad.report.words import banner, headline
 from sims.verdict.result import ContinuityScore
 
 PAGE = "report.html"
 TITLES = {
-    "sensor": "Sensor",
+    "rays": "3-D",
+    "sensor": "Layout",
     "signals": "Signals",
-    "rays": "Light",
     "map": "Map",
     "pairs": "Pairs",
     "tolerance": "Tolerance",
     "force": "Load",
-    "mold": "Mold",
+    "build": "Build",
+    "mold": "Checks",
     "warnings": "Warnings",
     "limits": "Left out",
     "files": "Files",
     "origin": "Origin",
 }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """What a page shows beside the verdict.
+
+    Attributes
+    ----------
+    checks : the mold's checks, as in ``cad/checks.json``
+    drawings, pictures, sheets, files : plots by name; the bundle's pictures, sheets and names of files
+    mold : for the view; None where the bundle has none
+    light : for the view; why there is none; or None without a verdict
+    maps : by depth; None without a map
+    """
+
+    checks: dict[str, Any]
+    drawings: dict[str, Drawing]
+    pictures: Pictures
+    sheets: Sheets
+    files: tuple[str, ...]
+    mold: dict[str, Any] | None
+    light: RayScene | str | None
+    maps: MapScene | None
 
 
 def write_report(
@@ -69,17 +94,17 @@ def write_report(
     """
     drawings = drawings_of(design, score)
     _write_drawings(folder / "sims", drawings)
-    page = report_html(
-        design,
-        score,
-        checks,
-        drawings,
-        pictures_of(folder),
-        bundle_files(folder),
-        versions(),
-        _light(design, score, seed),
-        seed=seed,
+    found = Found(
+        checks=checks,
+        drawings=drawings,
+        pictures=pictures_of(folder),
+        sheets=sheets_of(folder),
+        files=tuple(bundle_files(folder)),
+        mold=mold_scene(design, folder),
+        light=_light(design, score, seed),
+        maps=map_scene(design, score),
     )
+    page = report_html(design, score, found, versions(), seed=seed)
     write_text_atomically(folder / PAGE, page)
     return folder / PAGE
 
@@ -101,49 +126,47 @@ def _write_drawings(sims: Path, drawings: dict[str, Drawing]) -> None:
 
 
 def report_html(
-    design: SensorDesign,
-    score: ContinuityScore,
-    checks: dict[str, Any],
-    drawings: dict[str, Drawing],
-    pictures: Pictures,
-    file_names: Sequence[str],
-    made_with: dict[str, str],
-    light: RayScene | str | None,
-    *,
-    seed: int,
+    design: SensorDesign, score: ContinuityScore, found: Found, made_with: dict[str, str], *, seed: int
 ) -> str:
-    """The page as text."""
+    """The page as text.
+
+    Parameters
+    ----------
+    made_with : versions by name
+    """
     sections = {
-        "sensor": sensor_section(design, pictures),
-        **_light_sections(design, score, drawings, light),
-        "mold": checks_section(checks),
+        **_light_sections(design, score, found),
+        "build": build_section(found.sheets, found.pictures),
+        "mold": checks_section(found.checks),
         "warnings": warnings_section(score),
         "limits": limits_section(),
-        "files": files_section(file_names),
+        "files": files_section(found.files),
         "origin": origin_section(design, score, seed, made_with),
     }
     shown = {name: body for name, body in sections.items() if body}
     return Template(_resource("page.html")).substitute(
         title=escape(f"{design.name} · {score.verdict}"),
-        policy=script_policy() if isinstance(light, RayScene) else "",
+        policy=script_policy(),
         style=_resource("page.css"),
         name=escape(design.name),
         digest=escape(design.digest[:8]),
         navigation=_navigation(shown),
         verdict=joined([banner(score, design.operating.max_depth_mm), headline(score)]),
         sections=joined(shown.values()),
+        script=script_element(),
     )
 
 
-def _light_sections(
-    design: SensorDesign, score: ContinuityScore, drawings: dict[str, Drawing], light: RayScene | str | None
-) -> dict[str, Html]:
+def _light_sections(design: SensorDesign, score: ContinuityScore, found: Found) -> dict[str, Html]:
+    drawings = found.drawings
+    layout = {"sensor": sensor_section(design, drawings)}
     if not score.pairs:
-        return {}
+        return layout
     return {
-        "signals": signal_section(score, drawings),
-        "rays": rays_section(light),
-        "map": map_section(score, drawings),
+        "rays": rays_section(found.light, found.mold),
+        **layout,
+        "signals": signal_section(design, score, drawings),
+        "map": map_section(score, drawings, found.maps),
         "pairs": pairs_section(score, drawings),
         "tolerance": tolerance_section(score, drawings),
         "force": force_section(design, score, drawings),

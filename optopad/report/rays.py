@@ -1,24 +1,20 @@
 """The section on where the light goes: a view of the pad to turn, its still for print, and the numbers behind it.
 
-The view is drawn by one script in the page itself. The page's policy names that script by its hash, so that no
-other can run, whatever a design file says; the view's data lie beside it and are read, not run.
+Mold, bodies of the parts, pad, tip and light are drawn by the page's script from the data that lie beside it.
 """
 
 from __future__ import annotations
 
-import base64
-import hashlib
-import json
-from importlib.resources import files
+from typing import Any
 
 from optopad.report.markup import Html, element, section, table
 from optopad.report.ray_scene import RayScene, scene_json
 from optopad.report.ray_still import still
+from optopad.report.scripts import data_element
 from sims.light_kinds import LOST, LightKind
 from sims.plots.rays import percent
 
-TITLE = "Where the light goes"
-SCRIPT = "rays_view.js"
+TITLE = "The sensor in three dimensions, and where its light goes"
 STILLS = 2
 """States drawn as stills: untouched and the middle one of the presses."""
 BUTTONS = (
@@ -40,14 +36,13 @@ CAPTION = (
 )
 
 
-def script_policy() -> str:
-    """The part of the page's policy that lets the view's script run, and no other."""
-    digest = base64.b64encode(hashlib.sha256(_script().encode()).digest()).decode("ascii")
-    return f"; script-src 'sha256-{digest}'"
+def rays_section(scene: RayScene | str | None, mold: dict[str, Any] | None = None) -> Html:
+    """The view with its controls, the stills, the table, and the data; or why there is none.
 
-
-def rays_section(scene: RayScene | str | None) -> Html:
-    """The view with its controls, the stills, the table, and the script; or why there is none."""
+    Parameters
+    ----------
+    mold : as `optopad.report.mold_scene` gives it; None shows the pad without a mold
+    """
     if scene is None:
         return Html("")
     if isinstance(scene, str):
@@ -56,22 +51,13 @@ def rays_section(scene: RayScene | str | None) -> Html:
         "rays",
         TITLE,
         element("p", _lead(scene)),
-        _view(scene),
+        _view(scene, mold is not None),
         element("div", element("div", *_stills(scene), class_="grid"), _legend(scene), id="rays-still"),
         element("p", CAPTION, class_="note"),
         _table(scene),
-        _data(scene),
-        element("script", Html(_script())),
+        data_element("rays-data", scene_json(scene)),
+        *([] if mold is None else [data_element("mold-data", mold)]),
     )
-
-
-def _script() -> str:
-    return (files("optopad.report") / SCRIPT).read_text(encoding="utf-8")
-
-
-def _data(scene: RayScene) -> Html:
-    text = json.dumps(scene_json(scene), separators=(",", ":"), allow_nan=False)
-    return element("script", Html(text.replace("<", "\\u003c")), type="application/json", id="rays-data")
 
 
 def _lead(scene: RayScene) -> str:
@@ -87,11 +73,16 @@ def _lead(scene: RayScene) -> str:
     )
 
 
-def _view(scene: RayScene) -> Html:
-    name = "The pad in three dimensions. Arrow keys turn it, plus and minus change its size, 0 goes back."
+def _view(scene: RayScene, has_mold: bool) -> Html:
+    name = "The sensor in three dimensions. Arrow keys turn it, plus and minus change its size, 0 goes back."
     return element(
         "div",
-        element("fieldset", element("legend", "Press"), *_presses(scene), class_="choices"),
+        element(
+            "div",
+            element("fieldset", element("legend", "Press"), *_presses(scene), class_="choices"),
+            *([_molds()] if has_mold else []),
+            class_="rows",
+        ),
         element("canvas", tabindex="0", role="img", aria_label=name, aria_describedby="rays-total"),
         element(
             "div",
@@ -109,6 +100,22 @@ def _view(scene: RayScene) -> Html:
         id="rays-view",
         hidden="",
     )
+
+
+def _molds() -> Html:
+    choices = (
+        element(
+            "label",
+            element("input", type="radio", name="rays-mold", value=value, checked=checked),
+            f" {words}",
+        )
+        for value, words, checked in (
+            ("cut", "cut open", ""),
+            ("whole", "whole", None),
+            ("none", "hidden", None),
+        )
+    )
+    return element("fieldset", element("legend", "Mold"), *choices, class_="choices")
 
 
 def _presses(scene: RayScene) -> list[Html]:

@@ -1,13 +1,17 @@
-// Turns the pad of the report in three dimensions: block, parts, deformed top, tip, and sample paths of light.
-// Orthographic, seen from above or from the side; far things first, so that near ones cover them.
+// Turns the pad of the report in three dimensions: mold, block, parts, deformed top, tip, and sample paths of light.
+// Orthographic, seen from above or from the side; far things first, so that near ones cover them. What lies in the
+// cavity is seen past the walls that are cut away, or through the mold's mouth.
 (() => {
 "use strict";
 const box = document.getElementById("rays-view");
+if (!box) return;
 const data = JSON.parse(document.getElementById("rays-data").textContent);
 const canvas = box.querySelector("canvas");
 const pen = canvas.getContext("2d");
 if (!pen) return;
-const dark = window.matchMedia("(prefers-color-scheme: dark)");
+const moldData = document.getElementById("mold-data");
+const mold = moldData ? JSON.parse(moldData.textContent) : null;
+const solid = mold ? optopadSolid(mold) : null;
 const START = {yaw: -32, pitch: 24, zoom: 1};
 const TURN = 6, ZOOM = 1.15, SECTORS = 40, MARK = 2.2;
 // lines of a pair and kind when all pairs are shown
@@ -16,18 +20,24 @@ const [LENGTH, WIDTH, TOP, BLACK] = data.box;
 const CENTRE = [LENGTH / 2, WIDTH / 2, TOP / 2];
 const TIP_TOP = data.tip[data.tip.length - 1][1];
 const HEAD = Math.max(0.9 * data.tip[data.tip.length - 1][0], 1);
+// walls stay where they are seen from so steep that they hide nothing
+const STEEP = 76, SHARP_AFTER_MS = 160;
+let show = mold ? "cut" : "none", resting = null;
 let view = {...START}, state = 0, pair = 0, hidden = new Set(), printing = false, waiting = false;
 let look = {}, size = [1, 1], scale = 1, turn = {};
 
 function colours() {
   const style = getComputedStyle(box);
   const value = (name) => style.getPropertyValue(name).trim();
-  const night = dark.matches && !printing;
+  const night = optopadTheme.isDark() && !printing;
   look = {ink: value("--ink"), muted: value("--muted"), sheet: value("--sheet"), line: value("--line"), night};
   look.black = night ? "#06080a" : "#33383f";
   look.floor = night ? "#12161b" : "#d9dde2";
   look.clear = night ? "#9cc9e6" : "#4a90c0";
   look.tip = night ? "#c3cad2" : "#8a929c";
+  look.solid = night
+    ? {body: [[98, 108, 121], [214, 111, 44], [58, 128, 184]], section: [[52, 59, 68], [122, 58, 18], [26, 66, 100]], edge: [[24, 28, 33], [60, 28, 8], [12, 32, 50]]}
+    : {body: [[176, 187, 201], [230, 126, 60], [88, 158, 214]], section: [[128, 138, 152], [178, 84, 26], [42, 104, 156]], edge: [[74, 83, 95], [110, 50, 12], [22, 62, 96]]};
 }
 
 // place in millimetres to [x, y] in pixels and the distance away from the onlooker
@@ -42,9 +52,11 @@ function frame() {
   const degree = Math.PI / 180;
   turn = {c: Math.cos(view.yaw * degree), s: Math.sin(view.yaw * degree),
     level: Math.cos(view.pitch * degree), tilt: Math.sin(view.pitch * degree)};
-  const flat = Math.hypot(LENGTH, WIDTH) * 1.12;
-  turn.lift = 0.5 * (HEAD - BLACK) * turn.level;
-  const tall = flat * turn.tilt + (TOP + BLACK + HEAD) * turn.level + 1;
+  const [low, high] = show === "none" ? [[0, 0, -BLACK], [LENGTH, WIDTH, TOP]] : mold.outer;
+  const flat = Math.hypot(high[0] - low[0], high[1] - low[1]) * (show === "none" ? 1.12 : 1.02);
+  const above = Math.max(TOP + HEAD, high[2]);
+  turn.lift = (0.5 * (above + low[2]) - CENTRE[2]) * turn.level;
+  const tall = flat * turn.tilt + (above - low[2]) * turn.level + 1;
   scale = view.zoom * Math.min(size[0] / flat, size[1] / tall);
 }
 
@@ -61,6 +73,43 @@ const WALLS = {south: [[0, 0], [LENGTH, 0]], east: [[LENGTH, 0], [LENGTH, WIDTH]
   north: [[0, WIDTH], [LENGTH, WIDTH]], west: [[0, 0], [0, WIDTH]]};
 const OUTWARD = {south: [0, -1], east: [1, 0], north: [0, 1], west: [-1, 0]};
 const faces = (wall) => -(turn.s * OUTWARD[wall][0] + turn.c * OUTWARD[wall][1]) > 0;
+
+// the planes that the cut leaves the far side of: axis, place, and the sign of the side that stays
+function planes() {
+  if (show !== "cut" || view.pitch > STEEP) return [];
+  return Object.entries(WALLS).filter(([wall]) => faces(wall)).map(([wall]) => {
+    const [ox, oy] = OUTWARD[wall], axis = ox ? 0 : 1, sign = -(ox || oy);
+    return [axis, sign > 0 ? 0 : (axis ? WIDTH : LENGTH), sign];
+  });
+}
+
+// the mold at once in the pixels of the screen while it turns, smooth when it rests
+function drawSolid() {
+  const ratio = window.devicePixelRatio || 1, sharp = Math.min(3, 2 * ratio);
+  const told = {seen, turn, planes: planes(), floor: -BLACK, looks: look.solid, width: size[0], height: size[1]};
+  const picture = solid({...told, ratio: resting === "rest" ? sharp : Math.min(ratio, 1.5)});
+  pen.imageSmoothingQuality = "high";
+  pen.drawImage(picture, 0, 0, ...size);
+}
+
+// what is in the cavity is seen through the mouth of a whole mold only; the tip above the rim is in front of it
+function throughMouth(paint) {
+  if (show === "none" || planes().length) { paint(-Infinity, Infinity); return; }
+  const [x0, x1, y0, y1, z] = mold.mouth;
+  pen.save();
+  pen.beginPath();
+  [[x0, y0], [x1, y0], [x1, y1], [x0, y1]].forEach(([x, y], k) => { const [a, b] = seen(x, y, z); if (k) pen.lineTo(a, b); else pen.moveTo(a, b); });
+  pen.clip();
+  paint(-Infinity, z);
+  pen.restore();
+  drawTip(z, Infinity);
+}
+
+function drawTip(low, high) {
+  const {depth} = data.states[state], lift = TOP - depth;
+  if (depth <= 0) return;
+  drawMesh(TIP.filter(({corners}) => { const middle = lift + corners.reduce((sum, place) => sum + place[2], 0) / 4; return low <= middle && middle < high; }), lift, look.tip, 0.3, 0.25);
+}
 
 function drawFloor() {
   const floor = [[0, 0], [LENGTH, 0], [LENGTH, WIDTH], [0, WIDTH]];
@@ -105,7 +154,7 @@ function drawNames() {
   pen.textBaseline = "middle";
   pen.lineJoin = "round";
   for (const [name, , wall, along, height] of data.parts) {
-    if (busy && !active.has(name)) continue;
+    if ((busy || size[0] < 600) && !active.has(name)) continue;
     const [x, y, z] = onWall(wall, along, height), [ox, oy] = OUTWARD[wall];
     const reach = 0.045 * Math.max(LENGTH, WIDTH);
     const [left, up] = seen(x + ox * reach, y + oy * reach, z);
@@ -237,18 +286,24 @@ function draw() {
   pen.clearRect(0, 0, ...size);
   colours();
   frame();
-  const {depth} = data.states[state];
-  drawFloor();
-  drawWalls(false);
-  if (depth > 0) drawMesh(TIP, TOP - depth, look.tip, 0.3, 0.25);
-  drawRays();
-  drawMesh(meshes[state], 0, look.clear, 0.16, 0.3);
-  drawWalls(true);
+  if (show !== "none") drawSolid();
+  throughMouth((low, high) => {
+    drawFloor();
+    drawWalls(false);
+    drawTip(low, high);
+    drawRays();
+    drawMesh(meshes[state], 0, look.clear, 0.16, 0.3);
+    drawWalls(true);
+  });
   drawNames();
+  box.dataset.mold = show;
+  box.dataset.sharp = resting === "rest" ? "yes" : "no";
   Object.assign(box.dataset, {yaw: view.yaw.toFixed(1), pitch: view.pitch.toFixed(1), zoom: view.zoom.toFixed(2), state, pair});
 }
 
 function later() {
+  clearTimeout(resting);
+  resting = solid ? setTimeout(() => { resting = "rest"; draw(); }, SHARP_AFTER_MS) : null;
   if (!waiting) { waiting = true; requestAnimationFrame(draw); }
 }
 
@@ -317,6 +372,7 @@ box.addEventListener("change", (event) => {
   const {name, value, checked} = event.target;
   if (name === "rays-press") state = Number(value);
   if (name === "rays-pair") pair = Number(value);
+  if (name === "rays-mold") show = value;
   if (name === "rays-kind") { if (checked) hidden.delete(value); else hidden.add(value); }
   tell();
   later();
@@ -326,14 +382,17 @@ for (const input of box.querySelectorAll("input[name=rays-kind]")) if (!input.ch
 state = Number((box.querySelector("input[name=rays-press]:checked") || {value: 0}).value);
 const chosen = box.querySelector("select[name=rays-pair]");
 if (chosen) pair = Number(chosen.value);
+const moldChoice = box.querySelector("input[name=rays-mold]:checked");
+if (moldChoice) show = moldChoice.value;
 
-dark.addEventListener("change", later);
+optopadTheme.onChange(later);
 window.addEventListener("beforeprint", () => { printing = true; draw(); });
 window.addEventListener("afterprint", () => { printing = false; draw(); });
 if (window.ResizeObserver) new ResizeObserver(later).observe(canvas); else window.addEventListener("resize", later);
 box.hidden = false;
 document.getElementById("rays-still").classList.add("replaced");
 tell();
+resting = "rest";
 draw();
 box.dataset.ready = "yes";
 })();

@@ -10,11 +10,16 @@ from typing import Any
 from design.cavity import CavityGeometry, PlacedPart, cavity_of
 from design.spec import SensorDesign
 from design.tip_shape import tip_words
+from optopad.report.drawings import Drawing, figure_of
 from optopad.report.markup import Html, element, facts, section, table
 from optopad.report.numbers import counted
 
 MOLD_STL = "cad/mold.stl"
 WIRING_SVG = "fabrication/wiring.svg"
+LAYOUT_WORDS = (
+    "Seen from above and cut open, to one scale. Lengths in mm; heights are above the bottom of the clear layer. "
+    "Circles: emitters; squares: receivers, with the place of each along its wall; dashed: where presses are judged."
+)
 STATES = {"ok": "\N{CHECK MARK} ok", "warning": "! warning", "error": "\N{MULTIPLICATION X} error"}
 
 
@@ -47,19 +52,20 @@ def _address(kind: str, content: bytes) -> str:
     return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
-def sensor_section(design: SensorDesign, pictures: Pictures) -> Html:
-    """What the sensor is, with its pictures."""
+def sensor_section(design: SensorDesign, drawings: dict[str, Drawing]) -> Html:
+    """What the sensor is, with its dimensions."""
     about = facts(_facts(design, cavity_of(design)))
     return section(
         "sensor",
-        "The sensor",
+        "Layout",
         *([element("p", design.description)] if design.description else []),
-        element("div", _mold(pictures), about, class_="grid"),
-        _wiring(pictures),
+        figure_of(drawings["layout"], LAYOUT_WORDS),
+        about,
     )
 
 
-def _mold(pictures: Pictures) -> Html:
+def mold_figure(pictures: Pictures) -> Html:
+    """The mold's picture; nothing where the bundle has none."""
     if pictures.mold is None:
         return Html("")
     return _picture(
@@ -70,7 +76,8 @@ def _mold(pictures: Pictures) -> Html:
     )
 
 
-def _wiring(pictures: Pictures) -> Html:
+def wiring_figure(pictures: Pictures) -> Html:
+    """The wiring drawing; nothing where the bundle has none."""
     if pictures.wiring is None:
         return Html("")
     words = "Layout and wiring of emitters and receivers"

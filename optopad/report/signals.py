@@ -1,12 +1,15 @@
-"""Sections on what the light does: signals of pairs, all judged pairs, the map, tolerance."""
+"""Sections on what the light does: signals of pairs, all judged pairs, tolerance."""
 
 from __future__ import annotations
 
+from design.spec import SensorDesign
 from optopad.report.drawings import Drawing, figure_of, shown_pairs
 from optopad.report.markup import Html, element, section, table
 from optopad.report.numbers import DASH, counted, depth, ends, signed, spans
-from optopad.report.words import clipping
-from sims.verdict.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT
+from optopad.report.pair_scene import pair_scene
+from optopad.report.scripts import data_element
+from optopad.report.words import governing, ranked, reading
+from sims.verdict.defaults import DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT
 from sims.verdict.result import ContinuityScore, JudgedPair
 from sims.verdict.tolerance import ToleranceBand
 
@@ -15,6 +18,12 @@ Drawings = dict[str, Drawing]
 ONE_PLACE = (
     "The pad is tried at its weakest place, by the few pairs that answer most there: fewer pairs can only lengthen a "
     "deadband. Other places are not tried."
+)
+CURVES = (
+    ("total", "total"),
+    ("direct", "direct (mode 2)"),
+    ("top", "mirrored by the top (mode 1)"),
+    ("other", "other, scattered"),
 )
 PAIR_HEADS = (
     "pair",
@@ -35,8 +44,8 @@ PAIR_HEADS = (
 )
 
 
-def signal_section(score: ContinuityScore, drawings: Drawings) -> Html:
-    """Signal against depth of the pairs that matter."""
+def signal_section(design: SensorDesign, score: ContinuityScore, drawings: Drawings) -> Html:
+    """Signal against depth: a picker over all judged pairs, and the pairs that matter as drawings."""
     lead = (
         "Facing rows are judged by their facing pairs, the middle one first."
         if score.is_facing_rows
@@ -47,32 +56,82 @@ def signal_section(score: ContinuityScore, drawings: Drawings) -> Html:
         figure_of(
             drawings[f"signal-{pair.name}"],
             f"{pair.name}, {role}, pressed at x = {pair.curves.press_mm[0]:.1f}, "
-            f"y = {pair.curves.press_mm[1]:.1f} mm. {_reading(pair)}",
+            f"y = {pair.curves.press_mm[1]:.1f} mm. {reading(pair)}",
         )
         for pair, role in shown_pairs(score)
     ]
     return section(
         "signals",
         "Signal against depth",
-        element("p", lead),
+        _picker(score),
+        element("div", element("p", lead), element("div", *figures, class_="grid"), id="pairs-still"),
         element(
             "p",
             "Mode 1: the dimple takes away light that the top mirrors. Mode 2: the tip blocks the straight path. "
             "Light is shown before noise and clipping, over the untouched total.",
             class_="note",
         ),
-        element("div", *figures, class_="grid"),
+        data_element("pairs-data", pair_scene(design, score)),
     )
 
 
-def _reading(pair: JudgedPair) -> str:
-    gap, dead = pair.score.modes.gap_mm, pair.score.deadbands_mm
-    if gap is None:
-        apart = "Mode 2 does not begin within the depth"
-    else:
-        apart = f"The modes overlap by {-gap:.2f} mm" if gap < 0 else f"The modes are {gap:.2f} mm apart"
-    blind = f" {clipping(pair)}." if clipping(pair) else ""
-    return f"{apart}; {'deadband ' + spans(dead) + ' mm' if dead else 'no deadband'}.{blind}"
+def _picker(score: ContinuityScore) -> Html:
+    """The view that the page's script fills: one pair at a time, worst first in the list."""
+    numbers = {pair.name: number for number, pair in enumerate(score.pairs)}
+    listed = score.pairs if score.is_facing_rows else ranked(score)
+    options = (element("option", _option(pair), value=str(numbers[pair.name])) for pair in listed)
+    deepest = float(score.pairs[0].curves.depth_mm[-1])
+    start = governing(score).score.modes.mode1_mm[1]
+    slider = element(
+        "input",
+        type="range",
+        min="0",
+        max=f"{deepest:g}",
+        step="0.01",
+        value=f"{start:.2f}",
+        id="pairs-depth",
+    )
+    legend = (
+        element(
+            "span",
+            element("i", class_=f"key {name}", aria_hidden="true"),
+            f" {words} ",
+            element("b", "", data_value=name),
+        )
+        for name, words in CURVES
+    )
+    return element(
+        "div",
+        element(
+            "div",
+            element("label", "Pair ", element("select", *options, id="pair-choice")),
+            element("button", "\N{LEFTWARDS ARROW}", type="button", data_step="-1", aria_label="Pair before"),
+            element("button", "\N{RIGHTWARDS ARROW}", type="button", data_step="1", aria_label="Next pair"),
+            class_="controls",
+        ),
+        element("p", "", data_reading="", class_="reading", aria_live="polite"),
+        element(
+            "div",
+            Html('<svg data-plot="" role="img" class="live"></svg>'),
+            Html('<svg data-plan="" role="img" class="live plan"></svg>'),
+            class_="beside",
+        ),
+        element("p", *legend, class_="legend"),
+        element(
+            "div",
+            element("label", "Depth ", slider),
+            element("output", "", for_="pairs-depth"),
+            element("span", "", data_at="", class_="note"),
+            class_="controls",
+        ),
+        id="pairs-view",
+        hidden="",
+    )
+
+
+def _option(pair: JudgedPair) -> str:
+    dead = pair.score.deadband_total_mm
+    return f"{pair.name}: {f'deadband {dead:.2f} mm' if dead else 'no deadband'}"
 
 
 def pairs_section(score: ContinuityScore, drawings: Drawings) -> Html:
@@ -116,7 +175,7 @@ def _pair_row(pair: JudgedPair) -> tuple[str, ...]:
     if modes.gap_at_least_mm is not None:
         gap = f"over {modes.gap_at_least_mm:.2f}"
     return (
-        pair.name,
+        element("a", pair.name, href="#signals", data_pair=pair.name),
         f"{pair.curves.press_mm[0]:.1f}, {pair.curves.press_mm[1]:.1f}",
         spans([modes.mode1_mm], between=DASH),
         "never" if onset is None else f"{onset:.2f}{DASH}{depth(end)}",
@@ -133,47 +192,6 @@ def _pair_row(pair: JudgedPair) -> tuple[str, ...]:
         "not given"
         if score.possible_deadbands_mm is None
         else spans(score.possible_deadbands_mm, between=DASH),
-    )
-
-
-def map_section(score: ContinuityScore, drawings: Drawings) -> Html:
-    """The pad, place by place."""
-    pad_map = score.pad_map
-    if pad_map is None:
-        return Html("")
-    weakest = pad_map.weakest
-    figures = []
-    if "map-deadband" in drawings:
-        figures.append(
-            figure_of(
-                drawings["map-deadband"],
-                "Summed deadband of all judged pairs together. Framed: the worst place, "
-                f"{spans(pad_map.worst.deadbands_mm)} mm.",
-            )
-        )
-    figures.append(
-        figure_of(
-            drawings["map-margin"],
-            f"Change of the most responsive pair over the least responsive {DEADBAND_MIN_LENGTH_MM:g} mm of depth; "
-            f"below {DEADBAND_THRESHOLD:g} noise units is a deadband. Framed: the weakest place, "
-            f"{weakest.margin:.1f} noise units (the light trace's own error there is {weakest.trace_error:.1f}); "
-            f"{counted(weakest.answering_pairs, 'pair')} answer there.",
-        )
-    )
-    lead = f"{counted(len(pad_map.places), 'place')} pressed; {pad_map.dead_share:.0%} have a deadband."
-    if score.is_facing_rows:
-        lead += " It pools every pair with a direct path, and is not what facing rows are judged by."
-    return section(
-        "map",
-        "Map of the pad",
-        element("p", lead),
-        element("div", *figures, class_="grid"),
-        element(
-            "p",
-            "Dots on the walls: emitters; squares: receivers. Dashed: the workspace. A cell is the press at its "
-            "centre; what lies between places was not computed.",
-            class_="note",
-        ),
     )
 
 

@@ -40,6 +40,17 @@ def clipping(pair: JudgedPair) -> str:
     return f"{pair.name} reads above full scale over {share} and is blind there"
 
 
+def reading(pair: JudgedPair) -> str:
+    """What the curves of one pair say."""
+    gap, dead = pair.score.modes.gap_mm, pair.score.deadbands_mm
+    if gap is None:
+        apart = "Mode 2 does not begin within the depth"
+    else:
+        apart = f"The modes overlap by {-gap:.2f} mm" if gap < 0 else f"The modes are {gap:.2f} mm apart"
+    blind = f" {clipping(pair)}." if clipping(pair) else ""
+    return f"{apart}; {'deadband ' + spans(dead) + ' mm' if dead else 'no deadband'}.{blind}"
+
+
 def meaning(score: ContinuityScore, deepest_mm: float) -> str:
     """What the verdict says, in a sentence or two."""
     if score.verdict == "OUT_OF_MODEL_SCOPE":

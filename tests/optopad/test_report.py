@@ -35,7 +35,8 @@ from tests.sims.made_up_scores import (
 
 PAD = preset("piacenza2017-pad")
 PAIR = preset("piacenza2017-pair")
-LARGEST_PAGE = 3_000_000
+LARGEST_PAGE = 8_000_000
+"""What a mail still takes; pages of the presets are 0.6 to 1.3 MB."""
 
 
 def written(folder: Path, design: SensorDesign, score: ContinuityScore) -> str:
@@ -129,15 +130,17 @@ def test_every_image_says_what_it_shows(text: str) -> None:
     page = Page(text)
     assert all(page.values("alt"))
     assert len(page.values("alt")) == page.tags["img"] == 2
-    assert page.tags["title"] == 1 + page.tags["svg"]
+    drawn_by_script = 4  # curves, plan, map, profile: the script titles them as it draws them
+    assert page.tags["title"] == 1 + page.tags["svg"] - drawn_by_script
     images = [tag for tag, name, value in page.attributes if (name, value) == ("role", "img")]
     assert Counter(images) == {"svg": page.tags["svg"], "canvas": 1}
-    assert page.tags["svg"] == 14
+    assert page.tags["svg"] == 15 + drawn_by_script
 
 
 def test_wide_tables_can_be_scrolled_with_the_keyboard(text: str) -> None:
     page = Page(text)
-    assert page.values("tabindex") == ["0"] * (page.tags["table"] + page.tags["canvas"])
+    the_map = 1
+    assert page.values("tabindex") == ["0"] * (page.tags["table"] + page.tags["canvas"] + the_map)
 
 
 def test_plots_are_files_of_the_bundle_too(bundle: Path) -> None:
@@ -166,7 +169,7 @@ def test_what_a_design_says_stays_text(tmp_path: Path) -> None:
     attack = "<script>alert(1)</script> & \"quotes\" 'single' $style"
     design = PAD.with_(description=attack)
     page = written(tmp_path, design, out_of_scope_score(design))
-    assert "<script" not in page
+    assert "<script>alert" not in page
     assert "&lt;script&gt;alert(1)&lt;/script&gt; &amp; &quot;quotes&quot;" in page
     assert attack in Page(page).text
 
@@ -186,7 +189,8 @@ def test_a_design_out_of_scope_gets_a_page_with_the_reason(tmp_path: Path) -> No
     page = Page(written(tmp_path, PAD, score))
     assert "OUT OF MODEL SCOPE" in page.text
     assert score.reason in page.text
-    assert page.tags["svg"] == page.tags["img"] == 0
+    assert page.tags["svg"] == 1  # the layout
+    assert page.tags["img"] == 0
     assert {"signals", "map", "tolerance", "force"} & set(page.values("id")) == set()
     assert {"sensor", "mold", "warnings", "limits", "files", "origin"} <= set(page.values("id"))
 
@@ -196,7 +200,7 @@ def test_plots_of_an_earlier_verdict_do_not_stay(tmp_path: Path) -> None:
     (tmp_path / "sims" / "plot-map-deadband.svg").write_text("of an earlier verdict")
     (tmp_path / "sims" / "signals.nc").write_bytes(b"kept")
     written(tmp_path, PAIR, out_of_scope_score(PAIR))
-    assert [path.name for path in (tmp_path / "sims").iterdir()] == ["signals.nc"]
+    assert sorted(path.name for path in (tmp_path / "sims").iterdir()) == ["plot-layout.svg", "signals.nc"]
 
 
 def test_facing_rows_show_every_facing_pair(tmp_path: Path) -> None:

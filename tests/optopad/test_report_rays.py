@@ -6,12 +6,8 @@ import base64
 import hashlib
 import json
 import re
-import shutil
-import subprocess
 from dataclasses import replace
-from html import unescape
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -28,7 +24,8 @@ from optopad.report.ray_scene import (
     ray_scene,
     scene_json,
 )
-from optopad.report.rays import rays_section, script_policy
+from optopad.report.rays import rays_section
+from optopad.report.scripts import script_policy
 from sims.light_kinds import DIRECT, LOST, MIRRORED
 from tests.optopad.page_reader import Page
 from tests.sims.made_up_scores import CHECKS, contiguous_score, dead_score, out_of_scope_score
@@ -36,7 +33,6 @@ from tests.sims.made_up_scores import CHECKS, contiguous_score, dead_score, out_
 PAIR = preset("piacenza2017-pair")
 PAD = preset("piacenza2017-pad")
 LARGEST_SECTION = 300_000
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
 
 @pytest.fixture(scope="module")
@@ -137,9 +133,10 @@ def test_the_section_stays_small(scene):
 def test_only_the_views_own_script_may_run(text):
     (policy,) = re.findall(r'Content-Security-Policy" content="([^"]*)"', text)
     scripts = re.findall(r"<script(?: [^>]*)?>(.*?)</script>", text, flags=re.DOTALL)
-    kinds = re.findall(r"<script([^>]*)>", text)
-    assert [kind.strip() for kind in kinds] == ['type="application/json" id="rays-data"', ""]
-    digest = base64.b64encode(hashlib.sha256(scripts[1].encode()).digest()).decode()
+    kinds = [kind.strip() for kind in re.findall(r"<script([^>]*)>", text)]
+    data = [f'type="application/json" id="{name}-data"' for name in ("rays", "pairs", "maps")]
+    assert kinds == [*data, ""]
+    digest = base64.b64encode(hashlib.sha256(scripts[-1].encode()).digest()).decode()
     assert policy == f"default-src 'none'; style-src 'unsafe-inline'; img-src data:{script_policy()}"
     assert script_policy() == f"; script-src 'sha256-{digest}'"
 
@@ -147,7 +144,7 @@ def test_only_the_views_own_script_may_run(text):
 def test_data_cannot_end_its_own_element(scene):
     states = (scene.labels[0], "</script><script>alert(1)</script>", *scene.labels[2:])
     section = rays_section(replace(scene, labels=states))
-    assert section.count("<script") == 2
+    assert section.count("<script") == 1
     found = re.search(r'id="rays-data">(.*?)</script>', section, flags=re.DOTALL)
     assert found is not None
     assert json.loads(found[1])["states"][1]["label"] == states[1]
@@ -160,8 +157,7 @@ def test_a_design_that_the_ray_tracer_refuses_still_has_a_page(tmp_path, monkeyp
     monkeypatch.setattr("optopad.report.page.ray_scene", refuse)
     page = write_report(PAIR, tmp_path, dead_score(PAIR), CHECKS, seed=7).read_text(encoding="utf-8")
     assert "No picture: the ray tracer refuses this design. made-up &lt;limit&gt;" in page
-    assert "<script" not in page
-    assert "script-src" not in page
+    assert 'id="rays-data"' not in page
 
 
 def test_without_scripts_there_are_stills_and_the_numbers(text, scene):
@@ -176,127 +172,3 @@ def shares_of(scene: RayScene, number: int) -> list[str]:
     share = scene.share(number, DIRECT)
     assert share is not None
     return [f"{100 * share:.1f} %" if share >= 0.0005 or share == 0.0 else "under 0.05 %"]
-
-
-FRAMES = "window.requestAnimationFrame = (draw) => setTimeout(draw, 16);"
-"""A browser without a screen draws no frames of its own while its clock is stepped."""
-PROBE = """
-const box = document.getElementById("rays-view"), canvas = box.querySelector("canvas"), found = {};
-const wait = () => new Promise((done) => setTimeout(done, 80));
-const total = () => box.querySelector("[data-total]").textContent;
-const note = (name) => { found[name] = {...box.dataset, total: total()}; };
-const key = (name) => canvas.dispatchEvent(new KeyboardEvent("keydown", {key: name, bubbles: true}));
-const point = (type, pointerId, clientX, clientY) => canvas.dispatchEvent(
-  new PointerEvent(type, {pointerId, clientX, clientY, bubbles: true, pointerType: pointerId > 1 ? "touch" : "mouse"})
-);
-const choose = (query) => box.querySelector(query).click();
-(async () => {
-  await wait(); note("start");
-  const pixels = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
-  found.painted = pixels.filter((value, k) => k % 4 === 3 && value > 0).length / (pixels.length / 4);
-  found.visible = [box.hidden, getComputedStyle(document.getElementById("rays-still")).display];
-  key("ArrowRight"); key("ArrowUp"); await wait(); note("keys");
-  key("+"); await wait(); note("larger");
-  key("0"); await wait(); note("reset");
-  for (let k = 0; k < 40; k += 1) key("ArrowUp"); await wait(); note("top");
-  choose("[data-do=side]"); await wait(); note("side");
-  choose("[data-do=reset]"); await wait();
-  point("pointerdown", 1, 300, 300); point("pointermove", 1, 350, 310);
-  point("pointerup", 1, 350, 310); point("pointermove", 1, 400, 310);
-  await wait(); note("dragged");
-  choose("[data-do=reset]"); await wait();
-  point("pointerdown", 2, 300, 300); point("pointerdown", 3, 400, 300); point("pointermove", 3, 500, 300);
-  point("pointerup", 2, 300, 300); point("pointerup", 3, 500, 300); await wait(); note("pinched");
-  choose("input[name=rays-press][value='3']"); await wait(); note("pressed");
-  choose("input[name=rays-kind][value=direct]"); await wait(); note("without direct");
-  choose("input[name=rays-kind][value=direct]");
-  const select = box.querySelector("select");
-  select.value = "1";
-  select.dispatchEvent(new Event("change", {bubbles: true}));
-  await wait(); note("one pair");
-  window.dispatchEvent(new Event("beforeprint"));
-  window.dispatchEvent(new Event("afterprint"));
-  await wait(); note("printed");
-  const told = document.createElement("pre");
-  told.id = "probe";
-  told.textContent = JSON.stringify(found);
-  document.body.append(told);
-})();
-"""
-
-
-@pytest.fixture(scope="module")
-def seen(text: str, folder: Path) -> dict[str, Any]:
-    """What a browser shows after each of a row of actions; the page's policy holds, with the probe let in by name."""
-    browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
-    if browser is None:
-        pytest.skip(f"no browser: none of {', '.join(BROWSERS)} is installed")
-    ours = " ".join(
-        f"'sha256-{base64.b64encode(hashlib.sha256(x.encode()).digest()).decode()}'" for x in (FRAMES, PROBE)
-    )
-    probed = text.replace(script_policy(), f"{script_policy()} {ours}")
-    probed = probed.replace("</head>", f"<script>{FRAMES}</script></head>")
-    page = folder / "probed.html"
-    page.write_text(probed.replace("</body>", f"<script>{PROBE}</script></body>"), encoding="utf-8")
-    command = [
-        browser,
-        "--headless=new",
-        "--no-sandbox",
-        "--disable-gpu",
-        f"--user-data-dir={folder / 'profile'}",
-    ]
-    command += ["--window-size=1000,900", "--virtual-time-budget=10000", "--dump-dom", page.as_uri()]
-    shown = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False).stdout
-    told = re.search(r'<pre id="probe">(.*?)</pre>', shown, flags=re.DOTALL)
-    assert told is not None, shown[-500:]
-    document: dict[str, Any] = json.loads(unescape(told[1]))
-    return document
-
-
-def angles(row: dict[str, str]) -> tuple[float, float]:
-    return float(row["yaw"]), float(row["pitch"])
-
-
-def test_the_view_replaces_the_stills_and_draws(seen):
-    assert seen["start"]["ready"] == "yes"
-    assert seen["visible"] == [False, "none"]
-    assert seen["painted"] > 0.2
-    drawn = json.loads(seen["start"]["drawn"])
-    assert min(drawn["direct"], drawn["top"]) >= 12  # at least four lines for each of three pairs
-    assert drawn["lost"] == 0
-    assert seen["start"]["total"] == "100.0 % of their untouched light arrives"
-
-
-def test_keys_turn_and_size_the_view(seen):
-    yaw, pitch = angles(seen["start"])
-    assert angles(seen["keys"]) == (yaw + 6, pitch + 6)
-    assert float(seen["larger"]["zoom"]) == 1.15
-    assert (*angles(seen["reset"]), seen["reset"]["zoom"]) == (yaw, pitch, "1.00")
-    assert angles(seen["top"]) == (yaw, 90.0)  # and no further
-    assert angles(seen["side"]) == (0.0, 0.0)
-
-
-def test_a_mouse_turns_the_view_only_while_pressed(seen):
-    yaw, pitch = angles(seen["start"])
-    assert angles(seen["dragged"]) == pytest.approx((yaw + 0.4 * 50, pitch + 0.4 * 10))
-
-
-def test_two_fingers_size_the_view(seen):
-    assert float(seen["pinched"]["zoom"]) == pytest.approx(2.0)
-
-
-def test_a_press_a_kind_and_a_pair_can_be_chosen(seen, scene):
-    data = scene_json(scene)
-    direct = [kind["key"] for kind in data["kinds"]].index("direct")
-    assert seen["pressed"]["state"] == "3"
-    share = data["states"][3]["shares"][0][-1]
-    assert seen["pressed"]["total"] == f"{100 * share:.1f} % of their untouched light arrives"
-    assert json.loads(seen["pressed"]["drawn"])["lost"] > 0
-    assert json.loads(seen["without direct"]["drawn"]) == json.loads(seen["pressed"]["drawn"]) | {"direct": 0}
-    lines = [ray for ray in data["states"][3]["rays"] if ray[:2] == [direct, 0]]
-    assert json.loads(seen["one pair"]["drawn"])["direct"] == len(lines)
-    assert seen["one pair"]["total"].endswith("of its untouched light arrives")
-
-
-def test_printing_leaves_the_view_as_it_was(seen):
-    assert seen["printed"] == seen["one pair"]

@@ -1,0 +1,110 @@
+"""The section on the pad, place by place and depth by depth."""
+
+from __future__ import annotations
+
+from optopad.report.drawings import Drawing, figure_of
+from optopad.report.map_scene import MapScene
+from optopad.report.markup import Html, element, section
+from optopad.report.numbers import counted, spans
+from optopad.report.scripts import data_element
+from sims.verdict.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
+from sims.verdict.result import ContinuityScore
+
+Drawings = dict[str, Drawing]
+
+
+def map_section(score: ContinuityScore, drawings: Drawings, scene: MapScene | None) -> Html:
+    """The pad: maps by depth to slide through, and the verdict's own maps over all depths."""
+    pad_map = score.pad_map
+    if pad_map is None:
+        return Html("")
+    lead = f"{counted(len(pad_map.places), 'place')} pressed; {pad_map.dead_share:.0%} have a deadband."
+    if score.is_facing_rows:
+        lead += " It pools every pair with a direct path, and is not what facing rows are judged by."
+    parts = [] if scene is None else [_view(scene), data_element("maps-data", scene.data())]
+    return section(
+        "map",
+        "Map of the pad",
+        element("p", lead),
+        *parts,
+        element("div", *_still(score, drawings), class_="grid", id="maps-still"),
+        element(
+            "p",
+            "Dots on the walls: emitters; squares: receivers. Dashed: the workspace. A cell is the press at its "
+            "centre; what lies between places was not computed.",
+            class_="note",
+        ),
+    )
+
+
+def _still(score: ContinuityScore, drawings: Drawings) -> list[Html]:
+    assert score.pad_map is not None
+    weakest, figures = score.pad_map.weakest, []
+    if "map-deadband" in drawings:
+        figures.append(
+            figure_of(
+                drawings["map-deadband"],
+                "Summed deadband of all judged pairs together. Framed: the worst place, "
+                f"{spans(score.pad_map.worst.deadbands_mm)} mm.",
+            )
+        )
+    figures.append(
+        figure_of(
+            drawings["map-margin"],
+            f"Change of the most responsive pair over the least responsive {DEADBAND_MIN_LENGTH_MM:g} mm of depth; "
+            f"below {DEADBAND_THRESHOLD:g} noise units is a deadband. Framed: the weakest place, "
+            f"{weakest.margin:.1f} noise units (the light trace's own error there is {weakest.trace_error:.1f}); "
+            f"{counted(weakest.answering_pairs, 'pair')} answer there.",
+        )
+    )
+    return figures
+
+
+def _view(scene: MapScene) -> Html:
+    """The view that the page's script fills."""
+    last = len(scene.profile.depth_mm) - 1
+    slider = element("input", type="range", min="0", max=str(last), step="1", value="0", id="maps-depth")
+    which = (
+        element(
+            "label",
+            element(
+                "input",
+                type="radio",
+                name="maps-which",
+                value=str(number),
+                checked="" if number == 0 else None,
+            ),
+            f" {one.title}",
+        )
+        for number, one in enumerate(scene.maps)
+    )
+    name = "Map of the pad. Arrow keys move from place to place."
+    return element(
+        "div",
+        element("fieldset", element("legend", "Shown"), *which, class_="choices"),
+        element(
+            "div",
+            element("label", "Depth ", slider),
+            element("output", "", for_="maps-depth"),
+            element("button", "play", type="button", data_play="", aria_pressed="false"),
+            class_="controls",
+        ),
+        element("p", "", data_about="", class_="note"),
+        element(
+            "div",
+            element(
+                "div",
+                Html(f'<svg data-map="" role="img" tabindex="0" class="live" aria-label="{name}"></svg>'),
+                element("p", "", data_scale="", class_="legend scale"),
+            ),
+            element(
+                "div",
+                element("p", "", data_reading="", class_="reading", aria_live="polite"),
+                Html('<svg data-profile="" role="img" class="live"></svg>'),
+                element("p", "", data_summary="", class_="note"),
+            ),
+            class_="beside even",
+        ),
+        id="maps-view",
+        hidden="",
+    )

@@ -1,0 +1,212 @@
+// Maps over the pad, depth by depth: one quantity at a time, a slider of depth, and one place's values against depth.
+(() => {
+"use strict";
+const box = document.getElementById("maps-view"), source = document.getElementById("maps-data");
+if (!box || !source) return;
+const data = JSON.parse(source.textContent);
+const slider = box.querySelector("input[type=range]"), map = box.querySelector("[data-map]"), scale = box.querySelector("[data-scale]");
+const profile = box.querySelector("[data-profile]"), reading = box.querySelector("[data-reading]"), shown = box.querySelector("output");
+const about = box.querySelector("[data-about]"), summary = box.querySelector("[data-summary]");
+const NS = map.namespaceURI;
+const COLUMNS = data.x.length, ROWS = data.y.length;
+let which = 0, depth = 0, place = data.first;
+
+function drawn(parent, tag, attributes, text) {
+  const made = document.createElementNS(NS, tag);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  if (text !== undefined) made.textContent = text;
+  parent.append(made);
+  return made;
+}
+const round = (value) => Math.round(100 * value) / 100;
+const isDead = (d, p) => Boolean(data.dead[d] && data.dead[d][p]);
+const valueAt = (d, p) => data.maps[which].values[d][p];
+
+function parsed(colour) { return [1, 3, 5].map((k) => parseInt(colour.slice(k, k + 2), 16)); }
+function shareOf(value) {
+  const {low, high, log} = data.maps[which], flat = log ? Math.log : Number;
+  const share = (flat(value) - flat(low)) / ((flat(high) - flat(low)) || 1);
+  return Math.min(1, Math.max(0, share));
+}
+function colourOf(share) {
+  const stops = data.maps[which].colours.map(parsed), at = share * (stops.length - 1), k = Math.min(stops.length - 2, Math.floor(at));
+  return stops[k].map((value, n) => Math.round(value + (at - k) * (stops[k + 1][n] - value)));
+}
+const isDeep = ([r, g, b]) => 0.299 * r + 0.587 * g + 0.114 * b < 135;
+
+function words(value) {
+  const {unit, digits} = data.maps[which];
+  if (value === null) return data.maps[which].absent;
+  if (data.maps[which].names) return data.maps[which].names[value];
+  return `${numberOf(value, digits)} ${unit}`;
+}
+function numberOf(value, digits) {
+  if (value !== 0 && Math.abs(value) < 10 ** -digits) return value.toPrecision(1);
+  return value >= 100 ? value.toFixed(0) : value.toFixed(digits);
+}
+
+const edges = (lines, limit) => {
+  const step = lines.length > 1 ? lines[1] - lines[0] : data.pitch;
+  return [...lines.map((value) => value - step / 2), lines[lines.length - 1] + step / 2].map((value) => Math.min(limit, Math.max(0, value)));
+};
+const EX = edges(data.x, data.plan.length), EY = edges(data.y, data.plan.width);
+const up = (y) => data.plan.width - y;
+
+function drawMap() {
+  const {length, width, parts, space} = data.plan, size = Math.max(length, width), room = 0.09 * size;
+  map.replaceChildren();
+  map.setAttribute("viewBox", `${-room} ${-room} ${length + 2 * room} ${width + 2 * room}`);
+  drawn(map, "title", {}, `${data.maps[which].title} over the pad at a depth of ${data.depth[depth]} mm`);
+  const pattern = drawn(drawn(map, "defs", {}), "pattern", {id: "maps-hatch", width: 0.03 * size, height: 0.03 * size, patternUnits: "userSpaceOnUse", patternTransform: "rotate(45)"});
+  drawn(pattern, "line", {class: "hatch", x1: 0, x2: 0, y1: 0, y2: 0.03 * size, "stroke-width": 0.012 * size});
+  drawn(map, "rect", {class: "pad", x: 0, y: 0, width: length, height: width});
+  const tall = Math.min(...EY.slice(1).map((value, k) => value - EY[k])), wide = Math.min(...EX.slice(1).map((value, k) => value - EX[k]));
+  const font = Math.min(0.34 * tall, 0.3 * wide);
+  for (let row = 0; row < ROWS; row += 1) {
+    for (let column = 0; column < COLUMNS; column += 1) {
+      const p = row * COLUMNS + column, value = valueAt(depth, p);
+      const area = {x: round(EX[column]), y: round(up(EY[row + 1])), width: round(EX[column + 1] - EX[column]), height: round(EY[row + 1] - EY[row])};
+      const colour = value === null ? null : colourOf(shareOf(value));
+      drawn(map, "rect", {class: value === null ? "cell absent" : "cell", "data-place": p, ...area, ...(colour ? {fill: `rgb(${colour})`} : {})});
+      if (value === null || isDead(depth, p)) drawn(map, "rect", {class: "dead-cell", fill: "url(#maps-hatch)", ...area});
+      if (value !== null && !data.maps[which].names && ROWS * COLUMNS <= 130) {
+        const text = numberOf(value, Math.min(data.maps[which].digits, value >= 10 ? 0 : value >= 1 ? 1 : 2));
+        drawn(map, "text", {class: isDeep(colour) ? "on-deep" : "on-pale", x: data.x[column], y: up(data.y[row]), "font-size": round(font), "text-anchor": "middle", "dominant-baseline": "central"}, text);
+      }
+    }
+  }
+  drawn(map, "rect", {class: "space", x: space[0], y: up(space[3]), width: space[1] - space[0], height: space[3] - space[2]});
+  for (const [, kind, x, y] of parts) {
+    const half = 0.014 * size;
+    if (kind === "emitter") drawn(map, "circle", {class: "part emitter", cx: x, cy: up(y), r: half});
+    else drawn(map, "rect", {class: "part receiver", x: x - half, y: up(y) - half, width: 2 * half, height: 2 * half});
+  }
+  const column = place % COLUMNS, row = (place - column) / COLUMNS;
+  drawn(map, "rect", {class: "chosen", x: round(EX[column]), y: round(up(EY[row + 1])), width: round(EX[column + 1] - EX[column]), height: round(EY[row + 1] - EY[row])});
+}
+
+function drawScale() {
+  const {low, high, unit, names, colours, limit} = data.maps[which];
+  scale.replaceChildren();
+  if (names) {
+    names.forEach((name, k) => {
+      const item = document.createElement("span"), swatch = document.createElement("i");
+      swatch.style.background = colours[Math.round(k * (colours.length - 1) / (names.length - 1))];
+      item.append(swatch, name);
+      scale.append(item);
+    });
+    return;
+  }
+  const bar = document.createElement("i"), digits = data.maps[which].digits;
+  bar.className = "ramp";
+  bar.style.background = `linear-gradient(90deg, ${Array.from({length: 12}, (_, k) => `rgb(${colourOf(k / 11)})`).join(",")})`;
+  scale.append(`${numberOf(low, digits)} ${unit}`, bar, `${numberOf(high, digits)} ${unit}${data.maps[which].more ? " or more" : ""}`);
+  if (limit) {
+    const note = document.createElement("span");
+    note.textContent = limit;
+    scale.append(note);
+  }
+}
+
+function drawProfile() {
+  profile.replaceChildren();
+  const width = Math.max(220, profile.clientWidth), height = 210, left = 46, right = width - 10, top = 12, bottom = height - 38;
+  profile.setAttribute("viewBox", `0 0 ${width} ${height}`);
+  profile.style.height = `${height}px`;
+  const {log, names, unit, title} = data.maps[which], deepest = data.depth[data.depth.length - 1];
+  let {low, high} = data.maps[which];
+  const found = data.depth.map((_, d) => valueAt(d, place)).filter((value) => value !== null);
+  high = Math.max(high, ...found);
+  low = Math.min(low, ...found);
+  const flat = log ? Math.log : Number;
+  const x = (mm) => left + (right - left) * mm / deepest;
+  const y = (value) => bottom - (bottom - top) * (flat(value) - flat(low)) / ((flat(high) - flat(low)) || 1);
+  drawn(profile, "title", {}, `${title} against depth at x ${data.x[place % COLUMNS]}, y ${data.y[Math.floor(place / COLUMNS)]} mm`);
+  for (const [from, to] of data.bands[place]) drawn(profile, "rect", {class: "band dead-band", x: round(x(from)), y: top, width: round(Math.max(1, x(to) - x(from))), height: bottom - top});
+  const levels = names ? names.map((_, k) => k) : log
+    ? Array.from({length: 13}, (_, k) => 10 ** (k - 6)).filter((value) => value >= low * 0.999 && value <= high * 1.001)
+    : [low, (low + high) / 2, high];
+  for (const value of levels) {
+    drawn(profile, "line", {class: "grid-line", x1: left, x2: right, y1: round(y(value)), y2: round(y(value))});
+    drawn(profile, "text", {class: "tick", x: left - 5, y: round(y(value)) + 4, "text-anchor": "end"}, names ? String(value) : numberOf(value, value >= 10 ? 0 : data.maps[which].digits));
+  }
+  for (let mm = 0; mm <= deepest + 1e-9; mm += deepest > 6 ? 2 : 1) drawn(profile, "text", {class: "tick", x: round(x(mm)), y: bottom + 16, "text-anchor": "middle"}, String(mm));
+  drawn(profile, "line", {class: "axis", x1: left, x2: right, y1: bottom, y2: bottom});
+  drawn(profile, "text", {class: "tick", x: (left + right) / 2, y: height - 5, "text-anchor": "middle"}, `depth [mm]${names ? "" : `; across: ${unit}`}`);
+  let run = [];
+  const flush = () => {
+    if (run.length > 1) drawn(profile, "polyline", {class: "curve total", points: run.join(" ")});
+    else if (run.length === 1) drawn(profile, "circle", {class: "dot total", cx: run[0].split(",")[0], cy: run[0].split(",")[1], r: 1.6});
+    run = [];
+  };
+  data.depth.forEach((mm, d) => {
+    const value = valueAt(d, place);
+    if (value === null) flush(); else run.push(`${round(x(mm))},${round(y(value))}`);
+  });
+  flush();
+  drawn(profile, "line", {class: "cursor", x1: round(x(data.depth[depth])), x2: round(x(data.depth[depth])), y1: top, y2: bottom});
+}
+
+function tell() {
+  const x = data.x[place % COLUMNS], y = data.y[Math.floor(place / COLUMNS)], {title, tells} = data.maps[which];
+  const mm = data.depth[depth].toFixed(2);
+  shown.textContent = `${mm} mm`;
+  slider.setAttribute("aria-valuetext", `${mm} mm`);
+  about.textContent = tells;
+  reading.textContent = `x ${Number(x.toFixed(2))}, y ${Number(y.toFixed(2))} mm at ${mm} mm depth: ${title.toLowerCase()} ${words(valueAt(depth, place))}${isDead(depth, place) ? "; in a deadband" : ""}.`;
+  const values = data.maps[which].values[depth], blind = values.filter((value, p) => value === null || isDead(depth, p)).length;
+  const rest = values.filter((value) => value !== null).sort((a, b) => a - b);
+  const middle = rest.length && !data.maps[which].names ? ` Median of the others ${words(rest[Math.floor(rest.length / 2)])}.` : "";
+  summary.textContent = `At this depth ${blind} of ${values.length} places are hatched.${middle}`;
+  Object.assign(box.dataset, {quantity: data.maps[which].key, depth: mm, place});
+}
+
+function show() {
+  drawMap();
+  drawScale();
+  drawProfile();
+  tell();
+}
+slider.addEventListener("input", () => { depth = Number(slider.value); show(); });
+box.addEventListener("change", (event) => {
+  if (event.target.name !== "maps-which") return;
+  which = Number(event.target.value);
+  show();
+});
+map.addEventListener("click", (event) => {
+  const cell = event.target.closest("[data-place]");
+  if (cell) { place = Number(cell.dataset.place); show(); }
+});
+const MOVES = {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1]};
+map.addEventListener("keydown", (event) => {
+  const move = MOVES[event.key];
+  if (!move || event.altKey || event.ctrlKey || event.metaKey) return;
+  event.preventDefault();
+  const column = Math.min(COLUMNS - 1, Math.max(0, place % COLUMNS + move[0]));
+  const row = Math.min(ROWS - 1, Math.max(0, Math.floor(place / COLUMNS) + move[1]));
+  place = row * COLUMNS + column;
+  show();
+});
+let playing = null;
+box.addEventListener("click", (event) => {
+  const button = event.target.closest("button[data-play]");
+  if (!button) return;
+  if (playing) { clearInterval(playing); playing = null; button.setAttribute("aria-pressed", "false"); return; }
+  button.setAttribute("aria-pressed", "true");
+  playing = setInterval(() => { depth = (depth + 1) % data.depth.length; slider.value = String(depth); show(); }, 180);
+});
+if (window.matchMedia("(prefers-reduced-motion: reduce)").matches) box.querySelector("button[data-play]").hidden = true;
+
+const marked = box.querySelector("input[name=maps-which]:checked");
+if (marked) which = Number(marked.value);
+depth = data.at;
+slider.value = String(depth);
+box.hidden = false;
+document.getElementById("maps-still").classList.add("replaced");
+show();
+if (window.ResizeObserver) {
+  let width = profile.clientWidth;
+  new ResizeObserver(() => { if (profile.clientWidth !== width) { width = profile.clientWidth; drawProfile(); } }).observe(box);
+}
+box.dataset.ready = "yes";
+})();

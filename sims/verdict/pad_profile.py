@@ -1,0 +1,94 @@
+"""What the pad tells at each depth of each place: the verdict's own rule, depth by depth.
+
+The verdict asks of a place whether some 0.3 mm of depth pass in which no judged pair changes by 3 noise units.
+Here the same change, of the most responsive pair over 0.3 mm, is given with those 0.3 mm centred on each depth, and
+moved inward at both ends of the press. Signals are straight between the depths computed, as in the verdict; the
+window is read every 0.05 mm, so its range may be missed by what a signal does between two readings.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.cavity import cavity_of
+from design.pairs import direct_path_pairs
+from design.spec import SensorDesign
+from sims.optics.light_signals import LightSignals
+from sims.readout import Readout
+from sims.verdict.builds import noise_of
+from sims.verdict.defaults import DEADBAND_MIN_LENGTH_MM
+from sims.verdict.depth_curve import clipped, interpolated
+from sims.verdict.noise_units import noise_units
+from sims.verdict.pad_map import PadMap
+
+FloatArray = NDArray[np.float64]
+
+READ_EVERY_MM = 0.05
+
+
+@dataclass(frozen=True, kw_only=True)
+class PadProfile:
+    """The pad against depth.
+
+    Attributes
+    ----------
+    depth_mm : (depth,) increasing [mm]
+    change : (depth, place) change of the most responsive judged pair over 0.3 mm around the depth [noise units];
+        None where the light of the places is not at hand
+    is_dead : (depth, place) whether the depth lies in a deadband of the place
+    """
+
+    depth_mm: FloatArray
+    change: FloatArray | None
+    is_dead: NDArray[np.bool_]
+
+
+def pad_profile(
+    design: SensorDesign,
+    pad_map: PadMap,
+    light: LightSignals | None,
+    readout: Readout | None,
+    depth_mm: FloatArray,
+) -> PadProfile:
+    """The pad against depth.
+
+    Parameters
+    ----------
+    light, readout : of the map's presses, places outermost; None leaves the change out
+    depth_mm : (depth,) depths to tell of [mm]; of the light's own where there is light
+    """
+    change = None
+    if light is not None and readout is not None:
+        places = len(pad_map.places)
+        depth_mm = np.asarray(light.presses).reshape(places, -1, 3)[0, :, 2]
+        mask = direct_path_pairs(cavity_of(design))
+        counts = (light.flux[:, mask] * readout.counts_per_flux).reshape(places, len(depth_mm), -1)
+        change = np.stack(
+            [_change(design, depth_mm, readings, readout.full_scale_counts) for readings in counts], axis=1
+        )
+    dead = np.array(
+        [
+            [any(start <= depth <= end for start, end in place.deadbands_mm) for place in pad_map.places]
+            for depth in depth_mm
+        ]
+    )
+    return PadProfile(depth_mm=depth_mm, change=change, is_dead=dead)
+
+
+def _change(
+    design: SensorDesign, depth_mm: FloatArray, counts: FloatArray, full_scale_counts: float
+) -> FloatArray:
+    """(depth,) of one place, from the unlimited counts (depth, pair)."""
+    knots_mm, readings = clipped(depth_mm, counts, full_scale_counts)
+    units = noise_units(readings, **noise_of(design))
+    length = min(DEADBAND_MIN_LENGTH_MM, float(depth_mm[-1]))
+    first = np.clip(depth_mm - length / 2, depth_mm[0], depth_mm[-1] - length)
+    steps = round(length / READ_EVERY_MM) + 1
+    windows = np.stack(
+        [interpolated(knots_mm, units, first + share * length) for share in np.linspace(0.0, 1.0, steps)]
+    )
+    found: FloatArray = np.ptp(windows, axis=0).max(axis=1)
+    return found

@@ -1,0 +1,189 @@
+"""What the page's views are drawn from: the mold's mesh, the pairs' curves, the maps by depth, the build sheet."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cad.mesh import read_stl
+from design.cavity import cavity_of
+from design.mold_outline import bed_lift_mm, outline_of
+from design.pairs import direct_path_pairs
+from design.preset import preset
+from fabrication.casting import casting_md
+from optopad.report.map_scene import map_scene
+from optopad.report.markdown import html_of
+from optopad.report.mold_scene import mold_scene
+from optopad.report.pair_scene import STEPS, pair_scene
+from optopad.report.scripts import data_element, script_text
+from sims.optics.light_signals import LightSignals
+from sims.verdict.noise_units import noise_units
+from sims.verdict.pad_map import Place
+from sims.verdict.pad_profile import pad_profile
+from tests.optopad.page_reader import Page
+from tests.optopad.shell_mold import shell_stl
+from tests.sims.made_up_scores import contiguous_score, dead_score
+
+PAIR = preset("piacenza2017-pair")
+PAD = preset("piacenza2017-pad")
+
+
+def test_the_mold_of_the_view_is_the_printed_one_to_two_micrometres(tmp_path: Path) -> None:
+    stl = shell_stl(PAIR)
+    (tmp_path / "cad").mkdir()
+    (tmp_path / "cad" / "mold.stl").write_bytes(stl)
+    scene = mold_scene(PAIR, tmp_path)
+    assert scene is not None
+    points = np.frombuffer(base64.b64decode(scene["points"]), "<u2").reshape(-1, 3)
+    places = np.array(scene["low"]) + scene["step"] * points
+    lifted = places + np.array([0.0, 0.0, bed_lift_mm(PAIR)])
+    # half a step is what rounding leaves
+    assert np.abs(lifted - read_stl(stl).vertices).max() <= 0.5 * scene["step"] + 1e-6
+    assert scene["step"] <= 0.002
+    triangles = np.frombuffer(base64.b64decode(scene["triangles"]), "<u4")
+    assert triangles.size == 3 * 24
+    assert triangles.max() < len(points)
+
+
+def test_bodies_stand_behind_their_walls_and_reach_to_their_inner_faces(tmp_path: Path) -> None:
+    (tmp_path / "cad").mkdir()
+    (tmp_path / "cad" / "mold.stl").write_bytes(shell_stl(PAIR))
+    scene = mold_scene(PAIR, tmp_path)
+    assert scene is not None
+    cavity, outline = cavity_of(PAIR), outline_of(PAIR)
+    for kind, low, high in scene["bodies"]:
+        inner = 0.0 if kind == "emitter" else cavity.length_mm  # west and east walls
+        assert inner in (low[0], high[0])
+        assert not 0.0 < (low[0] + high[0]) / 2 < cavity.length_mm
+        assert -outline.wall_x_mm < low[0]
+        assert high[0] < cavity.length_mm + outline.wall_x_mm
+    assert mold_scene(PAIR, tmp_path / "elsewhere") is None
+
+
+def test_curves_of_the_picker_add_up_and_keep_four_digits() -> None:
+    score = dead_score(PAIR)
+    data = pair_scene(PAIR, score)
+    assert data["pairs"][data["first"]]["name"] == score.governing
+    for row, pair in zip(data["pairs"], score.pairs, strict=True):
+        light = pair.curves.total / pair.curves.total[0]
+        assert np.abs(np.array(row["total"]) / STEPS - light).max() <= 0.5 / STEPS
+        assert row["dead"] == [list(span) for span in pair.score.deadbands_mm]
+
+
+def test_dead_zones_by_depth_are_the_deadbands_of_the_map() -> None:
+    score = dead_score(PAD)
+    scene = map_scene(PAD, score)
+    assert scene is not None
+    depth = scene.profile.depth_mm
+    for number, place in enumerate(score.pad_map.places):
+        dead_mm = depth[scene.profile.is_dead[:, number]]
+        if place.deadbands_mm:
+            ((start, end),) = place.deadbands_mm
+            # the schedule's step is 0.1 mm
+            assert dead_mm.min() == pytest.approx(start, abs=0.1)
+            assert dead_mm.max() == pytest.approx(end, abs=0.1)
+        else:
+            assert dead_mm.size == 0
+
+
+def test_the_change_by_depth_is_that_of_the_most_responsive_pair_over_three_tenths() -> None:
+    """A single pair whose counts fall in a straight line from 1.0 to 2.0 mm, in every place."""
+    score = contiguous_score(PAIR)
+    places, readout = len(score.pad_map.places), score.readout
+    depth = np.linspace(0.0, 5.0, 51)
+    share = np.clip((depth - 1.0), 0.0, 1.0)
+    mask = direct_path_pairs(cavity_of(PAIR))
+    flux = np.zeros((places, 51, *mask.shape))
+    flux[..., 1, 1] = (300.0 - 200.0 * share) / readout.counts_per_flux
+    presses = np.zeros((places, 51, 3))
+    presses[..., 2] = depth
+    light = LightSignals(
+        flux=flux.reshape(-1, *mask.shape),
+        by_class={},
+        standard_error=np.zeros((places * 51, *mask.shape)),
+        presses=presses.reshape(-1, 3),
+        digest="",
+        seed=0,
+    )
+    profile = pad_profile(PAIR, score.pad_map, light, readout, depth)
+    assert profile.change is not None
+    assert profile.change.shape == (51, places)
+    noise = {
+        "read_noise_counts": PAIR.noise.read_noise_counts,
+        "relative_noise": PAIR.noise.relative_noise,
+    }
+    units = noise_units(300.0 - 200.0 * share, **noise)
+    inside = float(np.interp(1.35, depth, units) - np.interp(1.65, depth, units))
+    assert profile.change[15] == pytest.approx(inside, rel=1e-9)  # 1.5 mm: from 1.35 to 1.65 mm
+    assert profile.change[3] == pytest.approx(0.0, abs=1e-9)
+    assert profile.change[40] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_least_change_by_depth_is_the_margin_of_the_verdict() -> None:
+    """Where the whole curve is known, the map by depth and the verdict's margin agree."""
+    from sims.verdict.window_range import smallest_range
+
+    score = contiguous_score(PAIR)
+    depth = np.linspace(0.0, 5.0, 51)
+    place = Place(
+        x_mm=10.0,
+        y_mm=10.0,
+        deadbands_mm=(),
+        answering_pairs=1,
+        largest_change=1.0,
+        margin=1.0,
+        trace_error=0.0,
+    )
+    pad = replace(score.pad_map, x_mm=(10.0,), y_mm=(10.0,), places=(place,))
+    counts = 300.0 - 45.0 * depth - 6.0 * np.sin(3.0 * depth)
+    shape = direct_path_pairs(cavity_of(PAIR)).shape
+    flux = np.zeros((51, *shape))
+    flux[:, 0, 0] = counts / score.readout.counts_per_flux
+    presses = np.column_stack([np.full(51, 10.0), np.full(51, 10.0), depth])
+    light = LightSignals(
+        flux=flux, by_class={}, standard_error=np.zeros_like(flux), presses=presses, digest="", seed=0
+    )
+    profile = pad_profile(PAIR, pad, light, score.readout, depth)
+    noise = {
+        "read_noise_counts": PAIR.noise.read_noise_counts,
+        "relative_noise": PAIR.noise.relative_noise,
+    }
+    margin = smallest_range(depth, noise_units(counts, **noise), 0.3)
+    assert profile.change is not None
+    # windows that begin half-way between two depths are not among those centred on a depth: a step's change
+    assert profile.change.min() == pytest.approx(margin, rel=0.02)
+    assert profile.change.min() >= margin - 1e-9
+
+
+def test_a_build_sheet_becomes_headings_lists_tables_and_code() -> None:
+    page = Page(f"<main>{html_of(casting_md(PAIR))}</main>")
+    assert page.tags["h3"] == 8
+    assert page.tags["table"] == 5
+    assert page.tags["ol"] == 3
+    assert page.tags["pre"] == 1
+    assert "base to curing agent 20 : 1 by weight" in page.text
+    assert "mold: outside 33 x 33, cavity 20 x 20, from rim to cavity floor" in page.text
+    assert "|" not in page.text
+    assert "**" not in page.text
+
+
+def test_what_a_design_says_in_its_build_sheet_stays_text() -> None:
+    attack = "<img src=x onerror=alert(1)> `code` | * # [a](b) \\"
+    said = html_of(casting_md(PAIR.with_(description=attack)))
+    assert "<img" not in said
+    assert attack.strip() in Page(f"<main>{said}</main>").text
+
+
+def test_data_cannot_end_its_own_element() -> None:
+    made = data_element("x", {"label": "</script><script>alert(1)</script>"})
+    assert made.count("<script") == 1
+    assert made.count("</script>") == 1
+
+
+def test_the_script_names_no_address_and_closes_no_element() -> None:
+    assert "http" not in script_text()
+    assert "</" not in script_text()
