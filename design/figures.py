@@ -1,0 +1,75 @@
+"""The figures of a design that a search can improve or hold to a limit: name, unit, which way is better, meaning.
+
+They are those of the score. `dead_share`, `location_bound_mm` and `depth_bound_mm` are of the pad; the others of the
+governing facing pair, or of a pad's median judged pair.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Direction = Literal["minimize", "maximize"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figure:
+    """One figure.
+
+    Attributes
+    ----------
+    unit : "1" for a ratio or a count
+    better : which way a search moves it unless told otherwise
+    meaning : one line for tables and pages
+    """
+
+    unit: str
+    better: Direction
+    meaning: str
+
+
+FIGURES: dict[str, Figure] = {
+    "evenness": Figure(
+        unit="1",
+        better="maximize",
+        meaning="smallest over mean change of the signal in a 0.5 mm window of depth",
+    ),
+    "continuity": Figure(unit="1", better="maximize", meaning="share of the judged depth without deadband"),
+    "deadband_mm": Figure(
+        unit="mm",
+        better="minimize",
+        meaning="summed deadband of the facing pair, or of the pad's worst place",
+    ),
+    "strength": Figure(
+        unit="1", better="maximize", meaning="untouched light of the judged pair over the emitted power"
+    ),
+    "swing": Figure(unit="1", better="maximize", meaning="largest loss of light over the untouched light"),
+    "resolvable_steps": Figure(
+        unit="1", better="maximize", meaning="steps of three noise units that the signal goes through"
+    ),
+    "location_bound_mm": Figure(
+        unit="mm", better="minimize", meaning="Cramér-Rao bound of the location, median over the pad's voxels"
+    ),
+    "depth_bound_mm": Figure(
+        unit="mm", better="minimize", meaning="Cramér-Rao bound of the depth, median over the pad's voxels"
+    ),
+    "dead_share": Figure(
+        unit="1", better="minimize", meaning="share of voxels where location or depth cannot be resolved"
+    ),
+    "part_count": Figure(unit="1", better="minimize", meaning="emitters and receivers"),
+    "cost": Figure(
+        unit="currency",
+        better="minimize",
+        meaning="price of emitters and receivers, where the catalogue has one",
+    ),
+    "pad_height_mm": Figure(unit="mm", better="minimize", meaning="clear and black layer together"),
+}
+
+BOUND_FIGURES = frozenset({"location_bound_mm", "depth_bound_mm", "dead_share"})
+"""Figures that need the Fisher information of the whole pad: the costly ones."""
+
+FREE_FIGURES = frozenset({"part_count", "cost", "pad_height_mm"})
+"""Figures that need no light at all."""
+
+NO_OBJECTIVE_ALONE = frozenset({"continuity", "deadband_mm"})
+"""Thin pads win these, with half the signal and a third of the range: no objectives by themselves."""
