@@ -28,7 +28,7 @@ from optuna.trial import FrozenTrial, TrialState
 from design.errors import DesignError
 from design.front import pareto_front
 from design.judged import FanOut, Judged, Limit, Objective, Tried, limits_of, one_by_one
-from design.space import SearchSpace
+from design.space import ROUND_DIGITS, SearchSpace, Value
 from design.spec import SensorDesign
 from design.study import (
     FINISHED,
@@ -36,13 +36,11 @@ from design.study import (
     beat,
     distributions_of,
     grid_size,
-    open_study,
-    queue_base,
-    queue_grid,
+    opened_study,
+    queue_first,
     recover,
     release,
     sampler_of,
-    storage_errors,
     trials_in,
 )
 
@@ -110,8 +108,7 @@ def explore(
     ------
     InputError, DesignError : the storage, or a study of another space; what is judged stays recorded.
     """
-    study = open_study(space, url, heartbeat_s=heartbeat_s if is_shared else None)
-    with storage_errors(url):
+    with opened_study(space, url, heartbeat_s=heartbeat_s if is_shared else None) as study:
         run = _Run(
             space, objective, study, trials or space.search.trials, is_shared, fan_out, on_tried, heartbeat_s
         )
@@ -120,8 +117,7 @@ def explore(
 
 def findings_of(space: SearchSpace, url: str, *, wanted: int) -> Findings:
     """What an existing study holds, without going on with it."""
-    study = open_study(space, url)
-    with storage_errors(url):
+    with opened_study(space, url) as study:
         base = _judged_from(study.user_attrs.get(BASE) or {})
         return _findings(study, space, base, limits_of(space, base), wanted)
 
@@ -151,10 +147,7 @@ class _Run:
 
     def to_the_end(self) -> Findings:
         recover(self.study, is_shared=self.is_shared)
-        if self.space.search.sampler == "grid":
-            queue_grid(self.study, self.space)
-        else:
-            queue_base(self.study, self.space)
+        queue_first(self.study, self.space, is_shared=self.is_shared)
         self._tell_listener(None)
         is_interrupted = False
         try:
@@ -312,12 +305,16 @@ def _tried(trial: FrozenTrial, limits: tuple[Limit, ...]) -> Tried:
     is_met = all(miss <= 0.0 for miss in judged.violations(limits).values())
     return Tried(
         number=trial.number,
-        parameters=dict(trial.params),
+        parameters={name: _rounded(value) for name, value in trial.params.items()},
         digest=str(record["digest"]),
         judged=judged,
         is_feasible=trial.state == TrialState.COMPLETE and is_met,
         seconds=float(record["seconds"]),
     )
+
+
+def _rounded(value: Value) -> Value:
+    return round(value, ROUND_DIGITS) if isinstance(value, float) else value
 
 
 def _record(judged: Judged, digest: str, seconds: float) -> dict[str, Any]:

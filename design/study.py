@@ -11,6 +11,9 @@ import hashlib
 import importlib.util
 import itertools
 import math
+import os
+import socket
+import time
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -26,19 +29,23 @@ from optuna.trial import FrozenTrial, TrialState
 from design.errors import DesignError, InputError
 from design.space import SearchSpace, SpaceField, Value
 
-DIGEST, SPACE = "space_digest", "space"
+DIGEST, SPACE, MAKER, QUEUED = "space_digest", "space", "maker", "queued"
 CONNECT_TIMEOUT_S = 10
 LOCK_TIMEOUT_S = 120
+CREATE_ATTEMPTS = 8
 GRACE_BEATS = 3
 """Heartbeats that a worker may miss before its designs are given to others."""
 MAX_GRID = 100_000
 POPULATION = 32
 """Designs of a generation of NSGA-II: with a few hundred designs in all, half of Optuna's 50 generations count more."""
+QUEUE_PATIENCE_S = 30
+"""How long a worker waits for another one to queue what a study begins with [s]."""
 FINISHED = (TrialState.COMPLETE, TrialState.PRUNED)
 
 
-def open_study(space: SearchSpace, url: str, *, heartbeat_s: int | None = None) -> optuna.Study:
-    """Open or make the study of a space.
+@contextmanager
+def opened_study(space: SearchSpace, url: str, *, heartbeat_s: int | None = None) -> Iterator[optuna.Study]:
+    """The study of a space, made when missing; connections are closed at the end.
 
     Parameters
     ----------
@@ -52,21 +59,35 @@ def open_study(space: SearchSpace, url: str, *, heartbeat_s: int | None = None) 
     require_sampler(space)
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     with storage_errors(url):
-        study = optuna.create_study(
-            study_name=space.name,
-            storage=_storage(url, heartbeat_s),
-            directions=[objective.sense for objective in space.objectives],
-            load_if_exists=True,
+        storage = _storage_with_tables(url, heartbeat_s)
+        try:
+            study = _made_or_found(space, storage)
+            _require_same_space(study, space, url)
+            yield study
+        finally:
+            storage.remove_session()
+            storage.engine.dispose()
+
+
+def _require_same_space(study: optuna.Study, space: SearchSpace, url: str) -> None:
+    known = study.user_attrs.get(DIGEST)
+    if known is None and not study.get_trials(deepcopy=False):
+        study.set_user_attr(SPACE, space.model_dump(mode="json"))
+        study.set_user_attr(DIGEST, space.digest)
+    elif known != space.digest:
+        raise InputError(
+            f"{shown_url(url)}: the study {space.name!r} is of another search space (digest "
+            f"{str(known)[:8]}, this one is {space.digest[:8]}); name the space anew, or restore the old one"
         )
-        known = study.user_attrs.get(DIGEST)
-        if known is None and not study.get_trials(deepcopy=False):
-            study.set_user_attr(SPACE, space.model_dump(mode="json"))
-            study.set_user_attr(DIGEST, space.digest)
-        elif known != space.digest:
-            raise InputError(
-                f"{shown_url(url)}: the study {space.name!r} is of another search space (digest "
-                f"{str(known)[:8]}, this one is {space.digest[:8]}); name the space anew, or restore the old one"
-            )
+
+
+def _made_or_found(space: SearchSpace, storage: RDBStorage) -> optuna.Study:
+    try:
+        directions = [objective.sense for objective in space.objectives]
+        study = optuna.create_study(study_name=space.name, storage=storage, directions=directions)
+    except optuna.exceptions.DuplicatedStudyError:
+        return optuna.load_study(study_name=space.name, storage=storage)
+    study.set_user_attr(MAKER, _me())
     return study
 
 
@@ -90,6 +111,16 @@ def shown_url(url: str) -> str:
         return sqlalchemy.engine.make_url(url).render_as_string(hide_password=True)
     except sqlalchemy.exc.ArgumentError:
         return repr(url)
+
+
+def _storage_with_tables(url: str, heartbeat_s: int | None) -> RDBStorage:
+    """The storage; of workers that make its tables at once all but one fail, and find them on the next attempt."""
+    for _ in range(CREATE_ATTEMPTS - 1):
+        try:
+            return _storage(url, heartbeat_s)
+        except (sqlalchemy.exc.IntegrityError, sqlalchemy.exc.ProgrammingError):
+            time.sleep(0.5)
+    return _storage(url, heartbeat_s)
 
 
 def _storage(url: str, heartbeat_s: int | None) -> RDBStorage:
@@ -191,21 +222,35 @@ def sampler_of(space: SearchSpace, index: int, worker: str) -> BaseSampler:
             return optuna.samplers.RandomSampler(seed=seed)
 
 
-def queue_grid(study: optuna.Study, space: SearchSpace) -> None:
-    """Queue every point of the grid that is not in the study yet."""
+def queue_first(study: optuna.Study, space: SearchSpace, *, is_shared: bool) -> None:
+    """Queue what a search begins with, once a study: every point of a grid, else the base design where it lies inside.
+
+    Of workers that begin together one makes the study and does it; the others wait for it, unless it dies over it.
+    """
+    for _ in range(QUEUE_PATIENCE_S if is_shared else 0):
+        if study.user_attrs.get(QUEUED) is not None or study.user_attrs.get(MAKER) in (None, _me()):
+            break
+        time.sleep(1.0)
+    if study.user_attrs.get(QUEUED) is not None:
+        return
+    if space.search.sampler == "grid":
+        _queue_grid(study, space)
+    elif (point := space.base_parameters()) is not None and not study.get_trials(deepcopy=False):
+        study.enqueue_trial(point)
+    study.set_user_attr(QUEUED, True)
+
+
+def _me() -> str:
+    return f"{socket.gethostname()}:{os.getpid()}"
+
+
+def _queue_grid(study: optuna.Study, space: SearchSpace) -> None:
     paths = [field.path for field in space.fields]
     known = {_point(trial) for trial in study.get_trials(deepcopy=False) if trial.state != TrialState.FAIL}
     for values in itertools.product(*(space.values_of(field) or [] for field in space.fields)):
         point = dict(zip(paths, values, strict=True))
         if tuple(sorted(point.items())) not in known:
             study.enqueue_trial(point)
-
-
-def queue_base(study: optuna.Study, space: SearchSpace) -> None:
-    """Queue the base design as the first of the search, where it lies in the space."""
-    point = space.base_parameters()
-    if point is not None and not study.get_trials(deepcopy=False):
-        study.enqueue_trial(point)
 
 
 def recover(study: optuna.Study, *, is_shared: bool) -> None:

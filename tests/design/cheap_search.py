@@ -17,9 +17,10 @@ from design.spec import SensorDesign
 
 
 def cheap_space(sampler: str = "tpe", **changes: object) -> SearchSpace:
+    step = 1.0 if sampler == "grid" else 0.5
     fields = [
-        {"path": "cavity.clear_thickness_mm", "low": 6.0, "high": 12.0, "step": 0.5},
-        {"path": "emitters.height_mm", "low": 3.0, "high": 6.0, "step": 0.5},
+        {"path": "cavity.clear_thickness_mm", "low": 6.0, "high": 12.0, "step": step},
+        {"path": "emitters.height_mm", "low": 3.0, "high": 6.0, "step": step},
         {"path": "layout.0.count", "choices": [1, 3]},
     ]
     document = {

@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -238,17 +237,3 @@ def test_proposals_at_the_same_place_are_seeded_alike_and_workers_apart():
     draws = [sampler_of(space, *at)._rng.rng.random() for at in ((5, ""), (5, ""), (6, ""), (5, "other"))]
     assert draws[0] == draws[1]
     assert len(set(draws)) == 3
-
-
-@pytest.mark.slow
-def test_two_workers_share_a_study_and_one_may_die(tmp_path):
-    """The grid is the same set of designs whoever judges them: nothing twice, nothing left out."""
-    url = url_in(tmp_path)
-    command = [sys.executable, str(HERE / "cheap_search.py"), url, "60", "grid", "shared", "0.1"]
-    first = subprocess.Popen(command, env=os.environ | {"PYTHONPATH": str(ROOT)}, stdout=subprocess.DEVNULL)
-    time.sleep(1.0)
-    killed_after(command, 12)
-    assert first.wait(timeout=90) == 0
-    found = findings_of(cheap_space("grid"), url, wanted=60)
-    points = [tuple(sorted(one.parameters.items())) for one in found.tried]
-    assert len(points) == len(set(points)) == 60
