@@ -170,6 +170,7 @@ def _checks(folder: Path) -> dict[str, Any]:
 
 def _scored(design: SensorDesign, folder: Path, *, fine: bool, seed: int, on_step: OnStep) -> ContinuityScore:
     from design.cavity import cavity_of
+    from sims.bounds.maps_file import maps_dataset
     from sims.continuity import score as judge
     from sims.signal_file import save_dataset, signals_dataset
 
@@ -182,6 +183,7 @@ def _scored(design: SensorDesign, folder: Path, *, fine: bool, seed: int, on_ste
         save_dataset(
             signals_dataset(score.pad_signals, cavity_of(design), counts_per_flux=gain), sims / "signals.nc"
         )
+        save_dataset(maps_dataset(design, score), sims / "maps.nc")
     return score
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from optopad.bound_lines import bound_lines
+
 if TYPE_CHECKING:
     from sims.verdict.result import ContinuityScore, JudgedPair
 
@@ -16,6 +18,7 @@ def score_lines(score: ContinuityScore) -> list[str]:
     lines += [_deadband_line(score), _pairs_line(score), _strength_line(score)]
     if score.is_facing_rows:
         lines += [_pair_line(pair) for pair in score.pairs]
+    lines += bound_lines(score.bounds, is_facing=score.is_facing_rows) if score.bounds is not None else []
     lines += [_band_line(score)] if score.tolerance is not None else []
     return lines + [f"warning   {text}" for text in score.warnings]
 

@@ -21,22 +21,32 @@ from design.errors import ModelScopeError
 from design.pairs import direct_path_pairs, is_facing_rows, judged_pairs, mask_of
 from design.rules import check, require_valid
 from design.spec import SensorDesign
+from sims.bounds.map_bounds import map_bounds
 from sims.contact.force_curve import ForceCurve, force_curve
 from sims.contact.indentation import solved_press
 from sims.contact.press_notes import contact_notes
 from sims.depths import COARSE_STEP_MM, STEP_MM, depth_schedule_mm
+from sims.observability import PadBounds
 from sims.optics.light_signals import LightSignals
 from sims.readout import Readout, readout_of
+from sims.verdict.boundary_forces import boundary_forces, place_force
 from sims.verdict.builds import noise_of, pair_brief, place_brief, responsive_pairs, score_curves
+from sims.verdict.cautions import band_caution, margin_caution, noise_caution
 from sims.verdict.deadbands import joint_deadband_intervals_mm
-from sims.verdict.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT
+from sims.verdict.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
 from sims.verdict.depth_curve import clipped
 from sims.verdict.noise_units import noise_units, sigma_counts
 from sims.verdict.pad_map import COARSE_PLACES, FINE_PLACES, PadMap, Place, grid_places_mm, map_grid_mm
-from sims.verdict.presses import MAP_ACCURACY, PAIR_ACCURACY, pad_light, pair_curves, untouched_flux
+from sims.verdict.presses import (
+    MAP_ACCURACY,
+    PAIR_ACCURACY,
+    PairCurves,
+    pad_light,
+    pair_curves,
+    untouched_flux,
+)
 from sims.verdict.result import ContinuityScore, JudgedPair, Verdict
-from sims.verdict.tolerance import ToleranceBand, ToleranceRow, tolerance_band
-from sims.verdict.trace_noise import trace_noise_warning, widened_threshold
+from sims.verdict.tolerance import ToleranceBand, tolerance_band
 from sims.verdict.window_range import smallest_range
 
 FloatArray = NDArray[np.float64]
@@ -91,15 +101,23 @@ def _judged(
         seed=seed,
         on_step=lambda share: tell("pairs", share),
     )
-    judged = tuple(
-        JudgedPair(name=_name(cavity, c.pair), curves=c, score=score_curves(design, c, readout))
-        for c in curves
-    )
+    judged = tuple(_judged_pair(design, cavity, c, readout) for c in curves)
     facing = is_facing_rows(cavity)
     pad_map, pad_signals = None, None
     if not (facing and verdict_only):
         pad_map, pad_signals = _pad_map(design, cavity, readout, fine=fine, seed=seed, tell=tell)
     governing = _governing(judged, facing)
+    bounds = None
+    if not verdict_only and pad_map is not None and pad_signals is not None:
+        bounds = map_bounds(
+            design,
+            pad_map,
+            pad_signals,
+            readout,
+            fine=fine,
+            seed=seed,
+            on_step=lambda share: tell("bounds", share),
+        )
     band = None if verdict_only else _tolerance(design, governing, pad_map, pad_signals, readout, seed, tell)
     return _assembled(
         design,
@@ -111,9 +129,23 @@ def _judged(
         readout,
         flat,
         force,
+        bounds,
         band,
         fine=fine,
         seed=seed,
+    )
+
+
+def _judged_pair(
+    design: SensorDesign, cavity: CavityGeometry, curves: PairCurves, readout: Readout
+) -> JudgedPair:
+    scored = score_curves(design, curves, readout)
+    force, is_at_place = place_force(design, curves.press_mm)
+    return JudgedPair(
+        name=_name(cavity, curves.pair),
+        curves=curves,
+        score=scored,
+        forces=boundary_forces(scored.modes, force, is_at_place=is_at_place),
     )
 
 
@@ -237,6 +269,7 @@ def _assembled(
     readout: Readout,
     flat: FloatArray,
     force: ForceCurve,
+    bounds: PadBounds | None,
     band: ToleranceBand | None,
     *,
     fine: bool,
@@ -271,6 +304,7 @@ def _assembled(
         readout=readout,
         pad_map=pad_map,
         pad_signals=pad_signals,
+        bounds=bounds,
         force=force,
         tolerance=band,
         warnings=_warnings(design, judged, pad_map, band),
@@ -319,9 +353,9 @@ def _warnings(
 ) -> tuple[str, ...]:
     found = [str(finding) for finding in check(design)]  # errors were refused before
     found += contact_notes(design)
-    found += [text for text in (_band_warning(band), _noise_warning(judged)) if text]
+    found += [text for text in (band_caution(band), noise_caution(judged)) if text]
     if pad_map is not None and not is_facing_rows(cavity_of(design)):
-        found += _margin_warning(pad_map.weakest)
+        found += margin_caution(pad_map.weakest)
     clipped = [pair.name for pair in judged if pair.score.is_clipped]
     if clipped:
         found.append(
@@ -329,45 +363,6 @@ def _warnings(
             f"blind while they do: {', '.join(clipped[:8])}; lower gain.target_counts to unclip them"
         )
     return tuple(found)
-
-
-def _margin_warning(weakest: Place) -> list[str]:
-    """A pad that is safe by less than the trace's own error adds to the range of its most responsive pair."""
-    needed = widened_threshold(weakest.trace_error)
-    if weakest.deadbands_mm or weakest.margin >= needed:
-        return []
-    return [
-        f"the pad is near a deadband: at x {weakest.x_mm:g}, y {weakest.y_mm:g} mm its most responsive pair changes by "
-        f"{weakest.margin:.1f} noise units over the least responsive 0.3 mm, and the light trace's own error can make "
-        f"{needed:.1f} of nothing; run with --fine, and take the verdict as open"
-    ]
-
-
-def _band_warning(band: ToleranceBand | None) -> str | None:
-    """One line: what the verdict rests on that nobody has measured, the strongest effect first."""
-    if band is None or not (band.rows or band.unbanded):
-        return None
-    ranked = [f"{row.path} {row.values[0]:.3g}..{row.values[1]:.3g} ({_effect(row)})" for row in band.rows]
-    others = [f"{path} (no band)" for path in band.unbanded] + [
-        f"{text} (not tried)" for text in band.untried
-    ]
-    return (
-        f"rests on values not measured on the build, tried on {band.judged} (deadband {band.deadband_mm:.2f} mm, "
-        f"margin {band.margin:.0f} noise units): " + "; ".join(ranked + others)
-    )
-
-
-def _effect(row: ToleranceRow) -> str:
-    dead, margin = row.deadband_mm, row.margin
-    turns = ", turns the verdict" if row.flips else ""
-    return f"{row.confidence}: {dead[0]:.2f}..{dead[1]:.2f} mm, {margin[0]:.0f}..{margin[1]:.0f}{turns}"
-
-
-def _noise_warning(judged: tuple[JudgedPair, ...]) -> str | None:
-    margins = [pair.score.noise_margin for pair in judged if pair.score.noise_margin is not None]
-    if not margins or max(margins) <= TRACE_ERROR_LIMIT:
-        return None
-    return trace_noise_warning(max(margins))
 
 
 def _out_of_scope(design: SensorDesign, reason: str, *, fine: bool, seed: int) -> ContinuityScore:

@@ -8,9 +8,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from sims.bounds.json_form import bounds_json
 from sims.contact.force_curve import ForceCurve
+from sims.observability import PadBounds
 from sims.optics.light_signals import LightSignals
 from sims.readout import Readout
+from sims.verdict.boundary_forces import BoundaryForces
+from sims.verdict.mode_errors import mode_errors_mm
 from sims.verdict.pad_map import PadMap
 from sims.verdict.pair_score import PairScore
 from sims.verdict.presses import PairCurves
@@ -23,11 +27,12 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class JudgedPair:
-    """One judged pair: its name (as E1-R3), light against depth, and score."""
+    """One judged pair: its name (as E1-R3), light against depth, score, and loads at the boundaries of its modes."""
 
     name: str
     curves: PairCurves
     score: PairScore
+    forces: BoundaryForces | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,6 +54,8 @@ class ContinuityScore:
     pairs : judged pairs in order; unjudged : names and untouched counts of the others
     clipped : names of judged pairs above full scale
     pad_map, pad_signals : what the places of the workspace say, and the light behind it
+    bounds : what all readings together can tell of a press's place and depth, at the map's places; None for a verdict
+        only
     """
 
     verdict: Verdict
@@ -73,6 +80,7 @@ class ContinuityScore:
     readout: Readout | None = None
     pad_map: PadMap | None = None
     pad_signals: LightSignals | None = None
+    bounds: PadBounds | None = None
     force: ForceCurve | None = None
     tolerance: ToleranceBand | None = None
     warnings: tuple[str, ...] = ()
@@ -112,6 +120,7 @@ class ContinuityScore:
             "clipped": list(self.clipped),
             "counts_per_flux": None if self.readout is None else _rounded(self.readout.counts_per_flux),
             "map": None if self.pad_map is None else _map_json(self.pad_map),
+            "bounds": None if self.bounds is None else bounds_json(self.bounds),
             "force": None if self.force is None else _force_json(self.force),
             "tolerance": None if self.tolerance is None else self.tolerance.to_json(),
             "seed": self.seed,
@@ -126,11 +135,15 @@ def _rounded(value: float | None) -> float | None:
 
 def _pair_json(pair: JudgedPair) -> dict[str, Any]:
     score, modes = pair.score, pair.score.modes
+    errors1, errors2 = mode_errors_mm(pair.curves, modes)
     return {
         "pair": pair.name,
         "press_mm": [_rounded(value) for value in pair.curves.press_mm],
         "mode1_mm": [_rounded(value) for value in modes.mode1_mm],
         "mode2_mm": [_rounded(value) for value in modes.mode2_mm],
+        "mode1_error_mm": [_rounded(value) for value in errors1],
+        "mode2_error_mm": [_rounded(value) for value in errors2],
+        "mode_forces_n": None if pair.forces is None else pair.forces.to_json(),
         "mode_gap_mm": _rounded(modes.gap_mm),
         "mode_gap_at_least_mm": _rounded(modes.gap_at_least_mm),
         "end_mm": _rounded(score.end_mm),

@@ -1,0 +1,54 @@
+"""The numbers that bounds and their summaries depend on, in one place; every function takes them as keywords.
+
+Sources
+-------
+[R] Chosen for this tool: a fingertip-sized contact is useful when it is placed to a millimetre and its depth to half a
+    millimetre (coverage); a voxel is dead when it cannot be placed to half a millimetre or its depth to a tenth, the
+    limits of the feasibility study. Confidence: chosen; they are limits to rank layouts by, not findings.
+[M] Measured on the paper's pad: docs/model.md, "What the signals can tell".
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+COVERED_LOCATION_MM: Final = 1.0
+"""A covered voxel's location bound is below this [mm]; [R]."""
+
+COVERED_DEPTH_MM: Final = 0.5
+"""A covered voxel's depth bound is below this [mm]; [R]."""
+
+DEAD_LOCATION_MM: Final = 0.5
+"""A dead voxel's location bound is above this, or its depth bound above the next [mm]; [R]."""
+
+DEAD_DEPTH_MM: Final = 0.1
+"""See `DEAD_LOCATION_MM` [mm]; [R]."""
+
+LATERAL_STEP_MM: Final = 0.1
+"""Offset of the presses that give the derivatives by place [mm]; [M]."""
+
+DEPTH_STEP_MM: Final = 0.1
+"""Offset of the presses that give the derivative by depth [mm]; [M]."""
+
+LARGEST_DEPTH_STEP_SHARE: Final = 0.25
+"""The depth offset is at most this share of the depth [-]: near contact, signals grow like a power of depth."""
+
+SPIKE: Final = 5.0
+"""A pair whose reading has a larger trace error than this at some press of a voxel tells nothing there [noise units];
+[M]: two of 960 at draft, one of which hid all the others."""
+
+TOLD_FROM_ZERO: Final = 2.0
+"""Information within this many of the trace's standard errors of zero counts as none [-]."""
+
+BAND: Final = 2.0
+"""Low and high of a summary are its values with all bounds moved by this many standard errors of the trace [-]."""
+
+CLEAR_ERROR: Final = 0.1
+"""A bound whose trace error is a larger share of it is traced again with finer light [-]; [M]."""
+
+COARSE_DEPTHS_MM: Final = (0.2, 0.7, 1.5, 2.8)
+"""Depths of the bounds of a quick score; those beyond the range of use are left out, its end is added [mm]."""
+
+FINE_DEPTHS_MM: Final = (0.15, 0.4, 0.8, 1.5, 2.5, 3.6)
+"""Depths of the bounds of a fine score, likewise [mm]. Bounds change slowly with depth, so these are coarser than the
+deadband map's."""

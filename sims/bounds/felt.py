@@ -1,0 +1,135 @@
+"""The lightest press that the pad answers to, place by place, in millimetres and newtons.
+
+A press is felt when some pair's reading has left its untouched value by the deadband threshold, 3 noise units: one
+pair and one frame; many pairs or frames together feel less. The trace's error is carried: the press is felt at the
+earliest where the change plus two standard errors reaches the threshold, at the latest where the change less two
+does. Loads come from the contact model at the place, near walls included; the band is that of Young's modulus.
+Between depths traced, changes are straight lines, which is too soon below the first of them (signals grow faster than
+depth at first contact).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.properties import modulus
+from design.spec import SensorDesign
+from sims.bounds.defaults import BAND
+from sims.contact.force_curve import band_factors
+from sims.contact.indentation import solved_press
+from sims.readout import Readout
+from sims.verdict.defaults import DEADBAND_THRESHOLD
+from sims.verdict.noise_units import noise_units, sigma_counts
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeltForce:
+    """The lightest press that is felt; infinite where none within the range of use is.
+
+    Attributes
+    ----------
+    x_mm : (nx,), y_mm : (ny,) lines of the grid of places [mm]
+    depth_mm : (ny, nx) depth from which the pad answers [mm]
+    depth_low_mm, depth_high_mm : (ny, nx) the same at the earliest and latest, by the trace's error [mm]
+    force_n : (ny, nx) load at that depth at the modulus believed most [N]
+    force_error_low_n, force_error_high_n : (ny, nx) load at the earliest and latest depth [N]
+    low_n, high_n : (ny, nx) load at that depth at the ends of the modulus's band [N]
+    threshold : change that counts as felt [noise units]
+    """
+
+    x_mm: tuple[float, ...]
+    y_mm: tuple[float, ...]
+    depth_mm: FloatArray
+    depth_low_mm: FloatArray
+    depth_high_mm: FloatArray
+    force_n: FloatArray
+    force_error_low_n: FloatArray
+    force_error_high_n: FloatArray
+    low_n: FloatArray
+    high_n: FloatArray
+    threshold: float
+
+    @property
+    def worst(self) -> tuple[int, int]:
+        """(row, column) of the place that needs the heaviest press."""
+        row, column = np.unravel_index(int(np.argmax(self.depth_mm)), self.depth_mm.shape)
+        return int(row), int(column)
+
+
+def felt_force(
+    design: SensorDesign,
+    flux: FloatArray,
+    standard_error: FloatArray,
+    x_mm: tuple[float, ...],
+    y_mm: tuple[float, ...],
+    depth_mm: FloatArray,
+    readout: Readout,
+    threshold: float = DEADBAND_THRESHOLD,
+) -> FeltForce:
+    """The lightest press felt at each place of a map.
+
+    Parameters
+    ----------
+    flux, standard_error : (ny, nx, nd, pair) light over emitted power; the first depth untouched [-]
+    x_mm : (nx,), y_mm : (ny,), depth_mm : (nd,) lines of the map
+    readout : common gain
+    threshold : change that counts as felt [noise units]
+    """
+    noise = {
+        "read_noise_counts": design.noise.read_noise_counts,
+        "relative_noise": design.noise.relative_noise,
+    }
+    counts = readout.counts(flux)
+    units = noise_units(counts, **noise)
+    error = standard_error * readout.counts_per_flux / sigma_counts(counts, **noise)
+    change = np.abs(units - units[:, :, :1])
+    depths = [
+        _first_reached_mm(depth_mm, (change + shift * BAND * error).max(axis=-1), threshold)
+        for shift in (0.0, 1.0, -1.0)
+    ]
+    forces = [_forces_n(design, x_mm, y_mm, depth) for depth in depths]
+    low, high = band_factors(modulus(design))
+    return FeltForce(
+        x_mm=x_mm,
+        y_mm=y_mm,
+        depth_mm=depths[0],
+        depth_low_mm=depths[1],
+        depth_high_mm=depths[2],
+        force_n=forces[0],
+        force_error_low_n=forces[1],
+        force_error_high_n=forces[2],
+        low_n=low * forces[0],
+        high_n=high * forces[0],
+        threshold=threshold,
+    )
+
+
+def _first_reached_mm(depth_mm: FloatArray, change: FloatArray, threshold: float) -> FloatArray:
+    """(ny, nx) depth where straight lines between samples first reach a level; infinite where they do not."""
+    is_above = change >= threshold
+    first = np.argmax(is_above, axis=-1)
+    before = np.maximum(first - 1, 0)
+    after_value, before_value = (
+        np.take_along_axis(change, index[..., None], axis=-1)[..., 0] for index in (first, before)
+    )
+    rise = after_value - before_value
+    share = np.divide(threshold - before_value, rise, out=np.zeros_like(rise), where=rise > 0.0)
+    found = depth_mm[before] + np.clip(share, 0.0, 1.0) * (depth_mm[first] - depth_mm[before])
+    return np.where(is_above.any(axis=-1), found, np.inf)
+
+
+def _forces_n(
+    design: SensorDesign, x_mm: tuple[float, ...], y_mm: tuple[float, ...], depth_mm: FloatArray
+) -> FloatArray:
+    """(ny, nx) load at each place's depth [N]; infinite where the depth is."""
+    force = np.full(depth_mm.shape, np.inf)
+    for (row, column), depth in np.ndenumerate(depth_mm):
+        if np.isfinite(depth):
+            press = solved_press(design, at_mm=(x_mm[column], y_mm[row]))
+            force[row, column] = press.at(float(depth)).force_n
+    return force

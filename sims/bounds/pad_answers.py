@@ -1,0 +1,94 @@
+"""Derivatives at every voxel of a grid of places; voxels that the light settings leave unclear are traced finer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.spec import SensorDesign
+from sims.bounds.defaults import CLEAR_ERROR
+from sims.bounds.fisher import Bounds, Sensitivity, bounds_of
+from sims.bounds.stencil import Steps, sensitivity
+from sims.optics.accuracy import Accuracy
+from sims.readout import Readout
+
+FloatArray = NDArray[np.float64]
+OnStep = Callable[[float], None]
+
+FIRST_STAGE_SHARE = 0.8
+"""Share of the progress that the first settings stand for, where others follow."""
+
+
+def pad_answers(
+    design: SensorDesign,
+    places_mm: FloatArray,
+    depth_mm: FloatArray,
+    readout: Readout,
+    *,
+    accuracies: Sequence[str | Accuracy],
+    seed: int,
+    steps: Steps,
+    on_step: OnStep | None = None,
+) -> Sensitivity:
+    """Derivatives of all pairs at every place and depth. Presses that a symmetry joins are traced once, by the engine.
+
+    Parameters
+    ----------
+    places_mm : (place, 2); depth_mm : (depth,)
+    accuracies : settings of the light, cheapest first: voxels that are blind, or whose bounds' error is above
+        `CLEAR_ERROR` of them, are traced again with the next
+    seed, steps, on_step : as `sims.bounds.stencil.sensitivity` takes them
+
+    Returns
+    -------
+    Sensitivity with the leading axes (place, depth), pairs with the emitter outermost
+    """
+    voxels = np.array([[*place, depth] for place in places_mm for depth in depth_mm])
+    found: Sensitivity | None = None
+    left = np.arange(len(voxels))
+    for stage, accuracy in enumerate(accuracies):
+        step = None if on_step is None else _share_of_stage(on_step, stage, len(accuracies))
+        finer = sensitivity(
+            design, voxels[left], readout, accuracy=accuracy, seed=seed, steps=steps, on_step=step
+        )
+        found = finer if found is None else _put(found, left, finer)
+        left = np.flatnonzero(_is_unclear(bounds_of(found)))
+        if left.size == 0:
+            break
+    assert found is not None
+    shape = (len(places_mm), len(depth_mm), -1)
+    return Sensitivity(
+        first=found.first.reshape(*shape, 3),
+        second=found.second.reshape(*shape, 3),
+        weight=found.weight.reshape(shape),
+    )
+
+
+def _share_of_stage(on_step: OnStep, stage: int, stages: int) -> OnStep:
+    if stages == 1:
+        return on_step
+    start, span = (0.0, FIRST_STAGE_SHARE) if stage == 0 else (FIRST_STAGE_SHARE, 1.0 - FIRST_STAGE_SHARE)
+    return lambda share: on_step(start + span * share)
+
+
+def _is_unclear(bounds: Bounds) -> NDArray[np.bool_]:
+    """(voxel,) whether the trace's error leaves a bound open."""
+    is_known = ~bounds.is_blind
+    clear = [
+        error[is_known] <= CLEAR_ERROR * value[is_known]
+        for value, error in (
+            (bounds.location_mm, bounds.location_error_mm),
+            (bounds.depth_mm, bounds.depth_error_mm),
+        )
+    ]
+    is_unclear = bounds.is_blind.copy()
+    is_unclear[is_known] = ~(clear[0] & clear[1])
+    return is_unclear
+
+
+def _put(into: Sensitivity, rows: NDArray[np.int64], finer: Sensitivity) -> Sensitivity:
+    first, second, weight = into.first.copy(), into.second.copy(), into.weight.copy()
+    first[rows], second[rows], weight[rows] = finer.first, finer.second, finer.weight
+    return Sensitivity(first=first, second=second, weight=weight)

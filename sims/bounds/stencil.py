@@ -1,0 +1,135 @@
+"""Derivatives of all readings by place and depth, from presses beside each voxel's centre, in two independent halves.
+
+Central differences of six presses a half: (x ± h, y, d), (x, y ± h, d), (x, y, d ± k), off by terms of the order h²
+and k². Within a half the same seed and settings make one lattice around the tip, whose error is nearly the same on
+both sides and cancels; between the halves seeds differ, so that what is left is independent (`sims.bounds.fisher`
+says why that matters). A grid of places a millimetre or two apart is never differenced: signals bend within less.
+
+Four presses a half would do (the corners of a tetrahedron, mirrored in the other half), but its mixed second
+derivatives differ between the halves by more than the trace's error and hide it; six tell the error truly.
+
+Left out: kinks nearer than the steps (the end of a shadow) are smoothed over h and k.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.spec import SensorDesign
+from sims.bounds.defaults import DEPTH_STEP_MM, LARGEST_DEPTH_STEP_SHARE, LATERAL_STEP_MM, SPIKE
+from sims.bounds.fisher import Sensitivity
+from sims.optics.accuracy import Accuracy
+from sims.optics.tracing import trace
+from sims.readout import Readout
+from sims.verdict.noise_units import sigma_counts
+
+FloatArray = NDArray[np.float64]
+OnStep = Callable[[float], None]
+
+PRESSES = 6
+"""Presses of one half at one voxel."""
+
+SEED_GAP = 7919
+"""Added to the seed for the second half; a prime, so that neighbouring seeds of a study do not share halves."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Steps:
+    """Offsets of the presses: by place, and by depth at most [mm]."""
+
+    lateral_mm: float = LATERAL_STEP_MM
+    depth_mm: float = DEPTH_STEP_MM
+
+    def offsets_mm(self, depth_mm: FloatArray) -> FloatArray:
+        """(voxel, 3) offsets by x, y and depth at (voxel,) depths; that by depth is smaller near the surface."""
+        by_depth = np.minimum(self.depth_mm, LARGEST_DEPTH_STEP_SHARE * depth_mm)
+        lateral = np.full_like(by_depth, self.lateral_mm)
+        return np.stack([lateral, lateral, by_depth], axis=-1)
+
+
+def stencil_presses(voxels_mm: FloatArray, offsets_mm: FloatArray) -> FloatArray:
+    """(voxel x 6, 3) presses: of each (voxel, 3) centre those on both sides by x, by y, by depth [mm]."""
+    sides = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
+    presses = voxels_mm[:, None, :] + sides * offsets_mm[:, None, :]
+    return np.asarray(presses.reshape(-1, 3))
+
+
+def stencil_derivatives(readings: FloatArray, offsets_mm: FloatArray) -> FloatArray:
+    """(voxel, pair, 3) derivatives by x, y, depth [counts/mm] of (voxel, 6, pair) readings [counts]."""
+    change = np.moveaxis(readings[:, 0::2] - readings[:, 1::2], 1, -1)
+    return np.asarray(change / (2.0 * offsets_mm[:, None, :]))
+
+
+def sensitivity(
+    design: SensorDesign,
+    voxels_mm: FloatArray,
+    readout: Readout,
+    *,
+    accuracy: str | Accuracy,
+    seed: int,
+    steps: Steps,
+    on_step: OnStep | None = None,
+) -> Sensitivity:
+    """Derivatives of all pairs at each voxel.
+
+    Parameters
+    ----------
+    voxels_mm : (voxel, 3) x, y, depth
+    accuracy, seed : of the light; the second half has ``seed + SEED_GAP``
+    on_step : called with the share that is done
+
+    Returns
+    -------
+    Sensitivity with the leading axis voxel, pairs with the emitter outermost. Pairs that read above full scale at any
+    of the presses tell nothing, nor do those that the trace itself does not know to `SPIKE` noise units: leaving a pair
+    out can but widen the bounds.
+    """
+    offsets = steps.offsets_mm(voxels_mm[:, 2])
+    presses = stencil_presses(voxels_mm, offsets)
+    halves = [
+        _readings(design, presses, readout, accuracy, seed + SEED_GAP * half, _share_of_half(on_step, half))
+        for half in range(2)
+    ]
+    (first, first_error), (second, second_error) = halves
+    return Sensitivity(
+        first=stencil_derivatives(first, offsets),
+        second=stencil_derivatives(second, offsets),
+        weight=_weights(
+            design,
+            np.concatenate([first, second], axis=1),
+            np.concatenate([first_error, second_error], axis=1),
+            readout,
+        ),
+    )
+
+
+def _readings(
+    design: SensorDesign,
+    presses: FloatArray,
+    readout: Readout,
+    accuracy: str | Accuracy,
+    seed: int,
+    on_step: Callable[[int, int], None] | None,
+) -> tuple[FloatArray, FloatArray]:
+    """(voxel, 6, pair) unlimited readings and their standard errors [counts]."""
+    light = trace(design, presses, accuracy=accuracy, seed=seed, on_step=on_step)
+    shape = (len(presses) // PRESSES, PRESSES, -1)
+    return (
+        light.flux.reshape(shape) * readout.counts_per_flux,
+        light.standard_error.reshape(shape) * readout.counts_per_flux,
+    )
+
+
+def _share_of_half(on_step: OnStep | None, half: int) -> Callable[[int, int], None] | None:
+    return None if on_step is None else lambda done, total: on_step(0.5 * (half + done / total))
+
+
+def _weights(design: SensorDesign, readings: FloatArray, errors: FloatArray, readout: Readout) -> FloatArray:
+    """(voxel, pair) 1/variance of the mean reading [1/counts²]; 0 where a press is above full scale or badly traced."""
+    sigma = sigma_counts(readings.mean(axis=1), design.noise.read_noise_counts, design.noise.relative_noise)
+    is_lost = (readings.max(axis=1) >= readout.full_scale_counts) | (errors.max(axis=1) > SPIKE * sigma)
+    return np.where(is_lost, 0.0, sigma**-2.0)

@@ -1,0 +1,49 @@
+"""What a verdict says beside itself: how near it is to turning, and what it rests on."""
+
+from __future__ import annotations
+
+from sims.verdict.defaults import TRACE_ERROR_LIMIT
+from sims.verdict.pad_map import Place
+from sims.verdict.result import JudgedPair
+from sims.verdict.tolerance import ToleranceBand, ToleranceRow
+from sims.verdict.trace_noise import widened_threshold
+
+
+def margin_caution(weakest: Place) -> list[str]:
+    """A pad that is safe by less than the trace's own error adds to the range of its most responsive pair."""
+    needed = widened_threshold(weakest.trace_error)
+    if weakest.deadbands_mm or weakest.margin >= needed:
+        return []
+    return [
+        f"the pad is near a deadband: at x {weakest.x_mm:g}, y {weakest.y_mm:g} mm its most responsive pair changes by "
+        f"{weakest.margin:.1f} noise units over the least responsive 0.3 mm, and the light trace's own error can make "
+        f"{needed:.1f} of nothing; run with --fine, and take the verdict as open"
+    ]
+
+
+def band_caution(band: ToleranceBand | None) -> str | None:
+    """One line: what the verdict rests on that nobody has measured, the strongest effect first."""
+    if band is None or not (band.rows or band.unbanded):
+        return None
+    ranked = [f"{row.path} {row.values[0]:.3g}..{row.values[1]:.3g} ({_effect(row)})" for row in band.rows]
+    others = [f"{path} (no band)" for path in band.unbanded] + [
+        f"{text} (not tried)" for text in band.untried
+    ]
+    return (
+        f"rests on values not measured on the build, tried on {band.judged} (deadband {band.deadband_mm:.2f} mm, "
+        f"margin {band.margin:.0f} noise units): " + "; ".join(ranked + others)
+    )
+
+
+def _effect(row: ToleranceRow) -> str:
+    dead, margin = row.deadband_mm, row.margin
+    turns = ", turns the verdict" if row.flips else ""
+    return f"{row.confidence}: {dead[0]:.2f}..{dead[1]:.2f} mm, {margin[0]:.0f}..{margin[1]:.0f}{turns}"
+
+
+def noise_caution(judged: tuple[JudgedPair, ...]) -> str | None:
+    """A line where the trace's jitter can pass for signal."""
+    margins = [pair.score.noise_margin for pair in judged if pair.score.noise_margin is not None]
+    if not margins or max(margins) <= TRACE_ERROR_LIMIT:
+        return None
+    return trace_noise_warning(max(margins))
