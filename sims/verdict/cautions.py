@@ -6,7 +6,7 @@ from sims.verdict.defaults import TRACE_ERROR_LIMIT
 from sims.verdict.pad_map import Place
 from sims.verdict.result import JudgedPair
 from sims.verdict.tolerance import ToleranceBand, ToleranceRow
-from sims.verdict.trace_noise import widened_threshold
+from sims.verdict.trace_noise import trace_noise_warning, widened_threshold
 
 
 def margin_caution(weakest: Place) -> list[str]:
