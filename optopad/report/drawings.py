@@ -11,6 +11,8 @@ from design.load_protocol import load_protocol
 from design.properties import modulus
 from design.spec import SensorDesign
 from optopad.report.layout_drawing import BLACK, plot_layout
+from optopad.report.map_scene import MapScene
+from optopad.report.map_still import plot_by_depth
 from optopad.report.markup import Html, element
 from optopad.report.numbers import spans
 from optopad.report.published import published_load
@@ -103,13 +105,21 @@ def shown_pairs(score: ContinuityScore) -> list[tuple[JudgedPair, str]]:
     return [(by_name[name], ", ".join(as_what)) for name, as_what in found.items()]
 
 
-def drawings_of(design: SensorDesign, score: ContinuityScore) -> dict[str, Drawing]:
-    """All plots that a score has data for, by stem without the prefix."""
+def drawings_of(
+    design: SensorDesign, score: ContinuityScore, maps: MapScene | None = None
+) -> dict[str, Drawing]:
+    """All plots that a score has data for, by stem without the prefix.
+
+    Parameters
+    ----------
+    maps : by depth; None leaves them out
+    """
     with plain_style():
         plots = {
             "layout": (plot_layout(design), f"Layout of {design.name} with its dimensions in millimetres"),
             **_pair_plots(score),
             **_map_plots(design, score),
+            **_depth_plots(maps),
             **_press_plots(design, score),
             **_tolerance_plots(score),
         }
@@ -151,6 +161,17 @@ def _map_plots(design: SensorDesign, score: ContinuityScore) -> dict[str, tuple[
     if score.pad_map.dead_share > 0:
         found["map-deadband"] = (plot_deadband_map(score.pad_map, cavity), "Map of the deadband over the pad")
     return found
+
+
+def _depth_plots(maps: MapScene | None) -> dict[str, tuple[Axes, str]]:
+    """Every quantity of the maps but those that are nothing where nothing is dead."""
+    if maps is None:
+        return {}
+    told = [one for one in maps.maps if not one.names or one.is_hatched.any()]
+    return {
+        f"map-by-depth-{one.key}": (plot_by_depth(maps, one), f"{one.title} over the pad at several depths")
+        for one in told
+    }
 
 
 def _press_plots(design: SensorDesign, score: ContinuityScore) -> dict[str, tuple[Axes, str]]:

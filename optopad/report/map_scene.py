@@ -22,6 +22,7 @@ FloatArray = NDArray[np.float64]
 CHANGE = ("#f2f6f9", "#9cc9e6", "#0072b2", "#002e4a")
 DEAD = ("#eef1f4", "#c24e00")
 FORCE = ("#f7f4ef", "#f2b98a", "#c24e00", "#5c2200")
+IN_DEADBAND = "in a deadband, where no pair tells depth"
 LEAST_CHANGE = 0.5
 """Smaller changes share the lightest colour [noise units]."""
 BOUND = ("#00343f", "#00785a", "#8fc7a2", "#f6f2d8", "#f2b98a", "#a33f00")
@@ -35,7 +36,11 @@ class DepthMap:
     ----------
     key, title, unit : short name, title, unit
     tells : what it means, a sentence or two
+    depth_mm : (depth,) depths; one NaN for a quantity that has none
     values : (depth, place); NaN where there is none
+    is_hatched : (depth, place) what stands out; places without a value do in any case
+    hatched : what a hatched place is
+    ends : (depth, place, 2) between which a value lies, and what of; None where not known
     absent : the word for none
     colours : from the low to the high end of the scale
     low, high : ends of the scale; values beyond take the colour of the end
@@ -49,7 +54,10 @@ class DepthMap:
     title: str
     unit: str
     tells: str
+    depth_mm: FloatArray
     values: FloatArray
+    is_hatched: NDArray[np.bool_]
+    hatched: str
     absent: str
     colours: Sequence[str]
     low: float
@@ -58,6 +66,8 @@ class DepthMap:
     digits: int = 2
     names: tuple[str, ...] = ()
     limit: str = ""
+    ends: FloatArray | None = None
+    ends_of: str = ""
 
     def data(self) -> dict[str, Any]:
         """For the page's script."""
@@ -67,7 +77,14 @@ class DepthMap:
             "title": self.title,
             "unit": self.unit,
             "tells": self.tells,
+            "depth": [_number(depth) for depth in self.depth_mm],
             "values": [[_number(value) for value in row] for row in self.values],
+            "dead": self.is_hatched.astype(int).tolist(),
+            "hatched": self.hatched,
+            "ends": None
+            if self.ends is None
+            else [[[_number(end) for end in ends] for ends in row] for row in self.ends],
+            "endsOf": self.ends_of,
             "absent": self.absent,
             "colours": list(self.colours),
             "low": _number(self.low),
@@ -90,21 +107,25 @@ class MapScene:
     profile: PadProfile
     maps: tuple[DepthMap, ...]
 
+    @property
+    def pitch_mm(self) -> float:
+        """Side of a cell where the places lie in one line only [mm]."""
+        return _pitch_mm(self.pad_map)
+
     def data(self) -> dict[str, Any]:
         """For the page's script."""
-        depth, pad = self.profile.depth_mm, self.pad_map
+        pad, deepest = self.pad_map, float(self.profile.depth_mm[-1])
         weakest = pad.places.index(pad.weakest)
         dead = pad.weakest.deadbands_mm
-        at_mm = 0.5 * sum(dead[0]) if dead else 0.4 * float(depth[-1])
+        at_mm = 0.5 * sum(dead[0]) if dead else 0.4 * deepest
         return {
             "x": [round(value, 4) for value in pad.x_mm],
             "y": [round(value, 4) for value in pad.y_mm],
-            "pitch": _pitch_mm(pad),
-            "depth": [round(float(value), 4) for value in depth],
+            "pitch": self.pitch_mm,
+            "deepest": deepest,
             "first": weakest,
-            "at": int(np.abs(depth - at_mm).argmin()),
+            "at": at_mm,
             "plan": plan_of(self.cavity, self.tip_mm),
-            "dead": self.profile.is_dead.astype(int).tolist(),
             "bands": [[list(span) for span in place.deadbands_mm] for place in pad.places],
             "maps": [one.data() for one in self.maps],
         }
@@ -128,11 +149,11 @@ def map_scene(design: SensorDesign, score: ContinuityScore) -> MapScene | None:
 def _maps(profile: PadProfile) -> list[DepthMap]:
     found = [_dead_zones(profile)]
     if profile.change is not None:
-        found.insert(0, _change(profile.change))
+        found.insert(0, _change(profile, profile.change))
     return found
 
 
-def _change(change: FloatArray) -> DepthMap:
+def _change(profile: PadProfile, change: FloatArray) -> DepthMap:
     return DepthMap(
         key="change",
         title="Change of the signals",
@@ -141,7 +162,10 @@ def _change(change: FloatArray) -> DepthMap:
             f"Change of the most responsive pair over {DEADBAND_MIN_LENGTH_MM:g} mm of depth around this one. "
             f"Below {DEADBAND_THRESHOLD:g} noise units depth cannot be told there: a deadband."
         ),
+        depth_mm=profile.depth_mm,
         values=change,
+        is_hatched=profile.is_dead,
+        hatched=IN_DEADBAND,
         absent="not computed",
         colours=CHANGE,
         low=LEAST_CHANGE,
@@ -158,7 +182,10 @@ def _dead_zones(profile: PadProfile) -> DepthMap:
         title="Dead zones",
         unit="",
         tells="Places where no judged pair answers at this depth, all pairs taken together.",
+        depth_mm=profile.depth_mm,
         values=profile.is_dead.astype(np.float64),
+        is_hatched=profile.is_dead,
+        hatched=IN_DEADBAND,
         absent="not computed",
         colours=DEAD,
         low=0.0,

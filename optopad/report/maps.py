@@ -27,7 +27,7 @@ def map_section(score: ContinuityScore, drawings: Drawings, scene: MapScene | No
         "Map of the pad",
         element("p", lead),
         *parts,
-        element("div", *_still(score, drawings), class_="grid", id="maps-still"),
+        element("div", *_still(score, drawings), *_by_depth(scene, drawings), class_="grid", id="maps-still"),
         element(
             "p",
             "Dots on the walls: emitters; squares: receivers. Dashed: the workspace. A cell is the press at its "
@@ -60,9 +60,16 @@ def _still(score: ContinuityScore, drawings: Drawings) -> list[Html]:
     return figures
 
 
+def _by_depth(scene: MapScene | None, drawings: Drawings) -> list[Html]:
+    """The maps that the script slides through, at a few depths each."""
+    maps = () if scene is None else scene.maps
+    named = ((drawings.get(f"map-by-depth-{one.key}"), one) for one in maps)
+    return [figure_of(drawing, f"{one.title}. {one.tells}") for drawing, one in named if drawing is not None]
+
+
 def _view(scene: MapScene) -> Html:
     """The view that the page's script fills."""
-    last = len(scene.profile.depth_mm) - 1
+    last = max(len(one.depth_mm) for one in scene.maps) - 1
     slider = element("input", type="range", min="0", max=str(last), step="1", value="0", id="maps-depth")
     which = (
         element(

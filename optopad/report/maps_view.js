@@ -10,6 +10,7 @@ const about = box.querySelector("[data-about]"), summary = box.querySelector("[d
 const NS = map.namespaceURI;
 const COLUMNS = data.x.length, ROWS = data.y.length;
 let which = 0, depth = 0, place = data.first;
+let current = data.maps[0];
 
 function drawn(parent, tag, attributes, text) {
   const made = document.createElementNS(NS, tag);
@@ -19,26 +20,34 @@ function drawn(parent, tag, attributes, text) {
   return made;
 }
 const round = (value) => Math.round(100 * value) / 100;
-const isDead = (d, p) => Boolean(data.dead[d] && data.dead[d][p]);
-const valueAt = (d, p) => data.maps[which].values[d][p];
+const isDead = (d, p) => Boolean(current.dead[d][p]);
+const valueAt = (d, p) => current.values[d][p];
+const isFlat = () => current.depth.length < 2;
+const atDepth = () => isFlat() ? "" : ` at ${current.depth[depth].toFixed(2)} mm depth`;
 
 function parsed(colour) { return [1, 3, 5].map((k) => parseInt(colour.slice(k, k + 2), 16)); }
 function shareOf(value) {
-  const {low, high, log} = data.maps[which], flat = log ? Math.log : Number;
+  const {low, high, log} = current, flat = log ? Math.log : Number;
   const share = (flat(value) - flat(low)) / ((flat(high) - flat(low)) || 1);
   return Math.min(1, Math.max(0, share));
 }
 function colourOf(share) {
-  const stops = data.maps[which].colours.map(parsed), at = share * (stops.length - 1), k = Math.min(stops.length - 2, Math.floor(at));
+  const stops = current.colours.map(parsed), at = share * (stops.length - 1), k = Math.min(stops.length - 2, Math.floor(at));
   return stops[k].map((value, n) => Math.round(value + (at - k) * (stops[k + 1][n] - value)));
 }
 const isDeep = ([r, g, b]) => 0.299 * r + 0.587 * g + 0.114 * b < 135;
 
 function words(value) {
-  const {unit, digits} = data.maps[which];
-  if (value === null) return data.maps[which].absent;
-  if (data.maps[which].names) return data.maps[which].names[value];
+  const {unit, digits} = current;
+  if (value === null) return current.absent;
+  if (current.names) return current.names[value];
   return `${numberOf(value, digits)} ${unit}`;
+}
+// the ends that a value may have, where they are known
+function endsOf(d, p) {
+  if (!current.ends || valueAt(d, p) === null) return "";
+  const [low, high] = current.ends[d][p];
+  return ` (${low === null ? "open" : numberOf(low, current.digits)} to ${high === null ? "open" : numberOf(high, current.digits)} ${current.endsOf})`;
 }
 function numberOf(value, digits) {
   if (value !== 0 && Math.abs(value) < 10 ** -digits) return value.toPrecision(1);
@@ -56,7 +65,7 @@ function drawMap() {
   const {length, width, parts, space} = data.plan, size = Math.max(length, width), room = 0.09 * size;
   map.replaceChildren();
   map.setAttribute("viewBox", `${-room} ${-room} ${length + 2 * room} ${width + 2 * room}`);
-  drawn(map, "title", {}, `${data.maps[which].title} over the pad at a depth of ${data.depth[depth]} mm`);
+  drawn(map, "title", {}, `${current.title} over the pad${atDepth()}`);
   const pattern = drawn(drawn(map, "defs", {}), "pattern", {id: "maps-hatch", width: 0.03 * size, height: 0.03 * size, patternUnits: "userSpaceOnUse", patternTransform: "rotate(45)"});
   drawn(pattern, "line", {class: "hatch", x1: 0, x2: 0, y1: 0, y2: 0.03 * size, "stroke-width": 0.012 * size});
   drawn(map, "rect", {class: "pad", x: 0, y: 0, width: length, height: width});
@@ -69,8 +78,8 @@ function drawMap() {
       const colour = value === null ? null : colourOf(shareOf(value));
       drawn(map, "rect", {class: value === null ? "cell absent" : "cell", "data-place": p, ...area, ...(colour ? {fill: `rgb(${colour})`} : {})});
       if (value === null || isDead(depth, p)) drawn(map, "rect", {class: "dead-cell", fill: "url(#maps-hatch)", ...area});
-      if (value !== null && !data.maps[which].names && ROWS * COLUMNS <= 130) {
-        const text = numberOf(value, Math.min(data.maps[which].digits, value >= 10 ? 0 : value >= 1 ? 1 : 2));
+      if (value !== null && !current.names && ROWS * COLUMNS <= 130) {
+        const text = numberOf(value, Math.min(current.digits, value >= 10 ? 0 : value >= 1 ? 1 : 2));
         drawn(map, "text", {class: isDeep(colour) ? "on-deep" : "on-pale", x: data.x[column], y: up(data.y[row]), "font-size": round(font), "text-anchor": "middle", "dominant-baseline": "central"}, text);
       }
     }
@@ -86,7 +95,7 @@ function drawMap() {
 }
 
 function drawScale() {
-  const {low, high, unit, names, colours, limit} = data.maps[which];
+  const {low, high, unit, names, colours, limit} = current;
   scale.replaceChildren();
   if (names) {
     names.forEach((name, k) => {
@@ -97,10 +106,10 @@ function drawScale() {
     });
     return;
   }
-  const bar = document.createElement("i"), digits = data.maps[which].digits;
+  const bar = document.createElement("i"), digits = current.digits;
   bar.className = "ramp";
   bar.style.background = `linear-gradient(90deg, ${Array.from({length: 12}, (_, k) => `rgb(${colourOf(k / 11)})`).join(",")})`;
-  scale.append(`${numberOf(low, digits)} ${unit}`, bar, `${numberOf(high, digits)} ${unit}${data.maps[which].more ? " or more" : ""}`);
+  scale.append(`${numberOf(low, digits)} ${unit}`, bar, `${numberOf(high, digits)} ${unit}${current.more ? " or more" : ""}`);
   if (limit) {
     const note = document.createElement("span");
     note.textContent = limit;
@@ -110,14 +119,14 @@ function drawScale() {
 
 function drawProfile() {
   profile.replaceChildren();
-  const width = Math.max(220, profile.clientWidth), height = 210, left = 46, right = width - 10, top = 12, bottom = height - 38;
+  profile.style.display = isFlat() ? "none" : "";
+  if (isFlat()) return;
+  const width = Math.max(220, profile.clientWidth), height = 210, left = 52, right = width - 10, top = 12, bottom = height - 38;
   profile.setAttribute("viewBox", `0 0 ${width} ${height}`);
   profile.style.height = `${height}px`;
-  const {log, names, unit, title} = data.maps[which], deepest = data.depth[data.depth.length - 1];
-  let {low, high} = data.maps[which];
-  const found = data.depth.map((_, d) => valueAt(d, place)).filter((value) => value !== null);
-  high = Math.max(high, ...found);
-  low = Math.min(low, ...found);
+  const {log, names, unit, title} = current, deepest = data.deepest;
+  const found = current.depth.map((_, d) => valueAt(d, place)).filter((value) => value !== null);
+  const high = Math.max(current.high, ...found), low = Math.min(current.low, ...found);
   const flat = log ? Math.log : Number;
   const x = (mm) => left + (right - left) * mm / deepest;
   const y = (value) => bottom - (bottom - top) * (flat(value) - flat(low)) / ((flat(high) - flat(low)) || 1);
@@ -126,39 +135,52 @@ function drawProfile() {
   const levels = names ? names.map((_, k) => k) : log
     ? Array.from({length: 13}, (_, k) => 10 ** (k - 6)).filter((value) => value >= low * 0.999 && value <= high * 1.001)
     : [low, (low + high) / 2, high];
+  if (log && levels.length < 2) levels.push(low, high);
   for (const value of levels) {
     drawn(profile, "line", {class: "grid-line", x1: left, x2: right, y1: round(y(value)), y2: round(y(value))});
-    drawn(profile, "text", {class: "tick", x: left - 5, y: round(y(value)) + 4, "text-anchor": "end"}, names ? String(value) : numberOf(value, value >= 10 ? 0 : data.maps[which].digits));
+    drawn(profile, "text", {class: "tick", x: left - 5, y: round(y(value)) + 4, "text-anchor": "end"}, names ? String(value) : log ? String(Number(value.toPrecision(1))) : numberOf(value, current.digits));
   }
   for (let mm = 0; mm <= deepest + 1e-9; mm += deepest > 6 ? 2 : 1) drawn(profile, "text", {class: "tick", x: round(x(mm)), y: bottom + 16, "text-anchor": "middle"}, String(mm));
   drawn(profile, "line", {class: "axis", x1: left, x2: right, y1: bottom, y2: bottom});
-  drawn(profile, "text", {class: "tick", x: (left + right) / 2, y: height - 5, "text-anchor": "middle"}, `depth [mm]${names ? "" : `; across: ${unit}`}`);
+  drawn(profile, "text", {class: "tick", x: (left + right) / 2, y: height - 5, "text-anchor": "middle"}, `depth [mm]${names ? "" : `; upward: ${unit}`}`);
   let run = [];
-  const flush = () => {
-    if (run.length > 1) drawn(profile, "polyline", {class: "curve total", points: run.join(" ")});
-    else if (run.length === 1) drawn(profile, "circle", {class: "dot total", cx: run[0].split(",")[0], cy: run[0].split(",")[1], r: 1.6});
-    run = [];
-  };
-  data.depth.forEach((mm, d) => {
+  const flush = () => { if (run.length > 1) drawn(profile, "polyline", {class: "curve total", points: run.join(" ")}); run = []; };
+  const few = current.depth.length < 12;
+  current.depth.forEach((mm, d) => {
     const value = valueAt(d, place);
-    if (value === null) flush(); else run.push(`${round(x(mm))},${round(y(value))}`);
+    if (value === null) { flush(); return; }
+    run.push(`${round(x(mm))},${round(y(value))}`);
+    if (few) drawn(profile, "circle", {class: "dot total", cx: round(x(mm)), cy: round(y(value)), r: 3});
   });
   flush();
-  drawn(profile, "line", {class: "cursor", x1: round(x(data.depth[depth])), x2: round(x(data.depth[depth])), y1: top, y2: bottom});
+  drawn(profile, "line", {class: "cursor", x1: round(x(current.depth[depth])), x2: round(x(current.depth[depth])), y1: top, y2: bottom});
 }
 
 function tell() {
-  const x = data.x[place % COLUMNS], y = data.y[Math.floor(place / COLUMNS)], {title, tells} = data.maps[which];
-  const mm = data.depth[depth].toFixed(2);
-  shown.textContent = `${mm} mm`;
-  slider.setAttribute("aria-valuetext", `${mm} mm`);
+  const x = data.x[place % COLUMNS], y = data.y[Math.floor(place / COLUMNS)], {title, tells} = current;
+  const mm = isFlat() ? "" : current.depth[depth].toFixed(2);
+  shown.textContent = isFlat() ? "any depth" : `${mm} mm`;
+  slider.setAttribute("aria-valuetext", shown.textContent);
   about.textContent = tells;
-  reading.textContent = `x ${Number(x.toFixed(2))}, y ${Number(y.toFixed(2))} mm at ${mm} mm depth: ${title.toLowerCase()} ${words(valueAt(depth, place))}${isDead(depth, place) ? "; in a deadband" : ""}.`;
-  const values = data.maps[which].values[depth], blind = values.filter((value, p) => value === null || isDead(depth, p)).length;
+  const mark = isDead(depth, place) && valueAt(depth, place) !== null && !current.names ? `; ${current.hatched}` : "";
+  reading.textContent = `x ${Number(x.toFixed(2))}, y ${Number(y.toFixed(2))} mm${atDepth()}: ${title.toLowerCase()} ${words(valueAt(depth, place))}${endsOf(depth, place)}${mark}.`;
+  const values = current.values[depth], blind = values.filter((value, p) => value === null || isDead(depth, p)).length;
   const rest = values.filter((value) => value !== null).sort((a, b) => a - b);
-  const middle = rest.length && !data.maps[which].names ? ` Median of the others ${words(rest[Math.floor(rest.length / 2)])}.` : "";
-  summary.textContent = `At this depth ${blind} of ${values.length} places are hatched.${middle}`;
-  Object.assign(box.dataset, {quantity: data.maps[which].key, depth: mm, place});
+  const middle = rest.length && !current.names ? ` Median over the places that have a value: ${words(rest[Math.floor((rest.length - 1) / 2)])}.` : "";
+  summary.textContent = `${blind} of ${values.length} places are hatched: ${current.hatched}.${middle}`;
+  Object.assign(box.dataset, {quantity: current.key, depth: mm, place});
+}
+
+// another quantity at the depth nearest to the one that was shown
+function take(number, mm) {
+  which = number;
+  current = data.maps[which];
+  depth = 0;
+  current.depth.forEach((value, d) => { if (value !== null && Math.abs(value - mm) < Math.abs(current.depth[depth] - mm)) depth = d; });
+  slider.max = String(Math.max(1, current.depth.length - 1));
+  slider.disabled = isFlat();
+  slider.value = String(depth);
+  for (const button of box.querySelectorAll("button[data-play]")) button.disabled = isFlat();
 }
 
 function show() {
@@ -170,7 +192,7 @@ function show() {
 slider.addEventListener("input", () => { depth = Number(slider.value); show(); });
 box.addEventListener("change", (event) => {
   if (event.target.name !== "maps-which") return;
-  which = Number(event.target.value);
+  take(Number(event.target.value), isFlat() ? data.at : current.depth[depth]);
   show();
 });
 map.addEventListener("click", (event) => {
@@ -193,14 +215,12 @@ box.addEventListener("click", (event) => {
   if (!button) return;
   if (playing) { clearInterval(playing); playing = null; button.setAttribute("aria-pressed", "false"); return; }
   button.setAttribute("aria-pressed", "true");
-  playing = setInterval(() => { depth = (depth + 1) % data.depth.length; slider.value = String(depth); show(); }, 180);
+  playing = setInterval(() => { depth = (depth + 1) % current.depth.length; slider.value = String(depth); show(); }, 180);
 });
 if (window.matchMedia("(prefers-reduced-motion: reduce)").matches) box.querySelector("button[data-play]").hidden = true;
 
 const marked = box.querySelector("input[name=maps-which]:checked");
-if (marked) which = Number(marked.value);
-depth = data.at;
-slider.value = String(depth);
+take(marked ? Number(marked.value) : 0, data.at);
 box.hidden = false;
 document.getElementById("maps-still").classList.add("replaced");
 show();

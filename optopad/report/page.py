@@ -92,7 +92,8 @@ def write_report(
     folder : the bundle, with the files that the page shows and links to
     checks : the mold's checks, as in ``cad/checks.json``
     """
-    drawings = drawings_of(design, score)
+    maps = map_scene(design, score)
+    drawings = drawings_of(design, score, maps)
     _write_drawings(folder / "sims", drawings)
     found = Found(
         checks=checks,
@@ -102,7 +103,7 @@ def write_report(
         files=tuple(bundle_files(folder)),
         mold=mold_scene(design, folder),
         light=_light(design, score, seed),
-        maps=map_scene(design, score),
+        maps=maps,
     )
     page = report_html(design, score, found, versions(), seed=seed)
     write_text_atomically(folder / PAGE, page)

@@ -220,7 +220,7 @@ def test_the_slider_moves_the_map(shown):
     shown.press("Home")
     surface = shown.run(fills)
     assert text_of(shown, "#maps-view output") == "0.00 mm"
-    depths = shown.run("JSON.parse(document.getElementById('maps-data').textContent).depth")
+    depths = shown.run("JSON.parse(document.getElementById('maps-data').textContent).maps[0].depth")
     steps = next(number for number, depth in enumerate(depths) if depth >= 1.3)
     shown.press("ArrowRight", times=steps)
     assert told(shown, "maps-view")["depth"] == f"{depths[steps]:.2f}"
