@@ -266,6 +266,18 @@ class SensorDesign(Model):
             description="measured values that replace a catalogue part's: part, then field = value",
         ),
     ]
+    tolerances: Annotated[
+        dict[
+            Annotated[str, Field(min_length=1, max_length=200)],
+            Annotated[float, Field(ge=0.0, le=100.0)],
+        ],
+        Field(
+            default_factory=dict,
+            max_length=64,
+            description="how far a value may be off on a build: dotted path = half width in its unit, 0 for exact; "
+            "replaces the band or the default of that value",
+        ),
+    ]
     catalog: Annotated[
         CatalogEntries, Field(description="the user's own parts and materials, beside the packaged ones")
     ] = CatalogEntries()
@@ -284,6 +296,11 @@ class SensorDesign(Model):
         if fault is not None:
             raise ValueError(fault)
         return self
+
+    @model_serializer(mode="wrap")
+    def _without_absent_tolerances(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave tolerances out where there are none: designs without them keep their digest."""
+        return without_defaults(plain(self), {"tolerances": {}})
 
     @cached_property
     def digest(self) -> str:

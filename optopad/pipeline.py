@@ -21,6 +21,7 @@ from design.io import save_design, write_text_atomically
 from design.rules import require_valid
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
+from optopad.finished import FinishedWork
 
 if TYPE_CHECKING:
     from sims.verdict.result import ContinuityScore
@@ -86,12 +87,23 @@ def write_parts(
 
 
 def write_score(
-    design: SensorDesign, out: Path, *, fine: bool, seed: int, on_step: OnStep
+    design: SensorDesign,
+    out: Path,
+    *,
+    fine: bool,
+    seed: int,
+    on_step: OnStep,
+    builds: int | None = None,
 ) -> tuple[ContinuityScore, Path]:
-    """Verdict, map and their signals into the bundle; returns the score and the bundle."""
+    """Verdict, map and their signals into the bundle; returns the score and the bundle.
+
+    Parameters
+    ----------
+    builds : how many builds are drawn for the share that keeps the verdict; None draws none
+    """
     require_valid(design)
-    with bundle(design, out, seed=seed) as folder:
-        score = _scored(design, folder, fine=fine, seed=seed, on_step=on_step)
+    with bundle(design, out, seed=seed) as folder, _study(design, out, builds, seed) as study:
+        score = _scored(design, folder, fine=fine, seed=seed, on_step=on_step, study=study)
         if (folder / "report.html").exists():  # a bundle tells one verdict: page and gain follow it
             _write_fabrication(
                 design, folder, None if score.readout is None else score.readout.counts_per_flux
@@ -168,15 +180,44 @@ def _checks(folder: Path) -> dict[str, Any]:
     return checks
 
 
-def _scored(design: SensorDesign, folder: Path, *, fine: bool, seed: int, on_step: OnStep) -> ContinuityScore:
+@dataclass(frozen=True, kw_only=True)
+class _Study:
+    """Builds asked for, and where finished ones are kept."""
+
+    builds: int
+    memo: FinishedWork
+
+
+@contextmanager
+def _study(design: SensorDesign, out: Path, builds: int | None, seed: int) -> Iterator[_Study | None]:
+    """Where the builds of a design are kept until they all lie in the bundle; nothing for None."""
+    if builds is None:
+        yield None
+        return
+    memo = FinishedWork(out, f"{bundle_name(design)}.builds", [design.digest, seed])
+    yield _Study(builds=builds, memo=memo)
+    memo.forget()
+
+
+def _scored(
+    design: SensorDesign,
+    folder: Path,
+    *,
+    fine: bool,
+    seed: int,
+    on_step: OnStep,
+    study: _Study | None = None,
+) -> ContinuityScore:
     from design.cavity import cavity_of
     from sims.bounds.maps_file import maps_dataset
     from sims.continuity import score as judge
     from sims.signal_file import save_dataset, signals_dataset
 
-    score = judge(design, fine=fine, seed=seed, on_step=on_step)
+    score = judge(design, fine=fine, seed=seed, tolerance=study is None, on_step=on_step)
     sims = folder / "sims"
     sims.mkdir(exist_ok=True)
+    if study is not None:
+        score = _with_builds(design, score, sims, study, seed=seed, on_step=on_step)
     write_text_atomically(sims / "score.json", json.dumps(score.to_json(), indent=2) + "\n")
     if score.pad_signals is not None and score.readout is not None:
         gain = score.readout.counts_per_flux
@@ -185,6 +226,27 @@ def _scored(design: SensorDesign, folder: Path, *, fine: bool, seed: int, on_ste
         )
         save_dataset(maps_dataset(design, score), sims / "maps.nc")
     return score
+
+
+def _with_builds(
+    design: SensorDesign,
+    score: ContinuityScore,
+    sims: Path,
+    study: _Study,
+    *,
+    seed: int,
+    on_step: OnStep,
+) -> ContinuityScore:
+    from optopad.plot_files import write_plot
+    from sims.build_tolerance import with_builds
+    from sims.plots.builds import plot_builds
+    from sims.plots.style import plain_style
+
+    found = with_builds(design, score, builds=study.builds, seed=seed, memo=study.memo, on_step=on_step)
+    if found.builds is not None and found.tolerance is not None:
+        with plain_style():
+            write_plot(plot_builds(found.builds, found.tolerance), sims / "builds")
+    return found
 
 
 def _known_gain(folder: Path) -> float | None:

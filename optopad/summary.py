@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from optopad.bound_lines import bound_lines
 
 if TYPE_CHECKING:
+    from sims.verdict.build_study import BuildStudy
     from sims.verdict.result import ContinuityScore, JudgedPair
 
 
@@ -20,6 +21,7 @@ def score_lines(score: ContinuityScore) -> list[str]:
         lines += [_pair_line(pair) for pair in score.pairs]
     lines += bound_lines(score.bounds, is_facing=score.is_facing_rows) if score.bounds is not None else []
     lines += [_band_line(score)] if score.tolerance is not None else []
+    lines += build_lines(score.builds) if score.builds is not None else []
     return lines + [f"warning   {text}" for text in score.warnings]
 
 
@@ -70,6 +72,23 @@ def _pair_line(pair: JudgedPair) -> str:
         f"{'never' if onset is None else f'{onset:.2f}'}-{'open' if end is None else f'{end:.2f}'} mm, gap {gap}, "
         f"deadband {dead}"
     )
+
+
+def build_lines(study: BuildStudy) -> list[str]:
+    """The share of builds that keep the verdict, and what matters most."""
+    low, high = study.kept_interval
+    doubt = f"; {study.doubtful} of all in doubt by the light trace's error" if study.doubtful else ""
+    missing = f"; not judged: {sum(study.unjudged.values())}" if study.unjudged else ""
+    verdict = "DEADBAND" if study.as_designed.deadband_mm else "CONTIGUOUS"
+    correlations = study.rank_correlations()
+    strongest = ", ".join(
+        f"{study.tolerances[number].path} ({correlations[number][0]:+.2f})" for number in study.ranking[:4]
+    )
+    return [
+        f"builds    {study.kept} of {study.builds} stay {verdict}: {study.kept_share:.0%} "
+        f"(95 %: {low:.0%} to {high:.0%}){doubt}{missing}, judged by {study.judged}",
+        f"matters   {strongest} (rank correlation)",
+    ]
 
 
 def _band_line(score: ContinuityScore) -> str:

@@ -30,7 +30,8 @@ from sims.observability import PadBounds
 from sims.optics.light_signals import LightSignals
 from sims.readout import Readout, readout_of
 from sims.verdict.boundary_forces import boundary_forces, place_force
-from sims.verdict.builds import noise_of, pair_brief, place_brief, responsive_pairs, score_curves
+from sims.verdict.build_judge import pair_judge, place_judge
+from sims.verdict.builds import noise_of, score_curves
 from sims.verdict.cautions import band_caution, margin_caution, noise_caution
 from sims.verdict.deadbands import joint_deadband_intervals_mm
 from sims.verdict.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
@@ -59,6 +60,7 @@ def score(
     fine: bool = False,
     seed: int = 0,
     verdict_only: bool = False,
+    tolerance: bool = True,
     on_step: OnStep | None = None,
 ) -> ContinuityScore:
     """Judge a design.
@@ -68,6 +70,7 @@ def score(
     fine : 11 places along the longer side and 0.1 mm steps for the map, in place of 5 and 0.2 mm; finer light
     seed : of the light model's random shifts
     verdict_only : leave out what the verdict does not need: tolerance, and the map of facing rows
+    tolerance : try both ends of every open value; `sims.build_tolerance` does that and more
     on_step : called with the stage's name and the share of it that is done
 
     Raises
@@ -77,13 +80,15 @@ def score(
     require_valid(design)
     tell = on_step or (lambda _stage, _share: None)
     try:
-        return _judged(design, fine=fine, seed=seed, verdict_only=verdict_only, tell=tell)
+        return _judged(
+            design, fine=fine, seed=seed, verdict_only=verdict_only, tolerance=tolerance, tell=tell
+        )
     except ModelScopeError as err:
         return _out_of_scope(design, str(err), fine=fine, seed=seed)
 
 
 def _judged(
-    design: SensorDesign, *, fine: bool, seed: int, verdict_only: bool, tell: OnStep
+    design: SensorDesign, *, fine: bool, seed: int, verdict_only: bool, tolerance: bool, tell: OnStep
 ) -> ContinuityScore:
     cavity = cavity_of(design)
     _require_judgeable_depth(design)
@@ -118,7 +123,8 @@ def _judged(
             seed=seed,
             on_step=lambda share: tell("bounds", share),
         )
-    band = None if verdict_only else _tolerance(design, governing, pad_map, pad_signals, readout, seed, tell)
+    is_tried = tolerance and not verdict_only
+    band = _tolerance(design, governing, pad_map, pad_signals, readout, seed, tell) if is_tried else None
     return _assembled(
         design,
         cavity,
@@ -236,27 +242,11 @@ def _tolerance(
     tell: OnStep,
 ) -> ToleranceBand:
     """Facing rows by their governing pair; a pad by the pairs that answer at its weakest place."""
-
-    def step(share: float) -> None:
-        tell("tolerance", share)
-
     if pad_map is None or pad_signals is None or is_facing_rows(cavity_of(design)):
-        pair = governing.curves.pair
-        return tolerance_band(design, governing.name, lambda build: pair_brief(build, pair, seed=seed), step)
-    weak = pad_map.weakest
-    place_mm = (weak.x_mm, weak.y_mm)
-    pairs = _answering_pairs(design, pad_signals, place_mm, readout)
-    name = f"the pad at x {weak.x_mm:g}, y {weak.y_mm:g} mm"
-    return tolerance_band(design, name, lambda build: place_brief(build, place_mm, pairs, seed=seed), step)
-
-
-def _answering_pairs(
-    design: SensorDesign, light: LightSignals, place_mm: tuple[float, float], readout: Readout
-) -> tuple[tuple[int, int], ...]:
-    pairs = judged_pairs(cavity_of(design))
-    here = (light.presses[:, 0] == place_mm[0]) & (light.presses[:, 1] == place_mm[1])
-    counts = readout.counts(np.stack([light.flux[here, i, j] for i, j in pairs], axis=1))
-    return responsive_pairs(design, light.presses[here, 2], counts, pairs)
+        name, judge = pair_judge(governing.curves.pair, governing.name, seed=seed)
+    else:
+        name, judge = place_judge(design, pad_map, pad_signals, readout, seed=seed)
+    return tolerance_band(design, name, judge, lambda share: tell("tolerance", share))
 
 
 def _assembled(

@@ -32,22 +32,47 @@ def score(
     design: DesignArgument,
     set_: SetOption = None,
     fine: FineOption = False,
+    tolerance: Annotated[
+        bool,
+        typer.Option("--tolerance", help="Also draw builds with everything off that may be, and judge each."),
+    ] = False,
+    builds: Annotated[
+        int | None, typer.Option("--builds", help="How many builds --tolerance draws (200 if left out).")
+    ] = None,
     out: OutOption = DEFAULT_OUT,
     seed: SeedOption = 0,
     as_json: JsonOption = False,
 ) -> None:
     """Verdict: modes, deadbands, continuity, strength, map of the pad; written into the bundle."""
+    drawn = _drawn_builds(tolerance, builds)
     from optopad.pipeline import write_score
     from optopad.summary import score_lines
 
     read = read_design(design, set_)
     with progress(quiet=as_json) as step:
-        result, folder = write_score(read, out, fine=fine, seed=seed, on_step=step)
+        result, folder = write_score(read, out, fine=fine, seed=seed, on_step=step, builds=drawn)
     if as_json:
         print_json(result.to_json())
     else:
         say("\n".join(score_lines(result)))
         say(f"files     {folder}")
+
+
+def _drawn_builds(tolerance: bool, builds: int | None) -> int | None:
+    """How many builds to draw; None without ``--tolerance``."""
+    from design.errors import InputError
+
+    if not tolerance:
+        if builds is not None:
+            raise InputError("--builds: needs --tolerance, which draws them; add it")
+        return None
+    from sims.build_tolerance import DEFAULT_BUILDS
+    from sims.verdict.build_study import FEWEST_BUILDS, MOST_BUILDS
+
+    drawn = DEFAULT_BUILDS if builds is None else builds
+    if not FEWEST_BUILDS <= drawn <= MOST_BUILDS:
+        raise InputError(f"--builds: {drawn} is refused: give {FEWEST_BUILDS} to {MOST_BUILDS}")
+    return drawn
 
 
 def simulate(

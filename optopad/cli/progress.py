@@ -15,6 +15,7 @@ STAGE_TITLES = {
     "light": "light",
     "map": "light, map of the pad",
     "tolerance": "tolerance of open values",
+    "builds": "builds, everything off at once",
     "oracle": "ray tracer",
     "rays": "sample paths",
     "mold": "mold and tools",

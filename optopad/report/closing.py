@@ -38,6 +38,8 @@ KNOWN_FILES = {
     "cad/checks.json": "mold checks",
     "sims/signals.nc": "light of every press of the map",
     "sims/score.json": "the verdict as data",
+    "sims/builds.svg": "builds with everything off at once",
+    "sims/builds.png": "the same as pixels",
     "sims/contact-profile.svg": "the press, in section",
     "sims/rays.json": "sample paths of light, drawn beside it",
     "fabrication/bom.csv": "parts to order",

@@ -22,9 +22,10 @@ from sims.readout import Readout, readout_of
 from sims.verdict.deadbands import joint_deadband_intervals_mm, total_length_mm
 from sims.verdict.defaults import DEADBAND_MIN_LENGTH_MM
 from sims.verdict.depth_curve import between, clipped
-from sims.verdict.noise_units import noise_units
+from sims.verdict.noise_units import noise_units, sigma_counts
 from sims.verdict.pair_score import PairScore, score_pair
-from sims.verdict.presses import MAP_ACCURACY, Pair, PairCurves, curves_of, states_of
+from sims.verdict.presses import MAP_ACCURACY, Pair, PairCurves, curves_of, pair_curves, states_of
+from sims.verdict.trace_noise import widened_threshold
 from sims.verdict.window_range import smallest_range
 
 FloatArray = NDArray[np.float64]
@@ -44,11 +45,13 @@ class Brief:
     gap_mm : signed mode gap [mm]; None when mode 2 is never reached, or for a pad
     deadband_mm : summed length of the deadbands [mm]
     margin : change of the signal over the least responsive 0.3 mm of depth [noise units]; below 3 is a deadband
+    in_doubt : whether the light trace's own error may hide a deadband where none was found
     """
 
     gap_mm: float | None
     deadband_mm: float
     margin: float
+    in_doubt: bool = False
 
 
 def score_curves(design: SensorDesign, curves: PairCurves, readout: Readout) -> PairScore:
@@ -64,6 +67,39 @@ def score_curves(design: SensorDesign, curves: PairCurves, readout: Readout) -> 
         standard_error=np.where(is_clipped, 0.0, curves.standard_error),
         **noise_of(design),
     )
+
+
+def facing_brief(design: SensorDesign, *, seed: int) -> Brief:
+    """A build of facing rows, judged by all facing pairs: gap of the middle one, deadband and margin of the worst."""
+    cavity = cavity_of(design)
+    pairs = judged_pairs(cavity)
+    depth_mm = depth_schedule_mm(design.operating.max_depth_mm, COARSE_STEP_MM)
+    traced = pair_curves(design, cavity, pairs, depth_mm, accuracy=ACCURACY, seed=seed)
+    untouched = np.zeros((len(cavity.emitters), len(cavity.receivers)))
+    for curves in traced:
+        untouched[curves.pair] = curves.total[0]
+    readout = readout_of(design, untouched, mask_of(pairs, cavity))
+    scores = [score_curves(design, curves, readout) for curves in traced]
+    worst_mm = max(score.deadband_total_mm for score in scores)
+    found = [
+        _facing_margin(design, depth_mm, readout, curves, score)
+        for curves, score in zip(traced, scores, strict=True)
+    ]
+    return Brief(
+        gap_mm=scores[0].modes.gap_mm,
+        deadband_mm=worst_mm,
+        margin=min(margin for margin, _ in found),
+        in_doubt=worst_mm == 0.0 and any(margin < widened_threshold(error) for margin, error in found),
+    )
+
+
+def _facing_margin(
+    design: SensorDesign, depth_mm: FloatArray, readout: Readout, curves: PairCurves, score: PairScore
+) -> tuple[float, float]:
+    """Margin of a pair, and the light trace's error over its judged depth [noise units]."""
+    judged = depth_mm <= score.end_mm
+    error = _trace_error(design, readout, curves.total[judged], curves.standard_error[judged])
+    return _margin(design, depth_mm, readout, curves.total[:, None], score.end_mm), error
 
 
 def pair_brief(design: SensorDesign, pair: Pair, *, seed: int) -> Brief:
@@ -88,10 +124,14 @@ def place_brief(
     found = joint_deadband_intervals_mm(
         *clipped(depth_mm, flux * readout.counts_per_flux, readout.full_scale_counts), **noise_of(design)
     )
+    margin = _margin(design, depth_mm, readout, flux, float(depth_mm[-1]))
+    errors = np.stack([light.standard_error[1:, i, j] for i, j in pairs], axis=1)
+    error = _trace_error(design, readout, flux, errors)
     return Brief(
         gap_mm=None,
         deadband_mm=total_length_mm(found),
-        margin=_margin(design, depth_mm, readout, flux, float(depth_mm[-1])),
+        margin=margin,
+        in_doubt=not found and margin < widened_threshold(error),
     )
 
 
@@ -142,3 +182,12 @@ def _margin(
     knots_mm, counts = clipped(depth_mm, flux * readout.counts_per_flux, readout.full_scale_counts)
     part_mm, units = between(knots_mm, noise_units(counts, **noise_of(design)), 0.0, end_mm)
     return smallest_range(part_mm, units, min(DEADBAND_MIN_LENGTH_MM, end_mm))
+
+
+def _trace_error(
+    design: SensorDesign, readout: Readout, flux: FloatArray, standard_error: FloatArray
+) -> float:
+    """Error of the light trace, pooled over depths and pairs: a single state's has too few replicates [noise units]."""
+    counts = readout.counts(flux)
+    errors = np.where(counts < readout.full_scale_counts, standard_error * readout.counts_per_flux, 0.0)
+    return float(np.sqrt(np.mean((errors / sigma_counts(counts, **noise_of(design))) ** 2)))

@@ -14,6 +14,7 @@ from sims.observability import PadBounds
 from sims.optics.light_signals import LightSignals
 from sims.readout import Readout
 from sims.verdict.boundary_forces import BoundaryForces
+from sims.verdict.build_study import BuildStudy
 from sims.verdict.mode_errors import mode_errors_mm
 from sims.verdict.pad_map import PadMap
 from sims.verdict.pair_score import PairScore
@@ -53,6 +54,7 @@ class ContinuityScore:
     untouched_flux : (emitter, receiver) [-]; counts at the common gain follow from readout
     pairs : judged pairs in order; unjudged : names and untouched counts of the others
     clipped : names of judged pairs above full scale
+    tolerance, builds : both ends of every open value, one at a time; builds with everything off at once, if asked for
     pad_map, pad_signals : what the places of the workspace say, and the light behind it
     bounds : what all readings together can tell of a press's place and depth, at the map's places; None for a verdict
         only
@@ -83,6 +85,7 @@ class ContinuityScore:
     bounds: PadBounds | None = None
     force: ForceCurve | None = None
     tolerance: ToleranceBand | None = None
+    builds: BuildStudy | None = None
     warnings: tuple[str, ...] = ()
 
     @property
@@ -123,6 +126,7 @@ class ContinuityScore:
             "bounds": None if self.bounds is None else bounds_json(self.bounds),
             "force": None if self.force is None else _force_json(self.force),
             "tolerance": None if self.tolerance is None else self.tolerance.to_json(),
+            "builds": None if self.builds is None else self.builds.to_json(),
             "seed": self.seed,
             "fine": self.fine,
             "warnings": list(self.warnings),

@@ -2,12 +2,12 @@
 
 One value at a time, all others at their design value, the gain set anew (as it would be on that
 build). Ranked by whether an end turns the verdict, then by how far it moves the margin to a deadband.
-Left out: values off together (a Monte Carlo over builds), bands that nobody has given.
+Left out: values off together (`build_study` draws them), bands that nobody has given.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -100,6 +100,8 @@ def tolerance_band(
     judged: str,
     judge: Callable[[SensorDesign], Brief],
     on_step: Callable[[float], None] | None = None,
+    *,
+    added: Sequence[UsedValue] = (),
 ) -> ToleranceBand:
     """Try both ends of every open value's band.
 
@@ -107,9 +109,16 @@ def tolerance_band(
     ----------
     judged : what the judge looks at, for messages
     judge : the brief of a build; called for the design as it is first
+    added : further values with bands, such as tolerances of making; they replace open values of the same path
     """
     as_designed = judge(design)
-    open_values = [used for used in used_values(design) if used.is_open or _band_is_wide(used)]
+    replaced = {used.path for used in added}
+    open_values = [
+        used
+        for used in used_values(design)
+        if used.path not in replaced and (used.is_open or _band_is_wide(used))
+    ]
+    open_values += added
     banded = [used for used in open_values if _ends(used) is not None]
     rows, untried = [], []
     for done, used in enumerate(banded):

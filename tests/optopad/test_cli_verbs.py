@@ -187,3 +187,17 @@ def test_help_loads_no_heavy_library():
 def test_a_verb_without_its_argument_exits_2(folder, capsys):
     assert main(["run"]) == 2
     assert "Missing argument" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--builds", "50"], "--builds: needs --tolerance"),
+        (["--tolerance", "--builds", "3"], "--builds: 3 is refused: give 10 to 100000"),
+        (["--tolerance", "--builds", "-1"], "--builds: -1 is refused"),
+    ],
+)
+def test_a_useless_number_of_builds_is_refused_before_anything_is_computed(folder, capsys, options, words):
+    assert main(["score", "piacenza2017-pair", *options]) == 2
+    assert words in capsys.readouterr().err
+    assert list(folder.iterdir()) == []

@@ -1,0 +1,65 @@
+"""How firm a scored verdict is: everything that may be off on a build, one value at a time and all at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from design.spec import SensorDesign
+from design.tolerances import build_tolerances
+from sims.verdict.build_judge import verdict_judge
+from sims.verdict.build_study import Memo, build_study, remembered
+from sims.verdict.cautions import band_caution
+from sims.verdict.result import ContinuityScore
+from sims.verdict.tolerance import tolerance_band
+
+OnStep = Callable[[str, float], None]
+DEFAULT_BUILDS = 200
+
+
+def with_builds(
+    design: SensorDesign,
+    score: ContinuityScore,
+    *,
+    builds: int = DEFAULT_BUILDS,
+    seed: int = 0,
+    memo: Memo | None = None,
+    on_step: OnStep | None = None,
+) -> ContinuityScore:
+    """A score with its builds: `tolerance` then also tries the tolerances of making, `builds` draws all at once.
+
+    Parameters
+    ----------
+    score : of that design, with its map if it is a pad; out of scope it comes back as it is
+    builds : how many are drawn
+    memo : where finished builds are kept; None keeps none
+
+    Raises
+    ------
+    InputError : a number of builds that is refused, or nothing that varies.
+    """
+    if score.readout is None:
+        return score
+    tell = on_step or (lambda _stage, _share: None)
+    name, judge = verdict_judge(design, score.pad_map, score.pad_signals, score.readout, seed=seed)
+    recalled = remembered(judge, memo, name)
+    tolerances = build_tolerances(design)
+    band = tolerance_band(
+        design,
+        name,
+        recalled,
+        lambda share: tell("tolerance", share),
+        added=[one.as_used_value for one in tolerances if one.origin != "open value"],
+    )
+    study = build_study(
+        design,
+        tolerances,
+        name,
+        recalled,
+        builds=builds,
+        seed=seed,
+        on_step=lambda share: tell("builds", share),
+    )
+    kept = tuple(text for text in score.warnings if text != band_caution(score.tolerance))
+    told = band_caution(band)
+    return replace(score, tolerance=band, builds=study, warnings=(*kept, told) if told else kept)

@@ -1,0 +1,62 @@
+"""What a sweep and a study of builds cost: processor time, and wall time on the threads that there are."""
+
+from __future__ import annotations
+
+import os
+import time
+
+import numba
+import pytest
+
+from design.preset import preset
+from design.tolerances import build_tolerances
+from optopad.sweep import run_sweep
+from sims.verdict.build_judge import facing_judge
+from sims.verdict.build_study import build_study
+
+PAIR = preset("piacenza2017-pair")
+SWEEP_LIMIT_S = 30.0
+"""Wall time of 13 values on 2 idle cores."""
+BUILDS_LIMIT_S = 180.0
+"""Wall time of 200 builds on 2 idle cores."""
+
+
+def _measured(benchmark, work, name):
+    work(1)  # kernels are compiled, the contact library is read
+    processor = time.process_time()
+    started = time.perf_counter()
+    found = benchmark.pedantic(work, args=(0,), rounds=1)
+    figures = {
+        "core_s": round(time.process_time() - processor, 1),
+        "wall_s": round(time.perf_counter() - started, 1),
+        "threads": numba.config.NUMBA_NUM_THREADS,
+        "load": os.getloadavg()[0],
+    }
+    benchmark.extra_info.update(figures)
+    print(name, figures)
+    return found, figures
+
+
+@pytest.mark.slow
+def test_a_sweep_of_13_thicknesses_of_the_pair(benchmark, tmp_path):
+    def sweep(part):
+        values = [6.0 + 0.5 * step for step in range(1 if part else 13)]
+        settings = {"fine": False, "seed": 0, "build": False, "on_step": lambda *_: None}
+        return run_sweep(PAIR, "cavity.clear_thickness_mm", values, tmp_path, **settings)
+
+    made, figures = _measured(benchmark, sweep, "sweep")
+    assert len(made.rows) == 13
+    assert figures["core_s"] < 2 * SWEEP_LIMIT_S  # two idle cores have this much in the limit
+
+
+@pytest.mark.slow
+def test_200_builds_of_the_pair(benchmark):
+    name, judge = facing_judge(seed=0)
+
+    def study(part):
+        builds = 10 if part else 200
+        return build_study(PAIR, build_tolerances(PAIR), name, judge, builds=builds, seed=0)
+
+    found, figures = _measured(benchmark, study, "builds")
+    assert found.builds == 200
+    assert figures["core_s"] < 2 * BUILDS_LIMIT_S
