@@ -21,6 +21,7 @@ from sims.optics import (
     mirror_paths,
     pinhole,
     radial,
+    radial_table,
     rays,
     repeated,
     states,
@@ -37,6 +38,7 @@ from sims.optics.top import Top
 
 EMITTER_SEQUENCE, RECEIVER_SEQUENCE = states.EMITTER_SEQUENCE, states.RECEIVER_SEQUENCE
 KERNEL_MODULES = (
+    radial_table,
     surface,
     radial,
     top,

@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import math
 
-from sims.optics.radial import fresnel, height, kernel, radiance, wall_normal, wall_point
-from sims.optics.surface import ACTIVE, CELLS, CUBIC, GRADING, LOWEST, OUTER_R, SPHERE_R, X, Y
+from sims.optics.radial import fresnel, height, kernel, radiance, reach2, wall_normal, wall_point
+from sims.optics.surface import ACTIVE, LOWEST, OUTER_R, TOP, X, Y
 from sims.optics.top import SLACK, is_plain, surface_height
 
 HORIZON_SAMPLES = 14
@@ -27,18 +27,10 @@ OPEN = 1e9
 
 @kernel
 def blocking_radius(z, tip, rows):
-    """Radius beyond which the top lies nowhere below z."""
+    """Radius beyond which the top lies nowhere below z; -1: nowhere at all."""
     if rows[tip, ACTIVE] == 0.0 or z <= rows[tip, LOWEST]:
         return -1.0
-    low = rows[tip, SPHERE_R]
-    for k in range(CELLS - 1, -1, -1):
-        if (
-            rows[tip, CUBIC + 4 * k] < z - 1e-9
-            or rows[tip, CUBIC + 4 * k] + rows[tip, CUBIC + 4 * k + 1] / 3.0 < z - 1e-9
-        ):
-            x = (k + 1.0) / CELLS
-            return low + (rows[tip, OUTER_R] - low) * x * (GRADING + (1.0 - GRADING) * x)
-    return low
+    return math.sqrt(reach2(z, tip, rows)) if z < rows[tip, TOP] else rows[tip, OUTER_R]
 
 
 @kernel
@@ -94,8 +86,7 @@ def misses_all(source, target, radii, box, top):
 
 @kernel
 def _rise(s, b, c, a, z, tip, rows):
-    r = math.sqrt(max(a * s * s + 2.0 * b * s + c, 0.0))
-    return (height(r, tip, rows) - z) / s
+    return (height(max(a * s * s + 2.0 * b * s + c, 0.0), tip, rows) - z) / s
 
 
 @kernel

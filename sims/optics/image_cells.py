@@ -18,8 +18,8 @@ from sims.optics.top import surface_bend
 from sims.optics.top_grid import GX, GY, HXX, HXY, HYY, NX, NY, NZ, place_on_top, ring_edge
 
 # columns of a patch row at a node
-FX, FY, SX, SY, UX, UY, FXX, FXY, FYY, LIT = range(10)
-PATCH_COLUMNS = 10
+FX, FY, SX, SY, UX, UY, FXX, FXY, FYY, LIT, CLOSE = range(11)
+PATCH_COLUMNS = 11
 BOX_COLUMNS = 5
 MARGIN = 0.35
 """Share of a cell's change of gradient by which its corners may fail to bound it."""
@@ -27,13 +27,19 @@ GRAZE = 1.2
 CORE = 1.6
 FOLD_U, FOLD_V = 4, 2
 """How far outside the pair's range, in its sizes, a place still tells whether an image folds; places a cell."""
+CLOSE_SHARE = 0.5
+"""Half a patch's diagonal over its distance, from where on it is close."""
+ANYWHERE = 4.0
+"""More than two unit vectors' plan parts add up to: what a close patch adds to the range of the gradient."""
+CLOSE_STEPS = 2.0
 NEVER = 1e30
 
 
 @kernel
 def leg_row(patch, x, y, z, gx, gy, hxx, hxy, hyy, box, out, a, b):
     """Fill out[a, b]: gradient in plan of the leg's length from the patch's centre; how far that moves from the centre
-    to its side and to its upper edge; second derivatives; how much the top's underside faces the patch.
+    to its side and to its upper edge; second derivatives; how much the top's underside faces the patch; what to add
+    to the range because the patch is close.
     """
     wall = int(patch[0])
     ex, ey, ez = wall_point(wall, patch[1], patch[2], box)
@@ -58,17 +64,30 @@ def leg_row(patch, x, y, z, gx, gy, hxx, hxy, hyy, box, out, a, b):
     out[a, b, FXY] = (gx * gy - fx * fy) * d + az * hxy
     out[a, b, FYY] = (1.0 + gy * gy - fy * fy) * d + az * hyy
     out[a, b, LIT] = az - gx * ax - gy * ay + GRAZE * math.sqrt(patch[3] * patch[3] + patch[4] * patch[4]) * d
+    size2 = patch[3] * patch[3] + patch[4] * patch[4]
+    out[a, b, CLOSE] = ANYWHERE if size2 * d * d > CLOSE_SHARE * CLOSE_SHARE else 0.0
 
 
 @kernel
 def patch_table(patch, nodes, box, out):
-    """Fill (ring + 1, column, 10) with the rows of one patch."""
+    """Fill (ring + 1, column, n) with the rows of one patch."""
     for a in range(nodes.shape[0]):
         for b in range(nodes.shape[1]):
             leg_row(
                 patch, nodes[a, b, NX], nodes[a, b, NY], nodes[a, b, NZ], nodes[a, b, GX], nodes[a, b, GY],
                 nodes[a, b, HXX], nodes[a, b, HXY], nodes[a, b, HYY], box, out, a, b,
             )  # fmt: skip
+
+
+@kernel
+def closeness(emitter, receiver, a, b, e):
+    """What the range of a cell's gradient gains because a patch is close to one of its corners."""
+    close = 0.0
+    for k in range(4):
+        i = a + k % 2
+        j = b if k < 2 else e
+        close = max(close, emitter[i, j, CLOSE] + receiver[i, j, CLOSE])
+    return close
 
 
 @kernel
@@ -107,8 +126,9 @@ def _passes_box(emitter, receiver, a, b, e):
         )
         lit_e = max(lit_e, emitter[i, j, LIT])
         lit_q = max(lit_q, receiver[i, j, LIT])
-    wide_x += MARGIN * (high_x - low_x) + 1e-6
-    wide_y += MARGIN * (high_y - low_y) + 1e-6
+    close = closeness(emitter, receiver, a, b, e)
+    wide_x += MARGIN * (high_x - low_x) + 1e-6 + close
+    wide_y += MARGIN * (high_y - low_y) + 1e-6 + close
     if low_x > wide_x or high_x < -wide_x or low_y > wide_y or high_y < -wide_y:
         return False
     return lit_e > 0.0 and lit_q > 0.0
@@ -143,6 +163,7 @@ def image_steps(emitter, receiver, a, b, e):
         return -1.0, -1.0
     along_u = 0.0
     along_v = 0.0
+    close = closeness(emitter, receiver, a, b, e)
     for side in range(4):
         f0, w0 = across(emitter, receiver, a, b, side)
         f1, w1 = across(emitter, receiver, a + 1, b, side)
@@ -151,11 +172,13 @@ def image_steps(emitter, receiver, a, b, e):
         low = min(min(f0, f1), min(f2, f3))
         high = max(max(f0, f1), max(f2, f3))
         wide = max(max(w0, w1), max(w2, w3))
-        spare = wide + MARGIN * (high - low) + 1e-6
+        spare = wide + MARGIN * (high - low) + 1e-6 + close
         if low > spare or high < -spare:
             return -1.0, -1.0
         along_u = max(along_u, max(abs(f1 - f0), abs(f3 - f2)) / (2.0 * wide + 1e-12))
         along_v = max(along_v, max(abs(f2 - f0), abs(f3 - f1)) / (2.0 * wide + 1e-12))
+    if close > 0.0:
+        return min(along_u, CLOSE_STEPS), min(along_v, CLOSE_STEPS)
     return along_u, along_v
 
 
@@ -174,9 +197,11 @@ def patch_boxes(table, columns, out):
             out[a, b, 4] = -1.0
             wide_x = 0.0
             wide_y = 0.0
+            close = 0.0
             for k in range(4):
                 i = a + k % 2
                 j = b if k < 2 else e
+                close = max(close, table[i, j, CLOSE])
                 out[a, b, 0] = min(out[a, b, 0], table[i, j, FX])
                 out[a, b, 1] = max(out[a, b, 1], table[i, j, FX])
                 out[a, b, 2] = min(out[a, b, 2], table[i, j, FY])
@@ -184,8 +209,8 @@ def patch_boxes(table, columns, out):
                 out[a, b, 4] = max(out[a, b, 4], table[i, j, LIT])
                 wide_x = max(wide_x, abs(table[i, j, SX]) + abs(table[i, j, UX]))
                 wide_y = max(wide_y, abs(table[i, j, SY]) + abs(table[i, j, UY]))
-            wide_x += MARGIN * (out[a, b, 1] - out[a, b, 0]) + 1e-6
-            wide_y += MARGIN * (out[a, b, 3] - out[a, b, 2]) + 1e-6
+            wide_x += MARGIN * (out[a, b, 1] - out[a, b, 0]) + 1e-6 + close
+            wide_y += MARGIN * (out[a, b, 3] - out[a, b, 2]) + 1e-6 + close
             out[a, b, 0] -= wide_x
             out[a, b, 1] += wide_x
             out[a, b, 2] -= wide_y
@@ -272,7 +297,7 @@ def _range_share(emitter, receiver, i, j):
 @kernel
 def island_fold(source, target, cells, count, rings, phase, columns, sectors, box, top, one, two):
     """Sign of det d²F/dp² over an island, at `FOLD_U` x `FOLD_V` places a cell in or near the pair's range; 0 where it
-    changes, or if no place is near.
+    changes, if no place is near, or if a patch is close.
     """
     width = columns.shape[0]
     sign = 0
@@ -288,6 +313,8 @@ def island_fold(source, target, cells, count, rings, phase, columns, sectors, bo
             h, gx, gy, hxx, hxy, hyy = surface_bend(x, y, top)
             leg_row(source, x, y, h, gx, gy, hxx, hxy, hyy, box, one, 0, 0)
             leg_row(target, x, y, h, gx, gy, hxx, hxy, hyy, box, two, 0, 0)
+            if one[0, 0, CLOSE] + two[0, 0, CLOSE] > 0.0:
+                return 0
             if _range_share(one, two, 0, 0) > CORE:
                 continue
             fxy = one[0, 0, FXY] + two[0, 0, FXY]

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from sims.optics.image_cells import across, island_fold, island_start, lit_cells, take_island
+from sims.optics.image_cells import across, closeness, island_fold, island_start, lit_cells, take_island
 from sims.optics.mirror_paths import whole_image
 from sims.optics.pinhole import pinhole
 from sims.optics.radial import kernel
@@ -29,12 +29,13 @@ BENT, MOST_CHANGE = 0.25, 4.0
 def _range_corners(emitter, receiver, a, b, e, corner):
     """Fill corner[side, 4] with the gradient across each edge direction over half the range; their largest change."""
     change = 0.0
+    close = closeness(emitter, receiver, a, b, e)
     for side in range(4):
         for k in range(4):
             i = a + k % 2
             j = b if k < 2 else e
             f, w = across(emitter, receiver, i, j, side)
-            corner[side, k] = f / (w + 1e-12)
+            corner[side, k] = f / (w + close + 1e-12)
         for k in range(1, 4):
             change = max(change, abs(corner[side, k] - corner[side, 0]))
     return change

@@ -116,7 +116,9 @@ def _spread(a, b, px, py, pz, gx, gy, ex, ey, ez, source, box):
     f = out * into / (d2 * d2)
     f *= radiance(source, out / d)
     cos_in = into / (d * math.sqrt(1.0 + gx * gx + gy * gy))
-    return f * fresnel(cos_in, box[3]) * math.exp(-box[4] * d), dx, dy, dz
+    if box[4] > 0.0:
+        f *= math.exp(-box[4] * d)
+    return f * fresnel(cos_in, box[3]), dx, dy, dz
 
 
 @kernel
@@ -155,7 +157,7 @@ def _may_be_shaded(px, py, pz, patch, box, top):
         rx = px - rows[k, X]
         ry = py - rows[k, Y]
         if rx * (x0 - px) + ry * (y0 - py) >= 0.0 and rx * (x1 - px) + ry * (y1 - py) >= 0.0:
-            slope += fall_bound(math.sqrt(rx * rx + ry * ry), k, rows)
+            slope += fall_bound(rx * rx + ry * ry, k, rows)
             continue
         one = (x0 - px) * ry - (y0 - py) * rx
         two = (x1 - px) * ry - (y1 - py) * rx
@@ -165,7 +167,7 @@ def _may_be_shaded(px, py, pz, patch, box, top):
                 plan_distance(px, py, x0, y0, rows[k, X], rows[k, Y]),
                 plan_distance(px, py, x1, y1, rows[k, X], rows[k, Y]),
             )
-        slope += slope_bound(near, k, rows)
+        slope += slope_bound(near * near, k, rows)
     return pz - z < slope * run
 
 

@@ -13,25 +13,32 @@ import math
 
 from numba import njit
 
+from sims.optics.radial_table import CELLS, FALL, PIECE_COLUMNS, STEEP
 from sims.optics.surface import (
-    ACTIVE,
-    CELLS,
-    CUBIC,
-    GRADING,
-    OUTER_R,
-    SPHERE_R,
+    LOWEST,
+    OFFSET,
+    OUTER_2,
+    PER_LEVEL,
+    PIECES,
+    REACH,
+    SCALE,
+    SPHERE_2,
     SPHERE_Z,
-    STEEPEST,
-    TIP_R,
+    START,
+    TIP_2,
     TOP,
 )
 
 PATCH_TABLE = 7
 
 kernel = njit(error_model="numpy")
+inlined = njit(error_model="numpy", forceinline=True)
+"""For what is called with every ray: a call with an array costs as much as a square root."""
+
+NEVER = 1e30
 
 
-@kernel
+@inlined
 def distance(dx, dy):
     """Length of a vector in plan; lengths here are far from overflow, which spares the care of hypot."""
     return math.sqrt(dx * dx + dy * dy)
@@ -104,117 +111,100 @@ def radiance(patch, cosine):
     return low + (x - k) * (patch[PATCH_TABLE + k + 1] - low)
 
 
-@kernel
+@inlined
 def wall_hit(x, y, z, dx, dy, dz, box):
-    """Distance to the nearest wall or the bottom, and which (0-3 walls, 4 bottom, -1 none)."""
-    t = 1e30
-    kind = -1
-    if dx > 0.0:
-        t = (box[0] - x) / dx
-        kind = 1
-    elif dx < 0.0:
-        t = -x / dx
-        kind = 3
-    if dy > 0.0:
-        ty = (box[1] - y) / dy
-        if ty < t:
-            t = ty
-            kind = 2
-    elif dy < 0.0:
-        ty = -y / dy
-        if ty < t:
-            t = ty
-            kind = 0
-    if dz < 0.0:
-        tz = -z / dz
-        if tz < t:
-            t = tz
-            kind = 4
-    return t, kind
+    """Distance to the nearest wall or the bottom, and which (0-3 walls, 4 bottom, -1 none).
+
+    Written without jumps on the signs, which no processor can foresee.
+    """
+    per_x = 1.0 / dx if dx != 0.0 else NEVER
+    per_y = 1.0 / dy if dy != 0.0 else NEVER
+    tx = max((box[0] - x) * per_x, -x * per_x)
+    ty = max((box[1] - y) * per_y, -y * per_y)
+    t = min(tx, ty)
+    kind = (1 if dx > 0.0 else 3) if tx <= ty else (2 if dy > 0.0 else 0)
+    kind = kind if t < NEVER else -1
+    tz = -z / dz if dz < 0.0 else NEVER
+    kind = 4 if tz < t else kind
+    return min(t, tz), kind
 
 
-@kernel
-def _cell_x(r, tip, rows):
-    """Table coordinate x in 0..1 of a radius beyond the sphere."""
-    q = (r - rows[tip, SPHERE_R]) / (rows[tip, OUTER_R] - rows[tip, SPHERE_R])
-    return 2.0 * q / (GRADING + math.sqrt(GRADING * GRADING + 4.0 * (1.0 - GRADING) * q))
-
-
-@kernel
-def height(r, tip, rows):
-    """Height of the top above the bottom."""
-    if rows[tip, ACTIVE] == 0.0 or r >= rows[tip, OUTER_R]:
+@inlined
+def height(r2, tip, rows):
+    """Height of the top above the bottom at a squared radius."""
+    if r2 >= rows[tip, OUTER_2]:
         return rows[tip, TOP]
-    if r <= rows[tip, SPHERE_R]:
-        return rows[tip, SPHERE_Z] - math.sqrt(rows[tip, TIP_R] * rows[tip, TIP_R] - r * r)
-    x = _cell_x(r, tip, rows) * CELLS
+    if r2 <= rows[tip, SPHERE_2]:
+        return rows[tip, SPHERE_Z] - math.sqrt(rows[tip, TIP_2] - r2)
+    x = math.sqrt(rows[tip, SCALE] * r2 + rows[tip, OFFSET]) - rows[tip, START]
     k = min(int(x), CELLS - 1)
     t = x - k
-    return rows[tip, CUBIC + 4 * k] + t * (
-        rows[tip, CUBIC + 4 * k + 1] + t * (rows[tip, CUBIC + 4 * k + 2] + t * rows[tip, CUBIC + 4 * k + 3])
-    )
+    c = PIECES + PIECE_COLUMNS * k
+    return rows[tip, c] + t * (rows[tip, c + 1] + t * (rows[tip, c + 2] + t * rows[tip, c + 3]))
 
 
-@kernel
-def height_and_slope(r, tip, rows):
-    """Height of the top and dh/dr."""
-    if rows[tip, ACTIVE] == 0.0 or r >= rows[tip, OUTER_R]:
+@inlined
+def height_and_turn(r2, tip, rows):
+    """Height of the top and dh/dr over r, which times (x, y) is the gradient."""
+    if r2 >= rows[tip, OUTER_2]:
         return rows[tip, TOP], 0.0
-    if r <= rows[tip, SPHERE_R]:
-        root = math.sqrt(rows[tip, TIP_R] * rows[tip, TIP_R] - r * r)
-        return rows[tip, SPHERE_Z] - root, r / root
-    x = _cell_x(r, tip, rows)
-    per_mm = CELLS / ((rows[tip, OUTER_R] - rows[tip, SPHERE_R]) * (GRADING + 2.0 * (1.0 - GRADING) * x))
-    x *= CELLS
+    if r2 <= rows[tip, SPHERE_2]:
+        root = math.sqrt(rows[tip, TIP_2] - r2)
+        return rows[tip, SPHERE_Z] - root, 1.0 / root
+    w = math.sqrt(rows[tip, SCALE] * r2 + rows[tip, OFFSET])
+    x = w - rows[tip, START]
     k = min(int(x), CELLS - 1)
     t = x - k
-    h = rows[tip, CUBIC + 4 * k] + t * (
-        rows[tip, CUBIC + 4 * k + 1] + t * (rows[tip, CUBIC + 4 * k + 2] + t * rows[tip, CUBIC + 4 * k + 3])
-    )
-    return h, (
-        rows[tip, CUBIC + 4 * k + 1]
-        + t * (2.0 * rows[tip, CUBIC + 4 * k + 2] + t * 3.0 * rows[tip, CUBIC + 4 * k + 3])
-    ) * per_mm
+    c = PIECES + PIECE_COLUMNS * k
+    c1, c2, c3 = rows[tip, c + 1], rows[tip, c + 2], rows[tip, c + 3]
+    first = c1 + t * (2.0 * c2 + t * 3.0 * c3)
+    return rows[tip, c] + t * (c1 + t * (c2 + t * c3)), first * rows[tip, SCALE] / w
 
 
 @kernel
-def height_slope_bend(r, tip, rows):
-    """Height of the top, dh/dr and d²h/dr² beyond the sphere."""
-    if rows[tip, ACTIVE] == 0.0 or r >= rows[tip, OUTER_R]:
+def height_turn_bend(r2, tip, rows):
+    """Height of the top, dh/dr over r, and the derivative of the latter over r."""
+    if r2 >= rows[tip, OUTER_2]:
         return rows[tip, TOP], 0.0, 0.0
-    x = _cell_x(r, tip, rows)
-    span = rows[tip, OUTER_R] - rows[tip, SPHERE_R]
-    per_mm = 1.0 / (span * (GRADING + 2.0 * (1.0 - GRADING) * x))
-    turn = -2.0 * (1.0 - GRADING) * span * per_mm * per_mm * per_mm
-    x *= CELLS
+    if r2 <= rows[tip, SPHERE_2]:
+        root = math.sqrt(rows[tip, TIP_2] - r2)
+        return rows[tip, SPHERE_Z] - root, 1.0 / root, 1.0 / (root * root * root)
+    w = math.sqrt(rows[tip, SCALE] * r2 + rows[tip, OFFSET])
+    x = w - rows[tip, START]
     k = min(int(x), CELLS - 1)
     t = x - k
-    h = rows[tip, CUBIC + 4 * k] + t * (
-        rows[tip, CUBIC + 4 * k + 1] + t * (rows[tip, CUBIC + 4 * k + 2] + t * rows[tip, CUBIC + 4 * k + 3])
-    )
-    first = (
-        rows[tip, CUBIC + 4 * k + 1]
-        + t * (2.0 * rows[tip, CUBIC + 4 * k + 2] + t * 3.0 * rows[tip, CUBIC + 4 * k + 3])
-    ) * CELLS
-    second = (2.0 * rows[tip, CUBIC + 4 * k + 2] + t * 6.0 * rows[tip, CUBIC + 4 * k + 3]) * (CELLS * CELLS)
-    return h, first * per_mm, second * per_mm * per_mm + first * turn
+    c = PIECES + PIECE_COLUMNS * k
+    c1, c2, c3 = rows[tip, c + 1], rows[tip, c + 2], rows[tip, c + 3]
+    per = rows[tip, SCALE] / w
+    turn = (c1 + t * (2.0 * c2 + t * 3.0 * c3)) * per
+    bend = (2.0 * c2 + t * 6.0 * c3) * per * per - turn * per / w
+    return rows[tip, c] + t * (c1 + t * (c2 + t * c3)), turn, bend
+
+
+@inlined
+def _piece(r2, tip, rows):
+    """Where the piece that holds a squared radius begins in its tip's row; the first one's within the sphere."""
+    if r2 <= rows[tip, SPHERE_2]:
+        return PIECES
+    k = int(math.sqrt(rows[tip, SCALE] * r2 + rows[tip, OFFSET]) - rows[tip, START])
+    return PIECES + PIECE_COLUMNS * min(k, CELLS - 1)
+
+
+@inlined
+def slope_bound(r2, tip, rows):
+    """Largest |dh/dr| at this squared radius and beyond."""
+    return 0.0 if r2 >= rows[tip, OUTER_2] else rows[tip, _piece(r2, tip, rows) + STEEP]
 
 
 @kernel
-def slope_bound(r, tip, rows):
-    """Largest |dh/dr| at this radius and beyond."""
-    if rows[tip, ACTIVE] == 0.0 or r >= rows[tip, OUTER_R]:
-        return 0.0
-    if r <= rows[tip, SPHERE_R]:
-        return rows[tip, STEEPEST]
-    return rows[tip, STEEPEST + min(int(_cell_x(r, tip, rows) * CELLS), CELLS - 1)]
+def fall_bound(r2, tip, rows):
+    """Largest fall -dh/dr at this squared radius and beyond."""
+    return 0.0 if r2 >= rows[tip, OUTER_2] else rows[tip, _piece(r2, tip, rows) + FALL]
 
 
-@kernel
-def fall_bound(r, tip, rows):
-    """Largest fall -dh/dr at this radius and beyond."""
-    if rows[tip, ACTIVE] == 0.0 or r >= rows[tip, OUTER_R]:
-        return 0.0
-    if r <= rows[tip, SPHERE_R]:
-        return rows[tip, STEEPEST + CELLS + 1]
-    return rows[tip, STEEPEST + CELLS + 1 + min(int(_cell_x(r, tip, rows) * CELLS), CELLS - 1)]
+@inlined
+def reach2(z, tip, rows):
+    """Squared radius beyond which the top lies nowhere below z, for z below the undisturbed top; -1: nowhere."""
+    if z <= rows[tip, LOWEST]:
+        return -1.0
+    return rows[tip, REACH + int((z - rows[tip, LOWEST]) * rows[tip, PER_LEVEL])]

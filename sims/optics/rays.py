@@ -6,6 +6,9 @@ g(t) = h(x(t), y(t)) - z(t) closes at most at the rate dz + M |d_plan|, M the la
 still ahead (of its falling part once the ray moves outward), so steps of g over that rate cannot jump over a
 crossing. No step is shorter than `MIN_STEP_MM`, so a chord through the tip shorter than that is missed (it would be
 less than 2e-5 mm deep in a 3 mm tip).
+
+One tip and no field, the usual case: beyond the outer radius the top is a plane and needs no steps, and a ray that
+stays below the undisturbed top is followed only where the top may come below the ray's highest point.
 """
 
 from __future__ import annotations
@@ -16,64 +19,144 @@ from sims.optics.radial import (
     distance,
     fall_bound,
     fresnel,
-    height,
+    height_and_turn,
+    inlined,
     kernel,
+    reach2,
     slope_bound,
     wall_hit,
 )
-from sims.optics.surface import ACTIVE, LOWEST, TOP, X, Y
+from sims.optics.radial_table import (
+    CELLS,
+    FALL,
+    NEAREST_WINDOW_MM,
+    PIECE_COLUMNS,
+    WINDOW,
+    WINDOW_SHARE,
+    WITHIN,
+)
+from sims.optics.surface import (
+    ACTIVE,
+    LOWEST,
+    OFFSET,
+    OUTER_2,
+    PIECES,
+    SCALE,
+    SPHERE_2,
+    SPHERE_Z,
+    START,
+    TIP_2,
+    TOP,
+    X,
+    Y,
+)
 from sims.optics.top import (
     FIELD_LOWEST,
     FIELD_SLOPE,
     is_plain,
-    is_touched,
     surface_gradient,
     surface_height,
     touching_tip,
 )
 
 MIN_STEP_MM = 0.02
+CLOSED_MM = 1e-10
+"""A gap at which a crossing is found."""
 BOTTOM, TIP, LOST = 4, 5, -1
 MAX_BOUNCES = 24
 LOST_WEIGHT = 1e-9
 
 
-@kernel
+@inlined
+def _plane_hit(z, dz, t0, t1, top):
+    """Where a ray meets the undisturbed top in [t0, t1]; -1 if it does not."""
+    if dz <= 0.0:
+        return -1.0
+    t = (top - z) / dz
+    return max(t, t0) if t <= t1 else -1.0
+
+
+@inlined
 def march(x, y, z, dx, dy, dz, t0, t1, tip, rows):
     """Bracket of the first crossing from below to above one tip's top in [t0, t1]; (t0, -1) if there is none."""
-    if max(z + dz * t0, z + dz * t1) < rows[tip, LOWEST]:
+    highest = max(z + dz * t0, z + dz * t1)
+    if highest < rows[tip, LOWEST]:
         return t0, -1.0
     px = x - rows[tip, X]
     py = y - rows[tip, Y]
-    plan2 = dx * dx + dy * dy
-    plan = math.sqrt(plan2)
-    b = px * dx + py * dy
+    plan2 = max(dx * dx + dy * dy, 1e-20)
+    closest = -(px * dx + py * dy) / plan2
     c = px * px + py * py
-    closest = -b / plan2 if plan2 > 1e-20 else t0
-    t_min = min(max(closest, t0), t1)
-    r_min = math.sqrt(max(plan2 * t_min * t_min + 2.0 * b * t_min + c, 0.0))
-    t = t0
-    if dz > 0.0:
-        t = max(t, min((rows[tip, LOWEST] - z) / dz, t1))
+    near2 = max(c - plan2 * closest * closest, 0.0)
+    outer2 = rows[tip, OUTER_2] if highest >= rows[tip, TOP] else reach2(highest, tip, rows)
+    if near2 >= outer2:
+        hit = _plane_hit(z, dz, t0, t1, rows[tip, TOP])
+        return (t0, hit) if hit < 0.0 else (hit, hit)
+    half = math.sqrt((outer2 - near2) / plan2)
+    t = max(t0, closest - half)
+    end = min(t1, closest + half)
+    if t > t0:
+        hit = _plane_hit(z, dz, t0, min(t, t1), rows[tip, TOP])
+        if hit >= 0.0:
+            return hit, hit
+    if t < end:
+        low, high = _march_within(z, dz, t, end, closest, near2, plan2, tip, rows)
+        if high >= 0.0:
+            return low, high
+    if end < t1:
+        hit = _plane_hit(z, dz, max(end, t0), t1, rows[tip, TOP])
+        if hit >= 0.0:
+            return hit, hit
+    return t0, -1.0
+
+
+@inlined
+def _march_within(z, dz, t, end, closest, near2, plan2, tip, rows):
+    """The bracket in [t, end], inside a tip's outer radius; its upper end is -1 if there is none."""
+    plan = math.sqrt(plan2)
+    inner = slope_bound(near2, tip, rows)
     previous = t
     while True:
-        r = math.sqrt(max(plan2 * t * t + 2.0 * b * t + c, 0.0))
-        gap = height(r, tip, rows) - (z + dz * t)
+        away = t - closest
+        r2 = near2 + plan2 * away * away
+        piece = PIECES
+        if r2 >= rows[tip, OUTER_2]:
+            gap = rows[tip, TOP] - z - dz * t
+            piece = PIECES + PIECE_COLUMNS * (CELLS - 1)
+        elif r2 <= rows[tip, SPHERE_2]:
+            gap = rows[tip, SPHERE_Z] - math.sqrt(rows[tip, TIP_2] - r2) - z - dz * t
+        else:
+            u = math.sqrt(rows[tip, SCALE] * r2 + rows[tip, OFFSET]) - rows[tip, START]
+            k = min(int(u), CELLS - 1)
+            u -= k
+            piece = PIECES + PIECE_COLUMNS * k
+            gap = (
+                rows[tip, piece]
+                + u * (rows[tip, piece + 1] + u * (rows[tip, piece + 2] + u * rows[tip, piece + 3]))
+                - z
+                - dz * t
+            )
         if gap < 0.0:
             return previous, t
-        if t >= t1:
+        if t >= end:
             return t, -1.0
         previous = t
-        if t >= closest:
-            rate = dz + fall_bound(r, tip, rows) * plan
+        if away >= 0.0:
+            rate = dz + rows[tip, piece + FALL] * plan
+            if rate <= 0.0:
+                return t, -1.0
+            step = gap / rate
+        elif inner <= rows[tip, piece + WITHIN]:
+            rate = dz + inner * plan
             if rate <= 0.0:
                 return t, -1.0
             step = gap / rate
         else:
-            window = max(0.25, 0.35 * r)
-            rate = dz + slope_bound(max(r_min, r - window), tip, rows) * plan
-            step = window / plan if rate <= 0.0 else min(gap / rate, window / plan)
-        t = min(t + max(step, MIN_STEP_MM), t1)
+            rate = dz + rows[tip, piece + WITHIN] * plan
+            step = rows[tip, piece + WINDOW] / plan
+            if gap < rate * step:
+                step = gap / rate
+        t = min(t + max(step, MIN_STEP_MM), end)
 
 
 @kernel
@@ -108,11 +191,11 @@ def march_any(x, y, z, dx, dy, dz, t0, t1, top):
             ry = py - top.rows[k, Y]
             r = distance(rx, ry)
             if rx * dx + ry * dy >= 0.0:
-                slope += fall_bound(r, k, top.rows)
+                slope += fall_bound(r * r, k, top.rows)
             else:
-                ahead = max(0.25, 0.35 * r)
+                ahead = max(NEAREST_WINDOW_MM, WINDOW_SHARE * r)
                 window = min(window, ahead)
-                slope += slope_bound(max(r - ahead, 0.0), k, top.rows)
+                slope += slope_bound(max(r - ahead, 0.0) ** 2, k, top.rows)
         rate = dz + slope * plan
         if rate <= 0.0 and window > 1e8:
             return t, -1.0
@@ -122,7 +205,7 @@ def march_any(x, y, z, dx, dy, dz, t0, t1, top):
         t = min(t + max(step, MIN_STEP_MM), t1)
 
 
-@kernel
+@inlined
 def crossing(x, y, z, dx, dy, dz, t0, t1, top):
     """Bracket of the first crossing from below to above the top in [t0, t1]; (t0, -1) if there is none."""
     if is_plain(top):
@@ -133,22 +216,30 @@ def crossing(x, y, z, dx, dy, dz, t0, t1, top):
 @kernel
 def is_clear(x, y, z, dx, dy, dz, length, top):
     """Whether the leg of this length that leaves a point of the top stays below the top."""
-    if not is_touched(top):
-        return True
     t0 = min(MIN_STEP_MM, 0.5 * length)
     _, hit = crossing(x, y, z, dx, dy, dz, t0, length, top)
     return hit < 0.0
 
 
-@kernel
+@inlined
 def top_hit(x, y, z, dx, dy, dz, t1, top):
     """First distance in (0, t1) where the ray meets the top; -1 if it does not."""
-    if not is_touched(top):
-        if dz <= 0.0:
-            return -1.0
-        t = (top.rows[0, TOP] - z) / dz
-        return t if t < t1 else -1.0
-    low, high = crossing(x, y, z, dx, dy, dz, 0.0, t1, top)
+    if is_plain(top):
+        return _tip_hit(x, y, z, dx, dy, dz, t1, top.rows)
+    return _any_hit(x, y, z, dx, dy, dz, t1, top)
+
+
+@kernel
+def _tip_hit(x, y, z, dx, dy, dz, t1, rows):
+    """`top_hit` for one tip and no field."""
+    low, high = march(x, y, z, dx, dy, dz, 0.0, t1, 0, rows)
+    return high if high <= low else _refined(x, y, z, dx, dy, dz, low, high, rows)
+
+
+@kernel
+def _any_hit(x, y, z, dx, dy, dz, t1, top):
+    """`top_hit` for several tips or a field: the bracket halved by false position (Illinois)."""
+    low, high = march_any(x, y, z, dx, dy, dz, 0.0, t1, top)
     if high < 0.0:
         return -1.0
     g_low = surface_height(x + dx * low, y + dy * low, top) - (z + dz * low)
@@ -168,9 +259,37 @@ def top_hit(x, y, z, dx, dy, dz, t1, top):
             low = t
             g_low = gap
             g_high *= 0.5
-        if abs(gap) < 1e-10 or high - low < 1e-11:
+        if abs(gap) < CLOSED_MM or high - low < 1e-11:
             break
     return low
+
+
+@inlined
+def _refined(x, y, z, dx, dy, dz, low, high, rows):
+    """Crossing of one tip's top in a bracket: Newton's steps, halved where they leave it."""
+    px = x - rows[0, X]
+    py = y - rows[0, Y]
+    plan2 = dx * dx + dy * dy
+    b = px * dx + py * dy
+    c = px * px + py * py
+    t = high
+    for _ in range(60):
+        r2 = max(c + t * (2.0 * b + plan2 * t), 0.0)
+        h, turn = height_and_turn(r2, 0, rows)
+        gap = h - z - dz * t
+        if abs(gap) < CLOSED_MM:
+            break
+        if gap < 0.0:
+            high = t
+        else:
+            low = t
+        if high - low < 1e-12:
+            break
+        rate = turn * (b + plan2 * t) - dz
+        t = t - gap / rate if rate < 0.0 else low
+        if not low < t < high:
+            t = 0.5 * (low + high)
+    return t
 
 
 @kernel

@@ -8,8 +8,7 @@ cubic tail to the undisturbed height, then flat. The pile-up may rise above the 
 hemisphere has no sphere: the curve begins `APEX_MM` beside the axis, and the contact is the part of it within
 the contact radius.
 
-Between contact edge and outer radius the curve is stored as `CELLS` cubic pieces, uniform in x with
-r = a + (b - a) (g x + (1 - g) x²), g = `GRADING`, so that pieces are short at the contact edge.
+Between contact edge and outer radius the curve is stored as cubic pieces (`sims.optics.radial_table`).
 
 Choices and their bounds
 ------------------------
@@ -35,16 +34,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import Akima1DInterpolator, CubicHermiteSpline
+from scipy.interpolate import Akima1DInterpolator
 
 from design.errors import InputError, ModelScopeError
 from sims.indentation import Indentation
+from sims.optics.radial_table import CELLS, LEVELS, PIECE_COLUMNS, RadialTable, radial_table
 from sims.optics.scene import OpticalScene
 
 FloatArray = NDArray[np.float64]
 
-CELLS = 256
-GRADING = 0.15
 MAX_SLOPE = 30.0
 SHANK_TOLERANCE_MM = 0.03
 CUT_HEIGHT_MM = 5e-5
@@ -57,12 +55,13 @@ FLATTEST_APEX_MM = 1e-9
 
 # columns of a press row
 X, Y, ACTIVE, SPHERE_R, TIP_R, SPHERE_Z, OUTER_R, CONTACT_R, LOWEST, HIGHEST, SKIRT_R, TOP = range(12)
-COLUMNS = 12
-# a tip's row as kernels read it: the press's columns, what is known of the field (first tip), slopes, cubic pieces
+SPHERE_2, TIP_2, OUTER_2, SCALE, OFFSET, START, PER_LEVEL = range(12, 19)
+COLUMNS = 19
+# a tip's row as kernels read it: the press's columns, what is known of the field (first tip), levels, pieces
 FIELD_COLUMNS = 8
-STEEPEST = COLUMNS + FIELD_COLUMNS
-CUBIC = STEEPEST + 2 * (CELLS + 1)
-ROW = CUBIC + 4 * CELLS
+REACH = COLUMNS + FIELD_COLUMNS
+PIECES = REACH + LEVELS
+ROW = PIECES + PIECE_COLUMNS * CELLS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,17 +70,16 @@ class SurfaceStack:
 
     Attributes
     ----------
-    press : (state, 12) centre x, y [mm], active 0 or 1, radius of the exact sphere, tip radius, height of
-        the tip's centre, outer radius, contact radius, lowest and highest surface, skirt radius,
-        undisturbed top [mm]
-    cubic : (state, cell, 4) height above the clear layer's bottom as a cubic in the cell's fraction [mm]
-    steepest : (state, 2, cell + 1) from this node outward: largest |dh/dr|, largest fall -dh/dr [-]
+    press : (state, n) centre x, y [mm], active 0 or 1, radius of the exact sphere, tip radius, height of
+        the tip's centre, outer radius, contact radius, lowest and highest surface, skirt radius, undisturbed top [mm];
+        squares of sphere's, tip's and outer radius [mm²], scale, offset and start of the table, levels per mm
+    reach2 : (state, level) and pieces : (state, piece, 8), see `sims.optics.radial_table.RadialTable`
     moved_mm : (state,) how far a point was moved to make the curve single valued [mm]
     """
 
     press: FloatArray
-    cubic: FloatArray
-    steepest: FloatArray
+    reach2: FloatArray
+    pieces: FloatArray
     moved_mm: FloatArray
 
 
@@ -107,8 +105,8 @@ def stack_surfaces(
     count = len(indentations)
     press = np.zeros((count, COLUMNS))
     press[:, TOP] = press[:, LOWEST] = press[:, HIGHEST] = scene.height_mm
-    cubic = np.zeros((count, CELLS, 4))
-    steepest = np.zeros((count, 2, CELLS + 1))
+    reach2 = np.zeros((count, LEVELS))
+    pieces = np.zeros((count, CELLS, PIECE_COLUMNS))
     moved = np.zeros(count)
     lowered: dict[int, _Lowered] = {}
     for state, indentation in enumerate(indentations):
@@ -118,10 +116,11 @@ def stack_surfaces(
         if key not in lowered:
             _check_scatter(indentation, scene)
             lowered[key] = _lower(indentation, scene.height_mm)
-        press[state], cubic[state], steepest[state], moved[state] = lowered[key]
+        press[state], table, moved[state] = lowered[key]
+        reach2[state], pieces[state] = table.reach2, table.pieces
         press[state, X:ACTIVE] = centres[state]
         _check_place(state, centres[state], press[state, CONTACT_R], scene)
-    return SurfaceStack(press=press, cubic=cubic, steepest=steepest, moved_mm=moved)
+    return SurfaceStack(press=press, reach2=reach2, pieces=pieces, moved_mm=moved)
 
 
 def _check_scatter(indentation: Indentation, scene: OpticalScene) -> None:
@@ -147,7 +146,7 @@ def _check_place(state: int, centre: FloatArray, contact_radius: float, scene: O
         )
 
 
-_Lowered = tuple[FloatArray, FloatArray, FloatArray, float]
+_Lowered = tuple[FloatArray, RadialTable, float]
 
 
 def _lower(indentation: Indentation, top_mm: float) -> _Lowered:
@@ -158,15 +157,18 @@ def _lower(indentation: Indentation, top_mm: float) -> _Lowered:
     radius, height, given, moved, contact = _single_valued(indentation, tip, start)
     given[0] = start / np.sqrt(tip**2 - start**2)
     radius, height, slope = _with_tail(radius, height, given)
-    cubic, steepest, node_r, node_slope = _pieces(radius, height, slope, top_mm)
-    skirt = node_r[np.abs(node_slope) >= SKIRT_SLOPE]
+    table = radial_table(radius, height, slope, top_mm=top_mm, lowest_mm=top_mm - depth)
+    skirt = table.radius[np.abs(table.slope) >= SKIRT_SLOPE]
     row = np.zeros(COLUMNS)
     row[ACTIVE], row[SPHERE_R], row[TIP_R], row[SPHERE_Z] = 1.0, start, tip, centre_z
     row[OUTER_R], row[CONTACT_R] = radius[-1], contact
-    row[LOWEST], row[HIGHEST] = top_mm - depth, max(top_mm, float(cubic[:, 0].max()))
+    row[LOWEST], row[HIGHEST] = top_mm - depth, max(top_mm, float(table.pieces[:, 0].max()))
     row[SKIRT_R] = max(contact, float(skirt.max()) if skirt.size else contact)
     row[TOP] = top_mm
-    return row, cubic, steepest, moved
+    row[SPHERE_2], row[TIP_2], row[OUTER_2] = start**2, tip**2, radius[-1] ** 2
+    row[SCALE], row[OFFSET], row[START] = table.scale, table.offset, table.start
+    row[PER_LEVEL] = LEVELS / depth
+    return row, table, moved
 
 
 def _sphere(indentation: Indentation) -> tuple[float, float]:
@@ -254,35 +256,3 @@ def _with_tail(
         np.append(height[:last], 0.0),
         np.append(slope[:last], 0.0),
     )
-
-
-def _pieces(
-    radius: FloatArray, height: FloatArray, slope: FloatArray, top_mm: float
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Cubic pieces uniform in x, suffix maxima of slope, node radii and slopes."""
-    curve = CubicHermiteSpline(radius, height, slope)
-    x = np.linspace(0.0, 1.0, CELLS + 1)
-    span = radius[-1] - radius[0]
-    node_r = radius[0] + span * (GRADING * x + (1 - GRADING) * x**2)
-    node_r[-1] = radius[-1]
-    per_cell = span * (GRADING + 2 * (1 - GRADING) * x) / CELLS
-    value, node_slope = curve(node_r), curve(node_r, 1)
-    node_slope[0], node_slope[-1] = slope[0], 0.0
-    rise = node_slope * per_cell
-    jump = np.diff(value)
-    cubic = np.column_stack(
-        [value[:-1] + top_mm, rise[:-1], 3 * jump - 2 * rise[:-1] - rise[1:], rise[:-1] + rise[1:] - 2 * jump]
-    )
-    within = np.linspace(0.0, 1.0, 9)
-    gradient = cubic[:, 1:2] + 2 * cubic[:, 2:3] * within + 3 * cubic[:, 3:4] * within**2
-    cell_x = (np.arange(CELLS)[:, None] + within) / CELLS
-    per_mm = CELLS / (span * (GRADING + 2 * (1 - GRADING) * cell_x))
-    in_r = gradient * per_mm
-    steepest = np.stack([_outward_maximum(1.01 * x) for x in (np.abs(in_r), np.maximum(-in_r, 0.0))])
-    return cubic, steepest, node_r, node_slope
-
-
-def _outward_maximum(values: FloatArray) -> FloatArray:
-    """(cell + 1,) largest value of this and all outer cells; 0 beyond the last."""
-    worst = np.append(values.max(axis=1), 0.0)
-    return np.maximum.accumulate(worst[::-1])[::-1].copy()

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from sims.optics.radial import distance, height, height_and_slope, height_slope_bend, kernel
+from sims.optics.radial import distance, height, height_and_turn, height_turn_bend, inlined, kernel
 from sims.optics.scene import FloatArray
 from sims.optics.surface import ACTIVE, COLUMNS, CONTACT_R, FIELD_COLUMNS, OUTER_R, SKIRT_R, TOP, X, Y
 
@@ -32,7 +32,7 @@ class Top(NamedTuple):
     field: FloatArray
 
 
-@kernel
+@inlined
 def is_plain(top):
     """Whether one radial table is all there is."""
     return top.rows.shape[0] == 1 and top.rows[0, FIELD_ON] == 0.0
@@ -128,12 +128,15 @@ def _mixed(i, j, along, across, field):
 def surface_height(x, y, top):
     """Height of the top above the bottom."""
     rows = top.rows
-    h = height(distance(x - rows[0, X], y - rows[0, Y]), 0, rows)
+    rx = x - rows[0, X]
+    ry = y - rows[0, Y]
+    h = height(rx * rx + ry * ry, 0, rows)
     if is_plain(top):
         return h
     for k in range(1, rows.shape[0]):
-        r = distance(x - rows[k, X], y - rows[k, Y])
-        h += height(r, k, rows) - rows[k, TOP]
+        rx = x - rows[k, X]
+        ry = y - rows[k, Y]
+        h += height(rx * rx + ry * ry, k, rows) - rows[k, TOP]
     if top.rows[0, FIELD_ON] != 0.0:
         i, j, u, v = _field_cell(x, y, top)
         if i >= 0:
@@ -147,9 +150,7 @@ def surface_gradient(x, y, top):
     rows = top.rows
     rx = x - rows[0, X]
     ry = y - rows[0, Y]
-    r = distance(rx, ry)
-    h, slope = height_and_slope(r, 0, rows)
-    per = slope / max(r, 1e-12)
+    h, per = height_and_turn(rx * rx + ry * ry, 0, rows)
     gx = per * rx
     gy = per * ry
     if is_plain(top):
@@ -157,9 +158,7 @@ def surface_gradient(x, y, top):
     for k in range(1, rows.shape[0]):
         rx = x - rows[k, X]
         ry = y - rows[k, Y]
-        r = distance(rx, ry)
-        more, slope = height_and_slope(r, k, rows)
-        per = slope / max(r, 1e-12)
+        more, per = height_and_turn(rx * rx + ry * ry, k, rows)
         h += more - rows[k, TOP]
         gx += per * rx
         gy += per * ry
@@ -176,21 +175,16 @@ def surface_gradient(x, y, top):
 
 @kernel
 def _tip_bend(x, y, tip, rows):
-    """One tip's height, gradient and second derivatives outside its exact sphere."""
+    """One tip's height, gradient and second derivatives."""
     rx = x - rows[tip, X]
     ry = y - rows[tip, Y]
-    r = max(distance(rx, ry), 1e-9)
-    h, slope, bend = height_slope_bend(r, tip, rows)
-    c = rx / r
-    s = ry / r
-    around = slope / r
-    turn = bend - around
-    return h, slope * c, slope * s, around + turn * c * c, turn * c * s, around + turn * s * s
+    h, turn, bend = height_turn_bend(rx * rx + ry * ry, tip, rows)
+    return h, turn * rx, turn * ry, turn + bend * rx * rx, bend * rx * ry, turn + bend * ry * ry
 
 
 @kernel
 def surface_bend(x, y, top):
-    """Height of the top, dh/dx, dh/dy, d2h/dx2, d2h/dxdy, d2h/dy2, outside the tips' exact spheres."""
+    """Height of the top, dh/dx, dh/dy, d2h/dx2, d2h/dxdy, d2h/dy2."""
     h, gx, gy, hxx, hxy, hyy = _tip_bend(x, y, 0, top.rows)
     if is_plain(top):
         return h, gx, gy, hxx, hxy, hyy

@@ -17,15 +17,14 @@ from numpy.typing import NDArray
 
 from design.errors import InputError, ModelScopeError
 from sims.indentation import Indentation
+from sims.optics.radial_table import CELLS, PIECE_COLUMNS, lowest_of_pieces_mm, node_radii_mm
 from sims.optics.scene import OpticalScene
 from sims.optics.smooth_field import SmoothField
 from sims.optics.surface import (
     ACTIVE,
-    CELLS,
-    CUBIC,
     FIELD_COLUMNS,
-    GRADING,
     OUTER_R,
+    PIECES,
     SKIRT_R,
     SPHERE_R,
     TOP,
@@ -106,8 +105,8 @@ def _packed(column: SurfaceStack) -> FloatArray:
         [
             column.press,
             np.zeros((states, FIELD_COLUMNS)),
-            column.steepest.reshape(states, -1),
-            column.cubic.reshape(states, -1),
+            column.reach2,
+            column.pieces.reshape(states, -1),
         ],
         axis=1,
     )
@@ -166,12 +165,11 @@ def _neighbours_depth_mm(rows: FloatArray) -> FloatArray:
 
 def _fall_beyond_mm(row: FloatArray, radius_mm: float) -> float:
     """How far below the undisturbed top a curve lies at most beyond a radius [mm]."""
-    x = np.arange(CELLS + 1) / CELLS
-    edges = row[SPHERE_R] + (row[OUTER_R] - row[SPHERE_R]) * x * (GRADING + (1 - GRADING) * x)
-    cubic = row[CUBIC:].reshape(CELLS, 4)[edges[1:] > radius_mm]
-    if len(cubic) == 0:
+    edges, _, _ = node_radii_mm(float(row[SPHERE_R]), float(row[OUTER_R]))
+    pieces = row[PIECES:].reshape(CELLS, PIECE_COLUMNS)[edges[1:] > radius_mm]
+    if len(pieces) == 0:
         return 0.0
-    return max(float(row[TOP] - np.minimum(cubic[:, 0], cubic.sum(axis=1)).min()), 0.0)
+    return max(float(row[TOP] - lowest_of_pieces_mm(pieces).min()), 0.0)
 
 
 def _stacked_fields(

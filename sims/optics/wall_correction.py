@@ -25,9 +25,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sims.indentation import Indentation
+from sims.optics.radial_table import CELLS
 from sims.optics.scene import OpticalScene
 from sims.optics.smooth_field import SmoothField, smooth_field
-from sims.optics.surface import CELLS, GRADING, OUTER_R, SPHERE_R, TAIL_MM, TOP, SurfaceStack, stack_surfaces
+from sims.optics.surface import (
+    OFFSET,
+    OUTER_R,
+    SCALE,
+    SPHERE_R,
+    START,
+    TAIL_MM,
+    TOP,
+    SurfaceStack,
+    stack_surfaces,
+)
 
 FloatArray = NDArray[np.float64]
 Height = Callable[[FloatArray, FloatArray], FloatArray]
@@ -74,11 +85,13 @@ def tail_height_mm(surfaces: SurfaceStack, state: int, radius_mm: FloatArray) ->
 
 
 def _curve_height_mm(surfaces: SurfaceStack, state: int, radius_mm: FloatArray) -> FloatArray:
-    """Height over the undisturbed top by the cubic pieces, uniform in x: r = a + (b - a)(g x + (1 - g) x²)."""
-    start, outer, top = surfaces.press[state, [SPHERE_R, OUTER_R, TOP]]
-    share = np.clip((radius_mm - start) / (outer - start), 0.0, 1.0)
-    x = (np.sqrt(GRADING**2 + 4 * (1 - GRADING) * share) - GRADING) / (2 * (1 - GRADING))
-    cell = np.minimum((x * CELLS).astype(np.int64), CELLS - 1)
-    pieces, t = surfaces.cubic[state][cell], x * CELLS - cell
+    """Height over the undisturbed top by the cubic pieces of `sims.optics.radial_table`."""
+    first, outer, top, scale, offset, start = surfaces.press[
+        state, [SPHERE_R, OUTER_R, TOP, SCALE, OFFSET, START]
+    ]
+    within = np.clip(radius_mm, first, outer)
+    x = np.clip(np.sqrt(scale * within**2 + offset) - start, 0.0, CELLS)
+    cell = np.minimum(x.astype(np.int64), CELLS - 1)
+    pieces, t = surfaces.pieces[state][cell], x - cell
     height = pieces[..., 0] + t * (pieces[..., 1] + t * (pieces[..., 2] + t * pieces[..., 3]))
     return np.asarray(height - top)

@@ -6,6 +6,7 @@ import pytest
 from sims.indentation import Indentation
 from sims.optics import radial, surface
 from sims.optics.analytic import compact_dimple
+from sims.optics.radial_table import node_radii_mm
 from sims.optics.rays import top_hit
 from sims.optics.scene import OpticalScene
 from sims.optics.top import Top
@@ -34,6 +35,11 @@ def lowered(indentation):
     return rows[0], rows, surface.stack_surfaces([indentation], np.array([[16.0, 16.0]]), SCENE)
 
 
+def slope(r, rows):
+    """dh/dr at a radius."""
+    return r * radial.height_and_turn(r * r, 0, rows)[1]
+
+
 def one_tip(rows):
     return Top(rows, np.zeros((0, 0, 4)))
 
@@ -42,48 +48,55 @@ def one_tip(rows):
 def test_table_follows_the_curve_within_a_micrometre(depth):
     curve = compact_dimple(depth, bulge_mm=0.15)
     _press, rows, _ = lowered(curve)
-    found = np.array([radial.height(r, 0, rows) for r in curve.radius_mm]) - 8.0
+    found = np.array([radial.height(r**2, 0, rows) for r in curve.radius_mm]) - 8.0
     assert np.abs(found - curve.height_mm).max() < 1e-3
 
 
 def test_pile_up_above_the_undisturbed_top_is_kept():
     press, rows, _ = lowered(compact_dimple(2.0, bulge_mm=0.15))
-    highest = max(radial.height(r, 0, rows) for r in np.linspace(3, 16, 400))
+    highest = max(radial.height(r**2, 0, rows) for r in np.linspace(3, 16, 400))
     assert highest - 8.0 == pytest.approx(0.15, abs=2e-3)
     assert press[surface.HIGHEST] >= highest - 1e-4
 
 
 def test_height_and_slope_are_continuous_everywhere():
     press, rows, _ = lowered(compact_dimple(2.0, bulge_mm=0.15))
-    joints = [press[surface.SPHERE_R], press[surface.OUTER_R]]
-    x = np.arange(1, surface.CELLS) / surface.CELLS
-    span = press[surface.OUTER_R] - press[surface.SPHERE_R]
-    joints.extend(press[surface.SPHERE_R] + span * (surface.GRADING * x + (1 - surface.GRADING) * x**2))
+    joints = list(node_radii_mm(press[surface.SPHERE_R], press[surface.OUTER_R])[0])
     for r in joints:
-        below = radial.height_and_slope(r - 1e-8, 0, rows)
-        above = radial.height_and_slope(r + 1e-8, 0, rows)
+        below, above = (radial.height_and_turn((r + side) ** 2, 0, rows) for side in (-1e-8, 1e-8))
         assert above == pytest.approx(below, abs=1e-5)
 
 
 def test_slope_and_bend_are_the_derivatives_of_height():
     _press, rows, _ = lowered(compact_dimple(2.0, bulge_mm=0.15))
     for r in np.linspace(2.6, 19.0, 57):
-        h, slope, bend = radial.height_slope_bend(r, 0, rows)
+        h, turn, bend = radial.height_turn_bend(r * r, 0, rows)
         step = 1e-5
-        up, down = radial.height(r + step, 0, rows), radial.height(r - step, 0, rows)
-        assert slope == pytest.approx((up - down) / (2 * step), abs=1e-6)
-        steeper, flatter = (radial.height_and_slope(r + s, 0, rows)[1] for s in (step, -step))
-        assert bend == pytest.approx((steeper - flatter) / (2 * step), abs=1e-3)
-        assert radial.height_and_slope(r, 0, rows) == pytest.approx((h, slope), abs=1e-12)
+        up, down = radial.height((r + step) ** 2, 0, rows), radial.height((r - step) ** 2, 0, rows)
+        assert r * turn == pytest.approx((up - down) / (2 * step), abs=1e-6)
+        more, less = (radial.height_and_turn((r + s) ** 2, 0, rows)[1] for s in (step, -step))
+        assert r * bend == pytest.approx((more - less) / (2 * step), abs=1e-3)
+        assert radial.height_and_turn(r * r, 0, rows) == pytest.approx((h, turn), abs=1e-12)
 
 
 def test_slope_bound_holds_outward():
     _press, rows, _stack = lowered(compact_dimple(3.0, bulge_mm=0.15))
     radii = np.linspace(0.01, 20.0, 2000)
-    slopes = np.array([abs(radial.height_and_slope(r, 0, rows)[1]) for r in radii])
+    slopes = np.array([abs(slope(r, rows)) for r in radii])
     outward = np.maximum.accumulate(slopes[::-1])[::-1]
-    bounds = np.array([radial.slope_bound(r, 0, rows) for r in radii])
+    bounds = np.array([radial.slope_bound(r * r, 0, rows) for r in radii])
     assert (bounds >= outward - 1e-9).all()
+
+
+def test_the_top_lies_nowhere_below_a_level_beyond_its_reach():
+    press, rows, _stack = lowered(compact_dimple(3.0, bulge_mm=0.15))
+    for z in np.linspace(5.01, 7.99, 60):
+        reach = np.sqrt(radial.reach2(z, 0, rows))
+        beyond = np.linspace(reach, press[surface.OUTER_R], 500)
+        assert min(radial.height(r * r, 0, rows) for r in beyond) >= z - 1e-9
+        # a level is 3/64 mm high; within the sphere no reach is told
+        if reach > press[surface.SPHERE_R]:
+            assert radial.height((reach - 0.1) ** 2, 0, rows) < z + 3 / 64
 
 
 def test_overhang_near_the_shank_keeps_the_lowest_surface():
@@ -100,7 +113,7 @@ def test_overhang_near_the_shank_keeps_the_lowest_surface():
     )
     _press, rows, stack = lowered(curve)
     assert stack.moved_mm[0] == pytest.approx(0.05, abs=0.02)
-    assert radial.height(3.4, 0, rows) - 8.0 == pytest.approx(-0.3, abs=0.01)
+    assert radial.height(3.4**2, 0, rows) - 8.0 == pytest.approx(-0.3, abs=0.01)
     assert radial.slope_bound(0.0, 0, rows) <= 1.5 * surface.MAX_SLOPE
 
 
@@ -113,9 +126,9 @@ def test_ray_meets_the_sphere_where_geometry_says():
 
 def test_ray_over_the_rim_meets_the_pile_up():
     _press, rows, _stack = lowered(compact_dimple(2.0, bulge_mm=0.2))
-    hit = top_hit(0.0, 16.0, 8.0, 1.0, 0.0, 0.002, 28.0, one_tip(rows))
+    hit = top_hit(0.0, 16.0, 7.999, 1.0, 0.0, 0.002, 28.0, one_tip(rows))
     r = 16.0 - hit
-    assert radial.height(r, 0, rows) == pytest.approx(8.0 + 0.002 * hit, abs=1e-9)
+    assert radial.height(r**2, 0, rows) == pytest.approx(7.999 + 0.002 * hit, abs=1e-9)
 
 
 def test_a_grazing_chord_of_a_twentieth_millimetre_is_seen():
