@@ -111,7 +111,7 @@ def _judged(
     pad_map, pad_signals = None, None
     if not (facing and verdict_only):
         pad_map, pad_signals = _pad_map(design, cavity, readout, fine=fine, seed=seed, tell=tell)
-    governing = _governing(judged, facing)
+    governing = governing_pair(judged, facing)
     bounds = None
     if not verdict_only and pad_map is not None and pad_signals is not None:
         bounds = map_bounds(
@@ -168,7 +168,7 @@ def _force_curve(design: SensorDesign, on_step: Callable[[float], None]) -> Forc
     return force_curve(design, press, depth_schedule_mm(design.operating.max_depth_mm))
 
 
-def _governing(judged: tuple[JudgedPair, ...], facing: bool) -> JudgedPair:
+def governing_pair(judged: tuple[JudgedPair, ...], facing: bool) -> JudgedPair:
     """The middle facing pair, or the worst one if only another has a deadband.
 
     Of a pad: the pair with most deadband, then least evenness, clipped ones last.
@@ -200,14 +200,14 @@ def _pad_map(
         x_mm=tuple(x_mm.tolist()),
         y_mm=tuple(y_mm.tolist()),
         places=tuple(
-            _place(design, place, depth_mm, readings, error, readout.full_scale_counts)
+            pad_place(design, place, depth_mm, readings, error, readout.full_scale_counts)
             for place, readings, error in zip(places_mm, counts, errors, strict=True)
         ),
     )
     return pad_map, light
 
 
-def _place(
+def pad_place(
     design: SensorDesign,
     place_mm: FloatArray,
     depth_mm: FloatArray,

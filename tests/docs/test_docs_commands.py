@@ -31,6 +31,8 @@ def in_empty_folder(tmp_path, monkeypatch):
 
 def prepare(page: Path) -> None:
     """What a page says in prose: files that the reader has saved by then."""
+    if page.name == "search.md":
+        Path("my-search.toml").write_text(toml_blocks_of(page)[0], encoding="utf-8")
     if page.name == "own-parts.md":
         part, use, _, gel, shine, epoxy, walls, *_ = toml_blocks_of(page)
         Path("my-parts.toml").write_text("\n".join([part, shine, gel]), encoding="utf-8")
