@@ -50,7 +50,7 @@ def read_design(where: str, changes: list[str] | None) -> SensorDesign:
     return design.with_(**dict(parsed_change(change) for change in changes)) if changes else design
 
 
-def parsed_change(text: str) -> tuple[str, Any]:
+def parsed_change(text: str, *, option: str = "--set") -> tuple[str, Any]:
     """Path and value of one ``PATH=VALUE``; the value is read as TOML, else as plain text.
 
     Raises
@@ -59,7 +59,7 @@ def parsed_change(text: str) -> tuple[str, Any]:
     """
     path, equals, value = text.partition("=")
     if not equals or not path.strip():
-        raise InputError(f"--set: {text!r} is refused: write PATH=VALUE, as cavity.clear_thickness_mm=10")
+        raise InputError(f"{option}: {text!r} is refused: write PATH=VALUE, as cavity.clear_thickness_mm=10")
     return path.strip(), parsed_value(value.strip())
 
 

@@ -26,6 +26,8 @@ PANEL_IN = (1.75, 1.55)
 MOST_COLUMNS = 4
 FRAME_IN = 0.75
 REASON_CHARACTERS = 30
+SHORT_VALUE, LONGEST_VALUE = 10, 27
+"""Longer values have a line of their own, and no more characters than a panel is wide."""
 
 
 def plot_sweep(path: str, rows: Sequence[SweepRow]) -> Figure:
@@ -74,14 +76,21 @@ def plot_swept_value(row: SweepRow, brightest: float, ax: Axes) -> Axes:
 
 def _title(row: SweepRow) -> str:
     value = f"{row.value:g}" if isinstance(row.value, float) else str(row.value)
+    if len(value) > SHORT_VALUE:
+        cut = value if len(value) <= LONGEST_VALUE else f"{value[: LONGEST_VALUE - 3]}..."
+        return f"{cut}\n{_outcome(row)}"
+    return f"{value}: {_outcome(row)}"
+
+
+def _outcome(row: SweepRow) -> str:
     if row.curve is None:
-        return f"{value}: out of scope"
+        return "out of scope"
     total = row.score["deadband_mm"]["total"]
     if not total:
-        return f"{value}: contiguous"
+        return "contiguous"
     by_map = row.score["judged_by"] == "pad"
     where = " (pad)" if by_map else f" ({row.score['governing_pair']})" if row.is_of_another_pair else ""
-    return f"{value}: deadband {total:.2f} mm{where}"
+    return f"deadband {total:.2f} mm{where}"
 
 
 def _shade(ax: Axes, pair: dict[str, Any], deepest_mm: float) -> None:

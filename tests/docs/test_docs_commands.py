@@ -33,6 +33,12 @@ def prepare(page: Path) -> None:
     """What a page says in prose: files that the reader has saved by then."""
     if page.name == "search.md":
         Path("my-search.toml").write_text(toml_blocks_of(page)[0], encoding="utf-8")
+    if page.name == "recordings.md":
+        heading, *rows = [
+            "depth_mm,E2-R2",
+            *(f"{depth / 10:.1f},{800 - 3 * max(depth, 0)}" for depth in range(-5, 51)),
+        ]
+        Path("press.csv").write_text("\n".join([heading, *rows]), encoding="utf-8")
     if page.name == "own-parts.md":
         part, use, _, gel, shine, epoxy, walls, *_ = toml_blocks_of(page)
         Path("my-parts.toml").write_text("\n".join([part, shine, gel]), encoding="utf-8")

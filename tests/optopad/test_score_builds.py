@@ -1,12 +1,15 @@
 """``score --tolerance``: builds in score.json and figure, kept when interrupted; the real models on few builds."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
+from design.preset import preset
 from optopad.cli import main
 from sims import build_tolerance
 from sims.verdict import builds
+from tests.sims.made_up_scores import contiguous_score
 
 pytestmark = pytest.mark.slow
 COMMAND = ["score", "fast.toml", "--tolerance", "--builds", "10", "--json"]
@@ -39,6 +42,10 @@ def few_values(tmp_path, monkeypatch):
 def test_an_interrupted_study_goes_on_where_it_stopped(few_values, monkeypatch, capsys):
     asked = []
     real = builds.facing_brief
+    scored = replace(contiguous_score(preset("piacenza2017-pair")), pad_signals=None)
+    monkeypatch.setattr(
+        "sims.continuity.score", lambda *_, **__: scored
+    )  # the builds are what is tested here
 
     def judge(design, *, seed):
         asked.append(design.digest)

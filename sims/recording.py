@@ -1,0 +1,178 @@
+"""A recording of a built sensor under presses: the smallest honest reader.
+
+netCDF (what the driver's recorder writes), dimensions ``time``, ``state``, ``receiver``:
+
+    counts (time, state, receiver)   readings [ADC counts]
+    press_depth (time)               depth of the press, positive into the pad, 0 or less untouched [mm]
+    press_x, press_y (time)          its place in the cavity frame [mm]; may be absent
+    state, receiver                  names: the emitter that is lit (E1, ...) or ``off``; R1, ...
+    attribute design_digest          SHA-256 of the design that was built
+
+CSV: a heading line, one row a reading; ``depth_mm``, perhaps ``x_mm`` and ``y_mm``, and a column a pair (``E1-R1``) or
+one column ``signal``; lines before the heading that start with # may say ``# design_digest: <64 digits>``.
+
+Where there is an ``off`` state its readings are subtracted. Nothing else is: no filter, no drift, no lag.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import InputError
+
+FloatArray = NDArray[np.float64]
+OFF = "off"
+SIGNAL = "signal"
+PAIR_NAME = re.compile(r"^[A-Za-z0-9]+-[A-Za-z0-9]+$")
+AXES = ("time", "state", "receiver")
+MAX_BYTES = 500_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recording:
+    """Readings of pairs against the depth of a press.
+
+    Attributes
+    ----------
+    file : where they are from
+    design_digest : of the design that was built; None where the file does not say
+    depth_mm : (time,) [mm]
+    place_mm : (time, 2) x and y of the press [mm]; None where the file does not say
+    counts : readings by pair, (time,) each; `signal` for a file of one unnamed pair [any one unit]
+    notes : what was done to the readings, and what the file does not say
+    """
+
+    file: Path
+    design_digest: str | None
+    depth_mm: FloatArray
+    place_mm: FloatArray | None
+    counts: dict[str, FloatArray]
+    notes: tuple[str, ...]
+
+
+def read_recording(file: Path) -> Recording:
+    """Read a recording.
+
+    Raises
+    ------
+    InputError : no such file, another format, missing parts, or readings that are not numbers.
+    """
+    if not file.is_file():
+        raise InputError(f"{file}: no such file; name a recording, .nc or .csv")
+    if file.stat().st_size > MAX_BYTES:
+        raise InputError(
+            f"{file}: {file.stat().st_size / 1e6:.0f} MB, reads at most {MAX_BYTES / 1e6:.0f} MB; cut it"
+        )
+    found = _read_csv(file) if file.suffix.lower() == ".csv" else _read_netcdf(file)
+    _require_numbers(found)
+    return found
+
+
+def _read_netcdf(file: Path) -> Recording:
+    import xarray as xr
+
+    try:
+        with xr.open_dataset(file, engine="h5netcdf") as dataset:
+            dataset.load()
+    except (OSError, ValueError, KeyError) as err:
+        raise InputError(f"{file}: no netCDF file that can be read: {err}") from None
+    missing = [
+        name for name in ("counts", "press_depth", "state", "receiver") if name not in dataset.variables
+    ]
+    if missing:
+        raise InputError(
+            f"{file}: has no {', '.join(missing)}; a recording has counts (time, state, receiver), "
+            "press_depth (time), and names of states and receivers"
+        )
+    if set(dataset["counts"].dims) != set(AXES):
+        raise InputError(f"{file}: counts has the dimensions {dataset['counts'].dims}, needs {AXES}")
+    counts = dataset["counts"].transpose(*AXES).values.astype(np.float64)
+    states, receivers = ([str(name) for name in dataset[axis].values] for axis in ("state", "receiver"))
+    notes: tuple[str, ...] = ()
+    if OFF in states:
+        counts = counts - counts[:, [states.index(OFF)], :]
+        notes = ("readings of the off state were subtracted",)
+    has_place = "press_x" in dataset.variables and "press_y" in dataset.variables
+    return Recording(
+        file=file,
+        design_digest=dataset.attrs.get("design_digest"),
+        depth_mm=dataset["press_depth"].values.astype(np.float64),
+        place_mm=np.stack([dataset["press_x"].values, dataset["press_y"].values], axis=1).astype(np.float64)
+        if has_place
+        else None,
+        counts={
+            f"{state}-{receiver}": counts[:, i, j]
+            for i, state in enumerate(states)
+            for j, receiver in enumerate(receivers)
+            if state != OFF
+        },
+        notes=notes,
+    )
+
+
+def _read_csv(file: Path) -> Recording:
+    try:
+        lines = file.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as err:
+        raise InputError(f"{file}: no text that can be read: {err}") from None
+    said = [line for line in lines if line.startswith("#")]
+    rows = list(csv.reader(line for line in lines if line.strip() and not line.startswith("#")))
+    if len(rows) < 2:
+        raise InputError(f"{file}: has no readings; needs a heading line and a line a reading")
+    heading = [name.strip() for name in rows[0]]
+    doubled = sorted({name for name in heading if heading.count(name) > 1})
+    signals = [name for name in heading if name == SIGNAL or PAIR_NAME.match(name)]
+    if "depth_mm" not in heading or not signals or doubled:
+        wrong = f"has {', '.join(doubled)} twice" if doubled else f"its columns are {', '.join(heading)}"
+        raise InputError(
+            f"{file}: {wrong}; needs depth_mm and a column a pair (as E1-R1), or one named {SIGNAL}"
+        )
+    columns = {
+        name: np.array(
+            [_number(file, number, name, row, place) for number, row in enumerate(rows[1:], start=1)]
+        )
+        for place, name in enumerate(heading)
+        if name in (*signals, "depth_mm", "x_mm", "y_mm")
+    }
+    has_place = "x_mm" in columns and "y_mm" in columns
+    return Recording(
+        file=file,
+        design_digest=next(
+            (m[1] for line in said if (m := re.search(r"design_digest:\s*([0-9a-f]{64})", line))), None
+        ),
+        depth_mm=columns["depth_mm"],
+        place_mm=np.stack([columns["x_mm"], columns["y_mm"]], axis=1) if has_place else None,
+        counts={name: columns[name] for name in signals},
+        notes=(),
+    )
+
+
+def _number(file: Path, number: int, name: str, row: list[str], place: int) -> float:
+    try:
+        return float(row[place])
+    except (ValueError, IndexError):
+        found = repr(row[place]) if place < len(row) else "nothing"
+        raise InputError(
+            f"{file}: reading {number}: {name} is {found}, needs a number; drop the reading"
+        ) from None
+
+
+def _require_numbers(found: Recording) -> None:
+    """Refuse readings without any number: a gap must not pass for a signal."""
+    named: dict[str, Any] = {"depth": found.depth_mm, **found.counts}
+    if found.place_mm is not None:
+        named |= {"x": found.place_mm[:, 0], "y": found.place_mm[:, 1]}
+    for name, values in named.items():
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            raise InputError(
+                f"{found.file}: {name} is not a number in {bad.size} of {len(values)} readings, first in reading "
+                f"{bad[0] + 1}; drop these readings"
+            )
