@@ -209,6 +209,7 @@ def _scored(
     study: _Study | None = None,
 ) -> ContinuityScore:
     from design.cavity import cavity_of
+    from optopad.bound_plots import write_bound_plots
     from sims.bounds.maps_file import maps_dataset
     from sims.continuity import score as judge
     from sims.signal_file import save_dataset, signals_dataset
@@ -225,6 +226,8 @@ def _scored(
             signals_dataset(score.pad_signals, cavity_of(design), counts_per_flux=gain), sims / "signals.nc"
         )
         save_dataset(maps_dataset(design, score), sims / "maps.nc")
+    if score.bounds is not None:
+        write_bound_plots(design, score.bounds, sims)
     return score
 
 

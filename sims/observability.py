@@ -208,7 +208,7 @@ class PadBounds:
 def bound_depths_mm(wanted_mm: tuple[float, ...], max_depth_mm: float, step_mm: float) -> FloatArray:
     """(n,) depths of the bounds [mm]: the wanted ones that a press `step_mm` deeper still reaches, the deepest such."""
     deepest = max(max_depth_mm - step_mm, 0.5 * max_depth_mm)
-    inside = [depth for depth in wanted_mm if depth < deepest - step_mm]
+    inside = [depth for depth in wanted_mm if depth < deepest - 1.5 * step_mm]
     return np.array([*inside, deepest])
 
 
