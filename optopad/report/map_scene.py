@@ -9,23 +9,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from design.cavity import CavityGeometry, cavity_of
-from design.spec import SensorDesign
+from design.cavity import CavityGeometry
 from optopad.report.pair_scene import plan_of
 from sims.verdict.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
 from sims.verdict.pad_map import PadMap
-from sims.verdict.pad_profile import PadProfile, pad_profile
-from sims.verdict.result import ContinuityScore
+from sims.verdict.pad_profile import PadProfile
 
 FloatArray = NDArray[np.float64]
 
 CHANGE = ("#f2f6f9", "#9cc9e6", "#0072b2", "#002e4a")
 DEAD = ("#eef1f4", "#c24e00")
-FORCE = ("#f7f4ef", "#f2b98a", "#c24e00", "#5c2200")
 IN_DEADBAND = "in a deadband, where no pair tells depth"
 LEAST_CHANGE = 0.5
 """Smaller changes share the lightest colour [noise units]."""
-BOUND = ("#00343f", "#00785a", "#8fc7a2", "#f6f2d8", "#f2b98a", "#a33f00")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,22 +127,8 @@ class MapScene:
         }
 
 
-def map_scene(design: SensorDesign, score: ContinuityScore) -> MapScene | None:
-    """The maps that a score has data for; None without a pad map."""
-    if score.pad_map is None or not score.pairs:
-        return None
-    depth_mm = score.pairs[0].curves.depth_mm
-    profile = pad_profile(design, score.pad_map, score.pad_signals, score.readout, depth_mm)
-    return MapScene(
-        cavity=cavity_of(design),
-        tip_mm=design.indenter.tip_radius_mm,
-        pad_map=score.pad_map,
-        profile=profile,
-        maps=tuple(_maps(profile)),
-    )
-
-
-def _maps(profile: PadProfile) -> list[DepthMap]:
+def depth_maps(profile: PadProfile) -> list[DepthMap]:
+    """What the verdict's own rule says depth by depth."""
     found = [_dead_zones(profile)]
     if profile.change is not None:
         found.insert(0, _change(profile, profile.change))

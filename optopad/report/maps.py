@@ -2,15 +2,40 @@
 
 from __future__ import annotations
 
+from design.cavity import cavity_of
+from design.spec import SensorDesign
+from optopad.report.bound_maps import bound_maps, load_map
+from optopad.report.bounds import bounds_words, losses_table
 from optopad.report.drawings import Drawing, figure_of
-from optopad.report.map_scene import MapScene
+from optopad.report.map_scene import MapScene, depth_maps
 from optopad.report.markup import Html, element, section
 from optopad.report.numbers import counted, spans
 from optopad.report.scripts import data_element
 from sims.verdict.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
+from sims.verdict.pad_profile import pad_profile
 from sims.verdict.result import ContinuityScore
 
 Drawings = dict[str, Drawing]
+
+
+def map_scene(design: SensorDesign, score: ContinuityScore) -> MapScene | None:
+    """The maps that a score has data for; None without a pad map."""
+    pad_map = score.pad_map
+    if pad_map is None or not score.pairs:
+        return None
+    depth_mm = score.pairs[0].curves.depth_mm
+    profile = pad_profile(design, pad_map, score.pad_signals, score.readout, depth_mm)
+    return MapScene(
+        cavity=cavity_of(design),
+        tip_mm=design.indenter.tip_radius_mm,
+        pad_map=pad_map,
+        profile=profile,
+        maps=(
+            *depth_maps(profile),
+            *bound_maps(score),
+            load_map(design, pad_map, profile.depth_mm),
+        ),
+    )
 
 
 def map_section(score: ContinuityScore, drawings: Drawings, scene: MapScene | None) -> Html:
@@ -26,14 +51,17 @@ def map_section(score: ContinuityScore, drawings: Drawings, scene: MapScene | No
         "map",
         "Map of the pad",
         element("p", lead),
+        *bounds_words(score),
         *parts,
         element("div", *_still(score, drawings), *_by_depth(scene, drawings), class_="grid", id="maps-still"),
         element(
             "p",
             "Dots on the walls: emitters; squares: receivers. Dashed: the workspace. A cell is the press at its "
-            "centre; what lies between places was not computed.",
+            "centre; what lies between places was not computed. Ends in brackets: two standard errors of the light "
+            "trace, or the band of the modulus.",
             class_="note",
         ),
+        losses_table(score),
     )
 
 

@@ -49,9 +49,10 @@ function endsOf(d, p) {
   const [low, high] = current.ends[d][p];
   return ` (${low === null ? "open" : numberOf(low, current.digits)} to ${high === null ? "open" : numberOf(high, current.digits)} ${current.endsOf})`;
 }
+// three digits that matter, and no more after the point than the quantity has
 function numberOf(value, digits) {
-  if (value !== 0 && Math.abs(value) < 10 ** -digits) return value.toPrecision(1);
-  return value >= 100 ? value.toFixed(0) : value.toFixed(digits);
+  if (value === 0) return "0";
+  return value.toFixed(Math.max(0, Math.min(digits, 2 - Math.floor(Math.log10(Math.abs(value))))));
 }
 
 const edges = (lines, limit) => {
@@ -70,7 +71,7 @@ function drawMap() {
   drawn(pattern, "line", {class: "hatch", x1: 0, x2: 0, y1: 0, y2: 0.03 * size, "stroke-width": 0.012 * size});
   drawn(map, "rect", {class: "pad", x: 0, y: 0, width: length, height: width});
   const tall = Math.min(...EY.slice(1).map((value, k) => value - EY[k])), wide = Math.min(...EX.slice(1).map((value, k) => value - EX[k]));
-  const font = Math.min(0.34 * tall, 0.3 * wide);
+  const font = Math.min(0.34 * tall, 0.25 * wide);
   for (let row = 0; row < ROWS; row += 1) {
     for (let column = 0; column < COLUMNS; column += 1) {
       const p = row * COLUMNS + column, value = valueAt(depth, p);
@@ -78,13 +79,17 @@ function drawMap() {
       const colour = value === null ? null : colourOf(shareOf(value));
       drawn(map, "rect", {class: value === null ? "cell absent" : "cell", "data-place": p, ...area, ...(colour ? {fill: `rgb(${colour})`} : {})});
       if (value === null || isDead(depth, p)) drawn(map, "rect", {class: "dead-cell", fill: "url(#maps-hatch)", ...area});
-      if (value !== null && !current.names && ROWS * COLUMNS <= 130) {
-        const text = numberOf(value, Math.min(current.digits, value >= 10 ? 0 : value >= 1 ? 1 : 2));
-        drawn(map, "text", {class: isDeep(colour) ? "on-deep" : "on-pale", x: data.x[column], y: up(data.y[row]), "font-size": round(font), "text-anchor": "middle", "dominant-baseline": "central"}, text);
-      }
     }
   }
   drawn(map, "rect", {class: "space", x: space[0], y: up(space[3]), width: space[1] - space[0], height: space[3] - space[2]});
+  if (!current.names && ROWS * COLUMNS <= 130) {
+    current.values[depth].forEach((value, p) => {
+      if (value === null) return;
+      const place = {x: data.x[p % COLUMNS], y: up(data.y[Math.floor(p / COLUMNS)])};
+      const tone = isDeep(colourOf(shareOf(value))) ? "on-deep" : "on-pale";
+      drawn(map, "text", {class: tone, ...place, "font-size": round(font), "text-anchor": "middle", "dominant-baseline": "central"}, value >= 10 ? value.toFixed(0) : value.toPrecision(2));
+    });
+  }
   for (const [, kind, x, y] of parts) {
     const half = 0.014 * size;
     if (kind === "emitter") drawn(map, "circle", {class: "part emitter", cx: x, cy: up(y), r: half});

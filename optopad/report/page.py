@@ -29,8 +29,8 @@ from optopad.report.closing import (
 )
 from optopad.report.drawings import PREFIX, Drawing, drawings_of
 from optopad.report.load import force_section
-from optopad.report.map_scene import MapScene, map_scene
-from optopad.report.maps import map_section
+from optopad.report.map_scene import MapScene
+from optopad.report.maps import map_scene, map_section
 from optopad.report.markup import Html, element, joined
 from optopad.report.mold_scene import mold_scene
 from optopad.report.ray_scene import RayScene, ray_scene

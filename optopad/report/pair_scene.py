@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from design.cavity import CavityGeometry, cavity_of
 from design.spec import SensorDesign
 from optopad.report.words import governing, reading
+from sims.verdict.boundary_forces import Load
 from sims.verdict.result import ContinuityScore, JudgedPair
 
 FloatArray = NDArray[np.float64]
@@ -67,7 +68,24 @@ def _pair(pair: JudgedPair) -> dict[str, Any]:
         "counts": score.strength.untouched_counts,
         "full": brightest / score.peak_share_of_full_scale if score.is_clipped else None,
         "reading": reading(pair),
+        "loads": _loads(pair),
     }
+
+
+def _loads(pair: JudgedPair) -> str:
+    """Loads at the boundaries of the modes; empty where they are not known."""
+    forces = pair.forces
+    if forces is None:
+        return ""
+
+    def load(found: Load | None) -> str:
+        return "open" if found is None else f"{found[0]:.2g} N ({found[1]:.2g} to {found[2]:.2g})"
+
+    whose = "" if forces.is_at_place else ", of the centred press"
+    second = "" if forces.mode2_onset is None else f"; mode 2 begins at {load(forces.mode2_onset)}"
+    return (
+        f"Load{whose}: mode 1 ends at {load(forces.mode1_end)}{second}. In brackets: the band of the modulus."
+    )
 
 
 def _steps(light: FloatArray, untouched: float) -> list[int]:

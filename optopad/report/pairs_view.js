@@ -139,6 +139,7 @@ function show() {
   const pair = data.pairs[number];
   choice.value = String(number);
   told.textContent = pair.reading;
+  box.querySelector("[data-loads]").textContent = pair.loads;
   box.dataset.pair = pair.name;
   drawPlot(pair);
   drawPlan(pair);

@@ -110,6 +110,7 @@ def _picker(score: ContinuityScore) -> Html:
             class_="controls",
         ),
         element("p", "", data_reading="", class_="reading", aria_live="polite"),
+        element("p", "", data_loads="", class_="note"),
         element(
             "div",
             Html('<svg data-plot="" role="img" class="live"></svg>'),

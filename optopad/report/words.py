@@ -6,6 +6,7 @@ changes by less than so many standard deviations of one reading.
 
 from __future__ import annotations
 
+from optopad.report.bounds import bounds_tile
 from optopad.report.markup import Html, element, joined
 from optopad.report.numbers import counted, signed, spans
 from sims.verdict.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
@@ -136,7 +137,9 @@ def headline(score: ContinuityScore) -> Html:
             f"{score.strength['swing']:.0%}, {steps:.0f} resolvable steps; {of}",
         ),
     )
-    return element("dl", *(_tile(*tile) for tile in tiles), class_="tiles")
+    bounded = bounds_tile(score)
+    shown = tiles if bounded is None else (*tiles, bounded)
+    return element("dl", *(_tile(*tile) for tile in shown), class_="tiles")
 
 
 def _tile(label: str, value: str, note: str) -> Html:

@@ -15,15 +15,23 @@ from design.mold_outline import bed_lift_mm, outline_of
 from design.pairs import direct_path_pairs
 from design.preset import preset
 from fabrication.casting import casting_md
-from optopad.report.map_scene import map_scene
+from optopad.report.bound_maps import load_map
+from optopad.report.bounds import bounds_tile, bounds_words, losses_table
+from optopad.report.maps import map_scene
 from optopad.report.markdown import html_of
 from optopad.report.mold_scene import mold_scene
 from optopad.report.pair_scene import STEPS, pair_scene
 from optopad.report.scripts import data_element, script_text
+from sims.bounds.felt import FeltForce
+from sims.bounds.figures import Figure
+from sims.bounds.losses import PartLoss
+from sims.bounds.stencil import Steps
+from sims.observability import Limits, PadBounds
 from sims.optics.light_signals import LightSignals
 from sims.verdict.noise_units import noise_units
 from sims.verdict.pad_map import Place
 from sims.verdict.pad_profile import pad_profile
+from sims.verdict.result import ContinuityScore
 from tests.optopad.page_reader import Page
 from tests.optopad.shell_mold import shell_stl
 from tests.sims.made_up_scores import contiguous_score, dead_score
@@ -157,6 +165,102 @@ def test_the_least_change_by_depth_is_the_margin_of_the_verdict() -> None:
     # windows that begin half-way between two depths are not among those centred on a depth: a step's change
     assert profile.change.min() == pytest.approx(margin, rel=0.02)
     assert profile.change.min() >= margin - 1e-9
+
+
+def bounded_score() -> ContinuityScore:
+    """The pad's made-up score with made-up bounds: worse with depth, blind at the deepest voxel of the first place."""
+    score = dead_score(PAD)
+    pad = score.pad_map
+    assert pad is not None
+    depth = (0.2, 0.7, 1.5, 2.8, 4.9)
+    place = 0.004 * np.ones((len(pad.y_mm), len(pad.x_mm), 1)) * 4.0 ** np.arange(5)
+    place[0, 0, -1] = np.inf
+    error = np.where(np.isfinite(place), 0.01 * place, np.inf)
+    shape = place.shape[:2]
+    felt = FeltForce(
+        x_mm=pad.x_mm,
+        y_mm=pad.y_mm,
+        depth_mm=np.full(shape, 0.05),
+        depth_low_mm=np.full(shape, 0.04),
+        depth_high_mm=np.full(shape, 0.06),
+        force_n=np.full(shape, 0.02),
+        force_error_low_n=np.full(shape, 0.015),
+        force_error_high_n=np.full(shape, 0.025),
+        low_n=np.full(shape, 0.013),
+        high_n=np.full(shape, 0.03),
+        threshold=3.0,
+    )
+    figure = Figure(value=0.9, low=0.85, high=0.95)
+    small = Figure(value=0.05, low=0.04, high=0.06)
+    loss = PartLoss(
+        part="E3", coverage=figure, median_location_mm=small, median_depth_mm=small, blind_share=0.02
+    )
+    bounds = PadBounds(
+        x_mm=pad.x_mm,
+        y_mm=pad.y_mm,
+        depth_mm=depth,
+        max_depth_mm=5.0,
+        location_mm=place,
+        location_error_mm=error,
+        depth_bound_mm=0.5 * place,
+        depth_error_mm=0.5 * error,
+        depth_alone_mm=0.1 * place,
+        depth_alone_error_mm=0.1 * error,
+        losses=(loss,),
+        felt=felt,
+        limits=Limits(),
+        pairs=(),
+        steps=Steps(),
+        accuracies=("draft",),
+        seed=0,
+        digest="",
+    )
+    return replace(score, bounds=bounds)
+
+
+def test_maps_of_the_bounds_hatch_what_is_dead_and_give_both_ends() -> None:
+    score = bounded_score()
+    scene = map_scene(PAD, score)
+    assert scene is not None
+    assert [one.key for one in scene.maps] == ["dead", "location", "depth", "felt", "load"]
+    place = next(one for one in scene.maps if one.key == "location")
+    # 0.004 mm times 4 a layer: above the limit of 0.5 mm in the last one only, and blind at one place there
+    assert place.is_hatched.sum(axis=1).tolist() == [0, 0, 0, 0, 25]
+    assert np.isnan(place.values[-1, 0])
+    assert place.ends is not None
+    assert place.ends[1, 3] == pytest.approx([0.016 * 0.98, 0.016 * 1.02])  # two standard errors of 1 %
+    data = place.data()
+    assert data["values"][-1][0] is None
+    assert data["ends"][-1][0] == [None, None]
+    assert data["depth"] == [0.2, 0.7, 1.5, 2.8, 4.9]
+
+
+def test_the_bounds_are_told_with_their_limits_and_ends() -> None:
+    score = bounded_score()
+    said = Page(f"<main>{''.join(bounds_words(score))}{losses_table(score)}</main>").text
+    assert "At x 6, y 6 mm, 4.9 mm deep, the pad is blind." in said
+    assert "Covered, to 1 mm in place and 0.5 mm in depth" in said
+    assert "Felt everywhere: from 0.02 N (0.013 to 0.03 N over the modulus's band)" in said
+    assert "E3 is missed most, 90% (85% to 95%) of the volume stays covered" in said
+    tile = bounds_tile(score)
+    assert tile is not None
+    # the median voxel by volume lies in the layer at 2.8 mm: 0.004 mm x 64 and half of it
+    assert tile[1] == "0.26, 0.13 mm"
+    assert bounds_words(replace(score, bounds=None)) == []
+    assert bounds_tile(replace(score, bounds=None)) is None
+
+
+def test_the_load_map_rises_with_depth_and_towards_the_walls() -> None:
+    score = dead_score(PAD)
+    loads = load_map(PAD, score.pad_map, np.array([0.0, 1.0, 2.0, 4.0]))
+    assert loads.depth_mm.tolist() == [1.0, 2.0, 4.0]
+    assert (np.diff(loads.values, axis=0) > 0.0).all()
+    grid = loads.values[1].reshape(5, 5)
+    assert grid[0, 0] > grid[0, 2] > grid[2, 2]  # a corner is stiffer than a side, a side than the middle
+    assert grid == pytest.approx(grid[::-1, ::-1], rel=1e-9)
+    assert loads.ends is not None
+    assert (loads.ends[..., 0] < loads.values).all()
+    assert (loads.values < loads.ends[..., 1]).all()
 
 
 def test_a_build_sheet_becomes_headings_lists_tables_and_code() -> None:
