@@ -136,7 +136,7 @@ def _span(figure: Figure) -> str:
 
 
 def _number(value: float) -> str:
-    return f"{value:.2g}" if value < 0.1 else f"{value:.2f}"
+    return f"{value:#.2g}" if value < 0.1 else f"{value:.2f}"
 
 
 def _mm(value: float) -> str:

@@ -20,6 +20,7 @@ from optopad.report.words import governing, ranked
 from sims.contact.force_curve import ForceCurve
 from sims.contact.load_protocol import load_history
 from sims.contact.viscoelastic import solid_of
+from sims.plots.builds import plot_builds
 from sims.plots.contact import (
     plot_contact_radius,
     plot_force,
@@ -122,6 +123,7 @@ def drawings_of(
             **_depth_plots(maps),
             **_press_plots(design, score),
             **_tolerance_plots(score),
+            **_build_plots(score),
         }
         return {name: _drawn(name, *plot) for name, plot in plots.items()}
 
@@ -220,6 +222,15 @@ def figure_of(drawing: Drawing, caption: str) -> Html:
         element("div", inline_svg(drawing.svg, drawing.shows), class_=_card(drawing)),
         element("figcaption", caption),
     )
+
+
+def _build_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
+    if score.builds is None or score.tolerance is None:
+        return {}
+    figure = plot_builds(score.builds, score.tolerance)
+    return {
+        "builds": (figure.axes[0], "Each value alone at both ends, and its rank correlation over the builds")
+    }
 
 
 def _card(drawing: Drawing) -> str:

@@ -35,7 +35,9 @@ function colourOf(share) {
   const stops = current.colours.map(parsed), at = share * (stops.length - 1), k = Math.min(stops.length - 2, Math.floor(at));
   return stops[k].map((value, n) => Math.round(value + (at - k) * (stops[k + 1][n] - value)));
 }
-const isDeep = ([r, g, b]) => 0.299 * r + 0.587 * g + 0.114 * b < 135;
+// whether white stands out more on a colour than black does: relative luminance below 0.179
+const isDeep = (colour) => colour.map((value) => value / 255).map((v) => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4)
+  .reduce((sum, v, k) => sum + v * [0.2126, 0.7152, 0.0722][k], 0) < 0.179;
 
 function words(value) {
   const {unit, digits} = current;

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from design.spec import SensorDesign
+from optopad.report.builds import builds_table, builds_words
 from optopad.report.drawings import Drawing, figure_of, shown_pairs
 from optopad.report.markup import Html, element, section, table
 from optopad.report.numbers import DASH, counted, depth, ends, signed, spans
@@ -223,12 +224,30 @@ def tolerance_section(score: ContinuityScore, drawings: Drawings) -> Html:
     return section(
         "tolerance",
         "Tolerance",
+        *_builds(score, drawings),
         element("p", _tolerance_lead(band)),
         *([] if score.is_facing_rows else [element("p", ONE_PLACE)]),
         element("div", *figures, class_="grid"),
         _tolerance_table(band) if band.rows else Html(""),
         _unbanded(band),
     )
+
+
+def _builds(score: ContinuityScore, drawings: Drawings) -> list[Html]:
+    """The builds with everything off at once, where some were drawn."""
+    study = score.builds
+    if study is None:
+        return []
+    shown = [
+        figure_of(
+            drawings["builds"],
+            "Left: each value alone at both ends of its band. Right: how the verdict's firmness goes with it over the "
+            "builds, with its 95 % interval; grey where that holds zero.",
+        )
+        for name in ("builds",)
+        if name in drawings
+    ]
+    return [builds_words(study), *shown, builds_table(study)]
 
 
 def _tolerance_lead(band: ToleranceBand) -> str:

@@ -7,6 +7,7 @@ changes by less than so many standard deviations of one reading.
 from __future__ import annotations
 
 from optopad.report.bounds import bounds_tile
+from optopad.report.builds import builds_tile
 from optopad.report.markup import Html, element, joined
 from optopad.report.numbers import counted, signed, spans
 from sims.verdict.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
@@ -137,9 +138,8 @@ def headline(score: ContinuityScore) -> Html:
             f"{score.strength['swing']:.0%}, {steps:.0f} resolvable steps; {of}",
         ),
     )
-    bounded = bounds_tile(score)
-    shown = tiles if bounded is None else (*tiles, bounded)
-    return element("dl", *(_tile(*tile) for tile in shown), class_="tiles")
+    more = [tile for tile in (bounds_tile(score), builds_tile(score.builds)) if tile is not None]
+    return element("dl", *(_tile(*tile) for tile in (*tiles, *more)), class_="tiles")
 
 
 def _tile(label: str, value: str, note: str) -> Html:

@@ -13,6 +13,7 @@ import pytest
 from design.preset import preset
 from fabrication.sheets import write_sheets
 from optopad.report.page import write_report
+from tests.optopad.bounded_score import PAD, bounded_score
 from tests.optopad.browser import NAMES, Tab, browser_path, tab
 from tests.optopad.shell_mold import shell_stl
 from tests.sims.made_up_scores import CHECKS, dead_score
@@ -62,7 +63,10 @@ def do(tab: Tab, script: str) -> Any:
 
 
 def choose(tab: Tab, query: str) -> None:
-    do(tab, f"document.querySelector({json.dumps(query)}).click()")
+    do(
+        tab,
+        f"document.querySelector({json.dumps(query)}).dispatchEvent(new MouseEvent('click', {{bubbles: true}}))",
+    )
 
 
 def focus(tab: Tab, query: str) -> None:
@@ -255,6 +259,30 @@ def test_dark_follows_the_system_and_the_readers_choice(browser, page):
     browser.prefer("light")
     browser.settle()
     assert browser.run(ground) == "rgb(246, 247, 249)"
+
+
+@pytest.mark.slow
+def test_a_blind_place_is_said_and_hatched_at_its_depth_only(browser, tmp_path):
+    page = write_report(PAD, tmp_path, bounded_score(), CHECKS, seed=0)
+    browser.open(page)
+    choose(browser, "input[name=maps-which][value='1']")
+    assert told(browser, "maps-view")["quantity"] == "location"
+    focus(browser, "#maps-depth")
+    browser.press("Home")
+    hatched = "document.querySelectorAll('[data-map] .dead-cell').length"
+    assert browser.run(hatched) == 0
+    assert "0.0040 mm (0.0039 to 0.0041 mm by the light trace's own error)" in text_of(
+        browser, "#maps-view [data-reading]"
+    )
+    browser.press("ArrowRight", times=4)
+    assert told(browser, "maps-view")["depth"] == "4.90"
+    assert browser.run(hatched) == 25
+    choose(browser, "[data-map] [data-place='0']")
+    assert "blind: this cannot be told at all" in text_of(browser, "#maps-view [data-reading]")
+    choose(browser, "input[name=maps-which][value='3']")
+    assert browser.run("document.getElementById('maps-depth').disabled")
+    assert text_of(browser, "#maps-view output") == "any depth"
+    assert browser.complaints == []
 
 
 CONTRAST = """(() => {

@@ -14,27 +14,26 @@ from design.cavity import cavity_of
 from design.mold_outline import bed_lift_mm, outline_of
 from design.pairs import direct_path_pairs
 from design.preset import preset
+from design.tolerances import Tolerance
 from fabrication.casting import casting_md
 from optopad.report.bound_maps import load_map
 from optopad.report.bounds import bounds_tile, bounds_words, losses_table
 from optopad.report.maps import map_scene
 from optopad.report.markdown import html_of
 from optopad.report.mold_scene import mold_scene
+from optopad.report.page import write_report
 from optopad.report.pair_scene import STEPS, pair_scene
 from optopad.report.scripts import data_element, script_text
-from sims.bounds.felt import FeltForce
-from sims.bounds.figures import Figure
-from sims.bounds.losses import PartLoss
-from sims.bounds.stencil import Steps
-from sims.observability import Limits, PadBounds
 from sims.optics.light_signals import LightSignals
+from sims.verdict.build_study import BuildStudy
+from sims.verdict.builds import Brief
 from sims.verdict.noise_units import noise_units
 from sims.verdict.pad_map import Place
 from sims.verdict.pad_profile import pad_profile
-from sims.verdict.result import ContinuityScore
+from tests.optopad.bounded_score import bounded_score
 from tests.optopad.page_reader import Page
 from tests.optopad.shell_mold import shell_stl
-from tests.sims.made_up_scores import contiguous_score, dead_score
+from tests.sims.made_up_scores import CHECKS, contiguous_score, dead_score
 
 PAIR = preset("piacenza2017-pair")
 PAD = preset("piacenza2017-pad")
@@ -167,57 +166,6 @@ def test_the_least_change_by_depth_is_the_margin_of_the_verdict() -> None:
     assert profile.change.min() >= margin - 1e-9
 
 
-def bounded_score() -> ContinuityScore:
-    """The pad's made-up score with made-up bounds: worse with depth, blind at the deepest voxel of the first place."""
-    score = dead_score(PAD)
-    pad = score.pad_map
-    assert pad is not None
-    depth = (0.2, 0.7, 1.5, 2.8, 4.9)
-    place = 0.004 * np.ones((len(pad.y_mm), len(pad.x_mm), 1)) * 4.0 ** np.arange(5)
-    place[0, 0, -1] = np.inf
-    error = np.where(np.isfinite(place), 0.01 * place, np.inf)
-    shape = place.shape[:2]
-    felt = FeltForce(
-        x_mm=pad.x_mm,
-        y_mm=pad.y_mm,
-        depth_mm=np.full(shape, 0.05),
-        depth_low_mm=np.full(shape, 0.04),
-        depth_high_mm=np.full(shape, 0.06),
-        force_n=np.full(shape, 0.02),
-        force_error_low_n=np.full(shape, 0.015),
-        force_error_high_n=np.full(shape, 0.025),
-        low_n=np.full(shape, 0.013),
-        high_n=np.full(shape, 0.03),
-        threshold=3.0,
-    )
-    figure = Figure(value=0.9, low=0.85, high=0.95)
-    small = Figure(value=0.05, low=0.04, high=0.06)
-    loss = PartLoss(
-        part="E3", coverage=figure, median_location_mm=small, median_depth_mm=small, blind_share=0.02
-    )
-    bounds = PadBounds(
-        x_mm=pad.x_mm,
-        y_mm=pad.y_mm,
-        depth_mm=depth,
-        max_depth_mm=5.0,
-        location_mm=place,
-        location_error_mm=error,
-        depth_bound_mm=0.5 * place,
-        depth_error_mm=0.5 * error,
-        depth_alone_mm=0.1 * place,
-        depth_alone_error_mm=0.1 * error,
-        losses=(loss,),
-        felt=felt,
-        limits=Limits(),
-        pairs=(),
-        steps=Steps(),
-        accuracies=("draft",),
-        seed=0,
-        digest="",
-    )
-    return replace(score, bounds=bounds)
-
-
 def test_maps_of_the_bounds_hatch_what_is_dead_and_give_both_ends() -> None:
     score = bounded_score()
     scene = map_scene(PAD, score)
@@ -261,6 +209,52 @@ def test_the_load_map_rises_with_depth_and_towards_the_walls() -> None:
     assert loads.ends is not None
     assert (loads.ends[..., 0] < loads.values).all()
     assert (loads.values < loads.ends[..., 1]).all()
+
+
+def study() -> BuildStudy:
+    """Forty builds whose verdict goes with the first of two values: ten have a deadband, six are in doubt."""
+    first = np.linspace(5.7, 6.3, 40)
+    values = np.column_stack([first, np.tile([0.03, 0.1, 0.05, 0.08], 10)])
+    dead = np.where(np.arange(40) < 10, 0.5, 0.0)
+    return BuildStudy(
+        judged="the facing pairs",
+        seed=0,
+        as_designed=Brief(deadband_mm=0.0, gap_mm=0.5, margin=12.0, in_doubt=False),
+        tolerances=tuple(
+            Tolerance(
+                path=path,
+                value=(low + high) / 2,
+                low=low,
+                high=high,
+                unit="mm",
+                distribution="uniform",
+                origin="open value",
+                source="made up",
+            )
+            for path, low, high in (
+                ("receivers.height_mm", 5.7, 6.3),
+                ("surfaces.wall_reflectance", 0.03, 0.1),
+            )
+        ),
+        values=values,
+        deadband_mm=dead,
+        margin=np.where(dead > 0.0, 1.0, 5.0 + first),
+        in_doubt=np.arange(40) < 6,
+        unjudged={"emitters.height_mm": 2},
+    )
+
+
+def test_builds_are_told_with_their_interval_and_what_matters(tmp_path: Path) -> None:
+    score = replace(dead_score(PAIR), builds=study())
+    low, high = study().kept_interval
+    said = Page(write_report(PAIR, tmp_path, score, CHECKS, seed=0).read_text(encoding="utf-8")).text
+    assert (
+        f"30 keep the verdict, no deadband: 75% (95 % interval of the count: {low:.0%} to {high:.0%})" in said
+    )
+    assert "What matters most: receivers.height_mm." in said
+    assert "6 builds in doubt by the light trace's own error. Not judged: emitters.height_mm: 2." in said
+    assert "Builds that keep the verdict 75%" in said
+    assert (tmp_path / "sims" / "plot-builds.svg").is_file()
 
 
 def test_a_build_sheet_becomes_headings_lists_tables_and_code() -> None:
