@@ -29,6 +29,8 @@ BUNDLE_FILES = {
     "cad/indenter_tip.stl",
     "cad/checks.json",
     "sims/signals.nc",
+    "sims/maps.nc",
+    "sims/bounds-location.png",
     "sims/score.json",
     "fabrication/bom.csv",
     "fabrication/wiring.csv",
@@ -64,6 +66,16 @@ def test_the_manifest_names_every_file_with_its_hash(folder):
     for name, record in files.items():
         assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == record["sha256"], name
     assert altered_files(folder) == ()
+
+
+def test_the_maps_hold_bounds_and_readings_of_the_same_places(folder):
+    with xr.open_dataset(folder / "sims" / "maps.nc") as maps:
+        assert maps.counts.dims == ("y", "x", "press_depth", "pair")
+        assert maps.location_bound.dims == ("y", "x", "depth")
+        assert maps.attrs["design_digest"] == DESIGN.digest
+        assert float(maps.counts.sel(pair="E2-R2", x=10.0, y=10.0)[0]) == pytest.approx(800.0, rel=0.01)
+    bounds = json.loads((folder / "sims" / "score.json").read_text(encoding="utf-8"))["bounds"]
+    assert bounds["median_depth_place_known_mm"]["value"] == pytest.approx(0.0038, rel=0.1)
 
 
 def test_the_pair_at_8_mm_is_contiguous_and_its_gap_positive(folder):

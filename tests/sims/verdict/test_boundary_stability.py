@@ -1,0 +1,40 @@
+"""Mode boundaries and deadbands of the paper's pair do not hang on the depth step or the seed."""
+
+import pytest
+
+from design.cavity import cavity_of
+from design.pairs import judged_pairs, mask_of
+from design.preset import preset
+from sims.depths import depth_schedule_mm
+from sims.readout import readout_of
+from sims.verdict.builds import score_curves
+from sims.verdict.presses import pair_curves, untouched_flux
+
+pytestmark = pytest.mark.slow
+BOUNDARY_MM = 0.05
+DEADBAND_MM = 0.15
+
+
+def scores_of(design, *, seed, step_mm):
+    cavity = cavity_of(design)
+    pairs = judged_pairs(cavity)
+    readout = readout_of(design, untouched_flux(design, cavity, seed=seed), mask_of(pairs, cavity))
+    depth_mm = depth_schedule_mm(design.operating.max_depth_mm, step_mm)
+    return [score_curves(design, c, readout) for c in pair_curves(design, cavity, pairs, depth_mm, seed=seed)]
+
+
+@pytest.mark.parametrize("thickness_mm", [8.0, 9.0], ids=["contiguous", "deadband"])
+@pytest.mark.parametrize(("seed", "step_mm"), [(0, 0.2), (1, 0.1)], ids=["double step", "other seed"])
+def test_boundaries_and_deadbands_stay(thickness_mm, seed, step_mm):
+    design = preset("piacenza2017-pair").with_(**{"cavity.clear_thickness_mm": thickness_mm})
+    before = scores_of(design, seed=0, step_mm=0.1)
+    after = scores_of(design, seed=seed, step_mm=step_mm)
+    for old, new in zip(before, after, strict=True):
+        ends = zip(
+            old.modes.mode1_mm + old.modes.mode2_mm, new.modes.mode1_mm + new.modes.mode2_mm, strict=True
+        )
+        for was, now in ends:
+            assert (was is None) == (now is None)
+            if was is not None and now is not None:
+                assert now == pytest.approx(was, abs=BOUNDARY_MM)
+        assert new.deadband_total_mm == pytest.approx(old.deadband_total_mm, abs=DEADBAND_MM)
