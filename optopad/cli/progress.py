@@ -7,9 +7,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from sims.compiling import compiling_told
+
 OnStep = Callable[[str, float], None]
 
 STAGE_TITLES = {
+    "kernels": "compiling the light kernels, once on this machine: about a minute",
     "contact": "contact (MuJoCo)",
     "pairs": "light, pair by pair",
     "light": "light",
@@ -22,6 +25,9 @@ STAGE_TITLES = {
     "files": "build sheet, driver config, report",
 }
 
+ANNOUNCED = "kernels"
+"""A stage that is named when it begins, also where only lines are printed: it is long, and not of the user's asking."""
+
 
 @contextmanager
 def progress(*, quiet: bool) -> Iterator[OnStep]:
@@ -29,11 +35,15 @@ def progress(*, quiet: bool) -> Iterator[OnStep]:
     if quiet:
         yield lambda _stage, _share: None
     elif sys.stderr.isatty():
-        yield from _live()
+        with _live() as step, compiling_told(lambda share: step(ANNOUNCED, share)):
+            yield step
     else:
-        yield _plain()
+        step = _plain()
+        with compiling_told(lambda share: step(ANNOUNCED, share)):
+            yield step
 
 
+@contextmanager
 def _live() -> Iterator[OnStep]:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
@@ -55,10 +65,13 @@ def _plain() -> OnStep:
     done: set[str] = set()
 
     def step(stage: str, share: float) -> None:
+        if stage == ANNOUNCED and stage not in started:
+            print(STAGE_TITLES[stage], file=sys.stderr, flush=True)
         started.setdefault(stage, time.monotonic())
         if share >= 1.0 and stage not in done:
             done.add(stage)
             seconds = time.monotonic() - started[stage]
-            print(f"{STAGE_TITLES.get(stage, stage):<26} {seconds:6.1f} s", file=sys.stderr)
+            title = "light kernels compiled" if stage == ANNOUNCED else STAGE_TITLES.get(stage, stage)
+            print(f"{title:<26} {seconds:6.1f} s", file=sys.stderr)
 
     return step

@@ -7,12 +7,10 @@ of all kernel sources, which is part of its cache key: a changed kernel is never
 
 from __future__ import annotations
 
-import hashlib
-from pathlib import Path
-
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
+from sims.compiling import listen_to_numba
 from sims.optics import (
     diffuse,
     direct,
@@ -33,7 +31,8 @@ from sims.optics import (
 from sims.optics.diffuse import bounces, deposit, join, layout_of
 from sims.optics.diffuse import patch_areas as areas_of
 from sims.optics.direct import flat_flux
-from sims.optics.states import CLASSES, golden_shift, one_state
+from sims.optics.fingerprint import source_fingerprint
+from sims.optics.states import golden_shift
 from sims.optics.top import Top
 
 EMITTER_SEQUENCE, RECEIVER_SEQUENCE = states.EMITTER_SEQUENCE, states.RECEIVER_SEQUENCE
@@ -56,12 +55,8 @@ KERNEL_MODULES = (
 )
 
 
-def source_fingerprint() -> int:
-    """63-bit hash of the sources that the compiled code depends on."""
-    digest = hashlib.sha256()
-    for module in KERNEL_MODULES:
-        digest.update(Path(str(module.__file__)).read_bytes())
-    return int.from_bytes(digest.digest()[:8], "big") >> 1
+whole_state = njit(inline="always", error_model="numpy")(states.one_state.py_func)
+"""The kernel of a state, put into its entry point as it is: compiled alone, all below it would be optimised twice."""
 
 
 def _compile(fingerprint):
@@ -72,8 +67,10 @@ def _compile(fingerprint):
         for i in range(emitters.shape[0] if fingerprint >= 0 else 0):
             for j in range(receivers.shape[0]):
                 if emitters[i, 0] != receivers[j, 0]:
-                    out[0, i, j] = flat_flux(emitters[i], receivers[j], box, False, nodes, weights)
-                    out[1, i, j] = flat_flux(emitters[i], receivers[j], box, True, nodes, weights)
+                    for mirrored in range(2):
+                        out[mirrored, i, j] = flat_flux(
+                            emitters[i], receivers[j], box, mirrored == 1, nodes, weights
+                        )
         return out
 
     @njit(cache=True, error_model="numpy")
@@ -103,22 +100,17 @@ def _compile(fingerprint):
             return np.zeros((0, 0))
         return bounces(layout, receivers, box, top, points, count)
 
-    @njit(cache=True, error_model="numpy", parallel=True)
-    def trace_states(
-        wanted, emitters, receivers, box, tops, flat, scale, rules, image_rules, points, shifts, layout, areas,
-        reflectances, settings, flat_rays,
+    @njit(cache=True, error_model="numpy", nogil=True)
+    def trace_state(
+        out, wanted, emitters, receivers, box, rows, field, flat, scale, rules, image_rules, points, shifts, layout,
+        areas, reflectances, settings, flat_rays,
     ):  # fmt: skip
-        """(state, replicate, class, emitter, receiver) flux over emitted power."""
-        rows, field = tops
-        states = rows.shape[0] if fingerprint >= 0 else 0
-        out = np.zeros((states, shifts.shape[0], CLASSES, emitters.shape[0], receivers.shape[0]))
-        for state in prange(states):
-            one_state(
-                out[state], wanted[state], emitters, receivers, box,
-                Top(rows[state], field[state]), flat, scale, rules,
-                image_rules, points, shifts, layout, areas, reflectances, settings, flat_rays,
+        """Fill (replicate, class, emitter, receiver) with flux over emitted power."""
+        if fingerprint >= 0:
+            whole_state(
+                out, wanted, emitters, receivers, box, Top(rows, field), flat, scale, rules, image_rules, points,
+                shifts, layout, areas, reflectances, settings, flat_rays,
             )  # fmt: skip
-        return out
 
     @njit(cache=True, error_model="numpy")
     def patch_layout(box, size):
@@ -130,9 +122,10 @@ def _compile(fingerprint):
         """(patch,) area without receiver faces; 0 for the tip's, which change with the press."""
         return areas_of(layout, receivers, box) if fingerprint >= 0 else np.zeros(0)
 
-    return flat_matrix, untouched_deposits, joined, bounce_matrix, trace_states, patch_layout, patch_areas
+    return flat_matrix, untouched_deposits, joined, bounce_matrix, trace_state, patch_layout, patch_areas
 
 
-flat_matrix, untouched_deposits, joined, bounce_matrix, trace_states, patch_layout, patch_areas = _compile(
-    source_fingerprint()
+flat_matrix, untouched_deposits, joined, bounce_matrix, trace_state, patch_layout, patch_areas = _compile(
+    source_fingerprint(KERNEL_MODULES)
 )
+listen_to_numba()

@@ -57,6 +57,7 @@ from sims.optics.scene import OpticalScene
 from sims.optics.scene_symmetry import StateClasses, state_classes
 from sims.optics.smooth_field import SmoothField
 from sims.optics.surface import SKIRT_R
+from sims.optics.threads import run_each
 from sims.optics.tops import Presses, TopStack, stack_tops
 from sims.optics.untouched import Untouched, gauss, untouched_pad
 
@@ -299,7 +300,8 @@ def _pooled(share: FloatArray, asked: NDArray[np.bool_]) -> FloatArray:
 def _trace_batch(
     wanted: NDArray[np.bool_], tops: TopStack, part: NDArray[np.int64], fixed: Untouched, settings: Accuracy
 ) -> FloatArray:
-    from sims.optics.compiled import trace_states
+    from sims.optics.compiled import trace_state
+    from sims.optics.states import CLASSES
 
     rules = (
         *gauss(settings.nodes_emitter),
@@ -320,9 +322,15 @@ def _trace_batch(
         dtype=np.float64,
     )  # fmt: skip
     flat = (fixed.straight, fixed.diffuse, fixed.wall, fixed.given, fixed.taken, fixed.joined)
-    return np.asarray(
-        trace_states(
-            wanted, fixed.emitters, fixed.receivers, fixed.box, tops.part(part), flat, fixed.scale, rules, image_rules,
-            fixed.points, fixed.shifts, fixed.layout, fixed.areas, fixed.reflectances, numbers, fixed.rays,
-        )
-    )  # fmt: skip
+    rows, field = tops.part(part)
+    out = np.zeros((len(part), len(fixed.shifts), CLASSES, *wanted.shape[1:]))
+
+    def trace_one(state: int) -> None:
+        trace_state(
+            out[state], wanted[state], fixed.emitters, fixed.receivers, fixed.box, rows[state], field[state], flat,
+            fixed.scale, rules, image_rules, fixed.points, fixed.shifts, fixed.layout, fixed.areas,
+            fixed.reflectances, numbers, fixed.rays,
+        )  # fmt: skip
+
+    run_each(trace_one, len(part))
+    return out

@@ -8,12 +8,10 @@ What every flight goes through is forced inline: calls that hand over a scene of
 
 from __future__ import annotations
 
-import hashlib
-from pathlib import Path
-
 import numpy as np
 from numba import njit, prange
 
+from sims.compiling import listen_to_numba
 from sims.optics import (
     oracle_air,
     oracle_border,
@@ -26,6 +24,7 @@ from sims.optics import (
     oracle_top,
     oracle_walk,
 )
+from sims.optics.fingerprint import source_fingerprint
 from sims.optics.oracle_chance import ray_stream
 from sims.optics.oracle_walk import CROSSING, FATES, UNSUBMERGED, VOLUME, walk
 
@@ -44,14 +43,6 @@ MODULES = (
 CLASS_COUNT, FATE_COUNT = CROSSING + 1, len(FATES)
 BATCHES = 256
 """Parts in which the rays of one emitter are summed; fixed, so that threads never change an answer."""
-
-
-def source_fingerprint() -> int:
-    """63-bit hash of the sources that the compiled code depends on."""
-    digest = hashlib.sha256()
-    for module in MODULES:
-        digest.update(Path(str(module.__file__)).read_bytes())
-    return int.from_bytes(digest.digest()[:8], "big") >> 1
 
 
 def _compile(fingerprint):
@@ -88,4 +79,5 @@ def _compile(fingerprint):
     return trace_emitter, next_path
 
 
-trace_emitter, next_path = _compile(source_fingerprint())
+trace_emitter, next_path = _compile(source_fingerprint(MODULES))
+listen_to_numba()

@@ -1,0 +1,89 @@
+"""The command line says so when kernels are compiled, at once, and is silent when they come from the cache."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from numba import njit
+
+from optopad.cli.progress import progress
+from sims.compiling import compiling_told, listen_to_numba
+
+ROOT = Path(__file__).parents[2]
+LINE = "compiling the light kernels, once on this machine: about a minute"
+
+
+def kernel_under(name: str):
+    """A kernel nobody has compiled yet, under the name of an entry point."""
+
+    def trace_state(x):
+        return x + 1
+
+    trace_state.__name__ = name
+    return njit(trace_state)
+
+
+def test_compiling_is_told_when_it_begins_and_when_the_last_entry_point_is_done() -> None:
+    listen_to_numba()
+    told: list[float] = []
+    small, last = kernel_under("flat_matrix"), kernel_under("trace_state")
+    with compiling_told(told.append):
+        small(1)
+        assert told == [0.0]
+        last(1)
+        assert told == [0.0, 1.0]
+        last(2)
+        small(3)
+    assert told == [0.0, 1.0]
+    kernel_under("trace_state")(1)
+    assert told == [0.0, 1.0]
+
+
+def test_compiling_that_is_cut_short_is_told_to_be_over() -> None:
+    listen_to_numba()
+    told: list[float] = []
+
+    def cut_short() -> None:
+        with compiling_told(told.append):
+            kernel_under("flat_matrix")(1)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        cut_short()
+    assert told == [0.0, 1.0]
+
+
+def test_a_line_appears_before_the_compiler_is_done(capsys: pytest.CaptureFixture[str]) -> None:
+    listen_to_numba()
+    with progress(quiet=False) as step:
+        step("contact", 1.0)
+        kernel_under("flat_matrix")(1)
+        assert capsys.readouterr().err.splitlines()[-1] == LINE
+        kernel_under("trace_state")(1)
+    end = capsys.readouterr().err.split()
+    assert end[:3] == ["light", "kernels", "compiled"]
+    assert end[-1] == "s"
+
+
+def test_machines_read_nothing_of_it(capsys: pytest.CaptureFixture[str]) -> None:
+    listen_to_numba()
+    with progress(quiet=True):
+        kernel_under("trace_state")(1)
+    captured = capsys.readouterr()
+    assert (captured.out, captured.err) == ("", "")
+
+
+def test_drawing_progress_needs_no_numba() -> None:
+    program = (
+        "import sys\nfrom optopad.cli.progress import progress\n"
+        "with progress(quiet=False) as step:\n    step('mold', 1.0)\n"
+        "print('numba' in sys.modules)"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert result.stdout.strip() == "False"
+    assert LINE not in result.stderr
