@@ -55,7 +55,9 @@ def _run(arguments: list[str]) -> int:
         from optopad.doctor import explain_import_error
 
         return _refused(explain_import_error(err), OUR_FAILURE)
-    except Exception:
+    except (
+        Exception
+    ):  # on purpose all: what nobody above expected is our own failure, whatever its type, and exits with 1
         traceback.print_exc()
         return _refused("this is optopad's own failure; please report it with the lines above", OUR_FAILURE)
     if outcome == INTERRUPTED:  # the command line's library answers Ctrl-C with this code and no word

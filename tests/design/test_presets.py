@@ -10,13 +10,13 @@ from design.cavity import cavity_of
 from design.errors import InputError
 from design.pairs import facing_pairs
 from design.preset import PRESETS, preset, preset_text, renamed_text
-from design.rules import check, require_valid
+from design.rules import check
 from design.spec import SensorDesign
 
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_a_preset_has_no_errors(name: str) -> None:
-    require_valid(preset(name))
+    assert [finding for finding in check(preset(name)) if finding.severity == "error"] == []
 
 
 @pytest.mark.parametrize("name", PRESETS)
