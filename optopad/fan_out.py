@@ -48,7 +48,7 @@ def on_cluster(address: str) -> Iterator[FanOut]:
 
 
 def _fan_out(client: Any, address: str) -> FanOut:
-    from distributed import CancelledError, as_completed
+    from distributed import CancelledError, KilledWorker, as_completed
 
     def fan_out(
         objective: Objective, designs: Sequence[SensorDesign], limits: tuple[Limit, ...]
@@ -58,10 +58,15 @@ def _fan_out(client: Any, address: str) -> FanOut:
             for number, design in enumerate(designs)
         }
         try:
-            for future in as_completed(list(sent)):  # type: ignore[no-untyped-call]
+            for future in as_completed(list(sent), loop=client.loop):  # type: ignore[no-untyped-call]
                 yield sent[future], future.result()
         except OptopadError:
             raise
+        except KilledWorker as err:
+            raise InputError(
+                f"--scheduler: workers of {address} die over one design ({err.last_worker}); see their logs: memory is "
+                "the usual cause (finished designs are kept)"
+            ) from None
         except (CancelledError, OSError, TimeoutError) as err:
             raise InputError(
                 f"--scheduler: {address} was lost: {err or type(err).__name__}; finished designs are kept: "

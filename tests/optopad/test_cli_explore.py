@@ -262,3 +262,12 @@ def test_importance_finds_the_field_that_matters(space, tmp_path, capsys):
     assert sum(shares.values()) == pytest.approx(1.0, abs=1e-9)
     # 9 mm is best by up to 0.75, the layout by 0.1; a fair share of two fields is a half
     assert shares["cavity.clear_thickness_mm"] > 0.6
+
+
+def test_a_terminal_shows_a_bar_with_the_best_so_far(space, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    monkeypatch.setenv("COLUMNS", "160")
+    assert main(["explore", str(space), "--out", str(tmp_path / "out"), "--trials", "6"]) == 0
+    told = capsys.readouterr().err
+    assert "6/6" in told
+    assert "evenness" in told
