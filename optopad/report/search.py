@@ -152,9 +152,12 @@ def _coordinates_section(search: Search) -> Html:
         for field in found.space.fields
         if field.choices is not None
     ]
-    figure = element(
-        "figure", element("div", _svg(picture), class_="card plot"), element("figcaption", caption)
+    # It has too many axes to be squeezed onto a phone: there it is moved sideways.
+    drawn = element("div", _svg(picture), style="width: max-content; min-width: 100%; background: #fff")
+    wide = element(
+        "div", drawn, class_="scroll", tabindex="0", role="region", aria_label="Parallel coordinates"
     )
+    figure = element("figure", wide, element("figcaption", caption))
     return section("coordinates", "All designs", figure, *labels)
 
 
