@@ -10,6 +10,8 @@ from sims.observability import PadBounds
 from sims.verdict.result import ContinuityScore
 
 Tile = tuple[str, str, str]
+MICROMETRES_BELOW_MM = 0.1
+"""The headline gives smaller bounds in micrometres [mm]."""
 
 
 def bounds_tile(score: ContinuityScore) -> Tile | None:
@@ -33,7 +35,7 @@ def bounds_tile(score: ContinuityScore) -> Tile | None:
         )
     return (
         "Resolution of place, and of depth, at best",
-        f"{_number(place.value)}, {_number(depth.value)} mm",
+        _both(place.value, depth.value),
         f"standard deviation, median over the pad, one frame of all readings; {_percent(bounds.dead_share)} of the "
         "volume dead",
     )
@@ -126,6 +128,12 @@ def losses_table(score: ContinuityScore) -> Html:
         class_="sheet",
         open="",
     )
+
+
+def _both(place_mm: float, depth_mm: float) -> str:
+    if max(place_mm, depth_mm) < MICROMETRES_BELOW_MM:
+        return f"{1000 * place_mm:.2g}, {1000 * depth_mm:.2g} \N{MICRO SIGN}m"
+    return f"{_number(place_mm)}, {_number(depth_mm)} mm"
 
 
 def _span(figure: Figure) -> str:

@@ -22,8 +22,8 @@ LEFT_OUT = (
     "directions; gloss is left out.",
     "Noise is rounding, a constant and a share of the reading. Drift, ambient light, crosstalk and the amplifier's "
     "own limits are left out; one gain serves all receivers.",
-    "Tolerance moves one value at a time, where several off together can do more; `optopad score --tolerance` draws "
-    "builds with everything off at once.",
+    "Tolerance moves one value at a time, where several off together can do more; scored with --tolerance, "
+    "builds with everything off at once are drawn.",
     "Between the depths and places computed, signals are taken as straight lines or not at all.",
 )
 

@@ -34,7 +34,7 @@ function colours() {
   look.black = night ? "#06080a" : "#33383f";
   look.floor = night ? "#12161b" : "#d9dde2";
   look.clear = night ? "#9cc9e6" : "#4a90c0";
-  look.tip = night ? "#c3cad2" : "#8a929c";
+  look.tip = night ? "#c3cad2" : "#5b6672";
   look.solid = night
     ? {body: [[98, 108, 121], [214, 111, 44], [58, 128, 184]], section: [[52, 59, 68], [122, 58, 18], [26, 66, 100]], edge: [[24, 28, 33], [60, 28, 8], [12, 32, 50]]}
     : {body: [[176, 187, 201], [230, 126, 60], [88, 158, 214]], section: [[128, 138, 152], [178, 84, 26], [42, 104, 156]], edge: [[74, 83, 95], [110, 50, 12], [22, 62, 96]]};
@@ -108,7 +108,7 @@ function throughMouth(paint) {
 function drawTip(low, high) {
   const {depth} = data.states[state], lift = TOP - depth;
   if (depth <= 0) return;
-  drawMesh(TIP.filter(({corners}) => { const middle = lift + corners.reduce((sum, place) => sum + place[2], 0) / 4; return low <= middle && middle < high; }), lift, look.tip, 0.3, 0.25);
+  drawMesh(TIP.filter(({corners}) => { const middle = lift + corners.reduce((sum, place) => sum + place[2], 0) / 4; return low <= middle && middle < high; }), lift, look.tip, 0.42, 0.4);
 }
 
 function drawFloor() {
@@ -149,7 +149,7 @@ function drawPart([name, kind, wall, along, height, half, tall], front) {
 function drawNames() {
   const busy = data.parts.length > 40;
   const active = new Set((pair === 0 ? data.pairs : [data.pairs[pair - 1]]).flatMap((text) => text.split("-")));
-  pen.font = "600 12px system-ui, sans-serif";
+  pen.font = `600 ${size[0] < 500 ? 9 : 12}px system-ui, sans-serif`;
   pen.textAlign = "center";
   pen.textBaseline = "middle";
   pen.lineJoin = "round";
@@ -160,7 +160,7 @@ function drawNames() {
     const [left, up] = seen(x + ox * reach, y + oy * reach, z);
     pen.globalAlpha = active.has(name) ? 1 : 0.55;
     pen.strokeStyle = look.sheet;
-    pen.lineWidth = 3.5;
+    pen.lineWidth = size[0] < 500 ? 2.5 : 3.5;
     pen.strokeText(name, left, up);
     pen.fillStyle = active.has(name) ? look.ink : look.muted;
     pen.fillText(name, left, up);

@@ -87,7 +87,10 @@ def wiring_figure(pictures: Pictures) -> Html:
 def _picture(address: str, words: str, caption: str, file: str) -> Html:
     image = element("img", src=address, alt=words)
     words_below = element("figcaption", f"{caption}: ", element("a", file, href=file))
-    return element("figure", element("div", image, class_="card"), words_below)
+    look = (
+        "card themed" if address.startswith("data:image/png") else "card"
+    )  # the drawing has its own white ground
+    return element("figure", element("div", image, class_=look), words_below)
 
 
 def _facts(design: SensorDesign, cavity: CavityGeometry) -> list[tuple[str, str]]:
