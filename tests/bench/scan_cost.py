@@ -23,13 +23,13 @@ class Scan:
     wall_seconds: float
 
 
-def scan(surface: str) -> Scan:
+def scan(surface: str, along: int = 11, depths: int = 51) -> Scan:
     """Trace the scan on two threads, after one state outside the clock."""
     if numba.config.NUMBA_NUM_THREADS < THREADS:
         raise ValueError(
             f"a scan needs {THREADS} threads, NUMBA_NUM_THREADS is {numba.config.NUMBA_NUM_THREADS}"
         )
-    scene, (centres, presses) = benchmark_scene(), pad_scan(surface)
+    scene, (centres, presses) = benchmark_scene(), pad_scan(surface, along, depths)
     trace_scene(scene, centres[1:2], presses[1:2])
     threads = numba.get_num_threads()
     numba.set_num_threads(THREADS)

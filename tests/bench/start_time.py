@@ -40,9 +40,9 @@ class FirstTrace:
         return self.import_seconds + self.trace_seconds
 
 
-def first_trace(cache: Path) -> FirstTrace:
-    """Trace one state in a fresh process that keeps compiled code in `cache`."""
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache)}
+def first_trace(cache: Path | None) -> FirstTrace:
+    """Trace one state in a fresh process that keeps compiled code in `cache`; None: where this process keeps it."""
+    environment = os.environ | ({} if cache is None else {"NUMBA_CACHE_DIR": str(cache)})
     done = subprocess.run(
         [sys.executable, "-c", FIRST_TRACE],
         cwd=ROOT,

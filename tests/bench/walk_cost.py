@@ -46,11 +46,11 @@ class ToolMissingError(Exception):
     """An optional tool is absent or does not run; the text says which and what to do."""
 
 
-def plain_walk() -> Walked:
+def plain_walk(rays: int = WALK_RAYS) -> Walked:
     """The plain walk, compiled with Numba."""
     scene, press = benchmark_scene(), compact_dimple(DEPTH_MM)
     walk(scene, CENTRE_MM, press, 1000)
-    return walk(scene, CENTRE_MM, press, WALK_RAYS, seed=1)
+    return walk(scene, CENTRE_MM, press, rays, seed=1)
 
 
 def mitsuba_walk() -> Walked:

@@ -51,18 +51,24 @@ class Mean:
     standard_error: float
 
 
-def counted_flux(surface: str, folder: Path = BUILD) -> FloatArray:
-    """(group, state, e, r) flux that the forward tracer of a family of surfaces counted."""
+def counted_flux(
+    surface: str, folder: Path = BUILD, rays: int | None = None, places: int | None = None
+) -> FloatArray:
+    """(group, state, e, r) flux that the forward tracer of a family of surfaces counted.
+
+    `rays` of an emitter and state (None: `RAYS`), of the first `places` (None: all).
+    """
+    rays = rays or RAYS[surface]
     states = benchmark_states(surface)
     folder.mkdir(parents=True, exist_ok=True)
     parts = []
     depths = len(DEPTHS_MM)
-    for place in range(len(states.indentations) // depths):
-        file = folder / f"counted-{surface}-{RAYS[surface]}-{place:02d}.npz"
+    for place in range(places or len(states.indentations) // depths):
+        file = folder / f"counted-{surface}-{rays}-{place:02d}.npz"
         if not file.exists():
             wanted = states.some(list(range(place * depths, (place + 1) * depths)))
             count = _by_walk if surface == "analytic" else _by_oracle
-            np.savez(file, flux=count(wanted, RAYS[surface], SEED + place))
+            np.savez(file, flux=count(wanted, rays, SEED + place))
             print(f"{surface}: place {place + 1}", file=sys.stderr, flush=True)
         with np.load(file, allow_pickle=False) as stored:
             parts.append(stored["flux"])
@@ -83,17 +89,20 @@ def _by_oracle(states: BenchmarkStates, rays: int, seed: int) -> FloatArray:
     return grouped(light.flux[modelled], [CLASSES[number] for number in modelled])
 
 
-def means(surface: str) -> Iterator[Mean]:
+def means(
+    surface: str, folder: Path = BUILD, rays: int | None = None, places: int | None = None
+) -> Iterator[Mean]:
     """Every group and the sum. A ray counts once at most, with a weight of at most 1: binomial variance or less."""
     judged = different_walls(benchmark_scene())
-    truth, counted = reference(surface), counted_flux(surface)
+    truth, counted = reference(surface), counted_flux(surface, folder, rays, places)
+    flux = truth.flux[:, : counted.shape[1]]
     scale = truth.flat.sum(axis=0)[judged].mean()
     for name, mine, other in [
-        *zip(GROUPS, truth.flux, counted, strict=True),
-        ("signal", truth.flux.sum(axis=0), counted.sum(axis=0)),
+        *zip(GROUPS, flux, counted, strict=True),
+        ("signal", flux.sum(axis=0), counted.sum(axis=0)),
     ]:
         per_emitter = (mine * judged).sum(axis=-1)
-        variance = (per_emitter * (1.0 - per_emitter) / RAYS[surface]).sum()
+        variance = (per_emitter * (1.0 - per_emitter) / (rays or RAYS[surface])).sum()
         count = mine.shape[0] * judged.sum()
         yield Mean(
             surface=surface,

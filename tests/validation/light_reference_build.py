@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
 from pathlib import Path
@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sims.optics.engine import ACCURACIES, Accuracy, trace_scene
-from tests.bench.benchmark_states import DEPTHS_MM, SURFACES, benchmark_scene, benchmark_states
+from tests.bench.benchmark_states import DEPTHS_MM, benchmark_scene, benchmark_states
 from tests.validation.light_reference import BUILD, STORED, grouped
 
 FloatArray = NDArray[np.float64]
@@ -52,41 +52,47 @@ ANALYTIC = {
     ),
 }
 CONTACT = ANALYTIC
-HALVES = {"analytic": ANALYTIC, "contact": CONTACT}
+HALVES: Mapping[str, Mapping[str, Half]] = {"analytic": ANALYTIC, "contact": CONTACT}
 
 
-def recipe() -> str:
+def recipe(runs: Mapping[str, Mapping[str, Half]] = HALVES) -> str:
     """What the stored fluxes depend on, as text."""
-    halves = {
-        surface: {name: asdict(half) for name, half in both.items()} for surface, both in HALVES.items()
-    }
+    halves = {surface: {name: asdict(half) for name, half in both.items()} for surface, both in runs.items()}
     return json.dumps({"version": RECIPE, "halves": halves})
 
 
-def build(path: Path = STORED, folder: Path = BUILD, on_step: Callable[[str], None] = print) -> None:
-    """Trace what is not in the folder yet, and store everything."""
+def build(
+    path: Path = STORED,
+    folder: Path = BUILD,
+    on_step: Callable[[str], None] = print,
+    halves: Mapping[str, Mapping[str, Half]] = HALVES,
+    places: int | None = None,
+) -> None:
+    """Trace what is not in the folder yet, of the first `places` (None: all), and store everything."""
+    threads = numba.get_num_threads()
     numba.set_num_threads(1)
-    stored: dict[str, NDArray[np.generic]] = {"recipe": np.array(recipe())}
-    for surface in SURFACES:
-        runs = [_half(surface, name, folder, on_step) for name in HALVES[surface]]
+    stored: dict[str, NDArray[np.generic]] = {"recipe": np.array(recipe(halves))}
+    for surface, both in halves.items():
+        runs = [_half(surface, name, half, folder, on_step, places) for name, half in both.items()]
         stored[f"{surface}_halves"] = np.stack([flux for flux, _, _ in runs]).astype(np.float32)
         stored[f"{surface}_flat"] = np.mean([flat for _, flat, _ in runs], axis=0).astype(np.float32)
         stored[f"{surface}_seconds"] = np.array([seconds for _, _, seconds in runs])
     path.parent.mkdir(exist_ok=True)
     np.savez_compressed(path, **stored)
+    numba.set_num_threads(threads)
 
 
 def _half(
-    surface: str, name: str, folder: Path, on_step: Callable[[str], None]
+    surface: str, name: str, half: Half, folder: Path, on_step: Callable[[str], None], places: int | None
 ) -> tuple[FloatArray, FloatArray, float]:
     """(group, state, e, r) flux of one run, (group, e, r) of the untouched pad, seconds a state."""
-    half, states = HALVES[surface][name], benchmark_states(surface)
+    states = benchmark_states(surface)
     key = sha256(f"{RECIPE} {half}".encode()).hexdigest()[:12]
     folder.mkdir(parents=True, exist_ok=True)
     parts: list[FloatArray] = []
     seconds: list[float] = []
     depths = len(DEPTHS_MM)
-    for place in range(len(states.indentations) // depths):
+    for place in range(places or len(states.indentations) // depths):
         file = folder / f"{surface}-{name}-{key}-{place:02d}.npz"
         if not file.exists():
             wanted = range(place * depths, (place + 1) * depths)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from platform import machine, python_version
@@ -19,6 +19,7 @@ from tempfile import TemporaryDirectory
 from sims.optics.analytic import compact_dimple
 from tests.bench.benchmark_states import SURFACES, benchmark_scene, surface_of
 from tests.bench.closest_hits import embree_hits, engine_hits, plain_hits
+from tests.bench.forward_walk import Walked
 from tests.bench.scan_cost import scan
 from tests.bench.start_time import first_trace
 from tests.bench.surface_mesh import compact_height, cosine_rays
@@ -29,11 +30,15 @@ from tests.validation.light_table import PAGE
 MARKS = "<!-- made by tests/validation/light_speed.py -->", "<!-- end of speeds -->"
 HIT_RAYS = 1_000_000
 Line = tuple[str, str]
+OPPONENTS: Mapping[str, Callable[[], Walked]] = {
+    "plain walk, Numba": plain_walk,
+    "Mitsuba 3 loop, LLVM": mitsuba_walk,
+}
 
 
-def hits() -> Iterator[Line]:
+def hits(rays: int = HIT_RAYS) -> Iterator[Line]:
     """Closest hits of 1 million rays at 3 mm depth, one thread."""
-    press, lines = compact_dimple(DEPTH_MM), cosine_rays(benchmark_scene(), HIT_RAYS)
+    press, lines = compact_dimple(DEPTH_MM), cosine_rays(benchmark_scene(), rays)
     mine = engine_hits(press, CENTRE_MM, lines).millions_per_second
     yield "closest hits, engine, analytic surface", f"{mine:.1f} M/s"
     contact = engine_hits(surface_of("contact")(DEPTH_MM), CENTRE_MM, lines).millions_per_second
@@ -47,9 +52,9 @@ def hits() -> Iterator[Line]:
     yield "closest hits, embree, 73,728 triangles", f"{other:.1f} M/s; engine {mine / other:.1f}x"
 
 
-def walks() -> Iterator[Line]:
+def walks(opponents: Mapping[str, Callable[[], Walked]] = OPPONENTS) -> Iterator[Line]:
     """To 0.5 % on the worst pair at 3 mm depth, one thread."""
-    for name, walk in (("plain walk, Numba", plain_walk), ("Mitsuba 3 loop, LLVM", mitsuba_walk)):
+    for name, walk in opponents.items():
         try:
             found = duel(walk())
         except ToolMissingError as missing:
@@ -62,21 +67,23 @@ def walks() -> Iterator[Line]:
         )
 
 
-def scans() -> Iterator[Line]:
+def scans(along: int = 11, depths: int = 51) -> Iterator[Line]:
     """121 places x 51 depths on two threads."""
     for surface in SURFACES:
-        found = scan(surface)
+        found = scan(surface, along, depths)
         yield (
             f"scan of {found.states} states, {surface}, standard",
             f"{found.core_minutes:.2f} core-min, {found.wall_seconds:.0f} s",
         )
 
 
-def starts() -> Iterator[Line]:
-    """Fresh processes."""
+def starts(warm_runs: int = 3, is_cold: bool = True) -> Iterator[Line]:
+    """Fresh processes; without a cold one, the warm ones find what this machine has compiled."""
     with TemporaryDirectory() as folder:
-        cold, *warm = (first_trace(Path(folder)) for _ in range(4))
-    yield "import and first trace, nothing compiled yet", f"{cold.seconds:.1f} s"
+        cache = Path(folder) if is_cold else None
+        if is_cold:
+            yield "import and first trace, nothing compiled yet", f"{first_trace(cache).seconds:.1f} s"
+        warm = [first_trace(cache) for _ in range(warm_runs)]
     yield "import and first trace, compile cache warm", f"{min(one.seconds for one in warm):.2f} s"
 
 
