@@ -102,7 +102,7 @@ def write_score(
     builds : how many builds are drawn for the share that keeps the verdict; None draws none
     """
     require_valid(design)
-    with bundle(design, out, seed=seed) as folder, _study(design, out, builds, seed) as study:
+    with _study(design, out, builds, seed) as study, bundle(design, out, seed=seed) as folder:
         score = _scored(design, folder, fine=fine, seed=seed, on_step=on_step, study=study)
         if (folder / "report.html").exists():  # a bundle tells one verdict: page and gain follow it
             _write_fabrication(
@@ -190,7 +190,7 @@ class _Study:
 
 @contextmanager
 def _study(design: SensorDesign, out: Path, builds: int | None, seed: int) -> Iterator[_Study | None]:
-    """Where the builds of a design are kept until they all lie in the bundle; nothing for None."""
+    """Where the builds of a design are kept until the bundle that holds them is in its place; nothing for None."""
     if builds is None:
         yield None
         return
@@ -217,6 +217,8 @@ def _scored(
     score = judge(design, fine=fine, seed=seed, tolerance=study is None, on_step=on_step)
     sims = folder / "sims"
     sims.mkdir(exist_ok=True)
+    for kind in ("svg", "png"):  # those of an earlier score: a bundle tells one verdict
+        (sims / f"builds.{kind}").unlink(missing_ok=True)
     if study is not None:
         score = _with_builds(design, score, sims, study, seed=seed, on_step=on_step)
     write_text_atomically(sims / "score.json", json.dumps(score.to_json(), indent=2) + "\n")

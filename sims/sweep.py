@@ -15,7 +15,7 @@ from typing import Any
 from design.errors import DesignError, InputError
 from design.rules import require_valid
 from design.spec import SensorDesign
-from sims.verdict.boundary_forces import boundary_forces, place_force
+from sims.verdict.boundary_forces import BoundaryForces, boundary_forces, place_force
 from sims.verdict.deadbands import total_length_mm
 from sims.verdict.result import ContinuityScore, JudgedPair
 
@@ -113,13 +113,12 @@ def sweep_row(design: SensorDesign, value: Any, score: ContinuityScore) -> Sweep
         )
     governing = next(pair for pair in score.pairs if pair.name == score.governing)
     pair = score.pairs[0] if score.is_facing_rows else governing
-    force, is_at_place = place_force(design, pair.curves.press_mm)
     possible = pair.score.possible_deadbands_mm
     return SweepRow(
         value=value,
         score=score.to_json(),
         curve=_curve(pair),
-        forces_n=boundary_forces(pair.score.modes, force, is_at_place=is_at_place).to_json(),
+        forces_n=_forces(design, pair).to_json(),
         possible_deadband_mm=None if possible is None else round(total_length_mm(possible), 4),
     )
 
@@ -145,6 +144,13 @@ def _valid(design: SensorDesign, path: str, value: Any) -> SensorDesign:
     except DesignError as err:
         raise DesignError(f"sweep: {path} = {value}: {err}") from None
     return build
+
+
+def _forces(design: SensorDesign, pair: JudgedPair) -> BoundaryForces:
+    if pair.forces is not None:
+        return pair.forces
+    force, is_at_place = place_force(design, pair.curves.press_mm)
+    return boundary_forces(pair.score.modes, force, is_at_place=is_at_place)
 
 
 def _curve_of(document: dict[str, Any]) -> SweptCurve:

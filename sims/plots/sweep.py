@@ -88,9 +88,13 @@ def _outcome(row: SweepRow) -> str:
     total = row.score["deadband_mm"]["total"]
     if not total:
         return "contiguous"
-    by_map = row.score["judged_by"] == "pad"
-    where = " (pad)" if by_map else f" ({row.score['governing_pair']})" if row.is_of_another_pair else ""
-    return f"deadband {total:.2f} mm{where}"
+    if row.score["judged_by"] == "pad":
+        return f"pad dead {total:.2f} mm"
+    return (
+        f"{row.score['governing_pair']} dead {total:.2f} mm"
+        if row.is_of_another_pair
+        else f"deadband {total:.2f} mm"
+    )
 
 
 def _shade(ax: Axes, pair: dict[str, Any], deepest_mm: float) -> None:
