@@ -9,8 +9,10 @@ from scipy.stats import binomtest
 from design.errors import InputError, ModelScopeError
 from design.preset import preset
 from design.tolerances import build_tolerances
+from sims.plots.builds import plot_builds
 from sims.verdict.build_study import build_study, drawn_values, remembered
 from sims.verdict.builds import Brief, facing_brief
+from tests.sims.made_up_scores import made_up_band
 
 PAIR = preset("piacenza2017-pair")
 TOLERANCES = build_tolerances(PAIR)
@@ -135,3 +137,12 @@ def test_a_build_of_facing_rows_is_judged_as_the_design_is():
         3.0, abs=0.3
     )  # outer pairs 0.3 mm shorter or longer by the steps
     assert thick.margin < 3.0
+
+
+def test_the_figure_says_the_share_and_names_every_value():
+    found = study(builds=64)
+    figure = plot_builds(found, made_up_band("the facing pairs", 0.0))
+    assert f"{found.kept} of 64 builds stay CONTIGUOUS" in figure.get_suptitle()
+    labels = [label.get_text() for label in figure.axes[0].get_yticklabels()]
+    assert len(labels) == len(TOLERANCES)
+    assert labels[0].startswith(HEIGHT)
