@@ -23,7 +23,15 @@ HEAVY = ("cadquery", "OCP", "mujoco", "numba", "matplotlib", "optuna", "scipy")
 ALLOWED = {
     "design": {"pydantic", "pydantic_core", "numpy", "optuna", "sqlalchemy", "tomlkit"},
     "cad": {"cadquery", "OCP", "trimesh", "manifold3d", "numpy"},
-    "sims": {"numpy", "xarray", "h5netcdf", "matplotlib", "platformdirs", "scipy"},
+    "sims": {
+        "numpy",
+        "xarray",
+        "h5netcdf",
+        "matplotlib",
+        "platformdirs",
+        "scipy",
+        "numba",
+    },  # numba tells when it compiles
     "sims/contact": {"mujoco", "numpy", "scipy", "platformdirs"},
     "sims/optics": {
         "numba",
