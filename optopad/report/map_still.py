@@ -14,34 +14,41 @@ from sims.plots.style import INK, MUTED, WIDTH_IN
 
 COLUMNS, MOST = 3, 6
 """Maps in a row, and altogether."""
+TITLE_IN, LEGEND_IN, BAR_IN = 0.28, 0.34, 0.95
+"""Room above each map, below all, and to the right for the scale [inch]."""
 NONE = "#e4e7eb"
 HATCH = "////"
 
 
 def plot_by_depth(scene: MapScene, one: DepthMap) -> Axes:
     """One quantity at up to six depths, to one scale of colours; hatched as on the page. Returns the first axes."""
-    chosen = _chosen(one)
+    chosen, cavity = _chosen(one), scene.cavity
     rows = -(-len(chosen) // COLUMNS)
-    cavity = scene.cavity
-    width = (WIDTH_IN - 1.1) / COLUMNS
-    height = rows * (width * cavity.width_mm / cavity.length_mm + 0.32) + 0.35
-    figure = Figure(figsize=(WIDTH_IN, max(height, 1.8)), layout="constrained")
-    axes = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
+    wide = (WIDTH_IN - BAR_IN) / COLUMNS
+    tall = wide * cavity.width_mm / cavity.length_mm
+    size = WIDTH_IN, rows * (tall + TITLE_IN) + LEGEND_IN
+    figure = Figure(figsize=size)
     colours = LinearSegmentedColormap.from_list(one.key, list(one.colours))
     scale = (LogNorm if one.is_logarithmic else Normalize)(one.low, one.high)
-    for ax in axes[len(chosen) :]:
-        ax.set_axis_off()
-    for ax, layer in zip(axes, chosen, strict=False):
+    for number, layer in enumerate(chosen):
+        row, column = divmod(number, COLUMNS)
+        corner = column * wide, size[1] - (row + 1) * (tall + TITLE_IN)
+        ax = figure.add_axes((corner[0] / size[0], corner[1] / size[1], wide / size[0], tall / size[1]))
         _draw(ax, scene, one, layer, colours, scale)
     if not one.names:
+        left, low = min(COLUMNS, len(chosen)) * wide + 0.1, LEGEND_IN + 0.05
+        bar = figure.add_axes(
+            (left / size[0], low / size[1], 0.1 / size[0], (size[1] - low - TITLE_IN) / size[1])
+        )
         label = f"{one.title.lower()} [{one.unit}]"
-        figure.colorbar(ScalarMappable(scale, colours), ax=list(axes), label=label, aspect=26, shrink=0.9)
+        figure.colorbar(ScalarMappable(scale, colours), cax=bar).set_label(label, fontsize=8)
     figure.legend(
         handles=[Patch(facecolor="white", edgecolor=INK, hatch=HATCH, label=one.hatched, linewidth=0.5)],
-        loc="outside lower left",
+        loc="lower left",
+        bbox_to_anchor=(0.0, 0.0),
+        borderaxespad=0.2,
     )
-    first: Axes = axes[0]
-    return first
+    return figure.axes[0]
 
 
 def _chosen(one: DepthMap) -> list[int]:

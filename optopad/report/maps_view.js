@@ -170,7 +170,7 @@ function tell() {
   slider.setAttribute("aria-valuetext", shown.textContent);
   about.textContent = tells;
   const mark = isDead(depth, place) && valueAt(depth, place) !== null && !current.names ? `; ${current.hatched}` : "";
-  reading.textContent = `x ${Number(x.toFixed(2))}, y ${Number(y.toFixed(2))} mm${atDepth()}: ${title.toLowerCase()} ${words(valueAt(depth, place))}${endsOf(depth, place)}${mark}.`;
+  reading.textContent = `x ${Number(x.toFixed(2))}, y ${Number(y.toFixed(2))} mm${atDepth()}. ${title}: ${words(valueAt(depth, place))}${endsOf(depth, place)}${mark}.`;
   const values = current.values[depth], blind = values.filter((value, p) => value === null || isDead(depth, p)).length;
   const rest = values.filter((value) => value !== null).sort((a, b) => a - b);
   const middle = rest.length && !current.names ? ` Median over the places that have a value: ${words(rest[Math.floor((rest.length - 1) / 2)])}.` : "";
