@@ -34,7 +34,7 @@ CHECKED = {
     "pad-layout": ("evenness", "strength", "location_bound_mm", "depth_bound_mm"),
     "pair-heights": ("evenness", "strength", "resolvable_steps"),
 }
-PAIR_SAMPLE = 8
+PAIR_SAMPLE = 5
 """Designs of the pair that are judged both ways, evenly from all that were judged to the end."""
 
 
