@@ -45,6 +45,7 @@ validate: setup ## the figures of docs/validation, made anew (over an hour; inte
 	$(BIN)/python -m tests.validation.light_oracle
 	$(BIN)/python -m tests.validation.light_speed
 	OPTOPAD_LIGHT_CACHE_MB=0 $(BIN)/python -m tests.validation.wall_light
+	$(BIN)/python -m tests.validation.search_table
 	$(BIN)/python -m tests.validation.thickness
 
 pins: ## renew constraints.txt from a fresh environment (oldest supported Python: its versions serve the newer ones)
