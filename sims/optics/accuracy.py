@@ -18,7 +18,8 @@ class Accuracy:
     rings, columns : cells of the top around a press, for light mirrored once [-]
     whole_ratio : largest over smallest flux density of an image's corner paths that is still summed path by path; 0:
         every image on the lattice [-]
-    image_step : share of its size by which an image moves between lattice points, where it is not whole [-]
+    image_step : share of its size by which an image that is not whole moves between lattice points, if it brings 5 % of
+        the untouched flux; less for a brighter one [-]
     top_rings, top_columns : points of the top for scattered light and for several reflections [-]
     repeat_share : share of the brightest pair's untouched flux that a sample of several reflections may stand for [-]
     nodes_emitter, nodes_column, nodes_height : Gauss nodes of straight light [-]
@@ -32,9 +33,9 @@ class Accuracy:
     rings: int = 24
     columns: int = 64
     whole_ratio: float = 8.0
-    image_step: float = 0.14
-    top_rings: int = 16
-    top_columns: int = 40
+    image_step: float = 0.2
+    top_rings: int = 24
+    top_columns: int = 60
     repeat_share: float = 1e-3
     nodes_emitter: int = 4
     nodes_column: int = 16
@@ -49,14 +50,14 @@ class Accuracy:
 
 
 ACCURACIES = {
-    "draft": Accuracy(image_step=0.25, top_rings=10, top_columns=24, repeat_share=4e-3, wall_rays=1024),
+    "draft": Accuracy(image_step=0.35, top_rings=14, top_columns=36, repeat_share=4e-3, wall_rays=1024),
     "standard": Accuracy(),
     "fine": Accuracy(
         rings=32,
         columns=96,
-        image_step=0.06,
-        top_rings=32,
-        top_columns=80,
+        image_step=0.09,
+        top_rings=48,
+        top_columns=120,
         repeat_share=1e-4,
         nodes_emitter=6,
         nodes_column=32,
@@ -65,13 +66,14 @@ ACCURACIES = {
         few_receiver=4,
         most_emitter=4,
         most_receiver=6,
+        reference_rays=65536,
         wall_rays=16384,
     ),
     "reference": Accuracy(
         replicates=4,
         rings=40,
         columns=120,
-        image_step=0.025,
+        image_step=0.04,
         top_rings=80,
         top_columns=200,
         repeat_share=1e-5,

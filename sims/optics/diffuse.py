@@ -223,7 +223,7 @@ def join(from_emitter, from_receiver, receiver_area, areas, layout, reflectances
             for a in range(layout[k, 0]):
                 n = layout[k, 2] + b * layout[k, 0] + a
                 product = from_emitter[n] * from_receiver[n]
-                if product > 0.0:
+                if product != 0.0:
                     area = tip_patch_area(b, 0, top.rows) if k == TIP else areas[n]
                     if area > 1e-9:
                         part += product / area

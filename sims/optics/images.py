@@ -4,8 +4,8 @@
 Island by island (`sims.optics.image_cells`): an image that is whole, that is which every point of the emitter sends to
 every point of the receiver, hidden nowhere and without a fold, is summed path by path (`sims.optics.mirror_paths`).
 Any other, cut by a contact edge or a shadow or folded in a caustic, is summed over the top (`sims.optics.pinhole`) on a
-lattice of points so close that the image moves by `step` of its size from one to the next. Every replicate moves the
-lattice by another fraction of its spacing.
+lattice of points so close that the image moves by a share of its size from one to the next, the smaller the brighter
+it is. Every replicate moves the lattice by another fraction of its spacing.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from sims.optics.top import is_beyond, touching_tip
 from sims.optics.top_grid import NX, NY, place_on_top, ring_edge
 
 FINEST = 96
+COARSE, FINEST_STEP, BRIGHT = 2.5, 0.5, 0.05
+"""First and finest lattice's steps over the setting's; share of the untouched flux that gets the setting's own."""
 NEAR_RANGE = 1.35
 BENT, MOST_CHANGE = 0.25, 4.0
 """A place counts within 1.35 half ranges, and by up to one more where the range changes across the cell."""
@@ -86,13 +88,56 @@ def cell_sum(
 
 
 @kernel
+def island_sum(
+    source, target, emitter, receiver, cells, count, steps, step, skip_flat, shifts, rings, phase, columns, sectors,
+    box, top, corner, poly, other, out,
+):  # fmt: skip
+    """Fill out[replicate, (outside, inside the skirt)] with the flux through an island; the brightest replicate's."""
+    brightest = 0.0
+    for n in range(shifts.shape[0]):
+        out[n] = 0.0
+        for k in range(count):
+            a = cells[k] // columns.shape[0]
+            b = cells[k] % columns.shape[0]
+            outer, inner = cell_sum(
+                source, target, emitter, receiver, a, b, steps[a, b], step, shifts[n], skip_flat, rings, phase,
+                columns, sectors, box, top, corner, poly, other,
+            )  # fmt: skip
+            out[n, 0] += outer
+            out[n, 1] += inner
+        brightest = max(brightest, out[n, 0] + out[n, 1])
+    return brightest
+
+
+@kernel
+def lattice_sum(
+    source, target, emitter, receiver, cells, count, steps, step, unit, skip_flat, shifts, rings, phase, columns,
+    sectors, box, top, corner, poly, other, out,
+):  # fmt: skip
+    """Fill out[replicate, (outside, inside the skirt)] with an island's flux: on a coarse lattice, and where that shows
+    light on one the finer the brighter the image over the pair's untouched flux `unit`.
+    """
+    brightest = island_sum(
+        source, target, emitter, receiver, cells, count, steps, COARSE * step, skip_flat, shifts, rings, phase,
+        columns, sectors, box, top, corner, poly, other, out,
+    )  # fmt: skip
+    finer = math.sqrt(BRIGHT * unit / max(brightest, 1e-300))
+    if finer < COARSE:
+        island_sum(
+            source, target, emitter, receiver, cells, count, steps, max(finer, FINEST_STEP) * step, skip_flat, shifts,
+            rings, phase, columns, sectors, box, top, corner, poly, other, out,
+        )  # fmt: skip
+
+
+@kernel
 def single_reflection(
-    source, target, emitter, receiver, box_e, box_q, skip_flat, step, whole_ratio, shifts, rings, phase, columns,
-    sectors, nodes, box, top, rules, tag, stack, cells, steps, corner, one, two, poly, other, out,
+    source, target, emitter, receiver, unit, box_e, box_q, skip_flat, step, whole_ratio, shifts, rings, phase, columns,
+    sectors, nodes, box, top, rules, tag, stack, cells, steps, corner, one, two, poly, other, part, out,
 ):  # fmt: skip
     """Add a pair's singly reflected flux to out[replicate, (outside, inside the skirt)].
 
-    `skip_flat`: light from beyond every deformed part is left out (the untouched value stands for it).
+    `unit` is its untouched flux; `skip_flat`: light from beyond every deformed part is left out (the untouched value
+    stands for it).
     """
     if lit_cells(emitter, receiver, box_e, box_q, columns, steps, tag) == 0:
         return
@@ -119,13 +164,8 @@ def single_reflection(
                 if not (skip_flat and is_beyond(x, y, top)):
                     out[:, 1 if share < 1.0 else 0] += flux
                 continue
-        for k in range(count):
-            a = cells[k] // width
-            b = cells[k] % width
-            for n in range(shifts.shape[0]):
-                outer, inner = cell_sum(
-                    source, target, emitter, receiver, a, b, steps[a, b], step, shifts[n], skip_flat, rings, phase,
-                    columns, sectors, box, top, corner, poly, other,
-                )  # fmt: skip
-                out[n, 0] += outer
-                out[n, 1] += inner
+        lattice_sum(
+            source, target, emitter, receiver, cells, count, steps, step, unit, skip_flat, shifts, rings, phase,
+            columns, sectors, box, top, corner, poly, other, part,
+        )  # fmt: skip
+        out += part

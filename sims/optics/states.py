@@ -69,7 +69,7 @@ def straight(out, keeps, wanted, emitters, receivers, flat, box, top, rules):
 
 @kernel
 def mirrored_once(
-    result, keeps, wanted, emitters, receivers, sectors, box, top, image_rules, shifts, settings
+    result, keeps, wanted, emitters, receivers, scale, sectors, box, top, image_rules, shifts, settings
 ):
     """Add light with one reflection at the deformed top to TOPS and SKIRT of every replicate."""
     rings = int(settings[RINGS])
@@ -91,6 +91,7 @@ def mirrored_once(
     one = np.empty((1, 1, PATCH_COLUMNS))
     two = np.empty((1, 1, PATCH_COLUMNS))
     flux = np.empty((shifts.shape[0], 2))
+    part = np.empty((shifts.shape[0], 2))
     for j in range(receivers.shape[0]):
         if wanted[:, j].any():
             patch_table(receivers[j], nodes, box, tables[j])
@@ -105,9 +106,9 @@ def mirrored_once(
                 continue
             flux[:] = 0.0
             single_reflection(
-                emitters[i], receivers[j], own, tables[j], own_boxes, boxes[j], keeps[i, j], settings[STEP],
-                settings[WHOLE_RATIO], shifts, rings, phase_u, columns, sectors, nodes, box, top, image_rules, tag,
-                stack, cells, steps, corner, one, two, poly, other, flux,
+                emitters[i], receivers[j], own, tables[j], scale[i, j], own_boxes, boxes[j], keeps[i, j],
+                settings[STEP], settings[WHOLE_RATIO], shifts, rings, phase_u, columns, sectors, nodes, box, top, image_rules, tag,
+                stack, cells, steps, corner, one, two, poly, other, part, flux,
             )  # fmt: skip
             for n in range(shifts.shape[0]):
                 result[n, TOPS, i, j] += flux[n, 0]
@@ -207,7 +208,7 @@ def one_state(
         result[n] = result[0]
     sectors = sectors_of(top, box)
     mirrored_once(
-        result, keeps, wanted, emitters, receivers, sectors, box, top, image_rules, shifts, settings
+        result, keeps, wanted, emitters, receivers, scale, sectors, box, top, image_rules, shifts, settings
     )
     for n in range(shifts.shape[0]):
         rays = (flat_rays[0][n], flat_rays[1][n], flat_rays[2][n])

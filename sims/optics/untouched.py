@@ -14,7 +14,7 @@ from sims.optics.scene import OpticalScene
 
 FloatArray = NDArray[np.float64]
 POINT_SEED = 20170603
-PATCH_MM = 4.0
+PATCH_MM = 2.0
 REFERENCE_PATCH_MM = 1.0
 RADIOSITY_PATCHES = 600
 WALL_REFERENCE_RAYS = 65536
