@@ -107,8 +107,8 @@ def mirrored_once(
             flux[:] = 0.0
             single_reflection(
                 emitters[i], receivers[j], own, tables[j], scale[i, j], own_boxes, boxes[j], keeps[i, j],
-                settings[STEP], settings[WHOLE_RATIO], shifts, rings, phase_u, columns, sectors, nodes, box, top, image_rules, tag,
-                stack, cells, steps, corner, one, two, poly, other, part, flux,
+                settings[STEP], settings[WHOLE_RATIO], shifts, rings, phase_u, columns, sectors, nodes, box, top,
+                image_rules, tag, stack, cells, steps, corner, one, two, poly, other, part, flux,
             )  # fmt: skip
             for n in range(shifts.shape[0]):
                 result[n, TOPS, i, j] += flux[n, 0]
