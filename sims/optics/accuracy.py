@@ -18,7 +18,7 @@ class Accuracy:
     rings, columns : cells of the top around a press, for light mirrored once [-]
     whole_ratio : largest over smallest flux density of an image's corner paths that is still summed path by path; 0:
         every image on the lattice [-]
-    image_step : share of its size by which an image that is not whole moves between lattice points, if it brings 5 % of
+    image_step : share of its size by which an image that is not whole moves between lattice points, if it brings 3 % of
         the untouched flux; less for a brighter one [-]
     top_rings, top_columns : points of the top for scattered light and for several reflections [-]
     repeat_share : share of the brightest pair's untouched flux that a sample of several reflections may stand for [-]

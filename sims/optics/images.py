@@ -20,7 +20,7 @@ from sims.optics.top import is_beyond, touching_tip
 from sims.optics.top_grid import NX, NY, place_on_top, ring_edge
 
 FINEST = 96
-COARSE, FINEST_STEP, BRIGHT = 2.5, 0.5, 0.05
+COARSE, FINEST_STEP, BRIGHT = 2.0, 0.5, 0.03
 """First and finest lattice's steps over the setting's; share of the untouched flux that gets the setting's own."""
 NEAR_RANGE = 1.35
 BENT, MOST_CHANGE = 0.25, 4.0

@@ -166,12 +166,12 @@ def _cell_power(a, b, columns, echoes, receivers, wanted):
 
 
 @kernel
-def _add_sample(p, n, source, receivers, wanted, box, top, poly, other, out):
-    """Add the light of the n-th point to out[receiver, (outside, inside the skirt)]."""
+def _add_sample(p, one, two, source, receivers, wanted, box, top, poly, other, out):
+    """Add a point's light to out[receiver, (outside, inside the skirt)], by the part of the emitter at (one, two)."""
     across = source[3] / PARTS
     height = source[4] / PARTS
-    along = source[1] + across * (2.0 * math.floor(PARTS * fraction(n * 0.7548776662466927)) + 1.0 - PARTS)
-    up = source[2] + height * (2.0 * math.floor(PARTS * fraction(n * 0.5698402909980532)) + 1.0 - PARTS)
+    along = source[1] + across * (2.0 * math.floor(PARTS * one) + 1.0 - PARTS)
+    up = source[2] + height * (2.0 * math.floor(PARTS * two) + 1.0 - PARTS)
     power, kind, s, z, tops, nearest, facing = _landing(p, along, up, source, box, top)
     if power <= 0.0 or tops == 0 or kind < 0 or kind > 3:
         return
@@ -206,6 +206,7 @@ def repeated_reflections(
     columns,
     shift_u,
     shift_v,
+    turn,
     unit,
     sectors,
     box,
@@ -215,7 +216,10 @@ def repeated_reflections(
     other,
     out,
 ):
-    """Add flux of chains with two or more top reflections to out[receiver, (outside, inside the skirt)]."""
+    """Add flux of chains with two or more top reflections to out[receiver, (outside, inside the skirt)].
+
+    `turn`, 0 to 1: which part of the emitter the first point takes.
+    """
     n = 0
     for a in range(CONTACT_RINGS, lattice.shape[0]):
         for b in range(lattice.shape[1]):
@@ -234,4 +238,6 @@ def repeated_reflections(
                     p[AREA] = area * (cell[U1] - cell[U0]) * (cell[V1] - cell[V0]) / (m * m)
                     p[PZ], p[GX], p[GY] = surface_gradient(p[PX], p[PY], top)
                     n += 1
-                    _add_sample(p, n, source, receivers, wanted, box, top, poly, other, out)
+                    one = fraction(n * 0.7548776662466927 + turn)
+                    two = fraction(n * 0.5698402909980532 + turn)
+                    _add_sample(p, one, two, source, receivers, wanted, box, top, poly, other, out)

@@ -142,7 +142,7 @@ def beyond_one(out, wanted, emitters, receivers, flat, scale, sectors, box, top,
                 brightest = max(brightest, scale[i, j])
         several[:] = 0.0
         repeated_reflections(
-            emitters[i], receivers, wanted[i], lattice, echoes, columns, shift[0], shift[1],
+            emitters[i], receivers, wanted[i], lattice, echoes, columns, shift[0], shift[1], shift[2],
             settings[REPEAT_SHARE] * brightest, sectors, box, top, p, poly, other, several,
         )  # fmt: skip
         out[TOPS, i] += several[:, 0]

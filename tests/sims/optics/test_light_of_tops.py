@@ -51,7 +51,7 @@ def test_two_tips_far_apart_change_straight_and_mirrored_light_like_each_alone()
 
 def test_a_field_of_zeros_changes_nothing_but_the_route():
     flat = smooth_field(lambda x, y: np.zeros(np.broadcast_shapes(x.shape, y.shape)), 32.0, 32.0, 1.0)
-    plain, with_field = light(), light(fields=[flat])
+    plain, with_field = light(accuracy="fine"), light(fields=[flat], accuracy="fine")
     scale = light(pressed=[None]).flux.sum(axis=0)
     assert with_field.flux[DIRECT] == pytest.approx(plain.flux[DIRECT], rel=1e-9)
     assert with_field.flux.sum(axis=0) == pytest.approx(plain.flux.sum(axis=0), abs=1e-3 * scale.max())
@@ -60,7 +60,9 @@ def test_a_field_of_zeros_changes_nothing_but_the_route():
 def test_a_lifted_top_is_a_thicker_layer():
     """The field lifts the whole top by 0.3 mm: mirrored light is that of a layer of 8.3 mm."""
     lift = smooth_field(lambda x, y: np.full(np.broadcast_shapes(x.shape, y.shape), 0.3), 32.0, 32.0, 2.0)
-    raw = light(pressed=[None], fields=[lift])
+    raw = light(
+        pressed=[None], fields=[lift], accuracy="reference"
+    )  # faint images get coarse lattices otherwise
     thicker = trace_scene(replace(SCENE, height_mm=8.3), PLACE, [None])
     across = SCENE.emitter_wall[:, None] != SCENE.receiver_wall
     mirrored = (raw.flux[TOP] + raw.flux[SKIRT])[0][across]
