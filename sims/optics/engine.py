@@ -29,8 +29,9 @@ Method, class by class
 Replicates with other offsets give the standard error. It covers lattices and rays, and with 0.01 % of the untouched
 flux the usual error of the Gauss rules of straight light and of whole images. It does not cover: images narrower than
 the cells that look for them, the patch size, chains beyond 24 reflections, and higher diffuse orders, which keep their
-untouched ratio: between walls of 40 % up to 10 % of the scattered light of a pair whose straight light is blocked. With two replicates it has one degree of freedom for each pair: pool it over pairs or states before you
-rely on it. Light reflected several times is sampled for the wanted pairs, so a pair mask changes it within that error;
+untouched ratio: between walls of 40 % up to 10 % of the scattered light of a pair whose straight light is blocked. With
+two replicates it has one degree of freedom for each pair: pool it over pairs or states before you rely on it. Light
+reflected several times is sampled for the wanted pairs, so a pair mask changes it within that error;
 all else is the same to the bit.
 
 Reuse: a pair whose bundle misses every deformed part keeps its untouched value; presses that a symmetry of the layout
