@@ -130,7 +130,9 @@ def test_a_pressed_pad_agrees_with_the_oracle():
 @pytest.mark.parametrize("group", GROUPS)
 def test_every_pair_and_class_agrees_with_the_oracle(scene, state, group, request):
     if (scene, state, group) == KNOWN_MISS:
-        request.applymarker(pytest.mark.xfail(strict=False, reason="higher orders keep their untouched ratio"))
+        request.applymarker(
+            pytest.mark.xfail(strict=False, reason="higher orders keep their untouched ratio")
+        )
     comparison = compared(scene, tuple(STATES), 2_000_000)[group]
     assert_agreement(comparison, list(STATES).index(state), ~same_wall())
 
