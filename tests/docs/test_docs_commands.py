@@ -29,6 +29,12 @@ def in_empty_folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.fixture(scope="module")
+def kept_light(tmp_path_factory):
+    """A folder in which the pages' commands keep traced light, as they do for a reader who follows them in turn."""
+    return tmp_path_factory.mktemp("cache")
+
+
 def prepare(page: Path) -> None:
     """What a page says in prose: files that the reader has saved by then."""
     if page.name == "search.md":
@@ -63,7 +69,9 @@ def test_quick_commands_of_every_page_succeed(page, in_empty_folder):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_all_commands_of_every_page_succeed(page, in_empty_folder):
+def test_all_commands_of_every_page_succeed(page, in_empty_folder, kept_light, monkeypatch):
+    monkeypatch.setenv("OPTOPAD_CACHE", str(kept_light))
+    monkeypatch.setenv("OPTOPAD_LIGHT_CACHE_MB", "500")
     prepare(page)
     for command in commands_of(page):
         assert main(command) == 0, " ".join(command)
