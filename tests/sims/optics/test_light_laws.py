@@ -133,7 +133,8 @@ def rms_error(settings, seed):
 
 @pytest.mark.slow
 @pytest.mark.xfail(
-    strict=False, reason="what draft's coarse search misses is in every replicate: 1.2 to 2.2 by the seed, not 2.8"
+    strict=False,
+    reason="what draft's coarse search misses is in every replicate: 1.2 to 2.2 by the seed, not 2.8",
 )
 def test_error_falls_with_replicates_as_independent_draws_do():
     """Eight times the draws: a factor of sqrt(8) = 2.8; heavy tails scatter it, and the truth has its own error."""
