@@ -4,7 +4,8 @@ OptopadError
 ├── DesignError       a design or catalogue file: the field, its value, the limit, the way out
 ├── InputError        an argument of a command or call
 ├── OutputError       a file or folder that cannot be written
-└── ModelScopeError   a question outside what the physics models cover
+├── ModelScopeError   a question outside what the physics models cover
+└── DeviceError       the built sensor or its serial line: not there, not ours, silent, or wired wrong
 """
 
 
@@ -26,3 +27,7 @@ class OutputError(OptopadError):
 
 class ModelScopeError(OptopadError):
     """The physics models do not cover what was asked; nothing is extrapolated."""
+
+
+class DeviceError(OptopadError):
+    """The built sensor, or the line to it, does not do what was asked; nothing recorded so far is lost."""

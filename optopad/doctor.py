@@ -98,6 +98,7 @@ PACKAGES = (
     Package("optuna", "optuna", "5.0"),
     Package("platformdirs", "platformdirs", "4.3"),
     Package("pydantic", "pydantic", "2.10"),
+    Package("pyserial", "serial", "3.5"),
     Package("rich", "rich", "13.9"),
     Package("scipy", "scipy", "1.14.1"),
     Package("sqlalchemy", "sqlalchemy", "2.0"),
