@@ -104,6 +104,12 @@ _RECEIVER_OPTIONS = ("epoxy_index", "angular_response")
 
 Entry = TypeVar("Entry")
 
+UsbId = Annotated[str, Field(pattern=r"^[0-9a-f]{4}:[0-9a-f]{4}$")]
+"""Vendor and product of a USB device in hexadecimal digits, as 2341:0042."""
+
+DEFAULT_BOOT_S = 2.5
+"""Of boards that do not say: the longest among the packaged ones."""
+
 
 class Part(Model):
     """An emitter or a receiver: what light sees of it, and the room it takes in the wall."""
@@ -266,7 +272,23 @@ class Board(Model):
     exact_bauds: Annotated[tuple[int, ...], Field(description="rates that divide the clock exactly")]
     max_pin_current_ma: CurrentMa
     max_total_current_ma: CurrentMa
+    link_number: Annotated[
+        int, Field(ge=0, le=255, description="how the firmware names the board to the host; 0: any other")
+    ] = 0
+    usb_ids: Annotated[tuple[UsbId, ...], Field(description="vendor:product of the maker's own boards")] = ()
+    bridge_usb_ids: Annotated[
+        tuple[UsbId, ...], Field(description="serial chips of copies, which many other devices have, too")
+    ] = ()
+    boot_s: Annotated[
+        float, Field(ge=0.0, le=60.0, description="longest time from the port's opening to the sketch")
+    ] = DEFAULT_BOOT_S
     notes: tuple[Text, ...] = ()
+
+    @model_serializer(mode="wrap")
+    def _without_absent_link(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Designs with boards of their own from before these fields keep their digest."""
+        absent = {"link_number": 0, "usb_ids": (), "bridge_usb_ids": (), "boot_s": DEFAULT_BOOT_S}
+        return without_defaults(plain(self), absent)
 
     @model_validator(mode="after")
     def _pins_are_free_and_single(self) -> Self:

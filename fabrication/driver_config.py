@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import tomlkit
+from numpy.typing import NDArray
 from tomlkit.items import AoT, Table
 
 from design import timing
@@ -22,6 +24,8 @@ from fabrication.connections import Connection, Connections, connections_of
 from fabrication.driver_file import CHECKSUM, FORMAT_VERSION, content_sha256, load_driver_config
 
 __all__ = ["driver_config", "dump_driver_config", "load_driver_config"]
+
+FloatArray = NDArray[np.float64]
 
 US_PER_MS = timing.US_PER_MS
 
@@ -40,16 +44,22 @@ TABLE_COMMENTS = {
     "gain": "counts_per_flux: counts for all of an emitter's power on one receiver; absent if not simulated",
     "states": "in order: each emitter alone, then all off",
     "emitters": "active_mm: emitting area along the wall and upward; normal points into the cavity",
+    "expected": "untouched pad by simulation: a row an emitter, a column a receiver; absent if not simulated",
     "receivers": "column: place within a state's readings; channel_number: place among the board's channels",
 }
 
 
-def driver_config(design: SensorDesign, counts_per_flux: float | None = None) -> dict[str, Any]:
+def driver_config(
+    design: SensorDesign,
+    counts_per_flux: float | None = None,
+    untouched_counts: FloatArray | None = None,
+) -> dict[str, Any]:
     """The configuration as plain data.
 
     Parameters
     ----------
     counts_per_flux : the common gain that the simulation set [counts]; None leaves it out
+    untouched_counts : (emitter, receiver) readings expected of the untouched pad [counts]; None leaves them out
 
     Raises
     ------
@@ -73,17 +83,22 @@ def driver_config(design: SensorDesign, counts_per_flux: float | None = None) ->
         "states": _states(connections),
         "emitters": [_emitter(one) for one in connections.emitters],
         "receivers": [_receiver(one) for one in connections.receivers],
+        **_expected(untouched_counts),
     }
     document[CHECKSUM] = content_sha256(document)
     return document
 
 
-def dump_driver_config(design: SensorDesign, counts_per_flux: float | None = None) -> str:
+def dump_driver_config(
+    design: SensorDesign,
+    counts_per_flux: float | None = None,
+    untouched_counts: FloatArray | None = None,
+) -> str:
     """The configuration as TOML text with comments."""
     text = tomlkit.document()
     for line in HEADING:
         text.add(tomlkit.comment(line))
-    for key, value in driver_config(design, counts_per_flux).items():
+    for key, value in driver_config(design, counts_per_flux, untouched_counts).items():
         if isinstance(value, dict):
             text.add(key, _table(key, value))
         elif isinstance(value, list):
@@ -107,6 +122,10 @@ def _board(design: SensorDesign, board: Board) -> dict[str, Any]:
         "baud": use.baud,
         "made_baud": timing.made_baud(board.clock_hz, use.baud),
         "baud_error": timing.baud_error(board.clock_hz, use.baud),
+        "link_number": board.link_number,
+        "usb_ids": list(board.usb_ids),
+        "bridge_usb_ids": list(board.bridge_usb_ids),
+        "boot_s": board.boot_s,
     }
 
 
@@ -184,6 +203,13 @@ def _place(one: Connection) -> dict[str, Any]:
         "part": one.part.part_id,
         "active_mm": [one.part.part.active_width_mm.value, one.part.part.active_height_mm.value],
     }
+
+
+def _expected(untouched_counts: FloatArray | None) -> dict[str, Any]:
+    if untouched_counts is None:
+        return {}
+    rows = [[round(float(count), 1) for count in row] for row in untouched_counts]
+    return {"expected": {"source": "simulated, untouched", "untouched_counts": rows}}
 
 
 def _table(key: str, values: dict[str, Any]) -> Table:

@@ -18,7 +18,7 @@ from typing import Any
 from design.errors import InputError
 from fabrication.record import RecordError, record_of
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 CHECKSUM = "content_sha256"
 WAY_OUT = "write it anew with `optopad driver config DESIGN`"
 
@@ -41,6 +41,9 @@ class BoardSetup:
     ----------
     adc_reference : what full scale stands for
     baud_error : made_baud over baud, less 1
+    link_number : how the firmware names this kind of board to the host; 0 is any other
+    usb_ids, bridge_usb_ids : vendor:product of the maker's boards, and of serial chips that copies use
+    boot_s : longest time from opening the port, which resets the board, to the sketch
     """
 
     kind: str
@@ -54,6 +57,10 @@ class BoardSetup:
     baud: int
     made_baud: float
     baud_error: float
+    link_number: int
+    usb_ids: tuple[str, ...]
+    bridge_usb_ids: tuple[str, ...]
+    boot_s: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,6 +181,20 @@ class GainNote:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ExpectedPattern:
+    """What the simulation expects the untouched pad to read.
+
+    Attributes
+    ----------
+    source : how it was made
+    untouched_counts : (emitter, receiver) readings less ambient light, at most full scale [counts]
+    """
+
+    source: str
+    untouched_counts: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
 class DriverConfig:
     """Everything that a reader of the built sensor needs, for exactly one design."""
 
@@ -192,6 +213,7 @@ class DriverConfig:
     states: tuple[StateEntry, ...]
     emitters: tuple[EmitterEntry, ...]
     receivers: tuple[ReceiverEntry, ...]
+    expected: ExpectedPattern | None = None
 
 
 def load_driver_config(path: str | os.PathLike[str], *, digest: str | None = None) -> DriverConfig:
@@ -290,4 +312,6 @@ def _claims(config: DriverConfig) -> dict[str, bool]:
         "the frame's bytes must add up": frame.total_bytes == head + frame.reading_bytes + frame.check_bytes,
         "the last state must be the one subtracted": config.ambient.subtract_state == frame.states - 1,
         "the readings' order must be state, receiver": frame.order == ("state", "receiver"),
+        "the expected pattern must be emitters x receivers": config.expected is None
+        or [len(row) for row in config.expected.untouched_counts] == [frame.receivers] * len(lit),
     }

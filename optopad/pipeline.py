@@ -16,6 +16,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from design.errors import InputError, OutputError
 from design.io import save_design, write_text_atomically
 from design.rules import require_valid
@@ -270,7 +273,23 @@ def _write_fabrication(design: SensorDesign, folder: Path, counts_per_flux: floa
     from fabrication.sheets import write_sheets
 
     (folder / "fabrication").mkdir(exist_ok=True)
-    write_sheets(design, folder / "fabrication", counts_per_flux=counts_per_flux)
+    write_sheets(
+        design,
+        folder / "fabrication",
+        counts_per_flux=counts_per_flux,
+        untouched_counts=_expected_counts(design, folder),
+    )
+
+
+def _expected_counts(design: SensorDesign, folder: Path) -> NDArray[np.float64] | None:
+    """What the untouched pad should read, if the bundle holds simulated signals; (emitter, receiver) [counts]."""
+    signals = folder / "sims" / "signals.nc"
+    if not signals.is_file():
+        return None
+    from sims.readout import full_scale_counts
+    from sims.signal_file import untouched_counts
+
+    return untouched_counts(signals, full_scale_counts(design))
 
 
 def _write_report(

@@ -10,6 +10,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -165,6 +166,7 @@ def test_the_file_says_what_the_configuration_says(name: str, tmp_path: Path) ->
     file.write_text(dump_driver_config(design, 12345.678), encoding="utf-8")
     config = load_driver_config(file, digest=design.digest)
     plain = json.loads(json.dumps(asdict(config)))
+    assert plain.pop("expected") is None
     assert plain == driver_config(design, 12345.678)
     assert (config.design, config.digest) == (design.name, design.digest)
     assert config.gain.counts_per_flux == 12345.678
@@ -173,6 +175,26 @@ def test_the_file_says_what_the_configuration_says(name: str, tmp_path: Path) ->
 def test_an_unknown_gain_is_left_out() -> None:
     assert config_of(PAD).gain.counts_per_flux is None
     assert config_of(PAD).gain.target_counts == 300.0
+
+
+def test_the_expected_pattern_reaches_the_reader_to_a_tenth_of_a_count() -> None:
+    counts = np.linspace(0.0, 1023.0, 64).reshape(8, 8)
+    text = dump_driver_config(PAD, 1e5, counts)
+    expected = config_from_document(tomllib.loads(text), where="driver.toml").expected
+    assert expected is not None
+    assert np.abs(np.array(expected.untouched_counts) - counts).max() <= 0.05 + 1e-9  # rounded to 0.1
+
+
+def test_an_expected_pattern_of_another_shape_is_refused() -> None:
+    document = driver_config(PAD, 1e5, np.zeros((8, 7)))
+    with pytest.raises(InputError, match="expected pattern must be emitters x receivers"):
+        config_from_document(document, where="driver.toml")
+
+
+def test_the_file_names_the_board_as_firmware_and_usb_do() -> None:
+    board = config_of(PAD).board
+    assert board.link_number == 1
+    assert "2341:0042" in board.usb_ids
 
 
 def test_the_same_design_gives_the_same_file() -> None:
@@ -207,7 +229,7 @@ def test_a_design_file_is_not_taken_for_a_configuration(tmp_path: Path) -> None:
         load_driver_config(file)
 
 
-@pytest.mark.parametrize("version", [0, 2, "1"])
+@pytest.mark.parametrize("version", [0, 1, 3, "2"])
 def test_another_format_version_is_refused(version: object) -> None:
     with pytest.raises(InputError, match="format_version"):
         config_from_document(driver_config(PAD) | {"format_version": version}, where="driver.toml")
