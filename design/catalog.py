@@ -42,6 +42,7 @@ from pydantic_core import ErrorDetails
 
 from design.angular import AngularTable
 from design.base import Model, PartId, without_defaults
+from design.board_firmware import BoardFirmware
 from design.elastomer import (
     Cure,
     Elastomer,
@@ -282,13 +283,16 @@ class Board(Model):
     boot_s: Annotated[
         float, Field(ge=0.0, le=60.0, description="longest time from the port's opening to the sketch")
     ] = DEFAULT_BOOT_S
+    firmware: Annotated[
+        BoardFirmware | None, Field(description="what the generated program needs; absent: none is made")
+    ] = None
     notes: tuple[Text, ...] = ()
 
     @model_serializer(mode="wrap")
     def _without_absent_link(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Designs with boards of their own from before these fields keep their digest."""
         absent = {"link_number": 0, "usb_ids": (), "bridge_usb_ids": (), "boot_s": DEFAULT_BOOT_S}
-        return without_defaults(plain(self), absent)
+        return without_defaults(plain(self), absent | {"firmware": None})
 
     @model_validator(mode="after")
     def _pins_are_free_and_single(self) -> Self:
