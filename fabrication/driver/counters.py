@@ -1,0 +1,37 @@
+"""Counters of 32 bits that wrap, as numbers that do not."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fabrication.driver.protocol import WRAP, CountArray, IntArray
+
+
+class WrappingCounter:
+    """One counter of a board, followed from its first value on.
+
+    Parameters
+    ----------
+    goes_back : True for sequence numbers, whose step backward says that the board began anew: steps are -2^31 to
+        2^31 - 1. False for device time, which only rises: steps are 0 to 2^32 - 1, in microseconds 71.6 minutes.
+    """
+
+    def __init__(self, *, goes_back: bool) -> None:
+        self._goes_back = goes_back
+        self._last: int | None = None
+
+    def extended(self, values: CountArray) -> tuple[IntArray, IntArray]:
+        """Values without the wraps, and the step to each from the one before it; 1 to the very first.
+
+        values : (n,) as sent; both results are (n,)
+        """
+        if not len(values):
+            return np.zeros(0, np.int64), np.zeros(0, np.int64)
+        plain = values.astype(np.int64)
+        last = int(plain[0]) - 1 if self._last is None else self._last
+        steps = np.diff(plain, prepend=last) % WRAP
+        if self._goes_back:
+            steps = np.where(steps < WRAP // 2, steps, steps - WRAP)
+        whole = last + np.cumsum(steps)
+        self._last = int(whole[-1])
+        return whole, steps

@@ -1,0 +1,293 @@
+"""The bytes between board and host, packed and unpacked.
+
+All numbers are little-endian. Every message ends in a CRC-32 (`zlib.crc32`) over everything before it, the
+magic included. Byte 2 holds the protocol's version in its high and the kind or command in its low half.
+
+    readings  A5 5A 10  sequence u32, device time u32 [us], readings packed bit by bit, CRC
+    hello     A5 5A 11  firmware 2 x u8, board, emitters, receivers, bits, prescaler exponent, settle u16 [us],
+                        baud u32, interval u32 [us], design digest 32 bytes, CRC
+    self-test A5 5A 12  reference reading u16, late frames u32, least free RAM u16,
+                        CRC u32 of the program's configuration, CRC
+    command   C5 5C 1x  argument u32, CRC; x: 1 start, 2 stop, 3 interval [us], 4 identify, 5 self-test
+
+Readings go state by state and within a state receiver by receiver, the least significant bit first: reading k
+takes bits k x bits to (k + 1) x bits - 1 of the byte string. Both counters wrap at 2^32.
+
+Nothing here reads a port or a clock; the C side of the same layout is the firmware's `core.c`.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import DeviceError
+from fabrication.driver_file import DriverConfig
+
+VERSION = 1
+MAGIC = b"\xa5\x5a"
+COMMAND_MAGIC = b"\xc5\x5c"
+CRC_BYTES = 4
+WRAP = 2**32
+"""Sequence number and device time start again here."""
+
+IntArray = NDArray[np.int64]
+CountArray = NDArray[np.uint32]
+_HELLO = struct.Struct("<2sB7BHII32s")
+_SELF_TEST = struct.Struct("<2sBHIHI")
+_COMMAND = struct.Struct("<2sBI")
+_CRC = struct.Struct("<I")
+
+
+class Kind(IntEnum):
+    """What the board sends."""
+
+    READINGS = 0
+    HELLO = 1
+    SELF_TEST = 2
+
+
+class Command(IntEnum):
+    """What the host asks of the board; RATE takes the frame interval [us], 0 for as fast as it can."""
+
+    START = 1
+    STOP = 2
+    RATE = 3
+    IDENTIFY = 4
+    SELF_TEST = 5
+
+
+HELLO_BYTES = _HELLO.size + CRC_BYTES
+SELF_TEST_BYTES = _SELF_TEST.size + CRC_BYTES
+COMMAND_BYTES = _COMMAND.size + CRC_BYTES
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameFormat:
+    """How many readings a frame has, and of how many bits."""
+
+    states: int
+    receivers: int
+    bits: int
+
+    @property
+    def readings(self) -> int:
+        """Readings in a frame."""
+        return self.states * self.receivers
+
+    @property
+    def reading_bytes(self) -> int:
+        """Bytes that they take, packed."""
+        return -(-self.readings * self.bits // 8)
+
+    @property
+    def total_bytes(self) -> int:
+        """Bytes of the whole message."""
+        return int(_record_type(self).itemsize)
+
+    @property
+    def full_scale(self) -> int:
+        """Largest reading [counts]."""
+        return 2**self.bits - 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hello:
+    """What a board says of itself.
+
+    Attributes
+    ----------
+    firmware : major and minor version
+    board : its number in the catalogue of boards
+    prescaler_exponent : the converter's clock is the board's over 2 to this
+    interval_us : wanted time from frame to frame [us]; 0 is as fast as it can
+    digest : SHA-256 of the design that the firmware was made for, 64 hexadecimal digits
+    """
+
+    firmware: tuple[int, int]
+    board: int
+    emitters: int
+    receivers: int
+    bits: int
+    prescaler_exponent: int
+    settle_us: int
+    baud: int
+    interval_us: int
+    digest: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SelfTest:
+    """What a board measures of itself.
+
+    Attributes
+    ----------
+    reference_counts : the internal 1.1 V reference, read against the supply
+    late_frames : frames that began later than the interval asks
+    least_free_ram_bytes : lowest seen since the reset
+    config_crc : CRC-32 of the configuration in the program
+    """
+
+    reference_counts: int
+    late_frames: int
+    least_free_ram_bytes: int
+    config_crc: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unpacked:
+    """Frames as arrays: sequence (n,) and device time (n,) [us] as sent, counts (n, state, receiver)."""
+
+    sequence: CountArray
+    device_us: CountArray
+    counts: NDArray[np.uint16]
+
+
+def frame_format(config: DriverConfig) -> FrameFormat:
+    """The frame of a driver configuration.
+
+    Raises
+    ------
+    DeviceError : its frame is not the one that this version of the protocol has.
+    """
+    frame = config.frame
+    found = FrameFormat(states=frame.states, receivers=frame.receivers, bits=frame.bits_per_reading)
+    if found.total_bytes != frame.total_bytes or found.bits > MAX_BITS:
+        raise DeviceError(
+            f"driver.toml: frames of {frame.total_bytes} bytes and {found.bits} bits a reading; protocol "
+            f"{VERSION} makes them {found.total_bytes} bytes, at most {MAX_BITS} bits; use the optopad that wrote it"
+        )
+    return found
+
+
+MAX_BITS = 16
+"""Longest reading that fits the arrays."""
+
+
+def message_lengths(layout: FrameFormat) -> dict[int, int]:
+    """Length of each message of the board by its byte 2."""
+    lengths = {
+        Kind.READINGS: layout.total_bytes,
+        Kind.HELLO: HELLO_BYTES,
+        Kind.SELF_TEST: SELF_TEST_BYTES,
+    }
+    return {VERSION << 4 | kind: length for kind, length in lengths.items()}
+
+
+def sealed(content: bytes) -> bytes:
+    """Content and its CRC."""
+    return content + _CRC.pack(zlib.crc32(content))
+
+
+def is_whole(message: bytes | memoryview) -> bool:
+    """Whether a message's CRC is that of its content."""
+    return zlib.crc32(message[:-CRC_BYTES]) == int.from_bytes(message[-CRC_BYTES:], "little")
+
+
+def pack_frames(layout: FrameFormat, sequence: Any, device_us: Any, counts: Any) -> list[bytes]:
+    """Frames as sent.
+
+    Parameters
+    ----------
+    sequence, device_us : (n,) counters; they wrap at 2^32
+    counts : (n, state, receiver) readings, 0 to full scale
+    """
+    values = np.asarray(counts).reshape(-1, layout.readings)
+    rows = np.zeros(len(values), _record_type(layout))
+    rows["magic"], rows["version"] = MAGIC, VERSION << 4 | Kind.READINGS
+    rows["sequence"] = np.asarray(sequence, dtype=np.int64) % WRAP
+    rows["device_us"] = np.asarray(device_us, dtype=np.int64) % WRAP
+    bits = (values[:, :, None].astype(np.uint32) >> np.arange(layout.bits, dtype=np.uint32)) & 1
+    flat = bits.reshape(len(values), -1).astype(np.uint8)
+    rows["readings"] = np.packbits(flat, axis=1, bitorder="little")
+    whole = rows.tobytes()
+    step = layout.total_bytes
+    return [sealed(whole[k : k + step - CRC_BYTES]) for k in range(0, len(whole), step)]
+
+
+def unpack_frames(layout: FrameFormat, frames: Iterable[bytes]) -> Unpacked:
+    """Whole frames of readings as arrays; their CRC has been checked before."""
+    rows = np.frombuffer(b"".join(frames), _record_type(layout))
+    return Unpacked(
+        sequence=rows["sequence"].astype(np.uint32),
+        device_us=rows["device_us"].astype(np.uint32),
+        counts=_unpacked(layout, rows["readings"]),
+    )
+
+
+def pack_hello(hello: Hello) -> bytes:
+    """A hello as sent."""
+    head = (*hello.firmware, hello.board, hello.emitters, hello.receivers, hello.bits)
+    rest = hello.prescaler_exponent, hello.settle_us, hello.baud, hello.interval_us
+    version = VERSION << 4 | Kind.HELLO
+    return sealed(_HELLO.pack(MAGIC, version, *head, *rest, bytes.fromhex(hello.digest)))
+
+
+def unpack_hello(message: bytes) -> Hello:
+    """A whole hello."""
+    _, _, *plain, digest = _HELLO.unpack_from(message)
+    major, minor, board, emitters, receivers, bits, exponent, settle_us, baud, interval_us = plain
+    return Hello(
+        firmware=(major, minor),
+        board=board,
+        emitters=emitters,
+        receivers=receivers,
+        bits=bits,
+        prescaler_exponent=exponent,
+        settle_us=settle_us,
+        baud=baud,
+        interval_us=interval_us,
+        digest=digest.hex(),
+    )
+
+
+def pack_self_test(found: SelfTest) -> bytes:
+    """A self-test's answer as sent."""
+    numbers = found.reference_counts, found.late_frames, found.least_free_ram_bytes, found.config_crc
+    return sealed(_SELF_TEST.pack(MAGIC, VERSION << 4 | Kind.SELF_TEST, *numbers))
+
+
+def unpack_self_test(message: bytes) -> SelfTest:
+    """A whole self-test's answer."""
+    _, _, reference, late, ram, crc = _SELF_TEST.unpack_from(message)
+    return SelfTest(reference_counts=reference, late_frames=late, least_free_ram_bytes=ram, config_crc=crc)
+
+
+def pack_command(command: Command, argument: int = 0) -> bytes:
+    """A command as sent."""
+    return sealed(_COMMAND.pack(COMMAND_MAGIC, VERSION << 4 | command, argument))
+
+
+def unpack_command(message: bytes) -> tuple[Command, int]:
+    """Command and argument of a whole command; ValueError for one that this version does not have."""
+    _, kind, argument = _COMMAND.unpack_from(message)
+    return Command(kind & 0x0F), argument
+
+
+def _record_type(layout: FrameFormat) -> np.dtype[np.void]:
+    fields = [
+        ("magic", "S2"),
+        ("version", "u1"),
+        ("sequence", "<u4"),
+        ("device_us", "<u4"),
+        ("readings", "u1", (layout.reading_bytes,)),
+        ("crc", "<u4"),
+    ]
+    return np.dtype(fields)
+
+
+def _unpacked(layout: FrameFormat, packed: NDArray[np.uint8]) -> NDArray[np.uint16]:
+    """(n, state, receiver) readings of (n, bytes): each lies within three bytes, as it has at most 16 bits."""
+    first, shift = np.divmod(np.arange(layout.readings) * layout.bits, 8)
+    padded = np.zeros((len(packed), layout.reading_bytes + 2), dtype=np.uint32)
+    padded[:, :-2] = packed
+    words = padded[:, first] | padded[:, first + 1] << 8 | padded[:, first + 2] << 16
+    values = (words >> shift.astype(np.uint32)) & np.uint32(layout.full_scale)
+    return values.astype(np.uint16).reshape(-1, layout.states, layout.receivers)

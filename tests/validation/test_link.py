@@ -1,0 +1,38 @@
+"""The link under damage: nothing corrupted passes, what is intact arrives. A million frames: link_table."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.validation.link_damage import PAD, Chances, damaged, through_the_line
+
+ONE_PERCENT = {
+    "flips": Chances(flip=0.01),
+    "insertions": Chances(insert=0.01),
+    "drops": Chances(drop=0.01),
+    "all three": Chances(flip=0.01, insert=0.01, drop=0.01),
+}
+
+
+@pytest.mark.parametrize("kind", ONE_PERCENT)
+def test_no_corrupted_frame_is_accepted_and_the_intact_ones_arrive(kind: str) -> None:
+    tally = through_the_line(20_000, ONE_PERCENT[kind], seed=7)
+    assert tally.corrupted_accepted == 0
+    assert (
+        tally.intact_share >= 0.999
+    )  # the issue asks for 0.95; only a candidate across two frames could cost one
+
+
+def test_a_clean_line_loses_nothing() -> None:
+    tally = through_the_line(2_000, Chances(), seed=7)
+    assert (tally.delivered, tally.delivered_intact, tally.corrupted_accepted) == (2_000, 2_000, 0)
+
+
+def test_the_damage_leaves_as_many_frames_intact_as_chance_says() -> None:
+    rng = np.random.default_rng(3)
+    _, intact = damaged([rng.bytes(PAD.total_bytes) for _ in range(20_000)], Chances(flip=0.01), rng)
+    wanted = 0.99**PAD.total_bytes
+    assert intact.mean() == pytest.approx(
+        wanted, abs=5 * np.sqrt(wanted * (1 - wanted) / 20_000)
+    )  # 5 standard errors
