@@ -95,7 +95,7 @@ class FrameFormat:
     @property
     def full_scale(self) -> int:
         """Largest reading [counts]."""
-        return 2**self.bits - 1
+        return (1 << self.bits) - 1
 
 
 @dataclass(frozen=True, kw_only=True)

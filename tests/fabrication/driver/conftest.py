@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-
 from hypothesis import HealthCheck, settings
-
 
 settings.register_profile(
     "fixed", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow]
