@@ -62,6 +62,7 @@ from design.quantity import (
     DensityGPerCm3,
     HalfAngleDeg,
     LengthMm,
+    PowerMw,
     Quantity,
     Reflectance,
     RefractiveIndex,
@@ -100,7 +101,7 @@ PACKAGED_FILES = ("emitters", "receivers", "elastomers", "mold_materials", "boar
 
 _EMITTER_ONLY = ("wavelength_nm", "forward_voltage_v", "max_current_ma")
 _RECEIVER_ONLY = ("responsivity_a_per_w", "responsivity_wavelength_nm", "dark_current_na", "capacitance_pf")
-_EMITTER_OPTIONS = ("angular_pattern", "spectrum")
+_EMITTER_OPTIONS = ("angular_pattern", "spectrum", "radiant_power_mw")
 _RECEIVER_OPTIONS = ("epoxy_index", "angular_response")
 
 Entry = TypeVar("Entry")
@@ -157,6 +158,10 @@ class Part(Model):
     ] = None
     spectrum: Annotated[
         Spectrum | None, Field(description="emitter: the index is averaged over it, not at wavelength_nm")
+    ] = None
+    radiant_power_mw: Annotated[
+        PowerMw | None,
+        Field(description="emitter: all light at max_current_ma; sets resistors, not the verdict by a rule"),
     ] = None
     epoxy_index: Annotated[
         RefractiveIndex | None,

@@ -27,7 +27,7 @@ SECTIONS: dict[str, Kind] = {"emitters": "emitter", "receivers": "receiver"}
 
 MEASURED_SOURCE = "measured value given in the design"
 AIR_GAP = Quantity(value=1.0, unit="1", source="air, by definition of an air gap", confidence="read")
-ADDED_UNITS = {"emitter": {}, "receiver": {"epoxy_index": "1"}}
+ADDED_UNITS = {"emitter": {"radiant_power_mw": "mW"}, "receiver": {"epoxy_index": "1"}}
 """Values that a measurement may add to a part which the catalogue has without them."""
 
 

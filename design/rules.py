@@ -31,6 +31,7 @@ from design.paths import leaves
 from design.properties import entries_of
 from design.reference_rules import entry_findings, found_board, part_findings
 from design.spec import SensorDesign
+from design.transimpedance import gain_findings
 from design.web_rules import web_findings
 
 __all__ = ["Finding", "check", "require_valid"]
@@ -59,6 +60,7 @@ def check(design: SensorDesign) -> tuple[Finding, ...]:
         found += board_findings(design, board, *counts)
     if not unknown:
         found += _geometry_findings(design, counts)
+        found += gain_findings(design) if board is not None and all(counts) else ()
     return tuple(sorted(found, key=lambda finding: finding.severity != "error"))
 
 

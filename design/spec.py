@@ -29,6 +29,9 @@ from design.validation import design_error
 
 SCHEMA_VERSION = 1
 
+Ohm = Annotated[float, Field(ge=100.0, le=1e10)]
+"""Resistance of an amplifier's feedback."""
+
 DesignName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,62}$")]
 
 
@@ -219,13 +222,23 @@ class Noise(Model):
 
 
 class Gain(Model):
-    """One common transimpedance gain for all receivers, set by a rule.
+    """The receivers' transimpedance gain, by a rule or in ohms; signal chain, sheets and driver share it.
 
-    The median judged pair (different walls; facing pairs in facing rows), untouched, reads
-    `target_counts`; brighter pairs may clip at the converter's full scale and are listed.
+    By the rule `common` the median judged pair (different walls; facing pairs in facing rows), untouched, reads
+    `target_counts`; by `each` the median of every receiver's own judged pairs does. Ohms set the gain by the
+    emitters' power instead. Brighter pairs may clip at the converter's full scale and are listed.
     """
 
     target_counts: Annotated[float, Field(gt=0.0, le=65535.0)] = 300.0
+    feedback_ohm: Annotated[
+        Ohm | tuple[Ohm, ...] | Literal["common", "each"],
+        Field(description="a rule, one resistance for all receivers, or one for each in their order"),
+    ] = "common"
+
+    @model_serializer(mode="wrap")
+    def _without_the_usual_rule(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave the rule out where it is the default: designs without it keep their digest."""
+        return without_defaults(plain(self), {"feedback_ohm": "common"})
 
 
 class Operating(Model):

@@ -70,6 +70,7 @@ def _is_marker(key: str) -> bool:
     return "[" in key or key in {
         "int",
         "float",
+        "constrained-float",
         "constrained-int",
         "alternating_ring",
         "facing_rows",

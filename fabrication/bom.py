@@ -11,13 +11,15 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from cad.volume import mold_volume_mm3
+from design.assumptions import assumption
 from design.catalog import Board, Cost, Part, find_mold_material
 from design.cavity import PlacedPart, cavity_of
+from design.emitter_switch import EmitterSwitch, emitter_switch
 from design.pins import board_of
 from design.properties import elastomer_of, entries_of
 from design.spec import SensorDesign
-from fabrication.assumptions import assumption
-from fabrication.circuit import EmitterSwitch, emitter_switch, ohm_text
+from design.standard_values import ohm_text
+from fabrication.gain import SimulatedGain, feedbacks_for
 from fabrication.silicone import MM3_PER_CM3, Pour, pours
 from fabrication.table import csv_text, number
 
@@ -60,23 +62,28 @@ class BomRow:
     note: str = ""
 
 
-def bom_rows(design: SensorDesign) -> tuple[BomRow, ...]:
-    """Everything that goes into one sensor."""
+def bom_rows(design: SensorDesign, gain: SimulatedGain | None = None) -> tuple[BomRow, ...]:
+    """Everything that goes into one sensor.
+
+    Parameters
+    ----------
+    gain : what the simulation set; without it a gain by a rule leaves the feedback open
+    """
     cavity, board = cavity_of(design), board_of(design)
     return (
         *_part_rows(cavity.emitters),
         *_part_rows(cavity.receivers),
         BomRow(item=board.title, catalogue_id=design.board.kind, quantity=1),
         *_switch_rows(cavity.emitters, board),
-        *_amplifier_rows(design, cavity.receivers),
+        *_amplifier_rows(design, cavity.receivers, gain),
         *_silicone_rows(design),
         *_printed_rows(design),
     )
 
 
-def bom_csv(design: SensorDesign) -> str:
+def bom_csv(design: SensorDesign, gain: SimulatedGain | None = None) -> str:
     """The bill of materials as CSV."""
-    return csv_text(COLUMNS, (_cells(row) for row in bom_rows(design)))
+    return csv_text(COLUMNS, (_cells(row) for row in bom_rows(design, gain)))
 
 
 def _cells(row: BomRow) -> tuple[str | float | None, ...]:
@@ -136,31 +143,69 @@ def _switch_rows(emitters: Sequence[PlacedPart], board: Board) -> Iterator[BomRo
         )
 
 
-def _amplifier_rows(design: SensorDesign, receivers: Sequence[PlacedPart]) -> Iterator[BomRow]:
+def _amplifier_rows(
+    design: SensorDesign, receivers: Sequence[PlacedPart], gain: SimulatedGain | None
+) -> Iterator[BomRow]:
     names = tuple(part.name for part in receivers)
-    rule = f"so that the median judged pair, untouched, reads {design.gain.target_counts:g} counts"
-    rows: tuple[tuple[str, str, str, str], ...] = (
-        (
-            "transimpedance amplifier",
-            "A",
-            "single supply, inputs and output down to ground",
-            "output to the receiver's channel",
-        ),
+    yield BomRow(
+        item="transimpedance amplifier",
+        quantity=len(names),
+        references=_marked(names, "A"),
+        value="single supply, inputs and output down to ground",
+        note=f"output to the receiver's channel; {_bandwidth_note()}",
+    )
+    feedbacks = feedbacks_for(design, gain)
+    if feedbacks is None:
+        yield from _open_feedback_rows(design, names)
+        return
+    resistors = [ohm_text(one.standard_ohm) for one in feedbacks]
+    capacitors = [f"{one.capacitor_pf:g} pF" for one in feedbacks]
+    for item, mark, values, note in (
         (
             "feedback resistor",
             "RF",
-            SET_BY_GAIN,
-            f"the same for all receivers, {rule}; see casting.md, last section",
+            resistors,
+            "rests on the emitters' power; see casting.md, last section",
         ),
         (
             "feedback capacitor",
             "CF",
-            SET_BY_GAIN,
+            capacitors,
+            f"settles within board.settle_us = {design.board.settle_us:g} us",
+        ),
+    ):
+        for value in dict.fromkeys(values):
+            same = [name for name, own in zip(names, values, strict=True) if own == value]
+            late = mark == "CF" and not all(
+                one.is_in_time for one, own in zip(feedbacks, values, strict=True) if own == value
+            )
+            yield BomRow(
+                item=item,
+                quantity=len(same),
+                references=_marked(same, mark),
+                value=value,
+                note="least that is stable: TOO SLOW for board.settle_us, see casting.md" if late else note,
+            )
+
+
+def _open_feedback_rows(design: SensorDesign, names: Sequence[str]) -> Iterator[BomRow]:
+    """Resistor and capacitor whose values nobody can tell yet."""
+    rule = f"so that the median judged pair, untouched, reads {design.gain.target_counts:g} counts"
+    for item, mark, note in (
+        ("feedback resistor", "RF", f"{rule}; see casting.md, last section"),
+        (
+            "feedback capacitor",
+            "CF",
             f"with RF it must settle within board.settle_us = {design.board.settle_us:g} us",
         ),
-    )
-    for item, mark, value, note in rows:
-        yield BomRow(item=item, quantity=len(names), references=_marked(names, mark), value=value, note=note)
+    ):
+        yield BomRow(
+            item=item, quantity=len(names), references=_marked(names, mark), value=SET_BY_GAIN, note=note
+        )
+
+
+def _bandwidth_note() -> str:
+    return f"gain-bandwidth product taken as {assumption('amplifier_bandwidth_mhz').value:g} MHz (assumed)"
 
 
 def _silicone_rows(design: SensorDesign) -> Iterator[BomRow]:

@@ -1,6 +1,6 @@
 """The build sheet: how to print, fill and cast this very pad, with its own numbers.
 
-Every number comes from the design, the catalogue or `fabrication/data/assumptions.toml`; values that
+Every number comes from the design, the catalogue or `design/data/assumptions.toml`; values that
 nobody has read at a source are marked. Left out: vacuum level and times of degassing, and the share
 of carbon black, which neither the paper nor the catalogue gives.
 """
@@ -11,17 +11,18 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 
+from design.assumptions import assumption
 from design.catalog import find_mold_material
 from design.cavity import CavityGeometry, PlacedPart, cavity_of
 from design.elastomer import Cure
 from design.mold_outline import outline_of
-from design.pairs import facing_pairs
 from design.properties import elastomer_of, entries_of, quantities_of
 from design.quantity import Quantity
 from design.spec import SensorDesign
 from design.webs import bodies_above_rim, pockets_below_clear_layer
-from fabrication.assumptions import assumption
 from fabrication.connections import polarity_of
+from fabrication.gain import SimulatedGain
+from fabrication.gain_sheet import gain_lines
 from fabrication.silicone import pours
 from fabrication.table import number, one_line
 
@@ -40,8 +41,12 @@ MOST_WEIGHING_ERROR = 0.05
 """The mixing ratio, and with it the stiffness, should not be off by more than this for want of a finer scale."""
 
 
-def casting_md(design: SensorDesign) -> str:
+def casting_md(design: SensorDesign, gain: SimulatedGain | None = None) -> str:
     """The build sheet as Markdown.
+
+    Parameters
+    ----------
+    gain : what the simulation set; without it a gain by a rule leaves the feedback open
 
     Raises
     ------
@@ -57,7 +62,7 @@ def casting_md(design: SensorDesign) -> str:
         _cast(design, cavity),
         _cure(design),
         _measure_after(design, cavity),
-        _gain(design, cavity),
+        gain_lines(design, gain),
     )
     return "\n".join(line for section in sections for line in section).rstrip() + "\n"
 
@@ -256,18 +261,6 @@ def _measure_after(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str
     for path, height in heights.items():
         state = "measured" if path in design.measured else "not measured"
         yield f"| {path} | {number(height)} | {state} |"
-    yield ""
-
-
-def _gain(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
-    yield "## Set the gain"
-    yield ""
-    yield "No feedback resistor is computed: that needs the emitters' power, which the catalogue does not have."
-    yield "Start with a trimmer on one amplifier. With the pad untouched, and the all-off reading subtracted, turn it"
-    pairs = "facing pairs" if facing_pairs(cavity) else "pairs in different walls"
-    yield f"until the median over {pairs} reads {number(design.gain.target_counts)} counts, then fit"
-    yield "that value to all receivers. The capacitor beside it must let the reading settle within"
-    yield f"{number(design.board.settle_us)} us and keep the amplifier from ringing."
     yield ""
 
 

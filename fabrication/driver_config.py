@@ -6,6 +6,8 @@ Every index, pin and place comes from `fabrication.connections`; times and bytes
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -14,11 +16,12 @@ from numpy.typing import NDArray
 from tomlkit.items import AoT, Table
 
 from design import timing
+from design.assumptions import assumption
 from design.catalog import Board
 from design.cavity import workspace_of
 from design.pins import board_of
 from design.spec import SensorDesign
-from fabrication.assumptions import assumption
+from design.transimpedance import feedbacks_of
 from fabrication.bundle import versions
 from fabrication.connections import Connection, Connections, connections_of
 from fabrication.driver_file import CHECKSUM, FORMAT_VERSION, content_sha256, load_driver_config
@@ -41,7 +44,7 @@ TABLE_COMMENTS = {
     "timing": "a plain sum: settle and convert state by state, then send",
     "workspace": "press centres that the verdict is about",
     "ambient": "subtract this state's readings from those of every other state",
-    "gain": "counts_per_flux: counts for all of an emitter's power on one receiver; absent if not simulated",
+    "gain": "counts for all of an emitter's power on one receiver (median; each); absent if not simulated",
     "states": "in order: each emitter alone, then all off",
     "emitters": "active_mm: emitting area along the wall and upward; normal points into the cavity",
     "expected": "untouched pad by simulation: a row an emitter, a column a receiver; absent if not simulated",
@@ -51,14 +54,14 @@ TABLE_COMMENTS = {
 
 def driver_config(
     design: SensorDesign,
-    counts_per_flux: float | None = None,
+    counts_per_flux: float | Sequence[float] | None = None,
     untouched_counts: FloatArray | None = None,
 ) -> dict[str, Any]:
     """The configuration as plain data.
 
     Parameters
     ----------
-    counts_per_flux : the common gain that the simulation set [counts]; None leaves it out
+    counts_per_flux : the gain that the simulation set, of all receivers or of each [counts]; None leaves it out
     untouched_counts : (emitter, receiver) readings expected of the untouched pad [counts]; None leaves them out
 
     Raises
@@ -79,7 +82,7 @@ def driver_config(
         "timing": _timing(design, board, *counts),
         "workspace": _workspace(design),
         "ambient": {"subtract_state": counts[0]},
-        "gain": _gain(design, counts_per_flux),
+        "gain": _gain(design, counts_per_flux, counts[1]),
         "states": _states(connections),
         "emitters": [_emitter(one) for one in connections.emitters],
         "receivers": [_receiver(one) for one in connections.receivers],
@@ -91,7 +94,7 @@ def driver_config(
 
 def dump_driver_config(
     design: SensorDesign,
-    counts_per_flux: float | None = None,
+    counts_per_flux: float | Sequence[float] | None = None,
     untouched_counts: FloatArray | None = None,
 ) -> str:
     """The configuration as TOML text with comments."""
@@ -176,9 +179,23 @@ def _workspace(design: SensorDesign) -> dict[str, float]:
     }
 
 
-def _gain(design: SensorDesign, counts_per_flux: float | None) -> dict[str, float]:
-    known = {} if counts_per_flux is None else {"counts_per_flux": float(counts_per_flux)}
-    return {"target_counts": design.gain.target_counts, **known}
+def _gain(
+    design: SensorDesign, counts_per_flux: float | Sequence[float] | None, receivers: int
+) -> dict[str, Any]:
+    given, rule = design.gain.feedback_ohm, {"target_counts": design.gain.target_counts}
+    document: dict[str, Any] = {**rule, "rule": given if isinstance(given, str) else "ohms"}
+    if isinstance(counts_per_flux, (int, float)):
+        counts_per_flux = (float(counts_per_flux),) * receivers
+    feedbacks = feedbacks_of(design, counts_per_flux)
+    if feedbacks is not None:
+        counts_per_flux = counts_per_flux or [one.counts_per_flux for one in feedbacks]
+    if counts_per_flux is not None:
+        document["counts_per_flux"] = float(median(counts_per_flux))
+        document["receiver_counts_per_flux"] = [float(one) for one in counts_per_flux]
+    if feedbacks is not None:
+        document["feedback_ohm"] = [one.standard_ohm for one in feedbacks]
+        document["feedback_pf"] = [one.capacitor_pf for one in feedbacks]
+    return document
 
 
 def _states(connections: Connections) -> list[dict[str, Any]]:

@@ -173,11 +173,23 @@ class AmbientRule:
 
 @dataclass(frozen=True, kw_only=True)
 class GainNote:
-    """The common gain: wanted reading of the median judged pair, untouched, and counts for all of an
-    emitter's power on one receiver where the simulation has told them."""
+    """The receivers' gain: the wanted reading of the median judged pair, untouched, and what makes it.
+
+    Attributes
+    ----------
+    rule : "common", "each" or "ohms", see `design.spec.Gain`
+    counts_per_flux : counts for all of an emitter's power on one receiver, where known: the median receiver's
+    receiver_counts_per_flux : the same for each receiver, in the order of columns
+    feedback_ohm, feedback_pf : standard resistor and capacitor of each receiver, where the emitters' power is known;
+        a rule's gain differs from the resistor's by its step, at most 5 %
+    """
 
     target_counts: float
+    rule: str
     counts_per_flux: float | None = None
+    receiver_counts_per_flux: tuple[float, ...] | None = None
+    feedback_ohm: tuple[float, ...] | None = None
+    feedback_pf: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

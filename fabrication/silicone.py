@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from design.assumptions import assumption
 from design.cavity import cavity_of
 from design.properties import elastomer_of
 from design.spec import SensorDesign
-from fabrication.assumptions import assumption
 
 MM3_PER_CM3 = 1e3
 

@@ -16,9 +16,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from design.errors import InputError, OutputError
 from design.io import save_design, write_text_atomically
 from design.rules import require_valid
@@ -27,6 +24,7 @@ from fabrication.bundle import bundle, bundle_name
 from optopad.finished import FinishedWork
 
 if TYPE_CHECKING:
+    from fabrication.gain import SimulatedGain
     from sims.verdict.result import ContinuityScore
 
 REFUSED = 2
@@ -67,7 +65,7 @@ def run(design: SensorDesign, out: Path, *, fine: bool, seed: int, on_step: OnSt
         checks = _finished(mold, folder / "cad")
         on_step("mold", 1.0)
         on_step("files", 0.0)
-        _write_fabrication(design, folder, None if score.readout is None else score.readout.counts_per_flux)
+        _write_fabrication(design, folder, _gain_of(score))
         _write_report(design, folder, score, checks, seed)
         on_step("files", 1.0)
     return RunResult(folder=out / bundle_name(design), score=score, checks=checks)
@@ -108,9 +106,7 @@ def write_score(
     with _study(design, out, builds, seed) as study, bundle(design, out, seed=seed) as folder:
         score = _scored(design, folder, fine=fine, seed=seed, on_step=on_step, study=study)
         if (folder / "report.html").exists():  # a bundle tells one verdict: page and gain follow it
-            _write_fabrication(
-                design, folder, None if score.readout is None else score.readout.counts_per_flux
-            )
+            _write_fabrication(design, folder, _gain_of(score))
             _write_report(design, folder, score, _checks(folder / "cad"), seed)
     return score, out / bundle_name(design)
 
@@ -257,39 +253,42 @@ def _with_builds(
     return found
 
 
-def _known_gain(folder: Path) -> float | None:
-    """Counts per flux of an earlier score of the same design, if the bundle holds one."""
+def _gain_of(score: ContinuityScore) -> SimulatedGain | None:
+    """What the sheets need of a score's gain."""
+    from fabrication.gain import SimulatedGain
+
+    if score.readout is None or score.untouched_flux is None:
+        return None
+    return SimulatedGain(
+        counts_per_flux=score.readout.of_each(score.untouched_flux.shape[1]),
+        untouched_flux=tuple(tuple(row) for row in score.untouched_flux.tolist()),
+    )
+
+
+def _known_gain(folder: Path) -> SimulatedGain | None:
+    """Gain of an earlier score of the same design, if the bundle holds one."""
+    from fabrication.gain import SimulatedGain
+
     score = folder / "sims" / "score.json"
     if not score.is_file():
         return None
     try:
-        gain: float | None = json.loads(score.read_text(encoding="utf-8"))["counts_per_flux"]
+        document = json.loads(score.read_text(encoding="utf-8"))
+        if document["counts_per_flux"] is None:
+            return None
+        return SimulatedGain(
+            counts_per_flux=tuple(map(float, document["receiver_counts_per_flux"])),
+            untouched_flux=tuple(tuple(map(float, row)) for row in document["untouched_flux"]),
+        )
     except (ValueError, KeyError, TypeError):
-        raise InputError(f"{score}: damaged; run `optopad score` again") from None
-    return gain
+        raise InputError(f"{score}: damaged, or of an earlier version; run `optopad score` again") from None
 
 
-def _write_fabrication(design: SensorDesign, folder: Path, counts_per_flux: float | None) -> None:
+def _write_fabrication(design: SensorDesign, folder: Path, gain: SimulatedGain | None) -> None:
     from fabrication.sheets import write_sheets
 
     (folder / "fabrication").mkdir(exist_ok=True)
-    write_sheets(
-        design,
-        folder / "fabrication",
-        counts_per_flux=counts_per_flux,
-        untouched_counts=_expected_counts(design, folder),
-    )
-
-
-def _expected_counts(design: SensorDesign, folder: Path) -> NDArray[np.float64] | None:
-    """What the untouched pad should read, if the bundle holds simulated signals; (emitter, receiver) [counts]."""
-    signals = folder / "sims" / "signals.nc"
-    if not signals.is_file():
-        return None
-    from sims.readout import full_scale_counts
-    from sims.signal_file import untouched_counts
-
-    return untouched_counts(signals, full_scale_counts(design))
+    write_sheets(design, folder / "fabrication", gain)
 
 
 def _write_report(

@@ -194,8 +194,8 @@ def _pad_map(
     )
     mask = direct_path_pairs(cavity)
     shape = (len(places_mm), len(depth_mm), int(mask.sum()))
-    counts = (light.flux[:, mask] * readout.counts_per_flux).reshape(shape)
-    errors = (light.standard_error[:, mask] * readout.counts_per_flux).reshape(shape)
+    counts = (light.flux[:, mask] * readout.of_mask(mask)).reshape(shape)
+    errors = (light.standard_error[:, mask] * readout.of_mask(mask)).reshape(shape)
     pad_map = PadMap(
         x_mm=tuple(x_mm.tolist()),
         y_mm=tuple(y_mm.tolist()),
@@ -349,7 +349,7 @@ def _warnings(
     clipped = [pair.name for pair in judged if pair.score.is_clipped]
     if clipped:
         found.append(
-            f"{len(clipped)} of {len(judged)} judged pairs read above full scale at the common gain and are "
+            f"{len(clipped)} of {len(judged)} judged pairs read above full scale at their gain and are "
             f"blind while they do: {', '.join(clipped[:8])}; lower gain.target_counts to unclip them"
         )
     return tuple(found)

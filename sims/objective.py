@@ -248,8 +248,8 @@ class _Judging:
         light = pad_light(self.design, places_mm, depth_mm, accuracy=self.settings.map, seed=self.seed)
         mask = mask_of(judged_pairs(cavity), cavity)
         shape = (len(places_mm), len(depth_mm), int(mask.sum()))
-        counts = (light.flux[:, mask] * readout.counts_per_flux).reshape(shape)
-        errors = (light.standard_error[:, mask] * readout.counts_per_flux).reshape(shape)
+        counts = (light.flux[:, mask] * readout.of_mask(mask)).reshape(shape)
+        errors = (light.standard_error[:, mask] * readout.of_mask(mask)).reshape(shape)
         places = [
             pad_place(self.design, place, depth_mm, readings, error, readout.full_scale_counts)
             for place, readings, error in zip(places_mm, counts, errors, strict=True)

@@ -77,16 +77,17 @@ def felt_force(
     ----------
     flux, standard_error : (ny, nx, nd, pair) light over emitted power; the first depth untouched [-]
     x_mm : (nx,), y_mm : (ny,), depth_mm : (nd,) lines of the map
-    readout : common gain
+    readout : gains of the receivers
     threshold : change that counts as felt [noise units]
     """
     noise = {
         "read_noise_counts": design.noise.read_noise_counts,
         "relative_noise": design.noise.relative_noise,
     }
-    counts = readout.counts(flux)
+    gains = readout.of_all_pairs(flux.shape[-1])
+    counts = np.minimum(flux * gains, readout.full_scale_counts)
     units = noise_units(counts, **noise)
-    error = standard_error * readout.counts_per_flux / sigma_counts(counts, **noise)
+    error = standard_error * gains / sigma_counts(counts, **noise)
     change = np.abs(units - units[:, :, :1])
     depths = [
         _first_reached_mm(depth_mm, (change + shift * BAND * error).max(axis=-1), threshold)

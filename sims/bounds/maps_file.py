@@ -99,7 +99,7 @@ def _map_part(score: ContinuityScore) -> xr.Dataset:
     shape = (len(pad_map.y_mm), len(pad_map.x_mm))
     depth_mm = light.presses[: len(light.presses) // (shape[0] * shape[1]), 2]
     counts = readout.counts(light.flux).reshape(*shape, len(depth_mm), -1)
-    error = (light.standard_error * readout.counts_per_flux).reshape(counts.shape)
+    error = (light.standard_error * readout.gains).reshape(counts.shape)
     axes = ("y", "x")
     margin = np.array([place.margin for place in pad_map.places]).reshape(shape)
     return xr.Dataset(

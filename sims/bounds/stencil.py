@@ -119,8 +119,8 @@ def _readings(
     light = trace(design, presses, accuracy=accuracy, seed=seed, on_step=on_step)
     shape = (len(presses) // PRESSES, PRESSES, -1)
     return (
-        light.flux.reshape(shape) * readout.counts_per_flux,
-        light.standard_error.reshape(shape) * readout.counts_per_flux,
+        (light.flux * readout.gains).reshape(shape),
+        (light.standard_error * readout.gains).reshape(shape),
     )
 
 

@@ -61,5 +61,6 @@ def _answering_pairs(
 ) -> tuple[Pair, ...]:
     pairs = judged_pairs(cavity_of(design))
     here = (light.presses[:, 0] == place_mm[0]) & (light.presses[:, 1] == place_mm[1])
-    counts = readout.counts(np.stack([light.flux[here, i, j] for i, j in pairs], axis=1))
+    unlimited = np.stack([light.flux[here, i, j] for i, j in pairs], axis=1) * readout.of_pairs(pairs)
+    counts = np.minimum(unlimited, readout.full_scale_counts)
     return responsive_pairs(design, light.presses[here, 2], counts, pairs)

@@ -55,14 +55,15 @@ class Brief:
 
 
 def score_curves(design: SensorDesign, curves: PairCurves, readout: Readout) -> PairScore:
-    """Judge one pair's light at the common gain; where a reading is clipped, the trace's error is cut off with it."""
-    is_clipped = curves.total * readout.counts_per_flux >= readout.full_scale_counts
+    """Judge one pair's light at its receiver's gain; a clipped reading cuts the trace's error off with it."""
+    gain = readout.of_receiver(curves.pair[1])
+    is_clipped = curves.total * gain >= readout.full_scale_counts
     return score_pair(
         curves.depth_mm,
         curves.direct,
         curves.top,
         curves.total,
-        gain_counts_per_flux=readout.counts_per_flux,
+        gain_counts_per_flux=gain,
         full_scale_counts=readout.full_scale_counts,
         standard_error=np.where(is_clipped, 0.0, curves.standard_error),
         **noise_of(design),
@@ -98,8 +99,11 @@ def _facing_margin(
 ) -> tuple[float, float]:
     """Margin of a pair, and the light trace's error over its judged depth [noise units]."""
     judged = depth_mm <= score.end_mm
-    error = _trace_error(design, readout, curves.total[judged], curves.standard_error[judged])
-    return _margin(design, depth_mm, readout, curves.total[:, None], score.end_mm), error
+    gain, full_scale = readout.of_receiver(curves.pair[1]), readout.full_scale_counts
+    error = _trace_error(
+        design, full_scale, gain * curves.total[judged], gain * curves.standard_error[judged]
+    )
+    return _margin(design, depth_mm, full_scale, gain * curves.total[:, None], score.end_mm), error
 
 
 def pair_brief(design: SensorDesign, pair: Pair, *, seed: int) -> Brief:
@@ -108,10 +112,11 @@ def pair_brief(design: SensorDesign, pair: Pair, *, seed: int) -> Brief:
     depth_mm, light, readout = _pressed(design, place_mm, (pair,), seed)
     curves = curves_of(light, pair, place_mm, slice(1, None), depth_mm)
     score = score_curves(design, curves, readout)
+    counts = curves.total[:, None] * readout.of_receiver(pair[1])
     return Brief(
         gap_mm=score.modes.gap_mm,
         deadband_mm=score.deadband_total_mm,
-        margin=_margin(design, depth_mm, readout, curves.total[:, None], score.end_mm),
+        margin=_margin(design, depth_mm, readout.full_scale_counts, counts, score.end_mm),
     )
 
 
@@ -120,13 +125,12 @@ def place_brief(
 ) -> Brief:
     """A build judged at one place by a few pairs together, over all depths."""
     depth_mm, light, readout = _pressed(design, place_mm, pairs, seed)
-    flux = np.stack([light.flux[1:, i, j] for i, j in pairs], axis=1)
-    found = joint_deadband_intervals_mm(
-        *clipped(depth_mm, flux * readout.counts_per_flux, readout.full_scale_counts), **noise_of(design)
-    )
-    margin = _margin(design, depth_mm, readout, flux, float(depth_mm[-1]))
-    errors = np.stack([light.standard_error[1:, i, j] for i, j in pairs], axis=1)
-    error = _trace_error(design, readout, flux, errors)
+    gains, full_scale = readout.of_pairs(pairs), readout.full_scale_counts
+    counts = np.stack([light.flux[1:, i, j] for i, j in pairs], axis=1) * gains
+    found = joint_deadband_intervals_mm(*clipped(depth_mm, counts, full_scale), **noise_of(design))
+    margin = _margin(design, depth_mm, full_scale, counts, float(depth_mm[-1]))
+    errors = np.stack([light.standard_error[1:, i, j] for i, j in pairs], axis=1) * gains
+    error = _trace_error(design, full_scale, counts, errors)
     return Brief(
         gap_mm=None,
         deadband_mm=total_length_mm(found),
@@ -177,17 +181,17 @@ def _pressed(
 
 
 def _margin(
-    design: SensorDesign, depth_mm: FloatArray, readout: Readout, flux: FloatArray, end_mm: float
+    design: SensorDesign, depth_mm: FloatArray, full_scale: float, counts: FloatArray, end_mm: float
 ) -> float:
-    knots_mm, counts = clipped(depth_mm, flux * readout.counts_per_flux, readout.full_scale_counts)
-    part_mm, units = between(knots_mm, noise_units(counts, **noise_of(design)), 0.0, end_mm)
+    knots_mm, readings = clipped(depth_mm, counts, full_scale)
+    part_mm, units = between(knots_mm, noise_units(readings, **noise_of(design)), 0.0, end_mm)
     return smallest_range(part_mm, units, min(DEADBAND_MIN_LENGTH_MM, end_mm))
 
 
 def _trace_error(
-    design: SensorDesign, readout: Readout, flux: FloatArray, standard_error: FloatArray
+    design: SensorDesign, full_scale: float, counts: FloatArray, standard_error: FloatArray
 ) -> float:
     """Error of the light trace, pooled over depths and pairs: a single state's has too few replicates [noise units]."""
-    counts = readout.counts(flux)
-    errors = np.where(counts < readout.full_scale_counts, standard_error * readout.counts_per_flux, 0.0)
-    return float(np.sqrt(np.mean((errors / sigma_counts(counts, **noise_of(design))) ** 2)))
+    readings = np.minimum(counts, full_scale)
+    errors = np.where(readings < full_scale, standard_error, 0.0)
+    return float(np.sqrt(np.mean((errors / sigma_counts(readings, **noise_of(design))) ** 2)))

@@ -65,7 +65,7 @@ def pad_profile(
         places = len(pad_map.places)
         depth_mm = np.asarray(light.presses).reshape(places, -1, 3)[0, :, 2]
         mask = direct_path_pairs(cavity_of(design))
-        counts = (light.flux[:, mask] * readout.counts_per_flux).reshape(places, len(depth_mm), -1)
+        counts = (light.flux[:, mask] * readout.of_mask(mask)).reshape(places, len(depth_mm), -1)
         change = np.stack(
             [_change(design, depth_mm, readings, readout.full_scale_counts) for readings in counts], axis=1
         )

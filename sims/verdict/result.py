@@ -51,7 +51,7 @@ class ContinuityScore:
     worst_pair_mm, worst_pair : largest summed deadband of a judged pair, and its name
     mode_gap_mm : of the governing pair, or the median judged pair; None when open
     continuity, evenness : of the governing pair, or the medians over judged pairs [-]
-    untouched_flux : (emitter, receiver) [-]; counts at the common gain follow from readout
+    untouched_flux : (emitter, receiver) [-]; counts follow from readout
     pairs : judged pairs in order; unjudged : names and untouched counts of the others
     clipped : names of judged pairs above full scale
     tolerance, builds : both ends of every open value, one at a time; builds with everything off at once, if asked for
@@ -122,6 +122,8 @@ class ContinuityScore:
             "unjudged_untouched_counts": {name: _rounded(value) for name, value in self.unjudged.items()},
             "clipped": list(self.clipped),
             "counts_per_flux": None if self.readout is None else _rounded(self.readout.counts_per_flux),
+            "receiver_counts_per_flux": _gains_json(self.readout, self.untouched_flux),
+            "untouched_flux": None if self.untouched_flux is None else _rows(self.untouched_flux),
             "map": None if self.pad_map is None else _map_json(self.pad_map),
             "bounds": None if self.bounds is None else bounds_json(self.bounds),
             "force": None if self.force is None else _force_json(self.force),
@@ -131,6 +133,16 @@ class ContinuityScore:
             "fine": self.fine,
             "warnings": list(self.warnings),
         }
+
+
+def _gains_json(readout: Readout | None, untouched_flux: FloatArray | None) -> list[float | None] | None:
+    if readout is None or untouched_flux is None:
+        return None
+    return [_rounded(gain) for gain in readout.of_each(untouched_flux.shape[1])]
+
+
+def _rows(values: FloatArray) -> list[list[float | None]]:
+    return [[_rounded(value) for value in row] for row in values.tolist()]
 
 
 def _rounded(value: float | None) -> float | None:

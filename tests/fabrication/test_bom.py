@@ -10,15 +10,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from design.assumptions import assumption
 from design.catalog import Part
 from design.cavity import cavity_of
+from design.emitter_switch import emitter_switch
 from design.pins import board_of
 from design.preset import PRESETS, preset
 from design.properties import part_of
 from design.spec import SensorDesign
-from fabrication.assumptions import assumption
+from design.standard_values import E24, ohm_text, standard_at_least, standard_at_most
 from fabrication.bom import COLUMNS, bom_csv, bom_rows
-from fabrication.circuit import E24, emitter_switch, ohm_text, standard_at_least, standard_at_most
 from fabrication.silicone import pours
 from fabrication.table import csv_text, safe_text
 
@@ -108,7 +109,7 @@ def test_a_base_current_that_a_pin_cannot_give_is_noticed() -> None:
     assert emitter_switch(led(max_current_ma={"value": 300.0})).overloads_pin(board)
 
 
-@pytest.mark.parametrize(("ohm", "text"), [(120.0, "120 ohm"), (2200.0, "2.2 kohm"), (1e6, "1000 kohm")])
+@pytest.mark.parametrize(("ohm", "text"), [(120.0, "120 ohm"), (2200.0, "2.2 kohm"), (1e6, "1 Mohm")])
 def test_resistances_are_written_as_on_an_order(ohm: float, text: str) -> None:
     assert ohm_text(ohm) == text
 

@@ -23,6 +23,7 @@ from design.spec import SensorDesign
 from fabrication import sheets
 from fabrication.casting import casting_md, plain
 from fabrication.driver_config import load_driver_config
+from fabrication.gain import SimulatedGain
 from fabrication.sheets import sheet_texts, write_sheets
 from fabrication.wiring import wiring_csv
 from fabrication.wiring_svg import spread, wiring_svg
@@ -243,9 +244,14 @@ def test_plain_text_stays_on_one_line_and_is_no_markup(text: str) -> None:
     assert not re.search(r"(?<!\\)[`*_\[\]#|]", shown.replace("\\\\", ""))
 
 
+def gain_of(design: SensorDesign) -> SimulatedGain:
+    emitters, receivers = len(cavity_of(design).emitters), len(cavity_of(design).receivers)
+    return SimulatedGain(counts_per_flux=(1e5,) * receivers, untouched_flux=((3e-3,) * receivers,) * emitters)
+
+
 @pytest.mark.parametrize("design", DESIGNS, ids=lambda design: f"{design.name}-{design.digest[:4]}")
 def test_all_sheets_are_written_and_the_configuration_loads(design: SensorDesign, tmp_path: Path) -> None:
-    files = write_sheets(design, tmp_path, counts_per_flux=1e5)
+    files = write_sheets(design, tmp_path, gain_of(design))
     assert sorted(files) == ["bom.csv", "casting.md", "driver.toml", "wiring.csv", "wiring.svg"]
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(files)
     assert load_driver_config(files["driver.toml"], digest=design.digest).gain.counts_per_flux == 1e5
@@ -259,7 +265,7 @@ def test_sheets_are_the_same_every_time() -> None:
 def test_nothing_is_written_when_a_sheet_cannot_be_made(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def broken(_: SensorDesign) -> NoReturn:
+    def broken(*_: object) -> NoReturn:
         raise RuntimeError
 
     monkeypatch.setattr(sheets, "casting_md", broken)

@@ -12,28 +12,20 @@
 
 Safe side: the forward voltage is the lower end of its band where there is one, and the transistor's own
 drop is left out, so the emitter's current stays below its maximum. Left out: the supply's tolerance,
-heating, the receivers' amplifiers (their gain needs the emitters' power, which no entry has).
+heating. The receivers' amplifiers are in `design.transimpedance`.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
+from design.assumptions import assumption
 from design.catalog import Board, Part
 from design.quantity import Quantity
-from fabrication.assumptions import assumption
-
-_E24 = "1.0 1.1 1.2 1.3 1.5 1.6 1.8 2.0 2.2 2.4 2.7 3.0 3.3 3.6 3.9 4.3 4.7 5.1 5.6 6.2 6.8 7.5 8.2 9.1"
-E24 = tuple(_E24.split())
-"""Standard values of a decade, IEC 60063."""
-
-ROUNDING = 1e-9
-"""A computed value this near to a standard one, relatively, is that one."""
+from design.standard_values import standard_at_least, standard_at_most
 
 MA_PER_A = 1e3
 MW_PER_W = 1e3
-OHM_PER_KILOOHM = 1e3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +37,7 @@ class EmitterSwitch:
     series_ohm, base_ohm : standard values; series_ohm is None when the supply cannot light the emitter
     forward_v : the forward voltage that they were computed with, and where it comes from
     current_ma : through the emitter at that voltage, at most
+    usual_current_ma : through the emitter at its usual forward voltage; what its light follows
     base_current_ma : out of the pin
     series_mw : heat in the series resistor while the emitter is lit
     """
@@ -53,6 +46,7 @@ class EmitterSwitch:
     base_ohm: float
     forward_v: Quantity
     current_ma: float
+    usual_current_ma: float
     base_current_ma: float
     series_mw: float
 
@@ -77,24 +71,12 @@ def emitter_switch(part: Part) -> EmitterSwitch:
         base_ohm=base_ohm,
         forward_v=drop,
         current_ma=current_a * MA_PER_A,
+        usual_current_ma=max(supply - part.forward_voltage_v.value, 0.0) / series * MA_PER_A
+        if series
+        else 0.0,
         base_current_ma=(supply - assumption("base_emitter_v").value) / base_ohm * MA_PER_A,
         series_mw=current_a * max(left, 0.0) * MW_PER_W,
     )
-
-
-def standard_at_least(ohm: float) -> float:
-    """Smallest E24 resistance that is not below the given one [ohm]."""
-    return next(value for value in _nearby(ohm) if value >= ohm * (1 - ROUNDING))
-
-
-def standard_at_most(ohm: float) -> float:
-    """Largest E24 resistance that is not above the given one [ohm]."""
-    return next(value for value in reversed(_nearby(ohm)) if value <= ohm * (1 + ROUNDING))
-
-
-def ohm_text(ohm: float) -> str:
-    """A resistance as it is written on an order: 120 ohm, 2.2 kohm."""
-    return f"{ohm:g} ohm" if ohm < OHM_PER_KILOOHM else f"{ohm / OHM_PER_KILOOHM:g} kohm"
 
 
 def _base_ohm(supply_v: float, most_a: float) -> float:
@@ -104,8 +86,3 @@ def _base_ohm(supply_v: float, most_a: float) -> float:
 
 def _least_forward_v(forward: Quantity) -> Quantity:
     return forward if forward.low is None else forward.model_copy(update={"value": forward.low})
-
-
-def _nearby(ohm: float) -> list[float]:
-    decade = math.floor(math.log10(ohm))
-    return [float(f"{step}e{power}") for power in range(decade - 1, decade + 2) for step in E24]

@@ -1,4 +1,4 @@
-"""What the sheets assume beyond the design and its catalogue, with unit, source and confidence."""
+"""What circuit and sheets assume beyond the design and its catalogue, with unit, source and confidence."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ FILE = "assumptions.toml"
 
 
 def assumption(name: str) -> Quantity:
-    """A named value of `fabrication/data/assumptions.toml`."""
+    """A named value of `design/data/assumptions.toml`."""
     return _assumptions()[name]
 
 
 @cache
 def _assumptions() -> dict[str, Quantity]:
-    text = (files("fabrication") / "data" / FILE).read_text(encoding="utf-8")
+    text = (files("design") / "data" / FILE).read_text(encoding="utf-8")
     return {name: Quantity(**row) for name, row in tomllib.loads(text).items()}

@@ -1,0 +1,73 @@
+"""The gain that the simulation set, as every sheet takes it: counts for light, and who reads above full scale."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.cavity import cavity_of
+from design.spec import SensorDesign
+from design.transimpedance import Feedback, feedbacks_of
+from sims.readout import full_scale_counts
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulatedGain:
+    """Gains of the receivers and the untouched pad's light.
+
+    Attributes
+    ----------
+    counts_per_flux : for each receiver, counts for all of an emitter's power on it
+    untouched_flux : (emitter, receiver) rows of flux over the emitter's power [-]
+    """
+
+    counts_per_flux: tuple[float, ...]
+    untouched_flux: tuple[tuple[float, ...], ...]
+
+    def untouched_counts(self, factors: Sequence[float] | None = None) -> Floats:
+        """(emitter, receiver) readings of the untouched pad, not limited by full scale [counts].
+
+        Parameters
+        ----------
+        factors : for each receiver, by how much its gain differs from the wanted one
+        """
+        gains = np.array(self.counts_per_flux) * (1.0 if factors is None else np.array(factors))
+        counts: Floats = np.array(self.untouched_flux) * gains
+        return counts
+
+
+    def untouched_readings(self, design: SensorDesign) -> Floats:
+        """(emitter, receiver) readings that the converter gives of the untouched pad [counts]."""
+        readings: Floats = np.minimum(self.untouched_counts(), full_scale_counts(design))
+        return readings
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClippedPair:
+    """A pair that reads above full scale while the pad is untouched."""
+
+    name: str
+    counts: float
+
+
+def feedbacks_for(design: SensorDesign, gain: SimulatedGain | None) -> tuple[Feedback, ...] | None:
+    """Feedback of each receiver; None where the gain is by a rule and nothing has been simulated."""
+    return feedbacks_of(design, None if gain is None else gain.counts_per_flux)
+
+
+def clipped_pairs(design: SensorDesign, gain: SimulatedGain) -> tuple[ClippedPair, ...]:
+    """Pairs above full scale with the resistors that will be fitted, the brightest first."""
+    cavity, feedbacks = cavity_of(design), feedbacks_for(design, gain)
+    factors = None if feedbacks is None else [one.gain_factor for one in feedbacks]
+    counts = gain.untouched_counts(factors)
+    full_scale = full_scale_counts(design)
+    found = [
+        ClippedPair(name=f"{cavity.emitters[i].name}-{cavity.receivers[j].name}", counts=float(counts[i, j]))
+        for i, j in np.argwhere(counts > full_scale)
+    ]
+    return tuple(sorted(found, key=lambda one: -one.counts))
