@@ -40,7 +40,6 @@ class SimulatedGain:
         counts: Floats = np.array(self.untouched_flux) * gains
         return counts
 
-
     def untouched_readings(self, design: SensorDesign) -> Floats:
         """(emitter, receiver) readings that the converter gives of the untouched pad [counts]."""
         readings: Floats = np.minimum(self.untouched_counts(), full_scale_counts(design))

@@ -13,6 +13,7 @@ from fabrication.gain import SimulatedGain
 from fabrication.wiring import wiring_csv
 from fabrication.wiring_svg import wiring_svg
 
+
 def sheet_texts(design: SensorDesign, gain: SimulatedGain | None = None) -> dict[str, str]:
     """Text of every sheet by file name.
 
