@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 from design.catalog import Board
 from design.finding import Finding, error, warning
+from design.firmware_rules import firmware_findings
 from design.pins import pin_findings
 from design.spec import SensorDesign
 from design.timing import MS_PER_S, baud_error, frame_time_ms, made_baud
@@ -27,6 +28,7 @@ def board_findings(
     yield from _prescaler_findings(design, board)
     yield from _baud_findings(design, board)
     yield from _rate_findings(design, board, emitter_count, receiver_count)
+    yield from firmware_findings(design, board, emitter_count, receiver_count)
 
 
 def _prescaler_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:

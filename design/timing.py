@@ -34,6 +34,7 @@ UART_MAX_DIVISOR = 4096
 
 MS_PER_S = 1e3
 US_PER_MS = 1e3
+US_PER_S = 1e6
 
 
 def state_count(emitter_count: int) -> int:
@@ -66,10 +67,14 @@ def frame_time_ms(board: Board, use: BoardUse, emitter_count: int, receiver_coun
     return state_count(emitter_count) * state + link_time_ms(sent, use.baud)
 
 
+def baud_divisor(clock_hz: int, baud: int) -> int:
+    """What the UART divides an eighth of its clock by, for the rate nearest to the wanted one."""
+    return min(max(round(clock_hz / (UART_CLOCKS_PER_BIT * baud)), 1), UART_MAX_DIVISOR)
+
+
 def made_baud(clock_hz: int, baud: int) -> float:
     """The rate nearest to the wanted one that the UART can make [baud]."""
-    divisor = min(max(round(clock_hz / (UART_CLOCKS_PER_BIT * baud)), 1), UART_MAX_DIVISOR)
-    return clock_hz / (UART_CLOCKS_PER_BIT * divisor)
+    return clock_hz / (UART_CLOCKS_PER_BIT * baud_divisor(clock_hz, baud))
 
 
 def baud_error(clock_hz: int, baud: int) -> float:

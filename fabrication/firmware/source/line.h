@@ -1,0 +1,56 @@
+/* The serial line: one buffer is sent by interrupts while the other is filled; what is heard waits in a ring. */
+#ifndef OPTOPAD_LINE_H
+#define OPTOPAD_LINE_H
+#include "clock.h"
+
+#include <avr/interrupt.h>
+#include <stdbool.h>
+
+#define HEARD_BYTES 64 /* a power of two: a burst of five commands */
+
+static uint8_t buffers[2][BUFFER_BYTES];
+static uint8_t filling;
+static uint8_t *volatile sending;
+static uint8_t *volatile sending_end;
+
+static volatile uint8_t heard[HEARD_BYTES];
+static volatile uint8_t heard_start, heard_end;
+
+static void line_init(void) {
+    UCSR0A = _BV(U2X0);
+    UBRR0 = BAUD_DIVISOR - 1;
+    UCSR0C = _BV(UCSZ01) | _BV(UCSZ00);
+    UCSR0B = _BV(RXEN0) | _BV(TXEN0) | _BV(RXCIE0);
+}
+
+ISR(TRANSMIT_VECTOR) {
+    uint8_t *at = sending;
+    UDR0 = *at++;
+    sending = at;
+    if (at == sending_end) UCSR0B &= ~_BV(UDRIE0);
+}
+
+ISR(RECEIVE_VECTOR) {
+    uint8_t byte = UDR0, next = (heard_end + 1) & (HEARD_BYTES - 1);
+    if (next == heard_start) return; /* no room: the command's checksum will tell */
+    heard[heard_end] = byte;
+    heard_end = next;
+}
+
+/* Hands the buffer that was being filled to the line, once the line is free. */
+static void send_filled(uint8_t *end) {
+    while (UCSR0B & _BV(UDRIE0)) clock_us();
+    sending = buffers[filling];
+    sending_end = end;
+    UCSR0B |= _BV(UDRIE0);
+    filling ^= 1;
+}
+
+static inline bool has_heard(void) { return heard_start != heard_end; }
+
+static uint8_t next_heard(void) {
+    uint8_t byte = heard[heard_start];
+    heard_start = (heard_start + 1) & (HEARD_BYTES - 1);
+    return byte;
+}
+#endif

@@ -1,0 +1,241 @@
+"""The compiled firmware on a simulated board: scene out, log in. The simulator is `loop/simulated_board.c`.
+
+Receivers on inputs A8 and above are left out: the simulator has inputs 0 to 7 only, and says so by name.
+"""
+
+from __future__ import annotations
+
+import ctypes.util
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.spec import SensorDesign
+from fabrication.driver.protocol import (
+    FrameFormat,
+    Hello,
+    Kind,
+    SelfTest,
+    Unpacked,
+    message_lengths,
+    unpack_frames,
+    unpack_hello,
+    unpack_self_test,
+)
+from fabrication.driver.scanner import Scanner
+from fabrication.firmware.image import compile_elf, has_compiler
+from fabrication.firmware.settings import FirmwareSettings, firmware_settings
+
+HARNESS = Path(__file__).parent / "loop" / "simulated_board.c"
+LIBRARIES = ("-lsimavr", "-lelf", "-lm", "-lutil")
+SIMULATED_INPUTS = 8
+SUPPLY_MV = 5000
+FULL_SCALE = 1023
+US_PER_S = 1e6
+
+LIGHT_TAU_US, AMPLIFIER_TAU_US = 0.5, 2.0
+"""A switched LED, and an amplifier of 1 Mohm and 2 pF. After 20 us 0.006 % of a step is left, 0.3 mV of 5 V."""
+
+BYTE_SENT, INPUT_HELD, EMITTER_SWITCHED = range(3)
+RECORD = np.dtype([("cycle", "<u8"), ("kind", "<u2"), ("number", "<u2"), ("millivolts", "<i4")])
+
+Say = tuple[float, bytes]
+"""When [us], and what."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """What a simulated board did.
+
+    Attributes
+    ----------
+    messages : kind, time at which its first byte left [us], and bytes, in order
+    skipped_bytes : bytes between them
+    log : every byte, conversion and switch by clock cycle
+    """
+
+    layout: FrameFormat
+    clock_hz: float
+    messages: list[tuple[Kind, float, bytes]]
+    skipped_bytes: int
+    log: NDArray[Any]
+
+    def of(self, kind: Kind) -> list[bytes]:
+        """Messages of one kind."""
+        return [message for one, _, message in self.messages if one is kind]
+
+    @property
+    def frames(self) -> Unpacked:
+        """All frames of readings."""
+        return unpack_frames(self.layout, self.of(Kind.READINGS))
+
+    @property
+    def hellos(self) -> list[Hello]:
+        """All hellos."""
+        return [unpack_hello(message) for message in self.of(Kind.HELLO)]
+
+    @property
+    def self_tests(self) -> list[SelfTest]:
+        """All answers to self-tests."""
+        return [unpack_self_test(message) for message in self.of(Kind.SELF_TEST)]
+
+    def times_us(self, kind: Kind) -> NDArray[np.float64]:
+        """When the messages of one kind began to leave, since the reset [us]."""
+        return np.array([at for one, at, _ in self.messages if one is kind])
+
+    def first_conversions_us(self, mux: int) -> NDArray[np.float64]:
+        """When the first emitter's reading of one input was held, since the reset [us]."""
+        held = self.log[(self.log["kind"] == INPUT_HELD) & (self.log["number"] == mux)]
+        return np.asarray(held["cycle"] / self.clock_hz * US_PER_S)
+
+
+def missing_tools() -> str:
+    """What the loop needs and this machine lacks; "" when nothing."""
+    if sys.platform != "linux":
+        return "the simulated board needs Linux"
+    if not has_compiler():
+        return "avr-gcc is not installed"
+    if not shutil.which("gcc") or not Path("/usr/include/simavr/sim_avr.h").is_file():
+        return "gcc or libsimavr-dev is not installed"
+    return "" if ctypes.util.find_library("elf") else "libelf-dev is not installed"
+
+
+def build_harness(folder: Path) -> Path:
+    """The simulator's program."""
+    program = folder / "simulated_board"
+    subprocess.run(["gcc", "-O2", "-Wall", "-Werror", "-o", program, HARNESS, *LIBRARIES], check=True)
+    return program
+
+
+def covered_columns(settings: FirmwareSettings) -> tuple[int, ...]:
+    """Columns of the receivers that the simulator has inputs for."""
+    return tuple(k for k, one in enumerate(settings.receivers) if one.mux < SIMULATED_INPUTS)
+
+
+def left_out(settings: FirmwareSettings) -> str:
+    """A sentence on the receivers that the loop cannot cover; "" when it covers all."""
+    covered = covered_columns(settings)
+    others = [one for k, one in enumerate(settings.receivers) if k not in covered]
+    names = ", ".join(f"{one.name} on {one.channel}" for one in others)
+    return f"not simulated, the simulator has inputs A0 to A7 only: {names}" if others else ""
+
+
+def quantised(table_mv: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Counts of whole millivolts, as the simulated converter makes them."""
+    return table_mv * FULL_SCALE // SUPPLY_MV
+
+
+def random_table(settings: FirmwareSettings, seed: int = 0) -> NDArray[np.int64]:
+    """(state, receiver) made-up voltages over the whole range [mV]."""
+    shape = len(settings.emitters) + 1, len(settings.receivers)
+    return np.random.default_rng(seed).integers(0, SUPPLY_MV, shape)
+
+
+def scene_text(
+    settings: FirmwareSettings,
+    table_mv: NDArray[np.int64],
+    said: Sequence[Say] = (),
+    *,
+    hold_adc_clocks: float = 1.5,
+) -> str:
+    """The simulator's scene of a design.
+
+    Parameters
+    ----------
+    table_mv : (state, receiver) settled voltages, the dark state last [mV]
+    said : what the host says, in order
+    hold_adc_clocks : from a conversion's start to the moment at which its input is held
+    """
+    lit, dark = table_mv[:-1], table_mv[-1]
+    lines = [
+        f"mcu {settings.chip.mcu}",
+        f"clock {settings.clock_hz}",
+        f"supply {SUPPLY_MV}",
+        f"baud {settings.baud}",
+        f"light_tau_us {LIGHT_TAU_US}",
+        f"amplifier_tau_us {AMPLIFIER_TAU_US}",
+        f"hold_adc_clocks {hold_adc_clocks}",
+        *(f"receiver {one.mux}" for one in settings.receivers),
+        "dark " + " ".join(map(str, dark)),
+    ]
+    for pin, row in zip(settings.emitters, lit, strict=True):
+        lines.append(f"emitter {pin.port} {pin.bit} " + " ".join(map(str, row)))
+    return "\n".join([*lines, *(f"say {at_us} {what.hex()}" for at_us, what in said)]) + "\n"
+
+
+def simulate(
+    harness: Path,
+    folder: Path,
+    design: SensorDesign,
+    table_mv: NDArray[np.int64],
+    said: Sequence[Say],
+    *,
+    duration_us: float,
+    changes: Sequence[str] = (),
+    hold_adc_clocks: float = 1.5,
+) -> Run:
+    """Compile a design's firmware, run it, and read its line.
+
+    Parameters
+    ----------
+    changes : definitions in place of those in config.h
+    """
+    elf = compile_elf(design, folder, changes)
+    return simulate_elf(
+        harness,
+        elf,
+        folder,
+        firmware_settings(design),
+        table_mv,
+        said,
+        duration_us=duration_us,
+        hold_adc_clocks=hold_adc_clocks,
+    )
+
+
+def simulate_elf(
+    harness: Path,
+    elf: Path,
+    folder: Path,
+    settings: FirmwareSettings,
+    table_mv: NDArray[np.int64],
+    said: Sequence[Say],
+    *,
+    duration_us: float,
+    hold_adc_clocks: float = 1.5,
+) -> Run:
+    """Run a compiled program, with scene and log in a folder, and read its line."""
+    scene, log = folder / "scene", folder / "log"
+    scene.write_text(scene_text(settings, table_mv, said, hold_adc_clocks=hold_adc_clocks), encoding="ascii")
+    command = [str(harness), str(elf), str(scene), str(log), str(duration_us)]
+    subprocess.run(command, check=True, capture_output=True, timeout=120)
+    return read_log(settings, np.fromfile(log, RECORD))
+
+
+def read_log(settings: FirmwareSettings, log: NDArray[Any]) -> Run:
+    """Messages out of the bytes of a log."""
+    states, receivers = len(settings.emitters) + 1, len(settings.receivers)
+    layout = FrameFormat(states=states, receivers=receivers, bits=settings.adc_bits)
+    sent = log[log["kind"] == BYTE_SENT]
+    stream = sent["number"].astype(np.uint8).tobytes()
+    scanner = Scanner(message_lengths(layout))
+    at, messages = 0, []
+    for version_and_kind, message in scanner.feed(stream):
+        at = stream.index(message, at)
+        left_us = sent["cycle"][at] / settings.clock_hz * US_PER_S
+        messages.append((Kind(version_and_kind & 0x0F), float(left_us), message))
+        at += len(message)
+    return Run(
+        layout=layout,
+        clock_hz=settings.clock_hz,
+        messages=messages,
+        skipped_bytes=scanner.skipped_bytes,
+        log=log,
+    )

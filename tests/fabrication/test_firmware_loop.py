@@ -1,0 +1,230 @@
+"""Hardware in the loop without hardware: the compiled firmware on a simulated board, byte by byte."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from design.preset import preset
+from design.spec import SensorDesign
+from fabrication.driver.protocol import Command, Kind, pack_command
+from fabrication.firmware.settings import firmware_settings
+from tests.fabrication.simulated_board import (
+    INPUT_HELD,
+    Run,
+    covered_columns,
+    left_out,
+    quantised,
+    random_table,
+    simulate,
+)
+
+PAD = preset("piacenza2017-pad")
+START = (8_000.0, pack_command(Command.START))
+FREELY = (7_000.0, pack_command(Command.RATE, 0))
+"""The board is up after 5 ms."""
+
+CHIP_SUPPLY_V, REFERENCE_V = 5.0, 1.1
+
+
+@pytest.fixture
+def loop(board_harness: Path, tmp_path: Path):
+    """Runs a design's firmware against a table; the pad's and a made-up one unless given."""
+
+    def run(said, *, duration_us, design: SensorDesign = PAD, table_mv=None, **options) -> Run:
+        table = random_table(firmware_settings(design)) if table_mv is None else table_mv
+        return simulate(board_harness, tmp_path, design, table, said, duration_us=duration_us, **options)
+
+    return run
+
+
+def test_every_reading_is_the_quantised_voltage_of_its_state_and_receiver(loop):
+    run = loop([FREELY, START], duration_us=180_000)
+    counts = run.frames.counts
+    assert len(counts) >= 40
+    assert run.skipped_bytes < run.layout.total_bytes  # the last frame, cut by the end
+    assert (counts == quantised(random_table(firmware_settings(PAD)))).all()
+
+
+@pytest.mark.slow
+def test_a_thousand_frames_of_simulated_light_all_equal_the_voltage(loop):
+    table_mv = simulated_table_mv(PAD)
+    run = loop([FREELY, START], duration_us=4_200_000, table_mv=table_mv)
+    assert len(run.frames.counts) >= 1000
+    assert (run.frames.counts == quantised(table_mv)).all()
+    assert run.frames.sequence.tolist() == list(range(len(run.frames.counts)))
+
+
+def simulated_table_mv(design: SensorDesign):
+    """(state, receiver) voltages of an untouched pad at the design's gain, with 20 mV of ambient light."""
+    from sims.optics import trace
+
+    light = trace(design, np.array([[16.0, 16.0, 0.0]]), accuracy="draft", seed=0)
+    flux = light.flux[0]
+    median = float(np.median(flux[flux > 0]))
+    counts = np.minimum(flux / median * design.gain.target_counts, 1023)
+    ambient = np.full(flux.shape[1], 20)
+    lit = np.minimum(np.rint(counts / 1023 * 5000).astype(np.int64) + ambient, 4999)
+    return np.vstack([lit, ambient])
+
+
+def test_a_settle_time_set_too_short_is_caught(loop):
+    run = loop([FREELY, START], duration_us=40_000, changes=["SETTLE_US=2UL"])
+    wrong = run.frames.counts != quantised(random_table(firmware_settings(PAD)))
+    assert (
+        wrong[:, :, 0].mean() > 0.5
+    )  # the first reading of a state is taken while the amplifier still moves
+    assert not wrong[:, :, 1:].any()  # 52 us later it has settled
+
+
+def test_switching_early_is_right_as_long_as_the_input_is_held_by_then(loop):
+    table = quantised(random_table(firmware_settings(PAD)))
+    early = ["SWITCH_EARLY=1"]
+    # the data sheet: held 1.5 clocks after the start, which waits for at most one clock
+    in_time = loop([FREELY, START], duration_us=40_000, changes=early, hold_adc_clocks=2.5)
+    assert (in_time.frames.counts == table).all()
+    # an input that stayed open for two clocks more would see the next emitter: the model does catch it
+    open_longer = loop([FREELY, START], duration_us=40_000, changes=early, hold_adc_clocks=4.5)
+    assert (open_longer.frames.counts != table)[:, :, -1].mean() > 0.5
+
+
+def test_device_microseconds_are_those_of_the_first_conversions(loop):
+    run = loop([FREELY, START], duration_us=150_000)
+    exact_us = run.first_conversions_us(mux=0)
+    device_us = run.frames.device_us.astype(float)
+    off_us = device_us - exact_us[: len(device_us)]
+    # reading the clock takes a microsecond or two, and the count is in whole ones
+    assert np.ptp(off_us) <= 3.0
+    assert np.diff(device_us) == pytest.approx(np.diff(exact_us[: len(device_us)]), abs=3.0)
+
+
+def test_frames_keep_the_asked_interval_and_none_is_late(loop):
+    interval_us = 6_000
+    said = [
+        (7_000.0, pack_command(Command.RATE, interval_us)),
+        START,
+        (120_000.0, pack_command(Command.SELF_TEST)),
+    ]
+    run = loop(said, duration_us=140_000)
+    assert len(run.frames.counts) >= 18
+    steps = np.diff(run.frames.device_us.astype(np.int64)[:-3])
+    assert steps == pytest.approx(np.full(len(steps), interval_us), abs=20)  # the wait is polled
+    assert run.self_tests[0].late_frames == 0
+
+
+def test_an_interval_that_cannot_be_kept_counts_every_frame_as_late(loop):
+    said = [(7_000.0, pack_command(Command.RATE, 2_000)), START, (80_000.0, pack_command(Command.SELF_TEST))]
+    run = loop(said, duration_us=100_000)
+    before = int(np.sum(run.times_us(Kind.READINGS) < run.times_us(Kind.SELF_TEST)[0]))
+    assert run.self_tests[0].late_frames == before - 1  # but the first
+
+
+def test_the_design_rate_is_kept_without_a_command(loop):
+    run = loop([START], duration_us=150_000)
+    steps = np.diff(run.frames.device_us.astype(np.int64))
+    assert steps == pytest.approx(np.full(len(steps), 1e6 / 60.0), abs=20)
+
+
+def test_hello_says_what_the_design_says(loop):
+    (hello,) = loop([], duration_us=20_000).hellos
+    assert hello.digest == PAD.digest
+    assert (hello.board, hello.emitters, hello.receivers, hello.bits) == (1, 8, 8, 10)
+    assert (hello.prescaler_exponent, hello.settle_us, hello.baud) == (6, 20, 1_000_000)
+    assert hello.interval_us == 16_667
+
+
+def test_hello_comes_once_a_second_until_started_and_when_asked(loop):
+    said = [(2_500_000.0, pack_command(Command.IDENTIFY)), (2_600_000.0, START[1])]
+    run = loop(said, duration_us=2_700_000)
+    at_s = run.times_us(Kind.HELLO) / 1e6
+    assert at_s == pytest.approx([0.005, 1.005, 2.005, 2.5], abs=0.003)
+    assert run.times_us(Kind.READINGS)[0] > 2_600_000
+
+
+def test_stop_ends_the_frames_and_leaves_no_emitter_lit(loop):
+    run = loop([FREELY, START, (50_000.0, pack_command(Command.STOP))], duration_us=80_000)
+    assert run.times_us(Kind.READINGS)[-1] < 56_000  # a frame takes 4.1 ms
+    switched = run.log[run.log["kind"] == 2]
+    lit = {int(number) // 2: int(number) % 2 for number in switched["number"]}
+    assert set(lit.values()) == {0}
+
+
+def test_a_stopped_board_goes_on_counting_when_it_is_started_again(loop):
+    said = [FREELY, START, (40_000.0, pack_command(Command.STOP)), (60_000.0, START[1])]
+    run = loop(said, duration_us=90_000)
+    assert run.frames.sequence.tolist() == list(range(len(run.frames.sequence)))
+    assert (run.frames.counts == quantised(random_table(firmware_settings(PAD)))).all()
+
+
+def test_answers_go_out_between_frames_and_disturb_none(loop):
+    asked = [(20_000.0 + 9_100.0 * k, pack_command(Command.SELF_TEST)) for k in range(10)]
+    asked += [(120_000.0 + 7_300.0 * k, pack_command(Command.IDENTIFY)) for k in range(10)]
+    run = loop([FREELY, START, *asked], duration_us=220_000)
+    assert len(run.self_tests) == 10
+    assert len(run.hellos) == 11
+    assert run.skipped_bytes < run.layout.total_bytes
+    assert (run.frames.counts == quantised(random_table(firmware_settings(PAD)))).all()
+
+
+def test_a_self_test_tells_supply_memory_and_configuration(loop):
+    (found,) = loop([(10_000.0, pack_command(Command.SELF_TEST))], duration_us=30_000).self_tests
+    assert found.reference_counts == int(REFERENCE_V / CHIP_SUPPLY_V * 1023)
+    assert 7_000 < found.least_free_ram_bytes < 8_192 - 376  # 376 bytes are variables
+    assert found.config_crc == firmware_settings(PAD).config_crc()
+
+
+def test_garbage_is_ignored_and_a_command_in_it_is_found(loop):
+    noise = np.random.default_rng(1).integers(0, 256, 40, dtype=np.uint8).tobytes()
+    damaged = bytearray(pack_command(Command.STOP))
+    damaged[5] ^= 4
+    pieces = noise[:20] + b"\xc5\xc5\x5c" + pack_command(Command.START) + noise[20:]
+    said = [FREELY, (10_000.0, pieces[:40]), (12_000.0, pieces[40:]), (30_000.0, bytes(damaged))]
+    run = loop(said, duration_us=60_000)
+    assert run.times_us(Kind.READINGS)[0] < 16_000
+    assert run.times_us(Kind.READINGS)[-1] > 50_000
+
+
+def test_pins_and_inputs_chosen_by_hand_are_lit_and_read_in_their_order(loop):
+    design = PAD.with_(
+        **{
+            "board.emitter_pins": [49, 22, 10, 37, 2, 14, 6, 53],  # eight ports, L A B C E J H B
+            "board.receiver_channels": ["A7", "A0", "A6", "A1", "A5", "A2", "A4", "A3"],
+        }
+    )
+    run = loop([FREELY, START], duration_us=30_000, design=design)
+    assert len(run.frames.counts) >= 3
+    assert (run.frames.counts == quantised(random_table(firmware_settings(design)))).all()
+
+
+def test_odd_counts_of_receivers_are_packed_whole(loop):
+    design = preset("piacenza2017-pair")
+    settings = firmware_settings(design)
+    run = loop([FREELY, START], duration_us=20_000, design=design)
+    assert len(run.frames.counts) > 10
+    assert (run.frames.counts == quantised(random_table(settings))).all()
+
+
+def test_an_uno_runs_the_same_source(loop):
+    ring = {"pattern": "alternating_ring", "parts_per_side": [2, 2, 2, 2]}
+    design = PAD.with_(**{"board.kind": "arduino-uno", "layout": [ring]})
+    run = loop([FREELY, START], duration_us=30_000, design=design)
+    assert run.hellos[0].board == 2
+    assert len(run.frames.counts) >= 5
+    assert (run.frames.counts == quantised(random_table(firmware_settings(design)))).all()
+
+
+def test_more_than_eight_receivers_are_covered_up_to_the_eighth_which_is_said(loop):
+    design = preset("oblong-60x40")
+    settings = firmware_settings(design)
+    columns = covered_columns(settings)
+    run = loop([FREELY, START], duration_us=60_000, design=design)
+    assert len(settings.receivers) > len(columns) == 8
+    assert left_out(settings).startswith("not simulated, the simulator has inputs A0 to A7 only: R9 on A8")
+    assert len(run.frames.counts) >= 5
+    assert (run.frames.counts[:, :, columns] == quantised(random_table(settings))[:, columns]).all()
+    # of the others the loop sees that each was asked for by its multiplexer setting, in its turn
+    held = run.log[run.log["kind"] == INPUT_HELD]["number"] % 256
+    one_state = [receiver.mux for receiver in settings.receivers]
+    assert held[1 : 1 + 4 * len(one_state)].tolist() == one_state * 4
