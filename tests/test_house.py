@@ -39,7 +39,7 @@ ALLOWED = {
         "scipy",
     },  # scipy lowers a profile to cubic pieces and draws Sobol points
     "fabrication": {"numpy", "pydantic", "tomlkit"},
-    "fabrication/driver": {"serial", "numpy"},
+    "fabrication/driver": {"serial", "numpy", "xarray"},
     "optopad": {"distributed", "typer", "rich", "tomlkit", "numpy", "platformdirs", "xarray", "matplotlib"},
 }
 """Third-party imports, the nearest folder deciding. OCP is CadQuery's core, pydantic_core is pydantic's."""

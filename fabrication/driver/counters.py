@@ -20,6 +20,11 @@ class WrappingCounter:
         self._goes_back = goes_back
         self._last: int | None = None
 
+    @property
+    def last(self) -> int | None:
+        """The last value without wraps; None before the first."""
+        return self._last
+
     def extended(self, values: CountArray) -> tuple[IntArray, IntArray]:
         """Values without the wraps, and the step to each from the one before it; 1 to the very first.
 

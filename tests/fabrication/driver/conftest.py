@@ -1,4 +1,4 @@
-"""Property tests draw the same examples on every run; a driver configuration with a made-up pattern for all."""
+"""Property tests draw the same examples on every run, and a busy machine does not fail them."""
 
 from __future__ import annotations
 

@@ -1,0 +1,103 @@
+"""What the numbers of a stream mean, apart from the stream: geometry, names, units, rates."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fabrication.driver_file import DriverConfig, EmitterEntry, ReceiverEntry, WorkspaceLimits
+
+FloatArray = NDArray[np.float64]
+OFF = "off"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartArray:
+    """Emitters or receivers, in the order of their axis of the arrays.
+
+    Attributes
+    ----------
+    names : E1, ... or R1, ...
+    pins : as the board's print says, D22 or A0
+    position_mm : (n, 3) centre of the active area in the cavity frame [mm]
+    normal : (n, 3) direction into the cavity [-]
+    """
+
+    names: tuple[str, ...]
+    pins: tuple[str, ...]
+    position_mm: FloatArray
+    normal: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Descriptor:
+    """Geometry, units and rates of a sensor's stream.
+
+    Attributes
+    ----------
+    states : what is lit in each state of `Frame.counts`: E1, ..., and off
+    full_scale : largest reading [counts]
+    wanted_rate_hz : the design's frame rate; the measured one is the stream's to tell
+    possible_rate_hz : by the plain sum of the timing budget; the firmware is somewhat faster
+    expected_counts : (emitter, receiver) untouched by simulation [counts]; None where it was not simulated
+    """
+
+    design: str
+    digest: str
+    states: tuple[str, ...]
+    emitters: PartArray
+    receivers: PartArray
+    workspace: WorkspaceLimits
+    full_scale: int
+    wanted_rate_hz: float
+    possible_rate_hz: float
+    expected_counts: FloatArray | None
+    units: dict[str, str]
+
+
+UNITS = {
+    "counts": "ADC counts",
+    "signals": "ADC counts, the dark state's subtracted",
+    "normalised": "1, signal over its untouched baseline",
+    "device_us": "us since the board's reset",
+    "host_s": "s since 1970 on this machine",
+    "position": "mm in the cavity frame: x, y from a corner, z from the bottom of the clear layer",
+}
+
+
+def descriptor_of(config: DriverConfig) -> Descriptor:
+    """What a driver configuration says of the stream."""
+    expected = config.expected
+    return Descriptor(
+        design=config.design,
+        digest=config.digest,
+        states=tuple(state.emitter or OFF for state in config.states),
+        emitters=_parts(config.emitters, [f"D{entry.pin}" for entry in config.emitters]),
+        receivers=_parts(config.receivers, [entry.channel for entry in config.receivers]),
+        workspace=config.workspace,
+        full_scale=(1 << config.frame.bits_per_reading) - 1,
+        wanted_rate_hz=config.timing.wanted_hz,
+        possible_rate_hz=config.timing.possible_hz,
+        expected_counts=None if expected is None else np.array(expected.untouched_counts),
+        units=UNITS,
+    )
+
+
+def _parts(entries: tuple[EmitterEntry, ...] | tuple[ReceiverEntry, ...], pins: list[str]) -> PartArray:
+    return PartArray(
+        names=tuple(entry.name for entry in entries),
+        pins=tuple(pins),
+        position_mm=np.array([entry.position_mm for entry in entries]),
+        normal=np.array([entry.normal for entry in entries]),
+    )
+
+
+def plain_descriptor(found: Descriptor) -> dict[str, Any]:
+    """The descriptor as plain data, for JSON."""
+    text = json.dumps(asdict(found), default=lambda value: np.asarray(value).tolist())
+    plain: dict[str, Any] = json.loads(text)
+    return plain

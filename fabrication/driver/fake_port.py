@@ -1,0 +1,229 @@
+"""A simulated board on a port: a pseudo-terminal, or a socket of this machine where there are none (Windows).
+
+Opening the port resets the board, as on an Arduino. A host that does not read loses bytes, as on a serial line.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import socket
+import threading
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import Protocol, Self
+
+from design.errors import DeviceError, InputError
+from fabrication.driver.fake_board import FakeBoard
+
+IDLE_S = 0.02
+"""How often a port that nobody has open is looked at."""
+
+LONGEST_WAIT_S = 0.05
+LARGEST_READ = 4096
+
+
+class Wire(Protocol):
+    """One end of a line: its name for the host, and whether the host has it open."""
+
+    name: str
+
+    def is_open(self) -> bool:
+        """Whether a host has the other end open."""
+
+    def exchange(self, sent: bytes, wait_s: float) -> bytes:
+        """Send what the host takes, then wait at most so long for what it says."""
+
+    def close(self) -> None:
+        """Close this end, as when the board is unplugged."""
+
+
+class PtyWire:
+    """A pseudo-terminal; the host opens `name`.
+
+    Parameters
+    ----------
+    link : a name that points to it and stays the same after unplugging; None for none
+    """
+
+    def __init__(self, link: Path | None = None) -> None:
+        import pty
+        import tty
+
+        self._master, slave = pty.openpty()
+        tty.setraw(slave)
+        self._system_name = os.ttyname(slave)
+        os.close(slave)
+        os.set_blocking(self._master, False)
+        self._link = link
+        self._heard = b""
+        self.name = self._system_name if link is None else str(link)
+        if link is not None:
+            _point(link, self._system_name)
+
+    def is_open(self) -> bool:
+        """Whether the host has it open: reading the master tells."""
+        try:
+            piece = os.read(self._master, LARGEST_READ)
+        except BlockingIOError:
+            return True
+        except OSError:  # EIO: no one has the other side open
+            return False
+        self._heard += piece
+        return bool(piece)
+
+    def exchange(self, sent: bytes, wait_s: float) -> bytes:
+        """Send what fits into the system's buffer and drop the rest; then wait for the host."""
+        if sent:
+            with contextlib.suppress(OSError):
+                os.write(self._master, sent)
+        heard, self._heard = self._heard, b""
+        if heard or not select.select([self._master], [], [], wait_s)[0]:
+            return heard
+        try:
+            return os.read(self._master, LARGEST_READ)
+        except OSError:
+            time.sleep(IDLE_S)  # the host is gone: select returns at once from now on
+            return b""
+
+    def close(self) -> None:
+        """Unplug."""
+        os.close(self._master)
+        if (
+            self._link is not None
+            and self._link.is_symlink()
+            and os.readlink(self._link) == self._system_name
+        ):
+            self._link.unlink()
+
+
+class SocketWire:
+    """A socket that listens on this machine only; the host opens `socket://localhost:<port>`."""
+
+    def __init__(self, port: int = 0) -> None:
+        try:
+            self._listener = socket.create_server(("127.0.0.1", port))
+        except OSError as err:
+            raise DeviceError(
+                f"socket {port}: cannot be opened here: {err.strerror}; choose another"
+            ) from err
+        self._listener.setblocking(False)
+        self._host: socket.socket | None = None
+        self.name = f"socket://localhost:{self._listener.getsockname()[1]}"
+
+    def is_open(self) -> bool:
+        """Whether a host is connected."""
+        if self._host is None:
+            try:
+                self._host, _ = self._listener.accept()
+            except BlockingIOError:
+                return False
+            self._host.setblocking(False)
+            self._host.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return True
+
+    def exchange(self, sent: bytes, wait_s: float) -> bytes:
+        """Send what the host takes; then wait for what it says."""
+        host = self._host
+        if host is None:
+            return b""
+        try:
+            if sent:
+                host.send(sent)
+            if not select.select([host], [], [], wait_s)[0]:
+                return b""
+            heard = host.recv(LARGEST_READ)
+        except BlockingIOError:
+            return b""
+        except OSError:
+            heard = b""
+        if not heard:
+            host.close()
+            self._host = None
+        return heard
+
+    def close(self) -> None:
+        """Unplug."""
+        if self._host is not None:
+            self._host.close()
+        self._listener.close()
+
+
+def new_wire(*, use_socket: bool = False, link: Path | None = None) -> Wire:
+    """A pseudo-terminal, or a socket where it is asked for or the system has no pseudo-terminals."""
+    if use_socket or os.name != "posix":
+        if link is not None:
+            raise InputError("--link: names a pseudo-terminal; leave it out with a socket")
+        return SocketWire()
+    return PtyWire(link)
+
+
+def serve(board: FakeBoard, wire: Wire, is_over: threading.Event) -> None:
+    """Be the board until told otherwise."""
+    was_open = False
+    while not is_over.is_set():
+        if not wire.is_open():
+            was_open = False
+            is_over.wait(IDLE_S)
+            continue
+        if not was_open:
+            was_open = True
+            board.reset(time.monotonic())
+        now_s = time.monotonic()
+        sent = board.spoken(now_s)
+        wait_s = min(max(board.due_s - time.monotonic(), 0.0), LONGEST_WAIT_S)
+        heard = wire.exchange(sent, wait_s)
+        while heard:
+            heard = wire.exchange(board.heard(heard, time.monotonic()), 0.0)
+
+
+class FakePort:
+    """A simulated board that can be opened under `name` while the block runs.
+
+    Parameters
+    ----------
+    board : what is simulated
+    wire : None makes a pseudo-terminal, or a socket where there are none
+    """
+
+    def __init__(self, board: FakeBoard, wire: Wire | None = None) -> None:
+        self._board = board
+        self._wire = wire or new_wire()
+        self._over = threading.Event()
+        self._thread = threading.Thread(
+            target=serve, args=(board, self._wire, self._over), name="optopad fake board", daemon=True
+        )
+
+    @property
+    def name(self) -> str:
+        """Of the port, for the host."""
+        return self._wire.name
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, err: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.unplug()
+
+    def unplug(self) -> None:
+        """Take the port away while the host may have it open; twice is once."""
+        if self._thread.is_alive():
+            self._over.set()
+            self._thread.join()
+            self._wire.close()
+
+
+def _point(link: Path, target: str) -> None:
+    """Make a symbolic link, in place of an older one only."""
+    if link.exists() and not link.is_symlink():
+        raise InputError(f"--link {link}: exists and is no link; choose another name")
+    link.unlink(missing_ok=True)
+    try:
+        link.symlink_to(target)
+    except OSError as err:
+        raise InputError(f"--link {link}: cannot be made: {err.strerror}; choose another folder") from None

@@ -1,0 +1,104 @@
+"""Faults of a build that the simulated board can show: what `driver check` must find.
+
+swap:E1,E2        two emitters' wires exchanged; swap:R1,R2 two receivers'
+dead:E3, dead:R4  a part that does nothing
+saturated:R5      an amplifier that stays at full scale
+dim:E2            an emitter at a fifth of its light
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import InputError
+from fabrication.driver_file import DriverConfig
+
+FloatArray = NDArray[np.float64]
+DIM_SHARE = 0.2
+KINDS = ("swap", "dead", "saturated", "dim")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Faults:
+    """Faults as the signal path sees them.
+
+    Attributes
+    ----------
+    emitter_of_pin : (emitter,) which emitter lights when pin i is high
+    receiver_of_channel : (receiver,) which receiver channel j reads
+    emitter_share, receiver_share : (n,) what is left of a part's signal [-]
+    is_saturated : (receiver,) channels that stay at full scale
+    """
+
+    emitter_of_pin: NDArray[np.intp]
+    receiver_of_channel: NDArray[np.intp]
+    emitter_share: FloatArray
+    receiver_share: FloatArray
+    is_saturated: NDArray[np.bool_]
+
+    def applied(self, signals: FloatArray) -> FloatArray:
+        """(..., emitter, receiver) signals as this build has them, by pin and channel [counts]."""
+        left = signals * self.emitter_share[:, None] * self.receiver_share
+        found: FloatArray = left[..., self.emitter_of_pin, :][..., self.receiver_of_channel]
+        return found
+
+
+@dataclass
+class _Draft:
+    emitters: list[int]
+    receivers: list[int]
+    shares: dict[str, float] = field(default_factory=dict)
+    saturated: set[str] = field(default_factory=set)
+
+
+def faults_of(config: DriverConfig, texts: Iterable[str] = ()) -> Faults:
+    """Faults from their short form, as `swap:E1,E2`.
+
+    Raises
+    ------
+    InputError : an unknown kind or part, or not as many parts as the kind needs.
+    """
+    names = {"E": [e.name for e in config.emitters], "R": [r.name for r in config.receivers]}
+    draft = _Draft(emitters=list(range(len(names["E"]))), receivers=list(range(len(names["R"]))))
+    for text in texts:
+        _add(draft, names, text)
+    return Faults(
+        emitter_of_pin=np.array(draft.emitters),
+        receiver_of_channel=np.array(draft.receivers),
+        emitter_share=np.array([draft.shares.get(name, 1.0) for name in names["E"]]),
+        receiver_share=np.array([draft.shares.get(name, 1.0) for name in names["R"]]),
+        is_saturated=np.array([name in draft.saturated for name in names["R"]]),
+    )
+
+
+def _add(draft: _Draft, names: dict[str, list[str]], text: str) -> None:
+    kind, _, listed = text.partition(":")
+    parts = [part.strip() for part in listed.split(",") if part.strip()]
+    known = [*names["E"], *names["R"]]
+    strange = [part for part in parts if part not in known]
+    if kind not in KINDS or strange or len(parts) != (2 if kind == "swap" else 1):
+        raise InputError(
+            f"fault {text!r} is refused{': no ' + strange[0] if strange else ''}; write swap:E1,E2, dead:E3, "
+            f"dim:E3 or saturated:R5, with parts {known[0]} to {names['E'][-1]} and {names['R'][0]} to {known[-1]}"
+        )
+    if kind == "swap":
+        _swap(draft, names, *parts)
+    elif kind == "saturated":
+        if parts[0] not in names["R"]:
+            raise InputError(f"fault {text!r} is refused: a receiver's amplifier saturates, as saturated:R1")
+        draft.saturated.add(parts[0])
+    else:
+        draft.shares[parts[0]] = 0.0 if kind == "dead" else DIM_SHARE
+
+
+def _swap(draft: _Draft, names: dict[str, list[str]], one: str, other: str) -> None:
+    is_emitter = [part in names["E"] for part in (one, other)]
+    if is_emitter[0] != is_emitter[1] or one == other:
+        raise InputError(f"fault 'swap:{one},{other}' is refused: name two emitters or two receivers")
+    table, row = (draft.emitters, names["E"]) if is_emitter[0] else (draft.receivers, names["R"])
+    a, b = row.index(one), row.index(other)
+    table[a], table[b] = table[b], table[a]

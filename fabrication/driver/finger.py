@@ -1,0 +1,100 @@
+"""A finger that moves: presses along a path in time, linear between its points, over and over.
+
+As a file: CSV with the heading `t_s,x_mm,y_mm,depth_mm`, times rising from 0.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from design.errors import InputError
+from fabrication.driver_file import WorkspaceLimits
+
+FloatArray = NDArray[np.float64]
+HEADING = ("t_s", "x_mm", "y_mm", "depth_mm")
+HOVER_MM = -1.0
+"""Depth of a finger that is lifted; 0 or less is untouched."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FingerPath:
+    """Points of a path.
+
+    Attributes
+    ----------
+    time_s : (n,) rising from 0; the last is the period [s]
+    press_mm : (n, 3) x, y, depth [mm]
+    """
+
+    time_s: FloatArray
+    press_mm: FloatArray
+
+    def at(self, time_s: ArrayLike) -> FloatArray:
+        """(n, 3) x, y, depth [mm] at times since the board's reset [s]; the path starts again at its end."""
+        period = self.time_s[-1]
+        within = np.asarray(time_s, dtype=np.float64) % period if period > 0 else np.zeros(np.shape(time_s))
+        return np.stack([np.interp(within, self.time_s, column) for column in self.press_mm.T], axis=-1)
+
+    def csv_text(self) -> str:
+        """The path as a CSV file."""
+        rows = np.column_stack([self.time_s, self.press_mm])
+        lines = [",".join(f"{value:g}" for value in row) for row in rows]
+        return "\n".join([",".join(HEADING), *lines]) + "\n"
+
+
+NO_FINGER = FingerPath(time_s=np.zeros(1), press_mm=np.array([[0.0, 0.0, HOVER_MM]]))
+
+
+def demo_path(workspace: WorkspaceLimits, rest_s: float = 2.0) -> FingerPath:
+    """Rest, presses at the middle and near the corners to the full depth, then a stroke across; 14 s and the rest.
+
+    Parameters
+    ----------
+    rest_s : untouched at the start, for a baseline [s]
+    """
+    x0, x1, y0, y1 = workspace.x0_mm, workspace.x1_mm, workspace.y0_mm, workspace.y1_mm
+    deep = workspace.max_depth_mm
+    places = [(0.5, 0.5), (0.2, 0.2), (0.8, 0.2), (0.8, 0.8), (0.2, 0.8)]
+    steps = [(0.0, 0.5, 0.5, HOVER_MM), (rest_s, 0.5, 0.5, HOVER_MM)]
+    for k, (u, v) in enumerate(places):
+        begun = rest_s + 2.0 * k
+        steps += [(begun + 0.4, u, v, HOVER_MM), (begun + 1.2, u, v, deep), (begun + 1.9, u, v, HOVER_MM)]
+    stroke = rest_s + 2.0 * len(places)
+    steps += [(stroke + 0.4, 0.1, 0.5, HOVER_MM), (stroke + 0.9, 0.1, 0.5, deep / 3)]
+    steps += [
+        (stroke + 3.4, 0.9, 0.5, deep / 3),
+        (stroke + 3.9, 0.9, 0.5, HOVER_MM),
+        (stroke + 4.0, 0.5, 0.5, HOVER_MM),
+    ]
+    rows = np.array(steps)
+    x_mm, y_mm = x0 + rows[:, 1] * (x1 - x0), y0 + rows[:, 2] * (y1 - y0)
+    return FingerPath(time_s=rows[:, 0], press_mm=np.column_stack([x_mm, y_mm, rows[:, 3]]))
+
+
+def read_path(file: Path) -> FingerPath:
+    """A path from a CSV file.
+
+    Raises
+    ------
+    InputError : unreadable, another heading, values that are no numbers, times that do not rise from 0.
+    """
+    try:
+        rows = list(csv.reader(file.read_text(encoding="utf-8-sig").splitlines()))
+    except (OSError, UnicodeDecodeError) as err:
+        raise InputError(f"{file}: no text that can be read: {err}") from None
+    if not rows or tuple(name.strip() for name in rows[0]) != HEADING or len(rows) < 2:
+        raise InputError(f"{file}: needs the heading {','.join(HEADING)} and a line a point")
+    try:
+        values = np.array([[float(value) for value in row] for row in rows[1:] if row])
+    except ValueError as err:
+        raise InputError(f"{file}: {err}; needs four numbers a line") from None
+    if values.ndim != 2 or values.shape[1] != len(HEADING) or not np.isfinite(values).all():
+        raise InputError(f"{file}: needs four finite numbers a line")
+    if values[0, 0] != 0.0 or (np.diff(values[:, 0]) <= 0).any():
+        raise InputError(f"{file}: t_s must rise from 0 s, is {values[:, 0].tolist()[:5]} ...")
+    return FingerPath(time_s=values[:, 0], press_mm=values[:, 1:])

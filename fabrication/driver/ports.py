@@ -1,0 +1,193 @@
+"""Serial ports: found by USB identity, opened, read; every refusal of the system in words.
+
+A port is a name of the system (`/dev/ttyACM0`, `COM3`), the name of a pseudo-terminal, or an address of pyserial
+(`socket://localhost:4242`). Opening the port of an Arduino resets the board.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Self
+
+import serial
+from serial.tools import list_ports
+
+from design.errors import DeviceError
+from fabrication.driver_file import BoardSetup
+
+WAIT_S = 0.1
+"""Longest wait inside one read; what a stop has to wait for, too."""
+
+WRITE_WAIT_S = 1.0
+LARGEST_READ = 65536
+SOCKET = "socket://"
+
+
+class PortLostError(DeviceError):
+    """The port went away while it was open: unplugged, or the other end closed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoundPort:
+    """A serial port of this machine: its name, vendor:product ("" where it has none), what the system calls it."""
+
+    name: str
+    usb_id: str
+    title: str
+
+    def __str__(self) -> str:
+        return f"{self.name} ({' '.join(filter(None, [self.usb_id, self.title])) or 'no USB device'})"
+
+
+def ports_here() -> list[FoundPort]:
+    """All serial ports that the system lists."""
+    return [
+        FoundPort(
+            name=port.device,
+            usb_id="" if port.vid is None else f"{port.vid:04x}:{port.pid:04x}",
+            title="" if port.description in (None, "n/a") else port.description,
+        )
+        for port in list_ports.comports()
+    ]
+
+
+def find_port(board: BoardSetup, ports: Iterable[FoundPort] | None = None) -> str:
+    """Name of the one port with such a board: by the maker's USB identity, else by that of copies' serial chips.
+
+    Parameters
+    ----------
+    ports : to choose from; None asks the system
+
+    Raises
+    ------
+    DeviceError : none, or several of them; the ports are listed.
+    """
+    here = ports_here() if ports is None else list(ports)
+    for wanted in (board.usb_ids, board.bridge_usb_ids):
+        matching = [port for port in here if port.usb_id in wanted]
+        if len(matching) == 1:
+            return matching[0].name
+        if matching:
+            raise DeviceError(
+                f"{len(matching)} ports look like {board.title}: {_listed(matching)}; name one with --port (port=)"
+            )
+    raise DeviceError(
+        f"no {board.title} found by its USB identity; ports here: {_listed(here)}; plug it in (a charging cable has no "
+        "data lines), or name the port with --port (port=)"
+    )
+
+
+class Port:
+    """An open serial line.
+
+    Parameters
+    ----------
+    name : of the port, or an address of pyserial
+    baud : rate of the line
+
+    Raises
+    ------
+    DeviceError : no such port, no permission, in use, no serial port; with the way out.
+    """
+
+    def __init__(self, name: str, baud: int) -> None:
+        self.name = name
+        self._is_socket = name.startswith(SOCKET)
+        self._line = _opened(name, baud)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, err: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def read(self) -> bytes:
+        """What has arrived, after at most `WAIT_S`; empty when nothing did.
+
+        Raises
+        ------
+        PortLostError : the port is gone.
+        """
+        try:
+            return self._read_socket() if self._is_socket else self._read_line()
+        except (OSError, serial.SerialException) as err:
+            raise self._lost(err) from err
+
+    def write(self, message: bytes) -> None:
+        """Send bytes; PortLostError when the port is gone or takes nothing."""
+        try:
+            self._line.write(message)
+        except (OSError, serial.SerialException) as err:
+            raise self._lost(err) from err
+
+    def flush_input(self) -> None:
+        """Drop what arrived before now; PortLostError when the port is gone."""
+        try:
+            self._line.reset_input_buffer()
+        except (OSError, serial.SerialException) as err:
+            raise self._lost(err) from err
+
+    def close(self) -> None:
+        """Close the line; a port that is gone already is no error."""
+        try:
+            self._line.close()
+        except (OSError, serial.SerialException):
+            return  # nothing is left to close
+
+    def _read_line(self) -> bytes:
+        first: bytes = self._line.read(1)
+        waiting = self._line.in_waiting if first else 0
+        rest: bytes = self._line.read(waiting) if waiting else b""
+        return first + rest
+
+    def _read_socket(self) -> bytes:
+        """A socket tells only that bytes wait, not how many: ask for one, then for all that are there."""
+        self._line.timeout = WAIT_S
+        first: bytes = self._line.read(1)
+        if not first:
+            return first
+        self._line.timeout = 0
+        rest: bytes = self._line.read(LARGEST_READ)
+        return first + rest
+
+    def _lost(self, err: Exception) -> PortLostError:
+        return PortLostError(f"{self.name}: the port is gone: {err}; plug the board in again")
+
+
+def _opened(name: str, baud: int) -> Any:
+    options: dict[str, Any] = {"baudrate": baud, "timeout": WAIT_S}
+    if not name.startswith((SOCKET, "loop://")):
+        options |= {"write_timeout": WRITE_WAIT_S} | ({"exclusive": True} if os.name == "posix" else {})
+    try:
+        return serial.serial_for_url(name, **options)
+    except (OSError, ValueError) as err:  # pyserial's own error is an OSError
+        raise DeviceError(f"{name}: {_why_not(name, err, baud)}") from err
+
+
+def _why_not(name: str, err: Exception, baud: int) -> str:
+    code = getattr(err, "errno", None)
+    text = str(err)
+    if code == errno.EACCES or "PermissionError" in text or "Access is denied" in text:
+        return (
+            "no permission to open it; on Linux `sudo usermod -a -G dialout $USER`, then log in anew; "
+            "elsewhere close the program that holds it"
+        )
+    if code == errno.ENOENT or "FileNotFoundError" in text:
+        return f"no such port; ports here: {_listed(ports_here())}"
+    if code in (errno.EBUSY, errno.EAGAIN) or "exclusively lock" in text:
+        return "in use by another program; close it (the Arduino IDE's serial monitor, another reader)"
+    if code in (errno.ENOTTY, errno.EINVAL, errno.EISDIR) or "Could not configure" in text:
+        return f"is no serial port that does {baud} baud; ports here: {_listed(ports_here())}"
+    if name.startswith(SOCKET):
+        return f"nobody answers there ({text}); start `optopad driver fake` first"
+    return f"cannot be opened: {text}"
+
+
+def _listed(ports: Iterable[FoundPort]) -> str:
+    return ", ".join(map(str, ports)) or "none"

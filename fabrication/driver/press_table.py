@@ -1,0 +1,134 @@
+"""Readings of a pad under presses, from a table over places and depths: what the simulated board is fed with.
+
+Linear between the grid's lines in x, y and depth; beyond the last place or depth the nearest one holds, and depth 0 or
+less is the untouched pad. Signals bend between depths 0.2 mm apart, so that this is for driving software, not for
+judging a layout.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from design.errors import InputError
+from fabrication.driver_file import DriverConfig
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PressTable:
+    """Signals over a full grid of presses.
+
+    Attributes
+    ----------
+    x_mm, y_mm, depth_mm : (nx,), (ny,), (nd,) rising grid lines [mm]; the first depth is 0
+    counts : (nx, ny, nd, emitter, receiver) signals without ambient light, not clipped [counts]
+    """
+
+    x_mm: FloatArray
+    y_mm: FloatArray
+    depth_mm: FloatArray
+    counts: FloatArray
+
+    @property
+    def untouched(self) -> FloatArray:
+        """(emitter, receiver) signals of the untouched pad [counts]."""
+        found: FloatArray = self.counts[0, 0, 0]
+        return found
+
+    @property
+    def knows_presses(self) -> bool:
+        """Whether it has any press at all, or only the untouched pad."""
+        return len(self.depth_mm) > 1
+
+    def at(self, presses: ArrayLike) -> FloatArray:
+        """(n, emitter, receiver) signals under presses, (n, 3) x, y, depth [mm]."""
+        rows = np.atleast_2d(np.asarray(presses, dtype=np.float64))
+        found = np.zeros((len(rows), *self.counts.shape[3:]))
+        corners = [
+            _neighbours(line, rows[:, k]) for k, line in enumerate((self.x_mm, self.y_mm, self.depth_mm))
+        ]
+        for i, x_share in corners[0]:
+            for j, y_share in corners[1]:
+                for k, depth_share in corners[2]:
+                    found += (x_share * y_share * depth_share)[:, None, None] * self.counts[i, j, k]
+        return found
+
+
+def _neighbours(line: FloatArray, values: FloatArray) -> list[tuple[NDArray[np.intp], FloatArray]]:
+    """The grid lines on both sides of each value, and their shares."""
+    place = np.interp(values, line, np.arange(len(line)))
+    low = np.minimum(place.astype(np.intp), max(len(line) - 2, 0))
+    share = place - low
+    return [(low, 1.0 - share), (np.minimum(low + 1, len(line) - 1), share)]
+
+
+def untouched_table(config: DriverConfig) -> PressTable:
+    """Only the untouched pattern of a driver configuration.
+
+    Raises
+    ------
+    InputError : it has none.
+    """
+    if config.expected is None:
+        raise InputError(
+            f"driver.toml of {config.design} has no expected pattern; run `optopad score` and "
+            "`optopad driver config` on the design, or name the design itself"
+        )
+    zero = np.zeros(1)
+    counts = np.array(config.expected.untouched_counts)[None, None, None]
+    return PressTable(x_mm=zero, y_mm=zero, depth_mm=zero, counts=counts)
+
+
+def table_of(presses: FloatArray, counts: FloatArray) -> PressTable:
+    """A table from states that form a full grid, in whatever order.
+
+    Parameters
+    ----------
+    presses : (state, 3) x, y, depth; the least depth must be 0 [mm]
+    counts : (state, emitter, receiver) signals [counts]
+
+    Raises
+    ------
+    InputError : the states are no full grid.
+    """
+    lines = [np.unique(presses[:, k]) for k in range(3)]
+    shape = tuple(len(line) for line in lines)
+    if (
+        len(presses) != np.prod(shape)
+        or len(np.unique(presses, axis=0)) != len(presses)
+        or lines[2][0] != 0.0
+    ):
+        raise InputError(
+            f"{len(presses)} presses are no full grid of places and depths from 0; simulate them anew"
+        )
+    order = np.lexsort(presses.T[::-1])
+    grid = counts[order].reshape(*shape, *counts.shape[1:])
+    return PressTable(x_mm=lines[0], y_mm=lines[1], depth_mm=lines[2], counts=grid)
+
+
+def table_from_signals(file: Path, digest: str) -> PressTable:
+    """The table of a bundle's `sims/signals.nc`; needs xarray.
+
+    Raises
+    ------
+    InputError : unreadable, of another design, without a gain, or no full grid.
+    """
+    import xarray as xr
+
+    try:
+        with xr.open_dataset(file, engine="h5netcdf") as dataset:
+            presses = np.stack([dataset[f"press_{axis}"].values for axis in ("x", "y", "depth")], axis=1)
+            counts = dataset["flux"].values * float(dataset.attrs["counts_per_flux"])
+            belongs_to = str(dataset.attrs["design_digest"])
+    except (OSError, ValueError, KeyError) as err:
+        raise InputError(f"{file}: no signals with a gain: {err}; run `optopad score` again") from None
+    if belongs_to != digest:
+        raise InputError(
+            f"{file}: of design {belongs_to[:8]}, needed {digest[:8]}; run `optopad score` again"
+        )
+    return table_of(presses, counts)

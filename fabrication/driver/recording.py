@@ -1,0 +1,291 @@
+"""Recordings of the raw stream: every frame as it came over the line, its CRC with it.
+
+    one line of JSON, ended by a line feed:  what this is, and the whole driver configuration
+    records:  B5 6B, kind u8, length u16, time of this machine f64 [s], content, CRC-32 over all of the record
+
+Kinds: 0 a frame, 1 a hello (a connection begins), 2 a press (x, y, depth f64 [mm], until the next), 3 the clean end
+(frames u64, lost u64). A file that was torn anywhere keeps every record before the tear; a damaged record is
+stepped over and counted.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import json
+import os
+import struct
+import threading
+import time
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from enum import IntEnum
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any, Self
+
+import numpy as np
+
+from design.errors import InputError, OutputError
+from fabrication.driver_file import DriverConfig, config_from_document
+
+FORMAT, VERSION = "optopad-recording", 1
+SUFFIX = ".optorec"
+FLUSH_S = 0.25
+"""Longest time that a record stays in this process; half a second is asked for."""
+
+MAGIC = b"\xb5\x6b"
+_HEAD = struct.Struct("<2sBHd")
+_CRC = struct.Struct("<I")
+_PRESS = struct.Struct("<3d")
+_END = struct.Struct("<2Q")
+LONGEST_HEADER = 10_000_000
+"""A header of more bytes is none of ours: the largest configuration takes some 30 kB."""
+
+Press = tuple[float, float, float]
+OpenFile = Callable[[Path], IO[bytes]]
+"""Opens a new file, unbuffered."""
+
+
+class RecordKind(IntEnum):
+    """What a record holds."""
+
+    FRAME = 0
+    HELLO = 1
+    PRESS = 2
+    END = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Record:
+    """One record: its kind, this machine's time when it came [s], its content."""
+
+    kind: RecordKind
+    host_s: float
+    content: bytes
+
+
+def packed_record(kind: RecordKind, host_s: float, content: bytes) -> bytes:
+    """A record as it lies in the file."""
+    body = _HEAD.pack(MAGIC, kind, len(content), host_s) + content
+    return body + _CRC.pack(zlib.crc32(body))
+
+
+def document_of(config: DriverConfig) -> dict[str, Any]:
+    """A driver configuration as the plain data that `config_from_document` reads."""
+    plain = json.loads(json.dumps(asdict(config)))
+    return {key: _without_none(value) for key, value in plain.items() if value is not None}
+
+
+def _without_none(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: entry for key, entry in value.items() if entry is not None}
+    return value
+
+
+class Recorder:
+    """Writes a recording; a context manager, used by the stream's thread and the caller's.
+
+    Parameters
+    ----------
+    file : a new file; one that exists is refused
+    config : of the sensor
+    opened : how the file is opened, for tests
+
+    Attributes
+    ----------
+    failure : why the recording stopped, None while it goes on
+    frames, lost : recorded so far; missing so far by the sequence numbers
+
+    Raises
+    ------
+    OutputError : the file exists, or cannot be written.
+    """
+
+    def __init__(
+        self, file: str | os.PathLike[str], config: DriverConfig, opened: OpenFile | None = None
+    ) -> None:
+        self.file = Path(file)
+        self.failure: OutputError | None = None
+        self.frames = 0
+        self.lost = 0
+        self._pending: list[bytes] = []
+        self._flushed_at = time.monotonic()
+        self._lock = threading.RLock()
+        header = {"format": FORMAT, "version": VERSION, "started": time.time(), "config": document_of(config)}
+        try:
+            self._stream = (opened or _new_file)(self.file)
+        except OSError as err:
+            raise OutputError(_unwritable(self.file, err)) from err
+        self._append(json.dumps(header, separators=(",", ":")).encode() + b"\n")
+        self.flush()
+        if self.failure is not None:
+            raise self.failure
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, err: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def is_open(self) -> bool:
+        """Whether records are still taken."""
+        return not self._stream.closed
+
+    def frame(self, message: bytes, host_s: float) -> None:
+        """Append a frame as it came."""
+        self._append(packed_record(RecordKind.FRAME, host_s, message))
+        self.frames += self.is_open
+        if time.monotonic() - self._flushed_at >= FLUSH_S:
+            self.flush()
+
+    def hello(self, message: bytes, host_s: float) -> None:
+        """Append a hello: a connection begins."""
+        self._append(packed_record(RecordKind.HELLO, host_s, message))
+
+    def press(self, x_mm: float, y_mm: float, depth_mm: float, host_s: float | None = None) -> None:
+        """Say where the pad is pressed from now on [mm]; depth 0 or less is untouched.
+
+        Raises
+        ------
+        OutputError : the recording has failed before.
+        """
+        content = _PRESS.pack(x_mm, y_mm, depth_mm)
+        self._append(packed_record(RecordKind.PRESS, time.time() if host_s is None else host_s, content))
+        if self.failure is not None:
+            raise self.failure
+
+    def flush(self) -> None:
+        """Hand everything to the system; where it refuses, cut the file back to its last whole record."""
+        with self._lock:
+            self._flushed_at = time.monotonic()
+            try:
+                if self._pending:
+                    _write_all(self._stream, self._pending)
+                    self._pending.clear()
+            except OSError as err:
+                self._fail(err)
+
+    def close(self) -> None:
+        """Write the clean end and put everything on the disk.
+
+        Raises
+        ------
+        OutputError : the recording failed, now or before; the message says what the file holds.
+        """
+        with self._lock:
+            if self.is_open:
+                self._append(packed_record(RecordKind.END, time.time(), _END.pack(self.frames, self.lost)))
+                self.flush()
+                self._finish()
+        if self.failure is not None:
+            raise self.failure
+
+    def _append(self, record: bytes) -> None:
+        with self._lock:
+            if self.is_open:
+                self._pending.append(record)
+
+    def _finish(self) -> None:
+        if not self.is_open:
+            return
+        try:
+            os.fsync(self._stream.fileno())
+        except OSError as err:
+            self._fail(err)
+        self._stream.close()
+
+    def _fail(self, err: OSError) -> None:
+        """Keep the first reason, drop the part of a record at the end, and close."""
+        self.failure = self.failure or OutputError(_unwritable(self.file, err))
+        self._pending.clear()
+        self._stream.close()
+
+
+def read_records(file: Path) -> tuple[dict[str, Any], DriverConfig, list[Record], int]:
+    """A recording: header, configuration, whole records, and bytes that belong to none.
+
+    Raises
+    ------
+    InputError : no such file, no recording, or one of another version.
+    """
+    try:
+        content = file.read_bytes()
+    except OSError as err:
+        raise InputError(f"{file}: cannot be read: {err.strerror}; name a recording ({SUFFIX})") from None
+    header, start = _header(file, content)
+    config = config_from_document(header["config"], where=f"{file}: its configuration")
+    records = list(_records(content, start))
+    used = sum(_HEAD.size + len(record.content) + _CRC.size for record in records)
+    return header, config, records, len(content) - start - used
+
+
+def press_of(record: Record) -> Press:
+    """x, y, depth of a press record [mm]."""
+    x_mm, y_mm, depth_mm = _PRESS.unpack(record.content)
+    return x_mm, y_mm, depth_mm
+
+
+def _header(file: Path, content: bytes) -> tuple[dict[str, Any], int]:
+    end = content.find(b"\n", 0, LONGEST_HEADER)
+    try:
+        header = json.loads(content[:end]) if end > 0 else None
+        is_ours = isinstance(header, dict) and header.get("format") == FORMAT
+    except (ValueError, RecursionError):
+        is_ours = False
+    if not is_ours or not isinstance(header, dict) or not isinstance(header.get("config"), dict):
+        raise InputError(f"{file}: no recording of `optopad driver record`, or its header was torn")
+    if header.get("version") != VERSION:
+        raise InputError(f"{file}: version {header.get('version')!r}, this optopad reads {VERSION}")
+    return header, end + 1
+
+
+def _records(content: bytes, start: int) -> Iterator[Record]:
+    """Every whole record; the search goes on one byte after a damaged one."""
+    at = content.find(MAGIC, start)
+    while 0 <= at <= len(content) - _HEAD.size:
+        _, kind, length, host_s = _HEAD.unpack_from(content, at)
+        end = at + _HEAD.size + length
+        seal = content[end : end + _CRC.size]
+        if seal == _CRC.pack(zlib.crc32(content[at:end])) and kind in _KINDS:
+            yield Record(kind=RecordKind(kind), host_s=host_s, content=content[at + _HEAD.size : end])
+            at = end + _CRC.size
+        else:
+            at += 1
+        at = content.find(MAGIC, at)
+
+
+_KINDS = frozenset(RecordKind)
+
+
+def _new_file(file: Path) -> IO[bytes]:
+    return file.open("xb", buffering=0)
+
+
+def _write_all(stream: IO[bytes], records: list[bytes]) -> None:
+    """Write records in one go; where that fails, take back the part of the last one that was written."""
+    whole, written = b"".join(records), 0
+    try:
+        while written < len(whole):
+            written += stream.write(whole[written:]) or 0
+    except OSError:
+        ends = np.cumsum([len(record) for record in records])
+        kept = int(max(ends[ends <= written], default=0))
+        with contextlib.suppress(OSError):  # its CRC would tell the part from a whole record anyway
+            stream.truncate(stream.tell() - written + kept)
+        raise
+
+
+def _unwritable(file: Path, err: OSError) -> str:
+    if err.errno == errno.EEXIST:
+        return f"{file}: exists already, and a recording is never overwritten; choose another name"
+    if err.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        return (
+            f"{file}: the disk is full ({err.strerror}); the recording stopped, every frame written before is whole "
+            "in it: free some room, then record into a new file"
+        )
+    return f"{file}: cannot be written: {err.strerror or err}; choose another folder"

@@ -1,0 +1,206 @@
+"""The built sensor as a context manager that yields frames.
+
+    from fabrication.driver import Sensor
+
+    with Sensor("driver.toml") as sensor:
+        for frame in sensor:
+            print(frame.sequence, frame.normalised)
+
+Opening it finds the board, waits out its reset, refuses one of another design, starts it, and takes a baseline of the
+untouched pad. Frames come whole and checked or not at all; what is missing is counted.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import DeviceError, InputError
+from fabrication.driver.descriptor import Descriptor, descriptor_of
+from fabrication.driver.frames import Frame, FrameDecoder
+from fabrication.driver.link import Link, interval_us, require_digest
+from fabrication.driver.ports import Port, find_port
+from fabrication.driver.protocol import Hello, SelfTest, frame_format
+from fabrication.driver.recording import Recorder
+from fabrication.driver.stream import LinkCounts, Stream
+from fabrication.driver_file import DriverConfig, load_driver_config
+
+FloatArray = NDArray[np.float64]
+
+BASELINE_S = 0.5
+PATIENCE_S = 10.0
+POLL_S = 0.2
+"""A wait is cut into pieces of this, so that Ctrl-C is answered on every system."""
+
+FASTEST_HZ = 100_000.0
+
+
+class Sensor:
+    """A built sensor.
+
+    Parameters
+    ----------
+    config : driver.toml of its design, or what was read of one
+    port : name of the port; None finds the board by its USB identity
+    rate_hz : frames a second; None takes the design's, 0 as many as the board can
+    accept_digest : first 8 digits or more of a foreign design's digest that is accepted none the less
+    baseline_s : how long the untouched pad is read on opening [s]; 0 takes no baseline
+    patience_s : longest wait for a frame before an error, reconnection included [s]
+
+    Attributes
+    ----------
+    config : of the design
+    descriptor : geometry, names, units, rates
+    """
+
+    def __init__(
+        self,
+        config: str | os.PathLike[str] | DriverConfig,
+        port: str | None = None,
+        *,
+        rate_hz: float | None = None,
+        accept_digest: str | None = None,
+        baseline_s: float = BASELINE_S,
+        patience_s: float = PATIENCE_S,
+    ) -> None:
+        self.config = config if isinstance(config, DriverConfig) else load_driver_config(config)
+        self.descriptor: Descriptor = descriptor_of(self.config)
+        self._port = port
+        self._rate_hz = self.config.timing.wanted_hz if rate_hz is None else rate_hz
+        if not 0 <= self._rate_hz <= FASTEST_HZ:
+            raise InputError(
+                f"rate_hz: {self._rate_hz:g} is refused: 0 (as fast as it can) to {FASTEST_HZ:g}"
+            )
+        require_digest(accept_digest)
+        self._accept_digest = accept_digest
+        self._baseline_s = baseline_s
+        self._patience_s = patience_s
+        self._decoder = FrameDecoder(self.config, frame_format(self.config))
+        self._stream: Stream | None = None
+
+    def __enter__(self) -> Self:
+        self._stream = Stream(self._connected, self._decoder, interval_us(self._rate_hz))
+        try:
+            self._stream.begin()
+            if self._baseline_s > 0:
+                self.take_baseline(self._baseline_s)
+        except BaseException:
+            self._stream.end()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, err: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._open.end()
+
+    def __iter__(self) -> Iterator[Frame]:
+        while True:
+            yield self.read()
+
+    def frames(self, count: int | None = None, seconds: float | None = None) -> Iterator[Frame]:
+        """Frames until so many came or so much time passed [s], whichever is first; None is no limit."""
+        end = None if seconds is None else time.monotonic() + seconds
+        taken = 0
+        while (count is None or taken < count) and (end is None or time.monotonic() < end):
+            frame = self._open.taken(POLL_S) if end is not None else self.read()
+            if frame is not None:
+                taken += 1
+                yield frame
+
+    def read(self) -> Frame:
+        """The next frame.
+
+        Raises
+        ------
+        DeviceError : none within `patience_s`.
+        OutputError : a recording stopped; the frames before are all there, and reading may go on without it.
+        """
+        stream, end = self._open, time.monotonic() + self._patience_s
+        while time.monotonic() < end:
+            frame = stream.taken(POLL_S)
+            if frame is not None:
+                return frame
+        away = stream.why_away
+        raise DeviceError(
+            away
+            or f"{self.port}: no whole frame for {self._patience_s:g} s ({stream.counts.skipped_bytes} bytes "
+            f"that are none, {stream.counts.damaged} damaged frames); check cable and board, lower the rate or baud"
+        )
+
+    def take_baseline(self, seconds: float = BASELINE_S) -> FloatArray:
+        """Read the untouched pad for a while; its mean is the baseline from now on.
+
+        Returns
+        -------
+        (emitter, receiver) mean signals [counts]
+        """
+        self._open.forget_waiting()
+        end, signals = time.monotonic() + seconds, [self.read().signals]
+        while time.monotonic() < end:
+            signals.append(self.read().signals)
+        baseline: FloatArray = np.mean(signals, axis=0)
+        self._decoder.baseline = baseline
+        self._open.forget_waiting()
+        return baseline
+
+    def record(self, path: str | os.PathLike[str]) -> Recorder:
+        """Record every frame from now on, whether it is read or not, until the recorder or the sensor is closed.
+
+        Raises
+        ------
+        OutputError : the file exists, or cannot be written.
+        """
+        recorder = Recorder(path, self.config)
+        self._open.record(recorder)
+        return recorder
+
+    def self_test(self, timeout_s: float = 3.0) -> SelfTest:
+        """What the board measures of itself; DeviceError when it does not answer."""
+        return self._open.self_test(timeout_s)
+
+    @property
+    def port(self) -> str:
+        """Name of the open port."""
+        return self._open.link.port.name
+
+    @property
+    def hello(self) -> Hello:
+        """What the board said of itself."""
+        return self._open.hello
+
+    @property
+    def counts(self) -> LinkCounts:
+        """Frames received, lost, damaged; reconnects."""
+        return self._open.counts
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Delivered frames a second by the board's clock, over the last 256; None before two frames."""
+        return self._decoder.rate_hz
+
+    @property
+    def baseline(self) -> FloatArray | None:
+        """(emitter, receiver) signals of the untouched pad [counts]; None where none was taken."""
+        return self._decoder.baseline
+
+    @property
+    def _open(self) -> Stream:
+        if self._stream is None:
+            raise DeviceError("the sensor is not open; use it as `with Sensor(...) as sensor:`")
+        return self._stream
+
+    def _connected(self) -> tuple[Link, Hello]:
+        port = Port(self._port or find_port(self.config.board), self.config.board.baud)
+        try:
+            link = Link(port, self.config)
+            return link, link.greet(accept_digest=self._accept_digest)
+        except BaseException:
+            port.close()
+            raise

@@ -1,0 +1,273 @@
+"""The thread that empties the port, so that a slow reader of frames loses none: up to ten seconds wait in a queue.
+
+    port -> scanner -> decoder -> queue -> Sensor
+                  \\-> recorder
+
+It reconnects after the port went away: it looks for the board ten times a second, greets it as the first time and
+starts it again. What it cannot mend it hands over as an error, which the next read of a frame raises.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from design.errors import DeviceError, OptopadError, OutputError
+from fabrication.driver.frames import Frame, FrameDecoder
+from fabrication.driver.link import Link
+from fabrication.driver.ports import PortLostError
+from fabrication.driver.protocol import Command, Hello, Kind, SelfTest, unpack_hello, unpack_self_test
+from fabrication.driver.recording import Recorder
+from fabrication.driver.scanner import Message
+
+LOOK_EVERY_S = 0.1
+"""How often a port that went away is looked for."""
+
+START_AGAIN_S = 1.0
+"""A board that was started and sends nothing for so long is started again: the command may have been damaged."""
+
+LATE_HELLO_S = 1.5
+"""So long after a greeting a hello may still be the answer to a question that was asked twice."""
+
+QUEUE_FRAMES = 4096
+"""Ten seconds at 400 Hz."""
+
+Connect = Callable[[], tuple[Link, Hello]]
+
+
+@dataclass
+class LinkCounts:
+    """What happened on the line since it was opened.
+
+    Attributes
+    ----------
+    frames : whole frames received
+    lost : frames missing by their sequence numbers
+    damaged : candidates for a message whose CRC was wrong
+    skipped_bytes : bytes that belonged to no whole message
+    overrun : frames dropped because nobody read them for too long
+    reconnects : connections after the first: unplugged and plugged in again, or the board began anew
+    """
+
+    frames: int = 0
+    lost: int = 0
+    damaged: int = 0
+    skipped_bytes: int = 0
+    overrun: int = 0
+    reconnects: int = 0
+
+
+class Stream:
+    """Frames of a board, from its start to its stop.
+
+    Parameters
+    ----------
+    connect : opens a port and greets the board
+    decoder : of the frames
+    interval_us : between frames [us]; 0 for as fast as the board can
+    """
+
+    def __init__(self, connect: Connect, decoder: FrameDecoder, interval_us: int) -> None:
+        self._connect = connect
+        self._decoder = decoder
+        self._interval_us = interval_us
+        self._queue: deque[Frame] = deque()
+        self._changed = threading.Condition()
+        self._stopping = threading.Event()
+        self._error: OptopadError | None = None
+        self._notice: OutputError | None = None
+        self._greeted_at = 0.0
+        self._self_test: SelfTest | None = None
+        self._past = LinkCounts()
+        self._overrun = 0
+        self._recorders: list[Recorder] = []
+        self.why_away = ""
+        self.link, self.hello = self._connection()
+        self._thread = threading.Thread(target=self._run, name="optopad sensor", daemon=True)
+
+    def begin(self) -> None:
+        """Start board and thread."""
+        self.link.start(self._interval_us)
+        self._thread.start()
+
+    def end(self) -> None:
+        """Stop board and thread and close the port; also after an error, and twice."""
+        self._stopping.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        self.link.port.close()
+
+    def record(self, recorder: Recorder) -> None:
+        """Send every frame from now on to a recorder as well."""
+        with self._changed:
+            recorder.hello(self.link.hello_message, time.time())
+            self._recorders.append(recorder)
+
+    def taken(self, timeout_s: float) -> Frame | None:
+        """The oldest frame that waits; None when none came in time.
+
+        Raises
+        ------
+        OptopadError : what the thread could not mend, after the frames before it; why a recording stopped, at once
+            and once: the frames go on.
+        """
+        with self._changed:
+            self._changed.wait_for(lambda: self._queue or self._error or self._notice, timeout_s)
+            if self._notice is not None:
+                notice, self._notice = self._notice, None
+                raise notice
+            if self._queue:
+                return self._queue.popleft()
+            if self._error is not None:
+                raise self._error
+            return None
+
+    def forget_waiting(self) -> None:
+        """Drop the frames that wait in the queue, so that the next one is new; they do not count as lost."""
+        with self._changed:
+            self._queue.clear()
+
+    def self_test(self, timeout_s: float) -> SelfTest:
+        """Ask the board for its self-test; DeviceError when no answer comes."""
+        with self._changed:
+            self._self_test = None
+            for _ in range(3):  # question or answer may be damaged on the line
+                self.link.send(Command.SELF_TEST)
+                self._changed.wait_for(lambda: self._self_test or self._error, timeout_s / 3)
+                if self._self_test is not None:
+                    return self._self_test
+        raise self._error or DeviceError(f"{self.link.port.name}: no answer to the self-test; read again")
+
+    @property
+    def counts(self) -> LinkCounts:
+        """What happened so far."""
+        scanner = self.link.scanner
+        return LinkCounts(
+            frames=self._decoder.frames,
+            lost=self._decoder.lost,
+            damaged=self._past.damaged + scanner.damaged,
+            skipped_bytes=self._past.skipped_bytes + scanner.skipped_bytes,
+            overrun=self._overrun,
+            reconnects=self._decoder.connection - 1,
+        )
+
+    def _run(self) -> None:
+        try:
+            while not self._stopping.is_set():
+                try:
+                    self._follow()
+                except PortLostError as err:
+                    self._reconnect(err)
+            self._stop_board()
+        except OptopadError as err:
+            self._fail(err)
+        except Exception as err:  # a thread's failure must reach the reader, not only the terminal
+            self._fail(DeviceError(f"the reading thread failed: {err!r}; please report it"))
+            raise
+
+    def _follow(self) -> None:
+        """Take messages until the stop or the port is gone."""
+        heard_at = time.monotonic()
+        while not self._stopping.is_set():
+            messages = self.link.messages()
+            now = time.monotonic()
+            if messages:
+                heard_at = now
+                self._take(messages, time.time())
+            elif now - heard_at > max(START_AGAIN_S, 3 * self._interval_us / 1e6):
+                heard_at = now
+                self.link.start(self._interval_us)
+
+    def _take(self, messages: list[Message], host_s: float) -> None:
+        batch: list[bytes] = []
+        for version, message in messages:
+            kind = version & 0x0F
+            if kind == Kind.READINGS:
+                batch.append(message)
+                continue
+            self._keep(batch, host_s)
+            batch = []
+            if kind == Kind.HELLO:
+                self._began_anew(message)
+            else:
+                with self._changed:
+                    self._self_test = unpack_self_test(message)
+                    self._changed.notify_all()
+        self._keep(batch, host_s)
+
+    def _keep(self, batch: list[bytes], host_s: float) -> None:
+        if not batch:
+            return
+        with self._changed:
+            lost = self._decoder.lost
+            frames = self._decoder.decoded(batch, host_s)
+            for recorder in list(self._recorders):
+                self._write(recorder, batch, host_s, self._decoder.lost - lost)
+            self._queue.extend(frames)
+            while len(self._queue) > QUEUE_FRAMES:
+                self._queue.popleft()
+                self._overrun += 1
+            self._changed.notify_all()
+
+    def _write(self, recorder: Recorder, batch: list[bytes], host_s: float, lost: int) -> None:
+        if recorder.is_open:
+            recorder.lost += lost
+            for message in batch:
+                recorder.frame(message, host_s)
+        if recorder.failure is not None:
+            self._notice = recorder.failure
+        if not recorder.is_open:
+            self._recorders.remove(recorder)
+
+    def _connection(self) -> tuple[Link, Hello]:
+        found = self._connect()
+        self._greeted_at = time.monotonic()
+        return found
+
+    def _began_anew(self, message: bytes) -> None:
+        """A hello that nobody asked for: the board was reset while it streamed."""
+        if time.monotonic() - self._greeted_at < LATE_HELLO_S:
+            return
+        self.hello = unpack_hello(message)
+        self._decoder.begin()
+        self._note_connection(message)
+        self.link.start(self._interval_us)
+
+    def _note_connection(self, message: bytes) -> None:
+        with self._changed:
+            for recorder in self._recorders:
+                recorder.hello(message, time.time())
+
+    def _reconnect(self, err: PortLostError) -> None:
+        self.why_away = str(err)
+        self._past.damaged += self.link.scanner.damaged
+        self._past.skipped_bytes += self.link.scanner.skipped_bytes
+        self.link.port.close()
+        while not self._stopping.wait(LOOK_EVERY_S):
+            try:
+                self.link, self.hello = self._connection()
+                break
+            except PortLostError as again:  # it went away while it was greeted
+                self.why_away = str(again)
+            except DeviceError as away:
+                self.why_away = str(away)
+        else:
+            return
+        self._decoder.begin()
+        self._note_connection(self.link.hello_message)
+        self.link.start(self._interval_us)
+        self.why_away = ""
+
+    def _stop_board(self) -> None:
+        try:
+            self.link.send(Command.STOP)
+        except PortLostError:
+            return  # nobody is left to be stopped
+
+    def _fail(self, err: OptopadError) -> None:
+        with self._changed:
+            self._error = self._error or err
+            self._changed.notify_all()

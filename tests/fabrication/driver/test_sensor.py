@@ -1,0 +1,212 @@
+"""The sensor on a simulated board: frames, losses, reconnection, a clean end."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from design.errors import DeviceError, InputError
+from fabrication.driver import Sensor
+from fabrication.driver.fake_port import FakePort, PtyWire, SocketWire
+from fabrication.driver.finger import FingerPath
+from tests.fabrication.driver.made_up_pad import board, pad_config, untouched
+
+ROOT = Path(__file__).parents[3]
+CONFIG = pad_config()
+PRESSED = FingerPath(time_s=np.array([0.0, 1000.0]), press_mm=np.array([[16.0, 16.0, 3.0]] * 2))
+needs_pty = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals")
+
+
+def quick(port: str, **options: object) -> Sensor:
+    return Sensor(CONFIG, port, **({"rate_hz": 200.0, "baseline_s": 0.1} | options))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("kind", ["pseudo-terminal", "socket"])
+def test_frames_come_in_order_at_the_rate_asked_for_and_none_is_lost(kind: str) -> None:
+    wire = SocketWire() if kind == "socket" else None
+    with FakePort(board(), wire) as port, quick(port.name) as sensor:
+        frames = list(sensor.frames(count=150))
+        assert np.diff([frame.sequence for frame in frames]).tolist() == [1] * 149
+        assert (np.diff([frame.device_us for frame in frames]) > 0).all()
+        assert sensor.counts.lost == sensor.counts.damaged == sensor.counts.skipped_bytes == 0
+        assert sensor.rate_hz == pytest.approx(200, rel=0.05)  # a busy machine delays single frames
+        assert frames[0].counts.shape == (9, 8)
+        assert frames[0].signals.shape == (8, 8)
+
+
+def test_signals_are_the_simulated_ones_less_ambient_and_baseline_normalised() -> None:
+    with FakePort(board()) as port, quick(port.name) as sensor:
+        frames = list(sensor.frames(count=60))
+    mean = np.mean([frame.signals for frame in frames], axis=0)
+    clear = untouched() < 900  # the others may clip
+    noise = 0.5 + 0.002 * untouched()[clear]  # read noise and the light's, see fake_board
+    assert (
+        np.abs(mean - untouched())[clear] < 5 * noise / np.sqrt(60) * np.sqrt(2) + 0.3
+    ).all()  # and rounding
+    assert np.nanmax(np.abs(np.mean([f.normalised for f in frames], axis=0) - 1)[clear]) < 0.05
+    assert all(frame.saturated[:8][untouched() > 1023].all() for frame in frames)
+    assert not any(frame.saturated[8].any() for frame in frames)
+
+
+def test_a_press_lowers_the_pairs_that_it_is_near_to() -> None:
+    rest_then_press = FingerPath(
+        time_s=np.array([0.0, 1.0, 1.01, 1000.0]),
+        press_mm=np.array([[16.0, 16.0, -1.0]] * 2 + [[16.0, 16.0, 3.0]] * 2),
+    )
+    with FakePort(board(rest_then_press)) as port, quick(port.name) as sensor:
+        frames = list(sensor.frames(seconds=1.5))
+        before, after = frames[0], frames[-1]
+    assert np.nanmin(after.normalised) < 0.8 < np.nanmin(before.normalised)
+
+
+def test_a_ratio_over_nearly_nothing_is_not_told() -> None:
+    with FakePort(board()) as port, quick(port.name) as sensor:
+        frame, baseline = sensor.read(), sensor.baseline
+    assert baseline is not None
+    assert np.array_equal(np.isnan(frame.normalised), baseline < 4.0)
+
+
+def test_without_a_baseline_there_is_no_normalised_signal() -> None:
+    with FakePort(board()) as port, quick(port.name, baseline_s=0.0) as sensor:
+        with pytest.raises(DeviceError, match="no baseline was taken"):
+            _ = sensor.read().normalised
+        sensor.take_baseline(0.05)
+        assert sensor.read().normalised.shape == (8, 8)
+
+
+def test_both_counters_wrap_without_a_seam() -> None:
+    near_the_end = board(clock_offset_us=2**32 - 400_000, sequence_offset=2**32 - 60)
+    with FakePort(near_the_end) as port, quick(port.name) as sensor:
+        frames = list(sensor.frames(count=150))
+        assert sensor.counts.lost == sensor.counts.reconnects == 0
+    assert frames[-1].sequence > 2**32
+    assert frames[-1].device_us > 2**32
+    assert np.diff([frame.sequence for frame in frames]).tolist() == [1] * 149
+
+
+def test_frames_that_a_slow_reader_leaves_wait_for_it() -> None:
+    with FakePort(board()) as port, quick(port.name) as sensor:
+        sensor.read()
+        time.sleep(1.0)
+        frames = list(sensor.frames(count=150))
+        assert sensor.counts.lost == sensor.counts.overrun == 0
+    assert np.diff([frame.sequence for frame in frames]).tolist() == [1] * 149
+
+
+@needs_pty
+def test_it_is_back_within_a_second_after_the_board_was_plugged_in_again(tmp_path: Path) -> None:
+    link = tmp_path / "pad"
+    with FakePort(board(), PtyWire(link)) as first, quick(str(link)) as sensor:
+        sensor.read()
+        first.unplug()
+        time.sleep(0.3)
+        with FakePort(board(), PtyWire(link)):
+            plugged_at = time.monotonic()
+            while (frame := sensor.read()).connection == 1:
+                pass
+            back_s = time.monotonic() - plugged_at
+        assert back_s < 1.0
+        assert frame.connection == 2
+        assert sensor.counts.reconnects == 1
+
+
+@needs_pty
+def test_a_board_that_stays_away_is_named_after_the_patience(tmp_path: Path) -> None:
+    link = tmp_path / "pad"
+    with FakePort(board(), PtyWire(link)) as port, quick(str(link), patience_s=0.5) as sensor:
+        sensor.read()
+        port.unplug()
+        with pytest.raises(DeviceError, match="pad: no such port"):
+            for _ in sensor:
+                pass
+
+
+def test_a_board_of_another_design_is_refused_and_can_be_accepted_by_name() -> None:
+    with FakePort(board(digest="ab" * 32)) as port:
+        with pytest.raises(
+            DeviceError, match=r"firmware of another design, digest abababab.*--accept-digest abababab"
+        ):
+            quick(port.name).__enter__()
+        with pytest.raises(DeviceError, match="another design"):
+            quick(port.name, accept_digest="ab" * 3 + "00").__enter__()
+        with quick(port.name, accept_digest="abababab") as sensor:
+            assert sensor.hello.digest == "ab" * 32
+            assert sensor.read().counts.shape == (9, 8)
+
+
+@pytest.mark.parametrize("digits", ["ab", "", "not-a-digest", "a" * 65])
+def test_a_digest_that_names_no_design_is_refused(digits: str) -> None:
+    with pytest.raises(InputError, match="names no design; give 8 to 64"):
+        Sensor(CONFIG, "loop://", accept_digest=digits)
+
+
+def test_a_board_of_another_shape_is_refused_even_by_name() -> None:
+    from fabrication.driver.fake_board import FakeBoard
+    from fabrication.driver.press_table import untouched_table
+
+    other = pad_config("piacenza2017-pair")
+    with (
+        FakePort(FakeBoard(other, untouched_table(other))) as port,
+        pytest.raises(DeviceError, match=r"3 emitters, 3 receivers, 10 bits; .* has 8, 8, 10"),
+    ):
+        quick(port.name, accept_digest=other.digest[:8]).__enter__()
+
+
+def test_the_self_test_is_answered_between_frames() -> None:
+    with FakePort(board()) as port, quick(port.name) as sensor:
+        found = sensor.self_test()
+        frames = list(sensor.frames(count=20))
+        assert sensor.counts.lost == 0
+    assert found.reference_counts == 225  # 1.1 V of 5 V
+    assert len(frames) == 20
+
+
+def test_the_end_stops_board_and_thread() -> None:
+    simulated = board()
+    with FakePort(simulated) as port:
+        with quick(port.name) as sensor:
+            sensor.read()
+            assert simulated.is_started
+        time.sleep(0.1)
+        assert not simulated.is_started
+        assert "optopad sensor" not in [thread.name for thread in threading.enumerate()]
+        with quick(port.name) as sensor:  # and the port can be opened again at once
+            assert sensor.read().connection == 1
+
+
+def test_a_sensor_that_is_not_open_says_how_to_open_it() -> None:
+    with pytest.raises(DeviceError, match="not open; use it as `with Sensor"):
+        Sensor(CONFIG, "loop://").read()
+
+
+def test_a_rate_that_makes_no_sense_is_refused() -> None:
+    with pytest.raises(InputError, match="rate_hz: -1 is refused"):
+        Sensor(CONFIG, "loop://", rate_hz=-1)
+
+
+def test_the_descriptor_tells_geometry_and_units_apart_from_the_stream() -> None:
+    found = Sensor(CONFIG, "loop://").descriptor
+    assert found.states == ("E1", "E2", "E3", "E4", "E5", "E6", "E7", "E8", "off")
+    assert found.emitters.position_mm.shape == (8, 3)
+    assert found.receivers.pins[0] == "A0"
+    assert found.units["signals"].startswith("ADC counts")
+    assert found.expected_counts is not None
+
+
+def test_the_driver_loads_nothing_heavy() -> None:
+    program = (
+        "import sys; import fabrication.driver, fabrication.driver.fake_port; "
+        "print([n for n in ('pydantic', 'tomlkit', 'cadquery', 'mujoco', 'numba', 'scipy', 'xarray', 'rich', 'typer', "
+        "'sims', 'cad', 'optopad') if n in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"
