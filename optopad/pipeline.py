@@ -285,10 +285,14 @@ def _known_gain(folder: Path) -> SimulatedGain | None:
 
 
 def _write_fabrication(design: SensorDesign, folder: Path, gain: SimulatedGain | None) -> None:
+    from fabrication.firmware.settings import firmware_gaps
+    from fabrication.firmware.sketch import write_sketch
     from fabrication.sheets import write_sheets
 
     (folder / "fabrication").mkdir(exist_ok=True)
     write_sheets(design, folder / "fabrication", gain)
+    if not firmware_gaps(design):  # a board that cannot be programmed has its warning
+        write_sketch(design, folder / "fabrication" / "firmware")
 
 
 def _write_report(

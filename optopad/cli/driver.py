@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import typer
 
+from optopad.cli import firmware
 from optopad.cli.common import (
     DEFAULT_OUT,
     DesignArgument,
@@ -25,6 +26,7 @@ driver = typer.Typer(
 
 def register(app: typer.Typer) -> None:
     """Add this group's verbs."""
+    firmware.register(driver)
     app.add_typer(driver, name="driver")
 
 

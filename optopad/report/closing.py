@@ -52,6 +52,9 @@ KNOWN_FILES = {
     "fabrication/wiring.svg": "layout and pins, drawn",
     "fabrication/casting.md": "how to cast it",
     "fabrication/driver.toml": "configuration of the driver",
+    "fabrication/firmware/optopad.hex": "firmware, compiled",
+    "fabrication/firmware/optopad/optopad.ino": "firmware: open it with the Arduino IDE",
+    "fabrication/firmware/optopad/config.h": "the firmware's pins and settings",
 }
 WRITTEN_LAST = ("design.toml", "manifest.json", "report.html")
 """Files of every bundle that are not there yet when the page is made."""

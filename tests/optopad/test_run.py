@@ -37,6 +37,9 @@ BUNDLE_FILES = {
     "fabrication/wiring.svg",
     "fabrication/casting.md",
     "fabrication/driver.toml",
+    "fabrication/firmware/optopad/optopad.ino",
+    "fabrication/firmware/optopad/core.c",
+    "fabrication/firmware/optopad/config.h",
 }
 
 
