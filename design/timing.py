@@ -1,9 +1,9 @@
 """How long one full frame takes on the board, and which serial rates its clock can make.
 
 Model: a plain sum. Every state (each emitter alone, then all off) waits for the light to settle and
-converts every receiver once; then the packed frame goes over the line. Firmware that converts while
-it sends is faster (measured on a simulated ATmega2560: 4.3 ms polled against 5.0 ms by this sum at 9
-states, 8 receivers, prescaler 64, 1 Mbaud), so the sum errs on the safe side.
+converts every receiver once; then the packed frame goes over the line. The firmware sends one frame while
+it converts the next, so it is faster: 4.1 ms on a simulated ATmega2560 against 5.0 ms by this sum, at 9 states,
+8 receivers, prescaler 64, 1 Mbaud (docs/validation/firmware.md). The sum errs on the safe side.
 
 Left out: the processor's own time for packing, which hides behind the conversions, and the longer
 first conversion after a reset.

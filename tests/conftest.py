@@ -1,7 +1,20 @@
-"""No test reads or writes the user's kept light: what a test claims to trace is traced."""
+"""No test reads or writes the user's kept light: what a test claims to trace is traced. Fixtures of several rooms."""
 
 from __future__ import annotations
 
 import os
+from pathlib import Path
+
+import pytest
 
 os.environ["OPTOPAD_LIGHT_CACHE_MB"] = "0"  # processes that tests start inherit it
+
+
+@pytest.fixture(scope="session")
+def board_harness(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The simulated board's program, compiled once; tests that need it skip where a tool is missing."""
+    from tests.fabrication.simulated_board import build_harness, missing_tools
+
+    if missing := missing_tools():
+        pytest.skip(missing)
+    return build_harness(tmp_path_factory.mktemp("harness"))

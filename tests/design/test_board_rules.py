@@ -105,11 +105,12 @@ def test_a_frame_is_states_then_line() -> None:
     assert frame_time_ms(MEGA, BoardUse(), 8, 8) == pytest.approx(9 * (0.020 + 8 * 0.052) + 1.05, rel=1e-12)
 
 
-@pytest.mark.parametrize(("prescaler", "measured_hz"), [(128, 124.0), (64, 232.0), (32, 395.0), (16, 600.0)])
-def test_the_sum_is_slower_than_the_polled_firmware_measured(prescaler: int, measured_hz: float) -> None:
-    """Rates of a firmware with 20 us of settling at 1 Mbaud on a simulated ATmega2560."""
+@pytest.mark.parametrize(("prescaler", "measured_hz"), [(128, 128.0), (64, 244.0), (32, 441.0), (16, 705.0)])
+def test_the_sum_is_slower_than_the_firmware_measured(prescaler: int, measured_hz: float) -> None:
+    """Rates with 20 us of settling at 1 Mbaud on a simulated ATmega2560, from docs/validation/firmware.md."""
     allowed_hz = 1000.0 / frame_time_ms(MEGA, BoardUse(adc_prescaler=prescaler), 8, 8)
-    assert 0.7 * measured_hz < allowed_hz < measured_hz
+    # sending takes 1.05 ms of the sum and none of the firmware's time: the more, the shorter the conversions
+    assert 0.6 * measured_hz < allowed_hz < measured_hz
 
 
 def test_a_rate_that_the_board_cannot_reach_is_an_error_with_the_rate_that_it_can() -> None:

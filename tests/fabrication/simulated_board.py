@@ -6,6 +6,7 @@ Receivers on inputs A8 and above are left out: the simulator has inputs 0 to 7 o
 from __future__ import annotations
 
 import ctypes.util
+import os
 import shutil
 import subprocess
 import sys
@@ -30,7 +31,7 @@ from fabrication.driver.protocol import (
     unpack_self_test,
 )
 from fabrication.driver.scanner import Scanner
-from fabrication.firmware.image import compile_elf, has_compiler
+from fabrication.firmware.image import COMPILER, compile_elf, has_compiler
 from fabrication.firmware.settings import FirmwareSettings, firmware_settings
 
 HARNESS = Path(__file__).parent / "loop" / "simulated_board.c"
@@ -96,12 +97,21 @@ class Run:
         return np.asarray(held["cycle"] / self.clock_hz * US_PER_S)
 
 
+def missing_compiler() -> str:
+    """What compiling the firmware needs and this machine lacks; "" when nothing."""
+    if not has_compiler():
+        return "avr-gcc is not installed"
+    probe = [COMPILER, "-mmcu=atmega2560", "-include", "avr/io.h", "-E", "-x", "c", os.devnull]
+    found = subprocess.run(probe, capture_output=True, check=False).returncode == 0
+    return "" if found else "avr-libc is not installed"
+
+
 def missing_tools() -> str:
     """What the loop needs and this machine lacks; "" when nothing."""
     if sys.platform != "linux":
         return "the simulated board needs Linux"
-    if not has_compiler():
-        return "avr-gcc is not installed"
+    if missing := missing_compiler():
+        return missing
     if not shutil.which("gcc") or not Path("/usr/include/simavr/sim_avr.h").is_file():
         return "gcc or libsimavr-dev is not installed"
     return "" if ctypes.util.find_library("elf") else "libelf-dev is not installed"

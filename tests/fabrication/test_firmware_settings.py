@@ -20,10 +20,10 @@ from fabrication.driver.protocol import Command, pack_command
 from fabrication.driver_config import dump_driver_config
 from fabrication.driver_file import config_from_document
 from fabrication.firmware.config_header import config_header
-from fabrication.firmware.image import compiled_image, has_compiler
+from fabrication.firmware.image import compiled_image
 from fabrication.firmware.settings import firmware_gaps, firmware_settings
 from fabrication.firmware.sketch import CONFIG, FIXED_FILES, IMAGE, sketch_texts, source_text, write_sketch
-from tests.fabrication.simulated_board import quantised, random_table, simulate_elf
+from tests.fabrication.simulated_board import missing_compiler, quantised, random_table, simulate_elf
 
 PAD = preset("piacenza2017-pad")
 BOARDS = packaged().boards
@@ -170,7 +170,7 @@ def test_the_program_repeats_the_checksum_table_of_zlib():
         assert constant == value
 
 
-needs_compiler = pytest.mark.skipif(not has_compiler(), reason="avr-gcc is not installed")
+needs_compiler = pytest.mark.skipif(bool(missing_compiler()), reason=missing_compiler())
 
 
 @needs_compiler

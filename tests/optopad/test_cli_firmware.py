@@ -12,13 +12,13 @@ import pytest
 from design.preset import preset
 from fabrication.bundle import bundle_name
 from fabrication.firmware import flash, image
-from fabrication.firmware.image import has_compiler
 from optopad.cli import main
+from tests.fabrication.simulated_board import missing_compiler
 
 DESIGN = "piacenza2017-pad"
 FOLDER = Path("outputs") / bundle_name(preset(DESIGN)) / "fabrication" / "firmware"
 
-needs_compiler = pytest.mark.skipif(not has_compiler(), reason="avr-gcc is not installed")
+needs_compiler = pytest.mark.skipif(bool(missing_compiler()), reason=missing_compiler())
 needs_shell = pytest.mark.skipif(os.name != "posix", reason="the made-up avrdude is a shell script")
 
 

@@ -1,0 +1,215 @@
+"""Frame rates of the compiled firmware on a simulated board, and its size: docs/validation/firmware.md.
+
+    python -m tests.validation.firmware_rates        writes the page anew; needs avr-gcc and libsimavr, takes seconds
+
+Each rate is of full frames as sent, from the device's own clock, after the first two. The simulator starts a
+conversion at once; a chip waits for the next edge of the converter's clock, at most one such clock a conversion, from
+which the rate at worst follows.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from design.io import write_text_atomically
+from design.pins import board_of
+from design.preset import PRESETS, preset
+from design.spec import SensorDesign
+from design.timing import MS_PER_S, US_PER_S, conversion_time_ms, frame_time_ms
+from fabrication.driver.protocol import Command, pack_command
+from fabrication.firmware.image import COMPILER, compiled_image
+from fabrication.firmware.settings import firmware_settings
+from tests.fabrication.simulated_board import (
+    build_harness,
+    covered_columns,
+    missing_tools,
+    quantised,
+    random_table,
+    simulate,
+)
+
+PAGE = Path(__file__).parents[2] / "docs" / "validation" / "firmware.md"
+PAD = preset("piacenza2017-pad")
+PRESCALERS = (128, 64, 32, 16)
+ASKED_HZ = {64: 235.0, 32: 400.0}
+PAPER_HZ = 60.0
+RUN_US = 700_000.0
+"""Long enough for 80 frames at the slowest setting."""
+
+QUIET, EARLY = "SWITCH_EARLY=0", "SWITCH_EARLY=1"
+START_UP_US = 8_000.0
+IGNORED_FRAMES = 2
+"""The first ones find the line idle, and are a little faster."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rate:
+    """One row.
+
+    Attributes
+    ----------
+    frames, wrong_readings : how many were read, and how many of their readings were not the simulated voltage
+    simulated_hz : on the simulated board
+    worst_hz : on a chip whose every conversion waits one clock of the converter
+    budget_hz : by the plain sum of design.timing, which rules and driver.toml rest on
+    """
+
+    prescaler: int
+    frames: int
+    wrong_readings: int
+    simulated_hz: float
+    worst_hz: float
+    budget_hz: float
+
+
+def measured(harness: Path, design: SensorDesign, change: str, duration_us: float = RUN_US) -> Rate:
+    """The rate of a design's firmware, running freely.
+
+    Parameters
+    ----------
+    change : a definition in place of that in config.h
+    duration_us : of simulated time
+    """
+    settings, board = firmware_settings(design), board_of(design)
+    said = [(START_UP_US, pack_command(Command.RATE, 0)), (START_UP_US + 1000.0, pack_command(Command.START))]
+    table = random_table(settings)
+    with TemporaryDirectory() as scratch:
+        run = simulate(harness, Path(scratch), design, table, said, duration_us=duration_us, changes=[change])
+    columns = covered_columns(settings)
+    counts = run.frames.counts
+    wrong = int((counts[:, :, columns] != quantised(table)[:, columns]).sum())
+    frame_us = float(np.diff(run.frames.device_us.astype(np.int64)[IGNORED_FRAMES:]).mean())
+    readings = counts[0].size
+    adc_clock_us = (
+        conversion_time_ms(board, design.board.adc_prescaler) * 1e3 / board.adc_clocks_per_conversion
+    )
+    budget_ms = frame_time_ms(board, design.board, len(settings.emitters), len(settings.receivers))
+    return Rate(
+        prescaler=design.board.adc_prescaler,
+        frames=len(counts),
+        wrong_readings=wrong,
+        simulated_hz=US_PER_S / frame_us,
+        worst_hz=US_PER_S / (frame_us + readings * adc_clock_us),
+        budget_hz=MS_PER_S / budget_ms,
+    )
+
+
+def with_prescaler(prescaler: int) -> SensorDesign:
+    """The paper's pad with another divider of the converter's clock."""
+    return PAD.with_(**{"board.adc_prescaler": prescaler})
+
+
+def main() -> int:
+    """Write the page; 0 when every demand is met."""
+    if missing := missing_tools():
+        print(f"firmware_rates: {missing}", file=sys.stderr)
+        return 2
+    with TemporaryDirectory() as scratch:
+        harness = build_harness(Path(scratch))
+        rates = {
+            change: [measured(harness, with_prescaler(p), change) for p in PRESCALERS]
+            for change in (QUIET, EARLY)
+        }
+        layouts = [(name, measured(harness, preset(name), QUIET)) for name in PRESETS]
+    write_text_atomically(PAGE, page(rates[QUIET], rates[EARLY], layouts))
+    met = all(rate.simulated_hz >= ASKED_HZ.get(rate.prescaler, 0.0) for rate in rates[QUIET])
+    return 0 if met and not any(rate.wrong_readings for rate in (*rates[QUIET], *rates[EARLY])) else 1
+
+
+def page(quiet: Sequence[Rate], early: Sequence[Rate], layouts: Sequence[tuple[str, Rate]]) -> str:
+    """Text of docs/validation/firmware.md."""
+    return f"""# The firmware on a simulated board
+
+Made by `python -m tests.validation.firmware_rates` with {compiler_version()} and simavr; the program is the one that
+`optopad driver firmware` makes. Nothing here was measured on a real board.
+
+## Frame rates
+
+Full frames of `piacenza2017-pad`, 9 states x 8 receivers, 105 bytes with CRC-32 at 1 Mbaud, {PAD.board.settle_us:g} us
+of settling after every switch, as fast as it can. Every reading of every frame was compared with the simulated voltage.
+
+{rate_table(quiet)}
+
+- Asked of the simulated board: at least {ASKED_HZ[64]:.0f} Hz at 64 and {ASKED_HZ[32]:.0f} Hz at 32.
+  The paper had {PAPER_HZ:.0f} Hz.
+- *At worst on a chip*: the simulator starts a conversion at once, a chip at the next edge of the converter's clock.
+  One such clock a conversion is taken off here; part of that wait is time that the program needs anyway.
+- *Sum*: settle, convert, then send, one after the other (`design/timing.py`). Rules and `driver.toml` promise no more.
+- 10 bits need a converter's clock of 50 to 200 kHz, prescaler 128 (the data sheet). At 64 and below the last bits are
+  worse, which the simulator does not show.
+
+With `SWITCH_EARLY` set to 1 in `config.h`, the next emitter is switched on while a state's last input is converted,
+once it is held. Faster, and not the default: the step of the LED's current then falls into a conversion whose reference
+is the same supply, which the simulator does not show either.
+
+{rate_table(early)}
+
+## Presets, as they are
+
+{layout_table(layouts)}
+
+`oblong-60x40` and others with more than 8 receivers: the simulator has inputs A0 to A7, so the columns of the first
+8 are compared, and of the others only that they are asked for in turn.
+
+## Memory
+
+{memory_table()}
+
+RAM without the stack; a self-test tells what was left free at the deepest call.
+"""
+
+
+def rate_table(rates: Iterable[Rate]) -> str:
+    """Rows by prescaler."""
+    columns = ("prescaler", "simulated Hz", "at worst on a chip Hz", "sum Hz", "frames", "wrong readings")
+    return table(columns, ((r.prescaler, *in_hz(r), r.frames, r.wrong_readings) for r in rates))
+
+
+def layout_table(layouts: Sequence[tuple[str, Rate]]) -> str:
+    """Rows by preset."""
+    rows = []
+    for name, rate in layouts:
+        settings = firmware_settings(preset(name))
+        readings = f"{len(settings.emitters) + 1} x {len(settings.receivers)}"
+        rows.append((name, readings, *in_hz(rate)))
+    return table(("preset", "readings a frame", "simulated Hz", "at worst on a chip Hz", "sum Hz"), rows)
+
+
+def memory_table() -> str:
+    """Rows by preset: bytes and shares of the chip's."""
+    rows = []
+    for name in PRESETS:
+        image, chip = compiled_image(preset(name)), firmware_settings(preset(name)).chip
+        shares = image.flash_bytes / chip.flash_bytes, image.ram_bytes / chip.ram_bytes
+        rows.append((name, image.flash_bytes, f"{shares[0]:.1%}", image.ram_bytes, f"{shares[1]:.1%}"))
+    return table(("preset", "program bytes", "of the chip's", "RAM bytes", "of the chip's"), rows)
+
+
+def in_hz(rate: Rate) -> tuple[str, str, str]:
+    """Simulated, at worst, by the sum; whole hertz."""
+    return f"{rate.simulated_hz:.0f}", f"{rate.worst_hz:.0f}", f"{rate.budget_hz:.0f}"
+
+
+def table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A table in Markdown."""
+    lines = [columns, ["---"] * len(columns), *rows]
+    return "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines)
+
+
+def compiler_version() -> str:
+    """Name and version of the compiler."""
+    said = subprocess.run([COMPILER, "--version"], capture_output=True, text=True, check=True).stdout
+    found = re.search(r"(\d+\.\d+\.\d+)", said)
+    return f"{COMPILER} {found[1]}" if found else COMPILER
+
+
+if __name__ == "__main__":
+    sys.exit(main())
