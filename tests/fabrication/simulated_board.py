@@ -10,7 +10,8 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -40,6 +41,8 @@ SIMULATED_INPUTS = 8
 SUPPLY_MV = 5000
 FULL_SCALE = 1023
 US_PER_S = 1e6
+LONGEST_US = 120e6
+"""A board on a port ends by itself after so long."""
 
 LIGHT_TAU_US, AMPLIFIER_TAU_US = 0.5, 2.0
 """A switched LED, and an amplifier of 1 Mohm and 2 pF. After 20 us 0.006 % of a step is left, 0.3 mV of 5 V."""
@@ -227,6 +230,23 @@ def simulate_elf(
     command = [str(harness), str(elf), str(scene), str(log), str(duration_us)]
     subprocess.run(command, check=True, capture_output=True, timeout=120)
     return read_log(settings, np.fromfile(log, RECORD))
+
+
+@contextmanager
+def board_on_a_port(
+    harness: Path, folder: Path, design: SensorDesign, table_mv: NDArray[np.int64]
+) -> Iterator[str]:
+    """A simulated board on a pseudo-terminal, no faster than real time; the name of the port."""
+    elf, scene = compile_elf(design, folder), folder / "scene"
+    scene.write_text(scene_text(firmware_settings(design), table_mv), encoding="ascii")
+    command = [str(harness), str(elf), str(scene), str(folder / "log"), str(LONGEST_US), "pty"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as board:
+        assert board.stdout is not None
+        lines = iter(board.stdout.readline, "")  # the simulator says first what it loads
+        try:
+            yield next(line.strip() for line in lines if line.startswith("/dev/"))
+        finally:
+            board.kill()
 
 
 def read_log(settings: FirmwareSettings, log: NDArray[Any]) -> Run:

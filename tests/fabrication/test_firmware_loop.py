@@ -12,7 +12,9 @@ from design.spec import SensorDesign
 from fabrication.driver.protocol import Command, Kind, pack_command
 from fabrication.firmware.settings import firmware_settings
 from tests.fabrication.simulated_board import (
+    FULL_SCALE,
     INPUT_HELD,
+    SUPPLY_MV,
     Run,
     covered_columns,
     left_out,
@@ -58,16 +60,18 @@ def test_a_thousand_frames_of_simulated_light_all_equal_the_voltage(loop):
 
 
 def simulated_table_mv(design: SensorDesign):
-    """(state, receiver) voltages of an untouched pad at the design's gain, with 20 mV of ambient light."""
+    """(state, receiver) voltages of a pressed pad by the light model, at the design's gain, on ambient light."""
+    from design.cavity import cavity_of
+    from design.pairs import judged_pairs, mask_of
     from sims.optics import trace
+    from sims.readout import readout_of
 
-    light = trace(design, np.array([[16.0, 16.0, 0.0]]), accuracy="draft", seed=0)
-    flux = light.flux[0]
-    median = float(np.median(flux[flux > 0]))
-    counts = np.minimum(flux / median * design.gain.target_counts, 1023)
-    ambient = np.full(flux.shape[1], 20)
-    lit = np.minimum(np.rint(counts / 1023 * 5000).astype(np.int64) + ambient, 4999)
-    return np.vstack([lit, ambient])
+    light = trace(design, np.array([[16.0, 16.0, 0.0], [12.0, 20.0, 2.0]]), accuracy="draft", seed=0)
+    cavity = cavity_of(design)
+    readout = readout_of(design, light.flux[0], mask_of(judged_pairs(cavity), cavity))
+    ambient_mv = np.full(light.flux.shape[2], 20)
+    signal_mv = np.rint(readout.counts(light.flux[1]) / FULL_SCALE * SUPPLY_MV).astype(np.int64)
+    return np.vstack([np.minimum(signal_mv + ambient_mv, SUPPLY_MV), ambient_mv])
 
 
 def test_a_settle_time_set_too_short_is_caught(loop):

@@ -158,10 +158,17 @@ static avr_cycle_count_t say(avr_t *self, avr_cycle_count_t when, void *unused) 
     return at > when ? at : when + (avr_cycle_count_t)(clock_hz / baud * BITS_PER_BYTE);
 }
 
+/* Bytes from the terminal go on at the line's pace; an empty terminal is looked at once in a millisecond. */
 static avr_cycle_count_t listen_to_terminal(avr_t *self, avr_cycle_count_t when, void *unused) {
+    static uint8_t waiting[MOST];
+    static ssize_t count, next;
     (void)self, (void)unused;
-    uint8_t byte;
-    if (read(terminal, &byte, 1) == 1) hear(byte);
+    if (next >= count) {
+        next = 0;
+        count = read(terminal, waiting, sizeof waiting);
+        if (count <= 0) return when + (avr_cycle_count_t)(clock_hz / 1000);
+    }
+    hear(waiting[next++]);
     return when + (avr_cycle_count_t)(clock_hz / baud * BITS_PER_BYTE);
 }
 
