@@ -13,7 +13,6 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from design.cavity import CavityGeometry
-from design.errors import InputError
 from sims.optics.light_signals import LightSignals
 
 FloatArray = NDArray[np.float64]
@@ -68,30 +67,3 @@ def save_dataset(dataset: xr.Dataset, file: Path) -> None:
         os.replace(partial, file)
     finally:
         partial.unlink(missing_ok=True)
-
-
-def untouched_counts(file: Path, full_scale_counts: float) -> FloatArray:
-    """Readings of the untouched pad, from a file of signals with a gain.
-
-    Parameters
-    ----------
-    full_scale_counts : largest reading of the converter [counts]
-
-    Returns
-    -------
-    (emitter, receiver) readings of the first untouched state, at most full scale [counts]
-
-    Raises
-    ------
-    InputError : no such file, or none with a gain and an untouched state.
-    """
-    try:
-        with xr.open_dataset(file, engine="h5netcdf") as dataset:
-            untouched = np.flatnonzero(dataset["press_depth"].values <= 0)
-            counts = dataset["flux"].values[untouched[0]] * float(dataset.attrs["counts_per_flux"])
-    except (OSError, ValueError, KeyError, IndexError) as err:
-        raise InputError(
-            f"{file}: damaged, or without an untouched state: {err}; run `optopad score` again"
-        ) from None
-    found: FloatArray = np.minimum(counts, full_scale_counts)
-    return found

@@ -40,3 +40,13 @@ class WrappingCounter:
         whole = last + np.cumsum(steps)
         self._last = int(whole[-1])
         return whole, steps
+
+
+def restarts(values: CountArray, last: int) -> IntArray:
+    """Places of (n,) sequence numbers where the board must have begun anew: not above the one before, modulo 2^32.
+
+    last : the number before the first
+    """
+    steps: IntArray = np.diff(values.astype(np.int64), prepend=last).astype(np.int64) % WRAP
+    places: IntArray = np.flatnonzero((steps == 0) | (steps >= WRAP // 2))
+    return places

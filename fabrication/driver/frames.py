@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import DeviceError
-from fabrication.driver.counters import WrappingCounter
-from fabrication.driver.protocol import WRAP, CountArray, FrameFormat, IntArray, Unpacked, unpack_frames
+from fabrication.driver.counters import WrappingCounter, restarts
+from fabrication.driver.protocol import CountArray, FrameFormat, Unpacked, unpack_frames
 from fabrication.driver_file import DriverConfig
 
 FloatArray = NDArray[np.float64]
@@ -107,20 +107,19 @@ class FrameDecoder:
     def decoded(self, messages: list[bytes], host_s: float) -> list[Frame]:
         """Frames of whole messages that arrived at `host_s`; a count that goes back begins a connection."""
         found = unpack_frames(self._layout, messages)
-        restarts = self._restarts(found.sequence)
+        begins = self._begins(found.sequence)
         frames: list[Frame] = []
-        for start, end in pairwise([0, *restarts, len(messages)]):
-            if start in restarts:
+        for start, end in pairwise([0, *begins, len(messages)]):
+            if start in begins:
                 self.begin()
             frames += self._piece(found, slice(start, end), host_s)
         return frames
 
-    def _restarts(self, sequence: CountArray) -> list[int]:
+    def _begins(self, sequence: CountArray) -> list[int]:
         """Places where the board must have begun anew although no hello said so."""
         last = self._sequence.last
         before = int(sequence[0]) - 1 if last is None else last
-        steps: IntArray = np.diff(sequence.astype(np.int64), prepend=before).astype(np.int64) % WRAP
-        return [int(place) for place in np.flatnonzero((steps == 0) | (steps >= WRAP // 2))]
+        return [int(place) for place in restarts(sequence, before)]
 
     def _piece(self, found: Unpacked, piece: slice, host_s: float) -> list[Frame]:
         sequence, steps = self._sequence.extended(found.sequence[piece])

@@ -111,24 +111,41 @@ def table_of(presses: FloatArray, counts: FloatArray) -> PressTable:
     return PressTable(x_mm=lines[0], y_mm=lines[1], depth_mm=lines[2], counts=grid)
 
 
-def table_from_signals(file: Path, digest: str) -> PressTable:
-    """The table of a bundle's `sims/signals.nc`; needs xarray.
+def table_from_signals(file: Path, config: DriverConfig) -> PressTable:
+    """The table of a bundle's `sims/signals.nc`, with the gains of its driver configuration; needs xarray.
 
     Raises
     ------
-    InputError : unreadable, of another design, without a gain, or no full grid.
+    InputError : unreadable, of another design, no full grid; a configuration without gains.
     """
     import xarray as xr
 
     try:
         with xr.open_dataset(file, engine="h5netcdf") as dataset:
             presses = np.stack([dataset[f"press_{axis}"].values for axis in ("x", "y", "depth")], axis=1)
-            counts = dataset["flux"].values * float(dataset.attrs["counts_per_flux"])
+            flux = dataset["flux"].values
             belongs_to = str(dataset.attrs["design_digest"])
     except (OSError, ValueError, KeyError) as err:
-        raise InputError(f"{file}: no signals with a gain: {err}; run `optopad score` again") from None
-    if belongs_to != digest:
+        raise InputError(f"{file}: no simulated signals: {err}; run `optopad score` again") from None
+    if belongs_to != config.digest:
         raise InputError(
-            f"{file}: of design {belongs_to[:8]}, needed {digest[:8]}; run `optopad score` again"
+            f"{file}: of design {belongs_to[:8]}, needed {config.digest[:8]}; run `optopad score` again"
         )
-    return table_of(presses, counts)
+    return table_of(presses, flux * gains_of(config))
+
+
+def gains_of(config: DriverConfig) -> FloatArray:
+    """(receiver,) counts for all of an emitter's power on each receiver [counts].
+
+    Raises
+    ------
+    InputError : the configuration was written before anything was simulated.
+    """
+    gain = config.gain
+    each = gain.receiver_counts_per_flux or (gain.counts_per_flux,) * config.frame.receivers
+    if any(one is None for one in each):
+        raise InputError(
+            f"driver.toml of {config.design} has no gain: nothing was simulated before it was written; run "
+            "`optopad score`, then `optopad driver config`, on the design"
+        )
+    return np.array(each, dtype=np.float64)

@@ -1,0 +1,293 @@
+"""Is the sensor wired as its design says? The untouched pad held against the simulated pattern, part by part.
+
+How wrong wires are told from bright LEDs and build tolerances is in `wiring_check`.
+
+- *dead*: an emitter that no receiver sees, or a receiver that sees no emitter.
+- *saturated*: a receiver at full scale in the dark, or under most emitters though expected well below it.
+- *swapped*: exchanges of two emitters or of two receivers that explain the readings much better than the right wiring.
+- *dim*: an emitter or receiver far below the others, against what is expected.
+
+What it cannot see: a pattern that a symmetry of the layout leaves as it is. Where two exchanges explain the readings
+equally well, as at a pad with mirror symmetry, both are named. A pair that is meant to clip says nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import InputError
+from fabrication.driver.descriptor import Descriptor
+from fabrication.driver.frames import Frame
+from fabrication.driver.pattern import (
+    CLIP_SHARE,
+    FLOOR_COUNTS,
+    SEEN_COUNTS,
+    BoolArray,
+    Pattern,
+    Problem,
+    emitter_text,
+    pattern_of,
+    receiver_text,
+)
+from fabrication.driver.protocol import SelfTest
+from fabrication.driver.wiring_check import exchanged_wires
+
+DEAD_SHARE = 0.1
+"""A part whose strong pairs show less than this share of what is expected is dead [-]."""
+
+DIM_SHARE = 0.4
+"""A part below this share of the others is called dim; resistors, binning and seating explain some +-30 %."""
+
+UNEXPECTED_SHARE = 0.5
+"""A pair at full scale that was expected below this share of it is named."""
+
+AMBIENT_SHARE = 0.1
+"""Dark readings above this share of full scale take away range."""
+
+NOISE_COUNTS, NOISE_SHARE = 3.0, 0.02
+"""Readings that scatter by more than the first plus this share of themselves are named."""
+
+REFERENCE_V, SUPPLY_LOW_V, SUPPLY_HIGH_V = 1.1, 4.5, 5.5
+"""The chip's own reference, +-10 % by its data sheet, and the supply that a USB port should give."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """What a check found.
+
+    Attributes
+    ----------
+    problems : errors first
+    gain : readings over expected ones, in the middle [-]; None where nothing could be compared
+    mismatch : middle distance of a pair from the expected pattern, as a factor less 1 [-]
+    compared : pairs that could be compared
+    clipped_by_design : pairs that are expected at full scale
+    frames : the check rests on
+    """
+
+    problems: tuple[Problem, ...]
+    gain: float | None
+    mismatch: float | None
+    compared: int
+    clipped_by_design: tuple[str, ...]
+    frames: int
+
+    @property
+    def is_good(self) -> bool:
+        """Whether nothing is wrong; what may be as it is does not count."""
+        return not any(problem.is_error for problem in self.problems)
+
+    def to_json(self) -> dict[str, Any]:
+        """As plain data."""
+        return {"is_good": self.is_good, **asdict(self)}
+
+
+def check_frames(frames: Iterable[Frame], found: Descriptor, self_test: SelfTest | None = None) -> Verdict:
+    """Hold the untouched pad against its simulated pattern.
+
+    Parameters
+    ----------
+    frames : of the untouched pad; a second of them is plenty
+    found : descriptor of the sensor
+    self_test : the board's, where it was asked
+
+    Raises
+    ------
+    InputError : no expected pattern, or no frame.
+    """
+    taken = list(frames)
+    if found.expected_counts is None:
+        raise InputError(
+            f"driver.toml of {found.design} has no expected pattern; run `optopad score`, then `optopad driver config`"
+        )
+    if not taken:
+        raise InputError("no frame to check; is the board started?")
+    counts = np.stack([frame.counts for frame in taken])
+    pattern = pattern_of(counts, found)
+    railed = _railed(counts[:, -1], found)
+    problems = [*_railed_problems(railed, found), *_pattern_problems(pattern, railed)]
+    problems += [
+        *_ambient(counts[:, -1], railed, found),
+        *_noisy(counts, railed, found),
+        *_supply(self_test, found),
+    ]
+    gain, mismatch, compared = _agreement(pattern, railed)
+    return Verdict(
+        problems=tuple(sorted(problems, key=lambda problem: not problem.is_error)),
+        gain=gain,
+        mismatch=mismatch,
+        compared=compared,
+        clipped_by_design=tuple(_pair_names(pattern.is_meant_to_clip, pattern)),
+        frames=len(taken),
+    )
+
+
+def _railed(dark: NDArray[np.uint16], found: Descriptor) -> BoolArray:
+    """(receiver,) at full scale in the dark."""
+    is_railed: BoolArray = dark.mean(axis=0) >= CLIP_SHARE * found.full_scale
+    return is_railed
+
+
+def _railed_problems(railed: BoolArray, found: Descriptor) -> list[Problem]:
+    return [
+        Problem(
+            kind="saturated",
+            parts=(found.receivers.names[j],),
+            message=f"{receiver_text(found.receivers, j)}: at full scale even in the dark: its amplifier is saturated; "
+            "look for an open feedback resistor, a diode that is shorted or the wrong way round, or bright light",
+        )
+        for j in map(int, np.flatnonzero(railed))
+    ]
+
+
+def _pattern_problems(pattern: Pattern, railed: BoolArray) -> list[Problem]:
+    """Dead parts first; then wires among the living; then what is left of the distance, by part."""
+    dead_e, dead_r = _dead(pattern, railed)
+    usable = ~(dead_e[:, None] | (dead_r | railed)[None, :])
+    problems = _dead_problems(pattern, dead_e, dead_r)
+    rows, columns, swaps = exchanged_wires(pattern, usable)
+    problems += swaps
+    mended = replace(pattern, expected=pattern.expected[rows][:, columns])
+    mended = replace(mended, is_meant_to_clip=pattern.is_meant_to_clip[rows][:, columns])
+    return [*problems, *_dim(mended, usable), *_clipped(mended, usable)]
+
+
+def _dead(pattern: Pattern, railed: BoolArray) -> tuple[BoolArray, BoolArray]:
+    """(emitter,) and (receiver,) that do nothing. A wrong wire moves rows and columns, so a dead part shows as a row or
+    column that is dark throughout, whatever is expected there."""
+    strong = _strong_reading(pattern)
+    shows = pattern.measured > strong
+    is_lit = shows[:, ~railed].any(axis=1) if not railed.all() else np.ones(len(shows), dtype=bool)
+    return np.logical_not(is_lit), np.logical_not(shows.any(axis=0) | railed)
+
+
+def _strong_reading(pattern: Pattern) -> float:
+    """What every living part shows at least at its best pair [counts]."""
+    best = np.concatenate([pattern.expected.max(axis=0), pattern.expected.max(axis=1)])
+    return max(float(DEAD_SHARE * best.min()), FLOOR_COUNTS)
+
+
+def _dead_problems(pattern: Pattern, dead_e: BoolArray, dead_r: BoolArray) -> list[Problem]:
+    if dead_e.all() or dead_r.all():
+        return [
+            Problem(
+                kind="dead",
+                parts=(*pattern.emitters.names, *pattern.receivers.names),
+                message="no receiver sees any emitter: the supply of the emitters or of the amplifiers is missing, "
+                "or the plug is not in",
+            )
+        ]
+    emitters = [
+        Problem(
+            kind="dead",
+            parts=(pattern.emitters.names[i],),
+            message=f"{emitter_text(pattern.emitters, i)}: no receiver sees it: a dead LED, one the wrong way "
+            "round, or an open wire, resistor or transistor",
+        )
+        for i in map(int, np.flatnonzero(dead_e))
+    ]
+    receivers = [
+        Problem(
+            kind="dead",
+            parts=(pattern.receivers.names[j],),
+            message=f"{receiver_text(pattern.receivers, j)}: sees no emitter: a dead photodiode, one the wrong "
+            "way round, or an open wire or amplifier",
+        )
+        for j in map(int, np.flatnonzero(dead_r))
+    ]
+    return emitters + receivers
+
+
+def _dim(pattern: Pattern, usable: BoolArray) -> list[Problem]:
+    """Parts far below the others, against what is expected of them."""
+    told = usable & ~pattern.is_clipped & ~pattern.is_meant_to_clip & (pattern.expected >= SEEN_COUNTS)
+    ratio = np.where(told, np.maximum(pattern.measured, 0.0) / np.maximum(pattern.expected, 1.0), np.nan)
+    problems = []
+    for axis, parts, called in ((1, pattern.emitters, emitter_text), (0, pattern.receivers, receiver_text)):
+        for k, name in enumerate(parts.names):
+            own = ratio[k] if axis == 1 else ratio[:, k]
+            others = np.delete(ratio, k, axis=1 - axis)
+            if np.isfinite(own).sum() < 2 or not np.isfinite(others).any():
+                continue
+            share = float(np.nanmedian(own) / np.nanmedian(others))
+            if share < DIM_SHARE:
+                message = (
+                    f"{called(parts, k)}: {share:.0%} of what it should show beside the others; check its resistor, "
+                    "its seat and the gel before it"
+                )
+                problems.append(Problem(kind="dim", parts=(name,), message=message, is_error=False))
+    return problems
+
+
+def _clipped(pattern: Pattern, usable: BoolArray) -> list[Problem]:
+    """Pairs at full scale that should be well below it, receiver by receiver: an error where most of them are."""
+    may_be_read = usable & ~pattern.is_meant_to_clip & (pattern.expected >= SEEN_COUNTS)
+    odd = usable & pattern.is_clipped & (pattern.expected < UNEXPECTED_SHARE * pattern.full_scale)
+    problems = []
+    for j in map(int, np.flatnonzero(odd.any(axis=0))):
+        pairs = [
+            f"{pattern.emitters.names[i]}-{pattern.receivers.names[j]}" for i in np.flatnonzero(odd[:, j])
+        ]
+        message = (
+            f"{receiver_text(pattern.receivers, j)}: at full scale under {', '.join(pairs)}, expected at most "
+            f"{pattern.expected[odd[:, j], j].max():.0f} counts; its gain is too high, or stray light comes in"
+        )
+        is_error = 2 * int(odd[:, j].sum()) > int(may_be_read[:, j].sum())
+        parts = (pattern.receivers.names[j],)
+        problems.append(Problem(kind="saturated", parts=parts, message=message, is_error=is_error))
+    return problems
+
+
+def _ambient(dark: NDArray[np.uint16], railed: BoolArray, found: Descriptor) -> list[Problem]:
+    level = dark.mean(axis=0)
+    bright = np.flatnonzero((level > AMBIENT_SHARE * found.full_scale) & ~railed)
+    if not bright.size:
+        return []
+    names = tuple(found.receivers.names[j] for j in bright)
+    level_text = f"{level[bright].max():.0f} counts in the dark"
+    message = f"{', '.join(names)}: {level_text}; cover the pad, or mend its black layer"
+    return [Problem(kind="ambient", parts=names, message=message, is_error=False)]
+
+
+def _noisy(counts: NDArray[np.uint16], railed: BoolArray, found: Descriptor) -> list[Problem]:
+    scatter, mean = counts.std(axis=0), counts.mean(axis=0)
+    noisy = (scatter > NOISE_COUNTS + NOISE_SHARE * mean).any(axis=0) & ~railed
+    if not noisy.any():
+        return []
+    names = tuple(found.receivers.names[j] for j in np.flatnonzero(noisy))
+    message = (
+        f"{', '.join(names)}: readings scatter by up to {scatter[:, noisy].max():.0f} counts; was the pad touched? "
+        "Else check contacts and shielding, and take lamps on mains away"
+    )
+    return [Problem(kind="noisy", parts=names, message=message, is_error=False)]
+
+
+def _supply(self_test: SelfTest | None, found: Descriptor) -> list[Problem]:
+    if self_test is None or self_test.reference_counts == 0:
+        return []
+    supply_v = REFERENCE_V * (found.full_scale + 1) / self_test.reference_counts
+    if SUPPLY_LOW_V <= supply_v <= SUPPLY_HIGH_V:
+        return []
+    message = (
+        f"the board's supply reads {supply_v:.2f} V (its reference is good to 10 %), should be {SUPPLY_LOW_V} to "
+        f"{SUPPLY_HIGH_V} V; use a shorter cable or a powered port"
+    )
+    return [Problem(kind="supply", parts=(), message=message, is_error=False)]
+
+
+def _agreement(pattern: Pattern, railed: BoolArray) -> tuple[float | None, float | None, int]:
+    told = ~pattern.is_clipped & ~pattern.is_meant_to_clip & (pattern.expected >= SEEN_COUNTS) & ~railed
+    if not told.any():
+        return None, None, 0
+    ratio = np.maximum(pattern.measured[told], 1.0) / pattern.expected[told]
+    gain = float(np.median(ratio))
+    return gain, float(np.exp(np.median(np.abs(np.log(ratio / gain)))) - 1.0), int(told.sum())
+
+
+def _pair_names(mask: BoolArray, pattern: Pattern) -> list[str]:
+    return [f"{pattern.emitters.names[i]}-{pattern.receivers.names[j]}" for i, j in np.argwhere(mask)]

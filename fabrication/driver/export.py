@@ -1,0 +1,196 @@
+"""A recording as netCDF, in the form that `optopad compare` reads (docs/recordings.md). Needs xarray."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import InputError, OutputError
+from fabrication.driver.counters import WrappingCounter, restarts
+from fabrication.driver.descriptor import UNITS, descriptor_of
+from fabrication.driver.finger import FingerPath
+from fabrication.driver.protocol import Unpacked, frame_format, unpack_frames
+from fabrication.driver.recording import Record, RecordKind, press_of, read_records
+from fabrication.driver_file import DriverConfig
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+FloatArray = NDArray[np.float64]
+US_PER_S = 1e6
+COMPRESSION = {"zlib": True, "complevel": 4}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recorded:
+    """A recording's frames as arrays.
+
+    Attributes
+    ----------
+    config : of the sensor
+    counts : (time, state, receiver) [counts]
+    connection, sequence : (time,)
+    device_s : (time,) the board's clock since its reset [s]
+    host_s : (time,) this machine's clock since 1970 [s]
+    press_mm : (time, 3) x, y, depth [mm]; None where the recording does not say
+    lost : frames missing by the sequence numbers
+    stray_bytes : bytes of the file that belong to no whole record
+    ended_cleanly : whether the recorder was closed
+    """
+
+    config: DriverConfig
+    counts: NDArray[np.uint16]
+    connection: NDArray[np.int64]
+    sequence: NDArray[np.int64]
+    device_s: FloatArray
+    host_s: FloatArray
+    press_mm: FloatArray | None
+    lost: int
+    stray_bytes: int
+    ended_cleanly: bool
+
+
+def read_recorded(file: Path, path: FingerPath | None = None) -> Recorded:
+    """Everything whole in a recording.
+
+    Parameters
+    ----------
+    path : where the pad was pressed, by the board's clock; None takes the presses that the recording says
+
+    Raises
+    ------
+    InputError : no recording, or no whole frame in it.
+    """
+    _, config, records, stray = read_records(file)
+    frames = [record for record in records if record.kind == RecordKind.FRAME]
+    if not frames:
+        raise InputError(f"{file}: holds no whole frame")
+    found = unpack_frames(frame_format(config), [record.content for record in frames])
+    connection = _connections(records, found)
+    sequence, device_us, lost = _unwrapped(found, connection)
+    host_s = np.array([record.host_s for record in frames])
+    device_s = device_us / US_PER_S
+    return Recorded(
+        config=config,
+        counts=found.counts,
+        connection=connection,
+        sequence=sequence,
+        device_s=device_s,
+        host_s=host_s,
+        press_mm=_presses(records, host_s) if path is None else path.at(device_s),
+        lost=lost,
+        stray_bytes=stray,
+        ended_cleanly=any(record.kind == RecordKind.END for record in records),
+    )
+
+
+def dataset_of(recorded: Recorded, name: str) -> xr.Dataset:
+    """The recording with named axes and units."""
+    import xarray as xr
+
+    said = descriptor_of(recorded.config)
+    dataset = xr.Dataset(
+        {
+            "counts": (("time", "state", "receiver"), recorded.counts, {"units": UNITS["counts"]}),
+            "device_time": (
+                "time",
+                recorded.device_s,
+                {"units": "s", "long_name": "since the board's reset"},
+            ),
+            "host_time": ("time", recorded.host_s, {"units": "s", "long_name": "since 1970"}),
+            "sequence": ("time", recorded.sequence, {"units": "1"}),
+            "connection": ("time", recorded.connection, {"units": "1"}),
+        },
+        coords={"state": list(said.states), "receiver": list(said.receivers.names)},
+        attrs={
+            "title": "optopad recording",
+            "source": name,
+            "design": said.design,
+            "design_digest": said.digest,
+            "lost_frames": recorded.lost,
+        },
+    )
+    if recorded.press_mm is not None:
+        for k, axis in enumerate(("press_x", "press_y", "press_depth")):
+            positive = {"positive": "into the pad"} if axis == "press_depth" else {}
+            dataset[axis] = ("time", recorded.press_mm[:, k], {"units": "mm"} | positive)
+    return dataset
+
+
+def export_netcdf(file: Path, out: Path, path: FingerPath | None = None) -> Recorded:
+    """Write a recording as netCDF, whole or not at all.
+
+    Raises
+    ------
+    InputError : as `read_recorded`.
+    OutputError : the folder cannot be written, or xarray is missing.
+    """
+    recorded = read_recorded(file, path)
+    partial = out.with_name(f".{out.name}.partial")
+    try:
+        dataset = dataset_of(recorded, file.name)
+        encoding: dict[Any, Any] = {"counts": COMPRESSION}
+        dataset.to_netcdf(partial, engine="h5netcdf", encoding=encoding)
+        os.replace(partial, out)
+    except ImportError as err:
+        raise OutputError(
+            f"{out}: netCDF needs xarray and h5netcdf: {err}; pip install xarray h5netcdf"
+        ) from None
+    except OSError as err:
+        raise OutputError(f"{out}: cannot be written: {err.strerror or err}; choose another folder") from None
+    finally:
+        partial.unlink(missing_ok=True)
+    return recorded
+
+
+def can_export() -> bool:
+    """Whether this Python has what netCDF needs."""
+    from importlib.util import find_spec
+
+    return all(find_spec(name) is not None for name in ("xarray", "h5netcdf"))
+
+
+def _connections(records: list[Record], found: Unpacked) -> NDArray[np.int64]:
+    """(time,) counts from 1 up with every hello between frames, and where a sequence goes back."""
+    begins, number = np.zeros(len(found.sequence), dtype=bool), 0
+    is_new = False
+    for record in records:
+        if record.kind == RecordKind.HELLO:
+            is_new = True
+        elif record.kind == RecordKind.FRAME:
+            begins[number] = is_new
+            number, is_new = number + 1, False
+    begins[restarts(found.sequence, int(found.sequence[0]) - 1)] = True
+    begins[0] = False
+    numbers: NDArray[np.int64] = 1 + np.cumsum(begins)
+    return numbers
+
+
+def _unwrapped(
+    found: Unpacked, connection: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
+    sequence, device_us = np.empty(len(connection), np.int64), np.empty(len(connection), np.int64)
+    lost = 0
+    for number in np.unique(connection):
+        own = connection == number
+        sequence[own], steps = WrappingCounter(goes_back=True).extended(found.sequence[own])
+        device_us[own], _ = WrappingCounter(goes_back=False).extended(found.device_us[own])
+        lost += int((steps - 1).sum())
+    return sequence, device_us, lost
+
+
+def _presses(records: list[Record], host_s: FloatArray) -> FloatArray | None:
+    """(time, 3) the press that was said last before each frame; untouched before the first. None where none was."""
+    said = [record for record in records if record.kind == RecordKind.PRESS]
+    if not said:
+        return None
+    values = np.array([press_of(record) for record in said])
+    before = np.searchsorted([record.host_s for record in said], host_s, side="right") - 1
+    untouched = np.array([values[0, 0], values[0, 1], 0.0])
+    found: FloatArray = np.where((before >= 0)[:, None], values[np.maximum(before, 0)], untouched)
+    return found

@@ -1,0 +1,173 @@
+"""Which wires are exchanged: the order of emitters and receivers under which the readings fit the expected pattern.
+
+Model, on the scale log(max(., floor)): a reading is the expected one times a common factor, a factor of the emitter,
+one of the receiver, and one of the pair. Parts scatter by `PART_SPREAD`, pairs by `PAIR_SPREAD` or by more if the best
+fit says so; a misfit is the sum of squares over these spreads, the factors fitted (ridge regression, unknown common
+factor free). A wrong wire is told by the contrast between pairs, not by brightness.
+
+From the wiring as it should be, the exchange of two emitters or of two receivers that mends most is taken, then the
+next: several pairs come apart, and a ring of three as two exchanges. Pairs that are dark both in fact and in
+expectation say nothing; one at full scale in only one of the two counts by how far the other is below.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from fabrication.driver.pattern import (
+    FLOOR_COUNTS,
+    SEEN_COUNTS,
+    BoolArray,
+    FloatArray,
+    Pattern,
+    Problem,
+    emitter_text,
+    receiver_text,
+)
+
+Order = tuple[int, ...]
+
+PART_SPREAD = 0.3
+"""Standard deviation of ln of a part's factor: resistors 5 %, bins of LEDs a factor of 1.5, seating."""
+
+PAIR_SPREAD = 0.12
+"""Standard deviation of ln of a pair's own factor: places and heights of parts, the model's own errors."""
+
+LARGEST_MISS = 5.0
+"""Spreads that a single pair counts at most: one odd pair must not outvote the others."""
+
+EVIDENCE = 20.0
+"""Misfit that an exchange must take away: odds of e^10 to one under the model."""
+
+EQUAL = 8.0
+"""Exchanges whose misfit is at most this far from the best one's explain the readings as well: odds of 50 to one."""
+
+NORMAL_MEDIAN_SQUARE = 0.455
+"""Median of the square of a standard normal variable."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Fit:
+    """Misfit in spreads squared, and the pairs' own spread in units of the assumed one, at least 1."""
+
+    misfit: float
+    spread: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Exchange:
+    """Two emitters (axis 0) or receivers (axis 1) taken for each other."""
+
+    axis: int
+    pair: tuple[int, int]
+
+    def applied(self, rows: Order, columns: Order) -> tuple[Order, Order]:
+        """The orders with these two changed."""
+        orders = [list(rows), list(columns)]
+        a, b = self.pair
+        order = orders[self.axis]
+        order[a], order[b] = order[b], order[a]
+        return tuple(orders[0]), tuple(orders[1])
+
+
+def exchanged_wires(pattern: Pattern, usable: BoolArray) -> tuple[list[int], list[int], list[Problem]]:
+    """The exchanges that explain the readings.
+
+    Parameters
+    ----------
+    usable : (emitter, receiver) pairs whose parts live
+
+    Returns
+    -------
+    the expected rows and columns in the order in which they are wired, and a problem an exchange
+    """
+    rows: Order = tuple(range(usable.shape[0]))
+    columns: Order = tuple(range(usable.shape[1]))
+    exchanges = _exchanges(usable)
+    problems: list[Problem] = []
+    now = _fitted(pattern, usable, rows, columns)
+    while exchanges and len(problems) < len(rows) + len(columns):
+        fits = [_fitted(pattern, usable, *one.applied(rows, columns)) for one in exchanges]
+        best = min(range(len(fits)), key=lambda k: fits[k].misfit)
+        scale = fits[best].spread ** 2
+        if now.misfit - fits[best].misfit < EVIDENCE * scale:
+            break
+        limit = fits[best].misfit + EQUAL * scale
+        equal = [one for one, fit in zip(exchanges, fits, strict=True) if fit.misfit <= limit]
+        problems.append(_problem(pattern, exchanges[best], equal))
+        rows, columns = exchanges[best].applied(rows, columns)
+        now = fits[best]
+    return list(rows), list(columns), problems
+
+
+def _exchanges(usable: BoolArray) -> list[_Exchange]:
+    living = [map(int, np.flatnonzero(usable.any(axis=1 - axis))) for axis in (0, 1)]
+    return [_Exchange(axis=axis, pair=pair) for axis in (0, 1) for pair in combinations(living[axis], 2)]
+
+
+def _fitted(pattern: Pattern, usable: BoolArray, rows: Order, columns: Order) -> _Fit:
+    """How well an order of the expected rows and columns fits."""
+    expected = pattern.expected[list(rows)][:, list(columns)]
+    meant = pattern.is_meant_to_clip[list(rows)][:, list(columns)]
+    difference = _scaled(pattern.measured) - _scaled(expected)
+    told = usable & ~meant & ~pattern.is_clipped
+    told &= (expected >= SEEN_COUNTS) | (pattern.measured >= SEEN_COUNTS)
+    if not told.any():
+        return _Fit(misfit=0.0, spread=1.0)
+    by_emitter, by_receiver, common = _part_factors(difference, told)
+    left = difference - common - by_emitter[:, None] - by_receiver
+    one_sided = usable & (meant != pattern.is_clipped)
+    below = np.where(meant, np.maximum(-left, 0.0), np.maximum(left, 0.0))
+    miss = np.where(told, np.abs(left), np.where(one_sided, below, 0.0)) / PAIR_SPREAD
+    parts = ((by_emitter**2).sum() + (by_receiver**2).sum()) / PART_SPREAD**2
+    spread = np.sqrt(np.median(miss[told] ** 2) / NORMAL_MEDIAN_SQUARE)
+    capped = np.minimum(miss, LARGEST_MISS * max(1.0, float(spread)))
+    return _Fit(misfit=float((capped**2).sum() + parts), spread=max(1.0, float(spread)))
+
+
+def _part_factors(difference: FloatArray, told: BoolArray) -> tuple[FloatArray, FloatArray, float]:
+    """Ridge regression of (emitter, receiver) differences on emitters, receivers and a common term."""
+    emitters, receivers = difference.shape
+    weight = told.astype(np.float64)
+    target = np.where(told, difference, 0.0)
+    ridge = (PAIR_SPREAD / PART_SPREAD) ** 2
+    normal = np.zeros((emitters + receivers + 1,) * 2)
+    normal[:emitters, :emitters] = np.diag(weight.sum(axis=1) + ridge)
+    normal[emitters:-1, emitters:-1] = np.diag(weight.sum(axis=0) + ridge)
+    normal[:emitters, emitters:-1] = weight
+    normal[emitters:-1, :emitters] = weight.T
+    normal[-1, :-1] = normal[:-1, -1] = np.concatenate([weight.sum(axis=1), weight.sum(axis=0)])
+    normal[-1, -1] = weight.sum()
+    right = np.concatenate([target.sum(axis=1), target.sum(axis=0), [target.sum()]])
+    found = np.linalg.solve(normal, right)
+    return found[:emitters], found[emitters:-1], float(found[-1])
+
+
+def _scaled(values: FloatArray) -> FloatArray:
+    scaled: FloatArray = np.log(np.maximum(values, FLOOR_COUNTS))
+    return scaled
+
+
+def _problem(pattern: Pattern, best: _Exchange, equal: list[_Exchange]) -> Problem:
+    ways = [best, *(one for one in equal if one != best)]
+    names = [_named(pattern, one) for one in ways]
+    parts = tuple(dict.fromkeys(part for one in ways for part in _parts(pattern, one)))
+    if len(names) == 1:
+        message = f"{names[0]}: the readings fit when these two wires change places; exchange them"
+    else:
+        message = f"{' or '.join(names)}: the readings fit when two wires change places; the pattern cannot tell which"
+    return Problem(kind="swapped", parts=parts, message=message)
+
+
+def _parts(pattern: Pattern, one: _Exchange) -> tuple[str, str]:
+    names = (pattern.emitters, pattern.receivers)[one.axis].names
+    return names[one.pair[0]], names[one.pair[1]]
+
+
+def _named(pattern: Pattern, one: _Exchange) -> str:
+    parts = (pattern.emitters, pattern.receivers)[one.axis]
+    text = (emitter_text, receiver_text)[one.axis]
+    return f"{text(parts, one.pair[0])} and {text(parts, one.pair[1])}"
