@@ -9,6 +9,8 @@ Left out: slicing, warping, how a given printer renders a thin wall.
 from __future__ import annotations
 
 import io
+import math
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
@@ -18,9 +20,12 @@ import trimesh
 
 from cad.mesh import Mesh, read_stl, unit_normals
 from cad.optical import cavity_agreement
-from design.mold_label import MoldLabel
+from design.lettering import OVERLAP
 from design.mold_outline import outline_of
+from design.part_numbers import unnumbered
+from design.printer import Bed, printer, usual_bed_mm
 from design.spec import SensorDesign
+from design.units import ROUNDING_MM
 from design.webs import bodies_above_rim, clearances, pockets_below_clear_layer, tightest
 
 State = Literal["ok", "warning", "error"]
@@ -35,8 +40,6 @@ OVERHANG_DEG = 45.0
 """Faces that lean out further than this from the vertical need support."""
 OVERHANG_LIMIT_MM2 = 0.5
 """Area of overhang below which no support is worth the mark it leaves."""
-BED_MM = (250.0, 210.0)
-"""Usual print bed, x and y."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,22 +102,20 @@ class Checks:
         }
 
 
-def check_parts(
-    design: SensorDesign, parts: tuple[PartFile, ...], *, bed_mm: tuple[float, float] = BED_MM
-) -> Checks:
+def check_parts(design: SensorDesign, parts: tuple[PartFile, ...], *, bed_mm: Bed | None = None) -> Checks:
     """Check every printed part of a design; the part named `mold` also as the optical cavity.
 
     Parameters
     ----------
-    bed_mm : room of the print bed, x and y
+    bed_mm : room of the printer, x, y and height; None for the usual one
     """
+    bed, bridged = bed_mm or usual_bed_mm(), bridged_mm2(design)
     findings: list[Finding] = []
     volumes = {}
     for part in parts:
         loaded = trimesh.load_mesh(io.BytesIO(part.stl), file_type="stl")
         findings += _body(part.name, loaded) + _volumes(part, float(loaded.volume))
-        label = outline_of(design).label if part.name == "mold" else None
-        findings += _printing(part.name, read_stl(part.stl), bed_mm, label)
+        findings += _printing(part.name, read_stl(part.stl), bed, bridged.get(part.name, 0.0))
         volumes[part.name] = {
             "stl": round(float(loaded.volume), 4),
             "solid": round(part.solid_mm3, 4),
@@ -141,9 +142,41 @@ def design_findings(design: SensorDesign) -> tuple[Finding, ...]:
     tall, deep = bodies_above_rim(design), pockets_below_clear_layer(design)
     return (
         *webs,
+        *_lettering(design),
         _count("bodies above the rim", tall, "in the way of the leveling blade; raise mold.rim_mm"),
         _count("pockets below the clear layer", deep, "the black layer flows against these bodies"),
     )
+
+
+def _lettering(design: SensorDesign) -> Iterator[Finding]:
+    """Narrowest strokes and gaps of what is to be read, the widest bridge, and names without room."""
+    outline, narrowest = outline_of(design), printer("narrowest_stroke").value
+    widths = {"numbers": [one.stroke_mm for one in outline.numbers]}
+    widths["label"] = [outline.label.stroke_mm] if outline.label.strokes else []
+    for what, strokes in widths.items():
+        if strokes:
+            yield _at_least(f"mold: narrowest stroke of the {what}", min(strokes), narrowest)
+            gap = min(strokes) / OVERLAP * (2 - OVERLAP)
+            yield _at_least(f"mold: narrowest gap of the {what}", gap, narrowest)
+    spans = [s.channel.along1 - s.channel.along0 for s in outline.sockets if s.channel is not None]
+    if spans:
+        longest = printer("longest_bridge").value
+        yield _at_most(
+            "mold: widest bridge over a lead channel", round(max(spans), 4), longest, "mm", "", "warning"
+        )
+    names = tuple(socket.part.name for socket in outline.sockets)
+    missing = () if design.mold.numbers == "none" else tuple(unnumbered(names, outline.numbers))
+    yield _count(
+        "parts without their name on the mold", missing, "no room beside their sockets; mark them by hand"
+    )
+    radial = [s for s in outline.sockets if s.holes and s.channel is None]
+    bare = tuple(s.part.name for s in radial) if design.mold.strain_relief == "pinch" else ()
+    yield _count("leads without a channel below the mold", bare, "stand the mold on feet; see mold.floor_mm")
+
+
+def _at_least(name: str, value: float, limit: float) -> Finding:
+    state: State = "ok" if value >= limit - ROUNDING_MM else "error"
+    return Finding(name=name, value=round(value, 4), limit=limit, unit="mm", state=state)
 
 
 def _count(name: str, parts: tuple[str, ...], meaning: str) -> Finding:
@@ -207,28 +240,42 @@ def _volumes(part: PartFile, stl_mm3: float) -> list[Finding]:
     ]
 
 
-def _printing(name: str, mesh: Mesh, bed_mm: tuple[float, float], label: MoldLabel | None) -> list[Finding]:
-    """The ceilings of a label's strokes bridge: their area is no overhang."""
+def bridged_mm2(design: SensorDesign) -> dict[str, float]:
+    """Area of the ceilings that bridge, by part: strokes of label and numbers, the leads' channels [mm2]."""
+    outline = outline_of(design)
+    channels = [(s.channel, s.holes) for s in outline.sockets if s.channel is not None]
+    below = outline.label.area_mm2 + sum(
+        (cut.along1 - cut.along0) * (cut.out1 - cut.out0) - sum(math.pi * hole.radius**2 for hole in holes)
+        for cut, holes in channels
+    )
+    numbers = sum(number.ceiling_mm2 for number in outline.numbers)
+    return {"mold": below + numbers, "mold_base": below + numbers, "mold_frame": numbers}
+
+
+def _printing(name: str, mesh: Mesh, bed_mm: Bed, bridged: float) -> list[Finding]:
+    """The ceilings of strokes and channels bridge: their area is no overhang."""
     size = np.ptp(mesh.vertices, axis=0)
-    bridged_mm2 = 0.0 if label is None else label.area_mm2
-    fits = max(size[:2]) <= max(bed_mm) and min(size[:2]) <= min(bed_mm)
+    fits = max(size[:2]) <= max(bed_mm[:2]) and min(size[:2]) <= min(bed_mm[:2]) and size[2] <= bed_mm[2]
     return [
         _at_most(
             f"{name}: overhang",
             round(overhang_area_mm2(mesh), 3),
-            round(OVERHANG_LIMIT_MM2 + bridged_mm2, 3),
+            round(OVERHANG_LIMIT_MM2 + bridged, 3),
             "mm2",
             "faces that lean out further than 45 deg, above the bed"
-            + (f"; {bridged_mm2:.1f} of it are the label's strokes, which bridge" if bridged_mm2 else ""),
+            + (
+                f"; {bridged:.1f} of it are ceilings of strokes and channels, which bridge" if bridged else ""
+            ),
             "warning",
         ),
         Finding(
             name=f"{name}: print bed",
             value=round(float(max(size[:2])), 3),
-            limit=max(bed_mm),
+            limit=max(bed_mm[:2]),
             unit="mm",
             state="ok" if fits else "warning",
-            note=f"{size[0]:.1f} x {size[1]:.1f} mm on a bed of {bed_mm[0]:g} x {bed_mm[1]:g} mm",
+            note=f"{size[0]:.1f} x {size[1]:.1f} x {size[2]:.1f} mm in a room of "
+            f"{bed_mm[0]:g} x {bed_mm[1]:g} x {bed_mm[2]:g} mm",
         ),
     ]
 
@@ -243,7 +290,8 @@ def overhang_area_mm2(mesh: Mesh) -> float:
 
 
 def _mold_size(design: SensorDesign, extents: np.ndarray[Any, Any]) -> list[Finding]:
-    wanted = (design.mold.outer_length_mm, design.mold.outer_width_mm, outline_of(design).height_mm)
+    outline = outline_of(design)
+    wanted = (design.mold.outer_length_mm, design.mold.outer_width_mm, outline.highest_mm - outline.bottom_mm)
     return [
         _at_most(
             "mold: outer size against the design",

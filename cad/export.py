@@ -1,10 +1,10 @@
-"""The files of the printed parts: STL, STEP and 3MF of the mold, STL of the tools, the checks.
+"""The files of the printed parts: STL, STEP and 3MF of the mold, STL of its pieces and of the tools, the checks.
 
 In every file the print bed is z = 0 and x, y are those of the cavity frame; the tools have frames of their
 own (see their modules). Equal designs give equal bytes: STEP is written without time and counters.
 
 A folder gets either all files or none of the new ones: they are written beside it and moved into
-place. A blade left over from a design with a black layer is removed when the design has none.
+place. A tool or piece left over from another design of the same name is removed when this one has none.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ import json
 import os
 import re
 import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import cadquery as cq
@@ -21,16 +23,23 @@ from cad.checks import Checks, PartFile, check_parts
 from cad.indenter_tip import indenter_tip, indenter_tip_volume_mm3
 from cad.leveling_blade import blade_size, leveling_blade
 from cad.mesh import mesh_of, stl_bytes, threemf_bytes
-from cad.mold import build_mold
-from cad.volume import mold_volume_mm3
-from design.mold_outline import bed_lift_mm
+from cad.mold import build_mold, part_mold
+from cad.pour_gauge import gauge_size, pour_gauge
+from cad.solder_jig import jig_size, solder_jig
+from cad.volume import base_volume_mm3, mold_volume_mm3
+from design.mold_outline import bed_lift_mm, outline_of
+from design.printer import Bed
 from design.spec import SensorDesign
 
 FILES = (
     "mold.stl",
     "mold.step",
     "mold.3mf",
+    "mold_frame.stl",
+    "mold_base.stl",
     "leveling_blade.stl",
+    "pour_gauge.stl",
+    "solder_jig.stl",
     "indenter_tip.stl",
     "checks.json",
 )
@@ -38,22 +47,26 @@ FILES = (
 _STEP_TIME = "1970-01-01T00:00:00"
 
 
-def export_parts(design: SensorDesign, folder: str | os.PathLike[str]) -> dict[str, Path]:
+def export_parts(
+    design: SensorDesign, folder: str | os.PathLike[str], *, bed_mm: Bed | None = None
+) -> dict[str, Path]:
     """Write all files of a design's printed parts.
 
     Parameters
     ----------
     folder : made if missing; files of the same names are replaced
+    bed_mm : room of the printer that the checks hold the parts against; None for the usual one
 
     Returns
     -------
-    path of each written file by its name; `leveling_blade.stl` only with a black layer
+    path of each written file by its name; `leveling_blade.stl` only with a black layer, `pour_gauge.stl` only with
+    a rim, `mold_frame.stl` and `mold_base.stl` only for a parted mold
 
     Raises
     ------
     DesignError : the design breaks a rule, such as a web that is too thin; nothing has been written.
     """
-    contents = part_files(design)
+    contents = part_files(design, bed_mm=bed_mm)
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=target, prefix=".partial-") as partial:
@@ -66,28 +79,54 @@ def export_parts(design: SensorDesign, folder: str | os.PathLike[str]) -> dict[s
     return {name: target / name for name in contents}
 
 
-def part_files(design: SensorDesign) -> dict[str, bytes]:
+def part_files(design: SensorDesign, *, bed_mm: Bed | None = None) -> dict[str, bytes]:
     """Content of every file by its name."""
-    lift = bed_lift_mm(design)
-    mold, blade, tip = build_mold(design), leveling_blade(design), indenter_tip(design)
+    lift, mold = bed_lift_mm(design), build_mold(design)
     mold_mesh = mesh_of(mold, lift)
     title = f"{design.name} mold {design.digest[:8]}"
     files = {
         "mold.stl": stl_bytes(mold_mesh),
         "mold.step": step_bytes(mold.translate((0, 0, lift)), design.name),
         "mold.3mf": threemf_bytes(mold_mesh, title),
-        "indenter_tip.stl": stl_bytes(mesh_of(tip)),
     }
-    printed = [
-        _part_file("mold", files, mold, mold_volume_mm3(design)),
-        _part_file("indenter_tip", files, tip, indenter_tip_volume_mm3(design)),
-    ]
-    size = blade_size(design)
-    if blade is not None and size is not None:
-        files["leveling_blade.stl"] = stl_bytes(mesh_of(blade))
-        printed.append(_part_file("leveling_blade", files, blade, size.volume_mm3))
-    files["checks.json"] = checks_bytes(check_parts(design, tuple(printed)))
+    printed = [_part_file("mold", files["mold.stl"], mold, mold_volume_mm3(design))]
+    for part in (*_pieces(design, mold), *_tools(design)):
+        content = stl_bytes(mesh_of(part.solid, part.lift_mm))
+        files[f"{part.name}.stl"] = content
+        printed.append(_part_file(part.name, content, part.solid, part.formula_mm3))
+    files["checks.json"] = checks_bytes(check_parts(design, tuple(printed), bed_mm=bed_mm))
     return files
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Part:
+    """A solid to print, what lifts it onto the bed, and its volume by formula."""
+
+    name: str
+    solid: cq.Workplane
+    formula_mm3: float
+    lift_mm: float = 0.0
+
+
+def _pieces(design: SensorDesign, mold: cq.Workplane) -> Iterator[_Part]:
+    if design.mold.pieces == "one":
+        return
+    outline, base_mm3 = outline_of(design), base_volume_mm3(design)
+    frame, base = part_mold(mold, outline)
+    frame_mm3 = mold_volume_mm3(design) - base_mm3
+    yield _Part(name="mold_frame", solid=frame, formula_mm3=frame_mm3, lift_mm=-outline.cavity_bottom_mm)
+    yield _Part(name="mold_base", solid=base, formula_mm3=base_mm3, lift_mm=bed_lift_mm(design))
+
+
+def _tools(design: SensorDesign) -> Iterator[_Part]:
+    blade, size = leveling_blade(design), blade_size(design)
+    if blade is not None and size is not None:
+        yield _Part(name="leveling_blade", solid=blade, formula_mm3=size.volume_mm3)
+    gauge, teeth = pour_gauge(design), gauge_size(design)
+    if gauge is not None and teeth is not None:
+        yield _Part(name="pour_gauge", solid=gauge, formula_mm3=teeth.volume_mm3)
+    yield _Part(name="solder_jig", solid=solder_jig(design), formula_mm3=jig_size(design).volume_mm3)
+    yield _Part(name="indenter_tip", solid=indenter_tip(design), formula_mm3=indenter_tip_volume_mm3(design))
 
 
 def checks_bytes(checks: Checks) -> bytes:
@@ -105,6 +144,6 @@ def step_bytes(part: cq.Workplane, name: str) -> bytes:
     return re.sub(r"Open CASCADE STEP translator [\d.]+( [\d.]+)?", "optopad mold", text).encode()
 
 
-def _part_file(name: str, files: dict[str, bytes], part: cq.Workplane, formula_mm3: float) -> PartFile:
+def _part_file(name: str, stl: bytes, part: cq.Workplane, formula_mm3: float) -> PartFile:
     solid_mm3 = float(part.val().Volume())  # type: ignore[union-attr]
-    return PartFile(name=name, stl=files[f"{name}.stl"], solid_mm3=solid_mm3, formula_mm3=formula_mm3)
+    return PartFile(name=name, stl=stl, solid_mm3=solid_mm3, formula_mm3=formula_mm3)

@@ -15,21 +15,27 @@ Seen from above (L-shaped marks: sockets open to the cavity and upward), and cut
         +--> x  origin corner cut at 45 deg              wall        lead holes
 
 The silicone's undisturbed top is where the lip starts, if the rim is no higher than the lip: pour to that
-line. A label is sunk into the underside (`design.mold_label`). All numbers come from `design.mold_outline`; the
-frame is that of `design.cavity` (files are lifted onto the bed by `cad.export`).
+line; a seat for a glass cover at that level replaces the lip. Names of the parts are sunk into the outer faces
+(`design.part_numbers`), a label into the underside (`design.mold_label`), bodies taller than the rim get collars
+(`design.raised_sockets`), and the mold may be parted at the cavity's floor. All numbers come from
+`design.mold_outline`; the frame is that of `design.cavity` (files are lifted onto the bed by `cad.export`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from typing import cast
 
 import cadquery as cq
 
-from design.mold_label import Stroke
+from design import part_numbers
+from design.lettering import Loop, Shape, shapes_of
 from design.mold_outline import MoldOutline, outline_of
+from design.part_numbers import PartNumber
 from design.rules import require_valid
-from design.sockets import Cut, Hole, Socket
+from design.sockets import Box, Cut, Hole, Socket
 from design.spec import SensorDesign
 
 BEYOND_MM = 1.0
@@ -45,14 +51,30 @@ def build_mold(design: SensorDesign) -> cq.Workplane:
     """
     require_valid(design)
     outline = outline_of(design)
-    cutters = [_mouth(outline)]
+    cutters = _mouth(outline)
     for socket in outline.sockets:
         cutters += _socket_cutters(socket, outline)
     cutters += [_drill(hole) for hole in outline.fixing_holes]
-    cutters += [_engraved(stroke, outline) for stroke in outline.label.strokes]
+    cutters += [solid for number in outline.numbers for solid in _engraved(number)]
+    cutters += _label(outline)
     pieces = _block(outline).cut(*cutters).Solids()
     assert len(pieces) == 1, f"{design.name}: the mold falls into {len(pieces)} pieces"
     return cq.Workplane(obj=pieces[0])
+
+
+def part_mold(mold: cq.Workplane, outline: MoldOutline) -> tuple[cq.Workplane, cq.Workplane]:
+    """Frame and base: the mold above and below the cavity's floor."""
+    low, high = outline.bottom_mm - BEYOND_MM, outline.highest_mm + BEYOND_MM
+    found = []
+    for z0, z1 in ((outline.cavity_bottom_mm, high), (low, outline.cavity_bottom_mm)):
+        corner = cq.Vector(-outline.wall_x_mm - BEYOND_MM, -outline.wall_y_mm - BEYOND_MM, z0)
+        room = cq.Solid.makeBox(
+            outline.outer_length_mm + 2 * BEYOND_MM, outline.outer_width_mm + 2 * BEYOND_MM, z1 - z0, corner
+        )
+        pieces = cast(cq.Shape, mold.val()).intersect(room).Solids()
+        assert len(pieces) == 1, f"a half of the mold falls into {len(pieces)} pieces"
+        found.append(cq.Workplane(obj=pieces[0]))
+    return found[0], found[1]
 
 
 def _block(outline: MoldOutline) -> cq.Solid:
@@ -65,17 +87,42 @@ def _block(outline: MoldOutline) -> cq.Solid:
         block = block.edges("|Z and (>X or >Y)").fillet(outline.corner_radius_mm)
     if outline.origin_cut_mm > 0:
         block = block.edges("|Z and <X and <Y").chamfer(outline.origin_cut_mm)
-    return cast(cq.Solid, block.translate(corner).val())
+    solid = cast(cq.Solid, block.translate(corner).val())
+    collars = [_filled(collar.box) for collar in outline.collars]
+    return cast(cq.Solid, solid.fuse(*collars).clean()) if collars else solid
 
 
-def _mouth(outline: MoldOutline) -> cq.Solid:
-    """Cavity and flared lip as one polyhedron, up past the rim."""
+def _filled(box: Box) -> cq.Solid:
+    return cq.Solid.makeBox(
+        box.x1 - box.x0, box.y1 - box.y0, box.z1 - box.z0, cq.Vector(box.x0, box.y0, box.z0)
+    )
+
+
+def _mouth(outline: MoldOutline) -> list[cq.Solid]:
+    """Cavity and lip, or cavity and the cover's seat, up past the rim."""
+    if not outline.ledge_mm:
+        return [_flared(outline)]
+    cavity = Box(
+        x0=0.0,
+        x1=outline.length_mm,
+        y0=0.0,
+        y1=outline.width_mm,
+        z0=outline.cavity_bottom_mm,
+        z1=outline.top_mm,
+    )
+    return [_filled(cavity), _filled(replace(outline.mouth, z1=outline.top_mm + BEYOND_MM))]
+
+
+def _flared(outline: MoldOutline) -> cq.Solid:
+    """Cavity and flared lip as one polyhedron."""
     foot, knee = outline.cavity_bottom_mm, outline.top_mm - outline.lip_mm
     if outline.lip_mm == 0:
         knee = outline.top_mm + BEYOND_MM
     rings = [_ring(outline, 0.0, foot), _ring(outline, 0.0, knee)]
-    if outline.lip_mm > 0:
+    if outline.lip_mm > 0 and not outline.collars:
         rings.append(_ring(outline, outline.lip_mm + BEYOND_MM, outline.top_mm + BEYOND_MM))
+    elif outline.lip_mm > 0:  # straight up past the rim: collars stand right behind the lip
+        rings += [_ring(outline, outline.lip_mm, z) for z in (outline.top_mm, outline.top_mm + BEYOND_MM)]
     faces = [_polygon(rings[0][::-1]), _polygon(rings[-1])]
     for low, high in pairwise(rings):
         faces += [_polygon([low[k], low[(k + 1) % 4], high[(k + 1) % 4], high[k]]) for k in range(4)]
@@ -95,34 +142,48 @@ def _socket_cutters(socket: Socket, outline: MoldOutline) -> list[cq.Solid]:
     reaches_floor = socket.pocket.floor < outline.cavity_bottom_mm
     into_cavity = 0.0 if reaches_floor else BEYOND_MM
     cutters = [_slab(socket, socket.pocket, socket.pocket.out0 - into_cavity, socket.pocket.out1)]
-    cutters += [_slab(socket, slot, slot.out0, slot.out1 + BEYOND_MM) for slot in socket.slots]
+    through = socket.necks or socket.slots
+    for way in (*socket.slots, *socket.necks):
+        cutters.append(_slab(socket, way, way.out0, way.out1 + (BEYOND_MM if way in through else 0.0)))
+    if socket.channel is not None:
+        beyond = replace(socket.channel, floor=socket.channel.floor - BEYOND_MM)
+        outward = replace(beyond, out1=beyond.out1 + BEYOND_MM)
+        cutters.append(_filled(socket.frame.box(outward)))
     return cutters + [_drill(hole) for hole in socket.holes]
 
 
 def _slab(socket: Socket, cut: Cut, out0: float, out1: float) -> cq.Solid:
-    box = socket.frame.box(
-        Cut(
-            along0=cut.along0,
-            along1=cut.along1,
-            out0=out0,
-            out1=out1,
-            floor=cut.floor,
-            top=cut.top + BEYOND_MM,
-        )
-    )
-    return cq.Solid.makeBox(
-        box.x1 - box.x0, box.y1 - box.y0, box.z1 - box.z0, cq.Vector(box.x0, box.y0, box.z0)
-    )
+    reach = replace(cut, out0=out0, out1=out1, top=cut.top + BEYOND_MM)
+    return _filled(socket.frame.box(reach))
 
 
-def _engraved(stroke: Stroke, outline: MoldOutline) -> cq.Solid:
-    """A stroke of the label, from below the bed up into the floor."""
-    return cq.Solid.makeBox(
-        stroke.x1 - stroke.x0,
-        stroke.y1 - stroke.y0,
-        outline.label.depth_mm + BEYOND_MM,
-        cq.Vector(stroke.x0, stroke.y0, outline.bottom_mm - BEYOND_MM),
-    )
+def _engraved(number: PartNumber) -> list[cq.Solid]:
+    """A part's name, from beyond the outer face into the wall."""
+    frame = number.frame
+    x0, y0 = frame.point(0.0, frame.thickness_mm + BEYOND_MM)
+    x1, y1 = frame.point(0.0, frame.thickness_mm - part_numbers.DEPTH_MM)
+
+    def place(loop: Loop) -> cq.Wire:
+        points = ((*frame.point(along, frame.thickness_mm + BEYOND_MM), z) for along, z in loop)
+        return cq.Wire.makePolygon([cq.Vector(*point) for point in points], close=True)
+
+    return [_prism(shape, place, cq.Vector(x1 - x0, y1 - y0, 0.0)) for shape in shapes_of(number.strokes)]
+
+
+def _label(outline: MoldOutline) -> list[cq.Solid]:
+    """The label, from below the bed up into the floor."""
+    foot = outline.bottom_mm - BEYOND_MM
+
+    def place(loop: Loop) -> cq.Wire:
+        return cq.Wire.makePolygon([cq.Vector(x, y, foot) for x, y in loop], close=True)
+
+    up = cq.Vector(0.0, 0.0, outline.label.depth_mm + BEYOND_MM)
+    return [_prism(shape, place, up) for shape in shapes_of(outline.label.strokes)]
+
+
+def _prism(shape: Shape, place: Callable[[Loop], cq.Wire], way: cq.Vector) -> cq.Solid:
+    """A shape moved along a way; `place` puts its loops into space."""
+    return cq.Solid.extrudeLinear(place(shape.outline), [place(hole) for hole in shape.holes], way)
 
 
 def _drill(hole: Hole) -> cq.Solid:

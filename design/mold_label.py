@@ -21,9 +21,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
-from itertools import groupby
 
 from design.finding import Finding, error, mm
+from design.lettering import OVERLAP, Stroke, area_mm2, strokes_of
 from design.spec import SensorDesign
 
 DEPTH_MM = 0.6
@@ -35,21 +35,9 @@ SMALLEST_PITCH_MM = 0.6
 EASY_PITCH_MM = 0.75
 """A text is broken into lines only where its letters would be smaller: strokes of 0.94 mm."""
 LARGEST_PITCH_MM = 1.5
-OVERLAP = 1.25
-"""Side of a point over the pitch of points."""
 COLUMNS, ROWS = 5, 7
 LETTER_GAP, LINE_GAP = 1, 2
 """Free points between letters and between lines."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Stroke:
-    """A rectangle of the label in the cavity frame [mm]."""
-
-    x0: float
-    x1: float
-    y0: float
-    y1: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,16 +58,7 @@ class MoldLabel:
     @property
     def area_mm2(self) -> float:
         """Area of the union of the strokes [mm2]."""
-        xs = sorted({edge for stroke in self.strokes for edge in (stroke.x0, stroke.x1)})
-        ys = sorted({edge for stroke in self.strokes for edge in (stroke.y0, stroke.y1)})
-        column, row = {x: k for k, x in enumerate(xs)}, {y: k for k, y in enumerate(ys)}
-        covered = {
-            (i, j)
-            for stroke in self.strokes
-            for i in range(column[stroke.x0], column[stroke.x1])
-            for j in range(row[stroke.y0], row[stroke.y1])
-        }
-        return sum((xs[i + 1] - xs[i]) * (ys[j + 1] - ys[j]) for i, j in covered)
+        return area_mm2(self.strokes)
 
 
 def mold_label(design: SensorDesign) -> MoldLabel:
@@ -144,26 +123,8 @@ def _height(lines: list[str]) -> float:
 
 def _strokes(lines: list[str], pitch_mm: float, centre_mm: tuple[float, float]) -> list[Stroke]:
     """Runs of points, mirrored along x: the text is read from below."""
-    points = _points(lines)
-    across = {point for run in _runs(points, horizontal=True) for point in run}
-    along = {point for run in _runs(points, horizontal=False) for point in run}
-    alone = [[point] for point in sorted(points - across - along)]
-    runs = [*_runs(points, horizontal=True), *_runs(points, horizontal=False), *alone]
-    wide, high = _width(lines), _height(lines)
-    strokes = []
-    for run in runs:
-        (column0, row0), (column1, row1) = run[0], run[-1]
-        left, right = column0 - wide / 2, column1 + OVERLAP - wide / 2
-        top, bottom = high / 2 - row0, high / 2 - row1 - OVERLAP
-        strokes.append(
-            Stroke(
-                x0=round(centre_mm[0] - right * pitch_mm, 6),
-                x1=round(centre_mm[0] - left * pitch_mm, 6),
-                y0=round(centre_mm[1] + bottom * pitch_mm, 6),
-                y1=round(centre_mm[1] + top * pitch_mm, 6),
-            )
-        )
-    return strokes
+    place = centre_mm[0] + _width(lines) / 2 * pitch_mm, centre_mm[1] + _height(lines) / 2 * pitch_mm
+    return strokes_of(_points(lines), place, pitch_mm, mirrored=True)
 
 
 def _points(lines: list[str]) -> set[tuple[int, int]]:
@@ -176,17 +137,6 @@ def _points(lines: list[str]) -> set[tuple[int, int]]:
         for row in range(ROWS)
         if bits >> row & 1
     }
-
-
-def _runs(points: set[tuple[int, int]], *, horizontal: bool) -> list[list[tuple[int, int]]]:
-    """Runs of two points or more along one direction."""
-    ordered = sorted((point[::-1] if horizontal else point) for point in points)
-    runs = []
-    for _, group in groupby(enumerate(ordered), key=lambda item: (item[1][0], item[1][1] - item[0])):
-        run = [point[::-1] if horizontal else point for _, point in group]
-        if len(run) > 1:
-            runs.append(run)
-    return runs
 
 
 @cache

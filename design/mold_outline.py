@@ -17,9 +17,11 @@ import math
 from dataclasses import dataclass
 
 from design.cavity import CavityGeometry, cavity_of
-from design.layout import WALLS, Wall
+from design.layout import Wall
 from design.mold_label import MoldLabel, mold_label
-from design.sockets import Box, Hole, Socket, WallFrame, socket_of
+from design.part_numbers import PartNumber, part_numbers
+from design.raised_sockets import Collar, by_wall, raised
+from design.sockets import Box, Hole, Socket, WallFrame, gap_mm, socket_of
 from design.spec import Mold, SensorDesign
 
 LIP_MAX_MM = 1.5
@@ -45,7 +47,10 @@ class MoldOutline:
     bottom_mm, cavity_bottom_mm, fill_mm, top_mm : levels: bed, cavity floor, undisturbed top, rim
     lip_mm : leg of the 45-degree pour lip; it never reaches below the fill level
     corner_radius_mm, origin_cut_mm : outer vertical edges
+    ledge_mm : width of a glass cover's seat at the fill level, in place of the lip; 0 for none
     fixing_holes, sockets : what is cut through and into the walls
+    collars : walls above the rim around bodies that are taller
+    numbers : names sunk into the outer faces
     label : what is sunk into the underside
     """
 
@@ -58,10 +63,13 @@ class MoldOutline:
     fill_mm: float
     top_mm: float
     lip_mm: float
+    ledge_mm: float
     corner_radius_mm: float
     origin_cut_mm: float
     fixing_holes: tuple[Hole, ...]
     sockets: tuple[Socket, ...]
+    collars: tuple[Collar, ...]
+    numbers: tuple[PartNumber, ...]
     label: MoldLabel
 
     @property
@@ -76,20 +84,31 @@ class MoldOutline:
 
     @property
     def mouth(self) -> Box:
-        """What the pour lip opens, with the cavity below it."""
+        """What the pour lip or the cover's seat opens, with the cavity below it."""
+        out = self.mouth_out_mm
         return Box(
-            x0=-self.lip_mm,
-            x1=self.length_mm + self.lip_mm,
-            y0=-self.lip_mm,
-            y1=self.width_mm + self.lip_mm,
-            z0=self.top_mm - self.lip_mm,
+            x0=-out,
+            x1=self.length_mm + out,
+            y0=-out,
+            y1=self.width_mm + out,
+            z0=self.fill_mm if self.ledge_mm else self.top_mm - self.lip_mm,
             z1=self.top_mm,
         )
+
+    @property
+    def mouth_out_mm(self) -> float:
+        """How far the rim is opened outward of the cavity [mm]."""
+        return max(self.lip_mm, self.ledge_mm)
 
     @property
     def height_mm(self) -> float:
         """From the bed to the rim [mm]."""
         return self.top_mm - self.bottom_mm
+
+    @property
+    def highest_mm(self) -> float:
+        """Level of the highest face: the rim, or the highest collar [mm]."""
+        return max([self.top_mm, *(collar.top_mm for collar in self.collars)])
 
 
 def outline_of(design: SensorDesign) -> MoldOutline:
@@ -99,6 +118,23 @@ def outline_of(design: SensorDesign) -> MoldOutline:
     wall_y = (mold.outer_width_mm - cavity.width_mm) / 2
     wall = max(min(wall_x, wall_y), 0.0)
     bottom, top = -cavity.black_mm - mold.floor_mm, cavity.clear_mm + mold.rim_mm
+    ledge = mold.cover_ledge_mm
+    lip = 0.0 if ledge else min(LIP_MAX_MM, mold.rim_mm, wall * LIP_SHARE_OF_WALL)
+    fixing_holes = _fixing_holes(mold, cavity, wall_x, wall_y, bottom, top)
+    collars, sockets = raised(
+        tuple(
+            _with_room(
+                socket_of(part, mold, _frame(part.wall, cavity, wall_x, wall_y), top, bottom),
+                fixing_holes,
+                mold,
+            )
+            for part in cavity.parts
+        ),
+        top,
+        max(lip, ledge),
+        fixing_holes,
+        mold,
+    )
     return MoldOutline(
         length_mm=cavity.length_mm,
         width_mm=cavity.width_mm,
@@ -108,15 +144,36 @@ def outline_of(design: SensorDesign) -> MoldOutline:
         cavity_bottom_mm=-cavity.black_mm,
         fill_mm=cavity.clear_mm,
         top_mm=top,
-        lip_mm=min(LIP_MAX_MM, mold.rim_mm, wall * LIP_SHARE_OF_WALL),
+        lip_mm=lip,
+        ledge_mm=ledge,
         corner_radius_mm=min(CORNER_RADIUS_MM, wall * CORNER_SHARE_OF_WALL),
         origin_cut_mm=_origin_cut_mm(mold, wall),
-        fixing_holes=_fixing_holes(mold, cavity, wall_x, wall_y, bottom, top),
-        sockets=tuple(
-            socket_of(part, mold, _frame(part.wall, cavity, wall_x, wall_y), top, bottom)
-            for part in cavity.parts
-        ),
+        fixing_holes=fixing_holes,
+        sockets=sockets,
+        collars=collars,
+        numbers=_numbers(sockets, fixing_holes, bottom, mold),
         label=mold_label(design),
+    )
+
+
+def _with_room(socket: Socket, fixing_holes: tuple[Hole, ...], mold: Mold) -> Socket:
+    """The socket, without its channel where a fixing hole stands in the way."""
+    if socket.channel is None:
+        return socket
+    box = socket.frame.box(socket.channel)
+    near = any(gap_mm(box, hole) < mold.min_web_mm for hole in fixing_holes)
+    return socket.without_channel() if near else socket
+
+
+def _numbers(
+    sockets: tuple[Socket, ...], fixing_holes: tuple[Hole, ...], bottom: float, mold: Mold
+) -> tuple[PartNumber, ...]:
+    if mold.numbers == "none":
+        return ()
+    return tuple(
+        number
+        for row in by_wall(sockets).values()
+        for number in part_numbers(row, fixing_holes, bottom, mold.min_web_mm)
     )
 
 
@@ -152,13 +209,3 @@ def _fixing_holes(
     xs = (inset - wall_x, cavity.length_mm + wall_x - inset)
     ys = (inset - wall_y, cavity.width_mm + wall_y - inset)
     return tuple(Hole(x=x, y=y, radius=radius, z0=bottom, z1=top) for x in xs for y in ys)
-
-
-def by_wall(sockets: tuple[Socket, ...]) -> dict[Wall, tuple[Socket, ...]]:
-    """Sockets of each wall, in the order in which they stand along it."""
-    return {
-        wall: tuple(
-            sorted((s for s in sockets if s.frame.wall == wall), key=lambda socket: socket.pocket.along0)
-        )
-        for wall in WALLS
-    }

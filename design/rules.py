@@ -27,6 +27,7 @@ from design.light_rules import (
     workspace_findings,
 )
 from design.mold_label import label_findings
+from design.mold_rules import mold_findings
 from design.paths import leaves
 from design.properties import entries_of
 from design.reference_rules import entry_findings, found_board, part_findings
@@ -92,6 +93,7 @@ def _layout_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator[F
     yield from path_findings(cavity)
     yield from area_findings(cavity)
     yield from web_findings(design)
+    yield from mold_findings(design)
 
 
 def _unit_findings(design: SensorDesign) -> Iterator[Finding]:

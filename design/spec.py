@@ -44,6 +44,18 @@ class Cavity(Model):
     black_thickness_mm: Annotated[float, Field(ge=0.0, le=20.0, description="absorbing layer below")] = 1.0
 
 
+MOLD_OPTIONS: dict[str, Any] = {
+    "label": "",
+    "fits": {},
+    "numbers": "engraved",
+    "strain_relief": "pinch",
+    "raised_sockets": True,
+    "cover_ledge_mm": 0.0,
+    "pieces": "one",
+}
+"""Options of the mold and their defaults, which no file needs to say."""
+
+
 class Mold(Model):
     """The printed part around the cavity."""
 
@@ -75,11 +87,41 @@ class Mold(Model):
             description="text sunk into the underside; letters are printed as capitals",
         ),
     ] = ""
+    fits: Annotated[
+        dict[PartId, Literal["press", "slip"]],
+        Field(
+            default_factory=dict,
+            description="fit class of a part, in place of part_clearance_mm: press holds it, slip lets it drop in",
+        ),
+    ]
+    numbers: Annotated[
+        Literal["engraved", "none"],
+        Field(
+            description="names of the parts, as in the wiring table, in the outer face beside their sockets"
+        ),
+    ] = "engraved"
+    strain_relief: Annotated[
+        Literal["pinch", "none"],
+        Field(
+            description="pinch: wire slots end in a neck that holds the insulation; leads leave in a channel below"
+        ),
+    ] = "pinch"
+    raised_sockets: Annotated[
+        bool, Field(description="walls around a body that is taller than the rim, up to its top")
+    ] = True
+    cover_ledge_mm: Annotated[
+        float,
+        Field(ge=0.0, le=10.0, description="seat of a glass cover at the fill level, its width; 0 for none"),
+    ] = 0.0
+    pieces: Annotated[
+        Literal["one", "frame_and_base"],
+        Field(description="frame_and_base: parted at the cavity's floor, held by the fixing holes' screws"),
+    ] = "one"
 
     @model_serializer(mode="wrap")
-    def _without_an_empty_label(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave the label out where there is none: designs without it keep their digest."""
-        return without_defaults(plain(self), {"label": ""})
+    def _without_usual_options(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out options that have their default: designs from before them keep their digest."""
+        return without_defaults(plain(self), MOLD_OPTIONS)
 
 
 class Viscoelastic(Model):

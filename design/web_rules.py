@@ -38,6 +38,10 @@ _LEADS = "lower {field} or mold.min_web_mm, or use a part with "
 
 WORDS = {
     "wall": Words(message="{parts} are too thin", way_out=_RAISE),
+    "cover seat to outer face": Words(
+        message="the web behind the cover's seat is too thin in {parts}",
+        way_out="lower {field}, or raise mold.outer_length_mm and mold.outer_width_mm",
+    ),
     "fixing hole to outer face": Words(
         message="the web between a fixing hole and the outer face is too thin",
         way_out=f"raise {{field}} or lower {_HOLE}",
@@ -47,7 +51,7 @@ WORDS = {
         way_out=f"lower {{field}} or {_HOLE}",
     ),
     "fixing hole to cavity": Words(
-        message="the web between a fixing hole and the pour lip of the cavity is too thin",
+        message="the web between a fixing hole and the pour lip or cover seat of the cavity is too thin",
         way_out=f"lower {{field}} or {_HOLE}, or raise mold.outer_length_mm and mold.outer_width_mm",
     ),
     "body to body": Words(

@@ -24,15 +24,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
+from design.fits import clearance_mm
 from design.layout import Wall
-from design.mold_outline import MoldOutline, by_wall, outline_of
-from design.sockets import Box, Cut, Hole, Socket
-from design.spec import SensorDesign
+from design.mold_outline import MoldOutline, outline_of
+from design.raised_sockets import by_wall
+from design.sockets import Cut, Hole, Socket, gap_mm
+from design.spec import Mold, SensorDesign
 from design.units import ROUNDING_MM
 
 LEDGE_MM = 0.1
 """A lead hole starts at least this far inside the edge of its pocket's floor."""
 
+LEDGE = "mold.cover_ledge_mm"
 INSET = "mold.fixing_hole_inset_mm"
 LEADS = "mold.lead_clearance_mm"
 OUTSIDE: dict[Wall, str] = {
@@ -85,7 +88,7 @@ def clearances(design: SensorDesign) -> tuple[Clearance, ...]:
     return (
         *_walls(outline, web),
         *_between_fixing_holes(outline, web),
-        *_between_pockets(outline, web, 2 * design.mold.part_clearance_mm),
+        *_between_pockets(outline, web, design.mold),
         *(found for socket in outline.sockets for found in _of_socket(socket, outline, web)),
     )
 
@@ -131,6 +134,11 @@ def _walls(outline: MoldOutline, web: float) -> Iterator[Clearance]:
         ("the south and north walls", OUTSIDE["south"], outline.wall_y_mm),
     ):
         yield Clearance(name="wall", value_mm=value, needed_mm=web, parts=parts, field=field)
+        if outline.ledge_mm:
+            left = value - outline.ledge_mm
+            yield Clearance(
+                name="cover seat to outer face", value_mm=left, needed_mm=web, parts=parts, field=LEDGE
+            )
 
 
 def _between_fixing_holes(outline: MoldOutline, web: float) -> Iterator[Clearance]:
@@ -141,15 +149,16 @@ def _between_fixing_holes(outline: MoldOutline, web: float) -> Iterator[Clearanc
     for name, value in (
         ("fixing hole to outer face", _to_outside_mm(hole, outline)),
         ("fixing hole to fixing hole", between),
-        ("fixing hole to cavity", _gap_mm(outline.mouth, hole)),
+        ("fixing hole to cavity", gap_mm(outline.mouth, hole)),
     ):
         yield Clearance(name=name, value_mm=value, needed_mm=web, parts="the corners", field=INSET)
 
 
-def _between_pockets(outline: MoldOutline, web: float, room: float) -> Iterator[Clearance]:
+def _between_pockets(outline: MoldOutline, web: float, mold: Mold) -> Iterator[Clearance]:
     """Neighbours on each wall: the web of their pockets, or if even the bodies overlap, their distance."""
     for wall, row in by_wall(outline.sockets).items():
         for low, high in pairwise(row):
+            room = clearance_mm(mold, low.part.part_id) + clearance_mm(mold, high.part.part_id)
             gap = high.pocket.along0 - low.pocket.along1
             bodies = gap + room
             overlap = bodies < -ROUNDING_MM
@@ -193,7 +202,8 @@ def _to_fixing_holes(socket: Socket, outline: MoldOutline, web: float) -> Iterat
         return
     yield "pocket to fixing hole", INSET, _least_gap_mm(socket, (socket.pocket,), outline), web
     if socket.slots:
-        yield "wire slot to fixing hole", INSET, _least_gap_mm(socket, socket.slots, outline), web
+        ways = (*socket.slots, *socket.necks)
+        yield "wire slot to fixing hole", INSET, _least_gap_mm(socket, ways, outline), web
     if socket.holes:
         pairs = ((lead, fixing) for lead in socket.holes for fixing in outline.fixing_holes)
         yield "lead hole to fixing hole", INSET, min(_apart_mm(*pair) for pair in pairs), web
@@ -219,14 +229,7 @@ def _of_leads(socket: Socket, web: float) -> Iterator[Row]:
 
 def _least_gap_mm(socket: Socket, cuts: tuple[Cut, ...], outline: MoldOutline) -> float:
     boxes = [socket.frame.box(cut) for cut in cuts]
-    return min(_gap_mm(box, hole) for box in boxes for hole in outline.fixing_holes)
-
-
-def _gap_mm(box: Box, hole: Hole) -> float:
-    """Distance in plan between a box and a hole; negative when they overlap."""
-    dx, dy = max(box.x0 - hole.x, hole.x - box.x1), max(box.y0 - hole.y, hole.y - box.y1)
-    signed = math.hypot(max(dx, 0.0), max(dy, 0.0)) + min(max(dx, dy), 0.0)
-    return signed - hole.radius
+    return min(gap_mm(box, hole) for box in boxes for hole in outline.fixing_holes)
 
 
 def _apart_mm(one: Hole, other: Hole) -> float:

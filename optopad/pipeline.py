@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from design.errors import InputError, OutputError
 from design.io import save_design, write_text_atomically
+from design.printer import Bed
 from design.rules import require_valid
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
@@ -72,16 +73,21 @@ def run(design: SensorDesign, out: Path, *, fine: bool, seed: int, on_step: OnSt
 
 
 def write_parts(
-    design: SensorDesign, out: Path, *, seed: int, on_step: OnStep
+    design: SensorDesign, out: Path, *, seed: int, on_step: OnStep, bed_mm: Bed | None = None
 ) -> tuple[dict[str, Any], Path]:
-    """Mold and tools into the bundle; returns the checks and the bundle."""
+    """Mold and tools into the bundle; returns the checks and the bundle.
+
+    Parameters
+    ----------
+    bed_mm : room of the printer that the checks hold the parts against; None for the usual one
+    """
     from cad.export import export_parts
 
     require_valid(design)
     on_step("mold", 0.0)
     with bundle(design, out, seed=seed) as folder:
         (folder / "cad").mkdir(exist_ok=True)
-        export_parts(design, folder / "cad")
+        export_parts(design, folder / "cad", bed_mm=bed_mm)
         checks = _checks(folder / "cad")
         on_step("mold", 1.0)
     return checks, out / bundle_name(design)

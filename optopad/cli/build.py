@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import typer
 
 from optopad.cli.common import (
@@ -27,16 +29,20 @@ def build(
     design: DesignArgument,
     set_: SetOption = None,
     out: OutOption = DEFAULT_OUT,
+    bed: Annotated[
+        str | None, typer.Option(help="Room of the printer in mm, as 220,220,250; the usual one if left out.")
+    ] = None,
     seed: SeedOption = 0,
     as_json: JsonOption = False,
 ) -> None:
     """Mold and tools as STL, STEP and 3MF, with their checks."""
+    from design.printer import bed_of
     from optopad.pipeline import write_parts
     from optopad.summary import checks_line
 
-    read = read_design(design, set_)
+    read, room = read_design(design, set_), None if bed is None else bed_of(bed)
     with progress(quiet=as_json) as step:
-        checks, folder = write_parts(read, out, seed=seed, on_step=step)
+        checks, folder = write_parts(read, out, seed=seed, on_step=step, bed_mm=room)
     if as_json:
         print_json({"bundle": str(folder), "checks": checks})
         return

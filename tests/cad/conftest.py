@@ -45,6 +45,12 @@ def pad() -> Built:
 
 
 @pytest.fixture
+def built_of():
+    """Any preset's parts, built once."""
+    return built_preset
+
+
+@pytest.fixture
 def random_design():
     return _random_design
 
@@ -81,6 +87,12 @@ def _draw(random: np.random.Generator) -> SensorDesign:
         "emitters.height_mm": round(float(random.uniform(1.5, clear - 1)), 2),
         "receivers.height_mm": round(float(random.uniform(1.0, clear - 1)), 2),
         "layout": [_layout(random)],
+        "mold.pieces": "frame_and_base" if random.random() < 0.3 else "one",
+        "mold.cover_ledge_mm": float(random.choice([0.0, 0.0, 0.0, 1.0, 2.5])),
+        "mold.strain_relief": "none" if random.random() < 0.2 else "pinch",
+        "mold.numbers": "none" if random.random() < 0.2 else "engraved",
+        "mold.raised_sockets": bool(random.random() < 0.8),
+        "mold.label": str(random.choice(["", "A-7"])),
         "board.frame_rate_hz": 10.0,  # slow enough for as many parts as the board has pins for
     }
     return preset("piacenza2017-pad").with_(**changes)

@@ -75,7 +75,7 @@ def test_overhang_is_the_area_that_hangs():
 
 
 def test_a_part_larger_than_the_bed_is_a_warning():
-    checks, found = findings_of(cube(), bed_mm=(0.5, 2.0))
+    checks, found = findings_of(cube(), bed_mm=(0.5, 2.0, 2.0))
     assert found["cube: print bed"].state == "warning"
     assert checks.is_ok
 
@@ -93,7 +93,13 @@ def test_checks_file_says_ok_and_whose_it_is(built):
     checks = json.loads(built.files["checks.json"])
     assert checks["ok"] is True
     assert checks["digest"] == built.design.digest
-    assert set(checks["volumes_mm3"]) == {"mold", "indenter_tip", "leveling_blade"}
+    assert set(checks["volumes_mm3"]) == {
+        "mold",
+        "indenter_tip",
+        "leveling_blade",
+        "pour_gauge",
+        "solder_jig",
+    }
     for row in checks["findings"]:
         assert set(row) == {"name", "value", "limit", "unit", "state", "note"}
         assert row["state"] in {"ok", "warning", "error"}

@@ -13,7 +13,8 @@ from cad.optical import cavity_agreement
 from cad.volume import mold_volume_mm3
 from design.cavity import cavity_of
 from design.errors import DesignError
-from design.mold_label import LARGEST_PITCH_MM, OVERLAP, letters, mold_label
+from design.lettering import OVERLAP
+from design.mold_label import LARGEST_PITCH_MM, letters, mold_label
 from design.mold_outline import outline_of
 from design.preset import preset
 from design.rules import check, require_valid

@@ -145,7 +145,11 @@ def test_lead_holes_of_a_radial_part_keep_a_web(
     ("inset_mm", "what", "value"),
     [
         (2.3, "the outer face", "0.70 mm"),
-        (6.5, "the pour lip of the cavity", "-3.10 mm"),  # centred on the cavity's corner, lip of 1.5
+        (
+            6.5,
+            "the pour lip or cover seat of the cavity",
+            "-3.10 mm",
+        ),  # centred on the cavity's corner, lip of 1.5
         (22.0, "the next fixing hole", "-2.20 mm"),
     ],
 )
@@ -189,7 +193,10 @@ def test_every_clearance_has_its_words_and_every_words_a_clearance() -> None:
     leads = {"part_measurements.osram-sfh206k.lead_pitch_mm": 2.5}
     ring = with_layout({"pattern": "alternating_ring", "parts_per_side": 4}, **leads)
     overlapping = two_on_south(3.4)
-    found = [*clearances(ring), *clearances(overlapping), *rim_clearances(ring)]
+    covered = with_layout(
+        {"pattern": "alternating_ring", "parts_per_side": 4}, **{"mold.cover_ledge_mm": 1.0}
+    )
+    found = [*clearances(ring), *clearances(overlapping), *rim_clearances(ring), *clearances(covered)]
     assert {one.name for one in found} == set(WORDS)
 
 

@@ -46,9 +46,9 @@ def test_radial_leads_go_through_the_floor_and_surface_wires_through_the_back():
     receiver, emitter = sockets(PAD)["R1"], sockets(PAD)["E1"]
     assert (len(receiver.holes), len(receiver.slots)) == (2, 0)
     assert (len(emitter.holes), len(emitter.slots)) == (0, 2)
-    assert {hole.z0 for hole in receiver.holes} == {-4.0}
+    assert {hole.z0 for hole in receiver.holes} == {receiver.channel.top} == {-4.0 + 1.5}
     assert receiver.holes[1].x - receiver.holes[0].x == pytest.approx(2.54)
-    assert {(slot.out0, slot.out1) for slot in emitter.slots} == {(2.05, 6.5)}
+    assert {(way.out0, way.out1) for way in (*emitter.slots, *emitter.necks)} == {(2.05, 5.0), (5.0, 6.5)}
 
 
 def test_slots_stay_behind_the_pocket():
@@ -66,4 +66,4 @@ def test_wires_too_close_for_a_web_leave_together():
 def test_height_moves_a_pocket_by_as_much():
     low, high = sockets(PAD)["R1"], sockets(PAD.with_(**{"receivers.height_mm": 6.5}))["R1"]
     assert high.pocket.floor - low.pocket.floor == pytest.approx(0.5)
-    assert high.pocket.top == low.pocket.top
+    assert (low.pocket.top, high.pocket.top) == (9.5, high.part.body_top_mm)  # a collar, above the rim

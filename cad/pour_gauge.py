@@ -1,0 +1,78 @@
+r"""The pour gauge: laid across the rim, it shows when the clear layer is thick enough.
+
+Three teeth hang from a bar into the cavity. The middle one ends at the undisturbed top: pour until the silicone wets
+it. The longer one is wetted a little before; the shorter one must stay dry. Printed flat:
+
+      +--------------------------------------+  ^ grip
+      |                                      |  |
+      +------+ +---------+ +---------+ +-----+  v  rests on the rim
+             | |         | |         | |
+             |_|         | |         |_|           short: rim - step
+            long         |_|        short          middle: rim; long: rim + step
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cadquery as cq
+
+from design.spec import SensorDesign
+
+GRIP_MM = 8.0
+"""Height of the bar."""
+THICKNESS_MM = 3.0
+TOOTH_MM = 2.0
+"""Width of a tooth: narrow, so that it draws up little silicone."""
+STEP_MM = 0.3
+"""By how much the outer teeth differ: about what can be poured; less where the rim is low."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GaugeSize:
+    """Lengths of a gauge [mm].
+
+    Attributes
+    ----------
+    span_mm : length of the bar
+    teeth_mm : lengths of the long, the middle and the short tooth
+    spacing_mm : between the middles of neighbouring teeth
+    """
+
+    span_mm: float
+    teeth_mm: tuple[float, float, float]
+    spacing_mm: float
+
+    @property
+    def volume_mm3(self) -> float:
+        """Volume by formula [mm3]: bar and teeth."""
+        return (self.span_mm * GRIP_MM + TOOTH_MM * sum(self.teeth_mm)) * THICKNESS_MM
+
+
+def gauge_size(design: SensorDesign) -> GaugeSize | None:
+    """Lengths of a design's gauge; None without a rim, where one pours to the brim."""
+    rim, cavity, mold = design.mold.rim_mm, design.cavity, design.mold
+    if rim == 0:
+        return None
+    spans_y = cavity.width_mm <= cavity.length_mm
+    step = min(STEP_MM, rim / 2)
+    return GaugeSize(
+        span_mm=mold.outer_width_mm if spans_y else mold.outer_length_mm,
+        teeth_mm=(rim + step, rim, rim - step),
+        spacing_mm=(cavity.width_mm if spans_y else cavity.length_mm) / 4,
+    )
+
+
+def pour_gauge(design: SensorDesign) -> cq.Workplane | None:
+    """The gauge lying on the print bed, teeth towards low y; None without a rim."""
+    size = gauge_size(design)
+    if size is None:
+        return None
+    half = size.span_mm / 2
+    outline = [(-half, GRIP_MM), (-half, 0.0)]
+    for place, tooth in enumerate(size.teeth_mm):
+        middle = (place - 1) * size.spacing_mm
+        left, right = middle - TOOTH_MM / 2, middle + TOOTH_MM / 2
+        outline += [(left, 0.0), (left, -tooth), (right, -tooth), (right, 0.0)]
+    outline += [(half, 0.0), (half, GRIP_MM)]
+    return cq.Workplane("XY").polyline(outline).close().extrude(THICKNESS_MM)

@@ -1,0 +1,168 @@
+"""Letters as rectangles: points of a dot matrix that overlap, the area that they cover, and its outline.
+
+A point is a square of 1.25 pitches, so that points which meet at a corner overlap: a cut that touches itself along
+an edge only is no manifold. Runs of points are one rectangle. Letters are no font of the system: equal designs give
+equal molds everywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+
+OVERLAP = 1.25
+"""Side of a point over the pitch of points."""
+
+Point = tuple[int, int]
+Loop = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stroke:
+    """A rectangle of a text in the plane that it is cut into [mm]."""
+
+    x0: float
+    x1: float
+    y0: float
+    y1: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shape:
+    """A connected part of a text: its outline counter-clockwise and its holes clockwise [mm]."""
+
+    outline: Loop
+    holes: tuple[Loop, ...]
+
+
+def strokes_of(
+    points: set[Point], place: tuple[float, float], pitch_mm: float, *, mirrored: bool
+) -> list[Stroke]:
+    """Rectangles over the runs of points.
+
+    Parameters
+    ----------
+    points : column and row, from the top left
+    place : upper left corner of the point (0, 0) seen by the reader, x to the right and y up [mm]
+    mirrored : whether the plane's x runs to the reader's left; x is then counted from `place` down
+    """
+    across, along = _runs(points, horizontal=True), _runs(points, horizontal=False)
+    joined = {point for run in (*across, *along) for point in run}
+    alone = [[point] for point in sorted(points - joined)]
+    return [_stroke(run, place, pitch_mm, mirrored) for run in (*across, *along, *alone)]
+
+
+def _stroke(run: Sequence[Point], place: tuple[float, float], pitch_mm: float, mirrored: bool) -> Stroke:
+    (column0, row0), (column1, row1) = run[0], run[-1]
+    left, right = column0 * pitch_mm, (column1 + OVERLAP) * pitch_mm
+    x0, x1 = (place[0] - right, place[0] - left) if mirrored else (place[0] + left, place[0] + right)
+    y0, y1 = place[1] - (row1 + OVERLAP) * pitch_mm, place[1] - row0 * pitch_mm
+    return Stroke(x0=round(x0, 6), x1=round(x1, 6), y0=round(y0, 6), y1=round(y1, 6))
+
+
+def area_mm2(strokes: Iterable[Stroke]) -> float:
+    """Area of the union of strokes [mm2]."""
+    grid = _Grid(tuple(strokes))
+    return sum((grid.width(i) * grid.height(j) for i, j in grid.covered), 0.0)
+
+
+def below(strokes: Iterable[Stroke], level: float) -> tuple[Stroke, ...]:
+    """What of some strokes lies below a level of y."""
+    return tuple(replace(one, y1=min(one.y1, level)) for one in strokes if one.y0 < level)
+
+
+def upper_edges_mm(strokes: Iterable[Stroke]) -> float:
+    """Length of the upper edges of the union of strokes: what bridges where a text is cut into a wall [mm]."""
+    grid = _Grid(tuple(strokes))
+    return sum(grid.width(i) for i, j in grid.covered if (i, j + 1) not in grid.covered)
+
+
+def shapes_of(strokes: Iterable[Stroke]) -> tuple[Shape, ...]:
+    """The union of strokes as outlines, the lowest corner of each first."""
+    loops = _Grid(tuple(strokes)).loops()
+    outer = [loop for loop in loops if _signed_area(loop) > 0]
+    holes = [loop for loop in loops if _signed_area(loop) < 0]
+    return tuple(
+        Shape(outline=loop, holes=tuple(hole for hole in holes if _holds(loop, hole[0])))
+        for loop in sorted(outer, key=min)
+    )
+
+
+class _Grid:
+    """The cells between all edges of some strokes, and which of them are covered."""
+
+    def __init__(self, strokes: tuple[Stroke, ...]) -> None:
+        self.xs = sorted({edge for stroke in strokes for edge in (stroke.x0, stroke.x1)})
+        self.ys = sorted({edge for stroke in strokes for edge in (stroke.y0, stroke.y1)})
+        column, row = {x: k for k, x in enumerate(self.xs)}, {y: k for k, y in enumerate(self.ys)}
+        self.covered = {
+            (i, j)
+            for stroke in strokes
+            for i in range(column[stroke.x0], column[stroke.x1])
+            for j in range(row[stroke.y0], row[stroke.y1])
+        }
+
+    def width(self, i: int) -> float:
+        """Of a column [mm]."""
+        return self.xs[i + 1] - self.xs[i]
+
+    def height(self, j: int) -> float:
+        """Of a row [mm]."""
+        return self.ys[j + 1] - self.ys[j]
+
+    def loops(self) -> list[Loop]:
+        """Closed outlines with what is covered on their left, without points on straight edges."""
+        following = dict(edge for cell in sorted(self.covered) for edge in self._open_edges(*cell))
+        loops = []
+        while following:
+            start = at = next(iter(following))
+            corners = []
+            while at in following:
+                corners.append(at)
+                at = following.pop(at)
+            assert at == start, "overlapping points never touch at a corner only"
+            loops.append(tuple((self.xs[i], self.ys[j]) for i, j in _turns(corners)))
+        return loops
+
+    def _open_edges(self, i: int, j: int) -> list[tuple[Point, Point]]:
+        """Directed edges of a cell towards cells that are not covered."""
+        sides = (
+            ((i, j - 1), (i, j), (i + 1, j)),
+            ((i + 1, j), (i + 1, j), (i + 1, j + 1)),
+            ((i, j + 1), (i + 1, j + 1), (i, j + 1)),
+            ((i - 1, j), (i, j + 1), (i, j)),
+        )
+        return [(start, end) for beyond, start, end in sides if beyond not in self.covered]
+
+
+def _turns(corners: list[Point]) -> list[Point]:
+    """Corners where the way turns."""
+    around = zip(corners, corners[1:] + corners[:1], corners[-1:] + corners[:-1], strict=True)
+    return [
+        at
+        for at, after, before in around
+        if not (before[0] == at[0] == after[0] or before[1] == at[1] == after[1])
+    ]
+
+
+def _signed_area(loop: Loop) -> float:
+    return sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in zip(loop, loop[1:] + loop[:1], strict=True)) / 2
+
+
+def _holds(loop: Loop, point: tuple[float, float]) -> bool:
+    """Whether a point lies within an outline of axis-parallel edges: crossings of a ray to the right."""
+    x, y = point[0] + 1e-7, point[1] + 1e-7
+    edges = zip(loop, loop[1:] + loop[:1], strict=True)
+    return sum(x0 > x and (y0 > y) != (y1 > y) for (x0, y0), (_, y1) in edges) % 2 == 1
+
+
+def _runs(points: set[Point], *, horizontal: bool) -> list[list[Point]]:
+    """Runs of two points or more along one direction."""
+    ordered = sorted((point[::-1] if horizontal else point) for point in points)
+    runs = []
+    for _, group in groupby(enumerate(ordered), key=lambda item: (item[1][0], item[1][1] - item[0])):
+        run = [point[::-1] if horizontal else point for _, point in group]
+        if len(run) > 1:
+            runs.append(run)
+    return runs

@@ -1,0 +1,284 @@
+"""Options of the mold: fits, numbers, strain relief, collars, a cover's seat, two pieces; and the tools."""
+
+import io
+import json
+
+import numpy as np
+import pytest
+import trimesh
+
+from cad.checks import design_findings
+from cad.export import export_parts, part_files
+from cad.indenter_tip import shank_mm
+from cad.mesh import read_stl
+from cad.mold import build_mold
+from cad.optical import cavity_agreement
+from cad.pour_gauge import gauge_size, pour_gauge
+from cad.solder_jig import jig_size, solder_jig
+from cad.volume import base_volume_mm3, mold_volume_mm3
+from design.catalog import find_board, packaged
+from design.cavity import cavity_of
+from design.errors import DesignError, InputError
+from design.fits import fit
+from design.lettering import area_mm2, shapes_of
+from design.mold_outline import outline_of
+from design.part_numbers import DEPTH_MM, small_letters
+from design.preset import PRESETS, preset
+from design.printer import bed_of
+from design.rules import require_valid
+from fabrication.connections import connections_of
+
+PAD, FINGER, PAIR = preset("piacenza2017-pad"), preset("fingertip-16"), preset("piacenza2017-pair")
+ROUNDING = 1e-9  # of a volume from sums of doubles
+SINGLE_PRECISION_MM = 1e-4  # coordinates in a file, below 400 mm
+
+
+def mesh_of(files, name):
+    return trimesh.load_mesh(io.BytesIO(files[name]), file_type="stl")
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_every_part_has_its_name_of_the_wiring_table_on_the_mold(name):
+    design = preset(name)
+    wired = {one.part.name for one in connections_of(design).all}
+    assert {number.name for number in outline_of(design).numbers} == wired
+    for number in outline_of(design).numbers:
+        assert number.stroke_mm >= 0.75 - ROUNDING
+
+
+def test_a_name_stands_below_its_own_socket_clear_of_its_neighbours():
+    for design in (PAD, FINGER, preset("oblong-60x40")):
+        outline = outline_of(design)
+        sockets = {socket.part.name: socket for socket in outline.sockets}
+        for number in outline.numbers:
+            low = min(stroke.x0 for stroke in number.strokes)
+            high = max(stroke.x1 for stroke in number.strokes)
+            socket = sockets[number.name]
+            assert (low + high) / 2 == pytest.approx(socket.part.along_mm, abs=1e-6)
+            assert max(stroke.y1 for stroke in number.strokes) <= socket.pocket.floor - 0.4 + ROUNDING
+        for one in outline.numbers:
+            for other in outline.numbers:
+                if one is not other and one.frame.wall == other.frame.wall:
+                    assert max(s.x1 for s in one.strokes) < min(s.x0 for s in other.strokes) or max(
+                        s.x1 for s in other.strokes
+                    ) < min(s.x0 for s in one.strokes)
+
+
+def test_names_take_their_area_times_their_depth_from_the_solid():
+    bare = PAIR.with_(**{"mold.numbers": "none"})
+    taken = build_mold(bare).val().Volume() - build_mold(PAIR).val().Volume()
+    area = sum(area_mm2(number.strokes) for number in outline_of(PAIR).numbers)
+    assert taken == pytest.approx(area * DEPTH_MM, rel=1e-6)
+
+
+def test_an_e_is_read_from_outside_on_every_wall():
+    # the spine of an E is on the reader's left: low x seen from the south, high x seen from the north
+    for number in outline_of(PAD).numbers:
+        if number.name.startswith("E"):
+            tall = max(number.strokes, key=lambda stroke: stroke.y1 - stroke.y0)
+            middle = np.mean([stroke.x0 for stroke in number.strokes])
+            assert (tall.x0 < middle) == (number.frame.wall in ("south", "east"))
+
+
+def test_no_two_small_letters_look_alike_and_outlines_cover_the_strokes():
+    found = list(small_letters().values())
+    assert len(set(found)) == len(found) == 38
+    for number in outline_of(preset("oblong-60x40")).numbers:
+        shapes = shapes_of(number.strokes)
+        loops = [loop for shape in shapes for loop in (shape.outline, *shape.holes)]
+        area = sum(
+            sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in zip(loop, loop[1:] + loop[:1], strict=True)) / 2
+            for loop in loops
+        )
+        assert area == pytest.approx(area_mm2(number.strokes), rel=ROUNDING)
+
+
+def test_names_without_room_are_told():
+    flat = FINGER.with_(**{"mold.floor_mm": 1.0, "cavity.black_thickness_mm": 0.0, "emitters.height_mm": 1.6})
+    (row,) = [
+        one for one in design_findings(flat) if one.name == "mold: parts without their name on the mold"
+    ]
+    assert row.state == "warning"
+    assert row.note.startswith("E1, E2")
+
+
+def test_a_fit_class_replaces_the_clearance_of_its_part_alone():
+    pressed = PAD.with_(**{"mold.fits": {"osram-sfh206k": "press", "sunled-xscwd23mb": "slip"}})
+    sockets = {socket.part.name: socket.pocket for socket in outline_of(pressed).sockets}
+    receiver, emitter = sockets["R1"], sockets["E1"]
+    assert receiver.along1 - receiver.along0 == pytest.approx(5.1 + 2 * fit("press").value)
+    assert emitter.along1 - emitter.along0 == pytest.approx(3.5 + 2 * fit("slip").value)
+    assert pressed.digest != PAD.digest
+
+
+def test_a_fit_for_a_part_that_is_not_there_is_refused():
+    with pytest.raises(
+        DesignError, match=r"mold\.fits\.osram-sfh2400: no part of the layout is one of these"
+    ):
+        require_valid(PAD.with_(**{"mold.fits": {"osram-sfh2400": "press"}}))
+    with pytest.raises(DesignError, match=r"mold\.fits"):
+        PAD.with_(**{"mold.fits": {"osram-sfh206k": "tight"}})
+
+
+def test_a_wire_slot_ends_in_a_neck_narrower_than_its_wire():
+    emitter = next(s for s in outline_of(PAD).sockets if s.part.name == "E1")
+    for slot, neck in zip(emitter.slots, emitter.necks, strict=True):
+        assert neck.along1 - neck.along0 == pytest.approx(0.8 - fit("wire_pinch").value)
+        assert (slot.out1, neck.out0, neck.out1) == (5.0, 5.0, 6.5)
+    plain = next(
+        s for s in outline_of(PAD.with_(**{"mold.strain_relief": "none"})).sockets if s.part.name == "E1"
+    )
+    assert plain.necks == ()
+
+
+def test_radial_leads_leave_in_a_channel_as_deep_as_the_floor_allows():
+    def channel(floor_mm):
+        design = PAD.with_(**{"mold.floor_mm": floor_mm})
+        return next(s for s in outline_of(design).sockets if s.part.name == "R1")
+
+    assert channel(3.0).channel.top - channel(3.0).channel.floor == pytest.approx(1.5)
+    assert channel(1.6).channel.top - channel(1.6).channel.floor == pytest.approx(0.8)
+    assert channel(1.2).channel is None
+    assert channel(1.2).holes[0].z0 == pytest.approx(-1.0 - 1.2)
+
+
+def test_a_body_above_the_rim_gets_a_collar_to_its_top():
+    low = PAD.with_(**{"mold.rim_mm": 0.5})
+    outline, mold = outline_of(low), build_mold(low)
+    assert {collar.names for collar in outline.collars} == {(f"R{k}",) for k in range(1, 9)}
+    top = max(part.body_top_mm for part in cavity_of(low).parts)
+    assert outline.highest_mm == pytest.approx(top)
+    assert mold.val().BoundingBox().zmax == pytest.approx(top, abs=1e-6)
+    assert mold.val().Volume() == pytest.approx(mold_volume_mm3(low), rel=ROUNDING)
+    assert outline_of(low.with_(**{"mold.raised_sockets": False})).collars == ()
+    assert outline_of(PAD).collars == ()
+
+
+def test_neighbours_closer_than_three_webs_share_a_collar():
+    low = PAIR.with_(**{"mold.rim_mm": 0.0})
+    (collar,) = outline_of(low).collars
+    assert collar.names == ("R1", "R2", "R3")
+    assert build_mold(low).val().Volume() == pytest.approx(mold_volume_mm3(low), rel=ROUNDING)
+
+
+COVERED = FINGER.with_(**{"mold.cover_ledge_mm": 1.0})
+
+
+def test_a_cover_lies_at_the_undisturbed_top_and_the_cavity_stays():
+    outline, files = outline_of(COVERED), part_files(COVERED)
+    assert (outline.mouth.z0, outline.mouth.x0, outline.lip_mm) == (5.0, -1.0, 0.0)
+    assert json.loads(files["checks.json"])["ok"]
+    assert build_mold(COVERED).val().Volume() == pytest.approx(mold_volume_mm3(COVERED), rel=ROUNDING)
+    assert cavity_agreement(COVERED, read_stl(files["mold.stl"])).worst_mm < SINGLE_PRECISION_MM
+
+
+@pytest.mark.parametrize(
+    ("design", "message"),
+    [
+        (
+            PAD.with_(**{"mold.cover_ledge_mm": 1.0}),
+            r"mold\.cover_ledge_mm: a cover at the fill level would lie on",
+        ),
+        (COVERED.with_(**{"mold.rim_mm": 0.2}), r"mold\.rim_mm: too low to hold a glass cover in its seat"),
+        (
+            FINGER.with_(**{"mold.cover_ledge_mm": 4.5, "mold.fixing_hole_diameter_mm": 0.0}),
+            r"mold\.cover_ledge_mm: the web behind the cover's seat is too thin",
+        ),
+        (
+            PAD.with_(**{"mold.pieces": "frame_and_base", "mold.fixing_hole_diameter_mm": 0.0}),
+            r"mold\.pieces: nothing holds frame and base together",
+        ),
+    ],
+)
+def test_an_option_that_cannot_work_is_refused(design, message):
+    with pytest.raises(DesignError, match=message):
+        require_valid(design)
+
+
+def test_frame_and_base_are_the_mold_parted_at_the_cavity_s_floor():
+    parted = PAIR.with_(**{"mold.pieces": "frame_and_base", "mold.label": "8"})
+    files = part_files(parted)
+    frame, base, whole = (mesh_of(files, f"{name}.stl") for name in ("mold_frame", "mold_base", "mold"))
+    assert [frame.bounds[0][2], base.bounds[0][2]] == pytest.approx([0.0, 0.0], abs=SINGLE_PRECISION_MM)
+    assert base.extents[2] == pytest.approx(parted.mold.floor_mm, abs=SINGLE_PRECISION_MM)
+    assert frame.extents[2] + base.extents[2] == pytest.approx(whole.extents[2], abs=SINGLE_PRECISION_MM)
+    assert frame.volume + base.volume == pytest.approx(whole.volume, rel=1e-4)  # chords of other triangles
+    assert base.volume == pytest.approx(base_volume_mm3(parted), rel=1e-3)
+    assert json.loads(files["checks.json"])["ok"]
+
+
+def test_a_piece_left_over_from_a_parted_mold_is_removed(tmp_path):
+    parted = PAIR.with_(**{"mold.pieces": "frame_and_base"})
+    assert {"mold_frame.stl", "mold_base.stl"} <= set(export_parts(parted, tmp_path))
+    export_parts(PAIR, tmp_path)
+    assert not (tmp_path / "mold_base.stl").exists()
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_the_middle_tooth_of_the_pour_gauge_ends_at_the_undisturbed_top(name):
+    design = preset(name)
+    size, gauge = gauge_size(design), pour_gauge(design)
+    assert size.teeth_mm[1] == design.mold.rim_mm
+    assert -gauge.val().BoundingBox().ymin == pytest.approx(design.mold.rim_mm + 0.3, abs=1e-6)
+    assert gauge.val().Volume() == pytest.approx(size.volume_mm3, rel=ROUNDING)
+
+
+def test_without_a_rim_there_is_no_pour_gauge():
+    assert gauge_size(PAD.with_(**{"mold.rim_mm": 0.0})) is None
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_the_solder_jig_has_the_pitch_of_every_part(name):
+    design = preset(name)
+    size = jig_size(design)
+    kinds = {part.part_id: part.part for part in cavity_of(design).parts}
+    assert set(size.part_ids) == set(kinds)
+    assert solder_jig(design).val().Volume() == pytest.approx(size.volume_mm3, rel=ROUNDING)
+    radial = [part for part in kinds.values() if part.mounting == "radial"]
+    for part in radial:
+        xs = sorted(hole.x for hole in size.holes)
+        assert xs[-1] - xs[0] == pytest.approx(part.lead_pitch_mm.value * (part.lead_count - 1))
+
+
+def test_the_tip_s_shank_is_long_enough_to_hold_beyond_the_deepest_press():
+    assert shank_mm(PAD) == pytest.approx(20.0 + PAD.operating.max_depth_mm)
+
+
+def test_a_mold_beyond_the_bed_is_a_warning_with_both_sizes():
+    found = json.loads(part_files(PAIR, bed_mm=(30.0, 30.0, 30.0))["checks.json"])
+    (row,) = [row for row in found["findings"] if row["name"] == "mold: print bed"]
+    assert row["state"] == "warning"
+    assert row["note"] == "33.0 x 33.0 x 13.5 mm in a room of 30 x 30 x 30 mm"
+    assert found["ok"]
+
+
+def test_a_bed_is_three_lengths():
+    assert bed_of("220,220,250") == bed_of("220x220x250") == (220.0, 220.0, 250.0)
+    with pytest.raises(InputError, match=r"--bed: '220' is refused: must be three lengths in mm above 0"):
+        bed_of("220")
+
+
+@pytest.mark.parametrize("count", [1, 16])
+@pytest.mark.slow
+def test_two_to_sixty_four_parts_in_square_and_oblong_molds_keep_every_check(count):
+    inputs = {"analog_channels": tuple(f"A{k}" for k in range(32))}
+    board = find_board(packaged(), "arduino-mega-2560").model_copy(update=inputs)
+    layout = (
+        {"pattern": "facing_rows", "emitter_wall": "west", "count": 1}
+        if count == 1
+        else {"pattern": "alternating_ring", "parts_per_side": [20, 12, 20, 12]}
+    )
+    design = PAD.with_(
+        **{
+            "cavity.length_mm": 150.0,
+            "cavity.width_mm": 90.0,
+            "mold.outer_length_mm": 163.0,
+            "mold.outer_width_mm": 103.0,
+            "layout": [layout],
+            "catalog.boards": {"arduino-mega-2560": board.model_dump(mode="json")},
+            "board.frame_rate_hz": 10.0,
+        }
+    )
+    checks = json.loads(part_files(design)["checks.json"])
+    assert len(cavity_of(design).parts) == (2 if count == 1 else 64)
+    assert checks["ok"], [row for row in checks["findings"] if row["state"] == "error"]
