@@ -59,7 +59,7 @@ class Link:
         self.send(Command.RATE, interval_us)
         self.send(Command.START)
 
-    def greet(self, *, accept_digest: str | None, answer_s: float = ANSWER_S) -> Hello:
+    def greet(self, *, accept_digest: str | None) -> Hello:
         """Wait until the board says who it is, and check that.
 
         A board that has just been reset says so by itself and is not disturbed while its boot loader listens; one
@@ -68,14 +68,13 @@ class Link:
         Parameters
         ----------
         accept_digest : a foreign design's digest that is accepted, at least its first 8 digits; None for none
-        answer_s : how long to ask after the boot time
 
         Raises
         ------
         DeviceError : silence, another device, other firmware, another design.
         """
         begun, asked_at = time.monotonic(), 0.0
-        deadline = begun + self.config.board.boot_s + answer_s
+        deadline = begun + self.config.board.boot_s + ANSWER_S
         ask_from = begun + self.config.board.boot_s
         heard = 0
         while (now := time.monotonic()) < deadline:

@@ -113,7 +113,8 @@ class Recorder:
         self._pending: list[bytes] = []
         self._flushed_at = time.monotonic()
         self._lock = threading.RLock()
-        header = {"format": FORMAT, "version": VERSION, "started": time.time(), "config": document_of(config)}
+        started = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
+        header = {"format": FORMAT, "version": VERSION, "started": started, "config": document_of(config)}
         try:
             self._stream = (opened or _new_file)(self.file)
         except OSError as err:

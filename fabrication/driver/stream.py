@@ -13,6 +13,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 
 from design.errors import DeviceError, OptopadError, OutputError
@@ -94,11 +95,19 @@ class Stream:
         self._thread.start()
 
     def end(self) -> None:
-        """Stop board and thread and close the port; also after an error, and twice."""
+        """Stop board and thread, close the port and what is recorded; also after an error, and twice.
+
+        Raises
+        ------
+        OutputError : a recording could not be ended; everything else was.
+        """
         self._stopping.set()
         if self._thread.is_alive():
             self._thread.join()
         self.link.port.close()
+        with ExitStack() as recordings:
+            for recorder in self._recorders:
+                recordings.callback(recorder.close)
 
     def record(self, recorder: Recorder) -> None:
         """Send every frame from now on to a recorder as well."""

@@ -1,10 +1,10 @@
-"""The verb group driver: everything about the built sensor. `optopad.cli.firmware` and others add their verbs."""
+"""The verb group driver: everything about the built sensor; `firmware`, `sensor` and `fake` add their verbs."""
 
 from __future__ import annotations
 
 import typer
 
-from optopad.cli import firmware
+from optopad.cli import fake, firmware, sensor
 from optopad.cli.common import (
     DEFAULT_OUT,
     DesignArgument,
@@ -26,7 +26,8 @@ driver = typer.Typer(
 
 def register(app: typer.Typer) -> None:
     """Add this group's verbs."""
-    firmware.register(driver)
+    for group in (firmware, sensor, fake):
+        group.register(driver)
     app.add_typer(driver, name="driver")
 
 

@@ -1,0 +1,108 @@
+"""The verb fake: a simulated board that read, record and check can talk to."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from optopad.cli.common import DEFAULT_OUT, JsonOption, SeedOption, SetOption, print_json, say
+from optopad.cli.progress import progress
+from optopad.cli.sensor import BundlesOption, ConfigArgument, SecondsOption
+
+if TYPE_CHECKING:
+    from fabrication.driver.fake_board import FakeBoard
+    from fabrication.driver.fake_port import Wire
+    from fabrication.driver.finger import FingerPath
+    from fabrication.driver.press_table import PressTable
+    from fabrication.driver_file import DriverConfig
+
+
+def register(driver: typer.Typer) -> None:
+    """Add this group's verbs."""
+    driver.command()(fake)
+
+
+def fake(
+    config: ConfigArgument,
+    path: Annotated[
+        Path | None,
+        typer.Option(
+            "--path", metavar="CSV", help="Presses over time: t_s,x_mm,y_mm,depth_mm, over and over."
+        ),
+    ] = None,
+    still: Annotated[bool, typer.Option("--still", help="No finger: the pad stays untouched.")] = False,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--fault", metavar="KIND:PARTS", help="swap:E1,E2, dead:E3, dim:E4 or saturated:R5. Repeatable."
+        ),
+    ] = None,
+    socket: Annotated[
+        bool, typer.Option("--socket", help="A socket of this machine, not a pseudo-terminal.")
+    ] = False,
+    link: Annotated[
+        Path | None, typer.Option("--link", metavar="NAME", help="A name for the port that stays the same.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="CSV", help="Write the finger's path, for `driver export --presses`."),
+    ] = None,
+    seconds: SecondsOption = None,
+    set_: SetOption = None,
+    bundles: BundlesOption = DEFAULT_OUT,
+    seed: SeedOption = 0,
+    as_json: JsonOption = False,
+) -> None:
+    """A simulated board on a port, fed by the simulation, with a finger that moves. Ctrl-C ends it."""
+    from design.io import write_text_atomically
+    from fabrication.driver.fake_board import FakeBoard
+    from fabrication.driver.fake_port import new_wire
+    from fabrication.driver.faults import faults_of
+    from optopad.driver_source import driver_source, press_table
+
+    source = driver_source(config, set_, bundles)
+    faults = faults_of(source.config, fault or [])
+    with progress(quiet=as_json) as step:
+        said, table = press_table(source, seed=seed, on_step=step)
+    finger = _finger(said, table, path, still)
+    if out is not None:
+        write_text_atomically(out, finger.csv_text())
+    board = FakeBoard(said, table, finger, faults=faults, seed=seed)
+    wire = new_wire(use_socket=socket, link=link)
+    if as_json:
+        print_json({"port": wire.name, "design": said.design, "digest": said.digest, "faults": fault or []})
+    else:
+        say(f"port      {wire.name}")
+        say(f"try       optopad driver read {config} --port {wire.name}")
+    _serve(board, wire, seconds)
+
+
+def _finger(said: DriverConfig, table: PressTable, path: Path | None, still: bool) -> FingerPath:
+    from design.errors import InputError
+    from fabrication.driver.finger import NO_FINGER, demo_path, read_path
+
+    if path is not None and (still or not table.knows_presses):
+        reason = (
+            "--still was given"
+            if still
+            else "no press of this design was simulated; name the design, or run `score`"
+        )
+        raise InputError(f"--path: {reason}")
+    if path is not None:
+        return read_path(path)
+    return NO_FINGER if still or not table.knows_presses else demo_path(said.workspace)
+
+
+def _serve(board: FakeBoard, wire: Wire, seconds: float | None) -> None:
+    from fabrication.driver.fake_port import FakePort
+
+    end = None if seconds is None else time.monotonic() + seconds
+    try:
+        with FakePort(board, wire):
+            while end is None or time.monotonic() < end:
+                time.sleep(0.1 if end is None else min(0.1, max(end - time.monotonic(), 0.0)))
+    except KeyboardInterrupt:
+        return

@@ -1,0 +1,318 @@
+"""Verbs of the built sensor on its port: read, record, export, check."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from design.errors import InputError, OutputError
+from optopad.cli.common import DEFAULT_OUT, JsonOption, SeedOption, SetOption, print_json, say
+from optopad.cli.progress import progress
+
+if TYPE_CHECKING:
+    from fabrication.driver.sensor import Sensor
+    from optopad.driver_source import DriverSource
+
+ConfigArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="CONFIG", help="driver.toml, bundle folder, or the design that was built (file or preset)."
+    ),
+]
+PortOption = Annotated[
+    str | None,
+    typer.Option("--port", metavar="NAME", help="Serial port; by default the board's, by its USB identity."),
+]
+RateOption = Annotated[
+    float | None,
+    typer.Option("--rate", metavar="HZ", min=0, help="Frames a second; 0 for as many as the board can."),
+]
+AcceptOption = Annotated[
+    str | None,
+    typer.Option(
+        "--accept-digest", metavar="DIGITS", help="Take a board with firmware of this other design."
+    ),
+]
+FramesOption = Annotated[
+    int | None, typer.Option("--frames", metavar="N", min=1, help="End after at least so many frames.")
+]
+SecondsOption = Annotated[
+    float | None, typer.Option("--seconds", metavar="S", min=0.0, help="End after so long.")
+]
+BundlesOption = Annotated[
+    Path,
+    typer.Option("--bundles", metavar="FOLDER", help="Folder that holds the bundles, to find a design's."),
+]
+
+LIVE_EVERY_S = 0.1
+LINE_EVERY_S = 1.0
+CHECK_S = 1.5
+
+
+def register(driver: typer.Typer) -> None:
+    """Add this group's verbs."""
+    driver.command()(read)
+    driver.command()(record)
+    driver.command()(export)
+    driver.command()(check)
+
+
+def read(
+    config: ConfigArgument,
+    port: PortOption = None,
+    rate: RateOption = None,
+    frames: FramesOption = None,
+    seconds: SecondsOption = None,
+    accept_digest: AcceptOption = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="Write the JSON lines into a new file.")
+    ] = None,
+    set_: SetOption = None,
+    bundles: BundlesOption = DEFAULT_OUT,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="A JSON object a line on standard output, one a frame.")
+    ] = False,
+) -> None:
+    """Show the sensor live: table and heat map of its signals. Leave the pad alone for the first half second."""
+    from fabrication.driver.sensor import Sensor
+    from optopad.driver_source import driver_source
+    from optopad.driver_view import link_line
+
+    source = driver_source(config, set_, bundles)
+    with (
+        _lines(out, as_json) as write,
+        Sensor(source.config, port, rate_hz=rate, accept_digest=accept_digest) as sensor,
+    ):
+        with _until_interrupted():
+            _show(sensor, frames, seconds, write)
+        if not as_json:
+            say(link_line(sensor))
+
+
+def record(
+    config: ConfigArgument,
+    port: PortOption = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="A new file; by default the design's name and the time."),
+    ] = None,
+    rate: RateOption = None,
+    frames: FramesOption = None,
+    seconds: SecondsOption = None,
+    accept_digest: AcceptOption = None,
+    netcdf: Annotated[
+        bool, typer.Option("--netcdf/--no-netcdf", help="Make the netCDF beside it at the end.")
+    ] = True,
+    set_: SetOption = None,
+    bundles: BundlesOption = DEFAULT_OUT,
+    as_json: JsonOption = False,
+) -> None:
+    """Record raw frames into a file that no interruption can spoil. Ctrl-C is a clean end."""
+    from fabrication.driver.sensor import Sensor
+    from optopad.driver_source import driver_source
+    from optopad.driver_view import link_json, link_line
+
+    source = driver_source(config, set_, bundles)
+    file = out or _default_file(source)
+    with (
+        Sensor(source.config, port, rate_hz=rate, accept_digest=accept_digest, baseline_s=0.0) as sensor,
+        sensor.record(file) as recorder,
+    ):
+        with _until_interrupted():
+            _follow(
+                sensor, None, seconds, quiet=as_json, is_over=lambda: recorder.frames >= (frames or math.inf)
+            )
+        recorder.close()
+        link, line = link_json(sensor), link_line(sensor)
+    made = _netcdf_beside(file) if netcdf else None
+    if as_json:
+        netcdf_name = None if made is None else str(made)
+        print_json({"file": str(file), "netcdf": netcdf_name, "recorded": recorder.frames, "link": link})
+        return
+    say(line)
+    say(f"files     {file} ({recorder.frames} frames){'' if made is None else f', {made}'}")
+
+
+def export(
+    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="A file of `driver record`.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="By default beside it, as .nc.")
+    ] = None,
+    presses: Annotated[
+        Path | None,
+        typer.Option(
+            "--presses",
+            metavar="CSV",
+            help="Where it was pressed: t_s (the board's clock), x_mm, y_mm, depth_mm.",
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """A recording as netCDF, as `optopad compare` and any tool reads it; a torn one gives what is whole."""
+    from fabrication.driver.export import export_netcdf
+    from fabrication.driver.finger import read_path
+
+    target = out or recording.with_suffix(".nc")
+    if target.resolve() == recording.resolve():
+        raise InputError(f"--out {target}: is the recording itself; choose another name")
+    path = None if presses is None else read_path(presses)
+    found = export_netcdf(recording, target, path)
+    frames = len(found.sequence)
+    if as_json:
+        print_json(
+            {
+                "file": str(target),
+                "frames": frames,
+                "lost": found.lost,
+                "connections": int(found.connection[-1]),
+                "ended_cleanly": found.ended_cleanly,
+                "stray_bytes": found.stray_bytes,
+                "has_presses": found.press_mm is not None,
+            }
+        )
+        return
+    torn = (
+        "" if found.ended_cleanly else f"; no clean end, {found.stray_bytes} bytes belong to no whole record"
+    )
+    say(f"{frames} frames, {found.lost} lost{torn}")
+    if found.press_mm is None:
+        say("presses   none in it; `optopad compare` needs them (--presses, or the recorder's press())")
+    say(f"files     {target}")
+
+
+def check(
+    config: ConfigArgument,
+    port: PortOption = None,
+    rate: RateOption = None,
+    accept_digest: AcceptOption = None,
+    seconds: Annotated[
+        float, typer.Option("--seconds", metavar="S", min=0.1, help="Of untouched pad.")
+    ] = CHECK_S,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="Write the outcome as JSON, too.")
+    ] = None,
+    set_: SetOption = None,
+    bundles: BundlesOption = DEFAULT_OUT,
+    seed: SeedOption = 0,
+    as_json: JsonOption = False,
+) -> None:
+    """Test every LED and photodiode of the untouched pad against the simulated pattern."""
+    from design.io import write_text_atomically
+    from fabrication.driver.check import check_frames
+    from fabrication.driver.sensor import Sensor
+    from optopad.driver_source import driver_source, with_expected_pattern
+    from optopad.driver_view import check_lines, link_json
+
+    source = driver_source(config, set_, bundles)
+    with progress(quiet=as_json) as step:
+        expected = with_expected_pattern(source, seed=seed, on_step=step)
+    with Sensor(expected, port, rate_hz=rate, accept_digest=accept_digest, baseline_s=0.0) as sensor:
+        sensor.read()
+        verdict = check_frames(sensor.frames(seconds=seconds), sensor.descriptor, sensor.self_test())
+        document = {**verdict.to_json(), "link": link_json(sensor)}
+    if out is not None:
+        write_text_atomically(out, json.dumps(document, indent=2) + "\n")
+    if as_json:
+        print_json(document)
+    else:
+        say("\n".join(check_lines(verdict)))
+
+
+def _show(
+    sensor: Sensor, frames: int | None, seconds: float | None, write: Callable[[str], None] | None
+) -> None:
+    from optopad.driver_view import frame_json
+
+    if write is not None:
+        for frame in sensor.frames(frames, seconds):
+            write(json.dumps(frame_json(frame)))
+    elif sys.stdout.isatty():
+        _live(sensor, frames, seconds)
+    else:
+        _follow(sensor, frames, seconds, quiet=False)
+
+
+def _live(sensor: Sensor, frames: int | None, seconds: float | None) -> None:
+    from rich.console import Console
+    from rich.live import Live
+
+    from optopad.driver_view import live_table
+
+    drawn_at = 0.0
+    with Live(console=Console(), auto_refresh=False) as live:
+        for frame in sensor.frames(frames, seconds):
+            if (now := time.monotonic()) - drawn_at >= LIVE_EVERY_S:
+                drawn_at = now
+                live.update(live_table(frame, sensor), refresh=True)
+
+
+def _follow(
+    sensor: Sensor,
+    frames: int | None,
+    seconds: float | None,
+    *,
+    quiet: bool,
+    is_over: Callable[[], bool] = lambda: False,
+) -> None:
+    """A line a second while frames come, until so many or so long or `is_over`."""
+    from optopad.driver_view import link_line, strongest_change
+
+    said_at = time.monotonic()
+    for frame in sensor.frames(frames, seconds):
+        if not quiet and (now := time.monotonic()) - said_at >= LINE_EVERY_S:
+            said_at = now
+            print(f"{link_line(sensor)}  {strongest_change(frame, sensor)}".rstrip(), file=sys.stderr)
+        if is_over():
+            return
+
+
+@contextmanager
+def _lines(out: Path | None, as_json: bool) -> Iterator[Callable[[str], None] | None]:
+    """Where JSON lines go: a new file, standard output, or nowhere."""
+    if out is None:
+        yield (lambda line: print(line, flush=True)) if as_json else None
+        return
+    try:
+        with out.open("x", encoding="utf-8") as stream:
+            yield lambda line: print(line, file=stream)
+    except FileExistsError:
+        raise InputError(f"--out {out}: exists already; choose another name") from None
+    except OSError as err:
+        raise OutputError(f"--out {out}: cannot be written: {err.strerror}; choose another folder") from None
+
+
+@contextmanager
+def _until_interrupted() -> Iterator[None]:
+    """Ctrl-C is how reading and recording end when no other end was asked for."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        return
+
+
+def _default_file(source: DriverSource) -> Path:
+    from fabrication.driver.recording import SUFFIX
+
+    return Path(f"{source.config.design}-{time.strftime('%Y%m%d-%H%M%S')}{SUFFIX}")
+
+
+def _netcdf_beside(file: Path) -> Path | None:
+    """The netCDF of a recording that ended well; None where this Python cannot make one, or nothing was recorded."""
+    from fabrication.driver.export import can_export, export_netcdf
+
+    target = file.with_suffix(".nc")
+    if not can_export() or target == file:
+        return None
+    try:
+        export_netcdf(file, target)
+    except InputError:
+        return None  # not one frame came before the end
+    return target

@@ -1,0 +1,189 @@
+"""Ports that are wrong, busy, refused, or talk something else; boards that send half frames for ever."""
+
+from __future__ import annotations
+
+import errno
+import os
+import select
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import serial
+
+from design.errors import DeviceError
+from fabrication.driver import Sensor, link
+from fabrication.driver.fake_port import FakePort
+from fabrication.driver.ports import FoundPort, Port, find_port
+from fabrication.driver.protocol import FrameFormat, Hello, pack_frames, pack_hello
+from tests.fabrication.driver.made_up_pad import board, pad_config
+
+CONFIG = replace(pad_config(), board=replace(pad_config().board, boot_s=0.2))
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals")
+MEGA = FoundPort(name="ttyACM0", usb_id="2341:0042", title="Arduino Mega 2560")
+COPY = FoundPort(name="ttyUSB0", usb_id="1a86:7523", title="USB2.0-Serial")
+MOUSE = FoundPort(name="ttyS0", usb_id="", title="")
+HELLO = pack_hello(
+    Hello(
+        firmware=(1, 0),
+        board=1,
+        emitters=8,
+        receivers=8,
+        bits=10,
+        prescaler_exponent=6,
+        settle_us=20,
+        baud=1_000_000,
+        interval_us=2500,
+        digest=CONFIG.digest,
+    )
+)
+
+
+@pytest.fixture(autouse=True)
+def short_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(link, "ANSWER_S", 0.4)
+
+
+@contextmanager
+def talking(says: Callable[[], bytes]) -> Iterator[str]:
+    """A device on a pseudo-terminal that says something every 10 ms, whatever it hears."""
+    import pty
+    import tty
+
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    os.set_blocking(master, False)
+    over = threading.Event()
+
+    def run() -> None:
+        while not over.wait(0.01):
+            if select.select([], [master], [], 0)[1] and (text := says()):
+                os.write(master, text)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        yield os.ttyname(slave)
+    finally:
+        over.set()
+        thread.join()
+        os.close(master)
+        os.close(slave)
+
+
+def opened(port: str, **options: float) -> Sensor:
+    return Sensor(CONFIG, port, baseline_s=0, rate_hz=100, **options)  # type: ignore[arg-type]
+
+
+def test_a_port_that_is_not_there_is_named_with_those_that_are() -> None:
+    with pytest.raises(DeviceError, match="ttyNONE: no such port; ports here: "):
+        opened("/dev/ttyNONE").__enter__()
+
+
+def test_a_file_is_no_port(tmp_path) -> None:
+    file = tmp_path / "port"
+    file.write_text("x")
+    with pytest.raises(DeviceError, match="is no serial port"):
+        opened(str(file)).__enter__()
+
+
+def test_a_socket_where_nobody_answers_is_told() -> None:
+    with pytest.raises(DeviceError, match="nobody answers there"):
+        opened("socket://localhost:1").__enter__()
+
+
+def test_a_port_without_permission_says_which_group_to_join(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise serial.SerialException(errno.EACCES, "could not open port: [Errno 13] Permission denied")
+
+    monkeypatch.setattr(serial, "serial_for_url", refuse)
+    with pytest.raises(DeviceError, match=r"ttyACM0: no permission to open it; .*dialout"):
+        opened("/dev/ttyACM0").__enter__()
+
+
+def test_a_port_that_another_program_holds_is_told() -> None:
+    with (
+        FakePort(board()) as port,
+        Port(port.name, 1_000_000),
+        pytest.raises(DeviceError, match="in use by another"),
+    ):
+        opened(port.name).__enter__()
+
+
+def test_a_device_that_talks_something_else_is_told_from_a_silent_one() -> None:
+    with (
+        talking(lambda: b"$GPGGA,1,2,3*00\r\n") as port,
+        pytest.raises(DeviceError, match="another device talks"),
+    ):
+        opened(port).__enter__()
+    with (
+        talking(lambda: b"") as port,
+        pytest.raises(DeviceError, match=r"silent for 0\.6 s; is it the right port"),
+    ):
+        opened(port).__enter__()
+
+
+def test_a_board_that_only_streams_and_never_says_who_it_is_is_refused() -> None:
+    (frame,) = pack_frames(FrameFormat(states=9, receivers=8, bits=10), [1], [1], np.zeros((1, 9, 8)))
+    with talking(lambda: frame) as port, pytest.raises(DeviceError, match="no hello among them"):
+        opened(port).__enter__()
+
+
+def test_half_frames_for_ever_end_in_an_error_that_counts_them() -> None:
+    (frame,) = pack_frames(FrameFormat(states=9, receivers=8, bits=10), [1], [1], np.full((1, 9, 8), 300))
+    said = iter([HELLO])
+    with talking(lambda: next(said, frame[:60])) as port, opened(port, patience_s=1.0) as sensor:
+        with pytest.raises(
+            DeviceError, match=r"no whole frame for 1 s \(\d+ bytes that are none, \d+ damaged"
+        ):
+            sensor.read()
+        assert sensor.counts.frames == 0
+        assert sensor.counts.damaged > 10
+        assert sensor._open.link.scanner.kept_bytes < 105
+
+
+def test_noise_before_and_between_frames_costs_only_what_it_hits() -> None:
+    layout, rng = FrameFormat(states=9, receivers=8, bits=10), np.random.default_rng(5)
+    numbers = iter(range(100_000))
+
+    def says() -> bytes:
+        number = next(numbers)
+        if number < 3:
+            return bytes(rng.bytes(50)) + HELLO
+        (frame,) = pack_frames(layout, [number], [number * 10_000], np.full((1, 9, 8), 300))
+        return (frame[:40] if number % 10 == 0 else frame) + bytes(rng.bytes(20))
+
+    with talking(says) as port, opened(port) as sensor:
+        frames = list(sensor.frames(count=60))
+        assert all((frame.counts == 300).all() for frame in frames)
+        assert {frame.sequence % 10 for frame in frames} == set(range(1, 10))
+        assert sensor.counts.lost == pytest.approx(60 / 9, abs=1.5)
+
+
+def test_a_reset_in_mid_stream_starts_a_connection_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    from fabrication.driver import stream
+
+    monkeypatch.setattr(stream, "LATE_HELLO_S", 0.05)
+    simulated = board()
+    with FakePort(simulated) as port, Sensor(CONFIG, port.name, rate_hz=100, baseline_s=0) as sensor:
+        list(sensor.frames(count=10))
+        simulated.reset(time.monotonic())
+        frame = next(frame for frame in sensor if frame.connection == 2)
+        assert frame.sequence < 10
+        assert sensor.counts.lost == 0
+
+
+def test_the_board_is_found_by_its_usb_identity_before_a_copy_s() -> None:
+    assert find_port(CONFIG.board, [MOUSE, COPY, MEGA]) == "ttyACM0"
+    assert find_port(CONFIG.board, [MOUSE, COPY]) == "ttyUSB0"
+
+
+def test_no_board_or_two_of_them_are_listed() -> None:
+    with pytest.raises(DeviceError, match=r"no Arduino Mega 2560 found .*ttyS0 \(no USB device\)"):
+        find_port(CONFIG.board, [MOUSE])
+    with pytest.raises(DeviceError, match=r"2 ports look like Arduino Mega 2560: ttyACM0 .*ttyACM1 .*--port"):
+        find_port(CONFIG.board, [MEGA, replace(MEGA, name="ttyACM1")])

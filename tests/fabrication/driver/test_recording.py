@@ -1,0 +1,281 @@
+"""Recordings: nothing that was whole is lost, whatever happens to process, disk or file."""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
+
+from design.errors import InputError, OutputError
+from design.preset import PRESETS
+from fabrication.driver import Sensor
+from fabrication.driver.export import export_netcdf, read_recorded
+from fabrication.driver.fake_port import FakePort, PtyWire
+from fabrication.driver.finger import FingerPath
+from fabrication.driver.protocol import FrameFormat, pack_frames
+from fabrication.driver.recording import Recorder, RecordKind, document_of, read_records
+from fabrication.driver_file import config_from_document
+from sims.recording import read_recording
+from tests.fabrication.driver.made_up_pad import board, pad_config
+
+CONFIG = pad_config()
+FRAMES = pack_frames(
+    FrameFormat(states=9, receivers=8, bits=10),
+    range(100),
+    [2500 * k for k in range(100)],
+    np.random.default_rng(2).integers(0, 1024, (100, 9, 8)),
+)
+
+
+def written(file: Path, count: int = 100) -> bytes:
+    with Recorder(file, CONFIG) as recorder:
+        for number, message in enumerate(FRAMES[:count]):
+            recorder.frame(message, 1000.0 + number)
+    return file.read_bytes()
+
+
+def frames_of(file: Path) -> list[bytes]:
+    return [record.content for record in read_records(file)[2] if record.kind == RecordKind.FRAME]
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_the_configuration_inside_a_recording_is_the_sensor_s(name: str) -> None:
+    config = pad_config(name)
+    assert config_from_document(document_of(config), where="header") == config
+
+
+def test_a_recording_holds_every_frame_byte_for_byte(tmp_path: Path) -> None:
+    written(tmp_path / "a.optorec")
+    header, config, records, stray = read_records(tmp_path / "a.optorec")
+    assert header["format"] == "optopad-recording"
+    assert config == CONFIG
+    assert frames_of(tmp_path / "a.optorec") == FRAMES
+    assert (records[-1].kind, stray) == (RecordKind.END, 0)
+
+
+def test_a_file_torn_anywhere_keeps_every_complete_frame(tmp_path: Path) -> None:
+    whole = written(tmp_path / "a.optorec", 6)
+    start, size = whole.index(b"\n") + 1, 13 + 105 + 4
+    for end in range(start, len(whole)):
+        file = tmp_path / "torn.optorec"
+        file.write_bytes(whole[:end])
+        assert frames_of(file) == FRAMES[: min((end - start) // size, 6)]
+
+
+@given(place=st.integers(0, 5), byte=st.integers(0, 121), flip=st.integers(1, 255))
+def test_a_damaged_record_takes_only_itself(
+    place: int, byte: int, flip: int, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    file = tmp_path_factory.mktemp("damaged") / "a.optorec"
+    whole = bytearray(written(file, 6))
+    whole[whole.index(b"\n") + 1 + place * 122 + byte] ^= flip
+    file.write_bytes(whole)
+    assert frames_of(file) == [*FRAMES[:place], *FRAMES[place + 1 : 6]]
+    assert read_records(file)[3] == 122
+
+
+def test_a_recording_is_never_overwritten(tmp_path: Path) -> None:
+    before = written(tmp_path / "a.optorec", 2)
+    with pytest.raises(OutputError, match="exists already, and a recording is never overwritten"):
+        Recorder(tmp_path / "a.optorec", CONFIG)
+    assert (tmp_path / "a.optorec").read_bytes() == before
+
+
+def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="cannot be written: No such file or directory"):
+        Recorder(tmp_path / "none" / "a.optorec", CONFIG)
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
+def test_a_disk_that_is_full_from_the_start_is_named(tmp_path: Path) -> None:
+    def full(_: Path) -> Any:
+        return open("/dev/full", "wb", buffering=0)
+
+    with pytest.raises(OutputError, match="the disk is full"):
+        Recorder(tmp_path / "a.optorec", CONFIG, opened=full)
+
+
+class FullDisk(io.FileIO):
+    """A file on a disk with so many bytes left; then writes are cut short, then refused."""
+
+    def __init__(self, file: Path, left: int) -> None:
+        super().__init__(file, "xb")
+        self._left = left
+
+    def write(self, piece: Any) -> int:
+        taken = min(len(piece), self._left)
+        if taken == 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        self._left -= taken
+        return super().write(piece[:taken]) or 0
+
+
+@pytest.mark.parametrize("spare", [0, 1, 12, 61, 121, 122, 123, 500])
+def test_a_disk_that_fills_up_keeps_the_frames_before_and_no_piece_of_the_next(
+    tmp_path: Path, spare: int
+) -> None:
+    head = len(written(tmp_path / "size.optorec", 0)) - (13 + 16 + 4)  # less the end record
+    file = tmp_path / "a.optorec"
+    recorder = Recorder(file, CONFIG, opened=lambda name: FullDisk(name, head + spare))
+    for number, message in enumerate(FRAMES[:20]):
+        recorder.frame(message, float(number))
+    recorder.flush()
+    with pytest.raises(OutputError, match=r"disk is full.*every frame written before is whole"):
+        recorder.close()
+    assert not recorder.is_open
+    assert frames_of(file) == FRAMES[: spare // 122]
+    assert read_records(file)[3] == 0
+
+
+def test_a_full_disk_stops_the_recording_and_not_the_stream(tmp_path: Path) -> None:
+    with FakePort(board()) as port, Sensor(CONFIG, port.name, rate_hz=200, baseline_s=0) as sensor:
+        file = tmp_path / "a.optorec"
+        recorder = Recorder(file, CONFIG, opened=lambda name: FullDisk(name, 15_000))
+        sensor._open.record(recorder)
+        sequences, refusals = [], []
+        end = time.monotonic() + 2.0
+        while time.monotonic() < end and len(sequences) < 250:
+            try:
+                sequences.append(sensor.read().sequence)
+            except OutputError as err:
+                refusals.append(str(err))
+        assert sensor.counts.lost == 0
+    assert len(refusals) == 1
+    assert "disk is full" in refusals[0]
+    assert np.diff(sequences).tolist() == [1] * (len(sequences) - 1)  # reading lost none
+    assert 50 < len(frames_of(file)) < 100  # 15 kB less the header, at 122 bytes each
+
+
+def test_closing_the_sensor_closes_its_recording(tmp_path: Path) -> None:
+    with FakePort(board()) as port, Sensor(CONFIG, port.name, rate_hz=200, baseline_s=0) as sensor:
+        recorder = sensor.record(tmp_path / "a.optorec")
+        list(sensor.frames(count=10))
+    assert not recorder.is_open
+    assert read_recorded(tmp_path / "a.optorec").ended_cleanly
+
+
+def test_half_a_second_after_it_came_a_frame_is_in_the_file(tmp_path: Path) -> None:
+    with FakePort(board()) as port, Sensor(CONFIG, port.name, rate_hz=100, baseline_s=0) as sensor:
+        recorder = sensor.record(tmp_path / "a.optorec")
+        seen = []
+        for _ in range(6):
+            time.sleep(0.25)
+            seen.append((recorder.frames, len(frames_of(tmp_path / "a.optorec"))))
+        recorder.close()
+    for (received, _), (_, in_file) in zip(seen, seen[2:], strict=False):  # two steps of 0.25 s later
+        assert in_file >= received
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs signals")
+def test_a_recorder_that_was_killed_leaves_all_but_the_last_half_second(tmp_path: Path) -> None:
+    file, config = tmp_path / "a.optorec", tmp_path / "driver.toml"
+    config.write_text(made_up_toml(), encoding="utf-8")
+    program = (
+        "import sys; from fabrication.driver import Sensor\n"
+        "with Sensor(sys.argv[1], sys.argv[2], rate_hz=100, baseline_s=0) as s:\n"
+        "    r = s.record(sys.argv[3])\n"
+        "    for f in s: print(r.frames, flush=True)\n"
+    )
+    with FakePort(board()) as port:
+        command = [sys.executable, "-c", program, str(config), port.name, str(file)]
+        root = Path(__file__).parents[3]
+        with subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, text=True) as process:
+            assert process.stdout is not None
+            count = next(int(line) for line in process.stdout if int(line) >= 120)
+            process.kill()
+    kept = read_recorded(file)
+    assert len(kept.sequence) >= count - 50  # half a second at 100 Hz
+    assert not kept.ended_cleanly
+    assert np.diff(kept.sequence).tolist() == [1] * (len(kept.sequence) - 1)
+
+
+def made_up_toml() -> str:
+    from design.preset import preset
+    from fabrication.driver_config import dump_driver_config
+    from tests.fabrication.driver.made_up_pad import untouched
+
+    return dump_driver_config(preset("piacenza2017-pad"), [1e5] * 8, np.minimum(untouched(), 1023))
+
+
+def test_the_netcdf_is_one_that_compare_reads(tmp_path: Path) -> None:
+    file = tmp_path / "a.optorec"
+    with FakePort(board()) as port, Sensor(CONFIG, port.name, rate_hz=200, baseline_s=0) as sensor:
+        with sensor.record(file) as recorder:
+            recorder.press(16.0, 16.0, 0.0)
+            list(sensor.frames(count=20))
+            recorder.press(16.0, 16.0, 1.5)
+            list(sensor.frames(count=20))
+        found = export_netcdf(file, tmp_path / "a.nc")
+    read = read_recording(tmp_path / "a.nc")
+    assert read.design_digest == CONFIG.digest
+    assert set(read.depth_mm) == {0.0, 1.5}
+    assert read.place_mm is not None
+    assert set(map(tuple, read.place_mm)) == {(16.0, 16.0)}
+    assert set(read.counts) == {f"E{i}-R{j}" for i in range(1, 9) for j in range(1, 9)}
+    frames = found.counts.astype(float)
+    assert np.array_equal(read.counts["E2-R3"], frames[:, 1, 2] - frames[:, 8, 2])
+
+
+def test_presses_may_come_from_a_path_by_the_board_s_clock(tmp_path: Path) -> None:
+    written(tmp_path / "a.optorec")
+    path = FingerPath(time_s=np.array([0.0, 1.0]), press_mm=np.array([[1.0, 2.0, 0.0], [1.0, 2.0, 4.0]]))
+    export_netcdf(tmp_path / "a.optorec", tmp_path / "a.nc", path)
+    with xr.open_dataset(tmp_path / "a.nc", engine="h5netcdf") as dataset:
+        assert np.allclose(dataset["press_depth"], 4.0 * 0.0025 * np.arange(100))
+        assert dataset["counts"].attrs["units"] == "ADC counts"
+        assert dataset["press_depth"].attrs["units"] == "mm"
+        assert list(dataset["state"].values) == [*[f"E{i}" for i in range(1, 9)], "off"]
+
+
+def test_a_torn_recording_exports_what_is_whole(tmp_path: Path) -> None:
+    file = tmp_path / "a.optorec"
+    file.write_bytes(written(tmp_path / "whole.optorec")[:-700])
+    found = export_netcdf(file, tmp_path / "a.nc")
+    assert not found.ended_cleanly
+    assert 90 <= len(found.sequence) < 100
+    assert 0 < found.stray_bytes < 122
+
+
+def test_connections_of_a_recording_are_told_apart(tmp_path: Path) -> None:
+    file, link = tmp_path / "a.optorec", tmp_path / "pad"
+    with (
+        FakePort(board(), PtyWire(link)) as first,
+        Sensor(CONFIG, str(link), rate_hz=200, baseline_s=0) as sensor,
+        sensor.record(file),
+    ):
+        list(sensor.frames(count=20))
+        first.unplug()
+        with FakePort(board(), PtyWire(link)):
+            while sensor.read().connection == 1:
+                pass
+            list(sensor.frames(count=20))
+    found = read_recorded(file)
+    assert set(found.connection) == {1, 2}
+    assert found.lost == 0
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"\xff\xfe\n", b"{}\n", b'{"format": "optopad-recording"}\n', b"[" * 9999 + b"\n"]
+)
+def test_what_is_no_recording_is_refused(tmp_path: Path, content: bytes) -> None:
+    file = tmp_path / "a.optorec"
+    file.write_bytes(content)
+    with pytest.raises(InputError, match="no recording of `optopad driver record`"):
+        read_records(file)
+
+
+def test_a_recording_without_a_frame_is_refused(tmp_path: Path) -> None:
+    written(tmp_path / "a.optorec", 0)
+    with pytest.raises(InputError, match="holds no whole frame"):
+        read_recorded(tmp_path / "a.optorec")

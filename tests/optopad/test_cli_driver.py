@@ -1,0 +1,174 @@
+"""The verbs of the built sensor, each against a simulated board."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from design.preset import preset
+from fabrication.driver.fake_port import FakePort
+from fabrication.driver.faults import faults_of
+from fabrication.driver_config import dump_driver_config
+from optopad.cli import main
+from sims.recording import read_recording
+from tests.fabrication.driver.made_up_pad import board, pad_config, untouched
+
+ROOT = Path(__file__).parents[2]
+NAME = "piacenza2017-pad"
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> str:
+    file = tmp_path / "driver.toml"
+    text = dump_driver_config(preset(NAME), [1e5] * 8, np.minimum(untouched(), 1023))
+    file.write_text(text, encoding="utf-8")
+    return str(file)
+
+
+@pytest.fixture
+def port() -> Iterator[str]:
+    with FakePort(board()) as fake:
+        yield fake.name
+
+
+def test_read_gives_frames_as_json_lines(config: str, port: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["driver", "read", config, "--port", port, "--frames", "5", "--rate", "100", "--json"]) == 0
+    frames = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert len(frames) == 5
+    assert np.shape(frames[0]["counts"]) == (9, 8)
+    assert [after["sequence"] - before["sequence"] for before, after in pairwise(frames)] == [1] * 4
+    ratios = [ratio for row in frames[0]["normalised"] for ratio in row if ratio is not None]
+    assert np.median(ratios) == pytest.approx(1.0, abs=0.01)
+
+
+def test_read_writes_a_new_file_and_says_how_the_line_did(
+    config: str, port: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "frames.jsonl"
+    command = ["driver", "read", config, "--port", port, "--frames", "3", "--out", str(out)]
+    assert main(command) == 0
+    assert len(out.read_text().splitlines()) == 3
+    assert re.search(r"\d+ frames, [\d.]+ Hz, 0 lost, 0 damaged", capsys.readouterr().out)
+    assert main(command) == 2
+    assert "exists already" in capsys.readouterr().err
+
+
+def test_record_and_export_lead_to_what_compare_reads(
+    config: str, port: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, path = tmp_path / "a.optorec", tmp_path / "finger.csv"
+    assert (
+        main(["driver", "record", config, "--port", port, "--frames", "40", "--out", str(file), "--json"])
+        == 0
+    )
+    said = json.loads(capsys.readouterr().out)
+    assert said["recorded"] >= 40
+    assert said["netcdf"] == str(tmp_path / "a.nc")
+    assert said["link"]["lost"] == 0
+    path.write_text("t_s,x_mm,y_mm,depth_mm\n0,16,16,0\n100,16,16,50\n")
+    again = ["driver", "export", str(file), "--presses", str(path), "--out", str(tmp_path / "b.nc"), "--json"]
+    assert main(again) == 0
+    assert json.loads(capsys.readouterr().out)["has_presses"]
+    assert read_recording(tmp_path / "b.nc").design_digest == preset(NAME).digest
+
+
+@pytest.mark.parametrize(
+    ("fault", "kind", "parts"),
+    [
+        ("swap:R3,R4", "swapped", ["R3", "R4"]),
+        ("dead:E7", "dead", ["E7"]),
+        ("saturated:R2", "saturated", ["R2"]),
+    ],
+)
+def test_check_names_what_is_wrong(
+    fault: str, kind: str, parts: list[str], config: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with FakePort(board(faults=faults_of(pad_config(), [fault]))) as fake:
+        out = tmp_path / "check.json"
+        command = ["driver", "check", config, "--port", fake.name, "--seconds", "0.4", "--rate", "100"]
+        assert main([*command, "--out", str(out), "--json"]) == 0
+    document: dict[str, Any] = json.loads(capsys.readouterr().out)
+    assert json.loads(out.read_text()) == document
+    assert not document["is_good"]
+    assert [(problem["kind"], problem["parts"]) for problem in document["problems"]] == [(kind, parts)]
+
+
+def test_check_says_that_a_right_build_is_right(
+    config: str, port: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["driver", "check", config, "--port", port, "--seconds", "0.4"]) == 0
+    assert "verdict   wired as designed" in capsys.readouterr().out
+
+
+def test_a_board_that_is_not_there_is_told_in_one_line(
+    config: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["driver", "read", config, "--port", "/dev/ttyNONE"]) == 2
+    said = capsys.readouterr().err
+    assert "no such port" in said
+    assert "Traceback" not in said
+
+
+def test_a_design_whose_bundle_is_not_made_yet_is_enough_to_read(
+    port: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["driver", "read", NAME, "--port", port, "--frames", "1", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["connection"] == 1
+    assert os.listdir(tmp_path) == []
+
+
+def test_set_on_a_written_configuration_is_refused(config: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["driver", "read", config, "--set", "board.baud=500000"]) == 2
+    assert "is written already" in capsys.readouterr().err
+
+
+def test_a_finger_needs_a_table_of_presses(
+    config: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "finger.csv"
+    path.write_text("t_s,x_mm,y_mm,depth_mm\n0,16,16,0\n")
+    assert main(["driver", "fake", config, "--path", str(path)]) == 2
+    assert "no press of this design was simulated" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs signals")
+@pytest.mark.parametrize("kind", ["pseudo-terminal", "socket"])
+def test_fake_serves_a_board_until_ctrl_c_and_record_ends_cleanly_on_it(
+    kind: str, config: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "a.optorec"
+    options = ["--socket"] if kind == "socket" else ["--link", str(tmp_path / "pad")]
+    with started("fake", config, "--json", *options) as fake:
+        assert fake.stdout is not None
+        said = json.loads("".join(iter(fake.stdout.readline, "}\n")) + "}")
+        with started(
+            "record", config, "--port", said["port"], "--out", str(file), "--json", "--no-netcdf"
+        ) as record:
+            while not file.exists() or file.stat().st_size < 12_000:
+                assert record.poll() is None
+                time.sleep(0.05)
+            record.send_signal(signal.SIGINT)
+            outcome, _ = record.communicate(timeout=20)
+        fake.send_signal(signal.SIGINT)
+        assert fake.wait(timeout=20) == 0
+    assert record.returncode == 0
+    assert json.loads(outcome)["recorded"] > 30
+    assert not (tmp_path / "pad").is_symlink()
+
+
+def started(*arguments: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "optopad", "driver", *arguments]
+    return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
