@@ -40,14 +40,14 @@ def config_header(settings: FirmwareSettings) -> str:
         f"#define ANY_MUX5 {int(any(one.mux & MUX5 for one in settings.receivers))}",
         "",
         f"#define N_EMITTERS {len(settings.emitters)}",
-        *_list(
+        *_commented_list(
             "EMITTERS", (f"LED({e.port}, {e.bit}) /* {e.name}, pin {e.number} */" for e in settings.emitters)
         ),
-        *_list("EMITTER_PINS", (str(e.number) for e in settings.emitters), braces=False),
+        *_list("EMITTER_PINS", (str(e.number) for e in settings.emitters)),
         f"#define N_RECEIVERS {len(settings.receivers)}",
-        *_list("CHANNEL_MUX", (f"{r.mux} /* {r.name}, {r.channel} */" for r in settings.receivers)),
-        *_list("CHANNEL_NUMBERS", (str(r.number) for r in settings.receivers), braces=False),
-        *_list("DESIGN_DIGEST", (f"0x{byte:02x}" for byte in settings.digest), braces=False),
+        *_commented_list("CHANNEL_MUX", (f"{r.mux} /* {r.name}, {r.channel} */" for r in settings.receivers)),
+        *_list("CHANNEL_NUMBERS", (str(r.number) for r in settings.receivers)),
+        *_list("DESIGN_DIGEST", (f"0x{byte:02x}" for byte in settings.digest)),
         "#endif",
     ]
     return "\n".join(lines) + "\n"
@@ -71,15 +71,17 @@ def _tunable(name: str, value: str, comment: str) -> tuple[str, ...]:
     return (f"#ifndef {name}", f"#define {name} {value} /* {comment} */", "#endif")
 
 
-def _list(name: str, items: Iterable[str], *, braces: bool = True) -> Iterable[str]:
+def _list(name: str, items: Iterable[str]) -> Iterable[str]:
+    """A list without braces in one line."""
+    yield f"#define {name} {', '.join(items)}"
+
+
+def _commented_list(name: str, items: Iterable[str]) -> Iterable[str]:
+    """A list without braces, an item with its comment a line."""
     *most, last = items
-    opening, closing = ("{ ", " }") if braces else ("", "")
-    if braces:
-        yield f"#define {name} {{ \\"
-        yield from (f"    {_with_comma(item)} \\" for item in most)
-        yield f"    {last} }}"
-    else:
-        yield f"#define {name} {opening}{', '.join((*most, last))}{closing}"
+    yield f"#define {name} \\"
+    yield from (f"    {_with_comma(item)} \\" for item in most)
+    yield f"    {last}"
 
 
 def _with_comma(item: str) -> str:

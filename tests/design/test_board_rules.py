@@ -105,7 +105,7 @@ def test_a_frame_is_states_then_line() -> None:
     assert frame_time_ms(MEGA, BoardUse(), 8, 8) == pytest.approx(9 * (0.020 + 8 * 0.052) + 1.05, rel=1e-12)
 
 
-@pytest.mark.parametrize(("prescaler", "measured_hz"), [(128, 128.0), (64, 244.0), (32, 441.0), (16, 705.0)])
+@pytest.mark.parametrize(("prescaler", "measured_hz"), [(128, 129.0), (64, 246.0), (32, 452.0), (16, 746.0)])
 def test_the_sum_is_slower_than_the_firmware_measured(prescaler: int, measured_hz: float) -> None:
     """Rates with 20 us of settling at 1 Mbaud on a simulated ATmega2560, from docs/validation/firmware.md."""
     allowed_hz = 1000.0 / frame_time_ms(MEGA, BoardUse(adc_prescaler=prescaler), 8, 8)

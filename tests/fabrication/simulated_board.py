@@ -1,6 +1,7 @@
 """The compiled firmware on a simulated board: scene out, log in. The simulator is `loop/simulated_board.c`.
 
-Receivers on inputs A8 and above are left out: the simulator has inputs 0 to 7 only, and says so by name.
+The simulator has inputs A0 to A7; those above are converted by the harness around it, by the same rule, and
+`not_by_the_simulator` names them.
 """
 
 from __future__ import annotations
@@ -127,17 +128,11 @@ def build_harness(folder: Path) -> Path:
     return program
 
 
-def covered_columns(settings: FirmwareSettings) -> tuple[int, ...]:
-    """Columns of the receivers that the simulator has inputs for."""
-    return tuple(k for k, one in enumerate(settings.receivers) if one.mux < SIMULATED_INPUTS)
-
-
-def left_out(settings: FirmwareSettings) -> str:
-    """A sentence on the receivers that the loop cannot cover; "" when it covers all."""
-    covered = covered_columns(settings)
-    others = [one for k, one in enumerate(settings.receivers) if k not in covered]
+def not_by_the_simulator(settings: FirmwareSettings) -> str:
+    """A sentence on the receivers whose inputs the simulator lacks; "" when it has all."""
+    others = [one for one in settings.receivers if one.mux >= SIMULATED_INPUTS]
     names = ", ".join(f"{one.name} on {one.channel}" for one in others)
-    return f"not simulated, the simulator has inputs A0 to A7 only: {names}" if others else ""
+    return f"the simulator converts A0 to A7, and the harness around it {names}" if others else ""
 
 
 def quantised(table_mv: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -157,6 +152,7 @@ def scene_text(
     said: Sequence[Say] = (),
     *,
     hold_adc_clocks: float = 1.5,
+    edges: bool = True,
 ) -> str:
     """The simulator's scene of a design.
 
@@ -165,6 +161,8 @@ def scene_text(
     table_mv : (state, receiver) settled voltages, the dark state last [mV]
     said : what the host says, in order
     hold_adc_clocks : from a conversion's start to the moment at which its input is held
+    edges : whether a conversion waits for the next edge of the converter's clock, as on a chip; if not, the simulator's
+        own converter decides, which starts at once
     """
     lit, dark = table_mv[:-1], table_mv[-1]
     lines = [
@@ -175,6 +173,7 @@ def scene_text(
         f"light_tau_us {LIGHT_TAU_US}",
         f"amplifier_tau_us {AMPLIFIER_TAU_US}",
         f"hold_adc_clocks {hold_adc_clocks}",
+        f"edges {int(edges)}",
         *(f"receiver {one.mux}" for one in settings.receivers),
         "dark " + " ".join(map(str, dark)),
     ]
@@ -193,6 +192,7 @@ def simulate(
     duration_us: float,
     changes: Sequence[str] = (),
     hold_adc_clocks: float = 1.5,
+    edges: bool = True,
 ) -> Run:
     """Compile a design's firmware, run it, and read its line.
 
@@ -210,6 +210,7 @@ def simulate(
         said,
         duration_us=duration_us,
         hold_adc_clocks=hold_adc_clocks,
+        edges=edges,
     )
 
 
@@ -223,10 +224,12 @@ def simulate_elf(
     *,
     duration_us: float,
     hold_adc_clocks: float = 1.5,
+    edges: bool = True,
 ) -> Run:
     """Run a compiled program, with scene and log in a folder, and read its line."""
     scene, log = folder / "scene", folder / "log"
-    scene.write_text(scene_text(settings, table_mv, said, hold_adc_clocks=hold_adc_clocks), encoding="ascii")
+    text = scene_text(settings, table_mv, said, hold_adc_clocks=hold_adc_clocks, edges=edges)
+    scene.write_text(text, encoding="ascii")
     command = [str(harness), str(elf), str(scene), str(log), str(duration_us)]
     subprocess.run(command, check=True, capture_output=True, timeout=120)
     return read_log(settings, np.fromfile(log, RECORD))

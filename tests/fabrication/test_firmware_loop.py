@@ -13,11 +13,9 @@ from fabrication.driver.protocol import Command, Kind, pack_command
 from fabrication.firmware.settings import firmware_settings
 from tests.fabrication.simulated_board import (
     FULL_SCALE,
-    INPUT_HELD,
     SUPPLY_MV,
     Run,
-    covered_columns,
-    left_out,
+    not_by_the_simulator,
     quantised,
     random_table,
     simulate,
@@ -43,7 +41,7 @@ def loop(board_harness: Path, tmp_path: Path):
 
 
 def test_every_reading_is_the_quantised_voltage_of_its_state_and_receiver(loop):
-    run = loop([FREELY, START], duration_us=180_000)
+    run = loop([FREELY, START], duration_us=190_000)
     counts = run.frames.counts
     assert len(counts) >= 40
     assert run.skipped_bytes < run.layout.total_bytes  # the last frame, cut by the end
@@ -53,7 +51,7 @@ def test_every_reading_is_the_quantised_voltage_of_its_state_and_receiver(loop):
 @pytest.mark.slow
 def test_a_thousand_frames_of_simulated_light_all_equal_the_voltage(loop):
     table_mv = simulated_table_mv(PAD)
-    run = loop([FREELY, START], duration_us=4_200_000, table_mv=table_mv)
+    run = loop([FREELY, START], duration_us=4_400_000, table_mv=table_mv)
     assert len(run.frames.counts) >= 1000
     assert (run.frames.counts == quantised(table_mv)).all()
     assert run.frames.sequence.tolist() == list(range(len(run.frames.counts)))
@@ -78,19 +76,19 @@ def test_a_settle_time_set_too_short_is_caught(loop):
     run = loop([FREELY, START], duration_us=40_000, changes=["SETTLE_US=2UL"])
     wrong = run.frames.counts != quantised(random_table(firmware_settings(PAD)))
     assert (
-        wrong[:, :, 0].mean() > 0.5
-    )  # the first reading of a state is taken while the amplifier still moves
+        wrong[:, :, 0].any(axis=1).all()
+    )  # a state's first reading is taken while the amplifier still moves
     assert not wrong[:, :, 1:].any()  # 52 us later it has settled
 
 
 def test_switching_early_is_right_as_long_as_the_input_is_held_by_then(loop):
     table = quantised(random_table(firmware_settings(PAD)))
     early = ["SWITCH_EARLY=1"]
-    # the data sheet: held 1.5 clocks after the start, which waits for at most one clock
-    in_time = loop([FREELY, START], duration_us=40_000, changes=early, hold_adc_clocks=2.5)
+    # the data sheet: held 1.5 clocks after the start, which waits for the next edge of that clock
+    in_time = loop([FREELY, START], duration_us=40_000, changes=early)
     assert (in_time.frames.counts == table).all()
     # an input that stayed open for two clocks more would see the next emitter: the model does catch it
-    open_longer = loop([FREELY, START], duration_us=40_000, changes=early, hold_adc_clocks=4.5)
+    open_longer = loop([FREELY, START], duration_us=40_000, changes=early, hold_adc_clocks=3.5)
     assert (open_longer.frames.counts != table)[:, :, -1].mean() > 0.5
 
 
@@ -99,9 +97,9 @@ def test_device_microseconds_are_those_of_the_first_conversions(loop):
     exact_us = run.first_conversions_us(mux=0)
     device_us = run.frames.device_us.astype(float)
     off_us = device_us - exact_us[: len(device_us)]
-    # reading the clock takes a microsecond or two, and the count is in whole ones
-    assert np.ptp(off_us) <= 3.0
-    assert np.diff(device_us) == pytest.approx(np.diff(exact_us[: len(device_us)]), abs=3.0)
+    # the clock is read in whole microseconds, just before a wait of at most one converter's clock, 4 us
+    assert np.ptp(off_us) <= 3.0 + 4.0
+    assert np.diff(device_us) == pytest.approx(np.diff(exact_us[: len(device_us)]), abs=3.0 + 4.0)
 
 
 def test_frames_keep_the_asked_interval_and_none_is_late(loop):
@@ -210,25 +208,73 @@ def test_odd_counts_of_receivers_are_packed_whole(loop):
     assert (run.frames.counts == quantised(random_table(settings))).all()
 
 
-def test_an_uno_runs_the_same_source(loop):
-    ring = {"pattern": "alternating_ring", "parts_per_side": [2, 2, 2, 2]}
-    design = PAD.with_(**{"board.kind": "arduino-uno", "layout": [ring]})
-    run = loop([FREELY, START], duration_us=30_000, design=design)
-    assert run.hellos[0].board == 2
+@pytest.mark.parametrize(
+    ("kind", "number", "parts_per_side"), [("uno", 2, [3, 3, 3, 3]), ("nano", 3, [4, 4, 4, 4])]
+)
+def test_smaller_boards_run_the_same_source(loop, kind, number, parts_per_side):
+    ring = {"pattern": "alternating_ring", "parts_per_side": parts_per_side}
+    design = PAD.with_(**{"board.kind": f"arduino-{kind}", "layout": [ring]})
+    run = loop([FREELY, START], duration_us=40_000, design=design)
+    assert run.hellos[0].board == number
     assert len(run.frames.counts) >= 5
     assert (run.frames.counts == quantised(random_table(firmware_settings(design)))).all()
 
 
-def test_more_than_eight_receivers_are_covered_up_to_the_eighth_which_is_said(loop):
+@pytest.mark.parametrize(
+    "channels", [[f"A{k}" for k in range(8, 16)], [f"A{k}" for k in (15, 0, 8, 7, 3, 11, 12, 4)]]
+)
+def test_inputs_above_the_seventh_are_read_by_their_setting_in_the_other_register(loop, channels):
+    design = PAD.with_(**{"board.receiver_channels": channels})
+    run = loop([FREELY, START], duration_us=30_000, design=design)
+    assert len(run.frames.counts) >= 3
+    assert (run.frames.counts == quantised(random_table(firmware_settings(design)))).all()
+
+
+def test_twelve_receivers_are_read_and_which_the_simulator_does_not_convert_is_said(loop):
     design = preset("oblong-60x40")
     settings = firmware_settings(design)
-    columns = covered_columns(settings)
     run = loop([FREELY, START], duration_us=60_000, design=design)
-    assert len(settings.receivers) > len(columns) == 8
-    assert left_out(settings).startswith("not simulated, the simulator has inputs A0 to A7 only: R9 on A8")
-    assert len(run.frames.counts) >= 5
-    assert (run.frames.counts[:, :, columns] == quantised(random_table(settings))[:, columns]).all()
-    # of the others the loop sees that each was asked for by its multiplexer setting, in its turn
-    held = run.log[run.log["kind"] == INPUT_HELD]["number"] % 256
-    one_state = [receiver.mux for receiver in settings.receivers]
-    assert held[1 : 1 + 4 * len(one_state)].tolist() == one_state * 4
+    said = not_by_the_simulator(settings)
+    assert said.endswith("around it R9 on A8, R10 on A9, R11 on A10, R12 on A11")
+    assert len(run.frames.counts) >= 4
+    assert (run.frames.counts == quantised(random_table(settings))).all()
+
+
+def test_clock_and_sequence_wrap_without_a_frame_out_of_step(loop):
+    before_us, before_frames, interval_us = 60_000, 5, 6_000
+    changes = [f"FIRST_US={2**32 - before_us}UL", f"FIRST_SEQUENCE={2**32 - before_frames}UL"]
+    said = [
+        (7_000.0, pack_command(Command.RATE, interval_us)),
+        START,
+        (150_000.0, pack_command(Command.SELF_TEST)),
+    ]
+    run = loop(said, duration_us=170_000, changes=changes)
+    device_us = run.frames.device_us.astype(np.int64)
+    assert device_us[0] > 2**31 > device_us[-1]
+    assert run.frames.sequence[[0, before_frames]].tolist() == [2**32 - before_frames, 0]
+    steps = np.diff(device_us[:-4]) % 2**32
+    assert steps == pytest.approx(np.full(len(steps), interval_us), abs=20)  # the wait is polled
+    assert run.self_tests[0].late_frames == 0
+
+
+def test_a_slow_line_holds_frames_up_and_loses_none(loop):
+    design = PAD.with_(**{"board.baud": 115_200, "board.frame_rate_hz": 50.0})
+    run = loop([(20_000.0, FREELY[1]), (25_000.0, START[1])], duration_us=300_000, design=design)
+    counts = run.frames.counts
+    assert run.frames.sequence.tolist() == list(range(len(counts)))
+    assert (counts == quantised(random_table(firmware_settings(design)))).all()
+    # 105 bytes of 10 bits take 9.1 ms, more than the 4.2 ms of reading; the simulator takes 11 bits a byte
+    assert np.diff(run.frames.device_us.astype(np.int64))[2:].mean() == pytest.approx(
+        105 * 11 / 117_647 * 1e6, rel=0.02
+    )
+
+
+def test_a_host_that_never_stops_talking_changes_no_reading(loop):
+    rng = np.random.default_rng(2)
+    noise = [(9_000.0 + 640.0 * k, rng.integers(0, 256, 60, dtype=np.uint8).tobytes()) for k in range(200)]
+    run = loop([FREELY, START, *noise], duration_us=160_000)
+    assert (
+        len(run.frames.counts) >= 25
+    )  # of 36: hearing bytes that come at the full rate takes half the processor
+    assert run.skipped_bytes < run.layout.total_bytes
+    assert (run.frames.counts == quantised(random_table(firmware_settings(PAD)))).all()

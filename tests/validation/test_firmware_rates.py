@@ -19,17 +19,19 @@ COMPILERS = 0.03
 @pytest.mark.parametrize("prescaler", ASKED_HZ)
 def test_the_firmware_reaches_the_rate_asked_for_with_every_reading_right(board_harness, prescaler):
     found = measured(board_harness, with_prescaler(prescaler), QUIET, SHORT_US[prescaler])
-    assert found.frames >= FRAMES
+    assert found.frames >= 2 * FRAMES
     assert found.wrong_readings == 0
-    assert found.simulated_hz >= ASKED_HZ[prescaler]
-    assert found.budget_hz < found.worst_hz < found.simulated_hz  # the sum promises less than the worst
-    assert found.simulated_hz == pytest.approx(told_hz()[prescaler], rel=COMPILERS)
+    assert found.simulator_hz >= ASKED_HZ[prescaler]
+    assert (
+        found.simulator_hz > found.edges_hz > found.budget_hz
+    )  # rules promise no more than the firmware keeps
+    assert found.simulator_hz == pytest.approx(told_hz()[prescaler], rel=COMPILERS)
 
 
 def test_switching_early_is_faster_by_what_the_page_says(board_harness):
     found = measured(board_harness, with_prescaler(32), EARLY, SHORT_US[32])
     assert found.wrong_readings == 0
-    assert found.simulated_hz == pytest.approx(told_hz(table=1)[32], rel=COMPILERS)
+    assert found.simulator_hz == pytest.approx(told_hz(table=1)[32], rel=COMPILERS)
 
 
 def told_hz(table: int = 0) -> dict[int, float]:

@@ -6,7 +6,10 @@
 #include <stdint.h>
 
 #define TICKS_PER_US (CLOCK_HZ / 8000000UL)
-static uint32_t epoch_us;
+#ifndef FIRST_US
+#define FIRST_US 0
+#endif
+static uint32_t epoch_us = FIRST_US;
 
 static void clock_init(void) {
     TIMSK0 = 0; /* the Arduino core's millisecond tick would delay conversions */

@@ -40,12 +40,13 @@ enum kind { READINGS, HELLO, SELF_TEST };
 enum command { START = 1, STOP, RATE, IDENTIFY, TEST };
 
 #define N_STATES (N_EMITTERS + 1)
-#define DARK N_EMITTERS
 #define HEAD_BYTES 3
 #define CRC_BYTES 4
-#define FRAME_BYTES (HEAD_BYTES + 8 + ((uint32_t)N_STATES * N_RECEIVERS * ADC_BITS + 7) / 8 + CRC_BYTES)
+#define FRAME_BYTES (HEAD_BYTES + 8 + (1UL * N_STATES * N_RECEIVERS * ADC_BITS + 7) / 8 + CRC_BYTES)
 #define HELLO_BYTES 56
 #define COMMAND_BYTES 11
+#define COMMAND_MAGIC_1 0xc5
+#define COMMAND_MAGIC_2 0x5c
 #define BUFFER_BYTES (FRAME_BYTES > HELLO_BYTES ? FRAME_BYTES : HELLO_BYTES)
 #define HELLO_INTERVAL_US 1000000UL
 #define REFERENCE_US 2000 /* the reference and its weak drive of the input have settled long before */
@@ -53,6 +54,9 @@ enum command { START = 1, STOP, RATE, IDENTIFY, TEST };
 #define SETTLE_TICKS (SETTLE_US * TICKS_PER_US + 1)
 #define HOLD_TICKS ((3UL << PRESCALER_EXPONENT) / 8 + 1) /* the input is held 1.5 ADC clocks after at most one of waiting */
 #define FRESH_RAM 0xa7
+#ifndef FIRST_SEQUENCE
+#define FIRST_SEQUENCE 0
+#endif
 
 #include "crc.h"
 #include "line.h"
@@ -62,6 +66,13 @@ typedef struct {
     uint8_t mask;
 } emitter_pin;
 
+/* A change of light, looked up before its moment comes. */
+typedef struct {
+    volatile uint8_t *off_port, *on_port;
+    uint8_t off_mask, on_mask;
+    const emitter_pin *next;
+} change;
+
 typedef struct {
     uint8_t *at;
     uint32_t crc;
@@ -69,8 +80,11 @@ typedef struct {
 } packer;
 
 #define LED(letter, bit) {&PORT##letter, &DDR##letter, 1 << (bit)}
-static const emitter_pin emitters[N_EMITTERS] = EMITTERS;
-static const uint8_t channel_mux[N_RECEIVERS] = CHANNEL_MUX;
+#define NO_LED {&GPIOR0, &GPIOR0, 0} /* the dark state switches nothing, in a register that does nothing */
+static const emitter_pin emitters[N_STATES] = {EMITTERS, NO_LED};
+#define FIRST emitters
+#define DARK (emitters + N_EMITTERS)
+static const uint8_t channel_mux[N_RECEIVERS] = {CHANNEL_MUX};
 
 /* What makes this program the one of its design; the host knows the same bytes. Hello repeats the first 47. */
 static const uint8_t config_block[] PROGMEM = {
@@ -81,9 +95,10 @@ static const uint8_t config_block[] PROGMEM = {
 
 static uint8_t command[COMMAND_BYTES], command_length;
 
-static uint32_t said_hello_us, due_us, began_us, interval_us = FRAME_INTERVAL_US, sequence, late_frames;
+static uint32_t said_hello_us, due_us, began_us, interval_us = FRAME_INTERVAL_US, late_frames;
+static uint32_t sequence = FIRST_SEQUENCE;
 static bool is_running, is_converting, has_waited;
-static uint8_t lit = DARK;
+static const emitter_pin *lit = DARK;
 static uint16_t switched_at;
 #if SWITCH_EARLY
 static uint8_t started_at;
@@ -116,11 +131,15 @@ static void send_message(uint8_t *end) {
 
 /* ---- emitters and converter */
 
-static void light(uint8_t state) {
-    if (lit != DARK) *emitters[lit].port &= ~emitters[lit].mask;
-    if (state != DARK) *emitters[state].port |= emitters[state].mask;
-    lit = state;
+static inline change change_to(const emitter_pin *next) {
+    return (change){lit->port, next->port, ~lit->mask, next->mask, next};
+}
+
+static inline void make(change now) {
+    *now.off_port &= now.off_mask;
+    *now.on_port |= now.on_mask;
     switched_at = TCNT1;
+    lit = now.next;
 }
 
 static inline void select_input(uint8_t mux) {
@@ -153,7 +172,7 @@ static inline void wait_until_held(void) {
 
 static void begin_frame(void) {
     select_input(channel_mux[0]);
-    if (lit != 0) light(0);
+    if (lit != FIRST) make(change_to(FIRST));
     wait_until_settled();
     start_conversion();
     began_us = clock_us();
@@ -162,7 +181,7 @@ static void begin_frame(void) {
 
 static void drop_conversion(void) {
     wait_for_conversion();
-    light(DARK);
+    make(change_to(DARK));
     is_converting = false;
 }
 
@@ -219,10 +238,13 @@ static void read_frame(void) {
     packer frame = {0};
     if (!is_converting) begin_frame();
     open_frame(&frame);
-    for (uint8_t state = 0; state < N_STATES; state++) {
-        bool ends_frame = state == DARK, is_chained = ends_frame && !interval_us;
-        uint8_t next_state = is_chained ? 0 : ends_frame ? DARK : state + 1;
+    for (bool ends_frame = false; !ends_frame;) {
+        bool is_chained;
+        change to_next;
         uint16_t reading;
+        ends_frame = lit == DARK;
+        is_chained = ends_frame && !interval_us;
+        to_next = change_to(is_chained ? FIRST : ends_frame ? DARK : lit + 1);
         clock_us();
         for (const uint8_t *next = channel_mux + 1; next < channel_mux + N_RECEIVERS; next++) {
             uint8_t mux = *next;
@@ -233,9 +255,9 @@ static void read_frame(void) {
             pack_reading(&frame, reading);
         }
         wait_until_held();
-        if (SWITCH_EARLY) light(next_state);
+        if (SWITCH_EARLY) make(to_next);
         wait_for_conversion();
-        if (!SWITCH_EARLY) light(next_state);
+        if (!SWITCH_EARLY) make(to_next);
         reading = ADC;
         is_converting = false;
         if (is_chained) {
@@ -343,21 +365,32 @@ static uint32_t number_at(const uint8_t *bytes) {
 }
 
 static bool is_command(void) {
-    return command[0] == 0xc5 && command[1] == 0x5c && command[2] >> 4 == PROTOCOL_VERSION &&
+    return command[0] == COMMAND_MAGIC_1 && command[1] == COMMAND_MAGIC_2 && command[2] >> 4 == PROTOCOL_VERSION &&
            number_at(command + 7) == crc_of(command, COMMAND_BYTES - CRC_BYTES);
 }
 
-/* A window slides over what was heard until it holds a command; everything else is passed over. */
+/* Drops the first byte of what was taken for a command, and all up to the next one that may begin one. */
+static void look_further(void) {
+    uint8_t from = 1, kept = 0;
+    while (from < command_length && command[from] != COMMAND_MAGIC_1) from++;
+    while (from < command_length) command[kept++] = command[from++];
+    command_length = kept;
+}
+
+/* Takes at most what the ring can hold, so that a host that never stops talking stops no frame. */
 static void listen(void) {
-    while (has_heard()) {
+    for (uint8_t left = HEARD_BYTES; left && has_heard(); left--) {
         command[command_length++] = next_heard();
-        if (command_length < COMMAND_BYTES) continue;
-        command_length = 0;
-        if (is_command()) {
-            obey(command[2] & 15, number_at(command + 3));
-            continue;
+        if (command[0] != COMMAND_MAGIC_1) {
+            command_length = 0;
+        } else if (command_length == COMMAND_BYTES) {
+            if (is_command()) {
+                command_length = 0;
+                obey(command[2] & 15, number_at(command + 3));
+            } else {
+                look_further();
+            }
         }
-        for (; command_length < COMMAND_BYTES - 1; command_length++) command[command_length] = command[command_length + 1];
     }
 }
 

@@ -23,11 +23,37 @@ static void line_init(void) {
     UCSR0B = _BV(RXEN0) | _BV(TXEN0) | _BV(RXCIE0);
 }
 
-ISR(TRANSMIT_VECTOR) {
-    uint8_t *at = sending;
-    UDR0 = *at++;
-    sending = at;
-    if (at == sending_end) UCSR0B &= ~_BV(UDRIE0);
+/* In assembler, since it runs for every byte and the compiler's takes twice the time: 3 us of the 10 between bytes at
+   1 Mbaud are left to it. It does UDR0 = *sending++ and, behind the last byte, UCSR0B &= ~_BV(UDRIE0). */
+ISR(TRANSMIT_VECTOR, ISR_NAKED) {
+    __asm__ volatile("push r24\n\t"
+                     "in r24, __SREG__\n\t"
+                     "push r24\n\t"
+                     "push r30\n\t"
+                     "push r31\n\t"
+                     "lds r30, %[at]\n\t"
+                     "lds r31, %[at] + 1\n\t"
+                     "ld r24, Z+\n\t"
+                     "sts %[data], r24\n\t"
+                     "sts %[at] + 1, r31\n\t"
+                     "sts %[at], r30\n\t"
+                     "lds r24, %[end]\n\t"
+                     "cp r30, r24\n\t"
+                     "lds r24, %[end] + 1\n\t"
+                     "cpc r31, r24\n\t"
+                     "brne 1f\n\t"
+                     "lds r24, %[control]\n\t"
+                     "andi r24, %[others]\n\t"
+                     "sts %[control], r24\n"
+                     "1:\tpop r31\n\t"
+                     "pop r30\n\t"
+                     "pop r24\n\t"
+                     "out __SREG__, r24\n\t"
+                     "pop r24\n\t"
+                     "reti"
+                     :
+                     : [at] "i"(&sending), [end] "i"(&sending_end), [data] "i"(_SFR_MEM_ADDR(UDR0)),
+                       [control] "i"(_SFR_MEM_ADDR(UCSR0B)), [others] "i"((uint8_t)~_BV(UDRIE0)));
 }
 
 ISR(RECEIVE_VECTOR) {

@@ -4,17 +4,18 @@
 
    Every emitter's light follows its pin with one time constant, and the amplifiers follow the light with another; a
    receiver's voltage is its dark one plus, for each emitter, that emitter's share of light times what the table says.
-   The converter's input is held some ADC clocks after a conversion was started, and rounded to whole millivolts. The
-   simulator would read the voltage when the program reads the result, so the held one is handed to it at that time.
+   A conversion waits for the next edge of the converter's clock, if the scene says so; some clocks later its input is
+   held, and rounded to whole millivolts. The simulator would take the voltage when the program reads the result, so the
+   held one is handed to it. It has inputs 0 to 7; those above are converted here, by the same rule.
 
    Scene, one item a line: mcu NAME | clock HZ | supply MV | baud N | light_tau_us T | amplifier_tau_us T |
-   hold_adc_clocks N | emitter PORT BIT MV ... (one a receiver) | dark MV ... | receiver MUX | say AT_US HEX
+   edges 0|1 | hold_adc_clocks N | emitter PORT BIT MV ... (one a receiver) | dark MV ... | receiver MUX | say AT_US HEX
    Log: 16-byte records, little-endian: cycle u64, kind u16 (0 byte sent, 1 input held, 2 emitter switched), number u16
    (byte; MUX + 256 x lowest lit emitter, or their count if none is; 2 x emitter + on), millivolts i32.
    With `pty` it also serves the line on a pseudo-terminal, whose name it prints, no faster than real time, until the
    time is over or its standard input ends.
 
-   Left out: inputs above 7 (the simulator has none), the wait for the ADC clock's next edge, noise. */
+   Left out: noise, the supply's step when an emitter switches, crosstalk between inputs. */
 #define _GNU_SOURCE
 #include <fcntl.h>
 #include <math.h>
@@ -37,6 +38,13 @@
 #define MOST 64
 #define MOST_SAID 256
 #define BITS_PER_BYTE 10
+#define SIMULATED_INPUTS 8
+#define CONVERSION_ADC_CLOCKS 13
+#define FULL_SCALE 1023
+
+/* Data addresses and bits, the same on all chips of the family. */
+enum { ADCL_AT = 0x78, ADCH_AT = 0x79, ADCSRA_AT = 0x7a, ADCSRB_AT = 0x7b, ADMUX_AT = 0x7c };
+enum { ADSC_BIT = 0x40, MUX5_BIT = 0x08, MUX_BITS = 0x1f, PRESCALER_BITS = 0x07 };
 
 enum record_kind { BYTE_SENT, INPUT_HELD, EMITTER_SWITCHED };
 
@@ -52,16 +60,22 @@ typedef struct {
     int count, next;
 } speech;
 
+typedef struct {
+    avr_io_read_t read;
+    void *converter;
+} result_reader;
+
 static avr_t *avr;
 static emitter emitters[MOST];
 static speech speeches[MOST_SAID];
 static int emitter_count, receiver_count, dark_count, speech_count, current_speech, terminal = -1;
-static int receiver_mux[MOST], held_mux;
+static int receiver_mux[MOST], held_mux, held_mv, waits_for_edges, is_stretched;
 static double dark_mv[MOST], light_tau_us, amplifier_tau_us, hold_adc_clocks = 1.5;
 static double clock_hz, supply_mv, baud;
 static char mcu[32];
 static FILE *log_file;
-static avr_cycle_count_t followed_cycle;
+static avr_cycle_count_t followed_cycle, conversion_end;
+static result_reader low_result, high_result;
 
 static void refuse(const char *what, const char *about) {
     fprintf(stderr, "simulated_board: %s: %s\n", what, about);
@@ -111,28 +125,59 @@ static int lit_emitter(void) {
 static avr_cycle_count_t input_held(avr_t *self, avr_cycle_count_t when, void *unused) {
     (void)self, (void)when, (void)unused;
     follow();
-    int millivolts = 0;
+    held_mv = 0;
     for (int r = 0; r < receiver_count; r++) {
         if (receiver_mux[r] != held_mux) continue;
         double sum = dark_mv[r];
         for (int i = 0; i < emitter_count; i++) sum += emitters[i].amplified * (emitters[i].millivolts[r] - dark_mv[r]);
-        millivolts = (int)lround(fmax(sum, 0.0));
+        held_mv = (int)lround(fmax(sum, 0.0));
     }
-    if (held_mux < 8) avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_ADC_GETIRQ, ADC_IRQ_ADC0 + held_mux), millivolts);
-    record(INPUT_HELD, held_mux + 256 * lit_emitter(), millivolts);
+    if (held_mux < SIMULATED_INPUTS)
+        avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_ADC_GETIRQ, ADC_IRQ_ADC0 + held_mux), held_mv);
+    record(INPUT_HELD, held_mux + 256 * lit_emitter(), held_mv);
     return 0;
-}
-
-static int register_at(const char *name) {
-    if (!strcmp(name, "ADMUX")) return 0x7c;
-    return !strcmp(name, "ADCSRB") ? 0x7b : 0x7a;
 }
 
 static void conversion_started(struct avr_irq_t *irq, uint32_t value, void *unused) {
     (void)irq, (void)value, (void)unused;
-    int exponent = avr->data[register_at("ADCSRA")] & 7;
-    held_mux = (avr->data[register_at("ADMUX")] & 31) | (avr->data[register_at("ADCSRB")] & 8 ? 32 : 0);
-    avr_cycle_timer_register(avr, (avr_cycle_count_t)(hold_adc_clocks * (1 << exponent)), input_held, NULL);
+    avr_cycle_count_t adc_clock = 1 << (avr->data[ADCSRA_AT] & PRESCALER_BITS);
+    avr_cycle_count_t wait = waits_for_edges ? (adc_clock - avr->cycle % adc_clock) % adc_clock : 0;
+    held_mux = (avr->data[ADMUX_AT] & MUX_BITS) | (avr->data[ADCSRB_AT] & MUX5_BIT ? 32 : 0);
+    conversion_end = avr->cycle + wait + CONVERSION_ADC_CLOCKS * adc_clock;
+    avr_cycle_timer_register(avr, wait + (avr_cycle_count_t)(hold_adc_clocks * adc_clock), input_held, NULL);
+}
+
+/* The simulator ends a conversion 13 clocks after its start; the program sees the end after the wait for the edge, too. */
+static uint8_t read_control(avr_t *self, avr_io_addr_t address, void *unused) {
+    uint8_t found = self->data[address];
+    (void)unused;
+    if (self->cycle < conversion_end && !(found & ADSC_BIT)) is_stretched = 1;
+    if (!is_stretched) return found;
+    is_stretched = self->cycle < conversion_end;
+    return is_stretched ? found | ADSC_BIT : found & ~ADSC_BIT;
+}
+
+/* Of an input that the simulator lacks, the result is made here; of the others it is the simulator's own. */
+static uint8_t read_result(avr_t *self, avr_io_addr_t address, void *simulated) {
+    const result_reader *reader = simulated;
+    int counts = held_mv * FULL_SCALE / (int)supply_mv;
+    if (held_mux < 32) return reader->read ? reader->read(self, address, reader->converter) : self->data[address];
+    return address == ADCH_AT ? counts >> 8 : counts & 255;
+}
+
+static void stand_before(result_reader *reader, avr_io_addr_t address) {
+    avr_io_addr_t place = AVR_DATA_TO_IO(address);
+    reader->read = avr->io[place].r.c;
+    reader->converter = avr->io[place].r.param;
+    avr->io[place].r.c = read_result;
+    avr->io[place].r.param = reader;
+}
+
+static void connect_converter(void) {
+    avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_ADC_GETIRQ, ADC_IRQ_OUT_TRIGGER), conversion_started, NULL);
+    avr_register_io_read(avr, ADCSRA_AT, read_control, NULL);
+    stand_before(&low_result, ADCL_AT);
+    stand_before(&high_result, ADCH_AT);
 }
 
 static void byte_sent(struct avr_irq_t *irq, uint32_t value, void *unused) {
@@ -196,6 +241,7 @@ static void take_line(char *line) {
     else if (!strcmp(line, "baud")) baud = atof(rest);
     else if (!strcmp(line, "light_tau_us")) light_tau_us = atof(rest);
     else if (!strcmp(line, "amplifier_tau_us")) amplifier_tau_us = atof(rest);
+    else if (!strcmp(line, "edges")) waits_for_edges = atoi(rest);
     else if (!strcmp(line, "hold_adc_clocks")) hold_adc_clocks = atof(rest);
     else if (!strcmp(line, "dark")) dark_count = numbers(rest, dark_mv);
     else if (!strcmp(line, "receiver") && receiver_count < MOST) receiver_mux[receiver_count++] = atoi(rest);
@@ -235,7 +281,7 @@ static void connect_parts(void) {
         emitter *e = &emitters[i];
         avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(e->port), e->bit), emitter_switched, e);
     }
-    avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_ADC_GETIRQ, ADC_IRQ_OUT_TRIGGER), conversion_started, NULL);
+    connect_converter();
     avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUTPUT), byte_sent, NULL);
     if (speech_count) avr_cycle_timer_register_usec(avr, speeches[0].at_us, say, NULL);
 }
