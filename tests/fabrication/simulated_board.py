@@ -182,6 +182,18 @@ def scene_text(
     return "\n".join([*lines, *(f"say {at_us} {what.hex()}" for at_us, what in said)]) + "\n"
 
 
+_COMPILED: dict[tuple[str, tuple[str, ...]], bytes] = {}
+
+
+def elf_of(design: SensorDesign, folder: Path, changes: Sequence[str] = ()) -> Path:
+    """The compiled firmware in a folder; each is compiled once."""
+    key, elf = (design.digest, tuple(changes)), folder / "image.elf"
+    if key not in _COMPILED:
+        _COMPILED[key] = compile_elf(design, folder, changes).read_bytes()
+    elf.write_bytes(_COMPILED[key])
+    return elf
+
+
 def simulate(
     harness: Path,
     folder: Path,
@@ -200,7 +212,7 @@ def simulate(
     ----------
     changes : definitions in place of those in config.h
     """
-    elf = compile_elf(design, folder, changes)
+    elf = elf_of(design, folder, changes)
     return simulate_elf(
         harness,
         elf,
@@ -240,7 +252,7 @@ def board_on_a_port(
     harness: Path, folder: Path, design: SensorDesign, table_mv: NDArray[np.int64]
 ) -> Iterator[str]:
     """A simulated board on a pseudo-terminal, no faster than real time; the name of the port."""
-    elf, scene = compile_elf(design, folder), folder / "scene"
+    elf, scene = elf_of(design, folder), folder / "scene"
     scene.write_text(scene_text(firmware_settings(design), table_mv), encoding="ascii")
     command = [str(harness), str(elf), str(scene), str(folder / "log"), str(LONGEST_US), "pty"]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as board:
