@@ -25,6 +25,7 @@ from design.transimpedance import feedbacks_of
 from fabrication.bundle import versions
 from fabrication.connections import Connection, Connections, connections_of
 from fabrication.driver_file import CHECKSUM, FORMAT_VERSION, content_sha256, load_driver_config
+from fabrication.firmware.settings import firmware_gaps, firmware_settings
 
 __all__ = ["driver_config", "dump_driver_config", "load_driver_config"]
 
@@ -129,7 +130,13 @@ def _board(design: SensorDesign, board: Board) -> dict[str, Any]:
         "usb_ids": list(board.usb_ids),
         "bridge_usb_ids": list(board.bridge_usb_ids),
         "boot_s": board.boot_s,
+        **_program(design),
     }
+
+
+def _program(design: SensorDesign) -> dict[str, int]:
+    """What the firmware says of itself, where one can be made for the board."""
+    return {} if firmware_gaps(design) else {"config_crc": firmware_settings(design).config_crc()}
 
 
 def _frame(board: Board, emitter_count: int, receiver_count: int) -> dict[str, Any]:

@@ -44,6 +44,7 @@ class BoardSetup:
     link_number : how the firmware names this kind of board to the host; 0 is any other
     usb_ids, bridge_usb_ids : vendor:product of the maker's boards, and of serial chips that copies use
     boot_s : longest time from opening the port, which resets the board, to the sketch
+    config_crc : what a self-test of this design's firmware answers for its configuration; None where none can be made
     """
 
     kind: str
@@ -61,6 +62,7 @@ class BoardSetup:
     usb_ids: tuple[str, ...]
     bridge_usb_ids: tuple[str, ...]
     boot_s: float
+    config_crc: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

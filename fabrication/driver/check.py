@@ -115,6 +115,7 @@ def check_frames(frames: Iterable[Frame], found: Descriptor, self_test: SelfTest
         *_ambient(counts[:, -1], railed, found),
         *_noisy(counts, railed, found),
         *_supply(self_test, found),
+        *_program(self_test, found),
     ]
     gain, mismatch, compared = _agreement(pattern, railed)
     return Verdict(
@@ -278,6 +279,18 @@ def _supply(self_test: SelfTest | None, found: Descriptor) -> list[Problem]:
         f"{SUPPLY_HIGH_V} V; use a shorter cable or a powered port"
     )
     return [Problem(kind="supply", parts=(), message=message, is_error=False)]
+
+
+def _program(self_test: SelfTest | None, found: Descriptor) -> list[Problem]:
+    """The digest is the design's; the checksum also tells pins, inputs and times that the program was compiled with."""
+    if self_test is None or found.config_crc is None or self_test.config_crc == found.config_crc:
+        return []
+    message = (
+        f"the board's program was made with other pins or times than driver.toml says, or its memory is damaged "
+        f"(checksum {self_test.config_crc:08x}, should be {found.config_crc:08x}); upload it anew with "
+        "`optopad driver flash DESIGN`"
+    )
+    return [Problem(kind="program", parts=(), message=message)]
 
 
 def _agreement(pattern: Pattern, railed: BoolArray) -> tuple[float | None, float | None, int]:

@@ -44,6 +44,7 @@ class Descriptor:
     wanted_rate_hz : the design's frame rate; the measured one is the stream's to tell
     possible_rate_hz : by the plain sum of the timing budget; the firmware is somewhat faster
     expected_counts : (emitter, receiver) untouched by simulation [counts]; None where it was not simulated
+    config_crc : what a self-test of this design's firmware answers for its configuration; None where that is not known
     """
 
     design: str
@@ -57,6 +58,7 @@ class Descriptor:
     possible_rate_hz: float
     expected_counts: FloatArray | None
     units: dict[str, str]
+    config_crc: int | None = None
 
 
 UNITS = {
@@ -84,6 +86,7 @@ def descriptor_of(config: DriverConfig) -> Descriptor:
         possible_rate_hz=config.timing.possible_hz,
         expected_counts=None if expected is None else np.array(expected.untouched_counts),
         units=UNITS,
+        config_crc=config.board.config_crc,
     )
 
 

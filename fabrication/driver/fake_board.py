@@ -201,6 +201,6 @@ class FakeBoard:
             reference_counts=reference,
             late_frames=self._late,
             least_free_ram_bytes=FREE_RAM_BYTES,
-            config_crc=0,
+            config_crc=self._config.board.config_crc or 0,
         )
         return pack_self_test(found)

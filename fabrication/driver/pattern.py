@@ -28,7 +28,7 @@ class Problem:
 
     Attributes
     ----------
-    kind : dead, swapped, saturated, dim, ambient, noisy, supply
+    kind : dead, swapped, saturated, dim, ambient, noisy, supply, program
     parts : names of the parts
     message : what is seen and what to do
     is_error : False for what may be as it is

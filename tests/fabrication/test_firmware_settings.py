@@ -54,6 +54,7 @@ def test_pins_and_inputs_are_those_of_the_driver_configuration(design):
     assert settings.board_number == config.board.link_number
     assert settings.baud_divisor == round(config.board.clock_hz / 8 / config.board.made_baud)
     assert 2**settings.prescaler_exponent == config.board.adc_prescaler
+    assert settings.config_crc() == config.board.config_crc
 
 
 def test_ports_and_settings_of_the_header_are_the_boards():

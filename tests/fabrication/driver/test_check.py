@@ -122,11 +122,24 @@ def test_a_gain_far_too_high_is_told_by_the_channels_that_clip() -> None:
 
 
 def test_ambient_light_and_a_low_supply_are_warnings() -> None:
-    low = SelfTest(reference_counts=280, late_frames=0, least_free_ram_bytes=4000, config_crc=0)
+    low = SelfTest(
+        reference_counts=280, late_frames=0, least_free_ram_bytes=4000, config_crc=FOUND.config_crc or 0
+    )
     verdict = check_frames(readings(ambient=150.0), FOUND, low)
     assert {problem.kind for problem in verdict.problems if not problem.is_error} >= {"ambient", "supply"}
     assert any("4.02 V" in problem.message for problem in verdict.problems)  # 1.1 V x 1024 / 280
     assert verdict.is_good
+
+
+def test_a_program_made_with_other_pins_is_an_error() -> None:
+    assert FOUND.config_crc is not None
+    other = SelfTest(
+        reference_counts=225, late_frames=0, least_free_ram_bytes=4000, config_crc=FOUND.config_crc ^ 1
+    )
+    (problem,) = check_frames(readings(), FOUND, other).problems
+    assert problem.kind == "program"
+    assert f"should be {FOUND.config_crc:08x}" in problem.message
+    assert problem.is_error
 
 
 def test_the_agreement_is_measured() -> None:
