@@ -123,6 +123,14 @@ def test_an_interval_that_cannot_be_kept_counts_every_frame_as_late(loop):
     assert run.self_tests[0].late_frames == before - 1  # but the first
 
 
+def test_an_interval_beyond_half_the_clocks_range_is_passed_over(loop):
+    said = [(7_000.0, pack_command(Command.RATE, 2**31)), (8_000.0, pack_command(Command.IDENTIFY))]
+    run = loop(said, duration_us=20_000)
+    assert [hello.interval_us for hello in run.hellos] == [16_667, 16_667]
+    told = loop([FREELY, (8_000.0, pack_command(Command.IDENTIFY))], duration_us=20_000)
+    assert [hello.interval_us for hello in told.hellos] == [16_667, 0]
+
+
 def test_the_design_rate_is_kept_without_a_command(loop):
     run = loop([START], duration_us=150_000)
     steps = np.diff(run.frames.device_us.astype(np.int64))
