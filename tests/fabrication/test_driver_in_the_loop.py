@@ -10,10 +10,15 @@ import pytest
 from design.errors import DeviceError
 from design.preset import preset
 from design.spec import SensorDesign
+from fabrication.driver.check import check_frames
+from fabrication.driver.faults import faults_of
 from fabrication.driver.sensor import Sensor
 from fabrication.driver_config import dump_driver_config
 from fabrication.firmware.settings import firmware_settings
+from tests.fabrication.driver.made_up_pad import pad_config, untouched
 from tests.fabrication.simulated_board import (
+    FULL_SCALE,
+    SUPPLY_MV,
     board_on_a_port,
     quantised,
     random_table,
@@ -85,3 +90,19 @@ def test_twelve_receivers_reach_the_host_in_their_columns(board_harness, tmp_pat
     ):
         frames = [sensor.read() for _ in range(5)]
     assert all((frame.counts == quantised(table)).all() for frame in frames)
+
+
+def test_wrong_wires_on_the_simulated_board_are_named_by_the_check(board_harness, tmp_path):
+    config = pad_config()
+    faults = faults_of(config, ["swap:E1,E4", "dead:R2", "saturated:R7"])
+    lit = np.minimum(faults.applied(untouched()), FULL_SCALE) / FULL_SCALE * SUPPLY_MV
+    table_mv = np.vstack([np.rint(lit).astype(np.int64), np.zeros((1, 8), np.int64)])
+    table_mv[:, faults.is_saturated] = SUPPLY_MV
+    with (
+        board_on_a_port(board_harness, tmp_path, PAD, table_mv) as port,
+        Sensor(config, port, baseline_s=0.0) as sensor,
+    ):
+        frames = [sensor.read() for _ in range(20)]
+        verdict = check_frames(frames, sensor.descriptor, sensor.self_test())
+    named = [(problem.kind, problem.parts) for problem in verdict.problems]
+    assert sorted(named) == [("dead", ("R2",)), ("saturated", ("R7",)), ("swapped", ("E1", "E4"))]
