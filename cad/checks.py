@@ -11,7 +11,7 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
 import manifold3d
@@ -20,10 +20,14 @@ import trimesh
 
 from cad.mesh import Mesh, read_stl, unit_normals
 from cad.optical import cavity_agreement
+from cad.slicer import EXTRUDED_HIGH, EXTRUDED_LOW, Sliced, require_slicer, sliced
+from cad.slicer import VOLUME_LIMIT as SLICER_VOLUME_LIMIT
+from design.catalog import find_mold_material
 from design.lettering import OVERLAP
 from design.mold_outline import outline_of
 from design.part_numbers import unnumbered
 from design.printer import Bed, printer, usual_bed_mm
+from design.properties import entries_of
 from design.spec import SensorDesign
 from design.units import ROUNDING_MM
 from design.webs import bodies_above_rim, clearances, pockets_below_clear_layer, tightest
@@ -81,11 +85,13 @@ class Checks:
     digest : of the design
     findings : in the order of the parts
     volumes_mm3 : by part: `stl`, `solid` and `formula`
+    prints : by part, where it was sliced: `minutes` and `filament_g`
     """
 
     digest: str
     findings: tuple[Finding, ...]
     volumes_mm3: dict[str, dict[str, float]]
+    prints: dict[str, dict[str, float]] = field(default_factory=dict)
 
     @property
     def is_ok(self) -> bool:
@@ -98,6 +104,7 @@ class Checks:
             "ok": self.is_ok,
             "digest": self.digest,
             "volumes_mm3": self.volumes_mm3,
+            **({"prints": self.prints} if self.prints else {}),
             "findings": [asdict(finding) for finding in self.findings],
         }
 
@@ -124,6 +131,58 @@ def check_parts(design: SensorDesign, parts: tuple[PartFile, ...], *, bed_mm: Be
         if part.name == "mold":
             findings += _mold_size(design, loaded.extents) + _cavity(design, read_stl(part.stl))
     return Checks(digest=design.digest, findings=(*findings, *design_findings(design)), volumes_mm3=volumes)
+
+
+def with_slices(
+    checks: Checks, design: SensorDesign, parts: tuple[PartFile, ...], bed_mm: Bed | None
+) -> Checks:
+    """The same with the slicer's opinion of every part that is printed.
+
+    Raises
+    ------
+    InputError : no slicer on this machine.
+    """
+    density = find_mold_material(entries_of(design), design.mold.material).density_g_per_cm3.value
+    room, program = bed_mm or usual_bed_mm(), require_slicer()
+    findings, prints = list(checks.findings), {}
+    for part in parts:
+        if part.name == "mold" and design.mold.pieces != "one":
+            continue
+        one = sliced(part.stl, density_g_per_cm3=density, bed_mm=room, command=program)
+        findings += _slicing(part, one)
+        prints[part.name] = {"minutes": round(one.minutes, 1), "filament_g": round(one.filament_g, 2)}
+    return replace(checks, findings=tuple(findings), prints=prints)
+
+
+def _slicing(part: PartFile, one: Sliced) -> list[Finding]:
+    """The slicer's volumes against ours, and its warnings."""
+    ratio = one.extruded_mm3 / part.formula_mm3
+    is_whole = EXTRUDED_LOW <= ratio <= EXTRUDED_HIGH
+    return [
+        _exact(f"{part.name}: manifold to the slicer", int(one.is_manifold), 1, "yes"),
+        _at_most(
+            f"{part.name}: volume in the slicer against the formula",
+            round(abs(one.volume_mm3 / part.formula_mm3 - 1), 6),
+            SLICER_VOLUME_LIMIT,
+            "share",
+        ),
+        Finding(
+            name=f"{part.name}: extruded by a solid print",
+            value=round(ratio, 4),
+            limit=EXTRUDED_HIGH if ratio > 1 else EXTRUDED_LOW,
+            unit="share",
+            state="ok" if is_whole else "warning",
+            note="" if is_whole else "thin walls are dropped or doubled; see mold.min_web_mm",
+        ),
+        Finding(
+            name=f"{part.name}: warnings of the slicer",
+            value=len(one.warnings),
+            limit=0,
+            unit="warnings",
+            state="warning" if one.warnings else "ok",
+            note="; ".join(one.warnings),
+        ),
+    ]
 
 
 def design_findings(design: SensorDesign) -> tuple[Finding, ...]:

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import cadquery as cq
 
-from cad.checks import Checks, PartFile, check_parts
+from cad.checks import Checks, PartFile, check_parts, with_slices
 from cad.indenter_tip import indenter_tip, indenter_tip_volume_mm3
 from cad.leveling_blade import blade_size, leveling_blade
 from cad.mesh import mesh_of, stl_bytes, threemf_bytes
@@ -48,7 +48,11 @@ _STEP_TIME = "1970-01-01T00:00:00"
 
 
 def export_parts(
-    design: SensorDesign, folder: str | os.PathLike[str], *, bed_mm: Bed | None = None
+    design: SensorDesign,
+    folder: str | os.PathLike[str],
+    *,
+    bed_mm: Bed | None = None,
+    slice_parts: bool = False,
 ) -> dict[str, Path]:
     """Write all files of a design's printed parts.
 
@@ -56,6 +60,7 @@ def export_parts(
     ----------
     folder : made if missing; files of the same names are replaced
     bed_mm : room of the printer that the checks hold the parts against; None for the usual one
+    slice_parts : whether PrusaSlicer is asked too: seconds a part
 
     Returns
     -------
@@ -65,8 +70,9 @@ def export_parts(
     Raises
     ------
     DesignError : the design breaks a rule, such as a web that is too thin; nothing has been written.
+    InputError : the slicer is asked for and not there; nothing has been written.
     """
-    contents = part_files(design, bed_mm=bed_mm)
+    contents = part_files(design, bed_mm=bed_mm, slice_parts=slice_parts)
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=target, prefix=".partial-") as partial:
@@ -79,7 +85,9 @@ def export_parts(
     return {name: target / name for name in contents}
 
 
-def part_files(design: SensorDesign, *, bed_mm: Bed | None = None) -> dict[str, bytes]:
+def part_files(
+    design: SensorDesign, *, bed_mm: Bed | None = None, slice_parts: bool = False
+) -> dict[str, bytes]:
     """Content of every file by its name."""
     lift, mold = bed_lift_mm(design), build_mold(design)
     mold_mesh = mesh_of(mold, lift)
@@ -94,7 +102,10 @@ def part_files(design: SensorDesign, *, bed_mm: Bed | None = None) -> dict[str, 
         content = stl_bytes(mesh_of(part.solid, part.lift_mm))
         files[f"{part.name}.stl"] = content
         printed.append(_part_file(part.name, content, part.solid, part.formula_mm3))
-    files["checks.json"] = checks_bytes(check_parts(design, tuple(printed), bed_mm=bed_mm))
+    checks = check_parts(design, tuple(printed), bed_mm=bed_mm)
+    if slice_parts:
+        checks = with_slices(checks, design, tuple(printed), bed_mm)
+    files["checks.json"] = checks_bytes(checks)
     return files
 
 

@@ -1,7 +1,7 @@
 """Bill of materials: what to buy, print and weigh for one sensor.
 
 References hang on the names of the layout: E3-Q is the transistor of emitter E3. A cost is the
-catalogue's, with currency and date, or blank. Where no part is chosen (transistor, amplifier) the
+catalogue's, with currency, date and source, or blank and said so. Where no part is chosen (transistor, amplifier) the
 value says what it has to do; where the gain decides (feedback), it says so.
 """
 
@@ -15,6 +15,7 @@ from design.assumptions import assumption
 from design.catalog import Board, Cost, Part, find_mold_material
 from design.cavity import PlacedPart, cavity_of
 from design.emitter_switch import EmitterSwitch, emitter_switch
+from design.mold_outline import outline_of
 from design.pins import board_of
 from design.properties import elastomer_of, entries_of
 from design.spec import SensorDesign
@@ -34,10 +35,12 @@ COLUMNS = (
     "unit_cost",
     "currency",
     "cost_date",
+    "cost_source",
     "note",
 )
 
 SET_BY_GAIN = "set by gain"
+NO_PRICE = "no price known"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,6 +102,7 @@ def _cells(row: BomRow) -> tuple[str | float | None, ...]:
         None if cost is None else cost.value,
         None if cost is None else cost.currency,
         None if cost is None else cost.date,
+        NO_PRICE if cost is None else cost.source,
         row.note,
     )
 
@@ -228,10 +232,10 @@ def _silicone_rows(design: SensorDesign) -> Iterator[BomRow]:
     if any(pour.layer == "black" for pour in layers):
         yield BomRow(
             item="carbon black",
-            quantity=None,
+            quantity=round(sum(pour.carbon_g for pour in layers), 2),
             unit="g",
-            value="to saturation",
-            note="black layer only; the paper states no share by weight",
+            value=f"{assumption('carbon_black_share').value:.0%} by weight (assumed)",
+            note="black layer only; the paper says to saturation and states no share by weight",
         )
 
 
@@ -239,21 +243,41 @@ def _printed_rows(design: SensorDesign) -> Iterator[BomRow]:
     material = find_mold_material(entries_of(design), design.mold.material)
     density = material.density_g_per_cm3.value
     mold_g = mold_volume_mm3(design) / MM3_PER_CM3 * density
+    files = "mold.stl" if design.mold.pieces == "one" else "mold_frame.stl and cad/mold_base.stl"
     yield BomRow(
         item="printed mold",
         catalogue_id=design.mold.material,
         quantity=1,
         value=material.title,
-        note=f"cad/mold.stl; {mold_g:.1f} g when printed solid",
+        note=f"cad/{files}; {mold_g:.1f} g when printed solid",
     )
-    if design.cavity.black_thickness_mm > 0:
+    for tool, file in _tools(design):
         yield BomRow(
-            item="printed leveling blade",
+            item=f"printed {tool}",
             catalogue_id=design.mold.material,
             quantity=1,
             value=material.title,
-            note="cad/leveling_blade.stl",
+            note=f"cad/{file}.stl",
         )
+    if design.mold.pieces == "frame_and_base":
+        size = design.mold.fixing_hole_diameter_mm
+        yield BomRow(
+            item="screw with nut",
+            quantity=4,
+            value=f"for holes of {size:g} mm, longer than {outline_of(design).height_mm:g} mm",
+            note="hold frame and base together",
+        )
+    if design.mold.cover_ledge_mm:
+        yield BomRow(item="glass cover", quantity=1, value="cut to the seat", note="size: see casting.md")
+
+
+def _tools(design: SensorDesign) -> Iterator[tuple[str, str]]:
+    if design.cavity.black_thickness_mm > 0:
+        yield "leveling blade", "leveling_blade"
+    if design.mold.rim_mm > 0:
+        yield "pour gauge", "pour_gauge"
+    yield "solder jig", "solder_jig"
+    yield "indenter tip", "indenter_tip"
 
 
 def _by_entry(placed: Sequence[PlacedPart]) -> Iterator[tuple[PlacedPart, tuple[str, ...]]]:

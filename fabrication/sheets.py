@@ -10,6 +10,8 @@ from fabrication.bom import bom_csv
 from fabrication.casting import casting_md
 from fabrication.driver_config import dump_driver_config
 from fabrication.gain import SimulatedGain
+from fabrication.orientation_svg import orientation_svg
+from fabrication.schematic_svg import schematic_svg
 from fabrication.wiring import wiring_csv
 from fabrication.wiring_svg import wiring_svg
 
@@ -33,6 +35,8 @@ def sheet_texts(design: SensorDesign, gain: SimulatedGain | None = None) -> dict
         ),
         "wiring.csv": wiring_csv(design),
         "wiring.svg": wiring_svg(design),
+        "schematic.svg": schematic_svg(design, gain),
+        "orientation.svg": orientation_svg(design),
         "bom.csv": bom_csv(design, gain),
         "casting.md": casting_md(design, gain),
     }

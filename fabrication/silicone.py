@@ -2,7 +2,7 @@
 
 Model: volume of the layer (inner length x width x thickness) times density, plus a share that stays in
 the cup. Base and agent follow from the mixing ratio. Left out: the parts' bodies and the gaps around
-them, which the share covers; carbon black, whose share the paper does not state.
+them, which the share covers; carbon black's own volume.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ class Pour:
     net_g : what the layer weighs
     mixed_g : what to mix, waste included
     base_g, agent_g : the two components of what to mix
+    carbon_g : carbon black to stir in, by the assumed share; 0 in the clear layer
     """
 
     layer: str
@@ -36,6 +37,7 @@ class Pour:
     mixed_g: float
     base_g: float
     agent_g: float
+    carbon_g: float
 
 
 def pours(design: SensorDesign) -> tuple[Pour, ...]:
@@ -58,4 +60,5 @@ def _pour(design: SensorDesign, layer: str, thickness_mm: float) -> Pour:
         mixed_g=mixed,
         base_g=mixed * design.elastomer.mixing_ratio / parts,
         agent_g=mixed / parts,
+        carbon_g=mixed * assumption("carbon_black_share").value if layer == "black" else 0.0,
     )

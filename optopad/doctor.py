@@ -123,9 +123,16 @@ SYSTEM_LIBRARIES = {
 
 TOOLS = (
     Tool(
-        ("prusa-slicer", "PrusaSlicer", "prusa-slicer-console"), "slicing the printed parts", "prusa-slicer"
+        ("prusa-slicer", "PrusaSlicer", "prusa-slicer-console"),
+        "slicing the printed parts (build --slice)",
+        "prusa-slicer",
     ),
     Tool(("avr-gcc",), "compiling the firmware for an AVR board", "gcc-avr avr-libc"),
+    Tool(
+        ("prusa-slicer", "PrusaSlicer"),
+        "time, filament and warnings of a print (build --slice)",
+        "prusa-slicer",
+    ),
     Tool(("avrdude",), "flashing the firmware onto an AVR board", "avrdude"),
     Tool(("simavr",), "running the compiled firmware without a board", "simavr"),
     Tool(

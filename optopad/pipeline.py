@@ -73,13 +73,20 @@ def run(design: SensorDesign, out: Path, *, fine: bool, seed: int, on_step: OnSt
 
 
 def write_parts(
-    design: SensorDesign, out: Path, *, seed: int, on_step: OnStep, bed_mm: Bed | None = None
+    design: SensorDesign,
+    out: Path,
+    *,
+    seed: int,
+    on_step: OnStep,
+    bed_mm: Bed | None = None,
+    slice_parts: bool = False,
 ) -> tuple[dict[str, Any], Path]:
     """Mold and tools into the bundle; returns the checks and the bundle.
 
     Parameters
     ----------
     bed_mm : room of the printer that the checks hold the parts against; None for the usual one
+    slice_parts : whether PrusaSlicer is asked for time, filament and warnings
     """
     from cad.export import export_parts
 
@@ -87,7 +94,7 @@ def write_parts(
     on_step("mold", 0.0)
     with bundle(design, out, seed=seed) as folder:
         (folder / "cad").mkdir(exist_ok=True)
-        export_parts(design, folder / "cad", bed_mm=bed_mm)
+        export_parts(design, folder / "cad", bed_mm=bed_mm, slice_parts=slice_parts)
         checks = _checks(folder / "cad")
         on_step("mold", 1.0)
     return checks, out / bundle_name(design)

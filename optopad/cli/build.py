@@ -32,6 +32,9 @@ def build(
     bed: Annotated[
         str | None, typer.Option(help="Room of the printer in mm, as 220,220,250; the usual one if left out.")
     ] = None,
+    slice_parts: Annotated[
+        bool, typer.Option("--slice", help="Ask PrusaSlicer for time, filament and its warnings, too.")
+    ] = False,
     seed: SeedOption = 0,
     as_json: JsonOption = False,
 ) -> None:
@@ -42,12 +45,14 @@ def build(
 
     read, room = read_design(design, set_), None if bed is None else bed_of(bed)
     with progress(quiet=as_json) as step:
-        checks, folder = write_parts(read, out, seed=seed, on_step=step, bed_mm=room)
+        checks, folder = write_parts(read, out, seed=seed, on_step=step, bed_mm=room, slice_parts=slice_parts)
     if as_json:
         print_json({"bundle": str(folder), "checks": checks})
         return
     for finding in checks["findings"]:
         if finding["state"] != "ok":
             say(f"{finding['state']:<9} {finding['name']}: {finding['value']} (limit {finding['limit']})")
+    for part, printed in checks.get("prints", {}).items():
+        say(f"{part:<15} {printed['minutes']:6.0f} min {printed['filament_g']:7.2f} g")
     say(checks_line(checks))
     say(f"files     {folder / 'cad'}")

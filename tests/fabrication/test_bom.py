@@ -155,7 +155,7 @@ def test_grams_and_values_of_the_pad() -> None:
     )
     assert row(PAD, "series resistor")["value"] == "120 ohm"
     assert row(PAD, "feedback resistor")["value"] == "set by gain"
-    assert row(PAD, "carbon black")["quantity"] == ""
+    assert float(row(PAD, "carbon black")["quantity"]) == pytest.approx(1.0547 * 1.25 * 0.03, abs=0.005)
     assert row(PAD, "printed mold")["quantity"] == "1"
 
 

@@ -252,7 +252,15 @@ def gain_of(design: SensorDesign) -> SimulatedGain:
 @pytest.mark.parametrize("design", DESIGNS, ids=lambda design: f"{design.name}-{design.digest[:4]}")
 def test_all_sheets_are_written_and_the_configuration_loads(design: SensorDesign, tmp_path: Path) -> None:
     files = write_sheets(design, tmp_path, gain_of(design))
-    assert sorted(files) == ["bom.csv", "casting.md", "driver.toml", "wiring.csv", "wiring.svg"]
+    assert sorted(files) == [
+        "bom.csv",
+        "casting.md",
+        "driver.toml",
+        "orientation.svg",
+        "schematic.svg",
+        "wiring.csv",
+        "wiring.svg",
+    ]
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(files)
     assert load_driver_config(files["driver.toml"], digest=design.digest).gain.counts_per_flux == 1e5
     assert b"\r" not in files["bom.csv"].read_bytes() + files["wiring.csv"].read_bytes()

@@ -1,0 +1,103 @@
+"""Schematic, orientation drawing, supply current, and what the build sheet says of the mold's options."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree
+
+import pytest
+
+from design.assumptions import assumption
+from design.cavity import cavity_of
+from design.emitter_switch import emitter_switch
+from design.pins import assigned_pins
+from design.preset import PRESETS, preset
+from design.properties import part_of
+from design.standard_values import ohm_text
+from design.supply_current import supply_current
+from fabrication.bom import NO_PRICE, bom_csv, bom_rows
+from fabrication.casting import casting_md
+from fabrication.gain import SimulatedGain
+from fabrication.orientation_svg import orientation_svg
+from fabrication.schematic_svg import schematic_svg
+from fabrication.silicone import pours
+
+PAD = preset("piacenza2017-pad")
+SVG = "{http://www.w3.org/2000/svg}"
+GAIN = SimulatedGain(counts_per_flux=(1e6,) * 8, untouched_flux=((3e-4,) * 8,) * 8)
+
+
+def texts(svg: str) -> list[str]:
+    return [element.text or "" for element in ElementTree.fromstring(svg).iter(f"{SVG}text")]
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_every_part_is_on_the_schematic_with_its_pin_and_designators(name: str) -> None:
+    design = preset(name)
+    pins, channels = assigned_pins(design)
+    shown = texts(schematic_svg(design))
+    for part, pin in zip(cavity_of(design).emitters, pins, strict=True):
+        assert {part.name, f"D{pin}", f"{part.name}-RB", f"{part.name}-RS", f"{part.name}-Q"} <= set(shown)
+    for part, channel in zip(cavity_of(design).receivers, channels, strict=True):
+        assert {part.name, channel, f"{part.name}-A"} <= set(shown)
+        assert f"{part.name}-RF set by gain" in shown
+
+
+def test_schematic_and_bill_have_the_same_values() -> None:
+    shown = texts(schematic_svg(PAD, GAIN))
+    bill = {row.item: row.value for row in bom_rows(PAD, GAIN)}
+    assert shown.count(bill["series resistor"]) == shown.count(bill["base resistor"]) == 8
+    assert f"R8-RF {bill['feedback resistor']}" in shown
+    assert f"R8-CF {bill['feedback capacitor']}" in shown
+
+
+def test_nothing_on_a_drawing_lies_outside_of_it() -> None:
+    for svg in (schematic_svg(PAD, GAIN), orientation_svg(PAD)):
+        root = ElementTree.fromstring(svg)
+        width, height = float(root.attrib["width"]), float(root.attrib["height"])
+        for element in root.iter(f"{SVG}text"):
+            assert 0 <= float(element.attrib["x"]) <= width
+            assert 0 <= float(element.attrib["y"]) <= height
+
+
+def test_the_supply_gives_one_lit_emitter_its_base_the_amplifiers_and_the_board() -> None:
+    switch = emitter_switch(part_of(PAD, "sunled-xscwd23mb", "emitter"))
+    current = supply_current(PAD)
+    assert current.emitter_ma == pytest.approx(2.3 / 120 * 1e3 + (5.0 - 0.7) / 2000 * 1e3)
+    assert ohm_text(switch.base_ohm) == "2 kohm"
+    rest = 8 * assumption("amplifier_supply_ma").value + assumption("board_supply_ma").value
+    assert current.full_power_ma == pytest.approx(current.emitter_ma + rest)
+    assert current.fault_ma == pytest.approx(8 * current.emitter_ma + rest)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_each_kind_of_part_is_drawn_in_its_socket_with_its_height(name: str) -> None:
+    design = preset(name)
+    shown = texts(orientation_svg(design))
+    for part in cavity_of(design).parts:
+        assert part.part.title in shown
+        assert f"{part.height_mm:g}" in shown
+        assert any(part.name in line.split() for line in shown)
+
+
+def test_carbon_black_is_a_share_of_the_black_layer_alone() -> None:
+    black, clear = pours(PAD)
+    assert black.carbon_g == pytest.approx(black.mixed_g * assumption("carbon_black_share").value)
+    assert clear.carbon_g == 0.0
+
+
+def test_options_of_the_mold_are_on_the_sheet_and_the_bill() -> None:
+    parted = PAD.with_(**{"mold.pieces": "frame_and_base"})
+    assert "`cad/mold_base.stl`" in casting_md(parted)
+    assert "lift the frame off the base" in casting_md(parted)
+    assert "screw with nut" in {row.item for row in bom_rows(parted)}
+    covered = preset("fingertip-16").with_(**{"mold.cover_ledge_mm": 1.0})
+    assert "Lower a clean glass of 17.4 x 17.4" in casting_md(covered)  # 16 + 2 - 0.6
+    assert "glass cover" in {row.item for row in bom_rows(covered)}
+    pressed = PAD.with_(**{"mold.fits": {"osram-sfh206k": "press"}})
+    assert "| press, 0.05 |" in casting_md(pressed)
+    assert "no black layer" not in casting_md(PAD)
+
+
+def test_a_price_without_a_source_is_blank_and_said_so() -> None:
+    lines = bom_csv(PAD).splitlines()[1:]
+    assert all(f",,,{NO_PRICE}," in line for line in lines)
