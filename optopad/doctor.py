@@ -128,11 +128,6 @@ TOOLS = (
         "prusa-slicer",
     ),
     Tool(("avr-gcc",), "compiling the firmware for an AVR board", "gcc-avr avr-libc"),
-    Tool(
-        ("prusa-slicer", "PrusaSlicer"),
-        "time, filament and warnings of a print (build --slice)",
-        "prusa-slicer",
-    ),
     Tool(("avrdude",), "flashing the firmware onto an AVR board", "avrdude"),
     Tool(("simavr",), "running the compiled firmware without a board", "simavr"),
     Tool(
