@@ -146,6 +146,21 @@ def random_table(settings: FirmwareSettings, seed: int = 0) -> NDArray[np.int64]
     return np.random.default_rng(seed).integers(0, SUPPLY_MV, shape)
 
 
+def light_table_mv(design: SensorDesign) -> NDArray[np.int64]:
+    """(state, receiver) voltages of a pressed pad by the light model, at the design's gain, on ambient light [mV]."""
+    from design.cavity import cavity_of
+    from design.pairs import judged_pairs, mask_of
+    from sims.optics import trace
+    from sims.readout import readout_of
+
+    light = trace(design, np.array([[16.0, 16.0, 0.0], [12.0, 20.0, 2.0]]), accuracy="draft", seed=0)
+    cavity = cavity_of(design)
+    readout = readout_of(design, light.flux[0], mask_of(judged_pairs(cavity), cavity))
+    ambient_mv = np.full(light.flux.shape[2], 20)
+    signal_mv = np.rint(readout.counts(light.flux[1]) / FULL_SCALE * SUPPLY_MV).astype(np.int64)
+    return np.vstack([np.minimum(signal_mv + ambient_mv, SUPPLY_MV), ambient_mv])
+
+
 def scene_text(
     settings: FirmwareSettings,
     table_mv: NDArray[np.int64],

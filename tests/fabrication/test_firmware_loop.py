@@ -12,9 +12,8 @@ from design.spec import SensorDesign
 from fabrication.driver.protocol import Command, Kind, pack_command
 from fabrication.firmware.settings import firmware_settings
 from tests.fabrication.simulated_board import (
-    FULL_SCALE,
-    SUPPLY_MV,
     Run,
+    light_table_mv,
     not_by_the_simulator,
     quantised,
     random_table,
@@ -50,26 +49,11 @@ def test_every_reading_is_the_quantised_voltage_of_its_state_and_receiver(loop):
 
 @pytest.mark.slow
 def test_a_thousand_frames_of_simulated_light_all_equal_the_voltage(loop):
-    table_mv = simulated_table_mv(PAD)
+    table_mv = light_table_mv(PAD)
     run = loop([FREELY, START], duration_us=4_400_000, table_mv=table_mv)
     assert len(run.frames.counts) >= 1000
     assert (run.frames.counts == quantised(table_mv)).all()
     assert run.frames.sequence.tolist() == list(range(len(run.frames.counts)))
-
-
-def simulated_table_mv(design: SensorDesign):
-    """(state, receiver) voltages of a pressed pad by the light model, at the design's gain, on ambient light."""
-    from design.cavity import cavity_of
-    from design.pairs import judged_pairs, mask_of
-    from sims.optics import trace
-    from sims.readout import readout_of
-
-    light = trace(design, np.array([[16.0, 16.0, 0.0], [12.0, 20.0, 2.0]]), accuracy="draft", seed=0)
-    cavity = cavity_of(design)
-    readout = readout_of(design, light.flux[0], mask_of(judged_pairs(cavity), cavity))
-    ambient_mv = np.full(light.flux.shape[2], 20)
-    signal_mv = np.rint(readout.counts(light.flux[1]) / FULL_SCALE * SUPPLY_MV).astype(np.int64)
-    return np.vstack([np.minimum(signal_mv + ambient_mv, SUPPLY_MV), ambient_mv])
 
 
 def test_a_settle_time_set_too_short_is_caught(loop):

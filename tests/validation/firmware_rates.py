@@ -17,6 +17,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from numpy.typing import NDArray
 
 from design.io import write_text_atomically
 from design.pins import board_of
@@ -27,7 +28,11 @@ from fabrication.driver.protocol import Command, pack_command
 from fabrication.firmware.image import COMPILER, compiled_image
 from fabrication.firmware.settings import firmware_settings
 from tests.fabrication.simulated_board import (
+    AMPLIFIER_TAU_US,
+    LIGHT_TAU_US,
+    Run,
     build_harness,
+    light_table_mv,
     missing_tools,
     not_by_the_simulator,
     quantised,
@@ -45,6 +50,9 @@ RUN_US = 700_000.0
 
 QUIET, EARLY = "SWITCH_EARLY=0", "SWITCH_EARLY=1"
 START_UP_US = 8_000.0
+LONG_US = 4_400_000.0
+"""Long enough for 1000 frames at the preset's prescaler."""
+
 IGNORED_FRAMES = 2
 """The first ones find the line idle, and are a little faster."""
 
@@ -99,23 +107,54 @@ class _Count:
 
 
 def _counted(harness: Path, design: SensorDesign, change: str, duration_us: float, *, edges: bool) -> _Count:
-    table = random_table(firmware_settings(design))
+    table_mv = random_table(firmware_settings(design))
+    run = freely_run(harness, design, table_mv, change, duration_us, edges=edges)
+    frame_us = float(np.diff(run.frames.device_us.astype(np.int64)[IGNORED_FRAMES:]).mean())
+    wrong = int((run.frames.counts != quantised(table_mv)).sum())
+    return _Count(frames=len(run.frames.counts), wrong_readings=wrong, hz=US_PER_S / frame_us)
+
+
+def freely_run(
+    harness: Path,
+    design: SensorDesign,
+    table_mv: NDArray[np.int64],
+    change: str,
+    duration_us: float,
+    *,
+    edges: bool = True,
+) -> Run:
+    """A design's firmware, told to run as fast as it can, against a table of voltages."""
     freely = (START_UP_US, pack_command(Command.RATE, 0))
     start = (START_UP_US + 1000.0, pack_command(Command.START))
     with TemporaryDirectory() as scratch:
-        run = simulate(
+        return simulate(
             harness,
             Path(scratch),
             design,
-            table,
+            table_mv,
             [freely, start],
             duration_us=duration_us,
             changes=[change],
             edges=edges,
         )
-    frame_us = float(np.diff(run.frames.device_us.astype(np.int64)[IGNORED_FRAMES:]).mean())
-    wrong = int((run.frames.counts != quantised(table)).sum())
-    return _Count(frames=len(run.frames.counts), wrong_readings=wrong, hz=US_PER_S / frame_us)
+
+
+def told_loop(harness: Path) -> tuple[str, bool]:
+    """Lines on a thousand frames of simulated light, right and with too short a settle time; whether both are found."""
+    table_mv = light_table_mv(PAD)
+    wrong = {}
+    for change, duration_us in (("SETTLE_US=20UL", LONG_US), ("SETTLE_US=2UL", LONG_US)):
+        counts = freely_run(harness, PAD, table_mv, change, duration_us).frames.counts[:1000]
+        wrong[change] = int((counts != quantised(table_mv)).sum()), counts.size, len(counts)
+    right, short = wrong.values()
+    text = f"""The paper's pad, pressed 2 mm deep beside the centre, light at draft accuracy and the design's gain, 20 mV of ambient
+light. LEDs follow their pins with {LIGHT_TAU_US:g} us, amplifiers the light with {AMPLIFIER_TAU_US:g} us.
+
+| settle time us | frames | readings | other than the quantised voltage |
+| --- | --- | --- | --- |
+| 20 | {right[2]} | {right[1]} | {right[0]} |
+| 2, too short | {short[2]} | {short[1]} | {short[0]} |"""
+    return text, right[0] == 0 < short[0]
 
 
 def with_prescaler(prescaler: int) -> SensorDesign:
@@ -135,12 +174,19 @@ def main() -> int:
             for change in (QUIET, EARLY)
         }
         layouts = [(name, measured(harness, preset(name), QUIET)) for name in PRESETS]
-    write_text_atomically(PAGE, page(rates[QUIET], rates[EARLY], layouts))
+        loop_text, is_right = told_loop(harness)
+    write_text_atomically(PAGE, page(rates[QUIET], rates[EARLY], layouts, loop_text))
     met = all(rate.simulator_hz >= ASKED_HZ.get(rate.prescaler, 0.0) for rate in rates[QUIET])
-    return 0 if met and not any(rate.wrong_readings for rate in (*rates[QUIET], *rates[EARLY])) else 1
+    return (
+        0
+        if met and is_right and not any(rate.wrong_readings for rate in (*rates[QUIET], *rates[EARLY]))
+        else 1
+    )
 
 
-def page(quiet: Sequence[Rate], early: Sequence[Rate], layouts: Sequence[tuple[str, Rate]]) -> str:
+def page(
+    quiet: Sequence[Rate], early: Sequence[Rate], layouts: Sequence[tuple[str, Rate]], loop_text: str
+) -> str:
     """Text of docs/validation/firmware.md."""
     return f"""# The firmware on a simulated board
 
@@ -173,6 +219,10 @@ is the same supply, which the simulator does not show either.
 {layout_table(layouts)}
 
 Of `oblong-60x40` {not_by_the_simulator(firmware_settings(preset("oblong-60x40")))}.
+
+## A thousand frames of simulated light
+
+{loop_text}
 
 ## Memory
 

@@ -3,8 +3,8 @@
 
    Pipelined: the next conversion is started before the reading of the last one is packed, so packing and checksum cost
    no time. The line is served by interrupts from the buffer that is not being filled. A state is read no sooner than
-   SETTLE_US after its emitter was switched. Emitters are switched between conversions, so that no conversion sees the
-   step of the supply; with SWITCH_EARLY they are switched during the last conversion of a state, once its input is held.
+   SETTLE_US after its emitter was switched. Emitters are switched between conversions, so that none sees the step of
+   the supply; with SWITCH_EARLY they are switched during a state's last conversion, once its input is held.
 
    All numbers little-endian; every message ends with the CRC-32 of everything before it.
      readings   A5 5A 10, sequence u32, microseconds u32 when the first conversion began, readings of 10 bits packed
@@ -52,7 +52,8 @@ enum command { START = 1, STOP, RATE, IDENTIFY, TEST };
 #define REFERENCE_US 2000 /* the reference and its weak drive of the input have settled long before */
 #define LONGEST_INTERVAL_US 0x7fffffffUL
 #define SETTLE_TICKS (SETTLE_US * TICKS_PER_US + 1)
-#define HOLD_TICKS ((3UL << PRESCALER_EXPONENT) / 8 + 1) /* the input is held 1.5 ADC clocks after at most one of waiting */
+/* The input is held 1.5 converter's clocks after at most one of waiting. */
+#define HOLD_TICKS ((3UL << PRESCALER_EXPONENT) / 8 + 1)
 #define FRESH_RAM 0xa7
 #ifndef FIRST_SEQUENCE
 #define FIRST_SEQUENCE 0

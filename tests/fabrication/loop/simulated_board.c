@@ -147,7 +147,7 @@ static void conversion_started(struct avr_irq_t *irq, uint32_t value, void *unus
     avr_cycle_timer_register(avr, wait + (avr_cycle_count_t)(hold_adc_clocks * adc_clock), input_held, NULL);
 }
 
-/* The simulator ends a conversion 13 clocks after its start; the program sees the end after the wait for the edge, too. */
+/* The simulator ends a conversion 13 clocks after its start; the program sees its end later by the wait for the edge. */
 static uint8_t read_control(avr_t *self, avr_io_addr_t address, void *unused) {
     uint8_t found = self->data[address];
     (void)unused;
