@@ -20,10 +20,16 @@ class WrappingCounter:
         self._goes_back = goes_back
         self._last: int | None = None
 
-    @property
-    def last(self) -> int | None:
-        """The last value without wraps; None before the first."""
-        return self._last
+    def next(self, value: int) -> tuple[int, int]:
+        """One value without the wraps, and the step to it; as `extended`, and for single values much faster."""
+        if self._last is None:
+            self._last = value
+            return value, 1
+        step = (value - self._last) % WRAP
+        if self._goes_back and step >= WRAP // 2:
+            step -= WRAP
+        self._last += step
+        return self._last, step
 
     def extended(self, values: CountArray) -> tuple[IntArray, IntArray]:
         """Values without the wraps, and the step to each from the one before it; 1 to the very first.

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import DeviceError
-from fabrication.driver.counters import WrappingCounter, restarts
-from fabrication.driver.protocol import CountArray, FrameFormat, Unpacked, unpack_frames
+from fabrication.driver.counters import WrappingCounter
+from fabrication.driver.protocol import FrameFormat, unpack_frames
 from fabrication.driver_file import DriverConfig
 
 FloatArray = NDArray[np.float64]
@@ -105,42 +104,34 @@ class FrameDecoder:
         return (len(times) - 1) * US_PER_S / passed if passed > 0 else None
 
     def decoded(self, messages: list[bytes], host_s: float) -> list[Frame]:
-        """Frames of whole messages that arrived at `host_s`; a count that goes back begins a connection."""
+        """Frames of whole messages that arrived at `host_s`; a count that goes back begins a connection.
+
+        Batches are small, one to a few frames: what is done frame by frame is done on plain numbers.
+        """
         found = unpack_frames(self._layout, messages)
-        begins = self._begins(found.sequence)
-        frames: list[Frame] = []
-        for start, end in pairwise([0, *begins, len(messages)]):
-            if start in begins:
-                self.begin()
-            frames += self._piece(found, slice(start, end), host_s)
-        return frames
-
-    def _begins(self, sequence: CountArray) -> list[int]:
-        """Places where the board must have begun anew although no hello said so."""
-        last = self._sequence.last
-        before = int(sequence[0]) - 1 if last is None else last
-        return [int(place) for place in restarts(sequence, before)]
-
-    def _piece(self, found: Unpacked, piece: slice, host_s: float) -> list[Frame]:
-        sequence, steps = self._sequence.extended(found.sequence[piece])
-        device_us, _ = self._time.extended(found.device_us[piece])
-        counts, lost = found.counts[piece], steps - 1
-        self._recent_us.extend(device_us.tolist())
-        self.frames += len(counts)
-        self.lost += int(lost.sum())
+        counts = found.counts
         signals = counts[:, self._lit].astype(np.int32) - counts[:, [self._dark]]
         saturated = counts >= self._layout.full_scale
-        return [
-            Frame(
+        frames = []
+        for k, number in enumerate(found.sequence.tolist()):
+            sequence, step = self._sequence.next(number)
+            if step <= 0:  # the board began anew, although no hello said so
+                self.begin()
+                sequence, step = self._sequence.next(number)
+            device_us, _ = self._time.next(int(found.device_us[k]))
+            self._recent_us.append(device_us)
+            self.lost += step - 1
+            frame = Frame(
                 connection=self.connection,
-                sequence=int(sequence[k]),
-                device_us=int(device_us[k]),
+                sequence=sequence,
+                device_us=device_us,
                 host_s=host_s,
-                lost_before=int(lost[k]),
+                lost_before=step - 1,
                 counts=counts[k],
                 signals=signals[k],
                 saturated=saturated[k],
                 baseline=self.baseline,
             )
-            for k in range(len(counts))
-        ]
+            frames.append(frame)
+        self.frames += len(frames)
+        return frames

@@ -23,6 +23,7 @@ import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -271,6 +272,7 @@ def unpack_command(message: bytes) -> tuple[Command, int]:
     return Command(kind & 0x0F), argument
 
 
+@cache
 def _record_type(layout: FrameFormat) -> np.dtype[np.void]:
     fields = [
         ("magic", "S2"),
@@ -285,9 +287,16 @@ def _record_type(layout: FrameFormat) -> np.dtype[np.void]:
 
 def _unpacked(layout: FrameFormat, packed: NDArray[np.uint8]) -> NDArray[np.uint16]:
     """(n, state, receiver) readings of (n, bytes): each lies within three bytes, as it has at most 16 bits."""
-    first, shift = np.divmod(np.arange(layout.readings) * layout.bits, 8)
+    first, shift = _places(layout)
     padded = np.zeros((len(packed), layout.reading_bytes + 2), dtype=np.uint32)
     padded[:, :-2] = packed
-    words = padded[:, first] | padded[:, first + 1] << 8 | padded[:, first + 2] << 16
-    values = (words >> shift.astype(np.uint32)) & np.uint32(layout.full_scale)
+    words = padded[:, :-2] | padded[:, 1:-1] << 8 | padded[:, 2:] << 16
+    values = (words[:, first] >> shift) & np.uint32(layout.full_scale)
     return values.astype(np.uint16).reshape(-1, layout.states, layout.receivers)
+
+
+@cache
+def _places(layout: FrameFormat) -> tuple[NDArray[np.int64], CountArray]:
+    """First byte of each reading, and how many bits of it belong to the one before; both (readings,)."""
+    first, shift = np.divmod(np.arange(layout.readings) * layout.bits, 8)
+    return first, shift.astype(np.uint32)

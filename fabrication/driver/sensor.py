@@ -25,7 +25,7 @@ from design.errors import DeviceError, InputError
 from fabrication.driver.descriptor import Descriptor, descriptor_of
 from fabrication.driver.frames import Frame, FrameDecoder
 from fabrication.driver.link import Link, interval_us, require_digest
-from fabrication.driver.ports import Port, find_port
+from fabrication.driver.ports import GATHER_S, Port, find_port
 from fabrication.driver.protocol import Hello, SelfTest, frame_format
 from fabrication.driver.recording import Recorder
 from fabrication.driver.stream import LinkCounts, Stream
@@ -52,6 +52,7 @@ class Sensor:
     accept_digest : first 8 digits or more of a foreign design's digest that is accepted none the less
     baseline_s : how long the untouched pad is read on opening [s]; 0 takes no baseline
     patience_s : longest wait for a frame before an error, reconnection included [s]
+    gather_s : frames come off the line in batches so far apart, which spares the processor; 0 hands each on at once [s]
 
     Attributes
     ----------
@@ -68,6 +69,7 @@ class Sensor:
         accept_digest: str | None = None,
         baseline_s: float = BASELINE_S,
         patience_s: float = PATIENCE_S,
+        gather_s: float = GATHER_S,
     ) -> None:
         self.config = config if isinstance(config, DriverConfig) else load_driver_config(config)
         self.descriptor: Descriptor = descriptor_of(self.config)
@@ -81,6 +83,7 @@ class Sensor:
         self._accept_digest = accept_digest
         self._baseline_s = baseline_s
         self._patience_s = patience_s
+        self._gather_s = gather_s
         self._decoder = FrameDecoder(self.config, frame_format(self.config))
         self._stream: Stream | None = None
 
@@ -197,7 +200,8 @@ class Sensor:
         return self._stream
 
     def _connected(self) -> tuple[Link, Hello]:
-        port = Port(self._port or find_port(self.config.board), self.config.board.baud)
+        name = self._port or find_port(self.config.board)
+        port = Port(name, self.config.board.baud, self._gather_s)
         try:
             link = Link(port, self.config)
             return link, link.greet(accept_digest=self._accept_digest)

@@ -2,11 +2,13 @@
 
 import os
 import re
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
 from optopad.cli import main
+from tests.docs.docs_board import started_board
 from tests.fabrication.simulated_board import missing_compiler
 
 REPOSITORY = Path(__file__).parents[2]
@@ -84,8 +86,12 @@ def test_all_commands_of_every_page_succeed(page, in_empty_folder, kept_light, m
     monkeypatch.setenv("OPTOPAD_CACHE", str(kept_light))
     monkeypatch.setenv("OPTOPAD_LIGHT_CACHE_MB", "500")
     prepare(page)
-    for command in filter(can_run, commands_of(page)):
-        assert main(command) == 0, " ".join(command)
+    with ExitStack() as boards:
+        for command in filter(can_run, commands_of(page)):
+            if verb_of(command) == "driver fake":
+                boards.callback(boards.enter_context(started_board(command)).terminate)
+            else:
+                assert main(command) == 0, " ".join(command)
     assert not [name for name in os.listdir() if name.endswith(".partial")]
 
 

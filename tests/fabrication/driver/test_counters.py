@@ -66,3 +66,10 @@ def test_a_board_that_began_anew_is_a_step_backward(again: int) -> None:
     counter.extended(np.array([100], dtype=np.uint32))
     _, steps = counter.extended(np.array([again], dtype=np.uint32))
     assert steps[0] < 0
+
+
+@given(st.booleans(), st.lists(st.integers(0, 2**32 - 1), min_size=1, max_size=20))
+def test_one_by_one_counts_as_all_at_once(goes_back: bool, values: list[int]) -> None:
+    whole, steps = WrappingCounter(goes_back=goes_back).extended(np.array(values, dtype=np.uint32))
+    counter = WrappingCounter(goes_back=goes_back)
+    assert [counter.next(value) for value in values] == list(zip(whole.tolist(), steps.tolist(), strict=True))
