@@ -1,4 +1,4 @@
-"""The section on making it: the mold's picture, what to weigh, print, fit and cast, what to buy, how to wire."""
+"""The section on making it: pictures of mold and sockets, what to weigh, print, fit and cast, buy and wire."""
 
 from __future__ import annotations
 
@@ -10,10 +10,26 @@ from pathlib import Path
 from optopad.report.markdown import html_of
 from optopad.report.markup import Html, element, section, table
 from optopad.report.numbers import counted
-from optopad.report.sensor import Pictures, mold_figure, wiring_figure
+from optopad.report.sensor import (
+    Pictures,
+    mold_figure,
+    orientation_figure,
+    schematic_figure,
+    wiring_figure,
+)
 
 CASTING, BILL, WIRING = "fabrication/casting.md", "fabrication/bom.csv", "fabrication/wiring.csv"
-BILL_COLUMNS = ("item", "quantity", "unit", "references", "value", "note")
+BILL_COLUMNS = (
+    "item",
+    "quantity",
+    "unit",
+    "references",
+    "value",
+    "unit_cost",
+    "currency",
+    "cost_source",
+    "note",
+)
 WIRING_COLUMNS = ("reference", "part", "wall", "along_mm", "height_mm", "pin", "polarity")
 
 
@@ -39,9 +55,11 @@ def build_section(sheets: Sheets, pictures: Pictures) -> Html:
     """The build sheet, its bill and its wiring; nothing where the bundle has no sheets."""
     parts = [
         mold_figure(pictures),
+        orientation_figure(pictures),
         _folded("Casting, step by step", html_of(sheets.casting), CASTING) if sheets.casting else Html(""),
         _folded(*_bill(sheets.bill), BILL) if sheets.bill else Html(""),
         _folded(*_wiring(sheets.wiring, pictures), WIRING) if sheets.wiring else wiring_figure(pictures),
+        schematic_figure(pictures),
     ]
     shown = [part for part in parts if part]
     return section("build", "Build sheet", *shown, class_="build") if shown else Html("")

@@ -21,7 +21,7 @@ LEFT_OUT = (
     "One wavelength, one refractive index; no haze, no polarisation. Walls, bottom and tip scatter evenly in all "
     "directions; gloss is left out.",
     "Noise is rounding, a constant and a share of the reading. Drift, ambient light, crosstalk and the amplifier's "
-    "own limits are left out; one gain serves all receivers.",
+    "own limits are left out; a gain by a rule takes all emitters as equally bright.",
     "Tolerance moves one value at a time, where several off together can do more; scored with --tolerance, "
     "builds with everything off at once are drawn.",
     "Between the depths and places computed, signals are taken as straight lines or not at all.",
@@ -34,7 +34,11 @@ KNOWN_FILES = {
     "cad/mold.stl": "the mold, to slice",
     "cad/mold.step": "the mold, to edit",
     "cad/mold.3mf": "the mold, with units",
+    "cad/mold_frame.stl": "the mold's walls, to slice",
+    "cad/mold_base.stl": "the mold's floor, to slice",
     "cad/leveling_blade.stl": "levels the black layer",
+    "cad/pour_gauge.stl": "tells when the clear layer is full",
+    "cad/solder_jig.stl": "holds parts while wires are soldered",
     "cad/indenter_tip.stl": "the tip",
     "cad/checks.json": "mold checks",
     "sims/signals.nc": "light of every press of the map",
@@ -50,6 +54,8 @@ KNOWN_FILES = {
     "fabrication/bom.csv": "parts to order",
     "fabrication/wiring.csv": "pins",
     "fabrication/wiring.svg": "layout and pins, drawn",
+    "fabrication/schematic.svg": "switches and amplifiers with their values",
+    "fabrication/orientation.svg": "each kind of part in its socket",
     "fabrication/casting.md": "how to cast it",
     "fabrication/driver.toml": "configuration of the driver",
     "fabrication/firmware/optopad.hex": "firmware, compiled",

@@ -16,6 +16,8 @@ from optopad.report.numbers import counted
 
 MOLD_STL = "cad/mold.stl"
 WIRING_SVG = "fabrication/wiring.svg"
+SCHEMATIC_SVG = "fabrication/schematic.svg"
+ORIENTATION_SVG = "fabrication/orientation.svg"
 LAYOUT_WORDS = (
     "Seen from above and cut open, to one scale. Lengths in mm; heights are above the bottom of the clear layer. "
     "Circles: emitters; squares: receivers, with the place of each along its wall; dashed: where presses are judged."
@@ -29,11 +31,18 @@ class Pictures:
 
     mold: str | None
     wiring: str | None
+    schematic: str | None = None
+    orientation: str | None = None
 
 
 def pictures_of(folder: Path) -> Pictures:
-    """The mold as a picture, and the wiring drawing."""
-    return Pictures(mold=_mold_address(folder / MOLD_STL), wiring=_svg_address(folder / WIRING_SVG))
+    """The mold as a picture, and the drawings of the build sheet."""
+    return Pictures(
+        mold=_mold_address(folder / MOLD_STL),
+        wiring=_svg_address(folder / WIRING_SVG),
+        schematic=_svg_address(folder / SCHEMATIC_SVG),
+        orientation=_svg_address(folder / ORIENTATION_SVG),
+    )
 
 
 def _mold_address(stl: Path) -> str | None:
@@ -82,6 +91,22 @@ def wiring_figure(pictures: Pictures) -> Html:
         return Html("")
     words = "Layout and wiring of emitters and receivers"
     return _picture(pictures.wiring, words, "Layout and wiring", WIRING_SVG)
+
+
+def orientation_figure(pictures: Pictures) -> Html:
+    """Sections through the sockets; nothing where the bundle has none."""
+    if pictures.orientation is None:
+        return Html("")
+    words = "Each kind of part in its socket, cut across the wall"
+    return _picture(pictures.orientation, words, words, ORIENTATION_SVG)
+
+
+def schematic_figure(pictures: Pictures) -> Html:
+    """The schematic; nothing where the bundle has none."""
+    if pictures.schematic is None:
+        return Html("")
+    words = "Schematic: a transistor switch for each emitter, an amplifier for each receiver"
+    return _picture(pictures.schematic, words, "Schematic", SCHEMATIC_SVG)
 
 
 def _picture(address: str, words: str, caption: str, file: str) -> Html:
