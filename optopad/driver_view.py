@@ -18,6 +18,11 @@ if TYPE_CHECKING:
 FULL_CHANGE = 0.5
 """Change of a signal, as a share of its baseline, that has the strongest colour."""
 
+FAINTEST = 0.1
+"""Share of the full change below which a cell keeps the terminal's own colour."""
+
+CELL_WIDTH = 6
+
 LESS, MORE = (31, 102, 209), (209, 92, 20)
 """Colours (red, green, blue) of less and of more light than untouched; between them the terminal's own."""
 
@@ -72,21 +77,23 @@ def strongest_change(frame: Frame, sensor: Sensor) -> str:
 
 
 def live_table(frame: Frame, sensor: Sensor) -> RenderableType:
-    """Heat map of normalised signals, a row an emitter, and a line about the link."""
+    """Heat map of normalised signals, a row an emitter, between a line about the link and a line of explanation."""
+    from rich.console import Group
     from rich.table import Table
+    from rich.text import Text
 
     said = sensor.descriptor
-    title = f"{said.design} on {sensor.port}: {link_line(sensor)}"
-    caption = "% of the untouched signal; ! full scale; . too weak to tell.  Ctrl-C ends"
-    table = Table(title=title, caption=caption, show_edge=False, pad_edge=False, title_justify="left")
-    table.add_column("")
+    table = Table(box=None, padding=0, collapse_padding=True)
+    table.add_column("", min_width=5)
     for name in said.receivers.names:
-        table.add_column(name, justify="right")
+        table.add_column(Text(name + " "), justify="right", min_width=CELL_WIDTH)
     ratio = frame.normalised if frame.baseline is not None else np.full(frame.signals.shape, np.nan)
     for i, name in enumerate(said.emitters.names):
         table.add_row(name, *(_cell(frame, ratio, i, j) for j in range(len(said.receivers.names))))
-    table.add_row("dark", *(str(int(count)) for count in frame.counts[-1]), style="dim")
-    return table
+    table.add_row("dark", *(f"{int(count)} " for count in frame.counts[-1]), style="dim")
+    head = f"{said.design} on {sensor.port}: {link_line(sensor)}"
+    foot = "% of the untouched signal   ! at full scale   . too weak to tell   Ctrl-C ends"
+    return Group(Text(head, style="bold"), table, Text(foot, style="dim"))
 
 
 def check_lines(verdict: Verdict) -> list[str]:
@@ -112,13 +119,13 @@ def _cell(frame: Frame, ratio: NDArray[np.float64], i: int, j: int) -> Any:
 
     mark = "!" if frame.saturated[i, j] else ""
     if not math.isfinite(ratio[i, j]):
-        return Text(mark or ".", style="dim")
-    return Text(f"{mark}{ratio[i, j]:.0%}".replace("%", ""), style=_style(float(ratio[i, j]) - 1.0))
+        return Text(f"{mark or '.'} ".rjust(CELL_WIDTH), style="dim")
+    return Text(f"{mark}{100 * ratio[i, j]:.0f} ".rjust(CELL_WIDTH), style=_style(float(ratio[i, j]) - 1.0))
 
 
 def _style(change: float) -> str:
     share = min(abs(change) / FULL_CHANGE, 1.0)
-    if share < 0.04:
+    if share < FAINTEST:
         return ""
     red, green, blue = (round(30 + (part - 30) * share) for part in (LESS if change < 0 else MORE))
     return f"white on rgb({red},{green},{blue})"

@@ -88,6 +88,7 @@ class Sensor:
         self._stream: Stream | None = None
 
     def __enter__(self) -> Self:
+        self._decoder = FrameDecoder(self.config, frame_format(self.config))
         self._stream = Stream(self._connected, self._decoder, interval_us(self._rate_hz))
         try:
             self._stream.begin()

@@ -18,6 +18,7 @@ from fabrication.driver_config import dump_driver_config
 from tests.fabrication.driver.made_up_pad import board, untouched
 
 ROOT = Path(__file__).parents[2]
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals")]
 PAGE = (ROOT / "docs" / "driver.md").read_text(encoding="utf-8")
 PROGRAMS = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
 ROS = """
@@ -78,7 +79,6 @@ def run(program: str, folder: Path) -> str:
     return done.stdout
 
 
-@pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals")
 def test_the_program_that_moves_an_indenter_records_its_presses(folder: Path) -> None:
     assert len(run(PROGRAMS[0], folder).splitlines()) == 3
     recorded = read_recorded(folder / "robot.optorec")
@@ -86,12 +86,10 @@ def test_the_program_that_moves_an_indenter_records_its_presses(folder: Path) ->
     assert set(recorded.press_mm[:, 2]) == {0.0, 0.5, 1.0}
 
 
-@pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals")
 def test_the_plain_program_prints_rate_and_counts(folder: Path) -> None:
     said = run(PROGRAMS[1], folder)
     assert re.search(r"LinkCounts\(frames=\d+, lost=0, damaged=0", said)
 
 
-@pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals")
 def test_the_node_publishes_what_its_layout_says(folder: Path) -> None:
     assert run(PROGRAMS[2], folder).strip() == "5 {(64, 8, 8)}"

@@ -145,7 +145,7 @@ def test_a_finger_needs_a_table_of_presses(
 
 
 @pytest.mark.skipif(os.name != "posix", reason="needs signals")
-@pytest.mark.parametrize("kind", ["pseudo-terminal", "socket"])
+@pytest.mark.parametrize("kind", ["pseudo-terminal", pytest.param("socket", marks=pytest.mark.slow)])
 def test_fake_serves_a_board_until_ctrl_c_and_record_ends_cleanly_on_it(
     kind: str, config: str, tmp_path: Path
 ) -> None:

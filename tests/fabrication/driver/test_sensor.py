@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,9 @@ from fabrication.driver.finger import FingerPath
 from tests.fabrication.driver.made_up_pad import board, pad_config, untouched
 
 ROOT = Path(__file__).parents[3]
-CONFIG = pad_config()
+CONFIG = replace(pad_config(), board=replace(pad_config().board, boot_s=0.2))
+"""A simulated board boots at once; one that was not reset is asked without a long wait."""
+
 PRESSED = FingerPath(time_s=np.array([0.0, 1000.0]), press_mm=np.array([[16.0, 16.0, 3.0]] * 2))
 needs_pty = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals")
 
@@ -202,7 +205,8 @@ def test_the_descriptor_tells_geometry_and_units_apart_from_the_stream() -> None
 
 def test_the_driver_loads_nothing_heavy() -> None:
     program = (
-        "import sys; import fabrication.driver, fabrication.driver.fake_port; "
+        "import sys; import fabrication.driver, fabrication.driver.check, fabrication.driver.export; "
+        "import fabrication.driver.fake_port; "
         "print([n for n in ('pydantic', 'tomlkit', 'cadquery', 'mujoco', 'numba', 'scipy', 'xarray', 'rich', 'typer', "
         "'sims', 'cad', 'optopad') if n in sys.modules])"
     )
