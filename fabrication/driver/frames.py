@@ -31,7 +31,7 @@ class Frame:
     connection : counts from 1 up whenever the board began anew or was plugged in again
     sequence : number of the frame within the connection, without wraps
     device_us : the board's clock when its first conversion began, without wraps [us]
-    host_s : this machine's clock when the frame had arrived, since 1970 [s]
+    host_s : this machine's clock when the batch with the frame had arrived, since 1970 [s]; at 400 Hz up to 5 ms late
     lost_before : frames missing between this one and the one before it, by the sequence number
     counts : (state, receiver) raw readings; the last state is the dark one [counts]
     signals : (emitter, receiver) less the dark state's [counts]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -291,11 +292,15 @@ def _lines(out: Path | None, as_json: bool) -> Iterator[Callable[[str], None] | 
 
 @contextmanager
 def _until_interrupted() -> Iterator[None]:
-    """Ctrl-C is how reading and recording end when no other end was asked for."""
+    """Ctrl-C, or a closed pipe, is how reading and recording end when no other end was asked for."""
     try:
         yield
     except KeyboardInterrupt:
         return
+    except (
+        BrokenPipeError
+    ):  # as `| head` leaves it; what Python would still write there at its end goes nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _default_file(source: DriverSource) -> Path:
@@ -305,11 +310,11 @@ def _default_file(source: DriverSource) -> Path:
 
 
 def _netcdf_beside(file: Path) -> Path | None:
-    """The netCDF of a recording that ended well; None where this Python cannot make one, or nothing was recorded."""
+    """The netCDF of a recording that ended well; None where it cannot be made, or a file of its name exists."""
     from fabrication.driver.export import can_export, export_netcdf
 
     target = file.with_suffix(".nc")
-    if not can_export() or target == file:
+    if not can_export() or target.exists():  # another recording's is not overwritten
         return None
     try:
         export_netcdf(file, target)

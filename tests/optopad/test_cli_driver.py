@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from design.preset import preset
+from fabrication.driver.export import read_recorded
 from fabrication.driver.fake_port import FakePort
 from fabrication.driver.faults import faults_of
 from fabrication.driver_config import dump_driver_config
@@ -167,6 +168,59 @@ def test_fake_serves_a_board_until_ctrl_c_and_record_ends_cleanly_on_it(
     assert record.returncode == 0
     assert json.loads(outcome)["recorded"] > 30
     assert not (tmp_path / "pad").is_symlink()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs limits of a process")
+def test_a_disk_that_fills_up_ends_the_recording_with_one_line_and_whole_frames(
+    config: str, port: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "a.optorec"
+    program = (
+        "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))\n"
+        "from optopad.cli import main; sys.exit(main(sys.argv[1:]))"
+    )
+    command = [
+        "driver",
+        "record",
+        config,
+        "--port",
+        port,
+        "--rate",
+        "200",
+        "--seconds",
+        "20",
+        "--out",
+        str(file),
+    ]
+    done = subprocess.run(
+        [sys.executable, "-c", program, *command],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "the disk is full (File too large); the recording stopped" in done.stderr
+    assert "Traceback" not in done.stderr
+    kept = read_recorded(file)
+    assert kept.stray_bytes == 0
+    assert np.diff(kept.sequence).tolist() == [1] * (len(kept.sequence) - 1)
+    assert len(kept.sequence) > 50
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs a pipe's signals")
+def test_a_closed_pipe_is_an_end_like_any_other(config: str, port: str) -> None:
+    command = [sys.executable, "-m", "optopad", "driver", "read", config, "--port", port, "--json"]
+    with subprocess.Popen(
+        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as reader:
+        assert reader.stdout is not None
+        assert reader.stderr is not None
+        json.loads(reader.stdout.readline())
+        reader.stdout.close()
+        assert reader.wait(timeout=20) == 0
+        assert reader.stderr.read() == ""
 
 
 def started(*arguments: str) -> subprocess.Popen[str]:
