@@ -47,6 +47,7 @@ validate: setup ## the figures of docs/validation, made anew (over an hour; inte
 	OPTOPAD_LIGHT_CACHE_MB=0 $(BIN)/python -m tests.validation.wall_light
 	$(BIN)/python -m tests.validation.search_table
 	$(BIN)/python -m tests.validation.thickness
+	$(BIN)/python -m tests.validation.link_table
 	$(BIN)/python -m tests.validation.firmware_rates
 
 pins: ## renew constraints.txt from a fresh environment (oldest supported Python: its versions serve the newer ones)

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 
-from design.errors import DeviceError, OptopadError, OutputError
+from design.errors import DeviceError, OutputError
 from fabrication.driver.frames import Frame, FrameDecoder
 from fabrication.driver.link import Link
 from fabrication.driver.ports import PortLostError
@@ -78,7 +78,7 @@ class Stream:
         self._queue: deque[Frame] = deque()
         self._changed = threading.Condition()
         self._stopping = threading.Event()
-        self._error: OptopadError | None = None
+        self._error: Exception | None = None
         self._notice: OutputError | None = None
         self._greeted_at = 0.0
         self._self_test: SelfTest | None = None
@@ -120,8 +120,8 @@ class Stream:
 
         Raises
         ------
-        OptopadError : what the thread could not mend, after the frames before it; why a recording stopped, at once
-            and once: the frames go on.
+        DeviceError : what the thread could not mend, after the frames before it.
+        OutputError : why a recording stopped, at once and once: the frames go on.
         """
         with self._changed:
             self._changed.wait_for(lambda: self._queue or self._error or self._notice, timeout_s)
@@ -171,11 +171,10 @@ class Stream:
                 except PortLostError as err:
                     self._reconnect(err)
             self._stop_board()
-        except OptopadError as err:
+        except (
+            Exception
+        ) as err:  # on purpose all: what the thread cannot mend is raised where frames are read
             self._fail(err)
-        except Exception as err:  # a thread's failure must reach the reader, not only the terminal
-            self._fail(DeviceError(f"the reading thread failed: {err!r}; please report it"))
-            raise
 
     def _follow(self) -> None:
         """Take messages until the stop or the port is gone."""
@@ -276,7 +275,7 @@ class Stream:
         except PortLostError:
             return  # nobody is left to be stopped
 
-    def _fail(self, err: OptopadError) -> None:
+    def _fail(self, err: Exception) -> None:
         with self._changed:
             self._error = self._error or err
             self._changed.notify_all()

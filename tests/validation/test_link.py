@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -36,3 +39,15 @@ def test_the_damage_leaves_as_many_frames_intact_as_chance_says() -> None:
     assert intact.mean() == pytest.approx(
         wanted, abs=5 * np.sqrt(wanted * (1 - wanted) / 20_000)
     )  # 5 standard errors
+
+
+def test_the_page_of_a_million_frames_keeps_what_was_asked_for() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "validation" / "link.md").read_text(encoding="utf-8")
+    lines = re.findall(r"^\| .+ \| 1,000,000 \| [\d,]+ \| ([\d.]+) % \| (\d+) \|$", page, flags=re.MULTILINE)
+    assert len(lines) == 4
+    assert all(float(share) >= 95 and int(corrupted) == 0 for share, corrupted in lines)
+    loads = dict(re.findall(r"^\| ([a-z][^|]+) \| \d+ \| ([\d.]+)% \|$", page, flags=re.MULTILINE))
+    assert float(loads["frames with counts and signals"]) <= 10
+    longest = re.search(r"at\s+most\s+([\d.]+) s", page)
+    assert longest is not None
+    assert float(longest[1]) <= 1.0

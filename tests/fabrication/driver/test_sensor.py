@@ -131,6 +131,30 @@ def test_a_board_that_stays_away_is_named_after_the_patience(tmp_path: Path) -> 
                 pass
 
 
+@needs_pty
+def test_another_design_s_board_plugged_in_its_place_is_refused(tmp_path: Path) -> None:
+    link = tmp_path / "pad"
+    with FakePort(board(), PtyWire(link)) as first, quick(str(link), patience_s=1.0) as sensor:
+        sensor.read()
+        first.unplug()
+        with (
+            FakePort(board(digest="cd" * 32), PtyWire(link)),
+            pytest.raises(DeviceError, match="digest cdcdcdcd"),
+        ):
+            {frame.connection for frame in sensor}
+
+
+def test_a_fault_of_our_own_in_the_thread_reaches_the_reader(monkeypatch: pytest.MonkeyPatch) -> None:
+    with FakePort(board()) as port, quick(port.name) as sensor:
+
+        def fail(*_: object) -> None:
+            raise ZeroDivisionError
+
+        monkeypatch.setattr(sensor._decoder, "decoded", fail)
+        with pytest.raises(ZeroDivisionError):
+            list(sensor.frames(seconds=2.0))
+
+
 def test_a_board_of_another_design_is_refused_and_can_be_accepted_by_name() -> None:
     with FakePort(board(digest="ab" * 32)) as port:
         with pytest.raises(
