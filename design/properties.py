@@ -193,11 +193,22 @@ def used_values(design: SensorDesign) -> tuple[UsedValue, ...]:
     ]
     for part_id, kind in _parts_in_use(design):
         found += _values_of_part(part_of(design, part_id, kind), part_id)
+        if not isinstance(design.gain.feedback_ohm, str):
+            found += _values_of_gain(part_of(design, part_id, kind), part_id)
     if design.surfaces.wall_finish == "glossy" and (behind := wall_index(design)) is not None:
         found.append(UsedValue(path="surfaces.wall_index", quantity=behind))
     found.append(UsedValue(path="elastomer.refractive_index", quantity=refractive_index(design)))
     found.append(UsedValue(path="elastomer.absorption_db_per_cm", quantity=absorption_db_per_cm(design)))
     return tuple(found)
+
+
+def _values_of_gain(part: Part, part_id: str) -> list[UsedValue]:
+    """Power or responsivity: what a gain in ohms rests on, and one by a rule does not."""
+    name = "radiant_power_mw" if part.kind == "emitter" else "responsivity_a_per_w"
+    quantity = quantities_of(part).get(name)
+    return (
+        [] if quantity is None else [UsedValue(path=f"part_measurements.{part_id}.{name}", quantity=quantity)]
+    )
 
 
 def _values_of_part(part: Part, part_id: str) -> list[UsedValue]:

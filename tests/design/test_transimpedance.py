@@ -13,7 +13,7 @@ from design.catalog import Part
 from design.cavity import cavity_of
 from design.errors import DesignError
 from design.preset import PRESETS, preset
-from design.properties import part_of
+from design.properties import part_of, used_values
 from design.rules import check, require_valid
 from design.standard_values import E24, standard_nearest
 from design.transimpedance import (
@@ -150,3 +150,10 @@ def test_the_rule_is_left_out_of_a_design_that_does_not_say_it() -> None:
 
 def test_a_part_without_a_power_keeps_its_digest() -> None:
     assert "radiant_power_mw" not in Part.model_validate(bare_led()).model_dump(mode="json")
+
+
+def test_ohms_rest_on_power_and_responsivity_a_rule_does_not() -> None:
+    names = {"radiant_power_mw", "responsivity_a_per_w"}
+    fitted = used_values(PAD.with_(**{"gain.feedback_ohm": 1e6}))
+    assert {one.path.rsplit(".", 1)[-1] for one in fitted} & names == names
+    assert {one.path.rsplit(".", 1)[-1] for one in used_values(PAD)} & names == set()
