@@ -4,7 +4,7 @@ The optical model knows a box: [0, length] x [0, width], bottom at -black thickn
 active areas flush with their face. Rays from inside the box are followed to the printed mold's
 triangles and compared with that box wherever no socket opens the wall.
 
-Intersection: Moeller and Trumbore, "Fast, minimum storage ray-triangle intersection", 1997.
+Intersection: the barycentric form of Moeller and Trumbore, "Fast, minimum storage ray-triangle intersection", 1997.
 """
 
 from __future__ import annotations
@@ -58,26 +58,52 @@ def first_hits_mm(mesh: Mesh, origins_mm: Floats, directions: Floats) -> Floats:
     -------
     (n,) distance [mm]; infinite where a ray meets nothing
     """
-    corners = mesh.corners
+    planes = _planes(mesh)
     pieces = [
-        _nearest(corners, origins_mm[k : k + CHUNK_RAYS], directions[k : k + CHUNK_RAYS])
+        _nearest(planes, origins_mm[k : k + CHUNK_RAYS], directions[k : k + CHUNK_RAYS])
         for k in range(0, len(origins_mm), CHUNK_RAYS)
     ]
     return np.concatenate(pieces)
 
 
-def _nearest(corners: Floats, origins: Floats, directions: Floats) -> Floats:
+@dataclass(frozen=True, kw_only=True)
+class _Planes:
+    """Triangles as (3, m) arrays: two edges from the corner a, their cross product n, and edges x a; n . a as (m,)."""
+
+    edge1: Floats
+    edge2: Floats
+    normal: Floats
+    moment1: Floats
+    moment2: Floats
+    level: Floats
+
+
+def _planes(mesh: Mesh) -> _Planes:
+    corners = mesh.corners
     a, edge1, edge2 = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    p = np.cross(directions[:, None], edge2)
-    determinant = np.einsum("rti,ti->rt", p, edge1)
+    normal = np.cross(edge1, edge2)
+    return _Planes(
+        edge1=edge1.T,
+        edge2=edge2.T,
+        normal=normal.T,
+        moment1=np.cross(edge1, a).T,
+        moment2=np.cross(edge2, a).T,
+        level=np.einsum("ti,ti->t", normal, a),
+    )
+
+
+def _nearest(planes: _Planes, origins: Floats, directions: Floats) -> Floats:
+    """Triple products written as matrix products: with o + t d = a + u e1 + v e2 and m = o x d,
+
+    t = (n.a - n.o) / n.d,   u = (d.(e2 x a) - m.e2) / n.d,   v = (m.e1 - d.(e1 x a)) / n.d
+    """
+    moment, along = np.cross(origins, directions), directions @ planes.normal
     with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = 1.0 / determinant
-        s = origins[:, None] - a
-        u = np.einsum("rti,rti->rt", s, p) * inverse
-        q = np.cross(s, edge1)
-        v = np.einsum("rti,ri->rt", q, directions) * inverse
-        t = np.einsum("rti,ti->rt", q, edge2) * inverse
-        hit = (np.abs(determinant) > 1e-12) & (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9) & (t > 0)
+        inverse = 1.0 / along
+        t = (planes.level - origins @ planes.normal) * inverse
+        u = (directions @ planes.moment2 - moment @ planes.edge2) * inverse
+        v = (moment @ planes.edge1 - directions @ planes.moment1) * inverse
+        hit = (np.abs(along) > 1e-12) & (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9) & (t > 0)
     nearest: Floats = np.where(hit, t, np.inf).min(axis=1)
     return nearest
 

@@ -45,6 +45,7 @@ def test_step_and_3mf_hold_no_time_and_no_counter(built_of):
     assert times == {(1980, 1, 1, 0, 0, 0)}
 
 
+@pytest.mark.slow
 def test_files_do_not_depend_on_what_was_built_before(built_of):
     once = built_of("fingertip-16").files
     part_files(built_of("piacenza2017-pair").design)
