@@ -87,6 +87,8 @@ def _without_none(value: Any) -> Any:
 class Recorder:
     """Writes a recording; a context manager, used by the stream's thread and the caller's.
 
+    A thread of its own hands what has come to the system, so that a disk that stalls does not hold up the port.
+
     Parameters
     ----------
     file : a new file; one that exists is refused
@@ -96,7 +98,7 @@ class Recorder:
     Attributes
     ----------
     failure : why the recording stopped, None while it goes on
-    frames, lost : recorded so far; missing so far by the sequence numbers
+    frames, lost : taken so far; missing so far by the sequence numbers
 
     Raises
     ------
@@ -111,8 +113,9 @@ class Recorder:
         self.frames = 0
         self.lost = 0
         self._pending: list[bytes] = []
-        self._flushed_at = time.monotonic()
-        self._lock = threading.RLock()
+        self._lock = threading.Lock()
+        self._writing = threading.RLock()
+        self._over = threading.Event()
         started = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
         header = {"format": FORMAT, "version": VERSION, "started": started, "config": document_of(config)}
         try:
@@ -123,6 +126,7 @@ class Recorder:
         self.flush()
         if self.failure is not None:
             raise self.failure
+        threading.Thread(target=self._keep_flushing, name="optopad recorder", daemon=True).start()
 
     def __enter__(self) -> Self:
         return self
@@ -135,14 +139,15 @@ class Recorder:
     @property
     def is_open(self) -> bool:
         """Whether records are still taken."""
-        return not self._stream.closed
+        return not self._over.is_set()
 
     def frame(self, message: bytes, host_s: float) -> None:
         """Append a frame as it came."""
-        self._append(packed_record(RecordKind.FRAME, host_s, message))
-        self.frames += self.is_open
-        if time.monotonic() - self._flushed_at >= FLUSH_S:
-            self.flush()
+        record = packed_record(RecordKind.FRAME, host_s, message)
+        with self._lock:
+            if self.is_open:
+                self._pending.append(record)
+                self.frames += 1
 
     def hello(self, message: bytes, host_s: float) -> None:
         """Append a hello: a connection begins."""
@@ -162,12 +167,12 @@ class Recorder:
 
     def flush(self) -> None:
         """Hand everything to the system; where it refuses, cut the file back to its last whole record."""
-        with self._lock:
-            self._flushed_at = time.monotonic()
+        with self._writing:
+            with self._lock:
+                records, self._pending = self._pending, []
             try:
-                if self._pending:
-                    _write_all(self._stream, self._pending)
-                    self._pending.clear()
+                if records and not self._stream.closed:
+                    _write_all(self._stream, records)
             except OSError as err:
                 self._fail(err)
 
@@ -180,11 +185,17 @@ class Recorder:
         """
         with self._lock:
             if self.is_open:
-                self._append(packed_record(RecordKind.END, time.time(), _END.pack(self.frames, self.lost)))
-                self.flush()
-                self._finish()
+                self._over.set()
+                end = _END.pack(self.frames, self.lost)
+                self._pending.append(packed_record(RecordKind.END, time.time(), end))
+        self.flush()
+        self._finish()
         if self.failure is not None:
             raise self.failure
+
+    def _keep_flushing(self) -> None:
+        while not self._over.wait(FLUSH_S):
+            self.flush()
 
     def _append(self, record: bytes) -> None:
         with self._lock:
@@ -192,18 +203,19 @@ class Recorder:
                 self._pending.append(record)
 
     def _finish(self) -> None:
-        if not self.is_open:
-            return
-        try:
-            os.fsync(self._stream.fileno())
-        except OSError as err:
-            self._fail(err)
-        self._stream.close()
+        with self._writing:
+            if self._stream.closed:
+                return
+            try:
+                os.fsync(self._stream.fileno())
+            except OSError as err:
+                self._fail(err)
+            self._stream.close()
 
     def _fail(self, err: OSError) -> None:
         """Keep the first reason, drop the part of a record at the end, and close."""
         self.failure = self.failure or OutputError(_unwritable(self.file, err))
-        self._pending.clear()
+        self._over.set()
         self._stream.close()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -100,6 +101,7 @@ def _serve(board: FakeBoard, wire: Wire, seconds: float | None) -> None:
     from fabrication.driver.fake_port import FakePort
 
     end = None if seconds is None else time.monotonic() + seconds
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a link is taken away, however it is ended
     try:
         with FakePort(board, wire):
             while end is None or time.monotonic() < end:

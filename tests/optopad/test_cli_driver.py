@@ -163,7 +163,7 @@ def test_fake_serves_a_board_until_ctrl_c_and_record_ends_cleanly_on_it(
                 time.sleep(0.05)
             record.send_signal(signal.SIGINT)
             outcome, _ = record.communicate(timeout=20)
-        fake.send_signal(signal.SIGINT)
+        fake.send_signal(signal.SIGTERM if kind == "socket" else signal.SIGINT)
         assert fake.wait(timeout=20) == 0
     assert record.returncode == 0
     assert json.loads(outcome)["recorded"] > 30

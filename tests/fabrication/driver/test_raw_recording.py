@@ -159,6 +159,25 @@ def test_a_full_disk_stops_the_recording_and_not_the_stream(tmp_path: Path) -> N
     assert 50 < len(frames_of(file)) < 100  # 15 kB less the header, at 122 bytes each
 
 
+class StallingDisk(io.FileIO):
+    """A file whose every write takes 0.6 s; the system's buffer of the port holds 0.2 s."""
+
+    def write(self, piece: Any) -> int:
+        time.sleep(0.6)
+        return super().write(piece) or 0
+
+
+def test_a_disk_that_stalls_costs_no_frame(tmp_path: Path) -> None:
+    file = tmp_path / "a.optorec"
+    with FakePort(board()) as port, Sensor(CONFIG, port.name, rate_hz=200, baseline_s=0) as sensor:
+        recorder = Recorder(file, CONFIG, opened=lambda name: StallingDisk(name, "xb"))
+        sensor._open.record(recorder)
+        list(sensor.frames(seconds=1.5))
+        recorder.close()
+        assert sensor.counts.lost == 0
+    assert len(frames_of(file)) == recorder.frames > 200
+
+
 def test_closing_the_sensor_closes_its_recording(tmp_path: Path) -> None:
     with FakePort(board()) as port, Sensor(CONFIG, port.name, rate_hz=200, baseline_s=0) as sensor:
         recorder = sensor.record(tmp_path / "a.optorec")
