@@ -8,7 +8,6 @@ import zipfile
 import pytest
 import trimesh
 
-from cad.export import part_files
 from design.cavity import cavity_of
 from design.preset import PRESETS
 from tests.cad.golden_parts import RECORDED
@@ -43,10 +42,3 @@ def test_step_and_3mf_hold_no_time_and_no_counter(built_of):
     assert "Open CASCADE STEP translator" not in text
     times = {entry.date_time for entry in zipfile.ZipFile(io.BytesIO(files["mold.3mf"])).infolist()}
     assert times == {(1980, 1, 1, 0, 0, 0)}
-
-
-@pytest.mark.slow
-def test_files_do_not_depend_on_what_was_built_before(built_of):
-    once = built_of("fingertip-16").files
-    part_files(built_of("piacenza2017-pair").design)
-    assert part_files(built_of("fingertip-16").design) == once
