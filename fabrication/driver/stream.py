@@ -13,7 +13,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 
 from design.errors import DeviceError, OutputError
@@ -123,6 +123,9 @@ class Stream:
         DeviceError : what the thread could not mend, after the frames before it.
         OutputError : why a recording stopped, at once and once: the frames go on.
         """
+        with suppress(IndexError):  # nothing waits in the queue
+            if self._notice is None:
+                return self._queue.popleft()
         with self._changed:
             self._changed.wait_for(lambda: self._queue or self._error or self._notice, timeout_s)
             if self._notice is not None:

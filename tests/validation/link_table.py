@@ -22,7 +22,6 @@ from design.io import write_text_atomically
 from design.preset import preset
 from fabrication.driver import Sensor
 from fabrication.driver.fake_port import FakePort, PtyWire
-from fabrication.driver.frames import Frame
 from fabrication.driver.ports import GATHER_S
 from fabrication.driver_config import dump_driver_config
 from tests.fabrication.driver.made_up_pad import board, pad_config, untouched
@@ -77,8 +76,8 @@ def main() -> None:
     write_text_atomically(PAGE, page_text(damage, loads, back_s))
 
 
-def measured_loads() -> dict[str, tuple[float, float]]:
-    """Measured rate [Hz] and share of one core, by what the host does with the frames."""
+def measured_loads() -> dict[str, tuple[float, float, int]]:
+    """Measured rate [Hz], share of one core, and frames lost, by what the host does with the frames."""
     with TemporaryDirectory() as folder:
         config = Path(folder) / "driver.toml"
         fast = preset("piacenza2017-pad").with_(**{"board.adc_prescaler": 16, "board.frame_rate_hz": 400.0})
@@ -103,20 +102,19 @@ def measured_loads() -> dict[str, tuple[float, float]]:
 
 def _load(
     config: Path, link: Path, recording: Path | None = None, gather_s: float = GATHER_S
-) -> tuple[float, float]:
+) -> tuple[float, float, int]:
     with Sensor(config, str(link), rate_hz=RATE_HZ, gather_s=gather_s) as sensor:
         recorder = None if recording is None else sensor.record(recording)
         sensor.read()
-        begun_s, used_s, count = time.monotonic(), time.process_time(), 0
+        begun_s, used_s, count, deepest = time.monotonic(), time.process_time(), 0, 1.0
         for frame in sensor.frames(seconds=MEASURED_S):
             count += 1
             if recorder is not None:
-                _use(frame)
+                deepest = min(deepest, frame.normalised[0, 2])
         passed_s = time.monotonic() - begun_s
         share = (time.process_time() - used_s) / passed_s
-        if sensor.counts.lost or sensor.counts.damaged:
-            print(f"lost frames in the measurement: {sensor.counts}", flush=True)
-    return count / passed_s, share
+        lost = sensor.counts.lost
+    return count / passed_s, share, lost
 
 
 def spin_ms() -> float:
@@ -125,10 +123,6 @@ def spin_ms() -> float:
     for number in range(1_000_000):
         total += number
     return 1e3 * (time.process_time() - begun)
-
-
-def _use(frame: Frame) -> float:
-    return float(np.nanmin(frame.normalised))
 
 
 def reconnect_times_s() -> list[float]:
@@ -151,14 +145,16 @@ def reconnect_times_s() -> list[float]:
     return found
 
 
-def page_text(damage: dict[str, Tally], loads: dict[str, tuple[float, float]], back_s: list[float]) -> str:
+def page_text(
+    damage: dict[str, Tally], loads: dict[str, tuple[float, float, int]], back_s: list[float]
+) -> str:
     """The page."""
     rows = [
         f"| {name} | {t.sent:,} | {t.intact:,} | {100 * t.intact_share:.3f} % | {t.corrupted_accepted} |"
         for name, t in damage.items()
     ]
     machine = f"{os.cpu_count()}-core machine shared with other work, Python {platform.python_version()}"
-    used = [f"| {name} | {rate:.0f} | {share:.1%} |" for name, (rate, share) in loads.items()]
+    used = [f"| {name} | {rate:.0f} | {lost} | {share:.1%} |" for name, (rate, share, lost) in loads.items()]
     return (
         HEAD
         + "\n".join(rows)
@@ -172,8 +168,8 @@ board in another process; {machine}. Frames are taken off the line in batches {G
 otherwise; the waking, not the decoding, is what costs. As a yardstick, a loop of a million additions in Python took
 {spin_ms():.0f} ms of the same core.
 
-| what is done | frames a second | share of one core |
-|---|---|---|
+| what is done | frames a second | lost | share of one core |
+|---|---|---|---|
 """
         + "\n".join(used)
         + f"""
