@@ -58,7 +58,7 @@ delivers is compared with what was sent, byte by byte.
 TAIL = """\
 
 The few intact frames that are missed follow one whose very last byte was lost: when that byte equals the next frame's
-first, the damaged frame is whole again, and the intact one lacks its beginning. A corrupted frame can pass with a chance
+first, the damaged frame is whole again and the intact one lacks its beginning. A corrupted frame can pass with a chance
 of 2^-32 for each beginning that is tried. The same test with 20,000 frames runs with every change
 (`pytest tests/validation/test_link.py`). Sequence numbers and device time are followed over 24 hours at 400 Hz,
 34,560,000 frames across the wrap of both counters, in `pytest tests/fabrication/driver/test_counters.py`.
