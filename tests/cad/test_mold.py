@@ -18,7 +18,6 @@ from cad.mesh import mesh_of, read_stl, stl_bytes
 from cad.mold import build_mold
 from cad.optical import cavity_agreement, first_hits_mm
 from cad.volume import mold_volume_mm3, shared_with_lip_mm3
-from design.catalog import find_board, packaged
 from design.cavity import cavity_of
 from design.errors import DesignError
 from design.mold_outline import bed_lift_mm, outline_of
@@ -193,25 +192,6 @@ def _assert_sound(design):
         assert piece.body_count == 1, name
     checks = json.loads(files["checks.json"])
     assert checks["ok"], [row for row in checks["findings"] if row["state"] == "error"]
-
-
-@pytest.mark.slow
-def test_sixty_four_parts_are_one_body():
-    inputs = {"analog_channels": tuple(f"A{k}" for k in range(32))}
-    board = find_board(packaged(), "arduino-mega-2560").model_copy(update=inputs)
-    design = preset("piacenza2017-pad").with_(
-        **{
-            "cavity.length_mm": 115.0,
-            "cavity.width_mm": 115.0,
-            "mold.outer_length_mm": 128.0,
-            "mold.outer_width_mm": 128.0,
-            "layout": [{"pattern": "alternating_ring", "parts_per_side": 16}],
-            "catalog.boards": {"arduino-mega-2560": board.model_dump(mode="json")},
-            "board.frame_rate_hz": 10.0,
-        }
-    )
-    assert len(cavity_of(design).parts) == 64
-    _assert_sound(design)
 
 
 def test_a_pocket_deeper_than_the_cavity_stays_in_the_wall():

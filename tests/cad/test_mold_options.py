@@ -262,27 +262,28 @@ def test_a_bed_is_three_lengths():
         bed_of("220")
 
 
-@pytest.mark.parametrize("count", [1, 16])
+@pytest.mark.parametrize(
+    ("parts", "layout", "width_mm"),
+    [
+        (2, {"pattern": "facing_rows", "emitter_wall": "west", "count": 1}, 40.0),
+        (64, {"pattern": "alternating_ring", "parts_per_side": 16}, 115.0),
+    ],
+)
 @pytest.mark.slow
-def test_two_to_sixty_four_parts_in_square_and_oblong_molds_keep_every_check(count):
+def test_two_and_sixty_four_parts_in_oblong_and_square_molds_keep_every_check(parts, layout, width_mm):
     inputs = {"analog_channels": tuple(f"A{k}" for k in range(32))}
     board = find_board(packaged(), "arduino-mega-2560").model_copy(update=inputs)
-    layout = (
-        {"pattern": "facing_rows", "emitter_wall": "west", "count": 1}
-        if count == 1
-        else {"pattern": "alternating_ring", "parts_per_side": [20, 12, 20, 12]}
-    )
     design = PAD.with_(
         **{
-            "cavity.length_mm": 150.0,
-            "cavity.width_mm": 90.0,
-            "mold.outer_length_mm": 163.0,
-            "mold.outer_width_mm": 103.0,
+            "cavity.length_mm": 115.0,
+            "cavity.width_mm": width_mm,
+            "mold.outer_length_mm": 128.0,
+            "mold.outer_width_mm": width_mm + 13.0,
             "layout": [layout],
             "catalog.boards": {"arduino-mega-2560": board.model_dump(mode="json")},
             "board.frame_rate_hz": 10.0,
         }
     )
     checks = json.loads(part_files(design)["checks.json"])
-    assert len(cavity_of(design).parts) == (2 if count == 1 else 64)
+    assert len(cavity_of(design).parts) == parts
     assert checks["ok"], [row for row in checks["findings"] if row["state"] == "error"]
