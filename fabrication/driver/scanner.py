@@ -32,15 +32,10 @@ class Scanner:
         self._lengths = dict(lengths)
         self._magic = magic
         self._kept = b""
-        self._fed_bytes = 0
-        self._whole_bytes = 0
         self.damaged = 0
         """Candidates whose CRC was wrong."""
-
-    @property
-    def skipped_bytes(self) -> int:
+        self.skipped_bytes = 0
         """Bytes so far that belong to no whole message; those of an unfinished one are not counted."""
-        return self._fed_bytes - self._whole_bytes - len(self._kept)
 
     @property
     def kept_bytes(self) -> int:
@@ -49,12 +44,12 @@ class Scanner:
 
     def forget(self) -> None:
         """Drop an unfinished candidate, as after a line that was cut."""
+        self.skipped_bytes += len(self._kept)
         self._kept = b""
 
     def feed(self, piece: bytes) -> list[Message]:
         """The messages that this piece completes, in order."""
         stream = self._kept + piece if self._kept else piece
-        self._fed_bytes += len(piece)
         found: list[Message] = []
         at, end = 0, len(stream)
         while True:
@@ -71,10 +66,12 @@ class Scanner:
                 break
             elif is_whole(message := stream[at : at + length]):
                 found.append((message[2], message))
-                self._whole_bytes += length
                 at += length
             else:
                 self.damaged += 1
                 at += 1
         self._kept = stream[at:]
+        self.skipped_bytes += at - sum(
+            len(message) for _, message in found
+        )  # in one step: others may be reading it
         return found
