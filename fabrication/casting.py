@@ -21,6 +21,7 @@ from design.properties import elastomer_of, entries_of, quantities_of
 from design.quantity import Quantity
 from design.spec import SensorDesign
 from design.webs import bodies_above_rim, pockets_below_clear_layer
+from fabrication.circuit_sheet import circuit_lines
 from fabrication.connections import polarity_of
 from fabrication.gain import SimulatedGain
 from fabrication.gain_sheet import gain_lines
@@ -69,6 +70,7 @@ def casting_md(design: SensorDesign, gain: SimulatedGain | None = None) -> str:
         _cast(design, cavity),
         _cure(design),
         _measure_after(design, cavity),
+        circuit_lines(design),
         gain_lines(design, gain),
     )
     return "\n".join(line for section in sections for line in section).rstrip() + "\n"

@@ -101,3 +101,9 @@ def test_options_of_the_mold_are_on_the_sheet_and_the_bill() -> None:
 def test_a_price_without_a_source_is_blank_and_said_so() -> None:
     lines = bom_csv(PAD).splitlines()[1:]
     assert all(f",,,{NO_PRICE}," in line for line in lines)
+
+
+def test_the_sheet_has_the_resistors_of_the_bill_and_the_supply_s_current() -> None:
+    sheet = casting_md(PAD)
+    assert "| sunled-xscwd23mb | 120 ohm | 2 kohm | 16.7 usual, 19.2 at most | 2.1 |" in sheet
+    assert f"gives {supply_current(PAD).full_power_ma:.0f}* mA at full power" in sheet
