@@ -18,6 +18,7 @@ from sims.optics import (
     images,
     mirror_paths,
     pinhole,
+    polygon,
     radial,
     radial_table,
     rays,
@@ -28,11 +29,10 @@ from sims.optics import (
     top_grid,
     top_light,
 )
-from sims.optics.diffuse import bounces, deposit, join, layout_of
+from sims.optics.diffuse import bounces, deposit, golden_shift, join, layout_of
 from sims.optics.diffuse import patch_areas as areas_of
 from sims.optics.direct import flat_flux
 from sims.optics.fingerprint import source_fingerprint
-from sims.optics.states import golden_shift
 from sims.optics.top import Top
 
 EMITTER_SEQUENCE, RECEIVER_SEQUENCE = states.EMITTER_SEQUENCE, states.RECEIVER_SEQUENCE
@@ -45,6 +45,7 @@ KERNEL_MODULES = (
     top_grid,
     image_cells,
     direct,
+    polygon,
     pinhole,
     mirror_paths,
     images,

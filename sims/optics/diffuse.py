@@ -36,6 +36,12 @@ def fraction(x):
 
 
 @kernel
+def golden_pair(n, one, two):
+    """n-th point of an additive sequence in the unit square, moved by (one, two)."""
+    return fraction(n * 0.7548776662466927 + one), fraction(n * 0.5698402909980532 + two)
+
+
+@kernel
 def golden_shift(k):
     """(4,) k-th point of an additive sequence with irrational, mutually unrelated steps, in 0..1."""
     out = np.empty(4)

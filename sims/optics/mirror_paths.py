@@ -68,7 +68,7 @@ def mirror_point(ex, ey, ez, qx, qy, qz, x, y, sign, box, top):
 
 
 @kernel
-def _mixed(wall, ax, ay, az, ap, aq, gx, gy, d):
+def _mixed_bend(wall, ax, ay, az, ap, aq, gx, gy, d):
     """Determinant of the mixed derivatives of a leg's length: end on a wall (along, up), end on the top."""
     along = ax if wall % 2 == 0 else ay
     tx = (1.0 if wall % 2 == 0 else 0.0) - along * ap
@@ -105,8 +105,8 @@ def path_flux(ex, ey, ez, qx, qy, qz, x, y, det, source, target, box, top):
     aq = ay + az * gy
     bp = bx + bz * gx
     bq = by + bz * gy
-    pair = _mixed(int(source[0]), ax, ay, az, ap, aq, gx, gy, 1.0 / d1)
-    pair *= _mixed(int(target[0]), bx, by, bz, bp, bq, gx, gy, 1.0 / d2)
+    pair = _mixed_bend(int(source[0]), ax, ay, az, ap, aq, gx, gy, 1.0 / d1)
+    pair *= _mixed_bend(int(target[0]), bx, by, bz, bp, bq, gx, gy, 1.0 / d2)
     flux = abs(pair / det) * fresnel(cos_in, box[3])
     if box[4] > 0.0:
         flux *= math.exp(-box[4] * (d1 + d2))

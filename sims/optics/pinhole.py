@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 
 from sims.optics.direct import plan_distance
+from sims.optics.polygon import area_and_centroid, cut, cut_to_rectangle
 from sims.optics.radial import fall_bound, fresnel, kernel, radiance, slope_bound, wall_normal, wall_point
 from sims.optics.rays import is_clear
 from sims.optics.surface import ACTIVE, X, Y
@@ -26,38 +27,6 @@ from sims.optics.top import FIELD_SLOPE, touching_tip
 from sims.optics.top_grid import top_point
 
 INWARD = 0.97
-
-
-@kernel
-def _cut(n, poly, other, along, up, whole):
-    """Clip a polygon of homogeneous points (x, y, w) to along x + up y + whole w >= 0; its number of corners."""
-    outside = 0
-    for c in range(n):
-        if along * poly[c, 0] + up * poly[c, 1] + whole * poly[c, 2] < 0.0:
-            outside += 1
-    if outside == 0:
-        return n
-    if outside == n:
-        return 0
-    kept = 0
-    fc = along * poly[0, 0] + up * poly[0, 1] + whole * poly[0, 2]
-    for c in range(n):
-        d = c + 1 if c + 1 < n else 0
-        fd = along * poly[d, 0] + up * poly[d, 1] + whole * poly[d, 2]
-        if fc >= 0.0:
-            for k in range(3):
-                other[kept, k] = poly[c, k]
-            kept += 1
-        if (fc >= 0.0) != (fd >= 0.0):
-            t = fc / (fc - fd)
-            for k in range(3):
-                other[kept, k] = poly[c, k] + t * (poly[d, k] - poly[c, k])
-            kept += 1
-        fc = fd
-    for c in range(kept):
-        for k in range(3):
-            poly[c, k] = other[c, k]
-    return kept if kept > 2 else 0
 
 
 @kernel
@@ -85,21 +54,6 @@ def _project(source, target, px, py, pz, gx, gy, ex, ey, ez, depth, box, poly):
 
 
 @kernel
-def _on_emitter(n, poly, other, source):
-    """Clip images to the emitter's rectangle; their number of corners."""
-    n = _cut(n, poly, other, 0.0, 0.0, 1.0)
-    if n > 0:
-        n = _cut(n, poly, other, -1.0, 0.0, source[3])
-    if n > 0:
-        n = _cut(n, poly, other, 1.0, 0.0, source[3])
-    if n > 0:
-        n = _cut(n, poly, other, 0.0, -1.0, source[4])
-    if n > 0:
-        n = _cut(n, poly, other, 0.0, 1.0, source[4])
-    return n
-
-
-@kernel
 def _spread(a, b, px, py, pz, gx, gy, ex, ey, ez, source, box):
     """Emission, incidence and absorption weight of the emitter point at offset (a, b); direction to p."""
     n0, n1 = wall_normal(int(source[0]))
@@ -119,28 +73,6 @@ def _spread(a, b, px, py, pz, gx, gy, ex, ey, ez, source, box):
     if box[4] > 0.0:
         f *= math.exp(-box[4] * d)
     return f * fresnel(cos_in, box[3]), dx, dy, dz
-
-
-@kernel
-def _polygon(n, poly):
-    """Signed area and centroid of a polygon."""
-    x0 = poly[0, 0]
-    y0 = poly[0, 1]
-    area = 0.0
-    sx = 0.0
-    sy = 0.0
-    for c in range(1, n - 1):
-        ax = poly[c, 0] - x0
-        ay = poly[c, 1] - y0
-        bx = poly[c + 1, 0] - x0
-        by = poly[c + 1, 1] - y0
-        cross = ax * by - ay * bx
-        area += cross
-        sx += cross * (ax + bx)
-        sy += cross * (ay + by)
-    if abs(area) < 1e-15:
-        return 0.0, x0, y0
-    return 0.5 * area, x0 + sx / (3.0 * area), y0 + sy / (3.0 * area)
 
 
 @kernel
@@ -270,13 +202,15 @@ def pinhole(sector, u, v, source, target, sectors, box, top, poly, other):
     if depth <= 1e-6:
         return 0.0, share
     _project(source, target, px, py, pz, gx, gy, ex, ey, ez, depth, box, poly)
-    n = _on_emitter(4, poly, other, source)
+    n = cut(4, poly, other, 0.0, 0.0, 1.0)
+    if n > 0:
+        n = cut_to_rectangle(n, poly, other, source[3], source[4])
     if n == 0:
         return 0.0, share
     for c in range(n):
         poly[c, 0] /= poly[c, 2]
         poly[c, 1] /= poly[c, 2]
-    area, cx, cy = _polygon(n, poly)
+    area, cx, cy = area_and_centroid(n, poly)
     if area == 0.0:
         return 0.0, share
     dim_e = _may_be_shaded(px, py, pz, source, box, top)

@@ -3,18 +3,19 @@
 
 The rays of `sims.optics.top_light` tell which cells of the top send light to a second reflection and on towards a
 receiver. These cells and their neighbours are sampled on a finer lattice, the finer the more light may pass; cells
-that send it elsewhere, on a coarse one. Each
-point takes one part of the emitter, and all parts take turns: the ray from the part's centre and two more, from its
-side and from its upper edge, give the parallelogram that the part lights on the receiver's wall through that point; its
-share that falls on the receiver counts, so a ray is no hit or miss. Left out: a feature narrower than a cell that all
-rays around it miss, and what a part's parallelogram lights beyond the edge of the wall that its centre meets.
+that send it elsewhere, on a coarse one. Each point takes one part of the emitter, and all parts take turns: the ray
+from the part's centre and two more, from its side and from its upper edge, give the parallelogram that the part lights
+on the receiver's wall through that point; its share that falls on the receiver counts, so a ray is no hit or miss.
+Left out: a feature narrower than a cell that all rays around it miss, and what a part's parallelogram lights beyond the
+edge of the wall that its centre meets.
 """
 
 from __future__ import annotations
 
 import math
 
-from sims.optics.diffuse import fraction
+from sims.optics.diffuse import golden_pair
+from sims.optics.polygon import area_and_centroid, cut_to_rectangle
 from sims.optics.radial import kernel, radiance, wall_normal, wall_point
 from sims.optics.top import surface_gradient, surface_height
 from sims.optics.top_grid import place_on_top
@@ -60,45 +61,14 @@ def overlap_share(s, z, ax, az, bx, bz, low_s, high_s, low_z, high_z, poly, othe
     for c in range(4):
         i = -1.0 if c == 0 or c == 3 else 1.0
         j = -1.0 if c < 2 else 1.0
-        poly[c, 0] = s + i * ax + j * bx
-        poly[c, 1] = z + i * az + j * bz
-    n = 4
-    for side in range(4):
-        kept = 0
-        for c in range(n):
-            d = c + 1 if c + 1 < n else 0
-            if side == 0:
-                fa = poly[c, 0] - low_s
-                fb = poly[d, 0] - low_s
-            elif side == 1:
-                fa = high_s - poly[c, 0]
-                fb = high_s - poly[d, 0]
-            elif side == 2:
-                fa = poly[c, 1] - low_z
-                fb = poly[d, 1] - low_z
-            else:
-                fa = high_z - poly[c, 1]
-                fb = high_z - poly[d, 1]
-            if fa >= 0.0:
-                other[kept, 0] = poly[c, 0]
-                other[kept, 1] = poly[c, 1]
-                kept += 1
-            if (fa >= 0.0) != (fb >= 0.0):
-                t = fa / (fa - fb)
-                other[kept, 0] = poly[c, 0] + t * (poly[d, 0] - poly[c, 0])
-                other[kept, 1] = poly[c, 1] + t * (poly[d, 1] - poly[c, 1])
-                kept += 1
-        n = kept
-        if n < 3:
-            return 0.0
-        for c in range(n):
-            poly[c, 0] = other[c, 0]
-            poly[c, 1] = other[c, 1]
-    area = 0.0
-    for c in range(1, n - 1):
-        area += (poly[c, 0] - poly[0, 0]) * (poly[c + 1, 1] - poly[0, 1])
-        area -= (poly[c, 1] - poly[0, 1]) * (poly[c + 1, 0] - poly[0, 0])
-    return min(0.5 * abs(area) / whole, 1.0)
+        poly[c, 0] = s - 0.5 * (low_s + high_s) + i * ax + j * bx
+        poly[c, 1] = z - 0.5 * (low_z + high_z) + i * az + j * bz
+        poly[c, 2] = 1.0
+    n = cut_to_rectangle(4, poly, other, 0.5 * (high_s - low_s), 0.5 * (high_z - low_z))
+    if n == 0:
+        return 0.0
+    area, _, _ = area_and_centroid(n, poly)
+    return min(abs(area) / whole, 1.0)
 
 
 @kernel
@@ -238,6 +208,5 @@ def repeated_reflections(
                     p[AREA] = area * (cell[U1] - cell[U0]) * (cell[V1] - cell[V0]) / (m * m)
                     p[PZ], p[GX], p[GY] = surface_gradient(p[PX], p[PY], top)
                     n += 1
-                    one = fraction(n * 0.7548776662466927 + turn)
-                    two = fraction(n * 0.5698402909980532 + turn)
+                    one, two = golden_pair(n, turn, turn)
                     _add_sample(p, one, two, source, receivers, wanted, box, top, poly, other, out)

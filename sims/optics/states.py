@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sims.optics.diffuse import deposit, fraction, join
+from sims.optics.diffuse import deposit, golden_shift, join
 from sims.optics.direct import direct_flux, misses_all, reach_of
 from sims.optics.image_cells import BOX_COLUMNS, PATCH_COLUMNS, patch_boxes, patch_table
 from sims.optics.images import single_reflection
@@ -30,17 +30,6 @@ SHIFTS = 8
 # numbers of the settings
 RINGS, COLUMNS, STEP, TOP_RINGS, TOP_COLUMNS, REPEAT_SHARE, RAYS, WHOLE_RATIO = range(8)
 CLIP_CORNERS = 14
-
-
-@kernel
-def golden_shift(k):
-    """(4,) k-th point of an additive sequence with irrational, mutually unrelated steps, in 0..1."""
-    out = np.empty(4)
-    out[0] = fraction(k * 0.8566748838545029)
-    out[1] = fraction(k * 0.7338918566271260)
-    out[2] = fraction(k * 0.6287067210378087)
-    out[3] = fraction(k * 0.5385972572236101)
-    return out
 
 
 @kernel

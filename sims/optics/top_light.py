@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from sims.optics.diffuse import add_deposit, fraction, receiver_at
+from sims.optics.diffuse import add_deposit, golden_pair, receiver_at
 from sims.optics.radial import fresnel, kernel, radiance, wall_hit, wall_normal, wall_point
 from sims.optics.rays import BOTTOM, LOST, TIP, chain, is_clear
 from sims.optics.surface import CONTACT_R, TOP, X, Y
@@ -138,8 +138,9 @@ def top_change(source, receivers, lattice, shift, layout, box, top, out, echoes)
         for b in range(lattice.shape[1]):
             p = lattice[a, b]
             n += 1
-            along = source[1] + source[3] * (2.0 * fraction(n * 0.7548776662466927 + shift[0]) - 1.0)
-            up = source[2] + source[4] * (2.0 * fraction(n * 0.5698402909980532 + shift[1]) - 1.0)
+            one, two = golden_pair(n, shift[0], shift[1])
+            along = source[1] + source[3] * (2.0 * one - 1.0)
+            up = source[2] + source[4] * (2.0 * two - 1.0)
             ex, ey, ez = wall_point(int(source[0]), along, up, box)
             echoes[a, b, POWER] = 0.0
             echoes[a, b, KIND] = LOST
