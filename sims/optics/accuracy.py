@@ -36,7 +36,7 @@ class Accuracy:
     image_step: float = 0.2
     top_rings: int = 24
     top_columns: int = 60
-    repeat_share: float = 1e-3
+    repeat_share: float = 3e-4
     nodes_emitter: int = 4
     nodes_column: int = 16
     nodes_height: int = 4
@@ -50,7 +50,7 @@ class Accuracy:
 
 
 ACCURACIES = {
-    "draft": Accuracy(image_step=0.35, top_rings=14, top_columns=36, repeat_share=4e-3, wall_rays=1024),
+    "draft": Accuracy(image_step=0.35, top_rings=14, top_columns=36, repeat_share=8e-4, wall_rays=1024),
     "standard": Accuracy(),
     "fine": Accuracy(
         rings=32,
@@ -58,7 +58,7 @@ ACCURACIES = {
         image_step=0.09,
         top_rings=48,
         top_columns=120,
-        repeat_share=1e-4,
+        repeat_share=4e-5,
         nodes_emitter=6,
         nodes_column=32,
         nodes_height=6,

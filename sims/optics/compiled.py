@@ -16,13 +16,16 @@ from sims.optics import (
     direct,
     image_cells,
     images,
+    landing,
     mirror_paths,
+    orders,
     pinhole,
     polygon,
     radial,
     radial_table,
     rays,
     repeated,
+    repeated_cells,
     states,
     surface,
     top,
@@ -33,6 +36,7 @@ from sims.optics.diffuse import bounces, deposit, golden_shift, join, layout_of
 from sims.optics.diffuse import patch_areas as areas_of
 from sims.optics.direct import flat_flux
 from sims.optics.fingerprint import source_fingerprint
+from sims.optics.orders import all_orders
 from sims.optics.top import Top
 
 EMITTER_SEQUENCE, RECEIVER_SEQUENCE = states.EMITTER_SEQUENCE, states.RECEIVER_SEQUENCE
@@ -50,7 +54,10 @@ KERNEL_MODULES = (
     mirror_paths,
     images,
     diffuse,
+    orders,
     top_light,
+    landing,
+    repeated_cells,
     repeated,
     states,
 )
@@ -95,6 +102,13 @@ def _compile(fingerprint):
         return out
 
     @njit(cache=True, error_model="numpy")
+    def scattered(given, taken, receivers, patches, reflectances, orders, box, top):
+        """(emitter, receiver) scattered flux of all orders from deposits."""
+        if fingerprint < 0:
+            return np.zeros((0, 0))
+        return all_orders(given, taken, receivers, patches, reflectances, orders, box, top)
+
+    @njit(cache=True, error_model="numpy")
     def bounce_matrix(layout, receivers, box, top, points, count):
         """(patch, patch) share of one patch's scattered light that lands on another, untouched top."""
         if fingerprint < 0:
@@ -103,14 +117,14 @@ def _compile(fingerprint):
 
     @njit(cache=True, error_model="numpy", nogil=True)
     def trace_state(
-        out, wanted, emitters, receivers, box, rows, field, flat, scale, rules, image_rules, points, shifts, layout,
-        areas, reflectances, settings, flat_rays,
+        out, wanted, emitters, receivers, box, rows, field, flat, scale, rules, image_rules, points, shifts, patches,
+        reflectances, orders, settings, flat_rays,
     ):  # fmt: skip
         """Fill (replicate, class, emitter, receiver) with flux over emitted power."""
         if fingerprint >= 0:
             whole_state(
                 out, wanted, emitters, receivers, box, Top(rows, field), flat, scale, rules, image_rules, points,
-                shifts, layout, areas, reflectances, settings, flat_rays,
+                shifts, patches, reflectances, orders, settings, flat_rays,
             )  # fmt: skip
 
     @njit(cache=True, error_model="numpy")
@@ -123,10 +137,19 @@ def _compile(fingerprint):
         """(patch,) area without receiver faces; 0 for the tip's, which change with the press."""
         return areas_of(layout, receivers, box) if fingerprint >= 0 else np.zeros(0)
 
-    return flat_matrix, untouched_deposits, joined, bounce_matrix, trace_state, patch_layout, patch_areas
+    return (
+        flat_matrix,
+        untouched_deposits,
+        joined,
+        scattered,
+        bounce_matrix,
+        trace_state,
+        patch_layout,
+        patch_areas,
+    )
 
 
-flat_matrix, untouched_deposits, joined, bounce_matrix, trace_state, patch_layout, patch_areas = _compile(
-    source_fingerprint(KERNEL_MODULES)
+flat_matrix, untouched_deposits, joined, scattered, bounce_matrix, trace_state, patch_layout, patch_areas = (
+    _compile(source_fingerprint(KERNEL_MODULES))
 )
 listen_to_numba()

@@ -10,16 +10,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from sims.optics.diffuse import deposit, golden_shift, join
+from sims.optics.diffuse import deposit, golden_shift
 from sims.optics.direct import direct_flux, misses_all, reach_of
 from sims.optics.image_cells import BOX_COLUMNS, PATCH_COLUMNS, patch_boxes, patch_table
 from sims.optics.images import single_reflection
+from sims.optics.orders import all_orders
 from sims.optics.radial import kernel
 from sims.optics.repeated import repeated_reflections
 from sims.optics.surface import OUTER_R
 from sims.optics.top import FIELD_ON, is_touched
 from sims.optics.top_grid import columns_of, sectors_of, top_nodes
-from sims.optics.top_light import ECHO_COLUMNS, POINT_COLUMNS, lattice_points, top_change
+from sims.optics.top_light import CONTACT_RINGS, ECHO_COLUMNS, POINT_COLUMNS, lattice_points, top_change
 
 DIRECT, TOPS, SKIRT, WALL, DIFFUSE = range(5)
 CLASSES = 5
@@ -105,55 +106,87 @@ def mirrored_once(
 
 
 @kernel
-def beyond_one(out, wanted, emitters, receivers, flat, scale, sectors, box, top, points, shift, layout, areas,
-               reflectances, settings, flat_rays):  # fmt: skip
-    """Add light with several reflections to TOPS and SKIRT, light mirrored by walls to WALL, and scattered light."""
-    flat_diffuse, flat_wall, given, taken, flat_join = flat
-    columns = columns_of(settings[TOP_COLUMNS], 0.5, sectors)
-    lattice = lattice_points(int(settings[TOP_RINGS]), columns, shift[0], shift[1], sectors, top)
-    echoes = np.zeros((lattice.shape[0], lattice.shape[1], ECHO_COLUMNS))
-    several = np.zeros((receivers.shape[0], 2))
+def several_times(
+    result, from_emitter, wanted, emitters, receivers, scale, sectors, box, top, shifts, lattices, columns, layout,
+    settings,
+):  # fmt: skip
+    """Add light with several reflections at the top to TOPS and SKIRT of every replicate; and, between dull walls, what
+    the top changes in the emitters' deposits to from_emitter[replicate].
+    """
+    count = shifts.shape[0]
+    echoes = np.zeros((count, lattices.shape[1], lattices.shape[2], ECHO_COLUMNS))
+    several = np.zeros((count, receivers.shape[0], 2))
+    unwanted = np.zeros(from_emitter.shape[2])
     p = np.zeros(POINT_COLUMNS)
     poly = np.empty((CLIP_CORNERS, 3))
     other = np.empty((CLIP_CORNERS, 3))
-    from_emitter = given.copy()
-    from_receiver = taken.copy()
-    seen = np.zeros((emitters.shape[0], receivers.shape[0]))
     for i in range(emitters.shape[0]):
-        if not wanted[i].any():
-            continue
-        change = from_emitter[i] if box[5] == 0.0 else np.zeros(areas.shape[0])
-        top_change(emitters[i], receivers, lattice, golden_shift(i + EMITTER_SEQUENCE)[:2] + shift[2:4], layout, box,
-                   top, change, echoes)  # fmt: skip
         brightest = 0.0
         for j in range(receivers.shape[0]):
             if wanted[i, j]:
                 brightest = max(brightest, scale[i, j])
+        if brightest == 0.0:
+            continue
+        for n in range(count):
+            change = from_emitter[n, i] if box[5] == 0.0 else unwanted
+            top_change(emitters[i], receivers, lattices[n], golden_shift(i + EMITTER_SEQUENCE)[:2] + shifts[n, 2:4],
+                       layout, box, top, change, echoes[n])  # fmt: skip
         several[:] = 0.0
         repeated_reflections(
-            emitters[i], receivers, wanted[i], lattice, echoes, columns, shift[0], shift[1], shift[2],
+            emitters[i], receivers, wanted[i], lattices[0], echoes, columns, shifts,
             settings[REPEAT_SHARE] * brightest, sectors, box, top, p, poly, other, several,
         )  # fmt: skip
-        out[TOPS, i] += several[:, 0]
-        out[SKIRT, i] += several[:, 1]
-    if box[5] > 0.0:
-        walled(from_emitter, from_receiver, seen, wanted, emitters, receivers, box, top, points, int(settings[RAYS]),
-               shift, layout, flat_rays)  # fmt: skip
-    else:
-        for j in range(receivers.shape[0]):
-            if wanted[:, j].any():
-                top_change(receivers[j], receivers, lattice, golden_shift(j + RECEIVER_SEQUENCE)[:2] + shift[2:4],
-                           layout, box, top, from_receiver[j], echoes)  # fmt: skip
-    for i in range(emitters.shape[0]):
-        for j in range(receivers.shape[0]):
-            if not wanted[i, j]:
-                continue
-            if box[5] > 0.0:
-                out[WALL, i, j] = max(flat_wall[i, j] + seen[i, j], 0.0)
-            if flat_join[i, j] > 0.0:
-                area = 4.0 * receivers[j, 3] * receivers[j, 4]
-                now = join(from_emitter[i], from_receiver[j], area, areas, layout, reflectances, top)
-                out[DIFFUSE, i, j] = max(flat_diffuse[i, j] * now / flat_join[i, j], 0.0)
+        for n in range(count):
+            result[n, TOPS, i] += several[n, :, 0]
+            result[n, SKIRT, i] += several[n, :, 1]
+
+
+@kernel
+def beyond_one(
+    result, wanted, emitters, receivers, flat, scale, sectors, box, top, points, shifts, patches, reflectances, orders,
+    settings, flat_rays,
+):  # fmt: skip
+    """Add light with several reflections to TOPS and SKIRT, light mirrored by walls to WALL, and scattered light."""
+    flat_diffuse, flat_wall, given, taken, flat_join = flat
+    layout = patches[0]
+    count = shifts.shape[0]
+    columns = columns_of(settings[TOP_COLUMNS], 0.5, sectors)
+    rows = CONTACT_RINGS + int(settings[TOP_RINGS])
+    lattices = np.empty((count, rows, columns.shape[0], POINT_COLUMNS))
+    from_emitter = np.empty((count, given.shape[0], given.shape[1]))
+    for n in range(count):
+        lattices[n] = lattice_points(
+            int(settings[TOP_RINGS]), columns, shifts[n, 0], shifts[n, 1], sectors, top
+        )
+        from_emitter[n] = given
+    several_times(
+        result, from_emitter, wanted, emitters, receivers, scale, sectors, box, top, shifts, lattices, columns, layout,
+        settings,
+    )  # fmt: skip
+    echoes = np.empty((rows, columns.shape[0], ECHO_COLUMNS))
+    seen = np.zeros(wanted.shape)
+    for n in range(count):
+        from_receiver = taken.copy()
+        if box[5] > 0.0:
+            rays = (flat_rays[0][n], flat_rays[1][n], flat_rays[2][n])
+            seen[:] = 0.0
+            walled(from_emitter[n], from_receiver, seen, wanted, emitters, receivers, box, top, points,
+                   int(settings[RAYS]), shifts[n], layout, rays)  # fmt: skip
+        else:
+            for j in range(receivers.shape[0]):
+                if wanted[:, j].any():
+                    top_change(receivers[j], receivers, lattices[n],
+                               golden_shift(j + RECEIVER_SEQUENCE)[:2] + shifts[n, 2:4], layout, box, top,
+                               from_receiver[j], echoes)  # fmt: skip
+        now = all_orders(from_emitter[n], from_receiver, receivers, patches, reflectances, orders, box, top)
+        for i in range(emitters.shape[0]):
+            for j in range(receivers.shape[0]):
+                if not wanted[i, j]:
+                    continue
+                if box[5] > 0.0:
+                    result[n, WALL, i, j] = max(flat_wall[n, i, j] + seen[i, j], 0.0)
+                if flat_join[i, j] > 0.0:
+                    result[n, DIFFUSE, i, j] = max(flat_diffuse[i, j] * now[i, j] / flat_join[i, j], 0.0)
 
 
 @kernel
@@ -179,8 +212,8 @@ def walled(from_emitter, from_receiver, seen, wanted, emitters, receivers, box, 
 
 @kernel
 def one_state(
-    result, wanted, emitters, receivers, box, top, flat, scale, rules, image_rules, points, shifts, layout, areas,
-    reflectances, settings, flat_rays,
+    result, wanted, emitters, receivers, box, top, flat, scale, rules, image_rules, points, shifts, patches,
+    reflectances, orders, settings, flat_rays,
 ):  # fmt: skip
     """Fill (replicate, class, emitter, receiver) with flux over emitted power."""
     flat_straight, flat_diffuse, flat_wall, given, taken, flat_join = flat
@@ -199,9 +232,7 @@ def one_state(
     mirrored_once(
         result, keeps, wanted, emitters, receivers, scale, sectors, box, top, image_rules, shifts, settings
     )
-    for n in range(shifts.shape[0]):
-        rays = (flat_rays[0][n], flat_rays[1][n], flat_rays[2][n])
-        beyond_one(
-            result[n], wanted, emitters, receivers, (flat_diffuse, flat_wall[n], given, taken, flat_join), scale,
-            sectors, box, top, points, shifts[n], layout, areas, reflectances, settings, rays,
-        )  # fmt: skip
+    beyond_one(
+        result, wanted, emitters, receivers, (flat_diffuse, flat_wall, given, taken, flat_join), scale, sectors, box,
+        top, points, shifts, patches, reflectances, orders, settings, flat_rays,
+    )  # fmt: skip

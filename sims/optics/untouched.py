@@ -13,10 +13,13 @@ from sims.optics.accuracy import Accuracy
 from sims.optics.scene import OpticalScene
 
 FloatArray = NDArray[np.float64]
+Orders = tuple[NDArray[np.int64], FloatArray, FloatArray]
 POINT_SEED = 20170603
 PATCH_MM = 2.0
 REFERENCE_PATCH_MM = 1.0
 RADIOSITY_PATCHES = 600
+BOUNCE_RAYS = 128
+"""Rays from each patch that tell where its scattered light lands."""
 WALL_REFERENCE_RAYS = 65536
 """Rays per emitter and replicate for the light that smooth walls mirror in the untouched pad: hit or miss, so many."""
 PHASE_SPREAD = 0.3
@@ -36,7 +39,8 @@ class Untouched:
     diffuse : (emitter, receiver) scattered flux of all orders
     wall : (replicate, emitter, receiver) flux mirrored by smooth walls
     given, taken : (patch row, patch) deposits of emitters and of receivers
-    joined : (emitter, receiver) once-scattered flux of these deposits
+    joined : (emitter, receiver) scattered flux of all orders, of these deposits
+    orders : layout, areas and transfer of the patches of the orders beyond the first, see `sims.optics.orders`
     rays : deposits and wall-mirrored flux of the rays that states use between smooth walls, per replicate
     scale : (emitter, receiver) flux of all classes, above 0
     """
@@ -50,6 +54,7 @@ class Untouched:
     given: FloatArray
     taken: FloatArray
     joined: FloatArray
+    orders: Orders
     rays: tuple[FloatArray, FloatArray, FloatArray]
     scale: FloatArray
     points: FloatArray
@@ -160,30 +165,41 @@ class _Parts:
             )
         )
 
-    def higher_orders(self, count: int) -> FloatArray:
-        """(emitter, receiver) all scattered orders over the first."""
-        from scipy.linalg import lu_factor, lu_solve
+    def scattered(
+        self,
+        given: FloatArray,
+        taken: FloatArray,
+        patches: tuple[NDArray[np.int64], FloatArray],
+        orders: Orders,
+    ) -> FloatArray:
+        """(emitter, receiver) scattered flux of all orders."""
+        from sims.optics import compiled
 
+        return np.asarray(
+            compiled.scattered(
+                given,
+                taken,
+                self.receivers,
+                patches,
+                self.reflectances,
+                orders,
+                self.box,
+                _no_press(self.box),
+            )
+        )
+
+    def orders(self) -> Orders:
+        """What the orders beyond the first need."""
         from sims.optics import compiled
 
         box = self.box
         surface = 2 * (box[0] + box[1]) * box[2] + box[0] * box[1]
-        layout = compiled.patch_layout(box, max(2.0, float(np.sqrt(surface / RADIOSITY_PATCHES))))
+        layout = compiled.patch_layout(box, max(PATCH_MM, float(np.sqrt(surface / RADIOSITY_PATCHES))))
         areas = compiled.patch_areas(layout, self.receivers, box)
-        given, taken, _ = self.deposits(np.zeros(4), count, layout)
-        matrix = compiled.bounce_matrix(layout, self.receivers, box, _no_press(box), self.points, 128)
-        patches = len(matrix)
-        per_patch = np.repeat(self.reflectances, layout[:, 0] * layout[:, 1])[:patches]
-        system = np.eye(patches) - (per_patch[:, None] * matrix).T
-        solved = lu_factor(system)
-        every = given.copy()
-        for (
-            row
-        ) in every:  # one by one: solved side by side, an emitter's last bits may hang on how many there are
-            row[:patches] = lu_solve(solved, row[:patches])
-        first = self.joined(given, taken, layout, areas)
-        total = self.joined(every, taken, layout, areas)
-        return np.divide(total, first, out=np.ones_like(first), where=first > 0)
+        shares = compiled.bounce_matrix(layout, self.receivers, box, _no_press(box), self.points, BOUNCE_RAYS)
+        per_patch = np.repeat(self.reflectances, layout[:, 0] * layout[:, 1])[: len(shares), None]
+        whole = np.eye(len(shares))
+        return layout, areas, np.linalg.inv(whole - per_patch * shares) - whole
 
 
 def _shifts(settings: Accuracy, seed: int) -> FloatArray:
@@ -219,7 +235,12 @@ def _solved(scene: OpticalScene, settings: Accuracy, seed: int) -> Untouched:
         finer,
         compiled.patch_areas(finer, receivers, box),
     )
-    diffuse = first * parts.higher_orders(min(settings.reference_rays, 4096))
+    orders = parts.orders()
+    every, once = (
+        parts.scattered(given, taken, (layout, areas), orders),
+        parts.joined(given, taken, layout, areas),
+    )
+    diffuse = first * np.divide(every, once, out=np.ones_like(once), where=once > 0)
     if scene.wall_index:
         wall = np.stack([parts.deposits(shift[2:6], wall_reference, layout)[2] for shift in shifts])
         per = [parts.deposits(shift[2:6], settings.wall_rays, layout) for shift in shifts]
@@ -231,7 +252,7 @@ def _solved(scene: OpticalScene, settings: Accuracy, seed: int) -> Untouched:
     total = straight.sum(axis=0) + diffuse + wall.mean(axis=0)
     return Untouched(
         box=box, emitters=emitters, receivers=receivers, straight=straight, diffuse=diffuse, wall=wall, given=given,
-        taken=taken, joined=parts.joined(given, taken, layout, areas), rays=rays, scale=_above_zero(total),
+        taken=taken, joined=every, orders=orders, rays=rays, scale=_above_zero(total),
         points=points, shifts=shifts, layout=layout, areas=areas, reflectances=reflectances,
     )  # fmt: skip
 

@@ -25,7 +25,7 @@ Pair = tuple[int, int]
 OnStep = Callable[[float], None]
 
 PAIR_ACCURACY = replace(
-    ACCURACIES["standard"], image_step=0.1, top_rings=48, top_columns=120, repeat_share=3e-4
+    ACCURACIES["standard"], image_step=0.1, top_rings=48, top_columns=120, repeat_share=1e-4
 )
 """Settings of single pairs: a deadband is told by changes of 3 noise units, about 1 % of the signal, so the jitter
 from depth to depth must stay well below one unit."""
