@@ -26,7 +26,7 @@ CURVE = 0.15
 MIXED_MM = 2.0
 """How much farther where corners have different fates."""
 DEEPEST, DEEPEST_MIXED, DEEPEST_UNSEEN = 6, 4, 2
-"""Most halvings of a cell, of one whose corners have different fates, and of one that only edges of an emitter light."""
+"""Most halvings of a cell, of one whose corners have different fates, and of one that only edges of emitters light."""
 STACK = 3 * DEEPEST + 4
 WIDEST_MM = 4.0
 """Farthest from the end of the emitter's centre that the light of its edges is looked for."""
