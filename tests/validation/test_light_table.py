@@ -69,9 +69,6 @@ def test_figures_of_errors_are_what_they_say() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(
-    reason="not reached yet: docs/validation/light.md says what is above its limit", strict=True
-)
 def test_the_judged_setting_is_within_the_limits_on_some_states(judged: Row) -> None:
     assert exceeded(judged) == []
 

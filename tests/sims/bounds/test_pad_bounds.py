@@ -24,14 +24,20 @@ def test_a_half_turn_of_the_paper_s_ring_keeps_the_maps(both_seeds):
 
 
 def test_another_seed_moves_bounds_within_their_stated_errors(both_seeds):
-    """z of the difference of two independent estimates; a spread of 1 but for few voxels and tails of the trace."""
+    """Differences of two independent estimates over their stated errors: in the median, and pooled over voxels.
+
+    Few pairs make a voxel's error, and each estimates its own from one difference of halves. So a single voxel follows
+    a t law of one to three degrees of freedom, whose largest values say nothing: of 15 pairs of seeds a third had a
+    voxel beyond 6. Pooled over the six voxels that differ, the ratio squared follows F(6, 6) or so, 8.5 at 99 %.
+    """
     first, second = both_seeds
     for value, error in (("location_mm", "location_error_mm"), ("depth_bound_mm", "depth_error_mm")):
         seen = ~(first.is_blind | second.is_blind)
+        assert seen.all(), value
         difference = (getattr(first, value) - getattr(second, value))[seen]
         spread = np.hypot(getattr(first, error), getattr(second, error))[seen]
         assert np.median(np.abs(difference / spread)) < 1.5, value
-        assert np.abs(difference / spread).max() < 6.0, value
+        assert (difference**2).sum() < 8.5 * (spread**2).sum(), value
 
 
 def test_the_middle_of_the_press_is_told_to_microns_and_losses_only_worsen_it(both_seeds):
