@@ -8,7 +8,7 @@ from optopad.report.bound_maps import bound_maps, load_map
 from optopad.report.bounds import bounds_words, losses_table
 from optopad.report.drawings import Drawing, figure_of
 from optopad.report.map_scene import MapScene, depth_maps
-from optopad.report.markup import Html, element, section
+from optopad.report.markup import Html, element, radios, section
 from optopad.report.numbers import counted, spans
 from optopad.report.scripts import data_element
 from sims.verdict.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
@@ -99,20 +99,7 @@ def _view(scene: MapScene) -> Html:
     """The view that the page's script fills."""
     last = max(len(one.depth_mm) for one in scene.maps) - 1
     slider = element("input", type="range", min="0", max=str(last), step="1", value="0", id="maps-depth")
-    which = (
-        element(
-            "label",
-            element(
-                "input",
-                type="radio",
-                name="maps-which",
-                value=str(number),
-                checked="" if number == 0 else None,
-            ),
-            f" {one.title}",
-        )
-        for number, one in enumerate(scene.maps)
-    )
+    which = radios("maps-which", (one.title for one in scene.maps))
     name = "Map of the pad. Arrow keys move from place to place."
     return element(
         "div",

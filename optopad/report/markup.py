@@ -44,6 +44,18 @@ def bullets(items: Iterable[str], class_: str | None = None) -> Html:
     return element("ul", *(element("li", item) for item in items), class_=class_)
 
 
+def radios(name: str, labels: Iterable[str]) -> list[Html]:
+    """One radio button a label, with its number as value; the first is chosen."""
+    return [
+        element(
+            "label",
+            element("input", type="radio", name=name, value=str(number), checked="" if number == 0 else None),
+            f" {label}",
+        )
+        for number, label in enumerate(labels)
+    ]
+
+
 def table(
     heads: Sequence[str],
     rows: Iterable[Sequence[str]],

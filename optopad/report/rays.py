@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from optopad.report.markup import Html, element, section, table
+from optopad.report.markup import Html, element, radios, section, table
 from optopad.report.ray_scene import RayScene, scene_json
 from optopad.report.ray_still import still
 from optopad.report.scripts import data_element
@@ -79,7 +79,9 @@ def _view(scene: RayScene, has_mold: bool) -> Html:
         "div",
         element(
             "div",
-            element("fieldset", element("legend", "Press"), *_presses(scene), class_="choices"),
+            element(
+                "fieldset", element("legend", "Press"), *radios("rays-press", scene.labels), class_="choices"
+            ),
             *([_molds()] if has_mold else []),
             class_="rows",
         ),
@@ -116,23 +118,6 @@ def _molds() -> Html:
         )
     )
     return element("fieldset", element("legend", "Mold"), *choices, class_="choices")
-
-
-def _presses(scene: RayScene) -> list[Html]:
-    return [
-        element(
-            "label",
-            element(
-                "input",
-                type="radio",
-                name="rays-press",
-                value=str(number),
-                checked="" if number == 0 else None,
-            ),
-            f" {label}",
-        )
-        for number, label in enumerate(scene.labels)
-    ]
 
 
 def _pairs(scene: RayScene) -> Html:

@@ -4,6 +4,7 @@ import pytest
 
 from design.errors import DesignError
 from design.io import dump_design, load_design
+from design.paths import get_at
 from design.preset import PRESETS, preset
 from design.tolerances import build_tolerances
 
@@ -31,7 +32,9 @@ def test_every_end_is_a_design(name):
     design = preset(name)
     for one in build_tolerances(design):
         for end in (one.low, one.high):
-            design.with_(**{one.path: end})
+            assert get_at(design.with_(**{one.path: end}).model_dump(), one.path) == pytest.approx(
+                end, abs=1e-12
+            )
 
 
 def test_a_measured_value_varies_no_more():
