@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from html import escape
 from typing import Any
 
-from optopad.compare import Comparison, Measure
+from optopad.comparison import Comparison, Measure
 
 WIDEST = 26
 STYLE = """

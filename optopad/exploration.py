@@ -20,7 +20,6 @@ import json
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,24 +30,7 @@ from design.importance import importances
 from design.io import dump_design, write_text_atomically
 from design.judged import FanOut, Tried, one_by_one
 from design.space import SearchSpace
-
-
-@dataclass(frozen=True, kw_only=True)
-class Search:
-    """What a search left behind.
-
-    Attributes
-    ----------
-    folder : with tables, designs and page
-    findings : what was found
-    files : design file of each design on the front, relative to the folder
-    importance : share of each field by objective; empty when too little was judged
-    """
-
-    folder: Path
-    findings: Findings
-    files: tuple[str, ...]
-    importance: dict[str, dict[str, float]]
+from optopad.search_result import Search
 
 
 def search_folder(space: SearchSpace, out: Path) -> Path:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from design.explore import Findings, OnTried
     from design.judged import Tried
     from design.space import SearchSpace
-    from optopad.exploration import Search
+    from optopad.search_result import Search
 
 INTERRUPTED = 130
 LINE_EVERY_S = 30.0

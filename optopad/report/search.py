@@ -14,7 +14,7 @@ from optopad.report.markup import Html, bullets, element, facts, joined, section
 from sims.plots.front import choice_text, front_panels, importance_svg, parallel_svg, words
 
 if TYPE_CHECKING:
-    from optopad.exploration import Search
+    from optopad.search_result import Search
 
 SHOWN_REASONS = 12
 LOCATIONS = {
