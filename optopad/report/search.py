@@ -5,16 +5,13 @@ from __future__ import annotations
 from html import escape
 from importlib.resources import files
 from string import Template
-from typing import TYPE_CHECKING
 
 from design.figures import FIGURES
 from design.judged import Judged
 from fabrication.bundle import versions
 from optopad.report.markup import Html, bullets, element, facts, joined, section, table
+from optopad.search_result import Search
 from sims.plots.front import choice_text, front_panels, importance_svg, parallel_svg, words
-
-if TYPE_CHECKING:
-    from optopad.search_result import Search
 
 SHOWN_REASONS = 12
 LOCATIONS = {
