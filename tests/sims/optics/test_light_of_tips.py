@@ -13,9 +13,9 @@ from design.errors import ModelScopeError
 from sims.indentation import Indentation
 from sims.optics.engine import trace_scene
 from sims.optics.oracle import trace_oracle
-from sims.optics.radial import height
 from sims.optics.surface import CONTACT_R
 from sims.optics.tops import stack_tops
+from tests.sims.optics.called_kernels import height
 from tests.sims.optics.oracle_scenes import dimple, ring_scene, shank_press
 
 CENTRE = np.array([[14.0, 17.0]])

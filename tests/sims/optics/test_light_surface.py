@@ -4,13 +4,20 @@ import numpy as np
 import pytest
 
 from sims.indentation import Indentation
-from sims.optics import radial, surface
+from sims.optics import surface
 from sims.optics.analytic import compact_dimple
 from sims.optics.radial_table import node_radii_mm
-from sims.optics.rays import top_hit
 from sims.optics.scene import OpticalScene
 from sims.optics.top import Top
 from sims.optics.tops import stack_tops
+from tests.sims.optics.called_kernels import (
+    height,
+    height_and_turn,
+    height_turn_bend,
+    reach2,
+    slope_bound,
+    top_hit,
+)
 
 SCENE = OpticalScene(
     length_mm=32.0,
@@ -37,7 +44,7 @@ def lowered(indentation):
 
 def slope(r, rows):
     """dh/dr at a radius."""
-    return r * radial.height_and_turn(r * r, 0, rows)[1]
+    return r * height_and_turn(r * r, 0, rows)[1]
 
 
 def one_tip(rows):
@@ -48,13 +55,13 @@ def one_tip(rows):
 def test_table_follows_the_curve_within_a_micrometre(depth):
     curve = compact_dimple(depth, bulge_mm=0.15)
     _press, rows, _ = lowered(curve)
-    found = np.array([radial.height(r**2, 0, rows) for r in curve.radius_mm]) - 8.0
+    found = np.array([height(r**2, 0, rows) for r in curve.radius_mm]) - 8.0
     assert np.abs(found - curve.height_mm).max() < 1e-3
 
 
 def test_pile_up_above_the_undisturbed_top_is_kept():
     press, rows, _ = lowered(compact_dimple(2.0, bulge_mm=0.15))
-    highest = max(radial.height(r**2, 0, rows) for r in np.linspace(3, 16, 400))
+    highest = max(height(r**2, 0, rows) for r in np.linspace(3, 16, 400))
     assert highest - 8.0 == pytest.approx(0.15, abs=2e-3)
     assert press[surface.HIGHEST] >= highest - 1e-4
 
@@ -63,20 +70,20 @@ def test_height_and_slope_are_continuous_everywhere():
     press, rows, _ = lowered(compact_dimple(2.0, bulge_mm=0.15))
     joints = list(node_radii_mm(press[surface.SPHERE_R], press[surface.OUTER_R])[0])
     for r in joints:
-        below, above = (radial.height_and_turn((r + side) ** 2, 0, rows) for side in (-1e-8, 1e-8))
+        below, above = (height_and_turn((r + side) ** 2, 0, rows) for side in (-1e-8, 1e-8))
         assert above == pytest.approx(below, abs=1e-5)
 
 
 def test_slope_and_bend_are_the_derivatives_of_height():
     _press, rows, _ = lowered(compact_dimple(2.0, bulge_mm=0.15))
     for r in np.linspace(2.6, 19.0, 57):
-        h, turn, bend = radial.height_turn_bend(r * r, 0, rows)
+        h, turn, bend = height_turn_bend(r * r, 0, rows)
         step = 1e-5
-        up, down = radial.height((r + step) ** 2, 0, rows), radial.height((r - step) ** 2, 0, rows)
+        up, down = height((r + step) ** 2, 0, rows), height((r - step) ** 2, 0, rows)
         assert r * turn == pytest.approx((up - down) / (2 * step), abs=1e-6)
-        more, less = (radial.height_and_turn((r + s) ** 2, 0, rows)[1] for s in (step, -step))
+        more, less = (height_and_turn((r + s) ** 2, 0, rows)[1] for s in (step, -step))
         assert r * bend == pytest.approx((more - less) / (2 * step), abs=1e-3)
-        assert radial.height_and_turn(r * r, 0, rows) == pytest.approx((h, turn), abs=1e-12)
+        assert height_and_turn(r * r, 0, rows) == pytest.approx((h, turn), abs=1e-12)
 
 
 def test_slope_bound_holds_outward():
@@ -84,37 +91,37 @@ def test_slope_bound_holds_outward():
     radii = np.linspace(0.01, 20.0, 2000)
     slopes = np.array([abs(slope(r, rows)) for r in radii])
     outward = np.maximum.accumulate(slopes[::-1])[::-1]
-    bounds = np.array([radial.slope_bound(r * r, 0, rows) for r in radii])
+    bounds = np.array([slope_bound(r * r, 0, rows) for r in radii])
     assert (bounds >= outward - 1e-9).all()
 
 
 def test_the_top_lies_nowhere_below_a_level_beyond_its_reach():
     press, rows, _stack = lowered(compact_dimple(3.0, bulge_mm=0.15))
     for z in np.linspace(5.01, 7.99, 60):
-        reach = np.sqrt(radial.reach2(z, 0, rows))
+        reach = np.sqrt(reach2(z, 0, rows))
         beyond = np.linspace(reach, press[surface.OUTER_R], 500)
-        assert min(radial.height(r * r, 0, rows) for r in beyond) >= z - 1e-9
+        assert min(height(r * r, 0, rows) for r in beyond) >= z - 1e-9
         # a level is 3/64 mm high; within the sphere no reach is told
         if reach > press[surface.SPHERE_R]:
-            assert radial.height((reach - 0.1) ** 2, 0, rows) < z + 3 / 64
+            assert height((reach - 0.1) ** 2, 0, rows) < z + 3 / 64
 
 
 def test_overhang_near_the_shank_keeps_the_lowest_surface():
     radius = np.concatenate([np.linspace(0, 3, 30), [3.05, 3.02, 3.0, 3.1, 3.4, 4.0, 6.0, 9.0]])
     inside = -4.5 + 3 - np.sqrt(np.maximum(9 - np.linspace(0, 3, 30) ** 2, 0))
-    height = np.concatenate([inside, [-1.2, -0.9, -0.7, -0.5, -0.3, -0.1, -0.01, 0.0]])
+    curve_mm = np.concatenate([inside, [-1.2, -0.9, -0.7, -0.5, -0.3, -0.1, -0.01, 0.0]])
     curve = Indentation(
         depth_mm=4.5,
         tip_radius_mm=3.0,
         radius_mm=radius,
-        height_mm=height,
+        height_mm=curve_mm,
         contact_radius_mm=3.0,
         force_n=1.0,
     )
     _press, rows, stack = lowered(curve)
     assert stack.moved_mm[0] == pytest.approx(0.05, abs=0.02)
-    assert radial.height(3.4**2, 0, rows) - 8.0 == pytest.approx(-0.3, abs=0.01)
-    assert radial.slope_bound(0.0, 0, rows) <= 1.5 * surface.MAX_SLOPE
+    assert height(3.4**2, 0, rows) - 8.0 == pytest.approx(-0.3, abs=0.01)
+    assert slope_bound(0.0, 0, rows) <= 1.5 * surface.MAX_SLOPE
 
 
 def test_ray_meets_the_sphere_where_geometry_says():
@@ -128,7 +135,7 @@ def test_ray_over_the_rim_meets_the_pile_up():
     _press, rows, _stack = lowered(compact_dimple(2.0, bulge_mm=0.2))
     hit = top_hit(0.0, 16.0, 7.999, 1.0, 0.0, 0.002, 28.0, one_tip(rows))
     r = 16.0 - hit
-    assert radial.height(r**2, 0, rows) == pytest.approx(7.999 + 0.002 * hit, abs=1e-9)
+    assert height(r**2, 0, rows) == pytest.approx(7.999 + 0.002 * hit, abs=1e-9)
 
 
 def test_a_grazing_chord_of_a_twentieth_millimetre_is_seen():
