@@ -251,7 +251,7 @@ class BoardUse(Model):
         20.0
     )
     baud: Annotated[int, Field(ge=1200, le=4_000_000)] = 1_000_000
-    frame_rate_hz: Annotated[float, Field(gt=0.0, le=5000.0, description="full frames a second wanted")] = (
+    frame_rate_hz: Annotated[float, Field(ge=0.001, le=5000.0, description="full frames a second wanted")] = (
         60.0
     )
 

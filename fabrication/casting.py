@@ -8,7 +8,6 @@ black, which neither the paper nor the catalogue gives.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Sequence
 
 from design.assumptions import assumption
@@ -25,8 +24,9 @@ from fabrication.circuit_sheet import circuit_lines
 from fabrication.connections import polarity_of
 from fabrication.gain import SimulatedGain
 from fabrication.gain_sheet import gain_lines
+from fabrication.markdown_text import plain
 from fabrication.silicone import pours
-from fabrication.table import number, one_line
+from fabrication.table import number
 
 MEASURED_FIELDS = ("body_width_mm", "body_depth_mm", "body_height_mm", "active_height_in_body_mm")
 """Lengths of a part that its socket is cut from."""
@@ -74,11 +74,6 @@ def casting_md(design: SensorDesign, gain: SimulatedGain | None = None) -> str:
         gain_lines(design, gain),
     )
     return "\n".join(line for section in sections for line in section).rstrip() + "\n"
-
-
-def plain(text: str) -> str:
-    """A user's text on one line, with Markdown's and HTML's own signs made harmless."""
-    return re.sub(r"([\\`*_{}\[\]<>#|~])", r"\\\1", one_line(text)).replace("\\<", "&lt;")
 
 
 def _heading(design: SensorDesign) -> Iterator[str]:

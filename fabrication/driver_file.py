@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,8 @@ from fabrication.record import RecordError, record_of
 
 FORMAT_VERSION = 2
 CHECKSUM = "content_sha256"
+DESIGN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,62}")
+"""As `design.spec.DesignName`; recordings are named after it."""
 WAY_OUT = "write it anew with `optopad driver config DESIGN`"
 
 
@@ -311,6 +314,12 @@ def _claims(config: DriverConfig) -> dict[str, bool]:
     names = lit + [receiver.name for receiver in config.receivers]
     head = frame.magic_bytes + frame.version_bytes + frame.sequence_bytes + frame.time_bytes
     return {
+        "design must be a file's name: letters, digits, dots, dashes": bool(
+            DESIGN_NAME.fullmatch(config.design)
+        ),
+        "names, pins and channels must be printable": all(
+            text.isprintable() for text in (*names, *(receiver.channel for receiver in config.receivers))
+        ),
         "states must be numbered from 0": [s.number for s in config.states] == list(range(frame.states)),
         "each state but the last lights its emitter": [s.emitter for s in config.states] == [*lit, ""],
         "emitters must be in the order of states": [e.state for e in config.emitters]

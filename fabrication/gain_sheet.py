@@ -11,6 +11,7 @@ from design.spec import SensorDesign
 from design.standard_values import ohm_text
 from design.transimpedance import Feedback, counts_per_flux_per_ohm
 from fabrication.gain import SimulatedGain, clipped_pairs, feedbacks_for
+from fabrication.markdown_text import plain
 from fabrication.table import number
 
 SHOWN_CLIPPED = 24
@@ -55,7 +56,7 @@ def _values(design: SensorDesign, feedbacks: tuple[Feedback, ...]) -> Iterator[s
     yield ""
     star = "*" if per_ohm[0].confidence in ("inferred", "unverified") else ""
     yield f"An ohm makes {per_ohm[0].value:.3g}{star} counts of all of an emitter's power on a receiver"
-    yield f"({per_ohm[0].source})."
+    yield f"({plain(per_ohm[0].source)})."
     if not all(one.is_in_time for one in feedbacks):
         worst = max(one.settles_us for one in feedbacks)
         yield (

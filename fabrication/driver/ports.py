@@ -6,6 +6,7 @@ A port is a name of the system (`/dev/ttyACM0`, `COM3`), the name of a pseudo-te
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import time
@@ -57,6 +58,10 @@ def ports_here() -> list[FoundPort]:
         )
         for port in list_ports.comports()
     ]
+
+
+PTY_BAUD = 115200
+"""A pseudo-terminal has no rate: macOS refuses to set one that is not among the old standard ones."""
 
 
 def find_port(board: BoardSetup, ports: Iterable[FoundPort] | None = None) -> str:
@@ -177,6 +182,9 @@ def _opened(name: str, baud: int) -> Any:
     try:
         return serial.serial_for_url(name, **options)
     except (OSError, ValueError) as err:  # pyserial's own error is an OSError
+        if getattr(err, "errno", None) == errno.ENOTTY:
+            with contextlib.suppress(OSError, ValueError):
+                return serial.serial_for_url(name, **(options | {"baudrate": PTY_BAUD}))
         raise DeviceError(f"{name}: {_why_not(name, err, baud)}") from err
 
 

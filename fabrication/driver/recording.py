@@ -134,7 +134,7 @@ class Recorder:
     def __exit__(
         self, kind: type[BaseException] | None, err: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        self.close(is_clean=kind is None or not issubclass(kind, Exception))
 
     @property
     def is_open(self) -> bool:
@@ -176,8 +176,8 @@ class Recorder:
             except OSError as err:
                 self._fail(err)
 
-    def close(self) -> None:
-        """Write the clean end and put everything on the disk.
+    def close(self, *, is_clean: bool = True) -> None:
+        """Write the clean end, unless it is none, and put everything on the disk.
 
         Raises
         ------
@@ -186,8 +186,9 @@ class Recorder:
         with self._lock:
             if self.is_open:
                 self._over.set()
-                end = _END.pack(self.frames, self.lost)
-                self._pending.append(packed_record(RecordKind.END, time.time(), end))
+                if is_clean:
+                    end = _END.pack(self.frames, self.lost)
+                    self._pending.append(packed_record(RecordKind.END, time.time(), end))
         self.flush()
         self._finish()
         if self.failure is not None:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from design.errors import DeviceError, InputError
 from fabrication.driver.descriptor import Descriptor, descriptor_of
 from fabrication.driver.frames import Frame, FrameDecoder
-from fabrication.driver.link import Link, interval_us, require_digest
+from fabrication.driver.link import Link, check_hello, interval_us, require_digest
 from fabrication.driver.ports import GATHER_S, Port, find_port
 from fabrication.driver.protocol import Hello, SelfTest, frame_format
 from fabrication.driver.recording import Recorder
@@ -39,6 +39,11 @@ POLL_S = 0.2
 """A wait is cut into pieces of this, so that Ctrl-C is answered on every system."""
 
 FASTEST_HZ = 100_000.0
+SLOWEST_HZ = 0.001
+"""As a design's own. The board's clock tells intervals below 2^31 us apart, 0.00047 Hz."""
+
+SILENCE_S = 1.0
+"""At the end of a given time, a board that has sent nothing for so long, and three frames long, is gone."""
 
 
 class Sensor:
@@ -75,9 +80,9 @@ class Sensor:
         self.descriptor: Descriptor = descriptor_of(self.config)
         self._port = port
         self._rate_hz = self.config.timing.wanted_hz if rate_hz is None else rate_hz
-        if not 0 <= self._rate_hz <= FASTEST_HZ:
+        if self._rate_hz != 0 and not SLOWEST_HZ <= self._rate_hz <= FASTEST_HZ:
             raise InputError(
-                f"rate_hz: {self._rate_hz:g} is refused: 0 (as fast as it can) to {FASTEST_HZ:g}"
+                f"rate_hz: {self._rate_hz:g} is refused: 0 (as fast as it can), or {SLOWEST_HZ:g} to {FASTEST_HZ:g}"
             )
         require_digest(accept_digest)
         self._accept_digest = accept_digest
@@ -89,34 +94,45 @@ class Sensor:
 
     def __enter__(self) -> Self:
         self._decoder = FrameDecoder(self.config, frame_format(self.config))
-        self._stream = Stream(self._connected, self._decoder, interval_us(self._rate_hz))
+        self._stream = Stream(self._connected, self._decoder, interval_us(self._rate_hz), self._checked)
         try:
             self._stream.begin()
             if self._baseline_s > 0:
                 self.take_baseline(self._baseline_s)
         except BaseException:
-            self._stream.end()
+            self._stream.end(is_clean=False)
             raise
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, err: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._open.end()
+        self._open.end(is_clean=kind is None or not issubclass(kind, Exception))
 
     def __iter__(self) -> Iterator[Frame]:
         while True:
             yield self.read()
 
     def frames(self, count: int | None = None, seconds: float | None = None) -> Iterator[Frame]:
-        """Frames until so many came or so much time passed [s], whichever is first; None is no limit."""
-        end = None if seconds is None else time.monotonic() + seconds
+        """Frames until so many came or so much time passed [s], whichever is first; None is no limit.
+
+        Raises
+        ------
+        DeviceError, OutputError : as `read`; also where the time ends while the board is gone or silent.
+        """
+        heard_at = time.monotonic()
+        end = None if seconds is None else heard_at + seconds
         taken = 0
         while (count is None or taken < count) and (end is None or time.monotonic() < end):
             frame = self._open.taken(POLL_S) if end is not None else self.read()
             if frame is not None:
                 taken += 1
                 yield frame
+                heard_at = time.monotonic()
+            elif (silent_s := time.monotonic() - heard_at) >= self._patience_s:
+                raise self._silence(silent_s)
+        if end is not None and time.monotonic() >= end:
+            self._require_heard(heard_at)
 
     def read(self) -> Frame:
         """The next frame.
@@ -131,12 +147,7 @@ class Sensor:
             frame = stream.taken(POLL_S)
             if frame is not None:
                 return frame
-        away = stream.why_away
-        raise DeviceError(
-            away
-            or f"{self.port}: no whole frame for {self._patience_s:g} s ({stream.counts.skipped_bytes} bytes "
-            f"that are none, {stream.counts.damaged} damaged frames); check cable and board, lower the rate or baud"
-        )
+        raise self._silence(self._patience_s)
 
     def take_baseline(self, seconds: float = BASELINE_S) -> FloatArray:
         """Read the untouched pad for a while; its mean is the baseline from now on.
@@ -199,6 +210,26 @@ class Sensor:
         if self._stream is None:
             raise DeviceError("the sensor is not open; use it as `with Sensor(...) as sensor:`")
         return self._stream
+
+    def _require_heard(self, heard_at: float) -> None:
+        """DeviceError where the board is gone, or has been silent for long."""
+        silent_s = time.monotonic() - heard_at
+        longest_s = max(SILENCE_S, 3.0 / self._rate_hz if self._rate_hz else 0.0)
+        if self._open.why_away or silent_s > longest_s:
+            raise self._silence(silent_s)
+
+    def _silence(self, silent_s: float) -> DeviceError:
+        stream = self._open
+        return DeviceError(
+            stream.why_away
+            or f"{self.port}: no whole frame for {silent_s:.2g} s ({stream.counts.skipped_bytes} bytes "
+            f"that are none, {stream.counts.damaged} damaged frames); check cable and board, lower the rate or baud"
+        )
+
+    def _checked(self, hello: Hello) -> Hello:
+        """The hello of a board that began anew, if it is this design's."""
+        check_hello(hello, self.config, where=self.port, accept_digest=self._accept_digest)
+        return hello
 
     def _connected(self) -> tuple[Link, Hello]:
         name = self._port or find_port(self.config.board)

@@ -69,10 +69,14 @@ class Stream:
     connect : opens a port and greets the board
     decoder : of the frames
     interval_us : between frames [us]; 0 for as fast as the board can
+    checked : hands a hello on, or raises DeviceError for another design's
     """
 
-    def __init__(self, connect: Connect, decoder: FrameDecoder, interval_us: int) -> None:
+    def __init__(
+        self, connect: Connect, decoder: FrameDecoder, interval_us: int, checked: Callable[[Hello], Hello]
+    ) -> None:
         self._connect = connect
+        self._checked = checked
         self._decoder = decoder
         self._interval_us = interval_us
         self._queue: deque[Frame] = deque()
@@ -94,8 +98,12 @@ class Stream:
         self.link.start(self._interval_us)
         self._thread.start()
 
-    def end(self) -> None:
+    def end(self, *, is_clean: bool) -> None:
         """Stop board and thread, close the port and what is recorded; also after an error, and twice.
+
+        Parameters
+        ----------
+        is_clean : whether recordings that are still open get a clean end
 
         Raises
         ------
@@ -107,7 +115,7 @@ class Stream:
         self.link.port.close()
         with ExitStack() as recordings:
             for recorder in self._recorders:
-                recordings.callback(recorder.close)
+                recordings.callback(recorder.close, is_clean=is_clean)
 
     def record(self, recorder: Recorder) -> None:
         """Send every frame from now on to a recorder as well."""
@@ -242,7 +250,7 @@ class Stream:
         """A hello that nobody asked for: the board was reset while it streamed."""
         if time.monotonic() - self._greeted_at < LATE_HELLO_S:
             return
-        self.hello = unpack_hello(message)
+        self.hello = self._checked(unpack_hello(message))
         self._decoder.begin()
         self._note_connection(message)
         self.link.start(self._interval_us)
@@ -260,16 +268,17 @@ class Stream:
         while not self._stopping.wait(LOOK_EVERY_S):
             try:
                 self.link, self.hello = self._connection()
+                self.link.start(self._interval_us)
                 break
-            except PortLostError as again:  # it went away while it was greeted
+            except PortLostError as again:  # it went away while it was greeted or started
                 self.why_away = str(again)
+                self.link.port.close()
             except DeviceError as away:
                 self.why_away = str(away)
         else:
             return
         self._decoder.begin()
         self._note_connection(self.link.hello_message)
-        self.link.start(self._interval_us)
         self.why_away = ""
 
     def _stop_board(self) -> None:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
 from design.board_firmware import MUX5
 from fabrication.firmware.settings import FirmwareSettings
 
-COMMENT_CLOSE = "*/"
+
+def plain(text: str) -> str:
+    """A text that can stand in a comment or a string of C and end neither; other signs become spaces."""
+    return re.sub(r"[^A-Za-z0-9 ._+():-]", " ", text)
 
 
 def config_header(settings: FirmwareSettings) -> str:
@@ -18,7 +22,7 @@ def config_header(settings: FirmwareSettings) -> str:
         "#ifndef OPTOPAD_CONFIG_H",
         "#define OPTOPAD_CONFIG_H",
         f"#ifndef {_chip_macro(chip.mcu)}",
-        f'#error "this program is for {chip.mcu}: choose the board {chip.arduino_board}"',
+        f'#error "this program is for {chip.mcu}: choose the board {plain(chip.arduino_board)}"',
         "#endif",
         "#define U16(n) (n) & 255, (n) >> 8 & 255",
         "#define U32(n) U16((n) & 65535), U16((n) >> 16)",
@@ -41,11 +45,14 @@ def config_header(settings: FirmwareSettings) -> str:
         "",
         f"#define N_EMITTERS {len(settings.emitters)}",
         *_commented_list(
-            "EMITTERS", (f"LED({e.port}, {e.bit}) /* {e.name}, pin {e.number} */" for e in settings.emitters)
+            "EMITTERS",
+            (f"LED({e.port}, {e.bit}) /* {plain(e.name)}, pin {e.number} */" for e in settings.emitters),
         ),
         *_list("EMITTER_PINS", (str(e.number) for e in settings.emitters)),
         f"#define N_RECEIVERS {len(settings.receivers)}",
-        *_commented_list("CHANNEL_MUX", (f"{r.mux} /* {r.name}, {r.channel} */" for r in settings.receivers)),
+        *_commented_list(
+            "CHANNEL_MUX", (f"{r.mux} /* {plain(r.name)}, {plain(r.channel)} */" for r in settings.receivers)
+        ),
         *_list("CHANNEL_NUMBERS", (str(r.number) for r in settings.receivers)),
         *_list("DESIGN_DIGEST", (f"0x{byte:02x}" for byte in settings.digest)),
         "#endif",
@@ -54,9 +61,8 @@ def config_header(settings: FirmwareSettings) -> str:
 
 
 def _heading(settings: FirmwareSettings) -> Iterable[str]:
-    name = settings.design.replace(COMMENT_CLOSE, "")
-    yield f"/* Written by optopad for the design {name} (digest {settings.digest.hex()[:8]})"
-    yield f"   on the board {settings.board_title.replace(COMMENT_CLOSE, '')}."
+    yield f"/* Written by optopad for the design {plain(settings.design)} (digest {settings.digest.hex()[:8]})"
+    yield f"   on the board {plain(settings.board_title)}."
     yield "   Change the design and write it anew: the host refuses a program that is not its design's. */"
 
 

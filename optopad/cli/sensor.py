@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from design.errors import InputError, OutputError
+from design.errors import DeviceError, InputError, OutputError
 from optopad.cli.common import DEFAULT_OUT, JsonOption, SeedOption, SetOption, print_json, say
 from optopad.cli.progress import progress
 
@@ -127,10 +127,17 @@ def record(
         Sensor(source.config, port, rate_hz=rate, accept_digest=accept_digest, baseline_s=0.0) as sensor,
         sensor.record(file) as recorder,
     ):
-        with _until_interrupted():
-            _follow(
-                sensor, None, seconds, quiet=as_json, is_over=lambda: recorder.frames >= (frames or math.inf)
-            )
+        try:
+            with _until_interrupted():
+                _follow(
+                    sensor,
+                    None,
+                    seconds,
+                    quiet=as_json,
+                    is_over=lambda: recorder.frames >= (frames or math.inf),
+                )
+        except DeviceError as err:
+            raise DeviceError(f"{err}; {file} holds the {recorder.frames} frames before") from err
         recorder.close()
         link, line = link_json(sensor), link_line(sensor)
     made = _netcdf_beside(file) if netcdf else None

@@ -20,6 +20,7 @@ from tests.fabrication.simulated_board import (
     FULL_SCALE,
     SUPPLY_MV,
     board_on_a_port,
+    light_table_mv,
     quantised,
     random_table,
 )
@@ -42,7 +43,8 @@ def config_of(tmp_path):
 def test_a_thousand_frames_reach_the_host_and_every_reading_is_the_voltage(
     board_harness, tmp_path, config_of
 ):
-    table = random_table(firmware_settings(PAD))
+    """Voltages of the light model, through firmware, line and driver."""
+    table = light_table_mv(PAD)
     with (
         board_on_a_port(board_harness, tmp_path, PAD, table) as port,
         Sensor(config_of(PAD), port, rate_hz=0, baseline_s=0.0) as sensor,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 import sys
@@ -12,11 +13,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import serial
 
 from design.errors import DeviceError, InputError
 from fabrication.driver import Sensor
+from fabrication.driver.export import read_recorded
 from fabrication.driver.fake_port import FakePort, PtyWire, SocketWire
 from fabrication.driver.finger import FingerPath
+from fabrication.driver.link import Link
+from fabrication.driver.ports import PortLostError
 from tests.fabrication.driver.made_up_pad import board, pad_config, untouched
 
 ROOT = Path(__file__).parents[3]
@@ -129,6 +134,93 @@ def test_a_board_that_stays_away_is_named_after_the_patience(tmp_path: Path) -> 
         with pytest.raises(DeviceError, match="pad: no such port"):
             for _ in sensor:
                 pass
+
+
+@needs_pty
+def test_a_board_that_leaves_before_the_time_is_over_is_an_error_and_no_clean_end(tmp_path: Path) -> None:
+    link, file = tmp_path / "pad", tmp_path / "cut.optorec"
+    with FakePort(board(), PtyWire(link)) as port:
+
+        def read_on(sensor: Sensor) -> None:
+            for number, _ in enumerate(sensor.frames(seconds=1.5)):
+                if number == 20:
+                    port.unplug()
+
+        with (
+            pytest.raises(DeviceError, match="pad"),
+            Sensor(pad_config(), str(link), rate_hz=200.0, baseline_s=0.0) as sensor,
+            sensor.record(file),
+        ):
+            read_on(sensor)
+    cut = read_recorded(file)
+    assert len(cut.sequence) >= 20
+    assert not cut.ended_cleanly
+
+
+def test_a_silent_board_is_an_error_also_within_a_given_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    with FakePort(board()) as port, quick(port.name, patience_s=0.4) as sensor:
+        sensor.read()
+        monkeypatch.setattr("fabrication.driver.link.Link.messages", lambda link: time.sleep(0.01) or [])
+        with pytest.raises(DeviceError, match="no whole frame"):
+            list(sensor.frames(seconds=2.5))
+
+
+def test_a_board_that_begins_anew_with_another_design_s_firmware_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("fabrication.driver.stream.LATE_HELLO_S", 0.0)
+    built = board()
+    with FakePort(built) as port, quick(port.name, patience_s=2.0) as sensor:
+        sensor.read()
+        built._digest = "ab" * 32
+        built.reset(time.monotonic())
+        with pytest.raises(DeviceError, match="digest abababab"):
+            for _ in sensor:
+                pass
+
+
+@needs_pty
+def test_a_port_that_goes_again_while_it_is_started_is_looked_for_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    link = tmp_path / "pad"
+    with FakePort(board(), PtyWire(link)) as first, quick(str(link), patience_s=5.0) as sensor:
+        sensor.read()
+        start, calls = Link.start, []
+
+        def failing_once(self: Link, interval_us: int) -> None:
+            calls.append(interval_us)
+            if len(calls) == 1:
+                raise PortLostError("gone again")
+            start(self, interval_us)
+
+        monkeypatch.setattr(Link, "start", failing_once)
+        first.unplug()
+        with FakePort(board(), PtyWire(link)):
+            assert any(frame.connection == 2 for frame in sensor.frames(seconds=4.0))
+    assert len(calls) >= 2
+
+
+@pytest.mark.parametrize("rate_hz", [1e-5, 2e5, -1.0])
+def test_a_rate_that_no_board_keeps_is_refused(rate_hz: float) -> None:
+    with pytest.raises(InputError, match="rate_hz"):
+        quick("nowhere", rate_hz=rate_hz)
+
+
+def test_a_terminal_without_a_rate_is_opened_at_a_standard_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on macOS, where a pseudo-terminal refuses 1 Mbaud with ENOTTY."""
+    real, asked = serial.serial_for_url, []
+
+    def refusing(name: str, **options: object) -> object:
+        asked.append(options["baudrate"])
+        if options["baudrate"] == 1_000_000:
+            raise OSError(errno.ENOTTY, "Inappropriate ioctl for device")
+        return real(name, **options)
+
+    monkeypatch.setattr(serial, "serial_for_url", refusing)
+    with FakePort(board()) as port, quick(port.name) as sensor:
+        assert sensor.read().counts.shape == (9, 8)
+    assert asked[:2] == [1_000_000, 115_200]
 
 
 @needs_pty
