@@ -158,6 +158,13 @@ def _amplifier_rows(
         value="single supply, inputs and output down to ground",
         note=f"output to the receiver's channel; {_bandwidth_note()}",
     )
+    yield BomRow(
+        item="supply capacitor",
+        quantity=len(names),
+        references=_marked(names, "CS"),
+        value="100 nF",
+        note="ceramic, beside each amplifier's supply pins; one serves all amplifiers of a package",
+    )
     feedbacks = feedbacks_for(design, gain)
     if feedbacks is None:
         yield from _open_feedback_rows(design, names)

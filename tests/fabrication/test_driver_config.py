@@ -280,6 +280,8 @@ def test_comments_and_line_ends_may_change(tmp_path: Path) -> None:
         (("frame", "total_bytes"), 104, "bytes must add up"),
         (("frame", "order"), ["receiver", "state"], "order must be state, receiver"),
         (("ambient", "subtract_state"), 0, "last state"),
+        (("design",), "../../elsewhere/pad", "a file's name"),
+        (("receivers", 0, "name"), "R1\x1b[2J", "printable"),
     ],
 )
 def test_a_field_that_does_not_fit_is_named(path: tuple[str | int, ...], value: object, message: str) -> None:
