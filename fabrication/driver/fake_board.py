@@ -9,6 +9,7 @@ Left out: settling of LED and amplifier, drift, and the line's baud rate: only t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -97,7 +98,7 @@ class FakeBoard:
         self._reset_s = now_s
         self._due_s = now_s
         self._is_started = False
-        self._interval_us = round(US_PER_S / self._config.timing.wanted_hz)
+        self._interval_us = math.ceil(US_PER_S / self._config.timing.wanted_hz)
         self._sequence = self._sequence_offset
         self._late = 0
         self._scanner.forget()
@@ -188,7 +189,7 @@ class FakeBoard:
             receivers=frame.receivers,
             bits=frame.bits_per_reading,
             prescaler_exponent=board.adc_prescaler.bit_length() - 1,
-            settle_us=round(board.settle_us),
+            settle_us=math.ceil(board.settle_us),
             baud=board.baud,
             interval_us=self._interval_us,
             digest=self._digest,

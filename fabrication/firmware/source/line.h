@@ -68,6 +68,7 @@ static void send_filled(uint8_t *end) {
     while (UCSR0B & _BV(UDRIE0)) clock_us();
     sending = buffers[filling];
     sending_end = end;
+    __asm__ volatile("" ::: "memory"); /* the interrupt reads the buffer: all of it is written by now */
     UCSR0B |= _BV(UDRIE0);
     filling ^= 1;
 }
