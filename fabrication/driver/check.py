@@ -183,25 +183,17 @@ def _dead_problems(pattern: Pattern, dead_e: BoolArray, dead_r: BoolArray) -> li
                 "or the plug is not in",
             )
         ]
-    emitters = [
-        Problem(
-            kind="dead",
-            parts=(pattern.emitters.names[i],),
-            message=f"{emitter_text(pattern.emitters, i)}: no receiver sees it: a dead LED, one the wrong way "
-            "round, or an open wire, resistor or transistor",
-        )
-        for i in map(int, np.flatnonzero(dead_e))
+    silent = (
+        (pattern.emitters, dead_e, emitter_text, "no receiver sees it: a dead LED, one the wrong way round, or an open "
+         "wire, resistor or transistor"),
+        (pattern.receivers, dead_r, receiver_text, "sees no emitter: a dead photodiode, one the wrong way round, or an "
+         "open wire or amplifier"),
+    )  # fmt: skip
+    return [
+        Problem(kind="dead", parts=(parts.names[k],), message=f"{called(parts, k)}: {why}")
+        for parts, dead, called, why in silent
+        for k in map(int, np.flatnonzero(dead))
     ]
-    receivers = [
-        Problem(
-            kind="dead",
-            parts=(pattern.receivers.names[j],),
-            message=f"{receiver_text(pattern.receivers, j)}: sees no emitter: a dead photodiode, one the wrong "
-            "way round, or an open wire or amplifier",
-        )
-        for j in map(int, np.flatnonzero(dead_r))
-    ]
-    return emitters + receivers
 
 
 def _dim(pattern: Pattern, usable: BoolArray) -> list[Problem]:

@@ -11,6 +11,7 @@ import numpy as np
 from design.preset import preset
 from fabrication.driver.fake_board import FakeBoard
 from fabrication.driver.finger import NO_FINGER, FingerPath
+from fabrication.driver.frames import Frame
 from fabrication.driver.press_table import PressTable
 from fabrication.driver_config import dump_driver_config
 from fabrication.driver_file import DriverConfig, config_from_document
@@ -63,3 +64,18 @@ def press_table(name: str = NAME) -> PressTable:
 def board(path: FingerPath = NO_FINGER, **options: object) -> FakeBoard:
     """A simulated board of the made-up pad."""
     return FakeBoard(pad_config(), press_table(), path, **options)  # type: ignore[arg-type]
+
+
+def frame(counts: np.ndarray) -> Frame:
+    """A frame of these counts (state, receiver)."""
+    whole = counts.astype(np.uint16)
+    return Frame(
+        connection=1,
+        sequence=0,
+        device_us=0,
+        host_s=0.0,
+        lost_before=0,
+        counts=whole,
+        signals=whole[:-1].astype(np.int32) - whole[-1],
+        saturated=whole >= 1023,
+    )

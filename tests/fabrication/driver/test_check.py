@@ -14,7 +14,7 @@ from fabrication.driver.descriptor import descriptor_of
 from fabrication.driver.fake_port import FakePort
 from fabrication.driver.faults import faults_of
 from fabrication.driver.protocol import SelfTest
-from tests.fabrication.driver.made_up_pad import board, pad_config, untouched
+from tests.fabrication.driver.made_up_pad import board, frame, pad_config, untouched
 
 CONFIG = pad_config()
 FOUND = descriptor_of(CONFIG)
@@ -37,20 +37,6 @@ def readings(
     levels = np.vstack([shown.applied(build), np.zeros(8)]) + ambient
     levels[:, shown.is_saturated] = np.inf
     return [frame(np.clip(np.round(levels + 0.5 * rng.standard_normal((9, 8))), 0, 1023)) for _ in range(20)]
-
-
-def frame(counts: np.ndarray) -> Frame:
-    whole = counts.astype(np.uint16)
-    return Frame(
-        connection=1,
-        sequence=0,
-        device_us=0,
-        host_s=0.0,
-        lost_before=0,
-        counts=whole,
-        signals=whole[:-1].astype(np.int32) - whole[-1],
-        saturated=whole >= 1023,
-    )
 
 
 def kinds(verdict: Verdict) -> list[tuple[str, tuple[str, ...]]]:

@@ -14,10 +14,10 @@ from design.preset import PRESETS, preset
 from fabrication.driver.check import Verdict, check_frames
 from fabrication.driver.descriptor import Descriptor, descriptor_of
 from fabrication.driver.faults import faults_of
-from fabrication.driver.frames import Frame
 from fabrication.driver_config import dump_driver_config
 from fabrication.driver_file import DriverConfig, config_from_document
 from optopad.driver_source import simulated_gain
+from tests.fabrication.driver.made_up_pad import frame
 
 PART_SPREAD, PAIR_SPREAD = 0.3, 0.12
 """Of the builds, standard deviation of the logarithm: bins and seats of parts, places, the model's error."""
@@ -52,20 +52,6 @@ def checked(name: str, seed: int, *faults: str) -> Verdict:
     levels[:, shown.is_saturated] = np.inf
     noisy = levels + 0.5 * rng.standard_normal((10, *levels.shape))
     return check_frames([frame(counts) for counts in np.clip(np.round(noisy), 0, 1023)], pad.found)
-
-
-def frame(counts: np.ndarray) -> Frame:
-    whole = counts.astype(np.uint16)
-    return Frame(
-        connection=1,
-        sequence=0,
-        device_us=0,
-        host_s=0.0,
-        lost_before=0,
-        counts=whole,
-        signals=whole[:-1].astype(np.int32) - whole[-1],
-        saturated=whole >= 1023,
-    )
 
 
 def errors(verdict: Verdict, kind: str) -> list[tuple[str, ...]]:
