@@ -251,9 +251,7 @@ def pad_bounds(
     steps, limits = steps or Steps(), limits or Limits()
     if x_mm is None or y_mm is None:
         x_mm, y_mm = map_grid_mm(cavity, places)
-    if readout is None:
-        flat = untouched_flux(design, cavity, seed=seed)
-        readout = readout_of(design, flat, mask_of(judged_pairs(cavity), cavity))
+    readout = readout or _own_readout(design, cavity, seed)
     max_depth_mm = design.operating.max_depth_mm
     depth_mm = bound_depths_mm(depths_mm, max_depth_mm, steps.depth_mm)
     answers = pad_answers(
@@ -268,15 +266,12 @@ def pad_bounds(
     )
     found = bounds_of(answers)
     shape = (len(y_mm), len(x_mm), len(depth_mm))
-    weight = np.tile(depth_weights(depth_mm, max_depth_mm), len(y_mm) * len(x_mm)) / (len(y_mm) * len(x_mm))
-    losses = (
-        part_losses(
-            answers, cavity, weight.reshape(found.location_mm.shape),
-            limits.covered_location_mm, limits.covered_depth_mm,
-        )
-        if with_losses
-        else ()
-    )  # fmt: skip
+    columns = len(y_mm) * len(x_mm)
+    weight = (
+        np.tile(depth_weights(depth_mm, max_depth_mm), columns).reshape(found.location_mm.shape) / columns
+    )
+    covered = limits.covered_location_mm, limits.covered_depth_mm
+    losses = part_losses(answers, cavity, weight, *covered) if with_losses else ()
     return PadBounds(
         x_mm=tuple(float(x) for x in x_mm),
         y_mm=tuple(float(y) for y in y_mm),
@@ -297,6 +292,12 @@ def pad_bounds(
         seed=seed,
         digest=design.digest,
     )
+
+
+def _own_readout(design: SensorDesign, cavity: CavityGeometry, seed: int) -> Readout:
+    """The common gain, set on the untouched pad."""
+    flat = untouched_flux(design, cavity, seed=seed)
+    return readout_of(design, flat, mask_of(judged_pairs(cavity), cavity))
 
 
 def pair_names(cavity: CavityGeometry) -> tuple[str, ...]:
