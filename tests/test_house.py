@@ -18,7 +18,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 ROOMS = ("design", "cad", "sims", "fabrication", "optopad")
 LONGEST_FILE = 450
-HEAVY = ("cadquery", "OCP", "mujoco", "numba", "matplotlib", "optuna", "scipy")
+HEAVY = ("cadquery", "OCP", "mujoco", "numba", "matplotlib", "optuna", "scipy", "sklearn")
 
 ALLOWED = {
     "design": {"pydantic", "pydantic_core", "numpy", "optuna", "sqlalchemy", "tomlkit"},
@@ -38,6 +38,8 @@ ALLOWED = {
         "numpy",
         "scipy",
     },  # scipy lowers a profile to cubic pieces and draws Sobol points
+    "sims/learning": {"numpy", "scipy", "sklearn"},
+    "sims/learning/inference": {"numpy"},
     "fabrication": {"numpy", "pydantic", "tomlkit"},
     "fabrication/driver": {"serial", "numpy", "xarray"},
     "optopad": {"distributed", "typer", "rich", "tomlkit", "numpy", "platformdirs", "xarray", "matplotlib"},
@@ -164,7 +166,8 @@ def test_every_library_that_a_room_imports_is_declared() -> None:
         "OCP",
         "pydantic_core",
         "serial",
-    }  # parts of others; pyserial
+        "sklearn",
+    }  # parts of others; pyserial; scikit-learn
     used = set().union(*(third_party(tree_of(path)) for path in python_files(*ROOMS)))
     assert used <= declared
 

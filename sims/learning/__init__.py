@@ -1,0 +1,1 @@
+"""Learning: from signals to touch, place and depth. Training is here, what answers on any computer in `inference`."""

@@ -1,0 +1,64 @@
+"""Which pairs a model looks at, and in what units.
+
+    feature = (counts - centre) / scale
+
+Three ways (docs/learning.md says which learner takes which): `counts` (centre 0, one common scale, so that distances
+are those of the readings), `standard` (a pair's own mean and standard deviation over the training samples), and
+`untouched` (a pair's own mean and its spread over the training samples, at least the reading noise: weak pairs are not
+blown up into noise).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import InputError
+from sims.learning.inference.prediction import FloatArray
+from sims.learning.inference.touch_model import Arrays, taken
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FeatureScaling:
+    """From counts to features.
+
+    Attributes
+    ----------
+    kept : (feature,) pairs that are used, as positions in the frame
+    centre, scale : (feature,) [counts]
+    """
+
+    kept: NDArray[np.intp]
+    centre: FloatArray
+    scale: FloatArray
+
+    def features(self, signals: FloatArray) -> FloatArray:
+        """(n, feature) of frames (n, pair) [-]."""
+        return (signals[:, self.kept] - self.centre) / self.scale
+
+    def arrays(self, prefix: str) -> dict[str, NDArray[np.generic]]:
+        """The numbers, named for a model's file."""
+        return {
+            f"{prefix}_kept": self.kept.astype(np.int32),
+            f"{prefix}_centre": self.centre,
+            f"{prefix}_scale": self.scale,
+        }
+
+
+def scaling_of_arrays(arrays: Arrays, prefix: str, pairs: int) -> FeatureScaling:
+    """What `FeatureScaling.arrays` wrote.
+
+    Raises
+    ------
+    InputError : pairs that the frame does not have, or a scale that is not above 0.
+    """
+    kept = taken(arrays, f"{prefix}_kept", (None,)).astype(np.intp)
+    centre = taken(arrays, f"{prefix}_centre", kept.shape)
+    scale = taken(arrays, f"{prefix}_scale", kept.shape)
+    if not kept.size or kept.min() < 0 or kept.max() >= pairs or scale.min() <= 0.0:
+        raise InputError(
+            f"{prefix}: names pairs that the frame does not have, or scales that are not above 0"
+        )
+    return FeatureScaling(kept=kept, centre=centre, scale=scale)

@@ -1,0 +1,177 @@
+"""What a model says of itself: its kind, the design it is of, what it was trained on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import InputError
+
+FloatArray = NDArray[np.float64]
+
+FORMAT = "optopad-model"
+VERSION = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceCurve:
+    """Force against depth of a press away from the walls.
+
+    Attributes
+    ----------
+    depth_mm : rising from 0 [mm]
+    force_n : at these depths [N]
+    """
+
+    depth_mm: tuple[float, ...]
+    force_n: tuple[float, ...]
+
+    def at(self, depth_mm: FloatArray) -> FloatArray:
+        """(n,) force, linear between the depths, 0 above the surface, the last one below the deepest [N]."""
+        return np.interp(depth_mm, self.depth_mm, self.force_n, left=0.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ModelHeader:
+    """The words of a model.
+
+    Attributes
+    ----------
+    kind : which learner made it, a name of the kind table
+    design_digest : content hash of the design whose sensor was read; None where the data did not say
+    emitter_names, receiver_names : in the order of the features, emitter outermost
+    untouched_counts : (pair,) mean features of the untouched training frames, for drift to be told by [counts]
+    trained_on : data sets, counts of samples and places, what was left out
+    settings : what the fit chose or was given
+    created_with : versions of the software
+    force_curve : None where the design was not at hand
+    """
+
+    kind: str
+    design_digest: str | None
+    emitter_names: tuple[str, ...]
+    receiver_names: tuple[str, ...]
+    untouched_counts: FloatArray
+    trained_on: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    created_with: Mapping[str, str] = field(default_factory=dict)
+    force_curve: ForceCurve | None = None
+    format: str = FORMAT
+    version: int = VERSION
+
+    @property
+    def pair_names(self) -> tuple[str, ...]:
+        """Names of the features, as E1-R1, emitter outermost."""
+        return tuple(f"{one}-{other}" for one in self.emitter_names for other in self.receiver_names)
+
+    def to_json(self) -> dict[str, Any]:
+        """As plain data; `header_of_json` reads it."""
+        curve = self.force_curve
+        return {
+            "format": self.format,
+            "version": self.version,
+            "kind": self.kind,
+            "design_digest": self.design_digest,
+            "emitter_names": list(self.emitter_names),
+            "receiver_names": list(self.receiver_names),
+            "untouched_counts": [float(value) for value in self.untouched_counts],
+            "trained_on": dict(self.trained_on),
+            "settings": dict(self.settings),
+            "created_with": dict(self.created_with),
+            "force_curve": None
+            if curve is None
+            else {"depth_mm": list(curve.depth_mm), "force_n": list(curve.force_n)},
+        }
+
+
+def header_of_json(document: Any) -> ModelHeader:
+    """A header from plain data.
+
+    Raises
+    ------
+    InputError : not such a header, or one of another version; the message names the entry.
+    """
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise InputError("is no optopad model; `optopad train` makes one")
+    if document.get("version") != VERSION:
+        raise InputError(
+            f"has version {document.get('version')!r} of the model format, this optopad reads {VERSION}; "
+            "train the model anew, or use the optopad that made it"
+        )
+    emitters, receivers = _names(document, "emitter_names"), _names(document, "receiver_names")
+    untouched = _numbers(document.get("untouched_counts"), "untouched_counts")
+    if len(untouched) != len(emitters) * len(receivers):
+        raise InputError(
+            f"untouched_counts: has {len(untouched)} values for {len(emitters)} x {len(receivers)} pairs"
+        )
+    digest = document.get("design_digest")
+    return ModelHeader(
+        kind=_text(document.get("kind"), "kind"),
+        design_digest=None if digest is None else _text(digest, "design_digest"),
+        emitter_names=emitters,
+        receiver_names=receivers,
+        untouched_counts=np.array(untouched),
+        trained_on=_table(document, "trained_on"),
+        settings=_table(document, "settings"),
+        created_with=_table(document, "created_with"),
+        force_curve=_force_curve(document.get("force_curve")),
+    )
+
+
+def require_design(header: ModelHeader, design_digest: str) -> None:
+    """Refuse a model of another design; one that names none passes.
+
+    Raises
+    ------
+    InputError : both digests, and the way out.
+    """
+    if header.design_digest is not None and header.design_digest != design_digest:
+        raise InputError(
+            f"model: is of design {header.design_digest[:8]}, the sensor's is {design_digest[:8]}; "
+            "their signals differ: train a model on recordings of this design"
+        )
+
+
+def _text(value: Any, name: str) -> str:
+    if not isinstance(value, str) or not value:
+        raise InputError(f"{name}: {value!r} is no name")
+    return value
+
+
+def _names(document: Mapping[str, Any], name: str) -> tuple[str, ...]:
+    values = document.get(name)
+    if not isinstance(values, list) or not values:
+        raise InputError(f"{name}: {values!r} is no list of names")
+    return tuple(_text(value, name) for value in values)
+
+
+def _table(document: Mapping[str, Any], name: str) -> dict[str, Any]:
+    value = document.get(name, {})
+    if not isinstance(value, dict):
+        raise InputError(f"{name}: {value!r} is no table")
+    return value
+
+
+def _numbers(values: Any, name: str) -> tuple[float, ...]:
+    if not isinstance(values, list) or not all(
+        isinstance(value, int | float) and math.isfinite(value) for value in values
+    ):
+        raise InputError(f"{name}: is no list of finite numbers")
+    return tuple(float(value) for value in values)
+
+
+def _force_curve(value: Any) -> ForceCurve | None:
+    if value is None:
+        return None
+    if not isinstance(value, dict):
+        raise InputError(f"force_curve: {value!r} is no table")
+    depth_mm = _numbers(value.get("depth_mm"), "force_curve.depth_mm")
+    force_n = _numbers(value.get("force_n"), "force_curve.force_n")
+    if len(depth_mm) != len(force_n) or len(depth_mm) < 2 or sorted(set(depth_mm)) != list(depth_mm):
+        raise InputError("force_curve: needs two depths or more, rising, and a force for each")
+    return ForceCurve(depth_mm=depth_mm, force_n=force_n)

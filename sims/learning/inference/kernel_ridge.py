@@ -1,0 +1,107 @@
+"""Kernel ridge regression with the Laplacian kernel: the paper's (x, y, depth).
+
+    f(s) = m + Σ_i a_i exp(-γ |s - s_i|₁)        sum over the kept training samples s_i
+
+with |.|₁ the sum of absolute differences of the features. The samples are kept in single precision: a frame is
+compared with each of them, and what is read from memory sets the time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import InputError
+from sims.learning.inference.feature_scaling import FeatureScaling, scaling_of_arrays
+from sims.learning.inference.header import ModelHeader
+from sims.learning.inference.prediction import FloatArray, Prediction
+from sims.learning.inference.touch_model import Arrays, checked_signals, prediction_of, taken
+from sims.learning.inference.touch_svm import TouchSvm, touch_svm_of_arrays
+
+Float32Array = NDArray[np.float32]
+
+BLOCK = 512
+"""Kept samples that are compared at once: their differences stay in the processor's cache."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KernelRidgeModel:
+    """The cascade of the paper: a support vector machine for touch, kernel ridge for the press.
+
+    Attributes
+    ----------
+    header : what it was trained on
+    touch : of the first stage
+    scaling : of the second stage
+    samples : (kept, feature) features of training samples [-]
+    weights : (kept, 3) of x, y, depth [mm]
+    mean_mm : (3,) mean press of the training samples [mm]
+    gamma : of the kernel, per unit of L1 distance of features [-]
+    """
+
+    header: ModelHeader
+    touch: TouchSvm
+    scaling: FeatureScaling
+    samples: Float32Array
+    weights: FloatArray
+    mean_mm: FloatArray
+    gamma: float
+
+    def predict(self, signals: FloatArray) -> Prediction:
+        """Answers to frames (n, pair) [counts]."""
+        signals = checked_signals(self.header, signals)
+        features = self.scaling.features(signals).astype(np.float32)
+        press_mm = np.array([self._press_mm(one) for one in features]).reshape(-1, 3)
+        return prediction_of(self.header, self.touch.score(signals), press_mm)
+
+    def _press_mm(self, feature: Float32Array) -> FloatArray:
+        kernel = np.exp(-self.gamma * l1_distances(self.samples, feature).astype(np.float64))
+        return np.asarray(self.mean_mm + kernel @ self.weights)
+
+    def arrays(self) -> Arrays:
+        """The numbers that its file keeps."""
+        return (
+            self.touch.arrays()
+            | self.scaling.arrays("ridge")
+            | {
+                "ridge_samples": self.samples,
+                "ridge_weights": self.weights,
+                "ridge_mean_mm": self.mean_mm,
+                "ridge_gamma": np.array([self.gamma]),
+            }
+        )
+
+
+def l1_distances(samples: Float32Array, feature: Float32Array) -> Float32Array:
+    """(kept,) L1 distances of one sample (feature,) to many (kept, feature)."""
+    distances = np.empty(len(samples), np.float32)
+    ones = np.ones(samples.shape[1], np.float32)
+    work = np.empty((min(BLOCK, len(samples)), samples.shape[1]), np.float32)
+    for start in range(0, len(samples), BLOCK):
+        block = samples[start : start + BLOCK]
+        room = work[: len(block)]
+        np.subtract(block, feature, out=room)
+        np.abs(room, out=room)
+        np.dot(room, ones, out=distances[start : start + BLOCK])
+    return distances
+
+
+def kernel_ridge_of_arrays(header: ModelHeader, arrays: Arrays) -> KernelRidgeModel:
+    """What `KernelRidgeModel.arrays` wrote; raises InputError where it does not fit."""
+    pairs = len(header.untouched_counts)
+    scaling = scaling_of_arrays(arrays, "ridge", pairs)
+    samples = taken(arrays, "ridge_samples", (None, len(scaling.kept)))
+    gamma = float(taken(arrays, "ridge_gamma", (1,))[0])
+    if not gamma > 0.0:
+        raise InputError(f"ridge_gamma: {gamma} is not above 0")
+    return KernelRidgeModel(
+        header=header,
+        touch=touch_svm_of_arrays(arrays, pairs),
+        scaling=scaling,
+        samples=np.ascontiguousarray(samples, dtype=np.float32),
+        weights=taken(arrays, "ridge_weights", (len(samples), 3)),
+        mean_mm=taken(arrays, "ridge_mean_mm", (3,)),
+        gamma=gamma,
+    )

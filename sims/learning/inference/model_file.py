@@ -1,0 +1,119 @@
+"""A trained model in one file, `.optomodel`: a NumPy archive of plain arrays and a JSON header.
+
+The archive (.npz, a zip file) holds an array `header` (the JSON text's UTF-8 bytes), the arrays of the model, and
+`sha256` (the checksum's 32 bytes) over header and arrays: names, types, shapes and contents, in the order of the
+names. Nothing in the file is executed on reading. It is written beside its place and moved there in one step.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import tempfile
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import InputError, OutputError
+from sims.learning.inference.header import header_of_json
+from sims.learning.inference.kinds import KINDS
+from sims.learning.inference.touch_model import Arrays, TouchModel
+
+MOST_BYTES = 2_000_000_000
+"""Of the arrays unpacked; a kernel-ridge model of 49,000 samples has 14 MB."""
+_HEADER, _CHECKSUM = "header", "sha256"
+_UNREADABLE = (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error)
+"""What reading a damaged archive raises; RuntimeError is zipfile's for flags that it does not support."""
+
+
+def save_model(file: str | os.PathLike[str], model: TouchModel) -> None:
+    """Write a model; what was there before stays until the new file is whole.
+
+    Raises
+    ------
+    OutputError : the folder is missing, read-only or full.
+    """
+    text = json.dumps(model.header.to_json(), allow_nan=False).encode()
+    arrays: dict[str, NDArray[Any]] = {name: np.asarray(array) for name, array in model.arrays().items()}
+    arrays[_HEADER] = np.frombuffer(text, np.uint8)
+    arrays[_CHECKSUM] = np.frombuffer(_checksum(arrays), np.uint8)
+    _write_atomically(Path(file), arrays)
+
+
+def load_model(file: str | os.PathLike[str]) -> TouchModel:
+    """Read a model.
+
+    Raises
+    ------
+    InputError : no such file, damaged, of another version, or of a kind that this optopad does not know.
+    """
+    path = Path(file)
+    arrays = _read(path)
+    try:
+        header = header_of_json(json.loads(arrays.pop(_HEADER).tobytes()))
+        if header.kind not in KINDS:
+            raise InputError(f"is of kind {header.kind!r}, this optopad knows {', '.join(KINDS)}")
+        return KINDS[header.kind](header, arrays)
+    except InputError as err:
+        raise InputError(f"{path}: {err}") from None
+    except (ValueError, RecursionError) as err:
+        raise InputError(f"{path}: its header cannot be read: {err}; train the model anew") from None
+
+
+def _read(path: Path) -> dict[str, NDArray[Any]]:
+    """The arrays of a file whose checksum holds, that of the checksum left out."""
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; name a model, .optomodel, as `optopad train` writes it")
+    try:
+        with path.open("rb") as stream, zipfile.ZipFile(stream) as archive:
+            size = sum(member.file_size for member in archive.infolist())
+            if size > MOST_BYTES:
+                raise InputError(
+                    f"{path}: unpacks to {size / 1e6:.0f} MB, reads at most {MOST_BYTES / 1e6:.0f}"
+                )
+            stream.seek(0)
+            with np.load(stream, allow_pickle=False) as found:
+                arrays = {name: found[name] for name in found.files}
+        held = arrays.pop(_CHECKSUM).tobytes()
+        if _HEADER not in arrays:
+            raise KeyError(_HEADER)
+    except _UNREADABLE as err:
+        raise InputError(
+            f"{path}: is no optopad model, or it is damaged ({err}); copy or train it anew"
+        ) from None
+    if held != _checksum(arrays):
+        raise InputError(f"{path}: is damaged: its checksum does not hold; copy or train it anew")
+    return arrays
+
+
+def _checksum(arrays: Arrays) -> bytes:
+    total = hashlib.sha256()
+    for name in sorted(arrays):
+        array = np.ascontiguousarray(arrays[name])
+        total.update(f"{name} {array.dtype.str} {array.shape}\n".encode())
+        total.update(array.tobytes())
+    return total.digest()
+
+
+def _write_atomically(file: Path, arrays: dict[str, NDArray[Any]]) -> None:
+    temporary: str | None = None
+    try:
+        with tempfile.NamedTemporaryFile(
+            dir=file.parent, prefix=f".{file.name}.", suffix=".partial", delete=False
+        ) as stream:
+            temporary = stream.name
+            np.savez_compressed(stream, allow_pickle=False, **arrays)
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, file)
+    except OSError as err:
+        raise OutputError(f"{file}: cannot be written: {err.strerror}; choose another folder") from None
+    finally:
+        if temporary is not None:
+            with contextlib.suppress(OSError):
+                os.unlink(temporary)

@@ -1,0 +1,105 @@
+"""What every model can do, and the last step that all of them share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import InputError
+from sims.learning.inference.header import ModelHeader
+from sims.learning.inference.prediction import FloatArray, Prediction
+
+Arrays = Mapping[str, NDArray[np.generic]]
+"""The numbers of a model, by name; what its file holds beside the header."""
+
+
+class TouchModel(Protocol):
+    """A trained model.
+
+    Attributes
+    ----------
+    header : what it was trained on
+    """
+
+    @property
+    def header(self) -> ModelHeader:
+        """What it was trained on."""
+        ...
+
+    def predict(self, signals: FloatArray) -> Prediction:
+        """Answers to frames.
+
+        Parameters
+        ----------
+        signals : (n, pair) readings less the off state, emitter outermost [counts]
+        """
+        ...
+
+    def arrays(self) -> Arrays:
+        """The numbers that its file keeps."""
+        ...
+
+
+def checked_signals(header: ModelHeader, signals: FloatArray) -> FloatArray:
+    """Frames as a model takes them, (n, pair) [counts].
+
+    Raises
+    ------
+    InputError : of another shape than the header's pairs, or not finite.
+    """
+    found = np.asarray(signals, dtype=np.float64)
+    pairs = len(header.untouched_counts)
+    if found.ndim != 2 or found.shape[1] != pairs:
+        raise InputError(f"signals: have the shape {found.shape}, the model takes (frames, {pairs})")
+    if not np.isfinite(found).all():
+        rows, columns = np.nonzero(~np.isfinite(found))
+        raise InputError(
+            f"signals: {header.pair_names[columns[0]]} of frame {rows[0]} is no finite number; drop the frame"
+        )
+    return found
+
+
+def prediction_of(
+    header: ModelHeader, touch_score: FloatArray, press_mm: FloatArray, sigma_mm: FloatArray | None = None
+) -> Prediction:
+    """Decide touch at a score of 0, and add the force.
+
+    Parameters
+    ----------
+    touch_score : (n,) above 0: touched
+    press_mm, sigma_mm : (n, 3) [mm]; without deviations they are NaN
+    """
+    is_touched = touch_score > 0.0
+    curve = header.force_curve
+    return Prediction(
+        is_touched=is_touched,
+        touch_score=touch_score,
+        press_mm=press_mm,
+        sigma_mm=np.full_like(press_mm, np.nan) if sigma_mm is None else sigma_mm,
+        force_n=None if curve is None else np.where(is_touched, curve.at(press_mm[:, 2]), 0.0),
+    )
+
+
+def taken(arrays: Arrays, name: str, axes: tuple[int | None, ...]) -> NDArray[np.float64]:
+    """One array of numbers from a model's file, in double precision.
+
+    Parameters
+    ----------
+    axes : length of every axis; None takes any
+
+    Raises
+    ------
+    InputError : absent, of another shape, or not all finite.
+    """
+    if name not in arrays:
+        raise InputError(f"{name}: is missing")
+    found = arrays[name]
+    fits = found.ndim == len(axes) and all(
+        wanted in (None, length) for wanted, length in zip(axes, found.shape, strict=True)
+    )
+    if not fits or found.dtype.kind not in "fiub" or not np.isfinite(found).all():
+        raise InputError(f"{name}: is no array of finite numbers of the shape that the model needs")
+    return found.astype(np.float64)

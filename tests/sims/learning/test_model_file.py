@@ -1,0 +1,172 @@
+"""A model's file gives back the model, and nothing else passes for one."""
+
+from __future__ import annotations
+
+import json
+import os
+import zipfile
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from design.errors import InputError, OutputError
+from sims.learning.inference import model_file
+from sims.learning.inference.header import header_of_json, require_design
+from sims.learning.inference.model_file import load_model, save_model
+from tests.sims.learning.made_up_models import (
+    DIGEST,
+    made_up_header,
+    made_up_kernel_ridge,
+    made_up_signals,
+)
+
+
+@pytest.fixture
+def saved(tmp_path: Path) -> Path:
+    save_model(tmp_path / "a.optomodel", made_up_kernel_ridge())
+    return tmp_path / "a.optomodel"
+
+
+def rewritten(file: Path, **changes) -> None:
+    """The file with changed arrays and a checksum that holds."""
+    with np.load(file) as found:
+        arrays = {name: found[name] for name in found.files if name != "sha256"} | changes
+    arrays = {name: array for name, array in arrays.items() if array is not None}
+    arrays["sha256"] = np.frombuffer(model_file._checksum(arrays), np.uint8)
+    with file.open("wb") as stream:
+        np.savez(stream, **arrays)
+
+
+def header_bytes(**changes) -> np.ndarray:
+    return np.frombuffer(json.dumps(made_up_header().to_json() | changes).encode(), np.uint8)
+
+
+def test_a_model_comes_back_with_the_same_answers_to_the_bit(saved):
+    signals = made_up_signals()
+    before, after = made_up_kernel_ridge().predict(signals), load_model(saved).predict(signals)
+    assert np.array_equal(before.press_mm, after.press_mm)
+    assert np.array_equal(before.touch_score, after.touch_score)
+    assert np.array_equal(before.force_n, after.force_n)
+    assert load_model(saved).header.to_json() == made_up_header().to_json()
+
+
+def test_the_same_model_makes_the_same_checksum(saved, tmp_path):
+    save_model(tmp_path / "b.optomodel", made_up_kernel_ridge())
+    with np.load(saved) as one, np.load(tmp_path / "b.optomodel") as other:
+        assert np.array_equal(one["sha256"], other["sha256"])
+
+
+def test_any_changed_byte_is_noticed(saved):
+    content = saved.read_bytes()
+    signals = made_up_signals()
+    answer = load_model(saved).predict(signals).press_mm
+    for place in range(0, len(content), 97):
+        saved.write_bytes(content[:place] + bytes([content[place] ^ 0x10]) + content[place + 1 :])
+        with suppress(InputError):  # bytes of the zip's own bookkeeping (times, attributes) change no number
+            assert np.array_equal(load_model(saved).predict(signals).press_mm, answer)
+
+
+def test_a_changed_array_without_its_checksum_is_refused(saved):
+    with np.load(saved) as found:
+        arrays = {name: found[name] for name in found.files}
+    arrays["ridge_weights"] = arrays["ridge_weights"] * 1.0001
+    with saved.open("wb") as stream:
+        np.savez(stream, **arrays)
+    with pytest.raises(InputError, match="its checksum does not hold"):
+        load_model(saved)
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04", b"no archive at all", b"\x93NUMPY\x01\x00"])
+def test_what_is_no_archive_is_refused(tmp_path, content):
+    (tmp_path / "a.optomodel").write_bytes(content)
+    with pytest.raises(InputError, match=r"a\.optomodel: is no optopad model, or it is damaged"):
+        load_model(tmp_path / "a.optomodel")
+
+
+def test_a_cut_file_is_refused(saved):
+    saved.write_bytes(saved.read_bytes()[:-200])
+    with pytest.raises(InputError, match="damaged"):
+        load_model(saved)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"none\.optomodel: no such file"):
+        load_model(tmp_path / "none.optomodel")
+
+
+def test_objects_are_never_unpickled(saved):
+    trap = np.array([{"a": 1}], dtype=object)
+    with zipfile.ZipFile(saved, "a") as archive, archive.open("extra.npy", "w") as stream:
+        np.lib.format.write_array(stream, trap)
+    with pytest.raises(InputError, match="Object arrays cannot be loaded"):
+        load_model(saved)
+
+
+def test_another_version_is_refused_with_both_numbers(saved):
+    rewritten(saved, header=header_bytes(version=2))
+    with pytest.raises(InputError, match=r"has version 2 of the model format, this optopad reads 1"):
+        load_model(saved)
+
+
+def test_an_unknown_kind_is_refused_with_those_known(saved):
+    rewritten(saved, header=header_bytes(kind="oracle"))
+    with pytest.raises(InputError, match=r"of kind 'oracle', this optopad knows kernel-ridge"):
+        load_model(saved)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("ridge_weights", None),
+        ("ridge_weights", np.zeros((3, 3))),
+        ("ridge_weights", np.full((20, 3), np.nan)),
+        ("ridge_gamma", np.array([0.0])),
+        ("ridge_kept", np.array([0, 1, 2, 3, 6])),
+        ("ridge_scale", np.zeros(5)),
+        ("touch_bias", np.array(["a"])),
+    ],
+)
+def test_arrays_that_do_not_fit_are_named(saved, name, value):
+    rewritten(saved, **{name: value})
+    with pytest.raises(InputError, match=name.rpartition("_")[0]):
+        load_model(saved)
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"format": "other"}, "no optopad model"),
+        ({"kind": 3}, "kind"),
+        ({"emitter_names": []}, "emitter_names"),
+        ({"untouched_counts": [1.0]}, "1 values for 2 x 3 pairs"),
+        ({"untouched_counts": [None] * 6}, "untouched_counts"),
+        ({"design_digest": ""}, "design_digest"),
+        ({"settings": []}, "settings"),
+        ({"force_curve": {"depth_mm": [0.0, 0.0], "force_n": [0.0, 1.0]}}, "force_curve"),
+        ({"force_curve": 1}, "force_curve"),
+    ],
+)
+def test_a_header_that_does_not_fit_is_refused_by_name(change, word):
+    with pytest.raises(InputError, match=word):
+        header_of_json(made_up_header().to_json() | change)
+
+
+def test_a_model_of_another_design_is_refused_with_both_digests():
+    require_design(made_up_header(), DIGEST)
+    require_design(made_up_header(design_digest=None), "00" * 32)
+    with pytest.raises(InputError, match="of design abababab, the sensor's is 00000000"):
+        require_design(made_up_header(), "00" * 32)
+
+
+def test_a_model_that_cannot_be_written_leaves_the_old_one(saved, tmp_path):
+    before = saved.read_bytes()
+    broken = replace(made_up_kernel_ridge(), header=made_up_header(settings={"gamma": float("nan")}))
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        save_model(saved, broken)
+    with pytest.raises(OutputError, match="cannot be written"):
+        save_model(tmp_path / "absent" / "a.optomodel", made_up_kernel_ridge())
+    assert saved.read_bytes() == before
+    assert os.listdir(tmp_path) == ["a.optomodel"]
