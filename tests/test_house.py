@@ -27,6 +27,7 @@ ALLOWED = {
         "numpy",
         "xarray",
         "h5netcdf",
+        "h5py",
         "matplotlib",
         "platformdirs",
         "scipy",
