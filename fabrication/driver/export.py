@@ -1,9 +1,9 @@
-"""A recording as netCDF, in the form that `optopad compare` reads (docs/recordings.md). Needs xarray."""
+"""A recording as netCDF, in the form that `optopad compare` and learners read (docs/recordings.md). Needs xarray."""
 
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +14,9 @@ from design.errors import InputError, OutputError
 from fabrication.driver.counters import WrappingCounter, restarts
 from fabrication.driver.descriptor import UNITS, descriptor_of
 from fabrication.driver.finger import FingerPath
+from fabrication.driver.press_labels import PressLabels, sets_json
 from fabrication.driver.protocol import Unpacked, frame_format, unpack_frames
-from fabrication.driver.recording import Record, RecordKind, press_of, read_records
+from fabrication.driver.recording import PRESS_BYTES, Record, RecordKind, press_of, read_records
 from fabrication.driver_file import DriverConfig
 
 if TYPE_CHECKING:
@@ -37,9 +38,9 @@ class Recorded:
     connection, sequence : (time,)
     device_s : (time,) the board's clock since its reset [s]
     host_s : (time,) this machine's clock since 1970 [s]
-    press_mm : (time, 3) x, y, depth [mm]; None where the recording does not say
+    labels : where it was pressed; None where the recording does not say
     lost : frames missing by the sequence numbers
-    stray_bytes : bytes of the file that belong to no whole record
+    stray_bytes : bytes of the file that belong to no whole record of this configuration
     ended_cleanly : whether the recorder was closed
     """
 
@@ -49,10 +50,31 @@ class Recorded:
     sequence: NDArray[np.int64]
     device_s: FloatArray
     host_s: FloatArray
-    press_mm: FloatArray | None
+    labels: PressLabels | None
     lost: int
     stray_bytes: int
     ended_cleanly: bool
+
+    @property
+    def press_mm(self) -> FloatArray | None:
+        """(time, 3) x, y, depth [mm]; None where the recording does not say."""
+        return None if self.labels is None else self.labels.press_mm
+
+    @property
+    def signals(self) -> FloatArray:
+        """(time, emitter, receiver) less the dark state's [counts]."""
+        lit = [entry.state for entry in self.config.emitters]
+        dark = self.config.ambient.subtract_state
+        found: FloatArray = self.counts[:, lit].astype(np.float64) - self.counts[:, [dark]]
+        return found
+
+    def only(self, kept: NDArray[np.bool_]) -> Recorded:
+        """Some of the frames; what was lost stays lost."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        cut: dict[str, Any] = {
+            name: value[kept] for name, value in values.items() if isinstance(value, np.ndarray)
+        }
+        return replace(self, labels=None if self.labels is None else self.labels.only(kept), **cut)
 
 
 def read_recorded(file: Path, path: FingerPath | None = None) -> Recorded:
@@ -66,11 +88,14 @@ def read_recorded(file: Path, path: FingerPath | None = None) -> Recorded:
     ------
     InputError : no recording, or no whole frame in it.
     """
-    _, config, records, stray = read_records(file)
+    _, config, every, stray = read_records(file)
+    layout = frame_format(config)
+    records = [record for record in every if _fits(record, layout.total_bytes)]
+    stray += sum(record.size for record in every) - sum(record.size for record in records)
     frames = [record for record in records if record.kind == RecordKind.FRAME]
     if not frames:
         raise InputError(f"{file}: holds no whole frame")
-    found = unpack_frames(frame_format(config), [record.content for record in frames])
+    found = unpack_frames(layout, [record.content for record in frames])
     connection = _connections(records, found)
     sequence, device_us, lost = _unwrapped(found, connection)
     host_s = np.array([record.host_s for record in frames])
@@ -82,7 +107,7 @@ def read_recorded(file: Path, path: FingerPath | None = None) -> Recorded:
         sequence=sequence,
         device_s=device_s,
         host_s=host_s,
-        press_mm=_presses(records, host_s) if path is None else path.at(device_s),
+        labels=_presses(records, host_s) if path is None else PressLabels(press_mm=path.at(device_s)),
         lost=lost,
         stray_bytes=stray,
         ended_cleanly=any(record.kind == RecordKind.END for record in records),
@@ -103,6 +128,11 @@ def dataset_of(recorded: Recorded, name: str) -> xr.Dataset:
                 {"units": "s", "long_name": "since the board's reset"},
             ),
             "host_time": ("time", recorded.host_s, {"units": "s", "long_name": "since 1970"}),
+            "time_s": (
+                "time",
+                recorded.host_s - recorded.host_s[0],
+                {"units": "s", "long_name": "since the first frame, by this machine's clock"},
+            ),
             "sequence": ("time", recorded.sequence, {"units": "1"}),
             "connection": ("time", recorded.connection, {"units": "1"}),
         },
@@ -115,11 +145,21 @@ def dataset_of(recorded: Recorded, name: str) -> xr.Dataset:
             "lost_frames": recorded.lost,
         },
     )
-    if recorded.press_mm is not None:
-        for k, axis in enumerate(("press_x", "press_y", "press_depth")):
-            positive = {"positive": "into the pad"} if axis == "press_depth" else {}
-            dataset[axis] = ("time", recorded.press_mm[:, k], {"units": "mm"} | positive)
+    if recorded.labels is not None:
+        _label(dataset, recorded.labels)
     return dataset
+
+
+def _label(dataset: xr.Dataset, labels: PressLabels) -> None:
+    for k, axis in enumerate(("press_x", "press_y", "press_depth")):
+        positive = {"positive": "into the pad"} if axis == "press_depth" else {}
+        dataset[axis] = ("time", labels.press_mm[:, k], {"units": "mm"} | positive)
+    if labels.set_number is not None:
+        dataset["set"] = ("time", labels.set_number, {"long_name": "number in the attribute sets, from 0"})
+    if labels.place_number is not None:
+        dataset["place"] = ("time", labels.place_number, {"long_name": "press within its set"})
+    if labels.sets:
+        dataset.attrs["sets"] = sets_json(labels.sets)
 
 
 def export_netcdf(file: Path, out: Path, path: FingerPath | None = None) -> Recorded:
@@ -131,9 +171,24 @@ def export_netcdf(file: Path, out: Path, path: FingerPath | None = None) -> Reco
     OutputError : the folder cannot be written, or xarray is missing.
     """
     recorded = read_recorded(file, path)
+    write_netcdf(recorded, out, file.name)
+    return recorded
+
+
+def write_netcdf(recorded: Recorded, out: Path, name: str) -> None:
+    """Write frames as netCDF, whole or not at all.
+
+    Parameters
+    ----------
+    name : what they are from, for the attribute `source`
+
+    Raises
+    ------
+    OutputError : the folder cannot be written, or xarray is missing.
+    """
     partial = out.with_name(f".{out.name}.partial")
     try:
-        dataset = dataset_of(recorded, file.name)
+        dataset = dataset_of(recorded, name)
         encoding: dict[Any, Any] = {"counts": COMPRESSION}
         dataset.to_netcdf(partial, engine="h5netcdf", encoding=encoding)
         os.replace(partial, out)
@@ -145,7 +200,6 @@ def export_netcdf(file: Path, out: Path, path: FingerPath | None = None) -> Reco
         raise OutputError(f"{out}: cannot be written: {err.strerror or err}; choose another folder") from None
     finally:
         partial.unlink(missing_ok=True)
-    return recorded
 
 
 def can_export() -> bool:
@@ -184,13 +238,18 @@ def _unwrapped(
     return sequence, device_us, lost
 
 
-def _presses(records: list[Record], host_s: FloatArray) -> FloatArray | None:
-    """(time, 3) the press that was said last before each frame; untouched before the first. None where none was."""
+def _fits(record: Record, frame_bytes: int) -> bool:
+    """Whether a record's content has its kind's length: another has no meaning, right as its CRC may be."""
+    lengths = {RecordKind.FRAME: frame_bytes, RecordKind.PRESS: PRESS_BYTES}
+    return len(record.content) == lengths.get(record.kind, len(record.content))
+
+
+def _presses(records: list[Record], host_s: FloatArray) -> PressLabels | None:
+    """The press that was said last before each frame; untouched before the first. None where none was."""
     said = [record for record in records if record.kind == RecordKind.PRESS]
     if not said:
         return None
     values = np.array([press_of(record) for record in said])
     before = np.searchsorted([record.host_s for record in said], host_s, side="right") - 1
     untouched = np.array([values[0, 0], values[0, 1], 0.0])
-    found: FloatArray = np.where((before >= 0)[:, None], values[np.maximum(before, 0)], untouched)
-    return found
+    return PressLabels(press_mm=np.where((before >= 0)[:, None], values[np.maximum(before, 0)], untouched))

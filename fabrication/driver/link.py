@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import time
+from collections.abc import Callable
 
 from design.errors import DeviceError, InputError
 from fabrication.driver.ports import Port
@@ -59,7 +60,7 @@ class Link:
         self.send(Command.RATE, interval_us)
         self.send(Command.START)
 
-    def greet(self, *, accept_digest: str | None) -> Hello:
+    def greet(self, *, accept_digest: str | None, is_over: Callable[[], bool] = lambda: False) -> Hello:
         """Wait until the board says who it is, and check that.
 
         A board that has just been reset says so by itself and is not disturbed while its boot loader listens; one
@@ -68,16 +69,19 @@ class Link:
         Parameters
         ----------
         accept_digest : a foreign design's digest that is accepted, at least its first 8 digits; None for none
+        is_over : whether nobody wants to know any more
 
         Raises
         ------
-        DeviceError : silence, another device, other firmware, another design.
+        DeviceError : silence, another device, other firmware, another design; it is over.
         """
         begun, asked_at = time.monotonic(), 0.0
         deadline = begun + self.config.board.boot_s + ANSWER_S
         ask_from = begun + self.config.board.boot_s
         heard = 0
         while (now := time.monotonic()) < deadline:
+            if is_over():
+                raise DeviceError(f"{self.port.name}: closed while the board was greeted")
             piece = self.port.read()
             heard += len(piece)
             for version, message in self.scanner.feed(piece):

@@ -40,6 +40,7 @@ _HEAD = struct.Struct("<2sBHd")
 _CRC = struct.Struct("<I")
 _PRESS = struct.Struct("<3d")
 _END = struct.Struct("<2Q")
+PRESS_BYTES = _PRESS.size
 LONGEST_HEADER = 10_000_000
 """A header of more bytes is none of ours: the largest configuration takes some 30 kB."""
 
@@ -64,6 +65,11 @@ class Record:
     kind: RecordKind
     host_s: float
     content: bytes
+
+    @property
+    def size(self) -> int:
+        """Bytes that it takes in the file."""
+        return _HEAD.size + len(self.content) + _CRC.size
 
 
 def packed_record(kind: RecordKind, host_s: float, content: bytes) -> bytes:
@@ -234,7 +240,7 @@ def read_records(file: Path) -> tuple[dict[str, Any], DriverConfig, list[Record]
     header, start = _header(file, content)
     config = config_from_document(header["config"], where=f"{file}: its configuration")
     records = list(_records(content, start))
-    used = sum(_HEAD.size + len(record.content) + _CRC.size for record in records)
+    used = sum(record.size for record in records)
     return header, config, records, len(content) - start - used
 
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import TracebackType
 from typing import Self
 
@@ -231,12 +231,12 @@ class Sensor:
         check_hello(hello, self.config, where=self.port, accept_digest=self._accept_digest)
         return hello
 
-    def _connected(self) -> tuple[Link, Hello]:
+    def _connected(self, is_over: Callable[[], bool]) -> tuple[Link, Hello]:
         name = self._port or find_port(self.config.board)
         port = Port(name, self.config.board.baud, self._gather_s)
         try:
             link = Link(port, self.config)
-            return link, link.greet(accept_digest=self._accept_digest)
+            return link, link.greet(accept_digest=self._accept_digest, is_over=is_over)
         except BaseException:
             port.close()
             raise

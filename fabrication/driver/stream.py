@@ -36,7 +36,8 @@ LATE_HELLO_S = 1.5
 QUEUE_FRAMES = 4096
 """Ten seconds at 400 Hz."""
 
-Connect = Callable[[], tuple[Link, Hello]]
+Connect = Callable[[Callable[[], bool]], tuple[Link, Hello]]
+"""Opens a port and greets the board, unless told meanwhile that it is over."""
 
 
 @dataclass
@@ -66,7 +67,7 @@ class Stream:
 
     Parameters
     ----------
-    connect : opens a port and greets the board
+    connect : opens a port and greets the board, until told that it is over
     decoder : of the frames
     interval_us : between frames [us]; 0 for as fast as the board can
     checked : hands a hello on, or raises DeviceError for another design's
@@ -242,7 +243,7 @@ class Stream:
             self._recorders.remove(recorder)
 
     def _connection(self) -> tuple[Link, Hello]:
-        found = self._connect()
+        found = self._connect(self._stopping.is_set)
         self._greeted_at = time.monotonic()
         return found
 

@@ -1,4 +1,4 @@
-"""Verbs of the built sensor on its port: read, record, export, check."""
+"""Verbs of the built sensor on its port: read, record, check."""
 
 from __future__ import annotations
 
@@ -62,7 +62,6 @@ def register(driver: typer.Typer) -> None:
     """Add this group's verbs."""
     driver.command()(read)
     driver.command()(record)
-    driver.command()(export)
     driver.command()(check)
 
 
@@ -147,53 +146,6 @@ def record(
         return
     say(line)
     say(f"files     {file} ({recorder.frames} frames){'' if made is None else f', {made}'}")
-
-
-def export(
-    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="A file of `driver record`.")],
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="By default beside it, as .nc.")
-    ] = None,
-    presses: Annotated[
-        Path | None,
-        typer.Option(
-            "--presses",
-            metavar="CSV",
-            help="Where it was pressed: t_s (the board's clock), x_mm, y_mm, depth_mm.",
-        ),
-    ] = None,
-    as_json: JsonOption = False,
-) -> None:
-    """A recording as netCDF, as `optopad compare` and any tool reads it; a torn one gives what is whole."""
-    from fabrication.driver.export import export_netcdf
-    from fabrication.driver.finger import read_path
-
-    target = out or recording.with_suffix(".nc")
-    if target.resolve() == recording.resolve():
-        raise InputError(f"--out {target}: is the recording itself; choose another name")
-    path = None if presses is None else read_path(presses)
-    found = export_netcdf(recording, target, path)
-    frames = len(found.sequence)
-    if as_json:
-        print_json(
-            {
-                "file": str(target),
-                "frames": frames,
-                "lost": found.lost,
-                "connections": int(found.connection[-1]),
-                "ended_cleanly": found.ended_cleanly,
-                "stray_bytes": found.stray_bytes,
-                "has_presses": found.press_mm is not None,
-            }
-        )
-        return
-    torn = (
-        "" if found.ended_cleanly else f"; no clean end, {found.stray_bytes} bytes belong to no whole record"
-    )
-    say(f"{frames} frames, {found.lost} lost{torn}")
-    if found.press_mm is None:
-        say("presses   none in it; `optopad compare` needs them (--presses, or the recorder's press())")
-    say(f"files     {target}")
 
 
 def check(
@@ -286,7 +238,7 @@ def _follow(
 def _lines(out: Path | None, as_json: bool) -> Iterator[Callable[[str], None] | None]:
     """Where JSON lines go: a new file, standard output, or nowhere."""
     if out is None:
-        yield (lambda line: print(line, flush=True)) if as_json else None
+        yield _print_line if as_json else None
         return
     try:
         with out.open("x", encoding="utf-8") as stream:
@@ -297,6 +249,24 @@ def _lines(out: Path | None, as_json: bool) -> Iterator[Callable[[str], None] | 
         raise OutputError(f"--out {out}: cannot be written: {err.strerror}; choose another folder") from None
 
 
+def _print_line(line: str) -> None:
+    """A line on standard output, at once; OutputError where it goes to a full disk."""
+    try:
+        print(line, flush=True)
+    except BrokenPipeError:
+        raise
+    except OSError as err:
+        _drop_output()
+        raise OutputError(
+            f"standard output: cannot be written: {err.strerror}; free some room, or send it elsewhere"
+        ) from None
+
+
+def _drop_output() -> None:
+    """What Python would still write to standard output at its end goes nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 @contextmanager
 def _until_interrupted() -> Iterator[None]:
     """Ctrl-C, or a closed pipe, is how reading and recording end when no other end was asked for."""
@@ -304,10 +274,8 @@ def _until_interrupted() -> Iterator[None]:
         yield
     except KeyboardInterrupt:
         return
-    except (
-        BrokenPipeError
-    ):  # as `| head` leaves it; what Python would still write there at its end goes nowhere
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except BrokenPipeError:  # as `| head` leaves it
+        _drop_output()
 
 
 def _default_file(source: DriverSource) -> Path:

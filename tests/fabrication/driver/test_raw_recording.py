@@ -24,7 +24,7 @@ from fabrication.driver.export import export_netcdf, read_recorded
 from fabrication.driver.fake_port import FakePort, PtyWire
 from fabrication.driver.finger import FingerPath
 from fabrication.driver.protocol import FrameFormat, pack_frames
-from fabrication.driver.recording import Recorder, RecordKind, document_of, read_records
+from fabrication.driver.recording import Recorder, RecordKind, document_of, packed_record, read_records
 from fabrication.driver_file import config_from_document
 from sims.recording import read_recording
 from tests.fabrication.driver.made_up_pad import board, pad_config
@@ -300,3 +300,27 @@ def test_a_recording_without_a_frame_is_refused(tmp_path: Path) -> None:
     written(tmp_path / "a.optorec", 0)
     with pytest.raises(InputError, match="holds no whole frame"):
         read_recorded(tmp_path / "a.optorec")
+
+
+def test_a_record_of_another_length_is_left_out_and_counted_however_right_its_crc(tmp_path: Path) -> None:
+    file = tmp_path / "a.optorec"
+    whole = written(file, 6)
+    end = packed_record(RecordKind.END, 0.0, bytes(16))
+    strange = [
+        packed_record(RecordKind.FRAME, 1.0, b"short"),
+        packed_record(RecordKind.PRESS, 1.0, b"no press"),
+    ]
+    file.write_bytes(whole[: -len(end)] + b"".join(strange) + whole[-len(end) :])
+    found = read_recorded(file)
+    assert len(found.sequence) == 6
+    assert found.stray_bytes == sum(map(len, strange))
+    assert found.press_mm is None
+    assert found.ended_cleanly
+
+
+def test_a_recording_of_nothing_but_strange_records_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "a.optorec"
+    with Recorder(file, CONFIG) as recorder:
+        recorder.frame(b"short", 1.0)
+    with pytest.raises(InputError, match="holds no whole frame"):
+        read_recorded(file)

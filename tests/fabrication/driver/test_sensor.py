@@ -126,6 +126,21 @@ def test_it_is_back_within_a_second_after_the_board_was_plugged_in_again(tmp_pat
 
 
 @needs_pty
+def test_closing_does_not_wait_for_a_board_that_is_greeted_again(tmp_path: Path) -> None:
+    link = tmp_path / "pad"
+    slow = replace(CONFIG, board=replace(CONFIG.board, boot_s=20.0))
+    with FakePort(board(), PtyWire(link)) as first, Sensor(slow, str(link), baseline_s=0.1) as sensor:
+        sensor.read()
+        first.unplug()
+        silent = PtyWire(link)  # nobody speaks on it: it would be waited for through the boot time
+        time.sleep(0.5)
+        begun = time.monotonic()
+        sensor.__exit__(None, None, None)
+        assert time.monotonic() - begun < 1.0
+        silent.close()
+
+
+@needs_pty
 def test_a_board_that_stays_away_is_named_after_the_patience(tmp_path: Path) -> None:
     link = tmp_path / "pad"
     with FakePort(board(), PtyWire(link)) as port, quick(str(link), patience_s=0.5) as sensor:

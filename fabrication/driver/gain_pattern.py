@@ -1,0 +1,97 @@
+"""What of a change of signals is gain, and what only a touch explains.
+
+A part that ages, warms up or loses supply changes all pairs that it belongs to by one factor. The change of pair
+(i, j) from its untouched signal,  c_ij = s_ij / b_ij - 1,  is split by weighted least squares,
+
+    c_ij = a_i + r_j + d_ij,        weights 1 / sigma_ij^2,
+
+into emitters' gains a_i, receivers' gains r_j and the rest d_ij (first order in the gains: an emitter and a receiver
+that both change by 5 % leave 0.25 % in the rest). A press shades pairs one by one, and the rest holds nearly all of it.
+
+Left out: pairs below 4 counts or at full scale, which tell no ratio. A change that is the same on all pairs of a part
+is taken for gain, whatever made it: a finger over a single part's window cannot be told.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fabrication.driver.frames import WEAKEST_BASELINE_COUNTS
+
+FloatArray = NDArray[np.float64]
+
+LEAST_SIGMA = 1e-4
+"""A pair's noise over its signal is taken as no less than this: rounding can hide all of it [-]."""
+
+
+class GainPattern:
+    """Splits changes against one untouched pattern.
+
+    Parameters
+    ----------
+    untouched : (emitter, receiver) signals of the untouched pad [counts]
+    noise : (emitter, receiver) standard deviation of one frame's signals [counts]
+    full_scale : signals from here on tell nothing [counts]
+
+    Attributes
+    ----------
+    used : (pair,) whether a pair tells a ratio
+    sigma : (pair,) noise of one frame's change; 1 where the pair is not used [-]
+    freedom : how many independent numbers the rest has
+    """
+
+    def __init__(self, untouched: FloatArray, noise: FloatArray, full_scale: float = np.inf) -> None:
+        self.shape = untouched.shape
+        level = untouched.ravel()
+        self.used: NDArray[np.bool_] = (level >= WEAKEST_BASELINE_COUNTS) & (level < full_scale)
+        share = np.divide(noise.ravel(), level, out=np.ones(level.size), where=self.used)
+        self.sigma: FloatArray = np.where(self.used, np.maximum(share, LEAST_SIGMA), 1.0)
+        weight = np.where(self.used, 1.0 / self.sigma, 0.0)
+        columns = np.concatenate(
+            [
+                np.kron(np.eye(self.shape[0]), np.ones((self.shape[1], 1))),
+                np.tile(np.eye(self.shape[1]), (self.shape[0], 1)),
+            ],
+            axis=1,
+        )
+        whitened = weight[:, None] * columns
+        solve = np.linalg.pinv(whitened)
+        self._gains = solve * weight  # (part, pair): gains of a change
+        self._columns = columns
+        self.freedom = max(int(self.used.sum()) - int(np.linalg.matrix_rank(whitened)), 0)
+
+    def gains(self, change: FloatArray) -> FloatArray:
+        """(n, part) gains of (n, pair) changes, emitters first; one constant between the two kinds is free [-]."""
+        found: FloatArray = self._kept(change) @ self._gains.T
+        return found
+
+    def gain_change(self, change: FloatArray) -> FloatArray:
+        """(n, pair) what the gains explain of (n, pair) changes, also of pairs that tell nothing themselves [-]."""
+        found: FloatArray = self.gains(change) @ self._columns.T
+        return found
+
+    def rest(self, change: FloatArray) -> FloatArray:
+        """(n, pair) what they do not explain, in noise units of one frame; 0 for pairs that are not used."""
+        kept = self._kept(change)
+        rest: FloatArray = np.where(self.used, (kept - self.gain_change(kept)) / self.sigma, 0.0)
+        return rest
+
+    def excess(self, change: FloatArray) -> FloatArray:
+        """(n,) mean square of the rest over its degrees of freedom: 1 for noise alone [-]."""
+        squares: FloatArray = (self.rest(change) ** 2).sum(axis=-1) / max(self.freedom, 1)
+        return squares
+
+    def _kept(self, change: FloatArray) -> FloatArray:
+        kept: FloatArray = np.where(self.used, change, 0.0)
+        return kept
+
+
+def relative_change(signals: FloatArray, untouched: FloatArray) -> FloatArray:
+    """(n, pair) signals over their untouched ones, less 1; 0 where these are below 4 counts [-]."""
+    strong = untouched >= WEAKEST_BASELINE_COUNTS
+    ratio = np.divide(
+        signals, untouched, out=np.ones(np.broadcast_shapes(signals.shape, untouched.shape)), where=strong
+    )
+    change: FloatArray = ratio - 1.0
+    return change

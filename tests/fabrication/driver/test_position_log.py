@@ -1,0 +1,253 @@
+"""A stage's log joined to a recording: in step, found in step, or refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from design.errors import InputError
+from fabrication.driver import Sensor
+from fabrication.driver.export import read_recorded
+from fabrication.driver.fake_port import FakePort
+from fabrication.driver.finger import demo_path
+from fabrication.driver.joined_log import joined
+from fabrication.driver.position_log import read_position_log
+from optopad.cli import main
+from tests.fabrication.driver.made_up_pad import board, pad_config
+from tests.fabrication.driver.made_up_recording import BEGUN_S, tip_path, write_log, write_recording
+
+PATH = tip_path()
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("recorded") / "a.optorec"
+    write_recording(file, PATH)
+    return file
+
+
+def text_log(folder: Path, *rows: str, heading: str = "time_s,x_mm,y_mm,depth_mm") -> Path:
+    file = folder / "log.csv"
+    file.write_text("\n".join([heading, *rows]) + "\n")
+    return file
+
+
+def test_every_frame_gets_the_position_at_its_time(recording: Path, tmp_path: Path) -> None:
+    truth = write_recording(tmp_path / "again.optorec", PATH)
+    write_log(tmp_path / "log.csv", PATH)
+    found = joined(read_recorded(recording), read_position_log(tmp_path / "log.csv"))
+    assert found.left_out == 0
+    assert found.recorded.press_mm is not None
+    # The log has a row each 0.05 s: linear between them, wrong only where the tip turns, by 0.05 s x 11 mm/s / 4.
+    assert np.abs(found.recorded.press_mm - truth).max() < 0.15
+    assert np.median(np.abs(found.recorded.press_mm - truth)) < 1e-3
+
+
+@pytest.mark.parametrize("late_s", [-41.37, 0.8, 3600.0])
+def test_an_offset_is_found_from_the_touches(late_s: float, recording: Path, tmp_path: Path) -> None:
+    write_log(tmp_path / "log.csv", PATH, late_s=late_s)
+    found = joined(read_recorded(recording), read_position_log(tmp_path / "log.csv"), "auto")
+    # Frames are 17 ms apart, each edge is known to half of that; the mean of 12 edges to a quarter.
+    assert found.offset_s == pytest.approx(-late_s, abs=0.017)
+    assert found.match.share == 1.0
+    assert found.match.edges == 12
+
+
+def test_an_offset_is_found_in_spite_of_drifting_gain(tmp_path: Path) -> None:
+    write_recording(tmp_path / "a.optorec", PATH, gain_per_s=0.05 / PATH[-1, 0])
+    write_log(tmp_path / "log.csv", PATH, late_s=7.0)
+    found = joined(read_recorded(tmp_path / "a.optorec"), read_position_log(tmp_path / "log.csv"), "auto")
+    assert found.offset_s == pytest.approx(-7.0, abs=0.017)
+
+
+def test_an_offset_that_is_given_is_taken_and_the_edges_tell_how_good_it_is(
+    recording: Path, tmp_path: Path
+) -> None:
+    write_log(tmp_path / "log.csv", PATH, late_s=2.0)
+    found = joined(read_recorded(recording), read_position_log(tmp_path / "log.csv"), -1.6)
+    assert found.offset_s == -1.6
+    assert found.match.offset_s - found.offset_s == pytest.approx(-0.4, abs=0.02)
+
+
+def test_a_log_that_is_out_of_step_is_refused_with_the_way_out(recording: Path, tmp_path: Path) -> None:
+    write_log(tmp_path / "log.csv", PATH, late_s=0.6)
+    log = read_position_log(tmp_path / "log.csv")
+    with pytest.raises(InputError, match=r"out of step with the recording by -0\.60 s; let it be found"):
+        joined(read_recorded(recording), log)
+    write_log(tmp_path / "log.csv", tip_path(seed=9))
+    with pytest.raises(InputError, match=r"out of step .* and \d+% of these meet; let it be found"):
+        joined(read_recorded(recording), read_position_log(tmp_path / "log.csv"))
+
+
+def test_another_recording_s_log_gives_no_offset(recording: Path, tmp_path: Path) -> None:
+    write_log(tmp_path / "log.csv", tip_path(seed=9))
+    with pytest.raises(InputError, match="offset not found: at no shift"):
+        joined(read_recorded(recording), read_position_log(tmp_path / "log.csv"), "auto")
+
+
+def test_a_stage_that_repeats_one_rhythm_gives_no_offset_that_could_be_trusted(tmp_path: Path) -> None:
+    steady = tip_path(presses=12, rhythm_s=4.0)
+    write_recording(tmp_path / "a.optorec", steady)
+    write_log(tmp_path / "log.csv", steady, late_s=5.0)
+    with pytest.raises(InputError, match="offset ambiguous: the touches meet at"):
+        joined(read_recorded(tmp_path / "a.optorec"), read_position_log(tmp_path / "log.csv"), "auto")
+
+
+def test_an_untouched_recording_has_nothing_to_find_an_offset_by(tmp_path: Path) -> None:
+    still = np.array([[0.0, 16.0, 16.0, -5.0], [5.0, 16.0, 16.0, -5.0]])
+    write_recording(tmp_path / "a.optorec", still)
+    write_log(tmp_path / "log.csv", PATH)
+    with pytest.raises(InputError, match="the signals show 0 touches, needs 2"):
+        joined(read_recorded(tmp_path / "a.optorec"), read_position_log(tmp_path / "log.csv"), "auto")
+
+
+def test_a_log_of_another_day_is_refused(recording: Path, tmp_path: Path) -> None:
+    write_log(tmp_path / "log.csv", PATH, late_s=86400.0)
+    with pytest.raises(InputError, match=r"no time in common .* the log from 86400\.0 to"):
+        joined(read_recorded(recording), read_position_log(tmp_path / "log.csv"))
+
+
+def test_frames_whose_position_nobody_knows_are_left_out_and_counted(recording: Path, tmp_path: Path) -> None:
+    # 2 s in which the tip moves from one place to another, and a log that ends early.
+    begun = BEGUN_S
+    rows = [f"{begun},16,16,-5", f"{begun + 1},16,16,-5", f"{begun + 3},20,16,-5", f"{begun + 4},20,16,-5"]
+    found = joined(read_recorded(recording), read_position_log(text_log(tmp_path, *rows)), 0.0)
+    kept_s = found.recorded.host_s - begun
+    assert ((kept_s <= 1.0) | ((kept_s >= 3.0) & (kept_s <= 4.0))).all()
+    assert len(kept_s) + found.left_out == len(read_recorded(recording).host_s)
+
+
+def test_sets_and_places_come_from_the_log_and_travel_belongs_to_none(
+    recording: Path, tmp_path: Path
+) -> None:
+    heading = "time_s,x_mm,y_mm,depth_mm,set,place,role,pattern,ambient"
+    rows = [
+        f"{BEGUN_S},16,16,-5,grid-dark-1,0,train,grid,no",
+        f"{BEGUN_S + 1},16,16,-5,,,,,",
+        f"{BEGUN_S + 2},16,16,-5,random,4,test,random,yes",
+        f"{BEGUN_S + 3},16,16,-5,random,4,test,random,yes",
+    ]
+    out = tmp_path / "a.nc"
+    command = ["driver", "export", str(recording), "--stage", str(text_log(tmp_path, *rows, heading=heading))]
+    assert main([*command, "--offset", "0", "--out", str(out)]) == 0
+    with xr.open_dataset(out, engine="h5netcdf") as dataset:
+        assert set(zip(dataset["set"].values.tolist(), dataset["place"].values.tolist(), strict=True)) == {
+            (0, 0),
+            (1, 4),
+        }
+        assert json.loads(dataset.attrs["sets"]) == [
+            {"name": "grid-dark-1", "role": "train", "pattern": "grid", "is_ambient": False},
+            {"name": "random", "role": "test", "pattern": "random", "is_ambient": True},
+        ]
+        assert dataset["time_s"].values[0] == 0.0
+
+
+def test_times_may_be_written_as_dates_and_lengths_in_other_units(tmp_path: Path) -> None:
+    file = text_log(
+        tmp_path,
+        "2026-05-04T14:00:00+02:00,1000,0.002,-0.5",
+        "2026-05-04T12:00:01.5Z,1000,0.002,-0.5",
+        heading="time,x_um,y_m,depth_mm",
+    )
+    found = read_position_log(file)
+    assert np.diff(found.time_s) == pytest.approx([1.5])
+    assert found.press_mm[0] == pytest.approx([1.0, 2.0, -0.5])
+
+
+@pytest.mark.parametrize(
+    ("heading", "rows", "told"),
+    [
+        ("time_s,x_mm,y_mm", ["0,1,1", "1,1,1"], "has no depth_mm"),
+        ("x_mm,y_mm,depth_mm", ["1,1,1", "1,1,1"], "has no time; needs a column time_s"),
+        (
+            "time_s,x_mm,y_mm,depth_mm",
+            ["0,1,1,1", "1,1,nan,1"],
+            "row 2: y_mm is 'nan', needs a finite number",
+        ),
+        ("time_s,x_mm,y_mm,depth_mm", ["0,1,1,1", "1,1,,1"], "row 2: y_mm is ''"),
+        ("time_s,x_mm,y_mm,depth_mm", ["0,1,1,1", "1,1,1"], "row 2 has 3 values, the heading 4 columns"),
+        ("time_s,x_mm,y_mm,depth_mm", ["5,1,1,1", "4,1,1,1"], r"times do not rise: row 2 is -1\.000 s after"),
+        ("time_s,x_mm,y_mm,depth_mm", ["5,1,1,1", "5,1,1,1"], "times do not rise"),
+        ("time_s,x_mm,y_mm,depth_mm", ["5,1,1,1"], "at least two rows"),
+        ("time_s,x_mm,x_mm,y_mm,depth_mm", ["5,1,1,1,1", "6,1,1,1,1"], "has the column x_mm twice"),
+        ("time,x_mm,y_mm,depth_mm", ["2026-05-04T14:00:00,1,1,1"] * 2, "needs ISO 8601 with its zone"),
+        ("time_s,x_mm,y_mm,depth_mm,place", ["0,1,1,1,0", "1,1,1,1,b"], "row 2: place is 'b', needs a whole"),
+        (
+            "time_s,x_mm,y_mm,depth_mm,set,role",
+            ["0,1,1,1,a,x", "1,1,1,1,a,x"],
+            "role is 'x', needs one of train",
+        ),
+        (
+            "time_s,x_mm,y_mm,depth_mm,set,ambient",
+            ["0,1,1,1,a,x", "1,1,1,1,a,x"],
+            "ambient is 'x', needs yes",
+        ),
+        ("time_s,x_mm,y_mm,depth_mm,set", ["0,1,1,1,", "1,1,1,1,"], "no row belongs to a set"),
+    ],
+)
+def test_a_log_that_cannot_be_used_is_refused_by_row_and_column(
+    heading: str, rows: list[str], told: str, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError, match=told):
+        read_position_log(text_log(tmp_path, *rows, heading=heading))
+
+
+def test_a_log_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"none\.csv: no text that can be read"):
+        read_position_log(tmp_path / "none.csv")
+
+
+def test_export_tells_the_offset_that_it_found(
+    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_log(tmp_path / "log.csv", PATH, late_s=12.5)
+    out = tmp_path / "a.nc"
+    command = ["driver", "export", str(recording), "--stage", str(tmp_path / "log.csv"), "--out", str(out)]
+    assert main(command) == 2
+    assert not out.exists()
+    assert "--offset auto" in capsys.readouterr().err
+    assert main([*command, "--offset", "auto", "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)["stage"]
+    assert said["offset_s"] == pytest.approx(-12.5, abs=0.017)
+    assert said["edges_met"] == 1.0
+    # The log is ahead, so that it begins and ends 12.5 s late by its own clock only: all frames are known.
+    assert said["left_out"] == 0
+    assert main([*command, "--offset", "-12.5"]) == 0
+    assert "100% of 12 touch edges meet" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--offset", "3"], "--offset: shifts a stage's log"),
+        (["--stage", "log.csv", "--presses", "p.csv"], "two sources of positions"),
+        (["--stage", "log.csv", "--offset", "soon"], "'soon' is refused: seconds, or auto"),
+    ],
+)
+def test_options_that_make_no_sense_together_are_refused(
+    options: list[str], told: str, recording: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["driver", "export", str(recording), *options]) == 2
+    assert told in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_fake_s_finger_is_found_in_the_recording_of_it(tmp_path: Path) -> None:
+    path = demo_path(pad_config().workspace)
+    (tmp_path / "finger.csv").write_text(path.csv_text())
+    with (
+        FakePort(board(path)) as port,
+        Sensor(pad_config(), port.name, baseline_s=0.0) as sensor,
+        sensor.record(tmp_path / "a.optorec"),
+    ):
+        list(sensor.frames(seconds=19.0))
+    recorded = read_recorded(tmp_path / "a.optorec")
+    found = joined(recorded, read_position_log(tmp_path / "finger.csv"), "auto")
+    # The board's clock begins at its reset; a frame is here some milliseconds later, and 17 ms after the one before.
+    assert found.offset_s == pytest.approx((recorded.host_s - recorded.device_s).min(), abs=0.03)
+    assert found.match.share == 1.0
+    assert found.match.edges == 12
