@@ -142,6 +142,7 @@ def dataset_of(recorded: Recorded, name: str) -> xr.Dataset:
             "source": name,
             "design": said.design,
             "design_digest": said.digest,
+            "full_scale_counts": float(said.full_scale),
             "lost_frames": recorded.lost,
         },
     )

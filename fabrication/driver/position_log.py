@@ -106,12 +106,17 @@ def read_position_log(file: Path) -> PositionLog:
             "a clock that was set back, or two logs in one: cut the log there"
         )
     sets, set_number = _sets(file, columns)
+    place_number = _places(file, columns)
+    if set_number is not None and place_number is None:
+        raise InputError(f"{file}: has set without place; number the presses of each set in a column place")
+    if place_number is not None and set_number is None:
+        sets, set_number = (SetEntry(name="measured"),), np.zeros(len(place_number), dtype=np.int64)
     return PositionLog(
         file=str(file),
         time_s=time_s,
         press_mm=press_mm,
         set_number=set_number,
-        place_number=_places(file, columns),
+        place_number=place_number,
         sets=sets,
     )
 

@@ -17,6 +17,7 @@ from fabrication.driver.finger import demo_path
 from fabrication.driver.joined_log import joined
 from fabrication.driver.position_log import read_position_log
 from optopad.cli import main
+from sims.dataset import read_data
 from tests.fabrication.driver.made_up_pad import board, pad_config
 from tests.fabrication.driver.made_up_recording import BEGUN_S, tip_path, write_log, write_recording
 
@@ -144,6 +145,11 @@ def test_sets_and_places_come_from_the_log_and_travel_belongs_to_none(
             {"name": "random", "role": "test", "pattern": "random", "is_ambient": True},
         ]
         assert dataset["time_s"].values[0] == 0.0
+    found = read_data(out)
+    assert [one.role for one in found.sets] == ["train", "test"]
+    assert set(found.place_number.tolist()) == {0, 4}
+    assert found.full_scale_counts == 1023
+    assert found.design_digest == pad_config().digest
 
 
 def test_times_may_be_written_as_dates_and_lengths_in_other_units(tmp_path: Path) -> None:
@@ -187,6 +193,7 @@ def test_times_may_be_written_as_dates_and_lengths_in_other_units(tmp_path: Path
             "ambient is 'x', needs yes",
         ),
         ("time_s,x_mm,y_mm,depth_mm,set", ["0,1,1,1,", "1,1,1,1,"], "no row belongs to a set"),
+        ("time_s,x_mm,y_mm,depth_mm,set", ["0,1,1,1,a", "1,1,1,1,a"], "has set without place"),
     ],
 )
 def test_a_log_that_cannot_be_used_is_refused_by_row_and_column(
