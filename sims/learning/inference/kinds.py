@@ -6,9 +6,11 @@ from collections.abc import Callable
 
 from sims.learning.inference.header import ModelHeader
 from sims.learning.inference.kernel_ridge import kernel_ridge_of_arrays
+from sims.learning.inference.signal_map_model import signal_map_of_arrays
 from sims.learning.inference.touch_model import Arrays, TouchModel
 
 KINDS: dict[str, Callable[[ModelHeader, Arrays], TouchModel]] = {
     "kernel-ridge": kernel_ridge_of_arrays,
+    "signal-map": signal_map_of_arrays,
 }
 """Kind of a model's header -> model of header and arrays; raises InputError where the arrays do not fit."""

@@ -1,0 +1,183 @@
+"""The spline, the search and the model of kind "signal-map", on signals known in closed form."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from design.errors import InputError
+from sims.learning.inference.model_file import load_model, save_model
+from sims.learning.inference.reading_noise import whitening
+from sims.learning.inference.signal_map_model import SignalMapModel
+from sims.learning.inference.tensor_spline import fitted_spline
+from tests.sims.learning.made_up_map import (
+    COUNT,
+    PAIRS,
+    made_up_map_model,
+    made_up_noise,
+    made_up_signal_map,
+    noisy_signals,
+    random_presses,
+    ratios,
+    untouched_counts,
+)
+
+
+@pytest.fixture(scope="module")
+def model() -> SignalMapModel:
+    return made_up_map_model()
+
+
+def test_the_splines_error_falls_with_the_fourth_power_of_the_pitch():
+    presses = random_presses(300, 1)
+    errors = []
+    for pitch, depths in ((2.0, 9), (1.0, 17)):
+        found = made_up_signal_map(pitch, depths).ratio_root.values(presses) ** 2
+        errors.append(np.sqrt(((found - ratios(presses)) ** 2).mean()))
+    assert 3.0 < np.log2(errors[0] / errors[1]) < 5.5  # order 4; end conditions and few points: +-1.5
+    assert errors[1] < 1e-3
+
+
+def test_the_splines_slopes_are_those_of_its_values():
+    spline = made_up_signal_map().ratio_root
+    presses = random_presses(20, 2)
+    _, slopes = spline.with_gradient(presses)
+    for axis in range(3):
+        step = np.eye(3)[axis] * 0.02
+        secant = (spline.values(presses + step) - spline.values(presses - step)) / 0.04
+        # third derivatives are below 0.3 per mm³: 0.02² / 6 of that, and round-off of single precision over 0.04 mm
+        assert np.abs(slopes[:, axis] - secant).max() < 2e-4
+
+
+def test_the_splines_slope_by_depth_has_a_limit_at_the_surface():
+    spline = made_up_signal_map().ratio_root
+    at = np.array([[16.0, 14.0, 0.0]])
+    _, slopes = spline.with_gradient(at + np.array([0.0, 0.0, 1e-4]))
+    later = (spline.values(at + np.array([0.0, 0.0, 0.02])) - spline.values(at)) / 0.02
+    assert np.abs(slopes[:, 2] - later).max() < 0.02  # the slope itself changes by 0.6 per mm²
+
+
+def test_beyond_its_nodes_the_spline_keeps_the_borders_value():
+    spline = made_up_signal_map().ratio_root
+    inside, beyond = np.array([[27.0, 16.0, 2.0]]), np.array([[40.0, 16.0, 2.0]])
+    assert np.array_equal(spline.values(inside), spline.values(beyond))
+    assert np.array_equal(
+        spline.values(np.array([[9.0, 9.0, -3.0]])), spline.values(np.array([[9.0, 9.0, 0.0]]))
+    )
+
+
+def test_the_whitening_is_the_inverse_of_the_full_covariance():
+    noise = made_up_noise()
+    signals = ratios(random_presses(3, 3)) * untouched_counts()
+    seen = noise.seen_in(signals)
+    residual = np.random.default_rng(4).normal(size=signals.shape)
+    for row in range(3):
+        columns = noise.gain_columns(signals)[row].T
+        full = np.diag(noise.variance(signals)[row]) + columns @ columns.T
+        wanted = residual[row] @ np.linalg.solve(full, residual[row])
+        assert seen.square(residual)[row] == pytest.approx(wanted, rel=1e-9)
+
+
+def test_what_gains_explain_is_no_deviation_of_a_pair():
+    noise = made_up_noise(emitter_drift=0.5, receiver_drift=0.5)
+    signals = untouched_counts()[None, :]
+    drifted = signals * np.repeat([1.0, 1.1, 0.9, 1.0], 2 * COUNT)
+    own = noise.seen_in(signals).own_deviations(drifted - signals)
+    assert (
+        np.abs(own).max() < 0.05
+    )  # the prior of 0.5 pulls a gain of 0.1 back by less than this many deviations
+
+
+def test_errors_are_those_of_the_curvature(model: SignalMapModel):
+    presses = random_presses(400, 5)
+    found = model.predict(noisy_signals(presses, model.noise, 6))
+    deviations = (found.press_mm - presses) / found.sigma_mm
+    assert found.is_touched.all()
+    # 400 draws: the mean square of a deviation is known to 7 %; 5 of them, and 5 % for what is not linear
+    assert np.allclose((deviations**2).mean(axis=0), 1.0, atol=0.4)
+
+
+def test_untouched_frames_are_told_from_touched_ones(model: SignalMapModel):
+    flat = np.tile([16.0, 16.0, -1.0], (100, 1))
+    assert model.predict(noisy_signals(flat, model.noise, 7)).is_touched.mean() < 0.02
+    light = random_presses(100, 8, (0.1, 0.2))
+    assert model.predict(noisy_signals(light, model.noise, 9)).is_touched.mean() > 0.95
+
+
+def test_a_drift_that_the_prior_allows_moves_no_press(model: SignalMapModel):
+    presses = random_presses(50, 10)
+    drifted = ratios(presses) * untouched_counts() * np.repeat([1.004, 0.996, 1.0, 1.003], 2 * COUNT)
+    careless = made_up_map_model(made_up_noise(emitter_drift=0.0, receiver_drift=0.0))
+    aware, blind = (
+        np.abs(one.predict(drifted).press_mm - presses).mean(axis=0).sum() for one in (model, careless)
+    )
+    assert aware < 0.6 * blind
+
+
+def test_a_press_keeps_its_place_when_a_pair_clips():
+    noise = made_up_noise(clip_counts=np.where(np.arange(PAIRS) > 50, 400.0, np.inf))
+    model = made_up_map_model(noise)
+    presses = random_presses(50, 11)
+    clipped = np.minimum(ratios(presses) * untouched_counts(), noise.clip_counts)
+    found = model.predict(clipped)
+    assert np.abs(found.press_mm - presses).max() < 0.05  # no noise: the spline's error and the steps' end
+
+
+def test_one_wild_pair_moves_a_press_little(model: SignalMapModel):
+    presses = random_presses(50, 12)
+    signals = ratios(presses) * untouched_counts()
+    signals[:, 5] += 25.0  # 20 deviations and more
+    assert np.median(np.abs(model.predict(signals).press_mm - presses)) < 0.05
+
+
+def test_presses_stay_in_the_workspace(model: SignalMapModel):
+    outside = np.array([[3.0, 16.0, 2.0], [16.0, 30.0, 3.0]])
+    found = model.predict(ratios(outside) * untouched_counts()).press_mm
+    assert (found >= model.box.low).all()
+    assert (found <= model.box.high).all()
+
+
+def test_force_follows_the_depth(model: SignalMapModel):
+    found = model.predict(ratios(np.array([[14.0, 15.0, 1.0]])) * untouched_counts())
+    assert found.force_n is not None
+    assert found.force_n[0] == pytest.approx(4.0, abs=0.1)  # 8 N/mm below 1 mm, depth to 0.01 mm
+
+
+def test_a_saved_model_answers_alike(model: SignalMapModel, tmp_path: Path):
+    file = tmp_path / "pad.optomodel"
+    save_model(file, model)
+    signals = noisy_signals(random_presses(5, 13), model.noise, 14)
+    assert np.array_equal(load_model(file).predict(signals).press_mm, model.predict(signals).press_mm)
+
+
+@pytest.mark.parametrize(
+    ("name", "bad", "message"),
+    [
+        ("full_counts", np.zeros(PAIRS), "above 0"),
+        ("box_mm", np.ones((2, 3)), "not empty"),
+        ("noise_shares", np.array([0.1, -0.1, 0.0]), "below 0"),
+        ("map_step", np.array([1.0, 1.0, 0.0]), "steps above 0"),
+        ("map_coefficients", np.zeros((5, 5, 5, 3)), "map_coefficients"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused(model: SignalMapModel, name: str, bad: np.ndarray, message: str):
+    from sims.learning.inference.kinds import KINDS
+
+    with pytest.raises(InputError, match=message):
+        KINDS["signal-map"](model.header, dict(model.arrays()) | {name: bad})
+
+
+def test_too_few_nodes_are_refused():
+    with pytest.raises(ValueError, match="nodes"):
+        fitted_spline(np.zeros((4, 6, 6, 1)), np.zeros(3), np.ones(3))
+
+
+def test_an_empty_recording_has_no_presses(model: SignalMapModel):
+    assert model.predict(np.zeros((0, PAIRS))).press_mm.shape == (0, 3)
+
+
+def test_whitening_without_gains_is_plain_weights():
+    seen = whitening(np.array([[4.0, 1.0]]), np.zeros((1, 2, 2)))
+    assert seen.square(np.array([[1.0, 2.0]]))[0] == pytest.approx(8.0)
