@@ -101,7 +101,8 @@ def test_errors_are_those_of_the_curvature(model: SignalMapModel):
 
 def test_untouched_frames_are_told_from_touched_ones(model: SignalMapModel):
     flat = np.tile([16.0, 16.0, -1.0], (100, 1))
-    assert model.predict(noisy_signals(flat, model.noise, 7)).is_touched.mean() < 0.02
+    # a score of 6 is exceeded by 1 % of such frames; 100 of them: 5 at most, with 99.9 % certainty
+    assert model.predict(noisy_signals(flat, model.noise, 7)).is_touched.sum() <= 5
     light = random_presses(100, 8, (0.1, 0.2))
     assert model.predict(noisy_signals(light, model.noise, 9)).is_touched.mean() > 0.95
 
