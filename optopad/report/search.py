@@ -36,10 +36,11 @@ def search_page(search: Search) -> str:
         _files_section(search),
     ]
     links = bullets([element("a", title, href=f"#{name}") for name, title in LOCATIONS.items()])
-    template = (files("optopad.report") / "search.html").read_text(encoding="utf-8")
+    template = (files("optopad.report") / "still_page.html").read_text(encoding="utf-8")
     return Template(template).substitute(
         title=escape(f"{found.space.name}: search"),
         style=(files("optopad.report") / "page.css").read_text(encoding="utf-8"),
+        kind="search report",
         name=escape(found.space.name),
         digest=escape(found.space.digest[:8]),
         navigation=element("nav", links, aria_label="Parts of this page"),

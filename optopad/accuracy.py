@@ -1,0 +1,184 @@
+"""How well presses are told, as found: by model and test set, with the bound and what was published beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from sims.evaluation.judged import JudgedPresses, joined
+from sims.evaluation.published import PublishedTouch
+from sims.evaluation.tables import (
+    ErrorRow,
+    Spread,
+    TouchRow,
+    error_json,
+    error_rows,
+    touch_json,
+    touch_rows,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelAccuracy:
+    """One model on one test set.
+
+    Attributes
+    ----------
+    learner : kind of the model, as `kernel-ridge`
+    test_set : name of the set
+    is_ambient : whether it was taken in ambient light
+    presses : samples and answers
+    touch, errors : the tables
+    """
+
+    learner: str
+    test_set: str
+    is_ambient: bool
+    presses: JudgedPresses
+    touch: tuple[TouchRow, ...]
+    errors: tuple[ErrorRow, ...]
+
+    @property
+    def title(self) -> str:
+        """Model and set."""
+        return f"{self.learner}, {self.test_set}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Accuracy:
+    """All models on all test sets.
+
+    Attributes
+    ----------
+    name, digest : of the design; the digest is None where a recording does not say
+    found : in the order of models, then of sets
+    bound_mm : depth to the Cramér-Rao bound of place and of depth [mm]; empty where none was asked for
+    published : of the same sensor; None for others
+    notes : what was done and what is assumed
+    settings : plain data: seeds, protocol, samples
+    """
+
+    name: str
+    digest: str | None
+    found: tuple[ModelAccuracy, ...]
+    bound_mm: Mapping[float, tuple[float, float]] = field(default_factory=dict)
+    published: PublishedTouch | None = None
+    notes: tuple[str, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def learners(self) -> tuple[str, ...]:
+        """Models by name, in order."""
+        return tuple(dict.fromkeys(one.learner for one in self.found))
+
+    def pooled(self) -> dict[str, ModelAccuracy]:
+        """Every model on all of its test sets as one."""
+        return {
+            learner: accuracy_of(
+                learner, "all test sets", True, [one.presses for one in self.found if one.learner == learner]
+            )
+            for learner in self.learners
+        }
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data; `touch` and `errors` are those of the first model, its sets together."""
+        first = next(iter(self.pooled().values()))
+        return {
+            "name": self.name,
+            "digest": self.digest,
+            **self.settings,
+            "learner": first.learner,
+            "touch": [self._touch_line(row) for row in touch_json(first.touch)],
+            "errors": [_medians(row) for row in first.errors],
+            "bound_mm": [
+                {"depth_mm": depth, "location": location, "depth": of_depth}
+                for depth, (location, of_depth) in self.bound_mm.items()
+            ],
+            "models": [
+                {
+                    "learner": one.learner,
+                    "test_set": one.test_set,
+                    "is_ambient": one.is_ambient,
+                    "touch": touch_json(one.touch),
+                    "errors": error_json(one.errors),
+                }
+                for one in self.found
+            ],
+            "published_touch": None if self.published is None else self.published.source,
+            "notes": list(self.notes),
+        }
+
+    def _touch_line(self, row: dict[str, Any]) -> dict[str, Any]:
+        if self.published is None:
+            return row
+        sides = {"published_ambient": True, "published_dark": False}
+        return row | {
+            name: self.published.right(row["depth_mm"], is_ambient=side) for name, side in sides.items()
+        }
+
+
+def accuracy_of(
+    learner: str, test_set: str, is_ambient: bool, presses: Sequence[JudgedPresses]
+) -> ModelAccuracy:
+    """Tables of one model on one set, from one or several draws of it."""
+    together = joined(presses)
+    return ModelAccuracy(
+        learner=learner,
+        test_set=test_set,
+        is_ambient=is_ambient,
+        presses=together,
+        touch=touch_rows(together),
+        errors=error_rows(together),
+    )
+
+
+def accuracy_lines(found: Accuracy) -> list[str]:
+    """The tables as text, every model on all of its sets together."""
+    lines = []
+    for learner, one in found.pooled().items():
+        lines += [f"{learner}", *_touch_lines(one.touch, found.published), *_error_lines(one.errors, found)]
+    return [*lines, *found.notes]
+
+
+def _touch_lines(rows: Sequence[TouchRow], published: PublishedTouch | None) -> list[str]:
+    head = "  depth [mm]   touch told rightly" + ("   published: ambient, dark" if published else "")
+    lines = [head]
+    for row in rows:
+        if row.right is None:
+            continue
+        error = "" if row.right_error is None else f" +- {row.right_error:.2f}"
+        beside = ""
+        if published is not None:
+            both = [published.right(row.depth_mm, is_ambient=side) for side in (True, False)]
+            beside = "   " + ", ".join("-" if share is None else f"{share:.2f}" for share in both)
+        lines.append(f"  {row.depth_mm:10.1f}   {row.right:.2f}{error:<12}{beside}".rstrip())
+    return lines
+
+
+def _error_lines(rows: Sequence[ErrorRow], found: Accuracy) -> list[str]:
+    bound = "   bound" if found.bound_mm else ""
+    lines = [f"  depth [mm]   location: median mean sd{bound}   depth: median mean sd{bound} [mm]   found"]
+    for row in rows:
+        if row.location is None or row.depth is None:
+            continue
+        limits = found.bound_mm.get(row.depth_mm)
+        sides = [
+            f"{_spread(spread)}" + (f"   {limits[number]:.3f}" if limits else "")
+            for number, spread in enumerate((row.location, row.depth))
+        ]
+        lines.append(f"  {row.depth_mm:10.1f}   {sides[0]}   {sides[1]}   {row.found:.0%}")
+    return lines
+
+
+def _spread(one: Spread) -> str:
+    return f"{one.median:.3f} {one.mean:.3f} {one.deviation:.3f}"
+
+
+def _medians(row: ErrorRow) -> dict[str, Any]:
+    return {
+        "depth_mm": row.depth_mm,
+        "location_median_mm": None if row.location is None else row.location.median,
+        "depth_median_mm": None if row.depth is None else row.depth.median,
+        "found": row.found,
+    }

@@ -1,0 +1,166 @@
+"""The page on accuracy: touch, place and depth by model, beside the bound and what was published; one file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from html import escape
+from importlib.resources import files
+from string import Template
+
+from optopad.accuracy import Accuracy, ModelAccuracy
+from optopad.report.drawings import Drawing, figure_of
+from optopad.report.markup import Html, bullets, element, joined, section, table
+from sims.evaluation.tables import WITHIN_MM, ErrorRow, Spread
+
+TITLES = {
+    "touch": "Touch",
+    "errors": "Place and depth",
+    "arrows": "Arrows",
+    "depths": "Single places",
+    "notes": "Notes",
+}
+HALF_MM = f"{WITHIN_MM:g} mm"
+
+
+def accuracy_page(found: Accuracy, drawings: Mapping[str, Drawing]) -> str:
+    """The whole page as HTML text.
+
+    Parameters
+    ----------
+    drawings : SVG text by name: touch, errors, arrows-<learner>, depths-<learner>
+    """
+    sections = [
+        _touch_section(found, drawings),
+        _error_section(found, drawings),
+        _pictures("arrows", "Where each press is put", found, drawings),
+        _pictures("depths", "Depth at single places", found, drawings),
+        section("notes", "Notes", bullets(found.notes)),
+    ]
+    links = bullets([element("a", title, href=f"#{name}") for name, title in TITLES.items()])
+    template = (files("optopad.report") / "still_page.html").read_text(encoding="utf-8")
+    return Template(template).substitute(
+        title=escape(f"{found.name}: accuracy"),
+        kind="accuracy report",
+        style=(files("optopad.report") / "page.css").read_text(encoding="utf-8"),
+        name=escape(found.name),
+        digest=escape((found.digest or "")[:8]),
+        navigation=element("nav", links, aria_label="Parts of this page"),
+        verdict=_banner(found),
+        sections=joined(sections, "\n"),
+    )
+
+
+def _banner(found: Accuracy) -> Html:
+    learner, best = min(found.pooled().items(), key=lambda item: _mean_location(item[1].errors))
+    told = [row for row in best.errors if row.location is not None and row.depth is not None]
+    words = "; ".join(
+        f"{row.depth_mm:g} mm deep: place {row.location.median:.2f} mm, depth {row.depth.median:.2f} mm"
+        for row in told
+        if row.location is not None and row.depth is not None
+    )
+    return element(
+        "div",
+        element("h2", "Expected accuracy", class_="word"),
+        element("p", f"Median errors of {learner}, the best model here: {words or 'no touched samples'}."),
+        class_="verdict contiguous",
+    )
+
+
+def _mean_location(rows: tuple[ErrorRow, ...]) -> float:
+    known = [row.location.median for row in rows if row.location is not None and row.depth_mm >= 1.0]
+    return sum(known) / len(known) if known else float("inf")
+
+
+def _touch_section(found: Accuracy, drawings: Mapping[str, Drawing]) -> Html:
+    names = [one.title for one in found.found]
+    rows = []
+    for number, row in enumerate(found.found[0].touch):
+        cells = [_share(one, number) for one in found.found]
+        if found.published is not None:
+            for side in (True, False):
+                share = found.published.right(row.depth_mm, is_ambient=side)
+                cells.append("" if share is None else f"{share:.2f}")
+        rows.append((f"{row.depth_mm:g}", *cells))
+    heads = ["depth [mm]", *names]
+    if found.published is not None:
+        heads += ["published, ambient", "published, dark"]
+    return section(
+        "touch",
+        "Touch told rightly",
+        element(
+            "p",
+            "Share of samples at a depth that are told rightly: untouched below 0 mm, touched from 0 mm on.",
+        ),
+        figure_of(drawings["touch"], "Bars: standard error from presses."),
+        table(heads, rows, label="Touch told rightly", numeric=range(1, len(heads)), class_="wide"),
+        *([element("p", found.published.source, class_="note")] if found.published is not None else []),
+    )
+
+
+def _share(one: ModelAccuracy, number: int) -> str:
+    row = one.touch[number]
+    if row.right is None:
+        return ""
+    return f"{row.right:.2f}" + ("" if row.right_error is None else f" ± {row.right_error:.2f}")
+
+
+def _error_section(found: Accuracy, drawings: Mapping[str, Drawing]) -> Html:
+    heads = (
+        "depth [mm]", "place: median", "mean", "sd", "95 %", "depth: median", "mean", "sd", f"within {HALF_MM}",
+        "found", "found, place: median", "found, depth: median",
+    )  # fmt: skip
+    tables = []
+    for one in found.found:
+        rows = [_error_cells(row) for row in one.errors if row.samples]
+        tables += [
+            element("h3", one.title),
+            table(heads, rows, label=f"Errors of {one.title}", numeric=range(1, len(heads)), class_="wide"),
+        ]
+    bound = [
+        (f"{depth:g}", f"{location:.3f}", f"{of_depth:.3f}")
+        for depth, (location, of_depth) in found.bound_mm.items()
+    ]
+    if bound:
+        tables += [
+            element("h3", "Cramér-Rao bound under the same chain"),
+            table(("depth [mm]", "place [mm]", "depth [mm]"), bound, label="Bound", numeric=(1, 2)),
+        ]
+    return section(
+        "errors",
+        "Error of place and depth",
+        element(
+            "p",
+            "Errors [mm] of all samples that are truly touched, then of those that the model finds. Bars in the "
+            "figure end at the 95th percentile.",
+        ),
+        figure_of(drawings["errors"], "Median; bars end at the 95th percentile."),
+        *tables,
+    )
+
+
+def _error_cells(row: ErrorRow) -> tuple[str, ...]:
+    return (
+        f"{row.depth_mm:g}",
+        *_four(row.location),
+        *_four(row.depth)[:3],
+        f"{row.within:.0%}",
+        f"{row.found:.0%}",
+        "" if row.found_location is None else f"{row.found_location.median:.3f}",
+        "" if row.found_depth is None else f"{row.found_depth.median:.3f}",
+    )
+
+
+def _four(one: Spread | None) -> tuple[str, str, str, str]:
+    if one is None:
+        return "", "", "", ""
+    return (
+        f"{one.median:.3f} ± {one.median_error:.3f}",
+        f"{one.mean:.3f}",
+        f"{one.deviation:.3f}",
+        f"{one.p95:.3f}",
+    )
+
+
+def _pictures(kind: str, title: str, found: Accuracy, drawings: Mapping[str, Drawing]) -> Html:
+    shown = [figure_of(drawings[f"{kind}-{learner}"], learner) for learner in found.learners]
+    return section(kind, title, *shown)

@@ -1,0 +1,1 @@
+"""How well a press is told: predictions held against presses, in the tables of the paper."""

@@ -1,0 +1,201 @@
+"""The paper's tables: touch told by depth; error of place and of depth by depth.
+
+Touch: the share of samples at a depth that are told rightly, untouched below 0 mm, touched from 0 mm on. Errors:
+median, mean and standard deviation of the distance in the plane and of the absolute difference in depth, over the
+samples at a depth that are truly touched (the regressor alone), and over those of them that the model finds (the
+cascade); how many it finds stands beside. The median has a standard error by resampling whole presses, not samples:
+press and retraction at one place share its offsets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sims.evaluation.judged import JudgedPresses
+
+FloatArray = NDArray[np.float64]
+
+TOUCH_DEPTHS_MM = (-0.4, -0.2, 0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+ERROR_DEPTHS_MM = (0.1, 0.5, 1.0, 2.0, 3.0, 5.0)
+"""Rows of the paper's tables [mm]."""
+
+RESAMPLES = 200
+"""Draws of the bootstrap: its standard error is then itself known to 5 %."""
+
+WITHIN_MM = 0.5
+"""Depth is told within this at the share that a row states [mm]; the paper's own measure."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TouchRow:
+    """How often touch is told rightly at one depth.
+
+    Attributes
+    ----------
+    depth_mm : of the tip [mm]
+    right : share of the samples told rightly [-]; None without samples
+    right_error : its standard error, from presses [-]
+    samples, presses : what it rests on
+    """
+
+    depth_mm: float
+    right: float | None
+    right_error: float | None
+    samples: int
+    presses: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spread:
+    """Median, mean, standard deviation and 95th percentile of an error, and the standard error of the median [mm]."""
+
+    median: float
+    mean: float
+    deviation: float
+    p95: float
+    median_error: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorRow:
+    """Errors of place and depth at one depth.
+
+    Attributes
+    ----------
+    depth_mm : of the tip [mm]
+    found : share of the samples that the model finds touched [-]
+    within : share of depths told within `WITHIN_MM` [-]
+    location, depth : errors of all that are truly touched [mm]; None without samples
+    found_location, found_depth : of those that the model finds [mm]; None where it finds none
+    samples, presses : what it rests on
+    """
+
+    depth_mm: float
+    found: float
+    within: float
+    location: Spread | None
+    depth: Spread | None
+    found_location: Spread | None
+    found_depth: Spread | None
+    samples: int
+    presses: int
+
+
+def touch_rows(presses: JudgedPresses, depths_mm: Sequence[float] = TOUCH_DEPTHS_MM) -> tuple[TouchRow, ...]:
+    """Touch told rightly, by depth [mm]."""
+    return tuple(_touch_row(presses.at_depth(depth), depth) for depth in depths_mm)
+
+
+def error_rows(
+    presses: JudgedPresses, depths_mm: Sequence[float] = ERROR_DEPTHS_MM, *, seed: int = 0
+) -> tuple[ErrorRow, ...]:
+    """Errors of place and depth, by depth [mm]; `seed` is that of the bootstrap."""
+    return tuple(_error_row(presses.at_depth(depth), depth, seed) for depth in depths_mm)
+
+
+def _touch_row(at_depth: JudgedPresses, depth_mm: float) -> TouchRow:
+    count = len(np.unique(at_depth.place_number))
+    if not len(at_depth):
+        return TouchRow(depth_mm=depth_mm, right=None, right_error=None, samples=0, presses=0)
+    is_right = at_depth.is_found == (depth_mm >= 0.0)
+    by_press = np.bincount(at_depth.place_number, is_right) / np.maximum(
+        np.bincount(at_depth.place_number), 1
+    )
+    shares = by_press[np.unique(at_depth.place_number)]
+    error = float(shares.std(ddof=1) / np.sqrt(count)) if count > 1 else None
+    return TouchRow(
+        depth_mm=depth_mm,
+        right=float(is_right.mean()),
+        right_error=error,
+        samples=len(at_depth),
+        presses=count,
+    )
+
+
+def _error_row(at_depth: JudgedPresses, depth_mm: float, seed: int) -> ErrorRow:
+    found = at_depth.only(at_depth.is_found)
+    count = len(at_depth)
+    return ErrorRow(
+        depth_mm=depth_mm,
+        found=float(at_depth.is_found.mean()) if count else 0.0,
+        within=float((at_depth.depth_error_mm <= WITHIN_MM).mean()) if count else 0.0,
+        location=_spread(at_depth.location_error_mm, at_depth, seed),
+        depth=_spread(at_depth.depth_error_mm, at_depth, seed),
+        found_location=_spread(found.location_error_mm, found, seed),
+        found_depth=_spread(found.depth_error_mm, found, seed),
+        samples=count,
+        presses=len(np.unique(at_depth.place_number)),
+    )
+
+
+def _spread(error_mm: FloatArray, presses: JudgedPresses, seed: int) -> Spread | None:
+    if not error_mm.size:
+        return None
+    return Spread(
+        median=float(np.median(error_mm)),
+        mean=float(error_mm.mean()),
+        deviation=float(error_mm.std()),
+        p95=float(np.percentile(error_mm, 95.0)),
+        median_error=_median_error(error_mm, presses, seed),
+    )
+
+
+def _median_error(error_mm: FloatArray, presses: JudgedPresses, seed: int) -> float:
+    """Standard error of a median, from resampled presses."""
+    numbers = np.unique(presses.place_number)
+    rows = [np.flatnonzero(presses.place_number == number) for number in numbers]
+    rng = np.random.default_rng(seed)
+    medians = [
+        np.median(error_mm[np.concatenate([rows[k] for k in rng.integers(len(rows), size=len(rows))])])
+        for _ in range(RESAMPLES)
+    ]
+    return float(np.std(medians))
+
+
+def touch_json(rows: Sequence[TouchRow]) -> list[dict[str, Any]]:
+    """Rows as plain data."""
+    return [
+        {
+            "depth_mm": row.depth_mm,
+            "right": row.right,
+            "right_error": row.right_error,
+            "samples": row.samples,
+            "presses": row.presses,
+        }
+        for row in rows
+    ]
+
+
+def error_json(rows: Sequence[ErrorRow]) -> list[dict[str, Any]]:
+    """Rows as plain data; what is not known is null."""
+    return [
+        {
+            "depth_mm": row.depth_mm,
+            "found": row.found,
+            f"depth_within_{WITHIN_MM:g}_mm": row.within,
+            "location_mm": _spread_json(row.location),
+            "depth_error_mm": _spread_json(row.depth),
+            "found_location_mm": _spread_json(row.found_location),
+            "found_depth_error_mm": _spread_json(row.found_depth),
+            "samples": row.samples,
+            "presses": row.presses,
+        }
+        for row in rows
+    ]
+
+
+def _spread_json(spread: Spread | None) -> dict[str, float] | None:
+    if spread is None:
+        return None
+    return {
+        "median": spread.median,
+        "median_error": spread.median_error,
+        "mean": spread.mean,
+        "deviation": spread.deviation,
+        "p95": spread.p95,
+    }
