@@ -24,6 +24,7 @@ from design.base import Model, PartId, without_defaults
 from design.catalog import CatalogEntries
 from design.errors import DesignError
 from design.layout import Pattern
+from design.noise import Noise
 from design.tip_shape import shape_fault
 from design.validation import design_error
 
@@ -254,13 +255,6 @@ class BoardUse(Model):
     frame_rate_hz: Annotated[float, Field(ge=0.001, le=5000.0, description="full frames a second wanted")] = (
         60.0
     )
-
-
-class Noise(Model):
-    """Noise of one reading in ADC counts: sigma^2 = 1/12 + read^2 + (relative x counts)^2."""
-
-    read_noise_counts: Annotated[float, Field(ge=0.0, le=100.0)] = 0.5
-    relative_noise: Annotated[float, Field(ge=0.0, le=0.5)] = 0.003
 
 
 class Gain(Model):
