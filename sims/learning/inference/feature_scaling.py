@@ -11,6 +11,7 @@ blown up into noise).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,9 +35,9 @@ class FeatureScaling:
     centre: FloatArray
     scale: FloatArray
 
-    def features(self, signals: FloatArray) -> FloatArray:
+    def features(self, signals: NDArray[np.floating[Any]]) -> FloatArray:
         """(n, feature) of frames (n, pair) [-]."""
-        return (signals[:, self.kept] - self.centre) / self.scale
+        return np.asarray((signals[:, self.kept] - self.centre) / self.scale)
 
     def arrays(self, prefix: str) -> dict[str, NDArray[np.generic]]:
         """The numbers, named for a model's file."""

@@ -1,0 +1,149 @@
+"""A forest of regression trees as flat arrays.
+
+A node says: if feature `f` is at most `threshold`, go to the next node, else to node `other`. A leaf has feature -1 and
+`other` is its row of `leaf_mm`. The answer is the mean over the trees' leaves, their spread the raw deviation. All
+trees go down a level at a time together. Source: Geurts, Ernst and Wehenkel, Extremely randomized trees, Machine
+Learning 63 (2006).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import InputError
+from sims.learning.inference.feature_scaling import FeatureScaling, scaling_of_arrays
+from sims.learning.inference.header import ModelHeader
+from sims.learning.inference.prediction import FloatArray, Prediction
+from sims.learning.inference.sigma_table import SigmaTable, sigma_table_of_arrays
+from sims.learning.inference.touch_model import Arrays, checked_signals, prediction_of, taken
+from sims.learning.inference.touch_svm import TouchSvm, touch_svm_of_arrays
+
+FRAMES_AT_ONCE = 1_000
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Forest:
+    """Trees one after another in shared arrays.
+
+    Attributes
+    ----------
+    roots : (tree,) number of each tree's first node
+    feature : (node,) which feature is asked; -1 at a leaf
+    threshold : (node,) in units of the feature
+    other : (node,) where to go above the threshold; at a leaf, its row of leaf_mm
+    leaf_mm : (leaf, 3) x, y, depth [mm]
+    """
+
+    roots: NDArray[np.int32]
+    feature: NDArray[np.int16]
+    threshold: NDArray[np.float32]
+    other: NDArray[np.int32]
+    leaf_mm: NDArray[np.float32]
+
+    def leaves_mm(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(n, tree, 3) what each tree says of features (n, feature) [mm]."""
+        node = np.broadcast_to(self.roots, (len(features), len(self.roots))).copy()
+        row = np.arange(len(features))[:, None]
+        while True:
+            asked = self.feature[node]
+            is_inner = asked >= 0
+            if not is_inner.any():
+                return np.asarray(self.leaf_mm[self.other[node]])
+            is_low = features[row, asked] <= self.threshold[node]
+            node = np.where(is_inner, np.where(is_low, node + 1, self.other[node]), node)
+
+    def arrays(self) -> dict[str, NDArray[np.generic]]:
+        """The numbers, named for a model's file."""
+        return {
+            "forest_roots": self.roots,
+            "forest_feature": self.feature,
+            "forest_threshold": self.threshold,
+            "forest_other": self.other,
+            "forest_leaf_mm": self.leaf_mm,
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ExtraTreesModel:
+    """A touch classifier, a forest for the press, and the trust in its spread.
+
+    Attributes
+    ----------
+    header : what it was trained on
+    touch : of the first stage
+    scaling : of the forest's features
+    forest : says x, y, depth
+    sigma : factors of the trees' spread
+    """
+
+    header: ModelHeader
+    touch: TouchSvm
+    scaling: FeatureScaling
+    forest: Forest
+    sigma: SigmaTable
+
+    def predict(self, signals: FloatArray) -> Prediction:
+        """Answers to frames (n, pair) [counts]."""
+        signals = checked_signals(self.header, signals)
+        press_mm, spread_mm = self.press_and_spread_mm(signals)
+        sigma_mm = self.sigma.sigma_mm(press_mm[:, 2], spread_mm)
+        return prediction_of(self.header, self.touch.score(signals), press_mm, sigma_mm)
+
+    def press_and_spread_mm(self, signals: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(n, 3) mean over the trees and (n, 3) their standard deviation [mm]."""
+        features = self.scaling.features(signals).astype(np.float32)
+        press_mm, spread_mm = np.empty((2, len(features), 3))
+        for start in range(0, len(features), FRAMES_AT_ONCE):
+            rows = slice(start, start + FRAMES_AT_ONCE)
+            said = self.forest.leaves_mm(features[rows]).astype(np.float64)
+            press_mm[rows], spread_mm[rows] = said.mean(axis=1), said.std(axis=1)
+        return press_mm, spread_mm
+
+    def arrays(self) -> Arrays:
+        """The numbers that its file keeps."""
+        return self.touch.arrays() | self.scaling.arrays("trees") | self.forest.arrays() | self.sigma.arrays()
+
+
+def extra_trees_of_arrays(header: ModelHeader, arrays: Arrays) -> ExtraTreesModel:
+    """What `ExtraTreesModel.arrays` wrote; raises InputError where it does not fit."""
+    pairs = len(header.untouched_counts)
+    scaling = scaling_of_arrays(arrays, "trees", pairs)
+    return ExtraTreesModel(
+        header=header,
+        touch=touch_svm_of_arrays(arrays, pairs),
+        scaling=scaling,
+        forest=_forest(arrays, len(scaling.kept)),
+        sigma=sigma_table_of_arrays(arrays),
+    )
+
+
+def _forest(arrays: Arrays, features: int) -> Forest:
+    """Trees whose walks all end: every step goes to a later node of the array."""
+    feature = taken(arrays, "forest_feature", (None,)).astype(np.int16)
+    other = taken(arrays, "forest_other", feature.shape).astype(np.int32)
+    roots = taken(arrays, "forest_roots", (None,)).astype(np.int32)
+    leaf_mm = taken(arrays, "forest_leaf_mm", (None, 3)).astype(np.float32)
+    inner = feature >= 0
+    numbers = np.arange(len(feature))
+    if (
+        not (len(roots) and len(feature))
+        or inner[-1]
+        or feature.max() >= features
+        or (other[inner] <= numbers[inner]).any()
+        or (other[inner] >= len(feature)).any()
+        or other[~inner].min() < 0
+        or other[~inner].max() >= len(leaf_mm)
+        or roots.min() < 0
+        or roots.max() >= len(feature)
+    ):
+        raise InputError("forest_other: its trees lead to nodes or leaves that are not there")
+    return Forest(
+        roots=roots,
+        feature=feature,
+        threshold=taken(arrays, "forest_threshold", feature.shape).astype(np.float32),
+        other=other,
+        leaf_mm=leaf_mm,
+    )

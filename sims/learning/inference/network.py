@@ -1,0 +1,143 @@
+"""Small neural networks: layers of weighted sums, each but the last behind the rectifier or the hyperbolic tangent.
+
+    h_0 = features;  h_k = act(h_{k-1} W_k + b_k);  (x, y, depth) = mean + scale × (h_{n-1} W_n + b_n)
+
+Several networks that differ by their random start answer together: their mean is the answer, their spread part of the
+raw deviation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import InputError
+from sims.learning.inference.feature_scaling import FeatureScaling, scaling_of_arrays
+from sims.learning.inference.header import ModelHeader
+from sims.learning.inference.prediction import FloatArray, Prediction
+from sims.learning.inference.sigma_table import SigmaTable, sigma_table_of_arrays
+from sims.learning.inference.touch_model import Arrays, checked_signals, prediction_of, taken
+from sims.learning.inference.touch_svm import TouchSvm, touch_svm_of_arrays
+
+ACTIVATIONS = ("relu", "tanh")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Network:
+    """Layers of one network.
+
+    Attributes
+    ----------
+    weights : of each layer (inputs, outputs)
+    biases : of each layer (outputs,)
+    activation : relu or tanh
+    """
+
+    weights: tuple[NDArray[np.float32], ...]
+    biases: tuple[NDArray[np.float32], ...]
+    activation: str
+
+    def outputs(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(n, output) of features (n, feature) [-]."""
+        found = features
+        for weights, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
+            found = found @ weights + bias
+            found = np.maximum(found, 0.0) if self.activation == "relu" else np.tanh(found)
+        return np.asarray(found @ self.weights[-1] + self.biases[-1])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NetworkModel:
+    """A touch classifier, networks for the press, and the trust in their answers.
+
+    Attributes
+    ----------
+    header : what it was trained on
+    touch : of the first stage
+    scaling : of the networks' features
+    networks : that answer together
+    mean_mm, scale_mm : (3,) of the outputs [mm]
+    sigma : factors of the raw deviation
+    """
+
+    header: ModelHeader
+    touch: TouchSvm
+    scaling: FeatureScaling
+    networks: tuple[Network, ...]
+    mean_mm: FloatArray
+    scale_mm: FloatArray
+    sigma: SigmaTable
+
+    def predict(self, signals: FloatArray) -> Prediction:
+        """Answers to frames (n, pair) [counts]."""
+        signals = checked_signals(self.header, signals)
+        press_mm, spread_mm = self.press_and_spread_mm(signals)
+        sigma_mm = self.sigma.sigma_mm(press_mm[:, 2], spread_mm)
+        return prediction_of(self.header, self.touch.score(signals), press_mm, sigma_mm)
+
+    def press_and_spread_mm(self, signals: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(n, 3) mean over the networks, and (n, 3) raw deviation: 1 mm, as single networks do not know theirs [mm]."""
+        features = self.scaling.features(signals).astype(np.float32)
+        said = np.mean([one.outputs(features) for one in self.networks], axis=0, dtype=np.float64)
+        press_mm = np.asarray(self.mean_mm + said * self.scale_mm)
+        return press_mm, np.ones_like(press_mm)
+
+    def arrays(self) -> Arrays:
+        """The numbers that its file keeps."""
+        layers = {
+            f"network_{number}_{layer}_{name}": array
+            for number, one in enumerate(self.networks)
+            for layer, (weights, bias) in enumerate(zip(one.weights, one.biases, strict=True))
+            for name, array in (("weights", weights), ("bias", bias))
+        }
+        shape = np.array([len(self.networks), len(self.networks[0].weights)])
+        return (
+            self.touch.arrays()
+            | self.scaling.arrays("network")
+            | layers
+            | {
+                "network_shape": shape,
+                "network_activation": np.array([ACTIVATIONS.index(self.networks[0].activation)]),
+                "network_mean_mm": self.mean_mm,
+                "network_scale_mm": self.scale_mm,
+            }
+            | self.sigma.arrays()
+        )
+
+
+def network_of_arrays(header: ModelHeader, arrays: Arrays) -> NetworkModel:
+    """What `NetworkModel.arrays` wrote; raises InputError where it does not fit."""
+    pairs = len(header.untouched_counts)
+    scaling = scaling_of_arrays(arrays, "network", pairs)
+    count, layers = (int(number) for number in taken(arrays, "network_shape", (2,)))
+    activation = int(taken(arrays, "network_activation", (1,))[0])
+    if not (1 <= count <= 100 and 1 <= layers <= 20 and 0 <= activation < len(ACTIVATIONS)):
+        raise InputError(
+            "network_shape: names numbers of networks, layers or an activation that are not known"
+        )
+    return NetworkModel(
+        header=header,
+        touch=touch_svm_of_arrays(arrays, pairs),
+        scaling=scaling,
+        networks=tuple(
+            _network(arrays, number, layers, len(scaling.kept), ACTIVATIONS[activation])
+            for number in range(count)
+        ),
+        mean_mm=taken(arrays, "network_mean_mm", (3,)),
+        scale_mm=taken(arrays, "network_scale_mm", (3,)),
+        sigma=sigma_table_of_arrays(arrays),
+    )
+
+
+def _network(arrays: Arrays, number: int, layers: int, inputs: int, activation: str) -> Network:
+    """One network whose layers fit together and end in three outputs."""
+    weights: list[NDArray[np.float32]] = []
+    biases: list[NDArray[np.float32]] = []
+    for layer in range(layers):
+        wanted = (inputs, 3 if layer == layers - 1 else None)
+        weights.append(taken(arrays, f"network_{number}_{layer}_weights", wanted).astype(np.float32))
+        inputs = weights[-1].shape[1]
+        biases.append(taken(arrays, f"network_{number}_{layer}_bias", (inputs,)).astype(np.float32))
+    return Network(weights=tuple(weights), biases=tuple(biases), activation=activation)

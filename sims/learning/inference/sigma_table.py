@@ -1,0 +1,50 @@
+"""How far to trust what a model says of its own spread: factors by depth, measured at places it was not trained on.
+
+    sigma = raw sigma × factor(depth said)
+
+Factors are linear in depth between the table's depths, and constant outside. A model without any spread of its own says
+1 mm, and the factor is its error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import InputError
+from sims.learning.inference.prediction import FloatArray
+from sims.learning.inference.touch_model import Arrays, taken
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SigmaTable:
+    """Factors of the standard deviation.
+
+    Attributes
+    ----------
+    depth_mm : (depth,) rising [mm]
+    factor : (depth, 3) of x, y, depth [-]
+    """
+
+    depth_mm: FloatArray
+    factor: FloatArray
+
+    def sigma_mm(self, depth_mm: FloatArray, raw_mm: FloatArray) -> FloatArray:
+        """(n, 3) standard deviations [mm] of raw ones (n, 3) [mm] at depths (n,) that the model said [mm]."""
+        factors = [np.interp(depth_mm, self.depth_mm, column) for column in self.factor.T]
+        return np.asarray(raw_mm * np.stack(factors, axis=1))
+
+    def arrays(self) -> dict[str, NDArray[np.generic]]:
+        """The numbers, named for a model's file."""
+        return {"sigma_depth_mm": self.depth_mm, "sigma_factor": self.factor}
+
+
+def sigma_table_of_arrays(arrays: Arrays) -> SigmaTable:
+    """What `SigmaTable.arrays` wrote; raises InputError where it does not fit."""
+    depth_mm = taken(arrays, "sigma_depth_mm", (None,))
+    factor = taken(arrays, "sigma_factor", (len(depth_mm), 3))
+    if not len(depth_mm) or (np.diff(depth_mm) <= 0.0).any() or factor.min() < 0.0:
+        raise InputError("sigma_depth_mm: needs rising depths and factors of 0 or more")
+    return SigmaTable(depth_mm=depth_mm, factor=factor)

@@ -1,0 +1,29 @@
+"""The learners by name: each makes a model of training data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+from sims.dataset import PressData
+from sims.learning.inference.touch_model import TouchModel
+from sims.learning.kernel_ridge_fit import fit_kernel_ridge
+from sims.learning.settings import FitSettings
+
+OnStep = Callable[[str, float], None]
+
+
+class Learner(Protocol):
+    """What makes a model."""
+
+    def __call__(
+        self, train: PressData, *, seed: int = ..., on_step: OnStep = ..., settings: FitSettings = ...
+    ) -> TouchModel:
+        """Train; raises InputError where the data do not suffice."""
+        ...
+
+
+LEARNERS: dict[str, Learner] = {
+    "kernel-ridge": fit_kernel_ridge,
+}
+"""Name, which is also the kind of the model -> its fit."""

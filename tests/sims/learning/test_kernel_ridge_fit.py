@@ -1,0 +1,80 @@
+"""The paper's cascade learns a made-up pad."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sims.learning.errors_mm import location_error_mm
+from sims.learning.inference.model_file import load_model, save_model
+from sims.learning.kernel_ridge_fit import GAMMA_TIMES_MEDIAN, RIDGES, fit_kernel_ridge, median_distance
+from sims.learning.settings import QUICK
+from tests.sims.learning.made_up_pad import grid_mm, made_up_data, random_places_mm
+
+SMALL = replace(QUICK, search_samples=600, fit_samples=1_500)
+
+
+@pytest.fixture(scope="module")
+def model():
+    return fit_kernel_ridge(made_up_data(grid_mm(11), sets=2), seed=3, settings=SMALL)
+
+
+@pytest.fixture(scope="module")
+def test_set():
+    return made_up_data(random_places_mm(60), seed=77, role="test", sets=2)
+
+
+def test_random_places_are_found_to_half_the_grids_step(model, test_set):
+    touched = test_set.press_mm[:, 2] >= 1.0
+    found = model.predict(test_set.features().astype(float)[touched])
+    # the grid's step is 2 mm: an answer of the nearest trained place would be off by 0.76 mm in the mean
+    assert np.median(location_error_mm(found.press_mm, test_set.press_mm[touched])) < 0.76
+    assert np.median(np.abs(found.press_mm[:, 2] - test_set.press_mm[touched, 2])) < 0.25  # a depth step
+
+
+def test_touch_is_told_from_half_a_millimetre_and_not_above_the_surface(model, test_set):
+    found = model.predict(test_set.features().astype(float))
+    depth_mm = test_set.press_mm[:, 2]
+    assert found.is_touched[depth_mm >= 0.5].mean() > 0.95
+    assert found.is_touched[depth_mm < 0.0].mean() < 0.05
+
+
+def test_the_header_says_what_the_search_chose(model):
+    settings, facts = model.header.settings, model.header.trained_on
+    assert settings["gamma_times_median"] in GAMMA_TIMES_MEDIAN
+    assert settings["lambda"] in RIDGES
+    assert settings["gamma"] * settings["median_distance_counts"] == pytest.approx(
+        settings["gamma_times_median"]
+    )
+    assert (settings["method"], settings["fit_samples"], settings["seed"]) == ("exact", 1_500, 3)
+    assert (facts["locations"], facts["presses"], facts["sets"]) == (121, 242, ["train-0", "train-1"])
+    assert facts["data"] == {"protocol": "made-up", "seed": 0}
+    assert model.header.created_with.keys() >= {"optopad", "numpy", "scipy", "scikit-learn"}
+
+
+def test_training_again_with_the_seed_gives_the_same_model(model):
+    again = fit_kernel_ridge(made_up_data(grid_mm(11), sets=2), seed=3, settings=SMALL)
+    assert np.array_equal(again.weights, model.weights)
+    assert np.array_equal(again.touch.weights, model.touch.weights)
+
+
+def test_the_saved_model_answers_the_same(model, test_set, tmp_path):
+    save_model(tmp_path / "a.optomodel", model)
+    signals = test_set.features().astype(float)[:20]
+    assert np.array_equal(
+        load_model(tmp_path / "a.optomodel").predict(signals).press_mm, model.predict(signals).press_mm
+    )
+
+
+def test_too_large_a_fit_says_that_it_was_approximated():
+    tiny = replace(SMALL, memory_gb=5e-3, landmarks=300)  # 1500 samples would take 9 MB in single precision
+    model = fit_kernel_ridge(made_up_data(grid_mm(6), sets=2), settings=tiny)
+    assert (model.header.settings["method"], len(model.samples)) == ("nystroem", 300)
+
+
+def test_the_median_distance_is_of_two_samples():
+    # two equally frequent values a distance 2 x 3 apart: half of the pairs are 0 apart, so three values
+    features = np.repeat(np.array([[0.0, 0.0], [3.0, 3.0], [6.0, 6.0]]), 10, axis=0)
+    assert median_distance(features, np.random.default_rng(0)) == pytest.approx(6.0)
