@@ -11,7 +11,7 @@ from sims.learning.errors_mm import location_error_mm
 from sims.learning.inference.model_file import load_model, save_model
 from sims.learning.kernel_ridge_fit import GAMMA_TIMES_MEDIAN, RIDGES, fit_kernel_ridge, median_distance
 from sims.learning.settings import QUICK
-from tests.sims.learning.made_up_pad import grid_mm, made_up_data, random_places_mm
+from tests.sims.learning.made_up_presses import grid_mm, made_up_data, random_places_mm
 
 SMALL = replace(QUICK, search_samples=600, fit_samples=1_500)
 
