@@ -35,7 +35,7 @@ from sims.readout import Readout, readout_of
 from sims.verdict.builds import score_curves
 from sims.verdict.defaults import DEADBAND_MIN_LENGTH_MM
 from sims.verdict.pad_map import COARSE_PLACES, grid_places_mm, map_grid_mm
-from sims.verdict.presses import MAP_ACCURACY, PAIR_ACCURACY, pad_light, pair_curves
+from sims.verdict.presses import PAIR_ACCURACY, pad_light, pair_curves
 from sims.verdict.result import JudgedPair
 
 PAIR_FIGURES = frozenset({"evenness", "continuity", "swing", "resolvable_steps"})
@@ -81,7 +81,7 @@ SETTINGS = {
     "score": Settings(
         untouched=ACCURACIES["standard"],
         pairs=PAIR_ACCURACY,
-        map=MAP_ACCURACY,
+        map=ACCURACIES["standard"],
         bounds=("draft", "standard"),
         step_mm=STEP_MM,
         map_step_mm=COARSE_STEP_MM,

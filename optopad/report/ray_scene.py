@@ -20,7 +20,6 @@ from sims.contact.tip import tip_of
 from sims.light_kinds import KINDS, LOST, LightKind, kind_of
 from sims.optics.paths import LightPath
 from sims.ray_states import Pair, Press, RayChoice, RayState, ray_states
-from sims.verdict.presses import MAP_ACCURACY
 from sims.verdict.result import ContinuityScore
 
 FloatArray = NDArray[np.float64]
@@ -115,7 +114,7 @@ def ray_scene(design: SensorDesign, score: ContinuityScore, *, seed: int) -> Ray
         draws_each_pair=True,
         pool_per_path=POOL_PER_PATH,
         most_rays=MOST_RAYS,
-        accuracy=MAP_ACCURACY,
+        accuracy="standard",
         seed=seed,
     )
     return RayScene(

@@ -14,7 +14,12 @@ from sims.observability import PadBounds, pad_bounds
 from sims.optics.light_signals import LightSignals
 from sims.readout import Readout
 from sims.verdict.pad_map import PadMap
-from sims.verdict.presses import MAP_ACCURACY, pad_light
+from sims.verdict.presses import pad_light
+
+NEAR_MM = 0.4
+"""Signals begin within this depth where a layout is any good [mm]; there the light is finer than a quick map's."""
+
+NEAR_ACCURACY = "standard"
 
 
 def map_bounds(
@@ -52,21 +57,26 @@ def map_bounds(
 def _felt(
     design: SensorDesign, pad_map: PadMap, pad_signals: LightSignals, readout: Readout, seed: int
 ) -> FeltForce:
-    """By the map's light, and that of the depths near contact which a coarse map leaves out."""
+    """By the map's light deeper than `NEAR_MM`, and finer light up to there, which decides where signals begin."""
     places_mm = np.array([(place.x_mm, place.y_mm) for place in pad_map.places])
     depth_mm = pad_signals.presses[: len(pad_signals.presses) // len(places_mm), 2]
-    light, depths = [pad_signals], [depth_mm]
-    left_out = np.array([near for near in NEAR_CONTACT_MM if near < depth_mm[-1] and near not in depth_mm])
-    if left_out.size:
-        light.append(pad_light(design, places_mm, left_out, accuracy=MAP_ACCURACY, seed=seed))
-        depths.append(left_out)
-    order = np.argsort(np.concatenate(depths))
-    shapes = [(len(pad_map.y_mm), len(pad_map.x_mm), len(depth), -1) for depth in depths]
+    every_mm = np.unique(np.concatenate([NEAR_CONTACT_MM, depth_mm]))
+    near_mm = every_mm[every_mm <= min(NEAR_MM, depth_mm[-1])]
+    is_deeper = depth_mm > near_mm[-1]
+    near = pad_light(design, places_mm, near_mm, accuracy=NEAR_ACCURACY, seed=seed)
+    grid = (len(pad_map.y_mm), len(pad_map.x_mm))
     flux, error = (
         np.concatenate(
-            [values.reshape(shape) for values, shape in zip(of_light, shapes, strict=True)], axis=2
-        )[:, :, order]
-        for of_light in ([part.flux for part in light], [part.standard_error for part in light])
+            [
+                fine.reshape(*grid, len(near_mm), -1),
+                coarse.reshape(*grid, len(depth_mm), -1)[:, :, is_deeper],
+            ],
+            axis=2,
+        )
+        for fine, coarse in (
+            (near.flux, pad_signals.flux),
+            (near.standard_error, pad_signals.standard_error),
+        )
     )
-    merged_mm = np.concatenate(depths)[order]
+    merged_mm = np.concatenate([near_mm, depth_mm[is_deeper]])
     return felt_force(design, flux, error, pad_map.x_mm, pad_map.y_mm, merged_mm, readout)

@@ -51,6 +51,15 @@ class Accuracy:
 
 ACCURACIES = {
     "draft": Accuracy(image_step=0.35, top_rings=14, top_columns=36, repeat_share=8e-4, wall_rays=1024),
+    "score": Accuracy(  # for maps of many states
+        rings=16,
+        columns=40,
+        image_step=0.35,
+        top_rings=10,
+        top_columns=24,
+        repeat_share=8e-4,
+        wall_rays=1024,
+    ),
     "standard": Accuracy(),
     "fine": Accuracy(
         rings=32,

@@ -16,6 +16,7 @@ from design.cavity import cavity_of
 from design.pairs import chord_midpoint_mm, judged_pairs, mask_of
 from design.spec import SensorDesign
 from sims.depths import COARSE_STEP_MM, depth_schedule_mm
+from sims.optics.accuracy import ACCURACIES
 from sims.optics.light_signals import LightSignals
 from sims.optics.tracing import trace
 from sims.readout import Readout, readout_of
@@ -24,13 +25,13 @@ from sims.verdict.defaults import DEADBAND_MIN_LENGTH_MM
 from sims.verdict.depth_curve import between, clipped
 from sims.verdict.noise_units import noise_units, sigma_counts
 from sims.verdict.pair_score import PairScore, score_pair
-from sims.verdict.presses import MAP_ACCURACY, Pair, PairCurves, curves_of, pair_curves, states_of
+from sims.verdict.presses import Pair, PairCurves, curves_of, pair_curves, states_of
 from sims.verdict.trace_noise import widened_threshold
 from sims.verdict.window_range import smallest_range
 
 FloatArray = NDArray[np.float64]
 
-ACCURACY = replace(MAP_ACCURACY, reference_rays=4096)
+ACCURACY = replace(ACCURACIES["standard"], reference_rays=4096)
 """Light settings of tried builds; the design as it is is traced the same way for comparison."""
 RESPONSE_WINDOW_MM = 1.0
 """Part of the depth in which the most responsive pair of a place is looked for [mm]."""

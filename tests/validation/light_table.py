@@ -36,7 +36,7 @@ from tests.validation.light_reference import BUILD, GROUPS, reference
 PAGE = Path(__file__).parents[2] / "docs" / "validation" / "light.md"
 DATA = PAGE.with_name("light.csv")
 MARKS = "<!-- made by tests/validation/light_table.py -->", "<!-- end -->"
-SETTINGS: tuple[Setting, ...] = ("draft", "standard", "fine")
+SETTINGS: tuple[Setting, ...] = ("draft", "score", "standard", "fine")
 JUDGED: Setting = "standard"
 LIMITS = Errors(rms=6e-4, median=2e-4, p95=1.5e-3, p99=2.5e-3, worst=8e-3, bias=1e-4)
 """What `JUDGED` must hold on the analytic surfaces, at no more than `CORE_SECONDS_LIMIT` a state."""

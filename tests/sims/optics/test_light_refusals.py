@@ -98,7 +98,7 @@ def test_pairs_of_a_wrong_shape_are_refused():
 
 
 def test_unknown_accuracy_and_single_replicates_are_refused():
-    with pytest.raises(InputError, match="one of draft, standard, fine"):
+    with pytest.raises(InputError, match="one of draft, score, standard, fine"):
         accuracy_of("best")
     with pytest.raises(InputError, match="2 or more"):
         accuracy_of(Accuracy(replicates=1))
