@@ -6,8 +6,10 @@ from collections.abc import Callable
 from typing import Protocol
 
 from sims.dataset import PressData
+from sims.learning.extra_trees_fit import fit_extra_trees
 from sims.learning.inference.touch_model import TouchModel
 from sims.learning.kernel_ridge_fit import fit_kernel_ridge
+from sims.learning.network_fit import fit_network
 from sims.learning.settings import FitSettings
 
 OnStep = Callable[[str, float], None]
@@ -25,5 +27,7 @@ class Learner(Protocol):
 
 LEARNERS: dict[str, Learner] = {
     "kernel-ridge": fit_kernel_ridge,
+    "extra-trees": fit_extra_trees,
+    "network": fit_network,
 }
 """Name, which is also the kind of the model -> its fit."""

@@ -8,6 +8,7 @@ are labelled, depth 0 as touched, as in the paper: no row is tuned.
 from __future__ import annotations
 
 import warnings
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,7 @@ MOST_ITERATIONS = 2_000
 
 def fit_touch(
     data: TrainingData, rng: np.random.Generator, most_samples: int
-) -> tuple[TouchSvm, dict[str, float]]:
+) -> tuple[TouchSvm, dict[str, Any]]:
     """The classifier, and what its fit found: `touch_cost`, `touch_held_out_right`, `touch_is_converged`."""
     chosen = spread_samples(data.press, data.press_mm[:, 2], min(most_samples, MOST_SAMPLES), rng)
     scaling = standard_scaling(data.kept, data.signals[chosen])

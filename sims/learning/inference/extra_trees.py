@@ -22,6 +22,8 @@ from sims.learning.inference.touch_model import Arrays, checked_signals, predict
 from sims.learning.inference.touch_svm import TouchSvm, touch_svm_of_arrays
 
 FRAMES_AT_ONCE = 1_000
+LEAST_SPREAD_MM = 0.05
+"""Trees that all end at samples of one place agree wholly, and are not right to the last digit for that."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,13 +95,13 @@ class ExtraTreesModel:
         return prediction_of(self.header, self.touch.score(signals), press_mm, sigma_mm)
 
     def press_and_spread_mm(self, signals: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(n, 3) mean over the trees and (n, 3) their standard deviation [mm]."""
+        """(n, 3) mean over the trees, and (n, 3) their standard deviation joined with LEAST_SPREAD_MM [mm]."""
         features = self.scaling.features(signals).astype(np.float32)
         press_mm, spread_mm = np.empty((2, len(features), 3))
         for start in range(0, len(features), FRAMES_AT_ONCE):
             rows = slice(start, start + FRAMES_AT_ONCE)
             said = self.forest.leaves_mm(features[rows]).astype(np.float64)
-            press_mm[rows], spread_mm[rows] = said.mean(axis=1), said.std(axis=1)
+            press_mm[rows], spread_mm[rows] = said.mean(axis=1), np.hypot(said.std(axis=1), LEAST_SPREAD_MM)
         return press_mm, spread_mm
 
     def arrays(self) -> Arrays:
