@@ -51,18 +51,21 @@ class DataWriter:
     header : what all samples share, as data without samples (`PressData.only` of an empty mask)
     asked : plain data that says what is being made, as protocol, seed and versions: only a journal of the same is
         taken up again
+    journal_folder : where the journal lies; beside the file if left out
 
     Raises
     ------
     OutputError : the folder cannot be written.
     """
 
-    def __init__(self, file: Path, header: PressData, *, asked: Any = None) -> None:
+    def __init__(
+        self, file: Path, header: PressData, *, asked: Any = None, journal_folder: Path | None = None
+    ) -> None:
         self.file, self._header = file, header
         self._type = _sample_type(header)
         self._line = _header_line(header, asked)
         name = hashlib.sha256(self._line).hexdigest()[:16]
-        self.journal = file.with_name(f".{file.name}.{name}.journal")
+        self.journal = (journal_folder or file.parent) / (f".{file.name}.{name}.journal")
         found = self._begun()
         self._done = set(found.presses)
         self._stream = self._opened(found)

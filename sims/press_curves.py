@@ -21,7 +21,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from design.contact_scope import DEEPEST_PRESS
 from design.errors import InputError, ModelScopeError
 from design.spec import SensorDesign
 
@@ -33,6 +32,8 @@ KNOTS_MM = (
     0.0, 0.06, 0.14, 0.26, 0.4, 0.6, 0.8, 1.0, 1.3, 1.6, 2.0, 2.4, 2.8, 3.2, 3.7, 4.1, 4.6, 5.1,
 )  # fmt: skip
 """Depths of the paper's tip, 3 mm in radius, pressed to 5 mm: dense where the surface starts to tilt [mm]."""
+COARSE_KNOTS_MM = (0.0, 0.1, 0.26, 0.45, 0.7, 1.0, 1.5, 2.1, 2.8, 3.6, 4.3, 5.1)
+"""For a first look, two thirds of the light; 0.73 counts rms off "draft", 0.62 off "standard", as above [mm]."""
 KNOTS_TIP_MM = 3.0
 """Tip radius of `KNOTS_MM`; contact and dimple scale with it [mm]."""
 SPARE_MM = 0.1
@@ -145,20 +146,25 @@ class PressCurves:
         return np.asarray((self.flux[:, -1] - self.flux[:, -2]) / span)
 
 
-def knots_mm(design: SensorDesign) -> FloatArray:
+def knots_mm(design: SensorDesign, *, is_coarse: bool = False) -> FloatArray:
     """Depths at which a design's curves are traced.
 
-    `KNOTS_MM` scaled with the tip, to a little beyond the deepest press where the contact model reaches so far;
-    denser by nothing, longer by its last step.
+    `KNOTS_MM` scaled with the tip, to a little beyond the deepest press where the contact model reaches so far.
+
+    Parameters
+    ----------
+    is_coarse : `COARSE_KNOTS_MM` in their place
 
     Returns
     -------
     (knot,) rising from 0 [mm]
     """
+    from sims.contact.scope import depth_limit_mm
+
     scale = design.indenter.tip_radius_mm / KNOTS_TIP_MM
     wanted = design.operating.max_depth_mm
-    end = max(min(wanted + SPARE_MM, DEEPEST_PRESS * design.indenter.tip_radius_mm), wanted)
-    knots = [one * scale for one in KNOTS_MM]
+    end = max(min(wanted + SPARE_MM, depth_limit_mm(design)), wanted)
+    knots = [one * scale for one in (COARSE_KNOTS_MM if is_coarse else KNOTS_MM)]
     kept = [one for one in knots if one < end - 0.25 * scale * (one > scale)]
     return np.round([*kept, end], 6)
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from design.spec import SensorDesign
 from optopad.cli.common import (
     DEFAULT_OUT,
     DesignArgument,
@@ -89,15 +91,30 @@ def simulate(
     rays: Annotated[
         int, typer.Option(min=1000, help="Rays per emitter and state of the ray tracer.")
     ] = 1_000_000,
+    protocol: Annotated[
+        str | None,
+        typer.Option(
+            "--protocol",
+            metavar="NAME|FILE",
+            help="Press by a protocol and make its data set: piacenza2017, piacenza2017-quick, or a file.",
+        ),
+    ] = None,
+    fit: Annotated[
+        bool, typer.Option("--fit", help="With --protocol: leave out depths beyond the design's range.")
+    ] = False,
     set_: SetOption = None,
     out: OutOption = DEFAULT_OUT,
     seed: SeedOption = 0,
     as_json: JsonOption = False,
 ) -> None:
-    """Light from every emitter to every receiver, path classes apart; netCDF into the bundle."""
+    """Light of chosen presses, path classes apart, or the data set of a press protocol; netCDF into the bundle."""
+    read = read_design(design, set_)
+    if protocol is not None:
+        _refuse_beside_protocol(press=press, oracle=oracle)
+        _simulate_protocol(read, protocol, fit=fit, out=out, seed=seed, as_json=as_json)
+        return
     from optopad.pipeline import write_signals
 
-    read = read_design(design, set_)
     presses = [parsed_press(text) for text in press or []]
     with progress(quiet=as_json) as step:
         summary, folder = write_signals(
@@ -108,6 +125,31 @@ def simulate(
     else:
         _say_signals(summary)
         say(f"files     {folder}")
+
+
+def _refuse_beside_protocol(**given: Any) -> None:
+    from design.errors import InputError
+
+    for name, value in given.items():
+        if value:
+            raise InputError(f"--{name}: does not go with --protocol, which has presses of its own; drop one")
+
+
+def _simulate_protocol(
+    design: SensorDesign, where: str, *, fit: bool, out: Path, seed: int, as_json: bool
+) -> None:
+    from design.protocol import load_protocol_file
+    from optopad.protocol_data import data_lines, write_protocol_data
+
+    protocol = load_protocol_file(where)
+    with progress(quiet=as_json) as step:
+        summary = write_protocol_data(
+            design, protocol.fitted_to(design) if fit else protocol, out, seed=seed, on_step=step
+        )
+    if as_json:
+        print_json(summary)
+    else:
+        say("\n".join(data_lines(summary)))
 
 
 def _say_signals(summary: dict[str, Any]) -> None:

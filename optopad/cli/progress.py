@@ -16,6 +16,8 @@ STAGE_TITLES = {
     "contact": "contact (MuJoCo)",
     "pairs": "light, pair by pair",
     "light": "light",
+    "loose walls": "light, walls torn loose",
+    "data": "samples",
     "map": "light, map of the pad",
     "tolerance": "tolerance of open values",
     "builds": "builds, everything off at once",

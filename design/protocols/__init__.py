@@ -1,0 +1,1 @@
+"""Ready press protocols; `optopad simulate --protocol` takes them by name."""
