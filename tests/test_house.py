@@ -43,6 +43,7 @@ ALLOWED = {
     "sims/learning/inference": {"numpy"},
     "fabrication": {"numpy", "pydantic", "tomlkit"},
     "fabrication/driver": {"serial", "numpy", "xarray"},
+    "fabrication/stage": {"numpy"},
     "optopad": {"distributed", "typer", "rich", "tomlkit", "numpy", "platformdirs", "xarray", "matplotlib"},
 }
 """Third-party imports, the nearest folder deciding. OCP is CadQuery's core, pydantic_core is pydantic's."""

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fabrication.driver.faults import Faults, faults_of
-from fabrication.driver.finger import NO_FINGER, FingerPath
+from fabrication.driver.finger import NO_FINGER, Finger
 from fabrication.driver.press_table import PressTable
 from fabrication.driver.protocol import (
     COMMAND_BYTES,
@@ -70,7 +70,7 @@ class FakeBoard:
         self,
         config: DriverConfig,
         table: PressTable,
-        path: FingerPath = NO_FINGER,
+        path: Finger = NO_FINGER,
         *,
         faults: Faults | None = None,
         seed: int = 0,

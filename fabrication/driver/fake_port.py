@@ -1,4 +1,4 @@
-"""A simulated board on a port: a pseudo-terminal, or a socket of this machine where there are none (Windows).
+"""A simulated device on a port: a pseudo-terminal, or a socket of this machine where there are none (Windows).
 
 Opening the port resets the board, as on an Arduino. A host that does not read loses bytes, as on a serial line.
 """
@@ -16,13 +16,29 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from design.errors import DeviceError, InputError
-from fabrication.driver.fake_board import FakeBoard
 
 IDLE_S = 0.02
 """How often a port that nobody has open is looked at."""
 
 LONGEST_WAIT_S = 0.05
 LARGEST_READ = 4096
+
+
+class Device(Protocol):
+    """What can be simulated on a port: bytes and times [s] go in, bytes come out."""
+
+    @property
+    def due_s(self) -> float:
+        """When it next says something by itself."""
+
+    def reset(self, now_s: float) -> None:
+        """Start anew: the port was opened."""
+
+    def spoken(self, now_s: float) -> bytes:
+        """What it says by itself at this time."""
+
+    def heard(self, piece: bytes, now_s: float) -> bytes:
+        """Take what the host sends; what it is answered."""
 
 
 class Wire(Protocol):
@@ -160,7 +176,7 @@ def new_wire(*, use_socket: bool = False, link: Path | None = None) -> Wire:
     return PtyWire(link)
 
 
-def serve(board: FakeBoard, wire: Wire, is_over: threading.Event) -> None:
+def serve(board: Device, wire: Wire, is_over: threading.Event) -> None:
     """Be the board until told otherwise."""
     was_open = False
     while not is_over.is_set():
@@ -188,7 +204,7 @@ class FakePort:
     wire : None makes a pseudo-terminal, or a socket where there are none
     """
 
-    def __init__(self, board: FakeBoard, wire: Wire | None = None) -> None:
+    def __init__(self, board: Device, wire: Wire | None = None) -> None:
         self._board = board
         self._wire = wire or new_wire()
         self._over = threading.Event()

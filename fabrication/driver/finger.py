@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +20,13 @@ FloatArray = NDArray[np.float64]
 HEADING = ("t_s", "x_mm", "y_mm", "depth_mm")
 HOVER_MM = -1.0
 """Depth of a finger that is lifted; 0 or less is untouched."""
+
+
+class Finger(Protocol):
+    """Whatever presses the simulated pad."""
+
+    def at(self, time_s: ArrayLike) -> FloatArray:
+        """(n, 3) x, y, depth [mm] at times since the board's reset [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)

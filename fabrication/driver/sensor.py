@@ -165,6 +165,10 @@ class Sensor:
         self._open.forget_waiting()
         return baseline
 
+    def skip_waiting(self) -> None:
+        """Drop the frames that wait to be read: the next one is new. They do not count as lost."""
+        self._open.forget_waiting()
+
     def record(self, path: str | os.PathLike[str]) -> Recorder:
         """Record every frame from now on, whether it is read or not, until the recorder or the sensor is closed.
 

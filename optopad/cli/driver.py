@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from optopad.cli import export, fake, firmware, sensor
+from optopad.cli import collect, export, fake, firmware, sensor
 from optopad.cli.common import (
     DEFAULT_OUT,
     DesignArgument,
@@ -26,7 +26,7 @@ driver = typer.Typer(
 
 def register(app: typer.Typer) -> None:
     """Add this group's verbs."""
-    for group in (firmware, sensor, export, fake):
+    for group in (firmware, sensor, export, collect, fake):
         group.register(driver)
     app.add_typer(driver, name="driver")
 

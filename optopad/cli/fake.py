@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,9 +17,10 @@ from optopad.cli.sensor import BundlesOption, ConfigArgument, SecondsOption
 if TYPE_CHECKING:
     from fabrication.driver.fake_board import FakeBoard
     from fabrication.driver.fake_port import Wire
-    from fabrication.driver.finger import FingerPath
+    from fabrication.driver.finger import Finger, FingerPath
     from fabrication.driver.press_table import PressTable
     from fabrication.driver_file import DriverConfig
+    from fabrication.stage.fake_printer import FakePrinter
 
 
 def register(driver: typer.Typer) -> None:
@@ -44,6 +46,14 @@ def fake(
     socket: Annotated[
         bool, typer.Option("--socket", help="A socket of this machine, not a pseudo-terminal.")
     ] = False,
+    stage_link: Annotated[
+        Path | None,
+        typer.Option(
+            "--stage-link",
+            metavar="NAME",
+            help="A simulated printer on a port of this name, whose tip is the finger.",
+        ),
+    ] = None,
     link: Annotated[
         Path | None, typer.Option("--link", metavar="NAME", help="A name for the port that stays the same.")
     ] = None,
@@ -58,27 +68,60 @@ def fake(
     as_json: JsonOption = False,
 ) -> None:
     """A simulated board on a port, fed by the simulation, with a finger that moves. Ctrl-C ends it."""
-    from design.io import write_text_atomically
     from fabrication.driver.fake_board import FakeBoard
-    from fabrication.driver.fake_port import new_wire
+    from fabrication.driver.fake_port import FakePort, new_wire
     from fabrication.driver.faults import faults_of
+    from fabrication.stage.fake_printer import TipFinger
     from optopad.driver_source import driver_source, press_table
 
     source = driver_source(config, set_, bundles)
     faults = faults_of(source.config, fault or [])
     with progress(quiet=as_json) as step:
         said, table = press_table(source, seed=seed, on_step=step)
+    printer = None if stage_link is None else _printer(said, table, path, out, still)
+    finger: Finger = TipFinger(printer) if printer else _path(said, table, path, still, out)
+    board = FakeBoard(said, table, finger, faults=faults, seed=seed)
+    wire = new_wire(use_socket=socket, link=link)
+    stage = None if printer is None else FakePort(printer, new_wire(link=stage_link))
+    if as_json:
+        document = {"port": wire.name, "design": said.design, "digest": said.digest, "faults": fault or []}
+        print_json(document | ({} if stage is None else {"stage_port": stage.name}))
+    else:
+        say(f"port      {wire.name}")
+        if stage is not None:
+            say(f"stage     {stage.name}: its tip barely touches the middle of the pad")
+        say(f"try       optopad driver read {config} --port {wire.name}")
+    with stage or nullcontext():
+        _serve(board, wire, seconds)
+
+
+def _printer(
+    said: DriverConfig, table: PressTable, path: Path | None, out: Path | None, still: bool
+) -> FakePrinter:
+    """A printer whose tip barely touches the middle of the pad."""
+    from design.errors import InputError
+    from fabrication.stage.fake_printer import FakePrinter
+
+    if path is not None or still or out is not None or not table.knows_presses:
+        reason = (
+            "the tip is the finger, --path, --still and --out say another"
+            if table.knows_presses
+            else "no press of this design was simulated; name the design, or run `score`"
+        )
+        raise InputError(f"--stage-link: {reason}")
+    area = said.workspace
+    return FakePrinter(((area.x0_mm + area.x1_mm) / 2, (area.y0_mm + area.y1_mm) / 2, 0.0))
+
+
+def _path(
+    said: DriverConfig, table: PressTable, path: Path | None, still: bool, out: Path | None
+) -> FingerPath:
+    from design.io import write_text_atomically
+
     finger = _finger(said, table, path, still)
     if out is not None:
         write_text_atomically(out, finger.csv_text())
-    board = FakeBoard(said, table, finger, faults=faults, seed=seed)
-    wire = new_wire(use_socket=socket, link=link)
-    if as_json:
-        print_json({"port": wire.name, "design": said.design, "digest": said.digest, "faults": fault or []})
-    else:
-        say(f"port      {wire.name}")
-        say(f"try       optopad driver read {config} --port {wire.name}")
-    _serve(board, wire, seconds)
+    return finger
 
 
 def _finger(said: DriverConfig, table: PressTable, path: Path | None, still: bool) -> FingerPath:

@@ -24,6 +24,7 @@ STAGE_TITLES = {
     "oracle": "ray tracer",
     "rays": "sample paths",
     "mold": "mold and tools",
+    "presses": "presses of the stage",
     "files": "build sheet, driver config, report",
 }
 

@@ -1,0 +1,182 @@
+"""Collects a data set unattended: press by press, with frames at every position, resumed where it was left.
+
+At a position the stage stands for the settling time, the frames that were measured before are dropped, and so many
+new ones are kept, with the position as the stage reports it. A press is kept when all of it is there; what is kept is
+written as netCDF at the end of every run, also of one that was ended early.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from design.errors import DeviceError, InputError
+from fabrication.driver.export import write_netcdf
+from fabrication.driver.frames import Frame
+from fabrication.driver.press_labels import SetEntry
+from fabrication.driver.sensor import Sensor
+from fabrication.stage.collected_parts import CollectedParts
+from fabrication.stage.press_list import Press, PressList
+from fabrication.stage.stage import Position, Stage
+
+SETTLE_S = 0.3
+FRAMES = 1
+TRIES = 3
+"""How often a press is made in which the board was plugged in anew."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Collected:
+    """What is there after a run.
+
+    Attributes
+    ----------
+    file : the data set; None where not one press is whole
+    made, kept, wanted : presses of this run, of all runs, of the list
+    frames : in the file
+    """
+
+    file: Path | None
+    made: int
+    kept: int
+    wanted: int
+    frames: int
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether all of the list is there."""
+        return self.kept == self.wanted
+
+
+class Collector:
+    """One collection.
+
+    Parameters
+    ----------
+    sensor : open, without a baseline or with one
+    presses : all of the collection
+    out : the data set, netCDF; beside it lies a folder until it is complete
+    settle_s : how long the tip stands before frames are taken [s]
+    frames : how many at each position
+
+    Raises
+    ------
+    InputError : `out` exists, or was begun with other presses, another sensor, another way.
+    """
+
+    def __init__(
+        self,
+        sensor: Sensor,
+        presses: PressList,
+        out: Path,
+        *,
+        settle_s: float = SETTLE_S,
+        frames: int = FRAMES,
+    ) -> None:
+        if not settle_s >= 0 or frames < 1:
+            raise InputError(f"settle_s {settle_s:g}, frames {frames}: need 0 s or more, 1 frame or more")
+        self._sensor, self._presses, self._out = sensor, presses, out
+        self._settle_s, self._frames = settle_s, frames
+        plan = {
+            "design_digest": sensor.config.digest,
+            "presses": presses.digest,
+            "settle_s": settle_s,
+            "frames": frames,
+        }
+        self._parts = CollectedParts(out, plan)
+
+    def remaining(self, only: Collection[str] = ()) -> list[int]:
+        """Numbers of the presses that are not there yet, of all sets or of those named."""
+        names = [entry.name for entry in self._presses.sets]
+        if strange := sorted(set(only) - set(names)):
+            raise InputError(f"--only: no set {', '.join(strange)}; the sets are {', '.join(names)}")
+        there = self._parts.numbers()
+        return [
+            number
+            for number, press in enumerate(self._presses.presses)
+            if number not in there and (not only or names[press.set_number] in only)
+        ]
+
+    def lights(self, numbers: Iterable[int]) -> list[SetEntry]:
+        """The first set of every change of the room's light along these presses."""
+        changes: list[SetEntry] = []
+        for number in numbers:
+            entry = self._presses.sets[self._presses.presses[number].set_number]
+            if not changes or changes[-1].is_ambient != entry.is_ambient:
+                changes.append(entry)
+        return changes
+
+    def run(
+        self,
+        stage: Stage,
+        numbers: Iterable[int],
+        *,
+        on_step: Callable[[float], None] = lambda _share: None,
+        on_light: Callable[[SetEntry], None] = lambda _entry: None,
+    ) -> int:
+        """Make presses; returns how many.
+
+        Parameters
+        ----------
+        numbers : as `remaining` gives them
+        on_step : told the share that is done
+        on_light : called, with the tip lifted, before a set whose light is another than the last one's
+
+        Raises
+        ------
+        InputError : a position outside of the stage's limits, before anything moves.
+        DeviceError : of stage or sensor; the presses before are kept.
+        """
+        self._presses.require_within(stage.limits)
+        order = list(numbers)
+        is_ambient: bool | None = None
+        for done, number in enumerate(order):
+            press = self._presses.presses[number]
+            entry = self._presses.sets[press.set_number]
+            if entry.is_ambient != is_ambient:
+                stage.lift()
+                on_light(entry)
+                is_ambient = entry.is_ambient
+            self._parts.save(number, *self._made(stage, press))
+            on_step((done + 1) / len(order))
+        return len(order)
+
+    def finish(self, made: int = 0) -> Collected:
+        """Write what is there as a data set; with all of it there, the folder beside it goes.
+
+        Raises
+        ------
+        OutputError : the disk does not take it; the folder keeps everything.
+        """
+        recorded = self._parts.recorded(self._sensor.config, self._presses)
+        kept = len(self._parts.numbers())
+        if recorded is not None:
+            write_netcdf(recorded, self._out, f"{self._out.name}: collected")
+        found = Collected(
+            file=None if recorded is None else self._out,
+            made=made,
+            kept=kept,
+            wanted=len(self._presses.presses),
+            frames=0 if recorded is None else len(recorded.host_s),
+        )
+        if found.is_complete:
+            self._parts.remove()
+        return found
+
+    def _made(self, stage: Stage, press: Press) -> tuple[list[Frame], list[Position]]:
+        for _ in range(TRIES):
+            frames: list[Frame] = []
+            at: list[Position] = []
+            for step in press.steps_mm:
+                position = stage.move_to(*step)
+                time.sleep(self._settle_s)
+                self._sensor.skip_waiting()
+                frames += self._sensor.frames(count=self._frames)
+                at += [position] * self._frames
+            if len({frame.connection for frame in frames}) == 1:
+                return frames, at
+        raise DeviceError(
+            f"{self._sensor.port}: the board began anew in {TRIES} tries of one press; check its supply and cable"
+        )

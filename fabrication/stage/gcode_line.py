@@ -1,0 +1,136 @@
+"""A serial line to a printer's firmware that speaks G-code with `ok` (Marlin and its kin).
+
+One command a line, the next when all answers are there. The firmware says `ok` when it has taken a command,
+`echo:busy: ...` every second or two while one takes long, `Error:...` or `!!` when it stops, and `start` after a reset.
+"""
+
+from __future__ import annotations
+
+import time
+
+from design.errors import DeviceError
+from fabrication.driver.ports import Port, PortLostError
+
+ASK_EVERY_S = 2.0
+"""How often a board that boots is asked who it is."""
+
+QUIET_S = 0.3
+"""Longest pause between answers to questions that were asked twice."""
+
+
+class GcodeLine:
+    """Commands and answers.
+
+    Parameters
+    ----------
+    port : open
+    answer_s : longest silence before a command counts as not answered [s]
+    """
+
+    def __init__(self, port: Port, answer_s: float) -> None:
+        self._port = port
+        self._answer_s = answer_s
+        self._kept = b""
+        self._owed = 0
+
+    def greet(self, boot_s: float) -> None:
+        """Wait until the firmware answers, which opening the port may have reset; DeviceError after `boot_s` [s]."""
+        end, heard = time.monotonic() + boot_s, b""
+        while time.monotonic() < end:
+            self._write("M115")
+            asked = time.monotonic()
+            while time.monotonic() < min(asked + ASK_EVERY_S, end):
+                heard += self._read()
+                if any(line.startswith("ok") for line in _lines(heard)):
+                    self._drain()
+                    return
+        said = f"{len(heard)} bytes and no ok among them" if heard else "silent"
+        raise DeviceError(
+            f"{self._port.name}: {said} for {boot_s:.1f} s; is it the printer's port, and its baud rate?"
+        )
+
+    def send(self, command: str, *, takes_s: float = 0.0, is_optional: bool = False) -> list[str]:
+        """Send a command and wait for its answer.
+
+        Parameters
+        ----------
+        takes_s : how long it is expected to work before it answers [s]
+        is_optional : whether firmware without it is all right
+
+        Returns
+        -------
+        the lines before its `ok`
+
+        Raises
+        ------
+        DeviceError : no answer, an error, a reset, an unknown command; the port is gone.
+        """
+        self.post(command)
+        said = self.answers(command, takes_s)
+        if not is_optional and (unknown := [line for line in said if "unknown command" in line.lower()]):
+            raise DeviceError(f"{self._port.name}: {unknown[0]!r}; the firmware lacks {command.split()[0]}")
+        return said
+
+    def post(self, command: str) -> None:
+        """Send a command without waiting; its answer is owed."""
+        self._owed += 1
+        self._write(command)
+
+    def answers(self, command: str, takes_s: float = 0.0) -> list[str]:
+        """Wait until nothing is owed any more; as `send`."""
+        said: list[str] = []
+        end = time.monotonic() + self._answer_s + takes_s
+        while self._owed > 0:
+            if time.monotonic() > end:
+                raise DeviceError(
+                    f"{self._port.name}: no answer to {command} for {self._answer_s + takes_s:.1f} s"
+                )
+            self._kept += self._read()
+            *lines, self._kept = self._kept.split(b"\n")
+            for line in _lines(b"\n".join(lines)):
+                self._judge(line, command)
+                if line.startswith("ok"):
+                    self._owed -= 1
+                elif "busy:" in line:
+                    end = max(end, time.monotonic() + self._answer_s)
+                said.append(line)
+        return said
+
+    def _judge(self, line: str, command: str) -> None:
+        lowered = line.lower()
+        if lowered.startswith(("error", "!!")) or ("home" in lowered and "first" in lowered):
+            self._owed = 0
+            raise DeviceError(f"{self._port.name}: the printer says {line!r} to {command}")
+        if line == "start":
+            self._owed = 0
+            raise DeviceError(
+                f"{self._port.name}: the printer began anew during {command}; its position is lost"
+            )
+
+    def _drain(self) -> None:
+        """Drop answers to questions that were asked twice."""
+        end = time.monotonic() + QUIET_S
+        while time.monotonic() < end:
+            if self._read():
+                end = time.monotonic() + QUIET_S
+        self._kept, self._owed = b"", 0
+
+    def _write(self, command: str) -> None:
+        try:
+            self._port.write(command.encode("ascii") + b"\n")
+        except PortLostError as err:
+            raise _gone(err) from err
+
+    def _read(self) -> bytes:
+        try:
+            return self._port.read()
+        except PortLostError as err:
+            raise _gone(err) from err
+
+
+def _gone(err: PortLostError) -> DeviceError:
+    return DeviceError(f"{str(err).partition('; ')[0]}; the tip stays where it is: lift it by hand")
+
+
+def _lines(heard: bytes) -> list[str]:
+    return [line for raw in heard.split(b"\n") if (line := raw.decode("ascii", errors="replace").strip())]

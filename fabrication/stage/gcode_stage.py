@@ -1,0 +1,216 @@
+"""A 3-axis printer as a stage: G-code of Marlin and its kin over a serial line.
+
+The pad lies with its x and y along the printer's, z of the printer points up. Where the cavity's corner is in the
+printer's coordinates is told in one of two ways: by homing and known coordinates (`home`), or by the place at which the
+tip stands now (`zero`), which also holds when opening the port reset the printer and its coordinates.
+
+Every move ends with M400 and is checked with M114. M114 tells what the firmware believes: lost steps, play of the
+spindles and bending of the printer are not seen by it.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from types import TracebackType
+from typing import Self
+
+from design.errors import DeviceError, InputError
+from fabrication.driver.ports import Port
+from fabrication.stage.gcode_line import GcodeLine
+from fabrication.stage.stage import Position, StageLimits
+
+BAUD = 115200
+TRAVEL_MM = 5.0
+"""Sideways the tip goes at least so far above the pad."""
+
+NEAR_MM = 1.0
+"""From so far above the pad on, and below, it goes at the pressing speed."""
+
+TRAVEL_SPEED_MM_S, PRESS_SPEED_MM_S = 30.0, 5.0
+BOOT_S, ANSWER_S, HOMING_S = 15.0, 10.0, 120.0
+TOLERANCE_MM = 0.03
+"""M114 has two decimals."""
+
+S_PER_MIN = 60.0
+MM_DIGITS = 4
+_PLACE = re.compile(r"X:\s*(-?\d+\.?\d*)\s+Y:\s*(-?\d+\.?\d*)\s+Z:\s*(-?\d+\.?\d*)")
+
+
+class GcodeStage:
+    """A printer that presses.
+
+    Parameters
+    ----------
+    port : name of its serial port
+    limits : where the tip may go, see `stage.limits_of`
+    baud : rate of the line
+    travel_mm : height above the pad for ways sideways [mm]
+    travel_speed_mm_s, press_speed_mm_s : far from the pad; near it and in it [mm/s]
+    boot_s, answer_s : longest wait for the firmware after opening, and for an answer [s]
+    """
+
+    def __init__(
+        self,
+        port: str,
+        limits: StageLimits,
+        *,
+        baud: int = BAUD,
+        travel_mm: float = TRAVEL_MM,
+        travel_speed_mm_s: float = TRAVEL_SPEED_MM_S,
+        press_speed_mm_s: float = PRESS_SPEED_MM_S,
+        boot_s: float = BOOT_S,
+        answer_s: float = ANSWER_S,
+    ) -> None:
+        for name, value in (
+            ("travel_mm", travel_mm),
+            ("travel_speed_mm_s", travel_speed_mm_s),
+            ("press_speed_mm_s", press_speed_mm_s),
+        ):
+            if not (math.isfinite(value) and value > 0):
+                raise InputError(f"stage: {name} is {value:g}, needs a number above 0")
+        self.limits = limits
+        self._name, self._baud = port, baud
+        self._travel_mm = travel_mm
+        self._speeds_mm_s = travel_speed_mm_s, press_speed_mm_s
+        self._boot_s, self._answer_s = boot_s, answer_s
+        self._origin: Position | None = None
+        self._port: Port | None = None
+        self._open_line: GcodeLine | None = None
+
+    def __enter__(self) -> Self:
+        self._port = Port(self._name, self._baud)
+        try:
+            self._open_line = GcodeLine(self._port, self._answer_s)
+            self._line.greet(self._boot_s)
+            self._line.send("G21")  # millimetres
+            self._line.send("G90")  # absolute
+        except BaseException:
+            self._port.close()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, err: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if self._origin is not None:
+                self.lift()
+        except DeviceError as stuck:
+            why = "" if err is None or str(err) == str(stuck) else f"{err or type(err).__name__}; "
+            raise DeviceError(f"{why}{stuck}; the tip may still touch the pad: lift it by hand") from err
+        finally:
+            if self._port is not None:
+                self._port.close()
+
+    def home(self, origin_mm: Position) -> None:
+        """Home all axes (G28), after which the printer's coordinates are its own.
+
+        Parameters
+        ----------
+        origin_mm : printer's X, Y, Z of the tip at the cavity's corner (0, 0), level with the untouched surface [mm]
+        """
+        self._line.send("G28", takes_s=HOMING_S)
+        self._origin = origin_mm
+        self.lift()
+
+    def zero(self, x_mm: float, y_mm: float, depth_mm: float = 0.0) -> None:
+        """Say where the tip stands now [mm]; it then goes up to the travel height.
+
+        Raises
+        ------
+        InputError : outside of the limits.
+        """
+        self.limits.require(x_mm, y_mm, depth_mm)
+        self._line.send("M211 S0", is_optional=True)  # its own limits mean nothing where it was not homed
+        x, y, z = self._machine()
+        self._origin = x - x_mm, y - y_mm, z + depth_mm
+        self.lift()
+
+    def move_to(self, x_mm: float, y_mm: float, depth_mm: float) -> Position:
+        """As `stage.Stage.move_to`."""
+        self.limits.require(x_mm, y_mm, depth_mm)
+        x, y, depth = self.position()
+        if math.hypot(x_mm - x, y_mm - y) > TOLERANCE_MM / 2:
+            height = min(depth, -self._travel_mm)
+            self._go(depth, height)
+            self._slide(x_mm, y_mm, math.hypot(x_mm - x, y_mm - y))
+            depth = height
+        self._go(depth, depth_mm)
+        return self._arrived((x_mm, y_mm, depth_mm))
+
+    def lift(self) -> None:
+        """To the travel height, on the spot; sent before anything that is still owed is waited for."""
+        origin = self._known_origin()
+        self._line.post(f"G1 Z{origin[2] + self._travel_mm:.3f} F{S_PER_MIN * self._speeds_mm_s[1]:.0f}")
+        self._line.post("M400")
+        way_mm = 2 * (self.limits.deepest_mm + self._travel_mm)  # down, where that is still owed, and up
+        self._line.answers("the lift", takes_s=way_mm / self._speeds_mm_s[1])
+
+    def position(self) -> Position:
+        """As `stage.Stage.position`."""
+        origin = self._known_origin()
+        x, y, z = self._machine()
+        return (
+            round(x - origin[0], MM_DIGITS),
+            round(y - origin[1], MM_DIGITS),
+            round(origin[2] - z, MM_DIGITS) + 0.0,
+        )
+
+    def stop(self) -> None:
+        """M410, then lift."""
+        self._line.post("M410")
+        self.lift()
+
+    def _go(self, depth_mm: float, to_depth_mm: float) -> None:
+        """On the spot from one depth to another: slowly below the near height, fast above it."""
+        fast, slow = self._speeds_mm_s
+        near = -NEAR_MM
+        if min(depth_mm, to_depth_mm) < near < max(depth_mm, to_depth_mm):
+            self._go(depth_mm, near)
+            self._go(near, to_depth_mm)
+        elif depth_mm != to_depth_mm:
+            speed = fast if max(depth_mm, to_depth_mm) <= near else slow
+            height = self._known_origin()[2] - to_depth_mm
+            self._ride(f"Z{height:.3f}", abs(to_depth_mm - depth_mm), speed)
+
+    def _slide(self, x_mm: float, y_mm: float, way_mm: float) -> None:
+        """Sideways at the height where the tip is."""
+        origin = self._known_origin()
+        self._ride(f"X{origin[0] + x_mm:.3f} Y{origin[1] + y_mm:.3f}", way_mm, self._speeds_mm_s[0])
+
+    def _ride(self, words: str, way_mm: float, speed_mm_s: float) -> None:
+        self._line.send(f"G1 {words} F{S_PER_MIN * speed_mm_s:.0f}")
+        self._line.send("M400", takes_s=way_mm / speed_mm_s)
+
+    def _arrived(self, target: Position) -> Position:
+        """Where it stands; DeviceError where that is not the target."""
+        found = self.position()
+        off_mm = math.dist(found, target)
+        if off_mm > TOLERANCE_MM:
+            told = ", ".join(f"{value:.2f}" for value in found)
+            wanted = ", ".join(f"{value:.2f}" for value in target)
+            raise DeviceError(
+                f"{self._name}: the printer stands at x, y, depth {told} mm, was sent to {wanted} mm: its own "
+                "limits, or a stop; home it (--origin), or set the place of the tip anew (--tip-at)"
+            )
+        return found
+
+    def _machine(self) -> Position:
+        """The printer's own coordinates [mm]."""
+        for line in self._line.send("M114"):
+            if found := _PLACE.search(line):
+                x, y, z = (float(number) for number in found.groups())
+                return x, y, z
+        raise DeviceError(f"{self._name}: M114 gave no position; is the firmware Marlin?")
+
+    def _known_origin(self) -> Position:
+        if self._origin is None:
+            raise DeviceError("the stage does not know where the pad is; call home() or zero() first")
+        return self._origin
+
+    @property
+    def _line(self) -> GcodeLine:
+        if self._open_line is None:
+            raise DeviceError("the stage is not open; use it as `with GcodeStage(...) as stage:`")
+        return self._open_line

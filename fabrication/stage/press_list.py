@@ -1,0 +1,137 @@
+"""The presses of a collection: a plain list, or a CSV file of the same.
+
+    x_mm,y_mm,depth_mm[,set,place,role,pattern,ambient]
+
+one row a position at which frames are taken, in this order. Consecutive rows of one set and place are one press: it is
+made as a whole or not at all. Without `set` everything is one set; without `place` a press ends where x or y changes.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from itertools import groupby
+from pathlib import Path
+
+from design.errors import InputError
+from fabrication.driver.position_log import set_entry
+from fabrication.driver.press_labels import SetEntry
+from fabrication.stage.stage import Position, StageLimits
+
+NEEDED = ("x_mm", "y_mm", "depth_mm")
+ONE_SET = "collected"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Press:
+    """One press.
+
+    Attributes
+    ----------
+    set_number, place_number : of its set in the list's `sets`; of the press within it
+    steps_mm : where frames are taken, in order: x, y, depth [mm]
+    """
+
+    set_number: int
+    place_number: int
+    steps_mm: tuple[Position, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PressList:
+    """Presses in the order in which they are made."""
+
+    sets: tuple[SetEntry, ...]
+    presses: tuple[Press, ...]
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 over all of it, 64 digits."""
+        words = [repr(asdict(entry)) for entry in self.sets] + [repr(asdict(press)) for press in self.presses]
+        return hashlib.sha256("\n".join(words).encode()).hexdigest()
+
+    def require_within(self, limits: StageLimits) -> None:
+        """Refuse a list with a position that the stage must not go to; InputError names the first."""
+        for press in self.presses:
+            for step in press.steps_mm:
+                try:
+                    limits.require(*step)
+                except InputError as err:
+                    name = self.sets[press.set_number].name
+                    raise InputError(f"press {press.place_number} of set {name!r}: {err}") from None
+
+
+def press_list(rows: Iterable[tuple[SetEntry, int, Position]]) -> PressList:
+    """A list from rows of set, number of the press within it, and position.
+
+    Raises
+    ------
+    InputError : no rows; one name for two sets; a press that comes up again after another.
+    """
+    plain = list(rows)
+    sets = tuple(dict.fromkeys(entry for entry, _, _ in plain))
+    presses = tuple(
+        Press(set_number=sets.index(entry), place_number=place, steps_mm=tuple(step for _, _, step in steps))
+        for (entry, place), steps in groupby(plain, key=lambda row: row[:2])
+    )
+    if not presses:
+        raise InputError("presses: none; give at least one position")
+    if len({entry.name for entry in sets}) < len(sets):
+        raise InputError("presses: one set has two roles, patterns or lights; name them apart")
+    keys = [(press.set_number, press.place_number) for press in presses]
+    twice = next((key for key in keys if keys.count(key) > 1), None) if len(set(keys)) < len(keys) else None
+    if twice is not None:
+        raise InputError(
+            f"presses: press {twice[1]} of set {sets[twice[0]].name!r} comes up again after another; "
+            "number presses apart"
+        )
+    return PressList(sets=sets, presses=presses)
+
+
+def read_press_list(file: Path) -> PressList:
+    """A list from a CSV file.
+
+    Raises
+    ------
+    InputError : unreadable, columns missing, no number where one is needed; as `press_list`.
+    """
+    try:
+        lines = file.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as err:
+        raise InputError(f"{file}: no text that can be read: {err}") from None
+    table = list(csv.reader(line for line in lines if line.strip() and not line.startswith("#")))
+    heading = [name.strip().lower() for name in table[0]] if table else []
+    if missing := [name for name in NEEDED if name not in heading]:
+        raise InputError(f"{file}: has no {', '.join(missing)}; needs {','.join(NEEDED)}, perhaps set, place")
+    rows, place, last = [], -1, None
+    for number, values in enumerate(table[1:], start=1):
+        row = dict(zip(heading, (value.strip() for value in values), strict=False))
+        where = f"{file}: row {number}"
+        step = _position(where, row)
+        entry = set_entry(where, {"set": ONE_SET} | row)
+        place = _place(where, row) if "place" in heading else place + ((entry.name, *step[:2]) != last)
+        last = (entry.name, *step[:2])
+        rows.append((entry, place, step))
+    try:
+        return press_list(rows)
+    except InputError as err:
+        raise InputError(f"{file}: {err}") from None
+
+
+def _position(where: str, row: dict[str, str]) -> Position:
+    values = []
+    for name in NEEDED:
+        try:
+            values.append(float(row.get(name, "")))
+        except ValueError:
+            raise InputError(f"{where}: {name} is {row.get(name, '')!r}, needs a number") from None
+    return values[0], values[1], values[2]
+
+
+def _place(where: str, row: dict[str, str]) -> int:
+    text = row.get("place", "")
+    if not text.isdecimal():
+        raise InputError(f"{where}: place is {text!r}, needs a whole number")
+    return int(text)

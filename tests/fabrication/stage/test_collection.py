@@ -1,0 +1,176 @@
+"""A data set pressed unattended: every position with its frames, resumed press by press, never mixed with another."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from design.errors import DeviceError, InputError
+from fabrication.driver.press_labels import SetEntry
+from fabrication.stage.collection import Collector
+from fabrication.stage.press_list import PressList, press_list, read_press_list
+from sims.dataset import read_data
+from tests.fabrication.driver.made_up_pad import press_table
+from tests.fabrication.stage.made_up_bench import MIDDLE, bench
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals")
+GRID = SetEntry(name="grid-dark", role="train", pattern="grid", is_ambient=False)
+RANDOM = SetEntry(name="random", role="test", pattern="random", is_ambient=True)
+PLACES = ((GRID, 0, 10.0, 10.0), (GRID, 1, 20.0, 12.0), (RANDOM, 0, 14.0, 22.0))
+DEPTHS_MM = (-2.0, 0.0, 2.0, 4.0)
+PRESSES = press_list((one, place, (x, y, depth)) for one, place, x, y in PLACES for depth in DEPTHS_MM)
+SETTLE_S = 0.05
+"""Three frames of the board at 60 Hz, fifteen at 300."""
+
+
+def written(folder: Path, text: str) -> Path:
+    file = folder / "presses.csv"
+    file.write_text(text)
+    return file
+
+
+def test_every_position_is_pressed_and_read_and_the_signals_are_those_of_its_depth(tmp_path: Path) -> None:
+    out = tmp_path / "a.nc"
+    with bench(has_board=True) as made, made.stage() as stage, made.sensor() as sensor:
+        stage.zero(*MIDDLE)
+        collector = Collector(sensor, PRESSES, out, settle_s=SETTLE_S, frames=3)
+        shares: list[float] = []
+        assert collector.run(stage, collector.remaining(), on_step=shares.append) == 3
+        found = collector.finish(3)
+    assert found.is_complete
+    assert shares == pytest.approx([1 / 3, 2 / 3, 1])
+    assert [file.name for file in tmp_path.iterdir()] == ["a.nc"]
+    data = read_data(out)
+    wanted = np.array([step for press in PRESSES.presses for step in press.steps_mm]).repeat(3, axis=0)
+    assert data.press_mm == pytest.approx(wanted, abs=0.011)  # M114 has two decimals
+    assert data.set_number.tolist() == [0] * 24 + [1] * 12
+    assert data.place_number.tolist() == [0] * 12 + [1] * 12 + [0] * 12
+    assert [(one.name, one.role, one.is_ambient) for one in data.sets] == [
+        ("grid-dark", "train", False),
+        ("random", "test", True),
+    ]
+    light = press_table().at(wanted)
+    clear = light[0] < 900  # the others clip
+    noise = 0.5 + 0.002 * light.max()  # of reading and light, see fake_board; twice for the dark state
+    assert np.abs(data.signals() - light)[:, clear].max() < 6 * noise
+
+
+def test_a_collection_that_was_ended_early_goes_on_where_it_was(tmp_path: Path) -> None:
+    out = tmp_path / "a.nc"
+    with bench(has_board=True) as made:
+        with made.stage() as stage, made.sensor() as sensor:
+            stage.zero(*MIDDLE)
+            collector = Collector(sensor, PRESSES, out, settle_s=SETTLE_S)
+            collector.run(stage, collector.remaining(only=["random"]))
+            first = collector.finish(1)
+        assert (first.made, first.kept, first.is_complete, first.frames) == (1, 1, False, 4)
+        assert set(read_data(out).set_number.tolist()) == {1}
+        with made.stage() as stage, made.sensor() as sensor:
+            stage.zero(16.0, 16.0, -5.0)
+            again = Collector(sensor, PRESSES, out, settle_s=SETTLE_S)
+            assert again.remaining() == [0, 1]
+            again.run(stage, again.remaining())
+            assert again.finish(2).is_complete
+    assert read_data(out).place_number.tolist() == [0] * 4 + [1] * 4 + [0] * 4
+    assert not (tmp_path / "a.nc.parts").exists()
+
+
+def test_a_printer_that_fails_costs_no_press_that_was_whole(tmp_path: Path) -> None:
+    out = tmp_path / "a.nc"
+
+    def press(collector: Collector) -> None:
+        with made.stage() as stage:
+            stage.zero(*MIDDLE)
+            collector.run(stage, collector.remaining())
+
+    with bench(has_board=True, fault="error", fault_after=14) as made, made.sensor() as sensor:
+        collector = Collector(sensor, PRESSES, out, settle_s=SETTLE_S)
+        with pytest.raises(DeviceError, match="Printer halted"):
+            press(collector)
+        found = collector.finish()
+    assert 0 < found.kept < 3
+    assert found.frames == 4 * found.kept
+
+
+def test_another_collection_under_the_same_name_is_refused(tmp_path: Path) -> None:
+    with bench(has_board=True) as made, made.sensor() as sensor:
+        Collector(sensor, PRESSES, tmp_path / "a.nc", settle_s=SETTLE_S)
+        with pytest.raises(
+            InputError, match=r"holds presses of another collection \(frames, settle_s differ\)"
+        ):
+            Collector(sensor, PRESSES, tmp_path / "a.nc", frames=2)
+        (tmp_path / "b.nc").write_text("precious")
+        with pytest.raises(InputError, match=r"b\.nc: exists already"):
+            Collector(sensor, PRESSES, tmp_path / "b.nc")
+        with pytest.raises(InputError, match="no set nowhere; the sets are grid-dark, random"):
+            Collector(sensor, PRESSES, tmp_path / "a.nc", settle_s=SETTLE_S).remaining(only=["nowhere"])
+    assert (tmp_path / "b.nc").read_text() == "precious"
+
+
+def test_a_damaged_part_is_named_with_the_way_out(tmp_path: Path) -> None:
+    with bench(has_board=True) as made, made.sensor() as sensor:
+        collector = Collector(sensor, PRESSES, tmp_path / "a.nc", settle_s=SETTLE_S)
+        (tmp_path / "a.nc.parts" / "000001.npz").write_bytes(b"torn")
+        with pytest.raises(
+            InputError, match=r"000001\.npz: is damaged .* delete it: that press is then made again"
+        ):
+            collector.finish()
+
+
+def test_the_room_s_light_is_asked_for_where_it_changes(tmp_path: Path) -> None:
+    with bench(has_board=True) as made, made.stage() as stage, made.sensor() as sensor:
+        stage.zero(*MIDDLE)
+        collector = Collector(sensor, PRESSES, tmp_path / "a.nc", settle_s=0.0)
+        asked: list[tuple[str, float]] = []
+        collector.run(
+            stage,
+            collector.remaining(),
+            on_light=lambda entry: asked.append((entry.name, round(stage.position()[2], 2))),
+        )
+    assert asked == [("grid-dark", -5.0), ("random", -5.0)]
+
+
+def test_a_list_that_leaves_the_limits_moves_nothing(tmp_path: Path) -> None:
+    far = press_list([(GRID, 0, (16.0, 16.0, 1.0)), (GRID, 1, (60.0, 16.0, 1.0))])
+    with bench(has_board=True) as made, made.stage() as stage, made.sensor() as sensor:
+        stage.zero(*MIDDLE)
+        rides = len(made.printer.rides)
+        collector = Collector(sensor, far, tmp_path / "a.nc", settle_s=0.0)
+        with pytest.raises(InputError, match="press 1 of set 'grid-dark': stage: x 60 mm is outside"):
+            collector.run(stage, collector.remaining())
+        assert len(made.printer.rides) == rides
+
+
+def test_rows_of_a_table_become_presses_by_set_and_place(tmp_path: Path) -> None:
+    text = "x_mm,y_mm,depth_mm,set,place,role,ambient\n8,8,-1,a,3,test,no\n8,8,1,a,3,test,no\n9,8,1,a,4,test,no\n"
+    found = read_press_list(written(tmp_path, text))
+    assert found.sets == (SetEntry(name="a", role="test", pattern="measured", is_ambient=False),)
+    assert [(one.place_number, len(one.steps_mm)) for one in found.presses] == [(3, 2), (4, 1)]
+    plain = read_press_list(written(tmp_path, "x_mm,y_mm,depth_mm\n8,8,-1\n8,8,1\n9,8,1\n8,8,1\n"))
+    assert [(one.place_number, len(one.steps_mm)) for one in plain.presses] == [(0, 2), (1, 1), (2, 1)]
+    assert plain.digest != found.digest
+    assert isinstance(plain, PressList)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("x_mm,y_mm\n1,1\n", "has no depth_mm"),
+        ("", "has no x_mm, y_mm, depth_mm"),
+        ("x_mm,y_mm,depth_mm\n", "presses: none"),
+        ("x_mm,y_mm,depth_mm\n1,1\n", "row 1: depth_mm is '', needs a number"),
+        ("x_mm,y_mm,depth_mm\n1,x,1\n", "row 1: y_mm is 'x'"),
+        ("x_mm,y_mm,depth_mm,place\n1,1,1,-2\n", "row 1: place is '-2', needs a whole number"),
+        (
+            "x_mm,y_mm,depth_mm,set,place\n1,1,1,a,0\n1,1,1,a,1\n1,1,1,a,0\n",
+            "press 0 of set 'a' comes up again",
+        ),
+        ("x_mm,y_mm,depth_mm,set,role\n1,1,1,a,train\n1,1,1,a,test\n", "one set has two roles"),
+    ],
+)
+def test_a_table_that_says_no_presses_is_refused(text: str, told: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=told):
+        read_press_list(written(tmp_path, text))

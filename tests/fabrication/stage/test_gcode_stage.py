@@ -1,0 +1,194 @@
+"""A printer as a stage: it goes where it is sent, never sideways while touching, and leaves the tip lifted."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from design.errors import DeviceError, InputError
+from fabrication.driver.fake_port import FakePort
+from fabrication.stage.gcode_stage import TRAVEL_MM, GcodeStage
+from tests.fabrication.driver.made_up_pad import board
+from tests.fabrication.stage.made_up_bench import LIMITS, MIDDLE, Bench, bench
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals")
+RESOLUTION_MM = 0.011
+"""M114 has two decimals, of position and of origin."""
+
+
+def test_the_tip_is_where_the_stage_says_and_was_sent() -> None:
+    with bench() as made, made.stage() as stage:
+        stage.zero(*MIDDLE)
+        for target in ((16.0, 16.0, 2.0), (8.0, 24.0, 0.5), (8.0, 24.0, -10.0), (20.0, 9.0, 3.25)):
+            assert stage.move_to(*target) == pytest.approx(target, abs=RESOLUTION_MM)
+            assert made.printer.here_mm() == pytest.approx(target, abs=RESOLUTION_MM)
+
+
+def test_it_never_goes_sideways_below_the_travel_height() -> None:
+    rng = np.random.default_rng(5)
+    with bench() as made, made.stage() as stage:
+        stage.zero(*MIDDLE)
+        for _ in range(8):
+            stage.move_to(*rng.uniform(7, 25, 2), rng.uniform(-8, 4.5))
+        rides = made.printer.rides
+    sideways = [(start, end) for start, end in rides if np.hypot(*(end - start)[:2]) > 0.001]
+    assert len(sideways) == 8
+    assert all(max(start[2], end[2]) <= -TRAVEL_MM + RESOLUTION_MM for start, end in sideways)
+
+
+def test_it_goes_slowly_near_the_pad_and_fast_above_it() -> None:
+    with bench() as made, made.stage(travel_speed_mm_s=300.0, press_speed_mm_s=50.0) as stage:
+        stage.zero(*MIDDLE)
+        stage.move_to(16.0, 16.0, 2.0)
+        down = [line for line in made.printer.commands if line.startswith("G1")][-2:]
+    assert [line.split()[-1] for line in down] == ["F18000", "F3000"]  # mm/min
+    assert [line.split()[-2] for line in down] == ["Z1.000", "Z-2.000"]
+
+
+def test_the_tip_is_lifted_at_the_end_and_after_an_error() -> None:
+    with bench() as made:
+        with made.stage() as stage:
+            stage.zero(*MIDDLE)
+            stage.move_to(16.0, 16.0, 3.0)
+        assert made.printer.here_mm()[2] == pytest.approx(-TRAVEL_MM, abs=RESOLUTION_MM)
+
+        def fail_in_the_pad() -> None:
+            with made.stage() as stage:
+                stage.zero(16.0, 16.0, -TRAVEL_MM)
+                stage.move_to(16.0, 16.0, 3.0)
+                raise ZeroDivisionError
+
+        with pytest.raises(ZeroDivisionError):
+            fail_in_the_pad()
+        assert made.printer.here_mm()[2] == pytest.approx(-TRAVEL_MM, abs=RESOLUTION_MM)
+
+
+def test_ctrl_c_in_the_middle_of_a_press_lifts_the_tip() -> None:
+    import _thread
+
+    def press(made: Bench) -> None:
+        with made.stage(press_speed_mm_s=10.0) as stage:
+            stage.zero(*MIDDLE)
+            threading.Timer(0.3, _thread.interrupt_main).start()
+            stage.move_to(16.0, 16.0, 4.0)  # 1 mm above to 4 mm below at 10 mm/s: half a second
+
+    with bench() as made:
+        with pytest.raises(KeyboardInterrupt):
+            press(made)
+        assert made.printer.here_mm()[2] == pytest.approx(-TRAVEL_MM, abs=RESOLUTION_MM)
+
+
+def test_stop_ends_the_motion_and_lifts() -> None:
+    with bench() as made, made.stage() as stage:
+        stage.zero(*MIDDLE)
+        stage.move_to(16.0, 16.0, 3.0)
+        stage.stop()
+        assert "M410" in made.printer.commands
+        assert stage.position()[2] == pytest.approx(-TRAVEL_MM, abs=RESOLUTION_MM)
+
+
+def test_homing_makes_the_printer_s_own_coordinates_hold() -> None:
+    with bench(home_mm=(-40.0, -40.0, 0.0)) as made, made.stage() as stage:
+        stage.home((40.0, 40.0, 0.0))  # the cavity's corner is 40 mm from the end stops, level with the bed
+        stage.move_to(10.0, 12.0, 1.5)
+        assert made.printer.here_mm() == pytest.approx((10.0, 12.0, 1.5), abs=RESOLUTION_MM)
+        first = next(line for line in made.printer.commands if line.startswith("G1"))
+        assert first.split()[1] == "Z5.000"  # up before anything else
+
+
+@pytest.mark.parametrize(
+    ("target", "told"),
+    [
+        ((40.0, 16.0, 0.0), "x 40 mm is outside of 6 to 26 mm"),
+        ((16.0, 5.0, 0.0), "y 5 mm is outside of 6 to 26 mm"),
+        ((16.0, 16.0, 5.5), "depth 5.5 mm is outside of -60 to 5 mm"),
+        ((16.0, 16.0, -100.0), "depth -100 mm is outside"),
+        ((16.0, float("nan"), 1.0), "y nan mm is outside"),
+    ],
+)
+def test_a_position_outside_of_the_limits_is_refused_before_anything_moves(
+    target: tuple[float, float, float], told: str
+) -> None:
+    with bench() as made, made.stage() as stage:
+        stage.zero(*MIDDLE)
+        rides = len(made.printer.rides)
+        with pytest.raises(InputError, match=told):
+            stage.move_to(*target)
+        assert len(made.printer.rides) == rides
+
+
+@pytest.mark.parametrize(
+    ("fault", "told"),
+    [
+        pytest.param(
+            "silent", "no answer to .* tip may still touch the pad: lift it by hand", marks=pytest.mark.slow
+        ),
+        ("error", r"the printer says 'Error:Printer halted.*lift it by hand"),
+        ("shifted", r"stands at x, y, depth .* was sent to .* home it"),
+        ("restarted", "began anew during .* its position is lost"),
+    ],
+)
+def test_a_printer_that_fails_is_told_by_what_it_did(fault: str, told: str) -> None:
+    def press(made: Bench) -> None:
+        with made.stage() as stage:
+            stage.zero(*MIDDLE)
+            for depth_mm in (1.0, -2.0, 1.0, -2.0, 1.0):
+                stage.move_to(12.0, 16.0, depth_mm)
+
+    with bench(fault=fault) as made, pytest.raises(DeviceError, match=told):
+        press(made)
+
+
+def test_a_printer_that_is_unplugged_is_told_with_what_to_do_by_hand() -> None:
+    def press(made: Bench) -> None:
+        with made.stage() as stage:
+            stage.zero(*MIDDLE)
+            made.stage_port.unplug()
+            stage.move_to(16.0, 16.0, 2.0)
+
+    with bench() as made, pytest.raises(DeviceError, match=r"the port is gone.* lift it by hand"):
+        press(made)
+
+
+def test_a_port_where_no_printer_answers_is_told() -> None:
+    with (
+        FakePort(board()) as port,
+        pytest.raises(DeviceError, match=r"no ok among them for 1\.0 s; is it the"),
+    ):
+        GcodeStage(port.name, LIMITS, boot_s=1.0).__enter__()
+
+
+def test_a_stage_that_does_not_know_where_the_pad_is_does_not_move() -> None:
+    with bench() as made, made.stage() as stage:
+        with pytest.raises(DeviceError, match=r"call home\(\) or zero\(\) first"):
+            stage.move_to(*MIDDLE)
+        assert made.printer.rides == []
+
+
+def test_a_stage_that_is_not_open_says_how_to_open_it() -> None:
+    with pytest.raises(DeviceError, match="not open; use it as `with"):
+        GcodeStage("nowhere", LIMITS).zero(*MIDDLE)
+
+
+@pytest.mark.parametrize("name", ["travel_mm", "travel_speed_mm_s", "press_speed_mm_s"])
+def test_a_height_or_speed_that_is_none_is_refused(name: str) -> None:
+    with pytest.raises(InputError, match=f"{name} is 0, needs a number above 0"):
+        GcodeStage("nowhere", LIMITS, **{name: 0.0})
+
+
+@pytest.mark.slow
+def test_a_long_move_is_waited_for_as_long_as_the_printer_says_that_it_is_busy(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("fabrication.stage.fake_printer.BUSY_EVERY_S", 0.1)
+    with bench() as made, made.stage(answer_s=0.3) as stage:
+        stage.zero(*MIDDLE)
+        made.printer.speed_mm_s = 1.0
+        begun = time.monotonic()
+        stage._line.send("G1 Z6.2")  # 1.2 mm at 1 mm/s, of which the stage was told nothing
+        stage._line.send("M400")
+        assert time.monotonic() - begun > 1.0

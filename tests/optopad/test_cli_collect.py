@@ -1,0 +1,85 @@
+"""`optopad driver collect` on a simulated bench."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from design.preset import preset
+from fabrication.driver_config import dump_driver_config
+from optopad.cli import main
+from sims.dataset import read_data
+from tests.fabrication.driver.made_up_pad import untouched
+from tests.fabrication.stage.made_up_bench import bench
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals")
+TABLE = """x_mm,y_mm,depth_mm,set,place,ambient
+10,12,-1,a,0,yes
+10,12,2,a,0,yes
+20,12,2,a,1,yes
+14,20,2,b,0,no
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    text = dump_driver_config(preset("piacenza2017-pad"), [1e5] * 8, np.minimum(untouched(), 1023))
+    (tmp_path / "driver.toml").write_text(text, encoding="utf-8")
+    (tmp_path / "presses.csv").write_text(TABLE)
+    return tmp_path
+
+
+def test_collect_presses_by_a_table_and_goes_on_with_the_rest(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with bench(has_board=True) as made:
+        assert made.board_port is not None
+        command = ["driver", "collect", "driver.toml", "--stage-port", made.stage_port.name, "--out", "a.nc"]
+        command += [
+            "--protocol",
+            "presses.csv",
+            "--port",
+            made.board_port.name,
+            "--settle",
+            "0.05",
+            "--rate",
+            "200",
+        ]
+        assert main([*command, "--json"]) == 2
+        assert "light changes along these sets: a (lit), b (dark)" in capsys.readouterr().err
+        assert main([*command, "--only", "a", "--speed", "50", "--json"]) == 0
+        said = json.loads(capsys.readouterr().out)
+        assert (said["presses_made"], said["presses_kept"], said["presses_wanted"]) == (2, 2, 3)
+        assert (said["file"], said["frames"], said["complete"]) == ("a.nc", 3, False)
+        assert main([*command, "--only", "b", "--tip-at", "20,12,-5", "--speed", "50"]) == 0
+        told = capsys.readouterr().out
+    assert "1 presses made" in told
+    assert "3 of 3 are there, 4 frames" in told
+    data = read_data(folder / "a.nc")
+    assert data.press_mm[-1] == pytest.approx([14, 20, 2], abs=0.02)  # M114's two decimals, of start and end
+    assert sorted(file.name for file in folder.iterdir()) == ["a.nc", "driver.toml", "presses.csv"]
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--tip-at", "1,1,0", "--origin", "1,1,0"], "two ways to say where the pad is"),
+        (["--tip-at", "here"], "--tip-at: 'here' is refused: write X,Y,DEPTH"),
+        (["--protocol", "far.csv"], "press 0 of set 'collected': stage: x 90 mm is outside"),
+        (["--protocol", "none.csv"], "no text that can be read"),
+        (["--protocol", "piacenza2017"], "needs the design"),
+    ],
+)
+def test_what_cannot_be_collected_is_refused_before_any_port_is_opened(
+    options: list[str], told: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "far.csv").write_text("x_mm,y_mm,depth_mm\n90,1,1\n")
+    command = ["driver", "collect", "driver.toml", "--stage-port", "nowhere", "--out", "a.nc"]
+    assert main([*command, "--protocol", "presses.csv", *options]) == 2
+    assert told in capsys.readouterr().err
+    assert not (folder / "a.nc.parts").exists()
