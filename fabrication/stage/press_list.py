@@ -11,7 +11,7 @@ from __future__ import annotations
 import csv
 import hashlib
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
@@ -49,8 +49,8 @@ class PressList:
     @property
     def digest(self) -> str:
         """SHA-256 over all of it, 64 digits."""
-        words = [repr(asdict(entry)) for entry in self.sets] + [repr(asdict(press)) for press in self.presses]
-        return hashlib.sha256("\n".join(words).encode()).hexdigest()
+        presses = [(press.set_number, press.place_number, press.steps_mm) for press in self.presses]
+        return hashlib.sha256(repr((self.sets, presses)).encode()).hexdigest()
 
     def require_within(self, limits: StageLimits) -> None:
         """Refuse a list with a position that the stage must not go to; InputError names the first."""
@@ -71,10 +71,14 @@ def press_list(rows: Iterable[tuple[SetEntry, int, Position]]) -> PressList:
     InputError : no rows; one name for two sets; a press that comes up again after another.
     """
     plain = list(rows)
-    sets = tuple(dict.fromkeys(entry for entry, _, _ in plain))
-    presses = tuple(
-        Press(set_number=sets.index(entry), place_number=place, steps_mm=tuple(step for _, _, step in steps))
+    grouped = [
+        (entry, place, tuple(step for _, _, step in steps))
         for (entry, place), steps in groupby(plain, key=lambda row: row[:2])
+    ]
+    sets = tuple(dict.fromkeys(entry for entry, _, _ in grouped))
+    presses = tuple(
+        Press(set_number=sets.index(entry), place_number=place, steps_mm=steps)
+        for entry, place, steps in grouped
     )
     if not presses:
         raise InputError("presses: none; give at least one position")

@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 
 from design.preset import preset
+from design.protocol import load_protocol_file
 from fabrication.driver_config import dump_driver_config
+from fabrication.stage.stage import limits_of
 from optopad.cli import main
+from optopad.stage_protocol import protocol_presses
 from sims.dataset import read_data
-from tests.fabrication.driver.made_up_pad import untouched
+from tests.fabrication.driver.made_up_pad import pad_config, untouched
 from tests.fabrication.stage.made_up_bench import bench
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals")
@@ -83,3 +86,20 @@ def test_what_cannot_be_collected_is_refused_before_any_port_is_opened(
     assert main([*command, "--protocol", "presses.csv", *options]) == 2
     assert told in capsys.readouterr().err
     assert not (folder / "a.nc.parts").exists()
+
+
+def test_the_published_protocol_becomes_presses_of_its_sets_in_an_order_of_the_seed() -> None:
+    design = preset("piacenza2017-pad")
+    found = protocol_presses(design, "piacenza2017", seed=1)
+    said = load_protocol_file("piacenza2017")
+    assert [entry.name for entry in found.sets] == [one.name for one in said.sets]
+    assert [len(places) for places in said.places_mm(design)] == [
+        sum(press.set_number == number for press in found.presses) for number in range(len(found.sets))
+    ]
+    first = found.presses[0]
+    assert [step[2] for step in first.steps_mm] == said.depth_mm.tolist()
+    places = {press.steps_mm[0][:2] for press in found.presses if press.set_number == 0}
+    assert places == {tuple(place) for place in said.places_mm(design)[0].tolist()}
+    assert protocol_presses(design, "piacenza2017", seed=1).digest == found.digest
+    assert protocol_presses(design, "piacenza2017", seed=2).digest != found.digest
+    found.require_within(limits_of(pad_config().workspace))
