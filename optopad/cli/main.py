@@ -12,7 +12,20 @@ import typer
 from typer.exceptions import TyperException
 
 from design.errors import OptopadError
-from optopad.cli import author, bench, build, compare, contact, driver, explore, job, physics, rays, sweep
+from optopad.cli import (
+    author,
+    bench,
+    build,
+    compare,
+    contact,
+    driver,
+    explore,
+    job,
+    physics,
+    rays,
+    sweep,
+    train,
+)
 
 DONE, OUR_FAILURE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -25,7 +38,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for group in (job, author, build, physics, sweep, compare, rays, contact, driver, bench, explore):
+for group in (job, author, build, physics, sweep, compare, rays, contact, driver, bench, explore, train):
     group.register(app)
 
 

@@ -18,14 +18,13 @@ from sklearn.ensemble import ExtraTreesRegressor
 from sims.dataset import PressData
 from sims.learning.inference.extra_trees import ExtraTreesModel, Forest
 from sims.learning.inference.feature_scaling import FeatureScaling
-from sims.learning.inference.sigma_table import SigmaTable
 from sims.learning.model_header import trained_header
 from sims.learning.press_samples import PressSamples, press_samples
 from sims.learning.scalings import counts_scaling
 from sims.learning.settings import DEFAULT, FitSettings
 from sims.learning.touch_fit import fit_touch
 from sims.learning.training_data import prepared
-from sims.learning.trust import sigma_table
+from sims.learning.trust import UNIT_TRUST, trust_of
 
 OnStep = Callable[[str, float], None]
 
@@ -49,6 +48,7 @@ def fit_extra_trees(
     InputError : too little data, or data that tell nothing.
     """
     data, rng = prepared(train), np.random.default_rng(seed)
+    on_step("touch", 0.0)
     touch, facts = fit_touch(data, rng, 4 * settings.fit_samples)
     on_step("touch", 1.0)
     samples, scaling = press_samples(data, settings.network_samples, rng), counts_scaling(data.kept)
@@ -66,12 +66,12 @@ def fit_extra_trees(
         touch=touch,
         scaling=scaling,
         forest=tried,
-        sigma=SigmaTable(depth_mm=np.zeros(1), factor=np.ones((1, 3))),
+        sigma=UNIT_TRUST,
     )
-    held_out = samples.is_held_out
-    table = sigma_table(*model.press_and_spread_mm(samples.signals[held_out]), samples.press_mm[held_out])
+    table, figures = trust_of(model, samples)
     on_step("fit", 1.0)
-    return replace(model, forest=forest, sigma=table)
+    header = trained_header("extra-trees", data, facts | figures, seed)
+    return replace(model, header=header, forest=forest, sigma=table)
 
 
 def _forest(

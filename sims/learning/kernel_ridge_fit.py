@@ -20,7 +20,7 @@ from scipy.spatial.distance import cdist
 
 from design.errors import InputError
 from sims.dataset import PressData
-from sims.learning.errors_mm import mean_error_mm
+from sims.learning.errors_mm import held_out_figures, mean_error_mm
 from sims.learning.inference.kernel_ridge import KernelRidgeModel
 from sims.learning.kernel_solve import back_substituted, factorise, method_for, solve_kernel
 from sims.learning.model_header import trained_header
@@ -57,6 +57,7 @@ def fit_kernel_ridge(
     InputError : too little data, or data that tell nothing.
     """
     data, rng = prepared(train), np.random.default_rng(seed)
+    on_step("touch", 0.0)
     touch, facts = fit_touch(data, rng, 4 * settings.fit_samples)
     on_step("touch", 1.0)
     scaling = counts_scaling(data.kept)
@@ -140,7 +141,9 @@ def searched_grid(
             errors[relative, ridge] = mean_error_mm(mean_mm + other @ weights, press_mm[tested])
         on_share((number + 1) / len(GAMMA_TIMES_MEDIAN))
     relative, ridge = min(errors, key=lambda one: errors[one])
-    return {
+    kernel, other = np.exp(-relative / median * among), np.exp(-relative / median * across)
+    weights = back_substituted(factorise(kernel, ridge), press_mm[~tested] - mean_mm)
+    return held_out_figures(mean_mm + other @ weights, press_mm[tested]) | {
         "gamma": relative / median,
         "gamma_times_median": relative,
         "lambda": ridge,

@@ -19,14 +19,13 @@ from sklearn.neural_network import MLPRegressor
 
 from sims.dataset import PressData
 from sims.learning.inference.network import Network, NetworkModel
-from sims.learning.inference.sigma_table import SigmaTable
 from sims.learning.model_header import trained_header
-from sims.learning.press_samples import PressSamples, press_samples
+from sims.learning.press_samples import press_samples
 from sims.learning.scalings import standard_scaling
 from sims.learning.settings import DEFAULT, FitSettings
 from sims.learning.touch_fit import fit_touch
 from sims.learning.training_data import prepared
-from sims.learning.trust import sigma_table
+from sims.learning.trust import UNIT_TRUST, trust_of
 
 FloatArray = NDArray[np.float64]
 OnStep = Callable[[str, float], None]
@@ -54,6 +53,7 @@ def fit_network(
     InputError : too little data, or data that tell nothing.
     """
     data, rng = prepared(train), np.random.default_rng(seed)
+    on_step("touch", 0.0)
     touch, facts = fit_touch(data, rng, 4 * settings.fit_samples)
     on_step("touch", 1.0)
     samples = press_samples(data, settings.network_samples, rng)
@@ -78,17 +78,12 @@ def fit_network(
         networks=(fitted(~samples.is_held_out, lambda share: on_step("fit", 0.45 * share)),),
         mean_mm=mean_mm,
         scale_mm=scale_mm,
-        sigma=SigmaTable(depth_mm=np.zeros(1), factor=np.ones((1, 3))),
+        sigma=UNIT_TRUST,
     )
-    table = _trust(model, samples)
+    table, figures = trust_of(model, samples)
     final = fitted(np.ones(len(samples), np.bool_), lambda share: on_step("fit", 0.45 + 0.55 * share))
-    return replace(model, networks=(final,), sigma=table)
-
-
-def _trust(model: NetworkModel, samples: PressSamples) -> SigmaTable:
-    held_out = samples.is_held_out
-    told = model.press_and_spread_mm(samples.signals[held_out])
-    return sigma_table(*told, samples.press_mm[held_out])
+    header = trained_header("network", data, facts | figures, seed)
+    return replace(model, header=header, networks=(final,), sigma=table)
 
 
 def _network(features: FloatArray, targets: FloatArray, epochs: int, seed: int, on_share: OnShare) -> Network:

@@ -11,16 +11,38 @@ caution.
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 
+from sims.learning.errors_mm import held_out_figures
 from sims.learning.inference.sigma_table import SigmaTable
+from sims.learning.press_samples import PressSamples
 
 FloatArray = NDArray[np.float64]
 
 BINS = 10
 """Depth said is cut into so many shares of equal numbers of samples."""
 LEAST_FACTOR = 1e-3
+UNIT_TRUST = SigmaTable(depth_mm=np.zeros(1), factor=np.ones((1, 3)))
+"""Of a model whose trust is still to be measured."""
+
+
+class KnowsSpread(Protocol):
+    """A model that says how far its parts are apart."""
+
+    def press_and_spread_mm(self, signals: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(n, 3) presses and (n, 3) raw deviations of signals (n, pair) [mm]."""
+        ...
+
+
+def trust_of(model: KnowsSpread, samples: PressSamples) -> tuple[SigmaTable, dict[str, float]]:
+    """Table and figures for the header, of a model that was fitted without the samples held out."""
+    held_out = samples.is_held_out
+    press_mm = samples.press_mm[held_out]
+    told_mm, spread_mm = model.press_and_spread_mm(samples.signals[held_out])
+    return sigma_table(told_mm, spread_mm, press_mm), held_out_figures(told_mm, press_mm)
 
 
 def sigma_table(told_mm: FloatArray, spread_mm: FloatArray, press_mm: FloatArray) -> SigmaTable:
