@@ -222,7 +222,7 @@ class PressProtocol(Model):
         if self.deepest_mm > design.operating.max_depth_mm + SLACK_MM:
             raise ModelScopeError(
                 f"protocol {self.name}: presses to {self.deepest_mm:g} mm, the design is for "
-                f"{design.operating.max_depth_mm:g}; raise operating.max_depth_mm, or end the approach there"
+                f"{design.operating.max_depth_mm:g}; raise operating.max_depth_mm, or leave deeper points out (--fit)"
             )
         if self.workspace_mm is None:
             return whole

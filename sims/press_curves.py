@@ -146,7 +146,7 @@ class PressCurves:
         return np.asarray((self.flux[:, -1] - self.flux[:, -2]) / span)
 
 
-def knots_mm(design: SensorDesign, *, is_coarse: bool = False) -> FloatArray:
+def knots_mm(design: SensorDesign, *, is_coarse: bool = False, deepest_mm: float | None = None) -> FloatArray:
     """Depths at which a design's curves are traced.
 
     `KNOTS_MM` scaled with the tip, to a little beyond the deepest press where the contact model reaches so far.
@@ -154,6 +154,7 @@ def knots_mm(design: SensorDesign, *, is_coarse: bool = False) -> FloatArray:
     Parameters
     ----------
     is_coarse : `COARSE_KNOTS_MM` in their place
+    deepest_mm : deepest press wanted; that of the design's range of use if left out [mm]
 
     Returns
     -------
@@ -162,7 +163,7 @@ def knots_mm(design: SensorDesign, *, is_coarse: bool = False) -> FloatArray:
     from sims.contact.scope import depth_limit_mm
 
     scale = design.indenter.tip_radius_mm / KNOTS_TIP_MM
-    wanted = design.operating.max_depth_mm
+    wanted = design.operating.max_depth_mm if deepest_mm is None else deepest_mm
     end = max(min(wanted + SPARE_MM, depth_limit_mm(design)), wanted)
     knots = [one * scale for one in (COARSE_KNOTS_MM if is_coarse else KNOTS_MM)]
     kept = [one for one in knots if one < end - 0.25 * scale * (one > scale)]

@@ -80,7 +80,8 @@ def protocol_curves(
     """
     places = protocol.places_mm(design)
     distinct, place_of = _distinct(places)
-    knots = knots_mm(design, is_coarse=protocol.curves == "coarse" if is_coarse is None else is_coarse)
+    coarse = protocol.curves == "coarse" if is_coarse is None else is_coarse
+    knots = knots_mm(design, is_coarse=coarse, deepest_mm=protocol.deepest_mm)
     curves = _traced(design, distinct, knots, accuracy, seed, on_step, "light")
     loose = None
     if design.noise.wall_unbonded_share > 0.0:

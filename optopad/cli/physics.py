@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from design.errors import InputError
 from design.spec import SensorDesign
 from optopad.cli.common import (
     DEFAULT_OUT,
@@ -62,8 +63,6 @@ def score(
 
 def _drawn_builds(tolerance: bool, builds: int | None) -> int | None:
     """How many builds to draw; None without ``--tolerance``."""
-    from design.errors import InputError
-
     if not tolerance:
         if builds is not None:
             raise InputError("--builds: needs --tolerance, which draws them; add it")
@@ -113,6 +112,8 @@ def simulate(
         _refuse_beside_protocol(press=press, oracle=oracle)
         _simulate_protocol(read, protocol, fit=fit, out=out, seed=seed, as_json=as_json)
         return
+    if fit:
+        raise InputError("--fit: needs --protocol, whose depths it fits; drop it")
     from optopad.pipeline import write_signals
 
     presses = [parsed_press(text) for text in press or []]
@@ -128,8 +129,6 @@ def simulate(
 
 
 def _refuse_beside_protocol(**given: Any) -> None:
-    from design.errors import InputError
-
     for name, value in given.items():
         if value:
             raise InputError(f"--{name}: does not go with --protocol, which has presses of its own; drop one")

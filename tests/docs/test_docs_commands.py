@@ -52,6 +52,8 @@ def prepare(page: Path) -> None:
     """What a page says in prose: files that the reader has saved by then."""
     if page.name == "search.md":
         Path("my-search.toml").write_text(toml_blocks_of(page)[0], encoding="utf-8")
+    if page.name == "datasets.md":
+        Path("my-protocol.toml").write_text(toml_blocks_of(page)[0], encoding="utf-8")
     if page.name == "recordings.md":
         heading, *rows = [
             "depth_mm,E2-R2",
