@@ -4,12 +4,12 @@ Model
 -----
 Signals y of all pairs (lit reading less the off state) have the covariance
 
-    C = V + G Gᵀ,   V = diag (floor² + (relative y)²),   G = [δₑ y by emitter | δᵣ y by receiver]
+    C = V + G Gᵀ,   V = diag (floor² + shot y + (relative y)²),   G = [δₑ y by emitter | δᵣ y by receiver]
 
-V is noise that every reading has of its own (electronics and rounding of both readings, light that fluctuates, the
-map's own error); G is a gain of each emitter and of each receiver that nobody knows better than δ, the drift since the
-untouched signals were taken. Marginalising over a normal prior of the gains is adding G Gᵀ (Rasmussen and Williams
-2006, eq. 2.40). So
+V is noise that every reading has of its own (electronics and rounding of both readings, photons, whatever else grows
+with the signal, the map's own error). G is a gain of each emitter and of each receiver that nobody knows better than δ:
+an LED's fluctuation from frame to frame, and drift since the untouched signals were taken. Marginalising over a normal
+prior of the gains is adding G Gᵀ (Rasmussen and Williams 2006, eq. 2.40). So
 
     aᵀC⁻¹b = aᵀWb - (Ha)ᵀ(Hb),   W = V⁻¹,   H = L⁻¹GᵀW,   LLᵀ = 1 + GᵀWG        (Woodbury)
 
@@ -38,6 +38,7 @@ class ReadingNoise:
     Attributes
     ----------
     floor_counts : (pair,) standard deviation of a signal without light of its own [counts]
+    shot : variance over signal [counts]
     relative : standard deviation of a signal over itself, every pair for itself [-]
     emitter_drift, receiver_drift : standard deviation of a gain, each part for itself [-]
     emitters : how many; the pairs are emitter by emitter
@@ -45,6 +46,7 @@ class ReadingNoise:
     """
 
     floor_counts: FloatArray
+    shot: float
     relative: float
     emitter_drift: float
     receiver_drift: float
@@ -58,7 +60,8 @@ class ReadingNoise:
 
     def variance(self, signals: FloatArray) -> FloatArray:
         """(n, pair) variance of each signal on its own [counts²]."""
-        return np.asarray(self.floor_counts**2 + (self.relative * signals) ** 2)
+        shot = self.shot * np.maximum(signals, 0.0)
+        return np.asarray(self.floor_counts**2 + shot + (self.relative * signals) ** 2)
 
     def gain_columns(self, signals: FloatArray) -> FloatArray:
         """(n, gain, pair) what a standard deviation of each gain does to the signals [counts]."""

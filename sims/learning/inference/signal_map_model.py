@@ -111,7 +111,7 @@ class SignalMapModel:
             "full_counts": self.full_counts,
             "floor_counts": noise.floor_counts,
             "clip_counts": np.minimum(noise.clip_counts, np.finfo(np.float64).max),
-            "noise_shares": np.array([noise.relative, noise.emitter_drift, noise.receiver_drift]),
+            "noise_shares": np.array([noise.shot, noise.relative, noise.emitter_drift, noise.receiver_drift]),
             "box_mm": np.stack([self.box.low, self.box.high]),
             "threshold": np.array([self.threshold]),
         }
@@ -139,12 +139,12 @@ def signal_map_of_arrays(header: ModelHeader, arrays: Arrays) -> SignalMapModel:
     full = taken(arrays, "full_counts", (pairs,))
     floor, clip = taken(arrays, "floor_counts", (pairs,)), taken(arrays, "clip_counts", (pairs,))
     box = taken(arrays, "box_mm", (2, 3))
-    relative, emitter_drift, receiver_drift = taken(arrays, "noise_shares", (3,))
+    shot, relative, emitter_drift, receiver_drift = taken(arrays, "noise_shares", (4,))
     if full.min() <= 0.0 or floor.min() <= 0.0 or not (box[0] < box[1]).all():
         raise InputError(
             "full_counts, floor_counts, box_mm: need numbers above 0, and a box that is not empty"
         )
-    if min(relative, emitter_drift, receiver_drift) < 0.0:
+    if min(shot, relative, emitter_drift, receiver_drift) < 0.0:
         raise InputError("noise_shares: are deviations, none is below 0")
     return SignalMapModel(
         header=header,
@@ -152,6 +152,7 @@ def signal_map_of_arrays(header: ModelHeader, arrays: Arrays) -> SignalMapModel:
         full_counts=full,
         noise=ReadingNoise(
             floor_counts=floor,
+            shot=float(shot),
             relative=float(relative),
             emitter_drift=float(emitter_drift),
             receiver_drift=float(receiver_drift),

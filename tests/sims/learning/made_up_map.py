@@ -66,7 +66,8 @@ def made_up_signal_map(pitch_mm: float = 1.0, depths: int = 13) -> SignalMap:
 def made_up_noise(**changes) -> ReadingNoise:
     values = {
         "floor_counts": np.full(PAIRS, 0.8),
-        "relative": 0.003,
+        "shot": 0.01,
+        "relative": 0.002,
         "emitter_drift": 0.002,
         "receiver_drift": 0.002,
         "emitters": COUNT,
