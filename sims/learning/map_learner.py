@@ -1,0 +1,227 @@
+"""The learner "signal-map": a traced map and a sensor's own readings make a model.
+
+    ratio of a pair to its untouched signal    from the light model (`sims.learning.signal_map`)
+    untouched signal                           mean of the sensor's untouched frames
+    of a pair at full scale while untouched    from gains of emitters and receivers fitted to the other pairs, moved by
+                                               the touched frames in which it reads less
+    noise                                      the design's signal chain, widened to what untouched frames show, and the
+                                               map's measured error
+    threshold of touch                         what `FALSE_ALARMS` of the untouched frames exceed
+
+So few presses are needed, or none: untouched frames alone do. Left out: a bias of the reference depth in the data,
+which the model does not learn (`sims.learning.calibration` does).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import InputError
+from design.spec import SensorDesign
+from sims.dataset import PressData
+from sims.learning.inference.header import ModelHeader
+from sims.learning.inference.press_search import Box
+from sims.learning.inference.reading_noise import ReadingNoise
+from sims.learning.inference.signal_map_model import KIND, SignalMapModel
+from sims.learning.signal_map import SignalMap
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+OnStep = Callable[[str, float], None]
+
+FALSE_ALARMS = 0.01
+"""Share of untouched training frames that may count as touched."""
+LEAST_THRESHOLD = 3.0
+"""Of touch, where untouched frames are few: half of χ² with three degrees of freedom exceeds it once in nine times."""
+CLEARLY_UNTOUCHED_MM = -0.25
+"""Frames above this depth touch nothing, whatever the reference depth's error."""
+FEWEST_UNTOUCHED = 10
+MOST_FOR_THRESHOLD = 1500
+MOST_FOR_CLIPPED = 3000
+BRIGHT = 0.05
+"""Pairs of more than this share of the median untouched signal tell gains."""
+CLIP_SHARE = 0.99
+"""Untouched readings above this share of the largest reading count as clipped."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Untouched:
+    """What a sensor reads without a touch.
+
+    Attributes
+    ----------
+    mean_counts, spread_counts : (pair,) mean and standard deviation of one frame within a set [counts]
+    clip_counts : (pair,) largest signal that the converter can give [counts]; infinite where not known
+    """
+
+    mean_counts: FloatArray
+    spread_counts: FloatArray
+    clip_counts: FloatArray
+
+    @property
+    def is_clipped(self) -> BoolArray:
+        """(pair,) whether the mean is at full scale."""
+        return np.asarray(self.mean_counts >= CLIP_SHARE * self.clip_counts)
+
+
+def untouched_rows(data: PressData) -> BoolArray:
+    """(sample,) frames that surely touch nothing.
+
+    Raises
+    ------
+    InputError : too few of them.
+    """
+    rows = data.press_mm[:, 2] <= CLEARLY_UNTOUCHED_MM
+    if rows.sum() < FEWEST_UNTOUCHED:
+        raise InputError(
+            f"data: {int(rows.sum())} frames at {CLEARLY_UNTOUCHED_MM:g} mm or above the surface, needs "
+            f">= {FEWEST_UNTOUCHED}; record some frames with the tip clear of the pad (negative depth)"
+        )
+    return np.asarray(rows)
+
+
+def untouched_of(data: PressData) -> Untouched:
+    """Mean, spread and clipping of a recording's untouched frames; raises InputError where there are too few."""
+    quiet = data.only(untouched_rows(data))
+    signals = quiet.features().astype(np.float64)
+    own = signals.copy()
+    for number in np.unique(quiet.set_number):
+        own[quiet.set_number == number] -= own[quiet.set_number == number].mean(axis=0)
+    full = np.inf if data.full_scale_counts is None else data.full_scale_counts
+    off = quiet.counts[:, -1].mean(axis=0, dtype=np.float64)
+    return Untouched(
+        mean_counts=signals.mean(axis=0),
+        spread_counts=own.std(axis=0),
+        clip_counts=np.tile(full - off, len(data.emitter_names)),
+    )
+
+
+def fitted_gains(untouched: Untouched, flux: FloatArray, emitters: int) -> FloatArray:
+    """(pair,) counts per flux as a product of a gain of the emitter and one of the receiver.
+
+    Least squares of the logarithms over bright pairs that do not clip; a part without such a pair gets the mean gain.
+
+    Raises
+    ------
+    InputError : no pair is bright without clipping.
+    """
+    counts = untouched.mean_counts
+    good = ~untouched.is_clipped & (counts > BRIGHT * np.median(counts)) & (flux > BRIGHT * np.median(flux))
+    if not good.any():
+        raise InputError("data: no pair reads light without clipping while untouched; check gains and wiring")
+    receivers = len(flux) // emitters
+    names = np.divmod(np.arange(len(flux)), receivers)
+    parts = np.concatenate([np.eye(emitters)[names[0]], np.eye(receivers)[names[1]]], axis=1)
+    level = np.log(counts[good] / flux[good])
+    ridge = 1e-4 * np.eye(parts.shape[1])
+    normal = parts[good].T @ parts[good] + ridge
+    gains = np.linalg.solve(normal, parts[good].T @ (level - level.mean()))
+    return np.asarray(np.exp(level.mean() + parts @ gains))
+
+
+def chain_noise(design: SensorDesign, emitters: int, pairs: int) -> ReadingNoise:
+    """A frame's noise by the design's signal chain, in the dark; full scale is left open."""
+    noise = design.noise
+    rounding = 1.0 / 12.0 if noise.quantised else 0.0
+    floor = np.sqrt(2.0 * (rounding + noise.read_noise_counts**2))
+    return ReadingNoise(
+        floor_counts=np.full(pairs, max(floor, 1e-3)),
+        shot=noise.shot_variance_per_count or 0.0,
+        relative=0.0,
+        emitter_drift=float(np.hypot(noise.led_fluctuation, noise.gain_drift)),
+        receiver_drift=noise.gain_drift,
+        emitters=emitters,
+        clip_counts=np.full(pairs, np.inf),
+    )
+
+
+def fit_signal_map(
+    design: SensorDesign,
+    found: SignalMap,
+    header: ModelHeader,
+    data: PressData,
+    *,
+    seed: int = 0,
+    on_step: OnStep | None = None,
+) -> SignalMapModel:
+    """Make a model of a map and a sensor's readings.
+
+    Parameters
+    ----------
+    found : of that design, or of the design fitted to the build
+    header : of the model; kind and untouched counts are set here
+    data : untouched frames at least; touched ones help pairs that clip
+    seed : which untouched frames the threshold is set by
+
+    Raises
+    ------
+    InputError : too few untouched frames, or no pair that reads light without clipping.
+    """
+    untouched = untouched_of(data)
+    emitters, spline = len(data.emitter_names), found.ratio_root
+    gains = fitted_gains(untouched, found.untouched, emitters)
+    full = np.where(
+        untouched.is_clipped,
+        np.maximum(gains * found.untouched, untouched.clip_counts),
+        np.maximum(untouched.mean_counts, 1e-3 * gains * np.median(found.untouched)),
+    )
+    model = SignalMapModel(
+        header=replace(header, kind=KIND, untouched_counts=untouched.mean_counts),
+        ratio_root=spline,
+        full_counts=full,
+        noise=_sensor_noise(chain_noise(design, emitters, len(full)), untouched, full, found.error),
+        box=_box(found),
+        threshold=0.0,
+    )
+    model = replace(model, full_counts=_moved_by_touches(model, untouched, data, seed))
+    return replace(model, threshold=_threshold(model, data, seed, on_step))
+
+
+def _box(found: SignalMap) -> Box:
+    low, high = found.workspace_mm
+    return Box(low=np.array([*low, 0.0]), high=np.array([*high, found.root_depth[-1] ** 2]))
+
+
+def _sensor_noise(
+    chain: ReadingNoise, untouched: Untouched, full: FloatArray, error: FloatArray | None
+) -> ReadingNoise:
+    """The chain's noise, no less than untouched frames show beyond what gains explain, and the map's own error."""
+    gains = np.hypot(chain.emitter_drift, chain.receiver_drift)
+    seen = np.where(
+        untouched.is_clipped, 0.0, untouched.spread_counts**2 - (gains * full) ** 2 - chain.shot * full
+    )
+    map_error = np.zeros(len(full)) if error is None else error * full
+    floor = np.sqrt(np.maximum(chain.floor_counts**2, seen) + map_error**2)
+    return replace(chain, floor_counts=floor, clip_counts=untouched.clip_counts)
+
+
+def _moved_by_touches(model: SignalMapModel, untouched: Untouched, data: PressData, seed: int) -> FloatArray:
+    """(pair,) full counts, those of clipping pairs by the median of reading over ratio where they read less."""
+    touched = np.flatnonzero(data.press_mm[:, 2] > 0.3)
+    full = model.full_counts.copy()
+    if not untouched.is_clipped.any() or not len(touched):
+        return full
+    if len(touched) > MOST_FOR_CLIPPED:
+        touched = np.sort(np.random.default_rng(seed).choice(touched, MOST_FOR_CLIPPED, replace=False))
+    signals = data.only(touched).features().astype(np.float64)
+    ratio = model.ratio_root.values(data.press_mm[touched]) ** 2
+    for pair in np.flatnonzero(untouched.is_clipped):
+        reads = (signals[:, pair] < 0.97 * untouched.clip_counts[pair]) & (ratio[:, pair] > 0.1)
+        if reads.sum() >= FEWEST_UNTOUCHED:
+            moved = np.median(signals[reads, pair] / ratio[reads, pair])
+            full[pair] = max(float(moved), float(untouched.clip_counts[pair]))
+    return full
+
+
+def _threshold(model: SignalMapModel, data: PressData, seed: int, on_step: OnStep | None) -> float:
+    rows = np.flatnonzero(untouched_rows(data))
+    if len(rows) > MOST_FOR_THRESHOLD:
+        rows = np.sort(np.random.default_rng(seed).choice(rows, MOST_FOR_THRESHOLD, replace=False))
+    score = model.predict(data.only(rows).features().astype(np.float64)).touch_score
+    if on_step is not None:
+        on_step("fit", 1.0)
+    return max(float(np.quantile(score, 1.0 - FALSE_ALARMS)), LEAST_THRESHOLD)
