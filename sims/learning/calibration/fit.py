@@ -7,9 +7,9 @@ Signals of sample s and pair (i, j) under unknown parameters u (in spreads of th
     y_s,ij = gᵢ hⱼ F_s,ij(u, depth_s + z_press) + n,     F the light model, g, h the gains
 
 with normal priors: u of mean 0 and spread 1, every press's reference depth z of spread `zero_spread_mm`, the logarithms
-of gains of spread `GAIN_SPREAD` about those that the untouched signals tell. n is the chain's noise, and a model error of
-`MODEL_SHARE` of the untouched signal: the trace's own, the stage's error in x and y, walls near the tip. The untouched
-signals count as one more sample without z. Minimised by Gauss-Newton steps on all unknowns at once,
+of gains of spread `GAIN_SPREAD` about those that the untouched signals tell. n is the chain's noise, and a model error
+of `MODEL_SHARE` of the untouched signal: the trace's own, the stage's error in x and y, walls near the tip. The
+untouched signals count as one more sample without z. Minimised by Gauss-Newton steps on all unknowns at once,
 
     (AᵀA + P) Δ = Aᵀr - P(Δ₀),    A and r in standard deviations of n, P the priors' information
 
@@ -42,6 +42,9 @@ GAIN_SPREAD = 0.5
 MODEL_SHARE = 0.004
 SLOPE_STEP = 0.3
 """Step of the differences by a parameter, in spreads of its doubt."""
+SLOPE_PLACE_MM = 0.1
+"""Slopes are taken at places rounded to this: they change little over it, and the places of a grid become symmetric
+again, which a stage's error had kept from being traced once."""
 DEPTH_STEP_MM = 0.05
 STEPS = 3
 """Steps with slopes that follow Broyden's rule, before and after slopes are taken anew."""
@@ -101,27 +104,34 @@ class _Problem:
         self.weight = np.where(is_lost, 0.0, variance**-0.5)
         names = np.divmod(np.arange(pairs), pairs // self.samples.emitters)
         self.parts = np.concatenate(
-            [np.eye(self.samples.emitters)[names[0]], np.eye(pairs // self.samples.emitters)[names[1]]], axis=1
+            [np.eye(self.samples.emitters)[names[0]], np.eye(pairs // self.samples.emitters)[names[1]]],
+            axis=1,
         )
         self.of_press = np.zeros((rows + 1, self.samples.presses))
         self.of_press[np.arange(rows), self.samples.press] = 1.0
 
-    def flux(self, values: FloatArray, shift_mm: float = 0.0) -> FloatArray:
-        """(sample, pair) light of parameters; the last row is the untouched pad."""
+    def flux(self, values: FloatArray, *, nearby: bool = False, deeper_mm: float = 0.0) -> FloatArray:
+        """(sample, pair) light of parameters; the last row is the untouched pad.
+
+        nearby : at places rounded to `SLOPE_PLACE_MM`; deeper_mm : added to all presses
+        """
         press_mm = self.press_mm.copy()
-        press_mm[:-1, 2] += shift_mm
+        press_mm[:-1, 2] += deeper_mm
+        if nearby:
+            press_mm[:, :2] = np.round(press_mm[:, :2] / SLOPE_PLACE_MM) * SLOPE_PLACE_MM
         self.traces += 1
         self.on_step("calibration", min(self.traces / self.expected, 1.0))
         return np.maximum(self.light(values, press_mm), SMALL_FLUX)
 
-    def slopes(self, values: FloatArray, flux: FloatArray) -> FloatArray:
+    def slopes(self, values: FloatArray) -> FloatArray:
         """(unknown, sample, pair) change of light with each parameter, by differences towards the inside."""
+        flux = self.flux(values, nearby=True)
         found = []
         for axis in range(len(values)):
             side = SLOPE_STEP if values[axis] + SLOPE_STEP <= self.high[axis] else -SLOPE_STEP
             moved = values.copy()
             moved[axis] += side
-            found.append((self.flux(moved) - flux) / side)
+            found.append((self.flux(moved, nearby=True) - flux) / side)
         return np.array(found)
 
 
@@ -148,14 +158,15 @@ def fitted(
     """
     problem = _Problem(
         light, samples, noise, low, high, zero_spread_mm, on_step or (lambda _stage, _share: None),
-        expected=2 * len(start) + 2 * STEPS + 3,
+        expected=2 * len(start) + 2 * STEPS + 5,
     )  # fmt: skip
     flux = problem.flux(start)
-    by_depth = (problem.flux(start, DEPTH_STEP_MM) - flux) / DEPTH_STEP_MM
+    deeper, here = (problem.flux(start, nearby=True, deeper_mm=step) for step in (DEPTH_STEP_MM, 0.0))
+    by_depth = (deeper - here) / DEPTH_STEP_MM
     state = _State(problem, start, flux, by_depth)
     first = state.rms
     for _ in range(2):
-        state.slopes = problem.slopes(state.values, state.flux)
+        state.slopes = problem.slopes(state.values)
         state.descend()
     covariance, names = state.covariance(), len(start)
     gains = covariance[names : names + problem.parts.shape[1], names : names + problem.parts.shape[1]]
@@ -233,7 +244,9 @@ class _State:
         )
         return float((self._residual(flux, log_gains, zero_mm) ** 2).sum() + priors)
 
-    def _columns(self, flux: FloatArray, log_gains: FloatArray, zero_mm: FloatArray) -> tuple[FloatArray, int]:
+    def _columns(
+        self, flux: FloatArray, log_gains: FloatArray, zero_mm: FloatArray
+    ) -> tuple[FloatArray, int]:
         """Slopes of the mean in standard deviations, (sample x pair, gains + presses), gains first."""
         problem = self.problem
         mean = self._mean(flux, log_gains, zero_mm) * problem.weight

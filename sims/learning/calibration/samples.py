@@ -62,11 +62,13 @@ def calibration_samples(data: PressData, deepest_mm: float) -> CalibrationSample
     InputError : too few presses or untouched frames.
     """
     untouched, number = untouched_of(data), data.press_numbers()
-    reached = [one for one in range(number.max() + 1) if data.press_mm[number == one, 2].max() >= SHALLOWEST_MM]
+    reached = [
+        one for one in range(number.max() + 1) if data.press_mm[number == one, 2].max() >= SHALLOWEST_MM
+    ]
     if len(reached) < FEWEST_PRESSES:
         raise InputError(
-            f"calibrate: {len(reached)} presses of {SHALLOWEST_MM:g} mm and more, needs >= {FEWEST_PRESSES}, better 30; "
-            "press at places spread over the workspace"
+            f"calibrate: {len(reached)} presses of {SHALLOWEST_MM:g} mm and more, needs >= {FEWEST_PRESSES}, "
+            "better 30; press at places spread over the workspace"
         )
     depths = int(np.clip(STATES // len(reached), FEWEST_DEPTHS, MOST_DEPTHS))
     rows, press = [], []
@@ -90,5 +92,7 @@ def _rows_of(depth_mm: FloatArray, rows: IntArray, depths: int, deepest_mm: floa
     end = min(float(depth_mm[way_in].max()), 0.9 * deepest_mm)
     wanted = np.linspace(np.sqrt(SHALLOWEST_MM), np.sqrt(end), depths) ** 2
     nearest = [int(way_in[np.argmin(np.abs(depth_mm[way_in] - one))]) for one in wanted]
-    kept = sorted({row for row, one in zip(nearest, wanted, strict=True) if abs(depth_mm[row] - one) <= NEAR_MM})
+    kept = sorted(
+        {row for row, one in zip(nearest, wanted, strict=True) if abs(depth_mm[row] - one) <= NEAR_MM}
+    )
     return np.array(kept or nearest[-1:], dtype=np.int64)

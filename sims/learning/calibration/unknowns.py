@@ -64,7 +64,11 @@ class Unknown:
     @property
     def words(self) -> str:
         """Its name in plain words."""
-        last = self.path.rsplit(".", 1)[-1].rsplit("_", 1)[0] if self.unit != "1" else self.path.rsplit(".", 1)[-1]
+        last = (
+            self.path.rsplit(".", 1)[-1].rsplit("_", 1)[0]
+            if self.unit != "1"
+            else self.path.rsplit(".", 1)[-1]
+        )
         kind = self.path.split(".")[0].rstrip("s")
         return f"{kind} {last}".replace("_", " ").replace("part measurement ", "LED ")
 
@@ -76,12 +80,11 @@ def unknowns_of(design: SensorDesign) -> tuple[Unknown, ...]:
     ------
     InputError : all of them are measured, so that nothing is left to fit.
     """
-    found = tuple(
-        _unknown(one) for one in build_tolerances(design) if one.path.endswith(OPTICAL_ENDS)
-    )
+    found = tuple(_unknown(one) for one in build_tolerances(design) if one.path.endswith(OPTICAL_ENDS))
     if not found:
         raise InputError(
-            f"calibrate: {design.name} has no optical value with a tolerance; all are measured. Train a model on the data"
+            f"calibrate: {design.name} has no optical value with a tolerance, all are measured; "
+            "train a model on the data instead"
         )
     return found
 
@@ -96,6 +99,4 @@ def _unknown(one: Tolerance) -> Unknown:
 
 def with_values(design: SensorDesign, unknowns: tuple[Unknown, ...], values: FloatArray) -> SensorDesign:
     """The design with parameters (unknown,) set."""
-    return design.with_(
-        **{one.path: float(value) for one, value in zip(unknowns, values, strict=True)}
-    )
+    return design.with_(**{one.path: float(value) for one, value in zip(unknowns, values, strict=True)})

@@ -1,0 +1,108 @@
+"""A build's twin: the design with what its own presses say of it, and the model that reads the build."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.spec import SensorDesign
+from sims.dataset import PressData
+from sims.learning.calibration.fit import Fitted, fitted
+from sims.learning.calibration.samples import CalibrationSamples, calibration_samples
+from sims.learning.calibration.unknowns import Unknown, unknowns_of, with_values
+from sims.learning.map_learner import chain_noise
+from sims.optics.tracing import trace
+
+FloatArray = NDArray[np.float64]
+OnStep = Callable[[str, float], None]
+SMALLEST_ZERO_MM = 0.01
+"""Least spread of a press's reference depth: a stage told to have none still rounds."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Calibration:
+    """What a calibration found.
+
+    Attributes
+    ----------
+    design : with the fitted values set
+    unknowns : what was fitted, and the doubt before
+    fitted : the fit
+    samples : the readings behind it
+    seed : of the light
+    """
+
+    design: SensorDesign
+    unknowns: tuple[Unknown, ...]
+    fitted: Fitted
+    samples: CalibrationSamples
+    seed: int
+
+    @property
+    def values(self) -> FloatArray:
+        """(unknown,) fitted values, each in its unit."""
+        return np.array(
+            [one.middle + one.spread * u for one, u in zip(self.unknowns, self.fitted.values, strict=True)]
+        )
+
+    @property
+    def deviations(self) -> FloatArray:
+        """(unknown,) standard deviations after the fit, each in its unit."""
+        spread = np.array([one.spread for one in self.unknowns])
+        return np.asarray(np.sqrt(np.diag(self.fitted.covariance)) * spread)
+
+
+def calibrated(
+    design: SensorDesign,
+    data: PressData,
+    *,
+    accuracy: str = "draft",
+    seed: int = 0,
+    on_step: OnStep | None = None,
+) -> Calibration:
+    """Fit a design's unknown optics to a build's presses.
+
+    Parameters
+    ----------
+    data : presses with some frames above the surface before each
+    accuracy, seed : of the light
+
+    Raises
+    ------
+    InputError : too few presses or untouched frames; nothing to fit.
+    ModelScopeError : a press that contact or light model does not cover.
+    """
+    unknowns = unknowns_of(design)
+    samples = calibration_samples(data, design.operating.max_depth_mm)
+    noise = design.noise
+    middle, spread, value, low, high = (
+        np.array([getattr(one, name) for one in unknowns])
+        for name in ("middle", "spread", "value", "low", "high")
+    )
+
+    def light(values: FloatArray, press_mm: FloatArray) -> FloatArray:
+        build = with_values(design, unknowns, np.clip(middle + spread * values, low, high))
+        return trace(build, press_mm, accuracy=accuracy, seed=seed).flux.reshape(len(press_mm), -1)
+
+    found = fitted(
+        light,
+        samples,
+        chain_noise(design, samples.emitters, samples.signals.shape[1]),
+        start=(value - middle) / spread,
+        low=(low - middle) / spread,
+        high=(high - middle) / spread,
+        zero_spread_mm=max(
+            float(np.hypot(noise.zero_offset_set_mm, noise.zero_offset_place_mm)), SMALLEST_ZERO_MM
+        ),
+        on_step=on_step,
+    )
+    return Calibration(
+        design=with_values(design, unknowns, np.clip(middle + spread * found.values, low, high)),
+        unknowns=unknowns,
+        fitted=found,
+        samples=samples,
+        seed=seed,
+    )

@@ -1,0 +1,76 @@
+"""A map and a sensor's own frames make a model: gains, clipping, threshold."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from design.errors import InputError
+from design.preset import preset
+from sims.learning.map_learner import fit_signal_map, fitted_gains, untouched_of
+from tests.sims.learning.made_up_map import made_up_map_model, made_up_signal_map, ratios, untouched_counts
+from tests.sims.learning.made_up_presses import made_up_data
+
+
+def flux(press_mm: np.ndarray) -> np.ndarray:
+    return ratios(press_mm) * untouched_counts() * 1e-5
+
+
+def fitted_to(presses: int, full_scale: float, seed: int = 1):
+    data, gains = made_up_data(flux, presses, seed, np.zeros(presses), full_scale=full_scale)
+    design = preset("piacenza2017-pad")
+    header = made_up_map_model().header
+    return fit_signal_map(design, made_up_signal_map(), header, data), data, gains
+
+
+def test_the_model_finds_presses_of_a_sensor_with_gains_of_its_own():
+    model, _, _ = fitted_to(30, 4095.0)
+    data, _ = made_up_data(flux, 10, 1, np.zeros(10))  # seed 1: the same gains
+    rows = data.press_mm[:, 2] >= 0.5
+    found = model.predict(data.only(rows).features())
+    assert found.is_touched.all()
+    error = np.abs(found.press_mm - data.press_mm[rows])
+    assert np.median(np.hypot(error[:, 0], error[:, 1])) < 0.05  # noise alone gives 0.03
+    assert np.median(error[:, 2]) < 0.02
+
+
+def test_untouched_frames_are_all_that_is_needed():
+    data, _ = made_up_data(flux, 30, 1, np.zeros(30))
+    quiet = data.only(data.press_mm[:, 2] < 0.0)
+    model = fit_signal_map(
+        preset("piacenza2017-pad"), made_up_signal_map(), made_up_map_model().header, quiet
+    )
+    rows = data.press_mm[:, 2] >= 1.0
+    error = np.abs(model.predict(data.only(rows).features()).press_mm - data.press_mm[rows])
+    assert np.median(error[:, 2]) < 0.02
+
+
+def test_pairs_that_clip_untouched_get_the_gain_of_their_parts():
+    model, _, gains = fitted_to(30, 500.0)
+    true = untouched_counts() * 1e-5 * gains
+    is_clipped = true > 500.0
+    assert is_clipped.sum() > 5
+    # a part's gain comes from pairs whose untouched mean is known to 0.1 % each
+    assert np.abs(model.full_counts[is_clipped] / true[is_clipped] - 1.0).max() < 0.01
+
+
+def test_few_untouched_frames_alarm():
+    model, data, _ = fitted_to(30, 4095.0)
+    quiet = data.only(data.press_mm[:, 2] < -0.25)
+    # 1 % by the threshold's choice, or fewer; 120 frames: 4 at most, with 99.9 % certainty
+    assert model.predict(quiet.features()).is_touched.sum() <= 4
+
+
+def test_gains_are_products_of_parts():
+    data, gains = made_up_data(flux, 10, 3, np.zeros(10))
+    found = fitted_gains(untouched_of(data), untouched_counts() * 1e-5, 8)
+    assert np.abs(found / gains - 1.0).max() < 0.01
+
+
+def test_a_dark_sensor_is_refused():
+    data, _ = made_up_data(flux, 10, 3, np.zeros(10))
+    dark = replace(data, counts=np.full_like(data.counts, data.full_scale_counts))
+    with pytest.raises(InputError, match="without clipping"):
+        fitted_gains(replace(untouched_of(dark), clip_counts=np.zeros(64)), untouched_counts(), 8)
