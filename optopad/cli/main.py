@@ -16,6 +16,7 @@ from optopad.cli import (
     author,
     bench,
     build,
+    calibrate,
     compare,
     contact,
     driver,
@@ -39,6 +40,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for group in (job, author, build, physics, sweep, compare, rays, contact, driver, bench, explore, train):
+for group in (job, author, build, physics, sweep, compare, rays, contact, driver, bench, explore, calibrate):
     group.register(app)
 
 

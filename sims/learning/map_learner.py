@@ -16,23 +16,37 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from importlib.metadata import version
+from platform import python_version
 
 import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import InputError
 from design.spec import SensorDesign
+from sims.contact.force_curve import force_curve
+from sims.contact.indentation import solved_press
 from sims.dataset import PressData
-from sims.learning.inference.header import ModelHeader
+from sims.learning.inference.header import ForceCurve, ModelHeader
 from sims.learning.inference.press_search import Box
 from sims.learning.inference.reading_noise import ReadingNoise
 from sims.learning.inference.signal_map_model import KIND, SignalMapModel
-from sims.learning.signal_map import SignalMap
+from sims.learning.signal_map import (
+    DEPTH_NODES,
+    PITCH_MM,
+    QUICK_DEPTH_NODES,
+    QUICK_PITCH_MM,
+    SignalMap,
+    measured_error,
+    traced_map,
+)
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 OnStep = Callable[[str, float], None]
 
+MAP_SEED = 104_729
+"""Added to the seed for the map's light: simulated data have the seed itself, and must not share the map's errors."""
 FALSE_ALARMS = 0.01
 """Share of untouched training frames that may count as touched."""
 LEAST_THRESHOLD = 3.0
@@ -40,6 +54,7 @@ LEAST_THRESHOLD = 3.0
 CLEARLY_UNTOUCHED_MM = -0.25
 """Frames above this depth touch nothing, whatever the reference depth's error."""
 FEWEST_UNTOUCHED = 10
+FORCE_DEPTHS = 51
 MOST_FOR_THRESHOLD = 1500
 MOST_FOR_CLIPPED = 3000
 BRIGHT = 0.05
@@ -136,6 +151,64 @@ def chain_noise(design: SensorDesign, emitters: int, pairs: int) -> ReadingNoise
         receiver_drift=noise.gain_drift,
         emitters=emitters,
         clip_counts=np.full(pairs, np.inf),
+    )
+
+
+def mapped(
+    design: SensorDesign,
+    *,
+    quick: bool = False,
+    accuracy: str = "draft",
+    seed: int = 0,
+    on_step: OnStep | None = None,
+) -> SignalMap:
+    """Trace the map of a design with its error at places and depths that are not on its grid.
+
+    Parameters
+    ----------
+    quick : a coarser grid, a third of the time (docs/calibration.md has both errors)
+    seed : of the data that the model will be compared with; the map's light has another
+    """
+    found = traced_map(
+        design,
+        pitch_mm=QUICK_PITCH_MM if quick else PITCH_MM,
+        depth_nodes=QUICK_DEPTH_NODES if quick else DEPTH_NODES,
+        accuracy=accuracy,
+        seed=seed + MAP_SEED,
+        on_step=on_step,
+    )
+    error = measured_error(design, found, accuracy=accuracy, on_step=on_step)
+    return replace(found, error=error.of_ratio(found.untouched))
+
+
+def map_header(design: SensorDesign, data: PressData, found: SignalMap, seed: int) -> ModelHeader:
+    """Header of a model that is made of a map: the data's sensor, the map's design, the force of a centred press."""
+    deepest = design.operating.max_depth_mm
+    press = solved_press(design, max_depth_mm=deepest)
+    curve = force_curve(design, press, np.linspace(0.0, deepest, FORCE_DEPTHS))
+    return ModelHeader(
+        kind=KIND,
+        design_digest=data.design_digest,
+        emitter_names=data.emitter_names,
+        receiver_names=data.receiver_names,
+        untouched_counts=np.zeros(len(data.emitter_names) * len(data.receiver_names)),
+        trained_on={
+            "sets": [one.name for one in data.sets],
+            "samples": len(data),
+            "map_of_design": found.digest,
+        },
+        settings={
+            "pitch_mm": float(found.x_mm[1] - found.x_mm[0]),
+            "depths": len(found.root_depth),
+            "accuracy": found.accuracy,
+            "map_seed": found.seed,
+            "seed": seed,
+        },
+        created_with={name: version(name) for name in ("optopad", "numpy")} | {"python": python_version()},
+        force_curve=ForceCurve(
+            depth_mm=tuple(float(one) for one in curve.depth_mm),
+            force_n=tuple(float(one) for one in curve.force_n),
+        ),
     )
 
 

@@ -142,7 +142,7 @@ def _combination(unknowns: Sequence[Unknown], vector: FloatArray) -> str:
     order = np.argsort(-np.abs(vector))
     named = [k for k in order if abs(vector[k]) >= NAMED] or [order[0]]
     if len(named) == 1:
-        return unknowns[named[0]].words
+        return str(unknowns[named[0]].words)
     lead = np.sign(vector[named[0]])
     parts = [f"{unknowns[k].words} {'more' if np.sign(vector[k]) == lead else 'less'}" for k in named]
     return " with ".join([parts[0], ", ".join(parts[1:])])

@@ -1,0 +1,100 @@
+"""The calibrate verb's work: a design and a build's recording in, the build's twin and its model out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from design.io import save_design, write_text_atomically
+from design.spec import SensorDesign
+from sims.dataset import read_data, require_design
+from sims.learning.calibration.build import Calibration, calibrated
+from sims.learning.calibration.report import CalibrationReport, report_of
+from sims.learning.inference.model_file import save_model
+from sims.learning.inference.signal_map_model import SignalMapModel
+from sims.learning.map_learner import fit_signal_map, map_header, mapped
+from sims.press_data import PressData, clipped_note
+
+OnStep = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibratedBuild:
+    """What a calibration gives.
+
+    Attributes
+    ----------
+    calibration, report : the fit, and what it says
+    model : reads the build; None where it was not asked for
+    notes : of the data, as sentences
+    """
+
+    calibration: Calibration
+    report: CalibrationReport
+    model: SignalMapModel | None
+    notes: tuple[str, ...]
+
+    def to_json(self, design: SensorDesign) -> dict[str, Any]:
+        """As plain data."""
+        found = self.calibration
+        emitters = found.samples.emitters
+        return {
+            "name": design.name,
+            "digest": design.digest,
+            "calibrated_digest": found.design.digest,
+            "presses": found.samples.presses,
+            "readings": int(found.samples.signals.size),
+            "seed": found.seed,
+            **self.report.to_json(),
+            "gains_counts_per_flux": found.fitted.gains.reshape(emitters, -1).tolist(),
+            "gains_relative_spread": found.fitted.gain_spread.reshape(emitters, -1).tolist(),
+            "reference_depth_mm": found.fitted.zero_mm.tolist(),
+            "data_notes": list(self.notes),
+        }
+
+
+def calibrate(
+    design: SensorDesign, file: Path, *, with_model: bool, quick: bool, seed: int, on_step: OnStep
+) -> CalibratedBuild:
+    """Fit a design to a recording of its build, and make the model that reads it.
+
+    Parameters
+    ----------
+    with_model : trace the calibrated design's map, which takes longer than the fit
+    quick : a coarser map
+
+    Raises
+    ------
+    InputError : data of another design, too few presses or untouched frames, nothing to fit.
+    """
+    data = read_data(file)
+    notes = list(require_design(data, design, what=str(file)))
+    if (clipped := clipped_note(data)) is not None:
+        notes.append(clipped)
+    found = calibrated(design, data, seed=seed, on_step=on_step)
+    model = build_model(found, data, quick=quick, seed=seed, on_step=on_step) if with_model else None
+    return CalibratedBuild(calibration=found, report=report_of(found), model=model, notes=tuple(notes))
+
+
+def build_model(
+    found: Calibration, data: PressData, *, quick: bool, seed: int, on_step: OnStep
+) -> SignalMapModel:
+    """The model of a calibrated build."""
+    lightmap = mapped(found.design, quick=quick, seed=seed, on_step=on_step)
+    header = map_header(found.design, data, lightmap, seed)
+    return fit_signal_map(found.design, lightmap, header, data, seed=seed, on_step=on_step)
+
+
+def write_calibration(made: CalibratedBuild, design: SensorDesign, folder: Path) -> tuple[Path, ...]:
+    """Write ``design.toml``, ``calibration.json`` and ``build.optomodel`` into a folder; what was written."""
+    folder.mkdir(parents=True, exist_ok=True)
+    twin, facts, model = folder / "design.toml", folder / "calibration.json", folder / "build.optomodel"
+    save_design(made.calibration.design, twin)
+    write_text_atomically(facts, json.dumps(made.to_json(design), indent=2, allow_nan=False) + "\n")
+    if made.model is None:
+        return twin, facts
+    save_model(model, made.model)
+    return twin, facts, model
