@@ -39,8 +39,21 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for group in (job, author, build, physics, sweep, compare, rays, contact, driver, bench, explore, train):
-for group in (job, author, build, physics, sweep, compare, rays, contact, driver, bench, explore, calibrate):
+for group in (
+    job,
+    author,
+    build,
+    physics,
+    sweep,
+    compare,
+    rays,
+    contact,
+    driver,
+    bench,
+    explore,
+    train,
+    calibrate,
+):
     group.register(app)
 
 
