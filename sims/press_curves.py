@@ -1,12 +1,13 @@
 """Light against depth at fixed places, traced at a few depths and interpolated between them.
 
-A press runs through depth at one place, so a data set of thousands of samples needs only a curve a place. Between the
-knots: modified Akima (makima, Hermite pieces with local slopes) in the square root of depth, which is what the contact's
-radius grows with. Chosen by measurement (`python -m tests.validation.press_curve_table`; six places of the paper's pad, 73
-depths, a median pair of 300 counts): with these knots makima, pchip and a cubic spline are all 0.35 counts (rms) off
-light traced at "standard", 0.16 to 0.18 below 1 mm, and 0.46 off "draft", where half is the light's own error. Makima is
-taken because it rings less beside a kink than the spline and bends less at knots than pchip. The worst errors, 15
-counts, are kinks beyond 2 mm, where the tip enters or leaves a straight path. `interpolation_error` measures any design.
+A press runs through depth at one place, so a data set of thousands of samples needs only a curve a place. Between
+the knots: modified Akima (makima, Hermite pieces with local slopes) in the square root of depth, which is what the
+contact's radius grows with. Chosen by measurement (`python -m tests.validation.press_curve_table`; six places of the
+paper's pad, 73 depths, a median pair of 300 counts): with these knots makima, pchip and a cubic spline are all 0.35
+counts (rms) off light traced at "standard", 0.16 to 0.18 below 1 mm, and 0.46 off "draft", where half is the light's
+own error. Makima is taken because it rings less beside a kink than the spline and bends less at knots than pchip. The
+worst errors, 15 counts, are kinks beyond 2 mm, where the tip enters or leaves a straight path.
+`interpolation_error` measures any design.
 
 Depth 0 or less is the untouched pad. Deeper than the last knot the last piece's end slope goes on for `BEYOND_MM` at
 most: a press of full depth overshoots by its zero offset.
