@@ -51,7 +51,7 @@ class CalibratedBuild:
             **self.report.to_json(),
             "gains_counts_per_flux": found.fitted.gains.reshape(emitters, -1).tolist(),
             "gains_relative_spread": found.fitted.gain_spread.reshape(emitters, -1).tolist(),
-            "reference_depth_mm": found.fitted.zero_mm.tolist(),
+            "tip_beside_stage_mm": found.fitted.offset_mm.tolist(),
             "data_notes": list(self.notes),
         }
 

@@ -44,7 +44,6 @@ from sims.bounds.stencil import SEED_GAP, Steps, stencil_derivatives, stencil_pr
 from sims.learning.inference.reading_noise import ReadingNoise
 from sims.optics.accuracy import Accuracy
 from sims.optics.tracing import trace
-from sims.readout import Readout
 
 FloatArray = NDArray[np.float64]
 OnStep = Callable[[float], None]
@@ -116,7 +115,7 @@ def bounds_under(
 def chain_bounds(
     design: SensorDesign,
     press_mm: FloatArray,
-    readout: Readout,
+    gains: FloatArray,
     noise: ReadingNoise,
     *,
     stage: StageErrors | None = None,
@@ -130,7 +129,7 @@ def chain_bounds(
     Parameters
     ----------
     press_mm : (n, 3) x, y, depth [mm]
-    readout : gains of the receivers
+    gains : counts per flux, (receiver,) or (emitter, receiver) [counts]
     noise : of a frame; its `clip_counts` is full scale
     stage : errors of the stage; those of the design's signal chain if left out
     accuracy, seed : of the light; the second half has ``seed + SEED_GAP``
@@ -151,7 +150,7 @@ def chain_bounds(
             seed=seed + SEED_GAP * half,
             on_step=None if on_step is None else _share_of(on_step, half),
         )
-        halves.append((light.flux * readout.gains).reshape(len(press_mm), -1, light.flux[0].size))
+        halves.append((light.flux * gains).reshape(len(press_mm), -1, light.flux[0].size))
     highest = np.maximum(*(signals.max(axis=1) for signals in halves))
     mean = 0.5 * sum(signals.mean(axis=1) for signals in halves)
     first, second = (stencil_derivatives(signals, offsets) for signals in halves)

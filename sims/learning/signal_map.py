@@ -36,7 +36,7 @@ OnStep = Callable[[str, float], None]
 
 PITCH_MM = 1.0
 QUICK_PITCH_MM = 1.5
-DEPTH_NODES = 13
+DEPTH_NODES = 11
 QUICK_DEPTH_NODES = 10
 """Grid of a map and of a quick one; nodes of depth count the untouched pad."""
 MARGIN_MM = 1.0

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.spec import SensorDesign
+from sims.bounds.chain_bounds import stage_errors
+from sims.bounds.stencil import SEED_GAP
 from sims.dataset import PressData
 from sims.learning.calibration.fit import Fitted, fitted
 from sims.learning.calibration.samples import CalibrationSamples, calibration_samples
@@ -18,8 +20,8 @@ from sims.optics.tracing import trace
 
 FloatArray = NDArray[np.float64]
 OnStep = Callable[[str, float], None]
-SMALLEST_ZERO_MM = 0.01
-"""Least spread of a press's reference depth: a stage told to have none still rounds."""
+SMALLEST_STAGE_MM = 0.005
+"""Least spread of where a press is: a stage told to have none still rounds."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,15 +79,17 @@ def calibrated(
     """
     unknowns = unknowns_of(design)
     samples = calibration_samples(data, design.operating.max_depth_mm)
-    noise = design.noise
+    stage = stage_errors(design)
     middle, spread, value, low, high = (
         np.array([getattr(one, name) for one in unknowns])
         for name in ("middle", "spread", "value", "low", "high")
     )
 
-    def light(values: FloatArray, press_mm: FloatArray) -> FloatArray:
+    def light(values: FloatArray, press_mm: FloatArray, half: int) -> FloatArray:
         build = with_values(design, unknowns, np.clip(middle + spread * values, low, high))
-        return trace(build, press_mm, accuracy=accuracy, seed=seed).flux.reshape(len(press_mm), -1)
+        return trace(build, press_mm, accuracy=accuracy, seed=seed + SEED_GAP * half).flux.reshape(
+            len(press_mm), -1
+        )
 
     found = fitted(
         light,
@@ -94,9 +98,7 @@ def calibrated(
         start=(value - middle) / spread,
         low=(low - middle) / spread,
         high=(high - middle) / spread,
-        zero_spread_mm=max(
-            float(np.hypot(noise.zero_offset_set_mm, noise.zero_offset_place_mm)), SMALLEST_ZERO_MM
-        ),
+        stage_mm=np.maximum([stage.position_mm, stage.position_mm, stage.depth_mm], SMALLEST_STAGE_MM),
         on_step=on_step,
     )
     return Calibration(

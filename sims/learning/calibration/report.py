@@ -164,7 +164,7 @@ def _notes(found: Calibration, rms_after: float) -> list[str]:
             f"the fit leaves {rms_after:.1f} standard deviations; something of this build is not in the model: compare "
             "with `optopad driver check`, or train on more data instead"
         )
-    zero = float(np.mean(found.fitted.zero_mm))
+    zero = float(np.mean(found.fitted.offset_mm[:, 2]))
     if abs(zero) >= 0.03:
         notes.append(f"the tip is {zero:+.2f} mm deeper than the stage says, on average over the presses")
     return notes

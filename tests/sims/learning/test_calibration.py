@@ -21,7 +21,7 @@ from tests.sims.learning.made_up_presses import made_up_data
 TRUE = np.array([0.8, -0.5])
 
 
-def light(values: np.ndarray, press_mm: np.ndarray) -> np.ndarray:
+def light(values: np.ndarray, press_mm: np.ndarray, half: int = 0) -> np.ndarray:
     """First parameter: how deep a press counts; second: how bright far pairs are; third: nothing."""
     stretched = press_mm * [1.0, 1.0, 1.0 + 0.15 * values[0]]
     far = np.linspace(-1.0, 1.0, PAIRS) ** 2
@@ -39,7 +39,7 @@ def calibrated(presses: int = 30, seed: int = 1, names: int = 2) -> tuple[Fitted
         start=np.zeros(names),
         low=np.full(names, -2.0),
         high=np.full(names, 2.0),
-        zero_spread_mm=0.05,
+        stage_mm=np.array([0.01, 0.01, 0.05]),
     )
     return found, gains
 
@@ -95,7 +95,7 @@ def test_the_samples_are_of_the_way_in_and_spread_over_depth():
     data, _ = made_up_data(lambda at: light(TRUE, at), 30, 2, np.zeros(30))
     samples = calibration_samples(data, 5.0)
     assert samples.presses == 30
-    assert len(samples.press_mm) == 30 * (130 // 30)
+    assert len(samples.press_mm) == 30 * (95 // 30)
     for press in range(30):
         depths = samples.press_mm[samples.press == press, 2]
         assert (np.diff(depths) > 0.5).all()
