@@ -55,11 +55,11 @@ def _figures(found: Accuracy, workspace: Workspace) -> dict[str, tuple[Figure, s
     for learner, one in pooled.items():
         shown = one.presses.only(one.presses.place_number < MOST_ARROWS)
         figures[f"arrows-{learner}"] = (
-            plot_arrows(shown, ERROR_DEPTHS_MM, workspace, learner),
+            plot_arrows(shown, ERROR_DEPTHS_MM, workspace),
             f"Arrows from true to said place, {learner}",
         )
         figures[f"depths-{learner}"] = (
-            plot_depths(shown, shown_places_mm(workspace), learner),
+            plot_depths(shown, shown_places_mm(workspace)),
             f"Said against true depth at single places, {learner}",
         )
     return figures

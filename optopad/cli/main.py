@@ -13,6 +13,7 @@ from typer.exceptions import TyperException
 
 from design.errors import OptopadError
 from optopad.cli import (
+    accuracy,
     author,
     bench,
     build,
@@ -53,6 +54,7 @@ for group in (
     explore,
     train,
     calibrate,
+    accuracy,
 ):
     group.register(app)
 

@@ -93,9 +93,7 @@ def _error_line(
     )  # fmt: skip
 
 
-def plot_arrows(
-    presses: JudgedPresses, depths_mm: Sequence[float], workspace: Workspace, title: str = ""
-) -> Figure:
+def plot_arrows(presses: JudgedPresses, depths_mm: Sequence[float], workspace: Workspace) -> Figure:
     """Arrows from true to said place, a panel a depth; hollow where the model finds no touch."""
     columns = min(3, len(depths_mm))
     lines = -(-len(depths_mm) // columns)
@@ -108,13 +106,12 @@ def plot_arrows(
             ax.set_visible(False)
     figure.supxlabel("x [mm]", fontsize=9)
     figure.supylabel("y [mm]", fontsize=9)
-    figure.suptitle(title, fontsize=9, x=0.99, ha="right")
     marks = (
         Line2D([], [], color=BLUE, marker="o", markersize=3, label="found, arrow to where it is put"),
         Line2D([], [], color=VERMILLION, marker="o", markerfacecolor="none", markersize=4, linestyle="",
                label="touch not found"),
     )  # fmt: skip
-    figure.legend(handles=marks, loc="outside lower right", ncols=2)
+    figure.legend(handles=marks, loc="outside upper left", ncols=2)
     return figure
 
 
@@ -138,7 +135,7 @@ def _arrow_panel(ax: Axes, presses: JudgedPresses, depth_mm: float, workspace: W
     ax.grid(color=GRID, linewidth=0.5)
 
 
-def plot_depths(presses: JudgedPresses, places_mm: FloatArray, title: str = "") -> Figure:
+def plot_depths(presses: JudgedPresses, places_mm: FloatArray) -> Figure:
     """Said against true depth at single places, a panel a place.
 
     Parameters
@@ -151,7 +148,6 @@ def plot_depths(presses: JudgedPresses, places_mm: FloatArray, title: str = "") 
         _depth_panel(ax, _nearest_press(presses, place))
     figure.supxlabel("true depth [mm]", fontsize=9)
     figure.supylabel("said depth [mm]", fontsize=9)
-    figure.suptitle(title, fontsize=9, x=0.99, ha="right")
     return figure
 
 
