@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,12 +93,25 @@ class CoarseTable:
             chosen.append(best)
         return np.stack(chosen, axis=1)
 
+    @cached_property
+    def _by_pair(self) -> NDArray[np.float32]:
+        """(pair, t) the signals, in single precision: they only choose where a search begins."""
+        return np.ascontiguousarray(self.signals.T, dtype=np.float32)
+
+    @cached_property
+    def _squares_by_pair(self) -> NDArray[np.float32]:
+        return self._by_pair**2
+
     def _squares(self, signals: FloatArray, seen: Whitening) -> FloatArray:
         """(n, t) χ² of every press of the table, less what all have in common."""
-        weighted = seen.weight @ (self.signals**2).T - 2.0 * (seen.weight * signals) @ self.signals.T
-        own = seen.shared @ signals[:, :, None]
-        shared = own - seen.shared @ self.signals.T
-        return np.asarray(weighted - (shared**2).sum(axis=1))
+        weight = seen.weight.astype(np.float32)
+        weighted = weight @ self._squares_by_pair
+        weighted -= 2.0 * ((seen.weight * signals).astype(np.float32) @ self._by_pair)
+        count, gains, pairs = seen.shared.shape
+        own = (seen.shared @ signals[:, :, None]).astype(np.float32)
+        table = seen.shared.reshape(count * gains, pairs).astype(np.float32) @ self._by_pair
+        shared = own - table.reshape(count, gains, -1)
+        return np.asarray(weighted - np.einsum("ngt,ngt->nt", shared, shared), dtype=np.float64)
 
 
 def found_presses(
