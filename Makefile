@@ -49,6 +49,7 @@ validate: setup ## the figures of docs/validation, made anew (over an hour; inte
 	$(BIN)/python -m tests.validation.thickness
 	$(BIN)/python -m tests.validation.link_table
 	$(BIN)/python -m tests.validation.firmware_rates
+	$(BIN)/python -m tests.validation.learning_speed
 
 pins: ## renew constraints.txt from a fresh environment (oldest supported Python: its versions serve the newer ones)
 	@$(call find_python,$(if $(PYTHON),$(PYTHON),python3.11)); \

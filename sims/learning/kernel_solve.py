@@ -68,6 +68,7 @@ def solve_kernel(
     ridge: float,
     method: str,
     landmarks: NDArray[np.intp] | None = None,
+    refinements: int = 1,
     on_share: OnShare = lambda _share: None,
 ) -> KernelSolution:
     """Solve by one of the methods.
@@ -79,6 +80,7 @@ def solve_kernel(
     gamma : per unit of L1 distance [-]
     ridge : λ [-]
     landmarks : numbers of the samples that `nystroem` keeps
+    refinements : of `single`; 0 is for the comparison with it
 
     Raises
     ------
@@ -92,7 +94,7 @@ def solve_kernel(
     factor = factorise(kernel_matrix(features, gamma, kind, on_share), ridge)
     weights = back_substituted(factor, targets)
     residual = _residual(features, targets, weights, gamma, ridge)
-    if method == "single":
+    for _ in range(refinements if method == "single" else 0):
         weights = weights + back_substituted(factor, residual)
         residual = _residual(features, targets, weights, gamma, ridge)
     return KernelSolution(

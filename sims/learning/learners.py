@@ -7,6 +7,7 @@ from typing import Protocol
 
 from sims.dataset import PressData
 from sims.learning.extra_trees_fit import fit_extra_trees
+from sims.learning.gaussian_process_fit import fit_gaussian_process
 from sims.learning.inference.touch_model import TouchModel
 from sims.learning.kernel_ridge_fit import fit_kernel_ridge
 from sims.learning.network_fit import fit_network
@@ -29,5 +30,6 @@ LEARNERS: dict[str, Learner] = {
     "kernel-ridge": fit_kernel_ridge,
     "extra-trees": fit_extra_trees,
     "network": fit_network,
+    "gaussian-process": fit_gaussian_process,
 }
 """Name, which is also the kind of the model -> its fit."""
