@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from design.cavity import workspace_of
 from design.errors import InputError
 from design.protocol import PressProtocol, load_protocol_file
@@ -20,10 +22,15 @@ from fabrication.bundle import bundle, bundle_name
 from optopad.accuracy import Accuracy, ModelAccuracy, accuracy_of
 from optopad.accuracy_files import write_accuracy
 from optopad.evaluation import accuracies
+from sims.bounds.chain_bounds import bounds_by_depth
+from sims.chain import chain_of
 from sims.evaluation.published import published_touch
+from sims.evaluation.tables import ERROR_DEPTHS_MM
 from sims.learning.inference.model_file import save_model
+from sims.learning.inference.signal_map_model import KIND as SIGNAL_MAP
 from sims.learning.inference.touch_model import TouchModel
-from sims.learning.learners import LEARNERS
+from sims.learning.learners import LEARNERS, Learner
+from sims.learning.map_learner import chain_noise, signal_map_learner
 from sims.learning.settings import EFFORTS
 from sims.press_data import clipped_note
 from sims.protocol import ProtocolCurves, draw, protocol_curves
@@ -88,10 +95,12 @@ def predict(
         raise InputError(f"--draws: {draws} is refused: give 1 to {MOST_DRAWS}")
     how = load_protocol_file(protocol or effort.protocol)
     curves = protocol_curves(design, how, seed=seed, is_coarse=effort.is_coarse, on_step=on_step)
+    with_map = LEARNERS | {SIGNAL_MAP: signal_map_learner(design, quick=effort.is_coarse, seed=seed)}
+    fits = {name: with_map[name] for name in chosen}
     judged: dict[tuple[str, str], list[ModelAccuracy]] = {}
     models: dict[str, TouchModel] = {}
     for number in range(draws):
-        of_draw = _draw_judged(curves, chosen, effort, seed + number, on_step)
+        of_draw = _draw_judged(curves, fits, effort, seed + number, on_step)
         models = models or {name: model for name, (model, _) in of_draw.items()}
         for name, (_, tables) in of_draw.items():
             for one in tables:
@@ -103,6 +112,7 @@ def predict(
         published=published_touch(design.name),
         notes=_notes(how, effort, draws, curves, seed),
         settings=_settings(how, effort, draws, seed, models),
+        bound_mm={} if effort.is_coarse else _bound_mm(design, curves, seed, on_step),
     )
     with bundle(design, out, seed=seed) as folder:
         write_accuracy(found, workspace_of(design), folder / "sims", STEM)
@@ -112,24 +122,48 @@ def predict(
     return found, out / bundle_name(design)
 
 
+def _bound_mm(
+    design: SensorDesign, curves: ProtocolCurves, seed: int, on_step: OnStep
+) -> dict[float, tuple[float, float]]:
+    """The Cramér-Rao bounds under the chain at the depths of the tables that the design reaches."""
+    chain = chain_of(design, curves.readout)
+    noise = replace(
+        chain_noise(design, len(chain.gains), chain.gains.size),
+        clip_counts=np.full(chain.gains.size, chain.full_scale_counts),
+    )
+    deepest = design.operating.max_depth_mm
+    return bounds_by_depth(
+        design,
+        chain.gains,
+        noise,
+        [depth for depth in ERROR_DEPTHS_MM if 0.0 < depth <= deepest],
+        seed=seed,
+        on_step=lambda share: on_step("bounds", share),
+    )
+
+
 def _known(names: Sequence[str]) -> tuple[str, ...]:
     """Names of learners, each once; `all` stands for all."""
-    wanted = tuple(LEARNERS) if "all" in names else tuple(dict.fromkeys(names))
+    known = (*LEARNERS, SIGNAL_MAP)
+    wanted = known if "all" in names else tuple(dict.fromkeys(names))
     for name in wanted:
-        if name not in LEARNERS:
-            raise InputError(f"--learner: {name!r} is no learner; give {', '.join(LEARNERS)} or all")
+        if name not in known:
+            raise InputError(f"--learner: {name!r} is no learner; give {', '.join(known)} or all")
     return wanted
 
 
 def _draw_judged(
-    curves: ProtocolCurves, learners: Sequence[str], effort: Effort, seed: int, on_step: OnStep
+    curves: ProtocolCurves,
+    learners: Mapping[str, Learner],
+    effort: Effort,
+    seed: int,
+    on_step: OnStep,
 ) -> dict[str, tuple[TouchModel, list[ModelAccuracy]]]:
     """Every learner trained and judged on one draw of the chain."""
     data = draw(curves, seed=seed, on_step=on_step)
     train, test = data.role("train"), data.role("test")
     found = {}
-    for name in learners:
-        fit = LEARNERS[name]
+    for name, fit in learners.items():
         model = fit(
             train,
             seed=seed,

@@ -22,6 +22,7 @@ STAGE_TITLES = {
     "map error": "light, between the map's nodes",
     "calibration": "fit of the build's optics",
     "fit": "model",
+    "bounds": "light, bounds of place and depth",
     "tolerance": "tolerance of open values",
     "builds": "builds, everything off at once",
     "oracle": "ray tracer",

@@ -32,12 +32,13 @@ distribution of the same spread.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from design.cavity import workspace_of
 from design.spec import SensorDesign
 from sims.bounds.fisher import Bounds, Sensitivity, bounds_of
 from sims.bounds.stencil import SEED_GAP, Steps, stencil_derivatives, stencil_presses
@@ -47,6 +48,11 @@ from sims.optics.tracing import trace
 
 FloatArray = NDArray[np.float64]
 OnStep = Callable[[float], None]
+
+
+EVENLY = np.array([0.7548776662466927, 0.5698402909980532])
+"""Steps of an even sequence of places, 1/p and 1/p² with p³ = p + 1 (M. Roberts, "The unreasonable effectiveness of
+quasirandom sequences", 2018)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,3 +166,36 @@ def chain_bounds(
 
 def _share_of(on_step: OnStep, half: int) -> Callable[[int, int], None]:
     return lambda done, total: on_step(0.5 * (half + done / total))
+
+
+def bounds_by_depth(
+    design: SensorDesign,
+    gains: FloatArray,
+    noise: ReadingNoise,
+    depths_mm: Sequence[float],
+    *,
+    places: int = 9,
+    accuracy: str | Accuracy = "draft",
+    seed: int = 0,
+    on_step: OnStep | None = None,
+) -> dict[float, tuple[float, float]]:
+    """Medians over places of the workspace of the location and the depth bound, at depths; infinite where blind.
+
+    Parameters
+    ----------
+    gains, noise, accuracy, seed, on_step : as `chain_bounds` takes them
+    depths_mm : above 0 [mm]
+    places : how many, spread evenly (the additive recurrence of the plastic number); 12 states of light each and depth
+    """
+    space = workspace_of(design)
+    share = np.outer(np.arange(1, places + 1), EVENLY) % 1.0
+    x_mm = space.x0_mm + share[:, 0] * (space.x1_mm - space.x0_mm)
+    y_mm = space.y0_mm + share[:, 1] * (space.y1_mm - space.y0_mm)
+    press_mm = np.array([[x, y, depth] for depth in depths_mm for x, y in zip(x_mm, y_mm, strict=True)])
+    found = chain_bounds(design, press_mm, gains, noise, accuracy=accuracy, seed=seed, on_step=on_step)
+    shape = (len(depths_mm), places)
+    location, depth = (np.median(one.reshape(shape), axis=1) for one in (found.location_mm, found.depth_mm))
+    return {
+        float(at): (float(one), float(other))
+        for at, one, other in zip(depths_mm, location, depth, strict=True)
+    }

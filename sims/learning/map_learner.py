@@ -18,6 +18,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from platform import python_version
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,7 @@ from sims.learning.inference.header import ForceCurve, ModelHeader
 from sims.learning.inference.press_search import Box
 from sims.learning.inference.reading_noise import ReadingNoise
 from sims.learning.inference.signal_map_model import KIND, SignalMapModel
+from sims.learning.settings import DEFAULT, FitSettings
 from sims.learning.signal_map import (
     DEPTH_NODES,
     PITCH_MM,
@@ -40,6 +42,9 @@ from sims.learning.signal_map import (
     measured_error,
     traced_map,
 )
+
+if TYPE_CHECKING:
+    from sims.learning.learners import Learner
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -179,6 +184,31 @@ def mapped(
     )
     error = measured_error(design, found, accuracy=accuracy, on_step=on_step)
     return replace(found, error=error.of_ratio(found.untouched))
+
+
+def signal_map_learner(design: SensorDesign, *, quick: bool = False, seed: int = 0) -> Learner:
+    """The learner of a design, beside those that see only data: its map is traced at the first fit, and kept.
+
+    Parameters
+    ----------
+    quick, seed : as `mapped` takes them
+    """
+    traced: list[SignalMap] = []
+
+    def fit(
+        train: PressData,
+        *,
+        seed: int = seed,
+        on_step: OnStep = lambda _stage, _share: None,
+        settings: FitSettings = DEFAULT,  # noqa: ARG001  nothing of it concerns a map
+    ) -> SignalMapModel:
+        if not traced:
+            traced.append(mapped(design, quick=quick, seed=map_seed, on_step=on_step))
+        header = map_header(design, train, traced[0], seed)
+        return fit_signal_map(design, traced[0], header, train, seed=seed, on_step=on_step)
+
+    map_seed = seed
+    return fit
 
 
 def map_header(design: SensorDesign, data: PressData, found: SignalMap, seed: int) -> ModelHeader:

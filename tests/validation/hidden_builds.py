@@ -5,10 +5,10 @@
     python -m tests.validation.hidden_builds --page       only write the page from the builds that are done
 
 A build: every optical tolerance of the paper's pad drawn at random (uniform, or normal for what is poured), the power
-of every LED and the gain of every receiver off by a spread, its light traced with a seed of its own, its readings through
-the whole signal chain (drift a set, reference depth, lag, positioning, ambient light). Thirty presses calibrate it; two
-sets of random places test it; the paper's four grid sets train the learners that see only data. Finished builds stay
-in `build/validation/hidden_builds/`, one file each; an interrupted run goes on with the next.
+of every LED and the gain of every receiver off by a spread, its light traced with a seed of its own, its readings
+through the whole signal chain (drift a set, reference depth, lag, positioning, ambient light). Thirty presses calibrate
+it; two sets of random places test it; the paper's four grid sets train the learners that see only data. Finished builds
+stay in `build/validation/hidden_builds/`, one file each; an interrupted run goes on with the next.
 """
 
 from __future__ import annotations
