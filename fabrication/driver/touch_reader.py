@@ -1,0 +1,175 @@
+"""Touch, place, depth and force from a sensor, frame by frame, by a trained model, with drift followed.
+
+from fabrication.driver import Sensor
+from fabrication.driver.touch_reader import TouchReader
+from sims.learning.inference.model_file import load_model
+
+with Sensor("driver.toml") as sensor, ...:
+    for touch in TouchReader(sensor, load_model("pad.optomodel")):
+        if touch.is_touched:
+            print(touch.press_mm, touch.sigma_mm)
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import DeviceError, InputError
+from fabrication.driver.drift import GUARD_S, LEAST_START_FRAMES, TIME_CONSTANT_S, DriftState, DriftTracker
+from fabrication.driver.frames import US_PER_S, Frame
+from fabrication.driver.sensor import BASELINE_S, Sensor
+from sims.learning.inference.header import ModelHeader, require_design
+from sims.learning.inference.touch_model import TouchModel
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Touch:
+    """What the model says of one frame.
+
+    Attributes
+    ----------
+    frame : the frame
+    is_touched : the model's decision; a change that is one of gains is no touch
+    touch_score : what the decision rests on: above 0 touched, the further the surer [-]
+    press_mm : (3,) x, y, depth, meaningful where touched [mm]
+    sigma_mm : (3,) standard deviations; NaN where the model does not know them [mm]
+    force_n : by the model's force curve, 0 where untouched [N]; None where the model has none
+    drift : what the tracker makes of the frame
+    latency_ms : from the frame's arrival on this machine to this answer [ms]
+    """
+
+    frame: Frame
+    is_touched: bool
+    touch_score: float
+    press_mm: FloatArray
+    sigma_mm: FloatArray
+    force_n: float | None
+    drift: DriftState
+    latency_ms: float
+
+
+class TouchReader:
+    """Reads a sensor through a model.
+
+    Parameters
+    ----------
+    sensor : open; the pad untouched when the reader is first read
+    model : of this sensor's design
+    time_constant_s, guard_s : of the drift that is followed, see `drift` [s]
+    start_s : how long the untouched pad is read first [s]
+
+    Raises
+    ------
+    InputError : a model of another design or other parts; times that are none.
+    """
+
+    def __init__(
+        self,
+        sensor: Sensor,
+        model: TouchModel,
+        *,
+        time_constant_s: float = TIME_CONSTANT_S,
+        guard_s: float = GUARD_S,
+        start_s: float = BASELINE_S,
+    ) -> None:
+        require_fits(model.header, sensor)
+        self.sensor, self.model = sensor, model
+        self._times_s = time_constant_s, guard_s
+        self._start_s = start_s
+        self._tracker: DriftTracker | None = None
+        self._connection = 0
+
+    def __iter__(self) -> Iterator[Touch]:
+        while True:
+            yield self.read()
+
+    def read(self) -> Touch:
+        """The next frame's; errors as `Sensor.read`."""
+        self.begin()
+        return self._answered(self.sensor.read())
+
+    def touches(self, count: int | None = None, seconds: float | None = None) -> Iterator[Touch]:
+        """As `Sensor.frames`: until so many came or so much time passed [s]."""
+        self.begin()
+        return map(self._answered, self.sensor.frames(count, seconds))
+
+    def begin(self) -> None:
+        """Take the untouched levels, where that was not done yet.
+
+        Raises
+        ------
+        DeviceError : no frames.
+        """
+        if self._tracker is None:
+            self.restart()
+
+    def restart(self) -> None:
+        """Take the untouched levels anew: the pad must be untouched now."""
+        self.sensor.skip_waiting()
+        end, frames = time.monotonic() + self._start_s, [self.sensor.read()]
+        while time.monotonic() < end or len(frames) < 4 * LEAST_START_FRAMES:
+            frames.append(self.sensor.read())
+        tau_s, guard_s = self._times_s
+        self._tracker = DriftTracker(
+            np.array([frame.signals for frame in frames], dtype=np.float64),
+            self.model.header.untouched_counts,
+            time_constant_s=tau_s,
+            guard_s=guard_s,
+            full_scale=float(self.sensor.descriptor.full_scale),
+        )
+        self._connection = frames[-1].connection
+
+    @property
+    def tracker(self) -> DriftTracker:
+        """What follows the drift; DeviceError before the first read."""
+        if self._tracker is None:
+            raise DeviceError("the reader has not begun; read a frame first, with the pad untouched")
+        return self._tracker
+
+    def _answered(self, frame: Frame) -> Touch:
+        tracker = self.tracker
+        if frame.connection != self._connection:
+            self._connection = frame.connection
+            tracker.restart()
+        signals = frame.signals.ravel().astype(np.float64)
+        found = self.model.predict(tracker.features(signals)[None])
+        says_touch = bool(found.is_touched[0])
+        state = tracker.follow(frame.device_us / US_PER_S, signals, says_touch)
+        is_touched = says_touch and not state.is_gain_like
+        return Touch(
+            frame=frame,
+            is_touched=is_touched,
+            touch_score=float(found.touch_score[0]),
+            press_mm=found.press_mm[0],
+            sigma_mm=found.sigma_mm[0],
+            force_n=None if found.force_n is None else float(found.force_n[0]) * is_touched,
+            drift=state,
+            latency_ms=1e3 * (time.time() - frame.host_s),
+        )
+
+
+def require_fits(header: ModelHeader, sensor: Sensor) -> None:
+    """Refuse a model that was trained on another design or other parts.
+
+    Raises
+    ------
+    InputError : which design or parts, and the way out.
+    """
+    require_design(header, sensor.config.digest)
+    said = sensor.descriptor
+    for kind, had, needed in (
+        ("emitters", header.emitter_names, said.emitters.names),
+        ("receivers", header.receiver_names, said.receivers.names),
+    ):
+        if had != needed:
+            raise InputError(
+                f"model: its {kind} are {', '.join(had)}, the sensor's {', '.join(needed)}; train a model on "
+                "recordings of this sensor"
+            )
