@@ -123,11 +123,14 @@ class DriftTracker:
         self._noise = np.maximum(start.std(axis=0, ddof=1), LEAST_NOISE_COUNTS)
         self.untouched: FloatArray = start.mean(axis=0).ravel()
         self._first = self.untouched.copy()
+        self._level_noise = 1.0 / len(start)
+        """Variance of the levels over a frame's: each is a mean."""
         self._calibrate(start.reshape(len(start), -1))
         self.start_mismatch = self._mismatch()
         self.gain_steps = 0
         self._waiting: deque[tuple[float, FloatArray]] = deque()
         self._short = np.zeros(self.untouched.size)
+        self._short_noise = 1.0
         self._touched_share = 0.0
         self._time_s: float | None = None
         self._followed_s = self._held_s = -math.inf
@@ -206,9 +209,10 @@ class DriftTracker:
         return float(np.sqrt((used**2).mean())) if used.size else 0.0
 
     def _excess(self, weight: float) -> float:
-        """Of the averaged change, whose noise is less than a frame's by the average's length."""
-        shrink = weight / (2.0 - weight) if weight > 0 else 1.0
-        return float(self._pattern.excess(self._short)) / (self._quiet * shrink)
+        """Of the averaged change: its noise is less than a frame's by the average's length; the levels add theirs."""
+        self._short_noise = weight / (2.0 - weight) if weight > 0 else 1.0
+        noise = self._quiet * (self._short_noise + self._level_noise)
+        return float(self._pattern.excess(self._short)) / noise
 
     def _is_gain_like(self) -> bool:
         gains = self._pattern.gain_change(self._short)
@@ -226,6 +230,7 @@ class DriftTracker:
 
     def _take_gain(self) -> None:
         self.untouched = self.untouched * (1.0 + self._pattern.gain_change(self._short))
+        self._level_noise += self._short_noise
         self.gain_steps += 1
         self._short[:] = 0.0
         self._touched_share = 0.0
@@ -238,7 +243,9 @@ class DriftTracker:
         while self._waiting and time_s - self._waiting[0][0] >= self._guard_s:
             at_s, signals = self._waiting.popleft()
             passed_s = min(max(at_s - self._followed_s, 0.0), self._guard_s)
-            self.untouched = self.untouched - math.expm1(-passed_s / self._tau_s) * (signals - self.untouched)
+            weight = -math.expm1(-passed_s / self._tau_s)
+            self.untouched = self.untouched + weight * (signals - self.untouched)
+            self._level_noise = (1.0 - weight) ** 2 * self._level_noise + weight**2
             self._followed_s = at_s
             np.divide(self._trained, self.untouched, out=self._factor, where=self._strong)
 

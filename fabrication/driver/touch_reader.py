@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import DeviceError, InputError
+from fabrication.driver.descriptor import Descriptor
 from fabrication.driver.drift import GUARD_S, LEAST_START_FRAMES, TIME_CONSTANT_S, DriftState, DriftTracker
 from fabrication.driver.frames import US_PER_S, Frame
 from fabrication.driver.sensor import BASELINE_S, Sensor
@@ -79,7 +80,7 @@ class TouchReader:
         guard_s: float = GUARD_S,
         start_s: float = BASELINE_S,
     ) -> None:
-        require_fits(model.header, sensor)
+        require_fits(model.header, sensor.descriptor)
         self.sensor, self.model = sensor, model
         self._times_s = time_constant_s, guard_s
         self._start_s = start_s
@@ -155,15 +156,14 @@ class TouchReader:
         )
 
 
-def require_fits(header: ModelHeader, sensor: Sensor) -> None:
+def require_fits(header: ModelHeader, said: Descriptor) -> None:
     """Refuse a model that was trained on another design or other parts.
 
     Raises
     ------
     InputError : which design or parts, and the way out.
     """
-    require_design(header, sensor.config.digest)
-    said = sensor.descriptor
+    require_design(header, said.digest)
     for kind, had, needed in (
         ("emitters", header.emitter_names, said.emitters.names),
         ("receivers", header.receiver_names, said.receivers.names),

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
@@ -19,8 +19,12 @@ from optopad.cli.common import DEFAULT_OUT, JsonOption, SeedOption, SetOption, p
 from optopad.cli.progress import progress
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+
     from fabrication.driver.sensor import Sensor
+    from fabrication.driver.touch_reader import TouchReader
     from optopad.driver_source import DriverSource
+    from sims.learning.inference.touch_model import TouchModel
 
 ConfigArgument = Annotated[
     str,
@@ -53,6 +57,7 @@ BundlesOption = Annotated[
     typer.Option("--bundles", metavar="FOLDER", help="Folder that holds the bundles, to find a design's."),
 ]
 
+Answer = TypeVar("Answer")
 LIVE_EVERY_S = 0.1
 LINE_EVERY_S = 1.0
 CHECK_S = 1.5
@@ -72,6 +77,19 @@ def read(
     frames: FramesOption = None,
     seconds: SecondsOption = None,
     accept_digest: AcceptOption = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            "--model", metavar="FILE", help="Show touch, place, depth and force by a trained model."
+        ),
+    ] = None,
+    drift_time: Annotated[
+        float,
+        typer.Option("--drift-time", metavar="S", min=0.1, help="With --model: time constant of drift."),
+    ] = 10.0,
+    guard: Annotated[
+        float, typer.Option("--guard", metavar="S", min=0.0, help="With --model: no drift so near a touch.")
+    ] = 0.5,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="Write the JSON lines into a new file.")
     ] = None,
@@ -81,18 +99,25 @@ def read(
         bool, typer.Option("--json", help="A JSON object a line on standard output, one a frame.")
     ] = False,
 ) -> None:
-    """Show the sensor live: table and heat map of its signals. Leave the pad alone for the first half second."""
+    """Show the sensor live: its signals, or touches by a model. Leave the pad alone for the first second."""
     from fabrication.driver.sensor import Sensor
     from optopad.driver_source import driver_source
     from optopad.driver_view import link_line
 
     source = driver_source(config, set_, bundles)
+    trained = None if model is None else _model(model, source)
     with (
         _lines(out, as_json) as write,
         Sensor(source.config, port, rate_hz=rate, accept_digest=accept_digest) as sensor,
     ):
         with _until_interrupted():
-            _show(sensor, frames, seconds, write)
+            if trained is None:
+                _show(sensor, frames, seconds, write)
+            else:
+                from fabrication.driver.touch_reader import TouchReader
+
+                reader = TouchReader(sensor, trained, time_constant_s=drift_time, guard_s=guard)
+                _show_touch(reader, frames, seconds, write)
         if not as_json:
             say(link_line(sensor))
 
@@ -200,18 +225,58 @@ def _show(
         _follow(sensor, frames, seconds, quiet=False)
 
 
+def _model(file: Path, source: DriverSource) -> TouchModel:
+    """A trained model of this design; refused before a port is opened."""
+    from fabrication.driver.descriptor import descriptor_of
+    from fabrication.driver.touch_reader import require_fits
+    from sims.learning.inference.model_file import load_model
+
+    model = load_model(file)
+    try:
+        require_fits(model.header, descriptor_of(source.config))
+    except InputError as err:
+        raise InputError(f"{file}: {err}") from None
+    return model
+
+
+def _show_touch(
+    reader: TouchReader, frames: int | None, seconds: float | None, write: Callable[[str], None] | None
+) -> None:
+    from optopad.touch_view import start_note, touch_json, touch_line, touch_view
+
+    touches = reader.touches(frames, seconds)
+    if note := start_note(reader):
+        print(note, file=sys.stderr)
+    if write is not None:
+        for touch in touches:
+            write(json.dumps(touch_json(touch)))
+    elif sys.stdout.isatty():
+        _drawn(touches, lambda touch: touch_view(touch, reader))
+    else:
+        said_at = -math.inf
+        for touch in touches:
+            if (now := time.monotonic()) - said_at >= LINE_EVERY_S:
+                said_at = now
+                print(touch_line(touch), file=sys.stderr)
+
+
 def _live(sensor: Sensor, frames: int | None, seconds: float | None) -> None:
+    from optopad.driver_view import live_table
+
+    _drawn(sensor.frames(frames, seconds), lambda frame: live_table(frame, sensor))
+
+
+def _drawn(answers: Iterator[Answer], view: Callable[[Answer], RenderableType]) -> None:
+    """Draw ten of them a second, in one place."""
     from rich.console import Console
     from rich.live import Live
 
-    from optopad.driver_view import live_table
-
     drawn_at = 0.0
     with Live(console=Console(), auto_refresh=False) as live:
-        for frame in sensor.frames(frames, seconds):
+        for answer in answers:
             if (now := time.monotonic()) - drawn_at >= LIVE_EVERY_S:
                 drawn_at = now
-                live.update(live_table(frame, sensor), refresh=True)
+                live.update(view(answer), refresh=True)
 
 
 def _follow(

@@ -1,6 +1,6 @@
 """Drift of an untouched pad is followed; a touch is not, however long it is held; a step of gain is told from both.
 
-All on the made-up pad with noise of reading (0.5 counts) and of light (0.2 %), at 20 frames a second: three times fewer
+All on the made-up pad with noise of reading (0.5 counts) and of light (0.2 %), at 12 frames a second: five times fewer
 than the sensor has, so that ten minutes pass quickly and everything is harder by the noise of fewer frames.
 """
 
@@ -15,7 +15,7 @@ from design.errors import InputError
 from fabrication.driver.drift import DriftState, DriftTracker
 from tests.fabrication.driver.made_up_pad import press_table
 
-RATE_HZ = 20.0
+RATE_HZ = 12.0
 TEN_MINUTES_S = 600.0
 FLAT = np.minimum(press_table().untouched, 900.0)
 NOWHERE = (16.0, 16.0, -5.0)
@@ -71,7 +71,11 @@ def each_pair(seed: int) -> np.ndarray:
     return 0.03 * np.random.default_rng(seed).choice([-1.0, 1.0], (8, 8))
 
 
-@pytest.mark.parametrize("ends", [0.03, -0.03, each_pair(3)], ids=["rising", "falling", "pair by pair"])
+@pytest.mark.parametrize(
+    "ends",
+    [0.03, pytest.param(-0.03, marks=pytest.mark.slow), each_pair(3)],
+    ids=["rising", "falling", "pair by pair"],
+)
 def test_a_drift_of_3_percent_in_ten_minutes_is_followed(ends: np.ndarray | float) -> None:
     bench = Bench(gain=lambda time_s: 1 + ends * time_s / TEN_MINUTES_S)
     state = bench.run(TEN_MINUTES_S)
@@ -84,7 +88,7 @@ def test_a_drift_of_3_percent_in_ten_minutes_is_followed(ends: np.ndarray | floa
 
 
 @pytest.mark.parametrize("model", [True, False], ids=["model sees it", "model is blind"])
-@pytest.mark.parametrize("depth_mm", [3.0, 0.5])
+@pytest.mark.parametrize("depth_mm", [pytest.param(3.0, marks=pytest.mark.slow), 0.5])
 def test_a_touch_that_is_held_for_ten_minutes_moves_nothing(depth_mm: float, model: bool) -> None:
     def tip(time_s: float) -> tuple[float, float, float]:
         return (12.0, 14.0, min(max(time_s - 5.0, -1.0), depth_mm))
@@ -100,6 +104,7 @@ def test_a_touch_that_is_held_for_ten_minutes_moves_nothing(depth_mm: float, mod
     assert (state.held_without_touch_s > 590) is not model
 
 
+@pytest.mark.slow
 def test_the_features_of_a_held_touch_are_those_of_the_touch_and_not_of_its_drifting_away() -> None:
     bench = Bench(lambda time_s: (12.0, 14.0, 3.0 if time_s > 5 else -5.0))
     bench.run(TEN_MINUTES_S)
@@ -164,7 +169,7 @@ def test_presses_all_over_the_pad_are_never_taken_for_gain() -> None:
 
     def tip(time_s: float) -> tuple[float, float, float]:
         k = min(int(time_s / 3.0), 39)
-        return (*places[k], depths[k] if 0.5 < time_s % 3.0 else -5.0)
+        return (*places[k], depths[k] if time_s % 3.0 > 0.5 else -5.0)
 
     bench = Bench(tip)
     state = bench.run(120.0)
@@ -176,7 +181,8 @@ def test_presses_all_over_the_pad_are_never_taken_for_gain() -> None:
 def test_an_untouched_pad_is_not_held_by_noise_nor_by_single_wrong_answers_of_the_model() -> None:
     bench = Bench()
     bench.run(120.0)
-    assert np.mean([state.is_held for state in bench.states]) < 0.02
+    # Where two of three frames, 0.2 s, are wrong at 5 % each, 0.7 % of the time, half a second is held.
+    assert np.mean([state.is_held for state in bench.states]) < 0.05
     assert np.mean([state.excess for state in bench.states[100:]]) == pytest.approx(1.0, abs=0.25)
 
 
