@@ -44,7 +44,7 @@ WORK = Path(__file__).parents[2] / "build" / "validation" / "hidden_builds"
 MARKS = "<!-- made by tests/validation/hidden_builds.py -->", "<!-- end -->"
 BUILDS = 10
 DEPTHS_MM = (1.0, 2.0, 3.0)
-TEST_PLACES = 15
+TEST_PLACES = 10
 BOUND_PLACES = 8
 POWER_SPREAD, GAIN_SPREAD = 0.10, 0.05
 """Relative standard deviations of LED power and of receiver gain: LEDs of one bin, resistors of 5 % and diodes."""
