@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from design.errors import InputError, ModelScopeError
 from design.spec import SensorDesign
+from sims.optics.accuracy import Accuracy
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -176,7 +177,7 @@ def traced_curves(
     places_mm: FloatArray,
     *,
     depth_mm: FloatArray | tuple[float, ...] | None = None,
-    accuracy: str = "draft",
+    accuracy: str | Accuracy = "draft",
     seed: int = 0,
     on_step: OnStep | None = None,
 ) -> PressCurves:

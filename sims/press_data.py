@@ -180,10 +180,14 @@ def clipped_note(data: PressData) -> str | None:
         return None
     worst = sorted(at.tolist(), key=lambda place: -share[tuple(place)])
     named = ", ".join(
-        f"{data.state_names[s]}-{data.receiver_names[r]} ({100 * share[s, r]:.0f} %)" for s, r in worst[:6]
+        f"{data.state_names[s]}-{data.receiver_names[r]} ({_percent(share[s, r])})" for s, r in worst[:6]
     )
     more = f" and {len(worst) - 6} more" if len(worst) > 6 else ""
     return f"{len(worst)} of {share.size} channels clip at {data.full_scale_counts:g} counts: {named}{more}"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %" if share >= 0.01 else "< 1 %"
 
 
 def _require_shapes(data: PressData) -> None:

@@ -25,6 +25,7 @@ from design.spec import SensorDesign
 from sims.chain.signal_chain import SetDraw, SignalChain, chain_of
 from sims.chain.stage import drawn_press, drawn_set_offset_mm, true_depth_mm
 from sims.chain.walls import blended, unbonded_share, with_loose_walls
+from sims.optics.accuracy import Accuracy
 from sims.press_curves import PressCurves, knots_mm, traced_curves
 from sims.press_data import OFF, DataSetInfo, PressData
 from sims.readout import Readout, readout_of
@@ -62,7 +63,7 @@ def protocol_curves(
     protocol: PressProtocol,
     *,
     seed: int = 0,
-    accuracy: str = "draft",
+    accuracy: str | Accuracy = "draft",
     is_coarse: bool | None = None,
     on_step: OnStep | None = None,
 ) -> ProtocolCurves:
@@ -161,7 +162,7 @@ def simulate_protocol(
     protocol: PressProtocol,
     *,
     seed: int = 0,
-    accuracy: str = "draft",
+    accuracy: str | Accuracy = "draft",
     is_coarse: bool | None = None,
     on_step: OnStep | None = None,
 ) -> PressData:
@@ -290,7 +291,7 @@ def _traced(
     design: SensorDesign,
     places_mm: FloatArray,
     knots: FloatArray,
-    accuracy: str,
+    accuracy: str | Accuracy,
     seed: int,
     on_step: OnStep | None,
     stage: str,

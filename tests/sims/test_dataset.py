@@ -207,6 +207,9 @@ def test_clipped_channels_are_named_worst_first() -> None:
     counts = data.counts.copy()
     counts[:6, 1, 2] = counts[0, 0, 0] = 1023
     note = clipped_note(replace(data, counts=counts))
+    many = made_up(depths=60)
+    few = np.where(np.arange(240)[:, None, None] == 7, np.float32(1023), many.counts * 0.1)
+    assert "E1-R1 (< 1 %)" in str(clipped_note(replace(many, counts=few)))
     assert note == "2 of 9 channels clip at 1023 counts: E2-R3 (50 %), E1-R1 (8 %)"
     assert clipped_note(data) is None
 
