@@ -22,7 +22,7 @@ from sims.learning.model_header import trained_header
 from sims.learning.press_samples import PressSamples, press_samples
 from sims.learning.scalings import counts_scaling
 from sims.learning.settings import DEFAULT, FitSettings
-from sims.learning.touch_fit import fit_touch
+from sims.learning.touch_fit import fit_tuned_touch
 from sims.learning.training_data import prepared
 from sims.learning.trust import UNIT_TRUST, trust_of
 
@@ -49,7 +49,7 @@ def fit_extra_trees(
     """
     data, rng = prepared(train), np.random.default_rng(seed)
     on_step("touch", 0.0)
-    touch, facts = fit_touch(data, rng, 4 * settings.fit_samples)
+    touch, facts = fit_tuned_touch(data, rng, 4 * settings.fit_samples)
     on_step("touch", 1.0)
     samples, scaling = press_samples(data, settings.network_samples, rng), counts_scaling(data.kept)
     tried = _forest(samples, ~samples.is_held_out, scaling, min(settings.trees, TREES_OF_TRUST), rng)

@@ -27,7 +27,7 @@ from sims.learning.model_header import trained_header
 from sims.learning.scalings import counts_scaling
 from sims.learning.settings import DEFAULT, FitSettings
 from sims.learning.splits import held_out, spread_samples
-from sims.learning.touch_fit import fit_touch
+from sims.learning.touch_fit import fit_plain_touch
 from sims.learning.training_data import TrainingData, prepared
 
 FloatArray = NDArray[np.float64]
@@ -58,7 +58,7 @@ def fit_kernel_ridge(
     """
     data, rng = prepared(train), np.random.default_rng(seed)
     on_step("touch", 0.0)
-    touch, facts = fit_touch(data, rng, 4 * settings.fit_samples)
+    touch, facts = fit_plain_touch(data, rng, 4 * settings.fit_samples)
     on_step("touch", 1.0)
     scaling = counts_scaling(data.kept)
     touched = np.flatnonzero(data.is_touched)

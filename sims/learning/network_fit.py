@@ -23,7 +23,7 @@ from sims.learning.model_header import trained_header
 from sims.learning.press_samples import press_samples
 from sims.learning.scalings import standard_scaling
 from sims.learning.settings import DEFAULT, FitSettings
-from sims.learning.touch_fit import fit_touch
+from sims.learning.touch_fit import fit_tuned_touch
 from sims.learning.training_data import prepared
 from sims.learning.trust import UNIT_TRUST, trust_of
 
@@ -54,7 +54,7 @@ def fit_network(
     """
     data, rng = prepared(train), np.random.default_rng(seed)
     on_step("touch", 0.0)
-    touch, facts = fit_touch(data, rng, 4 * settings.fit_samples)
+    touch, facts = fit_tuned_touch(data, rng, 4 * settings.fit_samples)
     on_step("touch", 1.0)
     samples = press_samples(data, settings.network_samples, rng)
     scaling = standard_scaling(data.kept, samples.signals.astype(np.float32))

@@ -15,7 +15,7 @@ from sims.contact import indent
 from sims.dataset import save_data
 from sims.learning.inference.model_file import load_model
 from sims.learning.learners import LEARNERS
-from tests.sims.learning.made_up_presses import grid_mm, made_up_data
+from tests.sims.learning.pressed_pad import grid_mm, made_up_data
 
 PAD = "piacenza2017-pad"
 

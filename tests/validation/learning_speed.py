@@ -2,7 +2,7 @@
 
     python -m tests.validation.learning_speed          (about ten minutes of two cores, 5 GB)
 
-Presses of a made-up pad (`tests.sims.learning.made_up_presses`): time and memory do not depend on what is learnt.
+Presses of a made-up pad (`tests.sims.learning.pressed_pad`): time and memory do not depend on what is learnt.
 Every fit runs in a process of its own, whose largest memory the system tells. Results are kept in
 build/validation/learning.json as they come; interrupted, the same command goes on where it stopped.
 """
@@ -26,7 +26,7 @@ from sims.learning.kernel_ridge_fit import median_distance
 from sims.learning.kernel_solve import solve_kernel
 from sims.learning.splits import spread_samples
 from sims.learning.training_data import prepared
-from tests.sims.learning.made_up_presses import grid_mm, made_up_data, random_places_mm
+from tests.sims.learning.pressed_pad import grid_mm, made_up_data, random_places_mm
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "validation" / "learning.md"

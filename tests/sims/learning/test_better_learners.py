@@ -16,7 +16,7 @@ from sims.learning.inference.sigma_table import SigmaTable
 from sims.learning.learners import LEARNERS
 from sims.learning.settings import QUICK
 from sims.learning.trust import sigma_table
-from tests.sims.learning.made_up_presses import grid_mm, made_up_data, random_places_mm
+from tests.sims.learning.pressed_pad import grid_mm, made_up_data, random_places_mm
 
 SMALL = replace(QUICK, fit_samples=1_000, network_samples=2_500, trees=20, epochs=30, inducing=200)
 BETTER = [name for name in LEARNERS if name not in ("kernel-ridge", "signal-map")]
@@ -38,6 +38,13 @@ def test_random_places_are_found_to_half_the_grids_step(model, test_set):
     # the nearest trained place of a 2 mm grid is 0.76 mm away in the mean
     assert np.median(location_error_mm(found.press_mm, test_set.press_mm[touched])) < 0.76
     assert np.median(np.abs(found.press_mm[:, 2] - test_set.press_mm[touched, 2])) < 0.25  # a depth step
+
+
+def test_touch_is_told_from_half_a_millimetre_and_not_above_the_surface(model, test_set):
+    found = model.predict(test_set.features().astype(float))
+    depth_mm = test_set.press_mm[:, 2]
+    assert found.is_touched[depth_mm >= 0.5].mean() > 0.95
+    assert found.is_touched[depth_mm < 0.0].mean() < 0.05
 
 
 def test_deviations_cover_the_errors_and_are_no_larger_than_a_few_of_them(model, test_set):

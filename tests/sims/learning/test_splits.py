@@ -8,7 +8,7 @@ import pytest
 from design.errors import InputError
 from sims.learning.splits import held_out, spread_samples
 from sims.learning.training_data import prepared
-from tests.sims.learning.made_up_presses import grid_mm, made_up_data
+from tests.sims.learning.pressed_pad import grid_mm, made_up_data
 
 
 def test_no_location_is_on_both_sides_of_a_split():
