@@ -35,7 +35,7 @@ lint: setup ## style, format, types, and the arrows between the rooms
 bench: setup ## the benchmarks only
 	$(BIN)/python -m pytest --benchmark-only
 
-validate: setup ## the figures of docs/validation, made anew (over an hour; interrupted, it goes on where it stopped)
+validate: setup ## the figures of docs/validation, made anew (several hours; interrupted, it goes on where it stopped)
 	$(BIN)/python -m tests.validation.contact_reference
 	$(BIN)/python -m tests.validation.contact_table
 	$(BIN)/python -m tests.validation.library_interpolation
@@ -48,6 +48,8 @@ validate: setup ## the figures of docs/validation, made anew (over an hour; inte
 	$(BIN)/python -m tests.validation.search_table
 	$(BIN)/python -m tests.validation.thickness
 	$(BIN)/python -m tests.validation.link_table
+	$(BIN)/python -m tests.validation.signal_map_table
+	$(BIN)/python -m tests.validation.hidden_builds
 	$(BIN)/python -m tests.validation.firmware_rates
 	$(BIN)/python -m tests.validation.learning_speed
 

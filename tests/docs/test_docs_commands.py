@@ -48,12 +48,41 @@ def kept_light(tmp_path_factory):
     return tmp_path_factory.mktemp("cache")
 
 
+def few_presses(design_file: Path, recording: Path) -> None:
+    """A recording of nine presses of a simulated build, its emitters a little high."""
+    from dataclasses import replace
+
+    from design.io import load_design
+    from design.protocol import protocol_from
+    from sims.dataset import save_data
+    from sims.protocol import simulate_protocol
+
+    design = load_design(design_file)
+    approach = [
+        {"from_mm": -1.0, "to_mm": 0.0, "step_mm": 0.5},
+        {"from_mm": 0.5, "to_mm": 2.0, "step_mm": 0.75},
+    ]
+    bench = {"name": "bench", "role": "train", "is_ambient": False, "grid_mm": 10.0}
+    protocol = protocol_from(
+        {"name": "nine", "approach": approach, "retract": "none", "curves": "coarse", "sets": [bench]},
+        where="nine",
+    )
+    data = simulate_protocol(design.with_(**{"emitters.height_mm": 5.1}), protocol)
+    save_data(replace(data, design_digest=design.digest), recording)
+
+
 def prepare(page: Path) -> None:
     """What a page says in prose: files that the reader has saved by then."""
     if page.name == "search.md":
         Path("my-search.toml").write_text(toml_blocks_of(page)[0], encoding="utf-8")
     if page.name == "datasets.md":
         Path("my-protocol.toml").write_text(toml_blocks_of(page)[0], encoding="utf-8")
+    if page.name == "calibration.md":
+        (exact,) = toml_blocks_of(page)
+        assert main(["new", "my-pad.toml"]) == 0
+        text = Path("my-pad.toml").read_text(encoding="utf-8")
+        Path("my-pad.toml").write_text(f"{text}\n{exact}", encoding="utf-8")
+        few_presses(Path("my-pad.toml"), Path("presses.nc"))
     if page.name == "recordings.md":
         heading, *rows = [
             "depth_mm,E2-R2",

@@ -37,6 +37,9 @@ ELSEWHERE_MM = 3.0
 STEPS = 14
 AFTER_STEPS = 4
 """Steps at most, and after Huber's weights."""
+MOST_PRODUCTS, MOST_ROWS = 250_000, 40
+"""A block of the table times so many rows stays below the 262,144 products from which OpenBLAS shares a product of
+matrices among threads: for one frame that gains nothing, and costs milliseconds where other work holds the cores."""
 DONE_MM = 1e-3
 """Steps smaller than this end the search: far below the noise of any frame."""
 FIRST_DAMPING = 1e-2
@@ -94,24 +97,24 @@ class CoarseTable:
         return np.stack(chosen, axis=1)
 
     @cached_property
-    def _by_pair(self) -> NDArray[np.float32]:
-        """(pair, t) the signals, in single precision: they only choose where a search begins."""
-        return np.ascontiguousarray(self.signals.T, dtype=np.float32)
-
-    @cached_property
-    def _squares_by_pair(self) -> NDArray[np.float32]:
-        return self._by_pair**2
+    def _blocks(self) -> tuple[tuple[NDArray[np.float32], NDArray[np.float32]], ...]:
+        """Signals (pair, few) and their squares, block by block, in single precision: they only choose starts."""
+        by_pair = np.asarray(self.signals.T, dtype=np.float32)
+        few = max(MOST_PRODUCTS // (by_pair.shape[0] * MOST_ROWS), 1)
+        parts = (by_pair[:, start : start + few] for start in range(0, by_pair.shape[1], few))
+        return tuple((np.ascontiguousarray(part), np.ascontiguousarray(part**2)) for part in parts)
 
     def _squares(self, signals: FloatArray, seen: Whitening) -> FloatArray:
         """(n, t) χ² of every press of the table, less what all have in common."""
-        weight = seen.weight.astype(np.float32)
-        weighted = weight @ self._squares_by_pair
-        weighted -= 2.0 * ((seen.weight * signals).astype(np.float32) @ self._by_pair)
         count, gains, pairs = seen.shared.shape
         own = (seen.shared @ signals[:, :, None]).astype(np.float32)
-        table = seen.shared.reshape(count * gains, pairs).astype(np.float32) @ self._by_pair
-        shared = own - table.reshape(count, gains, -1)
-        return np.asarray(weighted - np.einsum("ngt,ngt->nt", shared, shared), dtype=np.float64)
+        shared = seen.shared.reshape(count * gains, pairs).astype(np.float32)
+        weight, weighted = seen.weight.astype(np.float32), (seen.weight * signals).astype(np.float32)
+        parts = []
+        for block, squares in self._blocks:
+            left = own - (shared @ block).reshape(count, gains, block.shape[1])
+            parts.append(weight @ squares - 2.0 * (weighted @ block) - np.einsum("ngt,ngt->nt", left, left))
+        return np.concatenate(parts, axis=1).astype(np.float64)
 
 
 def found_presses(
@@ -133,20 +136,43 @@ def found_presses(
     count = len(signals)
     starts = table.starts(signals, seen)
     twice = np.repeat(np.arange(count), STARTS)
-    search = _Search(answers, box, signals[twice], seen.of(twice))
-    press, square = search.descend(starts.reshape(-1, 3), STEPS)
-    pick = np.argmin(square.reshape(count, STARTS), axis=1) + STARTS * np.arange(count)
-    press = press[pick]
-    softened = seen.softened(signals - answers(press)[0], OUTLIER)
-    search = _Search(answers, box, signals, softened)
-    press, square = search.descend(press, AFTER_STEPS)
-    information = search.information(press) + box.prior_information
+    found = _Search(answers, box, signals[twice], seen.of(twice)).descend(starts.reshape(-1, 3), STEPS)
+    pick = np.argmin(found.square.reshape(count, STARTS), axis=1) + STARTS * np.arange(count)
+    place = found.of(pick)
+    own = seen.own_deviations(signals - answers(place.press)[0])
+    untouched_square = seen.square(signals - untouched)
+    wild = np.flatnonzero((np.abs(own) > OUTLIER).any(axis=1))
+    if len(wild):
+        softened = seen.of(wild).softened(own[wild], OUTLIER)
+        again = _Search(answers, box, signals[wild], softened).descend(place.press[wild], AFTER_STEPS)
+        place = place.replaced(wild, again)
+        untouched_square[wild] = softened.square(signals[wild] - untouched)
     return Found(
-        press_mm=press,
-        covariance=np.asarray(np.linalg.inv(information)),
-        square=square,
-        untouched_square=softened.square(signals - untouched),
+        press_mm=place.press,
+        covariance=np.asarray(np.linalg.inv(place.matrix + box.prior_information)),
+        square=place.square,
+        untouched_square=untouched_square,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """Presses (n, 3), χ² there (n,) and A (n, 3, 3)."""
+
+    press: FloatArray
+    square: FloatArray
+    matrix: FloatArray
+
+    def of(self, rows: NDArray[np.intp]) -> _Place:
+        """Some of the frames."""
+        return _Place(self.press[rows], self.square[rows], self.matrix[rows])
+
+    def replaced(self, rows: NDArray[np.intp], other: _Place) -> _Place:
+        """With some frames' places replaced."""
+        merged = [one.copy() for one in (self.press, self.square, self.matrix)]
+        for one, new in zip(merged, (other.press, other.square, other.matrix), strict=True):
+            one[rows] = new
+        return _Place(*merged)
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,12 +184,8 @@ class _Search:
     signals: FloatArray
     seen: Whitening
 
-    def information(self, press: FloatArray) -> FloatArray:
-        """(n, 3, 3) A at presses."""
-        return self._normal(press)[1]
-
-    def descend(self, press: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
-        """Presses (n, 3) and χ² (n,) after some steps downhill."""
+    def descend(self, press: FloatArray, steps: int) -> _Place:
+        """Some steps downhill."""
         press = np.clip(press, self.box.low, self.box.high)
         square, matrix, slope = self._normal(press)
         damping = np.full(len(press), FIRST_DAMPING)
@@ -179,7 +201,7 @@ class _Search:
             damping = np.where(is_better, damping / FACTOR, damping * FACTOR)
             if (moved < DONE_MM).all():
                 break
-        return press, square
+        return _Place(press, square, matrix)
 
     def _normal(self, press: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """χ² (n,), A (n, 3, 3) and g (n, 3)."""

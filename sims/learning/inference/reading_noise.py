@@ -108,9 +108,9 @@ class Whitening:
         explained = (gains[:, None, :] @ self.gains)[:, 0]
         return np.asarray((residual - explained) * np.sqrt(self.weight))
 
-    def softened(self, residual: FloatArray, limit: float) -> Whitening:
-        """The same with less weight to pairs whose own deviation exceeds a limit (Huber's weights)."""
-        excess = np.maximum(np.abs(self.own_deviations(residual)) / limit, 1.0)
+    def softened(self, own_deviations: FloatArray, limit: float) -> Whitening:
+        """The same with less weight to pairs (n, pair) whose own deviation exceeds a limit (Huber's weights)."""
+        excess = np.maximum(np.abs(own_deviations) / limit, 1.0)
         return whitening(self.weight / excess, self.gains)
 
 
