@@ -28,7 +28,7 @@ class FitSettings:
     landmarks: int = 8_000
     trees: int = 80
     epochs: int = 60
-    inducing: int = 1_000
+    inducing: int = 1_500
 
 
 DEFAULT = FitSettings()
@@ -36,6 +36,6 @@ QUICK = FitSettings(
     search_samples=2_000, fit_samples=4_000, network_samples=8_000, trees=40, epochs=40, inducing=500
 )
 """Seconds instead of minutes, for a first look."""
-FULL = FitSettings(fit_samples=24_000, network_samples=60_000, trees=120, epochs=100, inducing=1_500)
+FULL = FitSettings(fit_samples=24_000, network_samples=60_000, trees=120, epochs=100, inducing=2_000)
 """Half of the paper's touched training samples in one exact kernel."""
 EFFORTS = {"quick": QUICK, "default": DEFAULT, "full": FULL}
