@@ -3,12 +3,15 @@
 import os
 import re
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from optopad.cli import main
+from sims.learning.inference.model_file import save_model
 from tests.docs.docs_board import started_board
+from tests.fabrication.driver.made_up_model import header, made_up_model
 from tests.fabrication.simulated_board import missing_compiler
 
 REPOSITORY = Path(__file__).parents[2]
@@ -89,6 +92,10 @@ def prepare(page: Path) -> None:
             *(f"{depth / 10:.1f},{800 - 3 * max(depth, 0)}" for depth in range(-5, 51)),
         ]
         Path("press.csv").write_text("\n".join([heading, *rows]), encoding="utf-8")
+    if page.name == "driver.md":
+        heading = "x_mm,y_mm,depth_mm"
+        Path("presses.csv").write_text(f"{heading}\n14,14,-1\n14,14,1\n20,18,-1\n20,18,1\n", encoding="utf-8")
+        save_model("pad.optomodel", replace(made_up_model(), header=header(design_digest=None)))
     if page.name == "own-parts.md":
         part, use, _, gel, shine, epoxy, walls, *_ = toml_blocks_of(page)
         Path("my-parts.toml").write_text("\n".join([part, shine, gel]), encoding="utf-8")

@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,12 @@ import pytest
 from design.preset import preset
 from fabrication.driver.export import read_recorded
 from fabrication.driver.fake_port import FakePort, PtyWire
+from fabrication.driver.finger import NO_FINGER, Finger, FingerPath
 from fabrication.driver_config import dump_driver_config
+from fabrication.stage.fake_printer import FakePrinter, TipFinger
+from sims.dataset import read_data
+from sims.learning.inference.model_file import save_model
+from tests.fabrication.driver.made_up_model import made_up_model
 from tests.fabrication.driver.made_up_pad import board, untouched
 
 ROOT = Path(__file__).parents[2]
@@ -62,10 +68,16 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def run(program: str, folder: Path) -> str:
+def program(word: str) -> str:
+    """The one program of the page in which a word stands."""
+    (found,) = [text for text in PROGRAMS if word in text]
+    return found
+
+
+def run(program: str, folder: Path, path: Finger = NO_FINGER, stage: FakePort | None = None) -> str:
     (folder / "program.py").write_text(program, encoding="utf-8")
     here = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(folder)])}
-    with FakePort(board(), PtyWire(folder / "pad")):
+    with FakePort(board(path), PtyWire(folder / "pad")), stage or nullcontext():
         done = subprocess.run(
             [sys.executable, "program.py"],
             cwd=folder,
@@ -80,16 +92,35 @@ def run(program: str, folder: Path) -> str:
 
 
 def test_the_program_that_moves_an_indenter_records_its_presses(folder: Path) -> None:
-    assert len(run(PROGRAMS[0], folder).splitlines()) == 3
+    assert len(run(program("move the robot here"), folder).splitlines()) == 3
     recorded = read_recorded(folder / "robot.optorec")
     assert recorded.press_mm is not None
     assert set(recorded.press_mm[:, 2]) == {0.0, 0.5, 1.0}
 
 
 def test_the_plain_program_prints_rate_and_counts(folder: Path) -> None:
-    said = run(PROGRAMS[1], folder)
+    said = run(program("change = "), folder)
     assert re.search(r"LinkCounts\(frames=\d+, lost=0, damaged=0", said)
 
 
 def test_the_node_publishes_what_its_layout_says(folder: Path) -> None:
-    assert run(PROGRAMS[2], folder).strip() == "5 {(64, 8, 8)}"
+    assert run(program("rclpy"), folder).strip() == "5 {(64, 8, 8)}"
+
+
+def test_the_program_that_reads_touches_prints_them(folder: Path) -> None:
+    save_model(folder / "pad.optomodel", made_up_model())
+    press = np.array([[16.0, 16.0, -5.0]] * 2 + [[12.0, 18.0, 3.0]] * 2)
+    finger = FingerPath(time_s=np.array([0.0, 2.0, 2.1, 100.0]), press_mm=press)
+    lines = run(program("TouchReader"), folder, finger).splitlines()
+    assert len(lines) > 20
+    x_mm, y_mm = map(float, re.findall(r"[\d.]+", lines[-1])[:2])
+    assert (x_mm, y_mm) == pytest.approx((12.0, 18.0), abs=1.5)  # a small model
+
+
+def test_the_program_that_collects_presses_leaves_a_data_set(folder: Path) -> None:
+    (folder / "presses.csv").write_text("x_mm,y_mm,depth_mm\n14,14,-1\n14,14,1\n20,18,2\n")
+    printer = FakePrinter((16.0, 16.0, 0.0))
+    text = program("GcodeStage").replace('"bench-pad"', '"pad"')
+    said = run(text, folder, TipFinger(printer), FakePort(printer, PtyWire(folder / "stage")))
+    assert "kept=2, wanted=2, frames=3" in said
+    assert read_data(folder / "program.nc").press_mm[-1] == pytest.approx([20, 18, 2], abs=0.02)
