@@ -46,6 +46,7 @@ def touch_json(touch: Touch, digits: int = 4) -> dict[str, Any]:
         },
         "sigma_mm": _plain(touch.sigma_mm, digits) if told else None,
         "force_n": None if touch.force_n is None else round(touch.force_n, digits),
+        "force_sigma_n": round(touch.force_sigma_n, digits) if math.isfinite(touch.force_sigma_n) else None,
         "drift": round(drift.drift, 6),
         "drift_held": drift.is_held,
         "gain_steps": drift.gain_steps,
@@ -59,7 +60,7 @@ def touch_line(touch: Touch) -> str:
     if not touch.is_touched:
         return "untouched" + _note(touch)
     parts = [f"{axis} {_with_sigma(touch, k)}" for k, axis in enumerate(AXES)]
-    force = "" if touch.force_n is None else f", {touch.force_n:.2f} N"
+    force = "" if touch.force_n is None else f", force {_force(touch)}"
     return "touched   " + ", ".join(parts) + force + _note(touch)
 
 
@@ -112,10 +113,8 @@ def _rows(touch: Touch) -> list[tuple[str, str]]:
     drift = touch.drift
     rows = [("touch", f"{'yes' if told else 'no'}   (score {touch.touch_score:+.2f})")]
     rows += [(axis, _with_sigma(touch, k) if told else "-") for k, axis in enumerate(AXES)]
-    rows.append(
-        ("force", "not known" if touch.force_n is None else f"{touch.force_n:.2f} N" if told else "-")
-    )
-    rows.append(("drift", f"{drift.drift:+.2%}{', held' if drift.is_held else ', followed'}"))
+    rows.append(("force", "not known" if touch.force_n is None else _force(touch) if told else "-"))
+    rows.append(("drift", f"{round(drift.drift, 4) + 0.0:+.2%}{', held' if drift.is_held else ', followed'}"))
     rows.append(("gain steps", str(drift.gain_steps)))
     rows.append(("delay", f"{touch.latency_ms:.1f} ms"))
     if note := _note(touch):
@@ -127,6 +126,11 @@ def _with_sigma(touch: Touch, axis: int) -> str:
     sigma = float(touch.sigma_mm[axis])
     told = f" ± {sigma:.2f}" if math.isfinite(sigma) else ""
     return f"{touch.press_mm[axis]:.2f}{told} mm"
+
+
+def _force(touch: Touch) -> str:
+    told = f" ± {touch.force_sigma_n:.2f}" if math.isfinite(touch.force_sigma_n) else ""
+    return f"{touch.force_n:.2f}{told} N"
 
 
 def _note(touch: Touch) -> str:

@@ -12,6 +12,7 @@ with Sensor("driver.toml") as sensor, ...:
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -25,6 +26,7 @@ from fabrication.driver.drift import GUARD_S, LEAST_START_FRAMES, TIME_CONSTANT_
 from fabrication.driver.frames import US_PER_S, Frame
 from fabrication.driver.sensor import BASELINE_S, Sensor
 from sims.learning.inference.header import ModelHeader, require_design
+from sims.learning.inference.prediction import Prediction
 from sims.learning.inference.touch_model import TouchModel
 
 FloatArray = NDArray[np.float64]
@@ -42,6 +44,8 @@ class Touch:
     press_mm : (3,) x, y, depth, meaningful where touched [mm]
     sigma_mm : (3,) standard deviations; NaN where the model does not know them [mm]
     force_n : by the model's force curve, 0 where untouched [N]; None where the model has none
+    force_sigma_n : its standard deviation by the depth's alone; NaN where that is not known or nothing touches. How
+        well the curve fits the built pad, its modulus first, is not in it [N]
     drift : what the tracker makes of the frame
     latency_ms : from the frame's arrival on this machine to this answer [ms]
     """
@@ -52,6 +56,7 @@ class Touch:
     press_mm: FloatArray
     sigma_mm: FloatArray
     force_n: float | None
+    force_sigma_n: float
     drift: DriftState
     latency_ms: float
 
@@ -151,9 +156,19 @@ class TouchReader:
             press_mm=found.press_mm[0],
             sigma_mm=found.sigma_mm[0],
             force_n=None if found.force_n is None else float(found.force_n[0]) * is_touched,
+            force_sigma_n=self._force_sigma_n(found) if is_touched else math.nan,
             drift=state,
             latency_ms=1e3 * (time.time() - frame.host_s),
         )
+
+    def _force_sigma_n(self, found: Prediction) -> float:
+        """Half the difference of the forces one standard deviation deeper and less deep [N]."""
+        curve = self.model.header.force_curve
+        if curve is None:
+            return math.nan
+        depth, sigma = float(found.press_mm[0, 2]), float(found.sigma_mm[0, 2])
+        low, high = curve.at(np.array([depth - sigma, depth + sigma]))
+        return float(high - low) / 2
 
 
 def require_fits(header: ModelHeader, said: Descriptor) -> None:

@@ -13,6 +13,8 @@ from fabrication.driver.fake_port import FakePort
 from fabrication.driver.finger import FingerPath
 from fabrication.driver.touch_reader import Touch, TouchReader, require_fits
 from optopad.touch_view import picture, touch_json, touch_line
+from sims.learning.inference.prediction import Prediction
+from sims.learning.inference.touch_model import prediction_of
 from tests.fabrication.driver.made_up_model import header, made_up_model
 from tests.fabrication.driver.made_up_pad import board, pad_config
 
@@ -96,9 +98,32 @@ def test_an_answer_as_json_has_a_place_only_where_it_is_touched(touches: list[tu
 
 def test_uncertainty_is_told_where_the_model_knows_it(touches: list[tuple[float, Touch]]) -> None:
     (held, *_) = between(touches, 1.3, 1.4)
-    known = replace(held, sigma_mm=np.array([0.21, 0.18, 0.05]), press_mm=np.array([10.0, 22.0, 3.0]))
-    assert "x 10.00 ± 0.21 mm, y 22.00 ± 0.18 mm, depth 3.00 ± 0.05 mm" in touch_line(known)
+    press_mm, sigma_mm = np.array([10.0, 22.0, 3.0]), np.array([0.21, 0.18, 0.05])
+    known = replace(held, sigma_mm=sigma_mm, press_mm=press_mm, force_n=5.2, force_sigma_n=0.12)
+    assert "x 10.00 ± 0.21 mm, y 22.00 ± 0.18 mm, depth 3.00 ± 0.05 mm, force 5.20 ± 0.12 N" in touch_line(
+        known
+    )
     assert touch_json(known)["sigma_mm"] == [0.21, 0.18, 0.05]
+
+
+def test_the_force_s_uncertainty_is_the_depth_s_by_the_slope_of_its_curve() -> None:
+    class Sure:
+        """A model that finds everything 3 mm deep, to 0.1 mm."""
+
+        header = made_up_model().header
+
+        def predict(self, signals: np.ndarray) -> Prediction:
+            press_mm, sigma_mm = np.array([[16.0, 16.0, 3.0]]), np.array([[0.2, 0.2, 0.1]])
+            return prediction_of(self.header, np.array([1.0]), press_mm, sigma_mm)
+
+        def arrays(self) -> dict[str, np.ndarray]:
+            return {}
+
+    with FakePort(board()) as port, Sensor(CONFIG, port.name, rate_hz=100.0, baseline_s=0.0) as sensor:
+        (touch,) = TouchReader(sensor, Sure(), start_s=0.1).touches(count=1)
+    # From 2.5 to 5 mm the curve rises from 4 to 10 N: 2.4 N a millimetre.
+    assert touch.force_n == pytest.approx(5.2)
+    assert touch.force_sigma_n == pytest.approx(0.24)
 
 
 def test_a_change_of_gain_is_no_touch() -> None:
