@@ -13,13 +13,15 @@ from sims.dataset import PressData, clipped_note, joined, read_data, require_des
 from sims.learning.inference.header import ForceCurve, ModelHeader
 from sims.learning.inference.model_file import save_model
 from sims.learning.inference.touch_model import TouchModel
-from sims.learning.learners import LEARNERS
+from sims.learning.learners import LEARNERS, Learner
 from sims.learning.settings import EFFORTS
+from sims.learning.training_data import prepared
 
 OnStep = Callable[[str, float], None]
 
 SUFFIX = ".optomodel"
 ALL = "all"
+SIGNAL_MAP = "signal-map"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +86,7 @@ def train_models(
     Parameters
     ----------
     files : data sets or recordings, .nc
-    learner : a name of the table, or ``all``
+    learner : a name of the table, ``all`` of it, or ``signal-map``
     out : the model's file for one learner, or a folder; None: beside the first of the files
     design : what the data must be of; its force curve goes into the models
 
@@ -93,29 +95,39 @@ def train_models(
     InputError : unknown names; data of another design, without states, too few, or without training sets.
     OutputError : the folder cannot be written.
     """
-    names = _learners(learner)
+    learners = _learners(learner, design, effort, seed)
     settings = EFFORTS.get(effort)
     if settings is None:
         raise InputError(f"--effort: {effort!r} is refused: give {', '.join(EFFORTS)}")
-    places = _files(names, files, out)
+    places = _files(tuple(learners), files, out)
     data, notes = _training_data(files, design)
     force = None if design is None else _load_curve(design)
+    facts = prepared(data).facts()
     models = []
-    for name in names:
+    for name, fit in learners.items():
         step = _named(on_step, name)
-        model = LEARNERS[name](data, seed=seed, on_step=step, settings=settings)
+        model = fit(data, seed=seed, on_step=step, settings=settings)
         header = replace(model.header, force_curve=force)
         save_model(places[name], _with_header(model, header))
         models.append(TrainedModel(file=places[name], header=header))
-    return Training(models=tuple(models), facts=dict(models[0].header.trained_on), notes=notes)
+    return Training(models=tuple(models), facts=facts, notes=notes)
 
 
-def _learners(learner: str) -> tuple[str, ...]:
+def _learners(learner: str, design: SensorDesign | None, effort: str, seed: int) -> dict[str, Learner]:
+    """Those that see only data, all or one; the signal map where it is asked for and the design is at hand."""
     if learner == ALL:
-        return tuple(LEARNERS)
-    if learner not in LEARNERS:
-        raise InputError(f"--learner: {learner!r} is refused: give {', '.join(LEARNERS)}, or {ALL}")
-    return (learner,)
+        return dict(LEARNERS)
+    if learner in LEARNERS:
+        return {learner: LEARNERS[learner]}
+    if learner != SIGNAL_MAP:
+        raise InputError(
+            f"--learner: {learner!r} is refused: give {', '.join(LEARNERS)}, {SIGNAL_MAP}, or {ALL}"
+        )
+    if design is None:
+        raise InputError(f"--learner: {SIGNAL_MAP} is made of a design's light; name it with --design")
+    from sims.learning.map_learner import signal_map_learner
+
+    return {SIGNAL_MAP: signal_map_learner(design, quick=effort == "quick", seed=seed)}
 
 
 def _files(names: Sequence[str], files: Sequence[Path], out: Path | None) -> dict[str, Path]:

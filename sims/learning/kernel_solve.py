@@ -16,7 +16,9 @@ lower triangle only, so that nothing else of its size exists.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,7 +32,8 @@ from design.errors import InputError
 FloatArray = NDArray[np.float64]
 OnShare = Callable[[float], None]
 
-BLOCK_ROWS = 1_000
+BLOCK_ROWS = 500
+CHECKED_ROWS = 1_000
 RIDGE_OF_LANDMARKS = 1e-9
 """Added to K_mm in proportion to its diagonal, which is 1: keeps its Cholesky factor real beside rounding errors."""
 
@@ -44,7 +47,8 @@ class KernelSolution:
     kept : (kept,) numbers of the samples that carry weights
     weights : (kept, output) in units of the targets
     method : exact, single or nystroem
-    largest_residual : of the system, over the largest target [-]; NaN for `nystroem`, which solves another one
+    largest_residual : of `CHECKED_ROWS` rows of the system, over the largest target [-]; NaN for `nystroem`, which
+        solves another one
     """
 
     kept: NDArray[np.intp]
@@ -93,10 +97,12 @@ def solve_kernel(
     kind = np.float64 if method == "exact" else np.float32
     factor = factorise(kernel_matrix(features, gamma, kind, on_share), ridge)
     weights = back_substituted(factor, targets)
-    residual = _residual(features, targets, weights, gamma, ridge)
+    everything = np.arange(len(features))
     for _ in range(refinements if method == "single" else 0):
+        residual = _residual(features, targets, weights, gamma, ridge, everything)
         weights = weights + back_substituted(factor, residual)
-        residual = _residual(features, targets, weights, gamma, ridge)
+    checked = everything[:: -(-len(features) // CHECKED_ROWS)]
+    residual = _residual(features, targets, weights, gamma, ridge, checked)
     return KernelSolution(
         kept=np.arange(len(features)),
         weights=weights,
@@ -111,13 +117,26 @@ def kernel_matrix(
     """(sample, sample) kernel, lower triangle only; what lies above it is not set."""
     samples = len(features)
     matrix = np.empty((samples, samples), kind)
-    for start in range(0, samples, BLOCK_ROWS):
+
+    def fill(start: int) -> int:
         end = min(start + BLOCK_ROWS, samples)
         block = cdist(features[start:end], features[:end], "cityblock")
         block *= -gamma
         np.exp(block, out=matrix[start:end, :end], casting="same_kind")
-        on_share(0.5 * (end / samples) ** 2)
+        return end
+
+    with ThreadPoolExecutor(
+        kernel_threads()
+    ) as pool:  # SciPy's distances and NumPy's exp let go of the interpreter
+        for end in pool.map(fill, range(0, samples, BLOCK_ROWS)):
+            on_share(0.5 * (end / samples) ** 2)
     return matrix
+
+
+def kernel_threads() -> int:
+    """Threads that fill the matrix: as many as BLAS may take by `OMP_NUM_THREADS`, else the machine's cores."""
+    wanted = os.environ.get("OMP_NUM_THREADS", "")
+    return max(1, int(wanted) if wanted.isdecimal() else os.cpu_count() or 1)
 
 
 def factorise(matrix: NDArray[Any], ridge: float) -> NDArray[Any]:
@@ -147,13 +166,23 @@ def back_substituted(factor: NDArray[Any], targets: FloatArray) -> FloatArray:
 
 
 def _residual(
-    features: FloatArray, targets: FloatArray, weights: FloatArray, gamma: float, ridge: float
+    features: FloatArray,
+    targets: FloatArray,
+    weights: FloatArray,
+    gamma: float,
+    ridge: float,
+    rows: NDArray[np.intp],
 ) -> FloatArray:
-    """(sample, output) y - (K + λ I) a in double precision, a block of rows at a time."""
-    residual = targets - ridge * weights
-    for start in range(0, len(features), BLOCK_ROWS):
-        rows = slice(start, start + BLOCK_ROWS)
-        residual[rows] -= np.exp(-gamma * cdist(features[rows], features, "cityblock")) @ weights
+    """(row, output) y - (K + λ I) a of some rows, in double precision, a block of them at a time."""
+    residual = targets[rows] - ridge * weights[rows]
+
+    def subtract(start: int) -> None:
+        block = rows[start : start + BLOCK_ROWS]
+        kernel = np.exp(-gamma * cdist(features[block], features, "cityblock"))
+        residual[start : start + BLOCK_ROWS] -= kernel @ weights
+
+    with ThreadPoolExecutor(kernel_threads()) as pool:
+        list(pool.map(subtract, range(0, len(rows), BLOCK_ROWS)))
     return residual
 
 

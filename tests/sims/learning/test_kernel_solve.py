@@ -15,7 +15,7 @@ GAMMA, RIDGE = 0.02, 0.1
 @pytest.fixture(scope="module")
 def problem():
     rng = np.random.default_rng(4)
-    features = rng.normal(size=(BLOCK_ROWS + 300, 6)) * 10.0  # two blocks
+    features = rng.normal(size=(2 * BLOCK_ROWS + 300, 6)) * 10.0  # three blocks, the last one short
     targets = np.stack(
         [np.sin(features[:, 0] / 9.0), features[:, 1] / 20.0, np.cos(features[:, 2] / 7.0)], axis=1
     )
