@@ -112,7 +112,7 @@ def predict(
         published=published_touch(design.name),
         notes=_notes(how, effort, draws, curves, seed),
         settings=_settings(how, effort, draws, seed, models),
-        bound_mm={} if effort.is_coarse else _bound_mm(design, curves, seed, on_step),
+        bound_mm={} if effort.is_coarse else bound_mm(design, curves, seed, on_step),
     )
     with bundle(design, out, seed=seed) as folder:
         write_accuracy(found, workspace_of(design), folder / "sims", STEM)
@@ -122,7 +122,7 @@ def predict(
     return found, out / bundle_name(design)
 
 
-def _bound_mm(
+def bound_mm(
     design: SensorDesign, curves: ProtocolCurves, seed: int, on_step: OnStep
 ) -> dict[float, tuple[float, float]]:
     """The Cramér-Rao bounds under the chain at the depths of the tables that the design reaches."""

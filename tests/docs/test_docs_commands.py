@@ -78,7 +78,7 @@ def prepare(page: Path) -> None:
     """What a page says in prose: files that the reader has saved by then."""
     if page.name == "search.md":
         Path("my-search.toml").write_text(toml_blocks_of(page)[0], encoding="utf-8")
-    if page.name == "datasets.md":
+    if page.name in ("datasets.md", "accuracy.md"):
         Path("my-protocol.toml").write_text(toml_blocks_of(page)[0], encoding="utf-8")
     if page.name == "calibration.md":
         (exact,) = toml_blocks_of(page)
