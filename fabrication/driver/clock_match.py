@@ -1,8 +1,9 @@
 """How far the clock of a stage's log is from the recording's, from the touches that both have.
 
 The signals say when the pad was touched: the first half second, which must be untouched, gives the untouched pattern
-and its noise; a frame is touched where the rest of its change, less the gains of emitters and receivers
-(`gain_pattern`), is far above the noise. The log says it by its depth crossing 0.
+and its noise, and later half seconds without a touch renew the pattern, so that drift is no touch. A frame is touched
+where the rest of its change, less the gains of emitters and receivers (`gain_pattern`), is far above the noise. The log
+says it by its depth crossing 0.
 
 The two courses of touched and untouched are correlated over every shift that leaves half of the shorter one
 overlapping. The best shifts are then refined on edges: each edge of the signals against the log's nearest of the same
@@ -35,6 +36,8 @@ BASELINE_S = 0.5
 TOUCHED_EXCESS = 6.0
 """A frame is touched where the mean square of its change's rest is this many times the noise's."""
 
+LEAST_FRAMES = 5
+LEAST_NOISE_COUNTS = 0.5
 SHORTEST_S = 0.1
 """Shorter touches and shorter pauses are single frames' noise."""
 
@@ -109,12 +112,7 @@ def touches_of_log(log: PositionLog) -> Touches:
 
 def touches_of_signals(time_s: FloatArray, signals: FloatArray, full_scale: float = np.inf) -> Touches:
     """Touches by the signals, (time, emitter, receiver) [counts]; the first half second must be untouched."""
-    first = time_s < time_s[0] + BASELINE_S
-    first[: min(5, len(first))] = True
-    untouched, noise = signals[first].mean(axis=0), np.maximum(signals[first].std(axis=0), 0.5)
-    pattern = GainPattern(untouched, noise, full_scale)
-    flat = signals.reshape(len(signals), -1)
-    touched = _lasting(time_s, pattern.excess(relative_change(flat, untouched.ravel())) > TOUCHED_EXCESS)
+    touched = _lasting(time_s, _touched(time_s, signals, full_scale))
     change = np.flatnonzero(touched[1:] != touched[:-1])
     between = (time_s[change] + time_s[change + 1]) / 2
     return Touches(
@@ -193,6 +191,22 @@ def require_in_step(signals: Touches, log: Touches) -> ClockMatch:
         f"{_why_out_of_step(signals, log, found)}; let it be found with --offset auto, or say it: --offset 0 takes the "
         "log as it is"
     )
+
+
+def _touched(time_s: FloatArray, signals: FloatArray, full_scale: float) -> Mask:
+    """(time,) whether each frame is touched; half seconds without any touch renew the untouched level."""
+    first = time_s < time_s[0] + BASELINE_S
+    first[:LEAST_FRAMES] = True
+    start = signals[first]
+    pattern = GainPattern(start.mean(axis=0), np.maximum(start.std(axis=0), LEAST_NOISE_COUNTS), full_scale)
+    untouched, touched = start.mean(axis=0).ravel(), np.zeros(len(signals), dtype=bool)
+    blocks = np.searchsorted(time_s, np.arange(time_s[0], time_s[-1], BASELINE_S))
+    for low, high in pairwise([*np.unique(blocks), len(signals)]):
+        block = signals[low:high].reshape(high - low, -1)
+        touched[low:high] = pattern.excess(relative_change(block, untouched)) > TOUCHED_EXCESS
+        if high - low >= LEAST_FRAMES and not touched[low:high].any():
+            untouched = (untouched + block.mean(axis=0)) / 2
+    return touched
 
 
 def _why_out_of_step(signals: Touches, log: Touches, found: ClockMatch) -> str:

@@ -37,6 +37,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_collect_presses_by_a_table_and_goes_on_with_the_rest(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -90,8 +91,8 @@ def test_what_cannot_be_collected_is_refused_before_any_port_is_opened(
 
 def test_the_published_protocol_becomes_presses_of_its_sets_in_an_order_of_the_seed() -> None:
     design = preset("piacenza2017-pad")
-    found = protocol_presses(design, "piacenza2017", seed=1)
-    said = load_protocol_file("piacenza2017")
+    found = protocol_presses(design, "piacenza2017-quick", seed=1)
+    said = load_protocol_file("piacenza2017-quick")
     assert [entry.name for entry in found.sets] == [one.name for one in said.sets]
     assert [len(places) for places in said.places_mm(design)] == [
         sum(press.set_number == number for press in found.presses) for number in range(len(found.sets))
@@ -100,6 +101,6 @@ def test_the_published_protocol_becomes_presses_of_its_sets_in_an_order_of_the_s
     assert [step[2] for step in first.steps_mm] == said.depth_mm.tolist()
     places = {press.steps_mm[0][:2] for press in found.presses if press.set_number == 0}
     assert places == {tuple(place) for place in said.places_mm(design)[0].tolist()}
-    assert protocol_presses(design, "piacenza2017", seed=1).digest == found.digest
-    assert protocol_presses(design, "piacenza2017", seed=2).digest != found.digest
+    assert protocol_presses(design, "piacenza2017-quick", seed=1).digest == found.digest
+    assert protocol_presses(design, "piacenza2017-quick", seed=2).digest != found.digest
     found.require_within(limits_of(pad_config().workspace))

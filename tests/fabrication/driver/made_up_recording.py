@@ -45,13 +45,15 @@ def positions(path: np.ndarray, time_s: np.ndarray) -> np.ndarray:
     return np.stack([np.interp(time_s, path[:, 0], axis) for axis in path[:, 1:].T], axis=1)
 
 
-def write_recording(file: Path, path: np.ndarray, *, gain_per_s: float = 0.0, seed: int = 0) -> np.ndarray:
+def write_recording(
+    file: Path, path: np.ndarray, *, gain_per_s: float | np.ndarray = 0.0, seed: int = 0
+) -> np.ndarray:
     """Record the path from `BEGUN_S` on; (frame, 3) where the tip was [mm]."""
     rng = np.random.default_rng(seed)
     config = pad_config()
     time_s = np.arange(0.0, path[-1, 0], 1.0 / RATE_HZ)
     truth = positions(path, time_s)
-    light = press_table().at(truth) * (1.0 + gain_per_s * time_s)[:, None, None]
+    light = press_table().at(truth) * (1.0 + np.multiply.outer(time_s, np.broadcast_to(gain_per_s, (8, 8))))
     light *= 1.0 + 0.002 * rng.standard_normal((len(light), light.shape[1], 1))
     counts = np.concatenate([light, np.zeros((len(light), 1, light.shape[2]))], axis=1) + 2.0
     counts = np.clip(np.round(counts + 0.5 * rng.standard_normal(counts.shape)), 0, 1023).astype(int)

@@ -73,7 +73,7 @@ def each_pair(seed: int) -> np.ndarray:
 
 @pytest.mark.parametrize(
     "ends",
-    [0.03, pytest.param(-0.03, marks=pytest.mark.slow), each_pair(3)],
+    [pytest.param(0.03, marks=pytest.mark.slow), pytest.param(-0.03, marks=pytest.mark.slow), each_pair(3)],
     ids=["rising", "falling", "pair by pair"],
 )
 def test_a_drift_of_3_percent_in_ten_minutes_is_followed(ends: np.ndarray | float) -> None:
@@ -87,7 +87,9 @@ def test_a_drift_of_3_percent_in_ten_minutes_is_followed(ends: np.ndarray | floa
     assert state.gain_steps == 0
 
 
-@pytest.mark.parametrize("model", [True, False], ids=["model sees it", "model is blind"])
+@pytest.mark.parametrize(
+    "model", [pytest.param(True, marks=pytest.mark.slow), False], ids=["model sees it", "model is blind"]
+)
 @pytest.mark.parametrize("depth_mm", [pytest.param(3.0, marks=pytest.mark.slow), 0.5])
 def test_a_touch_that_is_held_for_ten_minutes_moves_nothing(depth_mm: float, model: bool) -> None:
     def tip(time_s: float) -> tuple[float, float, float]:
@@ -113,6 +115,7 @@ def test_the_features_of_a_held_touch_are_those_of_the_touch_and_not_of_its_drif
     assert np.abs(bench.tracker.features(light) / light - 1)[strong].max() < 0.003
 
 
+@pytest.mark.slow
 def test_drift_that_went_on_under_a_held_touch_is_taken_in_one_step_after_it() -> None:
     def gain(time_s: float) -> float:
         return 1 + 0.03 * min(time_s, TEN_MINUTES_S) / TEN_MINUTES_S

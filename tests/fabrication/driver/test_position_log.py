@@ -58,8 +58,9 @@ def test_an_offset_is_found_from_the_touches(late_s: float, recording: Path, tmp
     assert found.match.edges == 12
 
 
-def test_an_offset_is_found_in_spite_of_drifting_gain(tmp_path: Path) -> None:
-    write_recording(tmp_path / "a.optorec", PATH, gain_per_s=0.05 / PATH[-1, 0])
+@pytest.mark.parametrize("pattern", [np.ones(()), np.random.default_rng(1).choice([-1, 1], (8, 8))])
+def test_an_offset_is_found_in_spite_of_drift(pattern: np.ndarray, tmp_path: Path) -> None:
+    write_recording(tmp_path / "a.optorec", PATH, gain_per_s=0.05 / PATH[-1, 0] * pattern)
     write_log(tmp_path / "log.csv", PATH, late_s=7.0)
     found = joined(read_recorded(tmp_path / "a.optorec"), read_position_log(tmp_path / "log.csv"), "auto")
     assert found.offset_s == pytest.approx(-7.0, abs=0.017)

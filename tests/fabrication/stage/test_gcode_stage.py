@@ -91,6 +91,7 @@ def test_stop_ends_the_motion_and_lifts() -> None:
         assert stage.position()[2] == pytest.approx(-TRAVEL_MM, abs=RESOLUTION_MM)
 
 
+@pytest.mark.slow
 def test_homing_makes_the_printer_s_own_coordinates_hold() -> None:
     with bench(home_mm=(-40.0, -40.0, 0.0)) as made, made.stage() as stage:
         stage.home((40.0, 40.0, 0.0))  # the cavity's corner is 40 mm from the end stops, level with the bed
@@ -129,7 +130,7 @@ def test_a_position_outside_of_the_limits_is_refused_before_anything_moves(
         ),
         ("error", r"the printer says 'Error:Printer halted.*lift it by hand"),
         ("shifted", r"stands at x, y, depth .* was sent to .* home it"),
-        ("restarted", "began anew during .* its position is lost"),
+        pytest.param("restarted", "began anew during .* its position is lost", marks=pytest.mark.slow),
     ],
 )
 def test_a_printer_that_fails_is_told_by_what_it_did(fault: str, told: str) -> None:
@@ -154,6 +155,7 @@ def test_a_printer_that_is_unplugged_is_told_with_what_to_do_by_hand() -> None:
         press(made)
 
 
+@pytest.mark.slow
 def test_a_port_where_no_printer_answers_is_told() -> None:
     with (
         FakePort(board()) as port,
