@@ -276,7 +276,13 @@ def fit_signal_map(
         header=replace(header, kind=KIND, untouched_counts=untouched.mean_counts),
         ratio_root=spline,
         full_counts=full,
-        noise=_sensor_noise(chain_noise(design, emitters, len(full)), untouched, full, found.error),
+        noise=_sensor_noise(
+            chain_noise(design, emitters, len(full)),
+            design.noise.led_fluctuation,
+            untouched,
+            full,
+            found.error,
+        ),
         box=_box(found),
         threshold=0.0,
     )
@@ -290,12 +296,11 @@ def _box(found: SignalMap) -> Box:
 
 
 def _sensor_noise(
-    chain: ReadingNoise, untouched: Untouched, full: FloatArray, error: FloatArray | None
+    chain: ReadingNoise, fluctuation: float, untouched: Untouched, full: FloatArray, error: FloatArray | None
 ) -> ReadingNoise:
-    """The chain's noise, no less than untouched frames show beyond what gains explain, and the map's own error."""
-    gains = np.hypot(chain.emitter_drift, chain.receiver_drift)
+    """The chain's noise, no less than untouched frames show beside the LEDs' fluctuation, and the map's own error."""
     seen = np.where(
-        untouched.is_clipped, 0.0, untouched.spread_counts**2 - (gains * full) ** 2 - chain.shot * full
+        untouched.is_clipped, 0.0, untouched.spread_counts**2 - (fluctuation * full) ** 2 - chain.shot * full
     )
     map_error = np.zeros(len(full)) if error is None else error * full
     floor = np.sqrt(np.maximum(chain.floor_counts**2, seen) + map_error**2)
