@@ -180,6 +180,7 @@ def fitted(
     state.slopes = 0.5 * (halves[0] + halves[1])
     state.descend()
     gains = state.gain_covariance()
+    problem.on_step("calibration", 1.0)
     return Fitted(
         values=state.values,
         covariance=state.covariance(halves),
