@@ -47,7 +47,7 @@ class CollectedParts:
     def __init__(self, out: Path, plan: dict[str, Any]) -> None:
         self.folder = out.with_name(out.name + ".parts")
         document = {"format": FORMAT, "version": VERSION} | plan
-        if (self.folder / PLAN).is_file():
+        if (self.folder / PLAN).is_file() and self.numbers():
             self._require_same(document)
             return
         if out.exists():

@@ -99,8 +99,7 @@ def read(
         bool, typer.Option("--json", help="A JSON object a line on standard output, one a frame.")
     ] = False,
 ) -> None:
-    """Show the sensor live: its signals, or touches by a model. Leave the pad alone for the first second."""
-    from fabrication.driver.sensor import Sensor
+    """Show the sensor live: its signals, or touches by a model. Leave the pad alone for the first half second."""
     from optopad.driver_source import driver_source
     from optopad.driver_view import link_line
 
@@ -108,7 +107,7 @@ def read(
     trained = None if model is None else _model(model, source)
     with (
         _lines(out, as_json) as write,
-        Sensor(source.config, port, rate_hz=rate, accept_digest=accept_digest) as sensor,
+        _sensor(source, port, rate, accept_digest, has_model=trained is not None) as sensor,
     ):
         with _until_interrupted():
             if trained is None:
@@ -223,6 +222,16 @@ def _show(
         _live(sensor, frames, seconds)
     else:
         _follow(sensor, frames, seconds, quiet=False)
+
+
+def _sensor(
+    source: DriverSource, port: str | None, rate: float | None, accept_digest: str | None, *, has_model: bool
+) -> Sensor:
+    """A sensor that takes a baseline, unless a model's reader takes its own."""
+    from fabrication.driver.sensor import BASELINE_S, Sensor
+
+    baseline_s = 0.0 if has_model else BASELINE_S
+    return Sensor(source.config, port, rate_hz=rate, accept_digest=accept_digest, baseline_s=baseline_s)
 
 
 def _model(file: Path, source: DriverSource) -> TouchModel:

@@ -19,7 +19,7 @@ from tests.fabrication.driver.made_up_model import header, made_up_model
 from tests.fabrication.driver.made_up_pad import board, untouched
 
 FINGER = FingerPath(
-    time_s=np.array([0.0, 2.0, 2.05, 1000.0]),
+    time_s=np.array([0.0, 1.2, 1.25, 1000.0]),
     press_mm=np.array([[16.0, 16.0, -5.0]] * 2 + [[10.0, 22.0, 3.0]] * 2),
 )
 

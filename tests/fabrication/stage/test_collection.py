@@ -97,7 +97,9 @@ def test_a_printer_that_fails_costs_no_press_that_was_whole(tmp_path: Path) -> N
 
 def test_another_collection_under_the_same_name_is_refused(tmp_path: Path) -> None:
     with bench(has_board=True) as made, made.sensor() as sensor:
+        Collector(sensor, PRESSES, tmp_path / "a.nc", settle_s=1.0)  # begun, and nothing made: no obstacle
         Collector(sensor, PRESSES, tmp_path / "a.nc", settle_s=SETTLE_S)
+        (tmp_path / "a.nc.parts" / "000000.npz").write_bytes(b"of a press")
         with pytest.raises(
             InputError, match=r"holds presses of another collection \(frames, settle_s differ\)"
         ):
