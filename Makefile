@@ -8,6 +8,9 @@ PYTHON ?=
 CANDIDATES = $(if $(PYTHON),$(PYTHON),python3.13 python3.12 python3.11 python3)
 SUITABLE := import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))
 DEMO := piacenza2017-pad
+# Files of tests side by side; 1 for one after another.
+WORKERS ?= 2
+SIDE_BY_SIDE = $(if $(filter 1,$(WORKERS)),,-n $(WORKERS) --dist loadfile)
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test test-slow lint bench validate pins clean
@@ -21,10 +24,10 @@ demo: setup ## the main job on the published pad: outputs/piacenza2017-pad-<dige
 	$(BIN)/optopad run $(DEMO)
 
 test: setup ## tests of a few minutes: all but the slow ones and the benchmarks
-	$(BIN)/python -m pytest -m "not slow" --benchmark-skip
+	$(BIN)/python -m pytest -m "not slow" --benchmark-skip $(SIDE_BY_SIDE)
 
 test-slow: setup ## the tests marked slow
-	$(BIN)/python -m pytest -m slow --benchmark-skip
+	$(BIN)/python -m pytest -m slow --benchmark-skip $(SIDE_BY_SIDE)
 
 lint: setup ## style, format, types, and the arrows between the rooms
 	$(BIN)/ruff check .
