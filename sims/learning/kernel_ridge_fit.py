@@ -20,9 +20,10 @@ from scipy.spatial.distance import cdist
 
 from design.errors import InputError
 from sims.dataset import PressData
+from sims.learning.block_cholesky import substituted
 from sims.learning.errors_mm import held_out_figures, mean_error_mm
 from sims.learning.inference.kernel_ridge import KernelRidgeModel
-from sims.learning.kernel_solve import back_substituted, factorise, method_for, solve_kernel
+from sims.learning.kernel_solve import factorise, method_for, solve_kernel
 from sims.learning.model_header import trained_header
 from sims.learning.scalings import counts_scaling
 from sims.learning.settings import DEFAULT, FitSettings
@@ -137,12 +138,12 @@ def searched_grid(
     for number, relative in enumerate(GAMMA_TIMES_MEDIAN):
         kernel, other = np.exp(-relative / median * among), np.exp(-relative / median * across)
         for ridge in RIDGES:
-            weights = back_substituted(factorise(kernel.copy(), ridge), press_mm[~tested] - mean_mm)
+            weights = substituted(factorise(kernel.copy(), ridge), press_mm[~tested] - mean_mm)
             errors[relative, ridge] = mean_error_mm(mean_mm + other @ weights, press_mm[tested])
         on_share((number + 1) / len(GAMMA_TIMES_MEDIAN))
     relative, ridge = min(errors, key=lambda one: errors[one])
     kernel, other = np.exp(-relative / median * among), np.exp(-relative / median * across)
-    weights = back_substituted(factorise(kernel, ridge), press_mm[~tested] - mean_mm)
+    weights = substituted(factorise(kernel, ridge), press_mm[~tested] - mean_mm)
     return held_out_figures(mean_mm + other @ weights, press_mm[tested]) | {
         "gamma": relative / median,
         "gamma_times_median": relative,

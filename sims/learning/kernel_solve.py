@@ -24,10 +24,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lapack, solve_triangular
+from scipy.linalg import solve_triangular
 from scipy.spatial.distance import cdist
 
 from design.errors import InputError
+from sims.learning.block_cholesky import factorise_in_place, substituted
 
 FloatArray = NDArray[np.float64]
 OnShare = Callable[[float], None]
@@ -96,11 +97,11 @@ def solve_kernel(
         return KernelSolution(kept=landmarks, weights=weights, method=method, largest_residual=float("nan"))
     kind = np.float64 if method == "exact" else np.float32
     factor = factorise(kernel_matrix(features, gamma, kind, on_share), ridge)
-    weights = back_substituted(factor, targets)
+    weights = substituted(factor, targets)
     everything = np.arange(len(features))
     for _ in range(refinements if method == "single" else 0):
         residual = _residual(features, targets, weights, gamma, ridge, everything)
-        weights = weights + back_substituted(factor, residual)
+        weights = weights + substituted(factor, residual)
     checked = everything[:: -(-len(features) // CHECKED_ROWS)]
     residual = _residual(features, targets, weights, gamma, ridge, checked)
     return KernelSolution(
@@ -140,29 +141,20 @@ def kernel_threads() -> int:
 
 
 def factorise(matrix: NDArray[Any], ridge: float) -> NDArray[Any]:
-    """Cholesky factor of matrix + ridge I, in the matrix' own memory.
+    """Cholesky factor of matrix + ridge I, in the lower triangle of the matrix' own memory.
 
     Raises
     ------
     InputError : not positive definite in this precision.
     """
     matrix.flat[:: len(matrix) + 1] += ridge
-    factorised = lapack.dpotrf if matrix.dtype == np.float64 else lapack.spotrf
-    # The lower triangle by rows is the upper one by columns, which is what LAPACK works on without a copy.
-    factor, failed = factorised(matrix.T, lower=0, clean=0, overwrite_a=1)
-    if failed:
+    try:
+        factorise_in_place(matrix)
+    except np.linalg.LinAlgError:
         raise InputError(
             f"kernel ridge: the matrix is not positive definite at lambda {ridge:g}; give a larger lambda"
-        )
-    return np.asarray(factor)
-
-
-def back_substituted(factor: NDArray[Any], targets: FloatArray) -> FloatArray:
-    """(sample, output) solution of the factorised system, in double precision whatever the factor's."""
-    solved = lapack.dpotrs if factor.dtype == np.float64 else lapack.spotrs
-    solution, failed = solved(factor, np.asfortranarray(targets, dtype=factor.dtype), lower=0)
-    assert not failed
-    return np.asarray(solution, dtype=np.float64)
+        ) from None
+    return matrix
 
 
 def _residual(
@@ -198,15 +190,15 @@ def _nystroem(
     points = features[landmarks]
     among = np.exp(-gamma * cdist(points, points, "cityblock"))
     among.flat[:: len(among) + 1] += RIDGE_OF_LANDMARKS
-    root = lapack.dpotrf(among, lower=0, clean=1, overwrite_a=1)[0]
-    normal = np.zeros((len(points), len(points)), order="F")
+    root = np.linalg.cholesky(among)
+    normal = np.zeros((len(points), len(points)))
     right = np.zeros((len(points), targets.shape[1]))
     for start in range(0, len(features), BLOCK_ROWS):
         rows = slice(start, start + BLOCK_ROWS)
         kernel = np.exp(-gamma * cdist(points, features[rows], "cityblock"))
-        white = solve_triangular(root, kernel, trans="T", overwrite_b=True, check_finite=False)
+        white = solve_triangular(root, kernel, lower=True, overwrite_b=True, check_finite=False)
         normal += white @ white.T
         right += white @ targets[rows]
         on_share(0.8 * (start + BLOCK_ROWS) / (len(features) + BLOCK_ROWS))
-    weights = back_substituted(factorise(normal.T, ridge), right)
-    return np.asarray(solve_triangular(root, weights, check_finite=False))
+    weights = substituted(factorise(normal, ridge), right)
+    return np.asarray(solve_triangular(root, weights, lower=True, trans="T", check_finite=False))
