@@ -138,7 +138,7 @@ class DriftTracker:
         self._odd_since_s: float | None = None
 
     def features(self, signals: FloatArray) -> FloatArray:
-        """(pair,) what a model is given for (pair,) signals [counts]."""
+        """(n, pair) what a model is given for (n, pair) signals [counts]."""
         found: FloatArray = signals * self._factor
         return found
 

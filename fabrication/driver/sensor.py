@@ -165,6 +165,11 @@ class Sensor:
         self._open.forget_waiting()
         return baseline
 
+    @property
+    def waiting(self) -> int:
+        """How many frames wait to be read."""
+        return self._open.waiting
+
     def skip_waiting(self) -> None:
         """Drop the frames that wait to be read: the next one is new. They do not count as lost."""
         self._open.forget_waiting()

@@ -146,6 +146,11 @@ class Stream:
                 raise self._error
             return None
 
+    @property
+    def waiting(self) -> int:
+        """Frames in the queue."""
+        return len(self._queue)
+
     def forget_waiting(self) -> None:
         """Drop the frames that wait in the queue, so that the next one is new; they do not count as lost."""
         with self._changed:

@@ -16,6 +16,7 @@ import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,8 @@ from sims.learning.inference.prediction import Prediction
 from sims.learning.inference.touch_model import TouchModel
 
 FloatArray = NDArray[np.float64]
+MOST_TOGETHER = 64
+"""Frames answered together, at most: a second of them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,18 +96,21 @@ class TouchReader:
         self._connection = 0
 
     def __iter__(self) -> Iterator[Touch]:
-        while True:
-            yield self.read()
+        return self.touches()
 
     def read(self) -> Touch:
         """The next frame's; errors as `Sensor.read`."""
         self.begin()
-        return self._answered(self.sensor.read())
+        (touch,) = self._answered([self.sensor.read()])
+        return touch
 
     def touches(self, count: int | None = None, seconds: float | None = None) -> Iterator[Touch]:
-        """As `Sensor.frames`: until so many came or so much time passed [s]."""
+        """As `Sensor.frames`: until so many came or so much time passed [s].
+
+        Frames that wait are answered together, which costs most models less, so that a slow machine keeps up.
+        """
         self.begin()
-        return map(self._answered, self.sensor.frames(count, seconds))
+        return self._touches(self.sensor.frames(count, seconds))
 
     def begin(self) -> None:
         """Take the untouched levels, where that was not done yet.
@@ -139,34 +145,42 @@ class TouchReader:
             raise DeviceError("the reader has not begun; read a frame first, with the pad untouched")
         return self._tracker
 
-    def _answered(self, frame: Frame) -> Touch:
+    def _touches(self, frames: Iterator[Frame]) -> Iterator[Touch]:
+        for first in frames:
+            together = min(self.sensor.waiting, MOST_TOGETHER - 1)
+            yield from self._answered([first, *islice(frames, together)])
+
+    def _answered(self, frames: list[Frame]) -> list[Touch]:
+        signals = np.array([frame.signals for frame in frames], dtype=np.float64).reshape(len(frames), -1)
+        found = self.model.predict(self.tracker.features(signals))
+        return [self._touch(frame, signals[k], found, k) for k, frame in enumerate(frames)]
+
+    def _touch(self, frame: Frame, signals: FloatArray, found: Prediction, k: int) -> Touch:
         tracker = self.tracker
         if frame.connection != self._connection:
             self._connection = frame.connection
             tracker.restart()
-        signals = frame.signals.ravel().astype(np.float64)
-        found = self.model.predict(tracker.features(signals)[None])
-        says_touch = bool(found.is_touched[0])
+        says_touch = bool(found.is_touched[k])
         state = tracker.follow(frame.device_us / US_PER_S, signals, says_touch)
         is_touched = says_touch and not state.is_gain_like
         return Touch(
             frame=frame,
             is_touched=is_touched,
-            touch_score=float(found.touch_score[0]),
-            press_mm=found.press_mm[0],
-            sigma_mm=found.sigma_mm[0],
-            force_n=None if found.force_n is None else float(found.force_n[0]) * is_touched,
-            force_sigma_n=self._force_sigma_n(found) if is_touched else math.nan,
+            touch_score=float(found.touch_score[k]),
+            press_mm=found.press_mm[k],
+            sigma_mm=found.sigma_mm[k],
+            force_n=None if found.force_n is None else float(found.force_n[k]) * is_touched,
+            force_sigma_n=self._force_sigma_n(found, k) if is_touched else math.nan,
             drift=state,
             latency_ms=1e3 * (time.time() - frame.host_s),
         )
 
-    def _force_sigma_n(self, found: Prediction) -> float:
+    def _force_sigma_n(self, found: Prediction, k: int) -> float:
         """Half the difference of the forces one standard deviation deeper and less deep [N]."""
         curve = self.model.header.force_curve
         if curve is None:
             return math.nan
-        depth, sigma = float(found.press_mm[0, 2]), float(found.sigma_mm[0, 2])
+        depth, sigma = float(found.press_mm[k, 2]), float(found.sigma_mm[k, 2])
         low, high = curve.at(np.array([depth - sigma, depth + sigma]))
         return float(high - low) / 2
 

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +23,7 @@ from sims.dataset import read_data
 from tests.fabrication.driver.made_up_pad import pad_config, untouched
 from tests.fabrication.stage.made_up_bench import bench
 
+ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals")
 TABLE = """x_mm,y_mm,depth_mm,set,place,ambient
 10,12,-1,a,0,yes
@@ -104,3 +109,32 @@ def test_the_published_protocol_becomes_presses_of_its_sets_in_an_order_of_the_s
     assert protocol_presses(design, "piacenza2017-quick", seed=1).digest == found.digest
     assert protocol_presses(design, "piacenza2017-quick", seed=2).digest != found.digest
     found.require_within(limits_of(pad_config().workspace))
+
+
+@pytest.mark.slow
+def test_ctrl_c_lifts_the_tip_keeps_whole_presses_and_is_no_failure(folder: Path) -> None:
+    rows = [f"{x},{y},{depth}" for x in (8, 12, 16, 20, 24) for y in (8, 16, 24) for depth in (-1, 1, 3)]
+    (folder / "many.csv").write_text("\n".join(["x_mm,y_mm,depth_mm", *rows]) + "\n")
+    with bench(has_board=True) as made:
+        assert made.board_port is not None
+        command = ["driver", "collect", "driver.toml", "--stage-port", made.stage_port.name, "--out", "a.nc"]
+        command += ["--protocol", "many.csv", "--port", made.board_port.name, "--settle", "0.1", "--json"]
+        with subprocess.Popen(
+            [sys.executable, "-m", "optopad", *command],
+            env=os.environ | {"PYTHONPATH": str(ROOT)},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        ) as process:
+            while len(list(folder.glob("a.nc.parts/*.npz"))) < 2:
+                assert process.poll() is None
+                time.sleep(0.05)
+            process.send_signal(signal.SIGINT)
+            said, told = process.communicate(timeout=30)
+        depth_mm = made.printer.here_mm()[2]
+    assert process.returncode == 0, told
+    assert depth_mm == pytest.approx(-5.0, abs=0.011)  # M114 has two decimals
+    found = json.loads(said)
+    assert not found["complete"]
+    assert 2 <= found["presses_kept"] < 15
+    assert len(read_data(folder / "a.nc").press_mm) == 3 * found["presses_kept"]

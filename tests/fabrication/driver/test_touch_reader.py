@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -104,6 +105,30 @@ def test_uncertainty_is_told_where_the_model_knows_it(touches: list[tuple[float,
         known
     )
     assert touch_json(known)["sigma_mm"] == [0.21, 0.18, 0.05]
+
+
+def test_a_model_slower_than_the_frames_is_asked_for_many_at_once_and_keeps_up() -> None:
+    asked: list[int] = []
+
+    class Slow:
+        """A model that takes 30 ms for as many frames as it is given."""
+
+        header = made_up_model().header
+
+        def predict(self, signals: np.ndarray) -> Prediction:
+            asked.append(len(signals))
+            time.sleep(0.03)
+            return prediction_of(self.header, -np.ones(len(signals)), np.zeros((len(signals), 3)))
+
+        def arrays(self) -> dict[str, np.ndarray]:
+            return {}
+
+    with FakePort(board()) as port, Sensor(CONFIG, port.name, rate_hz=100.0, baseline_s=0.0) as sensor:
+        found = list(TouchReader(sensor, Slow(), start_s=0.1).touches(seconds=1.0))
+    assert len(found) == sum(asked) > 60
+    assert np.diff([touch.frame.sequence for touch in found]).tolist() == [1] * (len(found) - 1)
+    assert np.median(asked[5:]) >= 3  # 30 ms at 100 frames a second
+    assert np.median([touch.latency_ms for touch in found]) < 100.0  # two rounds of 30 ms, and a busy machine
 
 
 def test_the_force_s_uncertainty_is_the_depth_s_by_the_slope_of_its_curve() -> None:
