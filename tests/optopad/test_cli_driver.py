@@ -145,6 +145,20 @@ def test_a_finger_needs_a_table_of_presses(
     assert "no press of this design was simulated" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ([], "no press of this design was simulated"),
+        (["--still"], "no press of this design was simulated"),
+    ],
+)
+def test_a_simulated_stage_needs_presses_that_were_simulated(
+    options: list[str], told: str, config: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["driver", "fake", config, "--stage-link", "stage", *options]) == 2
+    assert f"--stage-link: {told}" in capsys.readouterr().err
+
+
 @pytest.mark.skipif(os.name != "posix", reason="needs signals")
 @pytest.mark.parametrize("kind", ["pseudo-terminal", pytest.param("socket", marks=pytest.mark.slow)])
 def test_fake_serves_a_board_until_ctrl_c_and_record_ends_cleanly_on_it(
