@@ -165,6 +165,18 @@ def test_a_part_that_fails_is_reported_and_not_followed() -> None:
     assert state.gain_steps == 0
 
 
+def test_a_layout_with_few_parts_tells_no_steps_of_gain() -> None:
+    rng = np.random.default_rng(6)
+    levels = rng.uniform(100, 400, (3, 3))
+    tracker = DriftTracker(levels + 0.8 * rng.standard_normal((30, 3, 3)), levels.ravel())
+    for time_s in np.arange(0.0, 10.0, 1 / 12):
+        dim = levels * (0.9 if time_s > 3 else 1.0) + 0.8 * rng.standard_normal((3, 3))
+        state = tracker.follow(float(time_s), dim.ravel(), time_s > 3)
+    assert not state.is_gain_like
+    assert state.gain_steps == 0
+    assert state.is_held
+
+
 def test_presses_all_over_the_pad_are_never_taken_for_gain() -> None:
     rng = np.random.default_rng(4)
     places = rng.uniform(6, 26, (40, 2))
