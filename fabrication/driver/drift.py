@@ -54,7 +54,7 @@ GAIN_S = 1.0
 GAIN_SHARE = 0.95
 LEAST_GAIN, GAIN_SIGMAS = 0.005, 5.0
 LEAST_FREEDOM = 16
-"""With fewer numbers left beside the gains a press can look like them: gains explain 94.6 % of one of the paper's pair."""
+"""With fewer numbers beside the gains a press can look like them: they explain 95 % of one of the paper's pair."""
 
 LARGEST_GAIN = 0.5
 """A part that loses more is broken, which is reported and not followed."""
