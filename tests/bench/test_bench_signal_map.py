@@ -1,8 +1,11 @@
-"""What a frame costs a model of kind "signal-map": at most 5 ms of one core."""
+"""What a frame costs a model of kind "signal-map", touched or not: at most 5 ms of one core."""
 
 from __future__ import annotations
 
 import time
+
+import numpy as np
+import pytest
 
 from tests.sims.learning.made_up_map import made_up_map_model, noisy_signals, random_presses
 
@@ -10,9 +13,11 @@ MOST_MS = 5.0
 FRAMES = 200
 
 
-def test_a_frame_of_the_signal_map(benchmark):
+@pytest.mark.parametrize("is_touched", [True, False], ids=["touched", "untouched"])
+def test_a_frame_of_the_signal_map(benchmark, is_touched):
     model = made_up_map_model()
-    signals = noisy_signals(random_presses(FRAMES, 1), model.noise, 2)
+    presses = random_presses(FRAMES, 1) if is_touched else np.tile([16.0, 16.0, -1.0], (FRAMES, 1))
+    signals = noisy_signals(presses, model.noise, 2)
 
     def read_all() -> None:
         for row in range(FRAMES):

@@ -87,13 +87,15 @@ class TensorSpline:
         steps = np.clip((place - self.start) / self.step, 0.0, np.array(self.nodes) - 1.0)
         cell = np.minimum(steps.astype(np.int64), np.array(self.nodes) - 2)
         value, slope = _weights(steps - cell)
-        rows = [value]
+        rows = value[:, None]
         if with_slopes:
-            slope = slope / self.step[:, None]
+            slope /= self.step[:, None]
             slope[:, 2] /= 2.0 * np.maximum(root, SMALLEST_ROOT)[:, None]
-            rows += [_replaced(value, slope, axis) for axis in range(3)]
-        products = np.stack([_products(row) for row in rows], axis=1).astype(np.float32)
-        return np.asarray(products @ self._gathered(cell), dtype=np.float64)
+            rows = np.repeat(rows, 4, axis=1)
+            for axis in range(3):
+                rows[:, 1 + axis, axis] = slope[:, axis]
+        products = _products(rows.reshape(-1, 3, 4)).astype(np.float32)
+        return np.asarray(products.reshape(*rows.shape[:2], 64) @ self._gathered(cell), dtype=np.float64)
 
     def _gathered(self, cell: NDArray[np.int64]) -> NDArray[np.float32]:
         """(n, 64, pair) coefficients around each cell."""
@@ -138,17 +140,18 @@ def _solver(count: int, is_flat_at_start: bool) -> FloatArray:
 
 def _weights(t: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(n, 3, 4) values and slopes of the four B-splines that reach (n, 3) shares of a cell."""
-    u = 1.0 - t
-    value = np.stack([u**3, 3 * t**3 - 6 * t**2 + 4, 3 * u**3 - 6 * u**2 + 4, t**3], axis=-1) / 6.0
-    slope = np.stack([-(u**2), 3 * t**2 - 4 * t, 4 * u - 3 * u**2, t**2], axis=-1) / 2.0
+    value, slope = np.empty((*t.shape, 4)), np.empty((*t.shape, 4))
+    u, t2 = 1.0 - t, t * t
+    u2 = u * u
+    value[..., 0], value[..., 3] = u2 * u, t2 * t
+    value[..., 1] = 3.0 * value[..., 3] - 6.0 * t2 + 4.0
+    value[..., 2] = 3.0 * value[..., 0] - 6.0 * u2 + 4.0
+    slope[..., 0], slope[..., 3] = -u2, t2
+    slope[..., 1] = 3.0 * t2 - 4.0 * t
+    slope[..., 2] = 4.0 * u - 3.0 * u2
+    value /= 6.0
+    slope /= 2.0
     return value, slope
-
-
-def _replaced(value: FloatArray, slope: FloatArray, axis: int) -> FloatArray:
-    """Weights with those of one axis replaced by their slopes."""
-    mixed = value.copy()
-    mixed[:, axis] = slope[:, axis]
-    return mixed
 
 
 def _products(weights: FloatArray) -> FloatArray:
