@@ -216,16 +216,21 @@ NAMES = {
     "calibrated": "map of the calibrated twin, 30 presses",
     "ridge_real": "kernel ridge, the build's own four grid sets (484 presses)",
     "ridge_twin": "kernel ridge, the same sets simulated on the calibrated twin",
-    "bound": "Cramér-Rao bound",
+    "bound": "Cramér-Rao bound, the stage's errors included",
 }
+TIP_BOUND = "Cramér-Rao bound of where the tip is, without the stage's errors"
 
 
 def error_table(builds: list[dict[str, Any]], what: str) -> str:
     """Medians over builds, lowest and highest in brackets [mm]."""
+    found = {title: [one[name][what] for one in builds] for name, title in NAMES.items()}
+    found[TIP_BOUND] = [one["bound"][f"tip_{what}"] for one in builds]
     rows = []
-    for name, title in NAMES.items():
-        values = np.array([one[name][what] for one in builds])
-        cells = [f"{np.median(column):.3f} ({column.min():.3f}-{column.max():.3f})" for column in values.T]
+    for title, values in found.items():
+        cells = [
+            f"{np.median(column):.3f} ({column.min():.3f}-{column.max():.3f})"
+            for column in np.array(values).T
+        ]
         rows.append([title, *cells])
     return markdown_table(["", *(f"{depth:g} mm" for depth in DEPTHS_MM)], rows)
 
@@ -275,7 +280,7 @@ def write_page(builds: list[dict[str, Any]]) -> None:
     seconds = [one["seconds"] for one in builds]
     text = "\n\n".join(
         [
-            f"{len(builds)} of {BUILDS} builds; {min(seconds):.0f} to {max(seconds):.0f} s each on one loaded core. "
+            f"{len(builds)} of {BUILDS} builds done; {min(seconds):.0f} to {max(seconds):.0f} s each, one thread on a shared machine. "
             "Median over builds, lowest and highest in brackets.",
             "Location error [mm]:",
             error_table(builds, "location_mm"),
