@@ -280,7 +280,8 @@ def write_page(builds: list[dict[str, Any]]) -> None:
     seconds = [one["seconds"] for one in builds]
     text = "\n\n".join(
         [
-            f"{len(builds)} of {BUILDS} builds done; {min(seconds):.0f} to {max(seconds):.0f} s each, one thread on a shared machine. "
+            f"{len(builds)} of {BUILDS} builds done; {min(seconds):.0f} to {max(seconds):.0f} s each, one thread on a "
+            "shared machine. "
             "Median over builds, lowest and highest in brackets.",
             "Location error [mm]:",
             error_table(builds, "location_mm"),
