@@ -179,7 +179,9 @@ def bounds_by_depth(
     seed: int = 0,
     on_step: OnStep | None = None,
 ) -> dict[float, tuple[float, float]]:
-    """Medians over places of the workspace of the location and the depth bound, at depths; infinite where blind.
+    """Medians over places of the workspace of the location and the depth bound, at depths.
+
+    Depths at which the trace cannot tell the information from its own noise at half of the places are left out.
 
     Parameters
     ----------
@@ -198,4 +200,5 @@ def bounds_by_depth(
     return {
         float(at): (float(one), float(other))
         for at, one, other in zip(depths_mm, location, depth, strict=True)
+        if np.isfinite([one, other]).all()
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import sims.bounds.chain_bounds as chain_bounds_module
 from sims.bounds.chain_bounds import StageErrors, bounds_under
 from tests.sims.learning.made_up_map import (
     COUNT,
@@ -115,3 +116,19 @@ def test_noise_of_the_trace_is_no_information():
     bias = np.median(found.location_mm / exact.location_mm)
     assert abs(bias - 1.0) < 0.1  # what the same noise in both halves gives is further off
     assert abs(np.median(twice.location_mm / exact.location_mm) - 1.0) > abs(bias - 1.0)
+
+
+def test_a_depth_that_the_trace_cannot_judge_has_no_bound(monkeypatch: pytest.MonkeyPatch):
+    from design.preset import preset
+
+    def seen_below_half_a_millimetre(design, press_mm, gains, noise, **_):
+        is_deep = press_mm[:, 2] > 0.5
+        slopes = slopes_of(press_mm) * is_deep[:, None, None]
+        return bounds_under(slopes, slopes, ratios(press_mm) * untouched_counts(), noise, EXACT)
+
+    monkeypatch.setattr(chain_bounds_module, "chain_bounds", seen_below_half_a_millimetre)
+    found = chain_bounds_module.bounds_by_depth(
+        preset("piacenza2017-pad"), np.ones(8), made_up_noise(), [0.1, 1.0, 2.0]
+    )
+    assert list(found) == [1.0, 2.0]
+    assert all(0.0 < one < 0.2 for pair in found.values() for one in pair)
