@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from design.errors import InputError
 from fabrication.driver.clock_match import (
@@ -23,6 +24,8 @@ from fabrication.driver.clock_match import (
 from fabrication.driver.descriptor import descriptor_of
 from fabrication.driver.export import Recorded
 from fabrication.driver.position_log import PositionLog
+
+FloatArray = NDArray[np.float64]
 
 Offset = float | Literal["auto"] | None
 """This machine's clock less the log's [s]; `auto` finds it; None is one clock for both, which is checked."""
@@ -54,6 +57,7 @@ def joined(recorded: Recorded, log: PositionLog, offset: Offset = None) -> Joine
     InputError : no time in common; log out of step; an offset that is not found, or ambiguous.
     """
     host_s = recorded.host_s
+    _require_rising(host_s)
     said = descriptor_of(recorded.config)
     seen = touches_of_signals(host_s, recorded.signals, 0.98 * said.full_scale)
     logged = touches_of_log(log)
@@ -73,6 +77,17 @@ def joined(recorded: Recorded, log: PositionLog, offset: Offset = None) -> Joine
     return JoinedLog(
         recorded=whole.only(known), offset_s=offset_s, match=match, left_out=int(np.count_nonzero(~known))
     )
+
+
+def _require_rising(host_s: FloatArray) -> None:
+    """Refuse a recording during which this machine's clock was set back: no time in it is sure."""
+    step_s = np.diff(host_s)
+    if (step_s < 0).any():
+        frame = int(np.flatnonzero(step_s < 0)[0])
+        raise InputError(
+            f"the recording's clock was set back by {-step_s[frame]:.2f} s after frame {frame + 1}: no log can be "
+            "joined to it; record again, with the clock left alone"
+        )
 
 
 def _require_overlap(recorded: Recorded, log: PositionLog, offset_s: float) -> None:

@@ -38,6 +38,10 @@ class CollectedParts:
     out : the data set that comes of it; the folder is named after it
     plan : what must be the same when it is resumed
 
+    Attributes
+    ----------
+    was_begun : whether a run before this one began it
+
     Raises
     ------
     InputError : the folder is of another collection; `out` exists and there is no folder.
@@ -46,6 +50,7 @@ class CollectedParts:
 
     def __init__(self, out: Path, plan: dict[str, Any]) -> None:
         self.folder = out.with_name(out.name + ".parts")
+        self.was_begun = (self.folder / PLAN).is_file()
         document = {"format": FORMAT, "version": VERSION} | plan
         if (self.folder / PLAN).is_file() and self.numbers():
             self._require_same(document)

@@ -87,6 +87,11 @@ class Collector:
         }
         self._parts = CollectedParts(out, plan)
 
+    @property
+    def was_begun(self) -> bool:
+        """Whether a run before this one began it: the tip may stand anywhere."""
+        return self._parts.was_begun
+
     def remaining(self, only: Collection[str] = ()) -> list[int]:
         """Numbers of the presses that are not there yet, of all sets or of those named."""
         names = [entry.name for entry in self._presses.sets]

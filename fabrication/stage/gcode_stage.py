@@ -48,6 +48,10 @@ class GcodeStage:
     travel_mm : height above the pad for ways sideways [mm]
     travel_speed_mm_s, press_speed_mm_s : far from the pad; near it and in it [mm/s]
     boot_s, answer_s : longest wait for the firmware after opening, and for an answer [s]
+
+    Attributes
+    ----------
+    left_at : where the tip stands after the block, x, y, depth [mm]; None before, and where it could not be lifted
     """
 
     def __init__(
@@ -74,6 +78,7 @@ class GcodeStage:
         self._travel_mm = travel_mm
         self._speeds_mm_s = travel_speed_mm_s, press_speed_mm_s
         self._boot_s, self._answer_s = boot_s, answer_s
+        self.left_at: Position | None = None
         self._origin: Position | None = None
         self._port: Port | None = None
         self._open_line: GcodeLine | None = None
@@ -96,6 +101,7 @@ class GcodeStage:
         try:
             if self._origin is not None:
                 self.lift()
+                self.left_at = self.position()
         except DeviceError as stuck:
             why = "" if err is None or str(err) == str(stuck) else f"{err or type(err).__name__}; "
             raise DeviceError(f"{why}{stuck}; the tip may still touch the pad: lift it by hand") from err

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from optopad.driver_source import DriverSource
 
 
+STANDS = "say where it stands now, as the last run told at its end, or home it (--origin)"
+
+
 def register(driver: typer.Typer) -> None:
     """Add this group's verbs."""
     driver.command()(collect)
@@ -99,18 +102,21 @@ def collect(
     with Sensor(source.config, port, rate_hz=rate, accept_digest=accept_digest, baseline_s=0.0) as sensor:
         collector = Collector(sensor, presses, out, settle_s=settle, frames=frames)
         numbers = collector.remaining(only or ())
+        if collector.was_begun and tip_at is None and home is None:
+            raise InputError(f"--tip-at: {out} was begun already, and the tip may have moved since: {STANDS}")
         ask = _light(collector, numbers, as_json)
         begun = time.monotonic()
         there = len(presses.presses) - len(collector.remaining())
         try:
-            is_whole = _pressed(stage, collector, numbers, stand, home, ask, quiet=as_json)
+            _pressed(stage, collector, numbers, stand, home, ask, quiet=as_json)
         except DeviceError as err:
             kept = collector.finish().kept
             raise DeviceError(
-                f"{err}; {kept} of {len(presses.presses)} presses are kept, run the same command again for the others"
+                f"{err}; {kept} of {len(presses.presses)} presses are kept, run the command again for the others, with "
+                f"--tip-at {_words(stage.left_at)} or --origin"
             ) from err
         found = collector.finish(len(presses.presses) - len(collector.remaining()) - there)
-    _tell(found, is_whole, time.monotonic() - begun, as_json)
+    _tell(found, stage.left_at, time.monotonic() - begun, as_json)
 
 
 def _pressed(
@@ -122,10 +128,10 @@ def _pressed(
     ask: Callable[[SetEntry], None],
     *,
     quiet: bool,
-) -> bool:
-    """Make the presses; False where Ctrl-C ended them early."""
+) -> None:
+    """Make the presses; Ctrl-C is an end like any other."""
     if not numbers:
-        return True
+        return
     try:
         with stage, progress(quiet=quiet) as step:
             if home is None:
@@ -134,8 +140,7 @@ def _pressed(
                 stage.home(home)
             collector.run(stage, numbers, on_step=lambda share: step("presses", share), on_light=ask)
     except KeyboardInterrupt:
-        return False
-    return True
+        return
 
 
 def _presses(source: DriverSource, protocol: str, seed: int) -> PressList:
@@ -184,12 +189,17 @@ def _position(option: str, text: str) -> Position:
         raise InputError(str(err).replace("--press", option, 1)) from None
 
 
+def _words(tip: Position | None) -> str:
+    """A place as --tip-at takes it."""
+    return "X,Y,DEPTH" if tip is None else ",".join(f"{value:g}" for value in tip)
+
+
 def _middle(source: DriverSource) -> Position:
     area = source.config.workspace
     return (area.x0_mm + area.x1_mm) / 2, (area.y0_mm + area.y1_mm) / 2, 0.0
 
 
-def _tell(found: Collected, is_whole: bool, seconds: float, as_json: bool) -> None:
+def _tell(found: Collected, tip: Position | None, seconds: float, as_json: bool) -> None:
     if as_json:
         document: dict[str, Any] = {
             "file": None if found.file is None else str(found.file),
@@ -199,6 +209,7 @@ def _tell(found: Collected, is_whole: bool, seconds: float, as_json: bool) -> No
             "frames": found.frames,
             "complete": found.is_complete,
             "seconds": round(seconds, 1),
+            "tip_at": None if tip is None else list(tip),
         }
         print_json(document)
         return
@@ -206,6 +217,6 @@ def _tell(found: Collected, is_whole: bool, seconds: float, as_json: bool) -> No
         f"{found.made} presses made in {seconds:.0f} s; {found.kept} of {found.wanted} are there, {found.frames} frames"
     )
     if not found.is_complete:
-        say(f"{'ended' if not is_whole else 'goes on'}     run the same command again for the others")
+        say(f"goes on   run the command again for the others, with --tip-at {_words(tip)} or --origin")
     if found.file is not None:
         say(f"files     {found.file}")

@@ -65,6 +65,9 @@ def test_collect_presses_by_a_table_and_goes_on_with_the_rest(
         said = json.loads(capsys.readouterr().out)
         assert (said["presses_made"], said["presses_kept"], said["presses_wanted"]) == (2, 2, 3)
         assert (said["file"], said["frames"], said["complete"]) == ("a.nc", 3, False)
+        assert said["tip_at"] == pytest.approx([20, 12, -5], abs=0.02)
+        assert main([*command, "--only", "b", "--speed", "50"]) == 2
+        assert "--tip-at: a.nc was begun already, and the tip may have moved since" in capsys.readouterr().err
         assert main([*command, "--only", "b", "--tip-at", "20,12,-5", "--speed", "50"]) == 0
         told = capsys.readouterr().out
     assert "1 presses made" in told

@@ -114,6 +114,14 @@ def test_a_log_of_another_day_is_refused(recording: Path, tmp_path: Path) -> Non
         joined(read_recorded(recording), read_position_log(tmp_path / "log.csv"))
 
 
+def test_a_recording_whose_clock_was_set_back_is_refused(recording: Path, tmp_path: Path) -> None:
+    write_log(tmp_path / "log.csv", PATH)
+    recorded = read_recorded(recording)
+    host_s = recorded.host_s - 2.0 * (np.arange(len(recorded.host_s)) >= 500)
+    with pytest.raises(InputError, match=r"clock was set back by 1\.98 s after frame 500"):
+        joined(replace(recorded, host_s=host_s), read_position_log(tmp_path / "log.csv"), "auto")
+
+
 def test_frames_whose_position_nobody_knows_are_left_out_and_counted(recording: Path, tmp_path: Path) -> None:
     # 2 s in which the tip moves from one place to another, and a log that ends early.
     begun = BEGUN_S
