@@ -55,6 +55,7 @@ validate: setup ## the figures of docs/validation, made anew (several hours; int
 	$(BIN)/python -m tests.validation.hidden_builds
 	$(BIN)/python -m tests.validation.firmware_rates
 	$(BIN)/python -m tests.validation.learning_speed
+	$(BIN)/python -m tests.validation.touch_choice
 
 pins: ## renew constraints.txt from a fresh environment (oldest supported Python: its versions serve the newer ones)
 	@$(call find_python,$(if $(PYTHON),$(PYTHON),python3.11)); \

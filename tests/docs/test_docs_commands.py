@@ -86,6 +86,11 @@ def prepare(page: Path) -> None:
         text = Path("my-pad.toml").read_text(encoding="utf-8")
         Path("my-pad.toml").write_text(f"{text}\n{exact}", encoding="utf-8")
         few_presses(Path("my-pad.toml"), Path("presses.nc"))
+    if page.name == "learning.md":
+        from sims.dataset import save_data
+        from tests.sims.learning.pressed_pad import grid_mm, made_up_data
+
+        save_data(made_up_data(grid_mm(6), sets=2), Path("presses.nc"))
     if page.name == "recordings.md":
         heading, *rows = [
             "depth_mm,E2-R2",

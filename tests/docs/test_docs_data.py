@@ -1,4 +1,4 @@
-"""The lines of Python in the tutorial run as written, on a bundle's files."""
+"""The lines of Python in the tutorial and beside the learners run as written, on a bundle's files and on a model's."""
 
 import re
 import subprocess
@@ -10,10 +10,14 @@ import xarray as xr
 
 from design.preset import preset
 from sims.bounds.maps_file import bounds_dataset, provenance
+from sims.learning.inference.model_file import save_model
 from sims.signal_file import save_dataset
+from tests.sims.learning.made_up_models import made_up_kernel_ridge
 from tests.sims.made_up_bounds import made_up_bounds
 
-TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial.md"
+DOCS = Path(__file__).parents[2] / "docs"
+TUTORIAL = DOCS / "tutorial.md"
+LEARNING = DOCS / "learning.md"
 
 
 def made_up_maps():
@@ -42,3 +46,14 @@ def test_one_line_opens_the_maps_and_the_next_select_from_them(tmp_path):
     command = [sys.executable, "-c", block + CHECKS]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_few_lines_answer_by_a_model_with_numpy_alone(tmp_path):
+    save_model(tmp_path / "paper.optomodel", made_up_kernel_ridge())
+    (block,) = re.findall(r"```python\n(.*?)```", LEARNING.read_text(encoding="utf-8"), flags=re.DOTALL)
+    checks = "\nassert told.press_mm.shape == (1, 3)\nimport sys\nassert 'scipy' not in sys.modules"
+    done = subprocess.run(
+        [sys.executable, "-c", block + checks], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "nan" in done.stdout  # kernel ridge does not know its deviations

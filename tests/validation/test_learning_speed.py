@@ -25,10 +25,10 @@ def test_the_page_has_every_case_and_no_hole():
     made = Outcome(wall_s=12.3, processor_s=20.0, memory_gb=1.25, told_mm=[[1.0, 2.0, 3.0]])
     found = {case.name: made for case in (*learning_speed.SPEED, *learning_speed.PRECISION)}
     off = replace(made, told_mm=[[1.0, 2.0, 3.08]])
-    found[Case(10_000, "plain", 1e-4).name] = off
+    found[Case(learning_speed.PRECISION_SAMPLES, "plain", 1e-4).name] = off
     page = learning_speed.page_text(found)
     assert "| 24,000 | double precision, exact | 12 | 20 | 1.25 |" in page
-    assert "| 24,000 | approximation, 8,000 landmarks | 12 | 20 | 1.25 |" in page
+    assert "| 24,000 | approximation, 4,000 landmarks | 12 | 20 | 1.25 |" in page
     assert "| 0.0001 | 0.08 | 0 |" in page
     assert "{" not in page
 

@@ -18,7 +18,9 @@ from sims.learning.settings import QUICK
 from sims.learning.trust import sigma_table
 from tests.sims.learning.pressed_pad import grid_mm, made_up_data, random_places_mm
 
-SMALL = replace(QUICK, fit_samples=1_000, network_samples=2_500, trees=20, epochs=30, inducing=200)
+SMALL = replace(
+    QUICK, fit_samples=500, network_samples=2_000, search_samples=400, trees=15, epochs=20, inducing=200
+)
 BETTER = [name for name in LEARNERS if name not in ("kernel-ridge", "signal-map")]
 
 
