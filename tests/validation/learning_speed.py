@@ -190,8 +190,9 @@ def words_of(case: Case) -> str:
 PAGE_TEXT = """\
 # What kernel ridge costs, and what its methods are off
 
-Made by `python -m tests.validation.learning_speed`; {machine}. The final fit alone: kernel matrix, factor, weights,
-and the residual that is checked afterwards. Memory is the process' largest, its data and libraries included (0.2 GB).
+Made by `python -m tests.validation.learning_speed`; {machine}.
+The final fit alone: kernel matrix, factor, weights, and the residual that is checked afterwards. Other processes
+shared the two cores, which is why time is longer than processor time; the fit itself uses both. Memory is the process' largest, its data and libraries included (0.2 GB).
 
 | samples | method | time s | processor s | memory GB |
 |---|---|---|---|---|
