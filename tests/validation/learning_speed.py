@@ -192,7 +192,8 @@ PAGE_TEXT = """\
 
 Made by `python -m tests.validation.learning_speed`; {machine}.
 The final fit alone: kernel matrix, factor, weights, and the residual that is checked afterwards. Other processes
-shared the two cores, which is why time is longer than processor time; the fit itself uses both. Memory is the process' largest, its data and libraries included (0.2 GB).
+shared the two cores, which is why time is longer than processor time; the fit itself uses both. Memory is the
+process' largest, its data and libraries included (0.2 GB).
 
 | samples | method | time s | processor s | memory GB |
 |---|---|---|---|---|
