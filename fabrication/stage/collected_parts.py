@@ -45,21 +45,23 @@ class CollectedParts:
     Raises
     ------
     InputError : the folder is of another collection; `out` exists and there is no folder.
-    OutputError : the folder cannot be made.
     """
 
     def __init__(self, out: Path, plan: dict[str, Any]) -> None:
         self.folder = out.with_name(out.name + ".parts")
         self.was_begun = (self.folder / PLAN).is_file()
-        document = {"format": FORMAT, "version": VERSION} | plan
+        self._document = {"format": FORMAT, "version": VERSION} | plan
         if (self.folder / PLAN).is_file() and self.numbers():
-            self._require_same(document)
+            self._require_same(self._document)
             return
         if out.exists():
             raise InputError(f"{out}: exists already; choose another name")
+
+    def begin(self) -> None:
+        """Make the folder, before anything moves; OutputError where it cannot be made."""
         try:
             self.folder.mkdir(exist_ok=True)
-            _write(self.folder / PLAN, json.dumps(document, indent=2).encode())
+            _write(self.folder / PLAN, json.dumps(self._document, indent=2).encode())
         except OSError as err:
             raise OutputError(
                 f"{self.folder}: cannot be made: {err.strerror}; choose another folder"

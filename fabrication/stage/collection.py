@@ -92,6 +92,10 @@ class Collector:
         """Whether a run before this one began it: the tip may stand anywhere."""
         return self._parts.was_begun
 
+    def begin(self) -> None:
+        """Note on the disk that it is begun, before anything moves; OutputError where that fails."""
+        self._parts.begin()
+
     def remaining(self, only: Collection[str] = ()) -> list[int]:
         """Numbers of the presses that are not there yet, of all sets or of those named."""
         names = [entry.name for entry in self._presses.sets]
@@ -135,6 +139,7 @@ class Collector:
         DeviceError : of stage or sensor; the presses before are kept.
         """
         self._presses.require_within(stage.limits)
+        self.begin()
         order = list(numbers)
         is_ambient: bool | None = None
         for done, number in enumerate(order):

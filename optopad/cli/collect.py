@@ -134,6 +134,7 @@ def _pressed(
         return
     try:
         with stage, progress(quiet=quiet) as step:
+            collector.begin()
             if home is None:
                 stage.zero(*stand)
             else:

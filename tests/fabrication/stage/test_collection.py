@@ -97,8 +97,8 @@ def test_a_printer_that_fails_costs_no_press_that_was_whole(tmp_path: Path) -> N
 
 def test_another_collection_under_the_same_name_is_refused(tmp_path: Path) -> None:
     with bench(has_board=True) as made, made.sensor() as sensor:
-        Collector(sensor, PRESSES, tmp_path / "a.nc", settle_s=1.0)  # begun, and nothing made: no obstacle
-        Collector(sensor, PRESSES, tmp_path / "a.nc", settle_s=SETTLE_S)
+        Collector(sensor, PRESSES, tmp_path / "a.nc", settle_s=1.0).begin()  # nothing made: no obstacle
+        Collector(sensor, PRESSES, tmp_path / "a.nc", settle_s=SETTLE_S).begin()
         (tmp_path / "a.nc.parts" / "000000.npz").write_bytes(b"of a press")
         with pytest.raises(
             InputError, match=r"holds presses of another collection \(frames, settle_s differ\)"
@@ -115,6 +115,7 @@ def test_another_collection_under_the_same_name_is_refused(tmp_path: Path) -> No
 def test_a_damaged_part_is_named_with_the_way_out(tmp_path: Path) -> None:
     with bench(has_board=True) as made, made.sensor() as sensor:
         collector = Collector(sensor, PRESSES, tmp_path / "a.nc", settle_s=SETTLE_S)
+        collector.begin()
         (tmp_path / "a.nc.parts" / "000001.npz").write_bytes(b"torn")
         with pytest.raises(
             InputError, match=r"000001\.npz: is damaged .* delete it: that press is then made again"
