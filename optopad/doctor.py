@@ -100,6 +100,7 @@ PACKAGES = (
     Package("pydantic", "pydantic", "2.10"),
     Package("pyserial", "serial", "3.5"),
     Package("rich", "rich", "13.9"),
+    Package("scikit-learn", "sklearn", "1.6"),
     Package("scipy", "scipy", "1.14.1"),
     Package("sqlalchemy", "sqlalchemy", "2.0"),
     Package("tomlkit", "tomlkit", "0.13"),
