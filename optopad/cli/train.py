@@ -38,7 +38,8 @@ def train(
         ),
     ] = None,
     effort: Annotated[
-        str, typer.Option("--effort", metavar="NAME", help="quick, default, or full: how many samples.")
+        str,
+        typer.Option("--effort", metavar="NAME", help="quick, default, full, or whole: how many samples."),
     ] = "default",
     set_: SetOption = None,
     out: Annotated[

@@ -8,6 +8,7 @@ from sklearn.kernel_ridge import KernelRidge
 
 from design.errors import InputError
 from sims.learning.kernel_solve import BLOCK_ROWS, factorise, kernel_matrix, method_for, solve_kernel
+from sims.learning.settings import EFFORTS
 
 GAMMA, RIDGE = 0.02, 0.1
 
@@ -70,11 +71,13 @@ def kernel_between(one, other):
 
 
 def test_the_method_follows_from_memory():
-    assert [method_for(24_000, 5.0), method_for(30_000, 5.0), method_for(49_000, 5.0)] == [
-        "exact",
-        "single",
-        "nystroem",
-    ]
+    found = [method_for(samples, 5.0) for samples in (24_000, 30_000, 49_000)]
+    assert found == ["exact", "single", "nystroem"]
+
+
+def test_the_papers_touched_samples_fit_into_a_kernel_of_single_precision():
+    assert method_for(49_368, EFFORTS["whole"].memory_gb) == "single"
+    assert method_for(EFFORTS["full"].fit_samples, EFFORTS["full"].memory_gb) == "exact"
 
 
 def test_a_matrix_that_single_precision_cannot_factorise_is_refused_with_the_way_out():
