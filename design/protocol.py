@@ -93,6 +93,17 @@ class PressSet(Model):
         return "random" if self.grid_mm is None else "grid"
 
 
+def _require_apart(sets: tuple[PressSet, ...]) -> None:
+    """Refuse random places that are both trained and tested on: errors there would be too small."""
+    trained = {one.place_seed: one.name for one in sets if one.random_places and one.role == "train"}
+    for one in sets:
+        if one.random_places and one.role == "test" and one.place_seed in trained:
+            raise ValueError(
+                f"sets: {one.name} tests at places of {trained[one.place_seed]}, which is trained on; give it another "
+                "place_seed"
+            )
+
+
 class PressProtocol(Model):
     """A whole collection of data."""
 
@@ -131,6 +142,7 @@ class PressProtocol(Model):
         names = [one.name for one in self.sets]
         if len(set(names)) < len(names):
             raise ValueError(f"sets: a name stands there twice: {', '.join(names)}")
+        _require_apart(self.sets)
         box = self.workspace_mm
         if box is not None and not (box[0] <= box[2] and box[1] <= box[3]):
             raise ValueError(f"workspace_mm: {list(box)} is empty; write x0, y0, x1, y1")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -53,7 +54,8 @@ class Accuracy:
     ----------
     name, digest : of the design; the digest is None where a recording does not say
     found : in the order of models, then of sets
-    bound_mm : depth to the Cramér-Rao bound of place and of depth [mm]; empty where none was asked for
+    bound_mm : depth to the Cramér-Rao bound of place and of depth, standard deviations [mm]; infinite where the light's
+        own error leaves it open; empty where none was asked for
     published : of the same sensor; None for others
     notes : what was done and what is assumed
     settings : plain data: seeds, protocol, samples
@@ -92,7 +94,7 @@ class Accuracy:
             "touch": [self._touch_line(row) for row in touch_json(first.touch)],
             "errors": [_medians(row) for row in first.errors],
             "bound_mm": [
-                {"depth_mm": depth, "location": location, "depth": of_depth}
+                {"depth_mm": depth, "location": _finite(location), "depth": _finite(of_depth)}
                 for depth, (location, of_depth) in self.bound_mm.items()
             ],
             "models": [
@@ -164,7 +166,7 @@ def _error_lines(rows: Sequence[ErrorRow], found: Accuracy) -> list[str]:
             continue
         limits = found.bound_mm.get(row.depth_mm)
         sides = [
-            f"{_spread(spread)}" + (f"   {limits[number]:.3f}" if limits else "")
+            f"{_spread(spread)}" + (f"   {bound_text(limits[number])}" if limits else "")
             for number, spread in enumerate((row.location, row.depth))
         ]
         lines.append(f"  {row.depth_mm:10.1f}   {sides[0]}   {sides[1]}   {row.found:.0%}")
@@ -173,6 +175,15 @@ def _error_lines(rows: Sequence[ErrorRow], found: Accuracy) -> list[str]:
 
 def _spread(one: Spread) -> str:
     return f"{one.median:.3f} {one.mean:.3f} {one.deviation:.3f}"
+
+
+def bound_text(bound_mm: float) -> str:
+    """A bound for people; infinite where the light's own error hides what the readings tell."""
+    return f"{bound_mm:.3f}" if math.isfinite(bound_mm) else "open"
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _medians(row: ErrorRow) -> dict[str, Any]:

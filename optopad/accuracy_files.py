@@ -17,9 +17,6 @@ from sims.evaluation.tables import ERROR_DEPTHS_MM
 from sims.plots.accuracy import plot_arrows, plot_depths, plot_errors, plot_touch, shown_places_mm
 from sims.plots.style import plain_style
 
-MOST_ARROWS = 250
-"""Samples at a depth that an arrow plot shows; a draw of the protocol has a hundred presses, in and out."""
-
 
 def write_accuracy(found: Accuracy, workspace: Workspace, folder: Path, stem: str) -> tuple[Path, ...]:
     """Write ``<stem>.json``, ``<stem>.html`` and the pictures ``<stem>-*`` into a folder; what was written.
@@ -53,13 +50,13 @@ def _figures(found: Accuracy, workspace: Workspace) -> dict[str, tuple[Figure, s
         ),
     }
     for learner, one in pooled.items():
-        shown = one.presses.only(one.presses.place_number < MOST_ARROWS)
+        shown = one.presses.only(one.presses.session_number == 0)
         figures[f"arrows-{learner}"] = (
             plot_arrows(shown, ERROR_DEPTHS_MM, workspace),
-            f"Arrows from true to said place, {learner}",
+            f"Arrows from true to said place, {learner}, first test set",
         )
         figures[f"depths-{learner}"] = (
             plot_depths(shown, shown_places_mm(workspace)),
-            f"Said against true depth at single places, {learner}",
+            f"Said against true depth at single places, {learner}, first test set",
         )
     return figures

@@ -64,7 +64,7 @@ def evaluate(
             name=design.name if design is not None else file.stem,
             digest=data.design_digest,
             found=found,
-            published=None if design is None else published_touch(design.name),
+            published=None if design is None else published_touch(design),
             notes=(*notes, told),
             settings={
                 "data": str(file),
@@ -129,12 +129,15 @@ def _require_fit(name: str, model: TouchModel, data: PressData) -> None:
 
 
 def _named(loaded: Sequence[tuple[str, TouchModel]]) -> Mapping[str, TouchModel]:
-    """Models by kind; two of one kind are told apart by their files' names."""
+    """Models by kind; two of one kind are told apart by their files' names, or by their numbers."""
     kinds = [model.header.kind for _, model in loaded]
-    return {
-        kind if kinds.count(kind) == 1 else f"{kind} ({Path(name).stem})": model
-        for kind, (name, model) in zip(kinds, loaded, strict=True)
-    }
+    stems = [f"{kind} ({Path(name).stem})" for kind, (name, _) in zip(kinds, loaded, strict=True)]
+    found = {}
+    for number, (_, model) in enumerate(loaded):
+        kind, stem = kinds[number], stems[number]
+        unique = kind if kinds.count(kind) == 1 else stem
+        found[unique if stems.count(stem) == 1 else f"{stem} {number + 1}"] = model
+    return found
 
 
 def _range_of(data: PressData) -> Workspace:

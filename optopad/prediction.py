@@ -93,7 +93,9 @@ def predict(
     chosen = _known(learners or effort.learners)
     if not 1 <= draws <= MOST_DRAWS:
         raise InputError(f"--draws: {draws} is refused: give 1 to {MOST_DRAWS}")
-    how = load_protocol_file(protocol or effort.protocol)
+    wanted = load_protocol_file(protocol or effort.protocol)
+    how = wanted.fitted_to(design)
+    _require_roles(how)
     curves = protocol_curves(design, how, seed=seed, is_coarse=effort.is_coarse, on_step=on_step)
     with_map = LEARNERS | {SIGNAL_MAP: signal_map_learner(design, quick=effort.is_coarse, seed=seed)}
     fits = {name: with_map[name] for name in chosen}
@@ -109,8 +111,8 @@ def predict(
         name=design.name,
         digest=design.digest,
         found=tuple(_pooled(parts) for parts in judged.values()),
-        published=published_touch(design.name),
-        notes=_notes(how, effort, draws, curves, seed),
+        published=published_touch(design),
+        notes=(*_cut(wanted, how, design), *_notes(how, effort, draws, curves, seed)),
         settings=_settings(how, effort, draws, seed, models),
         bound_mm={} if effort.is_coarse else bound_mm(design, curves, seed, on_step),
     )
@@ -139,6 +141,24 @@ def bound_mm(
         [depth for depth in ERROR_DEPTHS_MM if 0.0 < depth <= deepest],
         seed=seed,
         on_step=lambda share: on_step("bounds", share),
+    )
+
+
+def _require_roles(protocol: PressProtocol) -> None:
+    """Refuse, before any light is traced, a protocol that nothing can be trained or judged on."""
+    for role, verb in (("train", "trained"), ("test", "judged")):
+        if not any(one.role == role for one in protocol.sets):
+            raise InputError(
+                f"protocol {protocol.name}: has no set of role {role!r}, so nothing can be {verb}; add one"
+            )
+
+
+def _cut(wanted: PressProtocol, how: PressProtocol, design: SensorDesign) -> tuple[str, ...]:
+    if how.deepest_mm == wanted.deepest_mm:
+        return ()
+    return (
+        f"protocol {wanted.name} presses to {wanted.deepest_mm:g} mm, the design is for "
+        f"{design.operating.max_depth_mm:g} mm: depths beyond {how.deepest_mm:g} mm were left out",
     )
 
 

@@ -135,7 +135,6 @@ def _data_of(found: xr.Dataset, file: Path) -> PressData:
             attributes | {"time_s": "not said; numbers of the samples"},
         )
     sets, set_number, place_number = _sets_of(found, press_mm, file)
-    scale = found.attrs.get("full_scale_counts")
     return PressData(
         counts=counts,
         press_mm=press_mm,
@@ -145,13 +144,35 @@ def _data_of(found: xr.Dataset, file: Path) -> PressData:
         sets=sets,
         state_names=states,
         receiver_names=tuple(str(name) for name in found["receiver"].values),
-        full_scale_counts=None if scale is None else float(scale),
-        design_digest=found.attrs.get("design_digest"),
+        full_scale_counts=_full_scale(found, file),
+        design_digest=_digest(found, file),
         attributes=attributes,
         true_press_mm=_columns(found, [f"true_{axis}" for axis in ("x", "y", "depth")])
         if has_truth
         else None,
     )
+
+
+def _full_scale(found: xr.Dataset, file: Path) -> float | None:
+    value = found.attrs.get("full_scale_counts")
+    if value is None:
+        return None
+    try:
+        scale = float(value)
+    except (TypeError, ValueError):
+        scale = np.nan
+    if not (np.isfinite(scale) and scale > 0.0):
+        raise InputError(f"{file}: attribute full_scale_counts is {value!r}, needs a number above 0 [counts]")
+    return scale
+
+
+def _digest(found: xr.Dataset, file: Path) -> str | None:
+    value = found.attrs.get("design_digest")
+    if value is not None and not isinstance(value, str):
+        raise InputError(
+            f"{file}: attribute design_digest is {value!r}, needs the 64 digits of a design's digest"
+        )
+    return value
 
 
 def _off_last(found: xr.Dataset) -> tuple[tuple[str, ...], NDArray[np.float32]]:

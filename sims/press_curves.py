@@ -99,7 +99,8 @@ class PressCurves:
         number, depth = np.broadcast_arrays(np.asarray(place_number), np.asarray(depth_mm, dtype=np.float64))
         if depth.size and not depth.max() <= self.deepest_mm:
             raise ModelScopeError(
-                f"press: {depth.max():g} mm is deeper than the curves, {self.deepest_mm:g} mm; trace them to more depth"
+                f"press: {depth.max():g} mm is deeper than the curves, {self.deepest_mm:g} mm; lower "
+                "noise.zero_offset_set_mm and zero_offset_place_mm, or press less deep"
             )
         found = np.empty((len(depth), *self.flux.shape[2:]))
         for start in range(0, len(depth), CHUNK):
@@ -166,10 +167,17 @@ def knots_mm(design: SensorDesign, *, is_coarse: bool = False, deepest_mm: float
 
     scale = design.indenter.tip_radius_mm / KNOTS_TIP_MM
     wanted = design.operating.max_depth_mm if deepest_mm is None else deepest_mm
-    end = max(min(wanted + SPARE_MM, depth_limit_mm(design)), wanted)
+    end = max(min(wanted + _spare_mm(design), depth_limit_mm(design)), wanted)
     knots = [one * scale for one in (COARSE_KNOTS_MM if is_coarse else KNOTS_MM)]
     kept = [one for one in knots if one < end - 0.25 * scale * (one > scale)]
     return np.round([*kept, end], 6)
+
+
+def _spare_mm(design: SensorDesign) -> float:
+    """How far presses of full depth may overshoot, less what the curves' last slope serves: five deviations [mm]."""
+    noise = design.noise
+    offset = float(np.hypot(noise.zero_offset_set_mm, noise.zero_offset_place_mm))
+    return max(SPARE_MM, 5.0 * offset + noise.retract_lag_mm - BEYOND_MM)
 
 
 def traced_curves(

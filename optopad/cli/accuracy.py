@@ -16,6 +16,7 @@ from optopad.cli.common import (
     SetOption,
     print_json,
     read_design,
+    require_folder,
     say,
 )
 from optopad.cli.progress import progress
@@ -52,6 +53,7 @@ def evaluate(
 
     read = read_design(design, set_) if design is not None else None
     folder = out or data.with_name(f"{data.stem}-evaluation")
+    require_folder(folder)
     with progress(quiet=as_json) as step:
         found, workspace = judge(data, model, read, on_step=step)
         made = write_accuracy(found, workspace, folder, "evaluation")

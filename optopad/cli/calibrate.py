@@ -14,6 +14,7 @@ from optopad.cli.common import (
     SetOption,
     print_json,
     read_design,
+    require_folder,
     say,
 )
 from optopad.cli.progress import progress
@@ -47,6 +48,7 @@ def calibrate(
 
     read = read_design(design, set_)
     folder = out or data.with_name(f"{data.stem}-calibration")
+    require_folder(folder)
     with progress(quiet=as_json) as step:
         made = fit(read, data, with_model=not no_model, quick=quick, seed=seed, on_step=step)
         files = write_calibration(made, read, folder)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import tomllib
 from pathlib import Path
 from typing import Annotated, Any
@@ -87,6 +88,22 @@ def parsed_press(text: str) -> tuple[float, float, float]:
     if not all(math.isfinite(number) for number in (x_mm, y_mm, depth_mm)):
         raise InputError(f"--press: {text!r} is refused: needs three finite numbers of millimetres")
     return x_mm, y_mm, depth_mm
+
+
+def require_folder(folder: Path) -> None:
+    """Refuse, before long work, a folder that cannot be made or written at its end; nothing is made here.
+
+    Raises
+    ------
+    OutputError : where it would lie is no folder, or may not be written.
+    """
+    from design.errors import OutputError
+
+    place = folder.absolute()
+    while not place.exists() and place != place.parent:
+        place = place.parent
+    if not place.is_dir() or not os.access(place, os.W_OK):
+        raise OutputError(f"--out: {folder} cannot be made: {place} is no folder to write in; choose another")
 
 
 def print_json(document: dict[str, Any]) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from design.errors import InputError
 from sims.learning.inference.prediction import Prediction
 from sims.press_data import PressData
+from sims.same_places import place_numbers
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -29,13 +30,15 @@ class JudgedPresses:
     press_mm : (n, 3) x, y, depth as the stage reported them; depth below 0 is untouched, 0 and above touched [mm]
     said_mm : (n, 3) what the model says, whether it finds a touch or not [mm]
     is_found : (n,) whether the model finds a touch
-    place_number : (n,) which press a sample belongs to
+    place_number : (n,) which place a sample belongs to; samples of one place share what is particular to it
+    session_number : (n,) which set of which draw; samples of one session share its drift and its reference depth
     """
 
     press_mm: FloatArray
     said_mm: FloatArray
     is_found: BoolArray
     place_number: IntArray
+    session_number: IntArray
 
     @property
     def is_touched(self) -> BoolArray:
@@ -79,18 +82,21 @@ def judged(data: PressData, said: Prediction) -> JudgedPresses:
         press_mm=np.asarray(data.press_mm, dtype=np.float64),
         said_mm=np.asarray(said.press_mm, dtype=np.float64),
         is_found=np.asarray(said.is_touched, dtype=bool),
-        place_number=data.press_numbers(),
+        place_number=place_numbers(data.press_mm[:, :2]),
+        session_number=np.asarray(np.unique(data.set_number, return_inverse=True)[1], dtype=np.int64),
     )
 
 
 def joined(parts: Sequence[JudgedPresses]) -> JudgedPresses:
-    """Samples of several data sets as one; presses stay apart."""
-    shifts = np.concatenate([[0], np.cumsum([int(part.place_number.max(initial=-1)) + 1 for part in parts])])
+    """Samples of several data sets or draws as one: sessions stay apart, places that are the same become one."""
+    press_mm = np.concatenate([part.press_mm for part in parts])
+    shifts = np.cumsum([0, *(int(part.session_number.max(initial=-1)) + 1 for part in parts[:-1])])
     return JudgedPresses(
-        press_mm=np.concatenate([part.press_mm for part in parts]),
+        press_mm=press_mm,
         said_mm=np.concatenate([part.said_mm for part in parts]),
         is_found=np.concatenate([part.is_found for part in parts]),
-        place_number=np.concatenate(
-            [part.place_number + shift for part, shift in zip(parts, shifts[:-1], strict=True)]
+        place_number=place_numbers(press_mm[:, :2]),
+        session_number=np.concatenate(
+            [part.session_number + shift for part, shift in zip(parts, shifts, strict=True)]
         ),
     )

@@ -3,13 +3,14 @@
 Touch: the share of samples at a depth that are told rightly, untouched below 0 mm, touched from 0 mm on. Errors:
 median, mean and standard deviation of the distance in the plane and of the absolute difference in depth, over the
 samples at a depth that are truly touched (the regressor alone), and over those of them that the model finds (the
-cascade); how many it finds stands beside. The median has a standard error by resampling whole presses, not samples:
-press and retraction at one place share its offsets.
+cascade); how many it finds stands beside. Standard errors by resampling places and sessions, not samples: press and
+retraction at one place share its signals, all presses of a session its drift and reference depth. From a single session
+the error leaves out what sessions differ by.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,8 +40,8 @@ class TouchRow:
     ----------
     depth_mm : of the tip [mm]
     right : share of the samples told rightly [-]; None without samples
-    right_error : its standard error, from presses [-]
-    samples, presses : what it rests on
+    right_error : its standard error [-]; None from a single place
+    samples, presses : what it rests on; presses are places
     """
 
     depth_mm: float
@@ -72,7 +73,7 @@ class ErrorRow:
     within : share of depths told within `WITHIN_MM` [-]
     location, depth : errors of all that are truly touched [mm]; None without samples
     found_location, found_depth : of those that the model finds [mm]; None where it finds none
-    samples, presses : what it rests on
+    samples, presses : what it rests on; presses are places
     """
 
     depth_mm: float
@@ -102,12 +103,8 @@ def _touch_row(at_depth: JudgedPresses, depth_mm: float) -> TouchRow:
     count = len(np.unique(at_depth.place_number))
     if not len(at_depth):
         return TouchRow(depth_mm=depth_mm, right=None, right_error=None, samples=0, presses=0)
-    is_right = at_depth.is_found == (depth_mm >= 0.0)
-    by_press = np.bincount(at_depth.place_number, is_right) / np.maximum(
-        np.bincount(at_depth.place_number), 1
-    )
-    shares = by_press[np.unique(at_depth.place_number)]
-    error = float(shares.std(ddof=1) / np.sqrt(count)) if count > 1 else None
+    is_right = (at_depth.is_found == (depth_mm >= 0.0)).astype(np.float64)
+    error = _resampled(is_right, at_depth, _weighted_mean, 0) if count > 1 else None
     return TouchRow(
         depth_mm=depth_mm,
         right=float(is_right.mean()),
@@ -141,20 +138,45 @@ def _spread(error_mm: FloatArray, presses: JudgedPresses, seed: int) -> Spread |
         mean=float(error_mm.mean()),
         deviation=float(error_mm.std()),
         p95=float(np.percentile(error_mm, 95.0)),
-        median_error=_median_error(error_mm, presses, seed),
+        median_error=_resampled(error_mm, presses, _weighted_median, seed),
     )
 
 
-def _median_error(error_mm: FloatArray, presses: JudgedPresses, seed: int) -> float:
-    """Standard error of a median, from resampled presses."""
-    numbers = np.unique(presses.place_number)
-    rows = [np.flatnonzero(presses.place_number == number) for number in numbers]
+def _resampled(
+    values: FloatArray,
+    presses: JudgedPresses,
+    statistic: Callable[[FloatArray, FloatArray], float],
+    seed: int,
+) -> float:
+    """Standard error of a statistic of (n,) values and weights, from resampled places and sessions."""
     rng = np.random.default_rng(seed)
-    medians = [
-        np.median(error_mm[np.concatenate([rows[k] for k in rng.integers(len(rows), size=len(rows))])])
-        for _ in range(RESAMPLES)
-    ]
-    return float(np.std(medians))
+    places = np.unique(presses.place_number, return_inverse=True)[1].reshape(-1)
+    sessions = np.unique(presses.session_number, return_inverse=True)[1].reshape(-1)
+    found = []
+    for _ in range(RESAMPLES):
+        weight = _drawn(places, rng)
+        if sessions.max() > 0:
+            weight = weight * _drawn(sessions, rng)
+        if weight.any():
+            found.append(statistic(values, weight))
+    return float(np.std(found))
+
+
+def _drawn(groups: NDArray[np.intp], rng: np.random.Generator) -> FloatArray:
+    """(n,) how often each sample's group is drawn, of as many draws as there are groups."""
+    count = int(groups.max()) + 1
+    drawn = np.bincount(rng.integers(count, size=count), minlength=count)
+    return np.asarray(drawn[groups], dtype=np.float64)
+
+
+def _weighted_mean(values: FloatArray, weight: FloatArray) -> float:
+    return float((values * weight).sum() / weight.sum())
+
+
+def _weighted_median(values: FloatArray, weight: FloatArray) -> float:
+    order = np.argsort(values)
+    share = np.cumsum(weight[order])
+    return float(values[order][np.searchsorted(share, 0.5 * share[-1])])
 
 
 def touch_json(rows: Sequence[TouchRow]) -> list[dict[str, Any]]:

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from design.errors import InputError
 from sims.dataset import PressData
+from sims.same_places import place_numbers
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-SAME_LOCATION_MM = 0.1
 FEWEST_LOCATIONS = 9
 """Three a side: fewer cannot tell a slope of the signal from a curve."""
 FEWEST_TOUCHED = 200
@@ -89,8 +89,7 @@ def prepared(train: PressData) -> TrainingData:
     signals = np.asarray(train.features(), dtype=np.float32)
     if not np.isfinite(signals).all() or not np.isfinite(train.press_mm).all():
         raise InputError("training data: some readings or presses are no finite numbers; drop these samples")
-    cells = np.round(train.press_mm[:, :2] / SAME_LOCATION_MM).astype(np.int64)
-    location = np.unique(cells, axis=0, return_inverse=True)[1].reshape(-1)
+    location = place_numbers(train.press_mm[:, :2])
     _require_enough(train.press_mm[:, 2] >= 0.0, location)
     kept, left_out = _usable_pairs(train, signals)
     return TrainingData(

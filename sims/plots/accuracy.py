@@ -35,7 +35,7 @@ def plot_touch(rows: Mapping[str, Sequence[TouchRow]], published: PublishedTouch
             [row.depth_mm for row in known],
             [row.right or 0.0 for row in known],
             yerr=[row.right_error or 0.0 for row in known],
-            color=colour, linestyle=line, marker=mark, markersize=4, linewidth=1.2, capsize=2, label=name,
+            color=colour, linestyle=line, marker=mark, markersize=4, linewidth=1.2, capsize=2, label=_plain(name),
         )  # fmt: skip
     if published is not None:
         ax.plot(published.depth_mm, published.ambient, "x", color=INK, label="published, ambient")
@@ -89,7 +89,7 @@ def _error_line(
     colour, line, mark = look
     ax.errorbar(
         [depth for depth, _ in known], median, yerr=[np.zeros_like(median), np.maximum(high - median, 0.0)],
-        color=colour, linestyle=line, marker=mark, markersize=4, linewidth=1.2, capsize=2, label=name,
+        color=colour, linestyle=line, marker=mark, markersize=4, linewidth=1.2, capsize=2, label=_plain(name),
     )  # fmt: skip
 
 
@@ -173,6 +173,11 @@ def shown_places_mm(workspace: Workspace) -> FloatArray:
     """(3, 2) the workspace's centre, and places near the middles of two edges [mm]."""
     x_mm, y_mm = 0.5 * (workspace.x0_mm + workspace.x1_mm), 0.5 * (workspace.y0_mm + workspace.y1_mm)
     return np.array([(x_mm, y_mm), (workspace.x0_mm, y_mm), (x_mm, workspace.y0_mm)])
+
+
+def _plain(text: str) -> str:
+    """Text in which a dollar sign begins no formula."""
+    return text.replace("$", r"\$")
 
 
 def _looks(count: int) -> list[tuple[str, str, str]]:

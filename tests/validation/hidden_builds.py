@@ -58,7 +58,13 @@ def protocol() -> PressProtocol:
         {"name": f"grid-{k}", "role": "train", "is_ambient": k % 2 == 0, "grid_mm": 2.0} for k in range(4)
     ]
     test = [
-        {"name": f"test-{k}", "role": "test", "is_ambient": k == 0, "random_places": TEST_PLACES}
+        {
+            "name": f"test-{k}",
+            "role": "test",
+            "is_ambient": k == 0,
+            "random_places": TEST_PLACES,
+            "place_seed": 1 + k,
+        }
         for k in range(2)
     ]
     own = [

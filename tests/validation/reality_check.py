@@ -231,7 +231,7 @@ def markdown(
     bound_mm: Mapping[float, tuple[float, float]],
 ) -> str:
     """All tables and what does not match."""
-    published = published_touch(DESIGN)
+    published = published_touch(preset(DESIGN))
     assert published is not None
     misses = touch_misses(found, published)
     learner = next(iter(found))[0]

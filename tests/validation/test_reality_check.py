@@ -82,7 +82,7 @@ def test_the_page_has_both_test_sets_beside_the_paper_and_the_bound(made):
 
 
 def test_a_row_that_is_off_is_named_with_both_numbers(made):
-    found, published = pooled(made[2]), published_touch(DESIGN)
+    found, published = pooled(made[2]), published_touch(preset(DESIGN))
     key = next(iter(found))
     blind = {
         key: replace(

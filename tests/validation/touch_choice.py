@@ -82,7 +82,7 @@ def told_rightly(said: np.ndarray, depth_mm: np.ndarray, is_ambient: np.ndarray)
 
 def page_text(rows: dict[str, np.ndarray]) -> str:
     """The page."""
-    published = published_touch(DESIGN)
+    published = published_touch(preset(DESIGN))
     assert published is not None
     lines = [f"| the paper | {cells(published_rows(published))} |"]
     lines += [f"| {name} | {cells(found)} |" for name, found in rows.items()]
