@@ -2,8 +2,9 @@
 
 Features are the readings in counts: a tree asks one pair at a time, so that scales do not matter. Every tree sees all
 samples and draws its questions at random; the mean over trees is smooth enough to lie between the places that were
-pressed. Outputs are in units of their spread, depth four times that: in millimetres depth would hardly decide where to
-cut. At held-out locations of simulated training data that lowers depth's mean error by a quarter and leaves location's.
+pressed. x, y and depth count alike, each in units of its spread: in millimetres depth would hardly decide where to cut.
+Depth weighing two and four times as much was tried at held-out locations of three simulated data sets: its mean error
+falls by 12 and 19 %, location's grows by 8 and 22 %, and the sum is larger.
 
 What it leaves out: trees answer with means of what they have seen, so that the deepest presses are told too shallow.
 """
@@ -32,8 +33,6 @@ from sims.learning.trust import UNIT_TRUST, trust_of
 OnStep = Callable[[str, float], None]
 
 FEWEST_IN_LEAF = 2
-DEPTH_WEIGHT = 4.0
-"""Of depth against x and y, each in units of its spread."""
 SHARE_OF_FEATURES = 0.33
 TREES_OF_TRUST = 40
 """The spread over trees is known well enough from fewer."""
@@ -63,7 +62,6 @@ def fit_extra_trees(
     facts |= {
         "trees": settings.trees,
         "fewest_in_leaf": FEWEST_IN_LEAF,
-        "depth_weight": DEPTH_WEIGHT,
         "share_of_features": SHARE_OF_FEATURES,
         "fit_samples": len(samples),
     }
@@ -94,7 +92,7 @@ def _forest(
         max_features=SHARE_OF_FEATURES,
         random_state=int(rng.integers(2**31)),
     )
-    scale_mm = samples.press_mm[used].std(axis=0) / np.array([1.0, 1.0, DEPTH_WEIGHT])
+    scale_mm = samples.press_mm[used].std(axis=0)
     grown.fit(scaling.features(samples.signals[used]).astype(np.float32), samples.press_mm[used] / scale_mm)
     return flat_forest([one.tree_ for one in grown.estimators_], scale_mm)
 
