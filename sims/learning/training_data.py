@@ -1,6 +1,6 @@
 """Training data as learners take them: checked, clipped pairs set aside, samples numbered by location.
 
-A *location* is where the stage went, rounded to 0.1 mm, over all sets: the paper presses the same grid four times, and
+A *location* is all places within 0.15 mm of each other, over all sets: the paper presses the same grid four times, and
 a press held out while its location stays in the training half would be no test of places never pressed.
 """
 
