@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from sims.dataset import PressData
 from sims.learning.calibration.fit import Fitted, fitted
 from sims.learning.calibration.samples import CalibrationSamples, calibration_samples
 from sims.learning.calibration.unknowns import Unknown, unknowns_of, with_values
+from sims.learning.inference.reading_noise import ReadingNoise
 from sims.learning.map_learner import chain_noise
 from sims.optics.tracing import trace
 
@@ -94,7 +95,7 @@ def calibrated(
     found = fitted(
         light,
         samples,
-        chain_noise(design, samples.emitters, samples.signals.shape[1]),
+        _noise(design, samples),
         start=(value - middle) / spread,
         low=(low - middle) / spread,
         high=(high - middle) / spread,
@@ -108,3 +109,12 @@ def calibrated(
         samples=samples,
         seed=seed,
     )
+
+
+def _noise(design: SensorDesign, samples: CalibrationSamples) -> ReadingNoise:
+    """The chain's, no less than untouched frames show beside the LEDs' fluctuation: lamps flicker."""
+    chain = chain_noise(design, samples.emitters, samples.signals.shape[1])
+    untouched = samples.untouched
+    fluctuation = design.noise.led_fluctuation * untouched.mean_counts
+    seen = np.where(untouched.is_clipped, 0.0, untouched.spread_counts**2 - fluctuation**2)
+    return replace(chain, floor_counts=np.sqrt(np.maximum(chain.floor_counts**2, seen)))
