@@ -196,9 +196,8 @@ def memory_finding() -> Finding:
 
 
 def package_findings() -> Iterator[Finding]:
-    """One finding a declared dependency; the imports run side by side, one process each."""
-    with ThreadPoolExecutor(max_workers=cpu_count()) as pool:
-        failures = list(pool.map(import_failure, (package.module for package in PACKAGES)))
+    """One finding a declared dependency."""
+    failures = import_failures([package.module for package in PACKAGES])
     for package, failure in zip(PACKAGES, failures, strict=True):
         yield package_finding(package, installed_version(package.distribution), failure)
 
@@ -228,9 +227,20 @@ def release(version: str) -> tuple[int, ...]:
     return tuple(int(number) for number in re.findall(r"(?:^|(?<=\.))\d+", version))
 
 
-def import_failure(module: str) -> Failure | None:
-    """Import a module in a process of its own; what went wrong, or None."""
-    command = [sys.executable, "-c", PROBE, module]
+def import_failures(modules: list[str]) -> list[Failure | None]:
+    """What went wrong with each import; a process for several, side by side, and one each only where that fails."""
+    processes = min(cpu_count(), len(modules))
+    groups = [modules[number::processes] for number in range(processes)]
+    with ThreadPoolExecutor(max_workers=processes) as pool:
+        failed = list(pool.map(lambda group: import_failure(*group), groups))
+        doubtful = [one for group, why in zip(groups, failed, strict=True) if why for one in group]
+        found = dict(zip(doubtful, pool.map(import_failure, doubtful), strict=True))
+    return [found.get(module) for module in modules]
+
+
+def import_failure(*modules: str) -> Failure | None:
+    """Import modules in a process of their own; what went wrong first, or None."""
+    command = [sys.executable, "-c", PROBE, *modules]
     try:
         probe = subprocess.run(command, capture_output=True, text=True, timeout=PROBE_LIMIT_S, check=False)
     except subprocess.TimeoutExpired:
@@ -251,9 +261,9 @@ PROBE_MARK = "optopad-probe: "
 
 PROBE = f"""
 import importlib, sys
-module = sys.argv[1]
 try:
-    importlib.import_module(module)
+    for module in sys.argv[1:]:
+        importlib.import_module(module)
 except Exception as err:
     kind = type(err).__name__
     name = err.name if kind == "ModuleNotFoundError" else module

@@ -118,6 +118,14 @@ def test_an_import_that_fails_becomes_a_reason(
     assert failure.reason == reason
 
 
+def test_of_imports_tried_together_only_the_one_that_fails_is_blamed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_module(tmp_path, "import os; os._exit(7)", monkeypatch)
+    failures = doctor.import_failures(["json", "csv", "broken_room", "math", "zlib"])
+    assert [failure is None for failure in failures] == [True, True, False, True, True]
+
+
 def test_an_import_that_hangs_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_module(tmp_path, "import time; time.sleep(60)", monkeypatch)
     monkeypatch.setattr(doctor, "PROBE_LIMIT_S", 0.5)
