@@ -168,6 +168,11 @@ def simulate_protocol(
 ) -> PressData:
     """Light and data in one go; trace once with `protocol_curves` where several seeds or builds are wanted.
 
+    Parameters
+    ----------
+    seed : of the draw; the light's own is always 0, so that data of several seeds share one trace
+    accuracy, is_coarse, on_step : as `protocol_curves` takes them
+
     Raises
     ------
     ModelScopeError : see `protocol_curves`.

@@ -80,6 +80,7 @@ class GcodeStage:
         self._boot_s, self._answer_s = boot_s, answer_s
         self.left_at: Position | None = None
         self._origin: Position | None = None
+        self._limits_are_off = False
         self._port: Port | None = None
         self._open_line: GcodeLine | None = None
 
@@ -102,6 +103,8 @@ class GcodeStage:
             if self._origin is not None:
                 self.lift()
                 self.left_at = self.position()
+            if self._limits_are_off:
+                self._line.send("M211 S1", is_optional=True)
         except DeviceError as stuck:
             why = "" if err is None or str(err) == str(stuck) else f"{err or type(err).__name__}; "
             raise DeviceError(f"{why}{stuck}; the tip may still touch the pad: lift it by hand") from err
@@ -128,6 +131,7 @@ class GcodeStage:
         InputError : outside of the limits.
         """
         self.limits.require(x_mm, y_mm, depth_mm)
+        self._limits_are_off = True
         self._line.send("M211 S0", is_optional=True)  # its own limits mean nothing where it was not homed
         x, y, z = self._machine()
         self._origin = x - x_mm, y - y_mm, z + depth_mm

@@ -21,6 +21,8 @@ from sims.optics.tracing import trace
 
 FloatArray = NDArray[np.float64]
 OnStep = Callable[[str, float], None]
+LIGHT_SEED = 15_485_863
+"""Added to the seed for the fit's light: simulated data have the seed itself, and must not share its errors."""
 SMALLEST_STAGE_MM = 0.005
 """Least spread of where a press is: a stage told to have none still rounds."""
 
@@ -88,9 +90,8 @@ def calibrated(
 
     def light(values: FloatArray, press_mm: FloatArray, half: int) -> FloatArray:
         build = with_values(design, unknowns, np.clip(middle + spread * values, low, high))
-        return trace(build, press_mm, accuracy=accuracy, seed=seed + SEED_GAP * half).flux.reshape(
-            len(press_mm), -1
-        )
+        own = seed + LIGHT_SEED + SEED_GAP * half
+        return trace(build, press_mm, accuracy=accuracy, seed=own).flux.reshape(len(press_mm), -1)
 
     found = fitted(
         light,
