@@ -209,6 +209,11 @@ def _notes(
         "(docs/model.md) is not in these errors",
         "truth is what the stage reports, as on a bench: errors of its zero and place are part of the errors",
     ]
+    if published_touch(curves.design) is not None:
+        notes.append(
+            "how near the published touch table is depends on the scale of the readings before the linear classifier, "
+            "which was not published (docs/validation/reality.md)"
+        )
     clipped = clipped_note(draw(curves, seed=seed).role("test"))
     return (*notes, clipped) if clipped is not None else tuple(notes)
 

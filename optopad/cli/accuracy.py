@@ -68,7 +68,11 @@ def predict(
     design: DesignArgument,
     learner: Annotated[
         list[str] | None,
-        typer.Option("--learner", metavar="NAME", help="kernel-ridge (the paper's), ... or all. Repeatable."),
+        typer.Option(
+            "--learner",
+            metavar="NAME",
+            help="kernel-ridge (the paper's), extra-trees, network, gaussian-process, signal-map, or all.",
+        ),
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A thinned protocol: a first look.")] = False,
     full: Annotated[bool, typer.Option("--full", help="24,000 samples in the kernel.")] = False,

@@ -96,7 +96,7 @@ def _touch_section(found: Accuracy, drawings: Mapping[str, Drawing]) -> Html:
             "p",
             "Share of samples at a depth that are told rightly: untouched below 0 mm, touched from 0 mm on.",
         ),
-        figure_of(drawings["touch"], "Bars: standard error from presses."),
+        figure_of(drawings["touch"], "Bars: standard error, from places and sessions."),
         table(heads, rows, label="Touch told rightly", numeric=range(1, len(heads)), class_="wide"),
         *([element("p", found.published.source, class_="note")] if found.published is not None else []),
     )
