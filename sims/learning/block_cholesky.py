@@ -31,7 +31,8 @@ def factorise_in_place(matrix: NDArray[Any]) -> None:
     size = len(matrix)
     for start in range(0, size, BLOCK):
         here = slice(start, min(start + BLOCK, size))
-        matrix[here, here] = np.linalg.cholesky(matrix[here, here])
+        # without what lies above: a signalling NaN there would pass for a matrix that is not positive definite
+        matrix[here, here] = np.linalg.cholesky(np.tril(matrix[here, here]))
         for rows in _below(here.stop, size):
             matrix[rows, here] = solve_triangular(
                 matrix[here, here], matrix[rows, here].T, lower=True, check_finite=False

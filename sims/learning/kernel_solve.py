@@ -115,9 +115,9 @@ def solve_kernel(
 def kernel_matrix(
     features: FloatArray, gamma: float, kind: type[Any], on_share: OnShare = lambda _share: None
 ) -> NDArray[Any]:
-    """(sample, sample) kernel, lower triangle only; what lies above it is not set."""
+    """(sample, sample) kernel, lower triangle only; zeros above it, which cost no memory until they are touched."""
     samples = len(features)
-    matrix = np.empty((samples, samples), kind)
+    matrix = np.zeros((samples, samples), kind)
 
     def fill(start: int) -> int:
         end = min(start + BLOCK_ROWS, samples)

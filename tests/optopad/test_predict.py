@@ -1,6 +1,5 @@
 import json
 
-import numpy as np
 import pytest
 
 from design.preset import preset
@@ -68,13 +67,13 @@ def test_a_prediction_has_its_tables_page_pictures_and_a_model_that_loads(predic
 
 
 @pytest.mark.slow
-def test_two_draws_are_pooled_with_their_presses_apart(predicted):
+def test_two_draws_are_pooled_as_sessions_at_the_same_places(predicted):
     found, _ = predicted
     (one,) = found.found
     row = next(row for row in one.errors if row.depth_mm == 1.0)
-    assert row.presses == 2 * 4
-    assert row.samples == 2 * 2 * 4  # in and out
-    assert len(np.unique(one.presses.place_number)) == 8
+    assert row.presses == 4  # places: both draws press the same ones
+    assert row.samples == 2 * 2 * 4  # draws, in and out
+    assert set(one.presses.session_number) == {0, 1}
 
 
 @pytest.mark.slow
