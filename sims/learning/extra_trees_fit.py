@@ -20,14 +20,13 @@ from numpy.typing import NDArray
 from sklearn.ensemble import ExtraTreesRegressor
 
 from sims.dataset import PressData
+from sims.learning.fit_beginning import begun
 from sims.learning.inference.extra_trees import ExtraTreesModel, Forest
 from sims.learning.inference.feature_scaling import FeatureScaling
 from sims.learning.model_header import trained_header
-from sims.learning.press_samples import PressSamples, press_samples
+from sims.learning.press_samples import PressSamples
 from sims.learning.scalings import counts_scaling
 from sims.learning.settings import DEFAULT, FitSettings
-from sims.learning.touch_fit import fit_tuned_touch
-from sims.learning.training_data import prepared
 from sims.learning.trust import UNIT_TRUST, trust_of
 
 OnStep = Callable[[str, float], None]
@@ -51,23 +50,20 @@ def fit_extra_trees(
     ------
     InputError : too little data, or data that tell nothing.
     """
-    data, rng = prepared(train), np.random.default_rng(seed)
-    on_step("touch", 0.0)
-    touch, facts = fit_tuned_touch(data, rng, 4 * settings.fit_samples)
-    on_step("touch", 1.0)
-    samples, scaling = press_samples(data, settings.network_samples, rng), counts_scaling(data.kept)
+    start = begun(train, seed, settings, on_step)
+    data, rng, samples = start.data, start.rng, start.samples
+    scaling = counts_scaling(data.kept)
     tried = _forest(samples, ~samples.is_held_out, scaling, min(settings.trees, TREES_OF_TRUST), rng)
     on_step("fit", 0.3)
     forest = _forest(samples, np.ones(len(samples), np.bool_), scaling, settings.trees, rng)
-    facts |= {
+    facts = start.facts | {
         "trees": settings.trees,
         "fewest_in_leaf": FEWEST_IN_LEAF,
         "share_of_features": SHARE_OF_FEATURES,
-        "fit_samples": len(samples),
     }
     model = ExtraTreesModel(
         header=trained_header("extra-trees", data, facts, seed),
-        touch=touch,
+        touch=start.touch,
         scaling=scaling,
         forest=tried,
         sigma=UNIT_TRUST,

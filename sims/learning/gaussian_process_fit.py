@@ -22,14 +22,13 @@ from scipy.linalg import cho_factor, cho_solve
 
 from sims.dataset import PressData
 from sims.learning.errors_mm import mean_error_mm
+from sims.learning.fit_beginning import begun
 from sims.learning.inference.feature_scaling import FeatureScaling
 from sims.learning.inference.gaussian_process import GaussianProcessModel, exponential_kernel
 from sims.learning.model_header import trained_header
-from sims.learning.press_samples import PressSamples, press_samples
+from sims.learning.press_samples import PressSamples
 from sims.learning.scalings import standard_scaling
 from sims.learning.settings import DEFAULT, FitSettings
-from sims.learning.touch_fit import fit_tuned_touch
-from sims.learning.training_data import prepared
 from sims.learning.trust import UNIT_TRUST, trust_of
 
 FloatArray = NDArray[np.float64]
@@ -66,19 +65,16 @@ def fit_gaussian_process(
     ------
     InputError : too little data, or data that tell nothing.
     """
-    data, rng = prepared(train), np.random.default_rng(seed)
-    on_step("touch", 0.0)
-    touch, facts = fit_tuned_touch(data, rng, 4 * settings.fit_samples)
-    on_step("touch", 1.0)
-    samples = press_samples(data, settings.network_samples, rng)
+    start = begun(train, seed, settings, on_step)
+    data, rng, samples = start.data, start.rng, start.samples
     scaling = standard_scaling(data.kept, samples.signals.astype(np.float32))
     scales, found = _searched(
         samples, scaling, settings.search_samples, rng, lambda share: on_step("search", share)
     )
-    facts |= found | {"fit_samples": len(samples), "inducing": min(settings.inducing, len(samples))}
+    facts = start.facts | found | {"inducing": min(settings.inducing, len(samples))}
     empty = GaussianProcessModel(
         header=trained_header("gaussian-process", data, facts, seed),
-        touch=touch,
+        touch=start.touch,
         scaling=scaling,
         length=scales.length,
         points=np.zeros((0, len(data.kept))),

@@ -18,13 +18,11 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPRegressor
 
 from sims.dataset import PressData
+from sims.learning.fit_beginning import begun
 from sims.learning.inference.network import Network, NetworkModel
 from sims.learning.model_header import trained_header
-from sims.learning.press_samples import press_samples
 from sims.learning.scalings import standard_scaling
 from sims.learning.settings import DEFAULT, FitSettings
-from sims.learning.touch_fit import fit_tuned_touch
-from sims.learning.training_data import prepared
 from sims.learning.trust import UNIT_TRUST, trust_of
 
 FloatArray = NDArray[np.float64]
@@ -52,18 +50,14 @@ def fit_network(
     ------
     InputError : too little data, or data that tell nothing.
     """
-    data, rng = prepared(train), np.random.default_rng(seed)
-    on_step("touch", 0.0)
-    touch, facts = fit_tuned_touch(data, rng, 4 * settings.fit_samples)
-    on_step("touch", 1.0)
-    samples = press_samples(data, settings.network_samples, rng)
+    start = begun(train, seed, settings, on_step)
+    data, rng, samples = start.data, start.rng, start.samples
     scaling = standard_scaling(data.kept, samples.signals.astype(np.float32))
     mean_mm, scale_mm = samples.press_mm.mean(axis=0), samples.press_mm.std(axis=0)
-    facts |= {
+    facts = start.facts | {
         "hidden": list(HIDDEN),
         "weight_decay": WEIGHT_DECAY,
         "epochs": settings.epochs,
-        "fit_samples": len(samples),
     }
 
     def fitted(used: NDArray[np.bool_], on_share: OnShare) -> Network:
@@ -73,7 +67,7 @@ def fit_network(
 
     model = NetworkModel(
         header=trained_header("network", data, facts, seed),
-        touch=touch,
+        touch=start.touch,
         scaling=scaling,
         networks=(fitted(~samples.is_held_out, lambda share: on_step("fit", 0.45 * share)),),
         mean_mm=mean_mm,

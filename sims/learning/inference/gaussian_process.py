@@ -17,12 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import InputError
-from sims.learning.inference.feature_scaling import FeatureScaling, scaling_of_arrays
+from sims.learning.inference.feature_scaling import scaling_of_arrays
 from sims.learning.inference.header import ModelHeader
-from sims.learning.inference.prediction import FloatArray, Prediction
-from sims.learning.inference.sigma_table import SigmaTable, sigma_table_of_arrays
-from sims.learning.inference.touch_model import Arrays, checked_signals, prediction_of, taken
-from sims.learning.inference.touch_svm import TouchSvm, touch_svm_of_arrays
+from sims.learning.inference.prediction import FloatArray
+from sims.learning.inference.sigma_table import sigma_table_of_arrays
+from sims.learning.inference.touch_model import Arrays, taken
+from sims.learning.inference.touch_svm import touch_svm_of_arrays
+from sims.learning.inference.trusted_model import TrustedModel
 
 FRAMES_AT_ONCE = 1_000
 LEAST_VARIANCE = 1e-4
@@ -30,39 +31,24 @@ LEAST_VARIANCE = 1e-4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class GaussianProcessModel:
+class GaussianProcessModel(TrustedModel):
     """A touch classifier, a Gaussian process for the press, and the trust in its deviation.
 
-    Attributes
+    Attributes, beside those of every `TrustedModel`
     ----------
-    header : what it was trained on
-    touch : of the first stage
-    scaling : of counts to standardised readings
     length : length scale of the features [-]
     points : (point, feature) inducing points over the length scale [-]
     weights : (point, 3) A
     known : (point, point) Q [-]
     mean_mm, scale_mm : (3,) of the outputs [mm]
-    sigma : factors of the process' deviation
     """
 
-    header: ModelHeader
-    touch: TouchSvm
-    scaling: FeatureScaling
     length: float
     points: FloatArray
     weights: FloatArray
     known: NDArray[np.float32]
     mean_mm: FloatArray
     scale_mm: FloatArray
-    sigma: SigmaTable
-
-    def predict(self, signals: FloatArray) -> Prediction:
-        """Answers to frames (n, pair) [counts]."""
-        signals = checked_signals(self.header, signals)
-        press_mm, spread_mm = self.press_and_spread_mm(signals)
-        sigma_mm = self.sigma.sigma_mm(press_mm[:, 2], spread_mm)
-        return prediction_of(self.header, self.touch.score(signals), press_mm, sigma_mm)
 
     def press_and_spread_mm(self, signals: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(n, 3) mean and (n, 3) standard deviation of the process, before trust [mm]."""

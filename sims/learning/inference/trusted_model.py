@@ -1,0 +1,46 @@
+"""What models share that know how far to trust themselves: touch first, then a press and its deviation."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+from sims.learning.inference.feature_scaling import FeatureScaling
+from sims.learning.inference.header import ModelHeader
+from sims.learning.inference.prediction import FloatArray, Prediction
+from sims.learning.inference.sigma_table import SigmaTable
+from sims.learning.inference.touch_model import Arrays, checked_signals, prediction_of
+from sims.learning.inference.touch_svm import TouchSvm
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrustedModel(ABC):
+    """A touch classifier, something that says a press with a raw deviation, and the trust in that.
+
+    Attributes
+    ----------
+    header : what it was trained on
+    touch : of the first stage
+    scaling : of the press's features
+    sigma : factors of the raw deviation
+    """
+
+    header: ModelHeader
+    touch: TouchSvm
+    scaling: FeatureScaling
+    sigma: SigmaTable
+
+    def predict(self, signals: FloatArray) -> Prediction:
+        """Answers to frames (n, pair) [counts]."""
+        signals = checked_signals(self.header, signals)
+        press_mm, spread_mm = self.press_and_spread_mm(signals)
+        sigma_mm = self.sigma.sigma_mm(press_mm[:, 2], spread_mm)
+        return prediction_of(self.header, self.touch.score(signals), press_mm, sigma_mm)
+
+    @abstractmethod
+    def press_and_spread_mm(self, signals: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(n, 3) press and (n, 3) raw deviation of frames (n, pair), before trust [mm]."""
+
+    @abstractmethod
+    def arrays(self) -> Arrays:
+        """The numbers that its file keeps."""
