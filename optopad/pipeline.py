@@ -26,6 +26,7 @@ from optopad.finished import FinishedWork
 
 if TYPE_CHECKING:
     from fabrication.gain import SimulatedGain
+    from optopad.report.early import EarlyDrawings
     from sims.verdict.result import ContinuityScore
 
 REFUSED = 2
@@ -61,13 +62,13 @@ def run(design: SensorDesign, out: Path, *, fine: bool, seed: int, on_step: OnSt
     """
     require_valid(design)
     with bundle(design, out, seed=seed) as folder, _mold_beside(design, folder) as mold:
-        score = _scored(design, folder, fine=fine, seed=seed, on_step=on_step)
+        score, early = _scored(design, folder, fine=fine, seed=seed, on_step=on_step, with_page=True)
         on_step("mold", 0.0)
         checks = _finished(mold, folder / "cad")
         on_step("mold", 1.0)
         on_step("files", 0.0)
         _write_fabrication(design, folder, _gain_of(score))
-        _write_report(design, folder, score, checks, seed)
+        _write_report(design, folder, score, checks, seed, early)
         on_step("files", 1.0)
     return RunResult(folder=out / bundle_name(design), score=score, checks=checks)
 
@@ -117,10 +118,13 @@ def write_score(
     """
     require_valid(design)
     with _study(design, out, builds, seed) as study, bundle(design, out, seed=seed) as folder:
-        score = _scored(design, folder, fine=fine, seed=seed, on_step=on_step, study=study)
-        if (folder / "report.html").exists():  # a bundle tells one verdict: page and gain follow it
+        has_page = (folder / "report.html").exists()  # a bundle tells one verdict: page and gain follow it
+        score, early = _scored(
+            design, folder, fine=fine, seed=seed, on_step=on_step, with_page=has_page, study=study
+        )
+        if has_page:
             _write_fabrication(design, folder, _gain_of(score))
-            _write_report(design, folder, score, _checks(folder / "cad"), seed)
+            _write_report(design, folder, score, _checks(folder / "cad"), seed, early)
     return score, out / bundle_name(design)
 
 
@@ -218,22 +222,40 @@ def _scored(
     fine: bool,
     seed: int,
     on_step: OnStep,
+    with_page: bool,
     study: _Study | None = None,
-) -> ContinuityScore:
-    from design.cavity import cavity_of
-    from optopad.bound_plots import write_bound_plots
-    from sims.bounds.maps_file import maps_dataset
+) -> tuple[ContinuityScore, EarlyDrawings | None]:
+    """The score, its files, and what a page can draw of it; all but the tolerance is written beside the tolerance."""
+    from optopad.beside import beside
+    from sims.build_tolerance import with_tolerance
     from sims.continuity import score as judge
-    from sims.signal_file import save_dataset, signals_dataset
 
-    score = judge(design, fine=fine, seed=seed, tolerance=study is None, on_step=on_step)
     sims = folder / "sims"
     sims.mkdir(exist_ok=True)
     for kind in ("svg", "png"):  # those of an earlier score: a bundle tells one verdict
         (sims / f"builds.{kind}").unlink(missing_ok=True)
-    if study is not None:
-        score = _with_builds(design, score, sims, study, seed=seed, on_step=on_step)
-    write_text_atomically(sims / "score.json", json.dumps(score.to_json(), indent=2) + "\n")
+    score = judge(design, fine=fine, seed=seed, tolerance=False, on_step=on_step)
+    with beside(lambda: _without_tolerance(design, score, sims, with_page=with_page)) as drawn:
+        if study is None:
+            found = with_tolerance(design, score, seed=seed, on_step=on_step)
+        else:
+            found = _with_builds(design, score, study, seed=seed, on_step=on_step)
+        early = drawn()
+    _write_builds(found, sims)
+    write_text_atomically(sims / "score.json", json.dumps(found.to_json(), indent=2) + "\n")
+    return found, early
+
+
+def _without_tolerance(
+    design: SensorDesign, score: ContinuityScore, sims: Path, *, with_page: bool
+) -> EarlyDrawings | None:
+    """Write signals, maps and their plots; draw what a page shows of them."""
+    from design.cavity import cavity_of
+    from optopad.bound_plots import write_bound_plots
+    from optopad.report.early import early_drawings
+    from sims.bounds.maps_file import maps_dataset
+    from sims.signal_file import save_dataset, signals_dataset
+
     if score.pad_signals is not None and score.readout is not None:
         gain = score.readout.counts_per_flux
         save_dataset(
@@ -242,28 +264,27 @@ def _scored(
         save_dataset(maps_dataset(design, score), sims / "maps.nc")
     if score.bounds is not None:
         write_bound_plots(design, score.bounds, sims)
-    return score
+    return early_drawings(design, score) if with_page else None
 
 
 def _with_builds(
-    design: SensorDesign,
-    score: ContinuityScore,
-    sims: Path,
-    study: _Study,
-    *,
-    seed: int,
-    on_step: OnStep,
+    design: SensorDesign, score: ContinuityScore, study: _Study, *, seed: int, on_step: OnStep
 ) -> ContinuityScore:
-    from optopad.plot_files import write_plot
     from sims.build_tolerance import with_builds
+
+    return with_builds(design, score, builds=study.builds, seed=seed, memo=study.memo, on_step=on_step)
+
+
+def _write_builds(score: ContinuityScore, sims: Path) -> None:
+    """The plot of a study of builds, if there was one."""
+    if score.builds is None or score.tolerance is None:
+        return
+    from optopad.plot_files import write_plot
     from sims.plots.builds import plot_builds
     from sims.plots.style import plain_style
 
-    found = with_builds(design, score, builds=study.builds, seed=seed, memo=study.memo, on_step=on_step)
-    if found.builds is not None and found.tolerance is not None:
-        with plain_style():
-            write_plot(plot_builds(found.builds, found.tolerance), sims / "builds")
-    return found
+    with plain_style():
+        write_plot(plot_builds(score.builds, score.tolerance), sims / "builds")
 
 
 def _gain_of(score: ContinuityScore) -> SimulatedGain | None:
@@ -309,8 +330,13 @@ def _write_fabrication(design: SensorDesign, folder: Path, gain: SimulatedGain |
 
 
 def _write_report(
-    design: SensorDesign, folder: Path, score: ContinuityScore, checks: dict[str, Any], seed: int
+    design: SensorDesign,
+    folder: Path,
+    score: ContinuityScore,
+    checks: dict[str, Any],
+    seed: int,
+    early: EarlyDrawings | None,
 ) -> None:
     from optopad.report.page import write_report
 
-    write_report(design, folder, score, checks, seed=seed)
+    write_report(design, folder, score, checks, seed=seed, early=early)

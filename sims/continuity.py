@@ -22,6 +22,7 @@ from design.pairs import direct_path_pairs, is_facing_rows, judged_pairs, mask_o
 from design.rules import check, require_valid
 from design.spec import SensorDesign
 from sims.bounds.map_bounds import map_bounds
+from sims.build_tolerance import with_tolerance
 from sims.contact.force_curve import ForceCurve, force_curve
 from sims.contact.indentation import solved_press
 from sims.contact.press_notes import contact_notes
@@ -30,9 +31,8 @@ from sims.observability import PadBounds
 from sims.optics.light_signals import LightSignals
 from sims.readout import Readout, readout_of
 from sims.verdict.boundary_forces import boundary_forces, place_force
-from sims.verdict.build_judge import pair_judge, place_judge
 from sims.verdict.builds import noise_of, score_curves
-from sims.verdict.cautions import band_caution, margin_caution, noise_caution
+from sims.verdict.cautions import margin_caution, noise_caution
 from sims.verdict.deadbands import joint_deadband_intervals_mm
 from sims.verdict.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
 from sims.verdict.depth_curve import clipped
@@ -47,7 +47,6 @@ from sims.verdict.presses import (
     untouched_flux,
 )
 from sims.verdict.result import ContinuityScore, JudgedPair, Verdict
-from sims.verdict.tolerance import ToleranceBand, tolerance_band
 from sims.verdict.window_range import smallest_range
 
 FloatArray = NDArray[np.float64]
@@ -70,7 +69,7 @@ def score(
     fine : 11 places along the longer side and 0.1 mm steps for the map, in place of 5 and 0.2 mm; finer light
     seed : of the light model's random shifts
     verdict_only : leave out what the verdict does not need: tolerance, and the map of facing rows
-    tolerance : try both ends of every open value; `sims.build_tolerance` does that and more
+    tolerance : try both ends of every open value, as `sims.build_tolerance.with_tolerance` does afterwards
     on_step : called with the stage's name and the share of it that is done
 
     Raises
@@ -111,7 +110,6 @@ def _judged(
     pad_map, pad_signals = None, None
     if not (facing and verdict_only):
         pad_map, pad_signals = _pad_map(design, cavity, readout, fine=fine, seed=seed, tell=tell)
-    governing = governing_pair(judged, facing)
     bounds = None
     if not verdict_only and pad_map is not None and pad_signals is not None:
         bounds = map_bounds(
@@ -123,23 +121,12 @@ def _judged(
             seed=seed,
             on_step=lambda share: tell("bounds", share),
         )
-    is_tried = tolerance and not verdict_only
-    band = _tolerance(design, governing, pad_map, pad_signals, readout, seed, tell) if is_tried else None
-    return _assembled(
-        design,
-        cavity,
-        judged,
-        governing,
-        pad_map,
-        pad_signals,
-        readout,
-        flat,
-        force,
-        bounds,
-        band,
-        fine=fine,
-        seed=seed,
+    found = _assembled(
+        design, cavity, judged, pad_map, pad_signals, readout, flat, force, bounds, fine=fine, seed=seed
     )
+    if tolerance and not verdict_only:
+        return with_tolerance(design, found, seed=seed, on_step=tell)
+    return found
 
 
 def _judged_pair(
@@ -232,40 +219,22 @@ def pad_place(
     )
 
 
-def _tolerance(
-    design: SensorDesign,
-    governing: JudgedPair,
-    pad_map: PadMap | None,
-    pad_signals: LightSignals | None,
-    readout: Readout,
-    seed: int,
-    tell: OnStep,
-) -> ToleranceBand:
-    """Facing rows by their governing pair; a pad by the pairs that answer at its weakest place."""
-    if pad_map is None or pad_signals is None or is_facing_rows(cavity_of(design)):
-        name, judge = pair_judge(governing.curves.pair, governing.name, seed=seed)
-    else:
-        name, judge = place_judge(design, pad_map, pad_signals, readout, seed=seed)
-    return tolerance_band(design, name, judge, lambda share: tell("tolerance", share))
-
-
 def _assembled(
     design: SensorDesign,
     cavity: CavityGeometry,
     judged: tuple[JudgedPair, ...],
-    governing: JudgedPair,
     pad_map: PadMap | None,
     pad_signals: LightSignals | None,
     readout: Readout,
     flat: FloatArray,
     force: ForceCurve,
     bounds: PadBounds | None,
-    band: ToleranceBand | None,
     *,
     fine: bool,
     seed: int,
 ) -> ContinuityScore:
     facing = is_facing_rows(cavity)
+    governing = governing_pair(judged, facing)
     deadbands = pad_map.worst.deadbands_mm if pad_map and not facing else governing.score.deadbands_mm
     found = any(pair.score.deadbands_mm for pair in judged) if facing else bool(deadbands)
     headline = _headline(judged, governing, facing)
@@ -296,8 +265,7 @@ def _assembled(
         pad_signals=pad_signals,
         bounds=bounds,
         force=force,
-        tolerance=band,
-        warnings=_warnings(design, judged, pad_map, band),
+        warnings=_warnings(design, judged, pad_map),
     )
 
 
@@ -339,11 +307,11 @@ def _name(cavity: CavityGeometry, pair: tuple[int, int]) -> str:
 
 
 def _warnings(
-    design: SensorDesign, judged: tuple[JudgedPair, ...], pad_map: PadMap | None, band: ToleranceBand | None
+    design: SensorDesign, judged: tuple[JudgedPair, ...], pad_map: PadMap | None
 ) -> tuple[str, ...]:
     found = [str(finding) for finding in check(design)]  # errors were refused before
     found += contact_notes(design)
-    found += [text for text in (band_caution(band), noise_caution(judged)) if text]
+    found += filter(None, [noise_caution(judged)])
     if pad_map is not None and not is_facing_rows(cavity_of(design)):
         found += margin_caution(pad_map.weakest)
     clipped = [pair.name for pair in judged if pair.score.is_clipped]

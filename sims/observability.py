@@ -44,9 +44,9 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 OnStep = Callable[[float], None]
 
-BOUND_ACCURACIES = ("draft", "standard")
+BOUND_ACCURACIES = ("score", "standard")
 """Settings of the light for derivatives, cheapest first: a common lattice takes most of the error out, and voxels
-where that is not enough are traced again with the next."""
+where that is not enough are traced again with the next. The first are those of a map, whose light is found again."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -115,17 +115,36 @@ def drawings_of(
     ----------
     maps : by depth; None leaves them out
     """
+    return drawings_without_tolerance(design, score, maps) | tolerance_drawings(score)
+
+
+def drawings_without_tolerance(
+    design: SensorDesign, score: ContinuityScore, maps: MapScene | None
+) -> dict[str, Drawing]:
+    """The plots of `drawings_of` that can be drawn before builds are tried."""
     with plain_style():
-        plots = {
-            "layout": (plot_layout(design), f"Layout of {design.name} with its dimensions in millimetres"),
-            **_pair_plots(score),
-            **_map_plots(design, score),
-            **_depth_plots(maps),
-            **_press_plots(design, score),
-            **_tolerance_plots(score),
-            **_build_plots(score),
-        }
-        return {name: _drawn(name, *plot) for name, plot in plots.items()}
+        return _all_drawn(
+            {
+                "layout": (
+                    plot_layout(design),
+                    f"Layout of {design.name} with its dimensions in millimetres",
+                ),
+                **_pair_plots(score),
+                **_map_plots(design, score),
+                **_depth_plots(maps),
+                **_press_plots(design, score),
+            }
+        )
+
+
+def tolerance_drawings(score: ContinuityScore) -> dict[str, Drawing]:
+    """The plots of `drawings_of` that tell of a score's tolerance and builds."""
+    with plain_style():
+        return _all_drawn({**_tolerance_plots(score), **_build_plots(score)})
+
+
+def _all_drawn(plots: dict[str, tuple[Axes, str]]) -> dict[str, Drawing]:
+    return {name: _drawn(name, *plot) for name, plot in plots.items()}
 
 
 def _drawn(name: str, axes: Axes, shows: str) -> Drawing:

@@ -27,10 +27,11 @@ from optopad.report.closing import (
     origin_section,
     warnings_section,
 )
-from optopad.report.drawings import PREFIX, Drawing, drawings_of
+from optopad.report.drawings import PREFIX, Drawing, tolerance_drawings
+from optopad.report.early import EarlyDrawings, early_drawings
 from optopad.report.load import force_section
 from optopad.report.map_scene import MapScene
-from optopad.report.maps import map_scene, map_section
+from optopad.report.maps import map_section
 from optopad.report.markup import Html, element, joined
 from optopad.report.mold_scene import mold_scene
 from optopad.report.ray_scene import RayScene, ray_scene
@@ -83,7 +84,13 @@ class Found:
 
 
 def write_report(
-    design: SensorDesign, folder: Path, score: ContinuityScore, checks: dict[str, Any], *, seed: int
+    design: SensorDesign,
+    folder: Path,
+    score: ContinuityScore,
+    checks: dict[str, Any],
+    *,
+    seed: int,
+    early: EarlyDrawings | None = None,
 ) -> Path:
     """Write ``report.html`` and ``sims/plot-*.svg`` into a bundle; the page's path.
 
@@ -91,9 +98,10 @@ def write_report(
     ----------
     folder : the bundle, with the files that the page shows and links to
     checks : the mold's checks, as in ``cad/checks.json``
+    early : what was drawn of this score before; None draws it now
     """
-    maps = map_scene(design, score)
-    drawings = drawings_of(design, score, maps)
+    early = early or early_drawings(design, score)
+    drawings = early.drawings | tolerance_drawings(score)
     _write_drawings(folder / "sims", drawings)
     found = Found(
         checks=checks,
@@ -103,7 +111,7 @@ def write_report(
         files=tuple(bundle_files(folder)),
         mold=mold_scene(design, folder),
         light=_light(design, score, seed),
-        maps=maps,
+        maps=early.maps,
     )
     page = report_html(design, score, found, versions(), seed=seed)
     write_text_atomically(folder / PAGE, page)

@@ -46,8 +46,9 @@ BAND: Final = 2.0
 CLEAR_ERROR: Final = 0.1
 """A bound whose trace error is a larger share of it is traced again with finer light [-]; [M]."""
 
-COARSE_DEPTHS_MM: Final = (0.2, 0.7, 1.5, 2.8)
-"""Depths of the bounds of a quick score; those beyond the range of use are left out, its end is added [mm]."""
+COARSE_DEPTHS_MM: Final = (0.2, 0.7, 1.5, 2.9)
+"""Depths of the bounds of a quick score; those beyond the range of use are left out, its end is added [mm]. Most lie
+half-way between depths of its map, whose light then serves both."""
 
 FINE_DEPTHS_MM: Final = (0.15, 0.4, 0.8, 1.5, 2.5, 3.6)
 """Depths of the bounds of a fine score, likewise [mm]. Bounds change slowly with depth, so these are coarser than the

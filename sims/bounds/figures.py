@@ -14,6 +14,10 @@ from sims.bounds.fisher import Bounds
 FloatArray = NDArray[np.float64]
 
 
+ROUND_OFF_DIGITS = 12
+"""Decimals of a share that are more than round-off."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Figure:
     """A number and the ends of its band; infinite where not bounded."""
@@ -23,8 +27,11 @@ class Figure:
     high: float
 
     def complement(self) -> Figure:
-        """One minus it."""
-        return Figure(value=1.0 - self.value, low=1.0 - self.high, high=1.0 - self.low)
+        """One minus it, of a share: sums of shares are off by round-off, which is cut off."""
+        value, low, high = (
+            max(round(1.0 - share, ROUND_OFF_DIGITS), 0.0) for share in (self.value, self.high, self.low)
+        )
+        return Figure(value=value, low=low, high=high)
 
 
 def depth_weights(depth_mm: Sequence[float] | FloatArray, max_depth_mm: float) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Load against depth of the centred press, with the band that the material's modulus leaves open.
+"""Load against depth of a press, with the band that the material's modulus leaves open.
 
 The layer's shape does not depend on its modulus, and the load is proportional to it: F = E R² f(d/R, h/R).
 So one solved press gives the load at the catalogue's modulus and at both ends of its band (the mixing
@@ -24,19 +24,18 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
-class ForceCurve:
-    """Load against depth of the centred press, from the contact model.
+class LoadCurve:
+    """Load against depth of one press, from the contact model.
 
     Attributes
     ----------
-    depth_mm, contact_radius_mm : (n,) each [mm]
+    depth_mm : (n,) [mm]
     force_n : (n,) load at the modulus believed most [N]
     low_n, high_n : (n,) load at the ends of the modulus's band [N]; equal to `force_n` without a band
     """
 
     depth_mm: FloatArray
     force_n: FloatArray
-    contact_radius_mm: FloatArray
     low_n: FloatArray
     high_n: FloatArray
 
@@ -53,6 +52,18 @@ class ForceCurve:
         )
         return value, low, high
 
+
+@dataclass(frozen=True, kw_only=True)
+class ForceCurve(LoadCurve):
+    """Load and contact radius against depth.
+
+    Attributes
+    ----------
+    contact_radius_mm : (n,) [mm]
+    """
+
+    contact_radius_mm: FloatArray
+
     def contact_radius_at(self, depth_mm: float) -> float:
         """Contact radius [mm] at a depth, on straight lines between the stored ones."""
         return float(np.interp(depth_mm, self.depth_mm, self.contact_radius_mm))
@@ -65,8 +76,8 @@ def band_factors(young: Quantity) -> tuple[float, float]:
     return low / young.value, high / young.value
 
 
-def force_curve(design: SensorDesign, press: SolvedPress, depth_mm: FloatArray) -> ForceCurve:
-    """The load curve of a solved press.
+def load_curve(design: SensorDesign, press: SolvedPress, depth_mm: FloatArray) -> LoadCurve:
+    """The load of a solved press, without its surface.
 
     Parameters
     ----------
@@ -78,13 +89,14 @@ def force_curve(design: SensorDesign, press: SolvedPress, depth_mm: FloatArray) 
     ------
     ModelScopeError : deeper than solved
     """
-    states = [press.at(float(depth)) for depth in depth_mm]
-    force = np.array([state.force_n for state in states])
+    depths = np.asarray(depth_mm, dtype=np.float64)
+    force = np.array([press.force_n(float(depth)) for depth in depths])
     low, high = band_factors(modulus(design))
-    return ForceCurve(
-        depth_mm=np.asarray(depth_mm, dtype=np.float64),
-        force_n=force,
-        contact_radius_mm=np.array([state.contact_radius_mm for state in states]),
-        low_n=low * force,
-        high_n=high * force,
-    )
+    return LoadCurve(depth_mm=depths, force_n=force, low_n=low * force, high_n=high * force)
+
+
+def force_curve(design: SensorDesign, press: SolvedPress, depth_mm: FloatArray) -> ForceCurve:
+    """The load of a solved press and its contact radius; arguments and errors of `load_curve`."""
+    load = load_curve(design, press, depth_mm)
+    radius = np.array([press.at(float(depth)).contact_radius_mm for depth in load.depth_mm])
+    return ForceCurve(**vars(load), contact_radius_mm=radius)

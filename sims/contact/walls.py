@@ -27,6 +27,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -179,8 +180,12 @@ def _superposed(layer: float, depth: float, distances: Walls) -> _Superposed | N
     return _Superposed(walls, state, [wall_data().distance_weights(wall) for wall in walls], force, height)
 
 
+@lru_cache(maxsize=4096)
 def wall_force_factor(layer: float, depth: float, distances: Walls) -> float:
-    """Force over that of the centred press [-], without the field; arguments and errors of `wall_correction`."""
+    """Force over that of the centred press [-], without the field; arguments and errors of `wall_correction`.
+
+    Remembered: pairs, map and page ask for the same places and depths.
+    """
     found = _superposed(layer, depth, distances)
     return 1.0 if found is None else found.force_factor()
 

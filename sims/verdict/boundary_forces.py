@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 from design.errors import ModelScopeError
 from design.spec import SensorDesign
-from sims.contact.force_curve import ForceCurve, force_curve
+from sims.contact.force_curve import LoadCurve, load_curve
 from sims.contact.indentation import solved_press
 from sims.depths import depth_schedule_mm
 from sims.verdict.modes import Modes
@@ -52,7 +52,7 @@ class BoundaryForces:
 BOUNDARIES = ("mode1_start", "mode1_end", "mode2_onset", "mode2_end")
 
 
-def boundary_forces(modes: Modes, force: ForceCurve, *, is_at_place: bool = True) -> BoundaryForces:
+def boundary_forces(modes: Modes, force: LoadCurve, *, is_at_place: bool = True) -> BoundaryForces:
     """The loads of a press at the boundaries of the modes.
 
     Parameters
@@ -69,10 +69,10 @@ def boundary_forces(modes: Modes, force: ForceCurve, *, is_at_place: bool = True
     )
 
 
-def place_force(design: SensorDesign, place_mm: tuple[float, float]) -> tuple[ForceCurve, bool]:
+def place_force(design: SensorDesign, place_mm: tuple[float, float]) -> tuple[LoadCurve, bool]:
     """Load against depth of a press at a place, and whether it is that place's or the centred press's."""
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm)
     try:
-        return force_curve(design, solved_press(design, at_mm=place_mm), depth_mm), True
+        return load_curve(design, solved_press(design, at_mm=place_mm), depth_mm), True
     except ModelScopeError:
-        return force_curve(design, solved_press(design), depth_mm), False
+        return load_curve(design, solved_press(design), depth_mm), False
