@@ -6,7 +6,9 @@
                                                the touched frames in which it reads less
     noise                                      the design's signal chain, widened to what untouched frames show, and the
                                                map's measured error
-    threshold of touch                         what `FALSE_ALARMS` of the untouched frames exceed
+    threshold of touch                         what `FALSE_ALARMS` of the untouched frames exceed in the worst of the
+                                               sets, each held against the untouched signals of the others: a new set
+                                               has gains, lamps and a phase of its own
 
 So few presses are needed, or none: untouched frames alone do. Left out: a bias of the reference depth in the data,
 which the model does not learn (`sims.learning.calibration` does).
@@ -61,6 +63,7 @@ CLEARLY_UNTOUCHED_MM = -0.25
 FEWEST_UNTOUCHED = 10
 FORCE_DEPTHS = 51
 MOST_FOR_THRESHOLD = 1500
+"""Untouched frames that the threshold is set by, of all sets together."""
 MOST_FOR_CLIPPED = 3000
 BRIGHT = 0.05
 """Pairs of more than this share of the median untouched signal tell gains."""
@@ -326,10 +329,30 @@ def _moved_by_touches(model: SignalMapModel, untouched: Untouched, data: PressDa
 
 
 def _threshold(model: SignalMapModel, data: PressData, seed: int, on_step: OnStep | None) -> float:
-    rows = np.flatnonzero(untouched_rows(data))
-    if len(rows) > MOST_FOR_THRESHOLD:
-        rows = np.sort(np.random.default_rng(seed).choice(rows, MOST_FOR_THRESHOLD, replace=False))
-    score = model.predict(data.only(rows).features().astype(np.float64)).touch_score
+    """What few untouched frames exceed in any set, with untouched signals of the other sets (of all, if it is one)."""
+    quiet = data.only(untouched_rows(data))
+    numbers = [
+        one for one in np.unique(quiet.set_number) if (quiet.set_number == one).sum() >= FEWEST_UNTOUCHED
+    ]
+    most = MOST_FOR_THRESHOLD // max(len(numbers), 1)
+    highest = LEAST_THRESHOLD
+    for number in numbers or [None]:
+        own = np.ones(len(quiet), dtype=bool) if number is None else quiet.set_number == number
+        others = model if own.all() else _without(model, quiet, own)
+        rows = np.flatnonzero(own)
+        if len(rows) > most:
+            rows = np.sort(np.random.default_rng(seed).choice(rows, most, replace=False))
+        score = others.predict(quiet.only(rows).features().astype(np.float64)).touch_score
+        highest = max(highest, float(np.quantile(score, 1.0 - FALSE_ALARMS)))
     if on_step is not None:
         on_step("fit", 1.0)
-    return max(float(np.quantile(score, 1.0 - FALSE_ALARMS)), LEAST_THRESHOLD)
+    return highest
+
+
+def _without(model: SignalMapModel, quiet: PressData, own: BoolArray) -> SignalMapModel:
+    """The model with the untouched signals (but those at full scale) of the frames that are not `own`."""
+    signals = quiet.features().astype(np.float64)
+    whole, rest = signals.mean(axis=0), signals[~own].mean(axis=0)
+    is_clipped = whole >= CLIP_SHARE * model.noise.clip_counts
+    change = np.where(is_clipped, 1.0, rest / np.maximum(whole, 1.0))
+    return replace(model, full_counts=model.full_counts * np.maximum(change, 0.5))
