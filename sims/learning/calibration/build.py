@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.spec import SensorDesign
-from sims.bounds.chain_bounds import stage_errors
 from sims.bounds.stencil import SEED_GAP
 from sims.dataset import PressData
 from sims.learning.calibration.fit import Fitted, fitted
@@ -82,7 +81,7 @@ def calibrated(
     """
     unknowns = unknowns_of(design)
     samples = calibration_samples(data, design.operating.max_depth_mm)
-    stage = stage_errors(design)
+    stage = design.noise
     middle, spread, value, low, high = (
         np.array([getattr(one, name) for one in unknowns])
         for name in ("middle", "spread", "value", "low", "high")
@@ -100,7 +99,8 @@ def calibrated(
         start=(value - middle) / spread,
         low=(low - middle) / spread,
         high=(high - middle) / spread,
-        stage_mm=np.maximum([stage.position_mm, stage.position_mm, stage.depth_mm], SMALLEST_STAGE_MM),
+        stage_mm=np.maximum([stage.position_error_mm] * 2 + [stage.zero_offset_place_mm], SMALLEST_STAGE_MM),
+        set_depth_mm=stage.zero_offset_set_mm,
         on_step=on_step,
     )
     return Calibration(

@@ -7,23 +7,42 @@ Signals of sample s and pair (i, j) under unknown parameters u (in spreads of th
     y_s,ij = gᵢ hⱼ F_s,ij(u, press_s + δ) + n,     F the light model, g, h the gains
 
 with normal priors: u of mean 0 and spread 1; the tip of every press beside where the stage says it is, δ, of spread
-`stage_mm` in x, y and depth; the logarithms of gains of spread `GAIN_SPREAD` about those that the untouched signals
-tell. n is the chain's noise, and a model error of `MODEL_SHARE` of the untouched signal: the trace's own, walls near
-the tip. The untouched signals count as one more sample without δ. Minimised by Gauss-Newton steps on all unknowns at
-once,
+`stage_mm` in x, y and depth, and in depth of `set_depth_mm` more that all presses of a set have in common; the
+logarithms of gains of spread `GAIN_SPREAD` about those that the untouched signals tell. The untouched signals count as
+one more sample without δ. n is
+
+    the chain's noise, drift and fluctuation of gains, a reading for itself
+    a model error of `MODEL_SHARE` of the untouched signal: the trace's own, walls near the tip; readings that stand
+        against the same number of the light model share it (`shared_error`)
+    what a straight line leaves of the light between the places where the tip may be, a reading for itself: light kinks
+        where the tip meets a path. With F± at ±√3 standard deviations of δ and F₀ between, the curve F₀ + b z + q z² of
+        a standard normal z has q = (F₊ + F₋ - 2 F₀) / 6 and leaves q z², of mean square 3 q²; b is the slope
+        (statistical linearisation by three Gauss-Hermite points: Särkkä 2013, section 6.2)
+
+Minimised by Gauss-Newton steps on all unknowns at once,
 
     (AᵀA + P) Δ = Aᵀr - P(Δ₀),    A and r in standard deviations of n, P the priors' information
 
-F is traced at each step; its slopes by u come from differences at the start and once more near the end, and follow
-Broyden's rank-one rule between (Broyden 1965), so that a step costs one trace. The light model's offsets have one seed
-throughout: differences are of the parameters, not of the rays. Steps end at the doubt's ends.
+F is traced at each step; its slopes by u come from differences at the start and follow Broyden's rank-one rule
+(Broyden 1965) for `STEPS` steps, so that a step costs one trace. Steps end at the doubt's ends. But F is rough in u:
+its adaptive integration errs a little differently at every step, so that near the end its noise decides which of two
+costs is less, and slopes that hold the noise show information that is none: such a descent stops short, far from the
+minimum along the valley of what is hardly told. So from there on no costs are compared. Slopes U come twice by fresh
+differences, with light of two seeds, whose noise is independent, and
 
-What the data tell of u is the information that the other unknowns leave, I = Uᵀ(1 - N(NᵀN + P)⁻¹Nᵀ)U, U the slopes by
-u, N by all else. Slopes that carry the light's own noise would invent information (`sims.bounds.fisher`), so U comes
-twice, the second time with light of another seed, and I is their symmetrised product, less two standard errors that
-the light leaves, negative ones taken as none. The covariance of u is (I + 1)⁻¹; over that of the prior, 1, it says what
-the data determine (`report`). Left out: scatter from part to part, several minima, errors of contact and light model
-that are no noise: on hidden builds values are off by several of these deviations (docs/validation/calibration.md).
+    I = Uᵀ(1 - N(NᵀN + P)⁻¹Nᵀ)U        what the data tell of u beside the other unknowns; N the slopes by these
+
+is the symmetrised product of the two (`sims.bounds.fisher`), each eigenvalue with the standard error e that the light
+leaves. `POLISH` steps with the mean light of `LIGHTS` seeds solve Uᵀr = u, U the mean of both, by
+
+    Δ = (I + e + 1)⁻¹ (Uᵀr - u)
+
+whose end does not depend on the matrix, so that e only makes a step shorter where little is told.
+
+The covariance of u is (I - 2 e + 1)⁻¹, negative eigenvalues of I - 2 e taken as none; over that of the prior, 1, it
+says what the data determine (`report`). Left out: scatter from part to part, several minima, gains that differ from set
+to set (their drift counts as noise), model errors that neighbouring places and depths share, and larger ones. How far
+off values are on hidden builds is in docs/validation/calibration.md.
 """
 
 from __future__ import annotations
@@ -33,31 +52,23 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from sims.bounds.defaults import TOLD_FROM_ZERO
+from sims.learning.calibration.problem import LIGHTS, Light, OnStep, Problem
 from sims.learning.calibration.samples import CalibrationSamples
 from sims.learning.inference.reading_noise import ReadingNoise
 from sims.learning.map_learner import fitted_gains
 
 FloatArray = NDArray[np.float64]
-Light = Callable[[FloatArray, FloatArray, int], FloatArray]
-"""Flux (n, pair) of parameters (unknown,) in spreads and presses (n, 3), depth 0 untouched; light of half 0 or 1."""
-OnStep = Callable[[str, float], None]
 
 GAIN_SPREAD = 0.5
-MODEL_SHARE = 0.004
-SLOPE_STEP = 0.5
-"""Step of the differences by a parameter, in spreads of its doubt."""
-PLACE_MM = 0.1
-"""Light is traced at places rounded to this and carried to the place itself by the slopes: what a stage's error had
-kept apart is symmetric again, and traced once. Over half of it a signal of 300 counts bends by about 0.1 counts."""
-PRESS_STEP_MM = 0.1
-"""Step of the differences by x, y and depth, half of it to either side."""
-STEPS = 3, 6
-"""Steps with slopes that follow Broyden's rule, before and after slopes are taken anew."""
-DONE = 0.01
-"""Steps smaller than this in every parameter end a round, in spreads."""
-SMALL_FLUX = 1e-12
+POLISH = 4
+"""Steps with the mean light."""
+STEPS = 4
+"""Steps with slopes that follow Broyden's rule."""
+DONE = 0.05
+"""Steps smaller than this in every parameter end them, in spreads: the light's noise over less is no slope."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,71 +95,6 @@ class Fitted:
     traces: int
 
 
-@dataclass(eq=False)
-class _Problem:
-    """Samples, light and priors of one calibration; counts the traces."""
-
-    light: Light
-    samples: CalibrationSamples
-    noise: ReadingNoise
-    low: FloatArray
-    high: FloatArray
-    stage_mm: FloatArray
-    on_step: OnStep
-    expected: int
-    traces: int = 0
-
-    def __post_init__(self) -> None:
-        rows, pairs = self.samples.signals.shape
-        mean = self.samples.untouched.mean_counts
-        self.signals = np.concatenate([self.samples.signals, mean[None]])
-        self.press_mm = np.concatenate([self.samples.press_mm, [[*self.samples.press_mm[0, :2], 0.0]]])
-        clip = self.samples.untouched.clip_counts
-        variance = self.noise.variance(self.signals) + (MODEL_SHARE * np.maximum(mean, np.median(mean))) ** 2
-        drift = np.hypot(self.noise.emitter_drift, self.noise.receiver_drift)
-        variance += (drift * self.signals) ** 2
-        is_lost = self.signals >= clip - 3.0 * np.sqrt(variance)
-        self.weight = np.where(is_lost, 0.0, variance**-0.5)
-        names = np.divmod(np.arange(pairs), pairs // self.samples.emitters)
-        self.parts = np.concatenate(
-            [np.eye(self.samples.emitters)[names[0]], np.eye(pairs // self.samples.emitters)[names[1]]],
-            axis=1,
-        )
-        self.of_press = np.zeros((rows + 1, self.samples.presses))
-        self.of_press[np.arange(rows), self.samples.press] = 1.0
-        self.offset_information = np.tile(self.stage_mm**-2.0, self.samples.presses)
-        self.rounded_mm = self.press_mm.copy()
-        self.rounded_mm[:, :2] = np.round(self.press_mm[:, :2] / PLACE_MM) * PLACE_MM
-
-    def flux(self, values: FloatArray, *, moved_mm: FloatArray | None = None, half: int = 0) -> FloatArray:
-        """(sample, pair) light of parameters at the rounded places, moved by (3,); untouched in the last row."""
-        press_mm = self.rounded_mm.copy()
-        if moved_mm is not None:
-            press_mm[:-1] += moved_mm
-        self.traces += 1
-        self.on_step("calibration", min(self.traces / self.expected, 1.0))
-        return np.maximum(self.light(values, press_mm, half), SMALL_FLUX)
-
-    def slopes(self, values: FloatArray, half: int) -> FloatArray:
-        """(unknown, sample, pair) change of light with each parameter, by differences towards the inside."""
-        flux = self.flux(values, half=half)
-        found = []
-        for axis in range(len(values)):
-            side = SLOPE_STEP if values[axis] + SLOPE_STEP <= self.high[axis] else -SLOPE_STEP
-            moved = values.copy()
-            moved[axis] += side
-            found.append((self.flux(moved, half=half) - flux) / side)
-        return np.array(found)
-
-    def press_slopes(self, values: FloatArray) -> FloatArray:
-        """(3, sample, pair) change of light with x, y and depth of the press [1/mm]."""
-        found = []
-        for axis in 0.5 * PRESS_STEP_MM * np.eye(3):
-            above, below = (self.flux(values, moved_mm=side * axis) for side in (1.0, -1.0))
-            found.append((above - below) / PRESS_STEP_MM)
-        return np.array(found)
-
-
 def fitted(
     light: Light,
     samples: CalibrationSamples,
@@ -158,6 +104,7 @@ def fitted(
     low: FloatArray,
     high: FloatArray,
     stage_mm: FloatArray,
+    set_depth_mm: float = 0.0,
     on_step: OnStep | None = None,
 ) -> Fitted:
     """Fit a build.
@@ -168,21 +115,22 @@ def fitted(
     noise : of one reading, by the chain
     start, low, high : (unknown,) where the fit begins, and the ends, in spreads
     stage_mm : (3,) standard deviations of where a press really is, beside the stage's x, y and depth [mm]
+    set_depth_mm : the same of depth, common to all presses of a set [mm]
     on_step : called with ``calibration`` and about the share that is done
     """
-    problem = _Problem(
-        light, samples, noise, low, high, stage_mm, on_step or (lambda _stage, _share: None),
-        expected=3 * (len(start) + 1) + sum(STEPS) + 13,
+    problem = Problem(
+        light, samples, noise, low, high, stage_mm, set_depth_mm, on_step or (lambda _stage, _share: None),
+        expected=3 * (len(start) + 1) + STEPS + 13 + LIGHTS * (POLISH + 1),
     )  # fmt: skip
-    state = _State(problem, start, problem.flux(start), problem.press_slopes(start))
+    state = _State(problem, start, problem.flux(start))
+    state.look_around()
     first = state.rms
     state.slopes = problem.slopes(state.values, 0)
-    state.descend(STEPS[0])
-    state.by_press = problem.press_slopes(state.values)
-    state.log_gains, state.offset_mm = state.inner(state.flux)
+    state.descend(STEPS)
     halves = [problem.slopes(state.values, half) for half in range(2)]
     state.slopes = 0.5 * (halves[0] + halves[1])
-    state.descend(STEPS[1])
+    state.look_around()
+    state.polish(halves)
     gains = state.gain_covariance()
     problem.on_step("calibration", 1.0)
     return Fitted(
@@ -199,20 +147,26 @@ def fitted(
 class _State:
     """Where the fit stands."""
 
-    def __init__(self, problem: _Problem, values: FloatArray, flux: FloatArray, by_press: FloatArray) -> None:
-        self.problem, self.values, self.flux, self.by_press = problem, values, flux, by_press
+    def __init__(self, problem: Problem, values: FloatArray, flux: FloatArray) -> None:
+        self.problem, self.values, self.flux = problem, values, flux
         self.slopes = np.zeros((len(values), *flux.shape))
+        self.by_press = np.zeros((3, *flux.shape))
         samples = problem.samples
         level = np.log(fitted_gains(samples.untouched, flux[-1], samples.emitters))
         self.prior_gains = np.linalg.lstsq(problem.parts, level, rcond=None)[0]
         self.log_gains = self.prior_gains.copy()
         self.offset_mm = np.zeros(3 * samples.presses)
-        self.log_gains, self.offset_mm = self.inner(flux)
+
+    def look_around(self) -> None:
+        """Slopes by the press, and weights of the readings, where the fit stands; gains and offsets to match."""
+        self.by_press, left = self.problem.press_slopes(self.values, self.flux)
+        self.problem.weigh(self.flux, np.exp(self.problem.parts @ self.log_gains) * left)
+        self.log_gains, self.offset_mm = self.inner(self.flux)
 
     @property
     def rms(self) -> float:
         """Residual over readings that count, in standard deviations."""
-        counted = self.problem.weight > 0
+        counted = self.problem.weight.ravel() > 0
         residual = self._residual(self.flux, self.log_gains, self.offset_mm)
         return float(np.sqrt((residual[counted] ** 2).mean()))
 
@@ -250,7 +204,9 @@ class _State:
         return np.asarray(np.exp(self.problem.parts @ log_gains) * moved)
 
     def _residual(self, flux: FloatArray, log_gains: FloatArray, offset_mm: FloatArray) -> FloatArray:
-        return (self.problem.signals - self._mean(flux, log_gains, offset_mm)) * self.problem.weight
+        """(reading,) in standard deviations, made independent."""
+        off = (self.problem.signals - self._mean(flux, log_gains, offset_mm)) * self.problem.weight
+        return self.problem.whitened(off)[:, 0]
 
     def _cost(
         self, values: FloatArray, flux: FloatArray, log_gains: FloatArray, offset_mm: FloatArray
@@ -258,7 +214,7 @@ class _State:
         priors = (
             (values**2).sum()
             + (((log_gains - self.prior_gains) / GAIN_SPREAD) ** 2).sum()
-            + (offset_mm**2 * self.problem.offset_information).sum()
+            + offset_mm @ self.problem.offset_information @ offset_mm
         )
         return float((self._residual(flux, log_gains, offset_mm) ** 2).sum() + priors)
 
@@ -273,7 +229,7 @@ class _State:
         slopes = np.moveaxis(self.by_press * (gains * problem.weight), 0, 2)
         by_offset = problem.of_press[:, None, :, None] * slopes[:, :, None, :]
         both = np.concatenate([by_gain, by_offset.reshape(*mean.shape, -1)], axis=2)
-        return both.reshape(-1, both.shape[2]), problem.parts.shape[1]
+        return problem.whitened(both), problem.parts.shape[1]
 
     def inner(self, flux: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Best gains and reference depths for some light."""
@@ -282,29 +238,32 @@ class _State:
             columns, gains = self._columns(flux, log_gains, offset_mm)
             now = np.concatenate([log_gains - self.prior_gains, offset_mm])
             prior = self._nuisance_information(gains)
-            slope = columns.T @ self._residual(flux, log_gains, offset_mm).ravel() - prior * now
-            step = np.linalg.solve(columns.T @ columns + np.diag(prior), slope)
+            slope = columns.T @ self._residual(flux, log_gains, offset_mm) - prior @ now
+            step = np.linalg.solve(columns.T @ columns + prior, slope)
             log_gains, offset_mm = log_gains + step[:gains], offset_mm + step[gains:]
         return log_gains, offset_mm
 
     def _nuisance_information(self, gains: int) -> FloatArray:
-        return np.concatenate([np.full(gains, GAIN_SPREAD**-2.0), self.problem.offset_information])
+        return np.asarray(block_diag(GAIN_SPREAD**-2.0 * np.eye(gains), self.problem.offset_information))
 
     def _normal(self) -> tuple[FloatArray, FloatArray]:
         """AᵀA + P of all unknowns, parameters first, and the right-hand side."""
         problem = self.problem
         nuisance, gains = self._columns(self.flux, self.log_gains, self.offset_mm)
         level = np.exp(problem.parts @ self.log_gains) * problem.weight
-        own = (self.slopes * level).reshape(len(self.values), -1).T
+        own = problem.whitened(np.moveaxis(self.slopes * level, 0, 2))
         columns = np.concatenate([own, nuisance], axis=1)
-        prior = np.concatenate([np.ones(len(self.values)), self._nuisance_information(gains)])
+        prior = block_diag(np.eye(len(self.values)), self._nuisance_information(gains))
         now = np.concatenate([self.values, self.log_gains - self.prior_gains, self.offset_mm])
-        residual = self._residual(self.flux, self.log_gains, self.offset_mm).ravel()
-        return columns.T @ columns + np.diag(prior), columns.T @ residual - prior * now
+        residual = self._residual(self.flux, self.log_gains, self.offset_mm)
+        return columns.T @ columns + prior, columns.T @ residual - prior @ now
 
     def _step(self) -> FloatArray:
         """Of all unknowns; a parameter at an end that wants beyond it is held."""
-        matrix, slope = self._normal()
+        return self._held(*self._normal())
+
+    def _held(self, matrix: FloatArray, slope: FloatArray) -> FloatArray:
+        """Solution of matrix x step = slope, parameters first; those at an end that want beyond it are held."""
         names = len(self.values)
         held = np.zeros(len(slope), dtype=bool)
         for _ in range(names):
@@ -320,26 +279,60 @@ class _State:
             held[:names] |= at_end
         return step
 
+    def polish(self, halves: list[FloatArray]) -> None:
+        """Steps with the mean light of several seeds and fixed slopes, by what two halves of these agree on."""
+        problem = self.problem
+        for _ in range(POLISH):
+            self._settle()
+            vectors, told, error = self.information(halves)
+            matrix = (vectors * (np.maximum(told, 0.0) + error + 1.0)) @ vectors.T
+            level = np.exp(problem.parts @ self.log_gains) * problem.weight
+            own = problem.whitened(np.moveaxis(self.slopes * level, 0, 2))
+            residual = self._residual(self.flux, self.log_gains, self.offset_mm)
+            step = self._held(matrix, own.T @ residual - self.values)
+            self.values = np.clip(self.values + step, problem.low, problem.high)
+        self._settle()
+
+    def _settle(self) -> None:
+        """Mean light where the fit stands, gains and offsets to match."""
+        self.flux = self.problem.mean_flux(self.values)
+        self.log_gains, self.offset_mm = self.inner(self.flux)
+
     def gain_covariance(self) -> FloatArray:
         """(gain, gain) of the logarithms of gains, all else unknown."""
         names, gains = len(self.values), self.problem.parts.shape[1]
         return np.asarray(np.linalg.inv(self._normal()[0])[names : names + gains, names : names + gains])
 
-    def covariance(self, halves: list[FloatArray]) -> FloatArray:
-        """(unknown, unknown) of the parameters, by slopes (unknown, sample, pair) of two independent halves."""
+    def information(self, halves: list[FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """What the data tell of the parameters, by slopes (unknown, sample, pair) of two independent halves.
+
+        Returns
+        -------
+        (unknown, direction) directions, (direction,) information on each, and its standard error by the light's noise
+        """
         nuisance, gains = self._columns(self.flux, self.log_gains, self.offset_mm)
         level = np.exp(self.problem.parts @ self.log_gains) * self.problem.weight
-        first, second = ((half * level).reshape(len(self.values), -1).T for half in halves)
-        inner = nuisance.T @ nuisance + np.diag(self._nuisance_information(gains))
+        first, second = (self.problem.whitened(np.moveaxis(half * level, 0, 2)) for half in halves)
+        inner = nuisance.T @ nuisance + self._nuisance_information(gains)
         shared = [nuisance.T @ half for half in (first, second)]
         told = first.T @ second - shared[0].T @ np.linalg.solve(inner, shared[1])
         information, vectors = np.linalg.eigh(0.5 * (told + told.T))
-        sure = information - TOLD_FROM_ZERO * _information_error(first @ vectors, second @ vectors)
-        return np.asarray((vectors / (np.maximum(sure, 0.0) + 1.0)) @ vectors.T)
+        sums = self.problem.shared.sums
+        return vectors, information, _information_error(first @ vectors, second @ vectors, sums)
+
+    def covariance(self, halves: list[FloatArray]) -> FloatArray:
+        """(unknown, unknown) of the parameters, by slopes (unknown, sample, pair) of two independent halves."""
+        vectors, told, error = self.information(halves)
+        return np.asarray((vectors / (np.maximum(told - TOLD_FROM_ZERO * error, 0.0) + 1.0)) @ vectors.T)
 
 
-def _information_error(first: FloatArray, second: FloatArray) -> FloatArray:
-    """(direction,) standard error of Σ first x second over readings (reading, direction): `sims.bounds.fisher`."""
-    variance = 0.5 * (first - second) ** 2
-    slope = 0.25 * (first + second) ** 2
-    return np.asarray(np.sqrt((2.0 * slope * variance + variance**2).sum(axis=0)))
+def _information_error(
+    first: FloatArray, second: FloatArray, sums: Callable[[FloatArray], FloatArray]
+) -> FloatArray:
+    """(direction,) standard error of Σ first x second over readings (reading, direction): `sims.bounds.fisher`.
+
+    With t the mean and d the difference of the halves it is √Σ((t d)² + (d²/2)²); readings that stand against the same
+    light have their noise in common, so that `sums` adds them up before the squares.
+    """
+    mean, off = 0.5 * (first + second), first - second
+    return np.asarray(np.sqrt((sums(mean * off) ** 2 + sums(0.5 * off**2) ** 2).sum(axis=0)))

@@ -32,6 +32,7 @@ class CalibrationSamples:
     ----------
     press_mm : (n, 3) x, y, depth by the stage [mm]
     press : (n,) number of the press
+    press_set : (press,) number of the set that each press belongs to
     signals : (n, pair) readings less the off state [counts]
     untouched : what the sensor reads without a touch
     emitters : how many
@@ -39,6 +40,7 @@ class CalibrationSamples:
 
     press_mm: FloatArray
     press: IntArray
+    press_set: IntArray
     signals: FloatArray
     untouched: Untouched
     emitters: int
@@ -80,6 +82,7 @@ def calibration_samples(data: PressData, deepest_mm: float) -> CalibrationSample
     return CalibrationSamples(
         press_mm=data.press_mm[kept],
         press=np.concatenate(press),
+        press_set=np.array([data.set_number[number == one][0] for one in reached], dtype=np.int64),
         signals=data.only(kept).features().astype(np.float64),
         untouched=untouched,
         emitters=len(data.emitter_names),

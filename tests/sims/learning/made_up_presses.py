@@ -20,11 +20,12 @@ def made_up_data(
     *,
     full_scale: float = 4095.0,
     gain: float = 1e5,
+    places: np.ndarray | None = None,
 ) -> tuple[PressData, np.ndarray]:
-    """Data of presses at random places, and the gains (pair,) behind them."""
+    """Data of presses at random places, if none are given, and the gains (pair,) behind them."""
     chance = np.random.default_rng(seed)
     gains = gain * np.exp(0.1 * chance.normal(size=(COUNT, 1)) + 0.1 * chance.normal(size=(1, COUNT))).ravel()
-    places = chance.uniform(7.0, 25.0, size=(presses, 2))
+    places = chance.uniform(7.0, 25.0, size=(presses, 2)) if places is None else places
     reported, signals, number = [], [], []
     for press, (place, zero) in enumerate(zip(places, zero_mm, strict=True)):
         at = np.column_stack([np.tile(place, (len(DEPTHS_MM), 1)), DEPTHS_MM])
