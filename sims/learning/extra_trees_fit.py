@@ -23,11 +23,12 @@ from sims.dataset import PressData
 from sims.learning.fit_beginning import begun
 from sims.learning.inference.extra_trees import ExtraTreesModel, Forest
 from sims.learning.inference.feature_scaling import FeatureScaling
+from sims.learning.inference.sigma_table import UNIT_SIGMA
 from sims.learning.model_header import trained_header
 from sims.learning.press_samples import PressSamples
 from sims.learning.scalings import counts_scaling
 from sims.learning.settings import DEFAULT, FitSettings
-from sims.learning.trust import UNIT_TRUST, trust_of
+from sims.learning.trust import trust_of
 
 OnStep = Callable[[str, float], None]
 
@@ -66,7 +67,7 @@ def fit_extra_trees(
         touch=start.touch,
         scaling=scaling,
         forest=tried,
-        sigma=UNIT_TRUST,
+        sigma=UNIT_SIGMA,
     )
     table, figures = trust_of(model, samples)
     on_step("fit", 1.0)

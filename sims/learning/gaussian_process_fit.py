@@ -25,11 +25,12 @@ from sims.learning.errors_mm import mean_error_mm
 from sims.learning.fit_beginning import begun
 from sims.learning.inference.feature_scaling import FeatureScaling
 from sims.learning.inference.gaussian_process import GaussianProcessModel, exponential_kernel
+from sims.learning.inference.sigma_table import UNIT_SIGMA
 from sims.learning.model_header import trained_header
 from sims.learning.press_samples import PressSamples
 from sims.learning.scalings import standard_scaling
 from sims.learning.settings import DEFAULT, FitSettings
-from sims.learning.trust import UNIT_TRUST, trust_of
+from sims.learning.trust import trust_of
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -82,7 +83,7 @@ def fit_gaussian_process(
         known=np.zeros((0, 0), np.float32),
         mean_mm=samples.press_mm.mean(axis=0),
         scale_mm=samples.press_mm.std(axis=0),
-        sigma=UNIT_TRUST,
+        sigma=UNIT_SIGMA,
     )
     tried = _projected(empty, samples, ~samples.is_held_out, scales.noise, settings.inducing, rng)
     table, figures = trust_of(tried, samples)

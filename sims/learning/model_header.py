@@ -11,6 +11,9 @@ from sims.learning.inference.header import ModelHeader
 from sims.learning.training_data import TrainingData
 
 LIBRARIES = ("optopad", "numpy", "scipy", "scikit-learn")
+SIGMA_OF_STAGE = "what the stage says, its errors included"
+SIGMA_OF_TIP = "where the tip is, without the stage's errors"
+"""What a model's `sigma_mm` is a deviation of, for its header: learners know the tip by the stage's word only."""
 
 
 def trained_header(kind: str, data: TrainingData, settings: Mapping[str, Any], seed: int) -> ModelHeader:
@@ -23,6 +26,6 @@ def trained_header(kind: str, data: TrainingData, settings: Mapping[str, Any], s
         receiver_names=source.receiver_names,
         untouched_counts=data.untouched_counts,
         trained_on=data.facts(),
-        settings={**settings, "seed": seed},
+        settings={**settings, "seed": seed, "sigma_of": SIGMA_OF_STAGE},
         created_with={name: version(name) for name in LIBRARIES} | {"python": platform.python_version()},
     )

@@ -20,10 +20,11 @@ from sklearn.neural_network import MLPRegressor
 from sims.dataset import PressData
 from sims.learning.fit_beginning import begun
 from sims.learning.inference.network import Network, NetworkModel
+from sims.learning.inference.sigma_table import UNIT_SIGMA
 from sims.learning.model_header import trained_header
 from sims.learning.scalings import standard_scaling
 from sims.learning.settings import DEFAULT, FitSettings
-from sims.learning.trust import UNIT_TRUST, trust_of
+from sims.learning.trust import trust_of
 
 FloatArray = NDArray[np.float64]
 OnStep = Callable[[str, float], None]
@@ -72,7 +73,7 @@ def fit_network(
         networks=(fitted(~samples.is_held_out, lambda share: on_step("fit", 0.45 * share)),),
         mean_mm=mean_mm,
         scale_mm=scale_mm,
-        sigma=UNIT_TRUST,
+        sigma=UNIT_SIGMA,
     )
     table, figures = trust_of(model, samples)
     final = fitted(np.ones(len(samples), np.bool_), lambda share: on_step("fit", 0.45 + 0.55 * share))

@@ -61,6 +61,7 @@ class SignalMap:
     workspace_mm : (2, 2) lowest and highest x, y of the workspace
     digest, accuracy, seed : of what design, how finely traced
     error : (pair,) RMS error of the ratio to the untouched light at random presses [-]; None where not measured
+    checked : those presses and their light; None where not measured
     """
 
     x_mm: FloatArray
@@ -72,6 +73,7 @@ class SignalMap:
     accuracy: str
     seed: int
     error: FloatArray | None = None
+    checked: MapError | None = None
 
     @property
     def untouched(self) -> FloatArray:

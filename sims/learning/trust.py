@@ -25,8 +25,6 @@ FloatArray = NDArray[np.float64]
 BINS = 10
 """Depth said is cut into so many shares of equal numbers of samples."""
 LEAST_FACTOR = 1e-3
-UNIT_TRUST = SigmaTable(depth_mm=np.zeros(1), factor=np.ones((1, 3)))
-"""Of a model whose trust is still to be measured."""
 
 
 class KnowsSpread(Protocol):
@@ -45,16 +43,19 @@ def trust_of(model: KnowsSpread, samples: PressSamples) -> tuple[SigmaTable, dic
     return sigma_table(told_mm, spread_mm, press_mm), held_out_figures(told_mm, press_mm)
 
 
-def sigma_table(told_mm: FloatArray, spread_mm: FloatArray, press_mm: FloatArray) -> SigmaTable:
+def sigma_table(
+    told_mm: FloatArray, spread_mm: FloatArray, press_mm: FloatArray, bins: int = BINS
+) -> SigmaTable:
     """Factors from held-out samples.
 
     Parameters
     ----------
     told_mm, spread_mm : (n, 3) what the model said, and its raw deviation, above 0 [mm]
     press_mm : (n, 3) the truth [mm]
+    bins : of depth, with equal numbers of samples
     """
     order = np.argsort(told_mm[:, 2], kind="stable")
-    parts = [part for part in np.array_split(order, BINS) if len(part)]
+    parts = [part for part in np.array_split(order, bins) if len(part)]
     depth_mm = np.array([told_mm[part, 2].mean() for part in parts])
     factor = np.array([_factor(told_mm[part], spread_mm[part], press_mm[part]) for part in parts])
     rising = np.concatenate([[True], np.diff(depth_mm) > 0.0])

@@ -41,6 +41,10 @@ class SigmaTable:
         return {"sigma_depth_mm": self.depth_mm, "sigma_factor": self.factor}
 
 
+UNIT_SIGMA = SigmaTable(depth_mm=np.zeros(1), factor=np.ones((1, 3)))
+"""Of a model whose trust nobody measured."""
+
+
 def sigma_table_of_arrays(arrays: Arrays) -> SigmaTable:
     """What `SigmaTable.arrays` wrote; raises InputError where it does not fit."""
     depth_mm = taken(arrays, "sigma_depth_mm", (None,))

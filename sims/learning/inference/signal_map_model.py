@@ -8,7 +8,9 @@ unknown gains (`press_search`, `reading_noise`):
 
     score = ½ (χ²(no press) - χ²(best press)) - threshold
 
-The threshold is what untouched training frames rarely exceed. `sigma_mm` is of one frame, by the curvature of χ² there.
+The threshold is what untouched training frames rarely exceed. `sigma_mm` is of where the tip is, told by one frame: by
+the curvature of χ² there, times a factor by depth (`sigma_table`), since the map's own error, an average over depths in
+the noise, grows with depth. Errors of the stage are not in it, nor those of contact and light model.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from sims.learning.inference.header import ModelHeader
 from sims.learning.inference.prediction import Prediction
 from sims.learning.inference.press_search import Box, CoarseTable, Found, found_presses
 from sims.learning.inference.reading_noise import ReadingNoise
+from sims.learning.inference.sigma_table import UNIT_SIGMA, SigmaTable, sigma_table_of_arrays
 from sims.learning.inference.tensor_spline import FEWEST_NODES, TensorSpline
 from sims.learning.inference.touch_model import Arrays, checked_signals, prediction_of, taken
 
@@ -47,6 +50,7 @@ class SignalMapModel:
     noise : of the readings, the map's own error included
     box : presses that are considered
     threshold : of the touch decision [half units of χ²]
+    sigma : factors of the deviations by depth
     """
 
     header: ModelHeader
@@ -55,6 +59,7 @@ class SignalMapModel:
     noise: ReadingNoise
     box: Box
     threshold: float
+    sigma: SigmaTable = UNIT_SIGMA
 
     def __post_init__(self) -> None:
         """Make the table of starts once."""
@@ -71,8 +76,8 @@ class SignalMapModel:
         ]
         score = np.concatenate([0.5 * (one.untouched_square - one.square) for one in parts]) - self.threshold
         press_mm = np.concatenate([one.press_mm for one in parts])
-        variance = np.concatenate([np.einsum("nii->ni", one.covariance) for one in parts])
-        return prediction_of(self.header, score, press_mm, np.sqrt(variance))
+        raw_mm = np.sqrt(np.concatenate([np.einsum("nii->ni", one.covariance) for one in parts]))
+        return prediction_of(self.header, score, press_mm, self.sigma.sigma_mm(press_mm[:, 2], raw_mm))
 
     def found(self, signals: FloatArray) -> Found:
         """The best press of each of (n, pair) frames [counts]."""
@@ -114,6 +119,7 @@ class SignalMapModel:
             "noise_shares": np.array([noise.shot, noise.relative, noise.emitter_drift, noise.receiver_drift]),
             "box_mm": np.stack([self.box.low, self.box.high]),
             "threshold": np.array([self.threshold]),
+            **self.sigma.arrays(),
         }
 
 
@@ -161,6 +167,8 @@ def signal_map_of_arrays(header: ModelHeader, arrays: Arrays) -> SignalMapModel:
         ),
         box=Box(low=box[0], high=box[1]),
         threshold=float(taken(arrays, "threshold", (1,))[0]),
+        # files from before factors were measured have none
+        sigma=sigma_table_of_arrays(arrays) if "sigma_factor" in arrays else UNIT_SIGMA,
     )
 
 

@@ -9,11 +9,14 @@ import pytest
 
 from design.errors import InputError
 from design.preset import preset
+from sims.learning.inference.model_file import load_model, save_model
 from sims.learning.map_learner import fit_signal_map, fitted_gains, untouched_of
+from sims.learning.signal_map import MapError
 from tests.sims.learning.made_up_map import (
     COUNT,
     made_up_map_model,
     made_up_signal_map,
+    random_presses,
     ratios,
     untouched_counts,
 )
@@ -106,3 +109,27 @@ def test_a_new_set_of_other_gains_alarms_seldom():
         shares.append(model.predict(new.features().astype(np.float64)).is_touched.mean())
     # 1 % is what the threshold lets through in the worst of its sets; 0.9 % found, 2.5 % with all frames as one set
     assert np.mean(shares) < 0.02
+
+
+def erring(press_mm: np.ndarray, seed: int) -> np.ndarray:
+    """Light of a pad that the map misses by more the deeper the press: 3 % of a signal at 5 mm."""
+    chance = np.random.default_rng(seed)
+    return flux(press_mm) * (
+        1.0 + 0.03 * (press_mm[:, 2:] / 5.0) ** 2 * chance.normal(size=(len(press_mm), 64))
+    )
+
+
+def test_deviations_grow_with_the_maps_own_error(tmp_path):
+    data, gains = made_up_data(flux, 10, 1, np.zeros(10))
+    checked_mm, new_mm = random_presses(60, 1, (0.3, 5.0)), random_presses(200, 2, (4.0, 5.0))
+    checked = MapError(press_mm=checked_mm, found=flux(checked_mm), truth=erring(checked_mm, 3))
+    found = replace(made_up_signal_map(), checked=checked)
+    noise = preset("piacenza2017-pad").with_(**{"noise.led_fluctuation": 0.0, "noise.gain_drift": 0.0})
+    model = fit_signal_map(noise, found, made_up_map_model().header, data)
+    assert model.sigma.factor[-1].max() > 2.0 * model.sigma.factor[0].max()
+    save_model(tmp_path / "map.optomodel", model)
+    told = load_model(tmp_path / "map.optomodel").predict(erring(new_mm, 4) * gains)
+    ratio = np.sqrt((((told.press_mm - new_mm) / told.sigma_mm) ** 2).mean(axis=0))
+    # twelve presses make the last factors, each known to a fifth; the error grows within their bin and beyond it
+    assert (ratio > 0.6).all()
+    assert (ratio < 1.6).all()
