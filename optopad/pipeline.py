@@ -108,19 +108,28 @@ def write_score(
     fine: bool,
     seed: int,
     on_step: OnStep,
+    full: bool = False,
     builds: int | None = None,
 ) -> tuple[ContinuityScore, Path]:
     """Verdict, map and their signals into the bundle; returns the score and the bundle.
 
     Parameters
     ----------
+    fine, full : as `sims.continuity.score` takes them
     builds : how many builds are drawn for the share that keeps the verdict; None draws none
     """
     require_valid(design)
     with _study(design, out, builds, seed) as study, bundle(design, out, seed=seed) as folder:
         has_page = (folder / "report.html").exists()  # a bundle tells one verdict: page and gain follow it
         score, early = _scored(
-            design, folder, fine=fine, seed=seed, on_step=on_step, with_page=has_page, study=study
+            design,
+            folder,
+            fine=fine,
+            full=full,
+            seed=seed,
+            on_step=on_step,
+            with_page=has_page,
+            study=study,
         )
         if has_page:
             _write_fabrication(design, folder, _gain_of(score))
@@ -223,6 +232,7 @@ def _scored(
     seed: int,
     on_step: OnStep,
     with_page: bool,
+    full: bool = False,
     study: _Study | None = None,
 ) -> tuple[ContinuityScore, EarlyDrawings | None]:
     """The score, its files, and what a page can draw of it; all but the tolerance is written beside the tolerance."""
@@ -234,7 +244,7 @@ def _scored(
     sims.mkdir(exist_ok=True)
     for kind in ("svg", "png"):  # those of an earlier score: a bundle tells one verdict
         (sims / f"builds.{kind}").unlink(missing_ok=True)
-    score = judge(design, fine=fine, seed=seed, tolerance=False, on_step=on_step)
+    score = judge(design, fine=fine, full=full, seed=seed, tolerance=False, on_step=on_step)
     with beside(lambda: _without_tolerance(design, score, sims, with_page=with_page)) as drawn:
         if study is None:
             found = with_tolerance(design, score, seed=seed, on_step=on_step)

@@ -42,7 +42,8 @@ from sims.verdict.presses import (
     MAP_ACCURACY,
     PAIR_ACCURACY,
     PairCurves,
-    pad_light,
+    map_depths_mm,
+    map_light,
     pair_curves,
     untouched_flux,
 )
@@ -57,6 +58,7 @@ def score(
     design: SensorDesign,
     *,
     fine: bool = False,
+    full: bool = False,
     seed: int = 0,
     verdict_only: bool = False,
     tolerance: bool = True,
@@ -66,7 +68,8 @@ def score(
 
     Parameters
     ----------
-    fine : 11 places along the longer side and 0.1 mm steps for the map, in place of 5 and 0.2 mm; finer light
+    full : 11 places along the longer side and 0.1 mm steps for the map, in place of 5 and 0.2 mm
+    fine : the same, with finer light, and bounds at more depths
     seed : of the light model's random shifts
     verdict_only : leave out what the verdict does not need: tolerance, and the map of facing rows
     tolerance : try both ends of every open value, as `sims.build_tolerance.with_tolerance` does afterwards
@@ -80,14 +83,27 @@ def score(
     tell = on_step or (lambda _stage, _share: None)
     try:
         return _judged(
-            design, fine=fine, seed=seed, verdict_only=verdict_only, tolerance=tolerance, tell=tell
+            design,
+            fine=fine,
+            full=full,
+            seed=seed,
+            verdict_only=verdict_only,
+            tolerance=tolerance,
+            tell=tell,
         )
     except ModelScopeError as err:
-        return _out_of_scope(design, str(err), fine=fine, seed=seed)
+        return _out_of_scope(design, str(err), fine=fine, full=full, seed=seed)
 
 
 def _judged(
-    design: SensorDesign, *, fine: bool, seed: int, verdict_only: bool, tolerance: bool, tell: OnStep
+    design: SensorDesign,
+    *,
+    fine: bool,
+    full: bool,
+    seed: int,
+    verdict_only: bool,
+    tolerance: bool,
+    tell: OnStep,
 ) -> ContinuityScore:
     cavity = cavity_of(design)
     _require_judgeable_depth(design)
@@ -109,7 +125,7 @@ def _judged(
     facing = is_facing_rows(cavity)
     pad_map, pad_signals = None, None
     if not (facing and verdict_only):
-        pad_map, pad_signals = _pad_map(design, cavity, readout, fine=fine, seed=seed, tell=tell)
+        pad_map, pad_signals = _pad_map(design, cavity, readout, fine=fine, full=full, seed=seed, tell=tell)
     bounds = None
     if not verdict_only and pad_map is not None and pad_signals is not None:
         bounds = map_bounds(
@@ -122,7 +138,18 @@ def _judged(
             on_step=lambda share: tell("bounds", share),
         )
     found = _assembled(
-        design, cavity, judged, pad_map, pad_signals, readout, flat, force, bounds, fine=fine, seed=seed
+        design,
+        cavity,
+        judged,
+        pad_map,
+        pad_signals,
+        readout,
+        flat,
+        force,
+        bounds,
+        fine=fine,
+        full=full,
+        seed=seed,
     )
     if tolerance and not verdict_only:
         return with_tolerance(design, found, seed=seed, on_step=tell)
@@ -170,13 +197,21 @@ def governing_pair(judged: tuple[JudgedPair, ...], facing: bool) -> JudgedPair:
 
 
 def _pad_map(
-    design: SensorDesign, cavity: CavityGeometry, readout: Readout, *, fine: bool, seed: int, tell: OnStep
+    design: SensorDesign,
+    cavity: CavityGeometry,
+    readout: Readout,
+    *,
+    fine: bool,
+    full: bool,
+    seed: int,
+    tell: OnStep,
 ) -> tuple[PadMap, LightSignals]:
-    x_mm, y_mm = map_grid_mm(cavity, FINE_PLACES if fine else COARSE_PLACES)
-    depth_mm = depth_schedule_mm(design.operating.max_depth_mm, STEP_MM if fine else COARSE_STEP_MM)
+    places, step_mm = (FINE_PLACES, STEP_MM) if fine or full else (COARSE_PLACES, COARSE_STEP_MM)
+    x_mm, y_mm = map_grid_mm(cavity, places)
+    depth_mm = map_depths_mm(design.operating.max_depth_mm, step_mm)
     places_mm = grid_places_mm(cavity.workspace, x_mm, y_mm)
     accuracy = "standard" if fine else MAP_ACCURACY
-    light = pad_light(
+    light = map_light(
         design, places_mm, depth_mm, accuracy=accuracy, seed=seed, on_step=lambda s: tell("map", s)
     )
     mask = direct_path_pairs(cavity)
@@ -231,6 +266,7 @@ def _assembled(
     bounds: PadBounds | None,
     *,
     fine: bool,
+    full: bool,
     seed: int,
 ) -> ContinuityScore:
     facing = is_facing_rows(cavity)
@@ -247,6 +283,7 @@ def _assembled(
         name=design.name,
         seed=seed,
         fine=fine,
+        full=full,
         is_facing_rows=facing,
         deadbands_mm=tuple(deadbands),
         governing=governing.name,
@@ -323,7 +360,7 @@ def _warnings(
     return tuple(found)
 
 
-def _out_of_scope(design: SensorDesign, reason: str, *, fine: bool, seed: int) -> ContinuityScore:
+def _out_of_scope(design: SensorDesign, reason: str, *, fine: bool, full: bool, seed: int) -> ContinuityScore:
     return ContinuityScore(
         verdict="OUT_OF_MODEL_SCOPE",
         reason=reason,
@@ -331,6 +368,7 @@ def _out_of_scope(design: SensorDesign, reason: str, *, fine: bool, seed: int) -
         name=design.name,
         seed=seed,
         fine=fine,
+        full=full,
         is_facing_rows=is_facing_rows(cavity_of(design)),
         warnings=tuple(str(finding) for finding in check(design)),
     )

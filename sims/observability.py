@@ -14,7 +14,7 @@ only: not that of the models, nor the coarseness of the grid.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,7 @@ from sims.bounds.fisher import Bounds, bounds_of
 from sims.bounds.losses import PartLoss, part_losses
 from sims.bounds.pad_answers import pad_answers
 from sims.bounds.stencil import Steps
-from sims.optics.accuracy import Accuracy
+from sims.optics.accuracy import ACCURACIES, Accuracy
 from sims.readout import Readout, readout_of
 from sims.verdict.pad_map import grid_places_mm, map_grid_mm
 from sims.verdict.presses import untouched_flux
@@ -44,7 +44,16 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 OnStep = Callable[[float], None]
 
-BOUND_ACCURACIES = ("score", "standard")
+MIRRORED_FINER = replace(
+    ACCURACIES["score"],
+    rings=ACCURACIES["standard"].rings,
+    columns=ACCURACIES["standard"].columns,
+    image_step=ACCURACIES["standard"].image_step,
+)
+"""Light mirrored once as in "standard", the rest as in "score": what keeps voxels near contact open is the lattice of
+images alone, finer points for other light changed nothing."""
+
+BOUND_ACCURACIES = ("score", MIRRORED_FINER)
 """Settings of the light for derivatives, cheapest first: a common lattice takes most of the error out, and voxels
 where that is not enough are traced again with the next. The first are those of a map, whose light is found again."""
 
@@ -288,10 +297,17 @@ def pad_bounds(
         limits=limits,
         pairs=pair_names(cavity),
         steps=steps,
-        accuracies=tuple(name if isinstance(name, str) else "own settings" for name in accuracies),
+        accuracies=tuple(_name_of(accuracy) for accuracy in accuracies),
         seed=seed,
         digest=design.digest,
     )
+
+
+def _name_of(accuracy: str | Accuracy) -> str:
+    """What settings are called in files."""
+    if isinstance(accuracy, str):
+        return accuracy
+    return "score, mirrored light as standard" if accuracy == MIRRORED_FINER else "own settings"
 
 
 def _own_readout(design: SensorDesign, cavity: CavityGeometry, seed: int) -> Readout:

@@ -27,7 +27,8 @@ OutOption = Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Folder
 JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output, nothing else.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of every random stream.")]
 FineOption = Annotated[
-    bool, typer.Option("--fine", help="Finer light, and 11 places a side for the map of the pad.")
+    bool,
+    typer.Option("--fine", help="Finer light, and 11 places a side and 0.1 mm steps for the map of the pad."),
 ]
 
 DEFAULT_OUT = Path("outputs")

@@ -34,6 +34,10 @@ def register(app: typer.Typer) -> None:
 def score(
     design: DesignArgument,
     set_: SetOption = None,
+    full: Annotated[
+        bool,
+        typer.Option("--full", help="11 places a side and 0.1 mm steps for the map, at the usual light."),
+    ] = False,
     fine: FineOption = False,
     tolerance: Annotated[
         bool,
@@ -53,7 +57,7 @@ def score(
 
     read = read_design(design, set_)
     with progress(quiet=as_json) as step:
-        result, folder = write_score(read, out, fine=fine, seed=seed, on_step=step, builds=drawn)
+        result, folder = write_score(read, out, fine=fine, full=full, seed=seed, on_step=step, builds=drawn)
     if as_json:
         print_json(result.to_json())
     else:

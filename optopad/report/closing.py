@@ -116,7 +116,7 @@ def origin_section(design: SensorDesign, score: ContinuityScore, seed: int, vers
                 ("design", design.name),
                 ("digest", design.digest),
                 ("seed", str(seed)),
-                ("map", "fine" if score.fine else "coarse"),
+                ("map", "fine" if score.fine else "full" if score.full else "coarse"),
                 ("versions", ", ".join(f"{name} {version}" for name, version in versions.items())),
             ]
         ),

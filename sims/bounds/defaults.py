@@ -46,6 +46,10 @@ BAND: Final = 2.0
 CLEAR_ERROR: Final = 0.1
 """A bound whose trace error is a larger share of it is traced again with finer light [-]; [M]."""
 
+SHALLOW_MM: Final = 0.3
+"""Voxels above this begin with the second settings of the light [mm]: on the paper's pad four in five of them at 0.2 mm
+are open after the first, most of them blind; [M]."""
+
 COARSE_DEPTHS_MM: Final = (0.2, 0.7, 1.5, 2.9)
 """Depths of the bounds of a quick score; those beyond the range of use are left out, its end is added [mm]. Most lie
 half-way between depths of its map, whose light then serves both."""

@@ -29,7 +29,7 @@ class Figure:
     def complement(self) -> Figure:
         """One minus it, of a share: sums of shares are off by round-off, which is cut off."""
         value, low, high = (
-            max(round(1.0 - share, ROUND_OFF_DIGITS), 0.0) for share in (self.value, self.high, self.low)
+            max(0.0, round(1.0 - share, ROUND_OFF_DIGITS)) for share in (self.value, self.high, self.low)
         )
         return Figure(value=value, low=low, high=high)
 

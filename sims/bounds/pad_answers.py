@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.spec import SensorDesign
-from sims.bounds.defaults import CLEAR_ERROR
+from sims.bounds.defaults import CLEAR_ERROR, SHALLOW_MM
 from sims.bounds.fisher import Bounds, Sensitivity, bounds_of
 from sims.bounds.stencil import Steps, sensitivity
 from sims.optics.accuracy import Accuracy
@@ -38,7 +38,7 @@ def pad_answers(
     ----------
     places_mm : (place, 2); depth_mm : (depth,)
     accuracies : settings of the light, cheapest first: voxels that are blind, or whose bounds' error is above
-        `CLEAR_ERROR` of them, are traced again with the next
+        `CLEAR_ERROR` of them, are traced again with the next; voxels above `SHALLOW_MM` begin with the second
     seed, steps, on_step : as `sims.bounds.stencil.sensitivity` takes them
 
     Returns
@@ -48,12 +48,14 @@ def pad_answers(
     voxels = np.array([[*place, depth] for place in places_mm for depth in depth_mm])
     found: Sensitivity | None = None
     left = np.arange(len(voxels))
+    if len(accuracies) > 1 and (voxels[:, 2] >= SHALLOW_MM).any():
+        left = np.flatnonzero(voxels[:, 2] >= SHALLOW_MM)
     for stage, accuracy in enumerate(accuracies):
         step = None if on_step is None else _share_of_stage(on_step, stage, len(accuracies))
         finer = sensitivity(
             design, voxels[left], readout, accuracy=accuracy, seed=seed, steps=steps, on_step=step
         )
-        found = finer if found is None else _put(found, left, finer)
+        found = _put(_nothing(finer, len(voxels)) if found is None else found, left, finer)
         left = np.flatnonzero(_is_unclear(bounds_of(found)))
         if left.size == 0:
             break
@@ -86,6 +88,13 @@ def _is_unclear(bounds: Bounds) -> NDArray[np.bool_]:
     is_unclear = bounds.is_blind.copy()
     is_unclear[is_known] = ~(clear[0] & clear[1])
     return is_unclear
+
+
+def _nothing(like: Sensitivity, voxels: int) -> Sensitivity:
+    """Voxels that nothing is known of yet: blind."""
+    pairs = like.weight.shape[-1]
+    zeros = np.zeros((voxels, pairs, 3))
+    return Sensitivity(first=zeros, second=zeros, weight=np.zeros((voxels, pairs)))
 
 
 def _put(into: Sensitivity, rows: NDArray[np.int64], finer: Sensitivity) -> Sensitivity:

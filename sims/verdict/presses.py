@@ -7,7 +7,7 @@ other are traced once, which the light engine sees to.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from design.cavity import CavityGeometry
 from design.pairs import chord_midpoint_mm
 from design.spec import SensorDesign
+from sims.depths import NEAR_CONTACT_MM, depth_schedule_mm
 from sims.optics.engine import ACCURACIES, Accuracy
 from sims.optics.light_signals import LightSignals
 from sims.optics.tracing import trace
@@ -23,6 +24,9 @@ from sims.optics.tracing import trace
 FloatArray = NDArray[np.float64]
 Pair = tuple[int, int]
 OnStep = Callable[[float], None]
+
+NEAR_SHARE = 0.3
+"""Share of a map's progress that its depths near contact stand for."""
 
 PAIR_ACCURACY = replace(
     ACCURACIES["standard"], image_step=0.1, top_rings=48, top_columns=120, repeat_share=1e-4
@@ -33,6 +37,12 @@ from depth to depth must stay well below one unit."""
 MAP_ACCURACY = ACCURACIES["score"]
 """Settings of the quick map. Below 0.3 % rms of the untouched signal (docs/validation/light.md); on the paper's pad the
 margins of places then differ between seeds as much as they do at "standard", 0.9 noise units rms."""
+
+NEAR_MM = 0.4
+"""Signals begin within this depth where a layout is any good [mm]; there a map has more depths and finer light."""
+
+NEAR_ACCURACY = "standard"
+"""Settings of a map's light up to `NEAR_MM`."""
 
 SPECULAR_CLASSES = ("top", "skirt")
 """Path classes whose sum is the light reflected at the top surface: what mode 1 takes away."""
@@ -109,6 +119,58 @@ def pad_light(
     """
     states = states_of(places_mm, depth_mm)
     return trace(design, states, accuracy=accuracy, seed=seed, on_step=_as_share(on_step))
+
+
+def map_depths_mm(max_depth_mm: float, step_mm: float) -> FloatArray:
+    """(depth,) depths of a map: a schedule with all depths near contact, where the lightest press is felt [mm]."""
+    near = [depth for depth in NEAR_CONTACT_MM if depth < max_depth_mm]
+    return np.unique(np.concatenate([near, depth_schedule_mm(max_depth_mm, step_mm)]))
+
+
+def map_light(
+    design: SensorDesign,
+    places_mm: FloatArray,
+    depth_mm: FloatArray,
+    *,
+    accuracy: str | Accuracy,
+    seed: int,
+    on_step: OnStep | None = None,
+) -> LightSignals:
+    """As `pad_light`, but up to `NEAR_MM` with the settings `NEAR_ACCURACY`."""
+    is_near = depth_mm <= NEAR_MM
+    stages = [(is_near, NEAR_ACCURACY), (~is_near, accuracy)]
+    parts = [
+        pad_light(
+            design, places_mm, depth_mm[chosen], accuracy=settings, seed=seed, on_step=_part_of(on_step, k)
+        )
+        for k, (chosen, settings) in enumerate(stages)
+        if chosen.any()
+    ]
+    return _joined(parts, len(places_mm))
+
+
+def _part_of(on_step: OnStep | None, part: int) -> OnStep | None:
+    """The share of a map of which one of two parts tells its own share."""
+    start, end = ((0.0, NEAR_SHARE), (NEAR_SHARE, 1.0))[part]
+    return None if on_step is None else lambda share: on_step(start + (end - start) * share)
+
+
+def _joined(parts: Sequence[LightSignals], places: int) -> LightSignals:
+    """Light of the same places at several depths after one another: states run through depths first."""
+
+    def whole(arrays: Sequence[FloatArray]) -> FloatArray:
+        columns = [array.reshape(places, -1, *array.shape[1:]) for array in arrays]
+        joined = np.concatenate(columns, axis=1)
+        return joined.reshape(-1, *joined.shape[2:])
+
+    return LightSignals(
+        flux=whole([part.flux for part in parts]),
+        by_class={name: whole([part.by_class[name] for part in parts]) for name in parts[0].by_class},
+        standard_error=whole([part.standard_error for part in parts]),
+        presses=whole([part.presses for part in parts]),
+        digest=parts[0].digest,
+        seed=parts[0].seed,
+    )
 
 
 def _as_share(on_step: OnStep | None) -> Callable[[int, int], None] | None:

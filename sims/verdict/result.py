@@ -43,7 +43,7 @@ class ContinuityScore:
     Attributes
     ----------
     verdict, reason : the verdict and, for OUT_OF_MODEL_SCOPE, why
-    digest, name, seed, fine : what was scored, and how
+    digest, name, seed, fine, full : what was scored, and how
     is_facing_rows : whether the verdict is that of facing pairs (else of the pad)
     deadbands_mm : intervals of the headline: the governing facing pair, or the worst place of the pad
     governing : name of the pair that stands for the rest: the middle facing one; of a pad the unclipped one with
@@ -67,6 +67,7 @@ class ContinuityScore:
     seed: int
     fine: bool
     is_facing_rows: bool
+    full: bool = False
     deadbands_mm: tuple[Interval, ...] = ()
     governing: str | None = None
     worst_pair_mm: float | None = None
@@ -131,6 +132,7 @@ class ContinuityScore:
             "builds": None if self.builds is None else self.builds.to_json(),
             "seed": self.seed,
             "fine": self.fine,
+            "full": self.full,
             "warnings": list(self.warnings),
         }
 

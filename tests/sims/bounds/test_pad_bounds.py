@@ -3,9 +3,15 @@
 import numpy as np
 import pytest
 
+from design.cavity import cavity_of
+from design.pairs import judged_pairs, mask_of
 from design.preset import preset
 from sims.bounds.maps_file import bounds_dataset
+from sims.bounds.stencil import Steps, sensitivity
 from sims.observability import pad_bounds
+from sims.optics.tracing import trace
+from sims.readout import readout_of
+from sims.verdict.presses import untouched_flux
 
 pytestmark = pytest.mark.slow
 DEPTHS_MM = (1.0, 2.5)
@@ -15,6 +21,30 @@ DEPTHS_MM = (1.0, 2.5)
 def both_seeds():
     design = preset("piacenza2017-pad")
     return [pad_bounds(design, places=3, depths_mm=DEPTHS_MM, seed=seed) for seed in (0, 1)]
+
+
+def test_the_map_s_light_serves_the_bounds(monkeypatch, tmp_path):
+    """Of the twelve presses of a voxel between depths of the map, the two by depth of the first half are the map's."""
+    import sims.optics.engine as engine
+
+    monkeypatch.setenv("OPTOPAD_CACHE", str(tmp_path))
+    monkeypatch.setenv("OPTOPAD_LIGHT_CACHE_MB", "50")
+    design, traced = preset("piacenza2017-pad"), []
+    original = engine._traced_rows
+
+    def counted(work, part, wanted):
+        traced.append(len(part))
+        return original(work, part, wanted)
+
+    place, depth_mm = np.array([[12.3, 9.1]]), 1.5
+    trace(design, np.array([[12.3, 9.1, depth] for depth in (1.4, 1.6)]), accuracy="score", seed=3)
+    monkeypatch.setattr(engine, "_traced_rows", counted)
+    flat = untouched_flux(design, cavity_of(design), seed=3)
+    readout = readout_of(design, flat, mask_of(judged_pairs(cavity_of(design)), cavity_of(design)))
+    traced.clear()
+    voxel = np.column_stack([place, [depth_mm]])
+    sensitivity(design, voxel, readout, accuracy="score", seed=3, steps=Steps())
+    assert sum(traced) == 10
 
 
 def test_a_half_turn_of_the_paper_s_ring_keeps_the_maps(both_seeds):

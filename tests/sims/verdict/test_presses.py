@@ -7,7 +7,15 @@ from design.cavity import cavity_of
 from design.pairs import chord_midpoint_mm, judged_pairs, mask_of
 from design.preset import preset
 from sims.optics.tracing import trace
-from sims.verdict.presses import MAP_ACCURACY, pad_light, pair_curves, states_of
+from sims.verdict.presses import (
+    MAP_ACCURACY,
+    NEAR_ACCURACY,
+    map_depths_mm,
+    map_light,
+    pad_light,
+    pair_curves,
+    states_of,
+)
 
 PAD = preset("piacenza2017-pad")
 CAVITY = cavity_of(PAD)
@@ -40,3 +48,21 @@ def test_a_map_s_light_has_one_entry_a_state_throughout():
         assert of_state is not None
         assert len(of_state) == 4
     assert sorted(light.flux[1].ravel()) == sorted(light.flux[3].ravel())
+
+
+def test_a_map_is_finer_near_contact_and_keeps_the_order_of_its_states():
+    places, depth_mm = np.array([[12.0, 9.0], [20.0, 11.0]]), np.array([0.0, 0.1, 0.5, 2.0])
+    light = map_light(PAD, places, depth_mm, accuracy=MAP_ACCURACY, seed=0)
+    near = pad_light(PAD, places, depth_mm[:2], accuracy=NEAR_ACCURACY, seed=0)
+    deep = pad_light(PAD, places, depth_mm[2:], accuracy=MAP_ACCURACY, seed=0)
+    assert light.presses.tolist() == states_of(places, depth_mm).tolist()
+    for name in ("flux", "standard_error"):
+        found = getattr(light, name).reshape(2, 4, 8, 8)
+        assert (found[:, :2] == getattr(near, name).reshape(2, 2, 8, 8)).all()
+        assert (found[:, 2:] == getattr(deep, name).reshape(2, 2, 8, 8)).all()
+    assert sum(light.by_class.values()) == pytest.approx(light.flux, rel=1e-12)
+
+
+def test_a_map_s_depths_hold_all_near_contact_and_end_at_the_deepest_press():
+    assert map_depths_mm(0.5, 0.2).tolist() == [0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.4, 0.5]
+    assert map_depths_mm(0.12, 0.2).tolist() == [0.0, 0.02, 0.05, 0.1, 0.12]
