@@ -320,7 +320,7 @@ def write_page(builds: list[dict[str, Any]]) -> None:
             error_table(builds, "depth_mm"),
             ratio_table(builds),
             parameter_table(builds),
-            f"Errors over said deviations, root mean square over parameters and builds: {optimism(builds):.1f}.",
+            f"Errors over said deviations, root mean square over parameters and builds: {optimism(builds):.2f}.",
         ]
     )
     write_text_atomically(PAGE, with_table(PAGE.read_text(encoding="utf-8"), text, MARKS))
