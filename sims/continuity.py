@@ -36,8 +36,10 @@ from sims.verdict.cautions import margin_caution, noise_caution
 from sims.verdict.deadbands import joint_deadband_intervals_mm
 from sims.verdict.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
 from sims.verdict.depth_curve import clipped
+from sims.verdict.figure_errors import drawn_figures, figure_errors, figures_of
 from sims.verdict.noise_units import noise_units, sigma_counts
 from sims.verdict.pad_map import COARSE_PLACES, FINE_PLACES, PadMap, Place, grid_places_mm, map_grid_mm
+from sims.verdict.pair_score import PairScore
 from sims.verdict.presses import (
     MAP_ACCURACY,
     PAIR_ACCURACY,
@@ -121,7 +123,7 @@ def _judged(
         seed=seed,
         on_step=lambda share: tell("pairs", share),
     )
-    judged = tuple(_judged_pair(design, cavity, c, readout) for c in curves)
+    judged, drawn = _judged_pairs(design, cavity, curves, readout)
     facing = is_facing_rows(cavity)
     pad_map, pad_signals = None, None
     if not (facing and verdict_only):
@@ -141,6 +143,7 @@ def _judged(
         design,
         cavity,
         judged,
+        drawn,
         pad_map,
         pad_signals,
         readout,
@@ -156,16 +159,34 @@ def _judged(
     return found
 
 
+def _judged_pairs(
+    design: SensorDesign, cavity: CavityGeometry, curves: tuple[PairCurves, ...], readout: Readout
+) -> tuple[tuple[JudgedPair, ...], FloatArray]:
+    """All pairs, and their figures drawn again within the trace's error."""
+    scores = [score_curves(design, of_pair, readout) for of_pair in curves]
+    drawn = drawn_figures(design, curves, scores, readout)
+    errors = [
+        figure_errors(draws[None], figures_of(score)[None])
+        for draws, score in zip(drawn, scores, strict=True)
+    ]
+    judged = (_judged_pair(design, cavity, *one) for one in zip(curves, scores, errors, strict=True))
+    return tuple(judged), drawn
+
+
 def _judged_pair(
-    design: SensorDesign, cavity: CavityGeometry, curves: PairCurves, readout: Readout
+    design: SensorDesign,
+    cavity: CavityGeometry,
+    curves: PairCurves,
+    scored: PairScore,
+    errors: dict[str, float],
 ) -> JudgedPair:
-    scored = score_curves(design, curves, readout)
     force, is_at_place = place_force(design, curves.press_mm)
     return JudgedPair(
         name=_name(cavity, curves.pair),
         curves=curves,
         score=scored,
         forces=boundary_forces(scored.modes, force, is_at_place=is_at_place),
+        errors=errors,
     )
 
 
@@ -258,6 +279,7 @@ def _assembled(
     design: SensorDesign,
     cavity: CavityGeometry,
     judged: tuple[JudgedPair, ...],
+    drawn: FloatArray,
     pad_map: PadMap | None,
     pad_signals: LightSignals | None,
     readout: Readout,
@@ -274,6 +296,7 @@ def _assembled(
     deadbands = pad_map.worst.deadbands_mm if pad_map and not facing else governing.score.deadbands_mm
     found = any(pair.score.deadbands_mm for pair in judged) if facing else bool(deadbands)
     headline = _headline(judged, governing, facing)
+    shown = [k for k, pair in enumerate(judged) if not facing or pair is governing]
     worst = max(judged, key=lambda pair: pair.score.deadband_total_mm)
     verdict: Verdict = "DEADBAND" if found else "CONTIGUOUS"
     return ContinuityScore(
@@ -293,6 +316,7 @@ def _assembled(
         continuity=headline.continuity,
         evenness=headline.evenness,
         strength=headline.strength,
+        figure_errors=figure_errors(drawn[shown], np.stack([figures_of(judged[k].score) for k in shown])),
         pairs=judged,
         unjudged=_unjudged(cavity, flat, readout),
         clipped=tuple(pair.name for pair in judged if pair.score.is_clipped),

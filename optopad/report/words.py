@@ -119,6 +119,13 @@ def rests_on(score: ContinuityScore) -> Html | None:
     )
 
 
+def _error(score: ContinuityScore, figure: str, digits: int = 3) -> str:
+    """What the light trace's error does to a figure; nothing where it was not worked out."""
+    if score.figure_errors is None:
+        return ""
+    return f", ± {score.figure_errors[figure]:.{digits}f} by the light trace"
+
+
 def headline(score: ContinuityScore) -> Html:
     """The figures: worst deadband, share of pairs, mode gap, continuity, evenness, strength."""
     if score.strength is None or score.continuity is None or score.evenness is None:
@@ -129,13 +136,21 @@ def headline(score: ContinuityScore) -> Html:
         _deadband_tile(score),
         _pairs_tile(score),
         _gap_tile(score, of),
-        ("Continuity", f"{score.continuity:.2f}", f"share of the depth outside deadbands; {of}"),
-        ("Evenness", f"{score.evenness:.2f}", f"smallest over mean change in a 0.5 mm window; {of}"),
+        (
+            "Continuity",
+            f"{score.continuity:.2f}",
+            f"share of the depth outside deadbands{_error(score, 'continuity')}; {of}",
+        ),
+        (
+            "Evenness",
+            f"{score.evenness:.2f}",
+            f"smallest over mean change in a 0.5 mm window{_error(score, 'evenness')}; {of}",
+        ),
         (
             "Strength",
             f"{score.strength['untouched_counts']:.0f} counts",
             f"untouched, {score.strength['untouched_flux']:.2e} of the emitted power; swing "
-            f"{score.strength['swing']:.0%}, {steps:.0f} resolvable steps; {of}",
+            f"{score.strength['swing']:.0%}, {steps:.0f} resolvable steps{_error(score, 'resolvable_steps', 1)}; {of}",
         ),
     )
     more = [tile for tile in (bounds_tile(score), builds_tile(score.builds)) if tile is not None]

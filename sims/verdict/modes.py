@@ -10,8 +10,10 @@ in words). The definitions in numbers, with T the specularly top-reflected and D
              to the depth after which D stays at or below 5 % of D(0)
     gap      onset of mode 2 - end of mode 1; negative when the modes overlap
 
-Boundaries are where the straight lines between samples cross the level. "Stays" is judged up to the
-deepest press only. Left out: whether the change of T or D exceeds the noise; deadbands answer that.
+Boundaries are where the monotone cubic through the samples (Fritsch and Butland 1984) crosses the level: it overshoots
+nowhere, meets straight lines exactly and smooth curves to the third power of the step, and rounds off a kink by up to
+a seventh of the step. "Stays" is judged up to the deepest press only.
+Left out: whether the change of T or D exceeds the noise; deadbands answer that.
 """
 
 from __future__ import annotations
@@ -20,12 +22,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import PchipInterpolator
 
 from design.errors import InputError
 from sims.verdict.defaults import MODE_TOLERANCE
 from sims.verdict.depth_curve import require_depths_mm, require_samples
 
 FloatArray = NDArray[np.float64]
+HALVINGS = 50
+"""Halvings of a segment until the crossing is known to round-off."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +109,12 @@ def _stays_below_from_mm(depth_mm: FloatArray, values: FloatArray, level: float)
 
 
 def _crossing_mm(depth_mm: FloatArray, values: FloatArray, segment: int, level: float) -> float:
-    """Depth where the straight line of one segment meets a level that lies between its ends."""
-    before, after = values[segment], values[segment + 1]
-    share = (level - before) / (after - before)
-    return float(depth_mm[segment] + share * (depth_mm[segment + 1] - depth_mm[segment]))
+    """Depth where the monotone cubic through the samples meets a level that lies between the ends of a segment."""
+    cubic = PchipInterpolator(depth_mm, values).c[:, segment]
+    low, high = 0.0, float(depth_mm[segment + 1] - depth_mm[segment])
+    falls = values[segment] > values[segment + 1]
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        is_before = (np.polyval(cubic, middle) > level) == falls
+        low, high = (middle, high) if is_before else (low, middle)
+    return float(depth_mm[segment] + 0.5 * (low + high))

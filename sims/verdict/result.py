@@ -28,12 +28,15 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class JudgedPair:
-    """One judged pair: its name (as E1-R3), light against depth, score, and loads at the boundaries of its modes."""
+    """One judged pair: its name (as E1-R3), light against depth, score, loads at the boundaries of its modes, and the
+    standard errors of its figures by name (`sims.verdict.figure_errors`); None where not worked out.
+    """
 
     name: str
     curves: PairCurves
     score: PairScore
     forces: BoundaryForces | None = None
+    errors: dict[str, float] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +54,7 @@ class ContinuityScore:
     worst_pair_mm, worst_pair : largest summed deadband of a judged pair, and its name
     mode_gap_mm : of the governing pair, or the median judged pair; None when open
     continuity, evenness : of the governing pair, or the medians over judged pairs [-]
+    figure_errors : standard errors of continuity, evenness and strength by name; None where not worked out
     untouched_flux : (emitter, receiver) [-]; counts follow from readout
     pairs : judged pairs in order; unjudged : names and untouched counts of the others
     clipped : names of judged pairs above full scale
@@ -76,6 +80,7 @@ class ContinuityScore:
     continuity: float | None = None
     evenness: float | None = None
     strength: dict[str, float] | None = None
+    figure_errors: dict[str, float] | None = None
     pairs: tuple[JudgedPair, ...] = ()
     unjudged: dict[str, float] = field(default_factory=dict)
     clipped: tuple[str, ...] = ()
@@ -118,6 +123,7 @@ class ContinuityScore:
             "continuity": _rounded(self.continuity),
             "evenness": _rounded(self.evenness),
             "strength": None if self.strength is None else {k: _rounded(v) for k, v in self.strength.items()},
+            "figure_errors": _errors_json(self.figure_errors),
             "judged_by": "facing pairs" if self.is_facing_rows else "pad",
             "pairs": [_pair_json(pair) for pair in self.pairs],
             "unjudged_untouched_counts": {name: _rounded(value) for name, value in self.unjudged.items()},
@@ -151,6 +157,10 @@ def _rounded(value: float | None) -> float | None:
     return None if value is None or not np.isfinite(value) else float(f"{value:.6g}")
 
 
+def _errors_json(errors: dict[str, float] | None) -> dict[str, float | None] | None:
+    return None if errors is None else {name: _rounded(error) for name, error in errors.items()}
+
+
 def _pair_json(pair: JudgedPair) -> dict[str, Any]:
     score, modes = pair.score, pair.score.modes
     errors1, errors2 = mode_errors_mm(pair.curves, modes)
@@ -172,6 +182,7 @@ def _pair_json(pair: JudgedPair) -> dict[str, Any]:
         "untouched_counts": _rounded(score.strength.untouched_counts),
         "swing": _rounded(score.strength.swing),
         "resolvable_steps": _rounded(score.strength.resolvable_steps),
+        "errors": _errors_json(pair.errors),
         "clipped_share": _rounded(score.clipped_share),
         "noise_margin": _rounded(score.noise_margin),
     }

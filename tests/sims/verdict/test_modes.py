@@ -14,6 +14,8 @@ from sims.verdict.modes import find_modes
 PROPERTY = settings(max_examples=60, deadline=None, derandomize=True)
 ROUNDING_MM = 1e-12
 DEPTH_MM = np.linspace(0.0, 5.0, 51)
+KINK_MM = 0.015
+"""A seventh of the step: the most that the cubic rounds off a kink between straight pieces, as (1-t)² (1+t) does."""
 
 
 def fall(depth_mm, from_mm, to_mm, first=1.0, last=0.0):
@@ -25,9 +27,9 @@ def test_straight_falls_give_the_boundaries_and_the_gap_by_hand():
     # T falls 1 -> 0 over 0..1 mm: it leaves 5 % at 0.05 mm and is settled at 0.95 mm.
     # D falls 1 -> 0 over 2..4 mm: 95 % at 2.1 mm, 5 % at 3.9 mm.
     modes = find_modes(DEPTH_MM, fall(DEPTH_MM, 0.0, 1.0), fall(DEPTH_MM, 2.0, 4.0))
-    assert modes.mode1_mm == pytest.approx((0.05, 0.95), abs=ROUNDING_MM)
+    assert modes.mode1_mm == pytest.approx((0.05, 0.95), abs=KINK_MM)
     assert modes.mode2_mm == pytest.approx((2.1, 3.9), abs=ROUNDING_MM)
-    assert modes.gap_mm == pytest.approx(1.15, abs=ROUNDING_MM)
+    assert modes.gap_mm == pytest.approx(1.15, abs=KINK_MM)
     assert modes.gap_at_least_mm is None
 
 
@@ -36,18 +38,26 @@ def test_overlapping_modes_have_a_negative_gap():
     assert modes.gap_mm == pytest.approx(1.1 - 1.9, abs=ROUNDING_MM)
 
 
-def test_boundaries_lie_between_samples():
-    depth = np.array([0.0, 1.0, 5.0])
-    modes = find_modes(depth, [1.0, 0.0, 0.0], [1.0, 1.0, 0.0])
-    assert modes.mode1_mm == pytest.approx((0.05, 0.95), abs=ROUNDING_MM)
-    assert modes.mode2_mm == pytest.approx((1.2, 4.8), abs=ROUNDING_MM)
+def test_straight_lines_are_met_exactly_between_samples():
+    depth = np.array([0.0, 1.0, 3.5, 5.0])
+    line = 1.0 - 0.2 * depth
+    modes = find_modes(depth, line, line)
+    assert modes.mode1_mm == pytest.approx((0.25, 4.75), abs=ROUNDING_MM)
+    assert modes.mode2_mm == pytest.approx((0.25, 4.75), abs=ROUNDING_MM)
+
+
+def test_the_cubic_by_hand_where_a_fall_ends_between_samples():
+    """Slopes -1 and 0 at the ends of the last step make 0.1 (1 - t)² (1 + t), which is 0.05 at t = 0.40303."""
+    end = find_modes(DEPTH_MM, fall(DEPTH_MM, 0.0, 1.0), fall(DEPTH_MM, 2.0, 4.0)).mode1_mm[1]
+    share = (end - 0.9) / 0.1
+    assert (1.0 - share) ** 2 * (1.0 + share) == pytest.approx(0.5, abs=1e-9)
 
 
 def test_a_temporary_dip_of_direct_light_does_not_start_mode_2():
     dip = 0.3 * np.exp(-(((DEPTH_MM - 1.0) / 0.2) ** 2))
     modes = find_modes(DEPTH_MM, fall(DEPTH_MM, 0.0, 1.0), fall(DEPTH_MM, 3.0, 4.0) - dip)
     # at 3 mm the dip is e^-100 of 0.3, nothing to rounding
-    assert modes.mode2_mm[0] == pytest.approx(3.05, abs=1e-9)
+    assert modes.mode2_mm[0] == pytest.approx(3.05, abs=KINK_MM)
 
 
 def test_a_permanent_dip_starts_mode_2():
@@ -59,7 +69,7 @@ def test_a_permanent_dip_starts_mode_2():
 def test_light_that_first_rises_starts_mode_2_only_when_it_is_lost():
     direct = np.interp(DEPTH_MM, [0.0, 1.0, 2.0, 3.0], [1.0, 1.15, 1.0, 0.0])
     modes = find_modes(DEPTH_MM, fall(DEPTH_MM, 0.0, 1.0), direct)
-    assert modes.mode2_mm == pytest.approx((2.05, 2.95), abs=ROUNDING_MM)
+    assert modes.mode2_mm == pytest.approx((2.05, 2.95), abs=KINK_MM)
 
 
 def test_top_light_that_overshoots_settles_at_its_last_exit():
@@ -79,7 +89,7 @@ def test_mode_2_that_never_starts_is_open_and_bounds_the_gap():
     modes = find_modes(DEPTH_MM, fall(DEPTH_MM, 0.0, 0.4), np.full(51, 0.7))
     assert modes.mode2_mm == (None, None)
     assert modes.gap_mm is None
-    assert modes.gap_at_least_mm == pytest.approx(5.0 - 0.38, abs=ROUNDING_MM)
+    assert modes.gap_at_least_mm == pytest.approx(5.0 - 0.38, abs=KINK_MM)
 
 
 def test_never_is_null_in_json():
@@ -92,9 +102,9 @@ def test_never_is_null_in_json():
 def test_mode_2_that_starts_but_does_not_end_has_an_open_end():
     modes = find_modes(DEPTH_MM, fall(DEPTH_MM, 0.0, 1.0), fall(DEPTH_MM, 3.73, 6.0))
     assert modes.mode2_mm[1] is None
-    # the fall starts between two samples: the first chord is 3.7 -> 3.8 mm, then the line itself
-    assert modes.mode2_mm[0] == pytest.approx(3.73 + 0.05 * 2.27, abs=ROUNDING_MM)
-    assert modes.gap_mm == pytest.approx(3.73 + 0.05 * 2.27 - 0.95, abs=ROUNDING_MM)
+    # the fall starts between two samples, 3.7 and 3.8 mm, and 95 % lies beyond them on the line itself
+    assert modes.mode2_mm[0] == pytest.approx(3.73 + 0.05 * 2.27, abs=KINK_MM)
+    assert modes.gap_mm == pytest.approx(3.73 + 0.05 * 2.27 - 0.95, abs=2 * KINK_MM)
 
 
 def test_top_light_that_never_changes_has_an_empty_mode_1():
@@ -110,11 +120,11 @@ def test_boundaries_of_smooth_signals_do_not_depend_on_the_grid(step_mm):
         modes = find_modes(depth, np.exp(-3.0 * depth), 1.0 / (1.0 + np.exp((depth - 2.5) / 0.25)))
         return np.array([*modes.mode1_mm, *modes.mode2_mm])
 
-    # chord error: curvature x step²/8 over slope = 3 x 0.01/8 = 0.004 mm at 0.1 mm, for T
-    assert np.max(np.abs(boundaries(step_mm) - boundaries(step_mm / 2.0))) < 0.01
+    # straight lines would be off by curvature x step²/8 over slope = 0.004 mm at 0.1 mm, for T; cubics by less
+    assert np.max(np.abs(boundaries(step_mm) - boundaries(step_mm / 2.0))) < 0.004
 
 
-def test_boundaries_converge_with_the_square_of_the_step():
+def test_boundaries_converge_faster_than_the_square_of_the_step():
     rates = np.linspace(2.0, 4.0, 101)  # moves the boundary through all positions between samples
 
     def worst_error(step):
@@ -127,8 +137,10 @@ def test_boundaries_converge_with_the_square_of_the_step():
 
     errors = [worst_error(step) for step in (0.1, 0.05, 0.025)]
     orders = np.log2(np.divide(errors[:-1], errors[1:]))
-    np.testing.assert_allclose(orders, 2.0, atol=0.2)  # next term of the chord error: k step / 3 = 0.13
-    assert errors[-1] < 4.0 * 0.025**2 / 8.0 * 1.1  # chord error k step²/8, and that next term
+    assert (
+        orders > 2.7
+    ).all()  # the slopes of a monotone cubic are good to step², its values to step³ on smooth falls
+    assert errors[0] < 4.0 * 0.1**2 / 8.0  # at the usual step already below the straight line's k step²/8
 
 
 @PROPERTY

@@ -107,7 +107,9 @@ def test_where_clipping_ends_does_not_depend_on_the_samples():
     fine = score(*light(1.0, 3.0), counts=1500.0)
     # what is left is the bend of u between samples, as 3 units of 600 counts/mm are only 0.015 mm
     assert coarse.deadbands_mm[0] == pytest.approx(fine.deadbands_mm[0], abs=0.01)
-    assert coarse.clipped_share == pytest.approx(fine.clipped_share, abs=1e-9)
+    # shares are of the judged depth, whose end lies on a kink that the cubic rounds off
+    ends = [one.clipped_share * one.end_mm for one in (coarse, fine)]
+    assert ends[0] == pytest.approx(ends[1], abs=1e-9)
 
 
 def test_clipping_adds_a_sample_where_any_pair_meets_full_scale():
