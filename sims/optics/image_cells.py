@@ -31,6 +31,9 @@ CLOSE_SHARE = 0.5
 """Half a patch's diagonal over its distance, from where on it is close."""
 ANYWHERE = 4.0
 """More than two unit vectors' plan parts add up to: what a close patch adds to the range of the gradient."""
+SECOND_ORDER = 1.5
+"""What any other patch adds, over the square of that share: a unit vector's second derivative by where it starts is at
+most three over its length squared. Without it up to 2.5 % of a pair's light was lost, the more the finer the grid."""
 CLOSE_STEPS = 2.0
 NEVER = 1e30
 
@@ -39,7 +42,7 @@ NEVER = 1e30
 def leg_row(patch, x, y, z, gx, gy, hxx, hxy, hyy, box, out, a, b):
     """Fill out[a, b]: gradient in plan of the leg's length from the patch's centre; how far that moves from the centre
     to its side and to its upper edge; second derivatives; how much the top's underside faces the patch; what to add
-    to the range because the patch is close.
+    to the range, for that is of first order only.
     """
     wall = int(patch[0])
     ex, ey, ez = wall_point(wall, patch[1], patch[2], box)
@@ -65,7 +68,8 @@ def leg_row(patch, x, y, z, gx, gy, hxx, hxy, hyy, box, out, a, b):
     out[a, b, FYY] = (1.0 + gy * gy - fy * fy) * d + az * hyy
     out[a, b, LIT] = az - gx * ax - gy * ay + GRAZE * math.sqrt(patch[3] * patch[3] + patch[4] * patch[4]) * d
     size2 = patch[3] * patch[3] + patch[4] * patch[4]
-    out[a, b, CLOSE] = ANYWHERE if size2 * d * d > CLOSE_SHARE * CLOSE_SHARE else 0.0
+    share2 = size2 * d * d
+    out[a, b, CLOSE] = ANYWHERE if share2 > CLOSE_SHARE * CLOSE_SHARE else SECOND_ORDER * share2
 
 
 @kernel
@@ -81,7 +85,7 @@ def patch_table(patch, nodes, box, out):
 
 @kernel
 def closeness(emitter, receiver, a, b, e):
-    """What the range of a cell's gradient gains because a patch is close to one of its corners."""
+    """What the range of a cell's gradient gains beyond first order; `ANYWHERE` or more beside a close patch."""
     close = 0.0
     for k in range(4):
         i = a + k % 2
@@ -177,7 +181,7 @@ def image_steps(emitter, receiver, a, b, e):
             return -1.0, -1.0
         along_u = max(along_u, max(abs(f1 - f0), abs(f3 - f2)) / (2.0 * wide + 1e-12))
         along_v = max(along_v, max(abs(f2 - f0), abs(f3 - f1)) / (2.0 * wide + 1e-12))
-    if close > 0.0:
+    if close >= ANYWHERE:
         return min(along_u, CLOSE_STEPS), min(along_v, CLOSE_STEPS)
     return along_u, along_v
 
@@ -313,7 +317,7 @@ def island_fold(source, target, cells, count, rings, phase, columns, sectors, bo
             h, gx, gy, hxx, hxy, hyy = surface_bend(x, y, top)
             leg_row(source, x, y, h, gx, gy, hxx, hxy, hyy, box, one, 0, 0)
             leg_row(target, x, y, h, gx, gy, hxx, hxy, hyy, box, two, 0, 0)
-            if one[0, 0, CLOSE] + two[0, 0, CLOSE] > 0.0:
+            if one[0, 0, CLOSE] + two[0, 0, CLOSE] >= ANYWHERE:
                 return 0
             if _range_share(one, two, 0, 0) > CORE:
                 continue

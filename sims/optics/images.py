@@ -12,7 +12,15 @@ from __future__ import annotations
 
 import math
 
-from sims.optics.image_cells import across, closeness, island_fold, island_start, lit_cells, take_island
+from sims.optics.image_cells import (
+    ANYWHERE,
+    across,
+    closeness,
+    island_fold,
+    island_start,
+    lit_cells,
+    take_island,
+)
 from sims.optics.mirror_paths import whole_image
 from sims.optics.pinhole import pinhole
 from sims.optics.radial import kernel
@@ -24,7 +32,8 @@ COARSE, FINEST_STEP, BRIGHT = 2.0, 0.5, 0.03
 """First and finest lattice's steps over the setting's; share of the untouched flux that gets the setting's own."""
 NEAR_RANGE = 1.35
 BENT, MOST_CHANGE = 0.25, 4.0
-"""A place counts within 1.35 half ranges, and by up to one more where the range changes across the cell."""
+"""A place counts within 1.35 half ranges of first order or one of second, and by up to one more where the range changes
+across the cell."""
 
 
 @kernel
@@ -37,7 +46,8 @@ def _range_corners(emitter, receiver, a, b, e, corner):
             i = a + k % 2
             j = b if k < 2 else e
             f, w = across(emitter, receiver, i, j, side)
-            corner[side, k] = f / (w + close + 1e-12)
+            wide = w + close if close >= ANYWHERE else max(w, (w + close) / NEAR_RANGE)
+            corner[side, k] = f / (wide + 1e-12)
         for k in range(1, 4):
             change = max(change, abs(corner[side, k] - corner[side, 0]))
     return change

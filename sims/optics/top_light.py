@@ -1,13 +1,14 @@
 # mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
-"""Kernels: what the deformed top does to the light that it receives first hand, on a lattice of its points.
+"""Kernels: what the pressed top does to the light that it receives first hand, on a lattice of its points.
 
-A ray from a patch to a point p of the deformed top, contact included, has a fate now and had one in the untouched
-pad. The difference of the two, summed over the lattice with the weight
+A ray from a patch to a point p of the top, contact included, has a fate now and had one in the untouched pad. The
+difference of the two, summed over the lattice with the weight
 
     radiance x cos x (g . d) / d^3 dA,    g = (-dh/dx, -dh/dy, 1), d from the patch to p,
 
-is the exact change of the light that falls on walls and bottom: a ray that does not meet the deformed top first has
-the same fate in both. One ray serves both, so a top that hardly changes changes hardly anything.
+is the exact change of the light that falls on walls and bottom: a ray that does not meet the top first never meets it.
+The lattice goes on over the part of the top that is still flat, for what that mirrors may then meet a dimple. One ray
+serves both, so a top that hardly changes changes hardly anything.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ from sims.optics.top_grid import TIP as SECTOR_TIP
 from sims.optics.top_grid import place_on_top
 
 # columns of a lattice row
-PX, PY, PZ, GX, GY, AREA, TOUCHED, SECTOR, U0, U1, V0, V1 = range(12)
-POINT_COLUMNS = 12
+PX, PY, PZ, GX, GY, AREA, TOUCHED, SECTOR, U0, U1, V0, V1, FLAT = range(13)
+POINT_COLUMNS = 13
 CONTACT_RINGS = 3
 # columns of an echo row: where a ray from the emitter ends
 POWER, KIND, ALONG, UP, TOPS = range(5)
@@ -35,7 +36,7 @@ ECHO_COLUMNS = 5
 
 @kernel
 def lattice_points(rings, columns, shift_u, shift_v, sectors, top):
-    """(row, column, 12) points of the deformed top; rows are `CONTACT_RINGS` rings in the contact, then rings of u."""
+    """(row, column, 13) points of the pressed top; rows are `CONTACT_RINGS` rings in the contact, then rings of u."""
     out = np.zeros((CONTACT_RINGS + rings, columns.shape[0], POINT_COLUMNS))
     for b in range(columns.shape[0]):
         k = int(columns[b, 0])
@@ -69,7 +70,7 @@ def lattice_points(rings, columns, shift_u, shift_v, sectors, top):
                 if other >= 0:
                     row[AREA] = 0.0
                 if top.rows[0, FIELD_ON] == 0.0 and is_beyond(row[PX], row[PY], top):
-                    row[AREA] = 0.0
+                    row[FLAT] = 1.0
             row[SECTOR] = k
             row[V0] = columns[b, 1]
             row[V1] = columns[b, 2]
@@ -149,6 +150,19 @@ def top_change(source, receivers, lattice, shift, layout, box, top, out, echoes)
             weight, dx, dy, dz, cos_in = first_leg(p, ex, ey, ez, source, box, top)
             if weight == 0.0:
                 continue
+            if p[TOUCHED] == 0.0:
+                kind, x, y, z, _, _, _, left, tops, _ = echo(p, dx, dy, dz, cos_in, box, top)
+                echoes[a, b, POWER] = weight * left
+                echoes[a, b, KIND] = kind
+                echoes[a, b, ALONG] = x if kind == 0 or kind == 2 else y
+                echoes[a, b, UP] = z
+                echoes[a, b, TOPS] = tops
+                if p[FLAT] == 1.0 and tops == 0 and kind != TIP:
+                    continue  # the undisturbed top mirrors it to the same place
+                if kind >= 0 and (kind >= BOTTOM or receiver_at(kind, x, y, z, receivers) < 0):
+                    add_deposit(kind, x, y, z, weight * left, layout, box, top, out)
+            else:
+                add_deposit(TIP, p[PX], p[PY], p[PZ], weight, layout, box, top, out)
             gone = weight
             if box[4] > 0.0:
                 gone *= math.exp(
@@ -157,14 +171,3 @@ def top_change(source, receivers, lattice, shift, layout, box, top, out, echoes)
             kind, x, y, z, left = _untouched_fate(ex, ey, ez, dx, dy, dz, height, box)
             if kind >= 0 and (kind == BOTTOM or receiver_at(kind, x, y, z, receivers) < 0):
                 add_deposit(kind, x, y, z, -gone * left, layout, box, top, out)
-            if p[TOUCHED] == 1.0:
-                add_deposit(TIP, p[PX], p[PY], p[PZ], weight, layout, box, top, out)
-                continue
-            kind, x, y, z, _, _, _, left, tops, _ = echo(p, dx, dy, dz, cos_in, box, top)
-            echoes[a, b, POWER] = weight * left
-            echoes[a, b, KIND] = kind
-            echoes[a, b, ALONG] = x if kind == 0 or kind == 2 else y
-            echoes[a, b, UP] = z
-            echoes[a, b, TOPS] = tops
-            if kind >= 0 and (kind >= BOTTOM or receiver_at(kind, x, y, z, receivers) < 0):
-                add_deposit(kind, x, y, z, weight * left, layout, box, top, out)
