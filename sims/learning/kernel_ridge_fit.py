@@ -22,6 +22,7 @@ from design.errors import InputError
 from sims.dataset import PressData
 from sims.learning.block_cholesky import substituted
 from sims.learning.errors_mm import held_out_figures, mean_error_mm
+from sims.learning.fit_beginning import touch_told
 from sims.learning.inference.kernel_ridge import KernelRidgeModel
 from sims.learning.kernel_solve import factorise, method_for, solve_kernel
 from sims.learning.model_header import trained_header
@@ -29,7 +30,7 @@ from sims.learning.scalings import counts_scaling
 from sims.learning.settings import DEFAULT, FitSettings
 from sims.learning.splits import held_out, spread_samples
 from sims.learning.touch_fit import fit_plain_touch
-from sims.learning.training_data import TrainingData, prepared
+from sims.learning.training_data import TrainingData
 
 FloatArray = NDArray[np.float64]
 OnStep = Callable[[str, float], None]
@@ -57,10 +58,8 @@ def fit_kernel_ridge(
     ------
     InputError : too little data, or data that tell nothing.
     """
-    data, rng = prepared(train), np.random.default_rng(seed)
-    on_step("touch", 0.0)
-    touch, facts = fit_plain_touch(data, rng, 4 * settings.fit_samples)
-    on_step("touch", 1.0)
+    told = touch_told(train, fit_plain_touch, seed=seed, settings=settings, on_step=on_step)
+    data, rng = told.data, told.rng
     scaling = counts_scaling(data.kept)
     touched = np.flatnonzero(data.is_touched)
     searched = searched_grid(
@@ -80,16 +79,20 @@ def fit_kernel_ridge(
         on_share=lambda share: on_step("fit", share),
     )
     on_step("fit", 1.0)
-    facts |= searched | {
-        "method": solved.method,
-        "fit_samples": len(chosen),
-        "kept_samples": len(solved.kept),
-    }
+    facts = (
+        told.facts
+        | searched
+        | {
+            "method": solved.method,
+            "fit_samples": len(chosen),
+            "kept_samples": len(solved.kept),
+        }
+    )
     if np.isfinite(solved.largest_residual):
         facts["largest_residual"] = solved.largest_residual
     return KernelRidgeModel(
         header=trained_header("kernel-ridge", data, facts, seed),
-        touch=touch,
+        touch=told.touch,
         scaling=scaling,
         samples=features[solved.kept].astype(np.float32),
         weights=solved.weights,

@@ -132,6 +132,13 @@ def untouched_of(data: PressData) -> Untouched:
     )
 
 
+def gain_parts(emitters: int, pairs: int) -> FloatArray:
+    """(pair, emitters + receivers) 1 where a part's gain counts for a pair; pairs with the emitter outermost."""
+    receivers = pairs // emitters
+    emitter, receiver = np.divmod(np.arange(pairs), receivers)
+    return np.concatenate([np.eye(emitters)[emitter], np.eye(receivers)[receiver]], axis=1)
+
+
 def fitted_gains(untouched: Untouched, flux: FloatArray, emitters: int) -> FloatArray:
     """(pair,) counts per flux as a product of a gain of the emitter and one of the receiver.
 
@@ -145,9 +152,7 @@ def fitted_gains(untouched: Untouched, flux: FloatArray, emitters: int) -> Float
     good = ~untouched.is_clipped & (counts > BRIGHT * np.median(counts)) & (flux > BRIGHT * np.median(flux))
     if not good.any():
         raise InputError("data: no pair reads light without clipping while untouched; check gains and wiring")
-    receivers = len(flux) // emitters
-    names = np.divmod(np.arange(len(flux)), receivers)
-    parts = np.concatenate([np.eye(emitters)[names[0]], np.eye(receivers)[names[1]]], axis=1)
+    parts = gain_parts(emitters, len(flux))
     level = np.log(counts[good] / flux[good])
     ridge = 1e-4 * np.eye(parts.shape[1])
     normal = parts[good].T @ parts[good] + ridge

@@ -153,7 +153,9 @@ class _State:
         self.by_press = np.zeros((3, *flux.shape))
         samples = problem.samples
         level = np.log(fitted_gains(samples.untouched, flux[-1], samples.emitters))
-        self.prior_gains = np.linalg.lstsq(problem.parts, level, rcond=None)[0]
+        self.prior_gains: FloatArray = np.asarray(
+            np.linalg.lstsq(problem.parts, level, rcond=None)[0], np.float64
+        )
         self.log_gains = self.prior_gains.copy()
         self.offset_mm = np.zeros(3 * samples.presses)
 

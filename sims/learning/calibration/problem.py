@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from sims.learning.calibration.samples import CalibrationSamples
 from sims.learning.calibration.shared_error import shared_error
 from sims.learning.inference.reading_noise import ReadingNoise
+from sims.learning.map_learner import gain_parts
 
 FloatArray = NDArray[np.float64]
 Light = Callable[[FloatArray, FloatArray, int], FloatArray]
@@ -56,11 +57,7 @@ class Problem:
         drift = np.hypot(self.noise.emitter_drift, self.noise.receiver_drift)
         self.variance = self.noise.variance(self.signals) + (drift * self.signals) ** 2
         self.model_counts = MODEL_SHARE * np.maximum(mean, np.median(mean))
-        names = np.divmod(np.arange(pairs), pairs // self.samples.emitters)
-        self.parts = np.concatenate(
-            [np.eye(self.samples.emitters)[names[0]], np.eye(pairs // self.samples.emitters)[names[1]]],
-            axis=1,
-        )
+        self.parts = gain_parts(self.samples.emitters, pairs)
         self.of_press = np.zeros((rows + 1, self.samples.presses))
         self.of_press[np.arange(rows), self.samples.press] = 1.0
         self.offset_information = self._offset_information()
