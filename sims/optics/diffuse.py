@@ -18,7 +18,7 @@ import math
 
 import numpy as np
 
-from sims.optics.radial import kernel, mirrored_share, radiance, wall_normal, wall_point
+from sims.optics.radial import array_kernel, kernel, mirrored_share, radiance, wall_normal, wall_point
 from sims.optics.rays import BOTTOM, LOST_WEIGHT, TIP, chain
 from sims.optics.surface import CONTACT_R, TIP_R, X, Y
 from sims.optics.top import surface_height
@@ -41,7 +41,7 @@ def golden_pair(n, one, two):
     return fraction(n * 0.7548776662466927 + one), fraction(n * 0.5698402909980532 + two)
 
 
-@kernel
+@array_kernel
 def golden_shift(k):
     """(4,) k-th point of an additive sequence with irrational, mutually unrelated steps, in 0..1."""
     out = np.empty(4)
@@ -52,7 +52,7 @@ def golden_shift(k):
     return out
 
 
-@kernel
+@array_kernel
 def layout_of(box, size):
     """(6, 3) columns, rows, first index of the patches on walls 0-3, bottom and tip (5)."""
     out = np.zeros((6, 3), np.int64)
@@ -121,7 +121,7 @@ def receiver_at(kind, x, y, z, receivers):
     return -1
 
 
-@kernel
+@array_kernel
 def patch_areas(layout, receivers, box):
     """Area of every wall and bottom patch without receiver faces; 0 for the tip's."""
     out = np.zeros(layout[5, 2] + layout[5, 0] * layout[5, 1])
@@ -237,7 +237,7 @@ def join(from_emitter, from_receiver, receiver_area, areas, layout, reflectances
     return total * receiver_area
 
 
-@kernel
+@array_kernel
 def bounces(layout, receivers, box, top, points, count):
     """(patch, patch) share of one patch's scattered light that lands on another, untouched top."""
     patches = layout[5, 2]

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 
-from sims.optics.radial import fresnel, height, kernel, radiance, reach2, wall_normal, wall_point
+from sims.optics.radial import distance, fresnel, height, kernel, radiance, reach2, wall_normal, wall_point
 from sims.optics.surface import ACTIVE, LOWEST, OUTER_R, TOP, X, Y
 from sims.optics.top import SLACK, is_plain, surface_height
 
@@ -39,7 +39,7 @@ def plan_distance(ax, ay, bx, by, cx, cy):
     dx = bx - ax
     dy = by - ay
     t = min(max(((cx - ax) * dx + (cy - ay) * dy) / max(dx * dx + dy * dy, 1e-30), 0.0), 1.0)
-    return math.hypot(ax + t * dx - cx, ay + t * dy - cy)
+    return distance(ax + t * dx - cx, ay + t * dy - cy)
 
 
 @kernel

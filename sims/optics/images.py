@@ -25,7 +25,7 @@ from sims.optics.mirror_paths import whole_image
 from sims.optics.pinhole import pinhole
 from sims.optics.radial import kernel
 from sims.optics.top import is_beyond, touching_tip
-from sims.optics.top_grid import NX, NY, place_on_top, ring_edge
+from sims.optics.top_grid import NX, NY, ring_edge
 
 FINEST = 96
 COARSE, FINEST_STEP, BRIGHT = 2.0, 0.5, 0.03
@@ -66,12 +66,10 @@ def _is_far(corner, fu, fv, limit):
 
 @kernel
 def cell_sum(
-    source, target, emitter, receiver, a, b, steps, step, shift, skip_flat, rings, phase, columns, sectors, box, top,
-    corner, poly, other,
+    source, target, a, b, steps, step, shift, skip_flat, rings, phase, columns, sectors, box, top, corner, limit, poly,
+    other,
 ):  # fmt: skip
-    """Flux through one cell of the grid: (outside the skirt, inside it)."""
-    change = _range_corners(emitter, receiver, a, b, int(columns[b, 4]), corner)
-    limit = NEAR_RANGE + BENT * min(change, MOST_CHANGE)
+    """Flux through one cell of the grid: (outside the skirt, inside it); `corner`, `limit`: see `_is_far`."""
     nu = int(min(max(math.ceil(steps[0] / step), 1.0), FINEST))
     nv = int(min(max(math.ceil(steps[1] / step), 1.0), FINEST))
     u0 = ring_edge(a, rings, phase)
@@ -85,11 +83,9 @@ def cell_sum(
                 continue
             u = u0 + (m + shift[0]) * du
             v = columns[b, 1] + (n + shift[1]) * dv
-            if skip_flat:
-                x, y, _, _ = place_on_top(int(columns[b, 0]), u, v, sectors, top)
-                if is_beyond(x, y, top):
-                    continue
-            flux, share = pinhole(int(columns[b, 0]), u, v, source, target, sectors, box, top, poly, other)
+            flux, share = pinhole(
+                int(columns[b, 0]), u, v, source, target, skip_flat, sectors, box, top, poly, other
+            )
             if share < 1.0:
                 inner += flux
             else:
@@ -103,18 +99,21 @@ def island_sum(
     box, top, corner, poly, other, out,
 ):  # fmt: skip
     """Fill out[replicate, (outside, inside the skirt)] with the flux through an island; the brightest replicate's."""
-    brightest = 0.0
-    for n in range(shifts.shape[0]):
-        out[n] = 0.0
-        for k in range(count):
-            a = cells[k] // columns.shape[0]
-            b = cells[k] % columns.shape[0]
+    out[:] = 0.0
+    for k in range(count):
+        a = cells[k] // columns.shape[0]
+        b = cells[k] % columns.shape[0]
+        change = _range_corners(emitter, receiver, a, b, int(columns[b, 4]), corner)
+        limit = NEAR_RANGE + BENT * min(change, MOST_CHANGE)
+        for n in range(shifts.shape[0]):
             outer, inner = cell_sum(
-                source, target, emitter, receiver, a, b, steps[a, b], step, shifts[n], skip_flat, rings, phase,
-                columns, sectors, box, top, corner, poly, other,
+                source, target, a, b, steps[a, b], step, shifts[n], skip_flat, rings, phase, columns, sectors, box, top,
+                corner, limit, poly, other,
             )  # fmt: skip
             out[n, 0] += outer
             out[n, 1] += inner
+    brightest = 0.0
+    for n in range(shifts.shape[0]):
         brightest = max(brightest, out[n, 0] + out[n, 1])
     return brightest
 
@@ -172,10 +171,13 @@ def single_reflection(
             if flux >= 0.0:
                 _, share = touching_tip(x, y, top)
                 if not (skip_flat and is_beyond(x, y, top)):
-                    out[:, 1 if share < 1.0 else 0] += flux
+                    for n in range(out.shape[0]):
+                        out[n, 1 if share < 1.0 else 0] += flux
                 continue
         lattice_sum(
             source, target, emitter, receiver, cells, count, steps, step, unit, skip_flat, shifts, rings, phase,
             columns, sectors, box, top, corner, poly, other, part,
         )  # fmt: skip
-        out += part
+        for n in range(out.shape[0]):
+            out[n, 0] += part[n, 0]
+            out[n, 1] += part[n, 1]

@@ -15,11 +15,11 @@ from __future__ import annotations
 import numpy as np
 
 from sims.optics.diffuse import add_deposit, join
-from sims.optics.radial import kernel, wall_point
+from sims.optics.radial import array_kernel, wall_point
 from sims.optics.rays import BOTTOM, TIP
 
 
-@kernel
+@array_kernel
 def coarsened(deposits, layout, coarse, box, top):
     """(source, coarse patch) deposits on walls and bottom, moved to patches of a coarser layout; none on the tip."""
     out = np.zeros((deposits.shape[0], coarse[TIP, 2] + coarse[TIP, 0] * coarse[TIP, 1]))
@@ -38,7 +38,7 @@ def coarsened(deposits, layout, coarse, box, top):
     return out
 
 
-@kernel
+@array_kernel
 def scattered_on(deposits, transfer):
     """(source, patch) deposits of the orders beyond the first: row n of `transfer` is what a deposit on n becomes."""
     out = np.zeros(deposits.shape)
@@ -51,7 +51,7 @@ def scattered_on(deposits, transfer):
     return out
 
 
-@kernel
+@array_kernel
 def all_orders(given, taken, receivers, patches, reflectances, orders, box, top):
     """(emitter, receiver) scattered flux of all orders from first deposits (source, patch).
 

@@ -23,7 +23,7 @@ from sims.optics.polygon import area_and_centroid, cut, cut_to_rectangle
 from sims.optics.radial import fall_bound, fresnel, kernel, radiance, slope_bound, wall_normal, wall_point
 from sims.optics.rays import is_clear
 from sims.optics.surface import ACTIVE, X, Y
-from sims.optics.top import FIELD_SLOPE, touching_tip
+from sims.optics.top import FIELD_SLOPE, is_beyond, touching_tip
 from sims.optics.top_grid import top_point
 
 INWARD = 0.97
@@ -190,11 +190,14 @@ def _arrival(dx, dy, dz, px, py, gx, gy, target, box):
 
 
 @kernel
-def pinhole(sector, u, v, source, target, sectors, box, top, poly, other):
-    """Flux through the top at (u, v) per du dv, and the place over the skirt's radius."""
+def pinhole(sector, u, v, source, target, skip_flat, sectors, box, top, poly, other):
+    """Flux through the top at (u, v) per du dv, and the place over the skirt's radius.
+
+    `skip_flat`: none from beyond every deformed part.
+    """
     px, py, pz, gx, gy, _, plan = top_point(sector, u, v, sectors, top)
     tip, share = touching_tip(px, py, top)
-    if tip >= 0 and u > 0.0:
+    if (tip >= 0 and u > 0.0) or (skip_flat and is_beyond(px, py, top)):
         return 0.0, share
     ex, ey, ez = wall_point(int(source[0]), source[1], source[2], box)
     n0, n1 = wall_normal(int(source[0]))

@@ -32,10 +32,20 @@ from sims.optics.surface import (
 
 PATCH_TABLE = 7
 
-UNSEEN: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-"""Kernels call one another; entry from Python or C, a seventh of the time to compile, is for `compiled` alone."""
-kernel = njit(**UNSEEN)
-inlined = njit(**UNSEEN, forceinline=True)
+UNSEEN: dict[str, Any] = {
+    "error_model": "numpy",
+    "fastmath": {"contract", "nsz", "arcp", "reassoc"},
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+}
+"""Kernels call one another; entry from Python or C, a seventh of the time to compile, is for `compiled` alone. Sums may
+be ordered and multiplications joined with them as suits the processor; infinities and NaN keep their meaning."""
+UNCOUNTED: dict[str, Any] = UNSEEN | {"_nrt": False}
+"""Without Numba's counts of references to arrays, which took an eighth of the time: no pass of its compiler can drop
+those of arrays in a named tuple. Such a kernel makes no array and returns none; Numba refuses one that tries."""
+array_kernel = njit(**UNSEEN)
+kernel = njit(**UNCOUNTED)
+inlined = njit(**UNCOUNTED, forceinline=True)
 """For what is called with every ray: a call with an array costs as much as a square root."""
 
 NEVER = 1e30

@@ -19,6 +19,7 @@ from sims.optics.radial import (
     distance,
     fall_bound,
     fresnel,
+    height,
     height_and_turn,
     inlined,
     kernel,
@@ -77,8 +78,11 @@ def _plane_hit(z, dz, t0, t1, top):
 
 
 @inlined
-def march(x, y, z, dx, dy, dz, t0, t1, tip, rows):
-    """Bracket of the first crossing from below to above one tip's top in [t0, t1]; (t0, -1) if there is none."""
+def march(x, y, z, dx, dy, dz, t0, t1, takes_any, tip, rows):
+    """Bracket of the first crossing from below to above one tip's top in [t0, t1]; (t0, -1) if there is none.
+
+    `takes_any`: any crossing will do; a ray that has one is nearly always above the top where it is nearest the axis.
+    """
     highest = max(z + dz * t0, z + dz * t1)
     if highest < rows[tip, LOWEST]:
         return t0, -1.0
@@ -100,6 +104,11 @@ def march(x, y, z, dx, dy, dz, t0, t1, tip, rows):
         if hit >= 0.0:
             return hit, hit
     if t < end:
+        if takes_any:
+            middle = min(max(t, closest), end)
+            away = middle - closest
+            if height(near2 + plan2 * away * away, tip, rows) < z + dz * middle:
+                return t, middle
         low, high = _march_within(z, dz, t, end, closest, near2, plan2, tip, rows)
         if high >= 0.0:
             return low, high
@@ -207,9 +216,9 @@ def march_any(x, y, z, dx, dy, dz, t0, t1, top):
 
 @inlined
 def crossing(x, y, z, dx, dy, dz, t0, t1, top):
-    """Bracket of the first crossing from below to above the top in [t0, t1]; (t0, -1) if there is none."""
+    """Bracket of a crossing from below to above the top in [t0, t1]; (t0, -1) if there is none."""
     if is_plain(top):
-        return march(x, y, z, dx, dy, dz, t0, t1, 0, top.rows)
+        return march(x, y, z, dx, dy, dz, t0, t1, True, 0, top.rows)
     return march_any(x, y, z, dx, dy, dz, t0, t1, top)
 
 
@@ -232,7 +241,7 @@ def top_hit(x, y, z, dx, dy, dz, t1, top):
 @kernel
 def _tip_hit(x, y, z, dx, dy, dz, t1, rows):
     """`top_hit` for one tip and no field."""
-    low, high = march(x, y, z, dx, dy, dz, 0.0, t1, 0, rows)
+    low, high = march(x, y, z, dx, dy, dz, 0.0, t1, False, 0, rows)
     return high if high <= low else _refined(x, y, z, dx, dy, dz, low, high, rows)
 
 

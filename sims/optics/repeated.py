@@ -19,7 +19,7 @@ import numpy as np
 from sims.optics.diffuse import golden_pair
 from sims.optics.landing import landing, put_point, reaches
 from sims.optics.polygon import area_and_centroid, cut_to_rectangle
-from sims.optics.radial import kernel, radiance
+from sims.optics.radial import array_kernel, kernel, radiance
 from sims.optics.repeated_cells import (
     CELL_COLUMNS,
     DIVIDE,
@@ -113,7 +113,7 @@ def add_samples(
         add_sample(p, one, two, source, receivers, wanted, box, top, poly, other, out[n])
 
 
-@kernel
+@array_kernel
 def repeated_reflections(
     source, receivers, wanted, lattice, echoes, columns, shifts, unit, sectors, box, top, p, poly, other, out
 ):

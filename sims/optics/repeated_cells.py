@@ -65,9 +65,16 @@ def power_near(a, b, columns, echoes, receivers, wanted):
 
 
 @kernel
-def corner(cell, c):
-    """The echo of a cell's corner."""
-    return cell[CORNERS + c * ECHO_COLUMNS : CORNERS + (c + 1) * ECHO_COLUMNS]
+def corner(cell, c, column):
+    """A number of the echo of a cell's corner."""
+    return cell[CORNERS + c * ECHO_COLUMNS + column]
+
+
+@kernel
+def put_echo(cell, c, echo):
+    """Copy an echo to a cell's corner."""
+    for k in range(ECHO_COLUMNS):
+        cell[CORNERS + c * ECHO_COLUMNS + k] = echo[k]
 
 
 @kernel
@@ -94,14 +101,13 @@ def _bounds(cell, wall):
     low_s = low_z = 1e9
     high_s = high_z = -1e9
     for c in range(4):
-        echo = corner(cell, c)
-        if echo[POWER] > 0.0 and echo[KIND] == wall:
-            low_s = min(low_s, echo[ALONG])
-            high_s = max(high_s, echo[ALONG])
-            low_z = min(low_z, echo[UP])
-            high_z = max(high_z, echo[UP])
-            is_alike = is_alike and (count == 0 or tops == echo[TOPS])
-            tops = echo[TOPS]
+        if corner(cell, c, POWER) > 0.0 and corner(cell, c, KIND) == wall:
+            low_s = min(low_s, corner(cell, c, ALONG))
+            high_s = max(high_s, corner(cell, c, ALONG))
+            low_z = min(low_z, corner(cell, c, UP))
+            high_z = max(high_z, corner(cell, c, UP))
+            is_alike = is_alike and (count == 0 or tops == corner(cell, c, TOPS))
+            tops = corner(cell, c, TOPS)
             count += 1
     return count, is_alike, low_s, high_s, low_z, high_z
 
@@ -115,8 +121,8 @@ def fate_of(cell, unit, blur, unseen, receivers, wanted):
     unseen : power that the emitter's edges may send over the undivided cell where its centre sends none
     """
     brightest = max(
-        max(corner(cell, 0)[POWER], corner(cell, 1)[POWER]),
-        max(corner(cell, 2)[POWER], corner(cell, 3)[POWER]),
+        max(corner(cell, 0, POWER), corner(cell, 1, POWER)),
+        max(corner(cell, 2, POWER), corner(cell, 3, POWER)),
     )
     if brightest == 0.0:
         if cell[LEVEL] == 0.0:
@@ -148,8 +154,7 @@ def fate_of(cell, unit, blur, unseen, receivers, wanted):
 def blur_of(cell, sector, source, sectors, box, top, p):
     """How far from the end of the emitter's centre those of its edges lie, by a lit corner of a cell."""
     for c in range(4):
-        echo = corner(cell, c)
-        if echo[POWER] > 0.0:
+        if corner(cell, c, POWER) > 0.0:
             put_point(
                 p,
                 sector,
@@ -164,10 +169,10 @@ def blur_of(cell, sector, source, sectors, box, top, p):
                 along = source[1] + (EDGE * source[3] if k == 0 else 0.0)
                 up = source[2] + (EDGE * source[4] if k == 1 else 0.0)
                 power, kind, s, z, tops, _, _ = landing(p, along, up, source, box, top)
-                if power == 0.0 or kind != echo[KIND] or tops != echo[TOPS]:
+                if power == 0.0 or kind != corner(cell, c, KIND) or tops != corner(cell, c, TOPS):
                     return WIDEST_MM
-                wide += abs(s - echo[ALONG])
-                high += abs(z - echo[UP])
+                wide += abs(s - corner(cell, c, ALONG))
+                high += abs(z - corner(cell, c, UP))
             return min(max(wide, high) / EDGE, WIDEST_MM)
     return WIDEST_MM
 
@@ -195,7 +200,7 @@ def put_first(cell, root, next_column, a, b, known, source, sectors, box, top, p
                 top,
                 p,
             )
-        corner(cell, c)[:] = echo
+        put_echo(cell, c, echo)
 
 
 @kernel
@@ -208,7 +213,8 @@ def divide(cells, n, sector, source, sectors, box, top, p, nine):
     for a in range(3):
         for b in range(3):
             if a != 1 and b != 1:
-                nine[a, b] = corner(cell, a + b // 2)
+                for k in range(ECHO_COLUMNS):
+                    nine[a, b, k] = corner(cell, a + b // 2, k)
             else:
                 put_corner(nine[a, b], sector, us[a], vs[b], source, sectors, box, top, p)
     for a in range(2):
@@ -220,4 +226,4 @@ def divide(cells, n, sector, source, sectors, box, top, p, nine):
             part[HIGH_V] = vs[b + 1]
             part[LEVEL] = level
             for c in range(4):
-                corner(part, c)[:] = nine[a + c // 2, b + c % 2]
+                put_echo(part, c, nine[a + c // 2, b + c % 2])

@@ -15,7 +15,7 @@ from sims.optics.direct import direct_flux, misses_all, reach_of
 from sims.optics.image_cells import BOX_COLUMNS, PATCH_COLUMNS, patch_boxes, patch_table
 from sims.optics.images import single_reflection
 from sims.optics.orders import all_orders
-from sims.optics.radial import kernel
+from sims.optics.radial import array_kernel
 from sims.optics.repeated import repeated_reflections
 from sims.optics.surface import OUTER_R
 from sims.optics.top import FIELD_ON, is_touched
@@ -33,7 +33,7 @@ RINGS, COLUMNS, STEP, TOP_RINGS, TOP_COLUMNS, REPEAT_SHARE, RAYS, WHOLE_RATIO = 
 CLIP_CORNERS = 14
 
 
-@kernel
+@array_kernel
 def straight(out, keeps, wanted, emitters, receivers, flat, box, top, rules):
     """Straight light; where a pair's bundle misses every deformed part in plan, the untouched mirrored light too."""
     nodes_e, weights_e, nodes_u, weights_u, nodes_z, weights_z = rules
@@ -57,7 +57,7 @@ def straight(out, keeps, wanted, emitters, receivers, flat, box, top, rules):
                 keeps[i, j] = True
 
 
-@kernel
+@array_kernel
 def mirrored_once(
     result, keeps, wanted, emitters, receivers, scale, sectors, box, top, image_rules, shifts, settings
 ):
@@ -105,7 +105,7 @@ def mirrored_once(
                 result[n, SKIRT, i, j] += flux[n, 1]
 
 
-@kernel
+@array_kernel
 def several_times(
     result, from_emitter, wanted, emitters, receivers, scale, sectors, box, top, shifts, lattices, columns, layout,
     settings,
@@ -141,7 +141,7 @@ def several_times(
             result[n, SKIRT, i] += several[n, :, 1]
 
 
-@kernel
+@array_kernel
 def beyond_one(
     result, wanted, emitters, receivers, flat, scale, sectors, box, top, points, shifts, patches, reflectances, orders,
     settings, flat_rays,
@@ -189,7 +189,7 @@ def beyond_one(
                     result[n, DIFFUSE, i, j] = max(flat_diffuse[i, j] * now[i, j] / flat_join[i, j], 0.0)
 
 
-@kernel
+@array_kernel
 def walled(from_emitter, from_receiver, seen, wanted, emitters, receivers, box, top, points, count, shift, layout,
            flat_rays):  # fmt: skip
     """Between smooth walls: add the change of all deposits, and of light mirrored onto receivers, by the same rays as
@@ -210,7 +210,7 @@ def walled(from_emitter, from_receiver, seen, wanted, emitters, receivers, box, 
                     golden_shift(j + RECEIVER_SEQUENCE) + shift[2:6], layout, from_receiver[j], none)  # fmt: skip
 
 
-@kernel
+@array_kernel
 def one_state(
     result, wanted, emitters, receivers, box, top, flat, scale, rules, image_rules, points, shifts, patches,
     reflectances, orders, settings, flat_rays,

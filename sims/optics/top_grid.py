@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from sims.optics.radial import kernel
+from sims.optics.radial import array_kernel, kernel
 from sims.optics.surface import ACTIVE, CONTACT_R, X, Y
 from sims.optics.top import surface_bend, surface_gradient
 
@@ -25,7 +25,7 @@ MOST_EDGES = 12
 FEWEST_COLUMNS = 3
 
 
-@kernel
+@array_kernel
 def _cell_of_tip(tip, top, box, corners, other):
     """Corners (n, 2) of the part of the box nearest to a tip; their number."""
     corners[0, 0], corners[0, 1] = 0.0, 0.0
@@ -60,7 +60,7 @@ def _cell_of_tip(tip, top, box, corners, other):
     return n
 
 
-@kernel
+@array_kernel
 def sectors_of(top, box):
     """(sector, 6) start of each edge and vector to its end, both from the axis; angle; tip. Sorted by tip.
 
@@ -116,7 +116,7 @@ def top_point(sector, u, v, sectors, top):
     return x, y, h, gx, gy, r, area
 
 
-@kernel
+@array_kernel
 def columns_of(columns, phase, sectors):
     """(column, 5) sector, v where it starts, v where it ends, previous column, next column (round the tip).
 
@@ -154,7 +154,7 @@ def ring_edge(ring, rings, phase):
     return (ring + phase - 0.5) / rings
 
 
-@kernel
+@array_kernel
 def top_nodes(rings, phase, columns, sectors, top):
     """(ring + 1, column, 8) place, height, gradient and second derivatives at every column's start."""
     nodes = np.empty((rings + 1, columns.shape[0], NODE_COLUMNS))
