@@ -11,22 +11,20 @@ from concurrent.futures import ThreadPoolExecutor
 
 
 def run_each(work: Callable[[int], object], count: int) -> None:
-    """Call `work` with 0 to `count` - 1; the first alone, so that what it compiles is compiled once.
+    """Call `work` with 0 to `count` - 1. What the first compiles the others wait for: Numba compiles behind a lock.
 
     An error, or an interruption, ends it as soon as the pieces under way are done.
     """
     import numba
 
-    if count > 0:
-        work(0)
-    threads = min(int(numba.get_num_threads()), count - 1)
+    threads = min(int(numba.get_num_threads()), count)
     if threads < 2:
-        for number in range(1, count):
+        for number in range(count):
             work(number)
         return
     pool = ThreadPoolExecutor(max_workers=threads)
     try:
-        for _ in pool.map(work, range(1, count)):
+        for _ in pool.map(work, range(count)):
             pass
     finally:
         pool.shutdown(wait=True, cancel_futures=True)

@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from dataclasses import fields as dataclass_fields
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,7 @@ from sims.optics.scene import OpticalScene
 
 FloatArray = NDArray[np.float64]
 Orders = tuple[NDArray[np.int64], FloatArray, FloatArray]
+Kept = TypeVar("Kept")
 POINT_SEED = 20170603
 PATCH_MM = 2.0
 REFERENCE_PATCH_MM = 1.0
@@ -29,20 +32,19 @@ DARK_SCALE = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
-class Untouched:
-    """The untouched pad.
+class UnshiftedPad:
+    """What of the untouched pad no seed changes.
 
     Attributes
     ----------
     box, emitters, receivers : packed for the kernels, see `sims.optics.radial`
     straight : (2, emitter, receiver) straight and mirrored flux
     diffuse : (emitter, receiver) scattered flux of all orders
-    wall : (replicate, emitter, receiver) flux mirrored by smooth walls
     given, taken : (patch row, patch) deposits of emitters and of receivers
     joined : (emitter, receiver) scattered flux of all orders, of these deposits
     orders : layout, areas and transfer of the patches of the orders beyond the first, see `sims.optics.orders`
-    rays : deposits and wall-mirrored flux of the rays that states use between smooth walls, per replicate
-    scale : (emitter, receiver) flux of all classes, above 0
+    points : (ray, 4) Sobol points in the unit cube
+    layout, areas, reflectances : of the patches, see `sims.optics.diffuse`
     """
 
     box: FloatArray
@@ -50,36 +52,64 @@ class Untouched:
     receivers: FloatArray
     straight: FloatArray
     diffuse: FloatArray
-    wall: FloatArray
     given: FloatArray
     taken: FloatArray
     joined: FloatArray
     orders: Orders
-    rays: tuple[FloatArray, FloatArray, FloatArray]
-    scale: FloatArray
     points: FloatArray
-    shifts: FloatArray
     layout: NDArray[np.int64]
     areas: FloatArray
     reflectances: FloatArray
 
 
-_REMEMBERED: dict[str, Untouched] = {}
+@dataclass(frozen=True, kw_only=True)
+class Untouched(UnshiftedPad):
+    """The untouched pad.
+
+    Attributes
+    ----------
+    shifts : (replicate, 8) offsets of lattices and rays
+    wall : (replicate, emitter, receiver) flux mirrored by smooth walls
+    rays : deposits and wall-mirrored flux of the rays that states use between smooth walls, per replicate
+    scale : (emitter, receiver) flux of all classes, above 0
+    """
+
+    shifts: FloatArray
+    wall: FloatArray
+    rays: tuple[FloatArray, FloatArray, FloatArray]
+    scale: FloatArray
+
+
+_UNSHIFTED: dict[str, UnshiftedPad] = {}
+_UNTOUCHED: dict[str, Untouched] = {}
 """Untouched pads of this process by content; each is a pure function of its key."""
 
 
 def untouched_pad(scene: OpticalScene, settings: Accuracy, seed: int) -> Untouched:
-    """The untouched pad of a scene, remembered within this process."""
+    """The untouched pad of a scene, remembered within this process; settings and seeds share what they can."""
     fields = (getattr(scene, field.name) for field in dataclass_fields(scene))
     content = "|".join(
         "none" if value is None else np.asarray(value, dtype=np.float64).tobytes().hex() for value in fields
     )
-    key = f"{content}|{settings}|{seed}"
-    if key not in _REMEMBERED:
-        if len(_REMEMBERED) >= REMEMBERED_PADS:
-            _REMEMBERED.pop(next(iter(_REMEMBERED)))
-        _REMEMBERED[key] = _solved(scene, settings, seed)
-    return _REMEMBERED[key]
+
+    def unshifted() -> UnshiftedPad:
+        rays = _most_rays(scene, settings)
+        key = f"{content}|{settings.flat_nodes}|{settings.reference_rays}|{rays}"
+        return _remembered(_UNSHIFTED, key, lambda: _solved(scene, settings, rays))
+
+    return _remembered(
+        _UNTOUCHED, f"{content}|{settings}|{seed}", lambda: _shifted(scene, unshifted(), settings, seed)
+    )
+
+
+def _remembered(store: dict[str, Kept], key: str, made: Callable[[], Kept]) -> Kept:
+    """What a store holds under a key, made where it holds nothing; the oldest makes room."""
+    if key not in store:
+        found = made()
+        if len(store) >= REMEMBERED_PADS:
+            store.pop(next(iter(store)))
+        store[key] = found
+    return store[key]
 
 
 def gauss(count: int) -> tuple[FloatArray, FloatArray]:
@@ -213,19 +243,25 @@ def _shifts(settings: Accuracy, seed: int) -> FloatArray:
     return shifts
 
 
-def _solved(scene: OpticalScene, settings: Accuracy, seed: int) -> Untouched:
+def _most_rays(scene: OpticalScene, settings: Accuracy) -> int:
+    """Rays that the untouched pad or a state sends out from a patch at most."""
+    wall_reference = _wall_reference_rays(settings) if scene.wall_index else 0
+    return max(wall_reference, settings.reference_rays, settings.wall_rays, 1024)
+
+
+def _wall_reference_rays(settings: Accuracy) -> int:
+    return max(settings.reference_rays, WALL_REFERENCE_RAYS)
+
+
+def _solved(scene: OpticalScene, settings: Accuracy, rays: int) -> UnshiftedPad:
     from scipy.stats import qmc
 
     from sims.optics import compiled
 
     box, emitters, receivers = packed(scene)
-    straight = compiled.flat_matrix(emitters, receivers, box, *gauss(settings.flat_nodes))
-    wall_reference = max(settings.reference_rays, WALL_REFERENCE_RAYS)
-    largest = max(wall_reference if scene.wall_index else settings.reference_rays, settings.wall_rays, 1024)
-    points = qmc.Sobol(4, scramble=True, rng=POINT_SEED).random(largest)
+    points = qmc.Sobol(4, scramble=True, rng=POINT_SEED).random(rays)
     reflectances = np.array([scene.wall_reflectance] * 4 + [scene.bottom_reflectance, scene.tip_reflectance])
     parts = _Parts(box=box, emitters=emitters, receivers=receivers, points=points, reflectances=reflectances)
-    shifts = _shifts(settings, seed)
     layout = compiled.patch_layout(box, PATCH_MM)
     areas = compiled.patch_areas(layout, receivers, box)
     given, taken, _ = parts.deposits(np.zeros(4), settings.reference_rays, layout)
@@ -241,20 +277,39 @@ def _solved(scene: OpticalScene, settings: Accuracy, seed: int) -> Untouched:
         parts.joined(given, taken, layout, areas),
     )
     diffuse = first * np.divide(every, once, out=np.ones_like(once), where=once > 0)
-    if scene.wall_index:
-        wall = np.stack([parts.deposits(shift[2:6], wall_reference, layout)[2] for shift in shifts])
-        per = [parts.deposits(shift[2:6], settings.wall_rays, layout) for shift in shifts]
-        rays = (np.stack([x[0] for x in per]), np.stack([x[1] for x in per]), np.stack([x[2] for x in per]))
-    else:
-        none = np.zeros((len(shifts), 0, 0))
-        rays = (none, none, none)
-        wall = np.zeros((len(shifts), len(emitters), len(receivers)))
-    total = straight.sum(axis=0) + diffuse + wall.mean(axis=0)
-    return Untouched(
-        box=box, emitters=emitters, receivers=receivers, straight=straight, diffuse=diffuse, wall=wall, given=given,
-        taken=taken, joined=every, orders=orders, rays=rays, scale=_above_zero(total),
-        points=points, shifts=shifts, layout=layout, areas=areas, reflectances=reflectances,
+    straight = compiled.flat_matrix(emitters, receivers, box, *gauss(settings.flat_nodes))
+    return UnshiftedPad(
+        box=box, emitters=emitters, receivers=receivers, straight=straight, diffuse=diffuse, given=given, taken=taken,
+        joined=every, orders=orders, points=points, layout=layout, areas=areas, reflectances=reflectances,
     )  # fmt: skip
+
+
+def _shifted(scene: OpticalScene, pad: UnshiftedPad, settings: Accuracy, seed: int) -> Untouched:
+    """The pad with the offsets of a seed; between smooth walls also the light of the rays that these offsets move."""
+    shifts = _shifts(settings, seed)
+    wall = np.zeros((len(shifts), len(pad.emitters), len(pad.receivers)))
+    none = np.zeros((len(shifts), 0, 0))
+    rays = (none, none, none)
+    if scene.wall_index:
+        parts = _Parts(
+            box=pad.box,
+            emitters=pad.emitters,
+            receivers=pad.receivers,
+            points=pad.points,
+            reflectances=pad.reflectances,
+        )
+        count = _wall_reference_rays(settings)
+        wall = np.stack([parts.deposits(shift[2:6], count, pad.layout)[2] for shift in shifts])
+        per = [parts.deposits(shift[2:6], settings.wall_rays, pad.layout) for shift in shifts]
+        rays = (np.stack([x[0] for x in per]), np.stack([x[1] for x in per]), np.stack([x[2] for x in per]))
+    total = pad.straight.sum(axis=0) + pad.diffuse + wall.mean(axis=0)
+    return Untouched(
+        **{field.name: getattr(pad, field.name) for field in dataclass_fields(pad)},
+        shifts=shifts,
+        wall=wall,
+        rays=rays,
+        scale=_above_zero(total),
+    )
 
 
 def _above_zero(flux: FloatArray) -> FloatArray:
