@@ -12,7 +12,7 @@ from sims.compiling import compiling_told
 OnStep = Callable[[str, float], None]
 
 STAGE_TITLES = {
-    "kernels": "compiling the light kernels, once on this machine: about a minute",
+    "kernels": "compiling the light kernels, once on this machine: a minute or two",
     "contact": "contact (MuJoCo)",
     "pairs": "light, pair by pair",
     "light": "light",

@@ -13,7 +13,7 @@ from optopad.cli.progress import progress
 from sims.compiling import compiling_told, listen_to_numba
 
 ROOT = Path(__file__).parents[2]
-LINE = "compiling the light kernels, once on this machine: about a minute"
+LINE = "compiling the light kernels, once on this machine: a minute or two"
 
 
 def kernel_under(name: str):
