@@ -243,7 +243,6 @@ def bounces(layout, receivers, box, top, points, count):
     patches = layout[5, 2]
     out = np.zeros((patches, patches + layout[5, 0] * layout[5, 1]))
     source = np.zeros(7)
-    shift = np.zeros(4)
     seen = np.zeros(receivers.shape[0])
     for k in range(5):
         du = (box[0] if k == 0 or k == 2 or k == BOTTOM else box[1]) / layout[k, 0]
@@ -254,6 +253,6 @@ def bounces(layout, receivers, box, top, points, count):
                 source[0], source[1], source[2] = k, (a + 0.5) * du, (b + 0.5) * dv
                 source[3], source[4], source[5] = 0.5 * du, 0.5 * dv, 1.0
                 source[6] = du * dv
-                shift[:] = golden_shift(n + 1.0)
+                shift = golden_shift(n + 1.0)
                 deposit(source, False, receivers, box, top, points, count, shift, layout, out[n], seen)
     return out[:, :patches]

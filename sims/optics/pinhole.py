@@ -138,15 +138,15 @@ def _sees(a, b, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, bo
 
 
 @kernel
-def _seen_corners(n, poly, cx, cy, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top):
-    """How many of the centroid and the corners (drawn in a little) of the lit area are seen."""
-    seen = 1 if _sees(cx, cy, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top) else 0
+def _seen_share(n, poly, cx, cy, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top):
+    """1 where the centroid and all corners (drawn in a little) of the lit area are seen, 0 where none, else 0.5."""
+    seen = _sees(cx, cy, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top)
     for c in range(n):
         x = cx + INWARD * (poly[c, 0] - cx)
         y = cy + INWARD * (poly[c, 1] - cy)
-        if _sees(x, y, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top):
-            seen += 1
-    return seen
+        if seen != _sees(x, y, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top):
+            return 0.5
+    return 1.0 if seen else 0.0
 
 
 @kernel
@@ -220,12 +220,12 @@ def pinhole(sector, u, v, source, target, skip_flat, sectors, box, top, poly, ot
     dim_q = _may_be_shaded(px, py, pz, target, box, top)
     divided = False
     if dim_e or dim_q:
-        seen = _seen_corners(
+        seen = _seen_share(
             n, poly, cx, cy, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top
         )
-        if seen == 0:
+        if seen == 0.0:
             return 0.0, share
-        divided = seen < n + 1
+        divided = seen < 1.0
     f = _mean_weight(
         n, poly, area, cx, cy, divided, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top
     )

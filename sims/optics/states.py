@@ -15,7 +15,7 @@ from sims.optics.direct import direct_flux, misses_all, reach_of
 from sims.optics.image_cells import BOX_COLUMNS, PATCH_COLUMNS, patch_boxes, patch_table
 from sims.optics.images import single_reflection
 from sims.optics.orders import all_orders
-from sims.optics.radial import array_kernel
+from sims.optics.radial import array_kernel, kernel
 from sims.optics.repeated import repeated_reflections
 from sims.optics.surface import OUTER_R
 from sims.optics.top import FIELD_ON, is_touched
@@ -137,8 +137,9 @@ def several_times(
             settings[REPEAT_SHARE] * brightest, sectors, box, top, p, poly, other, several,
         )  # fmt: skip
         for n in range(count):
-            result[n, TOPS, i] += several[n, :, 0]
-            result[n, SKIRT, i] += several[n, :, 1]
+            for j in range(receivers.shape[0]):
+                result[n, TOPS, i, j] += several[n, j, 0]
+                result[n, SKIRT, i, j] += several[n, j, 1]
 
 
 @array_kernel
@@ -152,13 +153,15 @@ def beyond_one(
     count = shifts.shape[0]
     columns = columns_of(settings[TOP_COLUMNS], 0.5, sectors)
     rows = CONTACT_RINGS + int(settings[TOP_RINGS])
-    lattices = np.empty((count, rows, columns.shape[0], POINT_COLUMNS))
+    lattices = np.zeros((count, rows, columns.shape[0], POINT_COLUMNS))
     from_emitter = np.empty((count, given.shape[0], given.shape[1]))
     for n in range(count):
-        lattices[n] = lattice_points(
-            int(settings[TOP_RINGS]), columns, shifts[n, 0], shifts[n, 1], sectors, top
+        lattice_points(
+            int(settings[TOP_RINGS]), columns, shifts[n, 0], shifts[n, 1], sectors, top, lattices[n]
         )
-        from_emitter[n] = given
+        for i in range(given.shape[0]):
+            for k in range(given.shape[1]):
+                from_emitter[n, i, k] = given[i, k]
     several_times(
         result, from_emitter, wanted, emitters, receivers, scale, sectors, box, top, shifts, lattices, columns, layout,
         settings,
@@ -210,6 +213,29 @@ def walled(from_emitter, from_receiver, seen, wanted, emitters, receivers, box, 
                     golden_shift(j + RECEIVER_SEQUENCE) + shift[2:6], layout, from_receiver[j], none)  # fmt: skip
 
 
+@kernel
+def unpressed(result, wanted, flat_straight, flat_diffuse, flat_wall):
+    """Fill (replicate, class, emitter, receiver) with the wanted pairs' untouched flux."""
+    for n in range(result.shape[0]):
+        for i in range(wanted.shape[0]):
+            for j in range(wanted.shape[1]):
+                if wanted[i, j]:
+                    result[n, DIRECT, i, j] = flat_straight[0, i, j]
+                    result[n, TOPS, i, j] = flat_straight[1, i, j]
+                    result[n, WALL, i, j] = flat_wall[n, i, j]
+                    result[n, DIFFUSE, i, j] = flat_diffuse[i, j]
+
+
+@kernel
+def repeat_first(result):
+    """Copy the first replicate to all others, by loops: Numba takes seconds to compile an assignment of arrays."""
+    for n in range(1, result.shape[0]):
+        for k in range(result.shape[1]):
+            for i in range(result.shape[2]):
+                for j in range(result.shape[3]):
+                    result[n, k, i, j] = result[0, k, i, j]
+
+
 @array_kernel
 def one_state(
     result, wanted, emitters, receivers, box, top, flat, scale, rules, image_rules, points, shifts, patches,
@@ -218,16 +244,11 @@ def one_state(
     """Fill (replicate, class, emitter, receiver) with flux over emitted power."""
     flat_straight, flat_diffuse, flat_wall, given, taken, flat_join = flat
     if not is_touched(top):
-        for n in range(shifts.shape[0]):
-            result[n, DIRECT] = flat_straight[0] * wanted
-            result[n, TOPS] = flat_straight[1] * wanted
-            result[n, WALL] = flat_wall[n] * wanted
-            result[n, DIFFUSE] = flat_diffuse * wanted
+        unpressed(result, wanted, flat_straight, flat_diffuse, flat_wall)
         return
     keeps = np.zeros(wanted.shape, np.bool_)
     straight(result[0], keeps, wanted, emitters, receivers, flat_straight, box, top, rules)
-    for n in range(1, shifts.shape[0]):
-        result[n] = result[0]
+    repeat_first(result)
     sectors = sectors_of(top, box)
     mirrored_once(
         result, keeps, wanted, emitters, receivers, scale, sectors, box, top, image_rules, shifts, settings

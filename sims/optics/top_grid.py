@@ -25,7 +25,7 @@ MOST_EDGES = 12
 FEWEST_COLUMNS = 3
 
 
-@array_kernel
+@kernel
 def _cell_of_tip(tip, top, box, corners, other):
     """Corners (n, 2) of the part of the box nearest to a tip; their number."""
     corners[0, 0], corners[0, 1] = 0.0, 0.0
@@ -47,7 +47,8 @@ def _cell_of_tip(tip, top, box, corners, other):
             fc = half - (corners[c, 0] - x) * dx - (corners[c, 1] - y) * dy
             fd = half - (corners[d, 0] - x) * dx - (corners[d, 1] - y) * dy
             if fc >= 0.0:
-                other[kept] = corners[c]
+                other[kept, 0] = corners[c, 0]
+                other[kept, 1] = corners[c, 1]
                 kept += 1
             if (fc >= 0.0) != (fd >= 0.0):
                 t = fc / (fc - fd)
@@ -56,7 +57,8 @@ def _cell_of_tip(tip, top, box, corners, other):
                 kept += 1
         n = kept
         for c in range(n):
-            corners[c] = other[c]
+            corners[c, 0] = other[c, 0]
+            corners[c, 1] = other[c, 1]
     return n
 
 

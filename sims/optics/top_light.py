@@ -15,10 +15,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from sims.optics.diffuse import add_deposit, golden_pair, receiver_at
-from sims.optics.radial import array_kernel, fresnel, kernel, radiance, wall_hit, wall_normal, wall_point
+from sims.optics.radial import fresnel, kernel, radiance, wall_hit, wall_normal, wall_point
 from sims.optics.rays import BOTTOM, LOST, TIP, chain, is_clear
 from sims.optics.surface import CONTACT_R, TOP, X, Y
 from sims.optics.top import FIELD_ON, is_beyond, surface_gradient, surface_height, touching_tip
@@ -34,10 +32,11 @@ POWER, KIND, ALONG, UP, TOPS = range(5)
 ECHO_COLUMNS = 5
 
 
-@array_kernel
-def lattice_points(rings, columns, shift_u, shift_v, sectors, top):
-    """(row, column, 13) points of the pressed top; rows are `CONTACT_RINGS` rings in the contact, then rings of u."""
-    out = np.zeros((CONTACT_RINGS + rings, columns.shape[0], POINT_COLUMNS))
+@kernel
+def lattice_points(rings, columns, shift_u, shift_v, sectors, top, out):
+    """Fill zeros (row, column, 13) with points of the pressed top; rows are `CONTACT_RINGS` rings in the contact, then
+    rings of u.
+    """
     for b in range(columns.shape[0]):
         k = int(columns[b, 0])
         tip = int(sectors[k, SECTOR_TIP])
@@ -75,7 +74,6 @@ def lattice_points(rings, columns, shift_u, shift_v, sectors, top):
             row[V0] = columns[b, 1]
             row[V1] = columns[b, 2]
             row[PZ], row[GX], row[GY] = surface_gradient(row[PX], row[PY], top)
-    return out
 
 
 @kernel
