@@ -52,8 +52,8 @@ def _put_across(row, edge, other, out):
 
 
 @kernel
-def leg_row(patch, x, y, z, gx, gy, hxx, hxy, hyy, box, out, a, b):
-    """Fill out[a, b]: gradient in plan of the leg's length from the patch's centre; how far that moves from the centre
+def leg_row(patch, x, y, z, gx, gy, hxx, hxy, hyy, box, out):
+    """Fill a row: gradient in plan of the leg's length from the patch's centre; how far that moves from the centre
     to its side and to its upper edge; second derivatives; how much the top's underside faces the patch; what to add
     to the range, for that is of first order only.
     """
@@ -70,23 +70,23 @@ def leg_row(patch, x, y, z, gx, gy, hxx, hxy, hyy, box, out, a, b):
     fx = ax + az * gx
     fy = ay + az * gy
     along = ax if wall % 2 == 0 else ay
-    out[a, b, FX] = fx
-    out[a, b, FY] = fy
-    out[a, b, SX] = patch[3] * (along_x - along * fx) * d
-    out[a, b, SY] = patch[3] * (1.0 - along_x - along * fy) * d
-    out[a, b, UX] = patch[4] * (gx - az * fx) * d
-    out[a, b, UY] = patch[4] * (gy - az * fy) * d
-    out[a, b, FXX] = (1.0 + gx * gx - fx * fx) * d + az * hxx
-    out[a, b, FXY] = (gx * gy - fx * fy) * d + az * hxy
-    out[a, b, FYY] = (1.0 + gy * gy - fy * fy) * d + az * hyy
+    out[FX] = fx
+    out[FY] = fy
+    out[SX] = patch[3] * (along_x - along * fx) * d
+    out[SY] = patch[3] * (1.0 - along_x - along * fy) * d
+    out[UX] = patch[4] * (gx - az * fx) * d
+    out[UY] = patch[4] * (gy - az * fy) * d
+    out[FXX] = (1.0 + gx * gx - fx * fx) * d + az * hxx
+    out[FXY] = (gx * gy - fx * fy) * d + az * hxy
+    out[FYY] = (1.0 + gy * gy - fy * fy) * d + az * hyy
     share = math.sqrt(patch[3] * patch[3] + patch[4] * patch[4]) * d
-    out[a, b, LIT] = az - gx * ax - gy * ay + GRAZE * share
-    out[a, b, CLOSE] = ANYWHERE
+    out[LIT] = az - gx * ax - gy * ay + GRAZE * share
+    out[CLOSE] = ANYWHERE
     if share <= CLOSE_SHARE:
         bent = share / (1.0 - share)
-        out[a, b, CLOSE] = SECOND_ORDER * bent * bent * math.sqrt(1.0 + gx * gx + gy * gy)
-    _put_across(out[a, b], SX, UX, ACROSS_S)
-    _put_across(out[a, b], UX, SX, ACROSS_U)
+        out[CLOSE] = SECOND_ORDER * bent * bent * math.sqrt(1.0 + gx * gx + gy * gy)
+    _put_across(out, SX, UX, ACROSS_S)
+    _put_across(out, UX, SX, ACROSS_U)
 
 
 @kernel
@@ -96,7 +96,7 @@ def patch_table(patch, nodes, box, out):
         for b in range(nodes.shape[1]):
             leg_row(
                 patch, nodes[a, b, NX], nodes[a, b, NY], nodes[a, b, NZ], nodes[a, b, GX], nodes[a, b, GY],
-                nodes[a, b, HXX], nodes[a, b, HXY], nodes[a, b, HYY], box, out, a, b,
+                nodes[a, b, HXX], nodes[a, b, HXY], nodes[a, b, HYY], box, out[a, b],
             )  # fmt: skip
 
 
@@ -156,18 +156,20 @@ def _passes_box(emitter, receiver, a, b, e):
 
 
 @kernel
-def across(emitter, receiver, i, j, side):
-    """Gradient at a node across one of the four edge directions of the pair's range, and half that range."""
+def across(emitter, receiver, side):
+    """Gradient at a node, by its rows of both patches, across one of the four edge directions of the pair's range, and
+    half that range.
+    """
     own = emitter if side < 2 else receiver
     other = receiver if side < 2 else emitter
     first = ACROSS_S if side % 2 == 0 else ACROSS_U
-    nx = own[i, j, first]
-    ny = own[i, j, first + 1]
-    reach = own[i, j, first + 2]
-    reach += abs(other[i, j, SX] * nx + other[i, j, SY] * ny)
-    reach += abs(other[i, j, UX] * nx + other[i, j, UY] * ny)
-    fx = emitter[i, j, FX] + receiver[i, j, FX]
-    fy = emitter[i, j, FY] + receiver[i, j, FY]
+    nx = own[first]
+    ny = own[first + 1]
+    reach = own[first + 2]
+    reach += abs(other[SX] * nx + other[SY] * ny)
+    reach += abs(other[UX] * nx + other[UY] * ny)
+    fx = emitter[FX] + receiver[FX]
+    fy = emitter[FY] + receiver[FY]
     return fx * nx + fy * ny, reach
 
 
@@ -180,10 +182,10 @@ def image_steps(emitter, receiver, a, b, e):
     along_v = 0.0
     close = closeness(emitter, receiver, a, b, e)
     for side in range(4):
-        f0, w0 = across(emitter, receiver, a, b, side)
-        f1, w1 = across(emitter, receiver, a + 1, b, side)
-        f2, w2 = across(emitter, receiver, a, e, side)
-        f3, w3 = across(emitter, receiver, a + 1, e, side)
+        f0, w0 = across(emitter[a, b], receiver[a, b], side)
+        f1, w1 = across(emitter[a + 1, b], receiver[a + 1, b], side)
+        f2, w2 = across(emitter[a, e], receiver[a, e], side)
+        f3, w3 = across(emitter[a + 1, e], receiver[a + 1, e], side)
         low = min(min(f0, f1), min(f2, f3))
         high = max(max(f0, f1), max(f2, f3))
         wide = max(max(w0, w1), max(w2, w3))
@@ -291,7 +293,7 @@ def island_start(emitter, receiver, columns, cells, count):
             i = cells[n] // width + k % 2
             j = cells[n] % width
             j = j if k < 2 else int(columns[j, 4])
-            off = _range_share(emitter, receiver, i, j)
+            off = _range_share(emitter[i, j], receiver[i, j])
             if off < nearest:
                 nearest = off
                 best_a = i
@@ -300,11 +302,11 @@ def island_start(emitter, receiver, columns, cells, count):
 
 
 @kernel
-def _range_share(emitter, receiver, i, j):
+def _range_share(emitter, receiver):
     """How far a place lies from a mirror path of the pair, over the pair's range; up to 1 inside."""
     off = 0.0
     for side in range(4):
-        f, w = across(emitter, receiver, i, j, side)
+        f, w = across(emitter, receiver, side)
         off = max(off, abs(f) / (w + 1e-12))
     return off
 
@@ -326,15 +328,15 @@ def island_fold(source, target, cells, count, rings, phase, columns, sectors, bo
             v = columns[b, 1] + (m // FOLD_U + 0.5) / FOLD_V * (columns[b, 2] - columns[b, 1])
             x, y, _, _ = place_on_top(int(columns[b, 0]), u, v, sectors, top)
             h, gx, gy, hxx, hxy, hyy = surface_bend(x, y, top)
-            leg_row(source, x, y, h, gx, gy, hxx, hxy, hyy, box, one, 0, 0)
-            leg_row(target, x, y, h, gx, gy, hxx, hxy, hyy, box, two, 0, 0)
-            if one[0, 0, CLOSE] + two[0, 0, CLOSE] >= ANYWHERE:
+            leg_row(source, x, y, h, gx, gy, hxx, hxy, hyy, box, one)
+            leg_row(target, x, y, h, gx, gy, hxx, hxy, hyy, box, two)
+            if one[CLOSE] + two[CLOSE] >= ANYWHERE:
                 return 0
-            if _range_share(one, two, 0, 0) > CORE:
+            if _range_share(one, two) > CORE:
                 continue
-            fxy = one[0, 0, FXY] + two[0, 0, FXY]
-            fxx = one[0, 0, FXX] + two[0, 0, FXX]
-            here = 1 if fxx * (one[0, 0, FYY] + two[0, 0, FYY]) > fxy * fxy else -1
+            fxy = one[FXY] + two[FXY]
+            fxx = one[FXX] + two[FXX]
+            here = 1 if fxx * (one[FYY] + two[FYY]) > fxy * fxy else -1
             if sign == 0:
                 sign = here
             elif sign != here:

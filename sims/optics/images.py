@@ -45,7 +45,7 @@ def _range_corners(emitter, receiver, a, b, e, corner):
         for k in range(4):
             i = a + k % 2
             j = b if k < 2 else e
-            f, w = across(emitter, receiver, i, j, side)
+            f, w = across(emitter[i, j], receiver[i, j], side)
             wide = w + close if close >= ANYWHERE else max(w, (w + close) / NEAR_RANGE)
             corner[side, k] = f / (wide + 1e-12)
         for k in range(1, 4):

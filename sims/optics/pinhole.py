@@ -31,7 +31,7 @@ INWARD = 0.97
 
 @kernel
 def _project(source, target, px, py, pz, gx, gy, ex, ey, ez, depth, box, poly):
-    """Receiver corners reflected at p and projected onto the emitter's plane, homogeneous."""
+    """Receiver corners reflected at p and projected onto the emitter's plane, homogeneous; their number."""
     norm2 = 1.0 / (1.0 + gx * gx + gy * gy)
     n0, n1 = wall_normal(int(source[0]))
     on_x = int(source[0]) % 2 == 0
@@ -51,6 +51,7 @@ def _project(source, target, px, py, pz, gx, gy, ex, ey, ez, depth, box, poly):
         poly[c, 0] = tangent * w - depth * (tx if on_x else ty)
         poly[c, 1] = (pz - ez) * w - depth * tz
         poly[c, 2] = w
+    return 4
 
 
 @kernel
@@ -204,8 +205,8 @@ def pinhole(sector, u, v, source, target, skip_flat, sectors, box, top, poly, ot
     depth = (px - ex) * n0 + (py - ey) * n1
     if depth <= 1e-6:
         return 0.0, share
-    _project(source, target, px, py, pz, gx, gy, ex, ey, ez, depth, box, poly)
-    n = cut(4, poly, other, 0.0, 0.0, 1.0)
+    n = _project(source, target, px, py, pz, gx, gy, ex, ey, ez, depth, box, poly)
+    n = cut(n, poly, other, 0.0, 0.0, 1.0)
     if n > 0:
         n = cut_to_rectangle(n, poly, other, source[3], source[4])
     if n == 0:

@@ -78,8 +78,8 @@ def mirrored_once(
     corner = np.empty((4, 4))
     poly = np.empty((CLIP_CORNERS, 3))
     other = np.empty((CLIP_CORNERS, 3))
-    one = np.empty((1, 1, PATCH_COLUMNS))
-    two = np.empty((1, 1, PATCH_COLUMNS))
+    one = np.empty(PATCH_COLUMNS)
+    two = np.empty(PATCH_COLUMNS)
     flux = np.empty((shifts.shape[0], 2))
     part = np.empty((shifts.shape[0], 2))
     for j in range(receivers.shape[0]):
@@ -203,14 +203,15 @@ def walled(from_emitter, from_receiver, seen, wanted, emitters, receivers, box, 
     from_receiver -= taken
     seen -= flat_seen
     none = np.zeros(receivers.shape[0])
-    for i in range(emitters.shape[0]):
-        if wanted[i].any():
-            deposit(emitters[i], False, receivers, box, top, points, count,
-                    golden_shift(i + EMITTER_SEQUENCE) + shift[2:6], layout, from_emitter[i], seen[i])  # fmt: skip
-    for j in range(receivers.shape[0]):
-        if wanted[:, j].any():
-            deposit(receivers[j], True, receivers, box, top, points, count,
-                    golden_shift(j + RECEIVER_SEQUENCE) + shift[2:6], layout, from_receiver[j], none)  # fmt: skip
+    for k in range(2):
+        gathers = k == 1
+        patches = receivers if gathers else emitters
+        out = from_receiver if gathers else from_emitter
+        first = RECEIVER_SEQUENCE if gathers else EMITTER_SEQUENCE
+        for i in range(patches.shape[0]):
+            if wanted[:, i].any() if gathers else wanted[i].any():
+                deposit(patches[i], gathers, receivers, box, top, points, count, golden_shift(i + first) + shift[2:6],
+                        layout, out[i], none if gathers else seen[i])  # fmt: skip
 
 
 @kernel
