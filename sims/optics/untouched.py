@@ -104,12 +104,13 @@ def untouched_pad(scene: OpticalScene, settings: Accuracy, seed: int) -> Untouch
 
 def _remembered(store: dict[str, Kept], key: str, made: Callable[[], Kept]) -> Kept:
     """What a store holds under a key, made where it holds nothing; the oldest makes room."""
-    if key not in store:
+    found = store.get(key)
+    if found is None:
         found = made()
         if len(store) >= REMEMBERED_PADS:
-            store.pop(next(iter(store)))
+            store.pop(next(iter(store)), None)
         store[key] = found
-    return store[key]
+    return found
 
 
 def gauss(count: int) -> tuple[FloatArray, FloatArray]:
