@@ -129,11 +129,14 @@ def test_ctrl_c_lifts_the_tip_keeps_whole_presses_and_is_no_failure(folder: Path
             stderr=subprocess.PIPE,
             text=True,
         ) as process:
-            while len(list(folder.glob("a.nc.parts/*.npz"))) < 2:
-                assert process.poll() is None
-                time.sleep(0.05)
-            process.send_signal(signal.SIGINT)
-            said, told = process.communicate(timeout=30)
+            try:
+                while len(list(folder.glob("a.nc.parts/*.npz"))) < 2:
+                    assert process.poll() is None
+                    time.sleep(0.05)
+                process.send_signal(signal.SIGINT)
+                said, told = process.communicate(timeout=30)
+            finally:
+                process.kill()
         depth_mm = made.printer.here_mm()[2]
     assert process.returncode == 0, told
     assert depth_mm == pytest.approx(-5.0, abs=0.011)  # M114 has two decimals

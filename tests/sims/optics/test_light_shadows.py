@@ -13,7 +13,7 @@ from tests.sims.optics.test_light_surface import one_tip
 
 LEGS, SAMPLES = 200, 3000
 UNCLEAR_MM = 2e-4
-"""A chord through the 3 mm tip of the march's shortest step, 0.02 mm, is 2e-5 mm deep; samples lie about as far apart."""
+"""A chord of the march's shortest step, 0.02 mm, through the 3 mm tip is 2e-5 mm deep; samples lie as far apart."""
 
 
 @pytest.mark.parametrize("surface", ["analytic", "contact"])
