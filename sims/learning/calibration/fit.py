@@ -32,17 +32,21 @@ differences, with light of two seeds, whose noise is independent, and
 
     I = Uᵀ(1 - N(NᵀN + P)⁻¹Nᵀ)U        what the data tell of u beside the other unknowns; N the slopes by these
 
-is the symmetrised product of the two (`sims.bounds.fisher`), each eigenvalue with the standard error e that the light
-leaves. `POLISH` steps with the mean light of `LIGHTS` seeds solve Uᵀr = u, U the mean of both, by
+is the symmetrised product of the two (`sims.bounds.fisher`). Along each of its eigenvectors v, with eigenvalue t and
+the standard error e that the light leaves, the share s = max(t - 2 e, 0) / t of the information is shown, and the data
+count by that share: `POLISH` steps with the mean light of `LIGHTS` seeds solve s vᵀUᵀr = vᵀu, U the mean of both, by
 
-    Δ = (I + e + 1)⁻¹ (Uᵀr - u)
+    vᵀΔ = (s vᵀUᵀr - vᵀu) / (s (t + e) + 1)
 
-whose end does not depend on the matrix, so that e only makes a step shorter where little is told.
+whose end does not depend on the divisor. Where nothing is shown the slopes are noise, and so is Uᵀr: it took the index
+of the paper's pad, of which the data tell nothing, to the low end of its doubt in ten builds of ten. There s is 0, and
+the value goes to the middle of its doubt. The light of these steps is of other seeds than the slopes: noise of one
+seed, in both, has a product of its own.
 
-The covariance of u is (I - 2 e + 1)⁻¹, negative eigenvalues of I - 2 e taken as none; over that of the prior, 1, it
-says what the data determine (`report`). Left out: scatter from part to part, several minima, gains that differ from set
-to set (their drift counts as noise), model errors that neighbouring places and depths share, and larger ones. How far
-off values are on hidden builds is in docs/validation/calibration.md.
+The covariance of u is (s t + 1)⁻¹ along each v; over that of the prior, 1, it says what the data determine (`report`).
+Left out: scatter from part to part, several minima, gains that differ from set to set (their drift counts as noise),
+model errors that neighbouring places and depths share, and larger ones. How far off values are on hidden builds is in
+docs/validation/calibration.md.
 """
 
 from __future__ import annotations
@@ -55,7 +59,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from sims.bounds.defaults import TOLD_FROM_ZERO
-from sims.learning.calibration.problem import LIGHTS, Light, OnStep, Problem
+from sims.learning.calibration.problem import HALVES, LIGHTS, Light, OnStep, Problem
 from sims.learning.calibration.samples import CalibrationSamples
 from sims.learning.inference.reading_noise import ReadingNoise
 from sims.learning.map_learner import fitted_gains
@@ -127,21 +131,53 @@ def fitted(
     first = state.rms
     state.slopes = problem.slopes(state.values, 0)
     state.descend(STEPS)
-    halves = [problem.slopes(state.values, half) for half in range(2)]
+    halves = [problem.slopes(state.values, half) for half in range(HALVES)]
     state.slopes = 0.5 * (halves[0] + halves[1])
     state.look_around()
-    state.polish(halves)
+    told = state.told(halves)
+    state.polish(told)
     gains = state.gain_covariance()
     problem.on_step("calibration", 1.0)
     return Fitted(
         values=state.values,
-        covariance=state.covariance(halves),
+        covariance=state.told(halves).covariance,
         gains=np.exp(problem.parts @ state.log_gains),
         gain_spread=np.sqrt(np.einsum("ki,ij,kj->k", problem.parts, gains, problem.parts)),
         offset_mm=state.offset_mm.reshape(-1, 3),
         rms=(first, state.rms),
         traces=problem.traces,
     )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Told:
+    """What data tell of the parameters, direction by direction, in spreads of their doubt.
+
+    Attributes
+    ----------
+    vectors : (unknown, direction)
+    information : (direction,) on each [-]
+    error : (direction,) its standard error by the light's noise [-]
+    """
+
+    vectors: FloatArray
+    information: FloatArray
+    error: FloatArray
+
+    @property
+    def share(self) -> FloatArray:
+        """(direction,) share of the information that stands clear of its error, 0 to 1 [-]."""
+        shown = np.maximum(self.information - TOLD_FROM_ZERO * self.error, 0.0)
+        return np.asarray(shown / np.where(shown > 0.0, self.information, 1.0))
+
+    @property
+    def covariance(self) -> FloatArray:
+        """(unknown, unknown) of the parameters after the data; the unit matrix if nothing is shown."""
+        return self.combined(1.0 / (self.share * self.information + 1.0))
+
+    def combined(self, values: FloatArray) -> FloatArray:
+        """(unknown, unknown) matrix of the given (direction,) eigenvalues."""
+        return np.asarray((self.vectors * values) @ self.vectors.T)
 
 
 class _State:
@@ -281,17 +317,16 @@ class _State:
             held[:names] |= at_end
         return step
 
-    def polish(self, halves: list[FloatArray]) -> None:
-        """Steps with the mean light of several seeds and fixed slopes, by what two halves of these agree on."""
+    def polish(self, told: Told) -> None:
+        """Steps with the mean light of several seeds and fixed slopes, by the share of information that is shown."""
         problem = self.problem
         for _ in range(POLISH):
             self._settle()
-            vectors, told, error = self.information(halves)
-            matrix = (vectors * (np.maximum(told, 0.0) + error + 1.0)) @ vectors.T
+            matrix = told.combined(told.share * (told.information + told.error) + 1.0)
             level = np.exp(problem.parts @ self.log_gains) * problem.weight
             own = problem.whitened(np.moveaxis(self.slopes * level, 0, 2))
             residual = self._residual(self.flux, self.log_gains, self.offset_mm)
-            step = self._held(matrix, own.T @ residual - self.values)
+            step = self._held(matrix, told.combined(told.share) @ (own.T @ residual) - self.values)
             self.values = np.clip(self.values + step, problem.low, problem.high)
         self._settle()
 
@@ -305,27 +340,17 @@ class _State:
         names, gains = len(self.values), self.problem.parts.shape[1]
         return np.asarray(np.linalg.inv(self._normal()[0])[names : names + gains, names : names + gains])
 
-    def information(self, halves: list[FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """What the data tell of the parameters, by slopes (unknown, sample, pair) of two independent halves.
-
-        Returns
-        -------
-        (unknown, direction) directions, (direction,) information on each, and its standard error by the light's noise
-        """
+    def told(self, halves: list[FloatArray]) -> Told:
+        """What the data tell of the parameters, by slopes (unknown, sample, pair) of two independent halves."""
         nuisance, gains = self._columns(self.flux, self.log_gains, self.offset_mm)
         level = np.exp(self.problem.parts @ self.log_gains) * self.problem.weight
         first, second = (self.problem.whitened(np.moveaxis(half * level, 0, 2)) for half in halves)
         inner = nuisance.T @ nuisance + self._nuisance_information(gains)
         shared = [nuisance.T @ half for half in (first, second)]
-        told = first.T @ second - shared[0].T @ np.linalg.solve(inner, shared[1])
-        information, vectors = np.linalg.eigh(0.5 * (told + told.T))
-        sums = self.problem.shared.sums
-        return vectors, information, _information_error(first @ vectors, second @ vectors, sums)
-
-    def covariance(self, halves: list[FloatArray]) -> FloatArray:
-        """(unknown, unknown) of the parameters, by slopes (unknown, sample, pair) of two independent halves."""
-        vectors, told, error = self.information(halves)
-        return np.asarray((vectors / (np.maximum(told - TOLD_FROM_ZERO * error, 0.0) + 1.0)) @ vectors.T)
+        product = first.T @ second - shared[0].T @ np.linalg.solve(inner, shared[1])
+        information, vectors = np.linalg.eigh(0.5 * (product + product.T))
+        error = _information_error(first @ vectors, second @ vectors, self.problem.shared.sums)
+        return Told(vectors=vectors, information=information, error=error)
 
 
 def _information_error(

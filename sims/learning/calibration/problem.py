@@ -18,7 +18,7 @@ from sims.learning.map_learner import gain_parts
 
 FloatArray = NDArray[np.float64]
 Light = Callable[[FloatArray, FloatArray, int], FloatArray]
-"""Flux (n, pair) of parameters (unknown,) in spreads and presses (n, 3), depth 0 untouched; light of half 0 or 1."""
+"""Flux (n, pair) of parameters (unknown,) in spreads and presses (n, 3), depth 0 untouched; by one of several seeds."""
 OnStep = Callable[[str, float], None]
 
 MODEL_SHARE = 0.004
@@ -29,8 +29,10 @@ PLACE_MM = 0.1
 kept apart is symmetric again, and traced once. Over half of it a signal of 300 counts bends by about 0.1 counts."""
 PRESS_STEP = 3.0**0.5
 """Step of the differences by x, y and depth to either side, in standard deviations of where the tip may be."""
+HALVES = 2
+"""Seeds of the slopes."""
 LIGHTS = 3
-"""Seeds whose mean light the last steps are taken with."""
+"""Seeds whose mean light the last steps are taken with, none of them a seed of the slopes."""
 SMALL_FLUX = 1e-12
 
 
@@ -121,5 +123,6 @@ class Problem:
         return np.array(found), np.sqrt(left)
 
     def mean_flux(self, values: FloatArray) -> FloatArray:
-        """(sample, pair) mean light of several seeds."""
-        return np.asarray(np.mean([self.flux(values, half=half) for half in range(LIGHTS)], axis=0))
+        """(sample, pair) mean light of several seeds that no slope has."""
+        lights = [self.flux(values, half=HALVES + light) for light in range(LIGHTS)]
+        return np.asarray(np.mean(lights, axis=0))

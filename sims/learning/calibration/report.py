@@ -20,9 +20,6 @@ NAMED = 0.3
 """Parameters with at least this share of a combination are named in it."""
 GOOD_RMS = 2.0
 """Residuals above this many standard deviations say that the model does not explain the build."""
-INDEX = "elastomer.refractive_index"
-INDEX_BIAS = 0.013
-"""How much too low the index came out on ten hidden builds, in all of them: docs/validation/calibration.md [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,11 +158,6 @@ def _notes(found: Calibration, rms_after: float) -> list[str]:
         "deviations hold as far as the light model does; what it leaves out is in them as 0.4 % of a signal "
         "(docs/calibration.md)"
     ]
-    if any(one.path == INDEX for one in found.unknowns):
-        notes.append(
-            f"{INDEX}: its deviation is too small; fitted, it came out {INDEX_BIAS:g} too low on hidden builds; "
-            "give it as exact in [tolerances] if its sheet knows it (docs/calibration.md)"
-        )
     if ends:
         notes.append(
             f"at an end of its doubt: {', '.join(ends)}; if the build may lie beyond, widen it in [tolerances]"

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sims.learning.calibration.fit import Fitted, fitted
+from sims.learning.calibration.problem import Light
 from sims.learning.calibration.report import undetermined
 from sims.learning.calibration.samples import calibration_samples
 from sims.learning.calibration.unknowns import Unknown
@@ -28,15 +29,24 @@ def light(values: np.ndarray, press_mm: np.ndarray, half: int = 0) -> np.ndarray
     return ratios(stretched) * untouched_counts() * (1.0 + 0.1 * values[1] * far) * 1e-5
 
 
-def calibrated(presses: int = 30, seed: int = 1, names: int = 2) -> tuple[Fitted, np.ndarray]:
+def rough_light(values: np.ndarray, press_mm: np.ndarray, half: int = 0) -> np.ndarray:
+    """As `light`, with errors of 0.1 % that a step of the third parameter changes, as an adaptive trace's."""
+    exact = light(values, press_mm, half)
+    rng = np.random.default_rng([half, *np.round(1e6 * (values[2:3] + 10.0)).astype(int), len(press_mm)])
+    return exact * (1.0 + 0.001 * rng.normal(size=exact.shape))
+
+
+def calibrated(
+    presses: int = 30, seed: int = 1, names: int = 2, start: float = 0.0, model: Light = light
+) -> tuple[Fitted, np.ndarray]:
     zero_mm = np.random.default_rng(seed).normal(0.02, 0.03, size=presses)
     data, gains = made_up_data(lambda at: light(TRUE, at), presses, seed, zero_mm)
     samples = calibration_samples(data, 5.0)
     found = fitted(
-        light,
+        model,
         samples,
         made_up_noise(emitter_drift=0.0, receiver_drift=0.0, relative=0.003),
-        start=np.zeros(names),
+        start=np.full(names, start),
         low=np.full(names, -2.0),
         high=np.full(names, 2.0),
         stage_mm=np.array([0.01, 0.01, 0.05]),
@@ -68,6 +78,14 @@ def test_what_the_light_does_not_show_keeps_its_doubt():
     found, _ = calibrated(names=3)
     assert found.values[2] == pytest.approx(0.0, abs=1e-6)
     assert found.covariance[2, 2] == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_only_noise_shows_goes_to_the_middle_of_its_doubt(seed: int):
+    found, _ = calibrated(names=3, seed=seed, start=-1.7, model=rough_light)
+    # by the noise alone it went to an end of its doubt
+    assert abs(found.values[2]) < 0.5
+    assert found.covariance[2, 2] > 0.5
 
 
 def unknown(path: str, unit: str = "mm") -> Unknown:
