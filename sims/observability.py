@@ -14,7 +14,7 @@ only: not that of the models, nor the coarseness of the grid.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,7 @@ from sims.bounds.fisher import Bounds, bounds_of
 from sims.bounds.losses import PartLoss, part_losses
 from sims.bounds.pad_answers import pad_answers
 from sims.bounds.stencil import Steps
-from sims.optics.accuracy import ACCURACIES, Accuracy
+from sims.optics.accuracy import MIRRORED_FINER, Accuracy
 from sims.readout import Readout, readout_of
 from sims.verdict.pad_map import grid_places_mm, map_grid_mm
 from sims.verdict.presses import untouched_flux
@@ -43,15 +43,6 @@ from sims.verdict.presses import untouched_flux
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 OnStep = Callable[[float], None]
-
-MIRRORED_FINER = replace(
-    ACCURACIES["score"],
-    rings=ACCURACIES["standard"].rings,
-    columns=ACCURACIES["standard"].columns,
-    image_step=ACCURACIES["standard"].image_step,
-)
-"""Light mirrored once as in "standard", the rest as in "score": what keeps voxels near contact open is the lattice of
-images alone, finer points for other light changed nothing."""
 
 BOUND_ACCURACIES = ("score", MIRRORED_FINER)
 """Settings of the light for derivatives, cheapest first: a common lattice takes most of the error out, and voxels

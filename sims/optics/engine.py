@@ -319,6 +319,7 @@ def _trace_batch(
         [
             settings.rings, settings.columns, settings.image_step, settings.top_rings, settings.top_columns,
             settings.repeat_share, settings.wall_rays, settings.whole_ratio,
+            settings.ray_share,
         ],
         dtype=np.float64,
     )  # fmt: skip

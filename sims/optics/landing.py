@@ -24,7 +24,7 @@ def landing(p, along, up, source, box, top):
     ex, ey, ez = wall_point(int(source[0]), along, up, box)
     if ez >= surface_height(ex, ey, top):
         return 0.0, -1, 0.0, 0.0, 0, 1e30, 1.0
-    weight, dx, dy, dz, cos_in = first_leg(p, ex, ey, ez, source, box, top)
+    weight, dx, dy, dz, cos_in = first_leg(p, ex, ey, ez, source, box, top, 0.0, 0.0)
     if weight == 0.0:
         return 0.0, -1, 0.0, 0.0, 0, 1e30, 1.0
     kind, x, y, z, dx, dy, dz, left, tops, nearest = echo(p, dx, dy, dz, cos_in, box, top)

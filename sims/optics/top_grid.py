@@ -163,12 +163,27 @@ def top_nodes(rings, phase, columns, sectors, top):
     for b in range(columns.shape[0]):
         for a in range(rings + 1):
             u = ring_edge(a, rings, phase)
-            x, y, _, _ = place_on_top(int(columns[b, 0]), u, columns[b, 1], sectors, top)
-            row = nodes[a, b]
-            row[NX] = x
-            row[NY] = y
-            row[NZ], row[GX], row[GY], row[HXX], row[HXY], row[HYY] = surface_bend(x, y, top)
+            _put_node(nodes[a, b], int(columns[b, 0]), u, columns[b, 1], sectors, top)
     return nodes
+
+
+@array_kernel
+def top_middles(rings, phase, columns, sectors, top):
+    """(ring, column, 8) the same in the middle of every cell."""
+    nodes = np.empty((rings, columns.shape[0], NODE_COLUMNS))
+    for b in range(columns.shape[0]):
+        for a in range(rings):
+            u = 0.5 * (ring_edge(a, rings, phase) + ring_edge(a + 1, rings, phase))
+            v = 0.5 * (columns[b, 1] + columns[b, 2])
+            _put_node(nodes[a, b], int(columns[b, 0]), u, v, sectors, top)
+    return nodes
+
+
+@kernel
+def _put_node(row, sector, u, v, sectors, top):
+    """Fill a row of `top_nodes`."""
+    row[NX], row[NY], _, _ = place_on_top(sector, u, v, sectors, top)
+    row[NZ], row[GX], row[GY], row[HXX], row[HXY], row[HYY] = surface_bend(row[NX], row[NY], top)
 
 
 @kernel

@@ -234,12 +234,18 @@ class _Parts:
 
 
 def _shifts(settings: Accuracy, seed: int) -> FloatArray:
-    """(replicate, 8) offsets: of lattices in their cells (evenly spread over the replicates), of rays, of the grid."""
+    """(replicate, 8) offsets: of lattices in their cells, of rays, of the grid.
+
+    Those in cells are evenly spread over the replicates, and each has its mirror image about the cell's middle: their
+    mean is exact for what varies linearly in a cell, up to its borders.
+    """
     count = settings.replicates
     shifts = np.random.default_rng(seed).random((count, 8))
     base = 0.5 / count + PHASE_SPREAD / count * (shifts[0, :2] - 0.5)
     shifts[:, :2] = (base + np.arange(count)[:, None] / count) % 1.0
     shifts[:, 1] = np.roll(shifts[:, 1], count // 2)
+    half = count // 2
+    shifts[-half:, :2] = 1.0 - shifts[:half, :2][::-1]
     shifts[:, 6:] = 0.5 + PHASE_SPREAD * (shifts[0, 6:] - 0.5)
     return shifts
 

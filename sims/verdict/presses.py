@@ -17,7 +17,7 @@ from design.cavity import CavityGeometry
 from design.pairs import chord_midpoint_mm
 from design.spec import SensorDesign
 from sims.depths import NEAR_CONTACT_MM, depth_schedule_mm
-from sims.optics.engine import ACCURACIES, Accuracy
+from sims.optics.accuracy import ACCURACIES, MIRRORED_FINER, Accuracy
 from sims.optics.light_signals import LightSignals
 from sims.optics.tracing import trace
 
@@ -41,7 +41,7 @@ margins of places then differ between seeds as much as they do at "standard", 0.
 NEAR_MM = 0.4
 """Signals begin within this depth where a layout is any good [mm]; there a map has more depths and finer light."""
 
-NEAR_ACCURACY = "standard"
+NEAR_ACCURACY = MIRRORED_FINER
 """Settings of a map's light up to `NEAR_MM`."""
 
 SPECULAR_CLASSES = ("top", "skirt")
