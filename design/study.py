@@ -205,21 +205,21 @@ def sampler_of(space: SearchSpace, index: int, worker: str) -> BaseSampler:
     """
     key = f"{space.search.seed}:{index}:{worker}".encode()
     seed = int.from_bytes(hashlib.sha256(key).digest()[:4], "big")
-    match space.search.sampler:
-        case "tpe":
-            return optuna.samplers.TPESampler(seed=seed, n_startup_trials=max(10, 4 * len(space.fields)))
-        case "nsga2":
-            return optuna.samplers.NSGAIISampler(seed=seed, population_size=POPULATION)
-        case "gp":
-            return optuna.samplers.GPSampler(seed=seed, deterministic_objective=True)
-        case "qmc":
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+        match space.search.sampler:
+            case "tpe":
+                return optuna.samplers.TPESampler(seed=seed, n_startup_trials=max(10, 4 * len(space.fields)))
+            case "nsga2":
+                return optuna.samplers.NSGAIISampler(seed=seed, population_size=POPULATION)
+            case "gp":
+                return optuna.samplers.GPSampler(seed=seed, deterministic_objective=True)
+            case "qmc":
                 return optuna.samplers.QMCSampler(
                     scramble=True, seed=space.search.seed, warn_independent_sampling=False
                 )
-        case _:  # the grid is queued beforehand, so nothing is left to sample
-            return optuna.samplers.RandomSampler(seed=seed)
+            case _:  # the grid is queued beforehand, so nothing is left to sample
+                return optuna.samplers.RandomSampler(seed=seed)
 
 
 def queue_first(study: optuna.Study, space: SearchSpace, *, is_shared: bool) -> None:

@@ -22,8 +22,8 @@ Method, class by class
 - traced with smoothing: light mirrored several times, by three rays a point that give the patch of wall that the
   emitter lights through it (`repeated`), on cells of the top that are divided where it goes (`repeated_cells`).
 - traced and joined: scattered light, as the untouched pad's times the ratio of deposits on patches, joined over all
-  orders (`orders`), with and without the press; the press changes the deposits by rays of a lattice on the pressed top
-  (`top_light`).
+  orders (`orders`), with and without the press; the press changes the deposits by rays of a lattice on the pressed top,
+  finer beside each part, faint rays left to chance (`top_light`).
 - traced: light between smooth walls, by the same rays with and without the press.
 
 Replicates with other offsets give the standard error. It covers lattices and rays, and with 0.01 % of the untouched

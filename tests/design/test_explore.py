@@ -38,7 +38,11 @@ def url_in(folder: Path) -> str:
     return f"sqlite:///{folder / 'study.db'}"
 
 
-@pytest.mark.parametrize("sampler", ["tpe", "nsga2", "qmc", "random"])
+HAS_TORCH = importlib.util.find_spec("torch") is not None
+GP = pytest.param("gp", marks=pytest.mark.skipif(not HAS_TORCH, reason="torch is not installed"))
+
+
+@pytest.mark.parametrize("sampler", ["tpe", "nsga2", "qmc", "random", GP])
 def test_the_same_seed_gives_the_same_designs(sampler, tmp_path):
     found = [explore(cheap_space(sampler), bowl, url_in(folder), trials=14) for folder in two(tmp_path)]
     assert len(found[0].tried) == 14
@@ -51,7 +55,7 @@ def two(folder: Path) -> tuple[Path, Path]:
     return folder / "a", folder / "b"
 
 
-@pytest.mark.parametrize("sampler", ["tpe", "nsga2", "qmc"])
+@pytest.mark.parametrize("sampler", ["tpe", "nsga2", "qmc", GP])
 def test_stopping_and_going_on_changes_nothing(sampler, tmp_path):
     first, second = two(tmp_path)
     whole = explore(cheap_space(sampler), bowl, url_in(first), trials=14)
@@ -214,7 +218,7 @@ def test_a_file_that_is_no_database_is_refused_and_left_alone(tmp_path):
     assert (tmp_path / "study.db").read_text().startswith("my diary")
 
 
-@pytest.mark.skipif(importlib.util.find_spec("torch") is not None, reason="torch is installed here")
+@pytest.mark.skipif(HAS_TORCH, reason="torch is installed here")
 def test_the_gp_sampler_names_the_package_it_lacks(tmp_path):
     with pytest.raises(InputError, match='"gp" needs the package torch'):
         explore(cheap_space("gp"), bowl, url_in(tmp_path), trials=1)
