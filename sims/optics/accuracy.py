@@ -38,7 +38,7 @@ class Accuracy:
     image_step: float = 0.2
     top_rings: int = 24
     top_columns: int = 60
-    repeat_share: float = 2e-4
+    repeat_share: float = 4e-4
     nodes_emitter: int = 4
     nodes_column: int = 16
     nodes_height: int = 4
@@ -54,7 +54,7 @@ class Accuracy:
 
 ACCURACIES = {
     "draft": Accuracy(
-        image_step=0.35, top_rings=14, top_columns=36, repeat_share=8e-4, wall_rays=1024, ray_share=0.5
+        image_step=0.35, top_rings=14, top_columns=36, repeat_share=1.6e-3, wall_rays=1024, ray_share=0.5
     ),
     "score": Accuracy(  # for maps of many states
         rings=16,
@@ -62,7 +62,7 @@ ACCURACIES = {
         image_step=0.35,
         top_rings=10,
         top_columns=24,
-        repeat_share=8e-4,
+        repeat_share=1.6e-3,
         wall_rays=1024,
         ray_share=0.5,
     ),

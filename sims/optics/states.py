@@ -126,8 +126,6 @@ def several_times(
     several = np.zeros((count, receivers.shape[0], 2))
     unwanted = np.zeros(from_emitter.shape[2])
     p = np.zeros(POINT_COLUMNS)
-    poly = np.empty((CLIP_CORNERS, 3))
-    other = np.empty((CLIP_CORNERS, 3))
     for i in range(emitters.shape[0]):
         brightest = 0.0
         for j in range(receivers.shape[0]):
@@ -144,7 +142,7 @@ def several_times(
         several[:] = 0.0
         repeated_reflections(
             emitters[i], receivers, wanted[i], lattices[0], echoes, columns, shifts,
-            settings[REPEAT_SHARE] * brightest, sectors, box, top, p, poly, other, several,
+            settings[REPEAT_SHARE] * brightest, sectors, box, top, p, several,
         )  # fmt: skip
         for n in range(count):
             for j in range(receivers.shape[0]):
