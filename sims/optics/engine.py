@@ -19,8 +19,8 @@ Method, class by class
 - integrated: straight light, by quadrature with an analytic horizon (`direct`); light mirrored once, image by image
   (`images`): path by path where an image is whole, else on a lattice of points of the top with the lit area of the
   emitter cut exactly (`pinhole`).
-- traced with smoothing: light mirrored several times, by three rays a point that give the patch of wall that the
-  emitter lights through it (`repeated`), on cells of the top that are divided where it goes (`repeated_cells`).
+- traced: light mirrored several times, by three rays a point of the top, on cells that are divided where it goes
+  (`repeated`, `repeated_cells`).
 - traced and joined: scattered light, as the untouched pad's times the ratio of deposits on patches, joined over all
   orders (`orders`), with and without the press; the press changes the deposits by rays of a lattice on the pressed top,
   finer beside each part, faint rays left to chance (`top_light`).
