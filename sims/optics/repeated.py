@@ -79,7 +79,7 @@ def repeated_reflections(
     """Add flux of chains with two or more top reflections to out[replicate, receiver, (outside, inside the skirt)].
 
     lattice, echoes : a replicate's lattice, and (replicate, row, column, 5) ends of the rays over their points
-    shifts : (replicate, 3 or more) place in a cell along u and v, and which part of the emitter comes first, 0 to 1
+    shifts : (replicate, 3 or more) place in a cell along u and v, and where on the emitter the first ray starts, 0 to 1
     unit : power that a sample may stand for
     """
     rings = lattice.shape[0] - CONTACT_RINGS

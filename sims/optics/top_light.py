@@ -222,8 +222,10 @@ def top_change(
 
 @kernel
 def _follow(n, p, source, receivers, shift, height, least, parts, layout, box, top, out, found):
-    """Add one ray's change of deposits to out, the n-th of its patch, by one of parts² points of a cell; put its end to
-    `found` (5,), the power that of the whole cell, if that is empty or it is brighter and mirrored again.
+    """Add one ray's change of deposits to out, the n-th of its patch, by one of parts² points of a cell.
+
+    Its end goes to `found` (5,), the power that of the whole cell, if that is empty, or if it is mirrored again and
+    what is there is not, or is fainter.
     """
     one, two = golden_pair(n, shift[0], shift[1])
     along = source[1] + source[3] * (2.0 * one - 1.0)
@@ -238,8 +240,9 @@ def _follow(n, p, source, receivers, shift, height, least, parts, layout, box, t
         return
     if p[TOUCHED] == 0.0:
         kind, x, y, z, _, _, _, left, tops, _ = echo(p, dx, dy, dz, cos_in, box, top)
-        if found[POWER] == 0.0 or (tops > 0 and weight * left * parts * parts > found[POWER]):
-            found[POWER] = weight * left * parts * parts
+        power = weight * left * parts * parts
+        if found[POWER] == 0.0 or (tops > 0 and (found[TOPS] == 0.0 or power > found[POWER])):
+            found[POWER] = power
             found[KIND] = kind
             found[ALONG] = x if kind == 0 or kind == 2 else y
             found[UP] = z
