@@ -35,7 +35,7 @@ from sims.optics.repeated_cells import (
     power_near,
     put_first,
 )
-from sims.optics.top_light import AREA, CONTACT_RINGS, ECHO_COLUMNS, SECTOR, U0, U1, V0, V1
+from sims.optics.top_light import AREA, ECHO_COLUMNS, SECTOR, U0, U1, V0, V1, first_free_row
 
 RAYS = 3
 """Rays of a sample, from points of the emitter that lie evenly spread over it."""
@@ -82,17 +82,18 @@ def repeated_reflections(
     shifts : (replicate, 3 or more) place in a cell along u and v, and where on the emitter the first ray starts, 0 to 1
     unit : power that a sample may stand for
     """
-    rings = lattice.shape[0] - CONTACT_RINGS
+    first = first_free_row(lattice)
+    rings = lattice.shape[0] - first
     known = np.full((rings + 1, lattice.shape[1], ECHO_COLUMNS), UNKNOWN)
     cells = np.empty((STACK, CELL_COLUMNS))
     nine = np.empty((3, 3, ECHO_COLUMNS))
     count = 0
     for a in range(rings):
         for b in range(lattice.shape[1]):
-            unseen = power_near(a + CONTACT_RINGS, b, columns, echoes, receivers, wanted)
+            unseen = power_near(a + first, b, first, columns, echoes, receivers, wanted)
             if unseen < 0.0:
                 continue
-            root = lattice[a + CONTACT_RINGS, b]
+            root = lattice[a + first, b]
             sector = int(root[SECTOR])
             put_first(cells[0], (sector, root[U0], root[U1], root[V0], root[V1]), int(columns[b, 4]), a, b, known,
                       source, sectors, box, top, p)  # fmt: skip

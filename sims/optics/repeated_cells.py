@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from sims.optics.landing import landing, put_point, reaches
 from sims.optics.radial import kernel
-from sims.optics.top_light import ALONG, CONTACT_RINGS, ECHO_COLUMNS, KIND, POWER, TOPS, UP
+from sims.optics.top_light import ALONG, ECHO_COLUMNS, KIND, POWER, TOPS, UP
 
 # columns of a cell: borders, halvings, then its corners' echoes, whose power is that of a unit of (u, v):
 # (low u, low v), (low u, high v), (high u, low v), (high u, high v)
@@ -34,9 +34,10 @@ centre's tell of that is too little where mirrors bend: it cost up to 0.3 % of a
 
 
 @kernel
-def power_near(a, b, columns, echoes, receivers, wanted):
+def power_near(a, b, first, columns, echoes, receivers, wanted):
     """Largest power of the rays by a cell or a neighbour, of all replicates, that are reflected again, on walls where
-    they end around a wanted receiver; 0 where nowhere; negative if none is reflected again.
+    they end around a wanted receiver; 0 where nowhere; negative if none is reflected again. Rows before the `first`
+    are in the contact.
     """
     most = 0.0
     is_lit = False
@@ -46,7 +47,7 @@ def power_near(a, b, columns, echoes, receivers, wanted):
         high_s = high_z = -1e9
         for near in range(3):
             c = b if near == 0 else int(columns[b, 2 + near])
-            for d in range(max(a - 1, CONTACT_RINGS), min(a + 2, echoes.shape[1])):
+            for d in range(max(a - 1, first), min(a + 2, echoes.shape[1])):
                 for n in range(echoes.shape[0]):
                     echo = echoes[n, d, c]
                     if echo[POWER] > 0.0 and echo[TOPS] > 0.0:

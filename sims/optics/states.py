@@ -20,7 +20,7 @@ from sims.optics.repeated import repeated_reflections
 from sims.optics.surface import OUTER_R
 from sims.optics.top import FIELD_ON, is_touched
 from sims.optics.top_grid import columns_of, sectors_of, top_middles, top_nodes
-from sims.optics.top_light import CONTACT_RINGS, ECHO_COLUMNS, POINT_COLUMNS, lattice_points, top_change
+from sims.optics.top_light import ECHO_COLUMNS, POINT_COLUMNS, contact_rings, lattice_points, top_change
 
 DIRECT, TOPS, SKIRT, WALL, DIFFUSE = range(5)
 CLASSES = 5
@@ -160,13 +160,12 @@ def beyond_one(
     layout = patches[0]
     count = shifts.shape[0]
     columns = columns_of(settings[TOP_COLUMNS], 0.5, sectors)
-    rows = CONTACT_RINGS + int(settings[TOP_RINGS])
+    in_contact = contact_rings(settings[TOP_COLUMNS])
+    rows = in_contact + int(settings[TOP_RINGS])
     lattices = np.zeros((count, rows, columns.shape[0], POINT_COLUMNS))
     from_emitter = np.empty((count, given.shape[0], given.shape[1]))
     for n in range(count):
-        lattice_points(
-            int(settings[TOP_RINGS]), columns, shifts[n, 0], shifts[n, 1], sectors, top, lattices[n]
-        )
+        lattice_points(in_contact, columns, shifts[n, 0], shifts[n, 1], sectors, top, lattices[n])
         for i in range(given.shape[0]):
             for k in range(given.shape[1]):
                 from_emitter[n, i, k] = given[i, k]

@@ -56,7 +56,9 @@ FLATTEST_APEX_MM = 1e-9
 # columns of a press row
 X, Y, ACTIVE, SPHERE_R, TIP_R, SPHERE_Z, OUTER_R, CONTACT_R, LOWEST, HIGHEST, SKIRT_R, TOP = range(12)
 SPHERE_2, TIP_2, OUTER_2, SCALE, OFFSET, START, PER_LEVEL = range(12, 19)
-COLUMNS = 19
+CONTACT = 19
+CONTACT_PARTS = 16
+COLUMNS = CONTACT + CONTACT_PARTS + 1
 # a tip's row as kernels read it: the press's columns, what is known of the field (first tip), levels, pieces
 FIELD_COLUMNS = 8
 REACH = COLUMNS + FIELD_COLUMNS
@@ -72,7 +74,8 @@ class SurfaceStack:
     ----------
     press : (state, n) centre x, y [mm], active 0 or 1, radius of the exact sphere, tip radius, height of
         the tip's centre, outer radius, contact radius, lowest and highest surface, skirt radius, undisturbed top [mm];
-        squares of sphere's, tip's and outer radius [mm²], scale, offset and start of the table, levels per mm
+        squares of sphere's, tip's and outer radius [mm²], scale, offset and start of the table, levels per mm; squared
+        radii [mm²] that divide the contact into parts of equal area
     reach2 : (state, level) and pieces : (state, piece, 8), see `sims.optics.radial_table.RadialTable`
     moved_mm : (state,) how far a point was moved to make the curve single valued [mm]
     """
@@ -168,6 +171,7 @@ def _lower(indentation: Indentation, top_mm: float) -> _Lowered:
     row[SPHERE_2], row[TIP_2], row[OUTER_2] = start**2, tip**2, radius[-1] ** 2
     row[SCALE], row[OFFSET], row[START] = table.scale, table.offset, table.start
     row[PER_LEVEL] = LEVELS / depth
+    row[CONTACT:] = _contact_parts_mm2(tip, start, radius[radius <= contact], height[radius <= contact])
     return row, table, moved
 
 
@@ -179,6 +183,19 @@ def _sphere(indentation: Indentation) -> tuple[float, float]:
     rise = float(np.interp(APEX_MM, indentation.radius_mm, indentation.height_mm)) + indentation.depth_mm
     rise = min(max(rise, FLATTEST_APEX_MM), 0.5 * APEX_MM)
     return 0.5 * (APEX_MM**2 / rise + rise), APEX_MM
+
+
+def _contact_parts_mm2(tip: float, start: float, radius: FloatArray, height: FloatArray) -> FloatArray:
+    """(CONTACT_PARTS + 1,) squared radii between parts of the contact of equal area: of sphere and curve beyond.
+
+    Equal in plan they would say next to nothing of the steep side of a deep contact, which faces the parts.
+    """
+    angle = np.linspace(0.0, np.arcsin(start / tip), 8 * CONTACT_PARTS + 1)
+    r = np.concatenate((tip * np.sin(angle), radius[1:]))
+    h = np.concatenate((height[0] - tip * (np.cos(angle) - np.cos(angle[-1])), height[1:]))
+    band = np.hypot(np.diff(r), np.diff(h)) * (r[1:] + r[:-1])
+    area = np.concatenate(([0.0], np.cumsum(band)))
+    return np.asarray(np.interp(np.linspace(0.0, area[-1], CONTACT_PARTS + 1), area, r**2))
 
 
 def _check_curve(indentation: Indentation, top_mm: float) -> None:

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from sims.optics.radial import array_kernel, kernel
-from sims.optics.surface import ACTIVE, CONTACT_R, X, Y
+from sims.optics.surface import ACTIVE, CONTACT, CONTACT_PARTS, CONTACT_R, X, Y
 from sims.optics.top import surface_bend, surface_gradient
 
 # columns of a sector row
@@ -108,6 +108,23 @@ def place_on_top(sector, u, v, sectors, top):
     x = top.rows[tip, X] + r * wx / reach
     y = top.rows[tip, Y] + r * wy / reach
     return x, y, r, r * 2.0 * span * u * turn
+
+
+@kernel
+def place_in_contact(sector, s, v, sectors, top):
+    """Place (x, y) in a tip's contact, s from the axis (0) to the edge (1) by area, and the plan area per ds dv."""
+    wx = sectors[sector, AX] + v * sectors[sector, BX]
+    wy = sectors[sector, AY] + v * sectors[sector, BY]
+    reach2 = wx * wx + wy * wy
+    turn = (wx * sectors[sector, BY] - wy * sectors[sector, BX]) / reach2
+    tip = int(sectors[sector, TIP])
+    part = min(int(s * CONTACT_PARTS), CONTACT_PARTS - 1)
+    low = top.rows[tip, CONTACT + part]
+    step = top.rows[tip, CONTACT + part + 1] - low
+    share = math.sqrt((low + (s * CONTACT_PARTS - part) * step) / reach2)
+    x = top.rows[tip, X] + share * wx
+    y = top.rows[tip, Y] + share * wy
+    return x, y, 0.5 * CONTACT_PARTS * step * turn
 
 
 @kernel

@@ -22,15 +22,13 @@ import math
 from sims.optics.diffuse import add_deposit, golden_pair, receiver_at
 from sims.optics.radial import fresnel, kernel, radiance, wall_hit, wall_normal, wall_point
 from sims.optics.rays import BOTTOM, LOST, TIP, chain, is_clear
-from sims.optics.surface import CONTACT_R, TOP, X, Y
+from sims.optics.surface import TOP
 from sims.optics.top import FIELD_ON, is_beyond, surface_gradient, surface_height, touching_tip
-from sims.optics.top_grid import TIP as SECTOR_TIP
-from sims.optics.top_grid import place_on_top
+from sims.optics.top_grid import place_in_contact, place_on_top
 
 # columns of a lattice row
 PX, PY, PZ, GX, GY, AREA, TOUCHED, SECTOR, U0, U1, V0, V1, FLAT, MX, MY, MZ, SIZE = range(17)
 POINT_COLUMNS = 17
-CONTACT_RINGS = 3
 # columns of an echo row: where a ray from the emitter ends
 POWER, KIND, ALONG, UP, TOPS = range(5)
 ECHO_COLUMNS = 5
@@ -39,68 +37,82 @@ NEAR = 0.4
 paper's pad, whose parts reach to 0.7 mm below the top, undivided cells made errors of scattered light three times
 those with it, up to 16 % of a signal."""
 MOST_PARTS = 8
+FEWEST_CONTACT_RINGS = 3
+COLUMNS_A_CONTACT_RING = 10
+"""Columns of the lattice for each ring in the contact: cells half as wide as high at a tip that is all the way in. With
+three rings light behind such a tip, where next to nothing is left, erred by 0.4 % of the signal however many columns
+there were."""
 COSINES = 16
 THIRD_TURN = 0.381966011250105
 """2 less the golden ratio: a sequence of its own beside that of the emitter's points."""
 
 
 @kernel
-def lattice_points(rings, columns, shift_u, shift_v, sectors, top, out):
-    """Fill zeros (row, column, 17) with points of the pressed top, middles and sizes of their cells; rows are
-    `CONTACT_RINGS` rings in the contact, whose cells are not divided, then rings of u.
+def contact_rings(columns):
+    """Rings of a lattice in the contact, for so many columns around a tip."""
+    return max(int(columns) // COLUMNS_A_CONTACT_RING, FEWEST_CONTACT_RINGS)
+
+
+@kernel
+def first_free_row(lattice):
+    """The first row of a lattice that is not in the contact."""
+    row = 0
+    while row < lattice.shape[0] and lattice[row, 0, TOUCHED] == 1.0:
+        row += 1
+    return row
+
+
+@kernel
+def lattice_points(in_contact, columns, shift_u, shift_v, sectors, top, out):
+    """Fill zeros (row, column, 17) with points of the pressed top, middles and sizes of their cells; rows are rings in
+    the contact, as many as told, whose u is its s, then rings of u.
     """
+    rings = out.shape[0] - in_contact
     for b in range(columns.shape[0]):
         k = int(columns[b, 0])
-        tip = int(sectors[k, SECTOR_TIP])
         v = columns[b, 1] + shift_v * (columns[b, 2] - columns[b, 1])
-        x0, y0, _, _ = place_on_top(k, 0.0, columns[b, 1], sectors, top)
-        x1, y1, _, _ = place_on_top(k, 0.0, columns[b, 2], sectors, top)
-        ox = top.rows[tip, X]
-        oy = top.rows[tip, Y]
-        contact = top.rows[tip, CONTACT_R]
-        angle = math.atan2(
-            (x0 - ox) * (y1 - oy) - (y0 - oy) * (x1 - ox), (x0 - ox) * (x1 - ox) + (y0 - oy) * (y1 - oy)
-        )
-        xc, yc, _, _ = place_on_top(k, 0.0, v, sectors, top)
-        for a in range(CONTACT_RINGS + rings):
+        for a in range(out.shape[0]):
             row = out[a, b]
-            if a < CONTACT_RINGS:
-                share = math.sqrt((a + shift_u) / CONTACT_RINGS)
-                row[PX] = ox + share * (xc - ox)
-                row[PY] = oy + share * (yc - oy)
-                row[AREA] = 0.5 * angle * contact * contact / CONTACT_RINGS
-                row[TOUCHED] = 1.0
-                row[PZ], row[GX], row[GY] = surface_gradient(row[PX], row[PY], top)
-                continue
-            n = a - CONTACT_RINGS
-            row[U0] = n / rings
-            row[U1] = (n + 1.0) / rings
+            row[TOUCHED] = 1.0 if a < in_contact else 0.0
+            count = in_contact if a < in_contact else rings
+            n = a if a < in_contact else a - in_contact
+            row[U0] = n / count
+            row[U1] = (n + 1.0) / count
             row[SECTOR] = k
             row[V0] = columns[b, 1]
             row[V1] = columns[b, 2]
-            u = (n + shift_u) / rings
-            put_on_top(row, k, u, v, (columns[b, 2] - columns[b, 1]) / rings, sectors, top)
-            row[MX], row[MY], _, _ = place_on_top(
-                k, 0.5 * (row[U0] + row[U1]), 0.5 * (row[V0] + row[V1]), sectors, top
+            put_on_top(row, (n + shift_u) / count, v, (columns[b, 2] - columns[b, 1]) / count, sectors, top)
+            row[MX], row[MY], _ = _place(
+                row, 0.5 * (row[U0] + row[U1]), 0.5 * (row[V0] + row[V1]), sectors, top
             )
             row[MZ] = surface_height(row[MX], row[MY], top)
             row[SIZE] = 0.0
             for c in range(4):
-                x, y, _, _ = place_on_top(
-                    k, row[U0] if c < 2 else row[U1], row[V0] if c % 2 == 0 else row[V1], sectors, top
-                )
-                row[SIZE] = max(row[SIZE], math.sqrt((x - row[MX]) ** 2 + (y - row[MY]) ** 2))
+                x, y, _ = _place(row, row[U0] if c < 2 else row[U1], row[V0] if c % 2 == 0 else row[V1], sectors, top)
+                rise = surface_height(x, y, top) - row[MZ] if row[TOUCHED] == 1.0 else 0.0
+                row[SIZE] = max(row[SIZE], math.sqrt((x - row[MX]) ** 2 + (y - row[MY]) ** 2 + rise * rise))
 
 
 @kernel
-def put_on_top(row, k, u, v, share, sectors, top):
-    """Fill place, gradient and area of a point of the top that stands for a share of a unit of (u, v)."""
-    row[PX], row[PY], _, area = place_on_top(k, u, v, sectors, top)
+def _place(row, u, v, sectors, top):
+    """Place (x, y) of (u, v) in a lattice row's sector, in or outside the contact as it is, and plan area per du dv."""
+    if row[TOUCHED] == 1.0:
+        return place_in_contact(int(row[SECTOR]), u, v, sectors, top)
+    x, y, _, area = place_on_top(int(row[SECTOR]), u, v, sectors, top)
+    return x, y, area
+
+
+@kernel
+def put_on_top(row, u, v, share, sectors, top):
+    """Fill place, gradient and area of a point of a row's sector that stands for a share of a unit of (u, v)."""
+    row[PX], row[PY], area = _place(row, u, v, sectors, top)
     row[AREA] = area * share
-    other, _ = touching_tip(row[PX], row[PY], top)
-    if other >= 0:
-        row[AREA] = 0.0
-    row[FLAT] = 1.0 if top.rows[0, FIELD_ON] == 0.0 and is_beyond(row[PX], row[PY], top) else 0.0
+    row[FLAT] = 0.0
+    if row[TOUCHED] == 0.0:
+        tip, _ = touching_tip(row[PX], row[PY], top)
+        if tip >= 0:
+            row[AREA] = 0.0
+        row[FLAT] = 1.0 if top.rows[0, FIELD_ON] == 0.0 and is_beyond(row[PX], row[PY], top) else 0.0
     row[PZ], row[GX], row[GY] = surface_gradient(row[PX], row[PY], top)
 
 
@@ -213,8 +225,9 @@ def top_change(
                 n += 1
                 u = cell[U0] + (part // parts + offset[0]) / parts * (cell[U1] - cell[U0])
                 v = cell[V0] + (part % parts + offset[1]) / parts * (cell[V1] - cell[V0])
-                put_on_top(p, int(cell[SECTOR]), u, v, share, sectors, top)
-                p[TOUCHED] = 0.0
+                p[SECTOR] = cell[SECTOR]
+                p[TOUCHED] = cell[TOUCHED]
+                put_on_top(p, u, v, share, sectors, top)
                 _follow(
                     n, p, source, receivers, shift, height, least, parts, layout, box, top, out, echoes[a, b]
                 )
