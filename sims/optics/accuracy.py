@@ -21,7 +21,8 @@ class Accuracy:
     image_step : share of its size by which an image that is not whole moves between lattice points, if it brings 3 % of
         the untouched flux; less for a brighter one [-]
     top_rings, top_columns : points of the top for scattered light and for several reflections [-]
-    repeat_share : share of the brightest pair's untouched flux that a sample of several reflections may stand for [-]
+    repeat_share : share of a pair's untouched flux, taken as 3 % of the emitter's brightest pair at least, that a
+        sample of light reflected several times may stand for [-]
     nodes_emitter, nodes_column, nodes_height : Gauss nodes of straight light [-]
     few_emitter, few_receiver, most_emitter, most_receiver : Gauss nodes of whole images that vary little and much [-]
     flat_nodes : Gauss nodes of the untouched pad [-]
@@ -38,7 +39,7 @@ class Accuracy:
     image_step: float = 0.2
     top_rings: int = 24
     top_columns: int = 60
-    repeat_share: float = 4e-4
+    repeat_share: float = 4e-3
     nodes_emitter: int = 4
     nodes_column: int = 16
     nodes_height: int = 4
@@ -54,7 +55,7 @@ class Accuracy:
 
 ACCURACIES = {
     "draft": Accuracy(
-        image_step=0.35, top_rings=14, top_columns=36, repeat_share=8e-4, wall_rays=1024, ray_share=0.5
+        image_step=0.35, top_rings=14, top_columns=36, repeat_share=1e-2, wall_rays=1024, ray_share=0.5
     ),
     "score": Accuracy(  # for maps of many states
         rings=16,
@@ -62,7 +63,7 @@ ACCURACIES = {
         image_step=0.35,
         top_rings=10,
         top_columns=24,
-        repeat_share=8e-4,
+        repeat_share=1e-2,
         wall_rays=1024,
         ray_share=0.5,
     ),
@@ -73,7 +74,7 @@ ACCURACIES = {
         image_step=0.09,
         top_rings=48,
         top_columns=120,
-        repeat_share=4e-5,
+        repeat_share=5e-4,
         nodes_emitter=6,
         nodes_column=32,
         nodes_height=6,
@@ -92,7 +93,7 @@ ACCURACIES = {
         image_step=0.04,
         top_rings=80,
         top_columns=200,
-        repeat_share=1e-5,
+        repeat_share=1e-4,
         nodes_emitter=6,
         nodes_column=32,
         nodes_height=6,
@@ -111,7 +112,7 @@ MIRRORED_FINER = replace(
     rings=ACCURACIES["standard"].rings,
     columns=ACCURACIES["standard"].columns,
     image_step=ACCURACIES["standard"].image_step,
-    repeat_share=2e-4,
+    repeat_share=2e-3,
 )
 """Light mirrored as in "standard" or finer, the rest as in "score": what keeps voxels near contact open is the lattice
 of images alone; deep ones light mirrored several times. On the paper's pad 0.05 % rms at 0.3 mm, as "standard"."""

@@ -33,14 +33,15 @@ def landing(p, along, up, source, box, top):
 
 
 @kernel
-def reaches(kind, low_s, high_s, low_z, high_z, receivers, wanted):
-    """Whether a box on a wall overlaps a wanted receiver."""
+def unit_there(kind, low_s, high_s, low_z, high_z, receivers, units):
+    """The smallest unit of the receivers that a box on a wall overlaps; 0 if none with one."""
+    least = 0.0
     for j in range(receivers.shape[0]):
-        if not wanted[j] or receivers[j, 0] != kind:
+        if units[j] == 0.0 or receivers[j, 0] != kind or (least > 0.0 and units[j] >= least):
             continue
         if low_s > receivers[j, 1] + receivers[j, 3] or high_s < receivers[j, 1] - receivers[j, 3]:
             continue
         if low_z > receivers[j, 2] + receivers[j, 4] or high_z < receivers[j, 2] - receivers[j, 4]:
             continue
-        return True
-    return False
+        least = units[j]
+    return least

@@ -42,7 +42,7 @@ RAYS = 3
 
 
 @kernel
-def add_sample(p, one, two, source, receivers, wanted, box, top, out):
+def add_sample(p, one, two, source, receivers, units, box, top, out):
     """Add a point's light to out[receiver, (outside, inside the skirt)], by rays from the emitter at (one, two) and
     beside it, which counts round its edges.
     """
@@ -55,32 +55,39 @@ def add_sample(p, one, two, source, receivers, wanted, box, top, out):
         if power <= 0.0 or tops == 0 or kind < 0 or kind > 3:
             continue
         j = receiver_at(kind, s, s, z, receivers)
-        if j >= 0 and wanted[j]:
+        if j >= 0 and units[j] > 0.0:
             share = power * math.pi * radiance(receivers[j], facing) / RAYS
             out[j, 1 if nearest < 1.0 else 0] += share
 
 
 @kernel
-def add_samples(cell, sector, count, source, receivers, wanted, shifts, sectors, box, top, p, out):
-    """Add a cell's light to out[replicate, receiver, (outside, inside the skirt)], by one point a replicate."""
-    for n in range(shifts.shape[0]):
-        u = cell[LOW_U] + shifts[n, 0] * (cell[HIGH_U] - cell[LOW_U])
-        v = cell[LOW_V] + shifts[n, 1] * (cell[HIGH_V] - cell[LOW_V])
-        put_point(p, sector, u, v, sectors, top)
-        p[AREA] *= (cell[HIGH_U] - cell[LOW_U]) * (cell[HIGH_V] - cell[LOW_V])
-        one, two = golden_pair(count, shifts[n, 2], shifts[n, 2])
-        add_sample(p, one, two, source, receivers, wanted, box, top, out[n])
+def add_samples(cell, parts, sector, count, source, receivers, units, shifts, sectors, box, top, p, out):
+    """Add a cell's light to out[replicate, receiver, (outside, inside the skirt)], by one point a replicate in each of
+    parts² parts; the number of points so far with these.
+    """
+    wide = (cell[HIGH_U] - cell[LOW_U]) / parts
+    high = (cell[HIGH_V] - cell[LOW_V]) / parts
+    for part in range(parts * parts):
+        count += 1
+        for n in range(shifts.shape[0]):
+            u = cell[LOW_U] + (part // parts + shifts[n, 0]) * wide
+            v = cell[LOW_V] + (part % parts + shifts[n, 1]) * high
+            put_point(p, sector, u, v, sectors, top)
+            p[AREA] *= wide * high
+            one, two = golden_pair(count, shifts[n, 2], shifts[n, 2])
+            add_sample(p, one, two, source, receivers, units, box, top, out[n])
+    return count
 
 
 @array_kernel
 def repeated_reflections(
-    source, receivers, wanted, lattice, echoes, columns, shifts, unit, sectors, box, top, p, out
+    source, receivers, units, lattice, echoes, columns, shifts, sectors, box, top, p, out
 ):
     """Add flux of chains with two or more top reflections to out[replicate, receiver, (outside, inside the skirt)].
 
     lattice, echoes : a replicate's lattice, and (replicate, row, column, 5) ends of the rays over their points
     shifts : (replicate, 3 or more) place in a cell along u and v, and where on the emitter the first ray starts, 0 to 1
-    unit : power that a sample may stand for
+    units : (receiver,) power that a sample near it may stand for; 0 where unwanted
     """
     first = first_free_row(lattice)
     rings = lattice.shape[0] - first
@@ -90,7 +97,7 @@ def repeated_reflections(
     count = 0
     for a in range(rings):
         for b in range(lattice.shape[1]):
-            unseen = power_near(a + first, b, first, columns, echoes, receivers, wanted)
+            unseen, unseen_unit = power_near(a + first, b, first, columns, echoes, receivers, units)
             if unseen < 0.0:
                 continue
             root = lattice[a + first, b]
@@ -100,11 +107,10 @@ def repeated_reflections(
             n = 1
             while n > 0:
                 n -= 1
-                fate = fate_of(cells[n], unit, unseen, receivers, wanted)
+                fate, parts = fate_of(cells[n], unseen, unseen_unit, receivers, units)
                 if fate == DIVIDE:
                     divide(cells, n, sector, source, sectors, box, top, p, nine)
                     n += 4
                 elif fate == KEEP:
-                    count += 1
-                    add_samples(cells[n], sector, count, source, receivers, wanted, shifts, sectors, box, top, p,
-                                out)  # fmt: skip
+                    count = add_samples(cells[n], parts, sector, count, source, receivers, units, shifts, sectors,
+                                        box, top, p, out)  # fmt: skip

@@ -2,12 +2,15 @@
 """Kernels: cells of the top whose light is reflected again and may reach a receiver, found by dividing larger ones.
 
 The paths from the emitter's centre over the corners of a cell tell where its light ends. A cell is dropped where that
-is nowhere near a wanted receiver, divided where its corners' ends lie far apart or have different fates, and else kept.
+is nowhere near a wanted receiver, divided where its corners' ends lie far apart or have different fates, and else kept,
+with the more points the more power it has for the dimmest receiver near.
 """
 
 from __future__ import annotations
 
-from sims.optics.landing import landing, put_point, reaches
+import math
+
+from sims.optics.landing import landing, put_point, unit_there
 from sims.optics.radial import kernel
 from sims.optics.top_light import ALONG, ECHO_COLUMNS, KIND, POWER, TOPS, UP
 
@@ -27,6 +30,10 @@ MIXED_MM = 2.0
 """How much farther where corners have different fates."""
 DEEPEST, DEEPEST_MIXED, DEEPEST_UNSEEN = 6, 4, 2
 """Most halvings of a cell, of one whose corners have different fates, and of one that only edges of emitters light."""
+KEPT_UNITS = 4.0
+"""Units of power that a kept cell may hold: points in it cost less than the paths over the corners of its quarters."""
+MOST_PARTS = 4.0
+"""Most parts of a kept cell along each side, one point in each."""
 STACK = 3 * DEEPEST + 4
 BLUR_MM = 4.0
 """Farthest from the end of the emitter's centre that the light of its edges is looked for. What two rays beside the
@@ -34,12 +41,14 @@ centre's tell of that is too little where mirrors bend: it cost up to 0.3 % of a
 
 
 @kernel
-def power_near(a, b, first, columns, echoes, receivers, wanted):
+def power_near(a, b, first, columns, echoes, receivers, units):
     """Largest power of the rays by a cell or a neighbour, of all replicates, that are reflected again, on walls where
-    they end around a wanted receiver; 0 where nowhere; negative if none is reflected again. Rows before the `first`
-    are in the contact.
+    they end around a wanted receiver, and the unit there; 0 where nowhere; negative if none is reflected again.
+
+    first : the first row that is not in the contact; units : see `sims.optics.repeated`
     """
     most = 0.0
+    unit = 0.0
     is_lit = False
     for wall in range(4):
         power = 0.0
@@ -58,11 +67,20 @@ def power_near(a, b, first, columns, echoes, receivers, wanted):
                             high_s = max(high_s, echo[ALONG])
                             low_z = min(low_z, echo[UP])
                             high_z = max(high_z, echo[UP])
-        if power > most and reaches(
-            wall, low_s - MIXED_MM, high_s + MIXED_MM, low_z - MIXED_MM, high_z + MIXED_MM, receivers, wanted
-        ):
-            most = power
-    return most if is_lit else -1.0
+        if power > most:
+            there = unit_there(
+                wall,
+                low_s - MIXED_MM,
+                high_s + MIXED_MM,
+                low_z - MIXED_MM,
+                high_z + MIXED_MM,
+                receivers,
+                units,
+            )
+            if there > 0.0:
+                most = power
+                unit = there
+    return (most if is_lit else -1.0), unit
 
 
 @kernel
@@ -114,11 +132,11 @@ def _bounds(cell, wall):
 
 
 @kernel
-def fate_of(cell, unit, unseen, receivers, wanted):
-    """What to do with a cell.
+def fate_of(cell, unseen, unseen_unit, receivers, units):
+    """What to do with a cell; if it is kept, into how many parts along each side.
 
-    unit : power that a sample may stand for
     unseen : power that the emitter's edges may send over the undivided cell where its centre sends none
+    unseen_unit : power that a sample of it may stand for; units : (receiver,) the same by where the centre sends it
     """
     brightest = max(
         max(corner(cell, 0, POWER), corner(cell, 1, POWER)),
@@ -126,11 +144,13 @@ def fate_of(cell, unit, unseen, receivers, wanted):
     )
     if brightest == 0.0:
         if cell[LEVEL] == 0.0:
-            return DIVIDE
+            return DIVIDE, 1
         if unseen == 0.0:
-            return DROP
-        return KEEP if cell[LEVEL] >= DEEPEST_UNSEEN or unseen * 0.25 ** cell[LEVEL] < unit else DIVIDE
-    is_near = False
+            return DROP, 1
+        power = unseen * 0.25 ** cell[LEVEL]
+        is_kept = cell[LEVEL] >= DEEPEST_UNSEEN or power < unseen_unit
+        return (KEEP if is_kept else DIVIDE), _parts(power, unseen_unit)
+    unit = 0.0
     is_whole = False
     size = 0.0
     for wall in range(4):
@@ -140,14 +160,26 @@ def fate_of(cell, unit, unseen, receivers, wanted):
         size = max(high_s - low_s, high_z - low_z)
         is_whole = count == 4 and is_alike
         margin = BLUR_MM + (CURVE * size if is_whole else MIXED_MM + size)
-        if reaches(wall, low_s - margin, high_s + margin, low_z - margin, high_z + margin, receivers, wanted):
-            is_near = True
-    if not is_near:
-        return DROP
+        there = unit_there(
+            wall, low_s - margin, high_s + margin, low_z - margin, high_z + margin, receivers, units
+        )
+        if there > 0.0 and (unit == 0.0 or there < unit):
+            unit = there
+    if unit == 0.0:
+        return DROP, 1
     power = brightest * (cell[HIGH_U] - cell[LOW_U]) * (cell[HIGH_V] - cell[LOW_V])
-    if power < unit or (is_whole and size <= STEP_MM):
-        return KEEP
-    return KEEP if cell[LEVEL] >= (DEEPEST if is_whole else DEEPEST_MIXED) else DIVIDE
+    is_kept = (
+        power < KEPT_UNITS * unit
+        or (is_whole and size <= STEP_MM)
+        or cell[LEVEL] >= (DEEPEST if is_whole else DEEPEST_MIXED)
+    )
+    return (KEEP if is_kept else DIVIDE), _parts(power, unit)
+
+
+@kernel
+def _parts(power, unit):
+    """Parts along each side of a cell for points that stand for a unit of power each."""
+    return int(min(max(math.ceil(math.sqrt(power / unit)), 1.0), MOST_PARTS))
 
 
 @kernel

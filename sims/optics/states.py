@@ -31,6 +31,8 @@ SHIFTS = 8
 # numbers of the settings
 RINGS, COLUMNS, STEP, TOP_RINGS, TOP_COLUMNS, REPEAT_SHARE, RAYS, WHOLE_RATIO, RAY_SHARE = range(9)
 CLIP_CORNERS = 14
+DIM = 0.03
+"""Share of an emitter's brightest pair to which dimmer ones are taken as bright, where effort goes by brightness."""
 SEARCH_SHARE = 0.1
 """The emitters' rays over the top also look for light mirrored again: left to chance below this share of the setting's
 power. At 0.3 of it islands were missed, and 0.05 % of the light of all pairs with them."""
@@ -125,6 +127,7 @@ def several_times(
     echoes = np.zeros((count, lattices.shape[1], lattices.shape[2], ECHO_COLUMNS))
     several = np.zeros((count, receivers.shape[0], 2))
     unwanted = np.zeros(from_emitter.shape[2])
+    units = np.empty(receivers.shape[0])
     p = np.zeros(POINT_COLUMNS)
     for i in range(emitters.shape[0]):
         brightest = 0.0
@@ -140,10 +143,11 @@ def several_times(
                 box, top, change, echoes[n], SEARCH_SHARE * settings[RAY_SHARE], shifts[n], sectors, p,
             )  # fmt: skip
         several[:] = 0.0
+        for j in range(receivers.shape[0]):
+            units[j] = settings[REPEAT_SHARE] * max(scale[i, j], DIM * brightest) if wanted[i, j] else 0.0
         repeated_reflections(
-            emitters[i], receivers, wanted[i], lattices[0], echoes, columns, shifts,
-            settings[REPEAT_SHARE] * brightest, sectors, box, top, p, several,
-        )  # fmt: skip
+            emitters[i], receivers, units, lattices[0], echoes, columns, shifts, sectors, box, top, p, several
+        )
         for n in range(count):
             for j in range(receivers.shape[0]):
                 result[n, TOPS, i, j] += several[n, j, 0]

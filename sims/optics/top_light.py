@@ -88,7 +88,9 @@ def lattice_points(in_contact, columns, shift_u, shift_v, sectors, top, out):
             row[MZ] = surface_height(row[MX], row[MY], top)
             row[SIZE] = 0.0
             for c in range(4):
-                x, y, _ = _place(row, row[U0] if c < 2 else row[U1], row[V0] if c % 2 == 0 else row[V1], sectors, top)
+                x, y, _ = _place(
+                    row, row[U0] if c < 2 else row[U1], row[V0] if c % 2 == 0 else row[V1], sectors, top
+                )
                 rise = surface_height(x, y, top) - row[MZ] if row[TOUCHED] == 1.0 else 0.0
                 row[SIZE] = max(row[SIZE], math.sqrt((x - row[MX]) ** 2 + (y - row[MY]) ** 2 + rise * rise))
 
