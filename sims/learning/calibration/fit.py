@@ -134,8 +134,7 @@ def fitted(
     halves = [problem.slopes(state.values, half) for half in range(HALVES)]
     state.slopes = 0.5 * (halves[0] + halves[1])
     state.look_around()
-    told = state.told(halves)
-    state.polish(told)
+    state.polish(state.told(halves))
     gains = state.gain_covariance()
     problem.on_step("calibration", 1.0)
     return Fitted(

@@ -60,7 +60,7 @@ def test_a_lattice_of_few_rings_holds_the_area_of_the_contact(rings, tolerance, 
     assert found == pytest.approx(expected, rel=tolerance)
 
 
-TRACED = ((10, 6, 4, 0.01905, 0.00029),)
+TRACED = ((10, 6, 4, 0.01905, 0.00029), (17, 5, 7, 0.02758, 0.00036))
 """Place at 5 mm, emitter, receiver, scattered light over the untouched signal by the oracle (120 million rays of the
 emitter, seed 9), and its standard error."""
 
@@ -85,6 +85,6 @@ def test_light_behind_a_tip_that_is_all_the_way_in_agrees_with_the_oracle(
         )
         found.append(raw.flux[DIFFUSE, 1, emitter, receiver] / raw.flux[:, 0, emitter, receiver].sum())
     spread = np.std(found, ddof=1)
-    # with rings equal in plan 0.025, whatever the setting and the seed
+    # with rings equal in plan 0.025 and 0.034, whatever the setting and the seed
     assert abs(np.mean(found) - traced) < 3.0 * np.hypot(error, spread / np.sqrt(len(found)))
     assert spread < 0.003
