@@ -61,7 +61,7 @@ def mitsuba_walk() -> Walked:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         raise ToolMissingError(
-            f"Mitsuba does not run here ({done.stderr.strip()[-200:]}); set DRJIT_LIBLLVM_PATH to LLVM 19"
+            f"Mitsuba does not run here ({' '.join(done.stderr.split())[-200:]}); set DRJIT_LIBLLVM_PATH to LLVM 19"
         )
     values = json.loads(done.stdout)
     return Walked(**(values | {name: np.array(values[name]) for name in ("flux", "variance")}))
