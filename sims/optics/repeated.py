@@ -3,7 +3,8 @@
 
 First reflections whose light goes to a second one and on towards a receiver lie in small islands of the top. The rays
 of `sims.optics.top_light` tell roughly where, `repeated_cells` divides the cells there, and every cell that is left
-brings one point a replicate, with three rays from points evenly spread over the emitter, moved from cell to cell.
+brings one point a replicate, or more by its power, each with three rays from points evenly spread over the emitter,
+moved from point to point.
 
 A ray counts where it ends. Once it stood for the parallelogram that a part of the emitter lights, by the rays beside
 it; but two convex mirrors bend light within any part, which made this light 75 % too bright on one pair and 15 % too
