@@ -53,10 +53,11 @@ class Scanner:
         found: list[Message] = []
         at, end = 0, len(stream)
         while True:
-            at = stream.find(self._magic, at)
-            if at < 0:
-                at = end - 1 if stream.endswith(self._magic[:1]) else end
+            begun = stream.find(self._magic, at)
+            if begun < 0:
+                at = end - 1 if stream.endswith(self._magic[:1], at) else end
                 break
+            at = begun
             if at + HEAD_BYTES > end:
                 break
             length = self._lengths.get(stream[at + 2])

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fabrication.driver.protocol import (
+    MAGIC,
     FrameFormat,
     SelfTest,
     message_lengths,
@@ -45,6 +46,17 @@ def test_how_the_stream_is_cut_changes_nothing(cuts: list[int]) -> None:
     found, scanner = scanned(stream, cuts)
     assert found == FRAMES
     assert (scanner.damaged, scanner.skipped_bytes, scanner.kept_bytes) == (0, 0, 0)
+
+
+def test_a_message_that_ends_as_the_next_begins_is_whole_at_once() -> None:
+    crc_ends_in_magic = next(
+        frame
+        for k in range(4096)
+        if (frame := pack_frames(PAD, [k], [k], np.zeros((1, 9, 8), int))[0]).endswith(MAGIC[:1])
+    )
+    scanner = Scanner(LENGTHS)
+    assert scanner.feed(crc_ends_in_magic) == [(crc_ends_in_magic[2], crc_ends_in_magic)]
+    assert (scanner.skipped_bytes, scanner.kept_bytes) == (0, 0)
 
 
 @given(NOISE, st.lists(st.integers(0, 700), max_size=20))
