@@ -7,7 +7,8 @@ Between contact edge a and outer radius b the curve h(r) is stored as `CELLS` cu
 so that a kernel needs one square root from r² to a height, and none from there to a gradient:
 dh/dr / r = h' A / (x + C). C makes the first piece `FIRST_PIECE` of the mean one: pieces are short at the contact edge
 and nearly uniform in r beyond. Each piece also holds what a march along a ray needs from there: bounds of slope outward
-and of fall outward, how far inward it may look, and the bound of slope within that window.
+and of fall outward, how far inward it may look, and the bound of bend within that window. Bend is how fast the slope
+along a line falls, -d²h/ds², the largest of all directions: max(-h'', -h'/r, 0).
 """
 
 from __future__ import annotations
@@ -26,11 +27,11 @@ FIRST_PIECE = 0.25
 BOUND_RESERVE = 1.01
 """Factor on the largest of `SAMPLES` slopes of a piece."""
 SAMPLES = 9
-NEAREST_WINDOW_MM, WINDOW_SHARE, GENTLE_SLOPE = 0.25, 0.35, 0.1
-"""A march that comes inward looks this far, or this share of its radius, or to where the top is steeper than this."""
+NEAREST_WINDOW_MM, WINDOW_SHARE = 0.06, 0.25
+"""A march that comes inward looks this far, or this share of its radius; the further, the larger the bend there."""
 
 # columns of a piece
-CUBIC, STEEP, FALL, WINDOW, WITHIN = 0, 4, 5, 6, 7
+CUBIC, STEEP, FALL, WINDOW, BEND = 0, 4, 5, 6, 7
 PIECE_COLUMNS = 8
 
 
@@ -41,8 +42,8 @@ class RadialTable:
     Attributes
     ----------
     pieces : (CELLS, 8) height above the clear layer's bottom as a cubic in the piece's fraction [mm]; from this piece
-        outward the largest |dh/dr| and the largest fall -dh/dr [-]; window inward [mm], largest |dh/dr| within it
-        and outward [-]
+        outward the largest |dh/dr| and the largest fall -dh/dr [-]; window inward [mm], largest bend within it
+        and outward [1/mm]
     reach2 : (LEVELS,) squared radius beyond which the top lies nowhere below the upper edge of each level between
         its lowest point and the undisturbed top [mm²]
     scale, offset, start : A [1/mm²], D and C of the coordinate x
@@ -90,7 +91,9 @@ def radial_table(
     slopes = _slopes_within(pieces, nodes, scale, start)
     pieces[:, STEEP] = _outward_maximum(np.abs(slopes))
     pieces[:, FALL] = _outward_maximum(np.maximum(-slopes, 0.0))
-    pieces[:, WINDOW], pieces[:, WITHIN] = _windows(pieces[:, STEEP], nodes)
+    pieces[:, WINDOW] = np.maximum(NEAREST_WINDOW_MM, WINDOW_SHARE * nodes[:-1])
+    holds = np.searchsorted(nodes, nodes[:-1] - pieces[:, WINDOW], side="right") - 1
+    pieces[:, BEND] = _outward_maximum(_bends_within(pieces, nodes, scale, start))[np.maximum(holds, 0)]
     return RadialTable(
         pieces=pieces,
         reach2=_reach2(pieces, nodes, top_mm, lowest_mm),
@@ -108,28 +111,32 @@ def lowest_of_pieces_mm(pieces: FloatArray) -> FloatArray:
     return np.asarray(np.min([c0, c0 + c1 / 3, c0 + (2 * c1 + c2) / 3, c0 + c1 + c2 + c3], axis=0))
 
 
+def _samples(nodes: FloatArray, scale: float, start: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(SAMPLES,) fractions of a piece, and (CELLS, SAMPLES) x + C and radius there [mm]."""
+    t = np.linspace(0.0, 1.0, SAMPLES)
+    x = np.arange(CELLS)[:, None] + t + start
+    return t, x, np.sqrt(np.maximum(nodes[0] ** 2 + (x**2 - start**2) / scale, nodes[0] ** 2))
+
+
 def _slopes_within(pieces: FloatArray, nodes: FloatArray, scale: float, start: float) -> FloatArray:
     """(CELLS, SAMPLES) dh/dr at evenly spread places of every piece."""
-    t = np.linspace(0.0, 1.0, SAMPLES)
+    t, x, r = _samples(nodes, scale, start)
     gradient = pieces[:, 1:2] + 2 * pieces[:, 2:3] * t + 3 * pieces[:, 3:4] * t**2
-    x = np.arange(CELLS)[:, None] + t + start
-    r = np.sqrt(np.maximum(nodes[0] ** 2 + (x**2 - start**2) / scale, nodes[0] ** 2))
     return np.asarray(gradient * scale * r / x)
+
+
+def _bends_within(pieces: FloatArray, nodes: FloatArray, scale: float, start: float) -> FloatArray:
+    """(CELLS, SAMPLES) bend at evenly spread places of every piece [1/mm]."""
+    t, x, r = _samples(nodes, scale, start)
+    turn = (pieces[:, 1:2] + 2 * pieces[:, 2:3] * t + 3 * pieces[:, 3:4] * t**2) * scale / x
+    radial = turn + (2 * pieces[:, 2:3] + 6 * pieces[:, 3:4] * t - turn / scale) * (scale * r / x) ** 2
+    return np.asarray(np.maximum(np.maximum(-radial, -turn), 0.0))
 
 
 def _outward_maximum(values: FloatArray) -> FloatArray:
     """(CELLS,) largest value of this and all outer pieces, with a reserve."""
     worst = BOUND_RESERVE * values.max(axis=1)
     return np.asarray(np.maximum.accumulate(worst[::-1])[::-1])
-
-
-def _windows(steep: FloatArray, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """How far inward of each piece's start a march may look, and the slope's bound from there outward."""
-    inner = nodes[:-1]
-    gentle = nodes[np.searchsorted(-steep, -GENTLE_SLOPE)] if steep[0] > GENTLE_SLOPE else 0.0
-    window = np.maximum(np.maximum(NEAREST_WINDOW_MM, WINDOW_SHARE * inner), inner - gentle)
-    holds = np.clip(np.searchsorted(nodes, inner - window, side="right") - 1, 0, CELLS - 1)
-    return window, steep[holds]
 
 
 def _reach2(pieces: FloatArray, nodes: FloatArray, top_mm: float, lowest_mm: float) -> FloatArray:

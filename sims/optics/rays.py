@@ -4,7 +4,8 @@
 The top is the sum of what every tip does to it and of a smooth field (`sims.optics.top`). The gap
 g(t) = h(x(t), y(t)) - z(t) closes at most at the rate dz + M |d_plan|, M the largest slope of the part of the surface
 still ahead (of its falling part once the ray moves outward), so steps of g over that rate cannot jump over a
-crossing. No step is shorter than `MIN_STEP_MM`, so a chord through the tip shorter than that is missed (it would be
+crossing. Nor can those to the root of g + g' s - K |d_plan|^2 s^2 / 2, K the largest bend ahead; of both the longer is
+taken. No step is shorter than `MIN_STEP_MM`, so a chord through the tip shorter than that is missed (it would be
 less than 2e-5 mm deep in a 3 mm tip).
 
 One tip and no field, the usual case: beyond the outer radius the top is a plane and needs no steps, and a ray that
@@ -27,15 +28,7 @@ from sims.optics.radial import (
     slope_bound,
     wall_hit,
 )
-from sims.optics.radial_table import (
-    CELLS,
-    FALL,
-    NEAREST_WINDOW_MM,
-    PIECE_COLUMNS,
-    WINDOW,
-    WINDOW_SHARE,
-    WITHIN,
-)
+from sims.optics.radial_table import BEND, CELLS, FALL, PIECE_COLUMNS, WINDOW
 from sims.optics.surface import (
     ACTIVE,
     LOWEST,
@@ -61,6 +54,10 @@ from sims.optics.top import (
 )
 
 MIN_STEP_MM = 0.02
+LEAST_BEND = 1e-12
+"""Added to what is divided by [1/mm]."""
+NEAREST_AHEAD_MM, AHEAD_SHARE = 0.25, 0.35
+"""Towards one of several tips a step looks this far, or this share of the distance to its axis."""
 CLOSED_MM = 1e-10
 """A gap at which a crossing is found."""
 BOTTOM, TIP, LOST = 4, 5, -1
@@ -123,7 +120,7 @@ def march(x, y, z, dx, dy, dz, t0, t1, takes_any, tip, rows):
 def _march_within(z, dz, t, end, closest, near2, plan2, tip, rows):
     """The bracket in [t, end], inside a tip's outer radius; its upper end is -1 if there is none."""
     plan = math.sqrt(plan2)
-    inner = slope_bound(near2, tip, rows)
+    inward_rate = dz + slope_bound(near2, tip, rows) * plan
     previous = t
     while True:
         away = t - closest
@@ -131,40 +128,36 @@ def _march_within(z, dz, t, end, closest, near2, plan2, tip, rows):
         piece = PIECES
         if r2 >= rows[tip, OUTER_2]:
             gap = rows[tip, TOP] - z - dz * t
+            turn = 0.0
             piece = PIECES + PIECE_COLUMNS * (CELLS - 1)
         elif r2 <= rows[tip, SPHERE_2]:
-            gap = rows[tip, SPHERE_Z] - math.sqrt(rows[tip, TIP_2] - r2) - z - dz * t
+            root = math.sqrt(rows[tip, TIP_2] - r2)
+            gap = rows[tip, SPHERE_Z] - root - z - dz * t
+            turn = 1.0 / root
         else:
-            u = math.sqrt(rows[tip, SCALE] * r2 + rows[tip, OFFSET]) - rows[tip, START]
+            w = math.sqrt(rows[tip, SCALE] * r2 + rows[tip, OFFSET])
+            u = w - rows[tip, START]
             k = min(int(u), CELLS - 1)
             u -= k
             piece = PIECES + PIECE_COLUMNS * k
-            gap = (
-                rows[tip, piece]
-                + u * (rows[tip, piece + 1] + u * (rows[tip, piece + 2] + u * rows[tip, piece + 3]))
-                - z
-                - dz * t
-            )
+            c1, c2, c3 = rows[tip, piece + 1], rows[tip, piece + 2], rows[tip, piece + 3]
+            gap = rows[tip, piece] + u * (c1 + u * (c2 + u * c3)) - z - dz * t
+            turn = (c1 + u * (2.0 * c2 + u * 3.0 * c3)) * rows[tip, SCALE] / w
         if gap < 0.0:
             return previous, t
-        if t >= end:
+        rate = inward_rate if away < 0.0 else dz + rows[tip, piece + FALL] * plan
+        if rate <= 0.0:
+            return t, -1.0
+        opening = turn * plan2 * away - dz
+        bend = rows[tip, piece + BEND] * plan2 + LEAST_BEND
+        root = math.sqrt(opening * opening + 2.0 * bend * gap)
+        step = (opening + root) / bend if opening >= 0.0 else 2.0 * gap / (root - opening)
+        if away < 0.0:
+            step = min(step, rows[tip, piece + WINDOW] / plan)
+        step = max(step, gap / rate)
+        if t + step >= end:
             return t, -1.0
         previous = t
-        if away >= 0.0:
-            rate = dz + rows[tip, piece + FALL] * plan
-            if rate <= 0.0:
-                return t, -1.0
-            step = gap / rate
-        elif inner <= rows[tip, piece + WITHIN]:
-            rate = dz + inner * plan
-            if rate <= 0.0:
-                return t, -1.0
-            step = gap / rate
-        else:
-            rate = dz + rows[tip, piece + WITHIN] * plan
-            step = rows[tip, piece + WINDOW] / plan
-            if gap < rate * step:
-                step = gap / rate
         t = min(t + max(step, MIN_STEP_MM), end)
 
 
@@ -202,7 +195,7 @@ def march_any(x, y, z, dx, dy, dz, t0, t1, top):
             if rx * dx + ry * dy >= 0.0:
                 slope += fall_bound(r * r, k, top.rows)
             else:
-                ahead = max(NEAREST_WINDOW_MM, WINDOW_SHARE * r)
+                ahead = max(NEAREST_AHEAD_MM, AHEAD_SHARE * r)
                 window = min(window, ahead)
                 slope += slope_bound(max(r - ahead, 0.0) ** 2, k, top.rows)
         rate = dz + slope * plan

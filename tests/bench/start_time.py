@@ -13,6 +13,7 @@ ROOT = Path(__file__).parents[2]
 FIRST_TRACE = """
 from time import perf_counter
 start = perf_counter()
+import hashlib
 import json
 import numpy as np
 from design.io import load_design
@@ -23,7 +24,8 @@ imported = perf_counter()
 scene = scene_of(load_design("tests/bench/light-benchmark.toml"))
 raw = trace_scene(scene, np.array([[14.0, 17.0]]), [compact_dimple(2.0)])
 assert raw.flux.sum() > 0.0
-print(json.dumps({"import_seconds": imported - start, "trace_seconds": perf_counter() - imported}))
+seconds = {"import_seconds": imported - start, "trace_seconds": perf_counter() - imported}
+print(json.dumps(seconds | {"flux_sha256": hashlib.sha256(raw.flux.tobytes()).hexdigest()}))
 """
 
 
@@ -33,6 +35,8 @@ class FirstTrace:
 
     import_seconds: float
     trace_seconds: float
+    flux_sha256: str
+    """Of all bits of the light."""
 
     @property
     def seconds(self) -> float:

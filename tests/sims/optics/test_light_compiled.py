@@ -14,6 +14,7 @@ from sims.optics.emission import lambertian_pattern
 from sims.optics.engine import trace_scene
 from sims.optics.smooth_field import smooth_field
 from sims.optics.threads import run_each
+from tests.bench.start_time import first_trace
 from tests.sims.optics.oracle_scenes import ring_scene
 
 ENTRY_POINTS = (
@@ -42,6 +43,12 @@ def test_one_compiled_version_serves_every_kind_of_scene():
     assert {name: len(getattr(compiled, name).signatures) for name in ENTRY_POINTS} == dict.fromkeys(
         ENTRY_POINTS, 1
     )
+
+
+@pytest.mark.slow
+def test_the_process_that_compiles_gives_the_bits_of_every_later_one(tmp_path):
+    """Kernels that it has compiled alone take the place of those that are compiled into an entry point."""
+    assert first_trace(tmp_path).flux_sha256 == first_trace(tmp_path).flux_sha256
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 17])

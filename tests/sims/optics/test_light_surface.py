@@ -1,16 +1,20 @@
 """The radial table against the curve that it comes from."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 from sims.indentation import Indentation
 from sims.optics import surface
 from sims.optics.analytic import compact_dimple
-from sims.optics.radial_table import node_radii_mm
+from sims.optics.radial_table import BEND, CELLS, PIECE_COLUMNS, WINDOW, node_radii_mm
+from sims.optics.rays import MIN_STEP_MM
 from sims.optics.scene import OpticalScene
 from sims.optics.top import Top
 from sims.optics.tops import stack_tops
 from tests.sims.optics.called_kernels import (
+    first_chord,
     height,
     height_and_turn,
     height_turn_bend,
@@ -93,6 +97,40 @@ def test_slope_bound_holds_outward():
     outward = np.maximum.accumulate(slopes[::-1])[::-1]
     bounds = np.array([slope_bound(r * r, 0, rows) for r in radii])
     assert (bounds >= outward - 1e-9).all()
+
+
+@pytest.mark.parametrize("depth", [0.3, 2.0, 4.5])
+def test_bend_bound_holds_within_its_window_and_outward(depth):
+    press, rows, _stack = lowered(compact_dimple(depth, bulge_mm=0.15))
+    pieces = rows[0, surface.PIECES : surface.PIECES + CELLS * PIECE_COLUMNS].reshape(CELLS, PIECE_COLUMNS)
+    nodes = node_radii_mm(press[surface.SPHERE_R], press[surface.OUTER_R])[0]
+    radii = np.concatenate([np.linspace(a, b, 9)[1:-1] for a, b in pairwise(nodes)])
+    found = np.array([height_turn_bend(r * r, 0, rows) for r in radii])
+    # second derivatives across and along the radius, downward
+    bends = np.maximum(-found[:, 1], -(found[:, 1] + found[:, 2] * radii**2))
+    for piece, start in zip(pieces, nodes, strict=False):
+        assert piece[BEND] >= bends[radii >= start - piece[WINDOW]].max()
+    assert (pieces[:, BEND] >= 0.0).all()
+
+
+@pytest.mark.parametrize("depth", [0.3, 1.0, 3.0, 4.5])
+def test_a_march_finds_the_first_crossing_of_any_ray(depth):
+    """Against a scan in steps of 2 µm, from places below the top in any direction; chords of a step may be missed."""
+    _press, rows, _stack = lowered(compact_dimple(depth, bulge_mm=0.15))
+    top, generator = one_tip(rows), np.random.default_rng(7)
+    met = 0
+    for _ in range(400):
+        x, y = 16.0 + generator.uniform(-9.0, 9.0, 2)
+        z = height((x - 16.0) ** 2 + (y - 16.0) ** 2, 0, rows) - 1e-6 - 2.0 * generator.uniform() ** 4
+        direction = generator.normal(size=3) * [1.0, 1.0, 0.3]
+        dx, dy, dz = direction / np.linalg.norm(direction)
+        hit = top_hit(x, y, z, dx, dy, dz, 18.0, top)
+        first, last = first_chord(x, y, z, dx, dy, dz, 18.0, 2e-3, top)
+        if (hit < 0.0) != (first < 0.0) or abs(first - hit) > 2.1e-3:
+            # a chord above the top that no step of the march need meet
+            assert 0.0 <= first <= last < first + MIN_STEP_MM
+        met += hit >= 0.0
+    assert 50 < met < 350
 
 
 def test_the_top_lies_nowhere_below_a_level_beyond_its_reach():
