@@ -165,18 +165,6 @@ def depth_findings(design: SensorDesign) -> Iterator[Finding]:
         )
 
 
-def tip_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Light scattered by a tip that is no hemisphere, which the light model leaves out."""
-    if design.surfaces.tip_reflectance > 0.0 and design.indenter.shape != "hemisphere":
-        yield warning(
-            "surfaces.tip_reflectance",
-            "light that a tip scatters is modelled for hemispheres only, so the verdict will be OUT_OF_MODEL_SCOPE",
-            value=f"{design.surfaces.tip_reflectance:g} with indenter.shape '{design.indenter.shape}'",
-            limit="0 for other tips than a hemisphere",
-            way_out="set it to 0, or press with a hemisphere",
-        )
-
-
 def material_findings(design: SensorDesign) -> Iterator[Finding]:
     """Optical and elastic values that the catalogue's tables do not reach."""
     for field, look_up in (

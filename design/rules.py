@@ -23,7 +23,6 @@ from design.light_rules import (
     material_findings,
     name_findings,
     path_findings,
-    tip_findings,
     workspace_findings,
 )
 from design.mold_label import label_findings
@@ -51,7 +50,6 @@ def check(design: SensorDesign) -> tuple[Finding, ...]:
         *entry_findings(design),
         *count_findings(*counts),
         *depth_findings(design),
-        *tip_findings(design),
         *finish_findings(design),
         *label_findings(design),
         *_unit_findings(design),

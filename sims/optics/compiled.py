@@ -106,7 +106,8 @@ def _compile(fingerprint):
         """(emitter, receiver) scattered flux of all orders from deposits."""
         if fingerprint < 0:
             return np.zeros((0, 0))
-        return all_orders(given, taken, receivers, patches, reflectances, orders, box, top)
+        none = np.zeros((0, 0))
+        return all_orders(given, taken, receivers, patches, reflectances, orders, none, box, top)
 
     @njit(cache=True, error_model="numpy")
     def bounce_matrix(layout, receivers, box, top, points, count):

@@ -20,7 +20,7 @@ import numpy as np
 
 from sims.optics.radial import array_kernel, kernel, mirrored_share, radiance, wall_normal, wall_point
 from sims.optics.rays import BOTTOM, LOST_WEIGHT, TIP, chain
-from sims.optics.surface import CONTACT_R, TIP_R, X, Y
+from sims.optics.surface import CONTACT, CONTACT_AREA, CONTACT_PARTS, X, Y
 from sims.optics.top import surface_height
 
 TIP_RINGS = 3
@@ -72,13 +72,35 @@ def layout_of(box, size):
 
 @kernel
 def _tip_patch(x, y, layout, tip, rows):
-    """Index of the tip's patch that holds a place."""
+    """Index of the tip's patch that holds a place: rings of equal area, a wrapped shank with them."""
     px = x - rows[tip, X]
     py = y - rows[tip, Y]
-    q = (px * px + py * py) / (rows[tip, CONTACT_R] * rows[tip, CONTACT_R])
+    r2 = px * px + py * py
+    part = 0
+    while part < CONTACT_PARTS - 1 and rows[tip, CONTACT + part + 1] < r2:
+        part += 1
+    low = rows[tip, CONTACT + part]
+    share = (part + (r2 - low) / (rows[tip, CONTACT + part + 1] - low)) / CONTACT_PARTS
     a = min(int((math.atan2(py, px) / (2.0 * math.pi) + 0.5) * TIP_SECTORS), TIP_SECTORS - 1)
-    b = min(int(q * TIP_RINGS), TIP_RINGS - 1)
+    b = min(int(share * TIP_RINGS), TIP_RINGS - 1)
     return layout[TIP, 2] + b * layout[TIP, 0] + a
+
+
+@kernel
+def place_on_tip(patch, one, two, tip, rows):
+    """Place (x, y) on one of the tip's patches, at fractions of its area outward and of its angle."""
+    share = (patch // TIP_SECTORS + one) / TIP_RINGS * CONTACT_PARTS
+    part = min(int(share), CONTACT_PARTS - 1)
+    low = rows[tip, CONTACT + part]
+    r = math.sqrt(low + (share - part) * (rows[tip, CONTACT + part + 1] - low))
+    angle = 2.0 * math.pi * ((patch % TIP_SECTORS + two) / TIP_SECTORS - 0.5)
+    return rows[tip, X] + r * math.cos(angle), rows[tip, Y] + r * math.sin(angle)
+
+
+@kernel
+def tip_patch_area(tip, rows):
+    """Area of each of a tip's patches."""
+    return rows[tip, CONTACT_AREA] / (TIP_RINGS * TIP_SECTORS)
 
 
 @kernel
@@ -141,16 +163,6 @@ def patch_areas(layout, receivers, box):
                             area -= max(u1 - u0, 0.0) * max(v1 - v0, 0.0)
                 out[layout[k, 2] + b * layout[k, 0] + a] = max(area, 0.0)
     return out
-
-
-@kernel
-def tip_patch_area(ring, tip, rows):
-    """Area of one tip patch: rings of equal plan area, on the sphere up to the contact edge."""
-    radius = rows[tip, TIP_R]
-    contact = min(rows[tip, CONTACT_R], radius)
-    low = math.sqrt(max(radius * radius - contact * contact * ring / TIP_RINGS, 0.0))
-    high = math.sqrt(max(radius * radius - contact * contact * (ring + 1.0) / TIP_RINGS, 0.0))
-    return 2.0 * math.pi * radius * (low - high) / TIP_SECTORS
 
 
 @kernel
@@ -223,6 +235,7 @@ def deposit(source, gathers, receivers, box, top, points, count, shift, layout, 
 def join(from_emitter, from_receiver, receiver_area, areas, layout, reflectances, top):
     """Once-scattered flux of a pair from its two deposits."""
     total = 0.0
+    tip_area = tip_patch_area(0, top.rows)
     for k in range(6):
         part = 0.0
         for b in range(layout[k, 1]):
@@ -230,7 +243,7 @@ def join(from_emitter, from_receiver, receiver_area, areas, layout, reflectances
                 n = layout[k, 2] + b * layout[k, 0] + a
                 product = from_emitter[n] * from_receiver[n]
                 if product != 0.0:
-                    area = tip_patch_area(b, 0, top.rows) if k == TIP else areas[n]
+                    area = tip_area if k == TIP else areas[n]
                     if area > 1e-9:
                         part += product / area
         total += part * reflectances[k]

@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
-"""Kernels: light that walls and bottom scatter more than once.
+"""Kernels: light that walls, bottom and tip scatter more than once.
 
 With first deposits g of an emitter and t of a receiver, reflectances R and the share K of one patch's scattered light
 that lands on another, all orders together are
@@ -7,16 +7,32 @@ that lands on another, all orders together are
     flux = sum over patches of  R x (Q g) x t x A_r / A_patch,    Q = (I - (R K)^T)^-1.
 
 g and t are the pressed pad's; K is the untouched pad's: what the dimple does to light on its way from patch to patch is
-left out, and so is what the tip scatters before or after a wall does.
+left out. On a tip that reflects g and t hold, besides first deposits, what walls and bottom scatter on it in the
+pressed pad, after all their orders; light that a tip scatters twice is left out.
 """
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from sims.optics.diffuse import add_deposit, join
-from sims.optics.radial import array_kernel, wall_point
+from sims.optics.diffuse import (
+    TIP_RINGS,
+    TIP_SECTORS,
+    add_deposit,
+    follow,
+    golden_shift,
+    join,
+    place_on_tip,
+    tip_patch_area,
+)
+from sims.optics.radial import array_kernel, kernel, wall_point
 from sims.optics.rays import BOTTOM, TIP
+from sims.optics.top import surface_gradient
+
+TIP_RAYS = 64
+"""From each patch of a tip that reflects, back to walls and bottom: 2 % of what these scatter on it."""
 
 
 @array_kernel
@@ -51,17 +67,78 @@ def scattered_on(deposits, transfer):
     return out
 
 
+@kernel
+def _cosine_direction(one, two, gx, gy):
+    """A direction from the top down into the pad, by the cosine to its normal there (gx, gy, -1)."""
+    slope = math.sqrt(gx * gx + gy * gy)
+    norm = 1.0 / math.sqrt(1.0 + slope * slope)
+    ux = gx / slope if slope > 0.0 else 1.0
+    uy = gy / slope if slope > 0.0 else 0.0
+    out = math.sqrt(one)
+    side = math.sqrt(1.0 - one)
+    along = side * math.cos(2.0 * math.pi * two)
+    across = side * math.sin(2.0 * math.pi * two)
+    # normal (ux s, uy s, -1) n, up the slope (ux, uy, s) n, level (-uy, ux, 0)
+    plan = (out * slope + along) * norm
+    return plan * ux - across * uy, plan * uy + across * ux, (along * slope - out) * norm
+
+
 @array_kernel
-def all_orders(given, taken, receivers, patches, reflectances, orders, box, top):
+def shares_on_tip(receivers, orders, box, top):
+    """(coarse patch, tip patch) share of a patch's scattered light that lands on the tip, by rays from there back."""
+    coarse, areas, _ = orders
+    first = coarse[TIP, 2]
+    out = np.zeros((first, TIP_RINGS * TIP_SECTORS))
+    found = np.empty(first + TIP_RINGS * TIP_SECTORS)
+    seen = np.zeros(receivers.shape[0])
+    area = tip_patch_area(0, top.rows)
+    for m in range(out.shape[1]):
+        found[:] = 0.0
+        for k in range(TIP_RAYS):
+            point = golden_shift(m * TIP_RAYS + k + 1.0)
+            x, y = place_on_tip(m, point[0], point[1], 0, top.rows)
+            z, gx, gy = surface_gradient(x, y, top)
+            dx, dy, dz = _cosine_direction(point[2], point[3], gx, gy)
+            norm = 1e-9 / math.sqrt(1.0 + gx * gx + gy * gy)
+            follow(x + gx * norm, y + gy * norm, z - norm, dx, dy, dz, 1.0 / TIP_RAYS, True, receivers, coarse,
+                   box, top, found, seen)  # fmt: skip
+        for n in range(first):
+            if areas[n] > 0.0:
+                out[n, m] = found[n] * area / areas[n]
+    return out
+
+
+@array_kernel
+def with_walls_on_tip(deposits, on_walls, layout, coarse, reflectances, shares):
+    """(source, patch) deposits, and on the tip also what deposits on walls and bottom (source, coarse patch) bring."""
+    out = deposits.copy()
+    for k in range(TIP):
+        for n in range(coarse[k, 2], coarse[k + 1, 2]):
+            for i in range(deposits.shape[0]):
+                power = on_walls[i, n] * reflectances[k]
+                if power != 0.0:
+                    for m in range(shares.shape[1]):
+                        out[i, layout[TIP, 2] + m] += power * shares[n, m]
+    return out
+
+
+@array_kernel
+def all_orders(given, taken, receivers, patches, reflectances, orders, on_tip, box, top):
     """(emitter, receiver) scattered flux of all orders from first deposits (source, patch).
 
-    patches: layout and areas of the deposits' patches; orders: layout, areas and transfer of the higher orders' ones.
+    patches: layout and areas of the deposits' patches; orders: layout, areas and transfer of the higher orders' ones;
+    on_tip: `shares_on_tip`, or (0, 0) where no tip reflects.
     """
     layout, areas = patches
     coarse, coarse_areas, transfer = orders
     out = np.zeros((given.shape[0], taken.shape[0]))
-    higher = scattered_on(coarsened(given, layout, coarse, box, top), transfer)
+    first = coarsened(given, layout, coarse, box, top)
+    higher = scattered_on(first, transfer)
     gathered = coarsened(taken, layout, coarse, box, top)
+    if on_tip.shape[0] > 0:
+        given = with_walls_on_tip(given, first + higher, layout, coarse, reflectances, on_tip)
+        back = gathered + scattered_on(gathered, transfer)
+        taken = with_walls_on_tip(taken, back, layout, coarse, reflectances, on_tip)
     for j in range(taken.shape[0]):
         area = 4.0 * receivers[j, 3] * receivers[j, 4]
         for i in range(given.shape[0]):

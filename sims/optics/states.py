@@ -14,8 +14,9 @@ from sims.optics.diffuse import deposit, golden_shift
 from sims.optics.direct import direct_flux, misses_all, reach_of
 from sims.optics.image_cells import BOX_COLUMNS, PATCH_COLUMNS, patch_boxes, patch_table
 from sims.optics.images import single_reflection
-from sims.optics.orders import all_orders
+from sims.optics.orders import all_orders, shares_on_tip
 from sims.optics.radial import array_kernel, kernel
+from sims.optics.rays import TIP
 from sims.optics.repeated import repeated_reflections
 from sims.optics.surface import OUTER_R
 from sims.optics.top import FIELD_ON, is_touched
@@ -180,6 +181,9 @@ def beyond_one(
     echoes = np.empty((rows, columns.shape[0], ECHO_COLUMNS))
     seen = np.zeros(wanted.shape)
     p = np.zeros(POINT_COLUMNS)
+    on_tip = np.zeros((0, 0))
+    if reflectances[TIP] > 0.0:
+        on_tip = shares_on_tip(receivers, orders, box, top)
     for n in range(count):
         from_receiver = taken.copy()
         if box[5] > 0.0:
@@ -193,7 +197,9 @@ def beyond_one(
                     top_change(receivers[j], receivers, lattices[n],
                                golden_shift(j + RECEIVER_SEQUENCE)[:2] + shifts[n, 2:4], layout, box, top,
                                from_receiver[j], echoes, settings[RAY_SHARE], shifts[n], sectors, p)  # fmt: skip
-        now = all_orders(from_emitter[n], from_receiver, receivers, patches, reflectances, orders, box, top)
+        now = all_orders(
+            from_emitter[n], from_receiver, receivers, patches, reflectances, orders, on_tip, box, top
+        )
         for i in range(emitters.shape[0]):
             for j in range(receivers.shape[0]):
                 if not wanted[i, j]:

@@ -23,8 +23,7 @@ Choices and their bounds
   `CUT_SLOPE`, and ends in a tail of `TAIL_MM`. A residual slope e moves a mirror image by 2 e D:
   at 20 mm 0.8 µm, below 0.05 % of a 2 mm receiver.
 
-Left out: anything not axisymmetric (`sims.optics.tops` adds several tips and a smooth field); light that a tip
-scatters, unless it is a hemisphere (refused).
+Left out: anything not axisymmetric (`sims.optics.tops` adds several tips and a smooth field).
 """
 
 from __future__ import annotations
@@ -56,7 +55,8 @@ FLATTEST_APEX_MM = 1e-9
 # columns of a press row
 X, Y, ACTIVE, SPHERE_R, TIP_R, SPHERE_Z, OUTER_R, CONTACT_R, LOWEST, HIGHEST, SKIRT_R, TOP = range(12)
 SPHERE_2, TIP_2, OUTER_2, SCALE, OFFSET, START, PER_LEVEL = range(12, 19)
-CONTACT = 19
+CONTACT_AREA = 19
+CONTACT = 20
 CONTACT_PARTS = 16
 COLUMNS = CONTACT + CONTACT_PARTS + 1
 # a tip's row as kernels read it: the press's columns, what is known of the field (first tip), levels, pieces
@@ -74,8 +74,8 @@ class SurfaceStack:
     ----------
     press : (state, n) centre x, y [mm], active 0 or 1, radius of the exact sphere, tip radius, height of
         the tip's centre, outer radius, contact radius, lowest and highest surface, skirt radius, undisturbed top [mm];
-        squares of sphere's, tip's and outer radius [mm²], scale, offset and start of the table, levels per mm; squared
-        radii [mm²] that divide the contact into parts of equal area
+        squares of sphere's, tip's and outer radius [mm²], scale, offset and start of the table, levels per mm; area of
+        the contact and squared radii that divide it into parts of equal area [mm²]
     reach2 : (state, level) and pieces : (state, piece, 8), see `sims.optics.radial_table.RadialTable`
     moved_mm : (state,) how far a point was moved to make the curve single valued [mm]
     """
@@ -117,21 +117,12 @@ def stack_surfaces(
             continue
         key = id(indentation)
         if key not in lowered:
-            _check_scatter(indentation, scene)
             lowered[key] = _lower(indentation, scene.height_mm)
         press[state], table, moved[state] = lowered[key]
         reach2[state], pieces[state] = table.reach2, table.pieces
         press[state, X:ACTIVE] = centres[state]
         _check_place(state, centres[state], press[state, CONTACT_R], scene)
     return SurfaceStack(press=press, reach2=reach2, pieces=pieces, moved_mm=moved)
-
-
-def _check_scatter(indentation: Indentation, scene: OpticalScene) -> None:
-    if scene.tip_reflectance > 0.0 and not indentation.is_hemisphere:
-        raise ModelScopeError(
-            f"surfaces.tip_reflectance: {scene.tip_reflectance:g} with another tip than a hemisphere: light that "
-            "the tip scatters is modelled for hemispheres only; set it to 0, or indenter.shape to 'hemisphere'"
-        )
 
 
 def _check_place(state: int, centre: FloatArray, contact_radius: float, scene: OpticalScene) -> None:
@@ -171,7 +162,9 @@ def _lower(indentation: Indentation, top_mm: float) -> _Lowered:
     row[SPHERE_2], row[TIP_2], row[OUTER_2] = start**2, tip**2, radius[-1] ** 2
     row[SCALE], row[OFFSET], row[START] = table.scale, table.offset, table.start
     row[PER_LEVEL] = LEVELS / depth
-    row[CONTACT:] = _contact_parts_mm2(tip, start, radius[radius <= contact], height[radius <= contact])
+    row[CONTACT_AREA], row[CONTACT:] = _contact_parts_mm2(
+        tip, start, radius[radius <= contact], height[radius <= contact]
+    )
     return row, table, moved
 
 
@@ -185,8 +178,10 @@ def _sphere(indentation: Indentation) -> tuple[float, float]:
     return 0.5 * (APEX_MM**2 / rise + rise), APEX_MM
 
 
-def _contact_parts_mm2(tip: float, start: float, radius: FloatArray, height: FloatArray) -> FloatArray:
-    """(CONTACT_PARTS + 1,) squared radii between parts of the contact of equal area: of sphere and curve beyond.
+def _contact_parts_mm2(
+    tip: float, start: float, radius: FloatArray, height: FloatArray
+) -> tuple[float, FloatArray]:
+    """Area of the contact, sphere and curve beyond, and (CONTACT_PARTS + 1,) squared radii between equal parts of it.
 
     Equal in plan they would say next to nothing of the steep side of a deep contact, which faces the parts.
     """
@@ -195,7 +190,8 @@ def _contact_parts_mm2(tip: float, start: float, radius: FloatArray, height: Flo
     h = np.concatenate((height[0] - tip * (np.cos(angle) - np.cos(angle[-1])), height[1:]))
     band = np.hypot(np.diff(r), np.diff(h)) * (r[1:] + r[:-1])
     area = np.concatenate(([0.0], np.cumsum(band)))
-    return np.asarray(np.interp(np.linspace(0.0, area[-1], CONTACT_PARTS + 1), area, r**2))
+    parts = np.interp(np.linspace(0.0, area[-1], CONTACT_PARTS + 1), area, r**2)
+    return np.pi * float(area[-1]), parts
 
 
 def _check_curve(indentation: Indentation, top_mm: float) -> None:

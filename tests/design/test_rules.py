@@ -195,14 +195,6 @@ def test_a_press_beyond_the_clear_layer_is_an_error() -> None:
     assert (finding.severity, finding.value) == ("error", "8.1 mm")
 
 
-def test_scatter_from_another_tip_than_a_hemisphere_is_a_warning_that_names_the_verdict() -> None:
-    assert check(good(**{"surfaces.tip_reflectance": 0.3})) == ()
-    assert check(good(**{"indenter.shape": "cone"})) == ()
-    finding = only(good(**{"surfaces.tip_reflectance": 0.3, "indenter.shape": "cone"}))
-    assert (finding.severity, finding.field) == ("warning", "surfaces.tip_reflectance")
-    assert "OUT_OF_MODEL_SCOPE" in finding.message
-
-
 def test_a_length_that_nothing_can_make_is_a_warning() -> None:
     finding = only(good(**{"mold.rim_mm": 1.51, "operating.workspace_margin_mm": 0.003}))
     assert (finding.severity, finding.field, finding.value) == (

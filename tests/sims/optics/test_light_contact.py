@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numba import njit
@@ -13,7 +15,7 @@ from sims.optics.surface import CONTACT_R, SPHERE_R, TIP_R, X, Y
 from sims.optics.top import Top, surface_height
 from sims.optics.tops import stack_tops
 from sims.optics.untouched import packed
-from tests.bench.benchmark_states import DEPTHS_MM, benchmark_scene, benchmark_states
+from tests.bench.benchmark_states import DEPTHS_MM, benchmark_scene, benchmark_states, different_walls
 
 DIFFUSE = CLASS_NAMES.index("diffuse")
 PLACE_MM = np.array([[14.0, 17.0]])
@@ -88,3 +90,18 @@ def test_light_behind_a_tip_that_is_all_the_way_in_agrees_with_the_oracle(
     # with rings equal in plan 0.025 and 0.034, whatever the setting and the seed
     assert abs(np.mean(found) - traced) < 3.0 * np.hypot(error, spread / np.sqrt(len(found)))
     assert spread < 0.003
+
+
+def test_light_that_a_wrapped_tip_scatters_agrees_with_the_oracle():
+    states = benchmark_states("contact")
+    state = 10 * len(DEPTHS_MM) + DEPTHS_MM.index(5.0)
+    dark = benchmark_scene()
+    judged = different_walls(dark)
+    total = [
+        trace_scene(scene, states.centres_mm[[state]], [states.indentations[state]], seed=1)
+        .flux[DIFFUSE, 0][judged]
+        .sum()
+        for scene in (dark, replace(dark, tip_reflectance=0.3))
+    ]
+    # the oracle, a million rays of each emitter; with patches of the sphere alone 0.0031
+    assert total[1] - total[0] == pytest.approx(0.00230, abs=3 * 0.0001)
