@@ -41,15 +41,19 @@ from sims.verdict.noise_units import noise_units, sigma_counts
 from sims.verdict.pad_map import COARSE_PLACES, FINE_PLACES, PadMap, Place, grid_places_mm, map_grid_mm
 from sims.verdict.pair_score import PairScore
 from sims.verdict.presses import (
+    DOUBT_ACCURACY,
     MAP_ACCURACY,
+    MOST_TRACED_AGAIN,
     PAIR_ACCURACY,
     PairCurves,
     map_depths_mm,
     map_light,
+    pad_light,
     pair_curves,
     untouched_flux,
 )
 from sims.verdict.result import ContinuityScore, JudgedPair, Verdict
+from sims.verdict.trace_noise import tightest_window
 from sims.verdict.window_range import smallest_range
 
 FloatArray = NDArray[np.float64]
@@ -227,6 +231,7 @@ def _pad_map(
     seed: int,
     tell: OnStep,
 ) -> tuple[PadMap, LightSignals]:
+    """The map, and the light it was traced with; where that leaves few places open, these are judged by finer light."""
     places, step_mm = (FINE_PLACES, STEP_MM) if fine or full else (COARSE_PLACES, COARSE_STEP_MM)
     x_mm, y_mm = map_grid_mm(cavity, places)
     depth_mm = map_depths_mm(design.operating.max_depth_mm, step_mm)
@@ -235,19 +240,43 @@ def _pad_map(
     light = map_light(
         design, places_mm, depth_mm, accuracy=accuracy, seed=seed, on_step=lambda s: tell("map", s)
     )
+    pad_map = PadMap(
+        x_mm=tuple(x_mm.tolist()),
+        y_mm=tuple(y_mm.tolist()),
+        places=_judged_places(design, cavity, places_mm, depth_mm, light, readout),
+    )
+    doubtful = pad_map.doubtful
+    if 0 < len(doubtful) <= MOST_TRACED_AGAIN:
+        again = pad_light(
+            design,
+            places_mm[doubtful],
+            depth_mm,
+            accuracy=DOUBT_ACCURACY,
+            seed=seed,
+            on_step=lambda s: tell("doubtful places", s),
+        )
+        found = _judged_places(design, cavity, places_mm[doubtful], depth_mm, again, readout)
+        pad_map = pad_map.with_places(dict(zip(doubtful, found, strict=True)))
+    return pad_map, light
+
+
+def _judged_places(
+    design: SensorDesign,
+    cavity: CavityGeometry,
+    places_mm: FloatArray,
+    depth_mm: FloatArray,
+    light: LightSignals,
+    readout: Readout,
+) -> tuple[Place, ...]:
+    """Each place by its light at all depths."""
     mask = direct_path_pairs(cavity)
     shape = (len(places_mm), len(depth_mm), int(mask.sum()))
     counts = (light.flux[:, mask] * readout.of_mask(mask)).reshape(shape)
     errors = (light.standard_error[:, mask] * readout.of_mask(mask)).reshape(shape)
-    pad_map = PadMap(
-        x_mm=tuple(x_mm.tolist()),
-        y_mm=tuple(y_mm.tolist()),
-        places=tuple(
-            pad_place(design, place, depth_mm, readings, error, readout.full_scale_counts)
-            for place, readings, error in zip(places_mm, counts, errors, strict=True)
-        ),
+    return tuple(
+        pad_place(design, place, depth_mm, readings, error, readout.full_scale_counts)
+        for place, readings, error in zip(places_mm, counts, errors, strict=True)
     )
-    return pad_map, light
 
 
 def pad_place(
@@ -264,14 +293,15 @@ def pad_place(
     units = noise_units(readings, **noise)
     change = np.ptp(units, axis=0)
     error_units = np.where(counts < full_scale_counts, errors / sigma_counts(counts, **noise), 0.0)
+    window_mm = min(DEADBAND_MIN_LENGTH_MM, float(depth_mm[-1]))
     return Place(
         x_mm=float(place_mm[0]),
         y_mm=float(place_mm[1]),
         deadbands_mm=joint_deadband_intervals_mm(knots_mm, readings, **noise),
         answering_pairs=int((change >= DEADBAND_THRESHOLD).sum()),
         largest_change=float(change.max()),
-        margin=smallest_range(knots_mm, units, min(DEADBAND_MIN_LENGTH_MM, float(depth_mm[-1]))),
-        trace_error=float(np.sqrt(np.mean(error_units**2))),
+        margin=smallest_range(knots_mm, units, window_mm),
+        tightest=tightest_window(knots_mm, units, depth_mm, error_units, window_mm),
     )
 
 
@@ -374,7 +404,7 @@ def _warnings(
     found += contact_notes(design)
     found += filter(None, [noise_caution(judged)])
     if pad_map is not None and not is_facing_rows(cavity_of(design)):
-        found += margin_caution(pad_map.weakest)
+        found += margin_caution(pad_map)
     clipped = [pair.name for pair in judged if pair.score.is_clipped]
     if clipped:
         found.append(

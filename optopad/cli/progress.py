@@ -19,6 +19,7 @@ STAGE_TITLES = {
     "loose walls": "light, walls torn loose",
     "data": "samples",
     "map": "light, map of the pad",
+    "doubtful places": "light, doubtful places again",
     "map error": "light, between the map's nodes",
     "calibration": "fit of the build's optics",
     "fit": "model",

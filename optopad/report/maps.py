@@ -81,7 +81,8 @@ def _still(score: ContinuityScore, drawings: Drawings) -> list[Html]:
             drawings["map-margin"],
             f"Change of the most responsive pair over the least responsive {DEADBAND_MIN_LENGTH_MM:g} mm of depth; "
             f"below {DEADBAND_THRESHOLD:g} noise units is a deadband. Framed: the weakest place, "
-            f"{weakest.margin:.1f} noise units (the light trace's own error there is {weakest.trace_error:.1f}); "
+            f"{weakest.margin:.1f} noise units (the light trace's own error there is "
+            f"{weakest.tightest.trace_error:.1f}); "
             f"{counted(weakest.answering_pairs, 'pair')} answer there.",
         )
     )

@@ -11,6 +11,7 @@ from optopad.report.builds import builds_tile
 from optopad.report.markup import Html, element, joined
 from optopad.report.numbers import counted, signed, spans
 from sims.verdict.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
+from sims.verdict.pad_map import PadMap
 from sims.verdict.result import ContinuityScore, JudgedPair, Verdict
 
 SYMBOLS: dict[Verdict, str] = {
@@ -81,7 +82,7 @@ def _meaning_of_pad(score: ContinuityScore, deepest_mm: float) -> str:
     if not score.deadbands_mm:
         return (
             f"At each of the {places} places of the workspace that were pressed, some pair answers at every depth "
-            f"from contact to {deepest_mm:g} mm."
+            f"from contact to {deepest_mm:g} mm.{_open(score.pad_map)}"
         )
     worst = score.pad_map.worst
     dead = sum(bool(place.deadbands_mm) for place in score.pad_map.places)
@@ -89,6 +90,17 @@ def _meaning_of_pad(score: ContinuityScore, deepest_mm: float) -> str:
         f"At {dead} of the {places} places of the workspace that were pressed, depth cannot be told over some "
         f"interval: no judged pair answers there. The worst is at x = {worst.x_mm:g}, y = {worst.y_mm:g} mm, from "
         f"{spans(worst.deadbands_mm)} mm."
+    )
+
+
+def _open(pad_map: PadMap) -> str:
+    """A sentence where the light trace's error leaves the verdict open; else nothing."""
+    if not pad_map.is_open:
+        return ""
+    place = pad_map.most_doubtful
+    return (
+        f" Open at x = {place.x_mm:g}, y = {place.y_mm:g} mm: the light trace's own error there may hide a deadband; "
+        "run with --fine."
     )
 
 

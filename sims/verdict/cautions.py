@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from sims.verdict.defaults import TRACE_ERROR_LIMIT
-from sims.verdict.pad_map import Place
+from sims.verdict.pad_map import PadMap
 from sims.verdict.result import JudgedPair
 from sims.verdict.tolerance import ToleranceBand, ToleranceRow
-from sims.verdict.trace_noise import trace_noise_warning, widened_threshold
+from sims.verdict.trace_noise import trace_noise_warning
 
 
-def margin_caution(weakest: Place) -> list[str]:
-    """A pad that is safe by less than the trace's own error adds to the range of its most responsive pair."""
-    needed = widened_threshold(weakest.trace_error)
-    if weakest.deadbands_mm or weakest.margin >= needed:
+def margin_caution(pad_map: PadMap) -> list[str]:
+    """A pad without a deadband, but nearer to one somewhere than the trace's own error can tell."""
+    if not pad_map.is_open:
         return []
+    place = pad_map.most_doubtful
+    window = place.tightest
     return [
-        f"the pad is near a deadband: at x {weakest.x_mm:g}, y {weakest.y_mm:g} mm its most responsive pair changes by "
-        f"{weakest.margin:.1f} noise units over the least responsive 0.3 mm, and the light trace's own error can make "
-        f"{needed:.1f} of nothing; run with --fine, and take the verdict as open"
+        f"the pad is near a deadband: at x {place.x_mm:g}, y {place.y_mm:g} mm its most responsive pair changes by "
+        f"{window.change:.1f} noise units over 0.3 mm within {window.start_mm:.2f} to {window.end_mm:.2f} mm of depth, "
+        f"and the light trace's own error there can make {window.needed:.1f} of nothing; run with --fine, and take "
+        "the verdict as open"
     ]
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from design.cavity import CavityGeometry, Workspace
+from sims.verdict.trace_noise import TightWindow
 
 FloatArray = NDArray[np.float64]
 Interval = tuple[float, float]
@@ -26,8 +28,8 @@ class Place:
     deadbands_mm : depth intervals in which no judged pair changes by the threshold
     answering_pairs : judged pairs that change by the threshold or more over the whole press
     largest_change : largest change of any judged pair over the whole press [noise units]
-    trace_error : root mean square standard error of the light trace over judged pairs and depths [noise units]
     margin : change of the most responsive pair over the least responsive 0.3 mm [noise units]; below 3 is a deadband
+    tightest : the 0.3 mm in which the light trace's own error comes nearest to hiding a deadband
     """
 
     x_mm: float
@@ -36,7 +38,7 @@ class Place:
     answering_pairs: int
     largest_change: float
     margin: float
-    trace_error: float
+    tightest: TightWindow
 
     @property
     def deadband_total_mm(self) -> float:
@@ -67,6 +69,27 @@ class PadMap:
     def weakest(self) -> Place:
         """The place nearest to a deadband, or deepest in one."""
         return min(self.places, key=lambda place: (-place.deadband_total_mm, place.margin))
+
+    @property
+    def most_doubtful(self) -> Place:
+        """The place where the light trace's error comes nearest to hiding a deadband."""
+        return min(self.places, key=lambda place: place.tightest.spare)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether no place has a deadband, but the light trace's own error may hide one."""
+        return self.dead_share == 0.0 and self.most_doubtful.tightest.spare < 0.0
+
+    @property
+    def doubtful(self) -> list[int]:
+        """Numbers of the places that leave the verdict open; none where a deadband settles it."""
+        if not self.is_open:
+            return []
+        return [number for number, place in enumerate(self.places) if place.tightest.spare < 0.0]
+
+    def with_places(self, found: Mapping[int, Place]) -> PadMap:
+        """The map with some places, by number, judged anew."""
+        return replace(self, places=tuple(found.get(n, place) for n, place in enumerate(self.places)))
 
     @property
     def dead_share(self) -> float:

@@ -44,6 +44,12 @@ NEAR_MM = 0.4
 NEAR_ACCURACY = MIRRORED_FINER
 """Settings of a map's light up to `NEAR_MM`."""
 
+DOUBT_ACCURACY = ACCURACIES["fine"]
+"""Settings of places where the map's own error may hide a deadband: a quarter of its error."""
+
+MOST_TRACED_AGAIN = 12
+"""Most such places that are traced again; a map with more of them is near a deadband as a whole."""
+
 SPECULAR_CLASSES = ("top", "skirt")
 """Path classes whose sum is the light reflected at the top surface: what mode 1 takes away."""
 

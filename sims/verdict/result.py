@@ -195,7 +195,7 @@ def _map_json(pad_map: PadMap) -> dict[str, Any]:
         "deadband_mm": pad_map.deadband_grid_mm().round(4).tolist(),
         "dead_share": _rounded(pad_map.dead_share),
         "margin_noise_units": [round(place.margin, 3) for place in pad_map.places],
-        "trace_error_noise_units": [round(place.trace_error, 3) for place in pad_map.places],
+        "trace_error_noise_units": [round(place.tightest.trace_error, 3) for place in pad_map.places],
         "weakest_place_mm": [_rounded(pad_map.weakest.x_mm), _rounded(pad_map.weakest.y_mm)],
         "worst_place_mm": [_rounded(pad_map.worst.x_mm), _rounded(pad_map.worst.y_mm)]
         if pad_map.worst.deadbands_mm

@@ -61,6 +61,20 @@ def flat_intervals_mm(
 def smallest_range(depth_mm: FloatArray, units: FloatArray, length_mm: float) -> float:
     """Smallest range of a signal, or of the most responsive of several, within any window of a given length.
 
+    As `smallest_ranges`.
+
+    Returns
+    -------
+    range, in the unit of the signal
+    """
+    return float(np.min(smallest_ranges(depth_mm, units, length_mm)[2]))
+
+
+def smallest_ranges(
+    depth_mm: FloatArray, units: FloatArray, length_mm: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Smallest range of a signal, or of the most responsive of several, by where the window starts.
+
     Parameters
     ----------
     depth_mm : (n,) increasing depths [mm]
@@ -69,11 +83,11 @@ def smallest_range(depth_mm: FloatArray, units: FloatArray, length_mm: float) ->
 
     Returns
     -------
-    range, in the unit of the signal
+    (cell,) first and last start of the windows of each cell [mm]; (cell,) smallest range, in the unit of the signal
     """
-    _, _, at_first, at_last = _range_lines(depth_mm, units.reshape(len(depth_mm), -1), length_mm)
-    first, last = (np.moveaxis(lines, 1, 2).reshape(-1, lines.shape[1]) for lines in (at_first, at_last))
-    return float(np.min(_lowest_of_highest(first, last)))
+    first_mm, last_mm, *lines = _range_lines(depth_mm, units.reshape(len(depth_mm), -1), length_mm)
+    first, last = (np.moveaxis(of_end, 1, 2).reshape(-1, of_end.shape[1]) for of_end in lines)
+    return first_mm, last_mm, _lowest_of_highest(first, last)
 
 
 def _lowest_of_highest(first: FloatArray, last: FloatArray) -> FloatArray:

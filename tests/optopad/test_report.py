@@ -223,6 +223,18 @@ def test_a_contiguous_pad_says_so_and_has_no_deadband_map(tmp_path: Path) -> Non
     assert not (tmp_path / "sims" / "plot-map-deadband.svg").exists()
 
 
+def test_a_pad_whose_trace_may_hide_a_deadband_is_called_open() -> None:
+    score = contiguous_score()
+    assert "Open" not in meaning(score, 5.0)
+    first, *others = score.pad_map.places
+    doubtful = replace(first, tightest=replace(first.tightest, change=5.3, trace_error=0.7))
+    words = meaning(replace(score, pad_map=replace(score.pad_map, places=(doubtful, *others))), 5.0)
+    assert words.endswith(
+        f"Open at x = {first.x_mm:g}, y = {first.y_mm:g} mm: the light trace's own error there may hide a deadband; "
+        "run with --fine."
+    )
+
+
 def test_contiguous_facing_pairs_say_so() -> None:
     words = meaning(contiguous_score(PAIR), 5.0)
     assert words.startswith("Under a press at mid-span, each of the 3 facing pairs answers at every depth")

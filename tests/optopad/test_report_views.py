@@ -30,6 +30,7 @@ from sims.verdict.builds import Brief
 from sims.verdict.noise_units import noise_units
 from sims.verdict.pad_map import Place
 from sims.verdict.pad_profile import pad_profile
+from sims.verdict.trace_noise import TightWindow
 from tests.optopad.bounded_score import bounded_score
 from tests.optopad.page_reader import Page
 from tests.optopad.shell_mold import shell_stl
@@ -143,7 +144,7 @@ def test_the_least_change_by_depth_is_the_margin_of_the_verdict() -> None:
         answering_pairs=1,
         largest_change=1.0,
         margin=1.0,
-        trace_error=0.0,
+        tightest=TightWindow(start_mm=0.0, end_mm=0.3, change=1.0, trace_error=0.0),
     )
     pad = replace(score.pad_map, x_mm=(10.0,), y_mm=(10.0,), places=(place,))
     counts = 300.0 - 45.0 * depth - 6.0 * np.sin(3.0 * depth)

@@ -18,6 +18,7 @@ from sims.verdict.pair_score import score_pair
 from sims.verdict.presses import PairCurves
 from sims.verdict.result import ContinuityScore, JudgedPair
 from sims.verdict.tolerance import ToleranceBand, ToleranceRow
+from sims.verdict.trace_noise import TightWindow
 
 FULL_SCALE = 1023.0
 UNTOUCHED_FLUX = 1.0e-3
@@ -143,7 +144,9 @@ def made_up_map(cavity: CavityGeometry, *, dead_mm: float, places: int = 5) -> P
                     answering_pairs=20 + row + column,
                     largest_change=change,
                     margin=0.5 if bands else 4.0 + row + column,
-                    trace_error=0.2,
+                    tightest=TightWindow(
+                        start_mm=0.2, end_mm=0.5, change=4.0 + row + column, trace_error=0.2
+                    ),
                 )
             )
     return PadMap(x_mm=tuple(x_mm.tolist()), y_mm=tuple(y_mm.tolist()), places=tuple(found))
