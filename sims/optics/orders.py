@@ -93,7 +93,8 @@ def shares_on_tip(receivers, orders, box, top):
     seen = np.zeros(receivers.shape[0])
     area = tip_patch_area(0, top.rows)
     for m in range(out.shape[1]):
-        found[:] = 0.0
+        for n in range(found.shape[0]):
+            found[n] = 0.0
         for k in range(TIP_RAYS):
             point = golden_shift(m * TIP_RAYS + k + 1.0)
             x, y = place_on_tip(m, point[0], point[1], 0, top.rows)
@@ -109,13 +110,18 @@ def shares_on_tip(receivers, orders, box, top):
 
 
 @array_kernel
-def with_walls_on_tip(deposits, on_walls, layout, coarse, reflectances, shares):
-    """(source, patch) deposits, and on the tip also what deposits on walls and bottom (source, coarse patch) bring."""
-    out = deposits.copy()
+def with_walls_on_tip(deposits, first, higher, layout, coarse, reflectances, shares):
+    """(source, patch) deposits, and on the tip also what first and higher deposits on walls and bottom (source, coarse
+    patch) bring. By loops: Numba takes seconds to compile sums and copies of arrays.
+    """
+    out = np.zeros(deposits.shape)
+    for i in range(deposits.shape[0]):
+        for n in range(deposits.shape[1]):
+            out[i, n] = deposits[i, n]
     for k in range(TIP):
         for n in range(coarse[k, 2], coarse[k + 1, 2]):
             for i in range(deposits.shape[0]):
-                power = on_walls[i, n] * reflectances[k]
+                power = (first[i, n] + higher[i, n]) * reflectances[k]
                 if power != 0.0:
                     for m in range(shares.shape[1]):
                         out[i, layout[TIP, 2] + m] += power * shares[n, m]
@@ -136,9 +142,9 @@ def all_orders(given, taken, receivers, patches, reflectances, orders, on_tip, b
     higher = scattered_on(first, transfer)
     gathered = coarsened(taken, layout, coarse, box, top)
     if on_tip.shape[0] > 0:
-        given = with_walls_on_tip(given, first + higher, layout, coarse, reflectances, on_tip)
-        back = gathered + scattered_on(gathered, transfer)
-        taken = with_walls_on_tip(taken, back, layout, coarse, reflectances, on_tip)
+        given = with_walls_on_tip(given, first, higher, layout, coarse, reflectances, on_tip)
+        back = scattered_on(gathered, transfer)
+        taken = with_walls_on_tip(taken, gathered, back, layout, coarse, reflectances, on_tip)
     for j in range(taken.shape[0]):
         area = 4.0 * receivers[j, 3] * receivers[j, 4]
         for i in range(given.shape[0]):
