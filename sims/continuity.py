@@ -53,7 +53,7 @@ from sims.verdict.presses import (
     untouched_flux,
 )
 from sims.verdict.result import ContinuityScore, JudgedPair, Verdict
-from sims.verdict.trace_noise import tightest_window
+from sims.verdict.trace_noise import samples_between, tight_windows
 from sims.verdict.window_range import smallest_range
 
 FloatArray = NDArray[np.float64]
@@ -231,7 +231,10 @@ def _pad_map(
     seed: int,
     tell: OnStep,
 ) -> tuple[PadMap, LightSignals]:
-    """The map, and the light it was traced with; where that leaves few places open, these are judged by finer light."""
+    """The map, and the light it was traced with.
+
+    Where that leaves few places open, these are judged by finer light at the depths in question.
+    """
     places, step_mm = (FINE_PLACES, STEP_MM) if fine or full else (COARSE_PLACES, COARSE_STEP_MM)
     x_mm, y_mm = map_grid_mm(cavity, places)
     depth_mm = map_depths_mm(design.operating.max_depth_mm, step_mm)
@@ -240,24 +243,37 @@ def _pad_map(
     light = map_light(
         design, places_mm, depth_mm, accuracy=accuracy, seed=seed, on_step=lambda s: tell("map", s)
     )
+    flux, errors = _by_place(light.flux, len(places_mm)), _by_place(light.standard_error, len(places_mm))
     pad_map = PadMap(
         x_mm=tuple(x_mm.tolist()),
         y_mm=tuple(y_mm.tolist()),
-        places=_judged_places(design, cavity, places_mm, depth_mm, light, readout),
+        places=_judged_places(design, cavity, places_mm, depth_mm, flux, errors, readout),
     )
     doubtful = pad_map.doubtful
     if 0 < len(doubtful) <= MOST_TRACED_AGAIN:
-        again = pad_light(
+        again = np.zeros(len(depth_mm), dtype=np.bool_)
+        for number in doubtful:
+            for start_mm, end_mm in pad_map.places[number].open_mm:
+                again[samples_between(depth_mm, start_mm, end_mm)] = True
+        finer = pad_light(
             design,
             places_mm[doubtful],
-            depth_mm,
+            depth_mm[again],
             accuracy=DOUBT_ACCURACY,
             seed=seed,
             on_step=lambda s: tell("doubtful places", s),
         )
-        found = _judged_places(design, cavity, places_mm[doubtful], depth_mm, again, readout)
+        flux, errors = flux[doubtful], errors[doubtful]
+        flux[:, again] = _by_place(finer.flux, len(doubtful))
+        errors[:, again] = _by_place(finer.standard_error, len(doubtful))
+        found = _judged_places(design, cavity, places_mm[doubtful], depth_mm, flux, errors, readout)
         pad_map = pad_map.with_places(dict(zip(doubtful, found, strict=True)))
     return pad_map, light
+
+
+def _by_place(states: FloatArray, places: int) -> FloatArray:
+    """(place, depth, emitter, receiver) of states that run through depths first."""
+    return np.asarray(states.reshape(places, -1, *states.shape[1:]))
 
 
 def _judged_places(
@@ -265,14 +281,14 @@ def _judged_places(
     cavity: CavityGeometry,
     places_mm: FloatArray,
     depth_mm: FloatArray,
-    light: LightSignals,
+    flux: FloatArray,
+    standard_error: FloatArray,
     readout: Readout,
 ) -> tuple[Place, ...]:
-    """Each place by its light at all depths."""
+    """Each place by its light (place, depth, emitter, receiver)."""
     mask = direct_path_pairs(cavity)
-    shape = (len(places_mm), len(depth_mm), int(mask.sum()))
-    counts = (light.flux[:, mask] * readout.of_mask(mask)).reshape(shape)
-    errors = (light.standard_error[:, mask] * readout.of_mask(mask)).reshape(shape)
+    counts = flux[:, :, mask] * readout.of_mask(mask)
+    errors = standard_error[:, :, mask] * readout.of_mask(mask)
     return tuple(
         pad_place(design, place, depth_mm, readings, error, readout.full_scale_counts)
         for place, readings, error in zip(places_mm, counts, errors, strict=True)
@@ -294,6 +310,7 @@ def pad_place(
     change = np.ptp(units, axis=0)
     error_units = np.where(counts < full_scale_counts, errors / sigma_counts(counts, **noise), 0.0)
     window_mm = min(DEADBAND_MIN_LENGTH_MM, float(depth_mm[-1]))
+    windows = tight_windows(knots_mm, units, depth_mm, error_units, window_mm)
     return Place(
         x_mm=float(place_mm[0]),
         y_mm=float(place_mm[1]),
@@ -301,7 +318,8 @@ def pad_place(
         answering_pairs=int((change >= DEADBAND_THRESHOLD).sum()),
         largest_change=float(change.max()),
         margin=smallest_range(knots_mm, units, window_mm),
-        tightest=tightest_window(knots_mm, units, depth_mm, error_units, window_mm),
+        tightest=min(windows, key=lambda window: window.spare),
+        open_mm=tuple((window.start_mm, window.end_mm) for window in windows if window.spare < 0.0),
     )
 
 

@@ -30,6 +30,7 @@ class Place:
     largest_change : largest change of any judged pair over the whole press [noise units]
     margin : change of the most responsive pair over the least responsive 0.3 mm [noise units]; below 3 is a deadband
     tightest : the 0.3 mm in which the light trace's own error comes nearest to hiding a deadband
+    open_mm : depth intervals, in order, in which it may hide one; they may overlap
     """
 
     x_mm: float
@@ -39,6 +40,7 @@ class Place:
     largest_change: float
     margin: float
     tightest: TightWindow
+    open_mm: tuple[Interval, ...] = ()
 
     @property
     def deadband_total_mm(self) -> float:

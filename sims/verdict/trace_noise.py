@@ -65,14 +65,20 @@ class TightWindow:
         return self.change - self.needed
 
 
-def tightest_window(
+def samples_between(depth_mm: FloatArray, start_mm: float, end_mm: float) -> slice:
+    """The samples that straight lines between two depths rest on, those at or just outside the ends included."""
+    first = int(np.searchsorted(depth_mm, start_mm, side="right")) - 1
+    return slice(max(first, 0), int(np.searchsorted(depth_mm, end_mm, side="left")) + 1)
+
+
+def tight_windows(
     knots_mm: FloatArray,
     units: FloatArray,
     depth_mm: FloatArray,
     error_units: FloatArray,
     length_mm: float,
-) -> TightWindow:
-    """The window of a length that has least to spare.
+) -> list[TightWindow]:
+    """All windows of a length, those together whose samples are the same.
 
     Parameters
     ----------
@@ -83,18 +89,16 @@ def tightest_window(
     length_mm : window length [mm]; at most the depth range
     """
     first_mm, last_mm, changes = smallest_ranges(knots_mm, units, length_mm)
-    begin = np.searchsorted(depth_mm, first_mm, side="right") - 1
-    stop = np.searchsorted(depth_mm, last_mm + length_mm, side="left") + 1
-    errors = np.array(
-        [np.sqrt(np.mean(error_units[a:b] ** 2)) for a, b in zip(np.maximum(begin, 0), stop, strict=True)]
-    )
-    windows = [
+    errors = [
+        np.sqrt(np.mean(error_units[samples_between(depth_mm, a, b + length_mm)] ** 2))
+        for a, b in zip(first_mm, last_mm, strict=True)
+    ]
+    return [
         TightWindow(
             start_mm=float(a), end_mm=float(b + length_mm), change=float(change), trace_error=float(error)
         )
         for a, b, change, error in zip(first_mm, last_mm, changes, errors, strict=True)
     ]
-    return min(windows, key=lambda window: window.spare)
 
 
 def noise_margin(
