@@ -53,8 +53,7 @@ from sims.verdict.presses import (
     untouched_flux,
 )
 from sims.verdict.result import ContinuityScore, JudgedPair, Verdict
-from sims.verdict.trace_noise import samples_between, tight_windows
-from sims.verdict.window_range import smallest_range
+from sims.verdict.trace_noise import tight_windows
 
 FloatArray = NDArray[np.float64]
 OnStep = Callable[[str, float], None]
@@ -251,10 +250,7 @@ def _pad_map(
     )
     doubtful = pad_map.doubtful
     if 0 < len(doubtful) <= MOST_TRACED_AGAIN:
-        again = np.zeros(len(depth_mm), dtype=np.bool_)
-        for number in doubtful:
-            for start_mm, end_mm in pad_map.places[number].open_mm:
-                again[samples_between(depth_mm, start_mm, end_mm)] = True
+        again = pad_map.open_depths(depth_mm)
         finer = pad_light(
             design,
             places_mm[doubtful],
@@ -317,7 +313,7 @@ def pad_place(
         deadbands_mm=joint_deadband_intervals_mm(knots_mm, readings, **noise),
         answering_pairs=int((change >= DEADBAND_THRESHOLD).sum()),
         largest_change=float(change.max()),
-        margin=smallest_range(knots_mm, units, window_mm),
+        margin=min(window.change for window in windows),
         tightest=min(windows, key=lambda window: window.spare),
         open_mm=tuple((window.start_mm, window.end_mm) for window in windows if window.spare < 0.0),
     )

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.cavity import CavityGeometry, Workspace
-from sims.verdict.trace_noise import TightWindow
+from sims.verdict.trace_noise import TightWindow, samples_between
 
 FloatArray = NDArray[np.float64]
 Interval = tuple[float, float]
@@ -88,6 +88,14 @@ class PadMap:
         if not self.is_open:
             return []
         return [number for number, place in enumerate(self.places) if place.tightest.spare < 0.0]
+
+    def open_depths(self, depth_mm: FloatArray) -> NDArray[np.bool_]:
+        """(depth,) which of the traced depths the doubtful places are in doubt by."""
+        found = np.zeros(len(depth_mm), dtype=np.bool_)
+        for number in self.doubtful:
+            for start_mm, end_mm in self.places[number].open_mm:
+                found[samples_between(depth_mm, start_mm, end_mm)] = True
+        return found
 
     def with_places(self, found: Mapping[int, Place]) -> PadMap:
         """The map with some places, by number, judged anew."""
