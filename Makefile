@@ -46,6 +46,7 @@ validate: setup ## the figures of docs/validation, made anew (several hours; int
 	$(BIN)/python -m tests.validation.light_reference_build
 	$(BIN)/python -m tests.validation.light_table
 	$(BIN)/python -m tests.validation.light_oracle
+	$(BIN)/python -m tests.validation.light_walk
 	$(BIN)/python -m tests.validation.light_speed
 	OPTOPAD_LIGHT_CACHE_MB=0 $(BIN)/python -m tests.validation.wall_light
 	$(BIN)/python -m tests.validation.search_table

@@ -63,9 +63,9 @@ def run(design: SensorDesign, out: Path, *, fine: bool, seed: int, on_step: OnSt
     require_valid(design)
     with bundle(design, out, seed=seed) as folder, _mold_beside(design, folder) as mold:
         score, early = _scored(design, folder, fine=fine, seed=seed, on_step=on_step, with_page=True)
-        on_step("mold", 0.0)
+        on_step("mold beside", 0.0)
         checks = _finished(mold, folder / "cad")
-        on_step("mold", 1.0)
+        on_step("mold beside", 1.0)
         on_step("files", 0.0)
         _write_fabrication(design, folder, _gain_of(score))
         _write_report(design, folder, score, checks, seed, early)

@@ -29,6 +29,7 @@ STAGE_TITLES = {
     "oracle": "ray tracer",
     "rays": "sample paths",
     "mold": "mold and tools",
+    "mold beside": "mold and tools: wait",
     "presses": "presses of the stage",
     "files": "build sheet, driver config, report",
 }

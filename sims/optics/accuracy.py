@@ -48,7 +48,7 @@ class Accuracy:
     most_emitter: int = 4
     most_receiver: int = 5
     flat_nodes: int = 12
-    reference_rays: int = 16384
+    reference_rays: int = 65536
     wall_rays: int = 4096
     ray_share: float = 0.2
 
@@ -82,7 +82,7 @@ ACCURACIES = {
         few_receiver=5,
         most_emitter=5,
         most_receiver=6,
-        reference_rays=65536,
+        reference_rays=262144,
         wall_rays=16384,
         ray_share=0.1,
     ),
@@ -101,7 +101,7 @@ ACCURACIES = {
         few_receiver=6,
         most_emitter=6,
         most_receiver=8,
-        reference_rays=65536,
+        reference_rays=262144,
         wall_rays=65536,
         ray_share=0.03,
     ),

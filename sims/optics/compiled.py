@@ -92,13 +92,13 @@ def _compile(fingerprint):
         return out, seen
 
     @njit(cache=True, error_model="numpy")
-    def joined(given, taken, receivers, areas, layout, reflectances, top):
+    def joined(given, taken, receivers, areas, layout, reflectances):
         """(emitter, receiver) once-scattered flux from deposits."""
         out = np.zeros((given.shape[0], taken.shape[0]))
         for i in range(given.shape[0] if fingerprint >= 0 else 0):
             for j in range(taken.shape[0]):
                 area = 4.0 * receivers[j, 3] * receivers[j, 4]
-                out[i, j] = join(given[i], taken[j], area, areas, layout, reflectances, top)
+                out[i, j] = join(given[i], taken[j], area, areas, layout, reflectances)
         return out
 
     @njit(cache=True, error_model="numpy")
@@ -107,7 +107,7 @@ def _compile(fingerprint):
         if fingerprint < 0:
             return np.zeros((0, 0))
         none = np.zeros((0, 0))
-        return all_orders(given, taken, receivers, patches, reflectances, orders, none, box, top)
+        return all_orders(given, taken, receivers, patches, reflectances, orders, none, box, top)[0]
 
     @njit(cache=True, error_model="numpy")
     def bounce_matrix(layout, receivers, box, top, points, count):

@@ -7,9 +7,9 @@ chain through the top; the same is done from every receiver, and by reciprocity
     flux = sum over patches of  reflectance x deposit_e x deposit_r x A_r / A_patch.
 
 A deposit is shared between the four patches around it, so it changes smoothly with the ray. Receiver faces absorb;
-emitter faces reflect like the wall around them. Smooth walls mirror their Fresnel share on. Patches have a finite
-size (a bias of the join that is the same with and without a press); `sims.optics.engine` divides it out with the
-untouched pad's join.
+emitter faces reflect like the wall around them. Smooth walls mirror their Fresnel share on. Patches of walls and bottom
+have a finite size (a bias of the join that is the same with and without a press); `sims.optics.engine` divides it out
+with the untouched pad's join. The untouched pad knows no tip, so light by way of the tip is taken as joined.
 """
 
 from __future__ import annotations
@@ -18,7 +18,15 @@ import math
 
 import numpy as np
 
-from sims.optics.radial import array_kernel, kernel, mirrored_share, radiance, wall_normal, wall_point
+from sims.optics.radial import (
+    array_kernel,
+    contact_radius_2,
+    kernel,
+    mirrored_share,
+    radiance,
+    wall_normal,
+    wall_point,
+)
 from sims.optics.rays import BOTTOM, LOST_WEIGHT, TIP, chain
 from sims.optics.surface import CONTACT, CONTACT_AREA, CONTACT_PARTS, X, Y
 from sims.optics.top import surface_height
@@ -89,10 +97,8 @@ def _tip_patch(x, y, layout, tip, rows):
 @kernel
 def place_on_tip(patch, one, two, tip, rows):
     """Place (x, y) on one of the tip's patches, at fractions of its area outward and of its angle."""
-    share = (patch // TIP_SECTORS + one) / TIP_RINGS * CONTACT_PARTS
-    part = min(int(share), CONTACT_PARTS - 1)
-    low = rows[tip, CONTACT + part]
-    r = math.sqrt(low + (share - part) * (rows[tip, CONTACT + part + 1] - low))
+    r2, _ = contact_radius_2((patch // TIP_SECTORS + one) / TIP_RINGS, tip, rows)
+    r = math.sqrt(r2)
     angle = 2.0 * math.pi * ((patch % TIP_SECTORS + two) / TIP_SECTORS - 0.5)
     return rows[tip, X] + r * math.cos(angle), rows[tip, Y] + r * math.sin(angle)
 
@@ -232,22 +238,29 @@ def deposit(source, gathers, receivers, box, top, points, count, shift, layout, 
 
 
 @kernel
-def join(from_emitter, from_receiver, receiver_area, areas, layout, reflectances, top):
-    """Once-scattered flux of a pair from its two deposits."""
+def join(from_emitter, from_receiver, receiver_area, areas, layout, reflectances):
+    """Flux of a pair that walls and bottom scatter once, from its two deposits."""
     total = 0.0
-    tip_area = tip_patch_area(0, top.rows)
-    for k in range(6):
+    for k in range(TIP):
         part = 0.0
-        for b in range(layout[k, 1]):
-            for a in range(layout[k, 0]):
-                n = layout[k, 2] + b * layout[k, 0] + a
-                product = from_emitter[n] * from_receiver[n]
-                if product != 0.0:
-                    area = tip_area if k == TIP else areas[n]
-                    if area > 1e-9:
-                        part += product / area
+        for n in range(layout[k, 2], layout[k, 2] + layout[k, 0] * layout[k, 1]):
+            product = from_emitter[n] * from_receiver[n]
+            if product != 0.0 and areas[n] > 1e-9:
+                part += product / areas[n]
         total += part * reflectances[k]
     return total * receiver_area
+
+
+@kernel
+def join_on_tip(from_emitter, from_receiver, receiver_area, layout, reflectances, top):
+    """Flux of a pair that a tip scatters once, from its two deposits."""
+    if reflectances[TIP] == 0.0:
+        return 0.0
+    total = 0.0
+    for n in range(layout[TIP, 2], layout[TIP, 2] + layout[TIP, 0] * layout[TIP, 1]):
+        total += from_emitter[n] * from_receiver[n]
+    area = tip_patch_area(0, top.rows)
+    return total / area * reflectances[TIP] * receiver_area if area > 1e-9 else 0.0
 
 
 @array_kernel

@@ -24,6 +24,7 @@ from sims.optics.diffuse import (
     follow,
     golden_shift,
     join,
+    join_on_tip,
     place_on_tip,
     tip_patch_area,
 )
@@ -130,14 +131,15 @@ def with_walls_on_tip(deposits, first, higher, layout, coarse, reflectances, sha
 
 @array_kernel
 def all_orders(given, taken, receivers, patches, reflectances, orders, on_tip, box, top):
-    """(emitter, receiver) scattered flux of all orders from first deposits (source, patch).
+    """(2, emitter, receiver) scattered flux of all orders, without the tip and by way of it, from first deposits
+    (source, patch).
 
     patches: layout and areas of the deposits' patches; orders: layout, areas and transfer of the higher orders' ones;
     on_tip: `shares_on_tip`, or (0, 0) where no tip reflects.
     """
     layout, areas = patches
     coarse, coarse_areas, transfer = orders
-    out = np.zeros((given.shape[0], taken.shape[0]))
+    out = np.zeros((2, given.shape[0], taken.shape[0]))
     first = coarsened(given, layout, coarse, box, top)
     higher = scattered_on(first, transfer)
     gathered = coarsened(taken, layout, coarse, box, top)
@@ -148,7 +150,8 @@ def all_orders(given, taken, receivers, patches, reflectances, orders, on_tip, b
     for j in range(taken.shape[0]):
         area = 4.0 * receivers[j, 3] * receivers[j, 4]
         for i in range(given.shape[0]):
-            out[i, j] = join(given[i], taken[j], area, areas, layout, reflectances, top) + join(
-                higher[i], gathered[j], area, coarse_areas, coarse, reflectances, top
+            out[0, i, j] = join(given[i], taken[j], area, areas, layout, reflectances) + join(
+                higher[i], gathered[j], area, coarse_areas, coarse, reflectances
             )
+            out[1, i, j] = join_on_tip(given[i], taken[j], area, layout, reflectances, top)
     return out

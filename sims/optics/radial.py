@@ -16,6 +16,8 @@ from numba import njit
 
 from sims.optics.radial_table import CELLS, FALL, PIECE_COLUMNS, STEEP
 from sims.optics.surface import (
+    CONTACT,
+    CONTACT_PARTS,
     LOWEST,
     OFFSET,
     OUTER_2,
@@ -57,6 +59,16 @@ NEVER = 1e30
 def distance(dx, dy):
     """Length of a vector in plan; lengths here are far from overflow, which spares the care of hypot."""
     return math.sqrt(dx * dx + dy * dy)
+
+
+@inlined
+def contact_radius_2(share, tip, rows):
+    """Squared radius inside which lies this share of a tip's contact, by area, and what it grows by per unit share."""
+    parts = share * CONTACT_PARTS
+    part = min(int(parts), CONTACT_PARTS - 1)
+    low = rows[tip, CONTACT + part]
+    step = rows[tip, CONTACT + part + 1] - low
+    return low + (parts - part) * step, CONTACT_PARTS * step
 
 
 @kernel

@@ -206,8 +206,10 @@ def beyond_one(
                     continue
                 if box[5] > 0.0:
                     result[n, WALL, i, j] = max(flat_wall[n, i, j] + seen[i, j], 0.0)
+                scattered = now[1, i, j]
                 if flat_join[i, j] > 0.0:
-                    result[n, DIFFUSE, i, j] = max(flat_diffuse[i, j] * now[i, j] / flat_join[i, j], 0.0)
+                    scattered += flat_diffuse[i, j] * now[0, i, j] / flat_join[i, j]
+                result[n, DIFFUSE, i, j] = max(scattered, 0.0)
 
 
 @array_kernel

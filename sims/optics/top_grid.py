@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 
-from sims.optics.radial import array_kernel, kernel
-from sims.optics.surface import ACTIVE, CONTACT, CONTACT_PARTS, CONTACT_R, X, Y
+from sims.optics.radial import array_kernel, contact_radius_2, kernel
+from sims.optics.surface import ACTIVE, CONTACT_R, X, Y
 from sims.optics.top import surface_bend, surface_gradient
 
 # columns of a sector row
@@ -118,13 +118,11 @@ def place_in_contact(sector, s, v, sectors, top):
     reach2 = wx * wx + wy * wy
     turn = (wx * sectors[sector, BY] - wy * sectors[sector, BX]) / reach2
     tip = int(sectors[sector, TIP])
-    part = min(int(s * CONTACT_PARTS), CONTACT_PARTS - 1)
-    low = top.rows[tip, CONTACT + part]
-    step = top.rows[tip, CONTACT + part + 1] - low
-    share = math.sqrt((low + (s * CONTACT_PARTS - part) * step) / reach2)
+    r2, growth = contact_radius_2(s, tip, top.rows)
+    share = math.sqrt(r2 / reach2)
     x = top.rows[tip, X] + share * wx
     y = top.rows[tip, Y] + share * wy
-    return x, y, 0.5 * CONTACT_PARTS * step * turn
+    return x, y, 0.5 * growth * turn
 
 
 @kernel

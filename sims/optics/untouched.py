@@ -19,7 +19,8 @@ Orders = tuple[NDArray[np.int64], FloatArray, FloatArray]
 Kept = TypeVar("Kept")
 POINT_SEED = 20170603
 PATCH_MM = 2.0
-REFERENCE_PATCH_MM = 1.0
+REFERENCE_PATCH_MM = 0.5
+"""Patches of the untouched pad's first order. Those of 1 mm had it 0.2 to 0.3 % too faint, those of 0.25 mm agree."""
 RADIOSITY_PATCHES = 600
 BOUNCE_RAYS = 128
 """Rays from each patch that tell where its scattered light lands."""
@@ -190,11 +191,7 @@ class _Parts:
         """(emitter, receiver) once-scattered flux."""
         from sims.optics import compiled
 
-        return np.asarray(
-            compiled.joined(
-                given, taken, self.receivers, areas, layout, self.reflectances, _no_press(self.box)
-            )
-        )
+        return np.asarray(compiled.joined(given, taken, self.receivers, areas, layout, self.reflectances))
 
     def scattered(
         self,

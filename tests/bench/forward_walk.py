@@ -13,7 +13,7 @@ interval whose highest end lies below that is passed over and the next one is tw
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import process_time
 
 import numpy as np
@@ -101,6 +101,21 @@ def walk(
         seconds=seconds,
         groups=groups,
     )
+
+
+def even_walk(
+    scene: OpticalScene, centre_mm: FloatArray, press: Indentation | None, emitter: int, points: FloatArray
+) -> FloatArray:
+    """(2, r) straight and mirrored flux of one emitter between dark walls, by rays at `points` [-].
+
+    Parameters
+    ----------
+    points : (n, 4) in 0..1, place on the emitter and angle; evenly spread ones err some ten times less than chance
+    """
+    dark = replace(scene, wall_reflectance=0.0, bottom_reflectance=0.0)
+    box, emitters, receivers, first, dimple = _lowered(dark, centre_mm, press)
+    total = _walk_points(box, emitters[emitter], receivers, first, dimple, points)
+    return np.asarray(total[: MIRRORED + 1] / len(points))
 
 
 def _lowered(scene: OpticalScene, centre_mm: FloatArray, press: Indentation | None) -> tuple[FloatArray, ...]:
@@ -355,6 +370,18 @@ def _walk_one(kind, x, y, z, dx, dy, dz, stream, box, receivers, first, s):
     return stream, -1, 0.0, flights, group
 
 
+@fast
+def _emitted(emitter, a, b, u, v, box):
+    """Origin and direction of a ray by four numbers in 0..1: two for the place on the emitter, two for the angle."""
+    wall = int(emitter[0])
+    along = emitter[1] + (2.0 * a - 1.0) * emitter[3]
+    z = emitter[2] + (2.0 * b - 1.0) * emitter[4]
+    x = along if wall % 2 == 0 else (box[0] if wall == 1 else 0.0)
+    y = along if wall % 2 == 1 else (box[1] if wall == 2 else 0.0)
+    dx, dy, dz = _cosine_direction(wall, u, v)
+    return x, y, z, dx, dy, dz
+
+
 @njit(fastmath=True, error_model="numpy")
 def _walk_all(box, emitters, receivers, first, s, rays, seed):
     """(group, e, r) sums of weights, (e, r) sums of their squares, and the flights of all rays."""
@@ -369,11 +396,7 @@ def _walk_all(box, emitters, receivers, first, s, rays, seed):
             stream, b = _draw(stream)
             stream, u = _draw(stream)
             stream, v = _draw(stream)
-            along = emitters[i, 1] + (2.0 * a - 1.0) * emitters[i, 3]
-            z = emitters[i, 2] + (2.0 * b - 1.0) * emitters[i, 4]
-            x = along if wall % 2 == 0 else (box[0] if wall == 1 else 0.0)
-            y = along if wall % 2 == 1 else (box[1] if wall == 2 else 0.0)
-            dx, dy, dz = _cosine_direction(wall, u, v)
+            x, y, z, dx, dy, dz = _emitted(emitters[i], a, b, u, v, box)
             stream, j, weight, flights, group = _walk_one(
                 wall, x, y, z, dx, dy, dz, stream, box, receivers, first, s
             )
@@ -382,6 +405,21 @@ def _walk_all(box, emitters, receivers, first, s, rays, seed):
                 total[group, i, j] += weight
                 square[i, j] += weight * weight
     return total, square, segments
+
+
+@njit(fastmath=True, error_model="numpy")
+def _walk_points(box, emitter, receivers, first, s, points):
+    """(group, r) sums of weights of one emitter's rays at given points of 0..1, where nothing scatters."""
+    total = np.zeros((3, receivers.shape[0]))
+    stream = np.uint64(1)
+    for k in range(points.shape[0]):
+        x, y, z, dx, dy, dz = _emitted(emitter, points[k, 0], points[k, 1], points[k, 2], points[k, 3], box)
+        stream, j, weight, _, group = _walk_one(
+            int(emitter[0]), x, y, z, dx, dy, dz, stream, box, receivers, first, s
+        )
+        if j >= 0:
+            total[group, j] += weight
+    return total
 
 
 @njit(fastmath=True, error_model="numpy")

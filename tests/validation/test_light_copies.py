@@ -18,6 +18,7 @@ from tests.validation import light_speed
 from tests.validation.light_oracle import RAYS, means
 from tests.validation.light_reference import reference
 from tests.validation.light_reference_build import Half, build
+from tests.validation.light_walk import DRAWS, LOG2_RAYS, compare
 
 HALVES = {
     surface: {
@@ -57,6 +58,20 @@ def test_forward_tracers_count_the_reference_s_light(tmp_path: Path, surface: st
     assert [mean.group for mean in found] == ["direct", "mirrored", "diffuse", "signal"]
     assert all(0.0 < mean.standard_error < 0.02 for mean in found)
     assert all(abs(mean.difference) < 3.5 * mean.standard_error for mean in found)
+
+
+@pytest.mark.slow
+def test_an_even_walk_counts_the_reference_s_light_pair_by_pair(tmp_path: Path) -> None:
+    """Six draws, each scramble's points fixed: what is left is the walk's own error, 0.15 % of the signal."""
+    replicates, log2_rays = 16, 18
+    assert log2_rays < LOG2_RAYS
+    found = compare(tmp_path, draws=DRAWS // 4, replicates=replicates, log2_rays=log2_rays)
+    assert [one.group for one in found] == ["direct", "mirrored", "both"]
+    for one in found:
+        assert one.pairs >= 8
+        assert 0.0 < one.walk_rms < 3e-3
+        assert one.rms < 1.6 * one.walk_rms
+        assert abs(one.mean) < 5.0 * one.mean_error  # once in 6000 with fifteen degrees of freedom
 
 
 @pytest.mark.slow

@@ -93,15 +93,29 @@ def test_light_behind_a_tip_that_is_all_the_way_in_agrees_with_the_oracle(
 
 
 def test_light_that_a_wrapped_tip_scatters_agrees_with_the_oracle():
+    """Between dark walls, where nothing else scatters: the oracle, 8 million rays of each emitter, has 0.002143 +-
+    0.000016. The engine is 7 % above, 0.05 % of the signal (docs/validation/light.md); with patches of the sphere alone
+    it was a third."""
     states = benchmark_states("contact")
     state = 10 * len(DEPTHS_MM) + DEPTHS_MM.index(5.0)
-    dark = benchmark_scene()
+    dark = replace(benchmark_scene(), wall_reflectance=0.0, bottom_reflectance=0.0)
     judged = different_walls(dark)
-    total = [
-        trace_scene(scene, states.centres_mm[[state]], [states.indentations[state]], seed=1)
-        .flux[DIFFUSE, 0][judged]
-        .sum()
-        for scene in (dark, replace(dark, tip_reflectance=0.3))
-    ]
-    # the oracle, a million rays of each emitter; with patches of the sphere alone 0.0031
-    assert total[1] - total[0] == pytest.approx(0.00230, abs=3 * 0.0001)
+    black, grey = (
+        np.mean(
+            [
+                trace_scene(
+                    replace(dark, tip_reflectance=reflectance),
+                    states.centres_mm[[state]],
+                    [states.indentations[state]],
+                    accuracy="fine",
+                    seed=seed,
+                )
+                .flux[DIFFUSE, 0][judged]
+                .sum()
+                for seed in (1, 2, 3, 4)
+            ]
+        )
+        for reflectance in (0.0, 0.3)
+    )
+    assert black == 0.0
+    assert grey == pytest.approx(0.002143, rel=0.1)
