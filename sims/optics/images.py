@@ -27,7 +27,7 @@ from sims.optics.top import is_beyond, touching_tip
 from sims.optics.top_grid import NX, NY, ring_edge
 
 FINEST = 96
-COARSE, FINEST_STEP, BRIGHT = 2.0, 0.5, 0.03
+COARSE, FINEST_STEP, BRIGHT = 2.5, 0.5, 0.03
 """First and finest lattice's steps over the setting's; share of the untouched flux that gets the setting's own."""
 NEAR_RANGE, BENT, CHANGED, MOST_CHANGE = 1.02, 1.4, 0.05, 4.0
 """A place counts within so many half ranges, and more where a cell's middle differs from the mean of its corners, and

@@ -55,8 +55,10 @@ def _project(source, target, px, py, pz, gx, gy, ex, ey, ez, depth, box, poly):
 
 
 @kernel
-def _spread(a, b, px, py, pz, gx, gy, ex, ey, ez, source, box):
-    """Emission, incidence and absorption weight of the emitter point at offset (a, b); direction to p."""
+def _emission(a, b, px, py, pz, gx, gy, ex, ey, ez, source, box):
+    """Emission and absorption weight of the emitter point at offset (a, b), 0 where it and p face not each other; part
+    of the way to p that runs into the top, its length, and the way.
+    """
     n0, n1 = wall_normal(int(source[0]))
     on_x = int(source[0]) % 2 == 0
     dx = px - ex - (a if on_x else 0.0)
@@ -65,14 +67,23 @@ def _spread(a, b, px, py, pz, gx, gy, ex, ey, ez, source, box):
     into = -gx * dx - gy * dy + dz
     out = dx * n0 + dy * n1
     d2 = dx * dx + dy * dy + dz * dz
-    if into <= 0.0 or out <= 0.0:
-        return 0.0, dx, dy, dz
     d = math.sqrt(d2)
+    if into <= 0.0 or out <= 0.0:
+        return 0.0, into, d, dx, dy, dz
     f = out * into / (d2 * d2)
     f *= radiance(source, out / d)
-    cos_in = into / (d * math.sqrt(1.0 + gx * gx + gy * gy))
     if box[4] > 0.0:
         f *= math.exp(-box[4] * d)
+    return f, into, d, dx, dy, dz
+
+
+@kernel
+def _spread(a, b, px, py, pz, gx, gy, ex, ey, ez, source, box):
+    """Emission, incidence and absorption weight of the emitter point at offset (a, b); direction to p."""
+    f, into, d, dx, dy, dz = _emission(a, b, px, py, pz, gx, gy, ex, ey, ez, source, box)
+    if f == 0.0:
+        return 0.0, dx, dy, dz
+    cos_in = into / (d * math.sqrt(1.0 + gx * gx + gy * gy))
     return f * fresnel(cos_in, box[3]), dx, dy, dz
 
 
@@ -151,6 +162,39 @@ def _seen_share(n, poly, cx, cy, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, s
 
 
 @kernel
+def _is_all_mirrored(n, poly, px, py, pz, gx, gy, ex, ey, ez, source, box):
+    """Whether light from every corner of the lit area is totally reflected at p."""
+    on_x = int(source[0]) % 2 == 0
+    most = (1.0 - 1.0 / (box[3] * box[3])) * (1.0 + gx * gx + gy * gy)
+    for c in range(n):
+        dx = px - ex - (poly[c, 0] if on_x else 0.0)
+        dy = py - ey - (0.0 if on_x else poly[c, 0])
+        dz = pz - ez - poly[c, 1]
+        into = dz - gx * dx - gy * dy
+        if into * into > most * (dx * dx + dy * dy + dz * dz):
+            return False
+    return True
+
+
+@kernel
+def _mirrored_weight(n, poly, area, cx, cy, px, py, pz, gx, gy, ex, ey, ez, source, box):
+    """As `_mean_weight` by two thirds of the points, for areas that are totally reflected and seen, where it is smooth:
+    by the middles of the triangles' edges, of which two triangles share the inner ones (second order).
+    """
+    total = 0.0
+    before = (poly[n - 1, 0] - cx) * (poly[0, 1] - cy) - (poly[n - 1, 1] - cy) * (poly[0, 0] - cx)
+    for c in range(n):
+        e = c + 1 if c + 1 < n else 0
+        ax, ay, bx, by = poly[c, 0], poly[c, 1], poly[e, 0], poly[e, 1]
+        cross = (ax - cx) * (by - cy) - (ay - cy) * (bx - cx)
+        inner = _emission(0.5 * (ax + cx), 0.5 * (ay + cy), px, py, pz, gx, gy, ex, ey, ez, source, box)
+        outer = _emission(0.5 * (ax + bx), 0.5 * (ay + by), px, py, pz, gx, gy, ex, ey, ez, source, box)
+        total += inner[0] * (before + cross) + outer[0] * cross
+        before = cross
+    return total / (6.0 * area)
+
+
+@kernel
 def _mean_weight(
     n, poly, area, cx, cy, divided, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top
 ):
@@ -173,8 +217,8 @@ def _mean_weight(
             ):
                 continue
             f, _, _, _ = _spread(x, y, px, py, pz, gx, gy, ex, ey, ez, source, box)
-            total += f * cross / 6.0
-    return total / area
+            total += f * cross
+    return total / (6.0 * area)
 
 
 @kernel
@@ -227,9 +271,31 @@ def pinhole(sector, u, v, source, target, skip_flat, sectors, box, top, poly, ot
         if seen == 0.0:
             return 0.0, share
         divided = seen < 1.0
-    f = _mean_weight(
-        n, poly, area, cx, cy, divided, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top
-    )
+    if not divided and _is_all_mirrored(n, poly, px, py, pz, gx, gy, ex, ey, ez, source, box):
+        f = _mirrored_weight(n, poly, area, cx, cy, px, py, pz, gx, gy, ex, ey, ez, source, box)
+    else:
+        f = _mean_weight(
+            n,
+            poly,
+            area,
+            cx,
+            cy,
+            divided,
+            dim_e,
+            dim_q,
+            px,
+            py,
+            pz,
+            gx,
+            gy,
+            ex,
+            ey,
+            ez,
+            source,
+            target,
+            box,
+            top,
+        )
     if f <= 0.0:
         return 0.0, share
     _, dx, dy, dz = _spread(cx, cy, px, py, pz, gx, gy, ex, ey, ez, source, box)
