@@ -79,7 +79,7 @@ def layout_of(box, size):
 
 
 @kernel
-def _tip_patch(x, y, layout, tip, rows):
+def tip_patch(x, y, layout, tip, rows):
     """Index of the tip's patch that holds a place: rings of equal area, a wrapped shank with them."""
     px = x - rows[tip, X]
     py = y - rows[tip, Y]
@@ -113,7 +113,7 @@ def tip_patch_area(tip, rows):
 def add_deposit(kind, x, y, z, weight, layout, box, top, out):
     """Add a weight to the patches around a point of a wall, the bottom or the tip."""
     if kind == TIP:
-        out[_tip_patch(x, y, layout, 0, top.rows)] += weight
+        out[tip_patch(x, y, layout, 0, top.rows)] += weight
         return
     columns = layout[kind, 0]
     rows = layout[kind, 1]

@@ -9,6 +9,11 @@ that lands on another, all orders together are
 g and t are the pressed pad's; K is the untouched pad's: what the dimple does to light on its way from patch to patch is
 left out. On a tip that reflects g and t hold, besides first deposits, what walls and bottom scatter on it in the
 pressed pad, after all their orders; light that a tip scatters twice is left out.
+
+A tip's patches are wide beside parts 2 mm away, where joining their sums made its light 9 % too bright. What emitters
+send it and receivers take of it first hand is therefore joined cell by cell of the lattice that it was summed on, both
+by the same point, or over the cell's area where it is divided for a part near to it. The patches keep what comes by way
+of the top, walls and bottom.
 """
 
 from __future__ import annotations
@@ -26,12 +31,15 @@ from sims.optics.diffuse import (
     join,
     join_on_tip,
     place_on_tip,
+    tip_patch,
     tip_patch_area,
 )
 from sims.optics.radial import array_kernel, kernel, wall_point
 from sims.optics.rays import BOTTOM, TIP
 from sims.optics.top import surface_gradient
+from sims.optics.top_light import AREA, GX, GY, PX, PY, contact_cell_area, parts_of
 
+LEAST_AREA_MM2 = 1e-9
 TIP_RAYS = 64
 """From each patch of a tip that reflects, back to walls and bottom: 2 % of what these scatter on it."""
 
@@ -126,6 +134,46 @@ def with_walls_on_tip(deposits, first, higher, layout, coarse, reflectances, sha
                 if power != 0.0:
                     for m in range(shares.shape[1]):
                         out[i, layout[TIP, 2] + m] += power * shares[n, m]
+    return out
+
+
+@array_kernel
+def first_hand_on_tip(given, taken, lattice, sectors, emitters, receivers, reflectance, layout, box, top):
+    """(emitter, receiver) what joining first-hand light on the tip by cells of the lattice (row, column, n) adds to its
+    join by patches.
+
+    given, taken : (emitter or receiver, row, column) first-hand light on the contact's rows of the lattice
+    """
+    out = np.zeros((given.shape[0], taken.shape[0]))
+    if given.shape[1] == 0:
+        return out
+    columns = given.shape[2]
+    sums_e = np.zeros((given.shape[0], TIP_RINGS * TIP_SECTORS))
+    sums_r = np.zeros((taken.shape[0], TIP_RINGS * TIP_SECTORS))
+    for cell in range(given.shape[1] * columns):
+        a = cell // columns
+        b = cell % columns
+        p = lattice[a, b]
+        at_point = 1.0 / max(p[AREA] * math.sqrt(1.0 + p[GX] * p[GX] + p[GY] * p[GY]), LEAST_AREA_MM2)
+        at_cell = 1.0 / max(contact_cell_area(p, given.shape[1], sectors, top), LEAST_AREA_MM2)
+        patch = tip_patch(p[PX], p[PY], layout, 0, top.rows) - layout[TIP, 2]
+        for j in range(taken.shape[0]):
+            sums_r[j, patch] += taken[j, a, b]
+        for i in range(given.shape[0]):
+            if given[i, a, b] == 0.0:
+                continue
+            sums_e[i, patch] += given[i, a, b]
+            is_divided = parts_of(p, emitters[i], box) > 1
+            for j in range(taken.shape[0]):
+                if taken[j, a, b] > 0.0:
+                    by_point = not is_divided and parts_of(p, receivers[j], box) == 1
+                    out[i, j] += given[i, a, b] * taken[j, a, b] * (at_point if by_point else at_cell)
+    per_patch = 1.0 / max(tip_patch_area(0, top.rows), LEAST_AREA_MM2)
+    for i in range(given.shape[0]):
+        for j in range(taken.shape[0]):
+            for patch in range(sums_e.shape[1]):
+                out[i, j] -= sums_e[i, patch] * sums_r[j, patch] * per_patch
+            out[i, j] *= reflectance * 4.0 * receivers[j, 3] * receivers[j, 4]
     return out
 
 

@@ -14,14 +14,21 @@ from sims.optics.diffuse import deposit, golden_shift
 from sims.optics.direct import direct_flux, misses_all, reach_of
 from sims.optics.image_cells import BOX_COLUMNS, PATCH_COLUMNS, patch_boxes, patch_table
 from sims.optics.images import single_reflection
-from sims.optics.orders import all_orders, shares_on_tip
+from sims.optics.orders import all_orders, first_hand_on_tip, shares_on_tip
 from sims.optics.radial import array_kernel, kernel
 from sims.optics.rays import TIP
 from sims.optics.repeated import repeated_reflections
 from sims.optics.surface import OUTER_R
 from sims.optics.top import FIELD_ON, is_touched
 from sims.optics.top_grid import columns_of, sectors_of, top_middles, top_nodes
-from sims.optics.top_light import ECHO_COLUMNS, POINT_COLUMNS, contact_rings, lattice_points, top_change
+from sims.optics.top_light import (
+    ECHO_COLUMNS,
+    POINT_COLUMNS,
+    POWER,
+    contact_rings,
+    lattice_points,
+    top_change,
+)
 
 DIRECT, TOPS, SKIRT, WALL, DIFFUSE = range(5)
 CLASSES = 5
@@ -118,11 +125,12 @@ def mirrored_once(
 
 @array_kernel
 def several_times(
-    result, from_emitter, wanted, emitters, receivers, scale, sectors, box, top, shifts, lattices, columns, layout,
-    settings,
+    result, from_emitter, on_contact, wanted, emitters, receivers, scale, sectors, box, top, shifts, lattices, columns,
+    layout, settings,
 ):  # fmt: skip
     """Add light with several reflections at the top to TOPS and SKIRT of every replicate; and, between dull walls, what
-    the top changes in the emitters' deposits to from_emitter[replicate].
+    the top changes in the emitters' deposits to from_emitter[replicate]. Fill on_contact[replicate, emitter, row,
+    column] with what lands first hand on the contact's cells.
     """
     count = shifts.shape[0]
     echoes = np.zeros((count, lattices.shape[1], lattices.shape[2], ECHO_COLUMNS))
@@ -143,6 +151,7 @@ def several_times(
                 emitters[i], receivers, lattices[n], golden_shift(i + EMITTER_SEQUENCE)[:2] + shifts[n, 2:4], layout,
                 box, top, change, echoes[n], SEARCH_SHARE * settings[RAY_SHARE], shifts[n], sectors, p,
             )  # fmt: skip
+            put_power(echoes[n], on_contact[n, i])
         several[:] = 0.0
         for j in range(receivers.shape[0]):
             units[j] = settings[REPEAT_SHARE] * max(scale[i, j], DIM * brightest) if wanted[i, j] else 0.0
@@ -153,6 +162,14 @@ def several_times(
             for j in range(receivers.shape[0]):
                 result[n, TOPS, i, j] += several[n, j, 0]
                 result[n, SKIRT, i, j] += several[n, j, 1]
+
+
+@kernel
+def put_power(echoes, out):
+    """Fill (row, column) with what lands on the first rows' cells."""
+    for a in range(out.shape[0]):
+        for b in range(out.shape[1]):
+            out[a, b] = echoes[a, b, POWER]
 
 
 @array_kernel
@@ -174,10 +191,13 @@ def beyond_one(
         for i in range(given.shape[0]):
             for k in range(given.shape[1]):
                 from_emitter[n, i, k] = given[i, k]
+    on_cells = in_contact if reflectances[TIP] > 0.0 else 0
+    given_cells = np.zeros((count, emitters.shape[0], on_cells, columns.shape[0]))
     several_times(
-        result, from_emitter, wanted, emitters, receivers, scale, sectors, box, top, shifts, lattices, columns, layout,
-        settings,
+        result, from_emitter, given_cells, wanted, emitters, receivers, scale, sectors, box, top, shifts, lattices,
+        columns, layout, settings,
     )  # fmt: skip
+    taken_cells = np.zeros((receivers.shape[0], on_cells, columns.shape[0]))
     echoes = np.empty((rows, columns.shape[0], ECHO_COLUMNS))
     seen = np.zeros(wanted.shape)
     p = np.zeros(POINT_COLUMNS)
@@ -197,9 +217,23 @@ def beyond_one(
                     top_change(receivers[j], receivers, lattices[n],
                                golden_shift(j + RECEIVER_SEQUENCE)[:2] + shifts[n, 2:4], layout, box, top,
                                from_receiver[j], echoes, settings[RAY_SHARE], shifts[n], sectors, p)  # fmt: skip
+                    put_power(echoes, taken_cells[j])
         now = all_orders(
             from_emitter[n], from_receiver, receivers, patches, reflectances, orders, on_tip, box, top
         )
+        if box[5] == 0.0:
+            now[1] += first_hand_on_tip(
+                given_cells[n],
+                taken_cells,
+                lattices[n],
+                sectors,
+                emitters,
+                receivers,
+                reflectances[TIP],
+                layout,
+                box,
+                top,
+            )
         for i in range(emitters.shape[0]):
             for j in range(receivers.shape[0]):
                 if not wanted[i, j]:

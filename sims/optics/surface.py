@@ -17,8 +17,8 @@ Choices and their bounds
 * Slopes are at most `MAX_SLOPE`: points above a steep piece move outward by at most their rise over
   `MAX_SLOPE` (1 mm of wrapped shank: 0.033 mm). `moved_mm` is the largest move, overhang included.
 * Material never reaches into the tip: heights below the sphere's are kept, higher ones are clipped.
-* Where the curve wraps the shank (radius within `SHANK_TOLERANCE_MM` of the tip's), it counts as
-  contact, so light that lands there is absorbed like on the tip.
+* Where the curve wraps the shank it counts as contact up to its last point within the contact radius, so light that
+  lands there meets the tip. Up to there the curve is a wall as steep as `MAX_SLOPE`.
 * Flat beyond: the curve is cut at the last point that is higher than `CUT_HEIGHT_MM` or steeper than
   `CUT_SLOPE`, and ends in a tail of `TAIL_MM`. A residual slope e moves a mirror image by 2 e D:
   at 20 mm 0.8 µm, below 0.05 % of a 2 mm receiver.
@@ -43,12 +43,15 @@ from sims.optics.scene import OpticalScene
 FloatArray = NDArray[np.float64]
 
 MAX_SLOPE = 30.0
-SHANK_TOLERANCE_MM = 0.03
 CUT_HEIGHT_MM = 5e-5
 CUT_SLOPE = 2e-5
 TAIL_MM = 4.0
 SKIRT_SLOPE = 0.1
 MIN_KNOT_STEP_MM = 1e-3
+TOUCHING = 1e-9
+"""Share of the contact radius by which a point of the contact may lie beyond it."""
+UPRIGHT_MM = 1e-9
+"""Curves that run back by less are upright."""
 APEX_MM = 1e-3
 FLATTEST_APEX_MM = 1e-9
 
@@ -57,7 +60,7 @@ X, Y, ACTIVE, SPHERE_R, TIP_R, SPHERE_Z, OUTER_R, CONTACT_R, LOWEST, HIGHEST, SK
 SPHERE_2, TIP_2, OUTER_2, SCALE, OFFSET, START, PER_LEVEL = range(12, 19)
 CONTACT_AREA = 19
 CONTACT = 20
-CONTACT_PARTS = 16
+CONTACT_PARTS = 48
 COLUMNS = CONTACT + CONTACT_PARTS + 1
 # a tip's row as kernels read it: the press's columns, what is known of the field (first tip), levels, pieces
 FIELD_COLUMNS = 8
@@ -220,8 +223,11 @@ def _single_valued(
     height = np.asarray(indentation.height_mm, dtype=np.float64)
     outward = np.maximum.accumulate(radius)
     moved = float(np.max(outward - radius))
-    is_new = np.concatenate(([True], np.diff(outward) > 0)) & (radius > start + MIN_KNOT_STEP_MM)
-    touched = _touched_mm(indentation, start)
+    is_upright = (radius[1:] > outward[:-1] - UPRIGHT_MM) & (np.diff(height) > 0)
+    is_new = np.concatenate(([True], (np.diff(outward) > 0) | is_upright)) & (
+        radius > start + MIN_KNOT_STEP_MM
+    )
+    touched = indentation.contact_radius_mm * (1.0 + TOUCHING)
     contact = start
     knots_r, knots_h, slopes = [start], [-depth + tip - float(np.sqrt(tip**2 - start**2))], [np.nan]
     for r, h, slope in zip(radius[is_new], height[is_new], _slopes(indentation)[is_new], strict=True):
@@ -245,14 +251,6 @@ def _slopes(indentation: Indentation) -> FloatArray:
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = np.sin(angle) / np.cos(angle)
     return np.where((np.cos(angle) > 0.0) & (np.abs(slope) < MAX_SLOPE), slope, np.nan)
-
-
-def _touched_mm(indentation: Indentation, start: float) -> float:
-    """Radius up to which the curve below the undisturbed top touches the tip; 0 for the sphere alone."""
-    tip, contact = indentation.tip_radius_mm, indentation.contact_radius_mm
-    if indentation.is_hemisphere:
-        return tip + SHANK_TOLERANCE_MM if contact > start else 0.0
-    return tip + SHANK_TOLERANCE_MM if contact > tip - 1e-9 else contact * (1.0 + 1e-9)
 
 
 def _with_tail(

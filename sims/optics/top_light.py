@@ -22,14 +22,15 @@ import math
 from sims.optics.diffuse import add_deposit, golden_pair, receiver_at
 from sims.optics.radial import fresnel, kernel, radiance, wall_hit, wall_normal, wall_point
 from sims.optics.rays import BOTTOM, LOST, TIP, chain, is_clear
-from sims.optics.surface import TOP
+from sims.optics.surface import CONTACT_AREA, TOP
 from sims.optics.top import FIELD_ON, is_beyond, surface_gradient, surface_height, touching_tip
-from sims.optics.top_grid import place_in_contact, place_on_top
+from sims.optics.top_grid import AX, AY, BX, BY, place_in_contact, place_on_top
+from sims.optics.top_grid import TIP as TIP_OF
 
 # columns of a lattice row
 PX, PY, PZ, GX, GY, AREA, TOUCHED, SECTOR, U0, U1, V0, V1, FLAT, MX, MY, MZ, SIZE = range(17)
 POINT_COLUMNS = 17
-# columns of an echo row: where a ray from the emitter ends
+# columns of an echo row: where a ray from the emitter ends; in the contact its power is all that lands on the cell
 POWER, KIND, ALONG, UP, TOPS = range(5)
 ECHO_COLUMNS = 5
 NEAR = 0.4
@@ -119,6 +120,18 @@ def put_on_top(row, u, v, share, sectors, top):
 
 
 @kernel
+def contact_cell_area(row, rings, sectors, top):
+    """Area of the top in a lattice row's cell of the contact, of as many rings of equal area."""
+    k = int(row[SECTOR])
+    x0 = sectors[k, AX] + row[V0] * sectors[k, BX]
+    y0 = sectors[k, AY] + row[V0] * sectors[k, BY]
+    x1 = sectors[k, AX] + row[V1] * sectors[k, BX]
+    y1 = sectors[k, AY] + row[V1] * sectors[k, BY]
+    angle = math.atan2(x0 * y1 - y0 * x1, x0 * x1 + y0 * y1)
+    return top.rows[int(sectors[k, TIP_OF]), CONTACT_AREA] / rings * angle / (2.0 * math.pi)
+
+
+@kernel
 def _whole_power(patch):
     """What a patch sends or counts of all directions: 1 for an emitter, the mean response for a receiver."""
     power = 0.0
@@ -203,7 +216,7 @@ def top_change(
     source, receivers, lattice, shift, layout, box, top, out, echoes, ray_share, offset, sectors, p
 ):
     """Add the change of a patch's deposits to out (patch,); fill echoes (row, column, 5) with each cell's ray's end, of
-    several the brightest that is mirrored again.
+    several the brightest that is mirrored again, and in the contact with what lands there.
 
     ray_share : power over the mean below which a ray is followed by chance; offset : place in a divided cell's parts
     """
@@ -240,7 +253,7 @@ def _follow(n, p, source, receivers, shift, height, least, parts, layout, box, t
     """Add one ray's change of deposits to out, the n-th of its patch, by one of parts² points of a cell.
 
     Its end goes to `found` (5,), the power that of the whole cell, if that is empty, or if it is mirrored again and
-    what is there is not, or is fainter.
+    what is there is not, or is fainter. What lands on the contact adds up there.
     """
     one, two = golden_pair(n, shift[0], shift[1])
     along = source[1] + source[3] * (2.0 * one - 1.0)
@@ -267,6 +280,8 @@ def _follow(n, p, source, receivers, shift, height, least, parts, layout, box, t
         if kind >= 0 and (kind >= BOTTOM or receiver_at(kind, x, y, z, receivers) < 0):
             add_deposit(kind, x, y, z, weight * left, layout, box, top, out)
     else:
+        found[POWER] += weight
+        found[KIND] = TIP
         add_deposit(TIP, p[PX], p[PY], p[PZ], weight, layout, box, top, out)
     gone = weight
     if box[4] > 0.0:

@@ -22,6 +22,7 @@ from tests.sims.optics.called_kernels import (
     slope_bound,
     top_hit,
 )
+from tests.sims.optics.oracle_scenes import shank_press
 
 SCENE = OpticalScene(
     length_mm=32.0,
@@ -160,6 +161,16 @@ def test_overhang_near_the_shank_keeps_the_lowest_surface():
     assert stack.moved_mm[0] == pytest.approx(0.05, abs=0.02)
     assert height(3.4**2, 0, rows) - 8.0 == pytest.approx(-0.3, abs=0.01)
     assert slope_bound(0.0, 0, rows) <= 1.5 * surface.MAX_SLOPE
+
+
+def test_the_contact_ends_where_the_curve_leaves_the_shank():
+    """Half the sphere and 0.5 mm of the shank; once points of the skirt within 0.03 mm of the tip counted, 5 % more."""
+    press, rows, stack = lowered(shank_press())
+    assert press[surface.CONTACT_AREA] == pytest.approx(np.pi * (2.0 * 3.0**2 + 2.0 * 3.0 * 0.5), rel=1e-3)
+    # up a wall as steep as the table allows
+    assert press[surface.CONTACT_R] == pytest.approx(3.0 + 0.5 / surface.MAX_SLOPE, abs=2e-3)
+    assert height(press[surface.CONTACT_R] ** 2, 0, rows) - 8.0 == pytest.approx(-1.1, abs=0.02)
+    assert stack.moved_mm[0] < 0.02
 
 
 def test_ray_meets_the_sphere_where_geometry_says():
