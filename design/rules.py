@@ -31,6 +31,7 @@ from design.paths import leaves
 from design.properties import entries_of
 from design.reference_rules import entry_findings, found_board, part_findings
 from design.spec import SensorDesign
+from design.tolerances import tolerance_findings
 from design.transimpedance import gain_findings
 from design.web_rules import web_findings
 
@@ -58,6 +59,7 @@ def check(design: SensorDesign) -> tuple[Finding, ...]:
     if board is not None and all(counts):
         found += board_findings(design, board, *counts)
     if not unknown:
+        found += tolerance_findings(design)
         found += _geometry_findings(design, counts)
         found += gain_findings(design) if board is not None and all(counts) else ()
     return tuple(sorted(found, key=lambda finding: finding.severity != "error"))

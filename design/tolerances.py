@@ -11,12 +11,14 @@ together), what moves along a wall, and correlations between values: none are kn
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from typing import Literal
 
 from design.errors import DesignError
+from design.finding import Finding, error
 from design.paths import get_at, is_value, known_values, unknown_path
 from design.properties import UsedValue, used_values
 from design.quantity import Quantity
@@ -77,6 +79,21 @@ def build_tolerances(design: SensorDesign) -> tuple[Tolerance, ...]:
         if half_width > 0.0:
             found[path] = _given(design, path, half_width)
     return tuple(found.values())
+
+
+def tolerance_findings(design: SensorDesign) -> Iterator[Finding]:
+    """Tolerances of what is no number of the design."""
+    for path, half_width in design.tolerances.items():
+        try:
+            _value_at(design, path)
+        except DesignError as err:
+            yield error(
+                f"tolerances.{path}",
+                "a tolerance of nothing in the design",
+                value=f"{half_width:g}",
+                limit="the dotted path of a number of the design",
+                way_out=str(err).removeprefix("tolerances: "),
+            )
 
 
 def _open_values(design: SensorDesign) -> list[Tolerance]:

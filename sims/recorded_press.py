@@ -89,9 +89,10 @@ def recorded_press(
     notes += told
     depth_mm = recording.depth_mm[rows]
     if len(depth_mm) < FEWEST_READINGS:
+        has_places = recording.place_mm is not None
         raise InputError(
-            f"{recording.file}: {len(depth_mm)} readings at ({place[0]:g}, {place[1]:g}) mm, "
-            f"needs {FEWEST_READINGS}; name another place with --at X,Y"
+            f"{recording.file}: {len(depth_mm)} readings at ({place[0]:g}, {place[1]:g}) mm, needs {FEWEST_READINGS}; "
+            + ("name another place with --at X,Y" if has_places else "record the press in finer steps")
         )
     deepest_mm = design.operating.max_depth_mm
     if depth_mm.max() > deepest_mm:
@@ -113,7 +114,7 @@ def _of_this_design(design: SensorDesign, recording: Recording) -> list[str]:
     digest = recording.design_digest
     if digest is None:
         return ["the recording does not say which design it is of; taken as this one"]
-    if digest != design.digest:
+    if not design.digest.startswith(digest):
         raise InputError(
             f"{recording.file}: a recording of another design (digest {digest[:8]}, not {design.digest[:8]}); "
             "give the design.toml of the bundle that was built"
@@ -212,10 +213,14 @@ def _laid_over(
         )
     ratio, curves = counts / untouched, pair.curves
     compared = (depth_mm[: deepest + 1] >= 0.0) & (depth_mm[: deepest + 1] <= curves.depth_mm[-1])
+    if not (compared & (depth_mm[: deepest + 1] > 0.0)).any():
+        raise InputError(
+            f"{recording.file}: no pressed reading lies above 0 and within {curves.depth_mm[-1]:g} mm, so there is "
+            f"nothing to compare; its depths reach from {depth_mm.min():g} to {depth_mm.max():g}: are they in "
+            "millimetres?"
+        )
     expected = np.interp(depth_mm[: deepest + 1], curves.depth_mm, curves.total / curves.total[0])
     difference = (ratio[: deepest + 1] - expected)[compared]
-    if not difference.size:
-        raise InputError(f"{recording.file}: no reading lies within 0 to {curves.depth_mm[-1]:g} mm")
     return RecordedPair(
         simulated=pair,
         depth_mm=depth_mm,

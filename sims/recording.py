@@ -9,7 +9,8 @@ netCDF (what the driver's recorder writes), dimensions ``time``, ``state``, ``re
     attribute design_digest          SHA-256 of the design that was built
 
 CSV: a heading line, one row a reading; ``depth_mm``, perhaps ``x_mm`` and ``y_mm``, and a column a pair (``E1-R1``) or
-one column ``signal``; lines before the heading that start with # may say ``# design_digest: <64 digits>``.
+one column ``signal``; lines before the heading that start with # may say ``# design_digest: <64 digits>``, or the first
+8 of them and more.
 
 Where there is an ``off`` state its readings are subtracted. Nothing else is: no filter, no drift, no lag.
 """
@@ -30,6 +31,7 @@ from design.errors import InputError
 FloatArray = NDArray[np.float64]
 OFF = "off"
 SIGNAL = "signal"
+DIGEST = re.compile(r"[0-9a-f]{8,64}")
 PAIR_NAME = re.compile(r"^[A-Za-z0-9]+-[A-Za-z0-9]+$")
 AXES = ("time", "state", "receiver")
 MAX_BYTES = 500_000_000
@@ -42,7 +44,7 @@ class Recording:
     Attributes
     ----------
     file : where they are from
-    design_digest : of the design that was built; None where the file does not say
+    design_digest : of the design that was built, or its first digits; None where the file does not say
     depth_mm : (time,) [mm]
     place_mm : (time, 2) x and y of the press [mm]; None where the file does not say
     counts : readings by pair, (time,) each; `signal` for a file of one unnamed pair [any one unit]
@@ -141,17 +143,29 @@ def _read_csv(file: Path) -> Recording:
         for place, name in enumerate(heading)
         if name in (*signals, "depth_mm", "x_mm", "y_mm")
     }
-    has_place = "x_mm" in columns and "y_mm" in columns
+    has_place = "x_mm" in columns
+    if has_place != ("y_mm" in columns):
+        one, other = ("x_mm", "y_mm") if has_place else ("y_mm", "x_mm")
+        raise InputError(f"{file}: has {one} without {other}; give both columns, or neither and --at X,Y")
     return Recording(
         file=file,
-        design_digest=next(
-            (m[1] for line in said if (m := re.search(r"design_digest:\s*([0-9a-f]{64})", line))), None
-        ),
+        design_digest=_said_digest(file, said),
         depth_mm=columns["depth_mm"],
         place_mm=np.stack([columns["x_mm"], columns["y_mm"]], axis=1) if has_place else None,
         counts={name: columns[name] for name in signals},
         notes=(),
     )
+
+
+def _said_digest(file: Path, said: list[str]) -> str | None:
+    """The digest, or its first digits, that the lines before the heading state; None where they state none."""
+    stated = next((m[1] for line in said if (m := re.search(r"design_digest:\s*(.*)", line))), "").strip()
+    if stated and not DIGEST.fullmatch(stated.lower()):
+        raise InputError(
+            f"{file}: design_digest: {stated!r} is no digest of a design; needs its 64 hexadecimal digits, or the "
+            "first 8 and more, as `optopad check` prints them with --json"
+        )
+    return stated.lower() or None
 
 
 def _number(file: Path, number: int, name: str, row: list[str], place: int) -> float:

@@ -14,6 +14,9 @@ import typer
 from design.errors import InputError
 from design.spec import SensorDesign
 
+LARGEST_SEED = 2**31 - 1
+"""What every library below takes."""
+
 DesignArgument = Annotated[
     str, typer.Argument(metavar="DESIGN", help="Design file (.toml), bundle folder, or the name of a preset.")
 ]
@@ -25,7 +28,9 @@ SetOption = Annotated[
 ]
 OutOption = Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Folder that holds the bundles.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output, nothing else.")]
-SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of every random stream.")]
+SeedOption = Annotated[
+    int, typer.Option("--seed", min=0, max=LARGEST_SEED, help="Seed of every random stream.")
+]
 FineOption = Annotated[
     bool,
     typer.Option("--fine", help="Finer light, and 11 places a side and 0.1 mm steps for the map of the pad."),
@@ -42,11 +47,14 @@ def read_design(where: str, changes: list[str] | None) -> SensorDesign:
     DesignError, InputError : what is wrong with the file or a change.
     """
     from design.io import load_design
+    from design.paths import nearest
     from design.preset import PRESETS, preset
 
     path = Path(where)
     if not path.exists() and where in PRESETS:
         design = preset(where)
+    elif not path.exists() and not path.suffix and (near := nearest(where, PRESETS)):
+        raise InputError(f"{where}: no such file or preset; did you mean {near[0]}?")
     else:
         design = load_design(path / "design.toml" if (path / "manifest.json").is_file() else path)
     return design.with_(**dict(parsed_change(change) for change in changes)) if changes else design

@@ -12,6 +12,7 @@ import typer
 
 from optopad.cli.common import (
     DEFAULT_OUT,
+    LARGEST_SEED,
     JsonOption,
     OutOption,
     SetOption,
@@ -53,7 +54,9 @@ def explore(
     ] = None,
     set_: SetOption = None,
     out: OutOption = DEFAULT_OUT,
-    seed: Annotated[int | None, typer.Option(min=0, help="Seed of the search; default: the space's.")] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, max=LARGEST_SEED, help="Seed of the search; default: the space's.")
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Search for better designs; the same command goes on where a search was stopped."""

@@ -69,7 +69,7 @@ class TrainingData:
     def facts(self) -> dict[str, Any]:
         """What the model's header says of them."""
         return {
-            "sets": [one.name for one in self.source.sets],
+            "sets": [self.source.sets[k].name for k in np.unique(self.source.set_number)],
             "samples": len(self.press_mm),
             "touched_samples": int(self.is_touched.sum()),
             "locations": int(self.location.max()) + 1,

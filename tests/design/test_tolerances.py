@@ -6,6 +6,7 @@ from design.errors import DesignError
 from design.io import dump_design, load_design
 from design.paths import get_at
 from design.preset import PRESETS, preset
+from design.rules import check
 from design.tolerances import build_tolerances
 
 PAIR = preset("piacenza2017-pair")
@@ -79,3 +80,12 @@ def test_tolerances_survive_the_file_and_absent_ones_leave_the_digest(tmp_path):
     assert load_design(tmp_path / "mine.toml").digest == given.digest
     assert given.digest != PAIR.digest
     assert "tolerances" not in PAIR.model_dump(mode="json")
+
+
+@pytest.mark.parametrize(
+    ("path", "near"), [("emitters.hight_mm", "emitters.height_mm"), ("name", "no number")]
+)
+def test_a_check_names_a_tolerance_of_nothing(path, near):
+    found, *_ = check(PAIR.with_(tolerances={path: 0.05}))
+    assert (found.severity, found.field) == ("error", f"tolerances.{path}")
+    assert near in str(found)

@@ -101,6 +101,38 @@ def test_a_recording_of_another_design_is_refused_by_its_digest(tmp_path):
         recorded_press(PAIR, read_recording(named))
 
 
+@pytest.mark.parametrize("said", ["0c3a4f54", "0C3A4F54" + "0" * 56, "0" * 64])
+def test_a_csv_of_another_design_is_refused_by_any_form_of_its_digest(simulated, tmp_path, said):
+    file = csv_of(tmp_path, {"depth_mm": DEPTH_MM, "E2-R2": ratio_at(DEPTH_MM)}, f"# design_digest: {said}\n")
+    with pytest.raises(InputError, match="another design"):
+        recorded_press(PAIR, read_recording(file))
+
+
+@pytest.mark.parametrize("said", [PAIR.digest, PAIR.digest[:8], PAIR.digest.upper()])
+def test_a_csv_of_this_design_is_taken_by_any_form_of_its_digest(simulated, tmp_path, said):
+    file = csv_of(tmp_path, {"depth_mm": DEPTH_MM, "E2-R2": ratio_at(DEPTH_MM)}, f"# design_digest: {said}\n")
+    assert not any("which design" in note for note in recorded_press(PAIR, read_recording(file)).notes)
+
+
+@pytest.mark.parametrize("said", ["abc", "<64 digits>", "0c3a4f5"])
+def test_a_csv_with_no_digest_for_a_digest_is_refused(tmp_path, said):
+    file = csv_of(tmp_path, {"depth_mm": DEPTH_MM, "E2-R2": ratio_at(DEPTH_MM)}, f"# design_digest: {said}\n")
+    with pytest.raises(InputError, match="is no digest of a design"):
+        read_recording(file)
+
+
+def test_a_csv_with_half_a_place_is_refused(tmp_path):
+    columns = {"depth_mm": DEPTH_MM, "x_mm": np.full(len(DEPTH_MM), 6.0), "E2-R2": ratio_at(DEPTH_MM)}
+    with pytest.raises(InputError, match="x_mm without y_mm"):
+        read_recording(csv_of(tmp_path, columns))
+
+
+def test_depths_in_another_unit_are_not_compared_at_the_surface_alone(simulated, tmp_path):
+    columns = {"depth_mm": 1000.0 * DEPTH_MM, "E2-R2": ratio_at(DEPTH_MM)}
+    with pytest.raises(InputError, match="its depths reach from -1000 to 5000: are they in millimetres"):
+        recorded_press(PAIR, read_recording(csv_of(tmp_path, columns)))
+
+
 def test_several_places_need_one_that_is_named(simulated, tmp_path):
     twice = np.concatenate([DEPTH_MM, DEPTH_MM])
     x_mm = np.repeat([10.0, 12.0], len(DEPTH_MM))
