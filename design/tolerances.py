@@ -162,10 +162,11 @@ def _value_at(design: SensorDesign, path: str) -> tuple[float, str]:
     value = get_at(document, path)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise DesignError(f"tolerances: {path}: {value!r} is no number, so it has no tolerance; remove it")
-    return float(value), next((unit for end, unit in _UNITS.items() if path.endswith(end)), "1")
+    return float(value), next((unit for end, unit in UNIT_ENDS.items() if path.endswith(end)), "1")
 
 
-_UNITS = {"_mm": "mm", "_deg": "deg", "_n": "N", "_mpa": "MPa", "_db_per_cm": "dB/cm", "_nm": "nm"}
+UNIT_ENDS = {"_mm": "mm", "_deg": "deg", "_n": "N", "_mpa": "MPa", "_db_per_cm": "dB/cm", "_nm": "nm"}
+"""Ends of field names, and the units that they stand for."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -53,6 +53,7 @@ def check(design: DesignArgument, set_: SetOption = None, as_json: JsonOption = 
     from dataclasses import asdict
 
     from design.rules import check as findings_of
+    from optopad.report.numbers import counted
 
     read = read_design(design, set_)
     findings = findings_of(read)
@@ -62,7 +63,9 @@ def check(design: DesignArgument, set_: SetOption = None, as_json: JsonOption = 
     else:
         for finding in findings:
             say(str(finding))
-        say(f"{read.name}: {len(errors)} errors, {len(findings) - len(errors)} warnings")
+        say(
+            f"{read.name}: {counted(len(errors), 'error')}, {counted(len(findings) - len(errors), 'warning')}"
+        )
     if errors:
         raise typer.Exit(2)
 

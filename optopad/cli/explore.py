@@ -147,7 +147,8 @@ def _say(result: Search) -> None:
     found = result.findings
     stopped = sum(bool(one.judged.reason) for one in found.tried)
     say(
-        f"search    {found.space.name}: {len(found.tried)} of {found.wanted} designs judged, {stopped} stopped early"
+        f"search    {found.space.name}: {len(found.tried)} of {max(found.wanted, len(found.tried))} designs judged, "
+        f"{stopped} stopped early"
     )
     names = [objective.figure for objective in found.space.objectives]
     for limit in found.limits:

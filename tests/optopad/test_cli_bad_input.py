@@ -87,3 +87,23 @@ def test_a_bad_change_is_refused_with_its_path(
     (folder / FILE_NAME).write_text(design_text(), encoding="utf-8")
     _, err = refused(["check", str(folder / FILE_NAME), "--set", change], capsys)
     assert words in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["score", "piacenza2017-pair", "--seed", "18446744073709551616"], "--seed"),
+        (["check", "piacenza2017-pda"], "did you mean piacenza2017-pad?"),
+        (
+            ["score", "piacenza2017-pair", "--set", "tolerances={'emitters.hight_mm'=0.1}"],
+            "emitters.height_mm",
+        ),
+    ],
+)
+def test_a_slip_on_the_command_line_is_refused_before_any_work(
+    folder: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
+) -> None:
+    out, err = refused(arguments, capsys)
+    assert out == ""
+    assert words in err
+    assert everything_under(folder) == []

@@ -169,5 +169,8 @@ def _notes(found: Calibration, rms_after: float) -> list[str]:
         )
     zero = float(np.mean(found.fitted.offset_mm[:, 2]))
     if abs(zero) >= 0.03:
-        notes.append(f"the tip is {zero:+.2f} mm deeper than the stage says, on average over the presses")
+        notes.append(
+            f"the tip is {abs(zero):.2f} mm {'deeper' if zero > 0.0 else 'less deep'} than the stage says, on average "
+            "over the presses"
+        )
     return notes

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from design.errors import InputError
 from design.spec import SensorDesign
-from design.tolerances import Tolerance, build_tolerances
+from design.tolerances import UNIT_ENDS, Tolerance, build_tolerances
 
 FloatArray = NDArray[np.float64]
 
@@ -64,11 +64,9 @@ class Unknown:
     @property
     def words(self) -> str:
         """Its name in plain words."""
-        last = (
-            self.path.rsplit(".", 1)[-1].rsplit("_", 1)[0]
-            if self.unit != "1"
-            else self.path.rsplit(".", 1)[-1]
-        )
+        last = self.path.rsplit(".", 1)[-1]
+        for end, unit in UNIT_ENDS.items():
+            last = last.removesuffix(end) if unit == self.unit else last
         kind = self.path.split(".")[0].rstrip("s")
         return f"{kind} {last}".replace("_", " ").replace("part measurement ", "LED ")
 

@@ -65,3 +65,10 @@ def test_heights_of_a_hidden_build_come_back_and_its_light_with_them():
     )
     off = [np.sqrt(((one / one.mean() - truth / truth.mean()) ** 2).mean()) for one in (twin, drawn)]
     assert off[0] < 0.2 * off[1]
+
+
+def test_unknowns_have_names_without_their_units():
+    words = {one.unit: one.words for one in unknowns_of(preset("piacenza2017-pad"))}
+    assert words["dB/cm"] == "elastomer absorption"
+    assert words["deg"] == "LED half angle"
+    assert words["mm"] == "cavity clear thickness"
