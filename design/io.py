@@ -154,7 +154,14 @@ def _with_own_catalog(document: dict[str, Any], file: Path) -> dict[str, Any]:
     own = catalog.CatalogEntries()
     for name in names:
         beside = _beside(file, name, CATALOG_FILES)
-        own = catalog.merged(own, catalog.parse_entries(read_toml(beside), where=str(beside)))
+        more = catalog.parse_entries(read_toml(beside), where=str(beside))
+        for kind in catalog.CatalogEntries.model_fields:
+            doubled = sorted(set(getattr(own, kind)) & set(getattr(more, kind)))
+            if doubled:
+                raise DesignError(
+                    f"{beside}: {kind}.{doubled[0]}: stands in another of {CATALOG_FILES}, too; keep one of the two"
+                )
+        own = catalog.merged(own, more)
     given = document.get("catalog", {})
     if given:
         own = catalog.merged(own, catalog.parse_entries(given, where=f"{file}: catalog"))

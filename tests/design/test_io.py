@@ -227,3 +227,12 @@ def test_a_tips_points_are_read_from_a_file_beside_the_design_and_saved_inside_i
 
 def test_the_schema_of_a_file_knows_the_profiles_file() -> None:
     assert file_schema()["$defs"]["Indenter"]["properties"]["profile_csv"]["type"] == "string"
+
+
+def test_a_part_in_two_catalogue_files_is_refused(tmp_path):
+    for name in ("one.toml", "two.toml"):
+        (tmp_path / name).write_text(my_led_file(), encoding="utf-8")
+    file = tmp_path / "pad.toml"
+    file.write_text(design_text(head='catalog_files = ["one.toml", "two.toml"]'), encoding="utf-8")
+    with pytest.raises(DesignError, match=r"two\.toml: parts\.my-led: stands in another of catalog_files"):
+        load_design(file)
