@@ -226,7 +226,7 @@ def _lettering(design: SensorDesign) -> Iterator[Finding]:
     names = tuple(socket.part.name for socket in outline.sockets)
     missing = () if design.mold.numbers == "none" else tuple(unnumbered(names, outline.numbers))
     yield _count(
-        "parts without their name on the mold", missing, "no room beside their sockets; mark them by hand"
+        "parts without their name on the mold", missing, "no room below their sockets, in a parted mold on the frame; mark them by hand"
     )
     radial = [s for s in outline.sockets if s.holes and s.channel is None]
     bare = tuple(s.part.name for s in radial) if design.mold.strain_relief == "pinch" else ()
@@ -308,7 +308,7 @@ def bridged_mm2(design: SensorDesign) -> dict[str, float]:
         for cut, holes in channels
     )
     numbers = sum(number.ceiling_mm2 for number in outline.numbers)
-    return {"mold": below + numbers, "mold_base": below + numbers, "mold_frame": numbers}
+    return {"mold": below + numbers, "mold_base": below, "mold_frame": numbers}
 
 
 def _printing(name: str, mesh: Mesh, bed_mm: Bed, bridged: float) -> list[Finding]:

@@ -20,9 +20,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from design.lettering import area_mm2, below
 from design.mold_outline import MoldOutline, outline_of
-from design.part_numbers import DEPTH_MM as NUMBER_DEPTH_MM
 from design.raised_sockets import Collar
 from design.sockets import Cut, Hole
 from design.spec import SensorDesign
@@ -61,7 +59,6 @@ def base_volume_mm3(design: SensorDesign) -> float:
         - sum(_cut_mm3(replace(cut, top=joint)) for cut in cuts)
         - sum(_cut_mm3(channel) for channel in channels)
         - sum(_hole_mm3(replace(hole, z1=min(hole.z1, joint))) for hole in (*holes, *outline.fixing_holes))
-        - sum(area_mm2(below(number.strokes, joint)) * NUMBER_DEPTH_MM for number in outline.numbers)
         - outline.label.area_mm2 * outline.label.depth_mm
     )
 

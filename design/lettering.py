@@ -8,7 +8,7 @@ equal molds everywhere.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import groupby
 
 OVERLAP = 1.25
@@ -65,11 +65,6 @@ def area_mm2(strokes: Iterable[Stroke]) -> float:
     """Area of the union of strokes [mm2]."""
     grid = _Grid(tuple(strokes))
     return sum((grid.width(i) * grid.height(j) for i, j in grid.covered), 0.0)
-
-
-def below(strokes: Iterable[Stroke], level: float) -> tuple[Stroke, ...]:
-    """What of some strokes lies below a level of y."""
-    return tuple(replace(one, y1=min(one.y1, level)) for one in strokes if one.y0 < level)
 
 
 def upper_edges_mm(strokes: Iterable[Stroke]) -> float:

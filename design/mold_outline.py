@@ -151,7 +151,7 @@ def outline_of(design: SensorDesign) -> MoldOutline:
         fixing_holes=fixing_holes,
         sockets=sockets,
         collars=collars,
-        numbers=_numbers(sockets, fixing_holes, bottom, mold),
+        numbers=_numbers(sockets, fixing_holes, bottom if mold.pieces == "one" else -cavity.black_mm, mold),
         label=mold_label(design),
     )
 

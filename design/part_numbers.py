@@ -6,8 +6,9 @@ r"""The parts' names in the outer faces of the mold, below their sockets, as in 
          E1      R1        E2   numbers
       ____________n_____________  channels, bed
 
-A name keeps to its own place: halfway to its neighbours, above channels and below the lowest pocket of its wall,
-within the inner length of the wall. Names that do not fit are left out and told (`number_findings`).
+A name keeps to its own place: halfway to its neighbours, above channels and the joint of a parted mold, below the
+lowest pocket of its wall, within the inner length of the wall. Names that do not fit are left out and
+told (`cad.checks`).
 """
 
 from __future__ import annotations
@@ -67,12 +68,12 @@ def part_numbers(
     ----------
     sockets : of one wall, in their order along it
     fixing_holes : of the mold
-    bottom_mm : underside of the mold
+    bottom_mm : underside of the mold, or of its frame where that is a piece of its own
     web_mm : thinnest wall that prints
     """
     if not sockets:
         return ()
-    low = max((one.channel.top for one in sockets if one.channel), default=bottom_mm) + MARGIN_MM
+    low = max([bottom_mm, *(one.channel.top for one in sockets if one.channel)]) + MARGIN_MM
     high = min(one.pocket.floor for one in sockets) - MARGIN_MM
     found = []
     for place, socket in enumerate(sockets):

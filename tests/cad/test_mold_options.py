@@ -195,6 +195,15 @@ def test_an_option_that_cannot_work_is_refused(design, message):
         require_valid(design)
 
 
+@pytest.mark.parametrize("name", ["piacenza2017-pad", "oblong-60x40", "piacenza2017-pair"])
+def test_names_of_a_parted_mold_lie_wholly_on_its_frame(name):
+    """Across the joint they were feet on the base and letters without feet on the frame."""
+    outline = outline_of(preset(name).with_(**{"mold.pieces": "frame_and_base"}))
+    low = min((stroke.y0 for one in outline.numbers for stroke in one.strokes), default=np.inf)
+    assert low >= outline.cavity_bottom_mm + 0.4 - ROUNDING
+    assert min(stroke.y0 for one in outline_of(preset(name)).numbers for stroke in one.strokes) < low
+
+
 def test_frame_and_base_are_the_mold_parted_at_the_cavity_s_floor():
     parted = PAIR.with_(**{"mold.pieces": "frame_and_base", "mold.label": "8"})
     files = part_files(parted)
