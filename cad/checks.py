@@ -225,9 +225,8 @@ def _lettering(design: SensorDesign) -> Iterator[Finding]:
         )
     names = tuple(socket.part.name for socket in outline.sockets)
     missing = () if design.mold.numbers == "none" else tuple(unnumbered(names, outline.numbers))
-    yield _count(
-        "parts without their name on the mold", missing, "no room below their sockets, in a parted mold on the frame; mark them by hand"
-    )
+    no_room = "no room below their sockets, in a parted mold on the frame; mark them by hand"
+    yield _count("parts without their name on the mold", missing, no_room)
     radial = [s for s in outline.sockets if s.holes and s.channel is None]
     bare = tuple(s.part.name for s in radial) if design.mold.strain_relief == "pinch" else ()
     yield _count("leads without a channel below the mold", bare, "stand the mold on feet; see mold.floor_mm")

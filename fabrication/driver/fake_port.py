@@ -235,9 +235,14 @@ class FakePort:
 
 
 def _point(link: Path, target: str) -> None:
-    """Make a symbolic link, in place of an older one only."""
+    """Make a symbolic link, in place of one that leads nowhere any more only."""
     if link.exists() and not link.is_symlink():
         raise InputError(f"--link {link}: exists and is no link; choose another name")
+    if link.exists():
+        raise InputError(
+            f"--link {link}: leads to {os.readlink(link)}, another simulated board by all appearances; end that one, "
+            "choose another name, or remove the link if there is none"
+        )
     link.unlink(missing_ok=True)
     try:
         link.symlink_to(target)

@@ -7,7 +7,15 @@ from typing import Annotated
 
 import typer
 
-from optopad.cli.common import DesignArgument, JsonOption, SetOption, print_json, read_design, say
+from optopad.cli.common import (
+    DesignArgument,
+    JsonOption,
+    SetOption,
+    checked_out,
+    print_json,
+    read_design,
+    say,
+)
 
 
 def register(app: typer.Typer) -> None:
@@ -84,6 +92,7 @@ def schema(
     if out is None:
         typer.echo(text, nl=False)
     else:
+        checked_out(out, ".json")
         write_text_atomically(out, text)
         say(f'{out} written. In a design file: "#:schema {out}" as the first line')
 

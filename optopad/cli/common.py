@@ -60,6 +60,21 @@ def read_design(where: str, changes: list[str] | None) -> SensorDesign:
     return design.with_(**dict(parsed_change(change) for change in changes)) if changes else design
 
 
+def checked_out(out: Path, suffix: str, *read: Path | str | None) -> None:
+    """Refuse to write over what the command reads, or over a file of another kind.
+
+    Raises
+    ------
+    InputError : what is in the way.
+    """
+    if any(
+        one is not None and Path(one).exists() and Path(one).samefile(out) for one in read if out.exists()
+    ):
+        raise InputError(f"--out {out}: is a file that this command reads; choose another name")
+    if out.is_file() and out.suffix.lower() != suffix:
+        raise InputError(f"--out {out}: exists and is no {suffix} file; choose another name, or remove it")
+
+
 def parsed_change(text: str, *, option: str = "--set") -> tuple[str, Any]:
     """Path and value of one ``PATH=VALUE``; the value is read as TOML, else as plain text.
 

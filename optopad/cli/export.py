@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from design.errors import InputError
-from optopad.cli.common import JsonOption, print_json, say
+from optopad.cli.common import JsonOption, checked_out, print_json, say
 
 if TYPE_CHECKING:
     from fabrication.driver.joined_log import JoinedLog
@@ -54,6 +54,7 @@ def export(
     target = out or recording.with_suffix(".nc")
     if target.resolve() == recording.resolve():
         raise InputError(f"--out {target}: is the recording itself; choose another name")
+    checked_out(target, ".nc", presses, stage)
     if presses is not None and stage is not None:
         raise InputError("--presses and --stage: two sources of positions; give one")
     if offset is not None and stage is None:

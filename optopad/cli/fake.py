@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from optopad.cli.common import DEFAULT_OUT, JsonOption, SeedOption, SetOption, print_json, say
+from optopad.cli.common import DEFAULT_OUT, JsonOption, SeedOption, SetOption, checked_out, print_json, say
 from optopad.cli.progress import progress
 from optopad.cli.sensor import BundlesOption, ConfigArgument, SecondsOption
 
@@ -74,6 +74,8 @@ def fake(
     from fabrication.stage.fake_printer import TipFinger
     from optopad.driver_source import driver_source, press_table
 
+    if out is not None:
+        checked_out(out, ".csv", config, path)
     source = driver_source(config, set_, bundles)
     faults = faults_of(source.config, fault or [])
     with progress(quiet=as_json) as step:

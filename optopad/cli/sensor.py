@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 import typer
 
 from design.errors import DeviceError, InputError, OutputError
-from optopad.cli.common import DEFAULT_OUT, JsonOption, SeedOption, SetOption, print_json, say
+from optopad.cli.common import DEFAULT_OUT, JsonOption, SeedOption, SetOption, checked_out, print_json, say
 from optopad.cli.progress import progress
 
 if TYPE_CHECKING:
@@ -195,6 +195,8 @@ def check(
     from optopad.driver_source import driver_source, with_expected_pattern
     from optopad.driver_view import check_lines, link_json
 
+    if out is not None:
+        checked_out(out, ".json", config)
     source = driver_source(config, set_, bundles)
     with progress(quiet=as_json) as step:
         expected = with_expected_pattern(source, seed=seed, on_step=step)

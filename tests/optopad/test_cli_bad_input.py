@@ -107,3 +107,29 @@ def test_a_slip_on_the_command_line_is_refused_before_any_work(
     assert out == ""
     assert words in err
     assert everything_under(folder) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["driver", "fake", "pad.toml", "--out", "pad.toml", "--seconds", "0.1"], "this command reads"),
+        (["driver", "fake", "piacenza2017-pair", "--out", "pad.toml", "--seconds", "0.1"], "no .csv file"),
+        (["schema", "--out", "pad.toml"], "no .json file"),
+        (["driver", "check", "pad.toml", "--port", "nowhere", "--out", "pad.toml"], "this command reads"),
+        (["driver", "export", "a.optorec", "--presses", "pad.nc", "--out", "pad.nc"], "this command reads"),
+    ],
+)
+def test_no_command_writes_over_what_it_reads_or_a_file_of_another_kind(
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    words: str,
+) -> None:
+    monkeypatch.chdir(folder)
+    for name in ("pad.toml", "pad.nc"):
+        (folder / name).write_text(design_text(), encoding="utf-8")
+    out, err = refused(arguments, capsys)
+    assert out == ""
+    assert words in err
+    assert {file.read_text(encoding="utf-8") for file in folder.iterdir()} == {design_text()}
