@@ -22,7 +22,7 @@ def preset_text(name: str) -> str:
     """
     if name not in PRESETS:
         near = difflib.get_close_matches(name, PRESETS, n=1)
-        hint = f"; did you mean {near[0]}?" if near else ""
+        hint = f"; did you mean {near[0]}?" if near else "."
         raise InputError(f"--preset: {name!r} is no preset{hint} There are: {', '.join(PRESETS)}")
     return (files("design.presets") / f"{name}.toml").read_text(encoding="utf-8")
 

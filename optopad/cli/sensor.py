@@ -140,6 +140,10 @@ def record(
     as_json: JsonOption = False,
 ) -> None:
     """Record raw frames into a file that no interruption can spoil. Ctrl-C is a clean end."""
+    if seconds is not None and not seconds > 0.0:
+        raise InputError(
+            f"--seconds: {seconds:g} is refused: give more than 0, or leave it out and end with Ctrl-C"
+        )
     from fabrication.driver.sensor import Sensor
     from optopad.driver_source import driver_source
     from optopad.driver_view import link_json, link_line

@@ -38,7 +38,7 @@ def sweep(
     build: Annotated[
         bool,
         typer.Option(
-            "--build", help="Make the whole bundle of every value, its mold embossed with the value."
+            "--build", help="Make the whole bundle of every value, its mold engraved with the value."
         ),
     ] = False,
     out: OutOption = DEFAULT_OUT,

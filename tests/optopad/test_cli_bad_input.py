@@ -109,6 +109,26 @@ def test_a_slip_on_the_command_line_is_refused_before_any_work(
     assert everything_under(folder) == []
 
 
+@pytest.mark.parametrize("verb", ["predict", "rays"])
+def test_a_folder_that_cannot_be_made_is_refused_before_the_work(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], verb: str
+) -> None:
+    monkeypatch.chdir(folder)
+    (folder / "taken").write_text("", encoding="utf-8")
+    out, err = refused([verb, "piacenza2017-pair", "--out", "taken"], capsys)
+    assert (out, "cannot be made" in err) == ("", True)
+    assert "light" not in err  # no stage of the work began
+
+
+def test_a_recording_of_no_time_is_refused(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(folder)
+    _, err = refused(["driver", "record", "piacenza2017-pair", "--port", "nowhere", "--seconds", "0"], capsys)
+    assert "--seconds: 0 is refused" in err
+    assert everything_under(folder) == []
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

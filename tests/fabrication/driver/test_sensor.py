@@ -345,3 +345,16 @@ def test_the_driver_loads_nothing_heavy() -> None:
         [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "[]"
+
+
+@needs_pty
+def test_a_living_board_s_name_is_not_taken_and_a_dead_one_s_is(tmp_path: Path) -> None:
+    link = tmp_path / "pad"
+    with FakePort(board(), PtyWire(link)):
+        target = link.readlink()
+        with pytest.raises(InputError, match=r"--link .*pad: leads to .*another simulated board"):
+            PtyWire(link)
+        assert link.readlink() == target
+    link.symlink_to(tmp_path / "gone")
+    with FakePort(board(), PtyWire(link)):
+        assert link.exists()
