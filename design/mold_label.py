@@ -11,7 +11,7 @@ r"""The label of a mold: a text sunk into its underside, below the cavity, where
 
 Sunk, not raised, because the underside lies on the print bed: what would be raised there lifts the mold. Strokes
 are at most two millimetres wide, so their ceilings bridge. Long texts are broken into lines. Letters are
-rectangles, not a font of the system: equal designs give equal molds everywhere.
+rectangles, not a font of the system: equal designs give equal molds everywhere. All are capitals.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+from textwrap import wrap
 
 from design.finding import Finding, error, mm
 from design.lettering import OVERLAP, Stroke, area_mm2, strokes_of
@@ -66,7 +67,7 @@ def mold_label(design: SensorDesign) -> MoldLabel:
     text = design.mold.label.upper().strip()
     if not text:
         return MoldLabel(strokes=(), depth_mm=0.0, stroke_mm=0.0)
-    lines, pitch = _largest(text, design)
+    lines, pitch = label_lines(text, design)
     centre = design.cavity.length_mm / 2, design.cavity.width_mm / 2
     return MoldLabel(
         strokes=tuple(_strokes(lines, pitch, centre)), depth_mm=DEPTH_MM, stroke_mm=OVERLAP * pitch
@@ -78,7 +79,7 @@ def label_findings(design: SensorDesign) -> Iterator[Finding]:
     text = design.mold.label.upper().strip()
     if not text:
         return
-    _, pitch = _largest(text, design)
+    _, pitch = label_lines(text, design)
     if pitch < SMALLEST_PITCH_MM:
         yield error(
             "mold.label",
@@ -97,19 +98,30 @@ def label_findings(design: SensorDesign) -> Iterator[Finding]:
         )
 
 
-def _largest(text: str, design: SensorDesign) -> tuple[list[str], float]:
-    """The fewest lines with an easy pitch of points below the cavity, else those with the widest; that pitch [mm]."""
-    room_mm = tuple(side - 2 * MARGIN_MM for side in (design.cavity.length_mm, design.cavity.width_mm))
-    broken = [_lines(text, count) for count in range(1, len(text) + 1)]
+def label_lines(text: str, design: SensorDesign) -> tuple[list[str], float]:
+    """A text in lines that fit below the cavity, and the pitch of its points [mm]: broken at blanks, and within words
+    only where it can be printed in no other way.
+    """
+    room_mm = design.cavity.length_mm - 2 * MARGIN_MM, design.cavity.width_mm - 2 * MARGIN_MM
+    widths = range(len(text), 0, -1)
+    at_blanks = [wrap(text, width, break_long_words=False, break_on_hyphens=False) for width in widths]
+    lines, pitch = _best(at_blanks, room_mm)
+    if pitch < SMALLEST_PITCH_MM:
+        anywhere = [[line.strip() for line in wrap(text, width, break_on_hyphens=False)] for width in widths]
+        lines, pitch = _best(anywhere, room_mm)
+    return lines, min(pitch, LARGEST_PITCH_MM)
+
+
+def _best(broken: list[list[str]], room_mm: tuple[float, float]) -> tuple[list[str], float]:
+    """The fewest lines with an easy pitch, else those with the widest; that pitch [mm]."""
     pitches = [min(room_mm[0] / _width(lines), room_mm[1] / _height(lines)) for lines in broken]
-    easy = (number for number, pitch in enumerate(pitches) if pitch >= EASY_PITCH_MM)
-    best = next(easy, max(range(len(broken)), key=lambda number: (round(pitches[number], 9), -number)))
-    return broken[best], min(pitches[best], LARGEST_PITCH_MM)
 
+    def rank(number: int) -> tuple[float, ...]:
+        count, pitch = len(broken[number]), round(pitches[number], 9)
+        return (1.0, -count, pitch) if pitch >= EASY_PITCH_MM else (0.0, pitch, -count)
 
-def _lines(text: str, count: int) -> list[str]:
-    length = -(-len(text) // count)
-    return [text[start : start + length] for start in range(0, len(text), length)]
+    best = max(range(len(broken)), key=rank)
+    return broken[best], pitches[best]
 
 
 def _width(lines: list[str]) -> float:

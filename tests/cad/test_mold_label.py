@@ -14,7 +14,7 @@ from cad.volume import mold_volume_mm3
 from design.cavity import cavity_of
 from design.errors import DesignError
 from design.lettering import OVERLAP
-from design.mold_label import LARGEST_PITCH_MM, letters, mold_label
+from design.mold_label import LARGEST_PITCH_MM, label_lines, letters, mold_label
 from design.mold_outline import outline_of
 from design.preset import preset
 from design.rules import check, require_valid
@@ -120,3 +120,17 @@ def test_strokes_never_touch_along_an_edge_only(files):
     edges = np.sort(mesh.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     _, uses = np.unique(edges, axis=0, return_counts=True)
     assert set(uses) == {2}
+
+
+@pytest.mark.parametrize(
+    ("text", "lines"),
+    [
+        ("LAB 3 PAD 12", ["LAB 3", "PAD", "12"]),
+        ("PAD 12", ["PAD", "12"]),
+        ("PAIR 8 MM", ["PAIR", "8 MM"]),
+        ("SIZE 9.5/MM + A", ["SIZE", "9.5/M", "M + A"]),  # 9.5/MM on a line of its own is too small to print
+        ("8.5", ["8.5"]),
+    ],
+)
+def test_a_label_is_broken_at_blanks_and_within_words_only_where_it_must(text, lines):
+    assert label_lines(text, preset("piacenza2017-pair"))[0] == lines
