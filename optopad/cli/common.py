@@ -115,7 +115,7 @@ def parsed_press(text: str) -> tuple[float, float, float]:
 
 
 def require_folder(folder: Path) -> None:
-    """Refuse, before long work, a folder that cannot be made or written at its end; nothing is made here.
+    """Refuse, before long work, a folder that cannot be made or written at its end; nothing is left here.
 
     Raises
     ------
@@ -126,8 +126,19 @@ def require_folder(folder: Path) -> None:
     place = folder.absolute()
     while not place.exists() and place != place.parent:
         place = place.parent
-    if not place.is_dir() or not os.access(place, os.W_OK):
+    if not _takes_a_folder(place):
         raise OutputError(f"--out: {folder} cannot be made: {place} is no folder to write in; choose another")
+
+
+def _takes_a_folder(place: Path) -> bool:
+    """Whether one can be made there, by trial: /proc says yes to an administrator and takes none."""
+    import tempfile
+
+    try:
+        os.rmdir(tempfile.mkdtemp(prefix=".optopad-", dir=place))
+    except OSError:
+        return False
+    return True
 
 
 def print_json(document: dict[str, Any]) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from optopad.cli.common import require_folder
 from optopad.cli.main import BAD_INPUT, main
 from tests.design.bad_designs import BAD_DESIGNS, FILE_NAME, BadDesign, design_text, put
 from tests.design.test_bad_input import JARGON
@@ -118,6 +119,22 @@ def test_a_folder_that_cannot_be_made_is_refused_before_the_work(
     out, err = refused([verb, "piacenza2017-pair", "--out", "taken"], capsys)
     assert (out, "cannot be made" in err) == ("", True)
     assert "light" not in err  # no stage of the work began
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs Linux's /proc")
+@pytest.mark.parametrize("verb", ["predict", "rays"])
+def test_a_folder_that_only_seems_writable_is_refused_before_the_work(
+    folder: Path, capsys: pytest.CaptureFixture[str], verb: str
+) -> None:
+    out, err = refused([verb, "piacenza2017-pair", "--out", "/proc/nope"], capsys)
+    assert out == ""
+    assert err.startswith("optopad: --out: /proc/nope cannot be made: /proc is no folder to write in")
+
+
+def test_the_trial_of_a_folder_leaves_nothing(folder: Path) -> None:
+    require_folder(folder / "new" / "deep")
+    require_folder(folder)
+    assert everything_under(folder) == []
 
 
 def test_a_recording_of_no_time_is_refused(
