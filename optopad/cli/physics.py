@@ -24,6 +24,8 @@ from optopad.cli.common import (
 )
 from optopad.cli.progress import progress
 
+DEFAULT_ORACLE_RAYS = 1_000_000
+
 
 def register(app: typer.Typer) -> None:
     """Add this group's verbs."""
@@ -92,8 +94,11 @@ def simulate(
         bool, typer.Option("--oracle", help="Also trace with the plain ray tracer and compare.")
     ] = False,
     rays: Annotated[
-        int, typer.Option(min=1000, help="Rays per emitter and state of the ray tracer.")
-    ] = 1_000_000,
+        int | None,
+        typer.Option(
+            min=1000, help="Rays per emitter and state of --oracle's ray tracer (1000000 if left out)."
+        ),
+    ] = None,
     protocol: Annotated[
         str | None,
         typer.Option(
@@ -113,23 +118,31 @@ def simulate(
     """Light of chosen presses, path classes apart, or the data set of a press protocol; netCDF into the bundle."""
     read = read_design(design, set_)
     if protocol is not None:
-        _refuse_beside_protocol(press=press, oracle=oracle)
+        _refuse_beside_protocol(press=press, oracle=oracle, rays=rays)
         _simulate_protocol(read, protocol, fit=fit, out=out, seed=seed, as_json=as_json)
         return
     if fit:
         raise InputError("--fit: needs --protocol, whose depths it fits; drop it")
+    oracle_rays = _oracle_rays(oracle, rays)
     from optopad.pipeline import write_signals
 
     presses = [parsed_press(text) for text in press or []]
     with progress(quiet=as_json) as step:
-        summary, folder = write_signals(
-            read, presses, out, oracle_rays=rays if oracle else None, seed=seed, on_step=step
-        )
+        summary, folder = write_signals(read, presses, out, oracle_rays=oracle_rays, seed=seed, on_step=step)
     if as_json:
         print_json(summary)
     else:
         _say_signals(summary)
         say(f"files     {folder}")
+
+
+def _oracle_rays(oracle: bool, rays: int | None) -> int | None:
+    """Rays of the ray tracer; None without ``--oracle``."""
+    if not oracle:
+        if rays is not None:
+            raise InputError(f"--rays: {rays} needs --oracle, which traces them; add it, or drop --rays")
+        return None
+    return DEFAULT_ORACLE_RAYS if rays is None else rays
 
 
 def _refuse_beside_protocol(**given: Any) -> None:

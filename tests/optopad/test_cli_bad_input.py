@@ -99,6 +99,11 @@ def test_a_bad_change_is_refused_with_its_path(
             ["score", "piacenza2017-pair", "--set", "tolerances={'emitters.hight_mm'=0.1}"],
             "emitters.height_mm",
         ),
+        (["simulate", "piacenza2017-pair", "--rays", "2000"], "--rays: 2000 needs --oracle"),
+        (
+            ["simulate", "piacenza2017-pair", "--protocol", "piacenza2017-quick", "--rays", "2000"],
+            "--rays: does not go with --protocol",
+        ),
     ],
 )
 def test_a_slip_on_the_command_line_is_refused_before_any_work(
