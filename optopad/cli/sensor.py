@@ -84,12 +84,20 @@ def read(
         ),
     ] = None,
     drift_time: Annotated[
-        float,
-        typer.Option("--drift-time", metavar="S", min=0.1, help="With --model: time constant of drift."),
-    ] = 10.0,
+        float | None,
+        typer.Option(
+            "--drift-time",
+            metavar="S",
+            min=0.1,
+            help="With --model: time constant of drift (10 if left out).",
+        ),
+    ] = None,
     guard: Annotated[
-        float, typer.Option("--guard", metavar="S", min=0.0, help="With --model: no drift so near a touch.")
-    ] = 0.5,
+        float | None,
+        typer.Option(
+            "--guard", metavar="S", min=0.0, help="With --model: no drift so near a touch (0.5 if left out)."
+        ),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="Write the JSON lines into a new file.")
     ] = None,
@@ -100,6 +108,7 @@ def read(
     ] = False,
 ) -> None:
     """Show the sensor live: its signals, or touches by a model. Leave the pad alone for the first half second."""
+    _refuse_without_model(model, drift_time=drift_time, guard=guard)
     from optopad.driver_source import driver_source
     from optopad.driver_view import link_line
 
@@ -113,9 +122,7 @@ def read(
             if trained is None:
                 _show(sensor, frames, seconds, write)
             else:
-                from fabrication.driver.touch_reader import TouchReader
-
-                reader = TouchReader(sensor, trained, time_constant_s=drift_time, guard_s=guard)
+                reader = _touch_reader(sensor, trained, drift_time, guard)
                 _show_touch(reader, frames, seconds, write)
         if not as_json:
             say(link_line(sensor))
@@ -238,6 +245,29 @@ def _sensor(
 
     baseline_s = 0.0 if has_model else BASELINE_S
     return Sensor(source.config, port, rate_hz=rate, accept_digest=accept_digest, baseline_s=baseline_s)
+
+
+def _refuse_without_model(model: Path | None, **given: float | None) -> None:
+    for name, value in given.items():
+        if model is None and value is not None:
+            option = name.replace("_", "-")
+            raise InputError(
+                f"--{option}: {value:g} needs --model, whose drift it is for; add it, or drop --{option}"
+            )
+
+
+def _touch_reader(
+    sensor: Sensor, model: TouchModel, drift_time: float | None, guard: float | None
+) -> TouchReader:
+    from fabrication.driver.drift import GUARD_S, TIME_CONSTANT_S
+    from fabrication.driver.touch_reader import TouchReader
+
+    return TouchReader(
+        sensor,
+        model,
+        time_constant_s=TIME_CONSTANT_S if drift_time is None else drift_time,
+        guard_s=GUARD_S if guard is None else guard,
+    )
 
 
 def _model(file: Path, source: DriverSource) -> TouchModel:

@@ -104,6 +104,8 @@ def test_a_bad_change_is_refused_with_its_path(
             ["simulate", "piacenza2017-pair", "--protocol", "piacenza2017-quick", "--rays", "2000"],
             "--rays: does not go with --protocol",
         ),
+        (["driver", "read", "piacenza2017-pair", "--drift-time", "5"], "--drift-time: 5 needs --model"),
+        (["driver", "read", "piacenza2017-pair", "--guard", "0"], "--guard: 0 needs --model"),
     ],
 )
 def test_a_slip_on_the_command_line_is_refused_before_any_work(
