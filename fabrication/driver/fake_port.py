@@ -105,14 +105,14 @@ class PtyWire:
             return b""
 
     def close(self) -> None:
-        """Unplug."""
-        os.close(self._master)
+        """Unplug; the link goes first, for the system may give the port's name to the next board at once."""
         if (
             self._link is not None
             and self._link.is_symlink()
             and os.readlink(self._link) == self._system_name
         ):
             self._link.unlink()
+        os.close(self._master)
 
 
 class SocketWire:

@@ -358,3 +358,30 @@ def test_a_living_board_s_name_is_not_taken_and_a_dead_one_s_is(tmp_path: Path) 
     link.symlink_to(tmp_path / "gone")
     with FakePort(board(), PtyWire(link)):
         assert link.exists()
+
+
+@needs_pty
+def test_a_link_is_gone_before_its_port_s_name_is_free(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    link, close, seen = tmp_path / "pad", os.close, []
+
+    def watched(descriptor: int) -> None:
+        seen.append(link.is_symlink())
+        close(descriptor)
+
+    wire = PtyWire(link)
+    monkeypatch.setattr(os, "close", watched)
+    wire.close()
+    assert seen == [False]
+
+
+@needs_pty
+def test_a_link_that_leads_to_another_board_by_now_stays(tmp_path: Path) -> None:
+    link, other = tmp_path / "pad", PtyWire()
+    wire = PtyWire(link)
+    link.unlink()
+    link.symlink_to(other.name)
+    wire.close()
+    assert str(link.readlink()) == other.name
+    other.close()
