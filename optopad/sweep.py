@@ -65,7 +65,7 @@ def run_sweep(
 
     Parameters
     ----------
-    build : make the whole bundle of every value, its mold embossed with the value
+    build : make the whole bundle of every value, its mold engraved with the value
 
     Raises
     ------
@@ -99,7 +99,7 @@ def marked(design: SensorDesign, value: Any) -> SensorDesign:
 
     Raises
     ------
-    DesignError : the value is too long to be embossed legibly.
+    DesignError : the value is too long to be engraved legibly.
     """
     text = f"{value:g}" if isinstance(value, float) else str(value)
     slug = re.sub(r"[^A-Za-z0-9._-]+", "-", text)

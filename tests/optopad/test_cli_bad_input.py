@@ -99,6 +99,7 @@ def test_a_bad_change_is_refused_with_its_path(
             ["score", "piacenza2017-pair", "--set", "tolerances={'emitters.hight_mm'=0.1}"],
             "emitters.height_mm",
         ),
+        (["new", "x.toml", "--preset", "foo"], "'foo' is no preset. There are: piacenza2017-pad"),
         (["simulate", "piacenza2017-pair", "--rays", "2000"], "--rays: 2000 needs --oracle"),
         (
             ["simulate", "piacenza2017-pair", "--protocol", "piacenza2017-quick", "--rays", "2000"],

@@ -201,3 +201,13 @@ def test_a_useless_number_of_builds_is_refused_before_anything_is_computed(folde
     assert main(["score", "piacenza2017-pair", *options]) == 2
     assert words in capsys.readouterr().err
     assert list(folder.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("verb", "words"), [("train", "`all` of these; or signal-map"), ("sweep", "engraved with the value")]
+)
+def test_the_help_names_what_is_accepted_and_made(
+    capsys: pytest.CaptureFixture[str], verb: str, words: str
+) -> None:
+    assert main([verb, "--help"]) == 0
+    assert words in " ".join(capsys.readouterr().out.split())
