@@ -234,15 +234,25 @@ class FakePort:
             self._wire.close()
 
 
-def _point(link: Path, target: str) -> None:
-    """Make a symbolic link, in place of one that leads nowhere any more only."""
+def require_free(link: Path, option: str = "--link") -> None:
+    """Refuse a name that leads somewhere; one of a board that is gone is free.
+
+    Raises
+    ------
+    InputError : a file, or another board's link.
+    """
     if link.exists() and not link.is_symlink():
-        raise InputError(f"--link {link}: exists and is no link; choose another name")
+        raise InputError(f"{option} {link}: exists and is no link; choose another name")
     if link.exists():
         raise InputError(
-            f"--link {link}: leads to {os.readlink(link)}, another simulated board by all appearances; end that one, "
-            "choose another name, or remove the link if there is none"
+            f"{option} {link}: leads to {os.readlink(link)}, another simulated board by all appearances; end that "
+            "one, choose another name, or remove the link if there is none"
         )
+
+
+def _point(link: Path, target: str) -> None:
+    """Make a symbolic link, in place of one that leads nowhere any more only."""
+    require_free(link)
     link.unlink(missing_ok=True)
     try:
         link.symlink_to(target)

@@ -16,7 +16,7 @@ from optopad.cli.sensor import BundlesOption, ConfigArgument, SecondsOption
 
 if TYPE_CHECKING:
     from fabrication.driver.fake_board import FakeBoard
-    from fabrication.driver.fake_port import Wire
+    from fabrication.driver.fake_port import FakePort, Wire
     from fabrication.driver.finger import Finger, FingerPath
     from fabrication.driver.press_table import PressTable
     from fabrication.driver_file import DriverConfig
@@ -69,13 +69,13 @@ def fake(
 ) -> None:
     """A simulated board on a port, fed by the simulation, with a finger that moves. Ctrl-C ends it."""
     from fabrication.driver.fake_board import FakeBoard
-    from fabrication.driver.fake_port import FakePort, new_wire
     from fabrication.driver.faults import faults_of
     from fabrication.stage.fake_printer import TipFinger
     from optopad.driver_source import driver_source, press_table
 
     if out is not None:
         checked_out(out, ".csv", config, path)
+    _require_free_names(link, stage_link)
     source = driver_source(config, set_, bundles)
     faults = faults_of(source.config, fault or [])
     with progress(quiet=as_json) as step:
@@ -83,8 +83,7 @@ def fake(
     printer = None if stage_link is None else _printer(said, table, path, out, still)
     finger: Finger = TipFinger(printer) if printer else _path(said, table, path, still, out)
     board = FakeBoard(said, table, finger, faults=faults, seed=seed)
-    wire = new_wire(use_socket=socket, link=link)
-    stage = None if printer is None else FakePort(printer, new_wire(link=stage_link))
+    wire, stage = _ports(printer, use_socket=socket, link=link, stage_link=stage_link)
     if as_json:
         document = {"port": wire.name, "design": said.design, "digest": said.digest, "faults": fault or []}
         print_json(document | ({} if stage is None else {"stage_port": stage.name}))
@@ -95,6 +94,36 @@ def fake(
         say(f"try       optopad driver read {config} --port {wire.name}")
     with stage or nullcontext():
         _serve(board, wire, seconds)
+
+
+def _require_free_names(link: Path | None, stage_link: Path | None) -> None:
+    """Refuse, before the light is simulated, a port's name that is another's."""
+    from design.errors import InputError
+    from fabrication.driver.fake_port import require_free
+
+    if link is not None:
+        require_free(link)
+    if stage_link is not None:
+        require_free(stage_link, "--stage-link")
+    if link is not None and stage_link is not None and link.absolute() == stage_link.absolute():
+        raise InputError(
+            f"--stage-link {stage_link}: is the board's --link, too; choose another name for one"
+        )
+
+
+def _ports(
+    printer: FakePrinter | None, *, use_socket: bool, link: Path | None, stage_link: Path | None
+) -> tuple[Wire, FakePort | None]:
+    """The board's line and the printer's port; a name that is refused leaves no link of the other."""
+    from design.errors import InputError
+    from fabrication.driver.fake_port import FakePort, new_wire
+
+    wire = new_wire(use_socket=use_socket, link=link)
+    try:
+        return wire, None if printer is None else FakePort(printer, new_wire(link=stage_link))
+    except InputError:
+        wire.close()
+        raise
 
 
 def _printer(

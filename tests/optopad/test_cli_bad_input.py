@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 
+from fabrication.driver.fake_port import PtyWire
 from optopad.cli.common import require_folder
 from optopad.cli.main import BAD_INPUT, main
 from tests.design.bad_designs import BAD_DESIGNS, FILE_NAME, BadDesign, design_text, put
 from tests.design.test_bad_input import JARGON
+
+needs_pty = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals")
 
 
 @pytest.fixture
@@ -178,3 +182,37 @@ def test_no_command_writes_over_what_it_reads_or_a_file_of_another_kind(
     assert out == ""
     assert words in err
     assert {file.read_text(encoding="utf-8") for file in folder.iterdir()} == {design_text()}
+
+
+@needs_pty
+@pytest.mark.parametrize("option", ["--link", "--stage-link"])
+def test_a_living_board_s_name_is_refused_before_the_work(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], option: str
+) -> None:
+    monkeypatch.chdir(folder)
+    other = PtyWire(Path("taken"))
+    out, err = refused(["driver", "fake", "piacenza2017-pair", option, "taken", "--seconds", "0.1"], capsys)
+    assert out == ""
+    assert err.startswith(f"optopad: {option} taken: leads to ")  # no stage of the work began
+    assert Path("taken").is_symlink()
+    other.close()
+    assert everything_under(folder) == []
+
+
+@needs_pty
+@pytest.mark.parametrize(
+    ("stage_link", "words"),
+    [("pad", "is the board's --link, too"), ("nowhere/stage", "cannot be made")],
+)
+def test_a_printer_s_name_that_is_refused_leaves_no_link_of_the_board(
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    stage_link: str,
+    words: str,
+) -> None:
+    monkeypatch.chdir(folder)
+    names = ["--link", "pad", "--stage-link", stage_link]
+    _, err = refused(["driver", "fake", "piacenza2017-pair", *names, "--seconds", "0.1"], capsys)
+    assert words in err
+    assert everything_under(folder) == []
