@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import csv
 import re
+from collections.abc import Container
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -101,10 +102,10 @@ def _read_netcdf(file: Path) -> Recording:
     if OFF in states:
         counts = counts - counts[:, [states.index(OFF)], :]
         notes = ("readings of the off state were subtracted",)
-    has_place = "press_x" in dataset.variables and "press_y" in dataset.variables
+    has_place = _has_place(file, dataset.variables, "press_x", "press_y")
     return Recording(
         file=file,
-        design_digest=dataset.attrs.get("design_digest"),
+        design_digest=_checked_digest(file, dataset.attrs.get("design_digest")),
         depth_mm=dataset["press_depth"].values.astype(np.float64),
         place_mm=np.stack([dataset["press_x"].values, dataset["press_y"].values], axis=1).astype(np.float64)
         if has_place
@@ -143,13 +144,11 @@ def _read_csv(file: Path) -> Recording:
         for place, name in enumerate(heading)
         if name in (*signals, "depth_mm", "x_mm", "y_mm")
     }
-    has_place = "x_mm" in columns
-    if has_place != ("y_mm" in columns):
-        one, other = ("x_mm", "y_mm") if has_place else ("y_mm", "x_mm")
-        raise InputError(f"{file}: has {one} without {other}; give both columns, or neither and --at X,Y")
+    has_place = _has_place(file, columns, "x_mm", "y_mm")
+    stated = next((m[1] for line in said if (m := re.search(r"design_digest:\s*(.*)", line))), None)
     return Recording(
         file=file,
-        design_digest=_said_digest(file, said),
+        design_digest=_checked_digest(file, stated),
         depth_mm=columns["depth_mm"],
         place_mm=np.stack([columns["x_mm"], columns["y_mm"]], axis=1) if has_place else None,
         counts={name: columns[name] for name in signals},
@@ -157,15 +156,25 @@ def _read_csv(file: Path) -> Recording:
     )
 
 
-def _said_digest(file: Path, said: list[str]) -> str | None:
-    """The digest, or its first digits, that the lines before the heading state; None where they state none."""
-    stated = next((m[1] for line in said if (m := re.search(r"design_digest:\s*(.*)", line))), "").strip()
-    if stated and not DIGEST.fullmatch(stated.lower()):
+def _checked_digest(file: Path, stated: object) -> str | None:
+    """A stated digest of the design, or its first digits, in small letters; None where none is stated."""
+    if stated is None:
+        return None
+    digest = str(stated).strip().lower()
+    if not DIGEST.fullmatch(digest):
         raise InputError(
             f"{file}: design_digest: {stated!r} is no digest of a design; needs its 64 hexadecimal digits, or the "
-            "first 8 and more, as `optopad check` prints them with --json"
+            "first 8 and more, as `optopad check` prints them with --json; or leave it out"
         )
-    return stated.lower() or None
+    return digest
+
+
+def _has_place(file: Path, names: Container[Any], x: str, y: str) -> bool:
+    """Whether both coordinates of the press are there; one alone is refused."""
+    if (x in names) != (y in names):
+        one, other = (x, y) if x in names else (y, x)
+        raise InputError(f"{file}: has {one} without {other}; give both, or neither and --at X,Y")
+    return x in names
 
 
 def _number(file: Path, number: int, name: str, row: list[str], place: int) -> float:

@@ -133,6 +133,20 @@ def test_depths_in_another_unit_are_not_compared_at_the_surface_alone(simulated,
         recorded_press(PAIR, read_recording(csv_of(tmp_path, columns)))
 
 
+@pytest.mark.parametrize(
+    ("digest", "words"), [("", "is no digest"), (7, "is no digest"), ("0" * 8, "another design")]
+)
+def test_a_netcdf_s_digest_is_held_to_the_same(simulated, tmp_path, digest, words):
+    """An empty one begins every digest."""
+    with pytest.raises(InputError, match=words):
+        recorded_press(PAIR, read_recording(netcdf_of(tmp_path, digest=digest)))
+
+
+def test_a_netcdf_with_half_a_place_is_refused(tmp_path):
+    with pytest.raises(InputError, match="press_x without press_y"):
+        read_recording(netcdf_of(tmp_path, drop=("press_y",)))
+
+
 def test_several_places_need_one_that_is_named(simulated, tmp_path):
     twice = np.concatenate([DEPTH_MM, DEPTH_MM])
     x_mm = np.repeat([10.0, 12.0], len(DEPTH_MM))
