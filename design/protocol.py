@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
 
-from design.base import Model
+from design.base import NAME_PATTERN, Model
 from design.cavity import Workspace, workspace_of
 from design.errors import DesignError, InputError, ModelScopeError
 from design.io import read_toml
@@ -70,7 +70,7 @@ class DepthSegment(Model):
 class PressSet(Model):
     """One session: a grid, or random places; ambient light or dark; to train on or to test on."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,62}$")]
+    name: Annotated[str, Field(pattern=NAME_PATTERN)]
     role: Literal["train", "test"]
     is_ambient: bool
     grid_mm: Annotated[float | None, Field(gt=0.0, le=200.0, description="spacing of a grid")] = None
@@ -107,7 +107,7 @@ def _require_apart(sets: tuple[PressSet, ...]) -> None:
 class PressProtocol(Model):
     """A whole collection of data."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,62}$")]
+    name: Annotated[str, Field(pattern=NAME_PATTERN)]
     description: str = ""
     approach: Annotated[tuple[DepthSegment, ...], Field(min_length=1, max_length=64)]
     retract: Annotated[

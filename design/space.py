@@ -38,7 +38,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from design.base import Model
+from design.base import NAME_PATTERN, Model
 from design.errors import DesignError
 from design.figures import FIGURES, NO_OBJECTIVE_ALONE, Direction
 from design.io import load_design, read_toml
@@ -164,7 +164,7 @@ class SearchSettings(Model):
 class SearchSpace(Model):
     """A whole search, its base design included."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,62}$")]
+    name: Annotated[str, Field(pattern=NAME_PATTERN)]
     description: str = ""
     base: SensorDesign
     fields: Annotated[tuple[SpaceField, ...], Field(min_length=1, max_length=64)]

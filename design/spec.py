@@ -20,7 +20,7 @@ from pydantic import (
 )
 
 from design import paths
-from design.base import Model, PartId, without_defaults
+from design.base import NAME_PATTERN, Model, PartId, without_defaults
 from design.catalog import CatalogEntries
 from design.errors import DesignError
 from design.layout import Pattern
@@ -33,7 +33,7 @@ SCHEMA_VERSION = 1
 Ohm = Annotated[float, Field(ge=100.0, le=1e10)]
 """Resistance of an amplifier's feedback."""
 
-DesignName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,62}$")]
+DesignName = Annotated[str, Field(pattern=NAME_PATTERN)]
 
 
 class Cavity(Model):

@@ -48,7 +48,8 @@ def design_error(err: ValidationError, where: str) -> DesignError:
     where : file or design that was being read
     """
     details = err.errors(include_url=False)
-    lines = list(dict.fromkeys(_finding(detail) for detail in details if not _is_echo(detail)))
+    meant = [detail for detail in _of_the_branch_meant(details) if not _is_echo(detail)]
+    lines = list(dict.fromkeys(_finding(detail) for detail in meant))
     shown = lines[:LISTED_FINDINGS]
     if len(lines) > len(shown):
         shown.append(f"... and {len(lines) - len(shown)} more")
@@ -59,6 +60,25 @@ def field_path(detail: ErrorDetails) -> str:
     """Dotted path of a finding, without pydantic's own union and type markers."""
     keys = [str(key) for key in detail["loc"] if isinstance(key, int) or not _is_marker(str(key))]
     return ".".join(keys) or "the file"
+
+
+def _of_the_branch_meant(details: list[ErrorDetails]) -> list[ErrorDetails]:
+    """Where a field takes a value or a list, pydantic finds fault with both: what was given says which was meant."""
+    takes_a_list = {detail["loc"][:at] for detail in details if (at := _list_branch(detail)) is not None}
+    takes_a_value = {detail["loc"][:-1] for detail in details if _list_branch(detail) is None}
+
+    def is_meant(detail: ErrorDetails) -> bool:
+        at = _list_branch(detail)
+        if at is None:
+            return detail["loc"][:-1] not in takes_a_list or not isinstance(detail["input"], list | tuple)
+        return detail["type"] != "tuple_type" or detail["loc"][:at] not in takes_a_value
+
+    return [detail for detail in details if is_meant(detail)]
+
+
+def _list_branch(detail: ErrorDetails) -> int | None:
+    """Where a finding's path goes into the list of a field that also takes a single value."""
+    return next((at for at, key in enumerate(detail["loc"]) if str(key).startswith("tuple[")), None)
 
 
 def _is_echo(detail: ErrorDetails) -> bool:

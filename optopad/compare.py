@@ -74,10 +74,15 @@ def changes_of(designs: Sequence[SensorDesign]) -> tuple[Change, ...]:
     own = ("name", "description")
     ordered = sorted(known, key=lambda path: path in own)
     changes = (
-        Change(path=path, values=tuple(document.get(path, ABSENT) for document in documents))
+        Change(path=path, values=tuple(_given(document.get(path)) for document in documents))
         for path in ordered
     )
     return tuple(one for one in changes if any(value != one.values[0] for value in one.values))
+
+
+def _given(value: object) -> object:
+    """A field that a design's table has without a value says the same as a table that is not there."""
+    return ABSENT if value is None else value
 
 
 def measures_of(

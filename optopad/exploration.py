@@ -59,8 +59,11 @@ def search(
     ------
     InputError, DesignError, OutputError : nothing that was judged is lost.
     """
-    from sims.objective import judge
+    from design.cavity import cavity_of
+    from sims.objective import judge, price_of
 
+    if any(objective.figure == "cost" for objective in space.objectives):
+        price_of(cavity_of(space.base))  # refuses before the folder is made
     folder = search_folder(space, out)
     _make(folder)
     url = storage or f"sqlite:///{(folder / 'study.db').absolute()}"

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from design.errors import InputError
 from design.load_protocol import LoadProtocol, load_protocol
 from design.properties import modulus
 from design.quantity import Quantity
@@ -23,6 +24,7 @@ from sims.contact.indentation import indent, solved_press
 from sims.contact.load_protocol import LoadHistory, load_history
 from sims.contact.press_notes import contact_notes
 from sims.contact.pressure import ContactPressure, contact_pressure
+from sims.contact.scope import require_depth
 from sims.contact.tip import tip_of
 from sims.contact.viscoelastic import solid_of
 from sims.depths import depth_schedule_mm
@@ -104,7 +106,7 @@ def view_press(
 
     Parameters
     ----------
-    depth_mm : the press to look at [mm]; 0 or less: the untouched pad
+    depth_mm : the press to look at [mm]; 0: the untouched pad
     protocol : name of a load protocol, or None
     on_step : called with the fraction of the contact solution that is done
 
@@ -113,7 +115,14 @@ def view_press(
     InputError, ModelScopeError : a depth or a protocol that is refused
     """
     driven = None if protocol is None else load_protocol(protocol)
-    press = indent(design, depth_mm) if depth_mm <= 0.0 else None  # refuses what is no number
+    if depth_mm < 0.0:
+        raise InputError(
+            f"--depth: {depth_mm:g} mm is refused: it counts from the untouched surface down; give 0 or more"
+        )
+    require_depth(design, depth_mm, "--depth")
+    if driven is not None:
+        require_depth(design, driven.deepest_mm.value, f"--protocol {protocol}")
+    press = indent(design, 0.0) if depth_mm == 0.0 else None
     deepest = max(depth_mm, design.operating.max_depth_mm, driven.deepest_mm.value if driven else 0.0)
     solved = solved_press(design, deepest, on_step=on_step)
     young, force = modulus(design), force_curve(design, solved, depth_schedule_mm(deepest))

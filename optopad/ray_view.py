@@ -18,7 +18,7 @@ from design.pairs import chord_midpoint_mm
 from design.rules import require_valid
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
-from optopad.signals import require_in_workspace
+from optopad.signals import require_presses
 from sims.contact.indentation import solved_press
 from sims.light_kinds import KINDS, LOST, kind_of
 from sims.optics.paths import LightPath
@@ -119,7 +119,7 @@ def view_rays(design: SensorDesign, request: RayRequest, out: Path, *, seed: int
         presses, why = _telling_presses(
             design, request.pair, out / bundle_name(design) / "sims" / "score.json"
         )
-    require_in_workspace(np.array(presses), cavity)
+    require_presses(design, np.array(presses))
     presses = tuple(press for press in presses if press[2] > 0.0)
     if presses:
         deepest = max(design.operating.max_depth_mm, *(press[2] for press in presses))

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.cavity import CavityGeometry, cavity_of
-from design.errors import ModelScopeError
+from design.errors import InputError, ModelScopeError
 from design.pairs import direct_path_pairs
 from design.spec import SensorDesign
 from sims.contact.indentation import solved_press
+from sims.contact.scope import require_depth
 from sims.depths import depth_schedule_mm
 from sims.optics.light_signals import LightSignals
 from sims.optics.tracing import trace
@@ -44,7 +45,7 @@ def simulated(
     """
     cavity = cavity_of(design)
     states = np.array(presses) if presses else _default_presses(design, cavity, oracle_rays is not None)
-    require_in_workspace(states, cavity)
+    require_presses(design, states)
     deepest_mm = max(design.operating.max_depth_mm, float(states[:, 2].max()))  # what the trace asks for, too
     solved_press(design, max_depth_mm=deepest_mm, on_step=lambda s: on_step("contact", s))
     light = trace(design, states, seed=seed, on_step=lambda done, total: on_step("light", done / total))
@@ -63,13 +64,18 @@ def simulated(
     }
 
 
-def require_in_workspace(states: FloatArray, cavity: CavityGeometry) -> None:
-    """Refuse presses outside the workspace.
+def require_presses(design: SensorDesign, states: FloatArray) -> None:
+    """Refuse presses outside the workspace, above the surface, or deeper than the contact model covers.
 
     states : (state, 3) x, y, depth [mm]
     """
-    space = cavity.workspace
-    for x_mm, y_mm, _ in states:
+    space = cavity_of(design).workspace
+    for x_mm, y_mm, depth_mm in states:
+        if depth_mm < 0.0:
+            raise InputError(
+                f"--press: depth {depth_mm:g} mm is refused: it counts from the untouched surface down; give 0 or more"
+            )
+        require_depth(design, float(depth_mm), "--press")
         if not space.contains(float(x_mm), float(y_mm)):
             raise ModelScopeError(
                 f"--press: ({x_mm:g}, {y_mm:g}) mm is outside the workspace, x {space.x0_mm:g} to {space.x1_mm:g} and "

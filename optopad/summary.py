@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from optopad.bound_lines import bound_lines
+from optopad.report.numbers import counted
 
 if TYPE_CHECKING:
     from sims.verdict.build_study import BuildStudy
@@ -25,13 +26,24 @@ def score_lines(score: ContinuityScore) -> list[str]:
     return lines + [f"warning   {text}" for text in score.warnings]
 
 
+def finding_line(finding: dict[str, Any]) -> str:
+    """A check of the mold that did not hold, with its note: the place, or what to do."""
+    unit = f" {finding['unit']}" if finding["unit"] else ""
+    held = f"{finding['value']:g}{unit} (limit {finding['limit']:g}{unit})"
+    return f"{finding['state']:<9} {finding['name']}: {held}" + (
+        f"; {finding['note']}" if finding["note"] else ""
+    )
+
+
 def checks_line(checks: dict[str, Any]) -> str:
     """The mold's checks in a line."""
-    wrong = [
-        finding for finding in checks.get("findings", []) if finding.get("state") in ("error", "warning")
-    ]
+    found = {
+        state: [one["name"] for one in checks.get("findings", []) if one.get("state") == state]
+        for state in ("error", "warning")
+    }
+    told = [f"{counted(len(names), state)} ({', '.join(names)})" for state, names in found.items() if names]
     state = "printable" if checks.get("ok") else "NOT printable"
-    return f"mold      {state}; {len(wrong)} findings, see cad/checks.json"
+    return f"mold      {state}; {', '.join(told) or 'no findings'}; see cad/checks.json"
 
 
 def _deadband_line(score: ContinuityScore) -> str:

@@ -58,7 +58,8 @@ def read_data(file: Path) -> PressData:
     InputError : no such file, another format, missing parts or states, readings that are no numbers.
     """
     if not file.is_file():
-        raise InputError(f"{file}: no such file; name a data set or a recording, .nc")
+        what = "a folder" if file.is_dir() else "no such file"
+        raise InputError(f"{file}: {what}; name a data set or a recording, .nc")
     if file.stat().st_size > MAX_BYTES:
         raise InputError(
             f"{file}: {file.stat().st_size / 1e6:.0f} MB, reads at most {MAX_BYTES / 1e6:.0f} MB; cut it"

@@ -172,7 +172,7 @@ class _Judging:
         self.figures["part_count"] = float(len(cavity.parts))
         self.figures["pad_height_mm"] = cavity.clear_mm + cavity.black_mm
         if "cost" in self.needed:
-            self.figures["cost"] = _cost(cavity)
+            self.figures["cost"] = price_of(cavity)
 
     def _untouched(self, cavity: CavityGeometry) -> Readout:
         presses = np.array([[cavity.length_mm / 2, cavity.width_mm / 2, 0.0]])
@@ -284,7 +284,7 @@ class _Judging:
         return depth_mm
 
 
-def _cost(cavity: CavityGeometry) -> float:
+def price_of(cavity: CavityGeometry) -> float:
     """Price of all emitters and receivers, in the one currency of the catalogue's prices.
 
     Raises
@@ -296,7 +296,7 @@ def _cost(cavity: CavityGeometry) -> float:
     if missing:
         raise DesignError(
             f"cost: the catalogue has no price for {', '.join(missing)}; give the part a cost in your own catalogue "
-            "(docs/own-parts.md), or leave cost out"
+            "(docs/own-parts.md, section A price), or leave cost out"
         )
     currencies = {cost.currency for cost in costs.values() if cost is not None}
     if len(currencies) > 1:

@@ -68,7 +68,8 @@ def read_recording(file: Path) -> Recording:
     InputError : no such file, another format, missing parts, or readings that are not numbers.
     """
     if not file.is_file():
-        raise InputError(f"{file}: no such file; name a recording, .nc or .csv")
+        what = "a folder" if file.is_dir() else "no such file"
+        raise InputError(f"{file}: {what}; name a recording, .nc or .csv")
     if file.stat().st_size > MAX_BYTES:
         raise InputError(
             f"{file}: {file.stat().st_size / 1e6:.0f} MB, reads at most {MAX_BYTES / 1e6:.0f} MB; cut it"

@@ -243,6 +243,10 @@ def require_free(link: Path, option: str = "--link") -> None:
     """
     if link.exists() and not link.is_symlink():
         raise InputError(f"{option} {link}: exists and is no link; choose another name")
+    if not link.absolute().parent.is_dir():
+        raise InputError(
+            f"{option} {link}: cannot be made: {link.absolute().parent} is no folder; choose another"
+        )
     if link.exists():
         raise InputError(
             f"{option} {link}: leads to {os.readlink(link)}, another simulated board by all appearances; end that "

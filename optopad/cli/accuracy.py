@@ -92,7 +92,6 @@ def predict(
 
     if quick and full:
         raise InputError("predict: --quick and --full contradict each other; give one of them")
-    require_folder(out)
     read = read_design(design, set_)
     from optopad.accuracy import accuracy_lines
     from optopad.prediction import FULL, QUICK, USUAL, predict

@@ -36,19 +36,29 @@ def new(
     as_json: JsonOption = False,
 ) -> None:
     """Write a commented design file to start from."""
+    import re
     import tomllib
 
+    from design.base import NAME_PATTERN
     from design.errors import InputError
     from design.io import write_text_atomically
     from design.preset import preset_text, renamed_text
     from design.spec import SensorDesign
 
+    if file.suffix != ".toml":
+        raise InputError(
+            f"{file}: a design file's name ends in .toml; say {file.with_name(file.name + '.toml')}"
+        )
+    if not re.fullmatch(NAME_PATTERN, file.stem):
+        plain = re.sub(r"[^A-Za-z0-9._-]+", "-", file.stem).strip("._-")[:63] or "my-pad"
+        raise InputError(
+            f"{file}: a design is named after its file, in plain letters, digits, dots, dashes and underscores, "
+            f"63 at most; say {file.with_name(plain + '.toml')}"
+        )
     if file.exists() and not force:
         raise InputError(f"{file}: exists already; choose another name, or --force to replace it")
     text = renamed_text(preset_text(preset), file.stem)
-    design = SensorDesign.from_document(
-        tomllib.loads(text), where=str(file)
-    )  # the stem must be a design name
+    design = SensorDesign.from_document(tomllib.loads(text), where=str(file))
     write_text_atomically(file, text)
     if as_json:
         print_json({"file": str(file), "preset": preset, "digest": design.digest})
@@ -120,6 +130,7 @@ def migrate(
         lifted = migrated(document)
         check_version(lifted, file)
         target = out or file.with_name(f"{file.stem}-migrated{file.suffix}")
+        checked_out(target, ".toml", file)
         write_text_atomically(target, tomlkit.dumps(without_empty(lifted)))
         message = f"{target} written: schema version {version} lifted to {SCHEMA_VERSION}"
     if as_json:

@@ -41,7 +41,7 @@ def build(
     """Mold and tools as STL, STEP and 3MF, with their checks."""
     from design.printer import bed_of
     from optopad.pipeline import write_parts
-    from optopad.summary import checks_line
+    from optopad.summary import checks_line, finding_line
 
     read, room = read_design(design, set_), None if bed is None else bed_of(bed)
     with progress(quiet=as_json) as step:
@@ -51,7 +51,7 @@ def build(
         return
     for finding in checks["findings"]:
         if finding["state"] != "ok":
-            say(f"{finding['state']:<9} {finding['name']}: {finding['value']} (limit {finding['limit']})")
+            say(finding_line(finding))
     for part, printed in checks.get("prints", {}).items():
         say(f"{part:<15} {printed['minutes']:6.0f} min {printed['filament_g']:7.2f} g")
     say(checks_line(checks))

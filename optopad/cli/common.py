@@ -17,6 +17,35 @@ from design.spec import SensorDesign
 LARGEST_SEED = 2**31 - 1
 """What every library below takes."""
 
+
+def require_folder(folder: Path) -> Path:
+    """The folder, if it can be made and written when the work is done; nothing is left here.
+
+    Raises
+    ------
+    OutputError : where it would lie is no folder, or may not be written.
+    """
+    from design.errors import OutputError
+
+    place = folder.absolute()
+    while not place.exists() and place != place.parent:
+        place = place.parent
+    if not _takes_a_folder(place):
+        raise OutputError(f"--out: {folder} cannot be made: {place} is no folder to write in; choose another")
+    return folder
+
+
+def _takes_a_folder(place: Path) -> bool:
+    """Whether one can be made there, by trial: /proc says yes to an administrator and takes none."""
+    import tempfile
+
+    try:
+        os.rmdir(tempfile.mkdtemp(prefix=".optopad-", dir=place))
+    except OSError:
+        return False
+    return True
+
+
 DesignArgument = Annotated[
     str, typer.Argument(metavar="DESIGN", help="Design file (.toml), bundle folder, or the name of a preset.")
 ]
@@ -26,7 +55,10 @@ SetOption = Annotated[
         "--set", metavar="PATH=VALUE", help="Change a field, as cavity.clear_thickness_mm=10. Repeatable."
     ),
 ]
-OutOption = Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Folder that holds the bundles.")]
+OutOption = Annotated[
+    Path,
+    typer.Option("--out", metavar="FOLDER", help="Folder that holds the bundles.", callback=require_folder),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output, nothing else.")]
 SeedOption = Annotated[
     int, typer.Option("--seed", min=0, max=LARGEST_SEED, help="Seed of every random stream.")
@@ -112,33 +144,6 @@ def parsed_press(text: str) -> tuple[float, float, float]:
     if not all(math.isfinite(number) for number in (x_mm, y_mm, depth_mm)):
         raise InputError(f"--press: {text!r} is refused: needs three finite numbers of millimetres")
     return x_mm, y_mm, depth_mm
-
-
-def require_folder(folder: Path) -> None:
-    """Refuse, before long work, a folder that cannot be made or written at its end; nothing is left here.
-
-    Raises
-    ------
-    OutputError : where it would lie is no folder, or may not be written.
-    """
-    from design.errors import OutputError
-
-    place = folder.absolute()
-    while not place.exists() and place != place.parent:
-        place = place.parent
-    if not _takes_a_folder(place):
-        raise OutputError(f"--out: {folder} cannot be made: {place} is no folder to write in; choose another")
-
-
-def _takes_a_folder(place: Path) -> bool:
-    """Whether one can be made there, by trial: /proc says yes to an administrator and takes none."""
-    import tempfile
-
-    try:
-        os.rmdir(tempfile.mkdtemp(prefix=".optopad-", dir=place))
-    except OSError:
-        return False
-    return True
 
 
 def print_json(document: dict[str, Any]) -> None:

@@ -16,7 +16,6 @@ from optopad.cli.common import (
     parsed_press,
     print_json,
     read_design,
-    require_folder,
     say,
 )
 from optopad.cli.progress import progress
@@ -58,7 +57,6 @@ def rays(
 ) -> None:
     """Sample paths of light, untouched and pressed: mode 1, mode 2, scattered, lost; pictures into the bundle."""
     presses = tuple(parsed_press(text) for text in press or [])
-    require_folder(out)
     read = read_design(design, set_)
 
     from design.cavity import cavity_of

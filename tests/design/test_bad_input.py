@@ -55,6 +55,27 @@ def test_all_faults_of_a_file_are_named_at_once(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    ("given", "refusal"),
+    [
+        ('"x"', "layout.0.parts_per_side: 'x' is refused: must be a whole number"),
+        ("2.5", "layout.0.parts_per_side: 2.5 is refused: must be a whole number"),
+        ("0", "layout.0.parts_per_side: 0 is refused: must be at least 1"),
+        ("[2, 2, 2, -4]", "layout.0.parts_per_side.3: -4 is refused: must be at least 0"),
+        ("[2, 2, 2]", "layout.0.parts_per_side.3: is missing; add it"),
+    ],
+)
+def test_a_field_that_takes_a_value_or_a_list_is_refused_as_what_was_given(
+    tmp_path: Path, given: str, refusal: str
+) -> None:
+    text = design_text(layout=f'[[layout]]\npattern = "alternating_ring"\nparts_per_side = {given}\n')
+    (tmp_path / FILE_NAME).write_text(text, encoding="utf-8")
+    with pytest.raises(DesignError) as caught:
+        load_design(tmp_path / FILE_NAME)
+    _, line = str(caught.value).splitlines()
+    assert line.strip().startswith(refusal)
+
+
 def test_a_long_list_of_faults_is_cut_and_counted(tmp_path: Path) -> None:
     layout = '[[layout]]\npattern = "facing_rows"\ncount = -1\n' * 30
     (tmp_path / FILE_NAME).write_text(design_text(layout=layout), encoding="utf-8")

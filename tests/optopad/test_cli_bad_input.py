@@ -13,6 +13,7 @@ from optopad.cli.main import BAD_INPUT, main
 from tests.design.bad_designs import BAD_DESIGNS, FILE_NAME, BadDesign, design_text, put
 from tests.design.test_bad_input import JARGON
 
+WRITERS = ("run", "build", "score", "simulate", "predict", "rays")
 needs_pty = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals")
 
 
@@ -111,6 +112,10 @@ def test_a_bad_change_is_refused_with_its_path(
         ),
         (["driver", "read", "piacenza2017-pair", "--drift-time", "5"], "--drift-time: 5 needs --model"),
         (["driver", "read", "piacenza2017-pair", "--guard", "0"], "--guard: 0 needs --model"),
+        (["simulate", "piacenza2017-pair", "--press", "10,10,9"], "--press: 9 mm is deeper than the contact"),
+        (["simulate", "piacenza2017-pair", "--press", "10,10,-1"], "--press: depth -1 mm is refused"),
+        (["rays", "piacenza2017-pair", "--press", "10,10,9"], "--press: 9 mm is deeper than the contact"),
+        (["compare", "piacenza2017-pair", "../files.nc"], "files.nc: no such file"),
     ],
 )
 def test_a_slip_on_the_command_line_is_refused_before_any_work(
@@ -122,7 +127,7 @@ def test_a_slip_on_the_command_line_is_refused_before_any_work(
     assert everything_under(folder) == []
 
 
-@pytest.mark.parametrize("verb", ["predict", "rays"])
+@pytest.mark.parametrize("verb", WRITERS)
 def test_a_folder_that_cannot_be_made_is_refused_before_the_work(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], verb: str
 ) -> None:
@@ -133,8 +138,26 @@ def test_a_folder_that_cannot_be_made_is_refused_before_the_work(
     assert "light" not in err  # no stage of the work began
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["compare", "piacenza2017-pair", "."],
+        ["train", "."],
+        ["evaluate", ".", "--model", "m.optomodel"],
+    ],
+)
+def test_a_folder_in_place_of_a_file_is_called_one(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: list[str]
+) -> None:
+    (folder / "x.nc").mkdir()
+    monkeypatch.chdir(folder)
+    given = ["x.nc" if one == "." else one for one in arguments]
+    _, err = refused(given, capsys)
+    assert "x.nc: a folder; name a " in err
+
+
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs Linux's /proc")
-@pytest.mark.parametrize("verb", ["predict", "rays"])
+@pytest.mark.parametrize("verb", WRITERS)
 def test_a_folder_that_only_seems_writable_is_refused_before_the_work(
     folder: Path, capsys: pytest.CaptureFixture[str], verb: str
 ) -> None:
@@ -202,7 +225,10 @@ def test_a_living_board_s_name_is_refused_before_the_work(
 @needs_pty
 @pytest.mark.parametrize(
     ("stage_link", "words"),
-    [("pad", "is the board's --link, too"), ("nowhere/stage", "cannot be made")],
+    [
+        ("pad", "is the board's --link, too"),
+        ("nowhere/stage", "--stage-link nowhere/stage: cannot be made"),
+    ],
 )
 def test_a_printer_s_name_that_is_refused_leaves_no_link_of_the_board(
     folder: Path,

@@ -101,6 +101,15 @@ def test_another_base_is_another_search(space, tmp_path, capsys):
     assert plain["folder"] != changed["folder"]
 
 
+def test_a_cost_without_prices_is_refused_before_a_folder_is_made(space, tmp_path, capsys):
+    text = space.read_text(encoding="utf-8").replace('"evenness"', '"cost"')
+    priced = space.with_name("priced.toml")
+    priced.write_text(text, encoding="utf-8")
+    assert main(["explore", str(priced), "--out", str(tmp_path / "out")]) == 2
+    assert "the catalogue has no price for osram-sfh206k" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 def test_progress_says_the_best_so_far(space, tmp_path, capsys):
     assert main(["explore", str(space), "--out", str(tmp_path / "out")]) == 0
     told = capsys.readouterr()

@@ -11,6 +11,7 @@ from design.preset import PRESETS, preset
 from optopad.cli import main
 from optopad.cli.common import parsed_change, parsed_value
 from optopad.cli.sweep import parsed_sweep
+from optopad.summary import checks_line
 
 
 @pytest.fixture
@@ -34,9 +35,13 @@ def test_new_keeps_an_existing_file(folder, capsys):
     assert (folder / "mine.toml").read_text(encoding="utf-8") == "mine"
 
 
-def test_new_refuses_a_file_name_that_is_no_design_name(folder, capsys):
-    assert main(["new", "my pad.toml"]) == 2
-    assert "name" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("file", "words"),
+    [("my pad.toml", "say my-pad.toml"), ("..toml", "say my-pad.toml"), ("my-pad", "say my-pad.toml")],
+)
+def test_new_refuses_a_file_name_that_is_no_design_s_and_says_one_that_is(folder, capsys, file, words):
+    assert main(["new", file]) == 2
+    assert words in capsys.readouterr().err
     assert list(folder.iterdir()) == []
 
 
@@ -165,6 +170,40 @@ def test_migrate_leaves_a_present_file_alone_and_refuses_a_newer_one(folder, cap
     (folder / "newer.toml").write_bytes(before.replace(b"schema_version = 1", b"schema_version = 2"))
     assert main(["migrate", "newer.toml"]) == 2
     assert "newer" in capsys.readouterr().err
+
+
+def test_migrate_keeps_the_file_that_it_reads(folder, capsys, monkeypatch):
+    monkeypatch.setattr("design.migrate.migrated", lambda document: document | {"schema_version": 1})
+    main(["new", "mine.toml"])
+    old = (folder / "mine.toml").read_bytes().replace(b"schema_version = 1", b"schema_version = 0")
+    (folder / "mine.toml").write_bytes(old)
+    assert main(["migrate", "mine.toml"]) == 0
+    assert load_design(folder / "mine-migrated.toml").name == "mine"
+    assert main(["migrate", "mine.toml", "--out", "mine.toml"]) == 2
+    assert "is a file that this command reads" in capsys.readouterr().err
+    assert (folder / "mine.toml").read_bytes() == old
+
+
+def test_the_mold_s_line_names_what_did_not_hold():
+    checks = {
+        "ok": True,
+        "findings": [{"name": "mold: print bed", "state": "warning"}, {"name": "b", "state": "ok"}],
+    }
+    assert checks_line(checks) == "mold      printable; 1 warning (mold: print bed); see cad/checks.json"
+    assert (
+        checks_line({"ok": True, "findings": []}) == "mold      printable; no findings; see cad/checks.json"
+    )
+    broken = {"ok": False, "findings": [*checks["findings"], {"name": "mold: volume", "state": "error"}]}
+    assert checks_line(broken).startswith("mold      NOT printable; 1 error (mold: volume), 1 warning (")
+
+
+def test_a_part_that_the_printer_has_no_room_for_is_told_with_units(folder, capsys):
+    assert main(["build", "piacenza2017-pair", "--bed", "30,30,30"]) == 0
+    out = capsys.readouterr().out
+    assert (
+        "warning   mold: print bed: 33 mm (limit 30 mm); 33.0 x 33.0 x 13.5 mm in a room of 30 x 30 x 30 mm"
+        in out
+    )
 
 
 def test_doctor_speaks_json(folder, capsys):

@@ -54,6 +54,14 @@ def test_a_layout_with_more_entries_shows_what_the_other_lacks():
     assert found["layout.1.wall"] == (comparing.ABSENT, "north")
 
 
+def test_a_value_that_is_not_given_is_absent_however_it_is_left_out():
+    ring = {"pattern": "single", "kind": "emitter", "wall": "north", "along_mm": 10.0}
+    rows = [entry.model_dump(mode="json") for entry in PAIR.layout]
+    first, second = (PAIR.with_(layout=[*rows, one]) for one in (ring, ring | {"height_mm": 4.0}))
+    found = {one.path: one.values for one in changes_of((PAIR, first, second))}
+    assert found["layout.1.height_mm"] == (comparing.ABSENT, comparing.ABSENT, 4.0)
+
+
 def test_the_contiguous_design_wins_verdict_and_deadband(judged, tmp_path):
     found = compared(tmp_path, THICK, PAIR)
     measures = {one.name: one for one in found.measures}

@@ -140,7 +140,8 @@ def test_an_untouched_pad_is_flat(shown):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--depth", "9"], "9 mm is deeper than the contact model covers"),
+        (["--depth", "9"], "--depth: 9 mm is deeper than the contact model covers"),
+        (["--depth", "-1"], "--depth: -1 mm is refused: it counts from the untouched surface down"),
         (["--depth", "nan"], "must be a finite number of mm"),
         (["--protocol", "piacenza"], "did you mean piacenza2017?"),
         (["--set", "elastomer.viscoelastic.relaxed_share=0.2"], "time_constant_s: is missing"),
@@ -159,4 +160,4 @@ def test_a_protocol_deeper_than_the_model_is_refused(tmp_path, monkeypatch, caps
     monkeypatch.chdir(tmp_path)
     thin = ["--set", "cavity.clear_thickness_mm=4", "--set", "operating.max_depth_mm=2"]
     assert main(["contact", "show", PAD, *thin, "--depth", "1", "--protocol", "piacenza2017"]) == 2
-    assert "max_depth_mm: 5 mm is deeper than the contact model covers" in capsys.readouterr().err
+    assert "--protocol piacenza2017: 5 mm is deeper than the contact model covers" in capsys.readouterr().err

@@ -69,7 +69,8 @@ def load_model(file: str | os.PathLike[str]) -> TouchModel:
 def _read(path: Path) -> dict[str, NDArray[Any]]:
     """The arrays of a file whose checksum holds, that of the checksum left out."""
     if not path.is_file():
-        raise InputError(f"{path}: no such file; name a model, .optomodel, as `optopad train` writes it")
+        what = "a folder" if path.is_dir() else "no such file"
+        raise InputError(f"{path}: {what}; name a model, .optomodel, as `optopad train` writes it")
     try:
         with path.open("rb") as stream, zipfile.ZipFile(stream) as archive:
             size = sum(member.file_size for member in archive.infolist())

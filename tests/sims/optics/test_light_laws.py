@@ -132,17 +132,16 @@ def rms_error(settings, seed):
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(
-    strict=False,
-    reason="what draft's coarse search misses is in every replicate: 1.2 to 2.2 by the seed, not 2.8",
-)
-def test_error_falls_with_replicates_as_independent_draws_do():
-    """Eight times the draws: a factor of sqrt(8) = 2.8; heavy tails scatter it, and the truth has its own error."""
-    few = np.sqrt(
-        np.mean([rms_error(replace(ACCURACIES["draft"], replicates=2), s)[0] ** 2 for s in range(4)])
+def test_error_falls_with_replicates_but_less_than_independent_draws_would():
+    """Eight times the draws would give sqrt(8) = 2.8; what the coarse search misses is in every replicate.
+
+    Medians over seeds, for single seeds have heavy tails: 2.3 measured, 1.8 with images three times finer.
+    """
+    few, many = (
+        np.median([rms_error(replace(ACCURACIES["draft"], replicates=n), s)[0] for s in range(8)])
+        for n in (2, 16)
     )
-    many = rms_error(replace(ACCURACIES["draft"], replicates=16), 7)[0]
-    assert 1.6 < few / many < 5.0
+    assert 1.5 < few / many < np.sqrt(8.0) + 0.3
 
 
 @pytest.mark.slow
