@@ -7,6 +7,7 @@ One command a line, the next when all answers are there. The firmware says `ok` 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 from design.errors import DeviceError
 from fabrication.driver.ports import Port, PortLostError
@@ -76,11 +77,20 @@ class GcodeLine:
         self._owed += 1
         self._write(command)
 
-    def answers(self, command: str, takes_s: float = 0.0) -> list[str]:
-        """Wait until nothing is owed any more; as `send`."""
+    def answers(
+        self, command: str, takes_s: float = 0.0, is_last: Callable[[str], bool] | None = None
+    ) -> list[str]:
+        """Wait until nothing is owed any more; as `send`.
+
+        Parameters
+        ----------
+        is_last : whether a line answers the last command: after its `ok`, answers still owed to earlier ones never come
+            (an interrupt took them, or kept the commands from being sent), and what does come late is dropped
+        """
         said: list[str] = []
         end = time.monotonic() + self._answer_s + takes_s
-        while self._owed > 0:
+        is_told = is_over = False
+        while self._owed > 0 and not is_over:
             if time.monotonic() > end:
                 raise DeviceError(
                     f"{self._port.name}: no answer to {command} for {self._answer_s + takes_s:.1f} s"
@@ -91,9 +101,13 @@ class GcodeLine:
                 self._judge(line, command)
                 if line.startswith("ok"):
                     self._owed -= 1
+                    is_over = is_told
                 elif "busy:" in line:
                     end = max(end, time.monotonic() + self._answer_s)
                 said.append(line)
+                is_told = is_told or (is_last is not None and is_last(line))
+        if self._owed > 0:
+            self._drain()
         return said
 
     def _judge(self, line: str, command: str) -> None:
@@ -108,7 +122,7 @@ class GcodeLine:
             )
 
     def _drain(self) -> None:
-        """Drop answers to questions that were asked twice."""
+        """Drop what comes late, as answers to questions that were asked twice; nothing is owed then."""
         end = time.monotonic() + QUIET_S
         while time.monotonic() < end:
             if self._read():

@@ -106,7 +106,7 @@ class GcodeStage:
             if self._limits_are_off:
                 self._line.send("M211 S1", is_optional=True)
         except DeviceError as stuck:
-            why = "" if err is None or str(err) == str(stuck) else f"{err or type(err).__name__}; "
+            why = "" if err is None or str(err) == str(stuck) else f"{str(err) or 'interrupted'}; "
             raise DeviceError(f"{why}{stuck}; the tip may still touch the pad: lift it by hand") from err
         finally:
             if self._port is not None:
@@ -150,12 +150,21 @@ class GcodeStage:
         return self._arrived((x_mm, y_mm, depth_mm))
 
     def lift(self) -> None:
-        """To the travel height, on the spot; sent before anything that is still owed is waited for."""
-        origin = self._known_origin()
-        self._line.post(f"G1 Z{origin[2] + self._travel_mm:.3f} F{S_PER_MIN * self._speeds_mm_s[1]:.0f}")
+        """To the travel height, on the spot; sent before anything that is still owed is waited for.
+
+        An interrupt may have taken an answer with it, so that it is the printer's word of its height that counts.
+        """
+        height_mm = self._known_origin()[2] + self._travel_mm
+        self._line.post(f"G1 Z{height_mm:.3f} F{S_PER_MIN * self._speeds_mm_s[1]:.0f}")
         self._line.post("M400")
+        self._line.post("M114")
         way_mm = 2 * (self.limits.deepest_mm + self._travel_mm)  # down, where that is still owed, and up
-        self._line.answers("the lift", takes_s=way_mm / self._speeds_mm_s[1])
+
+        def is_up(line: str) -> bool:
+            found = _PLACE.search(line)
+            return found is not None and abs(float(found[3]) - height_mm) < TOLERANCE_MM
+
+        self._line.answers("the lift", takes_s=way_mm / self._speeds_mm_s[1], is_last=is_up)
 
     def position(self) -> Position:
         """As `stage.Stage.position`."""

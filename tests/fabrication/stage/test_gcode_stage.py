@@ -11,6 +11,7 @@ import pytest
 
 from design.errors import DeviceError, InputError
 from fabrication.driver.fake_port import FakePort
+from fabrication.driver.ports import Port
 from fabrication.stage.gcode_stage import TRAVEL_MM, GcodeStage
 from tests.fabrication.driver.made_up_pad import board
 from tests.fabrication.stage.made_up_bench import LIMITS, MIDDLE, Bench, bench
@@ -80,6 +81,41 @@ def test_ctrl_c_in_the_middle_of_a_press_lifts_the_tip() -> None:
         with pytest.raises(KeyboardInterrupt):
             press(made)
         assert made.printer.here_mm()[2] == pytest.approx(-TRAVEL_MM, abs=RESOLUTION_MM)
+
+
+@pytest.mark.parametrize("call", range(6))
+@pytest.mark.parametrize("method", ["read", "write"])
+def test_an_interrupt_that_takes_an_answer_or_a_command_with_it_lifts_the_tip(
+    method: str, call: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever of a move down it hits: what was read is lost, or what was to be sent is not."""
+    usual = getattr(Port, method)
+    left = [-1]
+
+    def interrupted(port: Port, *given: bytes) -> bytes | None:
+        left[0] -= 1
+        if left[0] != 0:
+            return usual(port, *given)
+        if method == "read":
+            usual(port)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Port, method, interrupted)
+    with bench() as made:
+        stage = made.stage(press_speed_mm_s=100.0)
+        begun = time.monotonic()
+
+        def press() -> None:
+            with stage:
+                stage.zero(*MIDDLE)
+                left[0] = 1 + call
+                stage.move_to(16.0, 16.0, 4.0)
+
+        with pytest.raises(KeyboardInterrupt):
+            press()
+        assert made.printer.here_mm()[2] == pytest.approx(-TRAVEL_MM, abs=RESOLUTION_MM)
+        assert stage.left_at == pytest.approx((16.0, 16.0, -TRAVEL_MM), abs=RESOLUTION_MM)
+        assert time.monotonic() - begun < 10.0
 
 
 def test_stop_ends_the_motion_and_lifts() -> None:
