@@ -50,6 +50,7 @@ def test_a_missing_triangle_is_an_error():
     assert not checks.is_ok
     assert found["cube: watertight"].state == "error"
     assert found["cube: manifold"].state == "error"
+    assert found["cube: manifold"].note == "NotManifold"
 
 
 def test_a_turned_triangle_is_an_error():
