@@ -58,6 +58,7 @@ validate: setup ## the figures of docs/validation, made anew (several hours; int
 	$(BIN)/python -m tests.validation.learning_speed
 	$(BIN)/python -m tests.validation.touch_choice
 	$(BIN)/python -m tests.validation.reality_check
+	$(BIN)/python -m tests.validation.true_touch
 
 pins: ## renew constraints.txt from a fresh environment (oldest supported Python: its versions serve the newer ones)
 	@$(call find_python,$(if $(PYTHON),$(PYTHON),python3.11)); \
