@@ -26,6 +26,9 @@ LINE: dict[str, Any] = {"color": MUTED, "linewidth": 0.7, "solid_capstyle": "but
 MOST_NUMBERS = 40
 """Parts with their places along the wall written beside them; more would overlap."""
 
+NEAR_CORNER = 0.12
+"""Share of a wall within which a part's name goes towards the wall's middle."""
+
 
 def plot_layout(design: SensorDesign) -> Axes:
     """Plan and section of a design; the plan's axes."""
@@ -105,7 +108,8 @@ def _draw_part(
         return
     gap = 0.02 * max(cavity.length_mm, cavity.width_mm)
     aside = {"west": "left", "east": "right"}.get(part.wall, "center")
-    level = {"south": "bottom", "north": "top"}.get(part.wall, "center")
+    share = y / cavity.width_mm  # beside a corner, out of the way of the other wall's names
+    level = "bottom" if share <= NEAR_CORNER else "top" if share >= 1.0 - NEAR_CORNER else "center"
     look: dict[str, Any] = {"ha": aside, "va": level, "fontsize": SMALL, "color": INK}
     ax.text(x - right * gap, y - up * gap, part.name, **look)
     _write_place(ax, part, cavity, outline)
