@@ -102,15 +102,23 @@ class Problem:
         self.on_step("calibration", min(self.traces / self.expected, 1.0))
         return np.maximum(self.light(values, press_mm, half), SMALL_FLUX)
 
-    def slopes(self, values: FloatArray, half: int) -> FloatArray:
+    def rough_slopes(self, values: FloatArray) -> FloatArray:
         """(unknown, sample, pair) change of light with each parameter, by differences towards the inside."""
-        flux = self.flux(values, half=half)
+        flux = self.flux(values)
         found = []
         for axis in range(len(values)):
             side = SLOPE_STEP if values[axis] + SLOPE_STEP <= self.high[axis] else -SLOPE_STEP
-            moved = values.copy()
-            moved[axis] += side
-            found.append((self.flux(moved, half=half) - flux) / side)
+            found.append((self.flux(_moved(values, axis, side)) - flux) / side)
+        return np.array(found)
+
+    def slopes(self, values: FloatArray, half: int) -> FloatArray:
+        """(unknown, sample, pair) the same by differences to both sides, as far as the doubt's ends let them."""
+        found = []
+        for axis, value in enumerate(values):
+            down = max(-SLOPE_STEP, self.low[axis] - value)
+            up = min(SLOPE_STEP, self.high[axis] - value)
+            sides = [self.flux(_moved(values, axis, side), half=half) for side in (down, up)]
+            found.append((sides[1] - sides[0]) / (up - down))
         return np.array(found)
 
     def press_slopes(self, values: FloatArray, flux: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -126,3 +134,10 @@ class Problem:
         """(sample, pair) mean light of several seeds that no slope has."""
         lights = [self.flux(values, half=HALVES + light) for light in range(LIGHTS)]
         return np.asarray(np.mean(lights, axis=0))
+
+
+def _moved(values: FloatArray, axis: int, by: float) -> FloatArray:
+    """A copy with one value moved."""
+    moved = values.copy()
+    moved[axis] += by
+    return moved
