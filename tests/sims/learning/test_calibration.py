@@ -36,6 +36,12 @@ def rough_light(values: np.ndarray, press_mm: np.ndarray, half: int = 0) -> np.n
     return exact * (1.0 + 0.001 * rng.normal(size=exact.shape))
 
 
+def valley_light(values: np.ndarray, press_mm: np.ndarray, half: int = 0) -> np.ndarray:
+    """As `light`, of the second and third parameter by a curved function of their difference: their sum is not shown."""
+    difference = values[1] - values[2]
+    return light(np.array([values[0], difference + 0.3 * difference**2]), press_mm, half)
+
+
 def calibrated(
     presses: int = 30, seed: int = 1, names: int = 2, start: float = 0.0, model: Light = light
 ) -> tuple[Fitted, np.ndarray]:
@@ -86,6 +92,18 @@ def test_what_only_noise_shows_goes_to_the_middle_of_its_doubt(seed: int):
     # by the noise alone it went to an end of its doubt
     assert abs(found.values[2]) < 0.5
     assert found.covariance[2, 2] > 0.5
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_light_s_curvature_does_not_pass_for_information(seed: int):
+    """Slopes by differences to one side do not cancel along a valley: their sum is the curvature."""
+    found, _ = calibrated(names=3, seed=seed, model=valley_light)
+    along = np.array([0.0, 1.0, 1.0]) / np.sqrt(2.0)
+    assert along @ found.covariance @ along == pytest.approx(1.0, abs=1e-3)
+    assert along @ found.values == pytest.approx(0.0, abs=0.05)
+    across = np.array([0.0, 1.0, -1.0])
+    true = (np.sqrt(1.0 + 4.0 * 0.3 * TRUE[1]) - 1.0) / (2.0 * 0.3)
+    assert abs(across @ found.values - true) < 4.0 * np.sqrt(across @ found.covariance @ across)
 
 
 def unknown(path: str, unit: str = "mm") -> Unknown:
