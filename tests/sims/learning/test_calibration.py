@@ -37,7 +37,7 @@ def rough_light(values: np.ndarray, press_mm: np.ndarray, half: int = 0) -> np.n
 
 
 def valley_light(values: np.ndarray, press_mm: np.ndarray, half: int = 0) -> np.ndarray:
-    """As `light`, of the second and third parameter by a curved function of their difference: their sum is not shown."""
+    """As `light`, by a curved function of the difference of the last two parameters: their sum is not shown."""
     difference = values[1] - values[2]
     return light(np.array([values[0], difference + 0.3 * difference**2]), press_mm, half)
 
