@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from design.cavity import CavityGeometry, cavity_of
 from design.errors import DesignError, ModelScopeError
@@ -26,17 +27,29 @@ from design.judged import Judged, Limit
 from design.pairs import is_facing_rows, judged_pairs, mask_of
 from design.rules import check
 from design.spec import SensorDesign
+from sims.bounds.defaults import COARSE_DEPTHS_MM
 from sims.continuity import governing_pair, pad_place
 from sims.depths import COARSE_STEP_MM, STEP_MM, depth_schedule_mm
-from sims.observability import pad_bounds
+from sims.observability import BOUND_ACCURACIES, pad_bounds
 from sims.optics.accuracy import ACCURACIES, Accuracy
+from sims.optics.light_signals import LightSignals
 from sims.optics.tracing import trace
 from sims.readout import Readout, readout_of
 from sims.verdict.builds import score_curves
 from sims.verdict.defaults import DEADBAND_MIN_LENGTH_MM
 from sims.verdict.pad_map import COARSE_PLACES, grid_places_mm, map_grid_mm
-from sims.verdict.presses import PAIR_ACCURACY, pad_light, pair_curves
+from sims.verdict.presses import (
+    MAP_ACCURACY,
+    NEAR_ACCURACY,
+    PAIR_ACCURACY,
+    map_depths_mm,
+    map_light,
+    pad_light,
+    pair_curves,
+)
 from sims.verdict.result import JudgedPair
+
+FloatArray = NDArray[np.float64]
 
 PAIR_FIGURES = frozenset({"evenness", "continuity", "swing", "resolvable_steps"})
 
@@ -48,6 +61,7 @@ class Settings:
     Attributes
     ----------
     untouched, pairs, map, bounds : settings of the light
+    near : settings of the map's light near contact, where the map then has all depths; None: as the rest of it
     step_mm, map_step_mm : of the depths of pairs and of the map [mm]
     map_places, bound_places : places along the longer side of the workspace [-]
     bound_depths_mm : depths of the bounds; the end of the range of use is added [mm]
@@ -56,6 +70,7 @@ class Settings:
     untouched: Accuracy
     pairs: Accuracy
     map: Accuracy
+    near: Accuracy | None
     bounds: tuple[Accuracy | str, ...]
     step_mm: float
     map_step_mm: float
@@ -71,6 +86,7 @@ SETTINGS = {
         untouched=_QUICK,
         pairs=replace(_QUICK, image_step=0.1, top_rings=14, top_columns=32, repeat_share=1e-3),
         map=_QUICK,
+        near=None,
         bounds=(_QUICK,),
         step_mm=COARSE_STEP_MM,
         map_step_mm=2 * COARSE_STEP_MM,
@@ -81,13 +97,14 @@ SETTINGS = {
     "score": Settings(
         untouched=ACCURACIES["standard"],
         pairs=PAIR_ACCURACY,
-        map=ACCURACIES["standard"],
-        bounds=("draft", "standard"),
+        map=MAP_ACCURACY,
+        near=NEAR_ACCURACY,
+        bounds=BOUND_ACCURACIES,
         step_mm=STEP_MM,
         map_step_mm=COARSE_STEP_MM,
         map_places=COARSE_PLACES,
         bound_places=COARSE_PLACES,
-        bound_depths_mm=(0.5, 1.2, 2.2, 3.5),
+        bound_depths_mm=COARSE_DEPTHS_MM,
     ),
 }
 
@@ -243,9 +260,8 @@ class _Judging:
 
     def _map(self, cavity: CavityGeometry, readout: Readout) -> None:
         x_mm, y_mm = map_grid_mm(cavity, self.settings.map_places)
-        depth_mm = depth_schedule_mm(self._max_depth_mm(), self.settings.map_step_mm)
         places_mm = grid_places_mm(cavity.workspace, x_mm, y_mm)
-        light = pad_light(self.design, places_mm, depth_mm, accuracy=self.settings.map, seed=self.seed)
+        depth_mm, light = self._map_light(places_mm)
         mask = mask_of(judged_pairs(cavity), cavity)
         shape = (len(places_mm), len(depth_mm), int(mask.sum()))
         counts = (light.flux[:, mask] * readout.of_mask(mask)).reshape(shape)
@@ -256,6 +272,19 @@ class _Judging:
         ]
         self.figures["deadband_mm"] = max(place.deadband_total_mm for place in places)
         self.verdict = "DEADBAND" if any(place.deadbands_mm for place in places) else "CONTIGUOUS"
+
+    def _map_light(self, places_mm: FloatArray) -> tuple[FloatArray, LightSignals]:
+        """Depths of the map, and its light."""
+        settings, end_mm = self.settings, self._max_depth_mm()
+        if settings.near is None:
+            depth_mm = depth_schedule_mm(end_mm, settings.map_step_mm)
+            return depth_mm, pad_light(
+                self.design, places_mm, depth_mm, accuracy=settings.map, seed=self.seed
+            )
+        depth_mm = map_depths_mm(end_mm, settings.map_step_mm)
+        return depth_mm, map_light(
+            self.design, places_mm, depth_mm, accuracy=settings.map, near=settings.near, seed=self.seed
+        )
 
     def _bounds(self, readout: Readout) -> None:
         bounds = pad_bounds(

@@ -140,11 +140,12 @@ def map_light(
     *,
     accuracy: str | Accuracy,
     seed: int,
+    near: Accuracy = NEAR_ACCURACY,
     on_step: OnStep | None = None,
 ) -> LightSignals:
-    """As `pad_light`, but up to `NEAR_MM` with the settings `NEAR_ACCURACY`."""
+    """As `pad_light`, but with the settings `near` up to `NEAR_MM`."""
     is_near = depth_mm <= NEAR_MM
-    stages = [(is_near, NEAR_ACCURACY), (~is_near, accuracy)]
+    stages = [(is_near, near), (~is_near, accuracy)]
     parts = [
         pad_light(
             design, places_mm, depth_mm[chosen], accuracy=settings, seed=seed, on_step=_part_of(on_step, k)

@@ -8,6 +8,7 @@ from design.errors import DesignError
 from design.judged import Limit
 from design.preset import preset
 from sims import objective
+from sims.continuity import score
 from sims.objective import judge
 
 PAIR = preset("piacenza2017-pair")
@@ -108,3 +109,16 @@ def test_a_pad_of_five_a_side_beats_the_papers_in_bounds_evenness_and_light():
     assert found.figures["depth_bound_mm"] < 0.8 * base.figures["depth_bound_mm"]
     assert found.figures["evenness"] > 1.2 * base.figures["evenness"]
     assert found.figures["strength"] > base.figures["strength"]
+
+
+@pytest.mark.slow
+def test_judged_as_the_score_does_a_pad_has_the_score_s_figures():
+    design = preset("fingertip-16")
+    judged = judge(design, (), wanted=("evenness", "location_bound_mm", "verdict"), accuracy="score")
+    found = score(design, tolerance=False)
+    assert judged.verdict == found.verdict
+    assert judged.figures["evenness"] == pytest.approx(found.evenness, rel=1e-12)
+    assert judged.figures["location_bound_mm"] == pytest.approx(
+        found.bounds.median_location_mm.value, rel=1e-12
+    )
+    assert judged.figures["depth_bound_mm"] == pytest.approx(found.bounds.median_depth_mm.value, rel=1e-12)
