@@ -38,17 +38,22 @@ lint: setup ## style, format, types, and the arrows between the rooms
 bench: setup ## the benchmarks only
 	$(BIN)/python -m pytest --benchmark-only
 
-validate: setup ## the figures of docs/validation, made anew (several hours; interrupted, it goes on where it stopped)
+validate: setup ## the figures of docs/validation, made anew (hours; interrupted, it goes on where it stopped)
 	$(BIN)/python -m tests.validation.contact_reference
 	$(BIN)/python -m tests.validation.contact_table
 	$(BIN)/python -m tests.validation.library_interpolation
+	$(BIN)/python -m tests.validation.wall_reference
+	$(BIN)/python -m tests.validation.wall_table
 	$(BIN)/python -m sims.contact.wall_check build/validation/walls
 	$(BIN)/python -m tests.validation.light_reference_build
 	$(BIN)/python -m tests.validation.light_table
+	$(BIN)/python -m tests.validation.light_pad
 	$(BIN)/python -m tests.validation.light_oracle
+	$(BIN)/python -m tests.validation.crossing_light
 	$(BIN)/python -m tests.validation.light_walk
 	$(BIN)/python -m tests.validation.light_speed
 	OPTOPAD_LIGHT_CACHE_MB=0 $(BIN)/python -m tests.validation.wall_light
+	$(BIN)/python -m tests.validation.press_curve_table
 	$(BIN)/python -m tests.validation.search_table
 	$(BIN)/python -m tests.validation.thickness
 	$(BIN)/python -m tests.validation.link_table

@@ -48,7 +48,7 @@ class Effort:
     ----------
     protocol : name of the packaged protocol
     fit : name of the fits' settings
-    is_coarse : half the knots in depth
+    is_coarse : two thirds of the knots in depth
     learners : by default
     """
 

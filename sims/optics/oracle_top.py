@@ -138,7 +138,9 @@ def top_exit(
 
     Parameters
     ----------
-    ray : start x, y, z, inside the elastomer [mm]; unit direction dx, dy, dz; how far to look [mm]
+    x, y, z : start, inside the elastomer [mm]
+    dx, dy, dz : unit direction
+    limit : how far to look [mm]
 
     Returns
     -------

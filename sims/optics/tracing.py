@@ -43,7 +43,7 @@ def trace(
         less is untouched [mm]
     profile : None for the contact model, one indentation for all tips, or one per state: for all its tips, or a
         sequence of one per tip
-    accuracy : draft, standard, fine, reference, settings, or a wanted relative error as 0.001
+    accuracy : draft, score, standard, fine, reference, settings, or a wanted relative error as 0.001
     seed : of all offsets; same seed, same bits
     pairs : (emitter, receiver) or (state, emitter, receiver) mask of pairs to trace; others are 0
     on_step : called with (states done, states)

@@ -22,6 +22,7 @@ from design.judged import Judged, Tried
 from design.space import SearchSpace, load_space
 from design.spec import SensorDesign
 from optopad.exploration import search
+from optopad.finished import source_digest
 from sims.objective import judge
 from sims.plots.front import choice_text, front_svg
 
@@ -108,8 +109,8 @@ def ratio(above: Judged, below: Judged, name: str) -> float:
 
 
 def judged_again(design: SensorDesign, name: str) -> Judged:
-    """Figures with the score's own settings; kept in a file, so that an interrupted run goes on."""
-    file = FOLDER / f"score-{design.digest[:16]}.json"
+    """Figures with the score's own settings; kept in a file of these sources, so that an interrupted run goes on."""
+    file = FOLDER / f"score-{design.digest[:16]}-{source_digest()[:8]}.json"
     if not file.is_file():
         started = time.process_time()
         found = judge(design, (), wanted=(*CHECKED[name], "verdict"), accuracy="score")

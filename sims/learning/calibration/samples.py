@@ -16,7 +16,7 @@ IntArray = NDArray[np.int64]
 
 FEWEST_PRESSES = 5
 STATES = 95
-"""Light is traced for about so many presses and depths at every step of the fit: 5 s to 9 s on one core."""
+"""Light is traced for about so many presses and depths at every step of the fit: 1 s to 2 s on one core."""
 FEWEST_DEPTHS, MOST_DEPTHS = 3, 10
 SHALLOWEST_MM = 0.4
 """Lighter presses say more of the reference depth's error than of the optics."""
