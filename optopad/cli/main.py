@@ -1,62 +1,19 @@
-"""Entry point: builds the command tree and turns every outcome into an exit code.
+"""Entry point: turns every outcome of a command into an exit code.
 
 0 done; 2 bad input, one message; 1 our own failure; 130 interrupted.
+
+Loading the verbs takes half a second, so all imports happen inside: Ctrl-C is answered from then on, too.
 """
 
 from __future__ import annotations
 
 import sys
-import traceback
 
-import typer
-from typer.exceptions import TyperException
-
-from design.errors import OptopadError
-from optopad.cli import (
-    accuracy,
-    author,
-    bench,
-    build,
-    calibrate,
-    compare,
-    contact,
-    driver,
-    explore,
-    job,
-    physics,
-    rays,
-    sweep,
-    train,
-)
+TYPE_CHECKING = False  # as in typing, which takes a while to load
+if TYPE_CHECKING:
+    from typer.exceptions import TyperException
 
 DONE, OUR_FAILURE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
-
-app = typer.Typer(
-    name="optopad",
-    help="One design file in; a printable mold, a verdict on the layout, and the driver config out.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
-for group in (
-    job,
-    author,
-    build,
-    physics,
-    sweep,
-    compare,
-    rays,
-    contact,
-    driver,
-    bench,
-    explore,
-    train,
-    calibrate,
-    accuracy,
-):
-    group.register(app)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -66,13 +23,57 @@ def main(arguments: list[str] | None = None) -> int:
     -------
     exit code, also raised as SystemExit when called without arguments (as the installed command)
     """
-    code = _run(sys.argv[1:] if arguments is None else arguments)
-    if arguments is None:
-        sys.exit(code)
+    if arguments is not None:
+        return _told(_run(arguments))
+    try:
+        from optopad.cli.interrupts import listen
+
+        listen()
+        code = _run(sys.argv[1:])
+    except KeyboardInterrupt:  # before the command line's library answers it, or after
+        code = INTERRUPTED
+    from optopad.cli.interrupts import be_deaf, leave
+
+    be_deaf()
+    _told(code)
+    if code == INTERRUPTED:
+        leave(code)
+    sys.exit(code)
+
+
+def _told(code: int) -> int:
+    if code == INTERRUPTED:  # the command line's library says no word
+        print(
+            "optopad: interrupted: nothing is half-written, and finished parts are found again",
+            file=sys.stderr,
+        )
     return code
 
 
 def _run(arguments: list[str]) -> int:
+    try:
+        return _outcome(arguments)
+    except ImportError as err:
+        from optopad.cli.interrupts import has_arrived
+        from optopad.doctor import explain_import_error
+
+        return INTERRUPTED if has_arrived() else _refused(explain_import_error(err), OUR_FAILURE)
+    except (
+        Exception
+    ):  # on purpose all: what nobody above expected is our own failure, whatever its type, and exits with 1
+        import traceback
+
+        traceback.print_exc()
+        return _refused("this is optopad's own failure; please report it with the lines above", OUR_FAILURE)
+
+
+def _outcome(arguments: list[str]) -> int:
+    import typer
+    from typer.exceptions import TyperException
+
+    from design.errors import OptopadError
+    from optopad.cli.commands import app
+
     try:
         outcome = typer.main.get_command(app).main(arguments, prog_name="optopad", standalone_mode=False)
     except OptopadError as err:
@@ -80,26 +81,8 @@ def _run(arguments: list[str]) -> int:
     except TyperException as err:
         return _misused(err)
     except typer.Abort:
-        return _interrupted()
-    except ImportError as err:
-        from optopad.doctor import explain_import_error
-
-        return _refused(explain_import_error(err), OUR_FAILURE)
-    except (
-        Exception
-    ):  # on purpose all: what nobody above expected is our own failure, whatever its type, and exits with 1
-        traceback.print_exc()
-        return _refused("this is optopad's own failure; please report it with the lines above", OUR_FAILURE)
-    if outcome == INTERRUPTED:  # the command line's library answers Ctrl-C with this code and no word
-        return _interrupted()
+        return INTERRUPTED
     return outcome if isinstance(outcome, int) else DONE
-
-
-def _interrupted() -> int:
-    print(
-        "optopad: interrupted: nothing is half-written, and finished parts are found again", file=sys.stderr
-    )
-    return INTERRUPTED
 
 
 def _misused(err: TyperException) -> int:

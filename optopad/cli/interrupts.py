@@ -1,0 +1,69 @@
+"""Ctrl-C that is neither lost nor mistaken for a failure.
+
+Two things may happen to the exception by which Python tells of Ctrl-C. In a destructor, or in the callback of a weak
+reference, Python prints and drops it (collecting garbage takes a good part of the time of imports, plots and
+compiling), and the work goes on as if nobody had asked it to stop: it is sent again. And while a compiled package is
+loaded, the package reports it as a failure of its own: who explains such a failure asks `has_arrived`.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from types import FrameType, TracebackType
+from typing import NoReturn, Protocol
+
+AGAIN_S = 0.01
+"""Until a dropped Ctrl-C comes again: well after the destructor, and at once for a person."""
+
+_arrived: list[int] = []
+
+
+class _Unraisable(Protocol):
+    exc_type: type[BaseException]
+    exc_value: BaseException | None
+    exc_traceback: TracebackType | None
+    err_msg: str | None
+    object: object
+
+
+def listen() -> None:
+    """Answer Ctrl-C as above from now on; not where it is ignored, and not on a system without timers."""
+    if signal.getsignal(signal.SIGINT) is not signal.default_int_handler or not hasattr(signal, "setitimer"):
+        return
+    former = sys.unraisablehook
+
+    def hook(dropped: _Unraisable) -> None:
+        if issubclass(dropped.exc_type, KeyboardInterrupt):
+            signal.setitimer(signal.ITIMER_REAL, AGAIN_S)
+        else:
+            former(dropped)
+
+    sys.unraisablehook = hook
+    signal.signal(signal.SIGALRM, _answer)
+    signal.signal(signal.SIGINT, _answer)
+
+
+def has_arrived() -> bool:
+    """Whether Ctrl-C was pressed."""
+    return bool(_arrived)
+
+
+def be_deaf() -> None:
+    """Take no further Ctrl-C: the outcome is known, and Python's own end, which takes a moment, does not change it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+
+def leave(code: int) -> NoReturn:
+    """End the process at once: Python would wait for threads, and for some interrupts die of the signal after all."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
+
+
+def _answer(number: int, _frame: FrameType | None) -> NoReturn:
+    _arrived.append(number)
+    raise KeyboardInterrupt

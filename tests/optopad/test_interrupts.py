@@ -1,0 +1,102 @@
+"""Ctrl-C at any moment: one short message and exit code 130, or the outcome that is known already."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+TOLD = "optopad: interrupted: nothing is half-written, and finished parts are found again\n"
+
+WHILE_VERBS_ARE_LOADED = """
+class Interrupting:
+    def find_spec(self, name, path=None, target=None):
+        if name == "typer":
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Interrupting())
+"""
+WHERE_PYTHON_DROPS_IT = """
+class Dropping:
+    def __del__(self):
+        raise KeyboardInterrupt
+def examine():
+    Dropping()
+    time.sleep(10)
+import optopad.doctor
+optopad.doctor.examine = examine
+"""
+WHILE_A_PACKAGE_IS_LOADED = """
+import importlib.util
+class Half:  # a compiled package: what cuts its loading short is a failure of its own
+    def find_spec(self, name, path=None, target=None):
+        return importlib.util.spec_from_loader(name, self) if name == "half" else None
+    def create_module(self, spec):
+        return None
+    def exec_module(self, module):
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.1)
+        except KeyboardInterrupt:
+            raise ImportError("initialization failed")
+sys.meta_path.insert(0, Half())
+def examine():
+    import half
+    time.sleep(10)
+import optopad.doctor
+optopad.doctor.examine = examine
+"""
+WHERE_TEXT_IS_EXECUTED = """
+def examine():
+    exec("raise KeyboardInterrupt")  # Python takes it for unhandled, and kills itself at its end
+import optopad.doctor
+optopad.doctor.examine = examine
+"""
+TWICE = """
+class Interrupting:
+    def write(self, text):
+        os.kill(os.getpid(), signal.SIGINT)
+        return sys.__stderr__.write(text)
+    def flush(self):
+        sys.__stderr__.flush()
+def examine():
+    sys.stderr = Interrupting()
+    raise KeyboardInterrupt
+import optopad.doctor
+optopad.doctor.examine = examine
+"""
+WHEN_ALL_IS_DONE = "atexit.register(os.kill, os.getpid(), signal.SIGINT)\n"
+
+
+def command(before: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """The installed command in a process of its own, after some code."""
+    program = (
+        f"import atexit, os, signal, sys, time\n{before}\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # the tests may run with Ctrl-C ignored
+        f"sys.argv = ['optopad', *{arguments!r}]\nfrom optopad.cli import main\nmain()"
+    )
+    return subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=60, check=False
+    )
+
+
+@pytest.mark.parametrize(
+    "before",
+    [
+        pytest.param(WHILE_VERBS_ARE_LOADED, id="while the verbs are loaded"),
+        pytest.param(WHERE_PYTHON_DROPS_IT, id="in a destructor, where Python drops it"),
+        pytest.param(WHILE_A_PACKAGE_IS_LOADED, id="while a package is loaded"),
+        pytest.param(TWICE, id="twice"),
+        pytest.param(WHERE_TEXT_IS_EXECUTED, id="where text is executed"),
+    ],
+)
+def test_ctrl_c_ends_a_command_with_one_message(before: str) -> None:
+    done = command(before, "doctor", "--json")
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", TOLD)
+
+
+def test_ctrl_c_after_the_work_changes_nothing() -> None:
+    done = command(WHEN_ALL_IS_DONE, "schema")
+    assert (done.returncode, done.stderr) == (0, "")
