@@ -12,6 +12,7 @@ import typer
 
 from design.errors import DeviceError, InputError
 from optopad.cli.common import DEFAULT_OUT, JsonOption, SeedOption, SetOption, print_json, say
+from optopad.cli.interrupts import answered
 from optopad.cli.progress import progress
 from optopad.cli.sensor import AcceptOption, BundlesOption, ConfigArgument, PortOption, RateOption
 
@@ -141,7 +142,7 @@ def _pressed(
                 stage.home(home)
             collector.run(stage, numbers, on_step=lambda share: step("presses", share), on_light=ask)
     except KeyboardInterrupt:
-        return
+        answered()
 
 
 def _presses(source: DriverSource, protocol: str, seed: int) -> PressList:

@@ -2,8 +2,9 @@
 
 Two things may happen to the exception by which Python tells of Ctrl-C. In a destructor, or in the callback of a weak
 reference, Python prints and drops it (collecting garbage takes a good part of the time of imports, plots and
-compiling), and the work goes on as if nobody had asked it to stop: it is sent again. And while a compiled package is
-loaded, the package reports it as a failure of its own: who explains such a failure asks `has_arrived`.
+compiling), and the work goes on as if nobody had asked it to stop: it is sent again. And compiled packages, while they
+are loaded or call back, report it as a failure of their own ("initialization failed", "invalid bounding box"): who
+explains a failure asks `has_arrived` first.
 """
 
 from __future__ import annotations
@@ -46,8 +47,13 @@ def listen() -> None:
 
 
 def has_arrived() -> bool:
-    """Whether Ctrl-C was pressed."""
+    """Whether Ctrl-C was pressed and not answered yet."""
     return bool(_arrived)
+
+
+def answered() -> None:
+    """Ctrl-C was a clean end of what it was meant for, as of a recording; what fails from here on is a failure."""
+    _arrived.clear()
 
 
 def be_deaf() -> None:

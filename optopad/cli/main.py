@@ -53,18 +53,10 @@ def _told(code: int) -> int:
 def _run(arguments: list[str]) -> int:
     try:
         return _outcome(arguments)
-    except ImportError as err:
+    except Exception as err:  # on purpose all: what nobody below expected
         from optopad.cli.interrupts import has_arrived
-        from optopad.doctor import explain_import_error
 
-        return INTERRUPTED if has_arrived() else _refused(explain_import_error(err), OUR_FAILURE)
-    except (
-        Exception
-    ):  # on purpose all: what nobody above expected is our own failure, whatever its type, and exits with 1
-        import traceback
-
-        traceback.print_exc()
-        return _refused("this is optopad's own failure; please report it with the lines above", OUR_FAILURE)
+        return INTERRUPTED if has_arrived() else _failed(err)
 
 
 def _outcome(arguments: list[str]) -> int:
@@ -83,6 +75,18 @@ def _outcome(arguments: list[str]) -> int:
     except typer.Abort:
         return INTERRUPTED
     return outcome if isinstance(outcome, int) else DONE
+
+
+def _failed(err: Exception) -> int:
+    """Tell what is missing on this machine; anything else is our own failure, whatever its type."""
+    if isinstance(err, ImportError):
+        from optopad.doctor import explain_import_error
+
+        return _refused(explain_import_error(err), OUR_FAILURE)
+    import traceback
+
+    traceback.print_exception(err)
+    return _refused("this is optopad's own failure; please report it with the lines above", OUR_FAILURE)
 
 
 def _misused(err: TyperException) -> int:

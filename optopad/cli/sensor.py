@@ -16,6 +16,7 @@ import typer
 
 from design.errors import DeviceError, InputError, OutputError
 from optopad.cli.common import DEFAULT_OUT, JsonOption, SeedOption, SetOption, checked_out, print_json, say
+from optopad.cli.interrupts import answered
 from optopad.cli.progress import progress
 
 if TYPE_CHECKING:
@@ -383,7 +384,7 @@ def _until_interrupted() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        return
+        answered()
     except BrokenPipeError:  # as `| head` leaves it
         _drop_output()
 

@@ -48,6 +48,16 @@ def examine():
 import optopad.doctor
 optopad.doctor.examine = examine
 """
+WHERE_A_PACKAGE_CALLS_BACK = """
+def examine():
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.1)
+    except KeyboardInterrupt:
+        raise ValueError("invalid bounding box")
+import optopad.doctor
+optopad.doctor.examine = examine
+"""
 WHERE_TEXT_IS_EXECUTED = """
 def examine():
     exec("raise KeyboardInterrupt")  # Python takes it for unhandled, and kills itself at its end
@@ -64,6 +74,16 @@ class Interrupting:
 def examine():
     sys.stderr = Interrupting()
     raise KeyboardInterrupt
+import optopad.doctor
+optopad.doctor.examine = examine
+"""
+AFTER_A_CLEAN_END = """
+import optopad.cli.sensor
+def examine():
+    with optopad.cli.sensor._until_interrupted():
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(10)
+    raise ValueError
 import optopad.doctor
 optopad.doctor.examine = examine
 """
@@ -88,6 +108,7 @@ def command(before: str, *arguments: str) -> subprocess.CompletedProcess[str]:
         pytest.param(WHILE_VERBS_ARE_LOADED, id="while the verbs are loaded"),
         pytest.param(WHERE_PYTHON_DROPS_IT, id="in a destructor, where Python drops it"),
         pytest.param(WHILE_A_PACKAGE_IS_LOADED, id="while a package is loaded"),
+        pytest.param(WHERE_A_PACKAGE_CALLS_BACK, id="where a package calls back"),
         pytest.param(TWICE, id="twice"),
         pytest.param(WHERE_TEXT_IS_EXECUTED, id="where text is executed"),
     ],
@@ -95,6 +116,12 @@ def command(before: str, *arguments: str) -> subprocess.CompletedProcess[str]:
 def test_ctrl_c_ends_a_command_with_one_message(before: str) -> None:
     done = command(before, "doctor", "--json")
     assert (done.returncode, done.stdout, done.stderr) == (130, "", TOLD)
+
+
+def test_a_failure_after_a_clean_end_is_told() -> None:
+    done = command(AFTER_A_CLEAN_END, "doctor", "--json")
+    assert done.returncode == 1
+    assert "optopad's own failure" in done.stderr
 
 
 def test_ctrl_c_after_the_work_changes_nothing() -> None:
