@@ -54,8 +54,9 @@ def write_protocol_data(
             for press in drawn_presses(curves, chain, seed=seed, but=writer.done):
                 writer.add(press)
                 on_step("data", len(writer.done) / total)
-            writer.finish()
+            writer.write()
         data = read_data(file)
+    writer.forget()  # the file came to its place with the bundle
     left = chain.flicker_sigma_counts()
     return {
         "name": design.name,

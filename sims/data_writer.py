@@ -110,10 +110,23 @@ class DataWriter:
         ------
         OutputError : the disk cannot be written; the journal stays.
         """
+        self.write()
+        self.forget()
+        return self.file
+
+    def write(self) -> None:
+        """Make the netCDF file; the journal stays, for a file that has yet to come to its place.
+
+        Raises
+        ------
+        OutputError : the disk cannot be written.
+        """
         self._stream.close()
         _write_whole(self.file, self._header, self._rows())
+
+    def forget(self) -> None:
+        """Remove the journal: the file is in its place."""
         self.journal.unlink(missing_ok=True)
-        return self.file
 
     def _begun(self) -> _Journal:
         """Whole presses of an earlier run."""

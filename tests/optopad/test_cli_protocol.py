@@ -102,6 +102,22 @@ def test_a_stopped_run_is_taken_up_with_the_same_data(folder, capsys, made_up_li
     assert not list(Path("outputs").glob(".*"))
 
 
+def test_a_run_stopped_before_the_bundle_is_in_its_place_loses_no_press(
+    folder, capsys, made_up_light, monkeypatch
+):
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    command = ["simulate", "piacenza2017-pad", "--protocol", "small.toml", "--json"]
+    with monkeypatch.context() as patch:
+        patch.setattr("fabrication.bundle._swap", stopped)
+        assert main(command) == 130
+    capsys.readouterr()
+    assert main(command) == 0
+    assert json.loads(capsys.readouterr().out)["taken_up_presses"] == 9 + 3
+    assert not list(Path("outputs").glob(".*"))
+
+
 @pytest.mark.parametrize(
     ("command", "message"),
     [
