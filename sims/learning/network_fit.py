@@ -92,15 +92,24 @@ def _network(features: FloatArray, targets: FloatArray, epochs: int, seed: int, 
         random_state=seed,
     )
     stages = np.diff(np.round(np.linspace(0, epochs, min(STAGES, epochs) + 1)).astype(int))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ConvergenceWarning)  # the number of passes is the end that is wanted
-        for number, passes in enumerate(stages):
-            step = FIRST_STEP * 0.5 * (1.0 + np.cos(np.pi * number / len(stages)))
-            machine.set_params(learning_rate_init=float(step), max_iter=int(passes))
-            machine.fit(features, targets)
-            on_share((number + 1) / len(stages))
+    for number, passes in enumerate(stages):
+        step = FIRST_STEP * 0.5 * (1.0 + np.cos(np.pi * number / len(stages)))
+        machine.set_params(learning_rate_init=float(step), max_iter=int(passes))
+        _fit(machine, features, targets)
+        on_share((number + 1) / len(stages))
     return Network(
         weights=tuple(np.asarray(layer, np.float32) for layer in machine.coefs_),
         biases=tuple(np.asarray(layer, np.float32) for layer in machine.intercepts_),
         activation="relu",
     )
+
+
+def _fit(machine: MLPRegressor, features: FloatArray, targets: FloatArray) -> None:
+    """All passes of a stage; Ctrl-C, which the library answers with a warning and a network half trained, is raised."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)  # the number of passes is the end that is wanted
+        warnings.filterwarnings("error", "Training interrupted", UserWarning)
+        try:
+            machine.fit(features, targets)
+        except UserWarning as err:
+            raise KeyboardInterrupt from err

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sklearn.ensemble import ExtraTreesRegressor
+from sklearn.neural_network import MLPRegressor
 
 from design.errors import InputError
 from sims.learning.errors_mm import location_error_mm
@@ -115,3 +116,12 @@ def test_the_table_of_trust_is_linear_between_depths_and_constant_outside():
     table = SigmaTable(depth_mm=np.array([1.0, 3.0]), factor=np.array([[1.0, 1.0, 2.0], [3.0, 1.0, 4.0]]))
     found = table.sigma_mm(np.array([0.0, 2.0, 9.0]), np.full((3, 3), 0.5))
     assert found.tolist() == [[0.5, 0.5, 1.0], [1.0, 0.5, 1.5], [1.5, 0.5, 2.0]]
+
+
+def test_ctrl_c_leaves_no_network_half_trained(monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(MLPRegressor, "_backprop", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        LEARNERS["network"](made_up_data(grid_mm(5)), seed=1, settings=SMALL)
