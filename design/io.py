@@ -10,7 +10,8 @@ from __future__ import annotations
 import os
 import tempfile
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -129,10 +130,31 @@ def write_text_atomically(file: Path, text: str) -> None:
             stream.write(text)
         os.chmod(handle, 0o644)
         os.replace(handle, file)
-    except OSError as err:
+    except BaseException as err:  # an interrupt as well
         if handle is not None:
             Path(handle).unlink(missing_ok=True)
+        if not isinstance(err, OSError):
+            raise
         raise OutputError(f"{file}: cannot be written: {err.strerror}; choose another folder") from None
+
+
+@contextmanager
+def written_together(folder: Path) -> Iterator[Path]:
+    """A hidden folder to write files into, which move to ``folder`` when the block ends well, and are gone otherwise.
+
+    Raises
+    ------
+    OutputError : the folder cannot be made or written; the old files are intact.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        hidden = tempfile.TemporaryDirectory(dir=folder, prefix=".", suffix=".partial")
+    except OSError as err:
+        raise OutputError(f"{folder}: cannot be written: {err.strerror}; choose another folder") from None
+    with hidden as made:
+        yield Path(made)
+        for file in sorted(Path(made).iterdir()):
+            os.replace(file, folder / file.name)
 
 
 def without_empty(document: Any) -> Any:

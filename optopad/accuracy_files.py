@@ -8,7 +8,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from design.cavity import Workspace
-from design.io import write_text_atomically
+from design.io import write_text_atomically, written_together
 from optopad.accuracy import Accuracy
 from optopad.plot_files import write_plot
 from optopad.report.accuracy import accuracy_page
@@ -25,17 +25,15 @@ def write_accuracy(found: Accuracy, workspace: Workspace, folder: Path, stem: st
     ----------
     workspace : where the presses are
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    made, drawings = [], {}
-    with plain_style():
+    names, drawings = [f"{stem}.html", f"{stem}.json"], {}
+    with written_together(folder) as made, plain_style():
         for name, (figure, shows) in _figures(found, workspace).items():
-            svg, png = write_plot(figure, folder / f"{stem}-{name}")
-            made += [svg, png]
+            svg, png = write_plot(figure, made / f"{stem}-{name}")
+            names += [svg.name, png.name]
             drawings[name] = Drawing(stem=svg.stem, shows=shows, svg=svg.read_text(encoding="utf-8"))
-    page, data = folder / f"{stem}.html", folder / f"{stem}.json"
-    write_text_atomically(page, accuracy_page(found, drawings))
-    write_text_atomically(data, json.dumps(found.to_json(), indent=2, allow_nan=False) + "\n")
-    return (page, data, *made)
+        write_text_atomically(made / names[0], accuracy_page(found, drawings))
+        write_text_atomically(made / names[1], json.dumps(found.to_json(), indent=2, allow_nan=False) + "\n")
+    return tuple(folder / name for name in names)
 
 
 def _figures(found: Accuracy, workspace: Workspace) -> dict[str, tuple[Figure, str]]:

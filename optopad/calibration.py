@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from design.io import save_design, write_text_atomically
+from design.io import save_design, write_text_atomically, written_together
 from design.spec import SensorDesign
 from sims.dataset import read_data, require_design
 from sims.learning.calibration.build import Calibration, calibrated
@@ -90,11 +90,12 @@ def build_model(
 
 def write_calibration(made: CalibratedBuild, design: SensorDesign, folder: Path) -> tuple[Path, ...]:
     """Write ``design.toml``, ``calibration.json`` and ``build.optomodel`` into a folder; what was written."""
-    folder.mkdir(parents=True, exist_ok=True)
-    twin, facts, model = folder / "design.toml", folder / "calibration.json", folder / "build.optomodel"
-    save_design(made.calibration.design, twin)
-    write_text_atomically(facts, json.dumps(made.to_json(design), indent=2, allow_nan=False) + "\n")
-    if made.model is None:
-        return twin, facts
-    save_model(model, made.model)
-    return twin, facts, model
+    names = ["design.toml", "calibration.json"]
+    with written_together(folder) as hidden:
+        save_design(made.calibration.design, hidden / names[0])
+        facts = json.dumps(made.to_json(design), indent=2, allow_nan=False) + "\n"
+        write_text_atomically(hidden / names[1], facts)
+        if made.model is not None:
+            names.append("build.optomodel")
+            save_model(hidden / names[2], made.model)
+    return tuple(folder / name for name in names)

@@ -139,5 +139,6 @@ def write_library(library: Library, path: Path) -> None:
             np.savez_compressed(file, allow_pickle=False, **pack(library))
         os.replace(part, path)
     except OSError as err:
-        part.unlink(missing_ok=True)
         raise _unwritable(path, err) from err
+    finally:
+        part.unlink(missing_ok=True)

@@ -97,10 +97,12 @@ def write_entry(key: str, press: UnitPress) -> str | None:
             temporary = file.name
             np.savez(file, allow_pickle=False, key=np.array(key), **_arrays(press))
         os.replace(temporary, path)
-    except OSError as err:
+    except BaseException as err:  # an interrupt as well
         if temporary is not None:
             with contextlib.suppress(OSError):
                 os.unlink(temporary)
+        if not isinstance(err, OSError):
+            raise
         reason = err.strerror or str(err)
         return f"contact solution not stored in {path.parent} ({reason}); set {CACHE_VARIABLE} to a writable folder"
     return None

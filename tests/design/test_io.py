@@ -18,6 +18,7 @@ from design.io import (
     save_design,
     without_empty,
     write_text_atomically,
+    written_together,
 )
 from design.migrate import migrated
 from design.preset import PRESETS, preset
@@ -160,6 +161,40 @@ def test_a_failed_write_leaves_the_old_file_and_no_other(
         write_text_atomically(file, "half")
     assert [path.name for path in tmp_path.iterdir()] == ["d.toml"]
     assert load_design(file).digest == good().digest
+
+
+def interrupted(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
+def test_an_interrupted_write_leaves_the_old_file_and_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "d.toml"
+    save_design(good(), file)
+    monkeypatch.setattr(os, "replace", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_text_atomically(file, "half")
+    assert [path.name for path in tmp_path.iterdir()] == ["d.toml"]
+    assert load_design(file).digest == good().digest
+
+
+def test_files_written_together_come_together_or_not_at_all(tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "folder"
+    for content in ("old", "new"):
+        with written_together(folder) as made:
+            (made / "a.txt").write_text(content)
+            (made / "b.txt").write_text(content)
+    with pytest.raises(KeyboardInterrupt), written_together(folder) as made:
+        interrupted((made / "a.txt").write_text("newer"))
+    assert {path.name: path.read_text() for path in folder.iterdir()} == {"a.txt": "new", "b.txt": "new"}
+
+
+def test_a_folder_for_files_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    message = r"file/folder: cannot be written: .* choose another folder"
+    with pytest.raises(OptopadError, match=message), written_together(tmp_path / "file" / "folder"):
+        raise AssertionError
 
 
 @pytest.mark.skipif(os.name == "nt", reason="modes are a POSIX notion")

@@ -46,6 +46,22 @@ def test_a_bound_that_is_open_is_null_in_json_and_a_word_for_people(tmp_path):
     assert "inf" not in json.dumps(document)
 
 
+def test_an_interrupted_evaluation_leaves_the_earlier_one_as_it_was(tmp_path, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    folder = tmp_path / "evaluation"
+    write_accuracy(found_accuracy(), SPACE, folder, "evaluation")
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    monkeypatch.setattr("optopad.accuracy_files.accuracy_page", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_accuracy(found_accuracy(name="other"), SPACE, folder, "evaluation")
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    with pytest.raises(KeyboardInterrupt):
+        write_accuracy(found_accuracy(), SPACE, tmp_path / "first", "evaluation")
+    assert list((tmp_path / "first").iterdir()) == []
+
+
 def test_a_changed_pad_has_no_published_table():
     assert published_touch(preset("piacenza2017-pad").with_(**{"cavity.clear_thickness_mm": 14.0})) is None
 

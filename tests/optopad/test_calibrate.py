@@ -107,6 +107,18 @@ def test_the_twin_the_facts_and_the_model_are_written(tmp_path: Path):
     assert load_model(model).header.kind == "signal-map"
 
 
+def test_an_interrupted_calibration_leaves_the_earlier_one_as_it_was(tmp_path: Path, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    write_calibration(made_up_build(0.1), preset(PAD), tmp_path)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    monkeypatch.setattr("optopad.calibration.save_model", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_calibration(made_up_build(0.2), preset(PAD), tmp_path)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
 def test_what_was_not_determined_is_said():
     report = made_up_build(0.8).report
     assert len(report.undetermined) == len(report.values)

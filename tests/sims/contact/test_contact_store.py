@@ -42,6 +42,18 @@ def test_round_trip_is_exact(folder: Path, coarse_press: SolvedPress) -> None:
     assert [path.name for path in folder.iterdir()] == [f"{KEY}.npz"]
 
 
+def test_an_interrupted_write_leaves_nothing(
+    folder: Path, coarse_press: SolvedPress, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "replace", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_entry(KEY, coarse_press.unit)
+    assert list(folder.iterdir()) == []
+
+
 def test_an_entry_holds_no_pickles(folder: Path, coarse_press: SolvedPress) -> None:
     write_entry(KEY, coarse_press.unit)
     with np.load(entry_path(KEY), allow_pickle=False) as entry:
