@@ -4,6 +4,9 @@ Work happens in a hidden folder beside the bundle, filled with what the bundle a
 end the manifest is written and the folders change places. A bundle that was being replaced when the
 machine stopped is put back by the next writer. Everything is on the disk before the folders change places.
 
+Several commands may work on one bundle at a time. Each fetches what others have finished meanwhile before its folder
+takes the place; of files that both wrote, the later one's stay. Copies and changes of places wait for one another.
+
     outputs/<name>-<digest8>/                      the bundle
     outputs/.<name>-<digest8>.<process>.partial/   work in progress
     outputs/.<name>-<digest8>.old/                 the former bundle, for the moment of the change
@@ -18,7 +21,7 @@ import platform
 import re
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -53,14 +56,19 @@ def bundle(design: SensorDesign, out: Path, *, seed: int) -> Iterator[Path]:
     staging = _staging_path(final)
     try:
         try:
-            _fill(staging, final)
+            final.parent.mkdir(parents=True, exist_ok=True)
+            with _alone(final.parent):
+                _fill(staging, final)
         except OSError as err:
             raise _unwritable(final, err) from err
+        begun_with = _recorded(staging)
         yield staging
         save_design(design, staging / "design.toml")
-        write_manifest(staging, design, seed)
-        _flush(staging)
-        _swap(staging, final)
+        with _alone(final.parent):
+            _fetch(staging, final, begun_with)
+            write_manifest(staging, design, seed)
+            _flush(staging)
+            _swap(staging, final)
     except OSError as err:
         if _is_elsewhere(err, out):
             raise
@@ -128,7 +136,6 @@ def _staging_path(final: Path) -> Path:
 
 def _fill(staging: Path, final: Path) -> None:
     """Make the folder of the work in progress, with what the bundle already holds."""
-    final.parent.mkdir(parents=True, exist_ok=True)
     former = _former(final)
     if former.exists() and not final.exists():
         former.rename(final)  # a change of places was cut short
@@ -137,6 +144,46 @@ def _fill(staging: Path, final: Path) -> None:
         shutil.copytree(final, staging, symlinks=True)
     else:
         staging.mkdir()
+
+
+@contextmanager
+def _alone(out: Path) -> Iterator[None]:
+    """Keep other commands from copying and changing bundles of a folder; for a moment, and as long as they live."""
+    if os.name == "nt":  # which has no locks of folders
+        yield
+        return
+    import fcntl
+
+    descriptor = os.open(out, os.O_RDONLY)
+    try:
+        with suppress(OSError):  # a file system without locks
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _recorded(folder: Path) -> dict[str, str]:
+    """SHA-256 of every file that the manifest names; nothing without a manifest."""
+    return {name: str(record.get("sha256")) for name, record in _former_manifest(folder)["files"].items()}
+
+
+def _fetch(staging: Path, final: Path, begun_with: dict[str, str]) -> None:
+    """Take over what another command has put into the bundle since this one began, or taken out of it."""
+    now = _recorded(final)
+    if not now or now == begun_with:
+        return
+    for name in now.keys() | begun_with.keys():
+        here = staging / name
+        own = _record(here)["sha256"] if here.is_file() else None
+        if now.get(name) == begun_with.get(name) or own != begun_with.get(name):
+            continue  # the other left it alone, or this command wrote it, too
+        if name not in now:
+            here.unlink()
+        elif (final / name).is_file():
+            here.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(final / name, here)
+    shutil.copy2(final / MANIFEST, staging / MANIFEST)  # it names the runs of what was taken over
 
 
 def _flush(folder: Path) -> None:
@@ -154,9 +201,9 @@ def _flush(folder: Path) -> None:
 def _swap(staging: Path, final: Path) -> None:
     former = _former(final)
     shutil.rmtree(former, ignore_errors=True)
-    if final.exists():
-        final.rename(former)
     try:
+        if final.exists():
+            final.rename(former)
         staging.rename(final)
     except BaseException:  # an interrupt between the two renames as well
         if former.exists() and not final.exists():

@@ -22,6 +22,7 @@ from fabrication import bundle as module
 from fabrication.bundle import MANIFEST, altered_files, bundle, bundle_name
 
 PAD = preset("piacenza2017-pad")
+ROOT = Path(__file__).parents[2]
 
 
 def make(out: Path, content: str = "one", design: SensorDesign = PAD, seed: int = 0) -> Path:
@@ -249,6 +250,57 @@ def test_a_second_command_keeps_what_the_first_one_made(tmp_path: Path) -> None:
     assert (folder / "sims" / "score.json").read_text() == "first"
     assert (folder / "second.txt").read_text() == "second"
     assert altered_files(folder) == ()
+
+
+OTHER = """
+from pathlib import Path
+from design.preset import preset
+from fabrication.bundle import bundle
+with bundle(preset("piacenza2017-pad"), Path({out!r}), seed=7) as folder:
+    (folder / "both.txt").write_text("other")
+    (folder / "gone.txt").unlink()
+    (folder / "new").mkdir()
+    (folder / "new" / "other.txt").write_text("other")
+"""
+
+
+def test_a_command_keeps_what_another_has_finished_meanwhile(tmp_path: Path) -> None:
+    with bundle(PAD, tmp_path, seed=0) as folder:
+        for name in ("gone", "both", "kept"):
+            (folder / f"{name}.txt").write_text("old")
+    with bundle(PAD, tmp_path, seed=3) as folder:
+        program = OTHER.format(out=str(tmp_path))
+        subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=True, timeout=60)
+        (folder / "both.txt").write_text("own")
+        (folder / "own.txt").write_text("own")
+    folder = tmp_path / bundle_name(PAD)
+    assert names(tmp_path) == [folder.name]
+    assert not (folder / "gone.txt").exists()
+    assert (folder / "new" / "other.txt").read_text() == "other"
+    assert (folder / "both.txt").read_text() == "own"
+    assert altered_files(folder) == ()
+    document = json.loads((folder / MANIFEST).read_text())
+    seeds = {name: document["runs"][record["run"]]["seed"] for name, record in document["files"].items()}
+    assert seeds == {"both.txt": 3, "design.toml": 0, "kept.txt": 0, "new/other.txt": 7, "own.txt": 3}
+
+
+def test_an_interrupt_between_the_changes_of_places_puts_the_old_bundle_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = make(tmp_path, "old")
+    rename = Path.rename
+
+    def interrupted(self: Path, target: Path) -> Path:
+        moved = rename(self, target)
+        if target.name.endswith(".old"):
+            raise KeyboardInterrupt
+        return moved
+
+    monkeypatch.setattr(Path, "rename", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        make(tmp_path, "new")
+    assert names(tmp_path) == [folder.name]
+    assert (folder / "sims" / "score.json").read_text() == "old"
 
 
 def test_designs_that_differ_have_bundles_of_their_own(tmp_path: Path) -> None:
