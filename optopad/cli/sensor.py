@@ -353,7 +353,14 @@ def _lines(out: Path | None, as_json: bool) -> Iterator[Callable[[str], None] | 
         return
     try:
         with out.open("x", encoding="utf-8") as stream:
-            yield lambda line: print(line, file=stream)
+            try:
+                yield lambda line: print(line, file=stream)
+            except BaseException:
+                if (
+                    not stream.tell()
+                ):  # ended before the first line, so that the same command can be given again
+                    out.unlink(missing_ok=True)
+                raise
     except FileExistsError:
         raise InputError(f"--out {out}: exists already; choose another name") from None
     except OSError as err:

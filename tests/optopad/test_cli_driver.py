@@ -67,6 +67,13 @@ def test_read_writes_a_new_file_and_says_how_the_line_did(
     assert "exists already" in capsys.readouterr().err
 
 
+def test_read_that_never_began_leaves_no_file_in_the_way(config: str, tmp_path: Path) -> None:
+    out = tmp_path / "frames.jsonl"
+    command = ["driver", "read", config, "--port", str(tmp_path / "nowhere"), "--out", str(out)]
+    assert main(command) == 2
+    assert not out.exists()
+
+
 def test_record_and_export_lead_to_what_compare_reads(
     config: str, port: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
