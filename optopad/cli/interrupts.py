@@ -12,6 +12,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from contextlib import suppress
 from types import FrameType, TracebackType
 from typing import NoReturn, Protocol
 
@@ -65,8 +66,9 @@ def be_deaf() -> None:
 
 def leave(code: int) -> NoReturn:
     """End the process at once: Python would wait for threads, and for some interrupts die of the signal after all."""
-    sys.stdout.flush()
-    sys.stderr.flush()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError):  # who read a pipe may be gone
+            stream.flush()
     os._exit(code)
 
 

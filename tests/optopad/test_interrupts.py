@@ -64,6 +64,16 @@ def examine():
 import optopad.doctor
 optopad.doctor.examine = examine
 """
+WHERE_NOBODY_READS_ANY_MORE = """
+def examine():
+    reading, writing = os.pipe()
+    sys.stdout = os.fdopen(writing, "w")
+    print("half a table")
+    os.close(reading)
+    raise KeyboardInterrupt
+import optopad.doctor
+optopad.doctor.examine = examine
+"""
 TWICE = """
 class Interrupting:
     def write(self, text):
@@ -109,6 +119,7 @@ def command(before: str, *arguments: str) -> subprocess.CompletedProcess[str]:
         pytest.param(WHERE_PYTHON_DROPS_IT, id="in a destructor, where Python drops it"),
         pytest.param(WHILE_A_PACKAGE_IS_LOADED, id="while a package is loaded"),
         pytest.param(WHERE_A_PACKAGE_CALLS_BACK, id="where a package calls back"),
+        pytest.param(WHERE_NOBODY_READS_ANY_MORE, id="where nobody reads any more"),
         pytest.param(TWICE, id="twice"),
         pytest.param(WHERE_TEXT_IS_EXECUTED, id="where text is executed"),
     ],
