@@ -148,7 +148,8 @@ def _pressed(
 def _presses(source: DriverSource, protocol: str, seed: int) -> PressList:
     from fabrication.stage.press_list import read_press_list
 
-    if Path(protocol).suffix.lower() == ".csv" or Path(protocol).is_file():
+    suffix = Path(protocol).suffix.lower()
+    if suffix == ".csv" or (Path(protocol).is_file() and suffix != ".toml"):
         return read_press_list(Path(protocol))
     if source.design is None:
         raise InputError(

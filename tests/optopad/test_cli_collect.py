@@ -85,6 +85,7 @@ def test_collect_presses_by_a_table_and_goes_on_with_the_rest(
         (["--protocol", "far.csv"], "press 0 of set 'collected': stage: x 90 mm is outside"),
         (["--protocol", "none.csv"], "no text that can be read"),
         (["--protocol", "piacenza2017"], "needs the design"),
+        (["--protocol", "driver.toml"], "--protocol driver.toml: needs the design"),
     ],
 )
 def test_what_cannot_be_collected_is_refused_before_any_port_is_opened(
