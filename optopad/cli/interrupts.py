@@ -5,6 +5,8 @@ reference, Python prints and drops it (collecting garbage takes a good part of t
 compiling), and the work goes on as if nobody had asked it to stop: it is sent again. And compiled packages, while they
 are loaded or call back, report it as a failure of their own ("initialization failed", "invalid bounding box"): who
 explains a failure asks `has_arrived` first.
+
+`kill` (SIGTERM) is answered alike, so that nothing hidden stays in the folder and the mold's process ends, too.
 """
 
 from __future__ import annotations
@@ -31,7 +33,7 @@ class _Unraisable(Protocol):
 
 
 def listen() -> None:
-    """Answer Ctrl-C as above from now on; not where it is ignored, and not on a system without timers."""
+    """Answer Ctrl-C, and `kill`, as above from now on; not where it is ignored, nor on a system without timers."""
     if signal.getsignal(signal.SIGINT) is not signal.default_int_handler or not hasattr(signal, "setitimer"):
         return
     former = sys.unraisablehook
@@ -45,6 +47,7 @@ def listen() -> None:
     sys.unraisablehook = hook
     signal.signal(signal.SIGALRM, _answer)
     signal.signal(signal.SIGINT, _answer)
+    signal.signal(signal.SIGTERM, _answer)
 
 
 def has_arrived() -> bool:
@@ -62,6 +65,7 @@ def be_deaf() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_REAL, 0.0)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def leave(code: int) -> NoReturn:

@@ -74,6 +74,13 @@ def examine():
 import optopad.doctor
 optopad.doctor.examine = examine
 """
+BY_KILL = """
+def examine():
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(10)
+import optopad.doctor
+optopad.doctor.examine = examine
+"""
 TWICE = """
 class Interrupting:
     def write(self, text):
@@ -120,6 +127,7 @@ def command(before: str, *arguments: str) -> subprocess.CompletedProcess[str]:
         pytest.param(WHILE_A_PACKAGE_IS_LOADED, id="while a package is loaded"),
         pytest.param(WHERE_A_PACKAGE_CALLS_BACK, id="where a package calls back"),
         pytest.param(WHERE_NOBODY_READS_ANY_MORE, id="where nobody reads any more"),
+        pytest.param(BY_KILL, id="by kill"),
         pytest.param(TWICE, id="twice"),
         pytest.param(WHERE_TEXT_IS_EXECUTED, id="where text is executed"),
     ],
