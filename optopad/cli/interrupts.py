@@ -1,10 +1,11 @@
 """Ctrl-C that is neither lost nor mistaken for a failure.
 
-Two things may happen to the exception by which Python tells of Ctrl-C. In a destructor, or in the callback of a weak
+Three things may happen to the exception by which Python tells of Ctrl-C. In a destructor, or in the callback of a weak
 reference, Python prints and drops it (collecting garbage takes a good part of the time of imports, plots and
-compiling), and the work goes on as if nobody had asked it to stop: it is sent again. And compiled packages, while they
-are loaded or call back, report it as a failure of their own ("initialization failed", "invalid bounding box"): who
-explains a failure asks `has_arrived` first.
+compiling), and the work goes on as if nobody had asked it to stop: it is sent again. In an import, a package may take
+it for a sign that another one is not installed, and do without (as trimesh without SciPy): it waits for the import's
+end. And compiled packages, while they are loaded or call back, report it as a failure of their own ("initialization
+failed", "invalid bounding box"): who explains a failure asks `has_arrived` first.
 
 `kill` (SIGTERM) is answered alike, so that nothing hidden stays in the folder and the mold's process ends, too.
 """
@@ -14,14 +15,18 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import time
 from contextlib import suppress
 from types import FrameType, TracebackType
 from typing import NoReturn, Protocol
 
 AGAIN_S = 0.01
-"""Until a dropped Ctrl-C comes again: well after the destructor, and at once for a person."""
+"""Until Ctrl-C comes again: well after a destructor, and at once for a person."""
+LONGEST_IMPORT_S = 5.0
+"""So long Ctrl-C waits for an import's end."""
+IMPORTING = "<frozen importlib._bootstrap>"
 
-_arrived: list[int] = []
+_arrived_s: list[float] = []
 
 
 class _Unraisable(Protocol):
@@ -40,7 +45,7 @@ def listen() -> None:
 
     def hook(dropped: _Unraisable) -> None:
         if issubclass(dropped.exc_type, KeyboardInterrupt):
-            signal.setitimer(signal.ITIMER_REAL, AGAIN_S)
+            _send_again()
         else:
             former(dropped)
 
@@ -52,12 +57,12 @@ def listen() -> None:
 
 def has_arrived() -> bool:
     """Whether Ctrl-C was pressed and not answered yet."""
-    return bool(_arrived)
+    return bool(_arrived_s)
 
 
 def answered() -> None:
     """Ctrl-C was a clean end of what it was meant for, as of a recording; what fails from here on is a failure."""
-    _arrived.clear()
+    _arrived_s.clear()
 
 
 def be_deaf() -> None:
@@ -76,6 +81,21 @@ def leave(code: int) -> NoReturn:
     os._exit(code)
 
 
-def _answer(number: int, _frame: FrameType | None) -> NoReturn:
-    _arrived.append(number)
-    raise KeyboardInterrupt
+def _answer(_number: int, frame: FrameType | None) -> None:
+    _arrived_s.append(time.monotonic())
+    if _is_importing(frame) and _arrived_s[-1] - _arrived_s[0] < LONGEST_IMPORT_S:
+        _send_again()
+    else:
+        raise KeyboardInterrupt
+
+
+def _send_again() -> None:
+    signal.setitimer(signal.ITIMER_REAL, AGAIN_S)
+
+
+def _is_importing(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_code.co_filename == IMPORTING:
+            return True
+        frame = frame.f_back
+    return False

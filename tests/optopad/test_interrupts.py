@@ -44,10 +44,13 @@ class Half:  # a compiled package: what cuts its loading short is a failure of i
 sys.meta_path.insert(0, Half())
 def examine():
     import half
-    time.sleep(10)
+    time.sleep(3)
+    os._exit(0)
 import optopad.doctor
 optopad.doctor.examine = examine
 """
+WITHOUT_IT = WHILE_A_PACKAGE_IS_LOADED.replace('raise ImportError("initialization failed")', "pass")
+TOO_LONG = "import optopad.cli.interrupts as ours\nours.LONGEST_IMPORT_S = 0.0" + WHILE_A_PACKAGE_IS_LOADED
 WHERE_A_PACKAGE_CALLS_BACK = """
 def examine():
     try:
@@ -125,6 +128,8 @@ def command(before: str, *arguments: str) -> subprocess.CompletedProcess[str]:
         pytest.param(WHILE_VERBS_ARE_LOADED, id="while the verbs are loaded"),
         pytest.param(WHERE_PYTHON_DROPS_IT, id="in a destructor, where Python drops it"),
         pytest.param(WHILE_A_PACKAGE_IS_LOADED, id="while a package is loaded"),
+        pytest.param(WITHOUT_IT, id="while a package is loaded that others do without"),
+        pytest.param(TOO_LONG, id="while a package is loaded that takes too long"),
         pytest.param(WHERE_A_PACKAGE_CALLS_BACK, id="where a package calls back"),
         pytest.param(WHERE_NOBODY_READS_ANY_MORE, id="where nobody reads any more"),
         pytest.param(BY_KILL, id="by kill"),
