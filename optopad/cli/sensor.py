@@ -356,9 +356,8 @@ def _lines(out: Path | None, as_json: bool) -> Iterator[Callable[[str], None] | 
             try:
                 yield lambda line: print(line, file=stream)
             except BaseException:
-                if (
-                    not stream.tell()
-                ):  # ended before the first line, so that the same command can be given again
+                # ended before the first line: the same command can be given again
+                if not stream.tell():
                     out.unlink(missing_ok=True)
                 raise
     except FileExistsError:
