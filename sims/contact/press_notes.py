@@ -29,7 +29,7 @@ def edge_force_note(design: SensorDesign) -> str | None:
     return (
         f"walls: pressed in the corner of the workspace ({corner[0]:g}, {corner[1]:g}) mm the force is "
         f"{100.0 * (corner_factor / centre_factor - 1.0):+.0f} % of that in the middle; light is traced with the "
-        "shape of the centred press, which beside two walls moves single signals by several per cent "
+        "shape of the centred press, which off the middle moves single signals by several per cent "
         "(docs/validation/walls.md)"
     )
 
