@@ -20,6 +20,9 @@ from sims.press_data import PressData, clipped_note
 
 OnStep = Callable[[str, float], None]
 
+MODEL_FILE = "build.optomodel"
+"""The build's model beside its design and facts."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class CalibratedBuild:
@@ -96,6 +99,16 @@ def write_calibration(made: CalibratedBuild, design: SensorDesign, folder: Path)
         facts = json.dumps(made.to_json(design), indent=2, allow_nan=False) + "\n"
         write_text_atomically(hidden / names[1], facts)
         if made.model is not None:
-            names.append("build.optomodel")
+            names.append(MODEL_FILE)
             save_model(hidden / names[2], made.model)
     return tuple(folder / name for name in names)
+
+
+def earlier_model_note(made: CalibratedBuild, folder: Path) -> tuple[str, ...]:
+    """That the model in a folder is none of this calibration, where it made none."""
+    if made.model is not None or not (folder / MODEL_FILE).exists():
+        return ()
+    return (
+        f"{folder / MODEL_FILE} is of an earlier calibration and does not read the build as design.toml now has it; "
+        "calibrate without --no-model, or delete it",
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -44,7 +45,7 @@ def calibrate(
 ) -> None:
     """Fit heights, LED size, reflectances, index and gains to presses of a build; its design and a model for it."""
     from optopad.calibration import calibrate as fit
-    from optopad.calibration import write_calibration
+    from optopad.calibration import earlier_model_note, write_calibration
 
     read = read_design(design, set_)
     folder = out or data.with_name(f"{data.stem}-calibration")
@@ -52,6 +53,7 @@ def calibrate(
     with progress(quiet=as_json) as step:
         made = fit(read, data, with_model=not no_model, quick=quick, seed=seed, on_step=step)
         files = write_calibration(made, read, folder)
+        made = replace(made, notes=(*made.notes, *earlier_model_note(made, folder)))
     if as_json:
         print_json(made.to_json(read))
         return

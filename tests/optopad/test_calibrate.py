@@ -11,7 +11,7 @@ import pytest
 
 from design.io import load_design
 from design.preset import preset
-from optopad.calibration import CalibratedBuild, write_calibration
+from optopad.calibration import CalibratedBuild, earlier_model_note, write_calibration
 from optopad.cli import main
 from sims.dataset import save_data
 from sims.learning.calibration.build import Calibration
@@ -117,6 +117,16 @@ def test_an_interrupted_calibration_leaves_the_earlier_one_as_it_was(tmp_path: P
     with pytest.raises(KeyboardInterrupt):
         write_calibration(made_up_build(0.2), preset(PAD), tmp_path)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_an_earlier_model_beside_a_fit_without_one_is_told(tmp_path: Path):
+    with_model, without = made_up_build(0.1), replace(made_up_build(0.2), model=None)
+    assert earlier_model_note(without, tmp_path) == ()
+    write_calibration(with_model, preset(PAD), tmp_path)
+    assert earlier_model_note(with_model, tmp_path) == ()
+    write_calibration(without, preset(PAD), tmp_path)
+    (note,) = earlier_model_note(without, tmp_path)
+    assert "build.optomodel is of an earlier calibration" in note
 
 
 def test_what_was_not_determined_is_said():
