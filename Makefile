@@ -44,6 +44,8 @@ validate: setup ## the figures of docs/validation, made anew (hours; interrupted
 	$(BIN)/python -m tests.validation.library_interpolation
 	$(BIN)/python -m tests.validation.wall_reference
 	$(BIN)/python -m tests.validation.wall_table
+	$(BIN)/python -m tests.validation.square_pad --solve
+	$(BIN)/python -m tests.validation.square_pad
 	$(BIN)/python -m sims.contact.wall_check build/validation/walls
 	$(BIN)/python -m tests.validation.light_reference_build
 	$(BIN)/python -m tests.validation.light_table

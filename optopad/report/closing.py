@@ -12,8 +12,8 @@ from sims.verdict.result import ContinuityScore
 LEFT_OUT = (
     "Contact is static, axisymmetric and frictionless: no sliding, no adhesion, no slow bonding and unbonding at "
     "the walls. Hysteresis of the load is an option for one protocol and never enters the light.",
-    "Walls in the light: forces include near walls, but light is traced with the shape of the centred press, whose "
-    "wall is bonded 16/3 tip radii away.",
+    "Walls in the light: forces include near walls, but light is traced everywhere with the shape of a press in the "
+    "middle of a round pad of the cavity's area.",
     "One tip, a rigid body of revolution with a straight shank. Several touches at once are not modelled.",
     "Light that leaves through the top is lost: none comes back in across the crater.",
     "Receivers are bare active areas, without package, lens or filter. Emitters are flat and even, with intensity "

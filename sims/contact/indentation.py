@@ -2,7 +2,8 @@
 
 A press belongs to one elastic depth over tip radius. It is taken from the shipped library (or solved live, where
 a mesh is asked for) and scaled: lengths with the tip radius R, force with E R² (a frictionless neo-Hookean
-layer has no other length or force). The library's wall is bonded 16/3 R from the axis.
+layer has no other length or force). A rectangular pad is taken for the round one of its area (`scope.round_radius`);
+another place, or pad, than the middle of its square changes the force by the ratio that walls make (`walls`).
 """
 
 from __future__ import annotations
@@ -19,11 +20,15 @@ from sims.contact.live_press import live_note, live_press, mesh_size
 from sims.contact.profiles import UnitPress
 from sims.contact.scope import (
     FIRST_DEPTHS,
+    WALL_RADIUS_RANGE,
     depth_limit_mm,
     elastic_depth_mm,
+    half_width_of,
     layer_depth,
     require_depth,
+    round_radius,
     tip_radius_mm,
+    wall_radius,
 )
 from sims.contact.smooth_press import SmoothPress
 from sims.contact.solved_press import SolvedPress
@@ -54,10 +59,15 @@ def modulus_mpa(design: SensorDesign) -> float:
     return modulus
 
 
+def is_in_library(design: SensorDesign) -> bool:
+    """Whether the shipped library has the presses of a design: a hemisphere, a layer within its entries."""
+    return tip_of(design.indenter) == HEMISPHERE and shipped_library().covers(round(layer_depth(design), 9))
+
+
 @lru_cache(maxsize=64)
-def _library_press(layer: float) -> SmoothPress:
-    """The library's presses of a layer; designs that differ elsewhere share them."""
-    return shipped_library().press(layer)
+def _library_press(layer: float, wall: float) -> SmoothPress:
+    """The library's presses of a layer in a round pad; designs that differ elsewhere share them."""
+    return shipped_library().press(layer, wall)
 
 
 def solved_press(
@@ -90,9 +100,10 @@ def solved_press(
     radius, layer, modulus = tip_radius_mm(design), round(layer_depth(design), 9), modulus_mpa(design)
     deepest = require_depth(design, wanted, name) / radius
     walls, notes = _walls(design, layer, at_mm)
+    notes += pad_notes(design)
     unit: UnitPress | None = None
-    if mesh_mm is None and tip_of(design.indenter) == HEMISPHERE and shipped_library().covers(layer):
-        smooth = _library_press(layer)
+    if mesh_mm is None and is_in_library(design):
+        smooth = _library_press(layer, round(wall_radius(design), 9))
     else:
         unit, smooth, told = live_press(design, mesh_size(design, mesh_mm), deepest, on_step)
         notes += (live_note(design, mesh_mm), *told)
@@ -117,7 +128,8 @@ def _walls(
     reason = None if at_mm is not None else _uncovered(layer, walls)
     if reason is None:
         return walls, ()
-    return None, (f"walls: forces are those of a wall at 16/3 tip radii ({reason})",)
+    half = half_width_of(wall_radius(design))
+    return None, (f"walls: forces are those of walls at {half:.2f} tip radii ({reason})",)
 
 
 @lru_cache(maxsize=64)
@@ -128,6 +140,19 @@ def _uncovered(layer: float, walls: Walls) -> str | None:
     except ModelScopeError as err:
         return str(err)
     return None
+
+
+def pad_notes(design: SensorDesign) -> tuple[str, ...]:
+    """That a pad is smaller than the smallest solved one, whose surface stands in for its own."""
+    cavity, tip, smallest = design.cavity, tip_radius_mm(design), WALL_RADIUS_RANGE[0]
+    if round_radius(cavity.length_mm, cavity.width_mm) >= (smallest - 1e-9) * tip:
+        return ()
+    side = 2.0 * half_width_of(smallest * tip)
+    return (
+        f"pad: {cavity.length_mm:g} x {cavity.width_mm:g} mm is less than the contact model has solved for this tip; "
+        f"the surface is that of a pad of {side:.1f} x {side:.1f} mm, so it rises too little; make the pad larger or "
+        "use a smaller tip",
+    )
 
 
 def _require_inside(design: SensorDesign, at_mm: tuple[float, float]) -> None:

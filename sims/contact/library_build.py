@@ -1,4 +1,4 @@
-"""Make the library of solved presses anew: two solves a layer, in parallel, resumable.
+"""Make the library of solved presses anew: two solves a layer and pad, in parallel, resumable.
 
 Every finished solve is stored in the cache of solved presses at once, so an interrupted build goes on
 where it stopped. Workers are processes of their own, one thread each; a solve is a pure function of its
@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from design.errors import OutputError
 from sims.contact.incompressible import POISSON_RATIOS, nearly_incompressible
-from sims.contact.library import LAYERS, Library, deepest_press, pack
+from sims.contact.library import LAYERS, PAD_RADII, WALL_LAYERS, Library, deepest_press, pack
 from sims.contact.press_fit import fit_press
 from sims.contact.profiles import UnitPress
-from sims.contact.scope import DEPTH_STEP, FIRST_DEPTHS
+from sims.contact.scope import DEPTH_STEP, FIRST_DEPTHS, WALL_RADIUS
 from sims.contact.smooth_press import SmoothPress
 from sims.contact.stored_press import RECIPE, PressInputs, stored_press
 
@@ -42,26 +42,31 @@ def library_depths(layer: float) -> tuple[float, ...]:
     return tuple(round(float(depth), 9) for depth in schedule * (deepest / longest))
 
 
-def entry_inputs(layer: float, poisson_ratio: float) -> PressInputs:
+def entry_inputs(layer: float, poisson_ratio: float, wall_radius: float = WALL_RADIUS) -> PressInputs:
     """What an entry's solve depends on."""
     return PressInputs(
-        layer=layer, mesh_size=LIBRARY_MESH, depths=library_depths(layer), poisson_ratio=poisson_ratio
+        layer=layer,
+        mesh_size=LIBRARY_MESH,
+        depths=library_depths(layer),
+        poisson_ratio=poisson_ratio,
+        wall_radius=wall_radius,
     )
 
 
-def solve_entry(layer: float, poisson_ratio: float) -> UnitPress:
+def solve_entry(layer: float, poisson_ratio: float, wall_radius: float = WALL_RADIUS) -> UnitPress:
     """The solved states of one layer [tip radii], from the cache or solved and stored there."""
-    return stored_press(entry_inputs(layer, poisson_ratio))[0]
+    return stored_press(entry_inputs(layer, poisson_ratio, wall_radius))[0]
 
 
-def entry_press(layer: float) -> SmoothPress:
+def entry_press(layer: float, wall_radius: float = WALL_RADIUS) -> SmoothPress:
     """One nearly incompressible entry, from both of its solves."""
-    soft, stiff = (fit_press(solve_entry(layer, ratio)) for ratio in POISSON_RATIOS)
+    soft, stiff = (fit_press(solve_entry(layer, ratio, wall_radius)) for ratio in POISSON_RATIOS)
     return nearly_incompressible(soft, stiff)
 
 
-def assembled(presses: Sequence[SmoothPress]) -> Library:
-    """The library of entries, thinnest first."""
+def assembled(presses: Sequence[SmoothPress], pads: Sequence[Sequence[SmoothPress]]) -> Library:
+    """The library of entries, thinnest first, and of the `WALL_LAYERS` in every other pad, smallest first."""
+    entries = {press.layer_depth: press.coefficients for press in presses}
     return Library(
         layers=np.array([press.layer_depth for press in presses]),
         first=np.array([press.first for press in presses]),
@@ -69,6 +74,11 @@ def assembled(presses: Sequence[SmoothPress]) -> Library:
         mesh_size=presses[0].mesh_size,
         knots=presses[0].knots,
         coefficients=np.array([press.coefficients for press in presses]),
+        wall_layers=np.array([of_layer[0].layer_depth for of_layer in pads]),
+        pad_radii=np.array([pad.wall_radius for pad in pads[0]]),
+        wall_changes=np.array(
+            [[pad.coefficients - entries[pad.layer_depth] for pad in of_layer] for of_layer in pads]
+        ),
         residual=np.array([press.residual.as_array() for press in presses]),
         recipe=RECIPE,
         versions=(*presses[0].versions, f"numpy {version('numpy')}", f"scipy {version('scipy')}"),
@@ -87,9 +97,11 @@ def build_library(workers: int, on_step: Callable[[int, int], None] | None = Non
     ------
     ContactSolveError : a layer's state fails its checks
     """
-    thickest_first = [(layer, ratio) for layer in sorted(LAYERS, reverse=True) for ratio in POISSON_RATIOS]
+    walls = [(layer, WALL_RADIUS) for layer in LAYERS]
+    walls += [(layer, radius) for layer in WALL_LAYERS for radius in PAD_RADII]
+    thickest_first = [(*pad, ratio) for pad in sorted(walls, reverse=True) for ratio in POISSON_RATIOS]
     with ProcessPoolExecutor(max_workers=workers, mp_context=get_context("spawn")) as pool:
-        jobs = [pool.submit(solve_entry, layer, ratio) for layer, ratio in thickest_first]
+        jobs = [pool.submit(solve_entry, layer, ratio, radius) for layer, radius, ratio in thickest_first]
         try:
             for count, job in enumerate(as_completed(jobs), start=1):
                 job.result()
@@ -100,7 +112,8 @@ def build_library(workers: int, on_step: Callable[[int, int], None] | None = Non
             for worker in active_children():
                 worker.terminate()
             raise
-    return assembled([entry_press(layer) for layer in LAYERS])
+    pads = [[entry_press(layer, radius) for radius in PAD_RADII] for layer in WALL_LAYERS]
+    return assembled([entry_press(layer) for layer in LAYERS], pads)
 
 
 def _unwritable(path: Path, err: OSError) -> OutputError:

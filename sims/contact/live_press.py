@@ -10,7 +10,7 @@ from design.spec import SensorDesign
 from sims.contact.incompressible import POISSON_RATIOS, nearly_incompressible
 from sims.contact.press_fit import fit_press
 from sims.contact.profiles import UnitPress
-from sims.contact.scope import layer_depth, solved_depths, tip_radius_mm
+from sims.contact.scope import layer_depth, solved_depths, tip_radius_mm, wall_radius
 from sims.contact.smooth_press import SmoothPress
 from sims.contact.stored_press import PressInputs, stored_press
 from sims.contact.tip import tip_of
@@ -69,7 +69,14 @@ def live_press(
     tell = _Progress(on_step)
 
     def solve(ratio: float) -> tuple[UnitPress, tuple[str, ...]]:
-        inputs = PressInputs(layer=layer, mesh_size=spacing, depths=depths, poisson_ratio=ratio, tip=tip)
+        inputs = PressInputs(
+            layer=layer,
+            mesh_size=spacing,
+            depths=depths,
+            poisson_ratio=ratio,
+            tip=tip,
+            wall_radius=wall_radius(design),
+        )
         return stored_press(inputs, lambda share: tell.advance(ratio, share))
 
     with ThreadPoolExecutor(max_workers=len(POISSON_RATIOS)) as pool:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator, make_lsq_spline
 
 from sims.contact.profiles import UnitPress
-from sims.contact.smooth_press import LOAD_SHARES, FitResidual, SmoothPress, StateValues, arc_shares
+from sims.contact.smooth_press import LOAD_SHARES, FitResidual, SmoothPress, StateValues, sample_arcs
 from sims.contact.surface_curve import contact_tolerance, free_surface
 from sims.contact.tip import tip_coordinate, tip_outline
 
@@ -23,10 +23,12 @@ DEPTHS_PER_INTERVAL = 3
 """Solved depths for one interval of the splines."""
 
 
-def _resampled(points: FloatArray) -> FloatArray:
-    """(sample, 2) points at fixed shares of the arc length of a dense curve."""
+def _resampled(points: FloatArray, wall_radius: float) -> FloatArray:
+    """(sample, 2) points at the `sample_arcs` of a dense curve."""
     length = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
-    return np.asarray(CubicSpline(length, points)(length[-1] * arc_shares()), dtype=np.float64)
+    return np.asarray(
+        CubicSpline(length, points)(sample_arcs(float(length[-1]), wall_radius)), dtype=np.float64
+    )
 
 
 def tributary_areas(radius: FloatArray, height: FloatArray) -> FloatArray:
@@ -72,7 +74,7 @@ def _state(unit: UnitPress, index: int) -> StateValues:
     return StateValues(
         log_force=float(np.log(unit.force[index])),
         log_edge=float(np.log(edge)),
-        free=_resampled(np.concatenate([start[None], free])) - start,
+        free=_resampled(np.concatenate([start[None], free]), unit.wall_radius) - start,
         load=_load_inside(
             unit.normal_force[index], radius, height, tip_coordinate(radius, height, depth, unit.tip), edge
         ),

@@ -20,8 +20,10 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
+HALF_WIDTH = 16 / 3
+"""Half width of the square pad that wall corrections refer to [tip radii]: 16 mm for a 3 mm tip."""
 WALL_RADIUS = 16 / 3
-"""Where the wall is bonded in every solution [tip radii]: 16 mm for a 3 mm tip."""
+"""Where the wall of a round pad is bonded unless another place is asked for [tip radii]."""
 FIRST_DEPTHS = (0.02 / 3, 0.05 / 3, 0.1 / 3, 0.15 / 3, 0.2 / 3)
 """First solved depths [tip radii]: mode 1 of a pair can be over within the first tenths of a millimetre."""
 DEPTH_STEP = 0.1 / 3
@@ -65,6 +67,34 @@ def layer_depth(design: SensorDesign) -> float:
             f"tip radii; the contact model covers {low} to {high}, here {low * radius:g} to {high * radius:g} mm"
         )
     return ratio
+
+
+def round_radius(length: float, width: float) -> float:
+    """Radius of the round pad of a rectangular pad's area; all of one unit.
+
+    Rubber keeps its volume: what the tip displaces rises over the area of the pad. With equal areas the free surface
+    of a round pad is that of a square one to a few micrometres up to the strip beside the walls
+    (docs/validation/walls.md).
+    """
+    return math.sqrt(length * width / math.pi)
+
+
+def half_width_of(radius: float) -> float:
+    """Half width of the square pad of a round pad's area, in the unit of the radius."""
+    return 0.5 * math.sqrt(math.pi) * radius
+
+
+WALL_RADIUS_RANGE = (round(round_radius(20 / 3, 20 / 3), 9), 7.5)
+"""Radii of the round pads that are solved [tip radii], from that of a pad of 20 mm and a tip of 3 mm; larger ones
+differ little, smaller ones are told."""
+
+
+def wall_radius(design: SensorDesign) -> float:
+    """Radius of the round pad that stands for the design's [tip radii], moved into `WALL_RADIUS_RANGE`."""
+    cavity = design.cavity
+    radius = round_radius(cavity.length_mm, cavity.width_mm) / tip_radius_mm(design)
+    low, high = WALL_RADIUS_RANGE
+    return min(max(radius, low), high)
 
 
 def depth_limit_mm(design: SensorDesign) -> float:

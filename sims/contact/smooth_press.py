@@ -1,8 +1,8 @@
 """One layer's presses as smooth functions of depth.
 
 A press is described by numbers that change smoothly with depth: ln of the force, ln of the outline
-coordinate t of the contact edge, the free surface from that edge to the wall at fixed shares of its arc
-length (relative to the edge), and the share of the load inside fixed shares of t. Each is a cubic
+coordinate t of the contact edge, the free surface from that edge to the wall at fixed places along its arc
+(`sample_arcs`; relative to the edge), and the share of the load inside fixed shares of t. Each is a cubic
 spline in ln(depth / deepest), in which force and edge are nearly straight lines (powers of the depth:
 Hertz' 3/2 and 1/2). All are linear in the coefficients, so that layers can be interpolated.
 
@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
+from sims.contact.scope import WALL_RADIUS
 from sims.contact.surface_curve import TopCurve, contact_radius_at, whole_curve
 from sims.contact.tip import HEMISPHERE, TipOutline, tip_outline
 
@@ -45,6 +46,22 @@ def _arc_shares() -> FloatArray:
 def arc_shares() -> FloatArray:
     """(sample,) shares of the free surface's arc length, from 0 at the contact edge to 1 at the wall [-]."""
     return _arc_shares().copy()
+
+
+def sample_arcs(length: float, wall_radius: float) -> FloatArray:
+    """(sample,) arcs of the samples from the contact edge on, from 0 to the whole length [tip radii].
+
+    Beside the contact they hardly depend on the place of the wall, so presses in pads of different sizes can be
+    interpolated; with a wall at `WALL_RADIUS` they are the `arc_shares` of the length.
+
+    Parameters
+    ----------
+    length : arc from the contact edge to the wall [tip radii]
+    wall_radius : of the bonded wall [tip radii]
+    """
+    stretch = WALL_RADIUS / wall_radius
+    shares = _arc_shares()
+    return np.asarray(length * stretch * shares / (1.0 + (stretch - 1.0) * shares), dtype=np.float64)
 
 
 SAMPLES = _arc_shares().size
@@ -159,7 +176,7 @@ class SmoothPress:
     def curve_at(self, depth: float) -> TopCurve:
         """The top from axis to wall at a depth between 0 and the deepest one."""
         if depth <= 0.0:
-            flat = self.wall_radius * arc_shares()
+            flat = sample_arcs(self.wall_radius, self.wall_radius)
             nothing = np.zeros_like(flat)
             return TopCurve(radius=flat, height=nothing, inclination=nothing, contact_radius=0.0)
         solved = max(depth, self.first)

@@ -8,7 +8,10 @@ import numpy as np
 
 from design.errors import ModelScopeError
 from sims.contact.profiles import UnitPress
+from sims.contact.run_out import run_out
+from sims.contact.scope import half_width_of
 from sims.contact.smooth_press import SmoothPress
+from sims.contact.surface_curve import TopCurve
 from sims.contact.tip import HEMISPHERE
 from sims.contact.wall_superposition import Walls
 from sims.contact.walls import wall_force_factor
@@ -24,8 +27,8 @@ class SolvedPress:
     smooth : the presses in tip radii and E R²
     tip_radius_mm : radius of the hemispherical tip [mm]
     youngs_modulus_mpa : modulus of the layer [MPa]; it scales the force only
-    walls : distances (west, east, south, north) of the pad's walls from the press axis [tip radii]; None leaves
-        the wall at 16/3 tip radii all around
+    walls : distances (west, east, south, north) of the pad's walls from the press axis [tip radii]; None leaves the
+        force that of the round pad
     unit : the solver's states, where the press was solved live; None from the library
     notes : what the user should know about this solution
     """
@@ -68,19 +71,31 @@ class SolvedPress:
         return self.smooth.force_at(depth) * unit_n * self._wall_factor(depth)
 
     def _wall_factor(self, depth: float) -> float:
-        """What the walls make of the force [-]."""
+        """Force over that of the round pad [-], which a square of its area has in the middle."""
         if self.walls is None or depth <= 0.0:
             return 1.0
-        return wall_force_factor(self.smooth.layer_depth, depth, self.walls)
+        half = round(half_width_of(self.smooth.wall_radius), 9)
+        here, there = (
+            wall_force_factor(self.smooth.layer_depth, depth, walls) for walls in (self.walls, (half,) * 4)
+        )
+        return here / there
 
     def at(self, depth_mm: float) -> Indentation:
-        """The press at a depth [mm]; a depth of 0 or less is the untouched pad.
+        """The press at a depth [mm], its surface run out beyond the half width of the pad; 0 or less is untouched.
 
         Raises
         ------
         ModelScopeError : deeper than solved
         """
         curve = self.smooth.curve_at(self.scaled_depth(depth_mm))
+        return self._indentation(run_out(curve, half_width_of(self.smooth.wall_radius)), depth_mm)
+
+    def round_pad_at(self, depth_mm: float) -> Indentation:
+        """The press at a depth [mm], its surface that of the round pad out to its wall; errors of `at`."""
+        return self._indentation(self.smooth.curve_at(self.scaled_depth(depth_mm)), depth_mm)
+
+    def _indentation(self, curve: TopCurve, depth_mm: float) -> Indentation:
+        """A curve in tip radii and the force of its depth."""
         return Indentation(
             depth_mm=depth_mm,
             tip_radius_mm=self.tip_radius_mm,

@@ -8,6 +8,7 @@ from functools import cache
 from importlib.metadata import version
 
 from sims.contact.profiles import UnitPress
+from sims.contact.scope import WALL_RADIUS
 from sims.contact.store import entry_key, read_entry, write_entry
 from sims.contact.tip import HEMISPHERE, TipOutline
 
@@ -35,6 +36,7 @@ class PressInputs:
     depths : increasing depths to solve
     poisson_ratio : of the layer [-]
     tip : what presses
+    wall_radius : of the bonded wall
     """
 
     layer: float
@@ -42,6 +44,7 @@ class PressInputs:
     depths: tuple[float, ...]
     poisson_ratio: float
     tip: TipOutline = HEMISPHERE
+    wall_radius: float = WALL_RADIUS
 
     def key(self) -> str:
         """Name of the stored solution."""
@@ -52,6 +55,7 @@ class PressInputs:
                 "depths": self.depths,
                 "poisson": self.poisson_ratio,
                 "tip": self.tip.rows,
+                "wall": round(self.wall_radius, 9),
                 "recipe": RECIPE,
                 "mujoco": _mujoco_version(),
             }
@@ -69,6 +73,7 @@ def _solve(inputs: PressInputs, on_step: Callable[[float], None] | None) -> Unit
         inputs.poisson_ratio,
         on_step,
         inputs.tip,
+        round(inputs.wall_radius, 9),
     )
 
 

@@ -22,6 +22,7 @@ def solve_unit_press(
     poisson_ratio: float,
     on_step: Callable[[float], None] | None = None,
     tip: TipOutline = HEMISPHERE,
+    wall_radius: float = WALL_RADIUS,
 ) -> UnitPress:
     """Press a tip of radius 1 into a layer of modulus 1.
 
@@ -32,12 +33,13 @@ def solve_unit_press(
     poisson_ratio : of the layer [-]
     on_step : called with the fraction done
     tip : what presses
+    wall_radius : of the bonded wall [tip radii]
 
     Raises
     ------
     ContactSolveError : a state fails its checks
     """
-    mesh = radial_mesh(layer_depth, WALL_RADIUS, mesh_size)
+    mesh = radial_mesh(layer_depth, wall_radius, mesh_size)
     solution = solve_wedge(mesh, depths, poisson_ratio, on_step, tip)
     spacing = float(mesh.nodes[mesh.top[1], 0])
     tolerance = contact_tolerance(spacing, WEDGE_ANGLE)
@@ -61,7 +63,7 @@ def solve_unit_press(
     }
     return UnitPress(
         layer_depth=layer_depth,
-        wall_radius=WALL_RADIUS,
+        wall_radius=wall_radius,
         mesh_size=spacing,
         wedge_angle=WEDGE_ANGLE,
         poisson_ratio=poisson_ratio,

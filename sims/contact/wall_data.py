@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from sims.contact.scope import WALL_RADIUS
+from sims.contact.scope import HALF_WIDTH
 from sims.contact.wall_shape import ACROSS_COUNT, ALONG_COUNT, RIM_RADII
 
 FloatArray = NDArray[np.float64]
@@ -68,7 +68,7 @@ class WallData:
         self._pair_layers = float(arrays["pair_layers"][0]), float(arrays["pair_layers"][-1])
         self.farthest = float(self.distances[-1])
         self._stored = [*range(len(self.distances) - 1), len(self.distances)]
-        nodes = np.insert(self.distances, -1, WALL_RADIUS)
+        nodes = np.insert(self.distances, -1, HALF_WIDTH)
         self._by_distance = _cardinal(1.0 / nodes[::-1], "clamped")
         self._by_depth = _cardinal(share, "clamped")
         self._by_root = _cardinal(np.sqrt(share))

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from sims.contact.scope import WALL_RADIUS
+from sims.contact.scope import HALF_WIDTH
 from sims.contact.tip import tip_gap
 from sims.contact.wall_data import DATA_FILE
 from sims.contact.wall_runs import (
@@ -173,9 +173,7 @@ def rim_heights(surfaces: WallSurfaces, index: int) -> FloatArray:
 def base_of(heights: FloatArray) -> Callable[[FloatArray], FloatArray]:
     """Height of the centred press as a function of radius, zero from 16/3 on."""
     curve = PchipInterpolator(RIM_RADII, heights)
-    return lambda radius: np.where(
-        radius < WALL_RADIUS, curve(np.clip(radius, RIM_RADII[0], WALL_RADIUS)), 0.0
-    )
+    return lambda radius: np.where(radius < HALF_WIDTH, curve(np.clip(radius, RIM_RADII[0], HALF_WIDTH)), 0.0)
 
 
 def _roughness() -> FloatArray:
@@ -197,10 +195,10 @@ def single_coefficients(
     at_wall = np.abs(pad.rest[:, 0] + distance) < 1e-6
     order = np.argsort(places[at_wall, 1])
     carried = PchipInterpolator(places[at_wall, 1][order], -dz[at_wall][order])
-    walls = (distance, WALL_RADIUS, WALL_RADIUS, WALL_RADIUS)
+    walls = (distance, HALF_WIDTH, HALF_WIDTH, HALF_WIDTH)
     free = difference(reference, pad, walls, index).beyond(contact_radius)
     window = contact_window(np.hypot(free.x, free.y), contact_radius)
-    wanted = free.dz + window * fade(free.x + distance, distance) * carried(np.clip(free.y, 0.0, WALL_RADIUS))
+    wanted = free.dz + window * fade(free.x + distance, distance) * carried(np.clip(free.y, 0.0, HALF_WIDTH))
     basis = across_basis(free.x, distance)[:, :, None] * along_basis(free.y)[:, None, :]
     matrix = (window * free.cosine)[:, None] * basis.reshape(len(free.x), -1)
     normal = matrix.T @ matrix + SMOOTHING * _roughness() + 1e-9 * np.eye(matrix.shape[1])
@@ -210,7 +208,7 @@ def single_coefficients(
 
 def _fit_layer(layer: float, folder: Path) -> dict[str, FloatArray]:
     """Arrays of one layer: by depth, and by distance and depth."""
-    reference = read_run(single_run(layer, WALL_RADIUS), folder)
+    reference = read_run(single_run(layer, HALF_WIDTH), folder)
     contact = contact_radii(reference)
     pads = [read_run(single_run(layer, distance), folder) for distance in MOVED]
     coefficients = [
@@ -285,7 +283,7 @@ def fit_all(folder: Path) -> dict[str, NDArray[np.generic]]:
             for layer in PAIR_LAYERS
         ]
     )
-    with np.load(folder / f"{single_run(LAYERS[0], WALL_RADIUS).name}.npz", allow_pickle=False) as entry:
+    with np.load(folder / f"{single_run(LAYERS[0], HALF_WIDTH).name}.npz", allow_pickle=False) as entry:
         solver = str(entry["mujoco"])
     return {
         "layers": np.array(LAYERS),

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.contact_scope import DEEPEST_PRESS, LARGEST_SHARE_OF_LAYER
-from sims.contact.scope import WALL_RADIUS
+from sims.contact.scope import HALF_WIDTH
 
 FloatArray = NDArray[np.float64]
 
@@ -58,7 +58,7 @@ with its far walls at 16 mm); the middle of
 a 16 x 16 mm pad with a 2 mm tip; the middle of a pad with walls at 8/3 tip radii. Order: west, east, south, north."""
 
 Walls = tuple[float, float, float, float]
-_FAR = WALL_RADIUS
+_FAR = HALF_WIDTH
 PAIRS = ("single", "corner", "channel")
 """Pads on the mesh of two near walls: one wall, two that meet, two that face each other."""
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sims.contact.scope import WALL_RADIUS
+from sims.contact.scope import HALF_WIDTH
 
 FloatArray = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ ACROSS_COUNT, ALONG_COUNT = ACROSS_CELLS + 1, ALONG_CELLS + 1
 """Coefficients across and along."""
 BASE_START = 1.2
 """Radius from which the height of the centred press is used [tip radii]: beyond any contact, nearer than any wall."""
-RIM_RADII = np.linspace(BASE_START, WALL_RADIUS, 32)
+RIM_RADII = np.linspace(BASE_START, HALF_WIDTH, 32)
 """Radii of the stored height of the centred press."""
 WINDOW_WIDTH = 0.2
 """Over what distance from the contact edge the correction sets in [tip radii]."""
@@ -36,9 +36,9 @@ WINDOW_WIDTH = 0.2
 
 def wall_coordinate(x: FloatArray, distance: float) -> FloatArray:
     """ξ(x): -1 at the wall, 0 on the axis, 1 at 16/3 tip radii on the other side."""
-    stretch = WALL_RADIUS / distance - 1.0
+    stretch = HALF_WIDTH / distance - 1.0
     inside = np.maximum(x, -distance)
-    return np.asarray(inside / (WALL_RADIUS + stretch * np.minimum(inside, 0.0)), dtype=np.float64)
+    return np.asarray(inside / (HALF_WIDTH + stretch * np.minimum(inside, 0.0)), dtype=np.float64)
 
 
 def _cubic(t: FloatArray) -> FloatArray:
@@ -62,7 +62,7 @@ def across_basis(x: FloatArray, distance: float) -> FloatArray:
 
 def along_basis(y: FloatArray) -> FloatArray:
     """(n, ALONG_COUNT) splines along the wall, even in y; 0 at 16/3 and beyond."""
-    t = ALONG_CELLS * np.abs(y) / WALL_RADIUS
+    t = ALONG_CELLS * np.abs(y) / HALF_WIDTH
     raw = _cubic(t[:, None] - np.arange(-1, ALONG_CELLS + 2))
     basis = raw[:, 1:-1].copy()
     basis[:, 1] += raw[:, 0]

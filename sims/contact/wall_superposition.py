@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sims.contact.scope import WALL_RADIUS
+from sims.contact.scope import HALF_WIDTH
 from sims.contact.wall_shape import across_basis, along_basis, contact_window, fade
 
 FloatArray = NDArray[np.float64]
@@ -43,7 +43,7 @@ OPPOSITE = np.array([[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, 0, 1], [0, 0, 1, 0]], dt
 
 def wall_strength(distance: FloatArray, pair_distance: float) -> FloatArray:
     """s for walls at distances (n,), from D_0."""
-    far = 1.0 / WALL_RADIUS
+    far = 1.0 / HALF_WIDTH
     return np.asarray((1.0 / distance - far) / (1.0 / pair_distance - far), dtype=np.float64)
 
 
@@ -80,7 +80,7 @@ class WallField:
     base: Callable[[FloatArray], FloatArray]
 
     def _moved(self) -> tuple[bool, ...]:
-        return tuple(abs(wall - WALL_RADIUS) > 1e-9 for wall in self.walls)
+        return tuple(abs(wall - HALF_WIDTH) > 1e-9 for wall in self.walls)
 
     def _rest(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Σ A_i f_i; each f_i is a sum of products of functions of x and of y, so a grid costs little."""

@@ -36,7 +36,7 @@ from scipy.interpolate import PchipInterpolator
 
 from design.contact_scope import DEEPEST_PRESS, LARGEST_SHARE_OF_LAYER
 from design.errors import InputError, ModelScopeError
-from sims.contact.scope import WALL_RADIUS, tip_radius_mm
+from sims.contact.scope import HALF_WIDTH, tip_radius_mm
 from sims.contact.wall_data import WallState, wall_data
 from sims.contact.wall_shape import BASE_START
 from sims.contact.wall_superposition import (
@@ -140,7 +140,7 @@ def _base(rim: Rim) -> Callable[[FloatArray], FloatArray]:
     radius, height = rim
     first = int(np.flatnonzero(radius < BASE_START)[-1]) if radius[0] < BASE_START else 0
     curve = PchipInterpolator(radius[first:], height[first:])
-    return lambda at: np.where(at < WALL_RADIUS, curve(np.clip(at, BASE_START, WALL_RADIUS)), 0.0)
+    return lambda at: np.where(at < HALF_WIDTH, curve(np.clip(at, BASE_START, HALF_WIDTH)), 0.0)
 
 
 @dataclass(frozen=True)
@@ -163,7 +163,7 @@ def _superposed(layer: float, depth: float, distances: Walls) -> _Superposed | N
     _require(layer, depth, distances)
     west, east, south, north = (min(distance, wall_data().farthest) for distance in distances)
     walls = (west, east, south, north)
-    if depth <= 0.0 or all(abs(wall - WALL_RADIUS) < 1e-9 for wall in walls):
+    if depth <= 0.0 or all(abs(wall - HALF_WIDTH) < 1e-9 for wall in walls):
         return None
     state = wall_data().at(layer, depth / deepest_press(layer))
     force, height = (

@@ -21,9 +21,8 @@ Choices and their bounds
   lands there meets the tip. Up to there the curve is a wall as steep as `MAX_SLOPE`.
 * Flat beyond: the curve is cut at the last point that is higher than `CUT_HEIGHT_MM` or steeper than
   `CUT_SLOPE`, and ends in a tail of `TAIL_MM`. A residual slope e moves a mirror image by 2 e D:
-  at 20 mm 0.8 µm, below 0.05 % of a 2 mm receiver. That holds for curves that run out; one that ends at a wall has a
-  slope there (the contact library's 0.07, 3 mm deep), and its tail dips by 4/27 of slope x `TAIL_MM`, 43 µm: an error
-  of 1.4 % rms for presses in the middle of a square pad, more for others (docs/validation/walls.md).
+  at 20 mm 0.8 µm, below 0.05 % of a 2 mm receiver. That holds for curves that run out, as the contact model's do
+  (`sims.contact.run_out`); one that ends in a slope dips in its tail by 4/27 of slope x `TAIL_MM`.
 
 Left out: anything not axisymmetric (`sims.optics.tops` adds several tips and a smooth field).
 """

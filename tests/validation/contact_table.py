@@ -3,8 +3,9 @@
     python -m tests.validation.contact_table            compare the model with the stored solutions of the oracle
     python -m tests.validation.contact_table --live     solve the oracle anew first (resumable, an hour or two)
 
-Both write the table and `contact.csv` beside it. Every press is that of `sims.contact.indent` in the published pad
-with its clear layer changed, so that the elastic depth is 6, 9 or 16 mm; the tip radius is 3 mm.
+Both write the table and `contact.csv` beside it. Every press is that of `solved_press` in the published pad with its
+clear layer changed, so that the elastic depth is 6, 9 or 16 mm, and of the area of the oracle's round pad of 16 mm
+radius; its surface is taken before it is run out beyond half the width. The tip radius is 3 mm.
 """
 
 from __future__ import annotations
@@ -19,10 +20,10 @@ from pathlib import Path
 
 from design.preset import preset
 from design.spec import SensorDesign
-from sims.contact import indent
-from sims.contact.indentation import modulus_mpa
+from sims.contact.indentation import modulus_mpa, solved_press
+from sims.contact.scope import half_width_of
 from tests.validation.contact_comparison import PressError, oracle_error, press_error
-from tests.validation.contact_reference import BUILD, STORED, build, depths_of, reference_state
+from tests.validation.contact_reference import BUILD, STORED, WALL, build, depths_of, reference_state
 from tests.validation.layer_mesh import Grading
 
 PAGE = Path(__file__).parents[2] / "docs" / "validation" / "contact.md"
@@ -78,10 +79,17 @@ def exceeded(row: Row) -> list[str]:
 
 
 def pad(elastic_depth_mm: float, deepest_mm: float) -> SensorDesign:
-    """The published pad with another clear layer."""
+    """The published pad with another clear layer, as large as the oracle's round one."""
     published = preset("piacenza2017-pad")
-    clear_mm = elastic_depth_mm - published.cavity.black_thickness_mm
-    return published.with_(**{"cavity.clear_thickness_mm": clear_mm, "operating.max_depth_mm": deepest_mm})
+    side_mm = 2.0 * half_width_of(TIP_RADIUS_MM * WALL)
+    return published.with_(
+        **{
+            "cavity.clear_thickness_mm": elastic_depth_mm - published.cavity.black_thickness_mm,
+            "cavity.length_mm": side_mm,
+            "cavity.width_mm": side_mm,
+            "operating.max_depth_mm": deepest_mm,
+        }
+    )
 
 
 def rows(path: Path = STORED) -> Iterator[Row]:
@@ -94,7 +102,7 @@ def rows(path: Path = STORED) -> Iterator[Row]:
             yield Row(
                 elastic_depth_mm=elastic_depth_mm,
                 depth_mm=depth_mm,
-                model=press_error(indent(design, depth_mm), state, modulus_mpa(design)),
+                model=press_error(solved_press(design).round_pad_at(depth_mm), state, modulus_mpa(design)),
                 oracle=oracle_error(state, TIP_RADIUS_MM),
             )
 

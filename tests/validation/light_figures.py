@@ -100,8 +100,9 @@ def measured(surface: str, setting: Setting, wanted: Sequence[int] | None = None
 
 
 def kept(surface: str, setting: Setting, folder: Path = BUILD) -> Run:
-    """A run of all states, from the build folder if this engine made it there before."""
-    key = sha256(f"{setting} {SEED} {engine_fingerprint()}".encode()).hexdigest()[:12]
+    """A run of all states, from the build folder if this engine made it there before, of these surfaces."""
+    made_of = f"{setting} {SEED} {engine_fingerprint()} {surfaces_fingerprint(surface)}"
+    key = sha256(made_of.encode()).hexdigest()[:12]
     file = folder / f"run-{surface}-{key}.npz"
     if not file.exists():
         run = measured(surface, setting)
@@ -124,6 +125,14 @@ def engine_fingerprint() -> str:
     digest = sha256()
     for path in sorted(Path(sims.optics.__path__[0]).glob("*.py")):
         digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def surfaces_fingerprint(surface: str) -> str:
+    """Hash of the curves of a family's states."""
+    digest = sha256()
+    for press in benchmark_states(surface).indentations:
+        digest.update(np.stack([press.radius_mm, press.height_mm]).tobytes())
     return digest.hexdigest()
 
 

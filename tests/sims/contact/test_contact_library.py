@@ -139,7 +139,10 @@ def test_finished_solves_are_not_repeated(
     again = [entry_press(layer) for layer in LAYERS[:3]]
     assert solved == [(layer, ratio) for layer in LAYERS[:3] for ratio in POISSON_RATIOS]
     np.testing.assert_array_equal(first[1].coefficients, again[1].coefficients)
-    assert assembled(again).coefficients.shape[0] == 3
+    library = assembled(again, [[replace(press, wall_radius=6.0) for press in again[:1]]])
+    assert library.coefficients.shape[0] == 3
+    assert (library.wall_layers.tolist(), library.pad_radii.tolist()) == ([LAYERS[0]], [6.0])
+    np.testing.assert_array_equal(library.wall_changes, 0.0)
 
 
 def test_compressibility_is_extrapolated_in_a_straight_line(library: Library) -> None:

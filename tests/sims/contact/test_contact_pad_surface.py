@@ -10,6 +10,7 @@ from design.preset import preset
 from design.spec import SensorDesign
 from sims.contact import indent
 from sims.contact.indentation import solved_press
+from sims.contact.library import shipped_library
 from sims.contact.pad_surface import pad_surface
 from sims.contact.press_notes import contact_notes
 from sims.contact.walls import wall_correction, wall_force_factor
@@ -20,14 +21,32 @@ def pad() -> SensorDesign:
     return preset("piacenza2017-pad")
 
 
-def test_a_centred_press_of_the_published_pad_needs_no_correction(pad: SensorDesign) -> None:
+def test_a_centred_press_of_the_published_pad_is_that_of_its_area_up_to_the_strip_beside_the_walls(
+    pad: SensorDesign,
+) -> None:
     surface = pad_surface(pad, 2.0)
     assert surface.correction.force_factor == 1.0
     assert indent(pad, 2.0).force_n == indent(pad, 2.0, (16.0, 16.0)).force_n
-    x = np.linspace(9.0, 23.0, 29)
+    x = np.linspace(19.0, 23.0, 17)
+    of_area = np.interp(x - 16.0, surface.of_area.radius_mm, surface.of_area.height_mm)
+    np.testing.assert_allclose(surface.height_mm(x, np.full_like(x, 16.0)), of_area, atol=5e-4)
+
+
+def test_the_field_for_light_makes_the_curve_the_whole_surface(pad: SensorDesign) -> None:
+    surface = pad_surface(pad, 2.0, (7.0, 9.0))
+    x, y = np.meshgrid(np.linspace(0.5, 31.5, 32), np.linspace(0.5, 31.5, 32))
+    radius = np.hypot(x - 7.0, y - 9.0)
+    curve = np.interp(radius, surface.press.radius_mm, surface.press.height_mm)
+    away = radius > surface.press.contact_radius_mm + 0.7
+    # the curve has a point every 0.24 mm at most, here joined by straight lines
     np.testing.assert_allclose(
-        surface.height_mm(x, np.full_like(x, 16.0)), surface.centred_height_mm(np.abs(x - 16.0)), atol=1e-12
+        (curve + surface.wall_height_mm(x, y))[away], surface.height_mm(x, y)[away], atol=1.5e-3
     )
+
+
+def test_a_tip_that_the_library_lacks_is_refused_by_name(pad: SensorDesign) -> None:
+    with pytest.raises(ModelScopeError, match="round tips and layers of the contact library only"):
+        pad_surface(pad.with_(**{"cavity.clear_thickness_mm": 2.5, "operating.max_depth_mm": 1.0}), 0.1)
 
 
 def test_the_top_is_bonded_at_every_wall(pad: SensorDesign) -> None:
@@ -61,10 +80,9 @@ def test_the_surface_inside_the_contact_is_the_tip(pad: SensorDesign) -> None:
 def test_walls_stiffen_a_press_beside_them_and_a_small_pad(pad: SensorDesign) -> None:
     middle, side, corner = (indent(pad, 2.0, at).force_n for at in (None, (6.0, 16.0), (6.0, 6.0)))
     assert middle < side < corner
-    small = preset("fingertip-16")
-    pressed = solved_press(small)
-    free = pressed.smooth.force_at(0.5) * pressed.youngs_modulus_mpa * 4.0
-    assert pressed.force_n(1.0) > 1.01 * free
+    small = solved_press(preset("fingertip-16"))
+    wide = shipped_library().press(small.smooth.layer_depth)
+    assert small.smooth.force_at(0.5) > 1.01 * wide.force_at(0.5)
 
 
 def test_a_place_nearer_to_a_wall_than_the_data_is_refused_by_name(pad: SensorDesign) -> None:

@@ -7,12 +7,12 @@ import pytest
 
 from design.errors import InputError, ModelScopeError
 from design.preset import preset
-from sims.contact.scope import WALL_RADIUS
+from sims.contact.scope import HALF_WIDTH
 from sims.contact.wall_superposition import Walls, amplitudes, coupling
 from sims.contact.walls import WallCorrection, wall_correction, walls_of
 
-CENTRED: Walls = (WALL_RADIUS,) * 4
-NEAR: Walls = (2.0, 26 / 3, WALL_RADIUS, WALL_RADIUS)
+CENTRED: Walls = (HALF_WIDTH,) * 4
+NEAR: Walls = (2.0, 26 / 3, HALF_WIDTH, HALF_WIDTH)
 CORNER: Walls = (7 / 3, 25 / 3, 8 / 3, 8.0)
 SMALL: Walls = (4.0, 4.0, 4.0, 4.0)
 
@@ -42,8 +42,8 @@ def test_the_tip_stays_exact_inside_the_contact() -> None:
 
 @pytest.mark.parametrize("walls", [NEAR, CORNER, SMALL])
 def test_the_corrected_surface_is_zero_at_every_near_wall_and_corner(walls: Walls) -> None:
-    radius = np.linspace(1.0, WALL_RADIUS, 50)
-    height = 0.05 * (1.0 - radius / WALL_RADIUS) * radius
+    radius = np.linspace(1.0, HALF_WIDTH, 50)
+    height = 0.05 * (1.0 - radius / HALF_WIDTH) * radius
     found = wall_correction(3.0, 1.0, walls, (radius, height))
     west, east, south, north = walls
     along_x, along_y = np.linspace(-west, min(east, 8.0), 23), np.linspace(-south, min(north, 8.0), 23)
@@ -72,7 +72,7 @@ def test_force_grows_as_a_wall_comes_nearer() -> None:
     for layer in (1.3, 2.2, 3.0, 6.0):
         depth = 0.5 * min(0.8 * layer, 1.7)
         factors = [
-            wall_correction(layer, depth, (d, WALL_RADIUS, WALL_RADIUS, WALL_RADIUS)).force_factor
+            wall_correction(layer, depth, (d, HALF_WIDTH, HALF_WIDTH, HALF_WIDTH)).force_factor
             for d in distances
         ]
         # a thin layer hardly feels a wall beyond 3 tip radii: 0.2 % is what its runs resolve
@@ -81,7 +81,7 @@ def test_force_grows_as_a_wall_comes_nearer() -> None:
 
 
 def test_more_walls_press_harder_than_their_sum() -> None:
-    one = wall_correction(3.0, 1.0, (8 / 3, WALL_RADIUS, WALL_RADIUS, WALL_RADIUS)).force_factor - 1.0
+    one = wall_correction(3.0, 1.0, (8 / 3, HALF_WIDTH, HALF_WIDTH, HALF_WIDTH)).force_factor - 1.0
     four = wall_correction(3.0, 1.0, (8 / 3,) * 4).force_factor - 1.0
     assert four > 4.0 * one
 
@@ -110,7 +110,7 @@ def test_the_field_is_continuously_differentiable_in_depth_and_place() -> None:
         return float(field(wall_correction(3.0, depth, CORNER), 1.6, -0.9))
 
     def at_place(shift: float) -> float:
-        walls = (2.6 + shift, WALL_RADIUS - shift, 3.0, WALL_RADIUS)
+        walls = (2.6 + shift, HALF_WIDTH - shift, 3.0, HALF_WIDTH)
         return float(field(wall_correction(3.0, 1.0, walls), 1.6 - shift, -0.9))
 
     for function, low, high in ((at_depth, 0.2, 1.69), (at_place, -1.0, 2.0)):

@@ -10,13 +10,13 @@ import pytest
 
 from sims.contact.block_mesh import block_mesh
 from sims.contact.neo_hookean import volumes
-from sims.contact.scope import WALL_RADIUS
+from sims.contact.scope import HALF_WIDTH
 from sims.contact.wall_check import check_runs, wall_errors
 from sims.contact.wall_data import wall_data
 from sims.contact.wall_runs import DISTANCES, all_runs, make_run, make_runs, read_run, run_depths, single_run
 
-STOPS = ((*DISTANCES, WALL_RADIUS), (WALL_RADIUS,), (WALL_RADIUS,), (WALL_RADIUS,))
-CENTRED = (WALL_RADIUS,) * 4
+STOPS = ((*DISTANCES, HALF_WIDTH), (HALF_WIDTH,), (HALF_WIDTH,), (HALF_WIDTH,))
+CENTRED = (HALF_WIDTH,) * 4
 
 
 def test_the_tetrahedra_fill_half_of_a_symmetric_pad_and_none_is_inverted() -> None:
@@ -24,18 +24,18 @@ def test_the_tetrahedra_fill_half_of_a_symmetric_pad_and_none_is_inverted() -> N
     assert mesh.is_half
     assert volumes(mesh.points, mesh.elements).min() > 0.0
     # all of it: the bonded corners have elements of free nodes only if no element is bonded alone
-    assert volumes(mesh.points, mesh.elements).sum() == pytest.approx(3.0 * 2.0 * WALL_RADIUS**2, rel=1e-9)
+    assert volumes(mesh.points, mesh.elements).sum() == pytest.approx(3.0 * 2.0 * HALF_WIDTH**2, rel=1e-9)
 
 
 def test_the_facets_cover_the_top_of_the_master_mesh() -> None:
     mesh = block_mesh(3.0, (2.4, *CENTRED[1:]), STOPS, 0.4)
     first, second = (mesh.top[mesh.facets[:, k]] - mesh.top[mesh.facets[:, 0]] for k in (1, 2))
     area = 0.5 * np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]).sum()
-    assert area == pytest.approx(2.0 * WALL_RADIUS**2, rel=1e-9)
+    assert area == pytest.approx(2.0 * HALF_WIDTH**2, rel=1e-9)
 
 
 def test_a_nearer_wall_keeps_the_elements_under_the_tip() -> None:
-    far, near = (block_mesh(3.0, (wall, *CENTRED[1:]), STOPS, 0.4) for wall in (WALL_RADIUS, 2.4))
+    far, near = (block_mesh(3.0, (wall, *CENTRED[1:]), STOPS, 0.4) for wall in (HALF_WIDTH, 2.4))
 
     def under_the_tip(mesh: object) -> set[tuple[float, ...]]:
         middles = mesh.points[mesh.elements].mean(axis=1)  # type: ignore[attr-defined]
@@ -50,7 +50,7 @@ def test_a_farther_wall_continues_the_lines_of_the_reference() -> None:
     assert len(set(names)) == len(names)
     reference, farther = (
         block_mesh(2.8, run.walls, run.stops, 0.4)
-        for run in (single_run(2.8, WALL_RADIUS), single_run(2.8, 8.0))
+        for run in (single_run(2.8, HALF_WIDTH), single_run(2.8, 8.0))
     )
     places = {tuple(row) for row in np.round(farther.top, 9).tolist()}
     assert {tuple(row) for row in np.round(reference.top, 9).tolist()} <= places
@@ -59,7 +59,7 @@ def test_a_farther_wall_continues_the_lines_of_the_reference() -> None:
 @pytest.mark.slow
 def test_a_run_made_anew_is_the_shipped_one(tmp_path: Path) -> None:
     count = 3
-    runs = [replace(single_run(2.8, wall), depths=run_depths(2.8)[:count]) for wall in (WALL_RADIUS, 2.4)]
+    runs = [replace(single_run(2.8, wall), depths=run_depths(2.8)[:count]) for wall in (HALF_WIDTH, 2.4)]
     reference, pad = (read_run(run, tmp_path) for run in runs if make_run(run, tmp_path))
     shipped = wall_data().at(2.8, count / len(run_depths(2.8))).force_ratio[DISTANCES.index(2.4)]
     # states count as settled within 5e-4 tip radii; that is 1e-3 of the force at this depth

@@ -6,7 +6,8 @@ import pytest
 from design.errors import InputError, ModelScopeError
 from design.preset import preset
 from sims.contact import indent
-from sims.contact.pad_surface import pad_surface
+from sims.contact.indentation import solved_press
+from sims.contact.pad_surface import curve_height_mm, pad_surface
 from sims.optics.lower import scene_of
 from sims.optics.smooth_field import smooth_field, sum_of_fields
 from sims.optics.surface import OUTER_R, TAIL_MM, stack_surfaces
@@ -75,15 +76,15 @@ def test_away_from_the_contact_it_is_the_pads_surface_over_the_centred_one():
     surface = pad_surface(PAD, depth, at)
     radius = np.hypot(GRID[0] - at[0], GRID[1] - at[1])
     away = radius > indent(PAD, depth).contact_radius_mm + 0.6
-    added = surface.height_mm(*GRID) - surface.centred_height_mm(radius)
+    added = surface.height_mm(*GRID) - curve_height_mm(surface.press, radius)
     assert np.abs(surface.wall_height_mm(*GRID) - added)[away].max() < 1e-14  # rounding
 
 
-def test_the_tail_of_the_curve_is_taken_away():
-    # a press in the middle: the walls add nothing, but the curve's tail reaches into the corners
-    field = correction_fields(PAD, np.array([[16.0, 16.0, 3.0]]))[0]
-    curve = indent(PAD, 3.0)
-    surfaces = stack_surfaces([curve], np.array([[16.0, 16.0]]), SCENE)
+def test_the_tail_of_a_curve_is_taken_away():
+    # the round pad's whole curve ends in a slope at its wall, 18 mm from the axis: its tail reaches into the corners
+    curve, at = solved_press(PAD).round_pad_at(3.0), (16.0, 16.0)
+    field = wall_field(lambda x, y: np.zeros(np.broadcast(x, y).shape), curve, at, SCENE)
+    surfaces = stack_surfaces([curve], np.array([at]), SCENE)
     start = surfaces.press[0, OUTER_R] - TAIL_MM
     assert start == pytest.approx(curve.radius_mm[-1])
     radius = np.array([start - 0.1, start, start + 1.0, start + TAIL_MM, start + TAIL_MM + 1])
@@ -94,6 +95,12 @@ def test_the_tail_of_the_curve_is_taken_away():
     assert tail[2] == pytest.approx(slope * 0.75**2, rel=0.05)
     corner = 16.0 + (start + 1.0) / np.sqrt(2)
     assert field.height_mm(np.array([corner]), np.array([corner]))[0] == pytest.approx(-tail[2], abs=5e-3)
+
+
+def test_a_curve_that_runs_out_has_next_to_no_tail():
+    curve = indent(PAD, 3.0)
+    surfaces = stack_surfaces([curve], np.array([[16.0, 16.0]]), SCENE)
+    assert np.abs(tail_height_mm(surfaces, 0, np.linspace(16.0, 30.0, 200))).max() < 1e-3
 
 
 def test_mirrored_presses_have_mirrored_fields():
