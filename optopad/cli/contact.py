@@ -69,7 +69,7 @@ def build(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Solve the library of presses anew (about an hour on two cores); interrupted, it goes on where it stopped."""
+    """Solve the library of presses anew (an hour or two on two cores); interrupted, it goes on where it stopped."""
     import os
 
     from sims.contact.library import library_differences, shipped_library

@@ -20,6 +20,7 @@ from sims.contact.live_press import live_note, live_press, mesh_size
 from sims.contact.profiles import UnitPress
 from sims.contact.scope import (
     FIRST_DEPTHS,
+    LARGEST_ASPECT,
     WALL_RADIUS_RANGE,
     depth_limit_mm,
     elastic_depth_mm,
@@ -129,7 +130,7 @@ def _walls(
     if reason is None:
         return walls, ()
     half = half_width_of(wall_radius(design))
-    return None, (f"walls: forces are those of walls at {half:.2f} tip radii ({reason})",)
+    return None, (f"walls: forces are those of walls at {half:.2f} tip radii, too low here ({reason})",)
 
 
 @lru_cache(maxsize=64)
@@ -143,12 +144,21 @@ def _uncovered(layer: float, walls: Walls) -> str | None:
 
 
 def pad_notes(design: SensorDesign) -> tuple[str, ...]:
-    """That a pad is smaller than the smallest solved one, whose surface stands in for its own."""
-    cavity, tip, smallest = design.cavity, tip_radius_mm(design), WALL_RADIUS_RANGE[0]
-    if round_radius(cavity.length_mm, cavity.width_mm) >= (smallest - 1e-9) * tip:
-        return ()
+    """That a pad is smaller than the smallest solved one, or too oblong to be taken for a round one."""
+    cavity, tip, (smallest, largest) = design.cavity, tip_radius_mm(design), WALL_RADIUS_RANGE
+    short, long = sorted((cavity.length_mm, cavity.width_mm))
+    notes: tuple[str, ...] = ()
+    if long > LARGEST_ASPECT * short and short < 2.0 * half_width_of(largest * tip):
+        notes = (
+            f"pad: {cavity.length_mm:g} x {cavity.width_mm:g} mm is pressed as the round pad of its area, which was "
+            f"compared with square pads only (here {long / short:.2f} to 1, noted from {LARGEST_ASPECT}): along the "
+            "near walls the surface stands too high, beside the tip too low",
+        )
+    if round_radius(short, long) >= (smallest - 1e-9) * tip:
+        return notes
     side = 2.0 * half_width_of(smallest * tip)
     return (
+        *notes,
         f"pad: {cavity.length_mm:g} x {cavity.width_mm:g} mm is less than the contact model has solved for this tip; "
         f"the surface is that of a pad of {side:.1f} x {side:.1f} mm, so it rises too little; make the pad larger or "
         "use a smaller tip",

@@ -10,7 +10,8 @@ What another wall changes is solved at the fewer `WALL_LAYERS`, at each of `PAD_
 change is a cubic spline in 1/radius (zero at `WALL_RADIUS`), and between the layers a straight line in 1/depth for thin
 ones, a parabola for thick ones. Outside the entries nothing is extrapolated.
 
-`optopad contact build` makes the file anew; docs/validation/contact.md has the error of solver and interpolation.
+`optopad contact build` makes the file anew; docs/validation/contact.md has the error of the solver,
+contact-interpolation.md that of the interpolation.
 """
 
 from __future__ import annotations

@@ -54,7 +54,7 @@ def entry_inputs(layer: float, poisson_ratio: float, wall_radius: float = WALL_R
 
 
 def solve_entry(layer: float, poisson_ratio: float, wall_radius: float = WALL_RADIUS) -> UnitPress:
-    """The solved states of one layer [tip radii], from the cache or solved and stored there."""
+    """The solved states of one layer and pad [tip radii], from the cache or solved and stored there."""
     return stored_press(entry_inputs(layer, poisson_ratio, wall_radius))[0]
 
 

@@ -22,8 +22,8 @@ from scipy.interpolate import PchipInterpolator
 from design.errors import ModelScopeError
 from design.spec import SensorDesign
 from sims.contact.indentation import is_in_library, solved_press
-from sims.contact.library import shipped_library
-from sims.contact.scope import HALF_WIDTH, round_radius
+from sims.contact.library import LAYERS, shipped_library
+from sims.contact.scope import HALF_WIDTH, elastic_depth_mm, round_radius, tip_radius_mm
 from sims.contact.wall_shape import contact_window
 from sims.contact.walls import WallCorrection, wall_correction, walls_of
 from sims.indentation import Indentation
@@ -149,13 +149,16 @@ def pad_surface(
     ModelScopeError : a tip, layer, depth or place that contact library or wall correction do not cover
     """
     if not is_in_library(design):
+        low, high = LAYERS[0] * tip_radius_mm(design), LAYERS[-1] * tip_radius_mm(design)
         raise ModelScopeError(
-            "indenter: the surface of a whole pad is known for round tips and layers of the contact library only"
+            "indenter, cavity.clear_thickness_mm + black_thickness_mm: the surface of a whole pad is known for "
+            f"hemispheres in layers of {low:g} to {high:g} mm, here {design.indenter.shape} in "
+            f"{elastic_depth_mm(design):g} mm"
         )
     solved = solved_press(design, max(depth_mm, design.operating.max_depth_mm), at_mm=at_mm)
     depth, layer = solved.scaled_depth(depth_mm), solved.smooth.layer_depth
     library, side = shipped_library(), 2.0 * HALF_WIDTH
-    reference = replace(solved, smooth=library.press(layer, HALF_WIDTH)).round_pad_at(depth_mm)
+    reference = replace(solved, smooth=library.press(layer)).round_pad_at(depth_mm)
     of_area = replace(solved, smooth=library.press(layer, round_radius(side, side))).at(depth_mm)
     size = (design.cavity.length_mm, design.cavity.width_mm)
     return PadSurface(

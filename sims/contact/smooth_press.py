@@ -199,4 +199,5 @@ class SmoothPress:
         """
         free = np.stack(tip_outline(np.array(edge), depth, self.tip)) + relative
         miss = np.array([self.wall_radius, 0.0]) - free[-1]
-        return np.asarray(free + arc_shares()[:, None] * miss, dtype=np.float64)[1:]
+        shares = sample_arcs(1.0, self.wall_radius)
+        return np.asarray(free + shares[:, None] * miss, dtype=np.float64)[1:]

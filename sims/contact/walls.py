@@ -1,11 +1,12 @@
 """What near walls add to a centred press: a factor on the force and a field on the height.
 
-The centred press of the library has a wall bonded at 16/3 tip radii. A pad whose walls are nearer to the press
-axis, because the press is off-centre or the pad is small, is stiffer, and its surface is zero at those walls and
+The reference is a square pad of half width 16/3 tip radii, pressed in its middle. A pad whose walls are nearer to the
+press axis, because the press is off-centre or the pad is small, is stiffer, and its surface is zero at those walls and
 higher everywhere else: rubber keeps its volume. The correction is the difference, from three-dimensional MuJoCo
 runs (`wall_runs`, `block`), of a pad with near walls and the same mesh with all walls at 16/3, so it is zero for
 a centred press in a square pad of that half width. A wall farther than 16/3 has an effect too, of the other sign:
-the centred press is held down at 16/3, where such a pad is still raised. Beyond 8 tip radii nothing changes.
+the reference is held down at 16/3, where such a pad is still raised. Beyond 8 tip radii nothing changes.
+`solved_press` takes ratios of these factors, `pad_surface` builds on the reference.
 
 Single walls are data, by layer depth, wall distance and press depth; several walls are superposed as stated in
 `wall_superposition`. Force: F/F0 = 1 + Σ A_i σ_i, with σ_i what wall i alone adds and A_i its amplitude.
@@ -17,8 +18,7 @@ deepest one, in its root for the force, which like the contact radius starts as 
 Out of range is refused by name: a wall nearer than 1.5 tip radii, a layer or press outside the contact model, walls
 so near together that superposition has not been verified. Measured errors: `docs/validation/walls.md`.
 
-Left out: the volume that rubber loses (Poisson's ratio is 0.495), friction, and the difference that a cylindrical and
-a square wall at 16/3 make.
+Left out: the volume that rubber loses (Poisson's ratio is 0.495) and friction.
 All lengths in tip radii unless a name says mm.
 """
 

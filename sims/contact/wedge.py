@@ -281,7 +281,7 @@ class _Press:
         return state
 
     def _iterated(self, depth: float, limit: float) -> PressState:
-        """Iterate until no vertex moves by `limit` in a step, until a narrow cycle, or until patience ends."""
+        """Iterate until no vertex moves by `limit` in a step of a balanced state, a narrow cycle, or patience ends."""
         history = History()
         loads: deque[FloatArray] = deque(maxlen=WINDOW)
         for count in range(1, MOST_STEPS + 1):

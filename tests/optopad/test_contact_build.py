@@ -15,7 +15,7 @@ from sims.contact.library import pack, shipped_library
 
 @pytest.fixture
 def made(monkeypatch):
-    """The solves replaced by the shipped library, 1 % stiffer; the real ones take an hour."""
+    """The solves replaced by the shipped library, 1 % stiffer; the real ones take an hour or two."""
     shipped = shipped_library()
     stiffer = shipped.coefficients.copy()
     stiffer[:, :, 0] += np.log(1.01)

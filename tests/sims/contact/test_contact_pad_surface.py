@@ -44,8 +44,10 @@ def test_the_field_for_light_makes_the_curve_the_whole_surface(pad: SensorDesign
     )
 
 
-def test_a_tip_that_the_library_lacks_is_refused_by_name(pad: SensorDesign) -> None:
-    with pytest.raises(ModelScopeError, match="round tips and layers of the contact library only"):
+def test_a_layer_that_the_library_lacks_is_refused_by_name(pad: SensorDesign) -> None:
+    with pytest.raises(
+        ModelScopeError, match=r"hemispheres in layers of 3\.9 to 18 mm, here hemisphere in 3\.5 mm"
+    ):
         pad_surface(pad.with_(**{"cavity.clear_thickness_mm": 2.5, "operating.max_depth_mm": 1.0}), 0.1)
 
 

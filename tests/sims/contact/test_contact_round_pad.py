@@ -45,6 +45,7 @@ def test_samples_beside_the_contact_stay_where_the_wall_goes() -> None:
     for arcs, length in ((near, 3.4), (far, 7.1)):
         assert (arcs[0], arcs[-1]) == pytest.approx((0.0, length))
         assert np.all(np.diff(arcs) > 0.0)
+    # slopes at the contact are 16/3 of the share of the wall's radius that is free: 4.8 and 5.0
     assert near[10] == pytest.approx(far[10], rel=0.1)
 
 
@@ -65,9 +66,7 @@ def test_a_smaller_pad_is_stiffer_and_rises_more(library: Library) -> None:
     for layer in (1.6, 3.0, 5.0):
         presses = [library.press(layer, radius) for radius in np.linspace(3.8, 7.5, 20)]
         force = np.array([press.force_at(0.6) for press in presses])
-        # far walls hardly matter to a thin layer: solves scatter by some 0.1 %
-        assert np.all(np.diff(force) < 2e-3 * force[1:])
-        assert force[0] > force[-1]
+        assert np.all(np.diff(force) < 0.0)
         height = [float(np.interp(2.0, *_outside(press.curve_at(0.6)))) for press in presses]
         assert height[0] > height[-1]
 
@@ -78,11 +77,15 @@ def _outside(curve: TopCurve) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("radius", [3.8, 4.2, 5.0, 6.018, 7.5])
-def test_rubber_keeps_its_volume_in_every_pad(library: Library, radius: float) -> None:
-    curve = library.press(3.0, radius).curve_at(0.6)
+@pytest.mark.parametrize(("layer", "limit"), [(2.125, 0.05), (3.0, 0.1), (6.0, 0.26)])
+def test_what_the_tip_displaces_rises_beside_it(
+    library: Library, layer: float, limit: float, radius: float
+) -> None:
+    """Elements lock as Poisson's ratio nears a half, and what is left of the volume's loss grows with the layer's
+    share of the pad: to 3, 7 and 25 % of the dimple here (docs/model.md)."""
+    curve = library.press(layer, radius).curve_at(0.6)
     displaced = -volume(curve.radius[curve.height < 0], curve.height[curve.height < 0])
-    # linear elements lock as the ratio nears a half: what is left grows with confinement
-    assert abs(volume(curve.radius, curve.height)) < 0.1 * displaced
+    assert -limit * displaced < volume(curve.radius, curve.height) < 0.01 * displaced
 
 
 @pytest.mark.parametrize("left_out", [1, 2])
@@ -91,11 +94,12 @@ def test_a_left_out_pad_is_found_again_from_the_others(library: Library, left_ou
     thinned = replace(library, pad_radii=library.pad_radii[kept], wall_changes=library.wall_changes[:, kept])
     true, found = (one.press(3.0, PAD_RADII[left_out]) for one in (library, thinned))
     for depth in (0.1, 0.5, 1.0, 1.5):
-        # wider gaps than the library's: 4 to 16 times its error
-        assert found.force_at(depth) == pytest.approx(true.force_at(depth), rel=0.02)
+        # found: 0.34 % and 4.2 µm; the gaps are twice the library's, so these are 4 to 16 times its errors. No wall at
+        # all would be off by 1.2 % and more
+        assert found.force_at(depth) == pytest.approx(true.force_at(depth), rel=0.005)
         at = np.linspace(1.3, PAD_RADII[left_out] - 0.1, 40)
         here, there = (np.interp(at, *_outside(press.curve_at(depth))) for press in (true, found))
-        assert np.abs(here - there).max() * 3000.0 < 20.0
+        assert np.abs(here - there).max() * 3000.0 < 6.0
 
 
 def made_up(height_at_half: float, slope: float) -> TopCurve:
@@ -135,6 +139,20 @@ def test_what_light_sees_ends_flat_and_beyond_the_walls() -> None:
     assert press.radius_mm[-1] > 16.0
     assert (press.height_mm[-1], press.inclination_deg[-1]) == pytest.approx((0.0, 0.0), abs=1e-9)
     assert np.all(press.height_mm[press.radius_mm > 16.0] >= -1e-9)
+
+
+def test_an_oblong_pad_is_told() -> None:
+    def sized(length_mm: float, width_mm: float) -> SensorDesign:
+        return preset("piacenza2017-pad").with_(
+            **{"cavity.length_mm": length_mm, "cavity.width_mm": width_mm}
+        )
+
+    (note,) = pad_notes(sized(40.0, 28.0))
+    assert "40 x 28 mm is pressed as the round pad of its area" in note
+    assert "1.43 to 1, noted from 1.25" in note
+    assert pad_notes(sized(32.0, 28.0)) == ()
+    # its near walls are as far as those of the largest solved pad
+    assert pad_notes(preset("oblong-60x40")) == ()
 
 
 def test_a_pad_too_small_for_its_tip_is_told() -> None:
