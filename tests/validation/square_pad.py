@@ -18,11 +18,9 @@ Left out: tips but the hemisphere of 3 mm, layers but 9 mm.
 
 from __future__ import annotations
 
-import json
 import sys
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 
 import numba
@@ -48,7 +46,7 @@ from tests.validation.block_oracle import BlockGrading, BlockPress, Walls
 from tests.validation.contact_reference import POISSON_RATIO, reference_state
 from tests.validation.contact_table import markdown_table, with_table
 from tests.validation.continuation import interpolated
-from tests.validation.wall_reference import DEPTHS, HALVINGS, LAYER, heights, solve_block
+from tests.validation.wall_reference import DEPTHS, LAYER, heights, provenance, read_arrays, solve_block
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -220,23 +218,19 @@ def build(grading: BlockGrading, path: Path = STORED) -> None:
     for name, place in PLACES.items():
         arrays[f"{name}: force"], tops = solve(place, grading)
         arrays[f"{name}: height"] = tops.astype(np.float32)
-    provenance = {
-        "model": "neo-Hookean block, hexahedra Q2/Q1, frictionless hemisphere with shank, bonded bottom and walls",
-        "axes": "mesh (coarser, finer), depth, x, y from the plane of symmetry",
-        "depths_mm": DEPTHS_MM,
-        "poisson_ratio": POISSON_RATIO,
-        "grading": asdict(grading),
-        "halvings": HALVINGS,
-        "command": "python -m tests.validation.square_pad --solve",
-        "versions": {name: version(name) for name in ("scikit-fem", "numpy", "scipy")},
-    }
-    np.savez_compressed(path, provenance=np.array(json.dumps(provenance)), **arrays)
+    made_of = provenance(
+        grading,
+        "python -m tests.validation.square_pad --solve",
+        model="neo-Hookean block, hexahedra Q2/Q1, frictionless hemisphere with shank, bonded bottom and walls",
+        axes="mesh (coarser, finer), depth, x, y from the plane of symmetry",
+        depths_mm=DEPTHS_MM,
+    )
+    np.savez_compressed(path, provenance=made_of, **arrays)
 
 
 @cache
 def _stored() -> dict[str, FloatArray]:
-    with np.load(STORED, allow_pickle=False) as stored:
-        return {name: stored[name] for name in stored.files}
+    return read_arrays(STORED)
 
 
 def square_press(name: str, depth_mm: float, *, half: bool = False) -> SquarePress:

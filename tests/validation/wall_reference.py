@@ -102,10 +102,23 @@ def solve_block(walls: Walls, grading: BlockGrading, folder: Path = BUILD) -> li
         for path, found in zip(paths, states, strict=True):
             force, top = np.array([one[0] for one in found]), np.array([one[1] for one in found])
             np.savez_compressed(path, force=force, top=top)
-    return [_read_arrays(path) for path in paths]
+    return [read_arrays(path) for path in paths]
 
 
-def _read_arrays(path: Path) -> dict[str, FloatArray]:
+def provenance(grading: BlockGrading, command: str, **more: object) -> NDArray[np.str_]:
+    """What a stored file of blocks was made of, as JSON."""
+    made = {
+        "poisson_ratio": POISSON_RATIO,
+        "grading": asdict(grading),
+        "halvings": HALVINGS,
+        "command": command,
+        "versions": {name: version(name) for name in ("scikit-fem", "numpy", "scipy")},
+    }
+    return np.array(json.dumps(more | made))
+
+
+def read_arrays(path: Path) -> dict[str, FloatArray]:
+    """The arrays of a file, by name."""
     with np.load(path, allow_pickle=False) as stored:
         return {name: stored[name] for name in stored.files}
 
@@ -146,21 +159,18 @@ def build(grading: BlockGrading, places: Sequence[str] = tuple(PLACES), path: Pa
             f"{place}: half force": np.array([one.force_factor for one in half]),
             f"{place}: half change": np.array([one.change for one in half]),
         }
-    provenance = {
-        "model": "neo-Hookean block, hexahedra Q2/Q1, frictionless hemisphere with shank; differences from the middle",
-        "layer": LAYER,
-        "poisson_ratio": POISSON_RATIO,
-        "grading": asdict(grading),
-        "halvings": HALVINGS,
-        "command": "python -m tests.validation.wall_reference",
-        "versions": {name: version(name) for name in ("scikit-fem", "numpy", "scipy")},
-    }
-    np.savez_compressed(path, provenance=np.array(json.dumps(provenance)), **arrays)
+    made_of = provenance(
+        grading,
+        "python -m tests.validation.wall_reference",
+        model="neo-Hookean block, hexahedra Q2/Q1, frictionless hemisphere with shank; differences from the middle",
+        layer=LAYER,
+    )
+    np.savez_compressed(path, provenance=made_of, **arrays)
 
 
 @cache
 def _stored() -> dict[str, FloatArray]:
-    return _read_arrays(STORED)
+    return read_arrays(STORED)
 
 
 def wall_change(place: str, depth: float, *, half: bool = False) -> WallChange:
