@@ -133,7 +133,8 @@ class DriftTracker:
         self.gain_steps = 0
         self._waiting: deque[tuple[float, FloatArray]] = deque()
         self._short = np.zeros(self.untouched.size)
-        self._short_noise = 1.0
+        self._short_noise = 0.0
+        """Variance of the short average over a frame's; its frames may come at any times."""
         self._touched_share = 0.0
         self._time_s: float | None = None
         self._followed_s = self._held_s = -math.inf
@@ -159,7 +160,8 @@ class DriftTracker:
         self._time_s = time_s
         self._touched_share += weight * (float(is_touched) - self._touched_share)
         self._short += weight * (relative_change(signals, self.untouched) - self._short)
-        excess = self._excess(weight)
+        self._short_noise = (1.0 - weight) ** 2 * self._short_noise + weight**2
+        excess = self._excess()
         is_gain_like = self._is_gain_like()
         self._gain_since_s = _since(self._gain_since_s, time_s, is_gain_like)
         is_touch = self._touched_share > 0.5
@@ -188,7 +190,7 @@ class DriftTracker:
         self._held_s = self._followed_s = -math.inf
         self._gain_since_s = self._odd_since_s = None
         self._waiting.clear()
-        self._short[:] = 0.0
+        self._forget_short()
 
     def _calibrate(self, start: FloatArray) -> None:
         self._set_pattern()
@@ -211,9 +213,8 @@ class DriftTracker:
         used = rest[pattern.used]
         return float(np.sqrt((used**2).mean())) if used.size else 0.0
 
-    def _excess(self, weight: float) -> float:
+    def _excess(self) -> float:
         """Of the averaged change: its noise is less than a frame's by the average's length; the levels add theirs."""
-        self._short_noise = weight / (2.0 - weight) if weight > 0 else 1.0
         noise = self._quiet * (self._short_noise + self._level_noise)
         return float(self._pattern.excess(self._short)) / noise
 
@@ -237,11 +238,15 @@ class DriftTracker:
         self.untouched = self.untouched * (1.0 + self._pattern.gain_change(self._short))
         self._level_noise += self._short_noise
         self.gain_steps += 1
-        self._short[:] = 0.0
+        self._forget_short()
         self._touched_share = 0.0
         self._gain_since_s = None
         self._waiting.clear()
         self._set_pattern()
+
+    def _forget_short(self) -> None:
+        self._short[:] = 0.0
+        self._short_noise = 0.0
 
     def _follow_waiting(self, time_s: float) -> None:
         """Let in what has waited for the guard."""

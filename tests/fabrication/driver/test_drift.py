@@ -201,6 +201,15 @@ def test_an_untouched_pad_is_not_held_by_noise_nor_by_single_wrong_answers_of_th
     assert np.mean([state.excess for state in bench.states[100:]]) == pytest.approx(1.0, abs=0.25)
 
 
+def test_frames_that_come_late_and_in_bunches_do_not_hold_an_untouched_pad() -> None:
+    bench = Bench()
+    gaps_s = bench.rng.choice([0.01, 0.01, 0.01, 0.01, 0.12], 2000)
+    for time_s in np.cumsum(gaps_s):
+        bench.states.append(bench.tracker.follow(time_s, bench.frame(time_s).ravel(), False))
+    assert not any(state.is_held for state in bench.states)
+    assert np.mean([state.excess for state in bench.states]) == pytest.approx(1.0, abs=0.3)
+
+
 def test_a_start_with_a_finger_on_the_pad_shows_in_its_mismatch() -> None:
     clean, pressed = Bench(), Bench(lambda _: (12.0, 14.0, 2.0))
     dimmer = Bench(gain=lambda _: np.linspace(0.7, 1.3, 8)[:, None] * np.linspace(1.2, 0.8, 8))
