@@ -27,7 +27,7 @@ SHIFT_MM = 0.5
 NEVER_S = 1e9
 HOMING_SPEED_MM_S = 100.0
 _WORD = re.compile(r"([A-Z])(-?\d+\.?\d*)")
-TAKEN = {"G21", "G90", "G1", "G28", "M114", "M115", "M400", "M410", "M211"}
+TAKEN = {"G21", "G90", "G91", "G1", "G28", "M114", "M115", "M400", "M410", "M211"}
 
 
 @dataclass(frozen=True)
@@ -84,6 +84,7 @@ class FakePrinter:
         here = self._ride.at(now_s)
         self._ride = _Ride(now_s, now_s, here, here)
         self._zero = here
+        self._is_relative = False
         self._kept, self._waiting = b"", ""
         self._due_s, self._says = now_s + BOOT_S, "start"
 
@@ -142,6 +143,8 @@ class FakePrinter:
             return f"X:{x:.2f} Y:{y:.2f} Z:{z:.2f} E:0.00 Count X:0 Y:0 Z:0\nok\n".encode()
         if code == "G1":
             self._move(words, now_s)
+        elif code in ("G90", "G91"):
+            self._is_relative = code == "G91"
         elif code == "M410":
             here = self._ride.at(now_s)
             self._ride = _Ride(now_s, now_s, here, here)
@@ -157,6 +160,8 @@ class FakePrinter:
     def _move(self, words: dict[str, float], now_s: float) -> None:
         self.speed_mm_s = words.get("F", 60.0 * self.speed_mm_s) / 60.0
         end = self._ride.end - self._zero
+        if self._is_relative:
+            words = {axis: end[k] + words.get(axis, 0.0) for k, axis in enumerate("XYZ")}
         target = np.array([words.get(axis, end[k]) for k, axis in enumerate("XYZ")]) + self._zero
         if self._shows("shifted"):
             target[2] += SHIFT_MM

@@ -26,6 +26,10 @@ class GcodeLine:
     ----------
     port : open
     answer_s : longest silence before a command counts as not answered [s]
+
+    Attributes
+    ----------
+    has_begun_anew : whether the firmware was reset after it was greeted: its coordinates mean nothing any more
     """
 
     def __init__(self, port: Port, answer_s: float) -> None:
@@ -33,6 +37,7 @@ class GcodeLine:
         self._answer_s = answer_s
         self._kept = b""
         self._owed = 0
+        self.has_begun_anew = False
 
     def greet(self, boot_s: float) -> None:
         """Wait until the firmware answers, which opening the port may have reset; DeviceError after `boot_s` [s]."""
@@ -117,6 +122,7 @@ class GcodeLine:
             raise DeviceError(f"{self._port.name}: the printer says {line!r} to {command}")
         if line == "start":
             self._owed = 0
+            self.has_begun_anew = True
             raise DeviceError(
                 f"{self._port.name}: the printer began anew during {command}; its position is lost"
             )

@@ -51,7 +51,8 @@ class GcodeStage:
 
     Attributes
     ----------
-    left_at : where the tip stands after the block, x, y, depth [mm]; None before, and where it could not be lifted
+    left_at : where the tip stands after the block, x, y, depth [mm]; None before, where it could not be lifted, and
+        where the printer was reset and nobody knows
     """
 
     def __init__(
@@ -100,7 +101,9 @@ class GcodeStage:
         self, kind: type[BaseException] | None, err: BaseException | None, trace: TracebackType | None
     ) -> None:
         try:
-            if self._origin is not None:
+            if self._line.has_begun_anew:
+                self._lift_blindly()
+            elif self._origin is not None:
                 self.lift()
                 self.left_at = self.position()
             if self._limits_are_off:
@@ -155,7 +158,7 @@ class GcodeStage:
         An interrupt may have taken an answer with it, so that it is the printer's word of its height that counts.
         """
         height_mm = self._known_origin()[2] + self._travel_mm
-        self._line.post(f"G1 Z{height_mm:.3f} F{S_PER_MIN * self._speeds_mm_s[1]:.0f}")
+        self._line.post(f"G1 Z{height_mm:.3f} F{S_PER_MIN * self._speeds_mm_s[1]:.6g}")
         self._line.post("M400")
         self._line.post("M114")
         way_mm = 2 * (self.limits.deepest_mm + self._travel_mm)  # down, where that is still owed, and up
@@ -181,6 +184,13 @@ class GcodeStage:
         self._line.post("M410")
         self.lift()
 
+    def _lift_blindly(self) -> None:
+        """Straight up by more than any press is deep: a printer that was reset counts from where it stood."""
+        up_mm = self.limits.deepest_mm + self._travel_mm
+        self._line.send("G91")
+        self._ride(f"Z{up_mm:.3f}", up_mm, self._speeds_mm_s[1])
+        self._line.send("G90")
+
     def _go(self, depth_mm: float, to_depth_mm: float) -> None:
         """On the spot from one depth to another: slowly below the near height, fast above it."""
         fast, slow = self._speeds_mm_s
@@ -199,7 +209,7 @@ class GcodeStage:
         self._ride(f"X{origin[0] + x_mm:.3f} Y{origin[1] + y_mm:.3f}", way_mm, self._speeds_mm_s[0])
 
     def _ride(self, words: str, way_mm: float, speed_mm_s: float) -> None:
-        self._line.send(f"G1 {words} F{S_PER_MIN * speed_mm_s:.0f}")
+        self._line.send(f"G1 {words} F{S_PER_MIN * speed_mm_s:.6g}")
         self._line.send("M400", takes_s=way_mm / speed_mm_s)
 
     def _arrived(self, target: Position) -> Position:
@@ -226,6 +236,8 @@ class GcodeStage:
     def _known_origin(self) -> Position:
         if self._origin is None:
             raise DeviceError("the stage does not know where the pad is; call home() or zero() first")
+        if self._line.has_begun_anew:
+            raise DeviceError(f"{self._name}: the printer began anew; its position is lost")
         return self._origin
 
     @property

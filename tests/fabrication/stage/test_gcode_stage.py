@@ -180,6 +180,44 @@ def test_a_printer_that_fails_is_told_by_what_it_did(fault: str, told: str) -> N
         press(made)
 
 
+@pytest.mark.parametrize("depth_mm", [0.0, -TRAVEL_MM], ids=["barely touching", "as the last run left it"])
+def test_a_printer_that_began_anew_lifts_the_tip_and_tells_no_place(depth_mm: float) -> None:
+    """Its coordinates count from where it stood in the pad: by the old ones the tip would stay there."""
+
+    def press() -> None:
+        with stage:
+            stage.zero(16.0, 16.0, depth_mm)
+            stage.move_to(12.0, 16.0, 2.0)
+            made.printer._fault, made.printer._left = "restarted", 0
+            stage.move_to(12.0, 16.0, 3.0)
+
+    with bench() as made:
+        with made.stage() as stage:
+            stage.zero(*MIDDLE)
+            stage.move_to(16.0, 16.0, depth_mm)
+            stage.lift = lambda: None  # type: ignore[method-assign]
+        time.sleep(0.1)  # the port is seen closed, and the next one to open it resets the printer
+        stage = made.stage()
+        with pytest.raises(DeviceError, match="its position is lost"):
+            press()
+        assert made.printer.here_mm()[2] == pytest.approx(2.0 - LIMITS.deepest_mm - TRAVEL_MM, abs=RESOLUTION_MM)
+        assert stage.left_at is None
+
+
+def test_a_slow_speed_is_not_rounded_to_another_nor_to_none() -> None:
+    with bench() as made:
+        with made.stage() as stage:
+            stage.zero(*MIDDLE)
+            stage._speeds_mm_s = 400.0, 0.012
+            stage._line.post = lambda command: sent.append(command)  # type: ignore[method-assign]
+            sent: list[str] = []
+            stage._line.answers = lambda *_given, **_named: []  # type: ignore[method-assign]
+            stage._ride("Z0", 0.0, 0.012)
+            assert sent[0] == "G1 Z0 F0.72"  # mm/min
+            del stage._line.post, stage._line.answers
+            stage._speeds_mm_s = 400.0, 100.0
+
+
 def test_a_printer_that_is_unplugged_is_told_with_what_to_do_by_hand() -> None:
     def press(made: Bench) -> None:
         with made.stage() as stage:
