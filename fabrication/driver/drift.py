@@ -56,6 +56,9 @@ LEAST_GAIN, GAIN_SIGMAS = 0.005, 5.0
 LEAST_FREEDOM = 16
 """With fewer numbers beside the gains a press can look like them: they explain 95 % of one of the paper's pair."""
 
+LONGEST_STEP = 0.5
+"""After a pause without frames one counts for at most this share of the time constant: its noise stays in the levels."""
+
 LARGEST_GAIN = 0.5
 """A part that loses more is broken, which is reported and not followed."""
 
@@ -131,13 +134,14 @@ class DriftTracker:
         self._calibrate(start.reshape(len(start), -1))
         self.start_mismatch = self._mismatch()
         self.gain_steps = 0
-        self._waiting: deque[tuple[float, FloatArray]] = deque()
+        self._waiting: deque[tuple[float, float, FloatArray]] = deque()
+        """Time of a frame, how long it is since the one before it [s], its signals."""
         self._short = np.zeros(self.untouched.size)
         self._short_noise = 0.0
         """Variance of the short average over a frame's; its frames may come at any times."""
         self._touched_share = 0.0
         self._time_s: float | None = None
-        self._followed_s = self._held_s = -math.inf
+        self._held_s = -math.inf
         self._gain_since_s: float | None = None
         self._odd_since_s: float | None = None
 
@@ -172,7 +176,7 @@ class DriftTracker:
             self._held_s = time_s
             self._waiting.clear()
         elif time_s - self._held_s >= self._guard_s:
-            self._waiting.append((time_s, signals))
+            self._waiting.append((time_s, passed_s, signals))
             self._follow_waiting(time_s)
         self._odd_since_s = _since(self._odd_since_s, time_s, is_local and not is_touch)
         return DriftState(
@@ -187,7 +191,7 @@ class DriftTracker:
     def restart(self) -> None:
         """The board began anew: its clock starts again, the untouched levels stay."""
         self._time_s = None
-        self._held_s = self._followed_s = -math.inf
+        self._held_s = -math.inf
         self._gain_since_s = self._odd_since_s = None
         self._waiting.clear()
         self._forget_short()
@@ -251,12 +255,10 @@ class DriftTracker:
     def _follow_waiting(self, time_s: float) -> None:
         """Let in what has waited for the guard."""
         while self._waiting and time_s - self._waiting[0][0] >= self._guard_s:
-            at_s, signals = self._waiting.popleft()
-            passed_s = min(max(at_s - self._followed_s, 0.0), self._guard_s)
-            weight = -math.expm1(-passed_s / self._tau_s)
+            _, passed_s, signals = self._waiting.popleft()
+            weight = -math.expm1(-min(passed_s / self._tau_s, LONGEST_STEP))
             self.untouched = self.untouched + weight * (signals - self.untouched)
             self._level_noise = (1.0 - weight) ** 2 * self._level_noise + weight**2
-            self._followed_s = at_s
             np.divide(self._trained, self.untouched, out=self._factor, where=self._strong)
 
     def _drift(self) -> float:

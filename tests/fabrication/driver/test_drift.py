@@ -210,6 +210,18 @@ def test_frames_that_come_late_and_in_bunches_do_not_hold_an_untouched_pad() -> 
     assert np.mean([state.excess for state in bench.states]) == pytest.approx(1.0, abs=0.3)
 
 
+@pytest.mark.parametrize(("guard_s", "rate_hz"), [(0.0, 12.0), (0.02, 12.0), (0.5, 1.0)])
+def test_drift_is_followed_with_a_guard_shorter_than_a_frame(
+    guard_s: float, rate_hz: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tests.fabrication.driver.test_drift.RATE_HZ", rate_hz)
+    bench = Bench(gain=lambda time_s: 1 + each_pair(3) * time_s / TEN_MINUTES_S)
+    start = np.array([bench.frame(0.0) for _ in range(20)])
+    bench.tracker = DriftTracker(start, FLAT.ravel(), guard_s=guard_s)
+    bench.run(TEN_MINUTES_S)
+    assert bench.error(TEN_MINUTES_S) < 0.003
+
+
 def test_a_start_with_a_finger_on_the_pad_shows_in_its_mismatch() -> None:
     clean, pressed = Bench(), Bench(lambda _: (12.0, 14.0, 2.0))
     dimmer = Bench(gain=lambda _: np.linspace(0.7, 1.3, 8)[:, None] * np.linspace(1.2, 0.8, 8))
