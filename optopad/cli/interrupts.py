@@ -7,7 +7,7 @@ it for a sign that another one is not installed, and do without (as trimesh with
 end. And compiled packages, while they are loaded or call back, report it as a failure of their own ("initialization
 failed", "invalid bounding box"): who explains a failure asks `has_arrived` first.
 
-`kill` (SIGTERM) is answered alike, so that nothing hidden stays in the folder and the mold's process ends, too.
+`kill` (SIGTERM) and a terminal that goes (SIGHUP, unless ignored as by `nohup`) are answered alike, so that nothing hidden stays in the folder and the mold's process ends, too.
 """
 
 from __future__ import annotations
@@ -53,6 +53,8 @@ def listen() -> None:
     signal.signal(signal.SIGALRM, _answer)
     signal.signal(signal.SIGINT, _answer)
     signal.signal(signal.SIGTERM, _answer)
+    if signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:
+        signal.signal(signal.SIGHUP, _answer)
 
 
 def has_arrived() -> bool:
@@ -71,6 +73,8 @@ def be_deaf() -> None:
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_REAL, 0.0)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is _answer:
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 def leave(code: int) -> NoReturn:

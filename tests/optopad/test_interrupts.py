@@ -84,6 +84,7 @@ def examine():
 import optopad.doctor
 optopad.doctor.examine = examine
 """
+BY_HANGING_UP = BY_KILL.replace("SIGTERM", "SIGHUP")
 TWICE = """
 class Interrupting:
     def write(self, text):
@@ -133,6 +134,7 @@ def command(before: str, *arguments: str) -> subprocess.CompletedProcess[str]:
         pytest.param(WHERE_A_PACKAGE_CALLS_BACK, id="where a package calls back"),
         pytest.param(WHERE_NOBODY_READS_ANY_MORE, id="where nobody reads any more"),
         pytest.param(BY_KILL, id="by kill"),
+        pytest.param(BY_HANGING_UP, id="by hanging up"),
         pytest.param(TWICE, id="twice"),
         pytest.param(WHERE_TEXT_IS_EXECUTED, id="where text is executed"),
     ],
