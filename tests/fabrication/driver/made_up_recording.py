@@ -46,9 +46,12 @@ def positions(path: np.ndarray, time_s: np.ndarray) -> np.ndarray:
 
 
 def write_recording(
-    file: Path, path: np.ndarray, *, gain_per_s: float | np.ndarray = 0.0, seed: int = 0
+    file: Path, path: np.ndarray, *, gain_per_s: float | np.ndarray = 0.0, seed: int = 0, pause_s: tuple[float, float] = (0.0, 0.0)
 ) -> np.ndarray:
-    """Record the path from `BEGUN_S` on; (frame, 3) where the tip was [mm]."""
+    """Record the path from `BEGUN_S` on; (frame, 3) where the tip was [mm].
+
+    pause_s : begin and end of a time in which nobody read the port; its frames are read at its end
+    """
     rng = np.random.default_rng(seed)
     config = pad_config()
     time_s = np.arange(0.0, path[-1, 0], 1.0 / RATE_HZ)
@@ -60,7 +63,8 @@ def write_recording(
     messages = pack_frames(frame_format(config), range(len(time_s)), np.round(time_s * 1e6), counts)
     with Recorder(file, config) as recorder:
         for moment, message in zip(time_s, messages, strict=True):
-            recorder.frame(message, BEGUN_S + moment)
+            came_s = pause_s[1] if pause_s[0] <= moment < pause_s[1] else moment
+            recorder.frame(message, BEGUN_S + came_s)
     return truth
 
 

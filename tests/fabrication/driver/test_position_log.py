@@ -49,6 +49,19 @@ def test_every_frame_gets_the_position_at_its_time(recording: Path, tmp_path: Pa
     assert np.median(np.abs(found.recorded.press_mm - truth)) < 1e-3
 
 
+@pytest.mark.parametrize("pause_s", [0.3, 1.0])
+def test_frames_that_waited_for_a_reader_that_paused_get_the_position_of_their_own_time(
+    pause_s: float, tmp_path: Path
+) -> None:
+    """All of them are read at its end, when the tip is up to 5 mm further."""
+    down_s = float(PATH[2, 0])
+    truth = write_recording(tmp_path / "a.optorec", PATH, pause_s=(down_s, down_s + pause_s))
+    write_log(tmp_path / "log.csv", PATH)
+    found = joined(read_recorded(tmp_path / "a.optorec"), read_position_log(tmp_path / "log.csv"))
+    assert found.recorded.press_mm is not None
+    assert np.abs(found.recorded.press_mm - truth).max() < 0.5  # 0.05 s that are taken as they are, at 11 mm/s
+
+
 @pytest.mark.parametrize("late_s", [-41.37, 0.8, 3600.0])
 def test_an_offset_is_found_from_the_touches(late_s: float, recording: Path, tmp_path: Path) -> None:
     write_log(tmp_path / "log.csv", PATH, late_s=late_s)
