@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from design.errors import DeviceError, InputError
+from design.errors import DeviceError, InputError, OutputError
 from optopad.cli.common import DEFAULT_OUT, JsonOption, SeedOption, SetOption, print_json, say
 from optopad.cli.interrupts import answered
 from optopad.cli.progress import progress
@@ -116,6 +116,8 @@ def collect(
                 f"{err}; {kept} of {len(presses.presses)} presses are kept, run the command again for the others, with "
                 f"--tip-at {_words(stage.left_at)} or --origin"
             ) from err
+        except OutputError as err:  # a full disk: the presses before wait in the folder
+            raise OutputError(f"{err}, with --tip-at {_words(stage.left_at)} or --origin") from err
         found = collector.finish(len(presses.presses) - len(collector.remaining()) - there)
     _tell(found, stage.left_at, time.monotonic() - begun, as_json)
 

@@ -116,6 +116,24 @@ def test_the_published_protocol_becomes_presses_of_its_sets_in_an_order_of_the_s
 
 
 @pytest.mark.slow
+def test_a_full_disk_ends_it_with_the_place_of_the_tip(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_given: object, **_named: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("fabrication.stage.collected_parts.np.savez", full)
+    with bench(has_board=True) as made:
+        assert made.board_port is not None
+        command = ["driver", "collect", "driver.toml", "--stage-port", made.stage_port.name, "--out", "a.nc"]
+        command += ["--protocol", "presses.csv", "--port", made.board_port.name, "--settle", "0"]
+        assert main([*command, "--only", "a", "--speed", "50"]) == 2
+        told = capsys.readouterr().err
+        assert "No space left" in told
+        assert "--tip-at 10,12,-5 or --origin" in told
+
+
+@pytest.mark.slow
 def test_ctrl_c_lifts_the_tip_keeps_whole_presses_and_is_no_failure(folder: Path) -> None:
     rows = [f"{x},{y},{depth}" for x in (8, 12, 16, 20, 24) for y in (8, 16, 24) for depth in (-1, 1, 3)]
     (folder / "many.csv").write_text("\n".join(["x_mm,y_mm,depth_mm", *rows]) + "\n")
