@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 US_PER_S = 1e6
+CLOCK_SLACK_S = 1.0
+"""Records are written in the order of their times to within this, unless the clock was set back."""
+
 COMPRESSION = {"zlib": True, "complevel": 4}
 
 
@@ -251,6 +254,10 @@ def _presses(records: list[Record], host_s: FloatArray) -> PressLabels | None:
     if not said:
         return None
     values = np.array([press_of(record) for record in said])
-    before = np.searchsorted([record.host_s for record in said], host_s, side="right") - 1
+    if (np.diff([record.host_s for record in records]) < -CLOCK_SLACK_S).any():  # set back: the file's order holds
+        kinds = np.array([record.kind for record in records])
+        before = (np.cumsum(kinds == RecordKind.PRESS) - 1)[kinds == RecordKind.FRAME]
+    else:
+        before = np.searchsorted([record.host_s for record in said], host_s, side="right") - 1
     untouched = np.array([values[0, 0], values[0, 1], 0.0])
     return PressLabels(press_mm=np.where((before >= 0)[:, None], values[np.maximum(before, 0)], untouched))
