@@ -56,7 +56,7 @@ class Sensor:
     rate_hz : frames a second; None takes the design's, 0 as many as the board can
     accept_digest : first 8 digits or more of a foreign design's digest that is accepted none the less
     baseline_s : how long the untouched pad is read on opening [s]; 0 takes no baseline
-    patience_s : longest wait for a frame before an error, reconnection included [s]
+    patience_s : longest wait for a frame before an error, reconnection included [s]; three frames where these are longer
     gather_s : frames come off the line in batches so far apart, which spares the processor; 0 hands each on at once [s]
 
     Attributes
@@ -87,7 +87,7 @@ class Sensor:
         require_digest(accept_digest)
         self._accept_digest = accept_digest
         self._baseline_s = baseline_s
-        self._patience_s = patience_s
+        self._patience_s = max(patience_s, 3.0 / self._rate_hz if self._rate_hz else 0.0)
         self._gather_s = gather_s
         self._decoder = FrameDecoder(self.config, frame_format(self.config))
         self._stream: Stream | None = None

@@ -268,12 +268,13 @@ class Stream:
 
     def _reconnect(self, err: PortLostError) -> None:
         self.why_away = str(err)
-        self._past.damaged += self.link.scanner.damaged
-        self._past.skipped_bytes += self.link.scanner.skipped_bytes
         self.link.port.close()
         while not self._stopping.wait(LOOK_EVERY_S):
             try:
-                self.link, self.hello = self._connection()
+                link, hello = self._connection()
+                self._past.damaged += self.link.scanner.damaged
+                self._past.skipped_bytes += self.link.scanner.skipped_bytes
+                self.link, self.hello = link, hello
                 self.link.start(self._interval_us)
                 break
             except PortLostError as again:  # it went away while it was greeted or started

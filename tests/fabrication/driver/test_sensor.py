@@ -114,7 +114,9 @@ def test_it_is_back_within_a_second_after_the_board_was_plugged_in_again(tmp_pat
     with FakePort(board(), PtyWire(link)) as first, quick(str(link)) as sensor:
         sensor.read()
         first.unplug()
+        sensor._stream.link.scanner.damaged = 7  # type: ignore[union-attr]
         time.sleep(0.3)
+        assert sensor.counts.damaged == 7  # once, also while it is away
         with FakePort(board(), PtyWire(link)):
             plugged_at = time.monotonic()
             while (frame := sensor.read()).connection == 1:
@@ -282,6 +284,11 @@ def test_a_board_of_another_design_is_refused_and_can_be_accepted_by_name() -> N
 def test_a_digest_that_names_no_design_is_refused(digits: str) -> None:
     with pytest.raises(InputError, match="names no design; give 8 to 64"):
         Sensor(CONFIG, "loop://", accept_digest=digits)
+
+
+def test_a_slow_rate_is_waited_for_longer_than_the_patience() -> None:
+    with FakePort(board()) as port, quick(port.name, rate_hz=2.0, baseline_s=0.0, patience_s=0.3) as sensor:
+        assert [frame.sequence for frame in sensor.frames(count=3)] == [0, 1, 2]
 
 
 def test_a_board_of_another_shape_is_refused_even_by_name() -> None:
