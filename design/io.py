@@ -21,6 +21,7 @@ from design import catalog
 from design.errors import DesignError, OutputError
 from design.spec import SCHEMA_VERSION, SensorDesign
 from design.tip_profile import read_profile
+from design.toml_hints import explained
 
 MAX_FILE_BYTES = 1_000_000
 CATALOG_FILES = "catalog_files"
@@ -82,13 +83,15 @@ def read_toml(file: Path) -> dict[str, Any]:
 
 def _parsed(content: bytes, file: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(content.decode("utf-8-sig"))
+        text = content.decode("utf-8-sig")
     except UnicodeDecodeError as err:
         raise DesignError(f"{file}: not UTF-8 text (byte {err.start}); save it as UTF-8") from None
+    try:
+        return tomllib.loads(text)
     except RecursionError:
         raise DesignError(f"{file}: not valid TOML: nested too deep") from None
     except tomllib.TOMLDecodeError as err:
-        raise DesignError(f"{file}: not valid TOML: {err}") from None
+        raise DesignError(f"{file}: not valid TOML: {explained(str(err), text)}") from None
     except ValueError:  # Python refuses to read longer whole numbers
         raise DesignError(f"{file}: not valid TOML: a whole number of thousands of digits") from None
 

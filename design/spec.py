@@ -379,7 +379,7 @@ class SensorDesign(Model):
         try:
             return cls.model_validate_json(json.dumps(document, default=str), strict=True)
         except ValidationError as err:
-            raise design_error(err, where) from None
+            raise design_error(err, where, paths.known_paths(cls)) from None
         except RecursionError:
             raise DesignError(f"{where}: nested too deep to be a design") from None
 

@@ -8,13 +8,13 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from design.errors import DesignError
+from design.paths import nearest
 
 SHOWN_VALUE_CHARACTERS = 60
 LISTED_FINDINGS = 20
 
 _WAY_OUT = {
     "missing": "is missing; add it (see `optopad schema`, or start from `optopad new`)",
-    "extra_forbidden": "is not a field of a design; remove it or correct its spelling (see `optopad schema`)",
     "union_tag_not_found": "lacks `pattern`; use one of alternating_ring, facing_rows, per_side, single",
 }
 
@@ -28,8 +28,8 @@ _BOUNDS = {
 
 _WANTED = {
     "finite_number": "must be a finite number",
-    "float_type": "must be a number",
-    "int_type": "must be a whole number",
+    "float_type": "must be a number, without unit or quotes",
+    "int_type": "must be a whole number, without unit or quotes",
     "int_from_float": "must be a whole number",
     "string_type": 'must be text, in quotes: "..."',
     "tuple_type": "must be a list: [..., ...]",
@@ -39,17 +39,18 @@ _WANTED = {
 }
 
 
-def design_error(err: ValidationError, where: str) -> DesignError:
+def design_error(err: ValidationError, where: str, known: tuple[str, ...] = ()) -> DesignError:
     """All findings of a validation as one error.
 
     Parameters
     ----------
     err : what pydantic found
     where : file or design that was being read
+    known : dotted paths of all fields; the nearest are offered for one that there is not
     """
     details = err.errors(include_url=False)
     meant = [detail for detail in _of_the_branch_meant(details) if not _is_echo(detail)]
-    lines = list(dict.fromkeys(_finding(detail) for detail in meant))
+    lines = _lines(meant, known)
     shown = lines[:LISTED_FINDINGS]
     if len(lines) > len(shown):
         shown.append(f"... and {len(lines) - len(shown)} more")
@@ -99,13 +100,35 @@ def _is_marker(key: str) -> bool:
     }
 
 
-def _finding(detail: ErrorDetails) -> str:
+def _lines(details: list[ErrorDetails], known: tuple[str, ...]) -> list[str]:
+    """A line a finding; one for all kinds that a value of several kinds could have been."""
+    limits: dict[str, list[str]] = {}
+    for detail in details:
+        said, limit = _finding(detail, known)
+        given = limits.setdefault(said, [])
+        if limit and limit not in given:
+            given.append(limit)
+    return [said + " or ".join(given) for said, given in limits.items()]
+
+
+def _finding(detail: ErrorDetails, known: tuple[str, ...]) -> tuple[str, str]:
+    """What is refused, and the limit; this is empty where the first says all."""
     field, kind = field_path(detail), detail["type"]
+    if kind == "extra_forbidden":
+        return f"{field}: is not a field of a design; {_near(field, known)}", ""
     if kind in _WAY_OUT:
-        return f"{field}: {_WAY_OUT[kind]}"
+        return f"{field}: {_WAY_OUT[kind]}", ""
     if kind == "value_error":  # raised by a rule of ours, which names its values itself
-        return f"{field}: {detail['msg'].removeprefix('Value error, ')}".removeprefix("the file: ")
-    return f"{field}: {_shown(detail['input'])} is refused: {_limit(detail, field)}"
+        return f"{field}: {detail['msg'].removeprefix('Value error, ')}".removeprefix("the file: "), ""
+    return f"{field}: {_shown(detail['input'])} is refused: ", _limit(detail, field)
+
+
+def _near(field: str, known: tuple[str, ...]) -> str:
+    """Names beside a misspelt one that look like it."""
+    parent = field.rpartition(".")[0]
+    near = nearest(field, tuple(path for path in known if path.rpartition(".")[0] == parent))
+    hint = f"did you mean {', '.join(near)}? Else " if near else ""
+    return f"{hint}remove it or correct its spelling (see `optopad schema`)"
 
 
 def _limit(detail: ErrorDetails, field: str) -> str:
@@ -113,6 +136,8 @@ def _limit(detail: ErrorDetails, field: str) -> str:
     kind = detail["type"]
     if kind in _BOUNDS:
         return f"must be {_BOUNDS[kind]} {_bound(detail, field)}"
+    if kind == "tuple_type" and isinstance(detail["input"], dict):
+        return f"must be a list of tables: write [[{field}]]"
     if kind in _WANTED:
         return _WANTED[kind]
     if kind == "too_short":
@@ -120,7 +145,11 @@ def _limit(detail: ErrorDetails, field: str) -> str:
     if kind == "too_long":
         return f"must have at most {context['max_length']} entries, has {context['actual_length']}"
     if kind == "string_pattern_mismatch":
-        return f"must match {context['pattern']} (plain letters, digits and dashes; no folders)"
+        return (
+            f"must match {context['pattern']} (plain letters, digits, dots, dashes, underscores; no folders)"
+        )
+    if kind == "string_too_long":
+        return f"must have at most {context['max_length']} characters"
     if kind == "literal_error":
         return f"must be {context['expected']}"
     if kind == "union_tag_invalid":

@@ -85,8 +85,10 @@ def read_design(where: str, changes: list[str] | None) -> SensorDesign:
     path = Path(where)
     if not path.exists() and where in PRESETS:
         design = preset(where)
-    elif not path.exists() and not path.suffix and (near := nearest(where, PRESETS)):
-        raise InputError(f"{where}: no such file or preset; did you mean {near[0]}?")
+    elif not path.exists() and not path.suffix:
+        near = nearest(where, PRESETS)
+        hint = f"did you mean {near[0]}?" if near else f"presets: {', '.join(PRESETS)}"
+        raise InputError(f"{where}: no such file, bundle or preset; {hint}")
     else:
         design = load_design(path / "design.toml" if (path / "manifest.json").is_file() else path)
     return design.with_(**dict(parsed_change(change) for change in changes)) if changes else design

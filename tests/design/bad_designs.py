@@ -122,7 +122,11 @@ _FILES = (
     BadDesign(id="null bytes", content=b"\0" * 64, words=("not valid TOML", "line 1")),
     BadDesign(id="half a line", content=b"schema_version = \n", words=("not valid TOML", "line 1")),
     BadDesign(id="JSON", content=b'{"schema_version": 1}', words=("not valid TOML",)),
-    BadDesign(id="key twice", content=b"name = 'a'\nname = 'b'\n", words=("not valid TOML", "line 2")),
+    BadDesign(id="key twice", content=b"name = 'a'\nname = 'b'\n", words=("line 2", "name stands twice")),
+    BadDesign(id="decimal comma", content=b"a = 32,0\n", words=("line 1", "'a = 32,0'", "decimal point")),
+    BadDesign(id="a unit", content=b"a = 32 mm\n", words=("line 1", "'a = 32 mm'", "without its unit")),
+    BadDesign(id="Python's truth", content=b"a = True\n", words=("line 1", "small letters")),
+    BadDesign(id="no quotes", content=b"name = pad\n", words=("line 1", "in quotes")),
     BadDesign(id="nested too deep", content=b"a = " + b"[" * 20_000, words=("nested too deep",)),
     BadDesign(
         id="a number of 5000 digits",
@@ -159,6 +163,9 @@ _NAMES = (
 _VALUES = (
     _field("cavity.length_mm", None, "missing", "add it"),
     _field("cavity.length_mm", '"32"', "'32'", "number"),
+    _field("cavity.length_mm", '"32 mm"', "'32 mm'", "number, without unit or quotes"),
+    _field("gain.feedback_ohm", '"comon"', "'comon' is refused: must be a number", " or must be 'common'"),
+    _field("mold.label", f'"{"x" * 41}"', "must have at most 40 characters"),
     _field("cavity.length_mm", "true", "True", "number"),
     _field("cavity.length_mm", "nan", "finite"),
     _field("cavity.length_mm", "inf", "finite"),
@@ -184,7 +191,7 @@ _VALUES = (
     _field("board.baud", "9" * 30, "999"),
     _field("board.emitter_pins", "[22, -1]", "-1", "at least 0"),
     _field("board.emitter_pins", '["22"]', "'22'", "whole number"),
-    _field("cavity.lenght_mm", "32.0", "spelling"),
+    _field("cavity.lenght_mm", "32.0", "did you mean cavity.length_mm"),
     _field("colour", '"red"', "spelling"),
     _field("measured", '["emitters.hieght_mm"]', "emitters.height_mm"),
     _field("measured", '["emitters"]', "emitters"),
@@ -194,6 +201,7 @@ _VALUES = (
 
 _LAYOUTS = (
     _layout("no layout", "", "layout", "missing"),
+    _layout("layout of one table", "[layout]\ncount = 3\n", "layout", "write [[layout]]"),
     _text("empty layout", design_text(head="layout = []", layout=""), "layout", "at least 1"),
     _layout("layout without pattern", "[[layout]]\ncount = 3\n", "layout.0", "pattern", "facing_rows"),
     _layout("unknown pattern", '[[layout]]\npattern = "spiral"\n', "layout.0", "spiral", "facing_rows"),
