@@ -57,7 +57,7 @@ LEAST_FREEDOM = 16
 """With fewer numbers beside the gains a press can look like them: they explain 95 % of one of the paper's pair."""
 
 LONGEST_STEP = 0.5
-"""After a pause without frames one counts for at most this share of the time constant: its noise stays in the levels."""
+"""After a pause a frame counts for at most this share of the time constant: its noise stays in the levels."""
 
 LARGEST_GAIN = 0.5
 """A part that loses more is broken, which is reported and not followed."""

@@ -92,7 +92,7 @@ def _measured_s(recorded: Recorded) -> FloatArray:
         own = recorded.connection == number
         device_s = recorded.device_s[own]
         lag_s, block = recorded.host_s[own] - device_s, ((device_s - device_s[0]) // LAG_S).astype(np.int64)
-        least_s = np.full(block[-1] + 3, np.inf)
+        least_s = np.full(block.max() + 3, np.inf)
         np.minimum.at(least_s, block + 1, lag_s)
         near_s = np.minimum(np.minimum(least_s[:-2], least_s[1:-1]), least_s[2:])
         late_s[own] = lag_s - near_s[block]

@@ -56,7 +56,7 @@ class Sensor:
     rate_hz : frames a second; None takes the design's, 0 as many as the board can
     accept_digest : first 8 digits or more of a foreign design's digest that is accepted none the less
     baseline_s : how long the untouched pad is read on opening [s]; 0 takes no baseline
-    patience_s : longest wait for a frame before an error, reconnection included [s]; three frames where these are longer
+    patience_s : longest wait for a frame before an error, reconnection included [s]; three frames at least
     gather_s : frames come off the line in batches so far apart, which spares the processor; 0 hands each on at once [s]
 
     Attributes

@@ -158,7 +158,7 @@ class GcodeStage:
         An interrupt may have taken an answer with it, so that it is the printer's word of its height that counts.
         """
         height_mm = self._known_origin()[2] + self._travel_mm
-        self._line.post(f"G1 Z{height_mm:.3f} F{S_PER_MIN * self._speeds_mm_s[1]:.6g}")
+        self._line.post(f"G1 Z{height_mm:.3f} {feed_word(self._speeds_mm_s[1])}")
         self._line.post("M400")
         self._line.post("M114")
         way_mm = 2 * (self.limits.deepest_mm + self._travel_mm)  # down, where that is still owed, and up
@@ -209,7 +209,7 @@ class GcodeStage:
         self._ride(f"X{origin[0] + x_mm:.3f} Y{origin[1] + y_mm:.3f}", way_mm, self._speeds_mm_s[0])
 
     def _ride(self, words: str, way_mm: float, speed_mm_s: float) -> None:
-        self._line.send(f"G1 {words} F{S_PER_MIN * speed_mm_s:.6g}")
+        self._line.send(f"G1 {words} {feed_word(speed_mm_s)}")
         self._line.send("M400", takes_s=way_mm / speed_mm_s)
 
     def _arrived(self, target: Position) -> Position:
@@ -245,3 +245,8 @@ class GcodeStage:
         if self._open_line is None:
             raise DeviceError("the stage is not open; use it as `with GcodeStage(...) as stage:`")
         return self._open_line
+
+
+def feed_word(speed_mm_s: float) -> str:
+    """G-code's word for a speed [mm/min]; in whole numbers a slow one would be another, or none."""
+    return f"F{S_PER_MIN * speed_mm_s:.6g}"

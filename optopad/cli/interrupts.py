@@ -7,7 +7,8 @@ it for a sign that another one is not installed, and do without (as trimesh with
 end. And compiled packages, while they are loaded or call back, report it as a failure of their own ("initialization
 failed", "invalid bounding box"): who explains a failure asks `has_arrived` first.
 
-`kill` (SIGTERM) and a terminal that goes (SIGHUP, unless ignored as by `nohup`) are answered alike, so that nothing hidden stays in the folder and the mold's process ends, too.
+`kill` (SIGTERM) and a terminal that goes (SIGHUP, unless ignored as by `nohup`) are answered alike, so that nothing
+hidden stays in the folder, the mold's process ends, too, and a stage does not leave its tip in the pad.
 """
 
 from __future__ import annotations

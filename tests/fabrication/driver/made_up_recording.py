@@ -46,7 +46,12 @@ def positions(path: np.ndarray, time_s: np.ndarray) -> np.ndarray:
 
 
 def write_recording(
-    file: Path, path: np.ndarray, *, gain_per_s: float | np.ndarray = 0.0, seed: int = 0, pause_s: tuple[float, float] = (0.0, 0.0)
+    file: Path,
+    path: np.ndarray,
+    *,
+    gain_per_s: float | np.ndarray = 0.0,
+    seed: int = 0,
+    pause_s: tuple[float, float] = (0.0, 0.0),
 ) -> np.ndarray:
     """Record the path from `BEGUN_S` on; (frame, 3) where the tip was [mm].
 

@@ -59,7 +59,9 @@ def test_frames_that_waited_for_a_reader_that_paused_get_the_position_of_their_o
     write_log(tmp_path / "log.csv", PATH)
     found = joined(read_recorded(tmp_path / "a.optorec"), read_position_log(tmp_path / "log.csv"))
     assert found.recorded.press_mm is not None
-    assert np.abs(found.recorded.press_mm - truth).max() < 0.5  # 0.05 s that are taken as they are, at 11 mm/s
+    assert (
+        np.abs(found.recorded.press_mm - truth).max() < 0.5
+    )  # 0.05 s that are taken as they are, at 11 mm/s
 
 
 @pytest.mark.parametrize("late_s", [-41.37, 0.8, 3600.0])

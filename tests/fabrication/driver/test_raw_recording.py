@@ -248,6 +248,18 @@ def test_the_netcdf_is_one_that_compare_reads(tmp_path: Path) -> None:
     assert np.array_equal(read.counts["E2-R3"], frames[:, 1, 2] - frames[:, 8, 2])
 
 
+def test_presses_stay_with_their_frames_when_the_machine_s_clock_is_set_back(tmp_path: Path) -> None:
+    with Recorder(tmp_path / "a.optorec", CONFIG) as recorder:
+        for number, message in enumerate(FRAMES):
+            host_s = 1000.0 + number - (30.0 if number >= 50 else 0.0)
+            if number % 10 == 0:
+                recorder.press(1.0, 2.0, 0.1 * number, host_s)
+            recorder.frame(message, host_s)
+    found = read_recorded(tmp_path / "a.optorec").press_mm
+    assert found is not None
+    assert found[:, 2] == pytest.approx(np.repeat(np.arange(10.0), 10))
+
+
 def test_presses_may_come_from_a_path_by_the_board_s_clock(tmp_path: Path) -> None:
     written(tmp_path / "a.optorec")
     path = FingerPath(time_s=np.array([0.0, 1.0]), press_mm=np.array([[1.0, 2.0, 0.0], [1.0, 2.0, 4.0]]))

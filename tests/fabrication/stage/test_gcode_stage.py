@@ -12,7 +12,7 @@ import pytest
 from design.errors import DeviceError, InputError
 from fabrication.driver.fake_port import FakePort
 from fabrication.driver.ports import Port
-from fabrication.stage.gcode_stage import TRAVEL_MM, GcodeStage
+from fabrication.stage.gcode_stage import TRAVEL_MM, GcodeStage, feed_word
 from tests.fabrication.driver.made_up_pad import board
 from tests.fabrication.stage.made_up_bench import LIMITS, MIDDLE, Bench, bench
 
@@ -200,22 +200,14 @@ def test_a_printer_that_began_anew_lifts_the_tip_and_tells_no_place(depth_mm: fl
         stage = made.stage()
         with pytest.raises(DeviceError, match="its position is lost"):
             press()
-        assert made.printer.here_mm()[2] == pytest.approx(2.0 - LIMITS.deepest_mm - TRAVEL_MM, abs=RESOLUTION_MM)
+        assert made.printer.here_mm()[2] == pytest.approx(
+            2.0 - LIMITS.deepest_mm - TRAVEL_MM, abs=RESOLUTION_MM
+        )
         assert stage.left_at is None
 
 
 def test_a_slow_speed_is_not_rounded_to_another_nor_to_none() -> None:
-    with bench() as made:
-        with made.stage() as stage:
-            stage.zero(*MIDDLE)
-            stage._speeds_mm_s = 400.0, 0.012
-            stage._line.post = lambda command: sent.append(command)  # type: ignore[method-assign]
-            sent: list[str] = []
-            stage._line.answers = lambda *_given, **_named: []  # type: ignore[method-assign]
-            stage._ride("Z0", 0.0, 0.012)
-            assert sent[0] == "G1 Z0 F0.72"  # mm/min
-            del stage._line.post, stage._line.answers
-            stage._speeds_mm_s = 400.0, 100.0
+    assert [feed_word(speed) for speed in (5.0, 0.012, 0.008)] == ["F300", "F0.72", "F0.48"]
 
 
 def test_a_printer_that_is_unplugged_is_told_with_what_to_do_by_hand() -> None:
