@@ -41,7 +41,9 @@ def collect(
     protocol: Annotated[
         str,
         typer.Option(
-            "--protocol", metavar="NAME|CSV", help="Presses: a protocol's name, or a table of them."
+            "--protocol",
+            metavar="NAME|FILE",
+            help="Presses: a protocol's name or file (.toml), or a table (.csv).",
         ),
     ],
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The data set, netCDF.")],

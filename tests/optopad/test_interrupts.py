@@ -84,7 +84,10 @@ def examine():
 import optopad.doctor
 optopad.doctor.examine = examine
 """
-BY_HANGING_UP = BY_KILL.replace("SIGTERM", "SIGHUP")
+BY_HANGING_UP = (
+    BY_KILL.replace("SIGTERM", "SIGHUP")
+    + "signal.signal(signal.SIGHUP, signal.SIG_DFL)  # tests may run by nohup\n"
+)
 TWICE = """
 class Interrupting:
     def write(self, text):

@@ -44,7 +44,7 @@ PAIR_SAMPLE = 4
 WHY = """\
 Why, as far as the table shows: five parts a side make 100 pairs in place of 64, and parts nearer to the surface
 let mode 2 begin sooner after mode 1. The two were not tried apart. It is not for nothing: four parts more, and
-`optopad check` names the bodies that then stand above the rim and the share of an LED's area above the surface.
+`optopad check` names the receivers' bodies that then stand above the rim.
 With the paper's 16 parts the search found designs that gain less; they are in the picture, at search accuracy.
 Not covered: tolerance of the heights (`optopad score --tolerance`), and what a learner makes of the signals.
 """
