@@ -31,3 +31,12 @@ class ModelScopeError(OptopadError):
 
 class DeviceError(OptopadError):
     """The built sensor, or the line to it, does not do what was asked; nothing recorded so far is lost."""
+
+
+SHOWN_CHARACTERS = 60
+
+
+def shown(value: object) -> str:
+    """A value as a message shows it: shortened where it is long."""
+    text = repr(value)
+    return text if len(text) <= SHOWN_CHARACTERS else text[: SHOWN_CHARACTERS - 3] + "..."

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import re
 
-SHOWN_CHARACTERS = 60
+from design.errors import shown
 
 _TWICE = "Cannot overwrite a value"
 _MEANT = (
-    (re.compile(r"=\s*[+-]?\d+,\d"), "write a decimal point, as 32.0"),
-    (re.compile(r"=\s*[+-]?[\d.]+\s*[^\W\d_]"), "write the number without its unit"),
-    (re.compile(r"=\s*(True|False)\b"), "write true or false, in small letters"),
-    (re.compile(r"=\s*(?!(true|false|inf|nan)\b)[A-Za-z]"), 'write text in quotes: "..."'),
+    (re.compile(r"[^=]*=\s*[+-]?\d+,\d"), "write a decimal point, as 32.0"),
+    (re.compile(r"[^=]*=\s*[+-]?[\d.]+\s*[^\W\d_]"), "write the number without its unit"),
+    (re.compile(r"[^=]*=\s*(True|False)\b"), "write true or false, in small letters"),
+    (re.compile(r"[^=]*=\s*(?!(true|false|inf|nan)\b)[A-Za-z]"), 'write text in quotes: "..."'),
 )
-"""What follows the sign of equality, and the way out."""
+"""What follows the line's first sign of equality, and the way out."""
 
 
 def explained(message: str, text: str) -> str:
@@ -29,11 +29,10 @@ def explained(message: str, text: str) -> str:
         return message
     line = text.split("\n")[int(place[1]) - 1].strip()
     way_out = _way_out(message, line)
-    shown = line if len(line) <= SHOWN_CHARACTERS else line[: SHOWN_CHARACTERS - 3] + "..."
-    return f"{message}: {shown!r}" + (f"; {way_out}" if way_out else "")
+    return f"{message}: {shown(line)}" + (f"; {way_out}" if way_out else "")
 
 
 def _way_out(message: str, line: str) -> str:
     if message.startswith(_TWICE):
         return f"{line.partition('=')[0].strip()} stands twice in its table; keep one"
-    return next((way_out for pattern, way_out in _MEANT if pattern.search(line)), "")
+    return next((way_out for pattern, way_out in _MEANT if pattern.match(line)), "")

@@ -7,10 +7,9 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from design.errors import DesignError
+from design.errors import DesignError, shown
 from design.paths import nearest
 
-SHOWN_VALUE_CHARACTERS = 60
 LISTED_FINDINGS = 20
 
 _WAY_OUT = {
@@ -51,10 +50,10 @@ def design_error(err: ValidationError, where: str, known: tuple[str, ...] = ()) 
     details = err.errors(include_url=False)
     meant = [detail for detail in _of_the_branch_meant(details) if not _is_echo(detail)]
     lines = _lines(meant, known)
-    shown = lines[:LISTED_FINDINGS]
-    if len(lines) > len(shown):
-        shown.append(f"... and {len(lines) - len(shown)} more")
-    return DesignError(f"{where}: not a usable design\n" + "\n".join(f"  {line}" for line in shown))
+    told = lines[:LISTED_FINDINGS]
+    if len(lines) > len(told):
+        told.append(f"... and {len(lines) - len(told)} more")
+    return DesignError(f"{where}: not a usable design\n" + "\n".join(f"  {line}" for line in told))
 
 
 def field_path(detail: ErrorDetails) -> str:
@@ -120,7 +119,7 @@ def _finding(detail: ErrorDetails, known: tuple[str, ...]) -> tuple[str, str]:
         return f"{field}: {_WAY_OUT[kind]}", ""
     if kind == "value_error":  # raised by a rule of ours, which names its values itself
         return f"{field}: {detail['msg'].removeprefix('Value error, ')}".removeprefix("the file: "), ""
-    return f"{field}: {_shown(detail['input'])} is refused: ", _limit(detail, field)
+    return f"{field}: {shown(detail['input'])} is refused: ", _limit(detail, field)
 
 
 def _near(field: str, known: tuple[str, ...]) -> str:
@@ -161,15 +160,10 @@ def _limit(detail: ErrorDetails, field: str) -> str:
 def _bound(detail: ErrorDetails, field: str) -> str:
     """The limit that was crossed, and for lengths the unit that was likely meant."""
     limit = next(iter(detail["ctx"].values()))
-    shown = f"{limit:.12g}" if isinstance(limit, int | float) else f"{limit}"
+    said = f"{limit:.12g}" if isinstance(limit, int | float) else f"{limit}"
     if not field.endswith("_mm"):
-        return shown
+        return said
     too_small = detail["type"].startswith("greater")
     slip = "micrometres" if not too_small else "metres" if detail["input"] > 0 else None
     hint = f" (was it given in {slip}?)" if slip else ""
-    return f"{shown} mm; lengths are in millimetres{hint}"
-
-
-def _shown(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= SHOWN_VALUE_CHARACTERS else text[: SHOWN_VALUE_CHARACTERS - 3] + "..."
+    return f"{said} mm; lengths are in millimetres{hint}"

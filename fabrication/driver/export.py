@@ -254,9 +254,8 @@ def _presses(records: list[Record], host_s: FloatArray) -> PressLabels | None:
     if not said:
         return None
     values = np.array([press_of(record) for record in said])
-    if (
-        np.diff([record.host_s for record in records]) < -CLOCK_SLACK_S
-    ).any():  # set back: the file's order holds
+    steps_s = np.diff([record.host_s for record in records])
+    if (steps_s < -CLOCK_SLACK_S).any():  # the clock was set back: the file's order holds
         kinds = np.array([record.kind for record in records])
         before = (np.cumsum(kinds == RecordKind.PRESS) - 1)[kinds == RecordKind.FRAME]
     else:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -110,18 +111,25 @@ def collect(
         ask = _light(collector, numbers, as_json)
         begun = time.monotonic()
         there = len(presses.presses) - len(collector.remaining())
-        try:
+        with _failures_that_tell_the_place(stage, collector):
             _pressed(stage, collector, numbers, stand, home, ask, quiet=as_json)
-        except DeviceError as err:
-            kept = collector.finish().kept
-            raise DeviceError(
-                f"{err}; {kept} of {len(presses.presses)} presses are kept, run the command again for the others, with "
-                f"--tip-at {_words(stage.left_at)} or --origin"
-            ) from err
-        except OutputError as err:  # a full disk: the presses before wait in the folder
-            raise OutputError(f"{err}, with --tip-at {_words(stage.left_at)} or --origin") from err
         found = collector.finish(len(presses.presses) - len(collector.remaining()) - there)
     _tell(found, stage.left_at, time.monotonic() - begun, as_json)
+
+
+@contextmanager
+def _failures_that_tell_the_place(stage: GcodeStage, collector: Collector) -> Iterator[None]:
+    """A failure's message says where the tip stands, which the next run needs."""
+    try:
+        yield
+    except DeviceError as err:
+        found = collector.finish()
+        raise DeviceError(
+            f"{err}; {found.kept} of {found.wanted} presses are kept, run the command again for the others, with "
+            f"--tip-at {_words(stage.left_at)} or --origin"
+        ) from err
+    except OutputError as err:  # a full disk: the presses before wait in the folder
+        raise OutputError(f"{err}, with --tip-at {_words(stage.left_at)} or --origin") from err
 
 
 def _pressed(
