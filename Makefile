@@ -39,33 +39,33 @@ bench: setup ## the benchmarks only
 	$(BIN)/python -m pytest --benchmark-only
 
 validate: setup ## the figures of docs/validation, made anew (hours; interrupted, it goes on where it stopped)
-	$(BIN)/python -m tests.validation.contact_reference
-	$(BIN)/python -m tests.validation.contact_table
-	$(BIN)/python -m tests.validation.library_interpolation
-	$(BIN)/python -m tests.validation.wall_reference
-	$(BIN)/python -m tests.validation.wall_table
-	$(BIN)/python -m tests.validation.square_pad --solve
-	$(BIN)/python -m tests.validation.square_pad
-	$(BIN)/python -m sims.contact.wall_check build/validation/walls
-	$(BIN)/python -m tests.validation.light_reference_build
-	$(BIN)/python -m tests.validation.light_table
-	$(BIN)/python -m tests.validation.light_pad
-	$(BIN)/python -m tests.validation.light_oracle
-	$(BIN)/python -m tests.validation.crossing_light
-	$(BIN)/python -m tests.validation.light_walk
-	$(BIN)/python -m tests.validation.light_speed
-	OPTOPAD_LIGHT_CACHE_MB=0 $(BIN)/python -m tests.validation.wall_light
-	$(BIN)/python -m tests.validation.press_curve_table
-	$(BIN)/python -m tests.validation.search_table
-	$(BIN)/python -m tests.validation.thickness
-	$(BIN)/python -m tests.validation.link_table
-	$(BIN)/python -m tests.validation.signal_map_table
-	$(BIN)/python -m tests.validation.hidden_builds
-	$(BIN)/python -m tests.validation.firmware_rates
-	$(BIN)/python -m tests.validation.learning_speed
-	$(BIN)/python -m tests.validation.touch_choice
-	$(BIN)/python -m tests.validation.reality_check
-	$(BIN)/python -m tests.validation.true_touch
+	$(BIN)/python -m tests.validation.contact.contact_reference
+	$(BIN)/python -m tests.validation.contact.contact_table
+	$(BIN)/python -m tests.validation.contact.library_interpolation
+	$(BIN)/python -m tests.validation.contact.wall_reference
+	$(BIN)/python -m tests.validation.contact.wall_table
+	$(BIN)/python -m tests.validation.contact.square_pad --solve
+	$(BIN)/python -m tests.validation.contact.square_pad
+	$(BIN)/python -m sims.contact.walls.check build/validation/walls
+	$(BIN)/python -m tests.validation.light.light_reference_build
+	$(BIN)/python -m tests.validation.light.light_table
+	$(BIN)/python -m tests.validation.light.light_pad
+	$(BIN)/python -m tests.validation.light.light_oracle
+	$(BIN)/python -m tests.validation.light.crossing_light
+	$(BIN)/python -m tests.validation.light.light_walk
+	$(BIN)/python -m tests.validation.light.light_speed
+	OPTOPAD_LIGHT_CACHE_MB=0 $(BIN)/python -m tests.validation.light.wall_light
+	$(BIN)/python -m tests.validation.learning.press_curve_table
+	$(BIN)/python -m tests.validation.verdict.search_table
+	$(BIN)/python -m tests.validation.verdict.thickness
+	$(BIN)/python -m tests.validation.driver.link_table
+	$(BIN)/python -m tests.validation.learning.signal_map_table
+	$(BIN)/python -m tests.validation.learning.hidden_builds
+	$(BIN)/python -m tests.validation.driver.firmware_rates
+	$(BIN)/python -m tests.validation.learning.learning_speed
+	$(BIN)/python -m tests.validation.learning.touch_choice
+	$(BIN)/python -m tests.validation.learning.reality_check
+	$(BIN)/python -m tests.validation.learning.true_touch
 
 pins: ## renew constraints.txt from a fresh environment (oldest supported Python: its versions serve the newer ones)
 	@$(call find_python,$(if $(PYTHON),$(PYTHON),python3.11)); \

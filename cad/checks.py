@@ -2,7 +2,7 @@
 
 Checked on the STL as written, not on the solid: one closed body with consistent winding (trimesh
 finds open seams that CAD kernels pass), a manifold by manifold3d, volume against the formula and
-against the solid, size, faces that overhang. Walls and webs come from the parameters (`design.webs`).
+against the solid, size, faces that overhang. Walls and webs come from the parameters (`design.geometry.webs`).
 Left out: slicing, warping, how a given printer renders a thin wall.
 """
 
@@ -22,15 +22,15 @@ from cad.mesh import Mesh, read_stl, unit_normals
 from cad.optical import cavity_agreement
 from cad.slicer import EXTRUDED_HIGH, EXTRUDED_LOW, Sliced, require_slicer, sliced
 from cad.slicer import VOLUME_LIMIT as SLICER_VOLUME_LIMIT
-from design.catalog import find_mold_material
-from design.lettering import OVERLAP
-from design.mold_outline import outline_of
-from design.part_numbers import unnumbered
-from design.printer import Bed, printer, usual_bed_mm
-from design.properties import entries_of
+from design.fields.units import ROUNDING_MM
+from design.geometry.lettering import OVERLAP
+from design.geometry.mold_outline import outline_of
+from design.geometry.part_numbers import unnumbered
+from design.geometry.webs import bodies_above_rim, clearances, pockets_below_clear_layer, tightest
+from design.parts.catalog import find_mold_material
+from design.parts.printer import Bed, printer, usual_bed_mm
 from design.spec import SensorDesign
-from design.units import ROUNDING_MM
-from design.webs import bodies_above_rim, clearances, pockets_below_clear_layer, tightest
+from design.spec.properties import entries_of
 
 State = Literal["ok", "warning", "error"]
 

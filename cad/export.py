@@ -27,8 +27,8 @@ from cad.mold import build_mold, part_mold
 from cad.pour_gauge import gauge_size, pour_gauge
 from cad.solder_jig import jig_size, solder_jig
 from cad.volume import base_volume_mm3, mold_volume_mm3
-from design.mold_outline import bed_lift_mm, outline_of
-from design.printer import Bed
+from design.geometry.mold_outline import bed_lift_mm, outline_of
+from design.parts.printer import Bed
 from design.spec import SensorDesign
 
 FILES = (

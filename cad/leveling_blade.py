@@ -12,7 +12,7 @@ Its shoulders rest on the rim and its tongue reaches down into the cavity. Print
           play                play
 
 It spans the shorter side of the cavity and is drawn along the longer one. Parts whose body stands
-above the rim are in its way (`design.webs.bodies_above_rim`).
+above the rim are in its way (`design.geometry.webs.bodies_above_rim`).
 """
 
 from __future__ import annotations

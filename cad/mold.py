@@ -16,9 +16,10 @@ Seen from above (L-shaped marks: sockets open to the cavity and upward), and cut
 
 The silicone's undisturbed top is where the lip starts, if the rim is no higher than the lip: pour to that
 line; a seat for a glass cover at that level replaces the lip. Names of the parts are sunk into the outer faces
-(`design.part_numbers`), a label into the underside (`design.mold_label`), bodies taller than the rim get collars
-(`design.raised_sockets`), and the mold may be parted at the cavity's floor. All numbers come from
-`design.mold_outline`; the frame is that of `design.cavity` (files are lifted onto the bed by `cad.export`).
+(`design.geometry.part_numbers`), a label into the underside (`design.geometry.mold_label`), bodies taller than the
+rim get collars (`design.geometry.raised_sockets`), and the mold may be parted at the cavity's floor. All numbers come
+from `design.geometry.mold_outline`; the frame is that of `design.geometry.cavity` (files are lifted onto the bed by
+`cad.export`).
 """
 
 from __future__ import annotations
@@ -30,12 +31,12 @@ from typing import cast
 
 import cadquery as cq
 
-from design import part_numbers
-from design.lettering import Loop, Shape, shapes_of
-from design.mold_outline import MoldOutline, outline_of
-from design.part_numbers import PartNumber
-from design.rules import require_valid
-from design.sockets import Box, Cut, Hole, Socket
+from design.geometry import part_numbers
+from design.geometry.lettering import Loop, Shape, shapes_of
+from design.geometry.mold_outline import MoldOutline, outline_of
+from design.geometry.part_numbers import PartNumber
+from design.geometry.sockets import Box, Cut, Hole, Socket
+from design.rules.check import require_valid
 from design.spec import SensorDesign
 
 BEYOND_MM = 1.0

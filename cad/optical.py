@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.mesh import Mesh
-from design.layout import WALLS
-from design.mold_outline import MoldOutline, bed_lift_mm, outline_of
-from design.sockets import Socket
+from design.geometry.mold_outline import MoldOutline, bed_lift_mm, outline_of
+from design.geometry.sockets import Socket
 from design.spec import SensorDesign
+from design.spec.layout import WALLS
 
 Floats = NDArray[np.float64]
 

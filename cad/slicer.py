@@ -17,7 +17,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from design.errors import InputError
-from design.printer import Bed
+from design.parts.printer import Bed
 
 COMMANDS = ("prusa-slicer", "PrusaSlicer", "prusa-slicer-console")
 USUAL_FILL = 0.2

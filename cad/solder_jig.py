@@ -21,10 +21,10 @@ from dataclasses import dataclass
 
 import cadquery as cq
 
-from design.catalog import Part
-from design.cavity import cavity_of
-from design.fits import fit
-from design.sockets import Box, Hole, lead_offsets_mm
+from design.geometry.cavity import cavity_of
+from design.geometry.fits import fit
+from design.geometry.sockets import Box, Hole, lead_offsets_mm
+from design.parts.catalog import Part
 from design.spec import SensorDesign
 
 THICKNESS_MM = 5.0

@@ -1,1 +1,5 @@
-"""What an optopad sensor is: specification, catalogue, layout, geometry, rules."""
+"""What an optopad sensor is: its specification, parts and geometry, and whether it can be built.
+
+Rooms, from the ground up: fields, parts, spec, geometry, circuit, rules; beside them protocols and search.
+Imports nothing of the other rooms.
+"""

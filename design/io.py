@@ -17,10 +17,10 @@ from typing import Any
 
 import tomlkit
 
-from design import catalog
 from design.errors import DesignError, OutputError
+from design.parts import catalog
 from design.spec import SCHEMA_VERSION, SensorDesign
-from design.tip_profile import read_profile
+from design.spec.tip_profile import read_profile
 from design.toml_hints import explained
 
 MAX_FILE_BYTES = 1_000_000

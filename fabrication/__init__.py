@@ -1,1 +1,4 @@
-"""Design to bench: bill of materials, wiring, casting, driver configuration, bundle."""
+"""Design to bench: the bundle, and the driver configuration that sheets, firmware and driver share.
+
+Rooms: sheets, firmware, driver, stage. Imports of ours: design, cad, sims.
+"""

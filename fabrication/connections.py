@@ -1,6 +1,6 @@
 """Which part hangs on which pin: the one list that every sheet is written from.
 
-Order, places and names come from `design.cavity`, pins and channels from `design.pins`. State i lights
+Order, places and names come from `design.geometry.cavity`, pins and channels from `design.circuit.pins`. State i lights
 emitter i alone; the last state lights none. Column j of a state's readings is receiver j.
 """
 
@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from design.cavity import PlacedPart, cavity_of
-from design.layout import Wall
-from design.pins import assigned_pins, board_of
+from design.circuit.pins import assigned_pins, board_of
+from design.geometry.cavity import PlacedPart, cavity_of
 from design.spec import SensorDesign
+from design.spec.layout import Wall
 
 INWARD_NORMAL: dict[Wall, tuple[float, float, float]] = {
     "south": (0.0, 1.0, 0.0),

@@ -1,7 +1,7 @@
 """Driver configuration of exactly this geometry: design in, `driver.toml` out.
 
 Every index, pin and place comes from `fabrication.connections`; times and bytes from
-`design.timing`. Reading it back needs nothing of this: see `fabrication.driver_file`.
+`design.circuit.timing`. Reading it back needs nothing of this: see `fabrication.driver_file`.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ import tomlkit
 from numpy.typing import NDArray
 from tomlkit.items import AoT, Table
 
-from design import timing
-from design.assumptions import assumption
-from design.catalog import Board
-from design.cavity import workspace_of
-from design.pins import board_of
+from design.circuit import timing
+from design.circuit.pins import board_of
+from design.circuit.transimpedance import feedbacks_of
+from design.geometry.cavity import workspace_of
+from design.parts.assumptions import assumption
+from design.parts.catalog import Board
 from design.spec import SensorDesign
-from design.transimpedance import feedbacks_of
 from fabrication.bundle import versions
 from fabrication.connections import Connection, Connections, connections_of
 from fabrication.driver_file import CHECKSUM, FORMAT_VERSION, content_sha256, load_driver_config

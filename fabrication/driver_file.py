@@ -148,7 +148,7 @@ class FrameLayout:
 
 @dataclass(frozen=True, kw_only=True)
 class TimingBudget:
-    """How long a frame takes by the plain sum of `design.timing`, and the rate that follows."""
+    """How long a frame takes by the plain sum of `design.circuit.timing`, and the rate that follows."""
 
     conversion_us: float
     settle_us: float

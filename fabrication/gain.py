@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from design.cavity import cavity_of
+from design.circuit.transimpedance import Feedback, feedbacks_of
+from design.geometry.cavity import cavity_of
 from design.spec import SensorDesign
-from design.transimpedance import Feedback, feedbacks_of
-from sims.readout import full_scale_counts
+from sims.readings.readout import full_scale_counts
 
 Floats = NDArray[np.float64]
 

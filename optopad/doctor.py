@@ -24,7 +24,7 @@ from typing import Literal
 from platformdirs import user_cache_path
 
 from design.errors import InputError
-from sims.cache_folder import CACHE_VARIABLE, cache_folder
+from sims.cache.folder import CACHE_VARIABLE, cache_folder
 
 State = Literal["ok", "missing", "warning"]
 
@@ -330,7 +330,7 @@ def folder_finding(name: str, folder: Path, way_out: str) -> Finding:
 
 def light_finding() -> Finding:
     """How much traced light is kept, how to clear it and how to do without."""
-    from sims.light_store import SIZE_VARIABLE, light_store
+    from sims.cache.light_store import SIZE_VARIABLE, light_store
 
     try:
         store = light_store()

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 from design.errors import InputError
 from fabrication.driver.descriptor import Descriptor
-from fabrication.driver.frames import Frame
+from fabrication.driver.link.frames import Frame
+from fabrication.driver.link.protocol import SelfTest
 from fabrication.driver.pattern import (
     CLIP_SHARE,
     FLOOR_COUNTS,
@@ -34,7 +35,6 @@ from fabrication.driver.pattern import (
     pattern_of,
     receiver_text,
 )
-from fabrication.driver.protocol import SelfTest
 from fabrication.driver.wiring_check import exchanged_wires
 
 DEAD_SHARE = 0.1

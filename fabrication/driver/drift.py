@@ -38,8 +38,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import InputError
-from fabrication.driver.frames import WEAKEST_BASELINE_COUNTS
 from fabrication.driver.gain_pattern import GainPattern, relative_change
+from fabrication.driver.link.frames import WEAKEST_BASELINE_COUNTS
 
 FloatArray = NDArray[np.float64]
 

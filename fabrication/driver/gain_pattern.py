@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fabrication.driver.frames import WEAKEST_BASELINE_COUNTS
+from fabrication.driver.link.frames import WEAKEST_BASELINE_COUNTS
 
 FloatArray = NDArray[np.float64]
 

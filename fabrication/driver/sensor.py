@@ -23,11 +23,11 @@ from numpy.typing import NDArray
 
 from design.errors import DeviceError, InputError
 from fabrication.driver.descriptor import Descriptor, descriptor_of
-from fabrication.driver.frames import Frame, FrameDecoder
-from fabrication.driver.link import Link, check_hello, interval_us, require_digest
-from fabrication.driver.ports import GATHER_S, Port, find_port
-from fabrication.driver.protocol import Hello, SelfTest, frame_format
-from fabrication.driver.recording import Recorder
+from fabrication.driver.link.frames import Frame, FrameDecoder
+from fabrication.driver.link.link import Link, check_hello, interval_us, require_digest
+from fabrication.driver.link.ports import GATHER_S, Port, find_port
+from fabrication.driver.link.protocol import Hello, SelfTest, frame_format
+from fabrication.driver.recording.raw import Recorder
 from fabrication.driver.stream import LinkCounts, Stream
 from fabrication.driver_file import DriverConfig, load_driver_config
 

@@ -17,12 +17,12 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 
 from design.errors import DeviceError, OutputError
-from fabrication.driver.frames import Frame, FrameDecoder
-from fabrication.driver.link import Link
-from fabrication.driver.ports import PortLostError
-from fabrication.driver.protocol import Command, Hello, Kind, SelfTest, unpack_hello, unpack_self_test
-from fabrication.driver.recording import Recorder
-from fabrication.driver.scanner import Message
+from fabrication.driver.link.frames import Frame, FrameDecoder
+from fabrication.driver.link.link import Link
+from fabrication.driver.link.ports import PortLostError
+from fabrication.driver.link.protocol import Command, Hello, Kind, SelfTest, unpack_hello, unpack_self_test
+from fabrication.driver.link.scanner import Message
+from fabrication.driver.recording.raw import Recorder
 
 LOOK_EVERY_S = 0.1
 """How often a port that went away is looked for."""

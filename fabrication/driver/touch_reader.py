@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from design.errors import DeviceError, InputError
 from fabrication.driver.descriptor import Descriptor
 from fabrication.driver.drift import GUARD_S, LEAST_START_FRAMES, TIME_CONSTANT_S, DriftState, DriftTracker
-from fabrication.driver.frames import US_PER_S, Frame
+from fabrication.driver.link.frames import US_PER_S, Frame
 from fabrication.driver.sensor import BASELINE_S, Sensor
 from sims.learning.inference.header import ModelHeader, require_design
 from sims.learning.inference.prediction import Prediction

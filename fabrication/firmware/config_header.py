@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from design.board_firmware import MUX5
+from design.parts.board_firmware import MUX5
 from fabrication.firmware.settings import FirmwareSettings
 
 

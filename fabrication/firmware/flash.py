@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
-from design.board_firmware import BoardFirmware
 from design.errors import DeviceError
+from design.parts.board_firmware import BoardFirmware
 
 UPLOADER = "avrdude"
 UPLOAD_LIMIT_S = 180.0

@@ -11,14 +11,14 @@ import math
 import zlib
 from dataclasses import dataclass
 
-from design.board_firmware import BoardFirmware
-from design.cavity import cavity_of
+from design.circuit.pins import board_of
+from design.circuit.timing import US_PER_S, baud_divisor
 from design.errors import DesignError
-from design.firmware_rules import firmware_findings
-from design.pins import board_of
-from design.rules import require_valid
+from design.geometry.cavity import cavity_of
+from design.parts.board_firmware import BoardFirmware
+from design.rules.check import require_valid
+from design.rules.firmware import firmware_findings
 from design.spec import SensorDesign
-from design.timing import US_PER_S, baud_divisor
 from fabrication.connections import Connection, connections_of
 
 

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import InputError, OutputError
-from fabrication.driver.export import Recorded
-from fabrication.driver.frames import US_PER_S, Frame
-from fabrication.driver.press_labels import PressLabels
+from fabrication.driver.link.frames import US_PER_S, Frame
+from fabrication.driver.recording.export import Recorded
+from fabrication.driver.recording.press_labels import PressLabels
 from fabrication.driver_file import DriverConfig
 from fabrication.stage.press_list import PressList
 from fabrication.stage.stage import Position

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from design.errors import DeviceError, InputError
-from fabrication.driver.export import write_netcdf
-from fabrication.driver.frames import Frame
-from fabrication.driver.press_labels import SetEntry
+from fabrication.driver.link.frames import Frame
+from fabrication.driver.recording.export import write_netcdf
+from fabrication.driver.recording.press_labels import SetEntry
 from fabrication.driver.sensor import Sensor
 from fabrication.stage.collected_parts import CollectedParts
 from fabrication.stage.press_list import Press, PressList

@@ -1,8 +1,9 @@
 """A simulated 3-axis printer that speaks G-code as Marlin does, for trying the bench without one.
 
-Bytes and times go in, bytes come out; `fabrication.driver.fake_port.FakePort` puts it on a pseudo-terminal. Moves take
-their way over their speed, without acceleration, and begin when the one before has ended; M400 and G28 are answered at
-the end of the motion, everything else at once. Opening the port resets it: its coordinates are 0 where it stands.
+Bytes and times go in, bytes come out; `fabrication.driver.simulated.port.FakePort` puts it on a pseudo-terminal.
+Moves take their way over their speed, without acceleration, and begin when the one before has ended; M400 and G28 are
+answered at the end of the motion, everything else at once. Opening the port resets it: its coordinates are 0 where it
+stands.
 
 Faults: `silent` (answers nothing after some moves), `error` (stops with `Error:`), `shifted` (stops short of where it
 was sent, as at its own limits), `restarted` (says `start` in the middle).

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 
 from design.errors import DeviceError
-from fabrication.driver.ports import Port, PortLostError
+from fabrication.driver.link.ports import Port, PortLostError
 
 ASK_EVERY_S = 2.0
 """How often a board that boots is asked who it is."""

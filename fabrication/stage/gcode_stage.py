@@ -16,7 +16,7 @@ from types import TracebackType
 from typing import Self
 
 from design.errors import DeviceError, InputError
-from fabrication.driver.ports import Port
+from fabrication.driver.link.ports import Port
 from fabrication.stage.gcode_line import GcodeLine
 from fabrication.stage.stage import Position, StageLimits
 

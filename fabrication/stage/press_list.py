@@ -16,8 +16,8 @@ from itertools import groupby
 from pathlib import Path
 
 from design.errors import InputError
-from fabrication.driver.position_log import set_entry
-from fabrication.driver.press_labels import SetEntry
+from fabrication.driver.recording.position_log import set_entry
+from fabrication.driver.recording.press_labels import SetEntry
 from fabrication.stage.stage import Position, StageLimits
 
 NEEDED = ("x_mm", "y_mm", "depth_mm")

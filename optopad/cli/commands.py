@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import typer
 
-from optopad.cli import (
+from optopad.cli.driver import verbs as driver
+from optopad.cli.verbs import (
     accuracy,
     author,
     bench,
@@ -12,7 +13,6 @@ from optopad.cli import (
     calibrate,
     compare,
     contact,
-    driver,
     explore,
     job,
     physics,

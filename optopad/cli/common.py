@@ -78,8 +78,8 @@ def read_design(where: str, changes: list[str] | None) -> SensorDesign:
     ------
     DesignError, InputError : what is wrong with the file or a change.
     """
+    from design.fields.paths import nearest
     from design.io import load_design
-    from design.paths import nearest
     from design.preset import PRESETS, preset
 
     path = Path(where)

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from sims.compiling import compiling_told
+from sims.cache.compiling import compiling_told
 
 OnStep = Callable[[str, float], None]
 

@@ -7,9 +7,9 @@ from html import escape
 from importlib.resources import files
 from string import Template
 
-from optopad.accuracy import Accuracy, ModelAccuracy, bound_text
-from optopad.report.drawings import Drawing, figure_of
-from optopad.report.markup import Html, bullets, element, joined, section, table
+from optopad.report.sections.drawings import Drawing, figure_of
+from optopad.report.text.markup import Html, bullets, element, joined, section, table
+from optopad.results.accuracy import Accuracy, ModelAccuracy, bound_text
 from sims.evaluation.tables import WITHIN_MM, ErrorRow, Spread
 
 TITLES = {
@@ -42,11 +42,11 @@ def accuracy_page(found: Accuracy, drawings: Mapping[str, Drawing]) -> str:
         section("notes", "Notes", bullets(found.notes)),
     ]
     links = bullets([element("a", title, href=f"#{name}") for name, title in TITLES.items()])
-    template = (files("optopad.report") / "still_page.html").read_text(encoding="utf-8")
+    template = (files("optopad.report.assets") / "still_page.html").read_text(encoding="utf-8")
     return Template(template).substitute(
         title=escape(f"{found.name}: accuracy"),
         kind="accuracy report",
-        style=(files("optopad.report") / "page.css").read_text(encoding="utf-8"),
+        style=(files("optopad.report.assets") / "page.css").read_text(encoding="utf-8"),
         name=escape(found.name),
         digest=escape((found.digest or "")[:8]),
         navigation=element("nav", links, aria_label="Parts of this page"),

@@ -19,28 +19,28 @@ from design.errors import InputError, ModelScopeError
 from design.io import write_text_atomically
 from design.spec import SensorDesign
 from fabrication.bundle import versions
-from optopad.report.build import Sheets, build_section, sheets_of
-from optopad.report.closing import (
+from optopad.report.scenes.map_scene import MapScene
+from optopad.report.scenes.mold_scene import mold_scene
+from optopad.report.scenes.ray_scene import RayScene, ray_scene
+from optopad.report.sections.build import Sheets, build_section, sheets_of
+from optopad.report.sections.closing import (
     bundle_files,
     files_section,
     limits_section,
     origin_section,
     warnings_section,
 )
-from optopad.report.drawings import PREFIX, Drawing, tolerance_drawings
-from optopad.report.early import EarlyDrawings, early_drawings
-from optopad.report.load import force_section
-from optopad.report.map_scene import MapScene
-from optopad.report.maps import map_section
-from optopad.report.markup import Html, element, joined
-from optopad.report.mold_scene import mold_scene
-from optopad.report.ray_scene import RayScene, ray_scene
-from optopad.report.rays import rays_section
-from optopad.report.scripts import script_element, script_policy
-from optopad.report.sensor import Pictures, checks_section, pictures_of, sensor_section
-from optopad.report.signals import pairs_section, signal_section, tolerance_section
-from optopad.report.words import banner, headline
-from sims.verdict.result import ContinuityScore
+from optopad.report.sections.drawings import PREFIX, Drawing, tolerance_drawings
+from optopad.report.sections.early import EarlyDrawings, early_drawings
+from optopad.report.sections.load import force_section
+from optopad.report.sections.maps import map_section
+from optopad.report.sections.rays import rays_section
+from optopad.report.sections.sensor import Pictures, checks_section, pictures_of, sensor_section
+from optopad.report.sections.signals import pairs_section, signal_section, tolerance_section
+from optopad.report.text.markup import Html, element, joined
+from optopad.report.text.scripts import script_element, script_policy
+from optopad.report.text.words import banner, headline
+from sims.continuity.result import ContinuityScore
 
 PAGE = "report.html"
 TITLES = {
@@ -188,4 +188,4 @@ def _navigation(sections: dict[str, Html]) -> Html:
 
 
 def _resource(name: str) -> str:
-    return (files("optopad.report") / name).read_text(encoding="utf-8")
+    return (files("optopad.report.assets") / name).read_text(encoding="utf-8")

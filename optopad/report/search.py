@@ -6,11 +6,11 @@ from html import escape
 from importlib.resources import files
 from string import Template
 
-from design.figures import FIGURES
-from design.judged import Judged
+from design.search.figures import FIGURES
+from design.search.judged import Judged
 from fabrication.bundle import versions
-from optopad.report.markup import Html, bullets, element, facts, joined, section, table
-from optopad.search_result import Search
+from optopad.report.text.markup import Html, bullets, element, facts, joined, section, table
+from optopad.results.search_result import Search
 from sims.plots.front import choice_text, front_panels, importance_svg, parallel_svg, words
 
 SHOWN_REASONS = 12
@@ -36,10 +36,10 @@ def search_page(search: Search) -> str:
         _files_section(search),
     ]
     links = bullets([element("a", title, href=f"#{name}") for name, title in LOCATIONS.items()])
-    template = (files("optopad.report") / "still_page.html").read_text(encoding="utf-8")
+    template = (files("optopad.report.assets") / "still_page.html").read_text(encoding="utf-8")
     return Template(template).substitute(
         title=escape(f"{found.space.name}: search"),
-        style=(files("optopad.report") / "page.css").read_text(encoding="utf-8"),
+        style=(files("optopad.report.assets") / "page.css").read_text(encoding="utf-8"),
         kind="search report",
         name=escape(found.space.name),
         digest=escape(found.space.digest[:8]),
@@ -228,7 +228,7 @@ def _files_section(search: Search) -> Html:
 
 
 def _base_values(search: Search) -> list[str]:
-    from design.paths import get_at
+    from design.fields.paths import get_at
 
     document = search.findings.space.base.model_dump(mode="json")
     found = []

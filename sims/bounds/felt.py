@@ -15,14 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from design.properties import modulus
 from design.spec import SensorDesign
+from design.spec.properties import modulus
 from sims.bounds.defaults import BAND
 from sims.contact.force_curve import band_factors
 from sims.contact.indentation import solved_press
-from sims.readout import Readout
-from sims.verdict.defaults import DEADBAND_THRESHOLD
-from sims.verdict.noise_units import noise_units, sigma_counts
+from sims.readings.readout import Readout
+from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
+from sims.verdict.pair.noise_units import noise_units, sigma_counts
 
 FloatArray = NDArray[np.float64]
 

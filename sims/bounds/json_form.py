@@ -12,7 +12,7 @@ from sims.bounds.figures import Figure
 from sims.bounds.losses import PartLoss
 
 if TYPE_CHECKING:
-    from sims.observability import PadBounds, Voxel
+    from sims.bounds.observability import PadBounds, Voxel
 
 
 def bounds_json(bounds: PadBounds) -> dict[str, Any]:

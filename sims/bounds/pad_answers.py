@@ -12,7 +12,7 @@ from sims.bounds.defaults import CLEAR_ERROR, SHALLOW_MM
 from sims.bounds.fisher import Bounds, Sensitivity, bounds_of
 from sims.bounds.stencil import Steps, sensitivity
 from sims.optics.accuracy import Accuracy
-from sims.readout import Readout
+from sims.readings.readout import Readout
 
 FloatArray = NDArray[np.float64]
 OnStep = Callable[[float], None]

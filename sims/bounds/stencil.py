@@ -28,8 +28,8 @@ from sims.bounds.defaults import DEPTH_STEP_MM, LARGEST_DEPTH_STEP_SHARE, LATERA
 from sims.bounds.fisher import Sensitivity
 from sims.optics.accuracy import Accuracy
 from sims.optics.tracing import trace
-from sims.readout import Readout
-from sims.verdict.noise_units import sigma_counts
+from sims.readings.readout import Readout
+from sims.verdict.pair.noise_units import sigma_counts
 
 FloatArray = NDArray[np.float64]
 OnStep = Callable[[float], None]

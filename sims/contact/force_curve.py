@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from design.properties import modulus
-from design.quantity import Quantity
+from design.fields.quantity import Quantity
 from design.spec import SensorDesign
-from sims.contact.solved_press import SolvedPress
+from design.spec.properties import modulus
+from sims.contact.library.solved_press import SolvedPress
 
 FloatArray = NDArray[np.float64]
 

@@ -13,11 +13,13 @@ from collections.abc import Callable
 from functools import lru_cache
 
 from design.errors import DesignError, InputError, ModelScopeError
-from design.properties import youngs_modulus_mpa
 from design.spec import SensorDesign
-from sims.contact.library import shipped_library
-from sims.contact.live_press import live_note, live_press, mesh_size
-from sims.contact.profiles import UnitPress
+from design.spec.properties import youngs_modulus_mpa
+from sims.contact.library.live_press import live_note, live_press, mesh_size
+from sims.contact.library.profile_library import shipped_library
+from sims.contact.library.profiles import UnitPress
+from sims.contact.library.smooth_press import SmoothPress
+from sims.contact.library.solved_press import SolvedPress
 from sims.contact.scope import (
     FIRST_DEPTHS,
     LARGEST_ASPECT,
@@ -31,12 +33,10 @@ from sims.contact.scope import (
     tip_radius_mm,
     wall_radius,
 )
-from sims.contact.smooth_press import SmoothPress
-from sims.contact.solved_press import SolvedPress
 from sims.contact.tip import HEMISPHERE, tip_of
-from sims.contact.wall_superposition import Walls
-from sims.contact.walls import wall_correction, walls_of
-from sims.indentation import Indentation
+from sims.contact.walls.near_walls import wall_correction, walls_of
+from sims.contact.walls.superposition import Walls
+from sims.press.indentation import Indentation
 
 __all__ = [
     "depth_limit_mm",

@@ -21,7 +21,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from design.load_protocol import LoadProtocol
+from design.protocols.load import LoadProtocol
 from sims.contact.viscoelastic import StandardLinearSolid, loop_energy_mj, viscoelastic_load_n
 
 FloatArray = NDArray[np.float64]

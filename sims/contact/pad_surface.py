@@ -22,11 +22,11 @@ from scipy.interpolate import PchipInterpolator
 from design.errors import ModelScopeError
 from design.spec import SensorDesign
 from sims.contact.indentation import is_in_library, solved_press
-from sims.contact.library import LAYERS, shipped_library
+from sims.contact.library.profile_library import LAYERS, shipped_library
 from sims.contact.scope import HALF_WIDTH, elastic_depth_mm, round_radius, tip_radius_mm
-from sims.contact.wall_shape import contact_window
-from sims.contact.walls import WallCorrection, wall_correction, walls_of
-from sims.indentation import Indentation
+from sims.contact.walls.near_walls import WallCorrection, wall_correction, walls_of
+from sims.contact.walls.shape import contact_window
+from sims.press.indentation import Indentation
 
 FloatArray = NDArray[np.float64]
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from design.cavity import cavity_of
 from design.errors import ModelScopeError
+from design.geometry.cavity import cavity_of
 from design.spec import SensorDesign
 from sims.contact.indentation import solved_press
 from sims.contact.scope import layer_depth, tip_radius_mm
-from sims.contact.walls import wall_correction, walls_of
+from sims.contact.walls.near_walls import wall_correction, walls_of
 
 NOTED_FORCE_CHANGE = 0.03
 """Change of force by near walls that is worth a note [-]: the contact model's own error."""

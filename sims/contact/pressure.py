@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from sims.contact.smooth_press import LOAD_SHARES
-from sims.contact.solved_press import SolvedPress
+from sims.contact.library.smooth_press import LOAD_SHARES
+from sims.contact.library.solved_press import SolvedPress
 from sims.contact.tip import TipOutline, tip_outline
 
 FloatArray = NDArray[np.float64]

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from design.contact_scope import DEEPEST_PRESS, LARGEST_SHARE_OF_LAYER, LAYER_DEPTH_RANGE
 from design.errors import DesignError, InputError, ModelScopeError
+from design.rules.contact_scope import DEEPEST_PRESS, LARGEST_SHARE_OF_LAYER, LAYER_DEPTH_RANGE
 
 if TYPE_CHECKING:
     from design.spec import SensorDesign

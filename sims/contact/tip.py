@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.spec import Indenter
-from design.tip_shape import tip_outline as outline_pieces
+from design.spec.tip_shape import tip_outline as outline_pieces
 
 FloatArray = NDArray[np.float64]
 Row = tuple[float, float, float, float, float, float, float]

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from design.errors import InputError
 from sims.learning.inference.prediction import Prediction
-from sims.press_data import PressData
-from sims.same_places import place_numbers
+from sims.press.same_places import place_numbers
+from sims.readings.press_data import PressData
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -1,7 +1,7 @@
 """What was published of a sensor's touch, to hold the simulated table against.
 
-Its untouched rows bounded the assumed noise of the signal chain (`design.noise`), so they are no blind test; nothing is
-fitted to the others.
+Its untouched rows bounded the assumed noise of the signal chain (`design.spec.noise`), so they are no blind test;
+nothing is fitted to the others.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sims.evaluation.judged import DEPTH_TOLERANCE_MM
 from sims.evaluation.tables import ERROR_DEPTHS_MM, TOUCH_DEPTHS_MM
-from sims.press_data import PressData
+from sims.readings.press_data import PressData
 
 FloatArray = NDArray[np.float64]
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from sims.dataset import PressData
-from sims.learning.extra_trees_fit import fit_extra_trees
-from sims.learning.gaussian_process_fit import fit_gaussian_process
+from sims.learning.fits.extra_trees import fit_extra_trees
+from sims.learning.fits.gaussian_process import fit_gaussian_process
+from sims.learning.fits.kernel_ridge import fit_kernel_ridge
+from sims.learning.fits.network import fit_network
 from sims.learning.inference.touch_model import TouchModel
-from sims.learning.kernel_ridge_fit import fit_kernel_ridge
-from sims.learning.network_fit import fit_network
-from sims.learning.settings import FitSettings
+from sims.learning.samples.settings import FitSettings
+from sims.readings.dataset import PressData
 
 OnStep = Callable[[str, float], None]
 

@@ -20,7 +20,7 @@ class LightSignals:
     flux : (state, emitter, receiver) sum over path classes [-]
     by_class : path class (direct, top, skirt, wall, diffuse) to (state, emitter, receiver) [-];
         light mirrored by the top is top + skirt
-    standard_error : (state, emitter, receiver) of flux; what it covers is said in `sims.optics.engine` [-]
+    standard_error : (state, emitter, receiver) of flux; what it covers is said in `sims.optics.engine.trace_states` [-]
     presses : (state, 3) x, y, depth of the press, or (state, tip, 3) where some state has several tips;
         depth 0 or less is untouched [mm]
     digest : of the design

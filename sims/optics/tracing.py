@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from design.errors import InputError
 from design.spec import SensorDesign
-from sims.indentation import Indentation
-from sims.light_store import light_store
-from sims.optics.engine import CLASS_NAMES, Accuracy, trace_scene
+from sims.cache.light_store import light_store
+from sims.optics.engine.trace_states import CLASS_NAMES, Accuracy, trace_scene
 from sims.optics.light_signals import LightSignals
-from sims.optics.lower import scene_of
-from sims.optics.scene import OpticalScene
-from sims.optics.smooth_field import SmoothField, sum_of_fields
-from sims.optics.wall_correction import SPACING_MM, wall_field
+from sims.optics.scene.lower import scene_of
+from sims.optics.scene.optical_scene import OpticalScene
+from sims.optics.scene.smooth_field import SmoothField, sum_of_fields
+from sims.optics.surface.wall_correction import SPACING_MM, wall_field
+from sims.press.indentation import Indentation
 
 FloatArray = NDArray[np.float64]
 Profile = Indentation | Sequence[Indentation | Sequence[Indentation | None] | None]

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from design.cavity import Workspace
+from design.geometry.cavity import Workspace
 from sims.evaluation.judged import JudgedPresses
 from sims.evaluation.published import PublishedTouch
 from sims.evaluation.tables import ErrorRow, TouchRow

@@ -16,9 +16,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from design.cavity import CavityGeometry
+from design.geometry.cavity import CavityGeometry
 from sims.bounds.felt import FeltForce
-from sims.observability import PadBounds
+from sims.bounds.observability import PadBounds
 from sims.plots.style import BLUE, INK, MUTED, WIDTH_IN, axes_or_new
 
 FloatArray = NDArray[np.float64]

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 
 from sims.plots.style import BLUE, GREY, GRID, INK, MUTED, VERMILLION
 from sims.verdict.build_study import BuildStudy
-from sims.verdict.defaults import DEADBAND_THRESHOLD
+from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
 from sims.verdict.tolerance import ToleranceBand, ToleranceRow
 
 ROW_IN = 0.36

@@ -9,11 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from design.quantity import Quantity
+from design.fields.quantity import Quantity
 from sims.contact.force_curve import ForceCurve
 from sims.contact.load_protocol import LoadHistory
 from sims.contact.pressure import ContactPressure
-from sims.indentation import Indentation
 from sims.plots.style import (
     BLUE,
     GREEN,
@@ -25,6 +24,7 @@ from sims.plots.style import (
     VERMILLION,
     axes_or_new,
 )
+from sims.press.indentation import Indentation
 
 FloatArray = NDArray[np.float64]
 

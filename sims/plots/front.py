@@ -15,9 +15,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from design.figures import FIGURES
-from design.judged import Judged, Tried
-from design.space import SearchSpace, SpaceField, Value
+from design.search.figures import FIGURES
+from design.search.judged import Judged, Tried
+from design.search.space import SearchSpace, SpaceField, Value
 from sims.plots.style import BLUE, GREY, GRID, INK, MUTED, VERMILLION, axes_or_new, plain_style, svg_text
 
 FloatArray = NDArray[np.float64]

@@ -12,8 +12,8 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from design.cavity import CavityGeometry, PlacedPart
-from design.layout import Wall
+from design.geometry.cavity import CavityGeometry, PlacedPart
+from design.spec.layout import Wall
 from sims.plots.style import BLUE, INK, MUTED, VERMILLION, WIDTH_IN, axes_or_new
 from sims.verdict.pad_map import PadMap, Place
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from design.cavity import CavityGeometry, PlacedPart
+from design.geometry.cavity import CavityGeometry, PlacedPart
 
 FloatArray = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
-from design.cavity import cavity_of
+from design.geometry.cavity import cavity_of
 from design.spec import SensorDesign
 from sims.plots.ray_cut import Cut
 from sims.plots.rays import (
@@ -20,7 +20,7 @@ from sims.plots.rays import (
     plot_ray_section,
 )
 from sims.plots.style import INK, MUTED
-from sims.ray_states import RayState
+from sims.rays.ray_states import RayState
 
 LEAST_WIDTH_IN = 8.6
 SECTION_IN = (6.0, 2.9)

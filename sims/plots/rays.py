@@ -5,7 +5,7 @@ from the side, so a path that leaves the section's plane may seem to end at a wa
 plan beside it shows where it goes. The press is cut where the plane meets it; when its axis is not in the
 plane, its outline through the axis is drawn dashed.
 
-Lines are samples, `sims.ray_states` says of what; powers stand in the legend and come from the light model.
+Lines are samples, `sims.rays.ray_states` says of what; powers stand in the legend and come from the light model.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Polygon, Rectangle
 from numpy.typing import NDArray
 
-from design.cavity import CavityGeometry, PlacedPart, cavity_of
+from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
 from design.spec import SensorDesign
 from sims.contact.tip import tip_of
-from sims.light_kinds import KINDS, LOST, LightKind, kind_of
-from sims.optics.paths import LightPath
+from sims.optics.oracle.paths import LightPath
 from sims.plots.ray_cut import Cut
 from sims.plots.style import GREY, INK, MUTED, PALE_BLUE, axes_or_new
-from sims.ray_states import RayState
+from sims.rays.light_kinds import KINDS, LOST, LightKind, kind_of
+from sims.rays.ray_states import RayState
 
 FloatArray = NDArray[np.float64]
 

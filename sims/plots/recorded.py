@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from sims.evaluation.recorded_press import RecordedPair, RecordedPress
 from sims.plots.signal import TOTAL
 from sims.plots.style import BLUE, GRID, MUTED, PALE_BLUE, PALE_ORANGE, VERMILLION
-from sims.recorded_press import RecordedPair, RecordedPress
 
 PANEL_IN = (3.1, 2.5)
 MOST_COLUMNS = 3

@@ -13,8 +13,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from sims.continuity.result import JudgedPair
 from sims.plots.style import BLUE, GREEN, INK, MUTED, PALE_BLUE, PALE_ORANGE, VERMILLION, axes_or_new
-from sims.verdict.result import JudgedPair
 
 FloatArray = NDArray[np.float64]
 HEIGHT_IN = 3.9

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
+from sims.continuity.result import JudgedPair
 from sims.plots.style import BLUE, GRID, INK, VERMILLION, axes_or_new
-from sims.verdict.result import JudgedPair
 
 ROW_IN = 0.17
 FRAME_IN = 1.1

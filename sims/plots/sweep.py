@@ -18,9 +18,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from sims.continuity.sweep import SweepRow
 from sims.plots.signal import DIRECT, TOP, TOTAL
 from sims.plots.style import GRID, MUTED, PALE_BLUE, PALE_ORANGE
-from sims.sweep import SweepRow
 
 PANEL_IN = (1.75, 1.55)
 MOST_COLUMNS = 4

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from sims.plots.style import BLUE, GREY, GRID, INK, VERMILLION, axes_or_new
-from sims.verdict.defaults import DEADBAND_THRESHOLD
+from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
 from sims.verdict.tolerance import ToleranceBand, ToleranceRow
 
 ROW_IN = 0.42

@@ -1,1 +1,4 @@
-"""The parts of a verdict: presses, modes, deadbands, continuity, strength, the map of the pad."""
+"""The rules of the verdict: presses, modes, deadbands, builds, the map of the pad.
+
+Imports of ours: readings, optics, contact, press. `pair` has the rules of one pair.
+"""

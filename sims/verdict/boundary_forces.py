@@ -18,8 +18,8 @@ from design.errors import ModelScopeError
 from design.spec import SensorDesign
 from sims.contact.force_curve import LoadCurve, load_curve
 from sims.contact.indentation import solved_press
-from sims.depths import depth_schedule_mm
-from sims.verdict.modes import Modes
+from sims.press.depths import depth_schedule_mm
+from sims.verdict.pair.modes import Modes
 
 Load = tuple[float, float, float]
 """Load and both ends of its band [N]."""

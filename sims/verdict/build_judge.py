@@ -9,11 +9,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from design.cavity import cavity_of
-from design.pairs import is_facing_rows, judged_pairs
+from design.geometry.cavity import cavity_of
+from design.geometry.pairs import is_facing_rows, judged_pairs
 from design.spec import SensorDesign
 from sims.optics.light_signals import LightSignals
-from sims.readout import Readout
+from sims.readings.readout import Readout
 from sims.verdict.builds import Brief, facing_brief, pair_brief, place_brief, responsive_pairs
 from sims.verdict.pad_map import PadMap
 from sims.verdict.presses import Pair

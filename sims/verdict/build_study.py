@@ -14,7 +14,7 @@ What matters most: Spearman's rank correlation of each value with how firm the b
 deadband; among builds with one, minus its length), with Fisher's 95 % interval. It sees a value's effect among
 all the others; the one-at-a-time ends (`tolerance`) see it alone.
 
-Left out: what `design.tolerances` leaves out.
+Left out: what `design.spec.tolerances` leaves out.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from design.errors import InputError, OptopadError
 from design.spec import SensorDesign
-from design.tolerances import Tolerance
+from design.spec.tolerances import Tolerance
 from sims.verdict.builds import Brief
 
 FloatArray = NDArray[np.float64]

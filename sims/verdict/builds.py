@@ -12,22 +12,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from design.cavity import cavity_of
-from design.pairs import chord_midpoint_mm, judged_pairs, mask_of
+from design.geometry.cavity import cavity_of
+from design.geometry.pairs import chord_midpoint_mm, judged_pairs, mask_of
 from design.spec import SensorDesign
-from sims.depths import COARSE_STEP_MM, depth_schedule_mm
 from sims.optics.accuracy import ACCURACIES
 from sims.optics.light_signals import LightSignals
 from sims.optics.tracing import trace
-from sims.readout import Readout, readout_of
-from sims.verdict.deadbands import joint_deadband_intervals_mm, total_length_mm
-from sims.verdict.defaults import DEADBAND_MIN_LENGTH_MM
-from sims.verdict.depth_curve import between, clipped
-from sims.verdict.noise_units import noise_units, sigma_counts
-from sims.verdict.pair_score import PairScore, score_pair
+from sims.press.depths import COARSE_STEP_MM, depth_schedule_mm
+from sims.readings.readout import Readout, readout_of
+from sims.verdict.pair.deadbands import joint_deadband_intervals_mm, total_length_mm
+from sims.verdict.pair.defaults import DEADBAND_MIN_LENGTH_MM
+from sims.verdict.pair.depth_curve import between, clipped
+from sims.verdict.pair.noise_units import noise_units, sigma_counts
+from sims.verdict.pair.pair_score import PairScore, score_pair
+from sims.verdict.pair.trace_noise import widened_threshold
+from sims.verdict.pair.window_range import smallest_range
 from sims.verdict.presses import Pair, PairCurves, curves_of, pair_curves, states_of
-from sims.verdict.trace_noise import widened_threshold
-from sims.verdict.window_range import smallest_range
 
 FloatArray = NDArray[np.float64]
 

@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.spec import SensorDesign
-from sims.readout import Readout
+from sims.readings.readout import Readout
 from sims.verdict.builds import noise_of
-from sims.verdict.deadbands import continuity, deadband_intervals_mm, evenness
-from sims.verdict.defaults import DEADBAND_THRESHOLD
-from sims.verdict.depth_curve import between, clipped
-from sims.verdict.noise_units import noise_units
-from sims.verdict.pair_score import PairScore
+from sims.verdict.pair.deadbands import continuity, deadband_intervals_mm, evenness
+from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
+from sims.verdict.pair.depth_curve import between, clipped
+from sims.verdict.pair.noise_units import noise_units
+from sims.verdict.pair.pair_score import PairScore
 from sims.verdict.presses import PairCurves
 
 FloatArray = NDArray[np.float64]
@@ -87,7 +87,7 @@ def _figures(
     end_mm: float,
     full_scale_counts: float,
 ) -> FloatArray:
-    """(figure,) of one curve of counts, as `sims.verdict.pair_score` works them out."""
+    """(figure,) of one curve of counts, as `sims.verdict.pair.pair_score` works them out."""
     noise = noise_of(design)
     at_mm, counts = clipped(depth_mm, unlimited, full_scale_counts)
     _, units = between(at_mm, noise_units(counts, **noise), 0.0, end_mm)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sims.verdict.modes import Modes
+from sims.verdict.pair.modes import Modes
 from sims.verdict.presses import PairCurves
 
 FloatArray = NDArray[np.float64]

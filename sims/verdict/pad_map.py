@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from design.cavity import CavityGeometry, Workspace
-from sims.verdict.trace_noise import TightWindow, samples_between
+from design.geometry.cavity import CavityGeometry, Workspace
+from sims.verdict.pair.trace_noise import TightWindow, samples_between
 
 FloatArray = NDArray[np.float64]
 Interval = tuple[float, float]

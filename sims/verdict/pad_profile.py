@@ -13,16 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from design.cavity import cavity_of
-from design.pairs import direct_path_pairs
+from design.geometry.cavity import cavity_of
+from design.geometry.pairs import direct_path_pairs
 from design.spec import SensorDesign
 from sims.optics.light_signals import LightSignals
-from sims.readout import Readout
+from sims.readings.readout import Readout
 from sims.verdict.builds import noise_of
-from sims.verdict.defaults import DEADBAND_MIN_LENGTH_MM
-from sims.verdict.depth_curve import clipped, interpolated
-from sims.verdict.noise_units import noise_units
 from sims.verdict.pad_map import PadMap
+from sims.verdict.pair.defaults import DEADBAND_MIN_LENGTH_MM
+from sims.verdict.pair.depth_curve import clipped, interpolated
+from sims.verdict.pair.noise_units import noise_units
 
 FloatArray = NDArray[np.float64]
 

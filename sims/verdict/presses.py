@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from design.cavity import CavityGeometry
-from design.pairs import chord_midpoint_mm
+from design.geometry.cavity import CavityGeometry
+from design.geometry.pairs import chord_midpoint_mm
 from design.spec import SensorDesign
-from sims.depths import NEAR_CONTACT_MM, depth_schedule_mm
 from sims.optics.accuracy import ACCURACIES, MIRRORED_FINER, Accuracy
 from sims.optics.light_signals import LightSignals
 from sims.optics.tracing import trace
+from sims.press.depths import NEAR_CONTACT_MM, depth_schedule_mm
 
 FloatArray = NDArray[np.float64]
 Pair = tuple[int, int]

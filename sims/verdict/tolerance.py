@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from design.errors import OptopadError
-from design.properties import UsedValue, used_values
 from design.spec import SensorDesign
+from design.spec.properties import UsedValue, used_values
 from sims.verdict.builds import Brief
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.bench.build_time import LIMIT_S, build_time
+from tests.bench.measures.build_time import LIMIT_S, build_time
 
 
 @pytest.mark.slow

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from sims.optics.analytic import compact_dimple
-from sims.optics.engine import trace_scene
-from sims.optics.scene import OpticalScene
+from sims.optics.engine.trace_states import trace_scene
+from sims.optics.scene.optical_scene import OpticalScene
+from sims.optics.surface.analytic import compact_dimple
 
 PLACES = (4.0, 12.0, 20.0, 28.0)
 STATES = 4

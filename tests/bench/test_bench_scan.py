@@ -8,8 +8,8 @@ import numba
 import numpy as np
 import pytest
 
-from tests.bench.benchmark_states import SURFACES
-from tests.bench.scan_cost import THREADS, scan
+from tests.bench.measures.benchmark_states import SURFACES
+from tests.bench.measures.scan_cost import THREADS, scan
 
 
 @pytest.mark.slow

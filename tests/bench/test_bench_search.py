@@ -11,10 +11,10 @@ import time
 
 import pytest
 
-from design.explore import explore
-from design.judged import Judged
-from design.space import load_space
-from sims.objective import judge
+from design.search.explore import explore
+from design.search.judged import Judged
+from design.search.space import load_space
+from sims.continuity.objective import judge
 
 CORES = 2
 HOUR_S = 3600.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.bench.start_time import first_trace
+from tests.bench.measures.start_time import first_trace
 
 
 @pytest.mark.slow

@@ -9,8 +9,8 @@ import numba
 import pytest
 
 from design.preset import preset
-from design.tolerances import build_tolerances
-from optopad.sweep import run_sweep
+from design.spec.tolerances import build_tolerances
+from optopad.jobs.sweep import run_sweep
 from sims.verdict.build_judge import facing_judge
 from sims.verdict.build_study import build_study
 

@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from tests.bench.touch_cost import costs_on_one_thread
+from tests.bench.measures.touch_cost import costs_on_one_thread
 
 PROMISED_MS = {"drift": 0.5, "kernel-ridge": 2.0, "signal-map": 5.0}
 

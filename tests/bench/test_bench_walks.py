@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sims.optics.analytic import compact_dimple
-from sims.optics.oracle import trace_oracle
-from tests.bench.benchmark_states import benchmark_scene, different_walls
-from tests.bench.forward_walk import Walked, walk
-from tests.bench.walk_cost import CENTRE_MM, Duel, ToolMissingError, duel, mitsuba_walk, plain_walk
+from sims.optics.oracle.tracer import trace_oracle
+from sims.optics.surface.analytic import compact_dimple
+from tests.bench.measures.benchmark_states import benchmark_scene, different_walls
+from tests.bench.measures.forward_walk import Walked, walk
+from tests.bench.measures.walk_cost import CENTRE_MM, Duel, ToolMissingError, duel, mitsuba_walk, plain_walk
 
 SEGMENTS_PER_SECOND = 8e6
 """Below this the plain walk would be no fair opponent."""

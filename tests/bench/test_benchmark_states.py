@@ -7,8 +7,8 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from design.rules import require_valid
-from tests.bench.benchmark_states import (
+from design.rules.check import require_valid
+from tests.bench.measures.benchmark_states import (
     DEPTHS_MM,
     SURFACES,
     benchmark_design,

@@ -12,7 +12,7 @@ from cad.export import part_files
 from cad.mesh import Mesh, read_stl
 from design.errors import DesignError
 from design.preset import PRESETS, preset
-from design.rules import require_valid
+from design.rules.check import require_valid
 from design.spec import SensorDesign
 
 

@@ -8,7 +8,7 @@ import zipfile
 import pytest
 import trimesh
 
-from design.cavity import cavity_of
+from design.geometry.cavity import cavity_of
 from design.preset import PRESETS
 from tests.cad.golden_parts import RECORDED
 

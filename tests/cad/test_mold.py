@@ -18,12 +18,12 @@ from cad.mesh import mesh_of, read_stl, stl_bytes
 from cad.mold import build_mold
 from cad.optical import cavity_agreement, first_hits_mm
 from cad.volume import mold_volume_mm3, shared_with_lip_mm3
-from design.cavity import cavity_of
 from design.errors import DesignError
-from design.mold_outline import bed_lift_mm, outline_of
+from design.geometry.cavity import cavity_of
+from design.geometry.mold_outline import bed_lift_mm, outline_of
+from design.geometry.sockets import Cut
 from design.preset import preset
-from design.sockets import Cut
-from design.tip_shape import tip_height_mm
+from design.spec.tip_shape import tip_height_mm
 from tests.cad.golden_parts import RECORDED
 
 TOOLS = ("leveling_blade.stl", "pour_gauge.stl", "solder_jig.stl", "indenter_tip.stl")

@@ -11,13 +11,13 @@ from cad.mesh import read_stl
 from cad.mold import build_mold
 from cad.optical import cavity_agreement
 from cad.volume import mold_volume_mm3
-from design.cavity import cavity_of
 from design.errors import DesignError
-from design.lettering import OVERLAP
-from design.mold_label import LARGEST_PITCH_MM, label_lines, letters, mold_label
-from design.mold_outline import outline_of
+from design.geometry.cavity import cavity_of
+from design.geometry.lettering import OVERLAP
+from design.geometry.mold_label import LARGEST_PITCH_MM, label_lines, letters, mold_label
+from design.geometry.mold_outline import outline_of
 from design.preset import preset
-from design.rules import check, require_valid
+from design.rules.check import check, require_valid
 from design.spec import SensorDesign
 
 PAIR = preset("piacenza2017-pair")

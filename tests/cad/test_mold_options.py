@@ -16,16 +16,16 @@ from cad.optical import cavity_agreement
 from cad.pour_gauge import gauge_size, pour_gauge
 from cad.solder_jig import jig_size, solder_jig
 from cad.volume import base_volume_mm3, mold_volume_mm3
-from design.catalog import find_board, packaged
-from design.cavity import cavity_of
 from design.errors import DesignError, InputError
-from design.fits import fit
-from design.lettering import area_mm2, shapes_of
-from design.mold_outline import bed_lift_mm, outline_of
-from design.part_numbers import DEPTH_MM, small_letters
+from design.geometry.cavity import cavity_of
+from design.geometry.fits import fit
+from design.geometry.lettering import area_mm2, shapes_of
+from design.geometry.mold_outline import bed_lift_mm, outline_of
+from design.geometry.part_numbers import DEPTH_MM, small_letters
+from design.parts.catalog import find_board, packaged
+from design.parts.printer import bed_of
 from design.preset import PRESETS, preset
-from design.printer import bed_of
-from design.rules import require_valid
+from design.rules.check import require_valid
 from fabrication.connections import connections_of
 
 PAD, FINGER, PAIR = preset("piacenza2017-pad"), preset("fingertip-16"), preset("piacenza2017-pair")

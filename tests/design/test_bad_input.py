@@ -8,7 +8,7 @@ import pytest
 
 from design.errors import DesignError
 from design.io import load_design
-from design.rules import check, require_valid
+from design.rules.check import check, require_valid
 from tests.design.bad_designs import BAD_DESIGNS, FILE_NAME, BadDesign, design_text, put
 
 JARGON = ("type=", "https://", "pydantic", "Traceback", "input_value", "validation error", "NoneType")

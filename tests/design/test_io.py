@@ -22,10 +22,10 @@ from design.io import (
 )
 from design.migrate import migrated
 from design.preset import PRESETS, preset
-from design.rules import require_valid
+from design.rules.check import require_valid
 from design.spec import SensorDesign
 from tests.design.bad_designs import design_text
-from tests.design.spec_fields import designs, good
+from tests.design.spec.spec_fields import designs, good
 
 MY_LED = """
 [parts.my-led]

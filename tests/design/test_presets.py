@@ -6,11 +6,11 @@ import tomllib
 
 import pytest
 
-from design.cavity import cavity_of
 from design.errors import InputError
-from design.pairs import facing_pairs
+from design.geometry.cavity import cavity_of
+from design.geometry.pairs import facing_pairs
 from design.preset import PRESETS, preset, preset_text, renamed_text
-from design.rules import check
+from design.rules.check import check
 from design.spec import SensorDesign
 
 

@@ -56,9 +56,9 @@ def few_presses(design_file: Path, recording: Path) -> None:
     from dataclasses import replace
 
     from design.io import load_design
-    from design.protocol import protocol_from
-    from sims.dataset import save_data
-    from sims.protocol import simulate_protocol
+    from design.protocols.press import protocol_from
+    from sims.readings.dataset import save_data
+    from sims.readings.protocol import simulate_protocol
 
     design = load_design(design_file)
     approach = [
@@ -87,7 +87,7 @@ def prepare(page: Path) -> None:
         Path("my-pad.toml").write_text(f"{text}\n{exact}", encoding="utf-8")
         few_presses(Path("my-pad.toml"), Path("presses.nc"))
     if page.name == "learning.md":
-        from sims.dataset import save_data
+        from sims.readings.dataset import save_data
         from tests.sims.learning.pressed_pad import grid_mm, made_up_data
 
         save_data(made_up_data(grid_mm(6), sets=2), Path("presses.nc"))

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 from design.preset import preset
-from fabrication.driver.export import read_recorded
-from fabrication.driver.fake_port import FakePort, PtyWire
-from fabrication.driver.finger import NO_FINGER, Finger, FingerPath
+from fabrication.driver.recording.export import read_recorded
+from fabrication.driver.simulated.finger import NO_FINGER, Finger, FingerPath
+from fabrication.driver.simulated.port import FakePort, PtyWire
 from fabrication.driver_config import dump_driver_config
 from fabrication.stage.fake_printer import FakePrinter, TipFinger
-from sims.dataset import read_data
 from sims.learning.inference.model_file import save_model
+from sims.readings.dataset import read_data
 from tests.fabrication.driver.made_up_model import made_up_model
 from tests.fabrication.driver.made_up_pad import board, untouched
 

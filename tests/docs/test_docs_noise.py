@@ -4,7 +4,7 @@ import json
 import re
 from pathlib import Path
 
-from design.noise import Noise
+from design.spec.noise import Noise
 
 PAGE = Path(__file__).parents[2] / "docs" / "datasets.md"
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.spec import SensorDesign
-from fabrication.driver.protocol import (
+from fabrication.driver.link.protocol import (
     FrameFormat,
     Hello,
     Kind,
@@ -32,7 +32,7 @@ from fabrication.driver.protocol import (
     unpack_hello,
     unpack_self_test,
 )
-from fabrication.driver.scanner import Scanner
+from fabrication.driver.link.scanner import Scanner
 from fabrication.firmware.image import COMPILER, compile_elf, has_compiler
 from fabrication.firmware.settings import FirmwareSettings, firmware_settings
 
@@ -148,10 +148,10 @@ def random_table(settings: FirmwareSettings, seed: int = 0) -> NDArray[np.int64]
 
 def light_table_mv(design: SensorDesign) -> NDArray[np.int64]:
     """(state, receiver) voltages of a pressed pad by the light model, at the design's gain, on ambient light [mV]."""
-    from design.cavity import cavity_of
-    from design.pairs import judged_pairs, mask_of
+    from design.geometry.cavity import cavity_of
+    from design.geometry.pairs import judged_pairs, mask_of
     from sims.optics import trace
-    from sims.readout import readout_of
+    from sims.readings.readout import readout_of
 
     light = trace(design, np.array([[16.0, 16.0, 0.0], [12.0, 20.0, 2.0]]), accuracy="draft", seed=0)
     cavity = cavity_of(design)

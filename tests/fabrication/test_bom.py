@@ -10,18 +10,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from design.assumptions import assumption
-from design.catalog import Part
-from design.cavity import cavity_of
-from design.emitter_switch import emitter_switch
-from design.pins import board_of
+from design.circuit.emitter_switch import emitter_switch
+from design.circuit.pins import board_of
+from design.geometry.cavity import cavity_of
+from design.parts.assumptions import assumption
+from design.parts.catalog import Part
+from design.parts.standard_values import E24, ohm_text, standard_at_least, standard_at_most
 from design.preset import PRESETS, preset
-from design.properties import part_of
 from design.spec import SensorDesign
-from design.standard_values import E24, ohm_text, standard_at_least, standard_at_most
-from fabrication.bom import COLUMNS, bom_csv, bom_rows
-from fabrication.silicone import pours
-from fabrication.table import csv_text, safe_text
+from design.spec.properties import part_of
+from fabrication.sheets.bom import COLUMNS, bom_csv, bom_rows
+from fabrication.sheets.formats.table import csv_text, safe_text
+from fabrication.sheets.silicone import pours
 
 PAD = preset("piacenza2017-pad")
 

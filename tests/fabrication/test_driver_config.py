@@ -15,10 +15,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from design import timing
-from design.cavity import cavity_of
+from design.circuit import timing
+from design.circuit.pins import assigned_pins
 from design.errors import DesignError, InputError
-from design.pins import assigned_pins
+from design.geometry.cavity import cavity_of
 from design.preset import PRESETS, preset
 from design.spec import SensorDesign
 from fabrication.driver_config import driver_config, dump_driver_config, load_driver_config

@@ -11,8 +11,8 @@ from design.errors import DeviceError
 from design.preset import preset
 from design.spec import SensorDesign
 from fabrication.driver.check import check_frames
-from fabrication.driver.faults import faults_of
 from fabrication.driver.sensor import Sensor
+from fabrication.driver.simulated.faults import faults_of
 from fabrication.driver_config import dump_driver_config
 from fabrication.firmware.settings import firmware_settings
 from tests.fabrication.driver.made_up_pad import pad_config, untouched

@@ -9,7 +9,7 @@ import pytest
 
 from design.preset import preset
 from design.spec import SensorDesign
-from fabrication.driver.protocol import Command, Kind, pack_command
+from fabrication.driver.link.protocol import Command, Kind, pack_command
 from fabrication.firmware.settings import firmware_settings
 from tests.fabrication.simulated_board import (
     Run,

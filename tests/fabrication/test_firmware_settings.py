@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from design.catalog import packaged
+from design.circuit.pins import board_of
 from design.errors import DesignError
-from design.pins import board_of
+from design.parts.catalog import packaged
 from design.preset import PRESETS, preset
-from design.rules import check
+from design.rules.check import check
 from design.spec import SensorDesign
-from fabrication.driver.protocol import Command, pack_command
+from fabrication.driver.link.protocol import Command, pack_command
 from fabrication.driver_config import dump_driver_config
 from fabrication.driver_file import config_from_document
 from fabrication.firmware.config_header import config_header

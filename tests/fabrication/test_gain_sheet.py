@@ -8,10 +8,10 @@ import io
 import pytest
 
 from design.preset import preset
-from fabrication.bom import bom_csv
-from fabrication.casting import casting_md
 from fabrication.driver_config import driver_config
 from fabrication.gain import SimulatedGain, clipped_pairs
+from fabrication.sheets.bom import bom_csv
+from fabrication.sheets.casting import casting_md
 
 PAD = preset("piacenza2017-pad")
 FLUX = tuple(tuple(1e-3 * (1 + i + j) for j in range(8)) for i in range(8))

@@ -14,19 +14,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from design.cavity import cavity_of
+from design.circuit.pins import assigned_pins, board_of
 from design.errors import OutputError
-from design.pins import assigned_pins, board_of
+from design.geometry.cavity import cavity_of
 from design.preset import PRESETS, preset
-from design.properties import part_of
 from design.spec import SensorDesign
-from fabrication import sheets
-from fabrication.casting import casting_md, plain
+from design.spec.properties import part_of
 from fabrication.driver_config import load_driver_config
 from fabrication.gain import SimulatedGain
-from fabrication.sheets import sheet_texts, write_sheets
-from fabrication.wiring import wiring_csv
-from fabrication.wiring_svg import spread, wiring_svg
+from fabrication.sheets import all_sheets as sheets
+from fabrication.sheets.all_sheets import sheet_texts, write_sheets
+from fabrication.sheets.casting import casting_md, plain
+from fabrication.sheets.wiring import wiring_csv
+from fabrication.sheets.wiring_svg import spread, wiring_svg
 
 PAD = preset("piacenza2017-pad")
 SVG = "{http://www.w3.org/2000/svg}"

@@ -10,7 +10,7 @@ import pytest
 from numba import njit
 
 from optopad.cli.progress import progress
-from sims.compiling import compiling_told, listen_to_numba
+from sims.cache.compiling import compiling_told, listen_to_numba
 
 ROOT = Path(__file__).parents[2]
 LINE = "compiling the light kernels, once on this machine: a minute or two"

@@ -12,7 +12,7 @@ import pytest
 
 from optopad import doctor
 from optopad.doctor import Failure, Package, explain_import_error
-from sims.light_store import LightStore
+from sims.cache.light_store import LightStore
 
 ROOT = Path(__file__).parents[2]
 CADQUERY = Package("cadquery", "cadquery", "2.8")

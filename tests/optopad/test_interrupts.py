@@ -102,9 +102,9 @@ import optopad.doctor
 optopad.doctor.examine = examine
 """
 AFTER_A_CLEAN_END = """
-import optopad.cli.sensor
+import optopad.cli.driver.sensor
 def examine():
-    with optopad.cli.sensor._until_interrupted():
+    with optopad.cli.driver.sensor._until_interrupted():
         os.kill(os.getpid(), signal.SIGINT)
         time.sleep(10)
     raise ValueError

@@ -6,19 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from design.cavity import CavityGeometry, cavity_of
-from design.pairs import chord_midpoint_mm, is_facing_rows, judged_pairs
+from design.geometry.cavity import CavityGeometry, cavity_of
+from design.geometry.pairs import chord_midpoint_mm, is_facing_rows, judged_pairs
 from design.preset import preset
 from design.spec import SensorDesign
 from sims.contact.force_curve import ForceCurve
-from sims.depths import depth_schedule_mm
-from sims.readout import Readout
+from sims.continuity.result import ContinuityScore, JudgedPair
+from sims.press.depths import depth_schedule_mm
+from sims.readings.readout import Readout
 from sims.verdict.pad_map import PadMap, Place, map_grid_mm
-from sims.verdict.pair_score import score_pair
+from sims.verdict.pair.pair_score import score_pair
+from sims.verdict.pair.trace_noise import TightWindow
 from sims.verdict.presses import PairCurves
-from sims.verdict.result import ContinuityScore, JudgedPair
 from sims.verdict.tolerance import ToleranceBand, ToleranceRow
-from sims.verdict.trace_noise import TightWindow
 
 FULL_SCALE = 1023.0
 UNTOUCHED_FLUX = 1.0e-3

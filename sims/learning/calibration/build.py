@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from design.spec import SensorDesign
 from sims.bounds.stencil import SEED_GAP
-from sims.dataset import PressData
 from sims.learning.calibration.fit import Fitted, fitted
 from sims.learning.calibration.samples import CalibrationSamples, calibration_samples
 from sims.learning.calibration.unknowns import Unknown, unknowns_of, with_values
-from sims.learning.inference.reading_noise import ReadingNoise
-from sims.learning.map_learner import chain_noise
+from sims.learning.inference.signal_map.reading_noise import ReadingNoise
+from sims.learning.signal_map.map_learner import chain_noise
 from sims.optics.tracing import trace
+from sims.readings.dataset import PressData
 
 FloatArray = NDArray[np.float64]
 OnStep = Callable[[str, float], None]

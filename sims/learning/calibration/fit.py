@@ -63,8 +63,8 @@ from scipy.linalg import block_diag
 from sims.bounds.defaults import TOLD_FROM_ZERO
 from sims.learning.calibration.problem import HALVES, LIGHTS, Light, OnStep, Problem
 from sims.learning.calibration.samples import CalibrationSamples
-from sims.learning.inference.reading_noise import ReadingNoise
-from sims.learning.map_learner import fitted_gains
+from sims.learning.inference.signal_map.reading_noise import ReadingNoise
+from sims.learning.signal_map.map_learner import fitted_gains
 
 FloatArray = NDArray[np.float64]
 

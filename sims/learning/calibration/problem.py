@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from sims.learning.calibration.samples import CalibrationSamples
 from sims.learning.calibration.shared_error import shared_error
-from sims.learning.inference.reading_noise import ReadingNoise
-from sims.learning.map_learner import gain_parts
+from sims.learning.inference.signal_map.reading_noise import ReadingNoise
+from sims.learning.signal_map.map_learner import gain_parts
 
 FloatArray = NDArray[np.float64]
 Light = Callable[[FloatArray, FloatArray, int], FloatArray]

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import InputError
-from sims.dataset import PressData
-from sims.learning.map_learner import Untouched, untouched_of
+from sims.learning.signal_map.map_learner import Untouched, untouched_of
+from sims.readings.dataset import PressData
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -1,6 +1,6 @@
 """What is not known of a build's optics before it is calibrated, and how wide the doubt is.
 
-The optical ones of the design's tolerances (`design.tolerances`): heights of emitters and receivers, the emitting
+The optical ones of the design's tolerances (`design.spec.tolerances`): heights of emitters and receivers, the emitting
 area, the emitters' half angle, reflectances, refractive index and absorption, thickness of the clear layer. Each is
 one number for all parts of a kind. A doubt that is uniform from end to end enters the fit as a normal one of the same
 spread, and the fit stays within the ends. Left out: the cavity's length and width and the tip's radius, which a
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from design.errors import InputError
 from design.spec import SensorDesign
-from design.tolerances import UNIT_ENDS, Tolerance, build_tolerances
+from design.spec.tolerances import UNIT_ENDS, Tolerance, build_tolerances
 
 FloatArray = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ OPTICAL_ENDS = (
 )
 """Ends of the paths that are fitted."""
 NORMAL_ENDS = 2.0
-"""Ends of a normal tolerance, in standard deviations (`design.tolerances`)."""
+"""Ends of a normal tolerance, in standard deviations (`design.spec.tolerances`)."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,7 +4,7 @@
     mean(s) = m + scale × k_s · A                k_s: kernels with the inducing points
     var(s)  = scale² × (1 - k_s · Q k_s)
 
-A and Q come from the fit (`sims.learning.gaussian_process_fit`). The noise of a reading is not in the variance; the
+A and Q come from the fit (`sims.learning.fits.gaussian_process`). The noise of a reading is not in the variance; the
 table of trust sets its scale. Source: Rasmussen and Williams, Gaussian processes for machine learning (2006), sections
 4.2.1 (this kernel: Matérn 1/2) and 8.3.4 (projected process).
 """

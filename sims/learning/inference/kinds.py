@@ -9,7 +9,7 @@ from sims.learning.inference.gaussian_process import gaussian_process_of_arrays
 from sims.learning.inference.header import ModelHeader
 from sims.learning.inference.kernel_ridge import kernel_ridge_of_arrays
 from sims.learning.inference.network import network_of_arrays
-from sims.learning.inference.signal_map_model import signal_map_of_arrays
+from sims.learning.inference.signal_map.signal_map_model import signal_map_of_arrays
 from sims.learning.inference.touch_model import Arrays, TouchModel
 
 KINDS: dict[str, Callable[[ModelHeader, Arrays], TouchModel]] = {

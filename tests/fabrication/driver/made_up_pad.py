@@ -9,10 +9,10 @@ from functools import cache
 import numpy as np
 
 from design.preset import preset
-from fabrication.driver.fake_board import FakeBoard
-from fabrication.driver.finger import NO_FINGER, FingerPath
-from fabrication.driver.frames import Frame
-from fabrication.driver.press_table import PressTable
+from fabrication.driver.link.frames import Frame
+from fabrication.driver.simulated.board import FakeBoard
+from fabrication.driver.simulated.finger import NO_FINGER, FingerPath
+from fabrication.driver.simulated.press_table import PressTable
 from fabrication.driver_config import dump_driver_config
 from fabrication.driver_file import DriverConfig, config_from_document
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fabrication.driver.protocol import frame_format, pack_frames
-from fabrication.driver.recording import Recorder
+from fabrication.driver.link.protocol import frame_format, pack_frames
+from fabrication.driver.recording.raw import Recorder
 from tests.fabrication.driver.made_up_pad import pad_config, press_table
 
 BEGUN_S = 1_780_000_000.0

@@ -16,10 +16,11 @@ import pytest
 import serial
 
 from design.errors import DeviceError
-from fabrication.driver import Sensor, link
-from fabrication.driver.fake_port import FakePort
-from fabrication.driver.ports import FoundPort, Port, find_port
-from fabrication.driver.protocol import FrameFormat, Hello, pack_frames, pack_hello
+from fabrication.driver import Sensor
+from fabrication.driver.link import link
+from fabrication.driver.link.ports import FoundPort, Port, find_port
+from fabrication.driver.link.protocol import FrameFormat, Hello, pack_frames, pack_hello
+from fabrication.driver.simulated.port import FakePort
 from tests.fabrication.driver.made_up_pad import board, pad_config
 
 CONFIG = replace(pad_config(), board=replace(pad_config().board, boot_s=0.2))

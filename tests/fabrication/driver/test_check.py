@@ -11,9 +11,9 @@ from design.errors import InputError
 from fabrication.driver import Frame, Sensor
 from fabrication.driver.check import Verdict, check_frames
 from fabrication.driver.descriptor import descriptor_of
-from fabrication.driver.fake_port import FakePort
-from fabrication.driver.faults import faults_of
-from fabrication.driver.protocol import SelfTest
+from fabrication.driver.link.protocol import SelfTest
+from fabrication.driver.simulated.faults import faults_of
+from fabrication.driver.simulated.port import FakePort
 from tests.fabrication.driver.made_up_pad import board, frame, pad_config, untouched
 
 CONFIG = pad_config()

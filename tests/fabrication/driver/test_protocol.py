@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from design import timing
-from fabrication.driver.protocol import (
+from design.circuit import timing
+from fabrication.driver.link.protocol import (
     COMMAND_BYTES,
     Command,
     FrameFormat,

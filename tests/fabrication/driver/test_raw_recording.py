@@ -20,13 +20,13 @@ from hypothesis import strategies as st
 from design.errors import InputError, OutputError
 from design.preset import PRESETS
 from fabrication.driver import Sensor
-from fabrication.driver.export import export_netcdf, read_recorded
-from fabrication.driver.fake_port import FakePort, PtyWire
-from fabrication.driver.finger import FingerPath
-from fabrication.driver.protocol import FrameFormat, pack_frames
-from fabrication.driver.recording import Recorder, RecordKind, document_of, packed_record, read_records
+from fabrication.driver.link.protocol import FrameFormat, pack_frames
+from fabrication.driver.recording.export import export_netcdf, read_recorded
+from fabrication.driver.recording.raw import Recorder, RecordKind, document_of, packed_record, read_records
+from fabrication.driver.simulated.finger import FingerPath
+from fabrication.driver.simulated.port import FakePort, PtyWire
 from fabrication.driver_file import config_from_document
-from sims.recording import read_recording
+from sims.readings.recording import read_recording
 from tests.fabrication.driver.made_up_pad import board, pad_config
 
 CONFIG = pad_config()

@@ -17,11 +17,11 @@ import serial
 
 from design.errors import DeviceError, InputError
 from fabrication.driver import Sensor
-from fabrication.driver.export import read_recorded
-from fabrication.driver.fake_port import FakePort, PtyWire, SocketWire
-from fabrication.driver.finger import FingerPath
-from fabrication.driver.link import Link
-from fabrication.driver.ports import PortLostError
+from fabrication.driver.link.link import Link
+from fabrication.driver.link.ports import PortLostError
+from fabrication.driver.recording.export import read_recorded
+from fabrication.driver.simulated.finger import FingerPath
+from fabrication.driver.simulated.port import FakePort, PtyWire, SocketWire
 from tests.fabrication.driver.made_up_pad import board, pad_config, untouched
 
 ROOT = Path(__file__).parents[3]
@@ -180,7 +180,7 @@ def test_a_board_that_leaves_before_the_time_is_over_is_an_error_and_no_clean_en
 def test_a_silent_board_is_an_error_also_within_a_given_time(monkeypatch: pytest.MonkeyPatch) -> None:
     with FakePort(board()) as port, quick(port.name, patience_s=0.4) as sensor:
         sensor.read()
-        monkeypatch.setattr("fabrication.driver.link.Link.messages", lambda link: time.sleep(0.01) or [])
+        monkeypatch.setattr("fabrication.driver.link.link.Link.messages", lambda link: time.sleep(0.01) or [])
         with pytest.raises(DeviceError, match="no whole frame"):
             list(sensor.frames(seconds=2.5))
 
@@ -292,8 +292,8 @@ def test_a_slow_rate_is_waited_for_longer_than_the_patience() -> None:
 
 
 def test_a_board_of_another_shape_is_refused_even_by_name() -> None:
-    from fabrication.driver.fake_board import FakeBoard
-    from fabrication.driver.press_table import untouched_table
+    from fabrication.driver.simulated.board import FakeBoard
+    from fabrication.driver.simulated.press_table import untouched_table
 
     other = pad_config("piacenza2017-pair")
     with (
@@ -346,8 +346,8 @@ def test_the_descriptor_tells_geometry_and_units_apart_from_the_stream() -> None
 
 def test_the_driver_loads_nothing_heavy() -> None:
     program = (
-        "import sys; import fabrication.driver, fabrication.driver.check, fabrication.driver.export; "
-        "import fabrication.driver.fake_port; "
+        "import sys; import fabrication.driver, fabrication.driver.check, fabrication.driver.recording.export; "
+        "import fabrication.driver.simulated.port; "
         "print([n for n in ('pydantic', 'tomlkit', 'cadquery', 'mujoco', 'numba', 'scipy', 'xarray', 'rich', 'typer', "
         "'sims', 'cad', 'optopad') if n in sys.modules])"
     )

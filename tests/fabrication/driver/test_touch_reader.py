@@ -10,10 +10,10 @@ import pytest
 
 from design.errors import DeviceError, InputError
 from fabrication.driver import Sensor
-from fabrication.driver.fake_port import FakePort
-from fabrication.driver.finger import FingerPath
+from fabrication.driver.simulated.finger import FingerPath
+from fabrication.driver.simulated.port import FakePort
 from fabrication.driver.touch_reader import Touch, TouchReader, require_fits
-from optopad.touch_view import picture, touch_json, touch_line
+from optopad.sensor.touch_view import picture, touch_json, touch_line
 from sims.learning.inference.prediction import Prediction
 from sims.learning.inference.touch_model import prediction_of
 from tests.fabrication.driver.made_up_model import header, made_up_model

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from fabrication.driver import Sensor
-from fabrication.driver.fake_port import FakePort, PtyWire
+from fabrication.driver.simulated.port import FakePort, PtyWire
 from fabrication.stage.fake_printer import FakePrinter, TipFinger
 from fabrication.stage.gcode_stage import GcodeStage
 from fabrication.stage.stage import limits_of

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from design.errors import DeviceError, InputError
-from fabrication.driver.press_labels import SetEntry
+from fabrication.driver.recording.press_labels import SetEntry
 from fabrication.stage.collection import Collector
 from fabrication.stage.press_list import PressList, press_list, read_press_list
-from sims.dataset import read_data
+from sims.readings.dataset import read_data
 from tests.fabrication.driver.made_up_pad import press_table
 from tests.fabrication.stage.made_up_bench import MIDDLE, bench
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from design.errors import DeviceError, InputError
-from fabrication.driver.fake_port import FakePort
-from fabrication.driver.ports import Port
+from fabrication.driver.link.ports import Port
+from fabrication.driver.simulated.port import FakePort
 from fabrication.stage.gcode_stage import TRAVEL_MM, GcodeStage, feed_word
 from tests.fabrication.driver.made_up_pad import board
 from tests.fabrication.stage.made_up_bench import LIMITS, MIDDLE, Bench, bench

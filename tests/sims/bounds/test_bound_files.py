@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from design.cavity import cavity_of
+from design.geometry.cavity import cavity_of
 from design.preset import preset
 from sims.bounds.json_form import bounds_json
-from sims.bounds.maps_file import bounds_dataset, provenance
-from sims.observability import bound_depths_mm
+from sims.bounds.observability import bound_depths_mm
+from sims.continuity.maps_file import bounds_dataset, provenance
 from sims.plots.bounds import plot_bound_map, plot_bound_sheet, plot_felt_map
 from sims.plots.style import plain_style
-from sims.signal_file import save_dataset
+from sims.readings.signal_file import save_dataset
 from tests.sims.made_up_bounds import made_up_bounds
 
 

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from design.cavity import cavity_of
-from design.pairs import judged_pairs, mask_of
+from design.geometry.cavity import cavity_of
+from design.geometry.pairs import judged_pairs, mask_of
 from design.preset import preset
-from sims.bounds.maps_file import bounds_dataset
+from sims.bounds.observability import pad_bounds
 from sims.bounds.stencil import Steps, sensitivity
-from sims.observability import pad_bounds
+from sims.continuity.maps_file import bounds_dataset
 from sims.optics.tracing import trace
-from sims.readout import readout_of
+from sims.readings.readout import readout_of
 from sims.verdict.presses import untouched_flux
 
 pytestmark = pytest.mark.slow
@@ -25,7 +25,7 @@ def both_seeds():
 
 def test_the_map_s_light_serves_the_bounds(monkeypatch, tmp_path):
     """Of the twelve presses of a voxel between depths of the map, the two by depth of the first half are the map's."""
-    import sims.optics.engine as engine
+    import sims.optics.engine.trace_states as engine
 
     monkeypatch.setenv("OPTOPAD_CACHE", str(tmp_path))
     monkeypatch.setenv("OPTOPAD_LIGHT_CACHE_MB", "50")

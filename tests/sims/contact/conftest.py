@@ -10,7 +10,7 @@ import pytest
 from design.preset import preset
 from design.spec import SensorDesign
 from sims.contact.indentation import solved_press
-from sims.contact.solved_press import SolvedPress
+from sims.contact.library.solved_press import SolvedPress
 
 COARSE_MM = 0.45
 

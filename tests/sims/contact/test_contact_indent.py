@@ -14,8 +14,8 @@ from design.errors import DesignError, InputError, ModelScopeError, OptopadError
 from design.spec import SensorDesign
 from sims.contact import indent
 from sims.contact.indentation import depth_limit_mm, modulus_mpa, solved_press
+from sims.contact.library.solved_press import SolvedPress
 from sims.contact.scope import DEPTH_STEP, solved_depths, tip_radius_mm
-from sims.contact.solved_press import SolvedPress
 
 
 def test_indent_is_the_solved_press_at_that_depth(

@@ -10,10 +10,10 @@ from design.preset import preset
 from design.spec import SensorDesign
 from sims.contact import indent
 from sims.contact.indentation import solved_press
-from sims.contact.library import shipped_library
+from sims.contact.library.profile_library import shipped_library
 from sims.contact.pad_surface import pad_surface
 from sims.contact.press_notes import contact_notes
-from sims.contact.walls import wall_correction, wall_force_factor
+from sims.contact.walls.near_walls import wall_correction, wall_force_factor
 
 
 @pytest.fixture(scope="module")

@@ -11,11 +11,11 @@ from design.preset import preset
 from design.spec import SensorDesign
 from sims.contact import indent
 from sims.contact.indentation import pad_notes, solved_press
-from sims.contact.library import LAYERS, PAD_RADII, WALL_LAYERS, Library, shipped_library
-from sims.contact.run_out import LONGEST, run_out
+from sims.contact.library.profile_library import LAYERS, PAD_RADII, WALL_LAYERS, Library, shipped_library
+from sims.contact.library.run_out import LONGEST, run_out
+from sims.contact.library.smooth_press import arc_shares, sample_arcs
+from sims.contact.library.surface_curve import TopCurve
 from sims.contact.scope import HALF_WIDTH, WALL_RADIUS, half_width_of, round_radius, wall_radius
-from sims.contact.smooth_press import arc_shares, sample_arcs
-from sims.contact.surface_curve import TopCurve
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,14 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from design.spec import Indenter
-from sims.contact.surface_curve import contact_coordinate, contact_tolerance, hertz_gap, surface_curve
+from sims.contact.library.surface_curve import contact_coordinate, contact_tolerance, hertz_gap, surface_curve
+from sims.contact.solver.tip_hulls import (
+    DENSE_HALF_ANGLE,
+    TOP_HEIGHT,
+    convex_chains,
+    outline_points,
+    tip_hulls,
+)
 from sims.contact.tip import (
     HEMISPHERE,
     TipOutline,
@@ -18,13 +25,6 @@ from sims.contact.tip import (
     tip_gap,
     tip_of,
     tip_outline,
-)
-from sims.contact.tip_hulls import (
-    DENSE_HALF_ANGLE,
-    TOP_HEIGHT,
-    convex_chains,
-    outline_points,
-    tip_hulls,
 )
 
 PUNCH = tip_of(Indenter(shape="flat_punch"))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from design.preset import preset
-from design.properties import modulus
 from design.spec import SensorDesign
+from design.spec.properties import modulus
 from sims.contact.force_curve import band_factors, force_curve
 from sims.contact.indentation import solved_press
 

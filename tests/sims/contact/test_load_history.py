@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from design.load_protocol import load_protocol
+from design.protocols.load import load_protocol
 from sims.contact import load_protocol as module
 from sims.contact.load_protocol import load_history, protocol_path
 from sims.contact.viscoelastic import StandardLinearSolid

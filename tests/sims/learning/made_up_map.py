@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from sims.learning.inference.header import ForceCurve, ModelHeader
-from sims.learning.inference.press_search import Box
-from sims.learning.inference.reading_noise import ReadingNoise
-from sims.learning.inference.signal_map_model import SignalMapModel
-from sims.learning.signal_map import SignalMap
+from sims.learning.inference.signal_map.press_search import Box
+from sims.learning.inference.signal_map.reading_noise import ReadingNoise
+from sims.learning.inference.signal_map.signal_map_model import SignalMapModel
+from sims.learning.signal_map.traced_map import SignalMap
 
 SIDE_MM = 32.0
 COUNT = 8

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sims.press_data import DataSetInfo, PressData
+from sims.readings.press_data import DataSetInfo, PressData
 from tests.sims.learning.made_up_map import COUNT, EMITTERS, RECEIVERS, made_up_noise
 
 DEPTHS_MM = np.concatenate([[-2.0, -1.5, -1.0, -0.5], np.arange(0.0, 5.01, 0.25)])

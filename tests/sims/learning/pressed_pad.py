@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sims.dataset import DataSetInfo, PressData
+from sims.readings.dataset import DataSetInfo, PressData
 
 FULL_SCALE = 1023.0
 DIGEST = "cd" * 32

@@ -10,13 +10,13 @@ from sklearn.ensemble import ExtraTreesRegressor
 from sklearn.neural_network import MLPRegressor
 
 from design.errors import InputError
-from sims.learning.errors_mm import location_error_mm
-from sims.learning.extra_trees_fit import flat_forest
+from sims.learning.fits.extra_trees import flat_forest
+from sims.learning.fits.trust import sigma_table
 from sims.learning.inference.model_file import load_model, save_model
 from sims.learning.inference.sigma_table import SigmaTable
 from sims.learning.learners import LEARNERS
-from sims.learning.settings import QUICK
-from sims.learning.trust import sigma_table
+from sims.learning.samples.errors_mm import location_error_mm
+from sims.learning.samples.settings import QUICK
 from tests.sims.learning.pressed_pad import grid_mm, made_up_data, random_places_mm
 
 SMALL = replace(

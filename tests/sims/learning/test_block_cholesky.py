@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sims.learning import block_cholesky
-from sims.learning.block_cholesky import factorise_in_place, substituted
+from sims.learning.fits import block_cholesky
+from sims.learning.fits.block_cholesky import factorise_in_place, substituted
 
 
 @pytest.fixture

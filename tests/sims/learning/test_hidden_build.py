@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.cavity import cavity_of
+from design.geometry.cavity import cavity_of
 from design.preset import preset
-from design.protocol import protocol_from
-from sims.chain import chain_of
+from design.protocols.press import protocol_from
 from sims.learning.calibration.build import calibrated
 from sims.learning.calibration.unknowns import unknowns_of, with_values
 from sims.optics.tracing import trace
-from sims.protocol import draw, protocol_curves
+from sims.readings.chain import chain_of
+from sims.readings.protocol import draw, protocol_curves
 
 FITTED = ("emitters.height_mm", "receivers.height_mm")
 PROTOCOL = protocol_from(

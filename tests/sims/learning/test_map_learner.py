@@ -10,8 +10,8 @@ import pytest
 from design.errors import InputError
 from design.preset import preset
 from sims.learning.inference.model_file import load_model, save_model
-from sims.learning.map_learner import fit_signal_map, fitted_gains, untouched_of
-from sims.learning.signal_map import MapError
+from sims.learning.signal_map.map_learner import fit_signal_map, fitted_gains, untouched_of
+from sims.learning.signal_map.traced_map import MapError
 from tests.sims.learning.made_up_map import (
     COUNT,
     made_up_map_model,

@@ -9,9 +9,9 @@ import pytest
 
 from design.errors import InputError
 from sims.learning.inference.model_file import load_model, save_model
-from sims.learning.inference.reading_noise import whitening
-from sims.learning.inference.signal_map_model import SignalMapModel
-from sims.learning.inference.tensor_spline import fitted_spline
+from sims.learning.inference.signal_map.reading_noise import whitening
+from sims.learning.inference.signal_map.signal_map_model import SignalMapModel
+from sims.learning.inference.signal_map.tensor_spline import fitted_spline
 from tests.sims.learning.made_up_map import (
     COUNT,
     PAIRS,

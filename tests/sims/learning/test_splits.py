@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from design.errors import InputError
-from sims.learning.splits import held_out, spread_samples
-from sims.learning.training_data import prepared
+from sims.learning.samples.splits import held_out, spread_samples
+from sims.learning.samples.training_data import prepared
 from tests.sims.learning.pressed_pad import grid_mm, made_up_data
 
 

@@ -18,9 +18,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from sims.optics.engine import CLASS_NAMES, trace_scene
-from sims.optics.oracle import CLASSES, trace_oracle
-from tests.sims.optics.oracle_scenes import dimple, ring_scene, shank_press
+from sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
+from sims.optics.oracle.tracer import CLASSES, trace_oracle
+from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene, shank_press
 
 FloatArray = NDArray[np.float64]
 

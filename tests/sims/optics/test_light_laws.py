@@ -9,10 +9,10 @@ from time import process_time
 import numpy as np
 import pytest
 
-from sims.optics.analytic import compact_dimple
-from sims.optics.engine import ACCURACIES, CLASS_NAMES, trace_scene
-from sims.optics.oracle import trace_oracle
-from tests.sims.optics.oracle_scenes import dimple, ring_scene, scene_of
+from sims.optics.engine.trace_states import ACCURACIES, CLASS_NAMES, trace_scene
+from sims.optics.oracle.tracer import trace_oracle
+from sims.optics.surface.analytic import compact_dimple
+from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene, scene_of
 
 DIRECT, DIFFUSE = CLASS_NAMES.index("direct"), CLASS_NAMES.index("diffuse")
 PLACES = np.array([[16.0, 16.0], [11.0, 9.0], [20.0, 14.0], [9.0, 21.0]])

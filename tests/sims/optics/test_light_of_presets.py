@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from design.preset import PRESETS, preset
-from sims.optics.engine import CLASS_NAMES, Accuracy, trace_scene
-from sims.optics.lower import scene_of
+from sims.optics.engine.trace_states import CLASS_NAMES, Accuracy, trace_scene
+from sims.optics.scene.lower import scene_of
 from tests.sims.optics.form_factors import parallel_factor, perpendicular_factor
 
 CHEAP = Accuracy(reference_rays=1024)

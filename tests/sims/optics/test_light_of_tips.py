@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from sims.indentation import Indentation
-from sims.optics.engine import trace_scene
-from sims.optics.oracle import trace_oracle
-from sims.optics.surface import CONTACT_R
-from sims.optics.tops import stack_tops
-from tests.sims.optics.called_kernels import height
-from tests.sims.optics.oracle_scenes import dimple, ring_scene, shank_press
+from sims.optics.engine.trace_states import trace_scene
+from sims.optics.oracle.tracer import trace_oracle
+from sims.optics.surface.curves import CONTACT_R
+from sims.optics.surface.tops import stack_tops
+from sims.press.indentation import Indentation
+from tests.sims.optics.engine.called_kernels import height
+from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene, shank_press
 
 CENTRE = np.array([[14.0, 17.0]])
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from design.errors import InputError, ModelScopeError
-from sims.indentation import Indentation
-from sims.optics.analytic import compact_dimple
-from sims.optics.engine import Accuracy, accuracy_of, trace_scene
-from sims.optics.scene import OpticalScene
+from sims.optics.engine.trace_states import Accuracy, accuracy_of, trace_scene
+from sims.optics.scene.optical_scene import OpticalScene
+from sims.optics.surface.analytic import compact_dimple
 from sims.optics.tracing import trace
+from sims.press.indentation import Indentation
 
 SCENE = OpticalScene(
     length_mm=24.0,

@@ -2,11 +2,11 @@
 
 import pytest
 
-from design.cavity import cavity_of
-from design.pairs import judged_pairs, mask_of
+from design.geometry.cavity import cavity_of
+from design.geometry.pairs import judged_pairs, mask_of
 from design.preset import preset
-from sims.depths import depth_schedule_mm
-from sims.readout import readout_of
+from sims.press.depths import depth_schedule_mm
+from sims.readings.readout import readout_of
 from sims.verdict.builds import score_curves
 from sims.verdict.presses import pair_curves, untouched_flux
 

@@ -8,7 +8,7 @@ from scipy.stats import binomtest
 
 from design.errors import InputError, ModelScopeError
 from design.preset import preset
-from design.tolerances import build_tolerances
+from design.spec.tolerances import build_tolerances
 from sims.plots.builds import plot_builds
 from sims.verdict.build_study import build_study, drawn_values, remembered
 from sims.verdict.builds import Brief, facing_brief

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sims.verdict.mode_errors import mode_errors_mm
-from sims.verdict.modes import find_modes
+from sims.verdict.pair.modes import find_modes
 from tests.sims.made_up_scores import made_up_pair
 
 

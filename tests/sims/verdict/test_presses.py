@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from design.cavity import cavity_of
-from design.pairs import chord_midpoint_mm, judged_pairs, mask_of
+from design.geometry.cavity import cavity_of
+from design.geometry.pairs import chord_midpoint_mm, judged_pairs, mask_of
 from design.preset import preset
 from sims.optics.tracing import trace
 from sims.verdict.presses import (

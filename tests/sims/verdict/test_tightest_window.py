@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.cavity import cavity_of
+from design.geometry.cavity import cavity_of
 from design.preset import preset
-from sims.verdict.cautions import margin_caution
-from sims.verdict.defaults import DEADBAND_THRESHOLD, TRACE_ERROR_SPREAD
+from sims.continuity.cautions import margin_caution
 from sims.verdict.pad_map import PadMap
-from sims.verdict.trace_noise import TightWindow, tight_windows
+from sims.verdict.pair.defaults import DEADBAND_THRESHOLD, TRACE_ERROR_SPREAD
+from sims.verdict.pair.trace_noise import TightWindow, tight_windows
 from tests.sims.made_up_scores import made_up_map
 
 DEPTH_MM = np.linspace(0.0, 5.0, 51)

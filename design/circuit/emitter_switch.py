@@ -1,0 +1,88 @@
+"""Resistors of the emitters' switches, from the catalogue and the board's supply.
+
+                supply                     Each emitter has its own NPN transistor; the pin drives the
+                  |                        base. One emitter is lit at a time.
+               [series]
+                  |  anode                 series = (supply - forward) / max current, rounded up to E24
+               [emitter]
+                  |  cathode               base = (supply - base-emitter) x forced gain / max current,
+    pin --[base]--|< NPN                   rounded down to E24, so that the transistor saturates
+                  |
+                ground
+
+Safe side: the forward voltage is the lower end of its band where there is one, and the transistor's own
+drop is left out, so the emitter's current stays below its maximum. Left out: the supply's tolerance,
+heating. The receivers' amplifiers are in `design.circuit.transimpedance`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from design.fields.quantity import Quantity
+from design.parts.assumptions import assumption
+from design.parts.catalog import Board, Part
+from design.parts.standard_values import standard_at_least, standard_at_most
+
+MA_PER_A = 1e3
+MW_PER_W = 1e3
+
+
+@dataclass(frozen=True, kw_only=True)
+class EmitterSwitch:
+    """Resistors of one kind of emitter.
+
+    Attributes
+    ----------
+    series_ohm, base_ohm : standard values; series_ohm is None when the supply cannot light the emitter
+    forward_v : the forward voltage that they were computed with, and where it comes from
+    current_ma : through the emitter at that voltage, at most
+    usual_current_ma : through the emitter at its usual forward voltage; what its light follows
+    base_current_ma : out of the pin
+    series_mw : heat in the series resistor while the emitter is lit
+    """
+
+    series_ohm: float | None
+    base_ohm: float
+    forward_v: Quantity
+    current_ma: float
+    usual_current_ma: float
+    base_current_ma: float
+    series_mw: float
+
+    def overloads_pin(self, board: Board) -> bool:
+        """Whether the base current is more than a pin of the board should give."""
+        return self.base_current_ma > board.max_pin_current_ma.value
+
+
+def emitter_switch(part: Part) -> EmitterSwitch:
+    """Resistors for an emitter of the catalogue."""
+    assert part.forward_voltage_v is not None, "the catalogue gives every emitter a forward voltage"
+    assert part.max_current_ma is not None, "the catalogue gives every emitter a current"
+    supply = assumption("supply_v").value
+    drop = _least_forward_v(part.forward_voltage_v)
+    most_a = part.max_current_ma.value / MA_PER_A
+    base_ohm = _base_ohm(supply, most_a)
+    left = supply - drop.value
+    series = standard_at_least(left / most_a) if left > 0 else None
+    current_a = left / series if series else 0.0
+    return EmitterSwitch(
+        series_ohm=series,
+        base_ohm=base_ohm,
+        forward_v=drop,
+        current_ma=current_a * MA_PER_A,
+        usual_current_ma=max(supply - part.forward_voltage_v.value, 0.0) / series * MA_PER_A
+        if series
+        else 0.0,
+        base_current_ma=(supply - assumption("base_emitter_v").value) / base_ohm * MA_PER_A,
+        series_mw=current_a * max(left, 0.0) * MW_PER_W,
+    )
+
+
+def _base_ohm(supply_v: float, most_a: float) -> float:
+    left = supply_v - assumption("base_emitter_v").value
+    return standard_at_most(left * assumption("forced_gain").value / most_a)
+
+
+def _least_forward_v(forward: Quantity) -> Quantity:
+    return forward if forward.low is None else forward.model_copy(update={"value": forward.low})

@@ -1,0 +1,261 @@
+r"""The receivers' amplifiers: from light to counts in ohms, the resistor that makes a gain, the capacitor beside it.
+
+            +--[ RF ]--+        current  i = flux x power x responsivity
+            +--| CF |--+        voltage  u = i x RF
+    diode --+--|-\     |        counts   n = u / supply x 2^bits
+      |        |  >----+-- A0
+    ground  ---|+/
+
+Power is that of the emitter at its usual forward voltage behind its series resistor, in proportion to current.
+Responsivity is the data sheet's where it was stated near the emitter's wavelength; else silicon's quantum efficiency
+is taken as constant, which is `silicon_blue_loss` too much at worst. Several emitters count by their mean.
+
+The capacitor keeps the amplifier from ringing if CF >= sqrt((C_diode + C_in) / (2 pi RF GBW)) (Graeme, "Photodiode
+Amplifiers", 1996, ch. 3: a phase margin of 45 degrees and more), and lets it settle to half a count in time if
+RF CF ln 2^(bits + 1) <= settle time. Left out: dark current (2 nA, millivolts), the LED's fall time, stray
+capacitance of the resistor (about 0.2 pF, which counts as CF).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from design.circuit.emitter_switch import emitter_switch
+from design.circuit.pins import board_of
+from design.errors import DesignError
+from design.fields.finding import Finding, error
+from design.fields.quantity import Quantity, weakest
+from design.geometry.cavity import cavity_of
+from design.parts.assumptions import assumption
+from design.parts.catalog import Part
+from design.parts.standard_values import E12, standard_at_least, standard_at_most, standard_nearest
+from design.spec import SensorDesign
+
+NEAR_NM = 25.0
+"""A responsivity holds within this of the wavelength at which it was stated: half a usual LED's width."""
+W_PER_MW = 1e-3
+HZ_PER_MHZ = 1e6
+F_PER_PF = 1e-12
+S_PER_US = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Feedback:
+    """Feedback of one receiver's amplifier.
+
+    Attributes
+    ----------
+    exact_ohm : what the gain asks for; the standard value itself where the design gives ohms
+    low_ohm, high_ohm : what it would be at the ends of the bands of power and responsivity
+    standard_ohm : the nearest standard value
+    counts_per_flux : the gain wanted [counts]
+    capacitor_pf : standard value beside it
+    settles_us : until the reading is within half a count of its end
+    is_in_time : whether that is within the design's settle time
+    """
+
+    exact_ohm: float
+    low_ohm: float
+    high_ohm: float
+    standard_ohm: float
+    counts_per_flux: float
+    capacitor_pf: float
+    settles_us: float
+    is_in_time: bool
+
+    @property
+    def gain_factor(self) -> float:
+        """Gain with the standard resistor over the gain wanted [-]."""
+        return self.standard_ohm / self.exact_ohm
+
+
+def emitted_mw(part: Part) -> Quantity | None:
+    """Light of an emitter behind its series resistor; None where nobody knows or the supply cannot light it."""
+    full, switch = part.radiant_power_mw, emitter_switch(part)
+    if full is None or switch.series_ohm is None:
+        return None
+    assert part.max_current_ma is not None
+    return _scaled(
+        full, switch.usual_current_ma / part.max_current_ma.value, "mW", "in proportion to current"
+    )
+
+
+def responsivity_at(part: Part, wavelength_nm: float) -> Quantity:
+    """Current over light of a receiver at a wavelength [A/W]."""
+    stated, at = part.responsivity_a_per_w, part.responsivity_wavelength_nm
+    assert stated is not None
+    assert at is not None
+    if abs(wavelength_nm - at.value) <= NEAR_NM:
+        return stated
+    ratio = wavelength_nm / at.value
+    loss = assumption("silicon_blue_loss").value if ratio < 1 else 0.0
+    scaled = _scaled(stated, ratio, "A/W", f"taken to {wavelength_nm:g} nm at equal quantum efficiency")
+    assert scaled.low is not None
+    return scaled.model_copy(
+        update={"low": scaled.low * (1 - loss), "confidence": weakest(stated.confidence, "inferred")}
+    )
+
+
+def counts_per_flux_per_ohm(design: SensorDesign) -> tuple[Quantity, ...] | None:
+    """What an ohm of feedback makes of all of an emitter's power, for each receiver [counts/ohm].
+
+    None where an emitter's power is not known.
+    """
+    cavity, board = cavity_of(design), board_of(design)
+    powers = [(emitted_mw(one.part), one.part.wavelength_nm) for one in cavity.emitters]
+    lit = [(power, at.value) for power, at in powers if power is not None and at is not None]
+    if not lit or len(lit) < len(powers):
+        return None
+    scale = W_PER_MW * 2**board.adc_bits / assumption("supply_v").value
+    found: dict[str, Quantity] = {}
+    for one in cavity.receivers:
+        if one.part_id not in found:
+            found[one.part_id] = _mean_product(lit, one.part, scale)
+    return tuple(found[one.part_id] for one in cavity.receivers)
+
+
+def fitted_counts_per_flux(design: SensorDesign) -> tuple[float, ...]:
+    """Gains that the resistors of `gain.feedback_ohm` make, for each receiver [counts].
+
+    Raises
+    ------
+    DesignError : a rule instead of ohms, another number of them than of receivers, or an emitter of unknown power.
+    """
+    findings = list(gain_findings(design))
+    per_ohm, ohms = counts_per_flux_per_ohm(design), given_ohms(design)
+    if findings or per_ohm is None or ohms is None:
+        raise DesignError("\n".join(map(str, findings)) or "gain.feedback_ohm: a rule gives no ohms")
+    return tuple(each.value * ohm for each, ohm in zip(per_ohm, ohms, strict=True))
+
+
+def given_ohms(design: SensorDesign) -> tuple[float, ...] | None:
+    """The resistances that a design gives, one a receiver; None for a rule."""
+    given = design.gain.feedback_ohm
+    if isinstance(given, str):
+        return None
+    return given if isinstance(given, tuple) else (given,) * len(cavity_of(design).receivers)
+
+
+def feedbacks_of(
+    design: SensorDesign, counts_per_flux: Sequence[float] | None
+) -> tuple[Feedback, ...] | None:
+    """Resistor and capacitor of each receiver.
+
+    Parameters
+    ----------
+    counts_per_flux : gain of each receiver that the simulation set [counts]; not needed where the design gives ohms
+
+    Returns
+    -------
+    in the order of the receivers; None where an emitter's power is unknown or no gain has been simulated
+    """
+    per_ohm, ohms = counts_per_flux_per_ohm(design), given_ohms(design)
+    if per_ohm is None:
+        return None
+    if ohms is None:
+        if counts_per_flux is None:
+            return None
+        ohms = tuple(gain / each.value for gain, each in zip(counts_per_flux, per_ohm, strict=True))
+    parts = [one.part for one in cavity_of(design).receivers]
+    return tuple(
+        _feedback(design, part, each, ohm) for part, each, ohm in zip(parts, per_ohm, ohms, strict=True)
+    )
+
+
+def gain_findings(design: SensorDesign) -> Iterator[Finding]:
+    """What keeps ohms from being a gain: their number, an emitter whose power nobody knows."""
+    given = design.gain.feedback_ohm
+    if isinstance(given, str):
+        return
+    receivers = len(cavity_of(design).receivers)
+    if isinstance(given, tuple) and len(given) != receivers:
+        yield error(
+            "gain.feedback_ohm",
+            f"the layout has {receivers} receivers, the list is for {len(given)}",
+            value=f"{len(given)} entries",
+            limit=f"exactly {receivers}",
+            way_out="give one resistance for each receiver, or one number for all",
+        )
+    for one in {one.part_id: one for one in cavity_of(design).emitters}.values():
+        if emitted_mw(one.part) is None:
+            yield error(
+                "gain.feedback_ohm",
+                f"ohms make a gain only with the emitters' power, which {one.part_id} does not have",
+                value=str(given),
+                limit="a rule, or emitters with radiant_power_mw",
+                way_out=f"give part_measurements.{one.part_id}.radiant_power_mw, or set gain.feedback_ohm = 'common'",
+            )
+
+
+def _mean_product(lit: list[tuple[Quantity, float]], receiver: Part, scale: float) -> Quantity:
+    pairs = [(power, responsivity_at(receiver, at_nm)) for power, at_nm in lit]
+    value, low, high = (
+        scale * float(np.mean([end(power) * end(answer) for power, answer in pairs]))
+        for end in (lambda q: q.value, _low, _high)
+    )
+    first_power, first_answer = pairs[0]
+    return Quantity(
+        value=value,
+        unit="counts/ohm",
+        source=f"power: {first_power.source}; responsivity: {first_answer.source}",
+        confidence=weakest(*(one.confidence for pair in pairs for one in pair)),
+        low=low,
+        high=high,
+    )
+
+
+def _feedback(design: SensorDesign, part: Part, per_ohm: Quantity, exact_ohm: float) -> Feedback:
+    gain, is_given = per_ohm.value * exact_ohm, not isinstance(design.gain.feedback_ohm, str)
+    standard = exact_ohm if is_given else standard_nearest(exact_ohm)
+    constants = math.log(2 ** (board_of(design).adc_bits + 1))
+    settle_us = design.board.settle_us
+    most_pf = settle_us * S_PER_US / (standard * constants) / F_PER_PF
+    capacitor = _capacitor_pf(_least_pf(part, standard), most_pf)
+    settles = standard * capacitor * F_PER_PF * constants / S_PER_US
+    return Feedback(
+        exact_ohm=exact_ohm,
+        low_ohm=exact_ohm if is_given else gain / _high(per_ohm),
+        high_ohm=exact_ohm if is_given else gain / _low(per_ohm),
+        standard_ohm=standard,
+        counts_per_flux=gain,
+        capacitor_pf=capacitor,
+        settles_us=settles,
+        is_in_time=settles <= settle_us * (1 + 1e-9),
+    )
+
+
+def _least_pf(part: Part, ohm: float) -> float:
+    """Feedback capacitance below which the amplifier rings [pF]."""
+    assert part.capacitance_pf is not None
+    input_f = (part.capacitance_pf.value + assumption("amplifier_input_pf").value) * F_PER_PF
+    bandwidth_hz = assumption("amplifier_bandwidth_mhz").value * HZ_PER_MHZ
+    return math.sqrt(input_f / (2 * math.pi * ohm * bandwidth_hz)) / F_PER_PF
+
+
+def _capacitor_pf(least_pf: float, most_pf: float) -> float:
+    """The largest standard value that settles in time, for least noise; the least that is stable where none does."""
+    most = standard_at_most(most_pf, E12)
+    return most if most >= least_pf else standard_at_least(least_pf, E12)
+
+
+def _scaled(quantity: Quantity, factor: float, unit: str, how: str) -> Quantity:
+    return Quantity(
+        value=quantity.value * factor,
+        unit=unit,
+        source=f"{quantity.source}, {how}",
+        confidence=quantity.confidence,
+        low=_low(quantity) * factor,
+        high=_high(quantity) * factor,
+    )
+
+
+def _low(quantity: Quantity) -> float:
+    return quantity.value if quantity.low is None else quantity.low
+
+
+def _high(quantity: Quantity) -> float:
+    return quantity.value if quantity.high is None else quantity.high

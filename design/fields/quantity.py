@@ -1,0 +1,100 @@
+"""A catalogue value with its unit, source and confidence, and the field types that check the unit.
+
+Confidence: *measured* on the build; *read* at the named source; *inferred*, computed from read
+values; *unverified*, recalled or assumed. The band `low` to `high` is where the true value is
+believed to lie.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import AfterValidator, Field, StringConstraints, model_validator
+
+from design.fields.base import Model
+
+Confidence = Literal["measured", "read", "inferred", "unverified"]
+CONFIDENCES: tuple[Confidence, ...] = ("measured", "read", "inferred", "unverified")
+"""From the firmest to the weakest."""
+
+Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
+
+
+class Quantity(Model):
+    """One number, where it comes from, and how far it can be trusted."""
+
+    value: float
+    unit: Text
+    source: Annotated[Text, Field(description="document, figure or reasoning that the value comes from")]
+    confidence: Confidence
+    low: Annotated[float | None, Field(description="lower end of the band of the true value")] = None
+    high: Annotated[float | None, Field(description="upper end of the band of the true value")] = None
+
+    @model_validator(mode="after")
+    def _band_holds_value(self) -> Self:
+        check_band(self.value, self.low, self.high)
+        return self
+
+
+class Cost(Model):
+    """A price that somebody quoted, and when."""
+
+    value: Annotated[float, Field(ge=0.0)]
+    currency: Annotated[str, Field(pattern=r"^[A-Z]{3}$", description="ISO 4217 code, as EUR")]
+    date: Annotated[
+        str,
+        Field(
+            pattern=r"^\d{4}-(0[1-9]|1[0-2])(-(0[1-9]|[12]\d|3[01]))?$",
+            description="of the quote: yyyy-mm or yyyy-mm-dd",
+        ),
+    ]
+    source: Text
+
+
+def check_band(value: float, low: float | None, high: float | None) -> None:
+    """Refuse a band that does not hold its value.
+
+    Raises
+    ------
+    ValueError : the value lies outside [low, high].
+    """
+    if (low is not None and low > value) or (high is not None and high < value):
+        raise ValueError(
+            f"the band {low} to {high} does not hold the value {value:g}; need low <= value <= high"
+        )
+
+
+def weakest(*confidences: Confidence) -> Confidence:
+    """The least trustworthy of several confidences."""
+    return max(confidences, key=CONFIDENCES.index)
+
+
+def _within(unit: str, least: float, most: float, *, open_low: bool = False) -> AfterValidator:
+    def check(quantity: Quantity) -> Quantity:
+        if quantity.unit != unit:
+            raise ValueError(f"the unit is {quantity.unit!r}; this field is in {unit!r}: convert the value")
+        for number in (quantity.value, quantity.low, quantity.high):
+            if number is not None and not (least <= number <= most and (number > least or not open_low)):
+                start = "above" if open_low else "from"
+                raise ValueError(
+                    f"{number:g} {unit} is out of range: must be {start} {least:g} to {most:g} {unit}"
+                )
+        return quantity
+
+    return AfterValidator(check)
+
+
+LengthMm = Annotated[Quantity, _within("mm", 0.0, 100.0, open_low=True)]
+HalfAngleDeg = Annotated[Quantity, _within("deg", 1.0, 89.0)]
+WavelengthNm = Annotated[Quantity, _within("nm", 200.0, 2000.0)]
+VoltageV = Annotated[Quantity, _within("V", 0.0, 20.0, open_low=True)]
+CurrentMa = Annotated[Quantity, _within("mA", 0.0, 5000.0, open_low=True)]
+PowerMw = Annotated[Quantity, _within("mW", 0.0, 1e4, open_low=True)]
+ResponsivityAPerW = Annotated[Quantity, _within("A/W", 0.0, 2.0, open_low=True)]
+DarkCurrentNa = Annotated[Quantity, _within("nA", 0.0, 1e6)]
+CapacitancePf = Annotated[Quantity, _within("pF", 0.0, 1e6, open_low=True)]
+DensityGPerCm3 = Annotated[Quantity, _within("g/cm3", 0.0, 10.0, open_low=True)]
+PoissonRatio = Annotated[Quantity, _within("1", 0.0, 0.5)]
+RefractiveIndex = Annotated[Quantity, _within("1", 1.0, 2.5)]
+Reflectance = Annotated[Quantity, _within("1", 0.0, 1.0)]
+AbsorptionDbPerCm = Annotated[Quantity, _within("dB/cm", 0.0, 50.0)]

@@ -1,0 +1,169 @@
+"""Pydantic's findings as one message in the user's words: field, value, limit, way out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from design.errors import DesignError, shown
+from design.fields.paths import nearest
+
+LISTED_FINDINGS = 20
+
+_WAY_OUT = {
+    "missing": "is missing; add it (see `optopad schema`, or start from `optopad new`)",
+    "union_tag_not_found": "lacks `pattern`; use one of alternating_ring, facing_rows, per_side, single",
+}
+
+
+_BOUNDS = {
+    "greater_than": "above",
+    "greater_than_equal": "at least",
+    "less_than": "below",
+    "less_than_equal": "at most",
+}
+
+_WANTED = {
+    "finite_number": "must be a finite number",
+    "float_type": "must be a number, without unit or quotes",
+    "int_type": "must be a whole number, without unit or quotes",
+    "int_from_float": "must be a whole number",
+    "string_type": 'must be text, in quotes: "..."',
+    "tuple_type": "must be a list: [..., ...]",
+    "dict_type": "must be a table of fields",
+    "model_type": "must be a table of fields",
+    "model_attributes_type": "must be a table of fields",
+}
+
+
+def design_error(err: ValidationError, where: str, known: tuple[str, ...] = ()) -> DesignError:
+    """All findings of a validation as one error.
+
+    Parameters
+    ----------
+    err : what pydantic found
+    where : file or design that was being read
+    known : dotted paths of all fields; the nearest are offered for one that there is not
+    """
+    details = err.errors(include_url=False)
+    meant = [detail for detail in _of_the_branch_meant(details) if not _is_echo(detail)]
+    lines = _lines(meant, known)
+    told = lines[:LISTED_FINDINGS]
+    if len(lines) > len(told):
+        told.append(f"... and {len(lines) - len(told)} more")
+    return DesignError(f"{where}: not a usable design\n" + "\n".join(f"  {line}" for line in told))
+
+
+def field_path(detail: ErrorDetails) -> str:
+    """Dotted path of a finding, without pydantic's own union and type markers."""
+    keys = [str(key) for key in detail["loc"] if isinstance(key, int) or not _is_marker(str(key))]
+    return ".".join(keys) or "the file"
+
+
+def _of_the_branch_meant(details: list[ErrorDetails]) -> list[ErrorDetails]:
+    """Where a field takes a value or a list, pydantic finds fault with both: what was given says which was meant."""
+    takes_a_list = {detail["loc"][:at] for detail in details if (at := _list_branch(detail)) is not None}
+    takes_a_value = {detail["loc"][:-1] for detail in details if _list_branch(detail) is None}
+
+    def is_meant(detail: ErrorDetails) -> bool:
+        at = _list_branch(detail)
+        if at is None:
+            return detail["loc"][:-1] not in takes_a_list or not isinstance(detail["input"], list | tuple)
+        return detail["type"] != "tuple_type" or detail["loc"][:at] not in takes_a_value
+
+    return [detail for detail in details if is_meant(detail)]
+
+
+def _list_branch(detail: ErrorDetails) -> int | None:
+    """Where a finding's path goes into the list of a field that also takes a single value."""
+    return next((at for at, key in enumerate(detail["loc"]) if str(key).startswith("tuple[")), None)
+
+
+def _is_echo(detail: ErrorDetails) -> bool:
+    """Whether a list is called too short only because its entries were refused, each by itself."""
+    return detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"]
+
+
+def _is_marker(key: str) -> bool:
+    return "[" in key or key in {
+        "int",
+        "float",
+        "constrained-float",
+        "constrained-int",
+        "alternating_ring",
+        "facing_rows",
+        "per_side",
+        "single",
+    }
+
+
+def _lines(details: list[ErrorDetails], known: tuple[str, ...]) -> list[str]:
+    """A line a finding; one for all kinds that a value of several kinds could have been."""
+    limits: dict[str, list[str]] = {}
+    for detail in details:
+        said, limit = _finding(detail, known)
+        given = limits.setdefault(said, [])
+        if limit and limit not in given:
+            given.append(limit)
+    return [said + " or ".join(given) for said, given in limits.items()]
+
+
+def _finding(detail: ErrorDetails, known: tuple[str, ...]) -> tuple[str, str]:
+    """What is refused, and the limit; this is empty where the first says all."""
+    field, kind = field_path(detail), detail["type"]
+    if kind == "extra_forbidden":
+        return f"{field}: is not a field of a design; {_near(field, known)}", ""
+    if kind in _WAY_OUT:
+        return f"{field}: {_WAY_OUT[kind]}", ""
+    if kind == "value_error":  # raised by a rule of ours, which names its values itself
+        return f"{field}: {detail['msg'].removeprefix('Value error, ')}".removeprefix("the file: "), ""
+    return f"{field}: {shown(detail['input'])} is refused: ", _limit(detail, field)
+
+
+def _near(field: str, known: tuple[str, ...]) -> str:
+    """Names beside a misspelt one that look like it."""
+    parent = field.rpartition(".")[0]
+    near = nearest(field, tuple(path for path in known if path.rpartition(".")[0] == parent))
+    hint = f"did you mean {', '.join(near)}? Else " if near else ""
+    return f"{hint}remove it or correct its spelling (see `optopad schema`)"
+
+
+def _limit(detail: ErrorDetails, field: str) -> str:
+    context: dict[str, Any] = detail.get("ctx", {})
+    kind = detail["type"]
+    if kind in _BOUNDS:
+        return f"must be {_BOUNDS[kind]} {_bound(detail, field)}"
+    if kind == "tuple_type" and isinstance(detail["input"], dict):
+        return f"must be a list of tables: write [[{field}]]"
+    if kind in _WANTED:
+        return _WANTED[kind]
+    if kind == "too_short":
+        return f"must have at least {context['min_length']} entries"
+    if kind == "too_long":
+        return f"must have at most {context['max_length']} entries, has {context['actual_length']}"
+    if kind == "string_pattern_mismatch":
+        return (
+            f"must match {context['pattern']} (plain letters, digits, dots, dashes, underscores; no folders)"
+        )
+    if kind == "string_too_long":
+        return f"must have at most {context['max_length']} characters"
+    if kind == "literal_error":
+        return f"must be {context['expected']}"
+    if kind == "union_tag_invalid":
+        return f"pattern must be one of {context['expected_tags']}"
+    message = detail["msg"]
+    return message[0].lower() + message[1:]
+
+
+def _bound(detail: ErrorDetails, field: str) -> str:
+    """The limit that was crossed, and for lengths the unit that was likely meant."""
+    limit = next(iter(detail["ctx"].values()))
+    said = f"{limit:.12g}" if isinstance(limit, int | float) else f"{limit}"
+    if not field.endswith("_mm"):
+        return said
+    too_small = detail["type"].startswith("greater")
+    slip = "micrometres" if not too_small else "metres" if detail["input"] > 0 else None
+    hint = f" (was it given in {slip}?)" if slip else ""
+    return f"{said} mm; lengths are in millimetres{hint}"

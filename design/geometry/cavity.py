@@ -1,0 +1,202 @@
+"""The one geometry: the cavity that is printed is the cavity that light travels in.
+
+Frame: x and y from 0 at one cavity corner to the inner length and width; z = 0 at the bottom of
+the clear layer, z = clear thickness at the undisturbed top. A part sits behind its wall: its
+active face is flush with the inner face of the wall, its body reaches outward.
+
+      z ^   rim            ......
+        |  |      |        clear thickness (undisturbed top)
+        |  |[body]|== active face, centre at height_mm
+        |  |______|        0: bottom of the clear layer
+        |  | black |       -black thickness
+        |  | floor |       -black thickness - floor
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from design.errors import DesignError
+from design.parts.catalog import Part
+from design.spec import SensorDesign
+from design.spec.layout import Kind, Placement, Wall, expand, wall_length_mm
+from design.spec.properties import part_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlacedPart:
+    """A catalogue part at its place on a wall.
+
+    Attributes
+    ----------
+    name, kind, wall : E1 ..., emitter or receiver, the wall it sits in
+    along_mm, height_mm : centre of the active area along the wall and above the clear layer's bottom
+    part_id, part : catalogue identifier and entry (measured values applied)
+    clear_mm : thickness of the clear layer, for what sticks out of it
+    origin, height_field : dotted paths of the layout entry that placed it and of what gave its height
+    """
+
+    name: str
+    kind: Kind
+    wall: Wall
+    along_mm: float
+    height_mm: float
+    part_id: str
+    part: Part
+    clear_mm: float
+    origin: str
+    height_field: str
+
+    @property
+    def half_width_mm(self) -> float:
+        """Half of the active area along the wall [mm]."""
+        return self.part.active_width_mm.value / 2
+
+    @property
+    def half_height_mm(self) -> float:
+        """Half of the active area's height [mm]."""
+        return self.part.active_height_mm.value / 2
+
+    @property
+    def lost_share(self) -> float:
+        """Share of the active area above the undisturbed surface or below the clear layer [-]."""
+        low, high = self.height_mm - self.half_height_mm, self.height_mm + self.half_height_mm
+        inside = max(0.0, min(high, self.clear_mm) - max(low, 0.0))
+        return 1.0 - inside / (high - low)
+
+    @property
+    def body_base_mm(self) -> float:
+        """Height of the body's base above the clear layer's bottom; may be negative [mm]."""
+        return self.height_mm - self.part.active_height_in_body_mm.value
+
+    @property
+    def body_top_mm(self) -> float:
+        """Height of the body's top above the clear layer's bottom [mm]."""
+        return self.body_base_mm + self.part.body_height_mm.value
+
+    def position_mm(self, length_mm: float, width_mm: float) -> tuple[float, float, float]:
+        """Centre of the active area in the cavity frame (x, y, z) [mm]."""
+        x, y = {
+            "south": (self.along_mm, 0.0),
+            "east": (length_mm, self.along_mm),
+            "north": (self.along_mm, width_mm),
+            "west": (0.0, self.along_mm),
+        }[self.wall]
+        return x, y, self.height_mm
+
+
+@dataclass(frozen=True, kw_only=True)
+class Workspace:
+    """The rectangle of press centres that the verdict is about, in the cavity frame [mm]."""
+
+    x0_mm: float
+    x1_mm: float
+    y0_mm: float
+    y1_mm: float
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no press centre is left."""
+        return self.x1_mm < self.x0_mm or self.y1_mm < self.y0_mm
+
+    def clamped(self, x_mm: float, y_mm: float) -> tuple[float, float]:
+        """Nearest point of the workspace [mm]."""
+        return min(max(x_mm, self.x0_mm), self.x1_mm), min(max(y_mm, self.y0_mm), self.y1_mm)
+
+    def contains(self, x_mm: float, y_mm: float, slack_mm: float = 1e-9) -> bool:
+        """Whether a press centre lies in the workspace."""
+        return (
+            self.x0_mm - slack_mm <= x_mm <= self.x1_mm + slack_mm
+            and self.y0_mm - slack_mm <= y_mm <= self.y1_mm + slack_mm
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class CavityGeometry:
+    """Inner block, placed parts and workspace.
+
+    Attributes
+    ----------
+    length_mm, width_mm, clear_mm, black_mm : inner size and layer thicknesses
+    emitters, receivers : placed parts in the order of signals, states and pins
+    workspace : allowed press centres
+    """
+
+    length_mm: float
+    width_mm: float
+    clear_mm: float
+    black_mm: float
+    emitters: tuple[PlacedPart, ...]
+    receivers: tuple[PlacedPart, ...]
+    workspace: Workspace
+
+    @property
+    def parts(self) -> tuple[PlacedPart, ...]:
+        """All placed parts, emitters first."""
+        return self.emitters + self.receivers
+
+    @property
+    def volume_mm3(self) -> float:
+        """Volume of the cavity up to the undisturbed top, both layers, without sockets [mm3]."""
+        return self.length_mm * self.width_mm * (self.clear_mm + self.black_mm)
+
+    def wall_length_mm(self, wall: Wall) -> float:
+        """Inner length of a wall [mm]."""
+        return wall_length_mm(wall, self.length_mm, self.width_mm)
+
+
+def cavity_of(design: SensorDesign) -> CavityGeometry:
+    """Lay out a design.
+
+    Raises
+    ------
+    DesignError : a part that the catalogue does not have, or has as the other kind.
+    """
+    size = design.cavity
+    placed = tuple(_placed(design, place) for place in expand(design.layout, size.length_mm, size.width_mm))
+    return CavityGeometry(
+        length_mm=size.length_mm,
+        width_mm=size.width_mm,
+        clear_mm=size.clear_thickness_mm,
+        black_mm=size.black_thickness_mm,
+        emitters=tuple(part for part in placed if part.kind == "emitter"),
+        receivers=tuple(part for part in placed if part.kind == "receiver"),
+        workspace=workspace_of(design),
+    )
+
+
+def workspace_of(design: SensorDesign) -> Workspace:
+    """Press centres whose tip keeps the margin to every wall."""
+    inset = design.indenter.tip_radius_mm + design.operating.workspace_margin_mm
+    return Workspace(
+        x0_mm=inset,
+        x1_mm=design.cavity.length_mm - inset,
+        y0_mm=inset,
+        y1_mm=design.cavity.width_mm - inset,
+    )
+
+
+def part_field(place: Placement) -> str:
+    """Dotted path that names a place's part: its own pattern, or its kind's section."""
+    return f"{place.origin}.part" if place.part is not None else f"{place.kind}s.part"
+
+
+def _placed(design: SensorDesign, place: Placement) -> PlacedPart:
+    section = design.emitters if place.kind == "emitter" else design.receivers
+    part_id = place.part or section.part
+    try:
+        part = part_of(design, part_id, place.kind)
+    except DesignError as err:
+        raise DesignError(f"{part_field(place)}: {err}") from None
+    return PlacedPart(
+        name=place.name,
+        kind=place.kind,
+        wall=place.wall,
+        along_mm=place.along_mm,
+        height_mm=section.height_mm if place.height_mm is None else place.height_mm,
+        part_id=part_id,
+        part=part,
+        clear_mm=design.cavity.clear_thickness_mm,
+        origin=place.origin,
+        height_field=f"{place.kind}s.height_mm" if place.height_mm is None else f"{place.origin}.height_mm",
+    )

@@ -1,0 +1,34 @@
+"""Fit classes: how much room the mold leaves around a body, and how it holds a wire."""
+
+from __future__ import annotations
+
+import tomllib
+from functools import cache
+from importlib.resources import files
+
+from design.fields.quantity import Quantity
+from design.spec import Mold
+
+FILE = "fits.toml"
+
+
+def fit(name: str) -> Quantity:
+    """A named length of `design/data/fits.toml` [mm]."""
+    return _fits()[name]
+
+
+def clearance_mm(mold: Mold, part_id: str) -> float:
+    """Gap at each side of a part's body: of its fit class, or `part_clearance_mm` for a part without one [mm]."""
+    named = mold.fits.get(part_id)
+    return mold.part_clearance_mm if named is None else fit(named).value
+
+
+def fit_name(mold: Mold, part_id: str) -> str:
+    """The fit of a part in words."""
+    return mold.fits.get(part_id, "own clearance")
+
+
+@cache
+def _fits() -> dict[str, Quantity]:
+    text = (files("design") / "data" / FILE).read_text(encoding="utf-8")
+    return {name: Quantity(**row) for name, row in tomllib.loads(text).items()}

@@ -1,0 +1,161 @@
+r"""The label of a mold: a text sunk into its underside, below the cavity, where no socket or hole is.
+
+    seen from below                     one letter: 5 x 7 points, each a square of 1.25 pitches,
+    +---------------------------+       so that points which meet at a corner overlap: a cut that
+    | o                       o |       touches itself along an edge only is no manifold
+    |     ###   #####                      ##
+    |     #       #     8.5               #  #
+    |     ###   #####                      ##
+    | o                       o |
+    +---------------------------+
+
+Sunk, not raised, because the underside lies on the print bed: what would be raised there lifts the mold. Strokes
+are at most two millimetres wide, so their ceilings bridge. Long texts are broken into lines. Letters are
+rectangles, not a font of the system: equal designs give equal molds everywhere. All are capitals.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from textwrap import wrap
+
+from design.fields.finding import Finding, error, mm
+from design.geometry.lettering import OVERLAP, Stroke, area_mm2, strokes_of
+from design.spec import SensorDesign
+
+DEPTH_MM = 0.6
+"""Three layers of 0.2 mm: deep enough to read, also where the first layer is squeezed."""
+MARGIN_MM = 0.8
+"""Between the text and the outline of the cavity above it: the usual thinnest wall."""
+SMALLEST_PITCH_MM = 0.6
+"""Strokes of 0.75 mm and gaps of 0.45 mm: what a 0.4 mm nozzle still draws apart."""
+EASY_PITCH_MM = 0.75
+"""A text is broken into lines only where its letters would be smaller: strokes of 0.94 mm."""
+LARGEST_PITCH_MM = 1.5
+COLUMNS, ROWS = 5, 7
+LETTER_GAP, LINE_GAP = 1, 2
+"""Free points between letters and between lines."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MoldLabel:
+    """A label as it is cut.
+
+    Attributes
+    ----------
+    strokes : rectangles, some of which overlap; empty without a text
+    depth_mm : how deep they are sunk [mm]
+    stroke_mm : width of a stroke [mm]
+    """
+
+    strokes: tuple[Stroke, ...]
+    depth_mm: float
+    stroke_mm: float
+
+    @property
+    def area_mm2(self) -> float:
+        """Area of the union of the strokes [mm2]."""
+        return area_mm2(self.strokes)
+
+
+def mold_label(design: SensorDesign) -> MoldLabel:
+    """The label of a design's mold; without strokes where there is no text. Rules say whether it can be read."""
+    text = design.mold.label.upper().strip()
+    if not text:
+        return MoldLabel(strokes=(), depth_mm=0.0, stroke_mm=0.0)
+    lines, pitch = label_lines(text, design)
+    centre = design.cavity.length_mm / 2, design.cavity.width_mm / 2
+    return MoldLabel(
+        strokes=tuple(_strokes(lines, pitch, centre)), depth_mm=DEPTH_MM, stroke_mm=OVERLAP * pitch
+    )
+
+
+def label_findings(design: SensorDesign) -> Iterator[Finding]:
+    """What is wrong with a label: letters too small to print, a floor too thin to sink them into."""
+    text = design.mold.label.upper().strip()
+    if not text:
+        return
+    _, pitch = label_lines(text, design)
+    if pitch < SMALLEST_PITCH_MM:
+        yield error(
+            "mold.label",
+            "its letters would be too small to print below this cavity",
+            value=f"{design.mold.label!r}, strokes {mm(OVERLAP * pitch)}",
+            limit=f"strokes of at least {mm(OVERLAP * SMALLEST_PITCH_MM)}",
+            way_out="shorten the label",
+        )
+    if design.mold.floor_mm - DEPTH_MM < design.mold.min_web_mm:
+        yield error(
+            "mold.floor_mm",
+            "the floor is too thin to sink a label into it",
+            value=mm(design.mold.floor_mm),
+            limit=f"at least mold.min_web_mm + {DEPTH_MM:g} = {mm(design.mold.min_web_mm + DEPTH_MM)}",
+            way_out="raise it, or leave mold.label empty",
+        )
+
+
+def label_lines(text: str, design: SensorDesign) -> tuple[list[str], float]:
+    """A text in lines that fit below the cavity, and the pitch of its points [mm]: broken at blanks, and within words
+    only where it can be printed in no other way.
+    """
+    room_mm = design.cavity.length_mm - 2 * MARGIN_MM, design.cavity.width_mm - 2 * MARGIN_MM
+    widths = range(len(text), 0, -1)
+    at_blanks = [wrap(text, width, break_long_words=False, break_on_hyphens=False) for width in widths]
+    lines, pitch = _best(at_blanks, room_mm)
+    if pitch < SMALLEST_PITCH_MM:
+        anywhere = [[line.strip() for line in wrap(text, width, break_on_hyphens=False)] for width in widths]
+        lines, pitch = _best(anywhere, room_mm)
+    return lines, min(pitch, LARGEST_PITCH_MM)
+
+
+def _best(broken: list[list[str]], room_mm: tuple[float, float]) -> tuple[list[str], float]:
+    """The fewest lines with an easy pitch, else those with the widest; that pitch [mm]."""
+    pitches = [min(room_mm[0] / _width(lines), room_mm[1] / _height(lines)) for lines in broken]
+
+    def rank(number: int) -> tuple[float, ...]:
+        count, pitch = len(broken[number]), round(pitches[number], 9)
+        return (1.0, -count, pitch) if pitch >= EASY_PITCH_MM else (0.0, pitch, -count)
+
+    best = max(range(len(broken)), key=rank)
+    return broken[best], pitches[best]
+
+
+def _width(lines: list[str]) -> float:
+    longest = max(len(line) for line in lines)
+    return longest * (COLUMNS + LETTER_GAP) - LETTER_GAP + OVERLAP - 1.0
+
+
+def _height(lines: list[str]) -> float:
+    return len(lines) * (ROWS + LINE_GAP) - LINE_GAP + OVERLAP - 1.0
+
+
+def _strokes(lines: list[str], pitch_mm: float, centre_mm: tuple[float, float]) -> list[Stroke]:
+    """Runs of points, mirrored along x: the text is read from below."""
+    place = centre_mm[0] + _width(lines) / 2 * pitch_mm, centre_mm[1] + _height(lines) / 2 * pitch_mm
+    return strokes_of(_points(lines), place, pitch_mm, mirrored=True)
+
+
+def _points(lines: list[str]) -> set[tuple[int, int]]:
+    """Column and row, from the top left, of every point of a text."""
+    return {
+        (place * (COLUMNS + LETTER_GAP) + column, number * (ROWS + LINE_GAP) + row)
+        for number, line in enumerate(lines)
+        for place, letter in enumerate(line)
+        for column, bits in enumerate(letters()[letter])
+        for row in range(ROWS)
+        if bits >> row & 1
+    }
+
+
+@cache
+def letters() -> dict[str, tuple[int, ...]]:
+    """Columns of points of every letter that a label may have."""
+    text = (files("design") / "data" / "letters.toml").read_text(encoding="utf-8")
+    return {
+        name: tuple(int(bits, 16) for bits in columns.split())
+        for name, columns in tomllib.loads(text).items()
+    }

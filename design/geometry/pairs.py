@@ -1,0 +1,75 @@
+"""Which emitter-receiver pairs are judged, in which order, and where each is pressed.
+
+A pair has a direct path when its parts sit in different walls; same-wall pairs are reported and
+not judged. In facing rows (all emitters in one wall, all receivers in the opposite one) the judged
+pairs are the facing ones, the middle one first.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.geometry.cavity import CavityGeometry
+from design.spec.layout import OPPOSITE
+
+BoolArray = NDArray[np.bool_]
+
+FACING_TOLERANCE_MM = 1e-6
+"""Two parts face each other when their places along the wall agree; patterns make them agree exactly."""
+
+
+def direct_path_pairs(cavity: CavityGeometry) -> BoolArray:
+    """(emitter, receiver) pairs whose parts sit in different walls."""
+    return np.array(
+        [[e.wall != r.wall for r in cavity.receivers] for e in cavity.emitters], dtype=np.bool_
+    ).reshape(len(cavity.emitters), len(cavity.receivers))
+
+
+def is_facing_rows(cavity: CavityGeometry) -> bool:
+    """Whether emitters and receivers sit in opposite walls and at least one of each face each other."""
+    return bool(facing_pairs(cavity))
+
+
+def _sit_opposite(cavity: CavityGeometry) -> bool:
+    """Whether all emitters sit in one wall and all receivers in the opposite one."""
+    emitter_walls = {part.wall for part in cavity.emitters}
+    receiver_walls = {part.wall for part in cavity.receivers}
+    return len(emitter_walls) == 1 and receiver_walls == {OPPOSITE[next(iter(emitter_walls))]}
+
+
+def facing_pairs(cavity: CavityGeometry) -> tuple[tuple[int, int], ...]:
+    """(emitter, receiver) numbers at the same place along facing rows, the middle pair first."""
+    if not _sit_opposite(cavity):
+        return ()
+    pairs = [
+        (i, j)
+        for i, e in enumerate(cavity.emitters)
+        for j, r in enumerate(cavity.receivers)
+        if abs(e.along_mm - r.along_mm) <= FACING_TOLERANCE_MM
+    ]
+    middle = cavity.wall_length_mm(cavity.emitters[0].wall) / 2
+    return tuple(sorted(pairs, key=lambda pair: abs(cavity.emitters[pair[0]].along_mm - middle)))
+
+
+def judged_pairs(cavity: CavityGeometry) -> tuple[tuple[int, int], ...]:
+    """(emitter, receiver) numbers that the verdict is about; facing pairs in facing rows."""
+    facing = facing_pairs(cavity)
+    if facing:
+        return facing
+    return tuple((int(i), int(j)) for i, j in np.argwhere(direct_path_pairs(cavity)))
+
+
+def mask_of(pairs: tuple[tuple[int, int], ...], cavity: CavityGeometry) -> BoolArray:
+    """(emitter, receiver) mask of a list of pairs."""
+    mask = np.zeros((len(cavity.emitters), len(cavity.receivers)), dtype=np.bool_)
+    for i, j in pairs:
+        mask[i, j] = True
+    return mask
+
+
+def chord_midpoint_mm(cavity: CavityGeometry, pair: tuple[int, int]) -> tuple[float, float]:
+    """Midpoint of a pair's chord, clamped to the workspace (x, y) [mm]."""
+    ex, ey, _ = cavity.emitters[pair[0]].position_mm(cavity.length_mm, cavity.width_mm)
+    rx, ry, _ = cavity.receivers[pair[1]].position_mm(cavity.length_mm, cavity.width_mm)
+    return cavity.workspace.clamped((ex + rx) / 2, (ey + ry) / 2)

@@ -1,0 +1,152 @@
+r"""The parts' names in the outer faces of the mold, below their sockets, as in the wiring table.
+
+    outer face, seen from outside            small letters of 3 x 5 points; upright where a name is wider
+      | | |   | |       | | |                than its place on the wall, read from below
+      |_|_|___|_|_______|_|_|   pockets
+         E1      R1        E2   numbers
+      ____________n_____________  channels, bed
+
+A name keeps to its own place: halfway to its neighbours, above channels and the joint of a parted mold, below the
+lowest pocket of its wall, within the inner length of the wall. Names that do not fit are left out and
+told (`cad.checks`).
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+
+from design.geometry.lettering import OVERLAP, Point, Stroke, area_mm2, strokes_of, upper_edges_mm
+from design.geometry.sockets import Hole, Socket, WallFrame
+
+DEPTH_MM = 0.5
+"""Deeper than the steps of layers and the seams of a print; shallow enough to bridge."""
+MARGIN_MM = 0.4
+"""Around a name: a nozzle's width."""
+SMALLEST_PITCH_MM, LARGEST_PITCH_MM = 0.6, 0.9
+"""Strokes of 0.75 mm with gaps of 0.45 mm, what a 0.4 mm nozzle still draws apart, to strokes of 1.1 mm."""
+COLUMNS, ROWS, GAP = 3, 5, 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartNumber:
+    """A name as it is cut.
+
+    Attributes
+    ----------
+    name : of the part
+    frame : the wall, into whose outer face it is sunk
+    strokes : rectangles; x along the wall, y upward [mm]
+    stroke_mm : width of a stroke
+    """
+
+    name: str
+    frame: WallFrame
+    strokes: tuple[Stroke, ...]
+    stroke_mm: float
+
+    @property
+    def volume_mm3(self) -> float:
+        """What it takes from the mold [mm3]."""
+        return area_mm2(self.strokes) * DEPTH_MM
+
+    @property
+    def ceiling_mm2(self) -> float:
+        """Area of the ceilings of its strokes, which bridge half a millimetre [mm2]."""
+        return upper_edges_mm(self.strokes) * DEPTH_MM
+
+
+def part_numbers(
+    sockets: Sequence[Socket], fixing_holes: Sequence[Hole], bottom_mm: float, web_mm: float
+) -> tuple[PartNumber, ...]:
+    """The names of one wall's sockets, in their order along it; those without room are left out.
+
+    Parameters
+    ----------
+    sockets : of one wall, in their order along it
+    fixing_holes : of the mold
+    bottom_mm : underside of the mold, or of its frame where that is a piece of its own
+    web_mm : thinnest wall that prints
+    """
+    if not sockets:
+        return ()
+    low = max([bottom_mm, *(one.channel.top for one in sockets if one.channel)]) + MARGIN_MM
+    high = min(one.pocket.floor for one in sockets) - MARGIN_MM
+    found = []
+    for place, socket in enumerate(sockets):
+        room = _room_mm(sockets, place)
+        if _wall_left_mm(socket, fixing_holes, room) < web_mm:
+            continue
+        number = _number(socket, room, (low, high))
+        if number is not None:
+            found.append(number)
+    return tuple(found)
+
+
+def _room_mm(sockets: Sequence[Socket], place: int) -> tuple[float, float]:
+    """From where to where along the wall a name may reach [mm]."""
+    at, frame = sockets[place].part.along_mm, sockets[place].frame
+    before = (sockets[place - 1].part.along_mm + at) / 2 if place > 0 else 0.0
+    after = (sockets[place + 1].part.along_mm + at) / 2 if place + 1 < len(sockets) else frame.length_mm
+    half = min(at - before, after - at) - MARGIN_MM / 2
+    return at - half, at + half
+
+
+def _wall_left_mm(socket: Socket, fixing_holes: Sequence[Hole], room: tuple[float, float]) -> float:
+    """Least material behind a name: to the cavity, to lead holes and to fixing holes [mm]."""
+    frame = socket.frame
+    left = [frame.thickness_mm - DEPTH_MM]
+    for hole in (*socket.holes, *fixing_holes):
+        along, outward = frame.along_and_outward_mm(hole.x, hole.y)
+        if outward > 0 and room[0] - hole.radius < along < room[1] + hole.radius:
+            left.append(frame.thickness_mm - outward - hole.radius - DEPTH_MM)
+    return min(left)
+
+
+def _number(socket: Socket, room: tuple[float, float], levels: tuple[float, float]) -> PartNumber | None:
+    """A name level where that can be read, else upright; None where neither can."""
+    name = socket.part.name
+    points = _points(name.upper())
+    wide = len(name) * (COLUMNS + GAP) - GAP + OVERLAP - 1.0
+    high = ROWS + OVERLAP - 1.0
+    across, upward = room[1] - room[0], levels[1] - levels[0]
+    level = min(across / wide, upward / high, LARGEST_PITCH_MM)
+    upright = min(across / high, upward / wide, LARGEST_PITCH_MM)
+    pitch = level if level >= SMALLEST_PITCH_MM else upright
+    if pitch < SMALLEST_PITCH_MM:
+        return None
+    if pitch is upright and level < SMALLEST_PITCH_MM:
+        points = {(row, -column) for column, row in points}  # a quarter turn: read from below
+        points = {(x, y - min(y for _, y in points)) for x, y in points}
+        wide, high = high, wide
+    mirrored = socket.frame.wall in ("north", "west")
+    shift = -wide / 2 * pitch if not mirrored else wide / 2 * pitch
+    place = socket.part.along_mm + shift, sum(levels) / 2 + high / 2 * pitch
+    strokes = tuple(strokes_of(points, place, pitch, mirrored=mirrored))
+    return PartNumber(name=name, frame=socket.frame, strokes=strokes, stroke_mm=OVERLAP * pitch)
+
+
+def _points(text: str) -> set[Point]:
+    return {
+        (place * (COLUMNS + GAP) + column, row)
+        for place, letter in enumerate(text)
+        for row, bits in enumerate(small_letters()[letter])
+        for column, bit in enumerate(bits)
+        if bit == "1"
+    }
+
+
+def unnumbered(names: Sequence[str], numbers: Sequence[PartNumber]) -> Iterator[str]:
+    """Names that are nowhere on the mold."""
+    there = {one.name for one in numbers}
+    return (name for name in names if name not in there)
+
+
+@cache
+def small_letters() -> dict[str, tuple[str, ...]]:
+    """Rows of points of every letter that a name may have."""
+    text = (files("design") / "data" / "small_letters.toml").read_text(encoding="utf-8")
+    return {name: tuple(rows.split()) for name, rows in tomllib.loads(text).items()}

@@ -1,0 +1,280 @@
+"""The cuts that hold one part in its wall, as plain numbers in the cavity frame.
+
+A part drops in from the top: its pocket is open upward, and open to the cavity so that silicone
+is cast against the active face. Seen from above, for the south wall (t is measured outward):
+
+            cavity
+      ------+           +------  t = 0, inner face of the wall
+            |   body    |
+            |           |        pocket: body + clearance at each side and behind
+            +--+  +--+--+        t = pocket depth
+               |  |  |           surface part: one slot a wire, open upward, to the outside
+               |  |  |           radial part: round holes from the pocket's floor down through the mold
+      ---------+  +--+---------  t = wall thickness, outer face
+
+Pocket and slots go down to the body's base less the clearance, wherever that is: a part is never
+raised. A base below the clear layer meets the black layer; below that, the pocket goes into the
+floor of the mold, and `design.geometry.webs` asks for enough floor under it.
+
+Lead positions: in a row along the wall, centred on the active area; radial leads leave the body at
+half its depth (the catalogue does not say where). Wires that do not fit behind the body one
+by one leave together through one slot in the middle.
+
+Strain relief: a wire slot ends in a neck, narrower than the wire, that is pressed in from above; radial leads bend
+into a channel in the underside that leads outward, so that the mold stands flat. The channel is as deep as the floor
+under the pocket leaves room for; without room for a lead there is none.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from design.geometry.cavity import PlacedPart
+from design.geometry.fits import clearance_mm, fit
+from design.parts.catalog import Part
+from design.spec import Mold
+from design.spec.layout import Wall
+
+NECK_MM = 1.5
+"""Length of a wire slot's neck, if the slot is at least twice as long."""
+CHANNEL_DEPTH_MM = 1.5
+"""Depth of the leads' channel where the floor leaves room: a bent lead with its sleeve."""
+CHANNEL_MARGIN_MM = 0.1
+"""Between a lead hole and the edge of its channel: tangent cuts are no manifold."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Box:
+    """A box with edges along the axes of the cavity frame [mm]."""
+
+    x0: float
+    x1: float
+    y0: float
+    y1: float
+    z0: float
+    z1: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hole:
+    """A vertical round hole in the cavity frame [mm]."""
+
+    x: float
+    y: float
+    radius: float
+    z0: float
+    z1: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class WallFrame:
+    """Where a wall stands: coordinates along it and outward from its inner face.
+
+    Attributes
+    ----------
+    wall : name of the wall
+    across_mm : inner size of the cavity across the wall, from it to the opposite one
+    length_mm, thickness_mm : inner length and thickness of the wall
+    """
+
+    wall: Wall
+    across_mm: float
+    length_mm: float
+    thickness_mm: float
+
+    def point(self, along_mm: float, outward_mm: float) -> tuple[float, float]:
+        """Position (x, y) in the cavity frame [mm]."""
+        match self.wall:
+            case "south":
+                return along_mm, -outward_mm
+            case "north":
+                return along_mm, self.across_mm + outward_mm
+            case "west":
+                return -outward_mm, along_mm
+            case "east":
+                return self.across_mm + outward_mm, along_mm
+
+    def along_and_outward_mm(self, x_mm: float, y_mm: float) -> tuple[float, float]:
+        """The way back from `point` [mm]."""
+        match self.wall:
+            case "south":
+                return x_mm, -y_mm
+            case "north":
+                return x_mm, y_mm - self.across_mm
+            case "west":
+                return y_mm, -x_mm
+            case "east":
+                return y_mm, x_mm - self.across_mm
+
+    def box(self, cut: Cut) -> Box:
+        """A cut of this wall as a box in the cavity frame."""
+        xa, ya = self.point(cut.along0, cut.out0)
+        xb, yb = self.point(cut.along1, cut.out1)
+        return Box(x0=min(xa, xb), x1=max(xa, xb), y0=min(ya, yb), y1=max(ya, yb), z0=cut.floor, z1=cut.top)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cut:
+    """A rectangular cut in a wall's own coordinates: along it, outward from its inner face, upward [mm]."""
+
+    along0: float
+    along1: float
+    out0: float
+    out1: float
+    floor: float
+    top: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Socket:
+    """Everything that is cut for one part.
+
+    Attributes
+    ----------
+    part : the part at its place
+    frame : its wall
+    pocket : room of the body
+    slots, necks : ways of the wires of a surface part to the outside, and their narrow ends
+    holes : ways of the leads of a radial part through the floor
+    channel : way of those leads below the mold, to the outside; None without room
+    """
+
+    part: PlacedPart
+    frame: WallFrame
+    pocket: Cut
+    slots: tuple[Cut, ...]
+    necks: tuple[Cut, ...]
+    holes: tuple[Hole, ...]
+    channel: Cut | None
+
+    @property
+    def cuts(self) -> tuple[Cut, ...]:
+        """Pocket, slots and necks, all open upward; they touch and do not overlap."""
+        return (self.pocket, *self.slots, *self.necks)
+
+    def without_channel(self) -> Socket:
+        """The same with lead holes down to the underside."""
+        if self.channel is None:
+            return self
+        holes = tuple(replace(hole, z0=self.channel.floor) for hole in self.holes)
+        return replace(self, channel=None, holes=holes)
+
+    def open_to(self, top_mm: float) -> Socket:
+        """The same with all cuts open up to another height [mm]."""
+        return replace(
+            self,
+            pocket=replace(self.pocket, top=top_mm),
+            slots=tuple(replace(cut, top=top_mm) for cut in self.slots),
+            necks=tuple(replace(cut, top=top_mm) for cut in self.necks),
+        )
+
+
+def gap_mm(box: Box, hole: Hole) -> float:
+    """Distance in plan between a box and a hole; negative when they overlap."""
+    dx, dy = max(box.x0 - hole.x, hole.x - box.x1), max(box.y0 - hole.y, hole.y - box.y1)
+    signed = math.hypot(max(dx, 0.0), max(dy, 0.0)) + min(max(dx, dy), 0.0)
+    return signed - hole.radius
+
+
+def socket_of(part: PlacedPart, mold: Mold, frame: WallFrame, top_mm: float, bottom_mm: float) -> Socket:
+    """The cuts for one part.
+
+    Parameters
+    ----------
+    part : the part at its place
+    mold : clearances and thinnest web
+    frame : the wall it sits in
+    top_mm, bottom_mm : upper and lower face of the mold in the cavity frame
+    """
+    room = clearance_mm(mold, part.part_id)
+    half = part.part.body_width_mm.value / 2 + room
+    pocket = Cut(
+        along0=part.along_mm - half,
+        along1=part.along_mm + half,
+        out0=0.0,
+        out1=part.part.body_depth_mm.value + room,
+        floor=part.body_base_mm - room,
+        top=top_mm,
+    )
+    if part.part.mounting == "radial":
+        channel = _channel(part, mold, frame, pocket, bottom_mm)
+        foot = bottom_mm if channel is None else channel.top
+        holes = _holes(part, mold, frame, pocket, foot)
+        return Socket(part=part, frame=frame, pocket=pocket, slots=(), necks=(), holes=holes, channel=channel)
+    slots, necks = _wire_ways(part, mold, frame, pocket)
+    return Socket(part=part, frame=frame, pocket=pocket, slots=slots, necks=necks, holes=(), channel=None)
+
+
+def lead_offsets_mm(part: Part) -> tuple[float, ...]:
+    """Places of the leads along the wall, from the middle of the active area [mm]."""
+    count, pitch = part.lead_count, part.lead_pitch_mm.value
+    return tuple((k - (count - 1) / 2) * pitch for k in range(count))
+
+
+def lead_setback_mm(part: Part) -> float:
+    """Distance of the leads of a radial part behind its active face [mm]."""
+    return part.lead_setback_mm.value if part.lead_setback_mm else part.body_depth_mm.value / 2
+
+
+def _holes(part: PlacedPart, mold: Mold, frame: WallFrame, pocket: Cut, foot_mm: float) -> tuple[Hole, ...]:
+    radius = _lead_radius_mm(part.part, mold)
+    places = [
+        frame.point(part.along_mm + offset, lead_setback_mm(part.part))
+        for offset in lead_offsets_mm(part.part)
+    ]
+    return tuple(Hole(x=x, y=y, radius=radius, z0=foot_mm, z1=pocket.floor) for x, y in places)
+
+
+def _lead_radius_mm(part: Part, mold: Mold) -> float:
+    return (part.lead_diameter_mm.value + mold.lead_clearance_mm) / 2
+
+
+def _channel(part: PlacedPart, mold: Mold, frame: WallFrame, pocket: Cut, bottom_mm: float) -> Cut | None:
+    depth = min(CHANNEL_DEPTH_MM, mold.floor_mm - mold.min_web_mm, pocket.floor - bottom_mm - mold.min_web_mm)
+    if mold.strain_relief == "none" or depth < part.part.lead_diameter_mm.value:
+        return None
+    reach = _lead_radius_mm(part.part, mold) + CHANNEL_MARGIN_MM
+    offsets = lead_offsets_mm(part.part)
+    return Cut(
+        along0=part.along_mm + offsets[0] - reach,
+        along1=part.along_mm + offsets[-1] + reach,
+        out0=lead_setback_mm(part.part) - reach,
+        out1=frame.thickness_mm,
+        floor=bottom_mm,
+        top=bottom_mm + depth,
+    )
+
+
+def _wire_ways(
+    part: PlacedPart, mold: Mold, frame: WallFrame, pocket: Cut
+) -> tuple[tuple[Cut, ...], tuple[Cut, ...]]:
+    """Slots of the wires and, with strain relief and room for it, the necks at their outer ends."""
+    back = frame.thickness_mm - pocket.out1
+    has_necks = mold.strain_relief == "pinch" and back >= 2 * NECK_MM
+    ends = frame.thickness_mm - (NECK_MM if has_necks else 0.0)
+    slots, necks = [], []
+    for low, high in _wire_spans(part.part, mold, pocket.along1 - part.along_mm):
+        along0, along1 = max(part.along_mm + low, pocket.along0), min(part.along_mm + high, pocket.along1)
+        slot = Cut(
+            along0=along0, along1=along1, out0=pocket.out1, out1=ends, floor=pocket.floor, top=pocket.top
+        )
+        slots.append(slot)
+        if has_necks:
+            narrower = (mold.lead_clearance_mm + fit("wire_pinch").value) / 2
+            inset = max(min(narrower, (high - low - fit("narrowest_slot").value) / 2), 0.0)
+            inner = (
+                max(part.along_mm + low + inset, along0),
+                min(part.along_mm + high - inset, along1),
+            )
+            necks.append(replace(slot, along0=inner[0], along1=inner[1], out0=ends, out1=frame.thickness_mm))
+    return tuple(slots), tuple(necks)
+
+
+def _wire_spans(part: Part, mold: Mold, half_pocket_mm: float) -> list[tuple[float, float]]:
+    """From where to where the wires leave, from the middle of the pocket; one by one if that leaves webs."""
+    width = 2 * _lead_radius_mm(part, mold)
+    offsets = lead_offsets_mm(part)
+    if part.lead_pitch_mm.value - width >= mold.min_web_mm and offsets[-1] <= half_pocket_mm:
+        return [(offset - width / 2, offset + width / 2) for offset in offsets]
+    return [(-part.lead_count * width / 2, part.lead_count * width / 2)]

@@ -1,0 +1,244 @@
+"""Clearances of the mold from its parameters: every wall, web and floor that has to print.
+
+Tangent cutters give files that slicers accept and printers get wrong, and no mesh check finds a thin
+wall reliably; so distances are computed here in closed form, before any solid exists. Seen from above,
+for the south wall:
+
+       cavity
+    ---+      +---------+        +---
+       |  E1  |<- web ->|   R1   |     pocket: body + clearance at each side and behind
+       +------+         +--------+
+             ^ web                     web >= mold.min_web_mm
+    -------------------------------- outer face
+
+Distances are in plan, except the floor under a pocket and the rim over a body. A negative value means
+that two cuts overlap. What is a wall of material needs `mold.min_web_mm`; a lead hole only has to stay
+inside its pocket. Pockets that keep a web to their wall's ends cannot meet around a corner. What a
+distance that is not kept means to the user is said in `design.rules.webs`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+from design.fields.units import ROUNDING_MM
+from design.geometry.fits import clearance_mm
+from design.geometry.mold_outline import MoldOutline, outline_of
+from design.geometry.raised_sockets import by_wall
+from design.geometry.sockets import Cut, Hole, Socket, gap_mm
+from design.spec import Mold, SensorDesign
+from design.spec.layout import Wall
+
+LEDGE_MM = 0.1
+"""A lead hole starts at least this far inside the edge of its pocket's floor."""
+
+LEDGE = "mold.cover_ledge_mm"
+INSET = "mold.fixing_hole_inset_mm"
+LEADS = "mold.lead_clearance_mm"
+OUTSIDE: dict[Wall, str] = {
+    "south": "mold.outer_width_mm",
+    "north": "mold.outer_width_mm",
+    "east": "mold.outer_length_mm",
+    "west": "mold.outer_length_mm",
+}
+"""Field that makes a wall thicker."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clearance:
+    """One distance that has to be kept.
+
+    Attributes
+    ----------
+    name : what the distance is, the same words for every place
+    value_mm, needed_mm : what the design has, what it needs
+    parts, wall : the place: names of the parts and their wall, or another place and no wall
+    field : dotted path of what the distance comes from first of all
+    """
+
+    name: str
+    value_mm: float
+    needed_mm: float
+    parts: str
+    wall: Wall | None = None
+    field: str
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether the distance is at least what is needed."""
+        return self.value_mm >= self.needed_mm - ROUNDING_MM
+
+    @property
+    def spare_mm(self) -> float:
+        """How much more there is than needed, to the rounding of lengths; negative when too tight [mm]."""
+        return round(self.value_mm - self.needed_mm, 9)
+
+    @property
+    def where(self) -> str:
+        """The place in words."""
+        return self.parts if self.wall is None else f"{self.parts} on the {self.wall} wall"
+
+
+def clearances(design: SensorDesign) -> tuple[Clearance, ...]:
+    """Every clearance that the mold needs, in the order walls, fixing holes, pockets, leads."""
+    outline, web = outline_of(design), design.mold.min_web_mm
+    return (
+        *_walls(outline, web),
+        *_between_fixing_holes(outline, web),
+        *_between_pockets(outline, web, design.mold),
+        *(found for socket in outline.sockets for found in _of_socket(socket, outline, web)),
+    )
+
+
+def rim_clearances(design: SensorDesign) -> tuple[Clearance, ...]:
+    """How far each body stays below the rim; a mold can be built without, but a blade or lid will hit it."""
+    outline = outline_of(design)
+    return tuple(
+        Clearance(
+            name="body below rim",
+            value_mm=outline.top_mm - socket.part.body_top_mm,
+            needed_mm=0.0,
+            parts=socket.part.name,
+            wall=socket.frame.wall,
+            field=socket.part.height_field,
+        )
+        for socket in outline.sockets
+    )
+
+
+def tightest(found: tuple[Clearance, ...]) -> tuple[Clearance, ...]:
+    """The clearance with the least spare of each name, in the order of first appearance."""
+    worst: dict[str, Clearance] = {}
+    for one in found:
+        if one.name not in worst or one.spare_mm < worst[one.name].spare_mm:
+            worst[one.name] = one
+    return tuple(worst.values())
+
+
+def bodies_above_rim(design: SensorDesign) -> tuple[str, ...]:
+    """Names of the parts whose body stands above the rim of the mold."""
+    return tuple(one.parts for one in rim_clearances(design) if not one.is_kept)
+
+
+def pockets_below_clear_layer(design: SensorDesign) -> tuple[str, ...]:
+    """Names of the parts whose pocket reaches below the clear layer, into the black layer or the floor."""
+    return tuple(s.part.name for s in outline_of(design).sockets if s.pocket.floor < -ROUNDING_MM)
+
+
+def _walls(outline: MoldOutline, web: float) -> Iterator[Clearance]:
+    for parts, field, value in (
+        ("the east and west walls", OUTSIDE["east"], outline.wall_x_mm),
+        ("the south and north walls", OUTSIDE["south"], outline.wall_y_mm),
+    ):
+        yield Clearance(name="wall", value_mm=value, needed_mm=web, parts=parts, field=field)
+        if outline.ledge_mm:
+            left = value - outline.ledge_mm
+            yield Clearance(
+                name="cover seat to outer face", value_mm=left, needed_mm=web, parts=parts, field=LEDGE
+            )
+
+
+def _between_fixing_holes(outline: MoldOutline, web: float) -> Iterator[Clearance]:
+    if not outline.fixing_holes:
+        return
+    hole, last = outline.fixing_holes[0], outline.fixing_holes[-1]
+    between = min(last.x - hole.x, last.y - hole.y) - 2 * hole.radius
+    for name, value in (
+        ("fixing hole to outer face", _to_outside_mm(hole, outline)),
+        ("fixing hole to fixing hole", between),
+        ("fixing hole to cavity", gap_mm(outline.mouth, hole)),
+    ):
+        yield Clearance(name=name, value_mm=value, needed_mm=web, parts="the corners", field=INSET)
+
+
+def _between_pockets(outline: MoldOutline, web: float, mold: Mold) -> Iterator[Clearance]:
+    """Neighbours on each wall: the web of their pockets, or if even the bodies overlap, their distance."""
+    for wall, row in by_wall(outline.sockets).items():
+        for low, high in pairwise(row):
+            room = clearance_mm(mold, low.part.part_id) + clearance_mm(mold, high.part.part_id)
+            gap = high.pocket.along0 - low.pocket.along1
+            bodies = gap + room
+            overlap = bodies < -ROUNDING_MM
+            yield Clearance(
+                name="body to body" if overlap else "pocket to pocket",
+                value_mm=bodies if overlap else gap,
+                needed_mm=web + room if overlap else web,
+                parts=f"{low.part.name} and {high.part.name}",
+                wall=wall,
+                field=high.part.origin,
+            )
+
+
+def _of_socket(socket: Socket, outline: MoldOutline, web: float) -> Iterator[Clearance]:
+    part, frame = socket.part, socket.frame
+    for name, field, value, needed in (
+        *_of_pocket(socket, outline, web),
+        *_to_fixing_holes(socket, outline, web),
+        *_of_leads(socket, web),
+    ):
+        yield Clearance(
+            name=name, value_mm=value, needed_mm=needed, parts=part.name, wall=frame.wall, field=field
+        )
+
+
+Row = tuple[str, str, float, float]
+"""Name, field, value and need of one clearance of a socket."""
+
+
+def _of_pocket(socket: Socket, outline: MoldOutline, web: float) -> Iterator[Row]:
+    pocket, frame, part = socket.pocket, socket.frame, socket.part
+    to_corner = min(pocket.along0, frame.length_mm - pocket.along1)
+    yield "pocket to corner", part.origin, to_corner, web
+    yield "pocket back to outer face", OUTSIDE[frame.wall], frame.thickness_mm - pocket.out1, web
+    yield "floor under pocket", part.height_field, pocket.floor - outline.bottom_mm, web
+    yield "pocket below fill level", part.height_field, outline.fill_mm - pocket.floor, web
+
+
+def _to_fixing_holes(socket: Socket, outline: MoldOutline, web: float) -> Iterator[Row]:
+    if not outline.fixing_holes:
+        return
+    yield "pocket to fixing hole", INSET, _least_gap_mm(socket, (socket.pocket,), outline), web
+    if socket.slots:
+        ways = (*socket.slots, *socket.necks)
+        yield "wire slot to fixing hole", INSET, _least_gap_mm(socket, ways, outline), web
+    if socket.holes:
+        pairs = ((lead, fixing) for lead in socket.holes for fixing in outline.fixing_holes)
+        yield "lead hole to fixing hole", INSET, min(_apart_mm(*pair) for pair in pairs), web
+
+
+def _of_leads(socket: Socket, web: float) -> Iterator[Row]:
+    pocket, frame = socket.pocket, socket.frame
+    for before, after in pairwise(socket.slots):
+        yield "wire slot to wire slot", LEADS, after.along0 - before.along1, web
+    for one, other in pairwise(socket.holes):
+        yield "lead hole to lead hole", LEADS, _apart_mm(one, other), web
+    if not socket.holes:
+        return
+    radius = socket.holes[0].radius
+    places = [frame.along_and_outward_mm(hole.x, hole.y) for hole in socket.holes]
+    low, high = min(along for along, _ in places), max(along for along, _ in places)
+    near, far = min(outward for _, outward in places), max(outward for _, outward in places)
+    to_edge = min(low - pocket.along0, pocket.along1 - high, pocket.out1 - far)
+    yield "lead hole to cavity", LEADS, near - radius, web
+    yield "lead hole to outer face", OUTSIDE[frame.wall], frame.thickness_mm - far - radius, web
+    yield "lead hole to pocket edge", LEADS, to_edge - radius, LEDGE_MM
+
+
+def _least_gap_mm(socket: Socket, cuts: tuple[Cut, ...], outline: MoldOutline) -> float:
+    boxes = [socket.frame.box(cut) for cut in cuts]
+    return min(gap_mm(box, hole) for box in boxes for hole in outline.fixing_holes)
+
+
+def _apart_mm(one: Hole, other: Hole) -> float:
+    return math.hypot(one.x - other.x, one.y - other.y) - one.radius - other.radius
+
+
+def _to_outside_mm(hole: Hole, outline: MoldOutline) -> float:
+    """Distance of a fixing hole to the nearest outer face, rounding and origin cut included."""
+    inset, radius = hole.x + outline.wall_x_mm, outline.corner_radius_mm
+    rounding = radius - math.sqrt(2) * (radius - inset) if inset < radius else inset
+    cut = (2 * inset - outline.origin_cut_mm) / math.sqrt(2)
+    return min(inset, rounding, cut) - hole.radius

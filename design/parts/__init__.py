@@ -1,0 +1,4 @@
+"""The catalogue: emitters, receivers, elastomers, boards, printers, standard values, each with its source.
+
+Imports of ours: fields.
+"""

@@ -1,0 +1,422 @@
+"""Parts, elastomers, mold materials and boards: the entries, the packaged files, and look-up.
+
+Every file, packaged or the user's own, holds the tables `parts`, `elastomers`, `mold_materials`
+and `boards`, each by identifier. A part seen from the cavity, its active face flush with the wall:
+
+          body_width_mm                     wall
+        +---------------+            |  body_depth_mm |
+        |    +-----+    |  ^         +----------------+
+        |    |  x  |    |  | body_   |active          |
+        |    +-----+    |  | height  |face            |
+        |       |       |  | _mm     +----------------+
+        +---------------+  v            |  |   leads (radial: down from the base;
+                x above the base:       |  |   surface: wires leave through the back)
+                active_height_in_body_mm
+
+An emitter shines as a power of the cosine with its half angle, or as its `angular_pattern` says; one effective
+wavelength stands for it, or its `spectrum`, over which the index is averaged. A receiver counts all light that falls on
+its active area, unless `epoxy_index` says what lies on the chip: then light refracts into it, and its angular
+response follows from its half angle or its `angular_response`.
+
+Left out: drift with temperature.
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+import tomllib
+from collections.abc import Mapping
+from functools import cache
+from importlib import resources
+from typing import Annotated, Any, Literal, Self, TypeVar
+
+from pydantic import (
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    model_serializer,
+    model_validator,
+)
+from pydantic_core import ErrorDetails
+
+from design.errors import DesignError
+from design.fields.base import Model, PartId, without_defaults
+from design.fields.quantity import (
+    CapacitancePf,
+    Confidence,
+    Cost,
+    CurrentMa,
+    DarkCurrentNa,
+    DensityGPerCm3,
+    HalfAngleDeg,
+    LengthMm,
+    PowerMw,
+    Quantity,
+    Reflectance,
+    RefractiveIndex,
+    ResponsivityAPerW,
+    Text,
+    VoltageV,
+    WavelengthNm,
+)
+from design.parts.angular import AngularTable
+from design.parts.board_firmware import BoardFirmware
+from design.parts.elastomer import (
+    Cure,
+    Elastomer,
+    IndexFormula,
+    IndexTable,
+    ModulusRow,
+    refractive_index,
+    youngs_modulus_mpa,
+)
+from design.parts.spectrum import Spectrum
+
+__all__ = [
+    "PACKAGED_FILES",
+    "Board",
+    "CatalogEntries",
+    "Cost",
+    "Cure",
+    "Elastomer",
+    "IndexFormula",
+    "IndexTable",
+    "ModulusRow",
+    "MoldMaterial",
+    "Part",
+    "Quantity",
+    "find_board",
+    "find_elastomer",
+    "find_mold_material",
+    "find_part",
+    "merged",
+    "packaged",
+    "parse_entries",
+    "refractive_index",
+    "youngs_modulus_mpa",
+]
+
+PACKAGED_FILES = ("emitters", "receivers", "elastomers", "mold_materials", "boards")
+
+_EMITTER_ONLY = ("wavelength_nm", "forward_voltage_v", "max_current_ma")
+_RECEIVER_ONLY = ("responsivity_a_per_w", "responsivity_wavelength_nm", "dark_current_na", "capacitance_pf")
+_EMITTER_OPTIONS = ("angular_pattern", "spectrum", "radiant_power_mw")
+_RECEIVER_OPTIONS = ("epoxy_index", "angular_response")
+
+Entry = TypeVar("Entry")
+
+UsbId = Annotated[str, Field(pattern=r"^[0-9a-f]{4}:[0-9a-f]{4}$")]
+"""Vendor and product of a USB device in hexadecimal digits, as 2341:0042."""
+
+DEFAULT_BOOT_S = 2.5
+"""Of boards that do not say: the longest among the packaged ones."""
+
+
+class Part(Model):
+    """An emitter or a receiver: what light sees of it, and the room it takes in the wall."""
+
+    kind: Literal["emitter", "receiver"]
+    title: Text
+    manufacturer: Text
+    mounting: Annotated[
+        Literal["radial", "surface"],
+        Field(
+            description="radial: leads leave downward from the base; surface: wires leave through the back"
+        ),
+    ]
+    active_width_mm: Annotated[LengthMm, Field(description="emitting or sensitive area, along the wall")]
+    active_height_mm: Annotated[LengthMm, Field(description="emitting or sensitive area, upward")]
+    half_angle_deg: Annotated[HalfAngleDeg, Field(description="angle at which intensity or response is half")]
+    body_width_mm: Annotated[LengthMm, Field(description="body along the wall")]
+    body_depth_mm: Annotated[LengthMm, Field(description="body into the wall")]
+    body_height_mm: Annotated[LengthMm, Field(description="body upward, without leads")]
+    active_height_in_body_mm: Annotated[
+        LengthMm, Field(description="centre of the active area above the base")
+    ]
+    lead_pitch_mm: Annotated[LengthMm, Field(description="distance of neighbouring leads or pads")]
+    lead_diameter_mm: Annotated[
+        LengthMm, Field(description="diagonal of a square lead; for surface parts, of the wire soldered on")
+    ]
+    lead_count: Annotated[int, Field(ge=2, le=16)]
+    lead_setback_mm: Annotated[
+        LengthMm | None,
+        Field(description="radial: leads behind the active face; default: half the body's depth"),
+    ] = None
+    wavelength_nm: Annotated[WavelengthNm | None, Field(description="emitter: effective wavelength")] = None
+    forward_voltage_v: Annotated[VoltageV | None, Field(description="emitter: at its rated current")] = None
+    max_current_ma: Annotated[CurrentMa | None, Field(description="emitter: continuous")] = None
+    responsivity_a_per_w: Annotated[ResponsivityAPerW | None, Field(description="receiver")] = None
+    responsivity_wavelength_nm: Annotated[
+        WavelengthNm | None, Field(description="receiver: where the responsivity holds")
+    ] = None
+    dark_current_na: Annotated[DarkCurrentNa | None, Field(description="receiver: typical")] = None
+    capacitance_pf: Annotated[CapacitancePf | None, Field(description="receiver: without bias")] = None
+    angular_pattern: Annotated[
+        AngularTable | None,
+        Field(description="emitter: the sheet's intensity, in place of the half angle's power of the cosine"),
+    ] = None
+    spectrum: Annotated[
+        Spectrum | None, Field(description="emitter: the index is averaged over it, not at wavelength_nm")
+    ] = None
+    radiant_power_mw: Annotated[
+        PowerMw | None,
+        Field(description="emitter: all light at max_current_ma; sets resistors, not the verdict by a rule"),
+    ] = None
+    epoxy_index: Annotated[
+        RefractiveIndex | None,
+        Field(
+            description="receiver: index of what lies on the chip, behind a flat face; absent: a bare active area"
+        ),
+    ] = None
+    angular_response: Annotated[
+        AngularTable | None,
+        Field(
+            description="receiver: the sheet's response in air, in place of the half angle; needs epoxy_index"
+        ),
+    ] = None
+    cost: Cost | None = None
+    notes: tuple[Text, ...] = ()
+
+    @model_serializer(mode="wrap")
+    def _without_absent_options(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Designs with parts of their own from before these options keep their digest."""
+        return without_defaults(plain(self), dict.fromkeys((*_EMITTER_OPTIONS, *_RECEIVER_OPTIONS)))
+
+    @model_validator(mode="after")
+    def _has_the_fields_of_its_kind(self) -> Self:
+        emits = self.kind == "emitter"
+        own, other = (_EMITTER_ONLY, _RECEIVER_ONLY) if emits else (_RECEIVER_ONLY, _EMITTER_ONLY)
+        others_options = _RECEIVER_OPTIONS if emits else _EMITTER_OPTIONS
+        missing = [name for name in own if getattr(self, name) is None]
+        foreign = [name for name in (*other, *others_options) if getattr(self, name) is not None]
+        if missing:
+            raise ValueError(f"kind = {self.kind!r} needs {', '.join(missing)}; add it")
+        if foreign:
+            raise ValueError(
+                f"kind = {self.kind!r} has no {', '.join(foreign)}; remove it or correct the kind"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _response_can_be_refracted(self) -> Self:
+        response = self.angular_response
+        if response is not None and self.epoxy_index is None:
+            raise ValueError(
+                "angular_response needs epoxy_index, into which its angles in air refract; "
+                "add it (1.0 for a chip in air)"
+            )
+        if response is not None and response.relative[0] <= 0.0:
+            raise ValueError(
+                "angular_response.relative is 0 on the axis, where responsivity holds; correct it"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _active_area_lies_on_the_body(self) -> Self:
+        centre, half = self.active_height_in_body_mm.value, self.active_height_mm.value / 2
+        if self.active_width_mm.value > self.body_width_mm.value:
+            raise ValueError(
+                f"active_width_mm = {self.active_width_mm.value:g} must be at most "
+                f"body_width_mm = {self.body_width_mm.value:g}"
+            )
+        if centre - half < 0 or centre + half > self.body_height_mm.value:
+            raise ValueError(
+                f"active_height_in_body_mm = {centre:g}: the area reaches from {centre - half:g} to "
+                f"{centre + half:g} mm above the base, must be within 0 to "
+                f"body_height_mm = {self.body_height_mm.value:g}"
+            )
+        if self.lead_diameter_mm.value >= self.lead_pitch_mm.value:
+            raise ValueError(
+                f"lead_diameter_mm = {self.lead_diameter_mm.value:g} must be below "
+                f"lead_pitch_mm = {self.lead_pitch_mm.value:g}"
+            )
+        return self
+
+
+class MoldMaterial(Model):
+    """What the mold is printed of; its inner faces are the walls that light meets."""
+
+    title: Text
+    wall_reflectance: Annotated[Reflectance, Field(description="diffuse share of the light that lands on it")]
+    density_g_per_cm3: DensityGPerCm3
+    refractive_index: Annotated[
+        RefractiveIndex | None,
+        Field(description="of the bulk, for walls with surfaces.wall_finish = 'glossy'"),
+    ] = None
+    notes: tuple[Text, ...] = ()
+
+    @model_serializer(mode="wrap")
+    def _without_an_absent_index(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Designs with materials of their own from before this field keep their digest."""
+        return without_defaults(plain(self), {"refractive_index": None})
+
+
+class Board(Model):
+    """A microcontroller board: converter, pins, clock, serial line."""
+
+    title: Text
+    source: Annotated[Text, Field(description="where the plain numbers of this entry come from")]
+    confidence: Confidence
+    clock_hz: Annotated[int, Field(gt=0, le=1_000_000_000)]
+    adc_bits: Annotated[int, Field(ge=8, le=24)]
+    adc_clocks_per_conversion: Annotated[int, Field(ge=1, le=1000)]
+    adc_prescalers: Annotated[
+        tuple[int, ...], Field(min_length=1, description="ADC clock = clock / prescaler")
+    ]
+    analog_channels: Annotated[
+        tuple[Text, ...], Field(min_length=1, description="names, in recommended order")
+    ]
+    digital_pins: Annotated[
+        tuple[Annotated[int, Field(ge=0, le=200)], ...],
+        Field(min_length=1, description="pins that may switch emitters, in recommended order"),
+    ]
+    reserved_pins: Annotated[tuple[int, ...], Field(description="pins with another job: the serial line")]
+    uart_pins: Annotated[
+        tuple[int, int], Field(description="receive, transmit of the serial line to the host")
+    ]
+    exact_bauds: Annotated[tuple[int, ...], Field(description="rates that divide the clock exactly")]
+    max_pin_current_ma: CurrentMa
+    max_total_current_ma: CurrentMa
+    link_number: Annotated[
+        int, Field(ge=0, le=255, description="how the firmware names the board to the host; 0: any other")
+    ] = 0
+    usb_ids: Annotated[tuple[UsbId, ...], Field(description="vendor:product of the maker's own boards")] = ()
+    bridge_usb_ids: Annotated[
+        tuple[UsbId, ...], Field(description="serial chips of copies, which many other devices have, too")
+    ] = ()
+    boot_s: Annotated[
+        float, Field(ge=0.0, le=60.0, description="longest time from the port's opening to the sketch")
+    ] = DEFAULT_BOOT_S
+    firmware: Annotated[
+        BoardFirmware | None, Field(description="what the generated program needs; absent: none is made")
+    ] = None
+    notes: tuple[Text, ...] = ()
+
+    @model_serializer(mode="wrap")
+    def _without_absent_link(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Designs with boards of their own from before these fields keep their digest."""
+        absent = {"link_number": 0, "usb_ids": (), "bridge_usb_ids": (), "boot_s": DEFAULT_BOOT_S}
+        return without_defaults(plain(self), absent | {"firmware": None})
+
+    @model_validator(mode="after")
+    def _pins_are_free_and_single(self) -> Self:
+        taken = set(self.digital_pins) & (set(self.reserved_pins) | set(self.uart_pins))
+        if taken:
+            raise ValueError(f"digital_pins: {sorted(taken)} are reserved; remove them from one of the two")
+        for name in ("digital_pins", "analog_channels"):
+            pins = getattr(self, name)
+            if len(set(pins)) != len(pins):
+                raise ValueError(f"{name}: each may be listed once, got {list(pins)}")
+        for baud in self.exact_bauds:
+            if baud <= 0 or self.clock_hz % (8 * baud):
+                raise ValueError(f"exact_bauds: {baud} does not divide clock_hz / 8 = {self.clock_hz / 8:g}")
+        return self
+
+
+class CatalogEntries(Model):
+    """Entries by identifier; a user's file and the packaged files have the same form."""
+
+    parts: dict[PartId, Part] = Field(default_factory=dict)
+    elastomers: dict[PartId, Elastomer] = Field(default_factory=dict)
+    mold_materials: dict[PartId, MoldMaterial] = Field(default_factory=dict)
+    boards: dict[PartId, Board] = Field(default_factory=dict)
+
+
+@cache
+def packaged() -> CatalogEntries:
+    """The entries that come with the program."""
+    entries = CatalogEntries()
+    for name in PACKAGED_FILES:
+        text = resources.files("design").joinpath("data", f"{name}.toml").read_text(encoding="utf-8")
+        entries = merged(entries, parse_entries(tomllib.loads(text), f"{name}.toml"))
+    return entries
+
+
+def parse_entries(mapping: Mapping[str, Any], where: str) -> CatalogEntries:
+    """Validate nested plain data, as read from a catalogue file.
+
+    Parameters
+    ----------
+    mapping : tables `parts`, `elastomers`, `mold_materials`, `boards`, each {identifier: fields}
+    where : name of the file, for messages
+
+    Raises
+    ------
+    DesignError : every refused field with its value and the limit.
+    """
+    try:
+        return CatalogEntries.model_validate_json(json.dumps(mapping, default=str), strict=True)
+    except ValidationError as err:
+        findings = dict.fromkeys(_finding(detail) for detail in err.errors(include_url=False))
+        lines = "\n".join(f"  {line}" for line in findings)
+        raise DesignError(f"{where}: not a usable catalogue\n{lines}") from None
+    except RecursionError:
+        raise DesignError(f"{where}: nested too deep to be a catalogue") from None
+
+
+def merged(base: CatalogEntries, extra: CatalogEntries) -> CatalogEntries:
+    """Both sets of entries; where an identifier is in both, `extra` holds."""
+    return CatalogEntries(
+        parts={**base.parts, **extra.parts},
+        elastomers={**base.elastomers, **extra.elastomers},
+        mold_materials={**base.mold_materials, **extra.mold_materials},
+        boards={**base.boards, **extra.boards},
+    )
+
+
+def find_part(entries: CatalogEntries, part_id: str, kind: Literal["emitter", "receiver"]) -> Part:
+    """The part of that identifier and kind.
+
+    Raises
+    ------
+    DesignError : no such part, or one of the other kind; the nearest of the right kind are named.
+    """
+    of_kind = {name: part for name, part in entries.parts.items() if part.kind == kind}
+    if part_id in entries.parts and part_id not in of_kind:
+        other = entries.parts[part_id].kind
+        raise DesignError(
+            f"part {part_id!r} is one of the {other}s, needed as one of the {kind}s; "
+            f"known {kind}s: {', '.join(sorted(of_kind)) or 'none'}"
+        )
+    return _find(of_kind, part_id, kind, "parts")
+
+
+def find_elastomer(entries: CatalogEntries, elastomer_id: str) -> Elastomer:
+    """The elastomer of that identifier; DesignError with the nearest names when there is none."""
+    return _find(entries.elastomers, elastomer_id, "elastomer", "elastomers")
+
+
+def find_mold_material(entries: CatalogEntries, material_id: str) -> MoldMaterial:
+    """The mold material of that identifier; DesignError with the nearest names when there is none."""
+    return _find(entries.mold_materials, material_id, "mold material", "mold_materials")
+
+
+def find_board(entries: CatalogEntries, board_id: str) -> Board:
+    """The board of that identifier; DesignError with the nearest names when there is none."""
+    return _find(entries.boards, board_id, "board", "boards")
+
+
+def _find(table: Mapping[str, Entry], name: str, noun: str, section: str) -> Entry:
+    if name in table:
+        return table[name]
+    near = difflib.get_close_matches(name, table, n=3, cutoff=0.4)
+    hint = f"did you mean {', '.join(near)}?" if near else f"known: {', '.join(sorted(table)) or 'none'}."
+    raise DesignError(
+        f"{noun} {name!r} is not in the catalogue; {hint} "
+        f'To use your own, add a table [catalog.{section}."{name}"] to the design file'
+    )
+
+
+def _finding(detail: ErrorDetails) -> str:
+    field = ".".join(str(key) for key in detail["loc"] if key != "[key]") or "the file"
+    match detail["type"]:
+        case "missing":
+            return f"{field}: is missing; add it"
+        case "extra_forbidden":
+            return f"{field}: is not a field of a catalogue entry; remove it or correct its spelling"
+        case "value_error":
+            return f"{field}: {detail['msg'].removeprefix('Value error, ')}"
+    shown = repr(detail["input"])
+    message = detail["msg"]
+    return f"{field}: {shown[:60]} is refused: {message[0].lower() + message[1:]}"

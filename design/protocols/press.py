@@ -1,0 +1,306 @@
+"""How a pad is pressed to collect data: patterns of places, one schedule of depths, sets in ambient light or dark.
+
+A file is TOML (docs/datasets.md); `piacenza2017` and `piacenza2017-quick` are packaged. Depth is positive into the pad,
+0 or less is untouched. Places lie in the workspace of the design unless `workspace_mm` says less. Grids are centred;
+the order of places is shuffled when data are drawn. Random places belong to the protocol, by their `place_seed`, so
+that the light of a protocol is one, whatever the seed of noise and order.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from functools import cached_property
+from importlib.resources import files
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, ValidationError, model_validator
+
+from design.errors import DesignError, InputError, ModelScopeError
+from design.fields.base import NAME_PATTERN, Model
+from design.fields.paths import nearest
+from design.fields.validation import design_error
+from design.geometry.cavity import Workspace, workspace_of
+from design.io import read_toml
+from design.spec import SensorDesign, canonical_json
+
+FloatArray = NDArray[np.float64]
+PROTOCOLS = ("piacenza2017", "piacenza2017-quick")
+"""Packaged protocols."""
+MOST_PLACES = 20_000
+MOST_DEPTHS = 20_000
+MOST_SAMPLES = 5_000_000
+SLACK_MM = 1e-9
+ROUND_DIGITS = 6
+"""Decimals of a depth or place [mm]."""
+
+Length = Annotated[float, Field(ge=-100.0, le=100.0)]
+
+
+class DepthSegment(Model):
+    """Depths from one to another by equal steps, both ends measured."""
+
+    from_mm: Length
+    to_mm: Length
+    step_mm: Annotated[float, Field(gt=0.0, le=100.0)]
+
+    @model_validator(mode="after")
+    def _reaches_its_end(self) -> Self:
+        steps = (self.to_mm - self.from_mm) / self.step_mm
+        if steps < -1e-6 or abs(steps - round(steps)) > 1e-6:
+            raise ValueError(
+                f"steps of {self.step_mm:g} from {self.from_mm:g} do not reach {self.to_mm:g} mm; change one of them"
+            )
+        if steps > MOST_DEPTHS:
+            raise ValueError(f"{steps:.0f} steps; give at most {MOST_DEPTHS}")
+        return self
+
+    @property
+    def depths_mm(self) -> tuple[float, ...]:
+        """All of its depths, rising [mm]."""
+        count = round((self.to_mm - self.from_mm) / self.step_mm) + 1
+        return tuple(round(self.from_mm + k * self.step_mm, ROUND_DIGITS) for k in range(count))
+
+
+class PressSet(Model):
+    """One session: a grid, or random places; ambient light or dark; to train on or to test on."""
+
+    name: Annotated[str, Field(pattern=NAME_PATTERN)]
+    role: Literal["train", "test"]
+    is_ambient: bool
+    grid_mm: Annotated[float | None, Field(gt=0.0, le=200.0, description="spacing of a grid")] = None
+    random_places: Annotated[
+        int | None, Field(ge=1, le=MOST_PLACES, description="how many random places, uniform")
+    ] = None
+    place_seed: Annotated[
+        int, Field(ge=0, lt=2**31, description="of the random places; equal seeds, equal places")
+    ] = 0
+
+    @model_validator(mode="after")
+    def _has_one_pattern(self) -> Self:
+        if (self.grid_mm is None) == (self.random_places is None):
+            raise ValueError(f"{self.name}: give grid_mm or random_places, one of the two")
+        return self
+
+    @property
+    def pattern(self) -> str:
+        """``grid`` or ``random``."""
+        return "random" if self.grid_mm is None else "grid"
+
+
+def _require_apart(sets: tuple[PressSet, ...]) -> None:
+    """Refuse random places that are both trained and tested on: errors there would be too small."""
+    trained = {one.place_seed: one.name for one in sets if one.random_places and one.role == "train"}
+    for one in sets:
+        if one.random_places and one.role == "test" and one.place_seed in trained:
+            raise ValueError(
+                f"sets: {one.name} tests at places of {trained[one.place_seed]}, which is trained on; give it another "
+                "place_seed"
+            )
+
+
+class PressProtocol(Model):
+    """A whole collection of data."""
+
+    name: Annotated[str, Field(pattern=NAME_PATTERN)]
+    description: str = ""
+    approach: Annotated[tuple[DepthSegment, ...], Field(min_length=1, max_length=64)]
+    retract: Annotated[
+        Literal["mirrored", "none"], Field(description="mirrored: the same depths on the way back")
+    ] = "mirrored"
+    turn: Annotated[
+        Literal["once", "twice"], Field(description="how often the deepest point is measured, where mirrored")
+    ] = "twice"
+    dwell_s: Annotated[float, Field(gt=0.0, le=3600.0, description="time a sample")] = 0.5
+    travel_s: Annotated[float, Field(ge=0.0, le=3600.0, description="time to the next place")] = 2.0
+    workspace_mm: Annotated[
+        tuple[float, float, float, float] | None,
+        Field(description="x0, y0, x1, y1 of the places; the design's workspace if left out"),
+    ] = None
+    curves: Annotated[
+        Literal["fine", "coarse"],
+        Field(
+            description="how many depths a simulation traces: coarse is two thirds of the light, for a first look"
+        ),
+    ] = "fine"
+    sets: Annotated[tuple[PressSet, ...], Field(min_length=1, max_length=64)]
+
+    @model_validator(mode="after")
+    def _can_be_run(self) -> Self:
+        depths = self.approach_mm
+        if not all(a < b for a, b in pairwise(depths)):
+            raise ValueError("approach: its depths must rise from segment to segment")
+        if depths[-1] <= 0.0:
+            raise ValueError(
+                f"approach: ends at {depths[-1]:g} mm and touches nothing; go below 0 into the pad"
+            )
+        names = [one.name for one in self.sets]
+        if len(set(names)) < len(names):
+            raise ValueError(f"sets: a name stands there twice: {', '.join(names)}")
+        _require_apart(self.sets)
+        box = self.workspace_mm
+        if box is not None and not (box[0] <= box[2] and box[1] <= box[3]):
+            raise ValueError(f"workspace_mm: {list(box)} is empty; write x0, y0, x1, y1")
+        return self
+
+    @property
+    def approach_mm(self) -> tuple[float, ...]:
+        """Depths of the way in, rising [mm]."""
+        return tuple(depth for segment in self.approach for depth in segment.depths_mm)
+
+    @property
+    def deepest_mm(self) -> float:
+        """Deepest press [mm]."""
+        return self.approach_mm[-1]
+
+    @cached_property
+    def depth_mm(self) -> FloatArray:
+        """(sample,) depths of one press in their order, way in and way back [mm]."""
+        down = self.approach_mm
+        back = down[::-1][int(self.turn == "once") :] if self.retract == "mirrored" else ()
+        return np.array([*down, *back])
+
+    @cached_property
+    def is_retracting(self) -> NDArray[np.bool_]:
+        """(sample,) whether a sample of a press is on the way back."""
+        return np.arange(len(self.depth_mm)) >= len(self.approach_mm)
+
+    @property
+    def press_s(self) -> float:
+        """Time of one press with the way to the next place [s]."""
+        return len(self.depth_mm) * self.dwell_s + self.travel_s
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 over the content, as 64 hexadecimal digits."""
+        return hashlib.sha256(canonical_json(self.model_dump(mode="json")).encode()).hexdigest()
+
+    def places_mm(self, design: SensorDesign) -> tuple[FloatArray, ...]:
+        """Of each set (place, 2) x, y in the cavity frame, before any shuffling [mm].
+
+        Raises
+        ------
+        ModelScopeError : the design is too small, the protocol too deep or its workspace outside the design's.
+        InputError : more places or samples than can be meant.
+        """
+        space = self._workspace(design)
+        found = tuple(_places_mm(one, number, space) for number, one in enumerate(self.sets))
+        samples = sum(map(len, found)) * len(self.depth_mm)
+        if samples > MOST_SAMPLES:
+            raise InputError(
+                f"protocol {self.name}: {samples} samples, at most {MOST_SAMPLES}; widen grid_mm or drop depths"
+            )
+        return found
+
+    def summary(self, design: SensorDesign) -> dict[str, Any]:
+        """What it amounts to on a design: counts of points a press, presses, samples."""
+        places = self.places_mm(design)
+        return {
+            "name": self.name,
+            "digest": self.digest,
+            "points_per_press": len(self.depth_mm),
+            "touched_per_press": int((self.depth_mm >= 0.0).sum()),
+            "presses": [len(one) for one in places],
+            "samples": sum(map(len, places)) * len(self.depth_mm),
+            "hours": sum(map(len, places)) * self.press_s / 3600.0,
+        }
+
+    def fitted_to(self, design: SensorDesign) -> PressProtocol:
+        """The same, without depths beyond the design's range of use; itself where there are none."""
+        limit = design.operating.max_depth_mm
+        if self.deepest_mm <= limit + SLACK_MM:
+            return self
+        kept = []
+        for segment in self.approach:
+            depths = [depth for depth in segment.depths_mm if depth <= limit + SLACK_MM]
+            if depths:
+                kept.append(segment.model_copy(update={"to_mm": depths[-1]}))
+        return protocol_from(
+            self.model_dump(mode="json") | {"approach": [one.model_dump(mode="json") for one in kept]},
+            where=self.name,
+        )
+
+    def _workspace(self, design: SensorDesign) -> Workspace:
+        whole = workspace_of(design)
+        if whole.is_empty:
+            raise ModelScopeError(
+                f"protocol {self.name}: the design has no workspace; lower operating.workspace_margin_mm"
+            )
+        if self.deepest_mm > design.operating.max_depth_mm + SLACK_MM:
+            raise ModelScopeError(
+                f"protocol {self.name}: presses to {self.deepest_mm:g} mm, the design is for "
+                f"{design.operating.max_depth_mm:g}; raise operating.max_depth_mm, or leave deeper points out (--fit)"
+            )
+        if self.workspace_mm is None:
+            return whole
+        x0, y0, x1, y1 = self.workspace_mm
+        if not (whole.contains(x0, y0) and whole.contains(x1, y1)):
+            raise ModelScopeError(
+                f"protocol {self.name}: workspace_mm {list(self.workspace_mm)} leaves the design's, "
+                f"x {whole.x0_mm:g} to {whole.x1_mm:g} and y {whole.y0_mm:g} to {whole.y1_mm:g} mm; narrow it, or "
+                "lower operating.workspace_margin_mm"
+            )
+        return Workspace(x0_mm=x0, x1_mm=x1, y0_mm=y0, y1_mm=y1)
+
+
+def load_protocol_file(where: str | Path) -> PressProtocol:
+    """A packaged protocol by its name, or a file.
+
+    Raises
+    ------
+    DesignError : no such protocol, or every refused field with its value, limit and the way out.
+    """
+    file = Path(where)
+    if not file.exists() and str(where) in PROTOCOLS:
+        file = Path(str(files("design.protocols") / f"{where}.toml"))
+    elif not file.exists():
+        near = nearest(file.stem, PROTOCOLS)
+        hint = f"did you mean the packaged {near[0]}?" if near else f"packaged: {', '.join(PROTOCOLS)}"
+        raise DesignError(f"{file}: no such protocol; {hint}")
+    return protocol_from(read_toml(file), where=str(file))
+
+
+def protocol_from(document: dict[str, Any], *, where: str) -> PressProtocol:
+    """Validate nested plain data; ``where`` names its origin in the message.
+
+    Raises
+    ------
+    DesignError : see `load_protocol_file`.
+    """
+    try:
+        return PressProtocol.model_validate_json(json.dumps(document, default=str), strict=True)
+    except ValidationError as err:
+        text = str(design_error(err, where)).replace("not a usable design", "not a usable protocol", 1)
+        raise DesignError(
+            text.replace("is not a field of a design", "is not a field of a protocol").replace(
+                "(see `optopad schema`", "(see docs/datasets.md"
+            )
+        ) from None
+
+
+def _places_mm(one: PressSet, number: int, space: Workspace) -> FloatArray:
+    if one.grid_mm is not None:
+        x_mm, y_mm = (
+            _grid_line_mm(low, high, one.grid_mm)
+            for low, high in ((space.x0_mm, space.x1_mm), (space.y0_mm, space.y1_mm))
+        )
+        if len(x_mm) * len(y_mm) > MOST_PLACES:
+            raise InputError(
+                f"sets.{number}.grid_mm: {one.grid_mm:g} makes {len(x_mm) * len(y_mm)} places, at most {MOST_PLACES}; "
+                "widen it"
+            )
+        return np.array([(x, y) for x in x_mm for y in y_mm])
+    rng = np.random.default_rng(one.place_seed)
+    low, high = (space.x0_mm, space.y0_mm), (space.x1_mm, space.y1_mm)
+    return np.round(rng.uniform(low, high, (one.random_places or 0, 2)), ROUND_DIGITS)
+
+
+def _grid_line_mm(low_mm: float, high_mm: float, step_mm: float) -> FloatArray:
+    steps = math.floor((high_mm - low_mm) / step_mm + 1e-9)
+    first = (low_mm + high_mm - steps * step_mm) / 2
+    return np.round(first + step_mm * np.arange(steps + 1), ROUND_DIGITS)

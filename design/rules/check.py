@@ -1,0 +1,112 @@
+"""Does it fit? Everything that is wrong with a design, and everything to keep in mind, at once.
+
+The schema (`design.spec`) checks each field by itself; these rules check fields against each other,
+against the catalogue, and against what the printer, the board and the models can do. Values that
+nobody has measured are not findings: the report lists them (`design.spec.properties.used_values`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from design.circuit.transimpedance import gain_findings
+from design.errors import DesignError
+from design.fields.finding import Finding, warning
+from design.fields.paths import leaves
+from design.geometry.cavity import CavityGeometry, cavity_of
+from design.geometry.mold_label import label_findings
+from design.rules.board import board_findings
+from design.rules.finish import angle_findings, finish_findings
+from design.rules.light import (
+    area_findings,
+    colour_findings,
+    count_findings,
+    depth_findings,
+    material_findings,
+    name_findings,
+    path_findings,
+    workspace_findings,
+)
+from design.rules.mold import mold_findings
+from design.rules.reference import entry_findings, found_board, part_findings
+from design.rules.webs import web_findings
+from design.spec import SensorDesign
+from design.spec.layout import MAX_PER_KIND, Placement, expand
+from design.spec.properties import entries_of
+from design.spec.tolerances import tolerance_findings
+
+__all__ = ["Finding", "check", "require_valid"]
+
+SMALLEST_LENGTH_MM = 0.01
+"""No printer, mold or caliper resolves less; a shorter length was most likely given in metres."""
+
+
+def check(design: SensorDesign) -> tuple[Finding, ...]:
+    """All findings about a design, errors first."""
+    places = expand(design.layout, design.cavity.length_mm, design.cavity.width_mm)
+    counts = _count(places, "emitter"), _count(places, "receiver")
+    unknown = part_findings(design, places)
+    found = [
+        *unknown,
+        *entry_findings(design),
+        *count_findings(*counts),
+        *depth_findings(design),
+        *finish_findings(design),
+        *label_findings(design),
+        *_unit_findings(design),
+    ]
+    board = found_board(design)
+    if board is not None and all(counts):
+        found += board_findings(design, board, *counts)
+    if not unknown:
+        found += tolerance_findings(design)
+        found += _geometry_findings(design, counts)
+        found += gain_findings(design) if board is not None and all(counts) else ()
+    return tuple(sorted(found, key=lambda finding: finding.severity != "error"))
+
+
+def require_valid(design: SensorDesign) -> None:
+    """Refuse a design that has errors; warnings pass.
+
+    Raises
+    ------
+    DesignError : all errors, one a line.
+    """
+    errors = [str(finding) for finding in check(design) if finding.severity == "error"]
+    if errors:
+        raise DesignError(f"{design.name}: not a usable design\n" + "\n".join(f"  {line}" for line in errors))
+
+
+def _geometry_findings(design: SensorDesign, counts: tuple[int, int]) -> Iterator[Finding]:
+    cavity = cavity_of(design)
+    if design.elastomer.material in entries_of(design).elastomers:
+        yield from material_findings(design)
+    yield from colour_findings(design, cavity)
+    yield from angle_findings(cavity)
+    yield from workspace_findings(design, cavity)
+    if all(0 < count <= MAX_PER_KIND for count in counts):
+        yield from _layout_findings(design, cavity)
+
+
+def _layout_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator[Finding]:
+    yield from name_findings(cavity)
+    yield from path_findings(cavity)
+    yield from area_findings(cavity)
+    yield from web_findings(design)
+    yield from mold_findings(design)
+
+
+def _unit_findings(design: SensorDesign) -> Iterator[Finding]:
+    for path, value in leaves(design.model_dump(mode="json", exclude={"catalog", "part_measurements"})):
+        if path.endswith("_mm") and isinstance(value, float) and 0 < abs(value) < SMALLEST_LENGTH_MM:
+            yield warning(
+                path,
+                "so short a length cannot be made",
+                value=f"{value:g} mm",
+                limit=f"0, or at least {SMALLEST_LENGTH_MM:g} mm",
+                way_out="lengths are in millimetres: was it given in metres?",
+            )
+
+
+def _count(places: tuple[Placement, ...], kind: str) -> int:
+    return sum(place.kind == kind for place in places)

@@ -1,0 +1,87 @@
+"""What to keep in mind about smooth walls, angular tables and chips under epoxy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from design.errors import DesignError
+from design.fields.finding import Finding, error, warning
+from design.geometry.cavity import CavityGeometry
+from design.parts.angular import FLAT_FACE_LEAST_DEG
+from design.parts.catalog import Part
+from design.spec import SensorDesign
+from design.spec.properties import entries_of, wall_index
+
+SHORT_TABLE_DEG = 80.0
+"""A table that ends before it leaves more than 3 % of a Lambertian source's power to an assumption."""
+
+
+def finish_findings(design: SensorDesign) -> Iterator[Finding]:
+    """Walls that mirror: an index that is missing or has no use, and what such walls cost."""
+    surfaces = design.surfaces
+    if surfaces.wall_index is not None and surfaces.wall_finish != "glossy":
+        yield error(
+            "surfaces.wall_index",
+            f"surfaces.wall_finish is '{surfaces.wall_finish}', which has no use for an index",
+            value=f"{surfaces.wall_index:g}",
+            limit="no wall_index, or wall_finish = 'glossy'",
+            way_out="remove it, or set surfaces.wall_finish = 'glossy'",
+        )
+    if surfaces.wall_finish != "diffuse":
+        yield warning(
+            "surfaces.wall_finish",
+            "light that a wall mirrors is traced, not integrated: runs take longer, standard errors are larger",
+            value=f"'{surfaces.wall_finish}'",
+            limit="'diffuse' for the fastest run",
+            way_out="keep it where the walls are smooth; heed the standard errors",
+        )
+    if design.mold.material in entries_of(design).mold_materials:
+        yield from _index_findings(design)
+
+
+def _index_findings(design: SensorDesign) -> Iterator[Finding]:
+    try:
+        wall_index(design)
+    except DesignError as err:
+        where, _, rest = str(err).partition(": ")
+        what, _, way_out = rest.partition("; ")
+        yield error(where, what, value="none", limit="an index of the wall, 1 to 2.5", way_out=way_out)
+
+
+def angle_findings(cavity: CavityGeometry) -> Iterator[Finding]:
+    """Lenses, which elastomer takes away, and angular tables that end early."""
+    for placed in {part.part_id: part for part in cavity.parts}.values():
+        yield from _lens_findings(placed.part, placed.part_id, placed.origin)
+        yield from _table_findings(placed.part, placed.part_id, placed.origin)
+
+
+def _half_angle_deg(part: Part) -> float:
+    table = part.angular_pattern if part.kind == "emitter" else part.angular_response
+    return part.half_angle_deg.value if table is None else table.half_angle_deg()
+
+
+def _lens_findings(part: Part, part_id: str, origin: str) -> Iterator[Finding]:
+    half = _half_angle_deg(part)
+    if half >= FLAT_FACE_LEAST_DEG or (part.kind == "receiver" and part.epoxy_index is None):
+        return
+    yield warning(
+        origin,
+        f"{part_id} has a lens, by its narrow half angle in air; bedded in elastomer a lens loses most of its power, "
+        "which is not modelled",
+        value=f"{half:g} deg",
+        limit=f"{FLAT_FACE_LEAST_DEG:g} deg or more, as behind a flat face",
+        way_out="choose a flat part, or measure the angles in elastomer and give them as a table",
+    )
+
+
+def _table_findings(part: Part, part_id: str, origin: str) -> Iterator[Finding]:
+    for name in ("angular_pattern", "angular_response"):
+        table = getattr(part, name)
+        if table is not None and table.last_deg < SHORT_TABLE_DEG:
+            yield warning(
+                origin,
+                f"{name} of {part_id} ends early; beyond its last angle a linear fall to 0 at 90 deg is assumed",
+                value=f"{table.last_deg:g} deg",
+                limit=f"{SHORT_TABLE_DEG:g} deg or more",
+                way_out="give the sheet's values further out",
+            )

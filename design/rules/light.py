@@ -1,0 +1,269 @@
+"""Can the design be judged? Active areas against the clear layer, paths, workspace, depth, tables.
+
+The contact model holds to the lesser of 0.8 of the elastic depth (clear and black layer together) and
+1.7 tip radii; beyond it the verdict is OUT_OF_MODEL_SCOPE. That is a verdict, so it is a warning here;
+deeper than the clear layer itself there is nothing left to press, and that is an error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from design.errors import DesignError
+from design.fields.finding import Finding, error, mm, warning
+from design.fields.units import ROUNDING_MM
+from design.geometry.cavity import CavityGeometry, PlacedPart
+from design.geometry.pairs import direct_path_pairs, facing_pairs, is_facing_rows
+from design.rules.contact_scope import (
+    DEEPEST_PRESS,
+    LARGEST_SHARE_OF_LAYER,
+    LAYER_DEPTH_RANGE,
+    LIBRARY_LAYER_RANGE,
+)
+from design.spec import SensorDesign, properties
+from design.spec.layout import MAX_PER_KIND, Kind
+
+KINDS: tuple[Kind, Kind] = ("emitter", "receiver")
+
+
+def deepest_modelled_mm(design: SensorDesign) -> float:
+    """Deepest press that the contact model covers [mm]."""
+    elastic = design.cavity.clear_thickness_mm + design.cavity.black_thickness_mm
+    return min(LARGEST_SHARE_OF_LAYER * elastic, DEEPEST_PRESS * design.indenter.tip_radius_mm)
+
+
+def count_findings(emitter_count: int, receiver_count: int) -> Iterator[Finding]:
+    """No emitter, no receiver, or more of them than signals, states and pins are made for."""
+    for kind, count in zip(KINDS, (emitter_count, receiver_count), strict=True):
+        if count == 0:
+            yield error(
+                "layout",
+                f"the layout places no {kind}",
+                value=0,
+                limit=f"1 to {MAX_PER_KIND} {kind}s",
+                way_out=f"add a pattern that places {kind}s",
+            )
+        elif count > MAX_PER_KIND:
+            yield error(
+                "layout",
+                f"the layout places too many {kind}s",
+                value=count,
+                limit=f"1 to {MAX_PER_KIND}",
+                way_out="place fewer, or make two designs",
+            )
+
+
+def name_findings(cavity: CavityGeometry) -> Iterator[Finding]:
+    """Parts that share a name, which signals, wiring and reports go by."""
+    names = [part.name for part in cavity.parts]
+    for name in dict.fromkeys(name for name in names if names.count(name) > 1):
+        origin = [part.origin for part in cavity.parts if part.name == name][-1]
+        yield error(
+            origin,
+            f"{names.count(name)} parts have the name {name}",
+            value=name,
+            limit="a name for each part",
+            way_out="rename one; parts without a name are called E1, E2 ... and R1, R2 ... in order",
+        )
+
+
+def area_findings(cavity: CavityGeometry) -> Iterator[Finding]:
+    """Emitting and sensitive areas that are not, or not wholly, in the clear layer."""
+    seen: set[tuple[str, str]] = set()
+    for part in cavity.parts:
+        if (part.height_field, part.part_id) not in seen:  # parts that share both share their finding
+            seen.add((part.height_field, part.part_id))
+            yield from _area_of(part)
+
+
+def path_findings(cavity: CavityGeometry) -> Iterator[Finding]:
+    """Pairs that cannot see each other, and layouts that look from one side only."""
+    walls = {kind: sorted({p.wall for p in cavity.parts if p.kind == kind}) for kind in KINDS}
+    if not direct_path_pairs(cavity).any():
+        yield error(
+            "layout",
+            "no pair has a direct path: every emitter and every receiver is in the same wall",
+            value=f"all on the {walls['emitter'][0]} wall",
+            limit="emitters and receivers in different walls",
+            way_out="place receivers on another wall, for example with pattern = 'facing_rows'",
+        )
+    elif not is_facing_rows(cavity):
+        for kind in KINDS:
+            if len(walls[kind]) == 1:
+                yield warning(
+                    "layout",
+                    f"all {kind}s are in one wall, so a press is seen from one side",
+                    value=f"all {kind}s on the {walls[kind][0]} wall",
+                    limit="two walls or more",
+                    way_out=f"spread the {kind}s over the walls, or accept a weaker depth and location",
+                )
+
+
+def workspace_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator[Finding]:
+    """A workspace that is empty, smaller than the tip, or away from the pairs that are judged."""
+    space, radius = cavity.workspace, design.indenter.tip_radius_mm
+    side = min(space.x1_mm - space.x0_mm, space.y1_mm - space.y0_mm)
+    margin = design.operating.workspace_margin_mm
+    if space.is_empty:
+        yield error(
+            "operating.workspace_margin_mm",
+            f"no place is left to press with a tip of radius {radius:g} mm",
+            value=f"{margin:g} mm leave {mm(side)} for the tip's centre",
+            limit="at least 0.00 mm",
+            way_out="lower it, use a smaller indenter.tip_radius_mm, or enlarge the cavity",
+        )
+        return
+    if 2 * radius > side + ROUNDING_MM:
+        yield warning(
+            "indenter.tip_radius_mm",
+            "the tip is wider than the workspace that it moves in",
+            value=f"a tip of {mm(2 * radius)} across",
+            limit=f"at most the workspace's {mm(side)}",
+            way_out="use a smaller tip or margin, or enlarge the cavity",
+        )
+    yield from _off_chord_findings(cavity)
+
+
+def depth_findings(design: SensorDesign) -> Iterator[Finding]:
+    """A layer that the contact model does not hold; a press deeper than the clear layer, or than the model holds."""
+    depth, clear = design.operating.max_depth_mm, design.cavity.clear_thickness_mm
+    elastic, tip = clear + design.cavity.black_thickness_mm, design.indenter.tip_radius_mm
+    thinnest, thickest = (radii * tip for radii in LAYER_DEPTH_RANGE)
+    if not thinnest - ROUNDING_MM <= elastic <= thickest + ROUNDING_MM:
+        yield warning(
+            "cavity.clear_thickness_mm",
+            "both layers together are outside the contact model, so the verdict will be OUT_OF_MODEL_SCOPE",
+            value=f"{mm(elastic)} elastic depth",
+            limit=f"{mm(thinnest)} to {mm(thickest)}: {LAYER_DEPTH_RANGE[0]:g} to {LAYER_DEPTH_RANGE[1]:g} tip radii",
+            way_out="change it, cavity.black_thickness_mm or indenter.tip_radius_mm",
+        )
+    elif (
+        not LIBRARY_LAYER_RANGE[0] * tip - ROUNDING_MM
+        <= elastic
+        <= LIBRARY_LAYER_RANGE[1] * tip + ROUNDING_MM
+    ):
+        low, high = LIBRARY_LAYER_RANGE
+        yield warning(
+            "cavity.clear_thickness_mm",
+            "both layers together are outside the contact library: solved live (minutes), and compared with nothing",
+            value=f"{mm(elastic)} elastic depth",
+            limit=f"{mm(low * tip)} to {mm(high * tip)}: {low:g} to {high:g} tip radii",
+            way_out="change it, cavity.black_thickness_mm or indenter.tip_radius_mm, or check the force on the build",
+        )
+    scope = deepest_modelled_mm(design)
+    if depth > clear + ROUNDING_MM:
+        yield error(
+            "operating.max_depth_mm",
+            "the deepest press is deeper than the clear layer",
+            value=f"{depth:g} mm",
+            limit=f"at most cavity.clear_thickness_mm = {clear:g} mm",
+            way_out="lower it, or thicken the layer",
+        )
+    elif depth > scope + ROUNDING_MM:
+        yield warning(
+            "operating.max_depth_mm",
+            "the deepest press is outside the contact model, so the verdict will be OUT_OF_MODEL_SCOPE",
+            value=f"{depth:g} mm",
+            limit=f"at most {mm(scope)}: {LARGEST_SHARE_OF_LAYER:g} x elastic depth and {DEEPEST_PRESS:g} x tip radius",
+            way_out="lower it, thicken the layers, or use a larger indenter.tip_radius_mm",
+        )
+
+
+def material_findings(design: SensorDesign) -> Iterator[Finding]:
+    """Optical and elastic values that the catalogue's tables do not reach."""
+    for field, look_up in (
+        ("elastomer.refractive_index", properties.refractive_index),
+        ("elastomer.absorption_db_per_cm", properties.absorption_db_per_cm),
+        ("elastomer.youngs_modulus_mpa", properties.modulus),
+    ):
+        try:
+            look_up(design)
+        except DesignError as err:
+            where, _, rest = str(err).partition(": ")
+            what, _, way_out = rest.partition("; ")
+            yield error(
+                where if where == "elastomer.mixing_ratio" else "emitters.part",
+                what,
+                value=f"mixing_ratio {design.elastomer.mixing_ratio:g}, {design.emitters.part}",
+                limit="a value inside the catalogue's table",
+                way_out=way_out or f"give {field}",
+            )
+
+
+def colour_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator[Finding]:
+    """Emitters of other colours than the default one, for which the index is looked up."""
+    default = properties.wavelength_um(design) * 1000.0
+    spectrum = properties.part_of(design, design.emitters.part, "emitter").spectrum
+    others = {
+        part.part_id: part
+        for part in cavity.emitters
+        if part.part.wavelength_nm is not None
+        and (abs(part.part.wavelength_nm.value - default) > 1e-6 or part.part.spectrum != spectrum)
+    }
+    for part_id, part in others.items():
+        assert part.part.wavelength_nm is not None  # filtered above
+        differs = "wavelength" if part.part.spectrum == spectrum else "spectrum"
+        yield warning(
+            part.origin,
+            f"{part_id} has another {differs} than emitters.part, whose refractive index is used for all",
+            value=f"{part.part.wavelength_nm.value:g} nm",
+            limit=f"{default:g} nm",
+            way_out="make it emitters.part, or compare both designs",
+        )
+
+
+def _area_of(part: PlacedPart) -> Iterator[Finding]:
+    low, high = part.height_mm - part.half_height_mm, part.height_mm + part.half_height_mm
+    area = "emitting area" if part.kind == "emitter" else "sensitive area"
+    if part.height_mm > part.clear_mm + ROUNDING_MM:
+        yield error(
+            part.height_field,
+            f"the centre of the {area} of {part.name} is above the undisturbed surface",
+            value=f"{part.height_mm:g} mm",
+            limit=f"at most cavity.clear_thickness_mm = {part.clear_mm:g} mm",
+            way_out="lower the part or thicken the clear layer",
+        )
+    elif high > part.clear_mm + ROUNDING_MM:
+        yield warning(
+            part.height_field,
+            f"the {area} of {part.name} reaches above the surface and loses {part.lost_share:.0%} of it",
+            value=f"its upper edge at {mm(high)}",
+            limit=f"at most cavity.clear_thickness_mm = {part.clear_mm:g} mm for the whole of it",
+            way_out="lower the part, thicken the clear layer, or accept the weaker signal",
+        )
+    if low < -ROUNDING_MM:
+        yield error(
+            part.height_field,
+            f"the {area} of {part.name} sticks out below the clear layer",
+            value=f"its lower edge at {mm(low)}",
+            limit="at least 0.00 mm, the bottom of the clear layer",
+            way_out=f"raise the part to {mm(part.half_height_mm)} or more (heights are in millimetres)",
+        )
+
+
+def _off_chord_findings(cavity: CavityGeometry) -> Iterator[Finding]:
+    """In facing rows the verdict is that of single pairs, so a press beside the chord matters."""
+    beside = []
+    for e, r in facing_pairs(cavity):
+        x, y = _chord_middle_mm(cavity.emitters[e], cavity.receivers[r], cavity)
+        cx, cy = cavity.workspace.clamped(x, y)
+        shift = max(abs(cx - x), abs(cy - y))
+        if shift > ROUNDING_MM:
+            beside.append((shift, f"{cavity.emitters[e].name}-{cavity.receivers[r].name}"))
+    if beside:
+        yield warning(
+            "operating.workspace_margin_mm",
+            f"the workspace does not reach the chords of {', '.join(name for _, name in beside)}; "
+            "they are judged under a press beside their chord",
+            value=f"{mm(max(shift for shift, _ in beside))} beside",
+            limit="a press on the chord",
+            way_out="lower the margin, lower layout pitch_mm, or judge by the other pairs",
+        )
+
+
+def _chord_middle_mm(
+    emitter: PlacedPart, receiver: PlacedPart, cavity: CavityGeometry
+) -> tuple[float, float]:
+    ex, ey, _ = emitter.position_mm(cavity.length_mm, cavity.width_mm)
+    rx, ry, _ = receiver.position_mm(cavity.length_mm, cavity.width_mm)
+    return (ex + rx) / 2, (ey + ry) / 2

@@ -1,0 +1,72 @@
+"""Options of the mold that need something of the rest: a cover's seat, a parted mold, fits.
+
+Names that find no room on the outer face are told by the printed parts' checks (`cad.checks`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from design.fields.finding import Finding, error, mm
+from design.fields.units import ROUNDING_MM
+from design.geometry.mold_outline import MoldOutline, outline_of
+from design.spec import SensorDesign
+
+LEAST_SEAT_MM = 0.5
+"""A cover needs this much rim around it to stay where it is laid."""
+
+
+def mold_findings(design: SensorDesign) -> Iterator[Finding]:
+    """What keeps an option from working."""
+    outline = outline_of(design)
+    yield from _fit_findings(design, outline)
+    yield from _cover_findings(design, outline)
+    yield from _piece_findings(design)
+
+
+def _fit_findings(design: SensorDesign, outline: MoldOutline) -> Iterator[Finding]:
+    used = sorted({socket.part.part_id for socket in outline.sockets})
+    for part_id in design.mold.fits:
+        if part_id not in used:
+            yield error(
+                f"mold.fits.{part_id}",
+                "no part of the layout is one of these",
+                value=part_id,
+                limit=f"one of {', '.join(used)}",
+                way_out="correct the name, or leave it out",
+            )
+
+
+def _cover_findings(design: SensorDesign, outline: MoldOutline) -> Iterator[Finding]:
+    if not outline.ledge_mm:
+        return
+    if design.mold.rim_mm < LEAST_SEAT_MM:
+        yield error(
+            "mold.rim_mm",
+            "too low to hold a glass cover in its seat",
+            value=mm(design.mold.rim_mm),
+            limit=f"at least {mm(LEAST_SEAT_MM)}",
+            way_out="raise it, best to the cover's thickness, or set mold.cover_ledge_mm = 0",
+        )
+    high = [s.part for s in outline.sockets if s.part.body_top_mm > outline.fill_mm + ROUNDING_MM]
+    if high:
+        worst = max(high, key=lambda part: part.body_top_mm)
+        names = " ".join(part.name for part in high)
+        yield error(
+            "mold.cover_ledge_mm",
+            f"a cover at the fill level would lie on the bodies of {names}",
+            value=f"{mm(worst.body_top_mm - outline.fill_mm)} above it",
+            limit="bodies below the clear layer's top",
+            way_out=f"lower {worst.height_field}, use a part with less body_height_mm, or set it to 0",
+        )
+
+
+def _piece_findings(design: SensorDesign) -> Iterator[Finding]:
+    if design.mold.pieces == "frame_and_base" and design.mold.fixing_hole_diameter_mm == 0:
+        yield error(
+            "mold.pieces",
+            "nothing holds frame and base together",
+            value="no fixing holes",
+            limit="mold.fixing_hole_diameter_mm above 0",
+            way_out="give fixing holes for screws, or set mold.pieces = 'one'",
+        )

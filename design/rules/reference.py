@@ -1,0 +1,91 @@
+"""Does everything that the design names exist? Parts, materials, board, measured values.
+
+What cannot be found is reported once for each place that names it; everything that can be found goes
+on to the other rules, so that one spelling mistake does not hide ten others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from design.errors import DesignError
+from design.fields.finding import Finding, error
+from design.fields.paths import nearest
+from design.geometry.cavity import part_field
+from design.parts import catalog
+from design.parts.catalog import Board, CatalogEntries
+from design.spec import SensorDesign
+from design.spec.layout import Kind, Placement
+from design.spec.properties import entries_of, part_of
+
+
+def part_findings(design: SensorDesign, places: tuple[Placement, ...]) -> list[Finding]:
+    """Parts and measured values that the catalogue does not have."""
+    return [*_named_findings(design, places), *_measurement_findings(design, entries_of(design))]
+
+
+def entry_findings(design: SensorDesign) -> Iterator[Finding]:
+    """Materials and boards that the catalogue does not have."""
+    entries = entries_of(design)
+    for field, look_up, name in (
+        ("elastomer.material", catalog.find_elastomer, design.elastomer.material),
+        ("mold.material", catalog.find_mold_material, design.mold.material),
+        ("board.kind", catalog.find_board, design.board.kind),
+    ):
+        try:
+            look_up(entries, name)
+        except DesignError as err:
+            yield _not_found(field, name, err)
+
+
+def found_board(design: SensorDesign) -> Board | None:
+    """The design's board; None when the catalogue does not have it."""
+    return entries_of(design).boards.get(design.board.kind)
+
+
+def _named_findings(design: SensorDesign, places: tuple[Placement, ...]) -> Iterator[Finding]:
+    named: dict[tuple[str, str, Kind], None] = {
+        ("emitters.part", design.emitters.part, "emitter"): None,
+        ("receivers.part", design.receivers.part, "receiver"): None,
+    }
+    for place in places:
+        if place.part is not None:
+            named[(part_field(place), place.part, place.kind)] = None
+    for field, part_id, kind in named:
+        try:
+            part_of(design, part_id, kind)
+        except DesignError as err:
+            if not str(err).startswith("part_measurements."):  # these have their own finding
+                yield _not_found(field, part_id, err)
+
+
+def _measurement_findings(design: SensorDesign, entries: CatalogEntries) -> Iterator[Finding]:
+    for part_id in design.part_measurements:
+        field = f"part_measurements.{part_id}"
+        if part_id not in entries.parts:
+            near = nearest(part_id, tuple(entries.parts))
+            yield error(
+                field,
+                "values were measured on a part that is not in the catalogue",
+                value=part_id,
+                limit="a part of the catalogue",
+                way_out=f"did you mean {', '.join(near)}?" if near else "correct its name",
+            )
+            continue
+        try:
+            part_of(design, part_id, entries.parts[part_id].kind)
+        except DesignError as err:
+            where, _, rest = str(err).partition(": ")
+            what, _, way_out = rest.partition("; ")
+            yield error(
+                where,
+                what,
+                value=", ".join(f"{k} = {v:g}" for k, v in design.part_measurements[part_id].items()),
+                limit="what the catalogue allows for the part",
+                way_out=way_out or "correct or remove it",
+            )
+
+
+def _not_found(field: str, name: str, err: DesignError) -> Finding:
+    what, _, way_out = str(err).partition("; ")
+    return error(field, what, value=repr(name), limit="an entry of the catalogue", way_out=way_out)

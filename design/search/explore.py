@@ -1,0 +1,335 @@
+"""The search: propose designs, have them judged, learn, go on; whatever stops it, nothing that was judged is lost.
+
+    open study ──► base design judged once ──► limits as numbers
+        ┌──────────────────────────────────────────────┐
+        └► propose a batch ──► judge it (here, or fanned out) ──► record each design as it comes ┘
+
+The objective is an argument, so this module knows nothing of light. A batch is proposed before any of it is judged, and
+each proposal is seeded by its position: the same space, seed and batch give the same designs however many processes
+judge them, in whatever order they answer, and however often the search is killed in between. Shared studies are the
+exception: what a worker proposes depends on what the others have finished by then.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import threading
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import optuna
+from optuna.trial import FrozenTrial, TrialState
+
+from design.errors import DesignError
+from design.search.front import pareto_front
+from design.search.judged import FanOut, Judged, Limit, Objective, Tried, limits_of, one_by_one
+from design.search.space import ROUND_DIGITS, SearchSpace, Value
+from design.search.study import (
+    FINISHED,
+    GRACE_BEATS,
+    beat,
+    distributions_of,
+    grid_size,
+    opened_study,
+    queue_first,
+    recover,
+    release,
+    sampler_of,
+    trials_in,
+)
+from design.spec import SensorDesign
+
+BASE, JUDGED = "base", "judged"
+HEARTBEAT_S = 20
+
+
+@dataclass(frozen=True, kw_only=True)
+class Findings:
+    """What a search has found so far.
+
+    Attributes
+    ----------
+    base : the base design as the objective judged it
+    limits : what designs are held to
+    tried : finished designs by number
+    front : feasible designs that no other one beats
+    wanted : designs that were asked for
+    is_interrupted : whether the user stopped it before that
+    """
+
+    space: SearchSpace
+    base: Judged
+    limits: tuple[Limit, ...]
+    tried: tuple[Tried, ...]
+    front: tuple[Tried, ...]
+    wanted: int
+    is_interrupted: bool = False
+
+
+OnTried = Callable[[Findings, Tried | None], None]
+"""Called at the start and after every design, with what is found so far and the design that was just judged."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Asked:
+    trial: optuna.Trial
+    design: SensorDesign | None
+    refusal: str
+
+
+def explore(
+    space: SearchSpace,
+    objective: Objective,
+    url: str,
+    *,
+    trials: int | None = None,
+    is_shared: bool = False,
+    fan_out: FanOut = one_by_one,
+    on_tried: OnTried | None = None,
+    heartbeat_s: int = HEARTBEAT_S,
+) -> Findings:
+    """Search until a number of designs is judged; a study that exists is gone on with.
+
+    Parameters
+    ----------
+    objective : judges one design
+    url : address of the study's database
+    trials : designs in all, those of earlier runs included; None takes the space's
+    is_shared : other processes may work on the study at the same time
+    fan_out : judges a batch; designs must be independent of each other
+    heartbeat_s : of a shared study [s]
+
+    Raises
+    ------
+    InputError, DesignError : the storage, or a study of another space; what is judged stays recorded.
+    """
+    with opened_study(space, url, heartbeat_s=heartbeat_s if is_shared else None) as study:
+        run = _Run(
+            space, objective, study, trials or space.search.trials, is_shared, fan_out, on_tried, heartbeat_s
+        )
+        return run.to_the_end()
+
+
+def findings_of(space: SearchSpace, url: str, *, wanted: int) -> Findings:
+    """What an existing study holds, without going on with it."""
+    with opened_study(space, url) as study:
+        base = _judged_from(study.user_attrs.get(BASE) or {})
+        return _findings(study, space, base, limits_of(space, base), wanted)
+
+
+class _Run:
+    """One process's part of a search: what stays the same from batch to batch."""
+
+    def __init__(
+        self,
+        space: SearchSpace,
+        objective: Objective,
+        study: optuna.Study,
+        wanted: int,
+        is_shared: bool,
+        fan_out: FanOut,
+        on_tried: OnTried | None,
+        heartbeat_s: int,
+    ) -> None:
+        self.space, self.objective, self.study, self.fan_out = space, objective, study, fan_out
+        self.is_shared, self.on_tried, self.heartbeat_s = is_shared, on_tried, heartbeat_s
+        is_grid = space.search.sampler == "grid"
+        self.wanted = min(wanted, grid_size(space)) if is_grid else wanted
+        self.worker = f"{socket.gethostname()}:{os.getpid()}:{time.time_ns()}" if is_shared else ""
+        self.distributions = distributions_of(space)
+        self.base = self._base()
+        self.limits = limits_of(space, self.base)
+
+    def to_the_end(self) -> Findings:
+        recover(self.study, is_shared=self.is_shared)
+        queue_first(self.study, self.space, is_shared=self.is_shared)
+        self._tell_listener(None)
+        is_interrupted = False
+        try:
+            while size := self._next_size():
+                self._batch(size)
+                if self.is_shared:
+                    recover(self.study, is_shared=True)
+        except KeyboardInterrupt:
+            is_interrupted = True
+        return _findings(self.study, self.space, self.base, self.limits, self.wanted, is_interrupted)
+
+    def _base(self) -> Judged:
+        known = self.study.user_attrs.get(BASE)
+        if known is None:
+            known = _record(self.objective(self.space.base, ()), self.space.base.digest, 0.0)
+            self.study.set_user_attr(BASE, known)
+        return _judged_from(known)
+
+    def _next_size(self) -> int:
+        """Designs of the next batch; 0 when nothing is left to do, after waiting for what others still judge."""
+        waited, seen = 0.0, -1
+        while True:
+            finished = len(trials_in(self.study, *FINISHED))
+            running = len(trials_in(self.study, TrialState.RUNNING))
+            room = self.wanted - finished - running
+            if room > 0:
+                return min(room, self._batch_size(finished + running))
+            if running == 0 or not self.is_shared or waited > 3 * GRACE_BEATS * self.heartbeat_s:
+                return 0
+            waited, seen, before = (0.0, finished, 0.0) if finished != seen else (waited + 0.5, seen, waited)
+            time.sleep(0.5)
+            recover(self.study, is_shared=True)
+            if before <= GRACE_BEATS * self.heartbeat_s < waited:
+                # What is left beats, or was lost before its first beat: one beat on its behalf makes that one stale.
+                beat(self.study, [trial._trial_id for trial in trials_in(self.study, TrialState.RUNNING)])
+
+    def _batch_size(self, before: int) -> int:
+        """Up to the next multiple of the batch, so that a resumed search keeps step with one that was never stopped.
+
+        Quasi-random points need one design that is recorded before the rest: it tells Optuna what the space is.
+        """
+        size = self.space.search.batch
+        if self.space.search.sampler == "qmc":
+            return 1 if before == 0 else size - (before - 1) % size
+        return size - before % size
+
+    def _batch(self, size: int) -> None:
+        asked: list[_Asked] = []
+        try:
+            with self._beating(asked):
+                for _ in range(size):
+                    asked.append(self._ask())
+                self._judge(asked)
+        except BaseException:
+            release(self.study, [one.trial.number for one in asked])
+            raise
+
+    def _ask(self) -> _Asked:
+        before = len(trials_in(self.study, *FINISHED, TrialState.RUNNING))
+        is_queued = bool(trials_in(self.study, TrialState.WAITING))
+        sampler = sampler_of(self.space, before, self.worker)
+        if is_queued and self.space.search.sampler == "qmc":
+            sampler = (
+                optuna.samplers.RandomSampler()
+            )  # it has nothing to draw, and uses up no quasi-random point
+        self.study.sampler = sampler
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="Heartbeat of storage", category=UserWarning)
+            trial = self.study.ask(fixed_distributions=self.distributions)
+        if self.is_shared:
+            beat(self.study, [trial._trial_id])
+        try:
+            return _Asked(trial=trial, design=self.space.design_at(trial.params), refusal="")
+        except DesignError as err:
+            return _Asked(trial=trial, design=None, refusal=str(err).splitlines()[-1].strip())
+
+    def _judge(self, asked: list[_Asked]) -> None:
+        for one in asked:
+            if one.design is None:
+                self._record(one, Judged(reason=one.refusal), 0.0)
+        sound = [one for one in asked if one.design is not None]
+        started = time.monotonic()
+        designs = [one.design for one in sound if one.design is not None]
+        for number, judged in self.fan_out(self.objective, designs, self.limits):
+            now = time.monotonic()
+            self._record(sound[number], judged, now - started)
+            started = now
+
+    def _record(self, one: _Asked, judged: Judged, seconds: float) -> None:
+        wanted = [judged.figures.get(objective.figure) for objective in self.space.objectives]
+        values = [value for value in wanted if value is not None]
+        if not judged.reason and len(values) < len(wanted):
+            missing = [o.figure for o, v in zip(self.space.objectives, wanted, strict=True) if v is None]
+            judged = Judged(
+                figures=judged.figures, verdict=judged.verdict, reason=f"{', '.join(missing)}: not resolved"
+            )
+        digest = one.design.digest if one.design is not None else ""
+        one.trial.set_user_attr(JUDGED, _record(judged, digest, seconds))
+        for name, miss in judged.violations(self.limits).items():
+            one.trial.set_constraint(name, miss)
+        if judged.reason:
+            self.study.tell(one.trial, state=TrialState.PRUNED, skip_if_finished=True)
+        else:
+            self.study.tell(one.trial, values, skip_if_finished=True)
+        self._tell_listener(one.trial.number)
+
+    def _tell_listener(self, number: int | None) -> None:
+        if self.on_tried is not None:
+            found = _findings(self.study, self.space, self.base, self.limits, self.wanted)
+            self.on_tried(found, next((one for one in found.tried if one.number == number), None))
+
+    @contextmanager
+    def _beating(self, asked: list[_Asked]) -> Iterator[None]:
+        """Show other workers of a shared study that the designs in hand are being judged."""
+        if not self.is_shared:
+            yield
+            return
+        done = threading.Event()
+        pulse = threading.Thread(target=self._beat, args=(asked, done), daemon=True)
+        pulse.start()
+        try:
+            yield
+        finally:
+            done.set()
+            pulse.join()
+
+    def _beat(self, asked: list[_Asked], done: threading.Event) -> None:
+        while not done.wait(min(1.0, self.heartbeat_s / 2)):
+            beat(self.study, [one.trial._trial_id for one in list(asked)])
+
+
+def _findings(
+    study: optuna.Study,
+    space: SearchSpace,
+    base: Judged,
+    limits: tuple[Limit, ...],
+    wanted: int,
+    is_interrupted: bool = False,
+) -> Findings:
+    tried = tuple(_tried(trial, limits) for trial in trials_in(study, *FINISHED))
+    return Findings(
+        space=space,
+        base=base,
+        limits=limits,
+        tried=tried,
+        front=pareto_front(space, tried),
+        wanted=wanted,
+        is_interrupted=is_interrupted,
+    )
+
+
+def _tried(trial: FrozenTrial, limits: tuple[Limit, ...]) -> Tried:
+    record = trial.user_attrs[JUDGED]
+    judged = _judged_from(record)
+    is_met = all(miss <= 0.0 for miss in judged.violations(limits).values())
+    return Tried(
+        number=trial.number,
+        parameters={name: _rounded(value) for name, value in trial.params.items()},
+        digest=str(record["digest"]),
+        judged=judged,
+        is_feasible=trial.state == TrialState.COMPLETE and is_met,
+        seconds=float(record["seconds"]),
+    )
+
+
+def _rounded(value: Value) -> Value:
+    return round(value, ROUND_DIGITS) if isinstance(value, float) else value
+
+
+def _record(judged: Judged, digest: str, seconds: float) -> dict[str, Any]:
+    return {
+        "figures": judged.figures,
+        "verdict": judged.verdict,
+        "reason": judged.reason,
+        "digest": digest,
+        "seconds": round(seconds, 3),
+    }
+
+
+def _judged_from(record: dict[str, Any]) -> Judged:
+    return Judged(
+        figures=dict(record.get("figures", {})),
+        verdict=str(record.get("verdict", "")),
+        reason=str(record.get("reason", "")),
+    )

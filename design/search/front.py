@@ -1,0 +1,50 @@
+"""The Pareto front: designs that no other one beats in every figure that is wanted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.search.judged import Tried
+from design.search.space import SearchSpace
+
+FloatArray = NDArray[np.float64]
+
+
+def not_dominated(losses: FloatArray) -> NDArray[np.bool_]:
+    """(n,) whether no other row is at most as large in every column and smaller in one.
+
+    Parameters
+    ----------
+    losses : (n, figure) numbers to make small
+    """
+    kept = np.ones(len(losses), dtype=np.bool_)
+    for row, loss in enumerate(losses):
+        beaten_by = np.all(losses <= loss, axis=1) & np.any(losses < loss, axis=1)
+        kept[row] = not beaten_by.any()
+    return kept
+
+
+def losses_of(space: SearchSpace, tried: Sequence[Tried]) -> FloatArray:
+    """(n, objective) the wanted figures of designs, signed so that smaller is better."""
+    rows = [
+        [
+            float(one.judged.figures[objective.figure] or 0.0) * (1 if objective.sense == "minimize" else -1)
+            for objective in space.objectives
+        ]
+        for one in tried
+    ]
+    return np.array(rows, dtype=np.float64).reshape(len(rows), len(space.objectives))
+
+
+def pareto_front(space: SearchSpace, tried: Sequence[Tried]) -> tuple[Tried, ...]:
+    """Feasible designs that no other one beats, best in the first objective first; equal points once."""
+    feasible = [one for one in tried if one.is_feasible]
+    losses = losses_of(space, feasible)
+    kept: dict[str, tuple[float, Tried]] = {}
+    for one, loss, keep in zip(feasible, losses, not_dominated(losses), strict=True):
+        if keep:
+            kept.setdefault(one.digest, (float(loss[0]), one))
+    return tuple(one for _, one in sorted(kept.values(), key=lambda item: (item[0], item[1].number)))

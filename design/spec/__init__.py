@@ -1,0 +1,40 @@
+"""The specification of a sensor: what makes one design different from another.
+
+Imports of ours: parts, fields.
+"""
+
+from design.spec.sensor import (
+    MOLD_OPTIONS,
+    SCHEMA_VERSION,
+    BoardUse,
+    Cavity,
+    Elastomer,
+    Emitters,
+    Gain,
+    Indenter,
+    Mold,
+    Operating,
+    Receivers,
+    SensorDesign,
+    Surfaces,
+    Viscoelastic,
+    canonical_json,
+)
+
+__all__ = [
+    "MOLD_OPTIONS",
+    "SCHEMA_VERSION",
+    "BoardUse",
+    "Cavity",
+    "Elastomer",
+    "Emitters",
+    "Gain",
+    "Indenter",
+    "Mold",
+    "Operating",
+    "Receivers",
+    "SensorDesign",
+    "Surfaces",
+    "Viscoelastic",
+    "canonical_json",
+]

@@ -1,0 +1,214 @@
+"""Where emitters and receivers sit on the four walls: patterns, and their expansion to single places.
+
+Walls seen from above; `along` runs with x on south and north, with y on east and west:
+
+        y                north
+        ^         +-----------------+
+        |   west  |                 |  east
+        |         +-----------------+
+        +--> x           south
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from design.fields.base import Model, PartId
+
+Wall = Literal["south", "east", "north", "west"]
+Kind = Literal["emitter", "receiver"]
+
+WALLS: tuple[Wall, ...] = ("south", "east", "north", "west")
+OPPOSITE: dict[Wall, Wall] = {"south": "north", "north": "south", "east": "west", "west": "east"}
+MAX_PER_KIND = 64
+
+Count = Annotated[int, Field(ge=0, le=32)]
+HeightMm = Annotated[float, Field(gt=0.0, le=50.0)]
+AlongMm = Annotated[float, Field(gt=0.0, lt=300.0)]
+PitchMm = Annotated[float, Field(ge=0.5, le=100.0)]
+PartName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,15}$")]
+
+
+class AlternatingRing(Model):
+    """Emitters and receivers in turn around the perimeter, evenly spaced on each wall."""
+
+    pattern: Literal["alternating_ring"]
+    parts_per_side: Annotated[
+        Annotated[int, Field(ge=1, le=32)] | tuple[Count, Count, Count, Count],
+        Field(description="parts on each wall: one number, or [south, east, north, west]; the sum is even"),
+    ]
+    first: Annotated[Kind, Field(description="kind of the first part of the south wall, at low x")] = (
+        "emitter"
+    )
+    pitch_mm: Annotated[
+        PitchMm | None, Field(description="distance between neighbours [mm]; default: wall length / parts")
+    ] = None
+
+    @model_validator(mode="after")
+    def _takes_turns_to_the_end(self) -> Self:
+        counts = self.parts_per_side
+        if isinstance(counts, tuple) and (sum(counts) % 2 or not sum(counts)):
+            raise ValueError(
+                f"parts_per_side = {list(counts)} has the sum {sum(counts)}; emitters and receivers take turns "
+                "around the perimeter, so the sum must be even and at least 2: add or remove one"
+            )
+        return self
+
+
+class FacingRows(Model):
+    """A row of emitters facing a row of receivers on the opposite wall, at the same places."""
+
+    pattern: Literal["facing_rows"]
+    emitter_wall: Wall = "west"
+    count: Annotated[int, Field(ge=1, le=32, description="emitters in the row, and as many receivers")]
+    pitch_mm: Annotated[PitchMm | None, Field(description="distance between neighbours [mm]")] = None
+
+
+class PerSide(Model):
+    """A number of parts of one kind on each wall, evenly spaced."""
+
+    pattern: Literal["per_side"]
+    kind: Kind
+    south: Count = 0
+    east: Count = 0
+    north: Count = 0
+    west: Count = 0
+    pitch_mm: Annotated[PitchMm | None, Field(description="distance between neighbours [mm]")] = None
+    shift_mm: Annotated[
+        float, Field(ge=-100.0, le=100.0, description="moves the whole row along its wall [mm]")
+    ] = 0.0
+    part: Annotated[PartId | None, Field(description="catalogue part; default: the section's")] = None
+    height_mm: Annotated[HeightMm | None, Field(description="height above the clear layer's bottom")] = None
+
+
+class Single(Model):
+    """One part, given by hand."""
+
+    pattern: Literal["single"]
+    kind: Kind
+    wall: Wall
+    along_mm: Annotated[AlongMm, Field(description="distance from the wall's low-x or low-y corner [mm]")]
+    part: Annotated[PartId | None, Field(description="catalogue part; default: the section's")] = None
+    height_mm: Annotated[HeightMm | None, Field(description="height above the clear layer's bottom")] = None
+    name: Annotated[PartName | None, Field(description="default: E1, E2 ... or R1, R2 ... in order")] = None
+
+
+Pattern = Annotated[AlternatingRing | FacingRows | PerSide | Single, Field(discriminator="pattern")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Placement:
+    """One part's place before its catalogue entry is looked up.
+
+    Attributes
+    ----------
+    name : E1, R1, ... or the user's own
+    along_mm : centre along the wall from its low corner [mm]
+    height_mm, part : None stands for the section's default
+    origin : the dotted path of the pattern that made it, for messages
+    """
+
+    name: str
+    kind: Kind
+    wall: Wall
+    along_mm: float
+    height_mm: float | None
+    part: str | None
+    origin: str
+
+
+def expand(layout: tuple[Pattern, ...], length_mm: float, width_mm: float) -> tuple[Placement, ...]:
+    """All places of a layout on a cavity of the given inner size, emitters and receivers mixed, in order.
+
+    Names run E1, E2, ... and R1, R2, ... in the order of the patterns; a single part keeps its own name.
+    """
+    bare: list[Placement] = []
+    for index, pattern in enumerate(layout):
+        bare += _expand_one(pattern, f"layout.{index}", length_mm, width_mm)
+    counters = {"emitter": 0, "receiver": 0}
+    named = []
+    for place in bare:
+        counters[place.kind] += 1
+        named.append(replace(place, name=place.name or f"{place.kind[0].upper()}{counters[place.kind]}"))
+    return tuple(named)
+
+
+def wall_length_mm(wall: Wall, length_mm: float, width_mm: float) -> float:
+    """Inner length of a wall [mm]."""
+    return length_mm if wall in ("south", "north") else width_mm
+
+
+def _expand_one(pattern: Pattern, origin: str, length_mm: float, width_mm: float) -> list[Placement]:
+    match pattern:
+        case AlternatingRing():
+            return _ring(pattern, origin, length_mm, width_mm)
+        case FacingRows():
+            return _facing(pattern, origin, length_mm, width_mm)
+        case PerSide():
+            return _per_side(pattern, origin, length_mm, width_mm)
+        case Single():
+            return [
+                Placement(
+                    name=pattern.name or "",
+                    kind=pattern.kind,
+                    wall=pattern.wall,
+                    along_mm=pattern.along_mm,
+                    height_mm=pattern.height_mm,
+                    part=pattern.part,
+                    origin=origin,
+                )
+            ]
+
+
+def _row(count: int, span_mm: float, pitch_mm: float | None, shift_mm: float = 0.0) -> list[float]:
+    pitch = span_mm / count if pitch_mm is None and count else pitch_mm or 0.0
+    return [span_mm / 2 + shift_mm + (k - (count - 1) / 2) * pitch for k in range(count)]
+
+
+def _plain(kind: Kind, wall: Wall, along_mm: float, origin: str) -> Placement:
+    return Placement(
+        name="", kind=kind, wall=wall, along_mm=along_mm, height_mm=None, part=None, origin=origin
+    )
+
+
+def _ring(pattern: AlternatingRing, origin: str, length_mm: float, width_mm: float) -> list[Placement]:
+    counts = pattern.parts_per_side
+    per_wall = counts if isinstance(counts, tuple) else (counts,) * 4
+    other: Kind = "receiver" if pattern.first == "emitter" else "emitter"
+    kinds: tuple[Kind, Kind] = (pattern.first, other)
+    places: list[Placement] = []
+    for wall, count in zip(WALLS, per_wall, strict=True):
+        row = _row(count, wall_length_mm(wall, length_mm, width_mm), pattern.pitch_mm)
+        walk = row if wall in ("south", "east") else row[::-1]  # counter-clockwise from the low corner
+        places += [_plain(kinds[(len(places) + k) % 2], wall, along, origin) for k, along in enumerate(walk)]
+    return places
+
+
+def _facing(pattern: FacingRows, origin: str, length_mm: float, width_mm: float) -> list[Placement]:
+    wall = pattern.emitter_wall
+    row = _row(pattern.count, wall_length_mm(wall, length_mm, width_mm), pattern.pitch_mm)
+    emitters = [_plain("emitter", wall, along, origin) for along in row]
+    receivers = [_plain("receiver", OPPOSITE[wall], along, origin) for along in row]
+    return emitters + receivers
+
+
+def _per_side(pattern: PerSide, origin: str, length_mm: float, width_mm: float) -> list[Placement]:
+    counts = (pattern.south, pattern.east, pattern.north, pattern.west)
+    return [
+        Placement(
+            name="",
+            kind=pattern.kind,
+            wall=wall,
+            along_mm=along,
+            height_mm=pattern.height_mm,
+            part=pattern.part,
+            origin=origin,
+        )
+        for wall, count in zip(WALLS, counts, strict=True)
+        for along in _row(
+            count, wall_length_mm(wall, length_mm, width_mm), pattern.pitch_mm, pattern.shift_mm
+        )
+    ]

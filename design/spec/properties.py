@@ -1,0 +1,296 @@
+"""Physical values of a design: catalogue entries with the design's measured values on top.
+
+Every value comes with unit, source, confidence and the band in which the true one is believed to lie.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+
+from pydantic import ValidationError
+
+from design.errors import DesignError
+from design.fields.paths import get_at
+from design.fields.quantity import Confidence
+from design.fields.units import NM_PER_UM, absorption_per_mm, lambertian_order
+from design.parts import catalog
+from design.parts.catalog import CatalogEntries, Elastomer, Part, Quantity
+from design.parts.spectrum import SpectralIndex, spectral_index
+from design.spec import Emitters, Receivers, SensorDesign
+from design.spec.layout import Kind, Placement, expand
+
+SECTIONS: dict[str, Kind] = {"emitters": "emitter", "receivers": "receiver"}
+
+MEASURED_SOURCE = "measured value given in the design"
+AIR_GAP = Quantity(value=1.0, unit="1", source="air, by definition of an air gap", confidence="read")
+ADDED_UNITS = {"emitter": {"radiant_power_mw": "mW"}, "receiver": {"epoxy_index": "1"}}
+"""Values that a measurement may add to a part which the catalogue has without them."""
+
+
+def entries_of(design: SensorDesign) -> CatalogEntries:
+    """The packaged catalogue with the design's own entries on top."""
+    return catalog.merged(catalog.packaged(), design.catalog)
+
+
+def part_of(design: SensorDesign, part_id: str, kind: Kind) -> Part:
+    """A catalogue part with the design's measured values in place of the catalogue's.
+
+    Raises
+    ------
+    DesignError : unknown part (nearest names offered), other kind, or a measurement of no field.
+    """
+    part = catalog.find_part(entries_of(design), part_id, kind)
+    values = design.part_measurements.get(part_id)
+    return _with_measurements(part, part_id, values) if values else part
+
+
+def _with_measurements(part: Part, part_id: str, values: Mapping[str, float]) -> Part:
+    known = {name: quantity.unit for name, quantity in quantities_of(part).items()} | ADDED_UNITS[part.kind]
+    for field in values:
+        if field not in known:
+            raise DesignError(
+                f"part_measurements.{part_id}.{field}: {part_id} has no such value; "
+                f"it has {', '.join(sorted(known))}"
+            )
+    changed = {name: _measured(known[name], value) for name, value in values.items()}
+    try:
+        return Part.model_validate(dict(part) | changed)
+    except ValidationError as err:
+        first = err.errors(include_url=False)[0]
+        field = ".".join([f"part_measurements.{part_id}", *map(str, first["loc"])])
+        raise DesignError(f"{field}: {first['msg'].removeprefix('Value error, ')}; measure again") from None
+
+
+def quantities_of(part: Part) -> dict[str, Quantity]:
+    """The named values of a part."""
+    pairs = ((name, getattr(part, name)) for name in type(part).model_fields)
+    return {name: value for name, value in pairs if isinstance(value, Quantity)}
+
+
+def elastomer_of(design: SensorDesign) -> Elastomer:
+    """The catalogue entry of the clear elastomer."""
+    return catalog.find_elastomer(entries_of(design), design.elastomer.material)
+
+
+def wavelength_um(design: SensorDesign) -> float:
+    """Effective wavelength of the default emitter [um]."""
+    part = _default_emitter(design)
+    if part.wavelength_nm is None:
+        raise DesignError(f"emitters.part: {design.emitters.part} has no wavelength_nm; add it to the part")
+    return part.wavelength_nm.value / NM_PER_UM
+
+
+def refractive_index(design: SensorDesign) -> Quantity:
+    """Index of the clear elastomer at the emitter's effective wavelength, or averaged over its spectrum [-]."""
+    own = design.elastomer.refractive_index
+    if own is not None:
+        return _measured("1", own)
+    spectral = elastomer_spectral_index(design)
+    return _index_at(design, wavelength_um(design)) if spectral is None else spectral.mean
+
+
+def elastomer_spectral_index(design: SensorDesign) -> SpectralIndex | None:
+    """Index of the clear elastomer over the default emitter's spectrum; None for an emitter without one.
+
+    Raises
+    ------
+    DesignError : a wavelength with weight that the elastomer's tables do not reach.
+    """
+    spectrum = _default_emitter(design).spectrum
+    if spectrum is None:
+        return None
+    return spectral_index(spectrum, lambda at_um: _index_at(design, at_um))
+
+
+def _index_at(design: SensorDesign, at_um: float) -> Quantity:
+    return catalog.refractive_index(elastomer_of(design), design.elastomer.mixing_ratio, at_um)
+
+
+def _default_emitter(design: SensorDesign) -> Part:
+    return part_of(design, design.emitters.part, "emitter")
+
+
+def wall_index(design: SensorDesign) -> Quantity | None:
+    """Index of what lies behind smooth walls [-]; None where walls only scatter.
+
+    Raises
+    ------
+    DesignError : a glossy wall of a material without an index.
+    """
+    surfaces = design.surfaces
+    if surfaces.wall_finish == "diffuse":
+        return None
+    if surfaces.wall_finish == "air_gap":
+        return AIR_GAP
+    if surfaces.wall_index is not None:
+        return _measured("1", surfaces.wall_index)
+    index = catalog.find_mold_material(entries_of(design), design.mold.material).refractive_index
+    if index is None:
+        raise DesignError(
+            f"surfaces.wall_index: mold.material {design.mold.material} has no refractive_index, which "
+            "surfaces.wall_finish = 'glossy' needs; give surfaces.wall_index, or add it to the material"
+        )
+    return index
+
+
+def absorption_db_per_cm(design: SensorDesign) -> Quantity:
+    """Absorption of the clear elastomer [dB/cm]."""
+    own = design.elastomer.absorption_db_per_cm
+    return elastomer_of(design).absorption_db_per_cm if own is None else _measured("dB/cm", own)
+
+
+def absorption_coefficient_per_mm(design: SensorDesign) -> float:
+    """Natural-log absorption coefficient of the clear elastomer [1/mm]."""
+    return absorption_per_mm(absorption_db_per_cm(design).value)
+
+
+def modulus(design: SensorDesign) -> Quantity:
+    """Young's modulus of the elastomer [MPa]."""
+    own = design.elastomer.youngs_modulus_mpa
+    if own is not None:
+        return _measured("MPa", own)
+    return catalog.youngs_modulus_mpa(elastomer_of(design), design.elastomer.mixing_ratio)
+
+
+def youngs_modulus_mpa(design: SensorDesign) -> float:
+    """Young's modulus of the elastomer [MPa]."""
+    return modulus(design).value
+
+
+def emitter_order(part: Part) -> float:
+    """Lambertian order m of an emitter's intensity cos^m [-]."""
+    return lambertian_order(part.half_angle_deg.value)
+
+
+@dataclass(frozen=True, kw_only=True)
+class UsedValue:
+    """A value that a verdict rests on.
+
+    Attributes
+    ----------
+    path : dotted path that a design sets to change or measure it
+    quantity : value, unit, source, confidence and band
+    """
+
+    path: str
+    quantity: Quantity
+
+    @property
+    def is_open(self) -> bool:
+        """Whether nobody has measured or read it."""
+        return self.quantity.confidence in ("inferred", "unverified")
+
+
+def used_values(design: SensorDesign) -> tuple[UsedValue, ...]:
+    """Every value with a band that the optical verdict rests on, measured or not."""
+    found = [
+        UsedValue(path=path, quantity=_design_quantity(design, path, band))
+        for path, band in _bands_in_use(design).items()
+    ]
+    for part_id, kind in _parts_in_use(design):
+        found += _values_of_part(part_of(design, part_id, kind), part_id)
+        if not isinstance(design.gain.feedback_ohm, str):
+            found += _values_of_gain(part_of(design, part_id, kind), part_id)
+    if design.surfaces.wall_finish == "glossy" and (behind := wall_index(design)) is not None:
+        found.append(UsedValue(path="surfaces.wall_index", quantity=behind))
+    found.append(UsedValue(path="elastomer.refractive_index", quantity=refractive_index(design)))
+    found.append(UsedValue(path="elastomer.absorption_db_per_cm", quantity=absorption_db_per_cm(design)))
+    return tuple(found)
+
+
+def _values_of_gain(part: Part, part_id: str) -> list[UsedValue]:
+    """Power or responsivity: what a gain in ohms rests on, and one by a rule does not."""
+    name = "radiant_power_mw" if part.kind == "emitter" else "responsivity_a_per_w"
+    quantity = quantities_of(part).get(name)
+    return (
+        [] if quantity is None else [UsedValue(path=f"part_measurements.{part_id}.{name}", quantity=quantity)]
+    )
+
+
+def _values_of_part(part: Part, part_id: str) -> list[UsedValue]:
+    """Sizes, and whatever says how a part shines or counts; a bare receiver counts at every angle alike."""
+    names = ["active_width_mm", "active_height_mm"]
+    table_name = "angular_pattern" if part.kind == "emitter" else "angular_response"
+    table = part.angular_pattern if part.kind == "emitter" else part.angular_response
+    if part.epoxy_index is not None:
+        names.append("epoxy_index")
+    if table is None and (part.kind == "emitter" or part.epoxy_index is not None):
+        names.append("half_angle_deg")
+    quantities = quantities_of(part)
+    found = [
+        UsedValue(path=f"part_measurements.{part_id}.{name}", quantity=quantities[name]) for name in names
+    ]
+    if table is not None:
+        half = Quantity(
+            value=table.half_angle_deg(), unit="deg", source=table.source, confidence=table.confidence
+        )
+        found.append(UsedValue(path=f"catalog.parts.{part_id}.{table_name}", quantity=half))
+    return found
+
+
+def _parts_in_use(design: SensorDesign) -> tuple[tuple[str, Kind], ...]:
+    """Catalogue identifiers of the placed parts, each once, in order."""
+    return tuple(
+        dict.fromkeys(
+            (place.part or _section(design, place.kind).part, place.kind) for place in _placements(design)
+        )
+    )
+
+
+def _bands_in_use(design: SensorDesign) -> dict[str, Band]:
+    """The bands of design fields that the placed parts use: a layout entry's own height has its section's band."""
+    bands = dict(_bands())
+    for section, kind in SECTIONS.items():
+        band = bands.pop(f"{section}.height_mm")
+        for place in _placements(design):
+            if place.kind == kind:
+                own = f"{place.origin}.height_mm"
+                bands[f"{section}.height_mm" if place.height_mm is None else own] = band
+    return bands
+
+
+def _placements(design: SensorDesign) -> tuple[Placement, ...]:
+    return expand(design.layout, design.cavity.length_mm, design.cavity.width_mm)
+
+
+def _section(design: SensorDesign, kind: Kind) -> Emitters | Receivers:
+    return design.emitters if kind == "emitter" else design.receivers
+
+
+@dataclass(frozen=True, kw_only=True)
+class Band:
+    """How far a design field may be off on the build: below and above its value, or absolute limits."""
+
+    minus: float
+    plus: float
+    unit: str
+    source: str
+    confidence: Confidence
+
+
+@cache
+def _bands() -> dict[str, Band]:
+    text = (files("design") / "data" / "bands.toml").read_text(encoding="utf-8")
+    return {path: Band(**row) for path, row in tomllib.loads(text).items()}
+
+
+def _design_quantity(design: SensorDesign, path: str, band: Band) -> Quantity:
+    value = float(get_at(design.model_dump(mode="json"), path))
+    if path in design.measured:
+        return Quantity(value=value, unit=band.unit, source=MEASURED_SOURCE, confidence="measured")
+    return Quantity(
+        value=value,
+        unit=band.unit,
+        source=band.source,
+        confidence=band.confidence,
+        low=max(value - band.minus, 0.0),
+        high=value + band.plus,
+    )
+
+
+def _measured(unit: str, value: float) -> Quantity:
+    return Quantity(value=value, unit=unit, source=MEASURED_SOURCE, confidence="measured")

@@ -1,0 +1,389 @@
+"""The specification of a sensor: everything that makes one design different from another.
+
+A design is frozen. Change it by copy (`with_`); its `digest` names its content, whatever the
+formatting of the file it came from. All lengths are in mm in the cavity frame of `design.geometry.cavity`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from functools import cached_property
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import (
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    model_serializer,
+    model_validator,
+)
+
+from design.errors import DesignError
+from design.fields import paths
+from design.fields.base import NAME_PATTERN, Model, PartId, without_defaults
+from design.fields.validation import design_error
+from design.parts.catalog import CatalogEntries
+from design.spec.layout import Pattern
+from design.spec.noise import Noise
+from design.spec.tip_shape import shape_fault
+
+SCHEMA_VERSION = 1
+
+Ohm = Annotated[float, Field(ge=100.0, le=1e10)]
+"""Resistance of an amplifier's feedback."""
+
+DesignName = Annotated[str, Field(pattern=NAME_PATTERN)]
+
+
+class Cavity(Model):
+    """The block of silicone: inner size of the mold and the thickness of its two layers."""
+
+    length_mm: Annotated[float, Field(ge=5.0, le=200.0, description="inner length along x")]
+    width_mm: Annotated[float, Field(ge=5.0, le=200.0, description="inner width along y")]
+    clear_thickness_mm: Annotated[float, Field(ge=1.0, le=50.0, description="clear layer that light uses")]
+    black_thickness_mm: Annotated[float, Field(ge=0.0, le=20.0, description="absorbing layer below")] = 1.0
+
+
+MOLD_OPTIONS: dict[str, Any] = {
+    "label": "",
+    "fits": {},
+    "numbers": "engraved",
+    "strain_relief": "pinch",
+    "raised_sockets": True,
+    "cover_ledge_mm": 0.0,
+    "pieces": "one",
+}
+"""Options of the mold and their defaults, which no file needs to say."""
+
+
+class Mold(Model):
+    """The printed part around the cavity."""
+
+    outer_length_mm: Annotated[float, Field(ge=6.0, le=400.0, description="outside along x")]
+    outer_width_mm: Annotated[float, Field(ge=6.0, le=400.0, description="outside along y")]
+    floor_mm: Annotated[float, Field(ge=0.6, le=30.0, description="thickness below the black layer")] = 3.0
+    rim_mm: Annotated[
+        float, Field(ge=0.0, le=20.0, description="wall above the clear layer, to pour against")
+    ] = 1.5
+    fixing_hole_diameter_mm: Annotated[
+        float, Field(ge=0.0, le=20.0, description="corner holes; 0 for none")
+    ] = 3.2
+    fixing_hole_inset_mm: Annotated[
+        float, Field(ge=0.0, le=50.0, description="hole centre to both outer faces")
+    ] = 3.25
+    part_clearance_mm: Annotated[
+        float, Field(ge=0.0, le=1.0, description="gap around a part's body, each side")
+    ] = 0.15
+    lead_clearance_mm: Annotated[
+        float, Field(ge=0.0, le=1.0, description="added to a lead's diameter for its hole")
+    ] = 0.3
+    min_web_mm: Annotated[float, Field(ge=0.2, le=5.0, description="thinnest wall the printer makes")] = 0.8
+    material: PartId = "abs-black"
+    label: Annotated[
+        str,
+        Field(
+            max_length=40,
+            pattern=r"^[A-Za-z0-9 ._+/-]*$",
+            description="text sunk into the underside; letters are printed as capitals",
+        ),
+    ] = ""
+    fits: Annotated[
+        dict[PartId, Literal["press", "slip"]],
+        Field(
+            default_factory=dict,
+            description="fit class of a part, in place of part_clearance_mm: press holds it, slip lets it drop in",
+        ),
+    ]
+    numbers: Annotated[
+        Literal["engraved", "none"],
+        Field(
+            description="names of the parts, as in the wiring table, in the outer face beside their sockets"
+        ),
+    ] = "engraved"
+    strain_relief: Annotated[
+        Literal["pinch", "none"],
+        Field(
+            description="pinch: wire slots end in a neck that holds the insulation; leads leave in a channel below"
+        ),
+    ] = "pinch"
+    raised_sockets: Annotated[
+        bool, Field(description="walls around a body that is taller than the rim, up to its top")
+    ] = True
+    cover_ledge_mm: Annotated[
+        float,
+        Field(ge=0.0, le=10.0, description="seat of a glass cover at the fill level, its width; 0 for none"),
+    ] = 0.0
+    pieces: Annotated[
+        Literal["one", "frame_and_base"],
+        Field(description="frame_and_base: parted at the cavity's floor, held by the fixing holes' screws"),
+    ] = "one"
+
+    @model_serializer(mode="wrap")
+    def _without_usual_options(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out options that have their default: designs from before them keep their digest."""
+        return without_defaults(plain(self), MOLD_OPTIONS)
+
+
+class Viscoelastic(Model):
+    """How the load relaxes at constant depth; there are no defaults, because no source gives values."""
+
+    relaxed_share: Annotated[
+        float,
+        Field(ge=0.0, le=0.95, description="share of the instantaneous modulus that relaxes away"),
+    ]
+    time_constant_s: Annotated[
+        float, Field(gt=0.0, le=1e6, description="of the relaxation after a step in depth")
+    ]
+
+
+class Elastomer(Model):
+    """The clear elastomer; a value given here replaces the catalogue's and counts as measured."""
+
+    material: PartId = "sylgard-184"
+    mixing_ratio: Annotated[float, Field(gt=0.0, le=100.0, description="base over curing agent by weight")]
+    refractive_index: Annotated[float | None, Field(ge=1.0, le=2.5)] = None
+    absorption_db_per_cm: Annotated[float | None, Field(ge=0.0, le=50.0)] = None
+    youngs_modulus_mpa: Annotated[float | None, Field(gt=0.0, le=100.0)] = None
+    viscoelastic: Annotated[
+        Viscoelastic | None,
+        Field(description="load that depends on the past, in the load protocol only; absent: elastic"),
+    ] = None
+
+    @model_serializer(mode="wrap")
+    def _without_an_absent_option(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave the option out where it is absent: designs without it keep their digest."""
+        return without_defaults(plain(self), {"viscoelastic": None})
+
+
+class Surfaces(Model):
+    """Diffuse (Lambertian) reflectance of everything light can land on [-], and the finish of the walls."""
+
+    wall_reflectance: Annotated[float, Field(ge=0.0, le=0.99)] = 0.05
+    bottom_reflectance: Annotated[float, Field(ge=0.0, le=0.99)] = 0.03
+    tip_reflectance: Annotated[float, Field(ge=0.0, le=0.99)] = 0.0
+    wall_finish: Annotated[
+        Literal["diffuse", "glossy", "air_gap"],
+        Field(
+            description="diffuse: walls scatter only; glossy: a smooth bonded face mirrors by Fresnel besides; "
+            "air_gap: the elastomer is not bonded, and its own face mirrors"
+        ),
+    ] = "diffuse"
+    wall_index: Annotated[
+        float | None,
+        Field(ge=1.0, le=2.5, description="glossy: index of the wall; the mold material's if left out"),
+    ] = None
+
+    @model_serializer(mode="wrap")
+    def _without_the_usual_finish(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave finish and index out where they are the default: designs without them keep their digest."""
+        return without_defaults(plain(self), {"wall_finish": "diffuse", "wall_index": None})
+
+
+class Emitters(Model):
+    """What every emitter is unless its place in the layout says otherwise."""
+
+    part: PartId
+    height_mm: Annotated[
+        float,
+        Field(gt=0.0, le=50.0, description="centre of the emitting area above the clear layer's bottom"),
+    ]
+
+
+class Receivers(Model):
+    """What every receiver is unless its place in the layout says otherwise."""
+
+    part: PartId
+    height_mm: Annotated[
+        float, Field(gt=0.0, le=50.0, description="centre of the active area above the clear layer's bottom")
+    ]
+
+
+class Indenter(Model):
+    """The tip that stands for a finger, and its shank of the same radius."""
+
+    tip_radius_mm: Annotated[float, Field(ge=0.5, le=20.0)] = 3.0
+    shape: Literal["hemisphere", "flat_punch", "cone", "profile"] = "hemisphere"
+    edge_radius_mm: Annotated[
+        float | None,
+        Field(
+            ge=0.05,
+            le=20.0,
+            description="flat_punch, cone: rounding towards the shank; 0.1 tip radii if left out",
+        ),
+    ] = None
+    cone_half_angle_deg: Annotated[
+        float | None, Field(ge=20.0, le=85.0, description="cone: from axis to flank; 60 if left out")
+    ] = None
+    apex_radius_mm: Annotated[
+        float | None, Field(ge=0.05, le=20.0, description="cone: its rounded apex; 0.1 tip radii if left out")
+    ] = None
+    profile_mm: Annotated[
+        tuple[tuple[float, float], ...] | None,
+        Field(
+            min_length=2,
+            max_length=400,
+            description="profile: radius and height above the apex of each point, from [0, 0] to the shank",
+        ),
+    ] = None
+
+    @model_serializer(mode="wrap")
+    def _without_what_is_not_said(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """A hemisphere is its radius alone, so that designs from before other shapes keep their digest."""
+        document: dict[str, Any] = handler(self)
+        return {
+            name: value for name, value in document.items() if value is not None and value != "hemisphere"
+        }
+
+
+class BoardUse(Model):
+    """The microcontroller and how it is used; pins and channels are dealt out in order when left out."""
+
+    kind: PartId = "arduino-mega-2560"
+    emitter_pins: Annotated[
+        tuple[Annotated[int, Field(ge=0, le=200)], ...] | None,
+        Field(description="one digital pin an emitter"),
+    ] = None
+    receiver_channels: Annotated[
+        tuple[str, ...] | None, Field(description="one analogue input a receiver, 'A0', 'A1' ...")
+    ] = None
+    adc_prescaler: Annotated[int, Field(description="ADC clock = board clock / prescaler")] = 64
+    settle_us: Annotated[float, Field(ge=0.0, le=10000.0, description="wait after an emitter switches")] = (
+        20.0
+    )
+    baud: Annotated[int, Field(ge=1200, le=4_000_000)] = 1_000_000
+    frame_rate_hz: Annotated[float, Field(ge=0.001, le=5000.0, description="full frames a second wanted")] = (
+        60.0
+    )
+
+
+class Gain(Model):
+    """The receivers' transimpedance gain, by a rule or in ohms; signal chain, sheets and driver share it.
+
+    By the rule `common` the median judged pair (different walls; facing pairs in facing rows), untouched, reads
+    `target_counts`; by `each` the median of every receiver's own judged pairs does. Ohms set the gain by the
+    emitters' power instead. Brighter pairs may clip at the converter's full scale and are listed.
+    """
+
+    target_counts: Annotated[float, Field(gt=0.0, le=65535.0)] = 300.0
+    feedback_ohm: Annotated[
+        Ohm | tuple[Ohm, ...] | Literal["common", "each"],
+        Field(description="a rule, one resistance for all receivers, or one for each in their order"),
+    ] = "common"
+
+    @model_serializer(mode="wrap")
+    def _without_the_usual_rule(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave the rule out where it is the default: designs without it keep their digest."""
+        return without_defaults(plain(self), {"feedback_ohm": "common"})
+
+
+class Operating(Model):
+    """The range of use that the verdict is about."""
+
+    max_depth_mm: Annotated[float, Field(ge=0.1, le=30.0, description="deepest press")] = 5.0
+    workspace_margin_mm: Annotated[
+        float, Field(ge=0.0, le=50.0, description="tip's edge to the wall at the workspace's border")
+    ] = 3.0
+
+
+class SensorDesign(Model):
+    """One sensor: cavity, mold, materials, parts and their places, board, noise, range of use."""
+
+    schema_version: Literal[1]
+    name: DesignName
+    description: str = ""
+    measured: Annotated[
+        tuple[str, ...],
+        Field(description="dotted paths whose value in this file was measured on the build"),
+    ] = ()
+    cavity: Cavity
+    mold: Mold
+    elastomer: Elastomer
+    surfaces: Surfaces = Surfaces()
+    emitters: Emitters
+    receivers: Receivers
+    layout: Annotated[tuple[Pattern, ...], Field(min_length=1, max_length=128)]
+    indenter: Indenter = Indenter()
+    board: BoardUse = BoardUse()
+    noise: Noise = Noise()
+    gain: Gain = Gain()
+    operating: Operating = Operating()
+    part_measurements: Annotated[
+        dict[PartId, Annotated[dict[str, float], Field(min_length=1)]],
+        Field(
+            default_factory=dict,
+            description="measured values that replace a catalogue part's: part, then field = value",
+        ),
+    ]
+    tolerances: Annotated[
+        dict[
+            Annotated[str, Field(min_length=1, max_length=200)],
+            Annotated[float, Field(ge=0.0, le=100.0)],
+        ],
+        Field(
+            default_factory=dict,
+            max_length=64,
+            description="how far a value may be off on a build: dotted path = half width in its unit, 0 for exact; "
+            "replaces the band or the default of that value",
+        ),
+    ]
+    catalog: Annotated[
+        CatalogEntries, Field(description="the user's own parts and materials, beside the packaged ones")
+    ] = CatalogEntries()
+
+    @model_validator(mode="after")
+    def _measured_paths_lead_to_values(self) -> Self:
+        document = self.model_dump(mode="json")
+        for path in self.measured:
+            if not paths.is_value(document, path):
+                raise ValueError(f"measured: {paths.unknown_path(path, paths.known_values(type(self)))}")
+        return self
+
+    @model_validator(mode="after")
+    def _tip_has_a_shape(self) -> Self:
+        fault = shape_fault(self.indenter)
+        if fault is not None:
+            raise ValueError(fault)
+        return self
+
+    @model_serializer(mode="wrap")
+    def _without_absent_tolerances(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave tolerances out where there are none: designs without them keep their digest."""
+        return without_defaults(plain(self), {"tolerances": {}})
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 over the content, as 64 hexadecimal digits; independent of formatting and key order."""
+        return hashlib.sha256(canonical_json(self.model_dump(mode="json")).encode()).hexdigest()
+
+    def with_(self, **changes: Any) -> Self:
+        """Return a copy with dotted paths changed: ``with_(**{"cavity.clear_thickness_mm": 10})``.
+
+        Raises
+        ------
+        DesignError : an unknown path (nearest names are offered) or a value that its field refuses.
+        """
+        document = self.model_dump(mode="json")
+        for path, value in changes.items():
+            paths.set_at(document, path, value, known=paths.known_paths(type(self)))
+        return self.from_document(document, where=self.name)
+
+    @classmethod
+    def from_document(cls, document: dict[str, Any], *, where: str) -> Self:
+        """Validate nested plain data; ``where`` names its origin in the message.
+
+        Raises
+        ------
+        DesignError : every refused field with its value, limit and the way out.
+        """
+        try:
+            return cls.model_validate_json(json.dumps(document, default=str), strict=True)
+        except ValidationError as err:
+            raise design_error(err, where, paths.known_paths(cls)) from None
+        except RecursionError:
+            raise DesignError(f"{where}: nested too deep to be a design") from None
+
+
+def canonical_json(document: Any) -> str:
+    """One text for equal content: sorted keys, no spaces, shortest float form."""
+    return json.dumps(document, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)

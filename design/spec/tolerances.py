@@ -1,0 +1,183 @@
+"""How far a build may differ from its design: open values with their bands, and what making it adds.
+
+    not measured on the build ──► band of the catalogue or of `bands.toml`, anywhere within alike (uniform)
+    printed, poured, levelled ──► named defaults of `tolerances.toml`, assumptions of ours (mostly normal)
+    [tolerances] of the design ──► replace either: dotted path = half width in the field's unit; 0 is exact
+
+A value named in `measured` varies no more. Left out: scatter from part to part (all parts of a kind move
+together), what moves along a wall, and correlations between values: none are known.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from typing import Literal
+
+from design.errors import DesignError
+from design.fields.finding import Finding, error
+from design.fields.paths import get_at, is_value, known_values, unknown_path
+from design.fields.quantity import Quantity
+from design.spec import SensorDesign
+from design.spec.properties import UsedValue, used_values
+
+Distribution = Literal["uniform", "normal"]
+Origin = Literal["open value", "making", "given in the design"]
+GIVEN_SOURCE = "half width given in the design's [tolerances]"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tolerance:
+    """One value that may be off on a build.
+
+    Attributes
+    ----------
+    path : dotted path that a design sets to change it
+    value, low, high : the design's value and the ends, in `unit`
+    distribution : uniform from end to end, or normal about the middle with the ends at two standard deviations, cut
+        off there
+    origin : nobody has measured it, making it adds it, or the design says so
+    source : where the ends come from
+    """
+
+    path: str
+    value: float
+    low: float
+    high: float
+    unit: str
+    distribution: Distribution
+    origin: Origin
+    source: str
+
+    @property
+    def as_used_value(self) -> UsedValue:
+        """The same as a value with a band, to try both ends of."""
+        quantity = Quantity(
+            value=self.value,
+            unit=self.unit,
+            source=self.source,
+            confidence="unverified",
+            low=self.low,
+            high=self.high,
+        )
+        return UsedValue(path=self.path, quantity=quantity)
+
+
+def build_tolerances(design: SensorDesign) -> tuple[Tolerance, ...]:
+    """Everything that may be off on a build of a design, in a fixed order.
+
+    Raises
+    ------
+    DesignError : [tolerances] names no value that is a number.
+    """
+    found = {one.path: one for one in (*_open_values(design), *_made_values(design))}
+    for path, half_width in design.tolerances.items():
+        found.pop(path, None)
+        if half_width > 0.0:
+            found[path] = _given(design, path, half_width)
+    return tuple(found.values())
+
+
+def tolerance_findings(design: SensorDesign) -> Iterator[Finding]:
+    """Tolerances of what is no number of the design."""
+    for path, half_width in design.tolerances.items():
+        try:
+            _value_at(design, path)
+        except DesignError as err:
+            yield error(
+                f"tolerances.{path}",
+                "a tolerance of nothing in the design",
+                value=f"{half_width:g}",
+                limit="the dotted path of a number of the design",
+                way_out=str(err).removeprefix("tolerances: "),
+            )
+
+
+def _open_values(design: SensorDesign) -> list[Tolerance]:
+    found = []
+    for used in used_values(design):
+        low, high = used.quantity.low, used.quantity.high
+        if low is not None and high is not None and low < high and used.quantity.confidence != "measured":
+            found.append(
+                Tolerance(
+                    path=used.path,
+                    value=used.quantity.value,
+                    low=low,
+                    high=high,
+                    unit=used.quantity.unit,
+                    distribution="uniform",
+                    origin="open value",
+                    source=used.quantity.source,
+                )
+            )
+    return found
+
+
+def _made_values(design: SensorDesign) -> list[Tolerance]:
+    document = design.model_dump(mode="json")
+    found = []
+    for path, row in _defaults().items():
+        value = float(get_at(document, path))
+        if path not in design.measured and value > 0.0:
+            found.append(
+                Tolerance(
+                    path=path,
+                    value=value,
+                    low=max(value - row.plus_minus, 0.0),
+                    high=value + row.plus_minus,
+                    unit=row.unit,
+                    distribution=row.distribution,
+                    origin="making",
+                    source=row.source,
+                )
+            )
+    return found
+
+
+def _given(design: SensorDesign, path: str, half_width: float) -> Tolerance:
+    value, unit = _value_at(design, path)
+    return Tolerance(
+        path=path,
+        value=value,
+        low=max(value - half_width, 0.0),
+        high=value + half_width,
+        unit=unit,
+        distribution="normal",
+        origin="given in the design",
+        source=GIVEN_SOURCE,
+    )
+
+
+def _value_at(design: SensorDesign, path: str) -> tuple[float, str]:
+    """Value and unit of a field of the design, or of a part or material that it uses."""
+    used = {one.path: one.quantity for one in used_values(design)}
+    if path in used:
+        return used[path].value, used[path].unit
+    document = design.model_dump(mode="json")
+    if not is_value(document, path):
+        raise DesignError(f"tolerances: {unknown_path(path, (*known_values(SensorDesign), *used))}")
+    value = get_at(document, path)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise DesignError(f"tolerances: {path}: {value!r} is no number, so it has no tolerance; remove it")
+    return float(value), next((unit for end, unit in UNIT_ENDS.items() if path.endswith(end)), "1")
+
+
+UNIT_ENDS = {"_mm": "mm", "_deg": "deg", "_n": "N", "_mpa": "MPa", "_db_per_cm": "dB/cm", "_nm": "nm"}
+"""Ends of field names, and the units that they stand for."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Default:
+    plus_minus: float
+    unit: str
+    distribution: Distribution
+    source: str
+
+
+@cache
+def _defaults() -> dict[str, _Default]:
+    text = (files("design") / "data" / "tolerances.toml").read_text(encoding="utf-8")
+    return {path: _Default(**row) for path, row in tomllib.loads(text).items()}

@@ -1,0 +1,137 @@
+"""Frames as users see them, decoded a batch at a time; what was lost between them, and how fast they come."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import DeviceError
+from fabrication.driver.link.counters import WrappingCounter
+from fabrication.driver.link.protocol import FrameFormat, unpack_frames
+from fabrication.driver_file import DriverConfig
+
+FloatArray = NDArray[np.float64]
+US_PER_S = 1e6
+RATE_FRAMES = 256
+"""Frames over which the rate is measured, at most."""
+
+WEAKEST_BASELINE_COUNTS = 4.0
+"""Below this the quantisation alone is more than a tenth of the signal: no ratio is told."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frame:
+    """One whole frame.
+
+    Attributes
+    ----------
+    connection : counts from 1 up whenever the board began anew or was plugged in again
+    sequence : number of the frame within the connection, without wraps
+    device_us : the board's clock when its first conversion began, without wraps [us]
+    host_s : this machine's clock when the batch with the frame had arrived, since 1970 [s]; at 400 Hz up to 5 ms late
+    lost_before : frames missing between this one and the one before it, by the sequence number
+    counts : (state, receiver) raw readings; the last state is the dark one [counts]
+    signals : (emitter, receiver) less the dark state's [counts]
+    saturated : (state, receiver) whether a reading is at full scale
+    baseline : (emitter, receiver) signals of the untouched pad [counts]; None where none was taken
+    """
+
+    connection: int
+    sequence: int
+    device_us: int
+    host_s: float
+    lost_before: int
+    counts: NDArray[np.uint16]
+    signals: NDArray[np.int32]
+    saturated: NDArray[np.bool_]
+    baseline: FloatArray | None = None
+
+    @property
+    def normalised(self) -> FloatArray:
+        """(emitter, receiver) signal over its baseline; NaN where the baseline is below 4 counts [-].
+
+        Raises
+        ------
+        DeviceError : no baseline was taken.
+        """
+        if self.baseline is None:
+            raise DeviceError("no baseline was taken; call take_baseline(), or open with baseline_s > 0")
+        return normalised(self.signals, self.baseline)
+
+
+def normalised(signals: NDArray[np.int32] | FloatArray, baseline: FloatArray) -> FloatArray:
+    """(emitter, receiver) signals over a baseline; NaN where that is too weak to divide by."""
+    strong = baseline >= WEAKEST_BASELINE_COUNTS
+    ratio: FloatArray = np.divide(signals, baseline, out=np.full(baseline.shape, np.nan), where=strong)
+    return ratio
+
+
+class FrameDecoder:
+    """Turns whole messages of readings into frames, and counts.
+
+    Attributes
+    ----------
+    frames, lost : decoded so far; missing so far by the sequence numbers
+    connection : of the next frame
+    baseline : given to the frames from now on
+    """
+
+    def __init__(self, config: DriverConfig, layout: FrameFormat) -> None:
+        self._layout = layout
+        self._dark = config.ambient.subtract_state
+        self._lit = [emitter.state for emitter in config.emitters]
+        self.frames = 0
+        self.lost = 0
+        self.connection = 0
+        self.baseline: FloatArray | None = None
+        self.begin()
+
+    def begin(self) -> None:
+        """The board begins anew: its counters start again."""
+        self.connection += 1
+        self._sequence = WrappingCounter(goes_back=True)
+        self._time = WrappingCounter(goes_back=False)
+        self._recent_us: deque[int] = deque(maxlen=RATE_FRAMES)
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Delivered frames a second by the board's clock, over the last 256; None before two frames."""
+        times = self._recent_us
+        passed = times[-1] - times[0] if len(times) > 1 else 0
+        return (len(times) - 1) * US_PER_S / passed if passed > 0 else None
+
+    def decoded(self, messages: list[bytes], host_s: float) -> list[Frame]:
+        """Frames of whole messages that arrived at `host_s`; a count that goes back begins a connection.
+
+        Batches are small, one to a few frames: what is done frame by frame is done on plain numbers.
+        """
+        found = unpack_frames(self._layout, messages)
+        counts = found.counts
+        signals = counts[:, self._lit].astype(np.int32) - counts[:, [self._dark]]
+        saturated = counts >= self._layout.full_scale
+        frames = []
+        for k, number in enumerate(found.sequence.tolist()):
+            sequence, step = self._sequence.next(number)
+            if step <= 0:  # the board began anew, although no hello said so
+                self.begin()
+                sequence, step = self._sequence.next(number)
+            device_us, _ = self._time.next(int(found.device_us[k]))
+            self._recent_us.append(device_us)
+            self.lost += step - 1
+            frame = Frame(
+                connection=self.connection,
+                sequence=sequence,
+                device_us=device_us,
+                host_s=host_s,
+                lost_before=step - 1,
+                counts=counts[k],
+                signals=signals[k],
+                saturated=saturated[k],
+                baseline=self.baseline,
+            )
+            frames.append(frame)
+        self.frames += len(frames)
+        return frames

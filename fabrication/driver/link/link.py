@@ -1,0 +1,161 @@
+"""A board on an open port: waits out its reset, learns who it is, refuses another's, starts and stops it."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable
+
+from design.errors import DeviceError, InputError
+from fabrication.driver.link.ports import Port
+from fabrication.driver.link.protocol import (
+    Command,
+    FrameFormat,
+    Hello,
+    Kind,
+    frame_format,
+    message_lengths,
+    pack_command,
+    unpack_hello,
+)
+from fabrication.driver.link.scanner import Message, Scanner
+from fabrication.driver_file import DriverConfig
+
+ASK_EVERY_S = 0.25
+"""How often a silent board is asked who it is."""
+
+ANSWER_S = 2.5
+"""How long it is asked, after its boot time: it says hello once a second by itself."""
+
+US_PER_S = 1e6
+
+
+class Link:
+    """Messages of one board over one open port.
+
+    Parameters
+    ----------
+    port : open
+    config : whose frames are expected
+    """
+
+    def __init__(self, port: Port, config: DriverConfig) -> None:
+        self.port = port
+        self.config = config
+        self.layout: FrameFormat = frame_format(config)
+        self.scanner = Scanner(message_lengths(self.layout))
+        self.hello_message = b""
+
+    def messages(self) -> list[Message]:
+        """Whole messages that arrived, after at most a tenth of a second; PortLostError when the port is gone."""
+        piece = self.port.read()
+        return self.scanner.feed(piece) if piece else []
+
+    def send(self, command: Command, argument: int = 0) -> None:
+        """Send a command; PortLostError when the port is gone."""
+        self.port.write(pack_command(command, argument))
+
+    def start(self, interval_us: int) -> None:
+        """Set the frame interval [us], 0 for as fast as the board can, and start the stream."""
+        self.send(Command.RATE, interval_us)
+        self.send(Command.START)
+
+    def greet(self, *, accept_digest: str | None, is_over: Callable[[], bool] = lambda: False) -> Hello:
+        """Wait until the board says who it is, and check that.
+
+        A board that has just been reset says so by itself and is not disturbed while its boot loader listens; one
+        that already streams is stopped and asked; a silent one is asked after its boot time.
+
+        Parameters
+        ----------
+        accept_digest : a foreign design's digest that is accepted, at least its first 8 digits; None for none
+        is_over : whether nobody wants to know any more
+
+        Raises
+        ------
+        DeviceError : silence, another device, other firmware, another design; it is over.
+        """
+        begun, asked_at = time.monotonic(), 0.0
+        deadline = begun + self.config.board.boot_s + ANSWER_S
+        ask_from = begun + self.config.board.boot_s
+        heard = 0
+        while (now := time.monotonic()) < deadline:
+            if is_over():
+                raise DeviceError(f"{self.port.name}: closed while the board was greeted")
+            piece = self.port.read()
+            heard += len(piece)
+            for version, message in self.scanner.feed(piece):
+                kind = version & 0x0F
+                if kind == Kind.HELLO:
+                    return self._checked(message, accept_digest)
+                ask_from = min(ask_from, now)  # it runs already: nothing to wait out
+            if now >= ask_from and now - asked_at >= ASK_EVERY_S:
+                asked_at = now
+                self.send(Command.STOP)
+                self.send(Command.IDENTIFY)
+        raise DeviceError(self._why_no_hello(heard, deadline - begun))
+
+    def _checked(self, message: bytes, accept_digest: str | None) -> Hello:
+        hello = unpack_hello(message)
+        check_hello(hello, self.config, where=self.port.name, accept_digest=accept_digest)
+        self.hello_message = message
+        return hello
+
+    def _why_no_hello(self, heard: int, waited_s: float) -> str:
+        port, board = self.port.name, self.config.board
+        if heard == 0:
+            return (
+                f"{port}: silent for {waited_s:.1f} s; is it the right port, and does the board run this design's "
+                "firmware (`optopad driver flash DESIGN`)?"
+            )
+        return (
+            f"{port}: {heard} bytes in {waited_s:.1f} s and no hello among them: another device talks there, or not "
+            f"at {board.baud} baud; name the right port, or flash the firmware (`optopad driver flash DESIGN`)"
+        )
+
+
+def check_hello(hello: Hello, config: DriverConfig, *, where: str, accept_digest: str | None) -> None:
+    """Refuse a board that is not this design's.
+
+    Parameters
+    ----------
+    accept_digest : as `Link.greet`
+
+    Raises
+    ------
+    DeviceError : frames of another shape; another design that was not accepted by name.
+    """
+    frame = config.frame
+    has = (hello.emitters, hello.receivers, hello.bits)
+    wanted = (frame.states - 1, frame.receivers, frame.bits_per_reading)
+    if has != wanted:
+        raise DeviceError(
+            f"{where}: firmware for {has[0]} emitters, {has[1]} receivers, {has[2]} bits; driver.toml of "
+            f"{config.design} has {wanted[0]}, {wanted[1]}, {wanted[2]}; flash this design's firmware "
+            "(`optopad driver flash DESIGN`), or use the driver.toml of the board's design"
+        )
+    if hello.digest == config.digest or is_accepted(hello.digest, accept_digest):
+        return
+    raise DeviceError(
+        f"{where}: firmware of another design, digest {hello.digest[:8]}; driver.toml is {config.design}'s, digest "
+        f"{config.digest[:8]}; flash this design's firmware (`optopad driver flash DESIGN`), or, if its wiring is "
+        f"the same, accept it by name: --accept-digest {hello.digest[:8]} (accept_digest=)"
+    )
+
+
+def is_accepted(digest: str, accept_digest: str | None) -> bool:
+    """Whether a foreign digest was accepted by its first digits."""
+    return accept_digest is not None and digest.startswith(accept_digest.lower())
+
+
+def require_digest(accept_digest: str | None) -> None:
+    """Refuse digits that name no design clearly: InputError for fewer than eight, or what is none of the digits."""
+    if accept_digest is not None and not re.fullmatch(r"[0-9a-fA-F]{8,64}", accept_digest):
+        raise InputError(
+            f"accept_digest: {accept_digest!r} names no design; give 8 to 64 hexadecimal digits of the board's digest"
+        )
+
+
+def interval_us(rate_hz: float) -> int:
+    """Frame interval of a rate [us]; 0, as fast as the board can, for rate 0."""
+    return round(US_PER_S / rate_hz) if rate_hz > 0 else 0

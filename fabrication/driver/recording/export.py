@@ -1,0 +1,264 @@
+"""A recording as netCDF, in the form that `optopad compare` and learners read (docs/recordings.md). Needs xarray."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import InputError, OutputError
+from fabrication.driver.descriptor import UNITS, descriptor_of
+from fabrication.driver.link.counters import WrappingCounter, restarts
+from fabrication.driver.link.protocol import Unpacked, frame_format, unpack_frames
+from fabrication.driver.recording.press_labels import PressLabels, sets_json
+from fabrication.driver.recording.raw import PRESS_BYTES, Record, RecordKind, press_of, read_records
+from fabrication.driver.simulated.finger import FingerPath
+from fabrication.driver_file import DriverConfig
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+FloatArray = NDArray[np.float64]
+US_PER_S = 1e6
+CLOCK_SLACK_S = 1.0
+"""Records are written in the order of their times to within this, unless the clock was set back."""
+
+COMPRESSION = {"zlib": True, "complevel": 4}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recorded:
+    """A recording's frames as arrays.
+
+    Attributes
+    ----------
+    config : of the sensor
+    counts : (time, state, receiver) [counts]
+    connection, sequence : (time,)
+    device_s : (time,) the board's clock since its reset [s]
+    host_s : (time,) this machine's clock since 1970 [s]
+    labels : where it was pressed; None where the recording does not say
+    lost : frames missing by the sequence numbers
+    stray_bytes : bytes of the file that belong to no whole record of this configuration
+    ended_cleanly : whether the recorder was closed
+    """
+
+    config: DriverConfig
+    counts: NDArray[np.uint16]
+    connection: NDArray[np.int64]
+    sequence: NDArray[np.int64]
+    device_s: FloatArray
+    host_s: FloatArray
+    labels: PressLabels | None
+    lost: int
+    stray_bytes: int
+    ended_cleanly: bool
+
+    @property
+    def press_mm(self) -> FloatArray | None:
+        """(time, 3) x, y, depth [mm]; None where the recording does not say."""
+        return None if self.labels is None else self.labels.press_mm
+
+    @property
+    def signals(self) -> FloatArray:
+        """(time, emitter, receiver) less the dark state's [counts]."""
+        lit = [entry.state for entry in self.config.emitters]
+        dark = self.config.ambient.subtract_state
+        found: FloatArray = self.counts[:, lit].astype(np.float64) - self.counts[:, [dark]]
+        return found
+
+    def only(self, kept: NDArray[np.bool_]) -> Recorded:
+        """Some of the frames; what was lost stays lost."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        cut: dict[str, Any] = {
+            name: value[kept] for name, value in values.items() if isinstance(value, np.ndarray)
+        }
+        return replace(self, labels=None if self.labels is None else self.labels.only(kept), **cut)
+
+
+def read_recorded(file: Path, path: FingerPath | None = None) -> Recorded:
+    """Everything whole in a recording.
+
+    Parameters
+    ----------
+    path : where the pad was pressed, by the board's clock; None takes the presses that the recording says
+
+    Raises
+    ------
+    InputError : no recording, or no whole frame in it.
+    """
+    _, config, every, stray = read_records(file)
+    layout = frame_format(config)
+    records = [record for record in every if _fits(record, layout.total_bytes)]
+    stray += sum(record.size for record in every) - sum(record.size for record in records)
+    frames = [record for record in records if record.kind == RecordKind.FRAME]
+    if not frames:
+        raise InputError(f"{file}: holds no whole frame")
+    found = unpack_frames(layout, [record.content for record in frames])
+    connection = _connections(records, found)
+    sequence, device_us, lost = _unwrapped(found, connection)
+    host_s = np.array([record.host_s for record in frames])
+    device_s = device_us / US_PER_S
+    return Recorded(
+        config=config,
+        counts=found.counts,
+        connection=connection,
+        sequence=sequence,
+        device_s=device_s,
+        host_s=host_s,
+        labels=_presses(records, host_s) if path is None else PressLabels(press_mm=path.at(device_s)),
+        lost=lost,
+        stray_bytes=stray,
+        ended_cleanly=any(record.kind == RecordKind.END for record in records),
+    )
+
+
+def dataset_of(recorded: Recorded, name: str) -> xr.Dataset:
+    """The recording with named axes and units."""
+    import xarray as xr
+
+    said = descriptor_of(recorded.config)
+    dataset = xr.Dataset(
+        {
+            "counts": (("time", "state", "receiver"), recorded.counts, {"units": UNITS["counts"]}),
+            "device_time": (
+                "time",
+                recorded.device_s,
+                {"units": "s", "long_name": "since the board's reset"},
+            ),
+            "host_time": ("time", recorded.host_s, {"units": "s", "long_name": "since 1970"}),
+            "time_s": (
+                "time",
+                recorded.host_s - recorded.host_s[0],
+                {"units": "s", "long_name": "since the first frame, by this machine's clock"},
+            ),
+            "sequence": ("time", recorded.sequence, {"units": "1"}),
+            "connection": ("time", recorded.connection, {"units": "1"}),
+        },
+        coords={"state": list(said.states), "receiver": list(said.receivers.names)},
+        attrs={
+            "title": "optopad recording",
+            "source": name,
+            "design": said.design,
+            "design_digest": said.digest,
+            "full_scale_counts": float(said.full_scale),
+            "lost_frames": recorded.lost,
+        },
+    )
+    if recorded.labels is not None:
+        _label(dataset, recorded.labels)
+    return dataset
+
+
+def _label(dataset: xr.Dataset, labels: PressLabels) -> None:
+    for k, axis in enumerate(("press_x", "press_y", "press_depth")):
+        positive = {"positive": "into the pad"} if axis == "press_depth" else {}
+        dataset[axis] = ("time", labels.press_mm[:, k], {"units": "mm"} | positive)
+    if labels.set_number is not None:
+        dataset["set"] = ("time", labels.set_number, {"long_name": "number in the attribute sets, from 0"})
+    if labels.place_number is not None:
+        dataset["place"] = ("time", labels.place_number, {"long_name": "press within its set"})
+    if labels.sets:
+        dataset.attrs["sets"] = sets_json(labels.sets)
+
+
+def export_netcdf(file: Path, out: Path, path: FingerPath | None = None) -> Recorded:
+    """Write a recording as netCDF, whole or not at all.
+
+    Raises
+    ------
+    InputError : as `read_recorded`.
+    OutputError : the folder cannot be written, or xarray is missing.
+    """
+    recorded = read_recorded(file, path)
+    write_netcdf(recorded, out, file.name)
+    return recorded
+
+
+def write_netcdf(recorded: Recorded, out: Path, name: str) -> None:
+    """Write frames as netCDF, whole or not at all.
+
+    Parameters
+    ----------
+    name : what they are from, for the attribute `source`
+
+    Raises
+    ------
+    OutputError : the folder cannot be written, or xarray is missing.
+    """
+    partial = out.with_name(f".{out.name}.partial")
+    try:
+        dataset = dataset_of(recorded, name)
+        encoding: dict[Any, Any] = {"counts": COMPRESSION}
+        dataset.to_netcdf(partial, engine="h5netcdf", encoding=encoding)
+        os.replace(partial, out)
+    except ImportError as err:
+        raise OutputError(
+            f"{out}: netCDF needs xarray and h5netcdf: {err}; pip install xarray h5netcdf"
+        ) from None
+    except OSError as err:
+        raise OutputError(f"{out}: cannot be written: {err.strerror or err}; choose another folder") from None
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def can_export() -> bool:
+    """Whether this Python has what netCDF needs."""
+    from importlib.util import find_spec
+
+    return all(find_spec(name) is not None for name in ("xarray", "h5netcdf"))
+
+
+def _connections(records: list[Record], found: Unpacked) -> NDArray[np.int64]:
+    """(time,) counts from 1 up with every hello between frames, and where a sequence goes back."""
+    begins, number = np.zeros(len(found.sequence), dtype=bool), 0
+    is_new = False
+    for record in records:
+        if record.kind == RecordKind.HELLO:
+            is_new = True
+        elif record.kind == RecordKind.FRAME:
+            begins[number] = is_new
+            number, is_new = number + 1, False
+    begins[restarts(found.sequence, int(found.sequence[0]) - 1)] = True
+    begins[0] = False
+    numbers: NDArray[np.int64] = 1 + np.cumsum(begins)
+    return numbers
+
+
+def _unwrapped(
+    found: Unpacked, connection: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
+    sequence, device_us = np.empty(len(connection), np.int64), np.empty(len(connection), np.int64)
+    lost = 0
+    for number in np.unique(connection):
+        own = connection == number
+        sequence[own], steps = WrappingCounter(goes_back=True).extended(found.sequence[own])
+        device_us[own], _ = WrappingCounter(goes_back=False).extended(found.device_us[own])
+        lost += int((steps - 1).sum())
+    return sequence, device_us, lost
+
+
+def _fits(record: Record, frame_bytes: int) -> bool:
+    """Whether a record's content has its kind's length: another has no meaning, right as its CRC may be."""
+    lengths = {RecordKind.FRAME: frame_bytes, RecordKind.PRESS: PRESS_BYTES}
+    return len(record.content) == lengths.get(record.kind, len(record.content))
+
+
+def _presses(records: list[Record], host_s: FloatArray) -> PressLabels | None:
+    """The press that was said last before each frame; untouched before the first. None where none was."""
+    said = [record for record in records if record.kind == RecordKind.PRESS]
+    if not said:
+        return None
+    values = np.array([press_of(record) for record in said])
+    steps_s = np.diff([record.host_s for record in records])
+    if (steps_s < -CLOCK_SLACK_S).any():  # the clock was set back: the file's order holds
+        kinds = np.array([record.kind for record in records])
+        before = (np.cumsum(kinds == RecordKind.PRESS) - 1)[kinds == RecordKind.FRAME]
+    else:
+        before = np.searchsorted([record.host_s for record in said], host_s, side="right") - 1
+    untouched = np.array([values[0, 0], values[0, 1], 0.0])
+    return PressLabels(press_mm=np.where((before >= 0)[:, None], values[np.maximum(before, 0)], untouched))

@@ -1,0 +1,127 @@
+"""A stage's log joined to a recording: each frame gets the position at its time, and its set and place.
+
+A frame's time is when this machine had it, some 5 to 20 ms after it was measured: at 5 mm/s up to 0.1 mm. Log the stage
+standing where that matters. Frames whose position is not known are left out and counted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import InputError
+from fabrication.driver.descriptor import descriptor_of
+from fabrication.driver.recording.clock_match import (
+    ClockMatch,
+    found_offset,
+    match_at,
+    require_in_step,
+    touches_of_log,
+    touches_of_signals,
+)
+from fabrication.driver.recording.export import Recorded
+from fabrication.driver.recording.position_log import PositionLog
+
+FloatArray = NDArray[np.float64]
+
+LATE_S = 0.05
+"""A frame that came so much later than others near it had waited: this machine was busy or slept."""
+
+LAG_S = 2.0
+"""Blocks of time in which the shortest lag is looked for: a resonator off by 0.5 % makes 20 ms of two of them."""
+
+Offset = float | Literal["auto"] | None
+"""This machine's clock less the log's [s]; `auto` finds it; None is one clock for both, which is checked."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JoinedLog:
+    """A recording with a log's positions.
+
+    Attributes
+    ----------
+    recorded : its frames with a known position
+    offset_s : that was used [s]
+    match : how the touches of both meet, near that offset
+    left_out : frames without a known position
+    """
+
+    recorded: Recorded
+    offset_s: float
+    match: ClockMatch
+    left_out: int
+
+
+def joined(recorded: Recorded, log: PositionLog, offset: Offset = None) -> JoinedLog:
+    """Give every frame the log's position at its time.
+
+    Raises
+    ------
+    InputError : no time in common; log out of step; an offset that is not found, or ambiguous.
+    """
+    _require_rising(recorded.host_s)
+    host_s = _measured_s(recorded)
+    said = descriptor_of(recorded.config)
+    seen = touches_of_signals(host_s, recorded.signals, 0.98 * said.full_scale)
+    logged = touches_of_log(log)
+    if offset == "auto":
+        match = found_offset(seen, logged)
+        offset_s = match.offset_s
+    else:
+        offset_s = float(offset or 0.0)
+        _require_overlap(recorded, log, offset_s)
+        match = require_in_step(seen, logged) if offset is None else match_at(seen, logged, offset_s)
+    labels, known = log.labels_at(host_s - offset_s)
+    if not known.any():
+        raise InputError(
+            f"{log.file}: of {len(host_s)} frames none has a known position: {_spans(recorded, log, offset_s)}"
+        )
+    whole = replace(recorded, labels=labels)
+    return JoinedLog(
+        recorded=whole.only(known), offset_s=offset_s, match=match, left_out=int(np.count_nonzero(~known))
+    )
+
+
+def _measured_s(recorded: Recorded) -> FloatArray:
+    """(time,) this machine's time, for frames that waited for a reader that paused by the board's clock [s]."""
+    late_s = np.zeros(len(recorded.host_s))
+    for number in np.unique(recorded.connection):
+        own = recorded.connection == number
+        device_s = recorded.device_s[own]
+        lag_s, block = recorded.host_s[own] - device_s, ((device_s - device_s[0]) // LAG_S).astype(np.int64)
+        least_s = np.full(block.max() + 3, np.inf)
+        np.minimum.at(least_s, block + 1, lag_s)
+        near_s = np.minimum(np.minimum(least_s[:-2], least_s[1:-1]), least_s[2:])
+        late_s[own] = lag_s - near_s[block]
+    found: FloatArray = np.maximum.accumulate(recorded.host_s - np.where(late_s > LATE_S, late_s, 0.0))
+    return found
+
+
+def _require_rising(host_s: FloatArray) -> None:
+    """Refuse a recording during which this machine's clock was set back: no time in it is sure."""
+    step_s = np.diff(host_s)
+    if (step_s < 0).any():
+        frame = int(np.flatnonzero(step_s < 0)[0])
+        raise InputError(
+            f"the recording's clock was set back by {-step_s[frame]:.2f} s after frame {frame + 1}: no log can be "
+            "joined to it; record again, with the clock left alone"
+        )
+
+
+def _require_overlap(recorded: Recorded, log: PositionLog, offset_s: float) -> None:
+    first, last = log.time_s[[0, -1]] + offset_s
+    if last < recorded.host_s.min() or first > recorded.host_s.max():
+        raise InputError(
+            f"{log.file}: no time in common with the recording: {_spans(recorded, log, offset_s)}; another run's "
+            "log, or another clock: let the offset be found with --offset auto, or give it"
+        )
+
+
+def _spans(recorded: Recorded, log: PositionLog, offset_s: float) -> str:
+    begun = recorded.host_s.min()
+    first, last = log.time_s[[0, -1]] + offset_s - begun
+    ends = f"frames from 0 to {recorded.host_s.max() - begun:.1f} s of the recording"
+    return f"{ends}, the log from {first:.1f} to {last:.1f} s"

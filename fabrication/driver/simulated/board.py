@@ -1,0 +1,207 @@
+"""A simulated board: what the firmware would send, for a pad of which the light was simulated.
+
+It speaks the whole protocol: hello at the reset and once a second until it is started, frames at the interval that it
+was told, answers between frames. Readings are the press table's signals, an ambient level, noise, rounded and clipped
+as the converter does. Pure: bytes and times go in, bytes come out; `fake_port` puts it on a port.
+
+Left out: settling of LED and amplifier, drift, and the line's baud rate: only the timing budget limits the frame rate.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fabrication.driver.link.protocol import (
+    COMMAND_BYTES,
+    COMMAND_MAGIC,
+    VERSION,
+    Command,
+    Hello,
+    SelfTest,
+    frame_format,
+    pack_frames,
+    pack_hello,
+    pack_self_test,
+    unpack_command,
+)
+from fabrication.driver.link.scanner import Scanner
+from fabrication.driver.simulated.faults import Faults, faults_of
+from fabrication.driver.simulated.finger import NO_FINGER, Finger
+from fabrication.driver.simulated.press_table import PressTable
+from fabrication.driver_file import DriverConfig
+
+AMBIENT_COUNTS = 2.0
+"""Level of every reading in the dark: a guess that the paper's untouched rows allow."""
+
+READ_NOISE_COUNTS = 0.5
+"""Standard deviation of a reading in the dark, as the verdict assumes."""
+
+LIGHT_NOISE = 0.002
+"""Standard deviation of an emitter's light over its mean, as the published touch rows allow [-]."""
+
+HELLO_EVERY_S = 1.0
+US_PER_S = 1e6
+REFERENCE_V, SUPPLY_V = 1.1, 5.0
+FREE_RAM_BYTES = 4096
+FIRMWARE = (0, 0)
+"""Version 0.0: no firmware at all."""
+
+
+class FakeBoard:
+    """A board without hardware.
+
+    Parameters
+    ----------
+    config : of the design that it claims to be
+    table : what its pad reads under presses
+    path : where the finger is
+    faults : of the build; None for none
+    seed : of the noise
+    digest : claimed in place of the configuration's
+    clock_offset_us : device time at the reset [us], to see it wrap
+    sequence_offset : of the first frame, to see it wrap
+    """
+
+    def __init__(
+        self,
+        config: DriverConfig,
+        table: PressTable,
+        path: Finger = NO_FINGER,
+        *,
+        faults: Faults | None = None,
+        seed: int = 0,
+        digest: str | None = None,
+        clock_offset_us: int = 0,
+        sequence_offset: int = 0,
+    ) -> None:
+        self._config = config
+        self._layout = frame_format(config)
+        self._table = table
+        self._path = path
+        self._faults = faults or faults_of(config)
+        self._rng = np.random.default_rng(seed)
+        self._digest = digest or config.digest
+        self._clock_offset_us = clock_offset_us
+        self._sequence_offset = sequence_offset
+        self._scanner = Scanner(
+            {VERSION << 4 | command: COMMAND_BYTES for command in Command}, magic=COMMAND_MAGIC
+        )
+        self._shortest_s = config.timing.frame_ms / 1e3
+        self.reset(0.0)
+
+    def reset(self, now_s: float) -> None:
+        """Start anew, as when the port is opened; `now_s` is any clock that rises [s]."""
+        self._reset_s = now_s
+        self._due_s = now_s
+        self._is_started = False
+        self._interval_us = math.ceil(US_PER_S / self._config.timing.wanted_hz)
+        self._sequence = self._sequence_offset
+        self._late = 0
+        self._scanner.forget()
+
+    @property
+    def due_s(self) -> float:
+        """When it next sends something by itself."""
+        return self._due_s
+
+    @property
+    def is_started(self) -> bool:
+        """Whether it sends frames."""
+        return self._is_started
+
+    def press_mm(self, now_s: float) -> NDArray[np.float64]:
+        """(3,) x, y, depth of the finger [mm]."""
+        found: NDArray[np.float64] = self._path.at(now_s - self._reset_s)
+        return found
+
+    def heard(self, piece: bytes, now_s: float) -> bytes:
+        """Take what the host sends; what it is answered."""
+        answer = b""
+        for _, message in self._scanner.feed(piece):
+            answer += self._obeyed(*unpack_command(message), now_s)
+        return answer
+
+    def spoken(self, now_s: float) -> bytes:
+        """What it sends by itself at this time; nothing before `due_s`."""
+        if now_s < self._due_s:
+            return b""
+        if not self._is_started:
+            self._due_s = now_s + HELLO_EVERY_S
+            return self._hello()
+        wanted_s = self._interval_us / US_PER_S
+        step_s = max(wanted_s, self._shortest_s)
+        self._late += wanted_s > 0 and (wanted_s < self._shortest_s or now_s > self._due_s + step_s)
+        behind = now_s - self._due_s > 1.0  # this process slept: a board would have sent on, and lost it
+        self._due_s = now_s + step_s if behind else self._due_s + step_s
+        frame = self._frame(now_s)
+        self._sequence += 1
+        return frame
+
+    def counts(self, now_s: float) -> NDArray[np.uint16]:
+        """(state, receiver) readings at a time [counts]."""
+        signals = self._faults.applied(self._table.at(self.press_mm(now_s))[0])
+        light = np.vstack([signals, np.zeros(signals.shape[1])])  # the last state is dark
+        light *= 1.0 + LIGHT_NOISE * self._rng.standard_normal((len(light), 1))
+        levels = light + AMBIENT_COUNTS + READ_NOISE_COUNTS * self._rng.standard_normal(light.shape)
+        levels[:, self._faults.is_saturated] = np.inf
+        found: NDArray[np.uint16] = np.clip(np.round(levels), 0, self._layout.full_scale).astype(np.uint16)
+        return found
+
+    def _frame(self, now_s: float) -> bytes:
+        device_us = self._clock_offset_us + round((now_s - self._reset_s) * US_PER_S)
+        (frame,) = pack_frames(self._layout, [self._sequence], [device_us], self.counts(now_s)[None])
+        return frame
+
+    def _obeyed(self, command: Command, argument: int, now_s: float) -> bytes:
+        actions: dict[Command, Callable[[], bytes]] = {
+            Command.START: lambda: self._start(now_s),
+            Command.STOP: lambda: self._stop(now_s),
+            Command.RATE: lambda: self._rate(argument),
+            Command.IDENTIFY: self._hello,
+            Command.SELF_TEST: self._self_test,
+        }
+        return actions[command]()
+
+    def _start(self, now_s: float) -> bytes:
+        if not self._is_started:
+            self._is_started, self._due_s = True, now_s
+        return b""
+
+    def _stop(self, now_s: float) -> bytes:
+        if self._is_started:
+            self._is_started, self._due_s = False, now_s + HELLO_EVERY_S
+        return b""
+
+    def _rate(self, interval_us: int) -> bytes:
+        self._interval_us = interval_us
+        return b""
+
+    def _hello(self) -> bytes:
+        board, frame = self._config.board, self._config.frame
+        hello = Hello(
+            firmware=FIRMWARE,
+            board=board.link_number,
+            emitters=frame.states - 1,
+            receivers=frame.receivers,
+            bits=frame.bits_per_reading,
+            prescaler_exponent=board.adc_prescaler.bit_length() - 1,
+            settle_us=math.ceil(board.settle_us),
+            baud=board.baud,
+            interval_us=self._interval_us,
+            digest=self._digest,
+        )
+        return pack_hello(hello)
+
+    def _self_test(self) -> bytes:
+        reference = round(REFERENCE_V / SUPPLY_V * (self._layout.full_scale + 1))
+        found = SelfTest(
+            reference_counts=reference,
+            late_frames=self._late,
+            least_free_ram_bytes=FREE_RAM_BYTES,
+            config_crc=self._config.board.config_crc or 0,
+        )
+        return pack_self_test(found)

@@ -1,0 +1,56 @@
+"""All sheets of a design, written into the bundle's folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from design.io import write_text_atomically
+from design.spec import SensorDesign
+from fabrication.driver_config import dump_driver_config
+from fabrication.gain import SimulatedGain
+from fabrication.sheets.bom import bom_csv
+from fabrication.sheets.casting import casting_md
+from fabrication.sheets.orientation_svg import orientation_svg
+from fabrication.sheets.schematic_svg import schematic_svg
+from fabrication.sheets.wiring import wiring_csv
+from fabrication.sheets.wiring_svg import wiring_svg
+
+
+def sheet_texts(design: SensorDesign, gain: SimulatedGain | None = None) -> dict[str, str]:
+    """Text of every sheet by file name.
+
+    Parameters
+    ----------
+    gain : what the simulation set; None leaves out what rests on it
+
+    Raises
+    ------
+    DesignError : parts, pins or materials that the catalogue or the board does not have.
+    """
+    return {
+        "driver.toml": dump_driver_config(
+            design,
+            None if gain is None else gain.counts_per_flux,
+            None if gain is None else gain.untouched_readings(design),
+        ),
+        "wiring.csv": wiring_csv(design),
+        "wiring.svg": wiring_svg(design),
+        "schematic.svg": schematic_svg(design, gain),
+        "orientation.svg": orientation_svg(design),
+        "bom.csv": bom_csv(design, gain),
+        "casting.md": casting_md(design, gain),
+    }
+
+
+def write_sheets(design: SensorDesign, folder: Path, gain: SimulatedGain | None = None) -> dict[str, Path]:
+    """Write every sheet into a folder that exists; the paths by file name.
+
+    Raises
+    ------
+    DesignError : as `sheet_texts`; nothing is written.
+    OutputError : the folder cannot be written.
+    """
+    texts = sheet_texts(design, gain)
+    for name, text in texts.items():
+        write_text_atomically(folder / name, text)
+    return {name: folder / name for name in texts}

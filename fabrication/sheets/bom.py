@@ -1,0 +1,323 @@
+"""Bill of materials: what to buy, print and weigh for one sensor.
+
+References hang on the names of the layout: E3-Q is the transistor of emitter E3. A cost is the
+catalogue's, with currency, date and source, or blank and said so. Where no part is chosen (transistor, amplifier) the
+value says what it has to do; where the gain decides (feedback), it says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+from cad.volume import mold_volume_mm3
+from design.circuit.emitter_switch import EmitterSwitch, emitter_switch
+from design.circuit.pins import board_of
+from design.geometry.cavity import PlacedPart, cavity_of
+from design.geometry.mold_outline import outline_of
+from design.parts.assumptions import assumption
+from design.parts.catalog import Board, Cost, Part, find_mold_material
+from design.parts.standard_values import ohm_text
+from design.spec import SensorDesign
+from design.spec.properties import elastomer_of, entries_of
+from fabrication.gain import SimulatedGain, feedbacks_for
+from fabrication.sheets.formats.table import csv_text, number
+from fabrication.sheets.silicone import MM3_PER_CM3, Pour, pours
+
+COLUMNS = (
+    "item",
+    "catalogue_id",
+    "quantity",
+    "unit",
+    "references",
+    "value",
+    "manufacturer",
+    "unit_cost",
+    "currency",
+    "cost_date",
+    "cost_source",
+    "note",
+)
+
+SET_BY_GAIN = "set by gain"
+NO_PRICE = "no price known"
+
+
+@dataclass(frozen=True, kw_only=True)
+class BomRow:
+    """One thing to get.
+
+    Attributes
+    ----------
+    quantity, unit : pieces or grams; None where it cannot be told
+    references : designators it serves, in the order of the layout
+    cost : of one unit, where somebody quoted it
+    """
+
+    item: str
+    catalogue_id: str = ""
+    quantity: float | None
+    unit: str = "piece"
+    references: tuple[str, ...] = ()
+    value: str = ""
+    manufacturer: str = ""
+    cost: Cost | None = None
+    note: str = ""
+
+
+def bom_rows(design: SensorDesign, gain: SimulatedGain | None = None) -> tuple[BomRow, ...]:
+    """Everything that goes into one sensor.
+
+    Parameters
+    ----------
+    gain : what the simulation set; without it a gain by a rule leaves the feedback open
+    """
+    cavity, board = cavity_of(design), board_of(design)
+    return (
+        *_part_rows(cavity.emitters),
+        *_part_rows(cavity.receivers),
+        BomRow(item=board.title, catalogue_id=design.board.kind, quantity=1),
+        *_switch_rows(cavity.emitters, board),
+        *_amplifier_rows(design, cavity.receivers, gain),
+        *_silicone_rows(design),
+        *_printed_rows(design),
+    )
+
+
+def bom_csv(design: SensorDesign, gain: SimulatedGain | None = None) -> str:
+    """The bill of materials as CSV."""
+    return csv_text(COLUMNS, (_cells(row) for row in bom_rows(design, gain)))
+
+
+def _cells(row: BomRow) -> tuple[str | float | None, ...]:
+    cost = row.cost
+    return (
+        row.item,
+        row.catalogue_id,
+        row.quantity,
+        row.unit,
+        " ".join(row.references),
+        row.value,
+        row.manufacturer,
+        None if cost is None else cost.value,
+        None if cost is None else cost.currency,
+        None if cost is None else cost.date,
+        NO_PRICE if cost is None else cost.source,
+        row.note,
+    )
+
+
+def _part_rows(placed: Sequence[PlacedPart]) -> Iterator[BomRow]:
+    for part, names in _by_entry(placed):
+        entry = part.part
+        yield BomRow(
+            item=entry.title,
+            catalogue_id=part.part_id,
+            quantity=len(names),
+            references=names,
+            manufacturer=entry.manufacturer,
+            cost=entry.cost,
+            note=" ".join(entry.notes),
+        )
+
+
+def _switch_rows(emitters: Sequence[PlacedPart], board: Board) -> Iterator[BomRow]:
+    for part, names in _by_entry(emitters):
+        switch = emitter_switch(part.part)
+        yield BomRow(
+            item="NPN transistor",
+            quantity=len(names),
+            references=_marked(names, "Q"),
+            value=f"collector current at least {_most_ma(part.part)} mA",
+            note="one an LED: base to the base resistor, collector to the LED's cathode, its own emitter to ground",
+        )
+        yield BomRow(
+            item="base resistor",
+            quantity=len(names),
+            references=_marked(names, "RB"),
+            value=ohm_text(switch.base_ohm),
+            note=_base_note(switch, board),
+        )
+        yield BomRow(
+            item="series resistor",
+            quantity=len(names),
+            references=_marked(names, "RS"),
+            value="none fits" if switch.series_ohm is None else ohm_text(switch.series_ohm),
+            note=_series_note(switch, part.part),
+        )
+
+
+def _amplifier_rows(
+    design: SensorDesign, receivers: Sequence[PlacedPart], gain: SimulatedGain | None
+) -> Iterator[BomRow]:
+    names = tuple(part.name for part in receivers)
+    yield BomRow(
+        item="transimpedance amplifier",
+        quantity=len(names),
+        references=_marked(names, "A"),
+        value="single supply, inputs and output down to ground",
+        note=f"output to the receiver's channel; {_bandwidth_note()}",
+    )
+    yield BomRow(
+        item="supply capacitor",
+        quantity=len(names),
+        references=_marked(names, "CS"),
+        value="100 nF",
+        note="ceramic, beside each amplifier's supply pins; one serves all amplifiers of a package",
+    )
+    feedbacks = feedbacks_for(design, gain)
+    if feedbacks is None:
+        yield from _open_feedback_rows(design, names)
+        return
+    resistors = [ohm_text(one.standard_ohm) for one in feedbacks]
+    capacitors = [f"{one.capacitor_pf:g} pF" for one in feedbacks]
+    for item, mark, values, note in (
+        (
+            "feedback resistor",
+            "RF",
+            resistors,
+            "rests on the emitters' power; see casting.md, last section",
+        ),
+        (
+            "feedback capacitor",
+            "CF",
+            capacitors,
+            f"settles within board.settle_us = {design.board.settle_us:g} us",
+        ),
+    ):
+        for value in dict.fromkeys(values):
+            same = [name for name, own in zip(names, values, strict=True) if own == value]
+            late = mark == "CF" and not all(
+                one.is_in_time for one, own in zip(feedbacks, values, strict=True) if own == value
+            )
+            yield BomRow(
+                item=item,
+                quantity=len(same),
+                references=_marked(same, mark),
+                value=value,
+                note="least that is stable: TOO SLOW for board.settle_us, see casting.md" if late else note,
+            )
+
+
+def _open_feedback_rows(design: SensorDesign, names: Sequence[str]) -> Iterator[BomRow]:
+    """Resistor and capacitor whose values nobody can tell yet."""
+    rule = f"so that the median judged pair, untouched, reads {design.gain.target_counts:g} counts"
+    for item, mark, note in (
+        ("feedback resistor", "RF", f"{rule}; see casting.md, last section"),
+        (
+            "feedback capacitor",
+            "CF",
+            f"with RF it must settle within board.settle_us = {design.board.settle_us:g} us",
+        ),
+    ):
+        yield BomRow(
+            item=item, quantity=len(names), references=_marked(names, mark), value=SET_BY_GAIN, note=note
+        )
+
+
+def _bandwidth_note() -> str:
+    return f"gain-bandwidth product taken as {assumption('amplifier_bandwidth_mhz').value:g} MHz (assumed)"
+
+
+def _silicone_rows(design: SensorDesign) -> Iterator[BomRow]:
+    elastomer, layers = elastomer_of(design), pours(design)
+    shares: tuple[tuple[str, Callable[[Pour], float]], ...] = (
+        ("base", lambda pour: pour.base_g),
+        ("curing agent", lambda pour: pour.agent_g),
+    )
+    for component, grams in shares:
+        split = ", ".join(f"{pour.layer} layer {grams(pour):.2f} g" for pour in layers)
+        yield BomRow(
+            item=f"{elastomer.title}, {component}",
+            catalogue_id=design.elastomer.material,
+            quantity=round(sum(grams(pour) for pour in layers), 2),
+            unit="g",
+            value=f"{number(design.elastomer.mixing_ratio)} : 1 by weight",
+            manufacturer=elastomer.manufacturer,
+            note=f"{split}; includes {assumption('silicone_waste').value:.0%} waste (assumed)",
+        )
+    if any(pour.layer == "black" for pour in layers):
+        yield BomRow(
+            item="carbon black",
+            quantity=round(sum(pour.carbon_g for pour in layers), 2),
+            unit="g",
+            value=f"{assumption('carbon_black_share').value:.0%} by weight (assumed)",
+            note="black layer only; the paper says to saturation and states no share by weight",
+        )
+
+
+def _printed_rows(design: SensorDesign) -> Iterator[BomRow]:
+    material = find_mold_material(entries_of(design), design.mold.material)
+    density = material.density_g_per_cm3.value
+    mold_g = mold_volume_mm3(design) / MM3_PER_CM3 * density
+    files = "mold.stl" if design.mold.pieces == "one" else "mold_frame.stl and cad/mold_base.stl"
+    yield BomRow(
+        item="printed mold",
+        catalogue_id=design.mold.material,
+        quantity=1,
+        value=material.title,
+        note=f"cad/{files}; {mold_g:.1f} g when printed solid",
+    )
+    for tool, file in _tools(design):
+        yield BomRow(
+            item=f"printed {tool}",
+            catalogue_id=design.mold.material,
+            quantity=1,
+            value=material.title,
+            note=f"cad/{file}.stl",
+        )
+    if design.mold.pieces == "frame_and_base":
+        size = design.mold.fixing_hole_diameter_mm
+        yield BomRow(
+            item="screw with nut",
+            quantity=4,
+            value=f"for holes of {size:g} mm, longer than {outline_of(design).height_mm:g} mm",
+            note="hold frame and base together",
+        )
+    if design.mold.cover_ledge_mm:
+        yield BomRow(item="glass cover", quantity=1, value="cut to the seat", note="size: see casting.md")
+
+
+def _tools(design: SensorDesign) -> Iterator[tuple[str, str]]:
+    if design.cavity.black_thickness_mm > 0:
+        yield "leveling blade", "leveling_blade"
+    if design.mold.rim_mm > 0:
+        yield "pour gauge", "pour_gauge"
+    yield "solder jig", "solder_jig"
+    yield "indenter tip", "indenter_tip"
+
+
+def _by_entry(placed: Sequence[PlacedPart]) -> Iterator[tuple[PlacedPart, tuple[str, ...]]]:
+    """One part of each catalogue entry with the names of all that share it."""
+    for part_id in dict.fromkeys(part.part_id for part in placed):
+        same = [part for part in placed if part.part_id == part_id]
+        yield same[0], tuple(part.name for part in same)
+
+
+def _marked(names: Sequence[str], mark: str) -> tuple[str, ...]:
+    return tuple(f"{name}-{mark}" for name in names)
+
+
+def _most_ma(part: Part) -> str:
+    assert part.max_current_ma is not None
+    return number(part.max_current_ma.value)
+
+
+def _base_note(switch: EmitterSwitch, board: Board) -> str:
+    volts, gain = assumption("base_emitter_v").value, assumption("forced_gain").value
+    rests = f"{volts:g} V base to emitter, forced gain {gain:g} (assumed)"
+    note = f"{switch.base_current_ma:.1f} mA from the pin; {rests}"
+    if switch.overloads_pin(board):
+        most = board.max_pin_current_ma.value
+        return f"{note}; TOO MUCH for a pin ({most:g} mA): use a logic-level MOSFET or a driver instead"
+    return note
+
+
+def _series_note(switch: EmitterSwitch, part: Part) -> str:
+    forward, supply = switch.forward_v, assumption("supply_v").value
+    rests = f"at {forward.value:g} V forward voltage ({forward.confidence}) and {supply:g} V supply (assumed)"
+    if switch.series_ohm is None:
+        return f"{rests} the supply cannot light it: use a higher supply for the emitters"
+    return (
+        f"{switch.current_ma:.1f} mA at most, {_most_ma(part)} mA allowed; {switch.series_mw:.0f} mW; {rests}"
+    )

@@ -1,0 +1,368 @@
+"""The build sheet: how to print, fill and cast this very pad, with its own numbers.
+
+Every number comes from the design, the catalogue or `design/data/assumptions.toml`; values that
+nobody has read at a source are marked with a star, among them the times of degassing and the share of carbon
+black, which neither the paper nor the catalogue gives.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from design.fields.quantity import Quantity
+from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
+from design.geometry.fits import clearance_mm, fit_name
+from design.geometry.mold_outline import outline_of
+from design.geometry.webs import bodies_above_rim, pockets_below_clear_layer
+from design.parts.assumptions import assumption
+from design.parts.catalog import find_mold_material
+from design.parts.elastomer import Cure
+from design.spec import SensorDesign
+from design.spec.properties import elastomer_of, entries_of, quantities_of
+from fabrication.connections import polarity_of
+from fabrication.gain import SimulatedGain
+from fabrication.sheets.circuit_sheet import circuit_lines
+from fabrication.sheets.formats.markdown_text import plain
+from fabrication.sheets.formats.table import number
+from fabrication.sheets.gain_sheet import gain_lines
+from fabrication.sheets.silicone import pours
+
+MEASURED_FIELDS = ("body_width_mm", "body_depth_mm", "body_height_mm", "active_height_in_body_mm")
+"""Lengths of a part that its socket is cut from."""
+
+OPEN = ("inferred", "unverified")
+"""Confidences that call for a measurement."""
+
+HOURS_FROM_MINUTES = 120
+"""Cure times from here on are given in hours."""
+
+MINUTES_PER_HOUR = 60
+
+HANDS_MINUTES = 20
+"""Weighing, stirring and pouring of one layer: assumed."""
+
+COVER_PLAY_MM = 0.6
+"""How much smaller than its seat a glass cover is cut: prints come out up to this much too small inside."""
+
+MOST_WEIGHING_ERROR = 0.05
+"""The mixing ratio, and with it the stiffness, should not be off by more than this for want of a finer scale."""
+
+
+def casting_md(design: SensorDesign, gain: SimulatedGain | None = None) -> str:
+    """The build sheet as Markdown.
+
+    Parameters
+    ----------
+    gain : what the simulation set; without it a gain by a rule leaves the feedback open
+
+    Raises
+    ------
+    DesignError : parts or materials that the catalogue does not have.
+    """
+    cavity = cavity_of(design)
+    sections = (
+        _heading(design),
+        _weights(design),
+        _measure_first(cavity),
+        _print(design, cavity),
+        _fit(design, cavity),
+        _cast(design, cavity),
+        _cure(design),
+        _measure_after(design, cavity),
+        circuit_lines(design),
+        gain_lines(design, gain),
+    )
+    return "\n".join(line for section in sections for line in section).rstrip() + "\n"
+
+
+def _heading(design: SensorDesign) -> Iterator[str]:
+    yield f"# Casting {design.name}"
+    yield ""
+    if design.description:
+        yield plain(design.description)
+        yield ""
+    yield f"Design digest {design.digest}. Lengths in mm. A star marks a value that nobody has read at a source."
+    yield ""
+
+
+def _weights(design: SensorDesign) -> Iterator[str]:
+    elastomer, ratio = elastomer_of(design), design.elastomer.mixing_ratio
+    density, waste = elastomer.density_g_per_cm3, assumption("silicone_waste")
+    yield "## Weigh"
+    yield ""
+    yield f"{plain(elastomer.title)}, base to curing agent {number(ratio)} : 1 by weight."
+    yield ""
+    yield "| layer | thickness mm | in the mold g | to mix g | base g | curing agent g | carbon black g |"
+    yield "|---|---|---|---|---|---|---|"
+    for pour in pours(design):
+        grams = (pour.net_g, pour.mixed_g, pour.base_g, pour.agent_g)
+        carbon = f"{pour.carbon_g:.2f}*" if pour.carbon_g else ""
+        row = " | ".join([*(f"{gram:.2f}" for gram in grams), carbon])
+        yield f"| {pour.layer} | {number(pour.thickness_mm)} | {row} |"
+    yield ""
+    yield f"Density {_shown(density)}; {waste.value:.0%}* is added for what stays in the cup and in the gaps."
+    yield from _too_little(design)
+    if design.cavity.black_thickness_mm > 0:
+        share = assumption("carbon_black_share")
+        yield (
+            f"Carbon black: {share.value:.0%}* by weight (from {share.low:.0%} to {share.high:.0%}); the paper has it "
+            "to saturation and states no share."
+        )
+    yield ""
+
+
+def _too_little(design: SensorDesign) -> Iterator[str]:
+    step = assumption("scale_step").value
+    for pour in pours(design):
+        if step > MOST_WEIGHING_ERROR * pour.agent_g:
+            batch = step / MOST_WEIGHING_ERROR / pour.agent_g * pour.mixed_g
+            yield (
+                f"The {pour.layer} layer's {pour.agent_g:.2f} g of curing agent are too little for a scale of "
+                f"{step:g}* g: mix {math.ceil(batch)} g or more at the same ratio and use {pour.mixed_g:.2f} g of it."
+            )
+
+
+def _measure_first(cavity: CavityGeometry) -> Iterator[str]:
+    yield "## Measure before printing"
+    yield ""
+    yield "The sockets are cut from these lengths. Take a caliper to the parts at hand, chip height under a loupe"
+    yield "or on a photograph with a scale, and put what differs into the design under"
+    yield "`[part_measurements.<part>]`, for example `active_height_in_body_mm = 3.4`; then run the design anew."
+    yield ""
+    yield "| part | length | mm | confidence | measure |"
+    yield "|---|---|---|---|---|"
+    for part in _one_of_each(cavity.parts):
+        known = quantities_of(part.part)
+        for name in MEASURED_FIELDS:
+            must = "yes" if known[name].confidence in OPEN else ""
+            yield f"| {part.part_id} | {name} | {number(known[name].value)} | {known[name].confidence} | {must} |"
+    yield ""
+
+
+def _print(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
+    material, outline = find_mold_material(entries_of(design), design.mold.material), outline_of(design)
+    outside = f"{number(outline.outer_length_mm)} x {number(outline.outer_width_mm)}"
+    depth = outline.top_mm - outline.cavity_bottom_mm
+    yield "## Print and check"
+    yield ""
+    yield f"Print in {plain(material.title)}, without support, each part as it lies in its file:"
+    yield ""
+    yield "| file | what for |"
+    yield "|---|---|"
+    yield from (f"| `cad/{name}` | {use} |" for name, use in _printed(design, cavity))
+    yield ""
+    yield f"1. Measure the mold: outside {outside}, cavity {number(cavity.length_mm)} x {number(cavity.width_mm)},"
+    yield f"   from rim to cavity floor {number(depth)}."
+    yield "2. Clean the sockets; the active faces must sit flush with the cavity's walls."
+    if outline.numbers:
+        yield "3. The names in the outer faces are those of `wiring.csv`; the cut corner is the origin of x and y."
+    yield ""
+    for note in material.notes:
+        yield f"- {plain(note)}"
+    yield ""
+
+
+def _printed(design: SensorDesign, cavity: CavityGeometry) -> Iterator[tuple[str, str]]:
+    if design.mold.pieces == "one":
+        yield "mold.stl", "the mold, open side up"
+    else:
+        yield (
+            "mold_frame.stl",
+            "walls and sockets; screwed to the base through the fixing holes, the joint taped",
+        )
+        yield "mold_base.stl", "cavity floor; taken off to push the pad out and cast again"
+    if cavity.black_mm > 0:
+        yield "leveling_blade.stl", f"leaves {number(cavity.black_mm)} of black layer"
+    if design.mold.rim_mm > 0:
+        yield (
+            "pour_gauge.stl",
+            f"its middle tooth ends {number(design.mold.rim_mm)} below the rim, at the clear layer's top",
+        )
+    yield "solder_jig.stl", "holds a part of each kind while its wires are soldered at the sockets' pitch"
+    yield "indenter_tip.stl", "the tip of the presses, with its shank"
+
+
+def _fit(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
+    yield "## Fit the parts"
+    yield ""
+    yield "Places and pins: `wiring.svg`, `wiring.csv`; parts in sockets: `orientation.svg`; circuit: `schematic.svg`."
+    yield "Every part goes in from above, active face inward."
+    yield ""
+    yield "| part | references | base above black layer | fit, gap at each side | leads | polarity |"
+    yield "|---|---|---|---|---|---|"
+    for group in _groups(cavity.parts):
+        first = group[0]
+        leads = "down through the floor" if first.part.mounting == "radial" else "out through the wall's back"
+        names = " ".join(part.name for part in group)
+        fitted = f"{fit_name(design.mold, first.part_id)}, {clearance_mm(design.mold, first.part_id):.2f}"
+        row = f"{first.part_id} | {names} | {first.body_base_mm:.2f} | {fitted} | {leads} | {polarity_of(first)}"
+        yield f"| {row} |"
+    yield ""
+    yield "1. Solder wires to surface parts first, in the solder jig; test every part before it is cast in."
+    yield "2. Seat each body on the floor of its socket: that sets its height."
+    yield "3. Press wires into the necks of their slots; sleeve leads and bend them into the channel below the mold."
+    yield "   Seal every lead hole and wire slot from outside, and the gaps around the bodies."
+    below = pockets_below_clear_layer(design)
+    if below and cavity.black_mm > 0:
+        yield f"4. The sockets of {' '.join(below)} reach below the clear layer: keep black silicone off their faces."
+    yield ""
+
+
+def _cast(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
+    yield "## Cast"
+    yield ""
+    steps = [*_black_steps(design, cavity), *_clear_steps(design, cavity)]
+    yield _duration_of_all(design)
+    yield ""
+    yield from (f"{place}. {step}" for place, step in enumerate(steps, start=1))
+    yield ""
+    yield "Warnings:"
+    yield ""
+    yield "- Uncured resin of an SLA print inhibits the cure: the silicone stays tacky. Use a filament print."
+    yield "- Layer lines of a print copy into silicone: never cast the optical face against printed plastic."
+    for note in elastomer_of(design).notes:
+        yield f"- {plain(note)}"
+    yield ""
+
+
+def _black_steps(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
+    for pour in pours(design):
+        if pour.layer == "black":
+            yield (
+                f"Black layer: mix {pour.base_g:.2f} g base and {pour.agent_g:.2f} g curing agent, stir in "
+                f"{pour.carbon_g:.2f}* g of carbon black, or what it takes and still flows; degas {_degassing()}. "
+                "Pour."
+            )
+            yield _leveling(design)
+            yield f"Cure it (below). It must be {number(cavity.black_mm)} thick, level, and black to the walls."
+
+
+def _clear_steps(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
+    clear = next(pour for pour in pours(design) if pour.layer == "clear")
+    bottom = "the black layer" if cavity.black_mm > 0 else "the cavity's floor"
+    yield (
+        f"Clear layer: mix {clear.base_g:.2f} g base and {clear.agent_g:.2f} g curing agent; degas {_degassing()}. "
+        f"All of it must be poured within {number(assumption('pot_life_minutes').value)}* min of mixing."
+    )
+    gauge = "until the middle tooth of the pour gauge is wet: " if design.mold.rim_mm > 0 else ""
+    yield (
+        f"Pour slowly against one wall {gauge}to {number(cavity.clear_mm)} above {bottom}, which is "
+        f"{number(design.mold.rim_mm)} below the rim; degas again, prick bubbles at the active faces."
+    )
+    if design.mold.cover_ledge_mm:
+        yield _cover(design)
+    else:
+        yield "Level the mold, cover it against dust, cure. The open surface is the optical face: nothing touches it."
+    if design.mold.pieces == "frame_and_base":
+        yield "Loosen the screws, lift the frame off the base, and free the pad's underside; the base serves again."
+
+
+def _cover(design: SensorDesign) -> str:
+    size, ledge = design.cavity, design.mold.cover_ledge_mm
+    length, width = (side + 2 * ledge - COVER_PLAY_MM for side in (size.length_mm, size.width_mm))
+    return (
+        f"Pour a little over the seat. Lower a clean glass of {number(length)} x {number(width)} from one edge "
+        "onto it, without bubbles; what it pushes out runs into the sockets. Cure level. The face against the glass is "
+        "the optical face: it comes out smooth, and the glass slides off sideways."
+    )
+
+
+def _degassing() -> str:
+    minutes = assumption("degas_minutes")
+    return (
+        f"about {number(minutes.value)}* min ({number(minutes.low or 0)} to {number(minutes.high or 0)}) under vacuum, "
+        "50 mbar* or below, until no bubbles rise"
+    )
+
+
+def _duration_of_all(design: SensorDesign) -> str:
+    cure = min(elastomer_of(design).cure, key=lambda way: way.temperature_c, default=None)
+    layers = len(pours(design))
+    hands = layers * (HANDS_MINUTES + assumption("degas_minutes").value)
+    if cure is None:
+        return f"Hands are needed for about {number(hands)}* min, besides the cure."
+    total = number(layers * cure.minutes / MINUTES_PER_HOUR)
+    return (
+        f"Takes about {number(hands)}* min of work and degassing, and {total} h of cure at "
+        f"{number(cure.temperature_c)} C ({layers} layers, the first only until it no longer sticks); warmer is faster."
+    )
+
+
+def _leveling(design: SensorDesign) -> str:
+    above = bodies_above_rim(design)
+    if above:
+        return (
+            f"{' '.join(above)} stand above the rim, in the leveling blade's way: level between them by hand, "
+            "or raise `mold.rim_mm`."
+        )
+    return (
+        "Rest the leveling blade on the rim and draw it once along the longer side; wipe off what it takes."
+    )
+
+
+def _cure(design: SensorDesign) -> Iterator[str]:
+    elastomer = elastomer_of(design)
+    yield "## Cure"
+    yield ""
+    if not elastomer.cure:
+        yield f"The catalogue has no cure times for {plain(elastomer.title)}: take the maker's."
+        yield ""
+        return
+    yield "The coolest is the safe one: hotter ones must stay below what the printed mold bears (see its notes)."
+    yield "Both layers cure alike; the black one only until it no longer sticks. A surface that stays tacky was"
+    yield "inhibited: by uncured resin, sulfur (latex gloves, some clays), tin or amines (some epoxies and solder"
+    yield "fluxes). Clean the soldered joints, and wear nitrile gloves."
+    yield ""
+    yield "| temperature C | time | confidence | source |"
+    yield "|---|---|---|---|"
+    for cure in sorted(elastomer.cure, key=lambda way: way.temperature_c):
+        star = "*" if cure.confidence in OPEN else ""
+        source = plain(cure.source)
+        yield f"| {number(cure.temperature_c)} | {_duration(cure)}{star} | {cure.confidence} | {source} |"
+    yield ""
+
+
+def _measure_after(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
+    yield "## Measure after fitting, and tell the design"
+    yield ""
+    yield "The verdict hangs on the heights of the active areas. Before the clear layer is poured, with what is below"
+    yield "it cured, measure from its surface to the middle of each active area with a depth gauge or on a level"
+    yield "photograph. Put the mean into the design and its path into `measured`, so that the verdict no longer"
+    yield "carries their band of doubt:"
+    yield ""
+    heights = {part.height_field: part.height_mm for part in cavity.parts}
+    listed = ", ".join(f'"{path}"' for path in heights)
+    yield "```toml"
+    yield f"measured = [{listed}]"
+    yield "```"
+    yield ""
+    yield "| height | design mm | state |"
+    yield "|---|---|---|"
+    for path, height in heights.items():
+        state = "measured" if path in design.measured else "not measured"
+        yield f"| {path} | {number(height)} | {state} |"
+    yield ""
+
+
+def _one_of_each(parts: Sequence[PlacedPart]) -> tuple[PlacedPart, ...]:
+    return tuple({part.part_id: part for part in reversed(parts)}.values())[::-1]
+
+
+def _groups(parts: Sequence[PlacedPart]) -> list[list[PlacedPart]]:
+    """Parts of the same entry at the same height."""
+    groups: dict[tuple[str, float], list[PlacedPart]] = {}
+    for part in parts:
+        groups.setdefault((part.part_id, part.height_mm), []).append(part)
+    return list(groups.values())
+
+
+def _shown(quantity: Quantity) -> str:
+    star = "*" if quantity.confidence in OPEN else ""
+    return f"{number(quantity.value)}{star} {quantity.unit}"
+
+
+def _duration(cure: Cure) -> str:
+    if cure.minutes >= HOURS_FROM_MINUTES:
+        return f"{number(cure.minutes / MINUTES_PER_HOUR)} h"
+    return f"{number(cure.minutes)} min"

@@ -1,0 +1,4 @@
+"""Plain formats of the sheets: SVG shapes and symbols, tables, text in Markdown.
+
+Imports nothing of ours.
+"""

@@ -1,0 +1,117 @@
+"""The build sheet's section on the amplifiers: resistors, capacitors, what clips, how to trim."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from design.circuit.pins import board_of
+from design.circuit.transimpedance import Feedback, counts_per_flux_per_ohm
+from design.geometry.cavity import cavity_of
+from design.geometry.pairs import facing_pairs
+from design.parts.standard_values import ohm_text
+from design.spec import SensorDesign
+from fabrication.gain import SimulatedGain, clipped_pairs, feedbacks_for
+from fabrication.sheets.formats.markdown_text import plain
+from fabrication.sheets.formats.table import number
+
+SHOWN_CLIPPED = 24
+"""Clipped pairs that are named one by one; more are counted."""
+
+
+def gain_lines(design: SensorDesign, gain: SimulatedGain | None) -> Iterator[str]:
+    """The section's lines."""
+    yield "## Set the gain"
+    yield ""
+    feedbacks = feedbacks_for(design, gain)
+    if feedbacks is None:
+        yield from _unknown(design)
+    else:
+        yield from _values(design, feedbacks)
+    yield from _trimming(design)
+    if gain is not None:
+        yield from _clipped(design, gain)
+
+
+def _unknown(design: SensorDesign) -> Iterator[str]:
+    if counts_per_flux_per_ohm(design) is None:
+        yield "No feedback resistor is computed: that needs the emitters' power, and the catalogue does not have it for"
+        yield "all of them (give `part_measurements.<part>.radiant_power_mw`)."
+    else:
+        yield "No feedback resistor is computed: `gain.feedback_ohm` is a rule, and nothing has been simulated yet"
+        yield "(`optopad run` does)."
+    yield ""
+
+
+def _values(design: SensorDesign, feedbacks: tuple[Feedback, ...]) -> Iterator[str]:
+    names = [one.name for one in cavity_of(design).receivers]
+    per_ohm = counts_per_flux_per_ohm(design)
+    assert per_ohm is not None
+    yield f"By `gain.feedback_ohm` = {_rule(design)}:"
+    yield ""
+    yield "| receivers | wanted | for the bands of power and responsivity | fit RF | gain off by | CF | settles in us |"
+    yield "|---|---|---|---|---|---|---|"
+    for row in dict.fromkeys(_row(one) for one in feedbacks):
+        same = " ".join(name for name, one in zip(names, feedbacks, strict=True) if _row(one) == row)
+        yield f"| {same} | {row}"
+    yield ""
+    star = "*" if per_ohm[0].confidence in ("inferred", "unverified") else ""
+    yield f"An ohm makes {per_ohm[0].value:.3g}{star} counts of all of an emitter's power on a receiver"
+    yield f"({plain(per_ohm[0].source)})."
+    if not all(one.is_in_time for one in feedbacks):
+        worst = max(one.settles_us for one in feedbacks)
+        yield (
+            f"These amplifiers do NOT settle within `board.settle_us` = {number(design.board.settle_us)} us: set it to "
+            f"{worst:.0f} or more, take a faster amplifier, or lower `gain.target_counts`."
+        )
+    yield ""
+
+
+def _row(one: Feedback) -> str:
+    late = "" if one.is_in_time else " (too slow)"
+    return (
+        f"{_ohm(one.exact_ohm)} | {_ohm(one.low_ohm)} to {_ohm(one.high_ohm)} | {ohm_text(one.standard_ohm)} | "
+        f"{one.gain_factor - 1:+.1%} | {one.capacitor_pf:g} pF | {one.settles_us:.1f}{late} |"
+    )
+
+
+def _ohm(value: float) -> str:
+    return ohm_text(float(f"{value:.3g}"))
+
+
+def _rule(design: SensorDesign) -> str:
+    given, target = design.gain.feedback_ohm, number(design.gain.target_counts)
+    if given == "common":
+        return f'"common": the median of all judged pairs, untouched, reads {target} counts'
+    if given == "each":
+        return f'"each": the median of each receiver\'s judged pairs, untouched, reads {target} counts'
+    return "ohms"
+
+
+def _trimming(design: SensorDesign) -> Iterator[str]:
+    pairs = "facing pairs" if facing_pairs(cavity_of(design)) else "pairs in different walls"
+    if isinstance(design.gain.feedback_ohm, str):
+        yield "Light and responsivity of real parts scatter: start with a trimmer on one amplifier. With the pad"
+        yield f"untouched, and the all-off reading subtracted, turn it until the median over {pairs}"
+        yield f"reads {number(design.gain.target_counts)} counts, then fit that value to all (to each its own,"
+        yield "by rule `each`). Then put the ohms into `gain.feedback_ohm`: signals, sheets and driver follow them."
+    else:
+        yield "The resistors are the design's: signals, sheets and driver follow them."
+    yield f"The capacitor beside each must let the reading settle within {number(design.board.settle_us)} us and"
+    yield "keep the amplifier from ringing."
+    yield ""
+
+
+def _clipped(design: SensorDesign, gain: SimulatedGain) -> Iterator[str]:
+    found, full_scale = clipped_pairs(design, gain), 2 ** board_of(design).adc_bits - 1
+    total = len(gain.untouched_flux) * len(gain.counts_per_flux)
+    if not found:
+        yield f"No pair reads above full scale ({full_scale} counts) while the pad is untouched."
+        yield ""
+        return
+    named = ", ".join(f"{one.name} ({one.counts:.0f})" for one in found[:SHOWN_CLIPPED])
+    more = f" and {len(found) - SHOWN_CLIPPED} more" if len(found) > SHOWN_CLIPPED else ""
+    yield (
+        f"Untouched, {len(found)} of {total} pairs read above full scale ({full_scale} counts) and are blind until a "
+        f"press dims them: {named}{more}. Lower `gain.target_counts` to unclip them."
+    )
+    yield ""

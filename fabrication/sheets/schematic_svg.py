@@ -1,0 +1,166 @@
+r"""The schematic: an NPN switch for each emitter, an amplifier for each receiver, with values, pins and polarity.
+
+      supply                      +----[RF]----+
+        [RS]                      +----||------+  CF
+        LED, anode up             |   |\       |
+    pin -[RB]-|< NPN       PD ----+---|- >-----+-- analogue input
+            ground      cathode up    |+/
+                                     ground
+
+Values are those of bom.csv; what nobody knows yet is written as such.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from design.circuit.emitter_switch import emitter_switch
+from design.circuit.pins import board_of
+from design.circuit.supply_current import supply_current
+from design.circuit.transimpedance import Feedback
+from design.parts.assumptions import assumption
+from design.parts.standard_values import ohm_text
+from design.spec import SensorDesign
+from fabrication.connections import Connection, connections_of
+from fabrication.gain import SimulatedGain, feedbacks_for
+from fabrication.sheets.formats import svg, symbols
+from fabrication.sheets.formats.svg import Element, Point
+from fabrication.sheets.formats.table import number
+
+CELL_X, CELL_Y = 264.0, 210.0
+MARGIN = 24.0
+HEADING_PX, TEXT_PX, VALUE_PX = 20.0, 14.0, 12.0
+HEAD = 64.0
+NOTE_LINE = 19.0
+MOST_ACROSS = 4
+QUIET = "#595959"
+UNKNOWN = "set by gain"
+
+
+def schematic_svg(design: SensorDesign, gain: SimulatedGain | None = None) -> str:
+    """The schematic as SVG text.
+
+    Parameters
+    ----------
+    gain : what the simulation set; without it a gain by a rule leaves the feedback open
+
+    Raises
+    ------
+    DesignError : parts or pins that the catalogue or the board does not have.
+    """
+    connections, feedbacks = connections_of(design), feedbacks_for(design, gain)
+    notes = _notes(design)
+    across = min(MOST_ACROSS, max(len(connections.emitters), len(connections.receivers)))
+    rows_lit = -(-len(connections.emitters) // across)
+    rows_read = -(-len(connections.receivers) // across)
+    width = max(2 * MARGIN + across * CELL_X, 3.3 * CELL_X)
+    notes_top = MARGIN + HEAD + (rows_lit + rows_read) * CELL_Y
+    root = svg.drawing(
+        width,
+        notes_top + len(notes) * NOTE_LINE + MARGIN,
+        f"Schematic of {design.name}",
+        f"{len(connections.emitters)} switched emitters and {len(connections.receivers)} receivers with amplifiers; "
+        "values as in bom.csv",
+    )
+    subtitle = f"schematic; design digest {design.digest[:8]}; values as in bom.csv, pins as in wiring.csv"
+    root.append(svg.text((MARGIN, MARGIN + HEADING_PX), design.name, HEADING_PX, font_weight="bold"))
+    root.append(svg.text((MARGIN, MARGIN + HEADING_PX + NOTE_LINE), subtitle, TEXT_PX, fill=QUIET))
+    for place, one in enumerate(connections.emitters):
+        root.append(_switch(one, _corner(place, across, MARGIN + HEAD)))
+    top = MARGIN + HEAD + rows_lit * CELL_Y
+    for place, one in enumerate(connections.receivers):
+        feedback = None if feedbacks is None else feedbacks[place]
+        root.append(_amplifier(one, feedback, _corner(place, across, top)))
+    for place, line in enumerate(notes):
+        root.append(svg.text((MARGIN, notes_top + (place + 1) * NOTE_LINE), line, TEXT_PX))
+    return svg.to_text(root)
+
+
+def _corner(place: int, across: int, top: float) -> Point:
+    return MARGIN + (place % across) * CELL_X, top + (place // across) * CELL_Y
+
+
+def _switch(one: Connection, corner: Point) -> Element:
+    """One emitter's cell."""
+    x, y = corner[0] + 150, corner[1]
+    switch = emitter_switch(one.part.part)
+    series = "none fits" if switch.series_ohm is None else ohm_text(switch.series_ohm)
+    name = one.part.name
+    cell = svg.group(f"{name}: {one.polarity}")
+    cell.append(svg.text((x - 8, y + 16), f"+{assumption('supply_v').value:g} V", VALUE_PX, anchor="end"))
+    cell.extend([symbols.wire((x - 9, y + 10), (x + 9, y + 10)), symbols.wire((x, y + 10), (x, y + 26))])
+    cell.append(symbols.resistor((x, y + 43), upright=True))
+    cell.extend(_labels((x + 11, y + 40), f"{name}-RS", series))
+    cell.append(symbols.wire((x, y + 60), (x, y + 82)))
+    cell.extend(symbols.diode((x, y + 90), emits=True))
+    cell.append(svg.text((x - 14, y + 86), name, TEXT_PX, anchor="end", font_weight="bold"))
+    cell.append(svg.text((x - 14, y + 101), "anode up", VALUE_PX, anchor="end", fill=QUIET))
+    cell.append(symbols.wire((x, y + 98), (x, y + 116)))
+    cell.extend(symbols.npn((x - 24, y + 138)))
+    cell.extend(_labels((x + 8, y + 136), f"{name}-Q", "NPN"))
+    cell.append(symbols.wire((x, y + 160), (x, y + 168)))
+    cell.extend(symbols.ground((x, y + 168)))
+    cell.append(symbols.wire((x - 90, y + 138), (x - 76, y + 138)))
+    cell.append(symbols.resistor((x - 59, y + 138), upright=False))
+    cell.append(symbols.wire((x - 42, y + 138), (x - 24, y + 138)))
+    cell.append(symbols.terminal((x - 94, y + 138)))
+    cell.append(svg.text((x - 104, y + 142), one.pin, TEXT_PX, anchor="end", font_weight="bold"))
+    cell.extend(_labels((x - 78, y + 158), f"{name}-RB", ohm_text(switch.base_ohm)))
+    return cell
+
+
+def _amplifier(one: Connection, feedback: Feedback | None, corner: Point) -> Element:
+    """One receiver's cell."""
+    x, y, name = corner[0] + 60, corner[1], one.part.name
+    ohms = UNKNOWN if feedback is None else ohm_text(feedback.standard_ohm)
+    farads = UNKNOWN if feedback is None else f"{feedback.capacitor_pf:g} pF"
+    cell = svg.group(f"{name}: {one.polarity}")
+    tip, node = (x + 140, y + 128), (x + 66, y + 116)
+    cell.extend(symbols.amplifier(tip))
+    cell.append(svg.text((tip[0] - 30, tip[1] + 38), f"{name}-A", VALUE_PX))
+    cell.extend([symbols.wire((x, node[1]), (tip[0] - 46, node[1])), symbols.dot(node)])
+    cell.append(symbols.wire((x, node[1]), (x, y + 136)))
+    cell.extend(symbols.diode((x, y + 144), emits=False))
+    cell.append(svg.text((x - 14, y + 132), name, TEXT_PX, anchor="end", font_weight="bold"))
+    cell.append(svg.text((x - 14, y + 158), "cathode", VALUE_PX, anchor="end", fill=QUIET))
+    cell.append(svg.text((x - 14, y + 171), "up", VALUE_PX, anchor="end", fill=QUIET))
+    cell.append(symbols.wire((x, y + 152), (x, y + 168)))
+    cell.extend(symbols.ground((x, y + 168)))
+    plus = (tip[0] - 46, tip[1] + 12)
+    cell.extend(
+        [symbols.wire(plus, (node[0], plus[1]), (node[0], y + 168)), *symbols.ground((node[0], y + 168))]
+    )
+    right, middle = x + 156, (node[0] + x + 156) / 2
+    for level in (52.0, 88.0):
+        cell.append(symbols.wire((node[0], y + level), (middle - (17 if level < 60 else 3), y + level)))
+        cell.append(symbols.wire((middle + (17 if level < 60 else 3), y + level), (right, y + level)))
+    cell.append(symbols.resistor((middle, y + 52), upright=False))
+    cell.extend(symbols.capacitor((middle, y + 88)))
+    cell.append(symbols.wire(node, (node[0], y + 52)))
+    cell.append(symbols.wire((right, y + 52), (right, tip[1])))
+    cell.extend([symbols.dot((node[0], y + 88)), symbols.dot((right, y + 88)), symbols.dot((right, tip[1]))])
+    cell.append(svg.text((middle, y + 40), f"{name}-RF {ohms}", VALUE_PX, anchor="middle"))
+    cell.append(svg.text((middle, y + 75), f"{name}-CF {farads}", VALUE_PX, anchor="middle"))
+    cell.append(symbols.wire(tip, (x + 170, tip[1])))
+    cell.append(symbols.terminal((x + 174, tip[1])))
+    cell.append(svg.text((x + 181, tip[1] + 5), one.pin, TEXT_PX, font_weight="bold"))
+    return cell
+
+
+def _labels(at: Point, name: str, value: str) -> Iterator[Element]:
+    yield svg.text(at, name, VALUE_PX)
+    yield svg.text((at[0], at[1] + 14), value, VALUE_PX, fill=QUIET)
+
+
+def _notes(design: SensorDesign) -> Sequence[str]:
+    current, board = supply_current(design), board_of(design)
+    supply = number(assumption("supply_v").value)
+    return (
+        f"Supply {supply} V (assumed), ground common with the {board.title}. One emitter is lit at a time.",
+        f"At full power {current.full_power_ma:.0f} mA: "
+        f"{current.emitter_ma:.0f} mA for emitter and base, {current.amplifiers_ma:.0f} for the amplifiers (assumed), "
+        f"{current.board_ma:.0f} for the board (assumed);",
+        f"{current.fault_ma:.0f} mA with all emitters lit by a fault.",
+        "D: digital pin, A: analogue input. Amplifiers: single supply, inputs and outputs down to ground; 100 nF at",
+        "each package between supply and ground. Which lead is anode or cathode: the part's data sheet.",
+    )

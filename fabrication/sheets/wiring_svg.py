@@ -1,0 +1,394 @@
+"""The wiring drawing: the pad from above, true to scale, every part with its reference, pin and place.
+
+         E5   R5
+         D26  A4         labels stand outside beside their parts, never on each other
+      +--v----o---+
+   R8 o           |      triangle: emitter, circle: receiver; also told apart by colour
+      |  cavity   v E3
+      +--^----o---+
+         E1   R1
+
+Bodies and mold come from `design.geometry.mold_outline`, so what is drawn is what is printed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from design.geometry.cavity import PlacedPart, Workspace, workspace_of
+from design.geometry.mold_outline import MoldOutline, outline_of
+from design.geometry.sockets import Socket
+from design.spec import SensorDesign
+from design.spec.layout import WALLS, Wall
+from fabrication.connections import Connection, connections_of
+from fabrication.sheets.formats import svg
+from fabrication.sheets.formats.svg import Element, Point
+from fabrication.sheets.formats.table import number
+
+EMITTER_COLOUR = "#b34700"
+RECEIVER_COLOUR = "#00589e"
+LINE_COLOUR = "#444444"
+QUIET_COLOUR = "#595959"
+WALL_COLOUR = "#d9d9d9"
+POCKET_COLOUR = "#ffffff"
+CAVITY_COLOUR = "#f4f9ff"
+WORKSPACE_COLOUR = "#2f6b3a"
+
+NAME_PX, PIN_PX, NOTE_PX, HEADING_PX = 16.0, 14.0, 13.0, 20.0
+"""Font sizes of references, pins, notes, heading."""
+LETTER_SHARE = 0.6
+"""Width of a letter over the size of its font, on the wide side."""
+LABEL_LINES = 3
+LABEL_START_PX, LABEL_GAP_PX = 5.0, 10.0
+LINE_PX, LEGEND_LINE_PX = 18.0, 24.0
+LEADER_PX = 14.0
+MARGIN_PX = 24.0
+PAD_PX = 640.0
+"""Length of the longer inner side on the sheet, unless the labels of a wall need more."""
+SIDE_PITCH_PX = 22.0
+"""Distance of labels one below the other."""
+DIMENSION_INSET_PX = 42.0
+"""Dimension lines stand this far inside the cavity."""
+AXIS_PX, AXIS_INSET_PX, ORIGIN_PX = 46.0, 34.0, 4.0
+SYMBOL_PX = 10.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sheet:
+    """Scale and place of the pad on the sheet.
+
+    Attributes
+    ----------
+    outline : the mold in numbers
+    scale : [px/mm]
+    left, top : sheet position of the cavity's low-x, high-y corner [px]
+    pitch : distance of labels beside each other [px]
+    columns : where reference, pin and place of a label at the east or west begin, off its leader [px]
+    side : width of those labels [px]
+    """
+
+    outline: MoldOutline
+    scale: float
+    left: float
+    top: float
+    pitch: float
+    columns: tuple[float, float, float]
+    side: float
+
+    def at(self, x_mm: float, y_mm: float) -> Point:
+        """Sheet position of a point of the cavity frame [px]."""
+        return self.left + x_mm * self.scale, self.top + (self.outline.width_mm - y_mm) * self.scale
+
+    @property
+    def low_corner(self) -> Point:
+        """Outer corner of the mold at low x and low y [px]."""
+        return self.at(-self.outline.wall_x_mm, -self.outline.wall_y_mm)
+
+    @property
+    def high_corner(self) -> Point:
+        """Outer corner of the mold at high x and high y [px]."""
+        out = self.outline
+        return self.at(out.length_mm + out.wall_x_mm, out.width_mm + out.wall_y_mm)
+
+
+def wiring_svg(design: SensorDesign) -> str:
+    """The drawing as SVG text.
+
+    Raises
+    ------
+    DesignError : parts or pins that the catalogue or the board does not have.
+    """
+    connections = connections_of(design).all
+    sheet = _sheet(outline_of(design), connections)
+    legend = _legend_lines(design, connections)
+    legend_top = sheet.low_corner[1] + LEADER_PX + LABEL_LINES * LINE_PX + MARGIN_PX
+    root = svg.drawing(
+        sheet.high_corner[0] + LEADER_PX + sheet.side + MARGIN_PX,
+        legend_top + len(legend) * LEGEND_LINE_PX + MARGIN_PX,
+        f"Wiring of {design.name}",
+        f"Top view of the pad with its {len(connections)} parts and their pins; the same as wiring.csv",
+    )
+    root.extend(_heading(design))
+    root.extend(_mold(sheet))
+    root.extend(_inside(sheet, workspace_of(design), design))
+    sockets = {socket.part.name: socket for socket in sheet.outline.sockets}
+    root.extend(_part(sheet, one, sockets[one.part.name]) for one in connections)
+    for wall in WALLS:
+        root.extend(_labels(sheet, wall, [one for one in connections if one.part.wall == wall], sockets))
+    root.extend(_legend(legend_top, legend))
+    return svg.to_text(root)
+
+
+def spread(wanted: Sequence[float], gap: float, low: float, high: float) -> list[float]:
+    """Positions at least a gap apart, in order, as near to the wanted ones as squares go.
+
+    Parameters
+    ----------
+    wanted : rising positions
+    gap : least distance of neighbours; all of them fit between low and high
+    """
+    blocks: list[list[float]] = []  # neighbours that touch share the mean of (wanted - place x gap)
+    for place, position in enumerate(wanted):
+        blocks.append([position - place * gap])
+        while len(blocks) > 1 and _mean(blocks[-2]) >= _mean(blocks[-1]):
+            last = blocks.pop()
+            blocks[-1] += last
+    free = [_mean(block) for block in blocks for _ in block]
+    last_start = high - (len(free) - 1) * gap
+    return [max(low, min(start, last_start)) + place * gap for place, start in enumerate(free)]
+
+
+def _mean(values: list[float]) -> float:
+    return sum(values) / len(values)
+
+
+def _sheet(outline: MoldOutline, connections: Sequence[Connection]) -> Sheet:
+    names = max(_text_px(one.part.name, NAME_PX) for one in connections)
+    pins = max(_text_px(one.pin, PIN_PX) for one in connections)
+    places = max(_text_px(_place(one.part), NOTE_PX) for one in connections)
+    pitch = max(names, pins, places) + LABEL_GAP_PX
+    second = LABEL_START_PX + names + LABEL_GAP_PX
+    columns = (LABEL_START_PX, second, second + pins + LABEL_GAP_PX)
+    side = columns[2] + places
+    spans = {"south": outline.length_mm, "north": outline.length_mm, "east": outline.width_mm}
+    needs = [PAD_PX / max(outline.length_mm, outline.width_mm)]
+    for wall in WALLS:
+        count = sum(one.part.wall == wall for one in connections)
+        step = pitch if wall in ("south", "north") else SIDE_PITCH_PX
+        needs.append(count * step / spans.get(wall, outline.width_mm))
+    scale = max(needs)
+    above = MARGIN_PX + HEADING_PX + 2 * LINE_PX + LABEL_LINES * LINE_PX + LEADER_PX
+    return Sheet(
+        outline=outline,
+        scale=scale,
+        left=MARGIN_PX + side + LEADER_PX + outline.wall_x_mm * scale,
+        top=above + outline.wall_y_mm * scale,
+        pitch=pitch,
+        columns=columns,
+        side=side,
+    )
+
+
+def _text_px(content: str, size: float) -> float:
+    return len(content) * size * LETTER_SHARE
+
+
+def _place(part: PlacedPart) -> str:
+    axis = "x" if part.wall in ("south", "north") else "y"
+    return f"{axis} {part.along_mm:.2f}"
+
+
+def _heading(design: SensorDesign) -> Iterator[Element]:
+    baseline = MARGIN_PX + HEADING_PX
+    yield svg.text((MARGIN_PX, baseline), design.name, HEADING_PX, font_weight="bold")
+    subtitle = f"wiring, seen from above (open side up); design digest {design.digest[:8]}"
+    yield svg.text((MARGIN_PX, baseline + LINE_PX), subtitle, PIN_PX, fill=QUIET_COLOUR)
+
+
+def _mold(sheet: Sheet) -> Iterator[Element]:
+    out = sheet.outline
+    (x0, y0), (x1, y1), cut = sheet.low_corner, sheet.high_corner, out.origin_cut_mm * sheet.scale
+    yield svg.polygon(
+        [(x0 + cut, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0 - cut)],
+        fill=WALL_COLOUR,
+        stroke=LINE_COLOUR,
+    )
+    for hole in out.fixing_holes:
+        yield svg.circle(
+            sheet.at(hole.x, hole.y), hole.radius * sheet.scale, fill="#ffffff", stroke=LINE_COLOUR
+        )
+    yield svg.rectangle(
+        sheet.at(0, 0), sheet.at(out.length_mm, out.width_mm), fill=CAVITY_COLOUR, stroke=LINE_COLOUR
+    )
+
+
+def _inside(sheet: Sheet, workspace: Workspace, design: SensorDesign) -> Iterator[Element]:
+    out, step = sheet.outline, LINE_PX / sheet.scale
+    if not workspace.is_empty:
+        low = sheet.at(workspace.x0_mm, workspace.y0_mm)
+        high = sheet.at(workspace.x1_mm, workspace.y1_mm)
+        yield svg.rectangle(low, high, fill="none", stroke=WORKSPACE_COLOUR, stroke_dasharray="7 5")
+    middle = (out.length_mm / 2, out.width_mm / 2)
+    for wall, (x, y), turn in (
+        ("north", (middle[0], out.width_mm - 1.3 * step), 0),
+        ("south", (middle[0], 0.9 * step), 0),
+        ("east", (out.length_mm - 1.0 * step, middle[1]), -90),
+        ("west", (1.2 * step, middle[1]), -90),
+    ):
+        yield _turned(sheet.at(x, y), wall, turn)
+    yield from _dimensions(sheet)
+    yield from _axes(sheet)
+    layers = f"clear {number(design.cavity.clear_thickness_mm)} mm"
+    if design.cavity.black_thickness_mm > 0:
+        layers += f" on black {number(design.cavity.black_thickness_mm)} mm"
+    yield svg.text(sheet.at(*middle), layers, PIN_PX, anchor="middle", fill=QUIET_COLOUR)
+
+
+def _turned(at: Point, content: str, degrees: int) -> Element:
+    element = svg.text(at, content, NOTE_PX, anchor="middle", fill=QUIET_COLOUR)
+    if degrees:
+        element.set("transform", f"rotate({degrees} {at[0]:.2f} {at[1]:.2f})")
+    return element
+
+
+def _dimensions(sheet: Sheet) -> Iterator[Element]:
+    out, inset = sheet.outline, DIMENSION_INSET_PX / sheet.scale
+    y, x = out.width_mm - inset, out.length_mm - inset
+    for start, end, size, turn in (
+        (sheet.at(0, y), sheet.at(out.length_mm, y), out.length_mm, 0),
+        (sheet.at(x, 0), sheet.at(x, out.width_mm), out.width_mm, -90),
+    ):
+        centre = ((start[0] + end[0]) / 2, (start[1] + end[1]) / 2)
+        yield from svg.arrow(centre, start, LINE_COLOUR)
+        yield from svg.arrow(centre, end, LINE_COLOUR)
+        label = f"{number(size)} mm"
+        half = (_text_px(label, PIN_PX) / 2 + 3, PIN_PX * 0.6)
+        half = half if turn == 0 else half[::-1]
+        low, high = (centre[0] - half[0], centre[1] - half[1]), (centre[0] + half[0], centre[1] + half[1])
+        yield svg.rectangle(low, high, fill=CAVITY_COLOUR)
+        drop = PIN_PX * 0.35
+        element = _turned((centre[0] + (drop if turn else 0), centre[1] + (0 if turn else drop)), label, turn)
+        element.set("fill", LINE_COLOUR)
+        yield element
+
+
+def _axes(sheet: Sheet) -> Iterator[Element]:
+    x, y = sheet.at(0, 0)
+    corner = (x + AXIS_INSET_PX, y - AXIS_INSET_PX)
+    for end, name, label in (
+        ((corner[0] + AXIS_PX, corner[1]), "x", (corner[0] + AXIS_PX + 5, corner[1] + 4)),
+        ((corner[0], corner[1] - AXIS_PX), "y", (corner[0] - 4, corner[1] - AXIS_PX - 6)),
+    ):
+        yield from svg.arrow(corner, end, LINE_COLOUR)
+        yield svg.text(label, name, PIN_PX, fill=LINE_COLOUR, font_style="italic")
+    yield svg.circle((x, y), ORIGIN_PX, fill=LINE_COLOUR)
+
+
+def _part(sheet: Sheet, one: Connection, socket: Socket) -> Element:
+    part, frame, half = one.part, socket.frame, one.part.part.body_width_mm.value / 2
+    is_emitter = part.kind == "emitter"
+    colour = EMITTER_COLOUR if is_emitter else RECEIVER_COLOUR
+    shapes = svg.group(f"{part.kind} {part.name}: {one.pin}, {part.wall} wall, {_place(part)} mm")
+    pocket, depth = socket.pocket, part.part.body_depth_mm.value
+
+    def place(along_mm: float, outward_mm: float) -> Point:
+        return sheet.at(*frame.point(along_mm, outward_mm))
+
+    shapes.append(
+        svg.rectangle(
+            place(pocket.along0, pocket.out0), place(pocket.along1, pocket.out1), fill=POCKET_COLOUR
+        )
+    )
+    shapes.append(
+        svg.rectangle(
+            place(part.along_mm - half, 0),
+            place(part.along_mm + half, depth),
+            fill=POCKET_COLOUR,
+            stroke=colour,
+            stroke_width="1.5",
+        )
+    )
+    face = [place(part.along_mm - part.half_width_mm, 0), place(part.along_mm + part.half_width_mm, 0)]
+    shapes.append(svg.polyline(face, stroke=colour, stroke_width="5"))
+    radius = min(SYMBOL_PX, 0.4 * min(depth, 2 * half) * sheet.scale)
+    centre, inward = place(part.along_mm, depth / 2), (one.normal[0], -one.normal[1])
+    if is_emitter:
+        shapes.append(svg.triangle(centre, inward, radius, fill=colour))
+    else:
+        shapes.append(svg.circle(centre, radius, fill="none", stroke=colour, stroke_width="3"))
+    return shapes
+
+
+def _labels(
+    sheet: Sheet, wall: Wall, connections: Sequence[Connection], sockets: dict[str, Socket]
+) -> Iterator[Element]:
+    is_side = wall in ("east", "west")
+    axis = 1 if is_side else 0
+    anchors = {
+        one.part.name: sheet.at(
+            *sockets[one.part.name].frame.point(one.part.along_mm, sockets[one.part.name].pocket.out1)
+        )
+        for one in connections
+    }
+    row = sorted(connections, key=lambda one: anchors[one.part.name][axis])
+    low, high = sorted((sheet.low_corner[axis], sheet.high_corner[axis]))
+    gap = SIDE_PITCH_PX if is_side else sheet.pitch
+    places = spread([anchors[one.part.name][axis] for one in row], gap, low + gap / 2, high - gap / 2)
+    for one, place in zip(row, places, strict=True):
+        yield from _label(sheet, one, anchors[one.part.name], place)
+
+
+def _label(sheet: Sheet, one: Connection, anchor: Point, place: float) -> Iterator[Element]:
+    colour = EMITTER_COLOUR if one.part.kind == "emitter" else RECEIVER_COLOUR
+    (x0, y0), (x1, y1) = sheet.low_corner, sheet.high_corner
+    end, knee = {
+        "south": ((place, y0 + LEADER_PX), (place, y0)),
+        "north": ((place, y1 - LEADER_PX), (place, y1)),
+        "east": ((x1 + LEADER_PX, place), (x1, place)),
+        "west": ((x0 - LEADER_PX, place), (x0, place)),
+    }[one.part.wall]
+    yield svg.polyline([anchor, knee, end], stroke=QUIET_COLOUR)
+    lines = ((one.part.name, NAME_PX, "bold"), (one.pin, PIN_PX, "normal"), (_place(one.part), NOTE_PX, ""))
+    for (content, size, weight), (at, side) in zip(lines, _line_places(sheet, one, end), strict=True):
+        fill = QUIET_COLOUR if weight == "" else colour
+        yield svg.text(at, content, size, anchor=side, fill=fill, font_weight=weight or "normal")
+
+
+def _line_places(sheet: Sheet, one: Connection, end: Point) -> list[tuple[Point, str]]:
+    """Where name, pin and place of a label go, and which end of the text that is."""
+    x, y = end
+    match one.part.wall:
+        case "south":
+            return [((x, y + (k + 0.85) * LINE_PX), "middle") for k in range(LABEL_LINES)]
+        case "north":
+            return [((x, y - 6 - (LABEL_LINES - 1 - k) * LINE_PX), "middle") for k in range(LABEL_LINES)]
+    sign, side = (1, "start") if one.part.wall == "east" else (-1, "end")
+    return [((x + sign * step, y + PIN_PX * 0.35), side) for step in sheet.columns]
+
+
+def _legend_lines(design: SensorDesign, connections: Sequence[Connection]) -> list[tuple[str, str]]:
+    outline = outline_of(design)
+    lines = []
+    for kind in ("emitter", "receiver"):
+        titles = {one.part.part_id: one.part.part.title for one in connections if one.part.kind == kind}
+        heights = sorted({one.part.height_mm for one in connections if one.part.kind == kind})
+        levels = " and ".join(number(height) for height in heights)
+        lines.append(
+            (kind, f"{kind}: {', '.join(titles.values())}; centre {levels} mm above the black layer")
+        )
+    workspace = workspace_of(design)
+    lines.append(
+        (
+            "workspace",
+            f"workspace of press centres: x {number(workspace.x0_mm)} to {number(workspace.x1_mm)}, "
+            f"y {number(workspace.y0_mm)} to {number(workspace.y1_mm)} mm",
+        )
+    )
+    lines.append(("origin", "origin of x and y: inner corner next to the mold's cut edge"))
+    lines.append(("", "labels: reference, board pin (D digital, A analogue), place along the wall in mm"))
+    lines.append(
+        ("", f"mold outside {number(outline.outer_length_mm)} x {number(outline.outer_width_mm)} mm")
+    )
+    return lines
+
+
+def _legend(top: float, lines: Sequence[tuple[str, str]]) -> Iterator[Element]:
+    for place, (symbol, content) in enumerate(lines):
+        middle = (MARGIN_PX + SYMBOL_PX, top + (place + 0.5) * LEGEND_LINE_PX)
+        yield from _legend_symbol(symbol, middle)
+        yield svg.text((middle[0] + 2.2 * SYMBOL_PX, middle[1] + PIN_PX * 0.35), content, PIN_PX)
+
+
+def _legend_symbol(symbol: str, at: Point) -> Iterator[Element]:
+    match symbol:
+        case "emitter":
+            yield svg.triangle(at, (0, -1), SYMBOL_PX * 0.8, fill=EMITTER_COLOUR)
+        case "receiver":
+            yield svg.circle(at, SYMBOL_PX * 0.7, fill="none", stroke=RECEIVER_COLOUR, stroke_width="3")
+        case "workspace":
+            half = (SYMBOL_PX, SYMBOL_PX * 0.6)
+            corners = (at[0] - half[0], at[1] - half[1]), (at[0] + half[0], at[1] + half[1])
+            yield svg.rectangle(*corners, fill="none", stroke=WORKSPACE_COLOUR, stroke_dasharray="5 4")
+        case "origin":
+            yield svg.circle(at, ORIGIN_PX, fill=LINE_COLOUR)

@@ -1,0 +1,107 @@
+"""Verbs of the board's program: driver firmware, driver flash."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from optopad.cli.common import (
+    DEFAULT_OUT,
+    DesignArgument,
+    JsonOption,
+    OutOption,
+    SeedOption,
+    SetOption,
+    print_json,
+    read_design,
+    say,
+)
+
+
+def register(group: typer.Typer) -> None:
+    """Add these verbs to the group `driver`."""
+    group.command()(firmware)
+    group.command()(flash)
+
+
+def firmware(
+    design: DesignArgument,
+    set_: SetOption = None,
+    out: OutOption = DEFAULT_OUT,
+    seed: SeedOption = 0,
+    as_json: JsonOption = False,
+) -> None:
+    """Sketch folder for the Arduino IDE, of exactly this geometry; with avr-gcc installed also a .hex."""
+    from fabrication.firmware.settings import firmware_settings
+    from optopad.sensor.firmware import write_firmware
+
+    read = read_design(design, set_)
+    settings, files = firmware_settings(read), write_firmware(read, out, seed=seed)
+    image = files.image
+    if as_json:
+        print_json(
+            {
+                "sketch": str(files.sketch),
+                "board": settings.chip.arduino_board,
+                "image": None if files.image_file is None else str(files.image_file),
+                "no_image_because": files.no_image_because,
+                "flash_bytes": None if image is None else image.flash_bytes,
+                "ram_bytes": None if image is None else image.ram_bytes,
+                "config_crc": settings.config_crc(),
+            }
+        )
+        return
+    say(f"sketch    {files.sketch}")
+    say(f"board     {settings.board_title} ({settings.chip.arduino_board})")
+    if image is None:
+        say(f"no .hex   {files.no_image_because}")
+    else:
+        say(f"image     {files.image_file}")
+        say(
+            f"takes     {_share(image.flash_bytes, settings.chip.flash_bytes)} of program memory, "
+            f"{_share(image.ram_bytes, settings.chip.ram_bytes)} of RAM"
+        )
+
+
+def flash(
+    design: DesignArgument,
+    port: Annotated[
+        str | None,
+        typer.Option(
+            "--port", help="Serial port, as /dev/ttyACM0 or COM3; found by its USB identity if left out."
+        ),
+    ] = None,
+    image: Annotated[
+        Path | None, typer.Option("--image", help="A .hex file to upload in place of the design's own.")
+    ] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the command and upload nothing.")] = False,
+    set_: SetOption = None,
+    out: OutOption = DEFAULT_OUT,
+    seed: SeedOption = 0,
+    as_json: JsonOption = False,
+) -> None:
+    """Upload the firmware of a design to its board, with avrdude."""
+    from fabrication.firmware.flash import upload, upload_command
+    from fabrication.firmware.settings import firmware_settings
+    from optopad.sensor.firmware import board_port, given_image, image_to_upload
+
+    read = read_design(design, set_)
+    chip = firmware_settings(read).chip
+    file = image_to_upload(read, out, seed=seed) if image is None else given_image(image)
+    found = board_port(read) if port is None else port
+    command = upload_command(chip, file, found)
+    if not dry_run:
+        upload(chip, file, found)
+    if as_json:
+        print_json({"command": command, "port": found, "image": str(file), "uploaded": not dry_run})
+    elif dry_run:
+        say(shlex.join(command))
+    else:
+        say(f"uploaded  {file} to {found}; the board says hello within 3 s")
+
+
+def _share(taken_bytes: int, of_bytes: int) -> str:
+    return f"{taken_bytes} bytes ({taken_bytes / of_bytes:.0%})"

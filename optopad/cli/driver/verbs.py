@@ -1,0 +1,49 @@
+"""The verb group driver: everything about the built sensor; `firmware`, `sensor` and `fake` add their verbs."""
+
+from __future__ import annotations
+
+import typer
+
+from optopad.cli.common import (
+    DEFAULT_OUT,
+    DesignArgument,
+    JsonOption,
+    OutOption,
+    SeedOption,
+    SetOption,
+    print_json,
+    read_design,
+    say,
+)
+from optopad.cli.driver import collect, export, fake, firmware, sensor
+
+driver = typer.Typer(
+    help="The built sensor: its configuration, firmware, readings.",
+    no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def register(app: typer.Typer) -> None:
+    """Add this group's verbs."""
+    for group in (firmware, sensor, export, collect, fake):
+        group.register(driver)
+    app.add_typer(driver, name="driver")
+
+
+@driver.command()
+def config(
+    design: DesignArgument,
+    set_: SetOption = None,
+    out: OutOption = DEFAULT_OUT,
+    seed: SeedOption = 0,
+    as_json: JsonOption = False,
+) -> None:
+    """driver.toml, wiring table and bill of materials for exactly this geometry."""
+    from optopad.jobs.pipeline import write_driver_config
+
+    folder = write_driver_config(read_design(design, set_), out, seed=seed) / "fabrication"
+    if as_json:
+        print_json({"files": sorted(str(file) for file in folder.iterdir() if file.is_file())})
+    else:
+        say(f"files     {folder}")

@@ -1,0 +1,139 @@
+"""Verbs that write and validate designs: new, check, schema, migrate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from optopad.cli.common import (
+    DesignArgument,
+    JsonOption,
+    SetOption,
+    checked_out,
+    print_json,
+    read_design,
+    say,
+)
+
+
+def register(app: typer.Typer) -> None:
+    """Add this group's verbs."""
+    app.command()(new)
+    app.command()(check)
+    app.command()(schema)
+    app.command()(migrate)
+
+
+def new(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Design file to write.")],
+    preset: Annotated[
+        str,
+        typer.Option(help="piacenza2017-pad, piacenza2017-pair, oblong-60x40 or fingertip-16."),
+    ] = "piacenza2017-pad",
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Write a commented design file to start from."""
+    import re
+    import tomllib
+
+    from design.errors import InputError
+    from design.fields.base import NAME_PATTERN
+    from design.io import write_text_atomically
+    from design.preset import preset_text, renamed_text
+    from design.spec import SensorDesign
+
+    if file.suffix != ".toml":
+        raise InputError(
+            f"{file}: a design file's name ends in .toml; say {file.with_name(file.name + '.toml')}"
+        )
+    if not re.fullmatch(NAME_PATTERN, file.stem):
+        plain = re.sub(r"[^A-Za-z0-9._-]+", "-", file.stem).strip("._-")[:63] or "my-pad"
+        raise InputError(
+            f"{file}: a design is named after its file, in plain letters, digits, dots, dashes and underscores, "
+            f"63 at most; say {file.with_name(plain + '.toml')}"
+        )
+    if file.exists() and not force:
+        raise InputError(f"{file}: exists already; choose another name, or --force to replace it")
+    text = renamed_text(preset_text(preset), file.stem)
+    design = SensorDesign.from_document(tomllib.loads(text), where=str(file))
+    write_text_atomically(file, text)
+    if as_json:
+        print_json({"file": str(file), "preset": preset, "digest": design.digest})
+    else:
+        say(f"{file} written from {preset}. Next: optopad check {file}, then optopad run {file}")
+
+
+def check(design: DesignArgument, set_: SetOption = None, as_json: JsonOption = False) -> None:
+    """Does it fit and can it work? Lists every finding; exit 2 when one is an error."""
+    from dataclasses import asdict
+
+    from design.rules.check import check as findings_of
+    from optopad.report.text.numbers import counted
+
+    read = read_design(design, set_)
+    findings = findings_of(read)
+    errors = [finding for finding in findings if finding.severity == "error"]
+    if as_json:
+        print_json({"name": read.name, "digest": read.digest, "findings": [asdict(f) for f in findings]})
+    else:
+        for finding in findings:
+            say(str(finding))
+        say(
+            f"{read.name}: {counted(len(errors), 'error')}, {counted(len(findings) - len(errors), 'warning')}"
+        )
+    if errors:
+        raise typer.Exit(2)
+
+
+def schema(
+    out: Annotated[
+        Path | None, typer.Option("--out", help="File to write; default: standard output.")
+    ] = None,
+) -> None:
+    """JSON Schema of a design file, for an editor's completion and checks."""
+    import json
+
+    from design.io import file_schema, write_text_atomically
+
+    text = json.dumps(file_schema(), indent=2) + "\n"
+    if out is None:
+        typer.echo(text, nl=False)
+    else:
+        checked_out(out, ".json")
+        write_text_atomically(out, text)
+        say(f'{out} written. In a design file: "#:schema {out}" as the first line')
+
+
+def migrate(
+    file: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design file of an older schema version.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", help="File to write; default: beside it, -migrated.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Lift a design file of an older schema version to the present one; newer ones are refused."""
+    import tomlkit
+
+    from design.io import check_version, read_toml, without_empty, write_text_atomically
+    from design.migrate import migrated
+    from design.spec import SCHEMA_VERSION
+
+    document = read_toml(file)
+    version = document.get("schema_version")
+    if version == SCHEMA_VERSION:
+        read_design(str(file), None)
+        message, target = f"{file}: already schema version {SCHEMA_VERSION}; nothing to do", file
+    else:
+        lifted = migrated(document)
+        check_version(lifted, file)
+        target = out or file.with_name(f"{file.stem}-migrated{file.suffix}")
+        checked_out(target, ".toml", file)
+        write_text_atomically(target, tomlkit.dumps(without_empty(lifted)))
+        message = f"{target} written: schema version {version} lifted to {SCHEMA_VERSION}"
+    if as_json:
+        print_json({"file": str(target), "from": version, "to": SCHEMA_VERSION})
+    else:
+        say(message)

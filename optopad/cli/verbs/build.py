@@ -1,0 +1,58 @@
+"""Verbs that make things to hold: build."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from optopad.cli.common import (
+    DEFAULT_OUT,
+    DesignArgument,
+    JsonOption,
+    OutOption,
+    SeedOption,
+    SetOption,
+    print_json,
+    read_design,
+    say,
+)
+from optopad.cli.progress import progress
+
+
+def register(app: typer.Typer) -> None:
+    """Add this group's verbs."""
+    app.command()(build)
+
+
+def build(
+    design: DesignArgument,
+    set_: SetOption = None,
+    out: OutOption = DEFAULT_OUT,
+    bed: Annotated[
+        str | None, typer.Option(help="Room of the printer in mm, as 220,220,250; the usual one if left out.")
+    ] = None,
+    slice_parts: Annotated[
+        bool, typer.Option("--slice", help="Ask PrusaSlicer for time, filament and its warnings, too.")
+    ] = False,
+    seed: SeedOption = 0,
+    as_json: JsonOption = False,
+) -> None:
+    """Mold and tools as STL, STEP and 3MF, with their checks."""
+    from design.parts.printer import bed_of
+    from optopad.jobs.pipeline import write_parts
+    from optopad.screen.summary import checks_line, finding_line
+
+    read, room = read_design(design, set_), None if bed is None else bed_of(bed)
+    with progress(quiet=as_json) as step:
+        checks, folder = write_parts(read, out, seed=seed, on_step=step, bed_mm=room, slice_parts=slice_parts)
+    if as_json:
+        print_json({"bundle": str(folder), "checks": checks})
+        return
+    for finding in checks["findings"]:
+        if finding["state"] != "ok":
+            say(finding_line(finding))
+    for part, printed in checks.get("prints", {}).items():
+        say(f"{part:<15} {printed['minutes']:6.0f} min {printed['filament_g']:7.2f} g")
+    say(checks_line(checks))
+    say(f"files     {folder / 'cad'}")

@@ -1,0 +1,93 @@
+"""Verbs of the contact model: contact show, contact build."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from optopad.cli.common import (
+    DesignArgument,
+    JsonOption,
+    SeedOption,
+    SetOption,
+    print_json,
+    read_design,
+    say,
+)
+from optopad.cli.progress import progress
+
+contact = typer.Typer(help="The contact model: press, surface, force.", no_args_is_help=True)
+
+
+def register(app: typer.Typer) -> None:
+    """Add this group's verbs."""
+    app.add_typer(contact, name="contact")
+
+
+@contact.command()
+def show(
+    design: DesignArgument,
+    depth: Annotated[float, typer.Option(help="Depth of the press [mm].")] = 2.0,
+    protocol: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Also the load over a load protocol: piacenza2017."),
+    ] = None,
+    set_: SetOption = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="FOLDER", help="Also pictures, as SVG and PNG, into the bundle in this folder."
+        ),
+    ] = None,
+    seed: SeedOption = 0,
+    as_json: JsonOption = False,
+) -> None:
+    """Load, surface and pressure of a centred press; with a protocol, press and retract."""
+    from optopad.jobs.press_view import view_json, view_lines, view_press, write_pictures
+
+    read = read_design(design, set_)
+    with progress(quiet=as_json) as step:
+        view = view_press(read, depth, protocol, on_step=lambda share: step("contact", share))
+        files = [] if out is None else write_pictures(view, out, seed=seed)
+    if as_json:
+        print_json(view_json(view) | {"files": [str(file) for file in files]})
+        return
+    say("\n".join(view_lines(view)))
+    if files:
+        say(f"files     {files[0].parent}/contact-*")
+
+
+@contact.command()
+def build(
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where the library is written.")] = Path(
+        "outputs/contact/profiles.npz"
+    ),
+    workers: Annotated[
+        int | None, typer.Option(min=1, max=256, help="Processes at work; default: one a processor.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Solve the library of presses anew (an hour or two on two cores); interrupted, it goes on where it stopped."""
+    import os
+
+    from sims.contact.library.build import build_library, require_writable, write_library
+    from sims.contact.library.profile_library import library_differences, shipped_library
+
+    require_writable(out)
+
+    def tell(done: int, total: int) -> None:
+        if not as_json:
+            typer.echo(f"solved    {done} of {total}", err=True)
+
+    library = build_library(workers or os.cpu_count() or 1, tell)
+    write_library(library, out)
+    force, surface = library_differences(library, shipped_library())
+    if as_json:
+        print_json({"file": str(out), "force_difference": force, "surface_difference_tip_radii": surface})
+        return
+    say(f"file      {out}")
+    say(
+        f"beside the shipped library: force within {100 * force:.2g} %, surface within {surface:.2g} tip radii"
+    )

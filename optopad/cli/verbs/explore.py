@@ -1,0 +1,166 @@
+"""The verb of the search: explore."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from optopad.cli.common import (
+    DEFAULT_OUT,
+    LARGEST_SEED,
+    JsonOption,
+    OutOption,
+    SetOption,
+    parsed_change,
+    print_json,
+    say,
+)
+
+if TYPE_CHECKING:
+    from design.search.explore import Findings, OnTried
+    from design.search.judged import Tried
+    from design.search.space import SearchSpace
+    from optopad.results.search_result import Search
+
+INTERRUPTED = 130
+LINE_EVERY_S = 30.0
+"""Without a terminal: a line whenever the front changes, else this often."""
+
+
+def register(app: typer.Typer) -> None:
+    """Add this group's verb."""
+    app.command()(explore)
+
+
+def explore(
+    space: Annotated[
+        str, typer.Argument(metavar="SPACE", help="Search-space file (.toml), or the name of a packaged one.")
+    ],
+    trials: Annotated[
+        int | None, typer.Option(min=1, help="Designs to judge, those of earlier runs included.")
+    ] = None,
+    storage: Annotated[
+        str | None,
+        typer.Option(metavar="URL", help="Database that many workers share, as postgresql://user@host/name."),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers judge, as tcp://host:8786."),
+    ] = None,
+    set_: SetOption = None,
+    out: OutOption = DEFAULT_OUT,
+    seed: Annotated[
+        int | None, typer.Option(min=0, max=LARGEST_SEED, help="Seed of the search; default: the space's.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Search for better designs; the same command goes on where a search was stopped."""
+    from optopad.jobs.exploration import search, summary
+
+    read = _read(space, set_, seed)
+    with _telling(quiet=as_json) as tell:
+        result = search(read, out, trials=trials, storage=storage, scheduler=scheduler, on_tried=tell)
+    if as_json:
+        print_json(summary(result))
+    else:
+        _say(result)
+    if result.findings.is_interrupted:
+        raise typer.Exit(INTERRUPTED)
+
+
+def _read(where: str, changes: list[str] | None, seed: int | None) -> SearchSpace:
+    from design.search.space import load_space, space_from
+
+    space = load_space(where)
+    document = space.model_dump(mode="json")
+    if changes:
+        base = space.base.with_(**dict(parsed_change(change) for change in changes))
+        document |= {"base": base.model_dump(mode="json")}
+    if seed is not None:
+        document["search"] |= {"seed": seed}
+    return space_from(document, where=where) if changes or seed is not None else space
+
+
+@contextmanager
+def _telling(*, quiet: bool) -> Iterator[OnTried | None]:
+    """Live progress on standard error: a bar with the best so far, or lines where there is no terminal."""
+    if quiet:
+        yield None
+    elif sys.stderr.isatty():
+        yield from _bar()
+    else:
+        yield _lines()
+
+
+def _bar() -> Iterator[OnTried]:
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        BarColumn(bar_width=24),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.description}"),
+    )
+    with Progress(*columns, console=Console(stderr=True)) as bars:
+        task = bars.add_task("base design", total=None)
+
+        def tell(found: Findings, _: Tried | None) -> None:
+            bars.update(task, completed=len(found.tried), total=found.wanted, description=standing(found))
+
+        yield tell
+
+
+def _lines() -> OnTried:
+    last = {"time": -LINE_EVERY_S, "front": -1.0}
+
+    def tell(found: Findings, _: Tried | None) -> None:
+        front = hash(tuple(best.digest for best in found.front))
+        now = time.monotonic()
+        if front != last["front"] or now - last["time"] >= LINE_EVERY_S or len(found.tried) == found.wanted:
+            last.update(time=now, front=front)
+            print(f"{len(found.tried):>6} of {found.wanted}  {standing(found)}", file=sys.stderr)
+
+    return tell
+
+
+def standing(found: Findings) -> str:
+    """Best so far in each objective, the base's beside it."""
+    parts = [f"front {len(found.front)}"]
+    for objective in found.space.objectives:
+        values = [value for one in found.front if (value := one.judged.figures[objective.figure]) is not None]
+        base = found.base.figures.get(objective.figure)
+        if values:
+            best = min(values) if objective.sense == "minimize" else max(values)
+            parts.append(
+                f"{objective.figure} {best:.3g}" + (f" (base {base:.3g})" if base is not None else "")
+            )
+    return ", ".join(parts)
+
+
+def _say(result: Search) -> None:
+    found = result.findings
+    stopped = sum(bool(one.judged.reason) for one in found.tried)
+    say(
+        f"search    {found.space.name}: {len(found.tried)} of {max(found.wanted, len(found.tried))} designs judged, "
+        f"{stopped} stopped early"
+    )
+    names = [objective.figure for objective in found.space.objectives]
+    for limit in found.limits:
+        say(f"limit     {limit}")
+    say(f"{'design':<28}" + "".join(f"{name:>20}" for name in names))
+    rows = [("base", found.base)] + [
+        (file, one.judged) for file, one in zip(result.files, found.front, strict=True)
+    ]
+    for label, judged in rows:
+        values = [judged.figures.get(name) for name in names]
+        say(f"{label:<28}" + "".join(f"{'-' if value is None else f'{value:.4g}':>20}" for value in values))
+    if not found.front:
+        say("front     empty: no design was judged to the end within all limits; designs.csv says why")
+    say(f"files     {result.folder}")
+    say(f"report    {result.folder / 'report.html'}")

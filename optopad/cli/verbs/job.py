@@ -1,0 +1,78 @@
+"""The main job and its page: run, report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from optopad.cli.common import (
+    DEFAULT_OUT,
+    DesignArgument,
+    FineOption,
+    JsonOption,
+    OutOption,
+    SeedOption,
+    SetOption,
+    print_json,
+    read_design,
+    say,
+)
+from optopad.cli.progress import progress
+
+
+def register(app: typer.Typer) -> None:
+    """Add this group's verbs."""
+    app.command()(run)
+    app.command()(report)
+
+
+def run(
+    design: DesignArgument,
+    set_: SetOption = None,
+    fine: FineOption = False,
+    out: OutOption = DEFAULT_OUT,
+    seed: SeedOption = 0,
+    as_json: JsonOption = False,
+) -> None:
+    """The main job: mold, verdict, driver config and report in one bundle."""
+    from optopad.jobs.pipeline import run as make
+    from optopad.screen.summary import checks_line, score_lines
+
+    read = read_design(design, set_)
+    with progress(quiet=as_json) as step:
+        made = make(read, out, fine=fine, seed=seed, on_step=step)
+    if as_json:
+        print_json(
+            {"bundle": str(made.folder), "checks_ok": made.checks["ok"], "score": made.score.to_json()}
+        )
+        return
+    say("\n".join([*score_lines(made.score), checks_line(made.checks)]))
+    say(f"files     {made.folder}")
+    say(f"report    {made.folder / 'report.html'}")
+
+
+def report(
+    bundle: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Bundle folder of an earlier run.")],
+    open_: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Where the report of a bundle is, after checking every file against the manifest."""
+    import webbrowser
+
+    from design.errors import InputError
+    from fabrication.bundle import MANIFEST, altered_files
+
+    page = bundle / "report.html"
+    if not (bundle / MANIFEST).is_file() or not page.is_file():
+        raise InputError(f"{bundle}: no bundle with a report; make one with `optopad run DESIGN`")
+    altered = altered_files(bundle)
+    if as_json:
+        print_json({"report": str(page), "altered": list(altered)})
+    else:
+        say(f"report    {page}")
+        for name in altered:
+            say(f"warning   {name} differs from the manifest: it was changed after the run")
+    if open_:
+        webbrowser.open(page.resolve().as_uri())

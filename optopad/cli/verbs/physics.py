@@ -1,0 +1,183 @@
+"""Verbs of the physics: simulate, score."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from design.errors import InputError
+from design.spec import SensorDesign
+from optopad.cli.common import (
+    DEFAULT_OUT,
+    DesignArgument,
+    FineOption,
+    JsonOption,
+    OutOption,
+    SeedOption,
+    SetOption,
+    parsed_press,
+    print_json,
+    read_design,
+    say,
+)
+from optopad.cli.progress import progress
+
+DEFAULT_ORACLE_RAYS = 1_000_000
+
+
+def register(app: typer.Typer) -> None:
+    """Add this group's verbs."""
+    app.command()(simulate)
+    app.command()(score)
+
+
+def score(
+    design: DesignArgument,
+    set_: SetOption = None,
+    full: Annotated[
+        bool,
+        typer.Option("--full", help="11 places a side and 0.1 mm steps for the map, at the usual light."),
+    ] = False,
+    fine: FineOption = False,
+    tolerance: Annotated[
+        bool,
+        typer.Option("--tolerance", help="Also draw builds with everything off that may be, and judge each."),
+    ] = False,
+    builds: Annotated[
+        int | None, typer.Option("--builds", help="How many builds --tolerance draws (200 if left out).")
+    ] = None,
+    out: OutOption = DEFAULT_OUT,
+    seed: SeedOption = 0,
+    as_json: JsonOption = False,
+) -> None:
+    """Verdict: modes, deadbands, continuity, strength, map of the pad; written into the bundle."""
+    drawn = _drawn_builds(tolerance, builds)
+    from optopad.jobs.pipeline import write_score
+    from optopad.screen.summary import score_lines
+
+    read = read_design(design, set_)
+    with progress(quiet=as_json) as step:
+        result, folder = write_score(read, out, fine=fine, full=full, seed=seed, on_step=step, builds=drawn)
+    if as_json:
+        print_json(result.to_json())
+    else:
+        say("\n".join(score_lines(result)))
+        say(f"files     {folder}")
+
+
+def _drawn_builds(tolerance: bool, builds: int | None) -> int | None:
+    """How many builds to draw; None without ``--tolerance``."""
+    if not tolerance:
+        if builds is not None:
+            raise InputError("--builds: needs --tolerance, which draws them; add it")
+        return None
+    from sims.continuity.build_tolerance import DEFAULT_BUILDS
+    from sims.verdict.build_study import FEWEST_BUILDS, MOST_BUILDS
+
+    drawn = DEFAULT_BUILDS if builds is None else builds
+    if not FEWEST_BUILDS <= drawn <= MOST_BUILDS:
+        raise InputError(f"--builds: {drawn} is refused: give {FEWEST_BUILDS} to {MOST_BUILDS}")
+    return drawn
+
+
+def simulate(
+    design: DesignArgument,
+    press: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--press", metavar="X,Y,DEPTH", help="A press [mm]; repeatable. Default: centre, all depths."
+        ),
+    ] = None,
+    oracle: Annotated[
+        bool, typer.Option("--oracle", help="Also trace with the plain ray tracer and compare.")
+    ] = False,
+    rays: Annotated[
+        int | None,
+        typer.Option(
+            min=1000, help="Rays per emitter and state of --oracle's ray tracer (1000000 if left out)."
+        ),
+    ] = None,
+    protocol: Annotated[
+        str | None,
+        typer.Option(
+            "--protocol",
+            metavar="NAME|FILE",
+            help="Press by a protocol and make its data set: piacenza2017, piacenza2017-quick, or a file.",
+        ),
+    ] = None,
+    fit: Annotated[
+        bool, typer.Option("--fit", help="With --protocol: leave out depths beyond the design's range.")
+    ] = False,
+    set_: SetOption = None,
+    out: OutOption = DEFAULT_OUT,
+    seed: SeedOption = 0,
+    as_json: JsonOption = False,
+) -> None:
+    """Light of chosen presses, path classes apart, or the data set of a press protocol; netCDF into the bundle."""
+    read = read_design(design, set_)
+    if protocol is not None:
+        _refuse_beside_protocol(press=press, oracle=oracle, rays=rays)
+        _simulate_protocol(read, protocol, fit=fit, out=out, seed=seed, as_json=as_json)
+        return
+    if fit:
+        raise InputError("--fit: needs --protocol, whose depths it fits; drop it")
+    oracle_rays = _oracle_rays(oracle, rays)
+    from optopad.jobs.pipeline import write_signals
+
+    presses = [parsed_press(text) for text in press or []]
+    with progress(quiet=as_json) as step:
+        summary, folder = write_signals(read, presses, out, oracle_rays=oracle_rays, seed=seed, on_step=step)
+    if as_json:
+        print_json(summary)
+    else:
+        _say_signals(summary)
+        say(f"files     {folder}")
+
+
+def _oracle_rays(oracle: bool, rays: int | None) -> int | None:
+    """Rays of the ray tracer; None without ``--oracle``."""
+    if not oracle:
+        if rays is not None:
+            raise InputError(f"--rays: {rays} needs --oracle, which traces them; add it, or drop --rays")
+        return None
+    return DEFAULT_ORACLE_RAYS if rays is None else rays
+
+
+def _refuse_beside_protocol(**given: Any) -> None:
+    for name, value in given.items():
+        if value:
+            raise InputError(f"--{name}: does not go with --protocol, which has presses of its own; drop one")
+
+
+def _simulate_protocol(
+    design: SensorDesign, where: str, *, fit: bool, out: Path, seed: int, as_json: bool
+) -> None:
+    from design.protocols.press import load_protocol_file
+    from optopad.jobs.protocol_data import data_lines, write_protocol_data
+
+    protocol = load_protocol_file(where)
+    with progress(quiet=as_json) as step:
+        summary = write_protocol_data(
+            design, protocol.fitted_to(design) if fit else protocol, out, seed=seed, on_step=step
+        )
+    if as_json:
+        print_json(summary)
+    else:
+        say("\n".join(data_lines(summary)))
+
+
+def _say_signals(summary: dict[str, Any]) -> None:
+    for state in summary["states"]:
+        x_mm, y_mm, depth_mm = state["press_mm"]
+        shares = "  ".join(f"{name} {value:.3e}" for name, value in state["mean_flux_by_class"].items())
+        say(
+            f"press {x_mm:6.2f} {y_mm:6.2f}  depth {depth_mm:5.2f} mm  mean flux {state['mean_flux']:.4e}  {shares}"
+        )
+    if summary["oracle"] is not None:
+        found = summary["oracle"]
+        say(
+            f"ray tracer: {found['rays']} rays an emitter; chi-square {found['chi_square']:.1f} over "
+            f"{found['compared']} pairs and states; largest difference {found['largest_z']:.1f} standard errors"
+        )

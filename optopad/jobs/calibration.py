@@ -1,0 +1,114 @@
+"""The calibrate verb's work: a design and a build's recording in, the build's twin and its model out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from design.io import save_design, write_text_atomically, written_together
+from design.spec import SensorDesign
+from sims.learning.calibration.build import Calibration, calibrated
+from sims.learning.calibration.report import CalibrationReport, report_of
+from sims.learning.inference.model_file import save_model
+from sims.learning.inference.signal_map.signal_map_model import SignalMapModel
+from sims.learning.signal_map.map_learner import fit_signal_map, map_header, mapped
+from sims.readings.dataset import read_data, require_design
+from sims.readings.press_data import PressData, clipped_note
+
+OnStep = Callable[[str, float], None]
+
+MODEL_FILE = "build.optomodel"
+"""The build's model beside its design and facts."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibratedBuild:
+    """What a calibration gives.
+
+    Attributes
+    ----------
+    calibration, report : the fit, and what it says
+    model : reads the build; None where it was not asked for
+    notes : of the data, as sentences
+    """
+
+    calibration: Calibration
+    report: CalibrationReport
+    model: SignalMapModel | None
+    notes: tuple[str, ...]
+
+    def to_json(self, design: SensorDesign) -> dict[str, Any]:
+        """As plain data."""
+        found = self.calibration
+        emitters = found.samples.emitters
+        return {
+            "name": design.name,
+            "digest": design.digest,
+            "calibrated_digest": found.design.digest,
+            "presses": found.samples.presses,
+            "readings": int(found.samples.signals.size),
+            "seed": found.seed,
+            **self.report.to_json(),
+            "gains_counts_per_flux": found.fitted.gains.reshape(emitters, -1).tolist(),
+            "gains_relative_spread": found.fitted.gain_spread.reshape(emitters, -1).tolist(),
+            "tip_beside_stage_mm": found.fitted.offset_mm.tolist(),
+            "data_notes": list(self.notes),
+        }
+
+
+def calibrate(
+    design: SensorDesign, file: Path, *, with_model: bool, quick: bool, seed: int, on_step: OnStep
+) -> CalibratedBuild:
+    """Fit a design to a recording of its build, and make the model that reads it.
+
+    Parameters
+    ----------
+    with_model : trace the calibrated design's map, which takes longer than the fit
+    quick : a coarser map
+
+    Raises
+    ------
+    InputError : data of another design, too few presses or untouched frames, nothing to fit.
+    """
+    data = read_data(file)
+    notes = list(require_design(data, design, what=str(file)))
+    if (clipped := clipped_note(data)) is not None:
+        notes.append(clipped)
+    found = calibrated(design, data, seed=seed, on_step=on_step)
+    model = build_model(found, data, quick=quick, seed=seed, on_step=on_step) if with_model else None
+    return CalibratedBuild(calibration=found, report=report_of(found), model=model, notes=tuple(notes))
+
+
+def build_model(
+    found: Calibration, data: PressData, *, quick: bool, seed: int, on_step: OnStep
+) -> SignalMapModel:
+    """The model of a calibrated build."""
+    lightmap = mapped(found.design, quick=quick, seed=seed, on_step=on_step)
+    header = map_header(found.design, data, lightmap, seed)
+    return fit_signal_map(found.design, lightmap, header, data, seed=seed, on_step=on_step)
+
+
+def write_calibration(made: CalibratedBuild, design: SensorDesign, folder: Path) -> tuple[Path, ...]:
+    """Write ``design.toml``, ``calibration.json`` and ``build.optomodel`` into a folder; what was written."""
+    names = ["design.toml", "calibration.json"]
+    with written_together(folder) as hidden:
+        save_design(made.calibration.design, hidden / names[0])
+        facts = json.dumps(made.to_json(design), indent=2, allow_nan=False) + "\n"
+        write_text_atomically(hidden / names[1], facts)
+        if made.model is not None:
+            names.append(MODEL_FILE)
+            save_model(hidden / names[2], made.model)
+    return tuple(folder / name for name in names)
+
+
+def earlier_model_note(made: CalibratedBuild, folder: Path) -> tuple[str, ...]:
+    """That the model in a folder is none of this calibration, where it made none."""
+    if made.model is not None or not (folder / MODEL_FILE).exists():
+        return ()
+    return (
+        f"{folder / MODEL_FILE} is of an earlier calibration and does not read the build as design.toml now has it; "
+        "calibrate without --no-model, or delete it",
+    )

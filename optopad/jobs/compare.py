@@ -1,0 +1,225 @@
+"""Designs side by side: what differs between them, what that does to the score, and which is better at what.
+
+Each design is judged with two seeds of the light model. A figure is that of the first; its uncertainty is how far the
+second is from it, and at least what the depth step leaves (0.04 mm at a mode boundary, `sims.press.depths`). A winner
+is marked only where it beats every other design by more than both uncertainties together. What the models leave out is
+common to all designs and no part of it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from design.errors import InputError
+from design.fields.paths import leaves
+from design.geometry.cavity import cavity_of
+from design.io import write_text_atomically
+from design.rules.check import require_valid
+from design.spec import SensorDesign
+from fabrication.bundle import bundle, bundle_name
+from optopad.results.comparison import Better, Change, Comparison, Measure
+from sims.continuity.sweep import SweepRow, sweep_row
+
+OnStep = Callable[[str, float], None]
+MOST_DESIGNS = 12
+ABSENT = "(absent)"
+SIGNAL = "untouched signal"
+BOUNDARY_STEP_MM = 0.04
+"""How far a depth step twice as long moves a mode boundary [mm]; a deadband has two ends."""
+
+
+def compare(
+    designs: Sequence[SensorDesign],
+    labels: Sequence[str],
+    out: Path,
+    *,
+    fine: bool,
+    seed: int,
+    on_step: OnStep,
+) -> Comparison:
+    """Judge designs and hold them against each other; table, page and figure into the first one's bundle.
+
+    Raises
+    ------
+    InputError : fewer than two designs, too many, or the same one twice.
+    DesignError : one that breaks a rule; nothing was computed.
+    """
+    _require_comparable(designs, labels)
+    judged = []
+    for done, design in enumerate(designs):
+        on_step("comparison", done / len(designs))
+        judged.append(tuple(_row(design, label, fine, seed + k) for k, label in ((0, labels[done]), (1, ""))))
+    on_step("comparison", 1.0)
+    rows, again = zip(*judged, strict=True)
+    found = Comparison(
+        labels=tuple(labels),
+        digests=tuple(design.digest for design in designs),
+        rows=tuple(rows),
+        changes=changes_of(designs),
+        measures=measures_of(designs, rows, again),
+        folder=out / bundle_name(designs[0]) / "sims",
+        stem=f"compare-{hashlib.sha256(' '.join(d.digest for d in designs).encode()).hexdigest()[:8]}",
+    )
+    _write(designs[0], out, found, seed)
+    return found
+
+
+def changes_of(designs: Sequence[SensorDesign]) -> tuple[Change, ...]:
+    """Every field in which designs differ, by its dotted path; the name last."""
+    documents = [dict(leaves(design.model_dump(mode="json"))) for design in designs]
+    known = dict.fromkeys(path for document in documents for path in document)
+    own = ("name", "description")
+    ordered = sorted(known, key=lambda path: path in own)
+    changes = (
+        Change(path=path, values=tuple(_given(document.get(path)) for document in documents))
+        for path in ordered
+    )
+    return tuple(one for one in changes if any(value != one.values[0] for value in one.values))
+
+
+def _given(value: object) -> object:
+    """A field that a design's table has without a value says the same as a table that is not there."""
+    return ABSENT if value is None else value
+
+
+def measures_of(
+    designs: Sequence[SensorDesign], rows: Sequence[SweepRow], again: Sequence[SweepRow]
+) -> tuple[Measure, ...]:
+    """The figures of all designs, from rows of two seeds each."""
+    found = []
+    for name, (unit, better, floor, figure) in _FIGURES.items():
+        values = tuple(figure(row) for row in rows)
+        others = [figure(row) for row in again]
+        spread = tuple(
+            floor if a is None or b is None else max(floor, abs(a - b))
+            for a, b in zip(values, others, strict=True)
+        )
+        if name == SIGNAL:
+            spread = tuple(max(one, _signal_error(row)) for one, row in zip(spread, rows, strict=True))
+        found.append(_measure(name, unit, better, values, spread))
+    sizes = tuple(_pad_height_mm(design) for design in designs)
+    counts = tuple(float(len(cavity_of(design).parts)) for design in designs)
+    exact = (0.0,) * len(designs)
+    return (
+        *found,
+        _measure("parts", "", "lower", counts, exact),
+        _measure("pad height", "mm", "lower", sizes, exact),
+    )
+
+
+def _measure(
+    name: str, unit: str, better: Better, values: tuple[float | None, ...], spread: tuple[float, ...]
+) -> Measure:
+    return Measure(
+        name=name,
+        unit=unit,
+        better=better,
+        values=values,
+        uncertainty=spread,
+        winner=_winner(better, values, spread),
+    )
+
+
+def _winner(better: Better, values: tuple[float | None, ...], spread: tuple[float, ...]) -> int | None:
+    if not better or any(value is None for value in values):
+        return None
+    sign = 1.0 if better == "higher" else -1.0
+    ranked = sorted(range(len(values)), key=lambda number: -sign * (values[number] or 0.0))
+    best = ranked[0]
+    for other in ranked[1:]:
+        lead = sign * ((values[best] or 0.0) - (values[other] or 0.0))
+        if lead <= spread[best] + spread[other]:
+            return None
+    return best
+
+
+def _shown(name: str) -> Callable[[SweepRow], float | None]:
+    return lambda row: row.shown.get(name)
+
+
+def _deadband(row: SweepRow) -> float | None:
+    total = row.score["deadband_mm"]["total"]
+    return None if total is None else float(total)
+
+
+def _dead_pairs(row: SweepRow) -> float | None:
+    pairs = row.score["pairs_with_deadband"]
+    return pairs["count"] / pairs["judged"] if pairs["judged"] else None
+
+
+def _headline(name: str) -> Callable[[SweepRow], float | None]:
+    return lambda row: row.score[name]
+
+
+def _strength(name: str) -> Callable[[SweepRow], float | None]:
+    return lambda row: None if row.score["strength"] is None else row.score["strength"][name]
+
+
+def _onset_n(row: SweepRow) -> float | None:
+    load = None if row.forces_n is None else row.forces_n["mode2_onset"]
+    return None if load is None else float(load[0])
+
+
+_FIGURES: dict[str, tuple[str, Better, float, Callable[[SweepRow], float | None]]] = {
+    "deadband": ("mm", "lower", 2 * BOUNDARY_STEP_MM, _deadband),
+    "pairs with a deadband": ("share", "lower", 0.0, _dead_pairs),
+    "mode gap": ("mm", "", BOUNDARY_STEP_MM, _headline("mode_gap_mm")),
+    "mode 2 begins": ("N", "", 0.0, _onset_n),
+    "continuity": ("", "higher", 0.01, _headline("continuity")),
+    "evenness": ("", "higher", 0.01, _headline("evenness")),
+    SIGNAL: ("of emitted", "higher", 0.0, _strength("untouched_flux")),
+    "swing": ("share", "higher", 0.0, _strength("swing")),
+    "resolvable steps": ("", "higher", 1.0, _strength("resolvable_steps")),
+}
+
+
+def _signal_error(row: SweepRow) -> float:
+    """Standard error of the untouched signal; two seeds may agree by chance."""
+    return 0.0 if row.curve is None else row.curve.standard_error[0]
+
+
+def _pad_height_mm(design: SensorDesign) -> float:
+    return design.cavity.clear_thickness_mm + design.cavity.black_thickness_mm
+
+
+def _row(design: SensorDesign, label: str, fine: bool, seed: int) -> SweepRow:
+    from sims.continuity.scoring import score
+
+    return sweep_row(design, label, score(design, fine=fine, seed=seed, verdict_only=True))
+
+
+def _require_comparable(designs: Sequence[SensorDesign], labels: Sequence[str]) -> None:
+    if len(designs) < 2:
+        raise InputError(
+            "compare: one design alone; name a second, or change a copy of it with --with PATH=VALUE"
+        )
+    if len(designs) > MOST_DESIGNS:
+        raise InputError(f"compare: {len(designs)} designs are refused: give 2 to {MOST_DESIGNS}")
+    for number, design in enumerate(designs):
+        require_valid(design)
+        same = next((k for k in range(number) if designs[k].digest == design.digest), None)
+        if same is not None:
+            raise InputError(
+                f"compare: {labels[same]} and {labels[number]} are the same design; change one of them"
+            )
+
+
+def _write(design: SensorDesign, out: Path, found: Comparison, seed: int) -> None:
+    from optopad.report.compare_page import compare_html
+    from optopad.work.plot_files import write_plot
+    from sims.plots.style import plain_style, svg_text
+    from sims.plots.sweep import plot_sweep
+
+    with bundle(design, out, seed=seed) as folder:
+        (folder / "sims").mkdir(exist_ok=True)
+        stem = folder / "sims" / found.stem
+        text = json.dumps(found.to_json(), indent=2, allow_nan=False) + "\n"
+        write_text_atomically(stem.with_name(f"{stem.name}.json"), text)
+        with plain_style():
+            figure = plot_sweep("designs", found.rows)
+            write_plot(figure, stem)
+            page = compare_html(found, svg_text(figure, stem.name))
+        write_text_atomically(stem.with_name(f"{stem.name}.html"), page)

@@ -1,0 +1,146 @@
+"""The evaluate verb's work: models held against a data set whose presses are known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import InputError
+from design.geometry.cavity import Workspace, workspace_of
+from design.spec import SensorDesign
+from optopad.results.accuracy import Accuracy, ModelAccuracy, accuracy_of
+from sims.evaluation.judged import judged
+from sims.evaluation.published import published_touch
+from sims.evaluation.rows import needed_samples
+from sims.learning.inference.header import require_design as require_model_of
+from sims.learning.inference.model_file import load_model
+from sims.learning.inference.touch_model import TouchModel
+from sims.plots.accuracy import shown_places_mm
+from sims.readings.dataset import read_data, require_design
+from sims.readings.press_data import PressData, clipped_note
+
+OnStep = Callable[[str, float], None]
+FEWEST_SAMPLES = 10
+
+
+def evaluate(
+    file: Path, models: Sequence[Path], design: SensorDesign | None, *, on_step: OnStep
+) -> tuple[Accuracy, Workspace]:
+    """Hold models against a data set.
+
+    Parameters
+    ----------
+    models : model files; each must be of the data's design
+    design : whose workspace is drawn and whose published table is shown; None takes the range of the presses
+
+    Returns
+    -------
+    tables, and the workspace for the pictures
+
+    Raises
+    ------
+    InputError : data or models that cannot be read, are of different designs, or too few samples.
+    """
+    data = read_data(file)
+    notes = [*(require_design(data, design, what=str(file)) if design is not None else ())]
+    loaded = [(str(path), load_model(path)) for path in models]
+    for name, model in loaded:
+        _require_fit(name, model, data)
+    tested, told = _test_samples(data)
+    workspace = workspace_of(design) if design is not None else _range_of(tested)
+    if (clipped := clipped_note(data)) is not None:
+        notes.append(clipped)
+    named = _named(loaded)
+    found = tuple(
+        accuracy
+        for name, model in named.items()
+        for accuracy in accuracies(model, tested, workspace, on_step=on_step, learner=name)
+    )
+    return (
+        Accuracy(
+            name=design.name if design is not None else file.stem,
+            digest=data.design_digest,
+            found=found,
+            published=None if design is None else published_touch(design),
+            notes=(*notes, told),
+            settings={
+                "data": str(file),
+                "models": {name: str(path) for name, path in zip(_named(loaded), models, strict=True)},
+            },
+        ),
+        workspace,
+    )
+
+
+def accuracies(
+    model: TouchModel, data: PressData, workspace: Workspace, *, on_step: OnStep, learner: str = ""
+) -> list[ModelAccuracy]:
+    """Tables of one model, a test set each.
+
+    Parameters
+    ----------
+    data : samples of the test sets
+    learner : name in the tables; the model's kind if left out
+    """
+    name, made = learner or model.header.kind, []
+    numbers = np.unique(data.set_number)
+    for done, number in enumerate(numbers):
+        on_step(f"evaluation of {name}", done / len(numbers))
+        info = data.sets[int(number)]
+        of_set = needed_samples(data.only(data.set_number == number), shown_places_mm(workspace))
+        said = model.predict(of_set.features().astype(np.float64))
+        made.append(accuracy_of(name, info.name, info.is_ambient, [judged(of_set, said)]))
+    on_step(f"evaluation of {name}", 1.0)
+    return made
+
+
+def _test_samples(data: PressData) -> tuple[PressData, str]:
+    """Test sets, or all where none is marked so, and what was done."""
+    tested = data.role("test")
+    told = "judged on the test sets alone"
+    if not len(tested):
+        tested, told = (
+            data,
+            (
+                "the data mark no test set, so all samples are judged: errors of samples that the model was trained on "
+                "are too small"
+            ),
+        )
+    if len(tested) < FEWEST_SAMPLES:
+        raise InputError(f"data: {len(tested)} samples to judge, needs {FEWEST_SAMPLES}; record more presses")
+    return tested, told
+
+
+def _require_fit(name: str, model: TouchModel, data: PressData) -> None:
+    header = model.header
+    if data.design_digest is not None:
+        try:
+            require_model_of(header, data.design_digest)
+        except InputError as err:
+            raise InputError(f"{name}: {err}") from None
+    if header.pair_names != data.pair_names:
+        raise InputError(
+            f"{name}: a model of {len(header.emitter_names)} emitters and {len(header.receiver_names)} receivers, the "
+            f"data have {len(data.emitter_names)} and {len(data.receiver_names)}, or other names; train on these data"
+        )
+
+
+def _named(loaded: Sequence[tuple[str, TouchModel]]) -> Mapping[str, TouchModel]:
+    """Models by kind; two of one kind are told apart by their files' names, or by their numbers."""
+    kinds = [model.header.kind for _, model in loaded]
+    stems = [f"{kind} ({Path(name).stem})" for kind, (name, _) in zip(kinds, loaded, strict=True)]
+    found = {}
+    for number, (_, model) in enumerate(loaded):
+        kind, stem = kinds[number], stems[number]
+        unique = kind if kinds.count(kind) == 1 else stem
+        found[unique if stems.count(stem) == 1 else f"{stem} {number + 1}"] = model
+    return found
+
+
+def _range_of(data: PressData) -> Workspace:
+    low: NDArray[np.float64] = data.press_mm[:, :2].min(axis=0)
+    high: NDArray[np.float64] = data.press_mm[:, :2].max(axis=0)
+    return Workspace(x0_mm=float(low[0]), x1_mm=float(high[0]), y0_mm=float(low[1]), y1_mm=float(high[1]))

@@ -1,0 +1,238 @@
+"""A search and its folder: the study, the tables, the plots, the designs of the front, the page.
+
+outputs/<name>-<digest8>/
+  space.json       the search space as it was understood
+  study.db         every design that was judged (SQLite; not there when --storage names another database)
+  designs.csv      all of them, with figures and why some were stopped early
+  front.csv .json  the Pareto front
+  front.svg        and a picture of it
+  designs/         the front as design files: `optopad check`, `optopad run`
+  report.html      everything at a glance, self-contained
+"""
+
+from __future__ import annotations
+
+import csv
+import fcntl
+import functools
+import io
+import json
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+from typing import Any
+
+from design.errors import InputError, OutputError
+from design.io import dump_design, write_text_atomically
+from design.search.explore import Findings, OnTried, explore
+from design.search.figures import FIGURES
+from design.search.importance import importances
+from design.search.judged import FanOut, Tried, one_by_one
+from design.search.space import SearchSpace
+from optopad.results.search_result import Search
+
+
+def search_folder(space: SearchSpace, out: Path) -> Path:
+    """Where a search writes: its name and the first 8 digits of its digest."""
+    return out / f"{space.name}-{space.digest[:8]}"
+
+
+def search(
+    space: SearchSpace,
+    out: Path,
+    *,
+    trials: int | None = None,
+    storage: str | None = None,
+    scheduler: str | None = None,
+    on_tried: OnTried | None = None,
+) -> Search:
+    """Search, or go on with a search, and write what was found.
+
+    Parameters
+    ----------
+    trials : designs in all; None takes the space's
+    storage : address of a database that other workers may share; None is SQLite in the search's folder
+    scheduler : address of a Dask scheduler whose workers judge the designs; None judges them here
+
+    Raises
+    ------
+    InputError, DesignError, OutputError : nothing that was judged is lost.
+    """
+    from design.geometry.cavity import cavity_of
+    from sims.continuity.objective import judge, price_of
+
+    if any(objective.figure == "cost" for objective in space.objectives):
+        price_of(cavity_of(space.base))  # refuses before the folder is made
+    folder = search_folder(space, out)
+    _make(folder)
+    url = storage or f"sqlite:///{(folder / 'study.db').absolute()}"
+    wanted = tuple(objective.figure for objective in space.objectives)
+    objective = functools.partial(judge, wanted=(*wanted, "strength"), accuracy=space.accuracy)
+    with _alone(folder) if storage is None else nullcontext(), _fanning_out(scheduler) as fan_out:
+        found = explore(
+            space,
+            objective,
+            url,
+            trials=trials,
+            is_shared=storage is not None,
+            fan_out=fan_out,
+            on_tried=on_tried,
+        )
+        return write_search(folder, found, importances(space, url))
+
+
+def write_search(folder: Path, found: Findings, importance: dict[str, dict[str, float]]) -> Search:
+    """Write tables, designs, picture and page of what was found."""
+    from optopad.report.search import search_page
+    from sims.plots.front import front_svg
+
+    _make(folder / "designs")
+    files = _write_designs(folder / "designs", found)
+    result = Search(folder=folder, findings=found, files=files, importance=importance)
+    texts = {
+        "space.json": json.dumps(found.space.model_dump(mode="json"), indent=2) + "\n",
+        "designs.csv": table_csv(found, found.tried),
+        "front.csv": table_csv(found, found.front),
+        "front.json": json.dumps(summary(result), indent=2) + "\n",
+        "front.svg": front_svg(found.space, found.base, found.tried, found.front),
+        "report.html": search_page(result),
+    }
+    for name, text in texts.items():
+        write_text_atomically(folder / name, text)
+    return result
+
+
+def summary(search: Search) -> dict[str, Any]:
+    """Plain data for JSON."""
+    found = search.findings
+    return {
+        "name": found.space.name,
+        "digest": found.space.digest,
+        "folder": str(search.folder),
+        "report": str(search.folder / "report.html"),
+        "sampler": found.space.search.sampler,
+        "seed": found.space.search.seed,
+        "accuracy": found.space.accuracy,
+        "designs": len(found.tried),
+        "wanted": found.wanted,
+        "stopped_early": sum(bool(one.judged.reason) for one in found.tried),
+        "feasible": sum(one.is_feasible for one in found.tried),
+        "interrupted": found.is_interrupted,
+        "limits": [str(limit) for limit in found.limits],
+        "base": {
+            "digest": found.space.base.digest,
+            "figures": found.base.figures,
+            "verdict": found.base.verdict,
+        },
+        "front": [
+            {
+                "number": one.number,
+                "digest": one.digest,
+                "file": file,
+                "parameters": {name: plain(value) for name, value in one.parameters.items()},
+                "figures": one.judged.figures,
+                "verdict": one.judged.verdict,
+            }
+            for one, file in zip(found.front, search.files, strict=True)
+        ],
+        "importance": search.importance,
+    }
+
+
+def plain(value: Any) -> Any:
+    """A parameter as data: a choice's label stands for its value."""
+    if not isinstance(value, str):
+        return value
+    return json.loads(value)
+
+
+def table_csv(found: Findings, rows: Sequence[Tried]) -> str:
+    """Designs as CSV: number, digest, fields, figures, verdict, and why the judging stopped."""
+    figures = [name for name in FIGURES if any(name in one.judged.figures for one in found.tried)]
+    paths = [field.path for field in found.space.fields]
+    front = {one.number for one in found.front}
+    stream = io.StringIO()
+    table = csv.writer(stream, lineterminator="\n")
+    table.writerow(
+        [
+            "number",
+            "digest",
+            *paths,
+            *figures,
+            "verdict",
+            "feasible",
+            "on_front",
+            "seconds",
+            "stopped_because",
+        ]
+    )
+    for one in rows:
+        values = [one.judged.figures.get(name) for name in figures]
+        table.writerow(
+            [
+                one.number,
+                one.digest,
+                *(one.parameters[path] for path in paths),
+                *("" if value is None else f"{value:.6g}" for value in values),
+                one.judged.verdict,
+                one.is_feasible,
+                one.number in front,
+                one.seconds,
+                one.judged.reason,
+            ]
+        )
+    return stream.getvalue()
+
+
+def _write_designs(folder: Path, found: Findings) -> tuple[str, ...]:
+    """One file a design of the front, best first; files of a former front go."""
+    names = []
+    for one in found.front:
+        name = f"{one.number:04d}-{one.digest[:8]}.toml"
+        write_text_atomically(folder / name, dump_design(found.space.design_at(one.parameters)))
+        names.append(f"designs/{name}")
+    for left in folder.glob("*.toml"):
+        if f"designs/{left.name}" not in names:
+            left.unlink(missing_ok=True)
+    return tuple(names)
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as err:
+        raise OutputError(
+            f"{folder}: cannot be made: {err.strerror}; choose another folder with --out"
+        ) from None
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Keep a second search out of the folder; the lock goes with the process, however it ends."""
+    try:
+        descriptor = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT, 0o644)
+    except OSError as err:
+        raise OutputError(
+            f"{folder}: cannot be written: {err.strerror}; choose another folder with --out"
+        ) from None
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    except BlockingIOError:
+        raise InputError(
+            f"{folder}: another process searches here; wait for it, or share a database among workers with --storage"
+        ) from None
+    finally:
+        os.close(descriptor)
+
+
+@contextmanager
+def _fanning_out(scheduler: str | None) -> Iterator[FanOut]:
+    if scheduler is None:
+        yield one_by_one
+        return
+    from optopad.work.fan_out import on_cluster
+
+    with on_cluster(scheduler) as fan_out:
+        yield fan_out

@@ -1,0 +1,352 @@
+"""The pipeline that wires the rooms: each function fills one part of a design's bundle.
+
+Mold and physics share nothing, so they run side by side: the mold in a process of its own
+(the CAD kernel does not survive a fork, hence a fresh one), the physics here.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from design.errors import InputError, OutputError
+from design.io import save_design, write_text_atomically
+from design.parts.printer import Bed
+from design.rules.check import require_valid
+from design.spec import SensorDesign
+from fabrication.bundle import bundle, bundle_name
+from optopad.work.finished import FinishedWork
+
+if TYPE_CHECKING:
+    from fabrication.gain import SimulatedGain
+    from optopad.report.sections.early import EarlyDrawings
+    from sims.continuity.result import ContinuityScore
+
+REFUSED = 2
+"""Exit code of a process that ended with a message for the user."""
+
+OnStep = Callable[[str, float], None]
+Press = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunResult:
+    """What the main job made.
+
+    Attributes
+    ----------
+    folder : the bundle
+    score : the verdict
+    checks : the mold's checks, as in ``checks.json``
+    """
+
+    folder: Path
+    score: ContinuityScore
+    checks: dict[str, Any]
+
+
+def run(design: SensorDesign, out: Path, *, fine: bool, seed: int, on_step: OnStep) -> RunResult:
+    """Make the whole bundle.
+
+    Raises
+    ------
+    DesignError : the design breaks a rule; nothing is written.
+    OutputError : the folder cannot be written; an earlier bundle is intact.
+    """
+    require_valid(design)
+    with bundle(design, out, seed=seed) as folder, _mold_beside(design, folder) as mold:
+        score, early = _scored(design, folder, fine=fine, seed=seed, on_step=on_step, with_page=True)
+        on_step("mold beside", 0.0)
+        checks = _finished(mold, folder / "cad")
+        on_step("mold beside", 1.0)
+        on_step("files", 0.0)
+        _write_fabrication(design, folder, _gain_of(score))
+        _write_report(design, folder, score, checks, seed, early)
+        on_step("files", 1.0)
+    return RunResult(folder=out / bundle_name(design), score=score, checks=checks)
+
+
+def write_parts(
+    design: SensorDesign,
+    out: Path,
+    *,
+    seed: int,
+    on_step: OnStep,
+    bed_mm: Bed | None = None,
+    slice_parts: bool = False,
+) -> tuple[dict[str, Any], Path]:
+    """Mold and tools into the bundle; returns the checks and the bundle.
+
+    Parameters
+    ----------
+    bed_mm : room of the printer that the checks hold the parts against; None for the usual one
+    slice_parts : whether PrusaSlicer is asked for time, filament and warnings
+    """
+    from cad.export import export_parts
+
+    require_valid(design)
+    on_step("mold", 0.0)
+    with bundle(design, out, seed=seed) as folder:
+        (folder / "cad").mkdir(exist_ok=True)
+        export_parts(design, folder / "cad", bed_mm=bed_mm, slice_parts=slice_parts)
+        checks = _checks(folder / "cad")
+        on_step("mold", 1.0)
+    return checks, out / bundle_name(design)
+
+
+def write_score(
+    design: SensorDesign,
+    out: Path,
+    *,
+    fine: bool,
+    seed: int,
+    on_step: OnStep,
+    full: bool = False,
+    builds: int | None = None,
+) -> tuple[ContinuityScore, Path]:
+    """Verdict, map and their signals into the bundle; returns the score and the bundle.
+
+    Parameters
+    ----------
+    fine, full : as `sims.continuity.scoring.score` takes them
+    builds : how many builds are drawn for the share that keeps the verdict; None draws none
+    """
+    require_valid(design)
+    with _study(design, out, builds, seed) as study, bundle(design, out, seed=seed) as folder:
+        has_page = (folder / "report.html").exists()  # a bundle tells one verdict: page and gain follow it
+        score, early = _scored(
+            design,
+            folder,
+            fine=fine,
+            full=full,
+            seed=seed,
+            on_step=on_step,
+            with_page=has_page,
+            study=study,
+        )
+        if has_page:
+            _write_fabrication(design, folder, _gain_of(score))
+            _write_report(design, folder, score, _checks(folder / "cad"), seed, early)
+    return score, out / bundle_name(design)
+
+
+def write_signals(
+    design: SensorDesign,
+    presses: list[Press],
+    out: Path,
+    *,
+    oracle_rays: int | None,
+    seed: int,
+    on_step: OnStep,
+) -> tuple[dict[str, Any], Path]:
+    """Signals of the given presses into the bundle; returns a summary and the bundle."""
+    from optopad.jobs.signals import simulated
+
+    require_valid(design)
+    with bundle(design, out, seed=seed) as folder:
+        (folder / "sims").mkdir(exist_ok=True)
+        summary = simulated(
+            design, presses, folder / "sims", oracle_rays=oracle_rays, seed=seed, on_step=on_step
+        )
+    return summary, out / bundle_name(design)
+
+
+def write_driver_config(design: SensorDesign, out: Path, *, seed: int) -> Path:
+    """Driver configuration, wiring and bill of materials into the bundle; returns the bundle."""
+    require_valid(design)
+    with bundle(design, out, seed=seed) as folder:
+        _write_fabrication(design, folder, _known_gain(folder))
+    return out / bundle_name(design)
+
+
+@contextmanager
+def _mold_beside(design: SensorDesign, folder: Path) -> Iterator[subprocess.Popen[str]]:
+    """The mold's process, started; it is stopped if the work beside it fails or is interrupted."""
+    (folder / "cad").mkdir(exist_ok=True)
+    save_design(design, folder / "design.toml")
+    # -P: a design.py or cad.py of the user's in the current folder must not stand in for ours
+    command = [sys.executable, "-P", "-m", "cad", str(folder / "design.toml"), str(folder / "cad")]
+    here = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    process = subprocess.Popen(
+        command, env=here, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            process.kill()
+            process.communicate()
+
+
+def _finished(mold: subprocess.Popen[str], folder: Path) -> dict[str, Any]:
+    """Wait for the mold's process and read its checks.
+
+    Raises
+    ------
+    OutputError, RuntimeError : its message, when it refused or broke.
+    """
+    _, message = mold.communicate()
+    if mold.returncode == REFUSED:
+        raise OutputError(message.strip())
+    if mold.returncode != 0:
+        raise RuntimeError(f"the mold's process ended with {mold.returncode}: {message.strip()}")
+    return _checks(folder)
+
+
+def _checks(folder: Path) -> dict[str, Any]:
+    checks: dict[str, Any] = json.loads((folder / "checks.json").read_text(encoding="utf-8"))
+    return checks
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Study:
+    """Builds asked for, and where finished ones are kept."""
+
+    builds: int
+    memo: FinishedWork
+
+
+@contextmanager
+def _study(design: SensorDesign, out: Path, builds: int | None, seed: int) -> Iterator[_Study | None]:
+    """Where the builds of a design are kept until the bundle that holds them is in its place; nothing for None."""
+    if builds is None:
+        yield None
+        return
+    memo = FinishedWork(out, f"{bundle_name(design)}.builds", [design.digest, seed])
+    yield _Study(builds=builds, memo=memo)
+    memo.forget()
+
+
+def _scored(
+    design: SensorDesign,
+    folder: Path,
+    *,
+    fine: bool,
+    seed: int,
+    on_step: OnStep,
+    with_page: bool,
+    full: bool = False,
+    study: _Study | None = None,
+) -> tuple[ContinuityScore, EarlyDrawings | None]:
+    """The score, its files, and what a page can draw of it; all but the tolerance is written beside the tolerance."""
+    from optopad.work.beside import beside
+    from sims.continuity.build_tolerance import with_tolerance
+    from sims.continuity.scoring import score as judge
+
+    sims = folder / "sims"
+    sims.mkdir(exist_ok=True)
+    for kind in ("svg", "png"):  # those of an earlier score: a bundle tells one verdict
+        (sims / f"builds.{kind}").unlink(missing_ok=True)
+    score = judge(design, fine=fine, full=full, seed=seed, tolerance=False, on_step=on_step)
+    with beside(lambda: _without_tolerance(design, score, sims, with_page=with_page)) as drawn:
+        if study is None:
+            found = with_tolerance(design, score, seed=seed, on_step=on_step)
+        else:
+            found = _with_builds(design, score, study, seed=seed, on_step=on_step)
+        early = drawn()
+    _write_builds(found, sims)
+    write_text_atomically(sims / "score.json", json.dumps(found.to_json(), indent=2) + "\n")
+    return found, early
+
+
+def _without_tolerance(
+    design: SensorDesign, score: ContinuityScore, sims: Path, *, with_page: bool
+) -> EarlyDrawings | None:
+    """Write signals, maps and their plots; draw what a page shows of them."""
+    from design.geometry.cavity import cavity_of
+    from optopad.jobs.bound_plots import write_bound_plots
+    from optopad.report.sections.early import early_drawings
+    from sims.continuity.maps_file import maps_dataset
+    from sims.readings.signal_file import save_dataset, signals_dataset
+
+    if score.pad_signals is not None and score.readout is not None:
+        gain = score.readout.counts_per_flux
+        save_dataset(
+            signals_dataset(score.pad_signals, cavity_of(design), counts_per_flux=gain), sims / "signals.nc"
+        )
+        save_dataset(maps_dataset(design, score), sims / "maps.nc")
+    if score.bounds is not None:
+        write_bound_plots(design, score.bounds, sims)
+    return early_drawings(design, score) if with_page else None
+
+
+def _with_builds(
+    design: SensorDesign, score: ContinuityScore, study: _Study, *, seed: int, on_step: OnStep
+) -> ContinuityScore:
+    from sims.continuity.build_tolerance import with_builds
+
+    return with_builds(design, score, builds=study.builds, seed=seed, memo=study.memo, on_step=on_step)
+
+
+def _write_builds(score: ContinuityScore, sims: Path) -> None:
+    """The plot of a study of builds, if there was one."""
+    if score.builds is None or score.tolerance is None:
+        return
+    from optopad.work.plot_files import write_plot
+    from sims.plots.builds import plot_builds
+    from sims.plots.style import plain_style
+
+    with plain_style():
+        write_plot(plot_builds(score.builds, score.tolerance), sims / "builds")
+
+
+def _gain_of(score: ContinuityScore) -> SimulatedGain | None:
+    """What the sheets need of a score's gain."""
+    from fabrication.gain import SimulatedGain
+
+    if score.readout is None or score.untouched_flux is None:
+        return None
+    return SimulatedGain(
+        counts_per_flux=score.readout.of_each(score.untouched_flux.shape[1]),
+        untouched_flux=tuple(tuple(row) for row in score.untouched_flux.tolist()),
+    )
+
+
+def _known_gain(folder: Path) -> SimulatedGain | None:
+    """Gain of an earlier score of the same design, if the bundle holds one."""
+    from fabrication.gain import SimulatedGain
+
+    score = folder / "sims" / "score.json"
+    if not score.is_file():
+        return None
+    try:
+        document = json.loads(score.read_text(encoding="utf-8"))
+        if document["counts_per_flux"] is None:
+            return None
+        return SimulatedGain(
+            counts_per_flux=tuple(map(float, document["receiver_counts_per_flux"])),
+            untouched_flux=tuple(tuple(map(float, row)) for row in document["untouched_flux"]),
+        )
+    except (ValueError, KeyError, TypeError):
+        raise InputError(f"{score}: damaged, or of an earlier version; run `optopad score` again") from None
+
+
+def _write_fabrication(design: SensorDesign, folder: Path, gain: SimulatedGain | None) -> None:
+    from fabrication.firmware.settings import firmware_gaps
+    from fabrication.firmware.sketch import write_sketch
+    from fabrication.sheets.all_sheets import write_sheets
+
+    (folder / "fabrication").mkdir(exist_ok=True)
+    write_sheets(design, folder / "fabrication", gain)
+    if not firmware_gaps(design):  # a board that cannot be programmed has its warning
+        write_sketch(design, folder / "fabrication" / "firmware")
+
+
+def _write_report(
+    design: SensorDesign,
+    folder: Path,
+    score: ContinuityScore,
+    checks: dict[str, Any],
+    seed: int,
+    early: EarlyDrawings | None,
+) -> None:
+    from optopad.report.page import write_report
+
+    write_report(design, folder, score, checks, seed=seed, early=early)

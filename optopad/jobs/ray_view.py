@@ -1,0 +1,346 @@
+"""The rays verb's work: which light under which presses, its pictures and its data in the bundle."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from design.errors import InputError
+from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
+from design.geometry.pairs import chord_midpoint_mm
+from design.rules.check import require_valid
+from design.spec import SensorDesign
+from fabrication.bundle import bundle, bundle_name
+from optopad.jobs.signals import require_presses
+from sims.contact.indentation import solved_press
+from sims.optics.oracle.paths import LightPath
+from sims.plots.ray_cut import Cut, cut_across, cut_of_pair, cut_through
+from sims.plots.ray_sheet import ray_sheet
+from sims.plots.style import plain_style, svg_text
+from sims.rays.light_kinds import KINDS, LOST, kind_of
+from sims.rays.ray_states import Pair, Press, RayChoice, RayState, ray_states
+
+OnStep = Callable[[str, float], None]
+
+PREFIX = "rays"
+PNG_DPI = 200
+DEFAULT_DEPTHS = (0.2, 0.4, 0.8)
+"""Default presses, over the deepest press of the design, where no verdict says what to look at."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RayRequest:
+    """What to draw.
+
+    Attributes
+    ----------
+    emitter, receiver : number of the part, or None for all
+    presses : x, y, depth [mm]; empty: those that tell most
+    count : paths drawn of the strongest kind
+    """
+
+    emitter: int | None = None
+    receiver: int | None = None
+    presses: tuple[Press, ...] = ()
+    count: int = 24
+
+    @property
+    def pair(self) -> Pair | None:
+        """The one pair that is asked for."""
+        return None if self.emitter is None or self.receiver is None else (self.emitter, self.receiver)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RayView:
+    """Everything that is drawn.
+
+    Attributes
+    ----------
+    name : of the light, for files: as E2-R5, E2, R5 or all
+    cut : the sections' line
+    states : untouched, then the presses
+    is_aimed : at one receiver; powers are then shares of the untouched light, else of the emitted light
+    presses_are : why these presses, in words
+    """
+
+    design: SensorDesign
+    name: str
+    cut: Cut
+    states: tuple[RayState, ...]
+    is_aimed: bool
+    presses_are: str
+    seed: int
+
+    @property
+    def unit(self) -> float:
+        """Power that shares are of, over that of the emitters [-]."""
+        return self.states[0].total if self.is_aimed and self.states[0].total > 0.0 else 1.0
+
+
+def part_number(parts: Sequence[PlacedPart], text: str, field: str) -> int:
+    """Number from 0 of the part that is called so: by its name, as in the wiring table, or its number in it.
+
+    Raises
+    ------
+    InputError : no such part; the message lists those that there are.
+    """
+    names = [part.name for part in parts]
+    letter = names[0][0]
+    wanted = text.strip().upper()
+    wanted = wanted if wanted.startswith(letter) else f"{letter}{wanted}"
+    if wanted not in names:
+        raise InputError(f"{field}: {text!r} does not exist; the design has {', '.join(names)}")
+    return names.index(wanted)
+
+
+def view_rays(design: SensorDesign, request: RayRequest, out: Path, *, seed: int, on_step: OnStep) -> RayView:
+    """Choose presses where none are given, and find paths and powers.
+
+    Parameters
+    ----------
+    out : folder that holds the bundles; a verdict in the design's bundle says which presses tell most
+
+    Raises
+    ------
+    DesignError : the design breaks a rule
+    ModelScopeError : a press outside the workspace, or one that the models refuse
+    """
+    require_valid(design)
+    cavity = cavity_of(design)
+    presses, why = request.presses, "as asked"
+    if not presses:
+        presses, why = _telling_presses(
+            design, request.pair, out / bundle_name(design) / "sims" / "score.json"
+        )
+    require_presses(design, np.array(presses))
+    presses = tuple(press for press in presses if press[2] > 0.0)
+    if presses:
+        deepest = max(design.operating.max_depth_mm, *(press[2] for press in presses))
+        solved_press(design, max_depth_mm=deepest, on_step=lambda share: on_step("contact", share))
+    is_aimed = request.receiver is not None
+    choice = RayChoice(
+        pairs=_pairs(cavity, request), count=request.count, shows_all_losses=not is_aimed, seed=seed
+    )
+    return RayView(
+        design=design,
+        name=_name(cavity, request),
+        cut=_cut(cavity, request, presses),
+        states=ray_states(design, choice, presses, on_step=lambda share: on_step("rays", share)),
+        is_aimed=is_aimed,
+        presses_are=why,
+        seed=seed,
+    )
+
+
+def _pairs(cavity: CavityGeometry, request: RayRequest) -> tuple[Pair, ...]:
+    emitters = range(len(cavity.emitters)) if request.emitter is None else [request.emitter]
+    receivers = range(len(cavity.receivers)) if request.receiver is None else [request.receiver]
+    return tuple((emitter, receiver) for emitter in emitters for receiver in receivers)
+
+
+def _chosen(cavity: CavityGeometry, request: RayRequest) -> list[PlacedPart]:
+    emitters = [] if request.emitter is None else [cavity.emitters[request.emitter]]
+    return emitters + ([] if request.receiver is None else [cavity.receivers[request.receiver]])
+
+
+def _name(cavity: CavityGeometry, request: RayRequest) -> str:
+    return "-".join(part.name for part in _chosen(cavity, request)) or "all"
+
+
+def _cut(cavity: CavityGeometry, request: RayRequest, presses: Sequence[Press]) -> Cut:
+    chosen = _chosen(cavity, request)
+    if request.pair is not None:
+        return cut_of_pair(cavity, request.pair)
+    if chosen:
+        return cut_across(cavity, chosen[0])
+    return cut_through(cavity, *(presses[0][:2] if presses else _middle(cavity)))
+
+
+def _middle(cavity: CavityGeometry) -> tuple[float, float]:
+    return cavity.length_mm / 2, cavity.width_mm / 2
+
+
+def _telling_presses(design: SensorDesign, pair: Pair | None, score: Path) -> tuple[tuple[Press, ...], str]:
+    """The ends of a deadband that a verdict found, else three depths; and which it is, in words."""
+    cavity = cavity_of(design)
+    place, spans = _judged(cavity, pair, _read_score(score))
+    if spans:
+        start, end = max(spans, key=lambda span: span[1] - span[0])
+        return (
+            (*place, start),
+            (*place, end),
+        ), f"where the deadband from {start:g} to {end:g} mm begins and ends"
+    depths = (round(share * design.operating.max_depth_mm, 3) for share in DEFAULT_DEPTHS)
+    presses: tuple[Press, ...] = tuple((*place, depth) for depth in depths)
+    if pair is not None:
+        return presses, "at the middle of the chord"
+    if score.is_file():
+        return presses, "at the pad's weakest place"
+    return presses, "at the middle of the workspace; after `optopad score` at the pad's weakest place"
+
+
+def _judged(
+    cavity: CavityGeometry, pair: Pair | None, score: dict[str, Any]
+) -> tuple[tuple[float, float], list[tuple[float, float]]]:
+    """Place and deadbands of a pair, or of the pad's weakest place, as far as a verdict is there."""
+    try:
+        if pair is not None:
+            name = f"{cavity.emitters[pair[0]].name}-{cavity.receivers[pair[1]].name}"
+            found = [row["deadbands_mm"] for row in score.get("pairs", []) if row["pair"] == name]
+            return chord_midpoint_mm(cavity, pair), [(a, b) for spans in found for a, b in spans]
+        weakest = (score.get("map") or {}).get("weakest_place_mm")
+        if weakest is None:
+            return cavity.workspace.clamped(*_middle(cavity)), []
+        is_worst = weakest == score["map"]["worst_place_mm"] and score["judged_by"] == "pad"
+        spans = score["deadband_mm"]["intervals"] if is_worst else []
+        return (float(weakest[0]), float(weakest[1])), [(a, b) for a, b in spans]
+    except (KeyError, TypeError, ValueError):
+        raise InputError("sims/score.json of the bundle is damaged; run `optopad score` again") from None
+
+
+def _read_score(file: Path) -> dict[str, Any]:
+    if not file.is_file():
+        return {}
+    try:
+        document = json.loads(file.read_text(encoding="utf-8"))
+    except ValueError:
+        document = None
+    if not isinstance(document, dict):
+        raise InputError(f"{file}: damaged; run `optopad score` again")
+    return document
+
+
+def view_lines(view: RayView) -> list[str]:
+    """The light of every press by kind, in a line each."""
+    of = "of the untouched light" if view.is_aimed else "of the emitted light"
+    lines = [f"light     {view.name}, powers in % {of}; presses {view.presses_are}"]
+    for state in view.states:
+        x_mm, y_mm, depth_mm = state.press_mm
+        where = f"press {x_mm:6.2f} {y_mm:6.2f}  depth {depth_mm:5.2f} mm" if depth_mm > 0.0 else "untouched"
+        shares = state.power_by_kind
+        kinds = [kind for kind in KINDS if kind.key in shares]
+        words = "  ".join(f"{kind.key} {100 * shares[kind.key] / view.unit:.2f}" for kind in kinds)
+        lines.append(f"{where:<39} total {100 * state.total / view.unit:6.2f}  {words}")
+    return lines
+
+
+def view_json(view: RayView) -> dict[str, Any]:
+    """The same as plain data, without the paths."""
+    return {
+        "name": view.design.name,
+        "digest": view.design.digest,
+        "seed": view.seed,
+        "light": view.name,
+        "presses_are": view.presses_are,
+        "power_of": "untouched light" if view.is_aimed else "emitted light",
+        "unit_flux": view.unit,
+        "states": [_state_json(state, view.unit) for state in view.states],
+    }
+
+
+def _state_json(state: RayState, unit: float) -> dict[str, Any]:
+    drawn = [kind_of(path.fate).key for path in state.paths]
+    return {
+        "press_mm": list(state.press_mm),
+        "flux_by_class": {name: float(flux.sum()) / state.emitters for name, flux in state.power.items()},
+        "share_by_kind": {key: power / unit for key, power in state.power_by_kind.items()},
+        "share": state.total / unit,
+        "paths_by_kind": {key: drawn.count(key) for key in dict.fromkeys(drawn)} | {"lost": len(state.lost)},
+    }
+
+
+def paths_json(view: RayView) -> dict[str, Any]:
+    """Everything that is drawn as plain data: the legend, and the places of every path."""
+    document = view_json(view)
+    cavity = cavity_of(view.design)
+    for row, state in zip(document["states"], view.states, strict=True):
+        row["paths"] = [_path_json(path, cavity) for path in state.paths]
+        row["lost_paths"] = [
+            _path_json(path, cavity) | {"kind": LOST.key, "arrived_at": _receiver_name(cavity, former)}
+            for path, former in zip(state.lost, state.lost_by, strict=True)
+        ]
+    kinds = [
+        {"kind": kind.key, "title": kind.title, "mode": kind.mode, "classes": list(kind.classes)}
+        for kind in KINDS
+    ]
+    return document | {"kinds": kinds, "frame": "x, y, z in mm; z = 0 at the bottom of the clear layer"}
+
+
+def _path_json(path: LightPath, cavity: CavityGeometry) -> dict[str, Any]:
+    return {
+        "class": path.fate,
+        "kind": kind_of(path.fate).key,
+        "emitter": cavity.emitters[path.emitter].name,
+        "receiver": _receiver_name(cavity, path.receiver),
+        "ray": path.ray,
+        "places_mm": path.places_mm.round(4).tolist(),
+    }
+
+
+def _receiver_name(cavity: CavityGeometry, number: int) -> str | None:
+    return None if number < 0 else cavity.receivers[number].name
+
+
+def caption(view: RayView) -> str:
+    """What a picture's lines are, and what its numbers are."""
+    lost = (
+        "Dotted: rays that reached the receiver while the pad was untouched, followed under the press; crosses: where "
+        "they end."
+        if view.is_aimed
+        else "Dotted: light that no receiver gets; crosses: where it ends."
+    )
+    of = "the light that arrived while the pad was untouched" if view.is_aimed else "the emitted light"
+    return (
+        "Lines are random sample paths of the ray tracer, each as likely as the power that it carries; a kind with "
+        f"more power has more lines, but weak kinds have more than their share. {lost} Percentages are of {of}, from "
+        f"the light model, not from counts of lines. The section shows paths projected from the side. Seed {view.seed}."
+    )
+
+
+def write_pictures(view: RayView, out: Path) -> list[Path]:
+    """The picture as SVG and PNG, and its data, in the design's bundle, complete or as it was; their paths.
+
+    Raises
+    ------
+    OutputError : the folder cannot be written; an earlier bundle is intact
+    """
+    from design.io import write_text_atomically
+
+    stem = f"{PREFIX}-{view.name}"
+    with bundle(view.design, out, seed=view.seed) as folder, plain_style():
+        sims = folder / "sims"
+        sims.mkdir(exist_ok=True)
+        for stale in (
+            file for file in sims.iterdir() if re.fullmatch(r"rays(-.*)?\.(svg|png|json)", file.name)
+        ):
+            stale.unlink()
+        figure = ray_sheet(
+            view.states,
+            view.design,
+            view.cut,
+            title=f"{view.design.name}: {_title(view)}",
+            caption=caption(view),
+            is_of_untouched=view.is_aimed,
+        )
+        write_text_atomically(sims / f"{stem}.svg", svg_text(figure, stem))
+        png = io.BytesIO()
+        figure.savefig(png, format="png", dpi=PNG_DPI, metadata={"Software": None})
+        (sims / f"{stem}.png").write_bytes(png.getvalue())
+        write_text_atomically(sims / f"{PREFIX}.json", json.dumps(paths_json(view)) + "\n")
+    names = (f"{stem}.svg", f"{stem}.png", f"{PREFIX}.json")
+    return [out / bundle_name(view.design) / "sims" / name for name in names]
+
+
+def _title(view: RayView) -> str:
+    if "-" in view.name:
+        return f"light from {view.name.replace('-', ' to ')}"
+    if view.name == "all":
+        return "light of all emitters"
+    return f"light {'to' if view.is_aimed else 'of'} {view.name}"

@@ -1,0 +1,123 @@
+"""A design beside a recording of its build: figure and figures into the design's bundle."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from design.errors import InputError
+from design.io import write_text_atomically
+from design.rules.check import require_valid
+from design.spec import SensorDesign
+from fabrication.bundle import bundle, bundle_name
+from sims.evaluation.recorded_press import RecordedPair, RecordedPress, recorded_press
+from sims.readings.recording import read_recording
+
+OnStep = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recorded:
+    """A comparison with a recording, and where it was written."""
+
+    press: RecordedPress
+    digest: str
+    recording: str
+    folder: Path
+    stem: str
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {
+            "digest": self.digest,
+            "recording": self.recording,
+            "place_mm": [round(value, 4) for value in self.press.place_mm],
+            "pairs": [_pair_json(pair) for pair in self.press.pairs],
+            "notes": list(self.press.notes),
+            "files": str(self.folder),
+        }
+
+
+def compare_recording(
+    design: SensorDesign,
+    file: Path,
+    out: Path,
+    *,
+    pairs: Sequence[str],
+    at: str | None,
+    seed: int,
+    on_step: OnStep,
+) -> Recorded:
+    """Lay a recording over the simulated press.
+
+    Raises
+    ------
+    DesignError, InputError : a design, recording, pair or place that is refused; nothing is written.
+    """
+    from optopad.work.plot_files import write_plot
+    from sims.plots.recorded import plot_recorded
+    from sims.plots.style import plain_style
+
+    require_valid(design)
+    recording = read_recording(file)
+    on_step("light", 0.0)
+    press = recorded_press(design, recording, pairs=tuple(pairs), at_mm=_parsed_place(at), seed=seed)
+    on_step("light", 1.0)
+    name = hashlib.sha256(file.read_bytes()).hexdigest()[:8]
+    found = Recorded(
+        press=press,
+        digest=design.digest,
+        recording=str(file),
+        folder=out / bundle_name(design) / "sims",
+        stem=f"recorded-{name}",
+    )
+    with bundle(design, out, seed=seed) as folder:
+        (folder / "sims").mkdir(exist_ok=True)
+        stem = folder / "sims" / found.stem
+        text = json.dumps(found.to_json(), indent=2, allow_nan=False) + "\n"
+        write_text_atomically(stem.with_name(f"{stem.name}.json"), text)
+        with plain_style():
+            write_plot(plot_recorded(press), stem)
+    return found
+
+
+def recorded_lines(found: Recorded) -> list[str]:
+    """The comparison in a few lines."""
+    x_mm, y_mm = found.press.place_mm
+    lines = [f"press     at x {x_mm:g}, y {y_mm:g} mm"]
+    for pair in found.press.pairs:
+        modes = pair.simulated.score.modes
+        lines.append(
+            f"{pair.simulated.name:<9} measured and simulated are {pair.rms:.1%} of the untouched signal apart (rms; "
+            f"{pair.worst:.1%} at most); untouched {pair.untouched_counts:.0f}; mode 1 to {modes.mode1_mm[1]:.2f} mm, "
+            "mode 2 " + ("never" if modes.mode2_mm[0] is None else f"from {modes.mode2_mm[0]:.2f} mm")
+        )
+    return lines + [f"note      {text}" for text in found.press.notes]
+
+
+def _pair_json(pair: RecordedPair) -> dict[str, Any]:
+    return {
+        "pair": pair.simulated.name,
+        "rms": round(pair.rms, 5),
+        "worst": round(pair.worst, 5),
+        "untouched_counts": round(pair.untouched_counts, 3),
+        "depth_mm": pair.depth_mm.round(4).tolist(),
+        "measured": pair.ratio.round(5).tolist(),
+        "press_readings": pair.deepest + 1,
+        "simulated_depth_mm": pair.simulated.curves.depth_mm.tolist(),
+        "simulated": (pair.simulated.curves.total / pair.simulated.curves.total[0]).round(6).tolist(),
+    }
+
+
+def _parsed_place(text: str | None) -> tuple[float, float] | None:
+    if text is None:
+        return None
+    try:
+        x_mm, y_mm = (float(number) for number in text.split(","))
+    except ValueError:
+        raise InputError(f"--at: {text!r} is refused: write X,Y in millimetres, as 10,10") from None
+    return x_mm, y_mm

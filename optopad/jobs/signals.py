@@ -1,0 +1,143 @@
+"""The simulate verb's work: signals of chosen presses, and the plain ray tracer beside them on request."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import InputError, ModelScopeError
+from design.geometry.cavity import CavityGeometry, cavity_of
+from design.geometry.pairs import direct_path_pairs
+from design.spec import SensorDesign
+from sims.contact.indentation import solved_press
+from sims.contact.scope import require_depth
+from sims.optics.light_signals import LightSignals
+from sims.optics.tracing import trace
+from sims.press.depths import depth_schedule_mm
+from sims.readings.signal_file import save_dataset, signals_dataset
+
+FloatArray = NDArray[np.float64]
+OnStep = Callable[[str, float], None]
+
+ORACLE_DEPTHS_MM = (0.0, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0)
+"""Depths of the default presses when the ray tracer is asked for: it needs seconds a state."""
+
+
+def simulated(
+    design: SensorDesign,
+    presses: list[tuple[float, float, float]],
+    folder: Path,
+    *,
+    oracle_rays: int | None,
+    seed: int,
+    on_step: OnStep,
+) -> dict[str, Any]:
+    """Trace presses, write ``presses.nc`` (and ``oracle.nc``) into ``folder``, and summarise them.
+
+    Parameters
+    ----------
+    presses : rows of x, y, depth [mm]; empty for the workspace's centre at all depths
+    oracle_rays : rays per emitter and state of the ray tracer; None to leave it out
+    """
+    cavity = cavity_of(design)
+    states = np.array(presses) if presses else _default_presses(design, cavity, oracle_rays is not None)
+    require_presses(design, states)
+    deepest_mm = max(design.operating.max_depth_mm, float(states[:, 2].max()))  # what the trace asks for, too
+    solved_press(design, max_depth_mm=deepest_mm, on_step=lambda s: on_step("contact", s))
+    light = trace(design, states, seed=seed, on_step=lambda done, total: on_step("light", done / total))
+    save_dataset(signals_dataset(light, cavity), folder / "presses.nc")
+    comparison = None
+    if oracle_rays is not None:
+        truth = _oracle(design, states, oracle_rays, seed, on_step)
+        save_dataset(signals_dataset(truth, cavity), folder / "oracle.nc")
+        comparison = _compared(light, truth, cavity, oracle_rays)
+    return {
+        "name": design.name,
+        "digest": design.digest,
+        "seed": seed,
+        "states": [_state_summary(light, number) for number in range(len(states))],
+        "oracle": comparison,
+    }
+
+
+def require_presses(design: SensorDesign, states: FloatArray) -> None:
+    """Refuse presses outside the workspace, above the surface, or deeper than the contact model covers.
+
+    states : (state, 3) x, y, depth [mm]
+    """
+    space = cavity_of(design).workspace
+    for x_mm, y_mm, depth_mm in states:
+        if depth_mm < 0.0:
+            raise InputError(
+                f"--press: depth {depth_mm:g} mm is refused: it counts from the untouched surface down; give 0 or more"
+            )
+        require_depth(design, float(depth_mm), "--press")
+        if not space.contains(float(x_mm), float(y_mm)):
+            raise ModelScopeError(
+                f"--press: ({x_mm:g}, {y_mm:g}) mm is outside the workspace, x {space.x0_mm:g} to {space.x1_mm:g} and "
+                f"y {space.y0_mm:g} to {space.y1_mm:g} mm; press inside, or lower operating.workspace_margin_mm"
+            )
+
+
+def _default_presses(design: SensorDesign, cavity: CavityGeometry, few: bool) -> FloatArray:
+    space = cavity.workspace
+    x_mm, y_mm = (space.x0_mm + space.x1_mm) / 2, (space.y0_mm + space.y1_mm) / 2
+    deepest = design.operating.max_depth_mm
+    depths = [d for d in ORACLE_DEPTHS_MM if d <= deepest] if few else depth_schedule_mm(deepest)
+    return np.array([[x_mm, y_mm, float(depth)] for depth in depths])
+
+
+def _oracle(design: SensorDesign, states: FloatArray, rays: int, seed: int, on_step: OnStep) -> LightSignals:
+    from sims.contact import indent
+    from sims.optics.oracle.tracer import CLASSES, trace_oracle
+    from sims.optics.scene.lower import scene_of
+
+    indentations = [indent(design, float(depth)) if depth > 0 else None for depth in states[:, 2]]
+    found = trace_oracle(
+        scene_of(design),
+        states[:, :2],
+        indentations,
+        rays=rays,
+        seed=seed,
+        on_step=lambda done, total: on_step("oracle", done / total),
+    )
+    return LightSignals(
+        flux=found.total,
+        by_class=dict(zip(CLASSES, found.flux, strict=True)),
+        standard_error=found.standard_error,
+        presses=states,
+        digest=design.digest,
+        seed=seed,
+    )
+
+
+def _compared(light: LightSignals, truth: LightSignals, cavity: CavityGeometry, rays: int) -> dict[str, Any]:
+    """Distance of the fast model from the ray tracer over pairs with a direct path, in standard errors.
+
+    Light that crosses the crater in air, which only the ray tracer follows, is left out.
+    """
+    mask = direct_path_pairs(cavity)
+    inside = truth.flux - truth.by_class["crossing"]
+    spread = np.hypot(light.standard_error, truth.standard_error)[:, mask]
+    z = (light.flux - inside)[:, mask] / np.where(spread > 0, spread, np.inf)
+    return {
+        "rays": rays,
+        "compared": int(z.size),
+        "chi_square": float((z**2).sum()),
+        "largest_z": float(np.abs(z).max()),
+        "mean_ratio": float(light.flux[:, mask].sum() / inside[:, mask].sum()),
+    }
+
+
+def _state_summary(light: LightSignals, state: int) -> dict[str, Any]:
+    return {
+        "press_mm": light.presses[state].tolist(),
+        "mean_flux": float(light.flux[state].mean()),
+        "mean_flux_by_class": {name: float(flux[state].mean()) for name, flux in light.by_class.items()},
+        "largest_standard_error": float(light.standard_error[state].max()),
+        "flux": light.flux[state].tolist(),
+    }

@@ -1,0 +1,180 @@
+"""From data of known presses to model files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from design.errors import InputError, OutputError
+from design.spec import SensorDesign
+from sims.learning.inference.header import ForceCurve, ModelHeader
+from sims.learning.inference.model_file import save_model
+from sims.learning.inference.touch_model import TouchModel
+from sims.learning.learners import LEARNERS, Learner
+from sims.learning.samples.settings import EFFORTS
+from sims.learning.samples.training_data import prepared
+from sims.readings.dataset import PressData, clipped_note, joined, read_data, require_design
+
+OnStep = Callable[[str, float], None]
+
+SUFFIX = ".optomodel"
+ALL = "all"
+SIGNAL_MAP = "signal-map"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainedModel:
+    """A model on disk.
+
+    Attributes
+    ----------
+    file : where it lies
+    header : what it was trained on, and what its fit chose
+    """
+
+    file: Path
+    header: ModelHeader
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "learner": self.header.kind,
+            "file": str(self.file),
+            "bytes": self.file.stat().st_size,
+            "settings": dict(self.header.settings),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Training:
+    """What was trained on what.
+
+    Attributes
+    ----------
+    models : in the order of the learners
+    facts : counts of samples, locations and presses, and what was left out
+    notes : what the data do not say, and what clips
+    """
+
+    models: tuple[TrainedModel, ...]
+    facts: dict[str, Any]
+    notes: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "models": [one.to_json() for one in self.models],
+            "data": self.facts,
+            "notes": list(self.notes),
+        }
+
+
+def train_models(
+    files: Sequence[Path],
+    learner: str,
+    out: Path | None,
+    *,
+    design: SensorDesign | None = None,
+    effort: str = "default",
+    seed: int = 0,
+    on_step: OnStep = lambda _stage, _share: None,
+) -> Training:
+    """Train one learner, or all, on the training sets of one or several files.
+
+    Parameters
+    ----------
+    files : data sets or recordings, .nc
+    learner : a name of the table, ``all`` of it, or ``signal-map``
+    out : the model's file for one learner, or a folder; None: beside the first of the files
+    design : what the data must be of; its force curve goes into the models
+
+    Raises
+    ------
+    InputError : unknown names; data of another design, without states, too few, or without training sets.
+    OutputError : the folder cannot be written.
+    """
+    learners = _learners(learner, design, effort, seed)
+    settings = EFFORTS.get(effort)
+    if settings is None:
+        raise InputError(f"--effort: {effort!r} is refused: give {', '.join(EFFORTS)}")
+    places = _files(tuple(learners), files, out)
+    data, notes = _training_data(files, design)
+    force = None if design is None else _load_curve(design)
+    facts = prepared(data).facts()
+    models = []
+    for name, fit in learners.items():
+        step = _named(on_step, name)
+        model = fit(data, seed=seed, on_step=step, settings=settings)
+        header = replace(model.header, force_curve=force)
+        save_model(places[name], _with_header(model, header))
+        models.append(TrainedModel(file=places[name], header=header))
+    return Training(models=tuple(models), facts=facts, notes=notes)
+
+
+def _learners(learner: str, design: SensorDesign | None, effort: str, seed: int) -> dict[str, Learner]:
+    """Those that see only data, all or one; the signal map where it is asked for and the design is at hand."""
+    if learner == ALL:
+        return dict(LEARNERS)
+    if learner in LEARNERS:
+        return {learner: LEARNERS[learner]}
+    if learner != SIGNAL_MAP:
+        raise InputError(
+            f"--learner: {learner!r} is refused: give {', '.join(LEARNERS)}, {SIGNAL_MAP}, or {ALL}"
+        )
+    if design is None:
+        raise InputError(f"--learner: {SIGNAL_MAP} is made of a design's light; name it with --design")
+    from sims.learning.signal_map.map_learner import signal_map_learner
+
+    return {SIGNAL_MAP: signal_map_learner(design, quick=effort == "quick", seed=seed)}
+
+
+def _files(names: Sequence[str], files: Sequence[Path], out: Path | None) -> dict[str, Path]:
+    """Where each model goes; the folder is made."""
+    if not files:
+        raise InputError("data: none given; name at least one file")
+    stem = files[0].name.partition(".")[0]
+    if out is not None and out.suffix == SUFFIX:
+        if len(names) > 1:
+            raise InputError(f"--out: {out} is one file for {len(names)} models; give a folder")
+        found = {names[0]: out}
+    else:
+        folder = files[0].parent if out is None else out
+        found = {name: folder / f"{stem}-{name}{SUFFIX}" for name in names}
+    for file in found.values():
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as err:
+            raise OutputError(
+                f"{file.parent}: cannot be made: {err.strerror}; choose another folder"
+            ) from None
+    return found
+
+
+def _training_data(files: Sequence[Path], design: SensorDesign | None) -> tuple[PressData, tuple[str, ...]]:
+    data = joined([read_data(file) for file in files])
+    notes = () if design is None else require_design(data, design)
+    train = data.role("train")
+    if not len(train):
+        raise InputError(
+            "data: hold no set for training, all have the role test; name a data set with training sets"
+        )
+    clipped = clipped_note(train)
+    return train, notes + (() if clipped is None else (clipped,))
+
+
+def _load_curve(design: SensorDesign) -> ForceCurve:
+    from sims.learning.signal_map.load_curve import load_curve
+
+    return load_curve(design)
+
+
+def _with_header(model: Any, header: ModelHeader) -> TouchModel:
+    """Every model is a frozen dataclass with a header."""
+    changed: TouchModel = replace(model, header=header)
+    return changed
+
+
+def _named(on_step: OnStep, name: str) -> OnStep:
+    return lambda stage, share: on_step(f"{name}: {stage}", share)

@@ -1,0 +1,1 @@
+"""Style sheet, templates and scripts of a page."""

@@ -1,0 +1,187 @@
+"""Maps over the pad as data for the page: one value a place and depth, how it is coloured, and what it means."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.geometry.cavity import CavityGeometry
+from optopad.report.scenes.pair_scene import plan_of
+from sims.verdict.pad_map import PadMap
+from sims.verdict.pad_profile import PadProfile
+from sims.verdict.pair.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
+
+FloatArray = NDArray[np.float64]
+
+CHANGE = ("#f2f6f9", "#9cc9e6", "#0072b2", "#002e4a")
+DEAD = ("#eef1f4", "#c24e00")
+IN_DEADBAND = "in a deadband, where no pair tells depth"
+LEAST_CHANGE = 0.5
+"""Smaller changes share the lightest colour [noise units]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthMap:
+    """One quantity over the pad and depth.
+
+    Attributes
+    ----------
+    key, title, unit : short name, title, unit
+    tells : what it means, a sentence or two
+    depth_mm : (depth,) depths; one NaN for a quantity that has none
+    values : (depth, place); NaN where there is none
+    is_hatched : (depth, place) what stands out; places without a value do in any case
+    hatched : what a hatched place is
+    ends : (depth, place, 2) between which a value lies, and what of; None where not known
+    absent : the word for none
+    colours : from the low to the high end of the scale
+    low, high : ends of the scale; values beyond take the colour of the end
+    is_logarithmic : scale
+    digits : after the point
+    names : words in place of numbers 0, 1 ...
+    limit : what to note about the scale
+    """
+
+    key: str
+    title: str
+    unit: str
+    tells: str
+    depth_mm: FloatArray
+    values: FloatArray
+    is_hatched: NDArray[np.bool_]
+    hatched: str
+    absent: str
+    colours: Sequence[str]
+    low: float
+    high: float
+    is_logarithmic: bool = False
+    digits: int = 2
+    names: tuple[str, ...] = ()
+    limit: str = ""
+    ends: FloatArray | None = None
+    ends_of: str = ""
+
+    def data(self) -> dict[str, Any]:
+        """For the page's script."""
+        finite = self.values[np.isfinite(self.values)]
+        return {
+            "key": self.key,
+            "title": self.title,
+            "unit": self.unit,
+            "tells": self.tells,
+            "depth": [_number(depth) for depth in self.depth_mm],
+            "values": [[_number(value) for value in row] for row in self.values],
+            "dead": self.is_hatched.astype(int).tolist(),
+            "hatched": self.hatched,
+            "ends": None
+            if self.ends is None
+            else [[[_number(end) for end in ends] for ends in row] for row in self.ends],
+            "endsOf": self.ends_of,
+            "absent": self.absent,
+            "colours": list(self.colours),
+            "low": _number(self.low),
+            "high": _number(self.high),
+            "log": self.is_logarithmic,
+            "digits": self.digits,
+            "names": list(self.names) or None,
+            "limit": self.limit or None,
+            "more": bool(finite.size and finite.max() > self.high * 1.005),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapScene:
+    """All maps of a pad on one grid of depths and places."""
+
+    cavity: CavityGeometry
+    tip_mm: float
+    pad_map: PadMap
+    profile: PadProfile
+    maps: tuple[DepthMap, ...]
+
+    @property
+    def pitch_mm(self) -> float:
+        """Side of a cell where the places lie in one line only [mm]."""
+        return _pitch_mm(self.pad_map)
+
+    def data(self) -> dict[str, Any]:
+        """For the page's script."""
+        pad, deepest = self.pad_map, float(self.profile.depth_mm[-1])
+        weakest = pad.places.index(pad.weakest)
+        dead = pad.weakest.deadbands_mm
+        at_mm = 0.5 * sum(dead[0]) if dead else 0.4 * deepest
+        return {
+            "x": [round(value, 4) for value in pad.x_mm],
+            "y": [round(value, 4) for value in pad.y_mm],
+            "pitch": self.pitch_mm,
+            "deepest": deepest,
+            "first": weakest,
+            "at": at_mm,
+            "plan": plan_of(self.cavity, self.tip_mm),
+            "bands": [[list(span) for span in place.deadbands_mm] for place in pad.places],
+            "maps": [one.data() for one in self.maps],
+        }
+
+
+def depth_maps(profile: PadProfile) -> list[DepthMap]:
+    """What the verdict's own rule says depth by depth."""
+    found = [_dead_zones(profile)]
+    if profile.change is not None:
+        found.insert(0, _change(profile, profile.change))
+    return found
+
+
+def _change(profile: PadProfile, change: FloatArray) -> DepthMap:
+    return DepthMap(
+        key="change",
+        title="Change of the signals",
+        unit="noise units",
+        tells=(
+            f"Change of the most responsive pair over {DEADBAND_MIN_LENGTH_MM:g} mm of depth around this one. "
+            f"Below {DEADBAND_THRESHOLD:g} noise units depth cannot be told there: a deadband."
+        ),
+        depth_mm=profile.depth_mm,
+        values=change,
+        is_hatched=profile.is_dead,
+        hatched=IN_DEADBAND,
+        absent="not computed",
+        colours=CHANGE,
+        low=LEAST_CHANGE,
+        high=max(float(change.max()), 4 * DEADBAND_THRESHOLD),
+        is_logarithmic=True,
+        digits=1,
+        limit=f"below {DEADBAND_THRESHOLD:g} is a deadband",
+    )
+
+
+def _dead_zones(profile: PadProfile) -> DepthMap:
+    return DepthMap(
+        key="dead",
+        title="Dead zones",
+        unit="",
+        tells="Places where no judged pair answers at this depth, all pairs taken together.",
+        depth_mm=profile.depth_mm,
+        values=profile.is_dead.astype(np.float64),
+        is_hatched=profile.is_dead,
+        hatched=IN_DEADBAND,
+        absent="not computed",
+        colours=DEAD,
+        low=0.0,
+        high=1.0,
+        names=("some pair answers", "deadband"),
+    )
+
+
+def _pitch_mm(pad: PadMap) -> float:
+    for lines in (pad.x_mm, pad.y_mm):
+        if len(lines) > 1:
+            return round(lines[1] - lines[0], 6)
+    return 4.0
+
+
+def _number(value: float) -> float | None:
+    return float(f"{value:.4g}") if np.isfinite(value) else None

@@ -1,0 +1,270 @@
+"""The light that the page shows in three dimensions: which pairs, which presses, and as data for the page's script.
+
+Pairs are those that the verdict's weakest place lies nearest to, in facing rows the facing ones; presses are at
+that place, the ends of its deadband among them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.geometry.cavity import CavityGeometry, cavity_of
+from design.geometry.pairs import judged_pairs
+from design.spec import SensorDesign
+from optopad.report.text.words import governing
+from sims.contact.tip import tip_of
+from sims.continuity.result import ContinuityScore
+from sims.optics.oracle.paths import LightPath
+from sims.rays.light_kinds import KINDS, LOST, LightKind, kind_of
+from sims.rays.ray_states import Pair, Press, RayChoice, RayState, ray_states
+
+FloatArray = NDArray[np.float64]
+Interval = tuple[float, float]
+
+MOST_PAIRS = 8
+PATHS_A_PAIR = 12
+POOL_PER_PATH = 4
+MOST_RAYS = 20_000
+"""Rays tried for an emitter under one press; with six presses and eight emitters about a second at most."""
+DEPTH_SHARES = (0.1, 0.2, 0.4, 0.6, 1.0)
+"""Depths shown, over the deepest press [-]."""
+NEAR_MM = 0.2
+"""A depth so near to an end of the deadband is left out [mm]."""
+CURVE_TOLERANCE_MM = 0.01
+"""How far the drawn surface may be from the computed one [mm]."""
+TIP_LENGTH = 2.4
+"""Length of the drawn tip [tip radii]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RayScene:
+    """What the view shows.
+
+    Attributes
+    ----------
+    design, cavity : the sensor
+    pairs : emitter and receiver numbers
+    place_mm : (x, y) of the presses [mm]
+    is_middle : whether that is the middle facing pair's middle, in place of the pad's weakest place
+    labels : words for each state
+    states : untouched first
+    """
+
+    design: SensorDesign
+    cavity: CavityGeometry
+    pairs: tuple[Pair, ...]
+    place_mm: tuple[float, float]
+    is_middle: bool
+    labels: tuple[str, ...]
+    states: tuple[RayState, ...]
+
+    @property
+    def pair_names(self) -> list[str]:
+        """Names of the pairs, as E1-R5."""
+        return [f"{self.cavity.emitters[e].name}-{self.cavity.receivers[r].name}" for e, r in self.pairs]
+
+    @property
+    def kinds(self) -> list[LightKind]:
+        """Kinds that are drawn or carry power, in the order of a legend."""
+        present = {
+            kind_of(path.fate).key: kind_of(path.fate) for state in self.states for path in state.paths
+        }
+        if any(state.lost for state in self.states):
+            present[LOST.key] = LOST
+        for state in self.states:
+            present.update(
+                {kind_of(name).key: kind_of(name) for name, flux in state.power.items() if flux.any()}
+            )
+        order = [kind.key for kind in KINDS]
+        return sorted(
+            present.values(), key=lambda kind: order.index(kind.key) if kind.key in order else len(order)
+        )
+
+    def share(self, state: int, kind: LightKind, pair: int | None = None) -> float | None:
+        """Power of a kind over the untouched light of the pairs, or of one pair; None: not in the light model [-]."""
+        chosen = slice(None) if pair is None else slice(pair, pair + 1)
+        untouched = sum(float(flux[chosen].sum()) for flux in self.states[0].power.values())
+        found = [flux for name, flux in self.states[state].power.items() if kind_of(name).key == kind.key]
+        if not found or untouched <= 0.0:
+            return None
+        return sum(float(flux[chosen].sum()) for flux in found) / untouched
+
+
+def ray_scene(design: SensorDesign, score: ContinuityScore, *, seed: int) -> RayScene | None:
+    """The view of a design's verdict; None where there is no verdict.
+
+    Parameters
+    ----------
+    seed : of the random paths
+    """
+    if not score.pairs or (score.pad_map is None and not score.is_facing_rows):
+        return None
+    cavity = cavity_of(design)
+    place, dead = _weakest(score)
+    marked = _marked_depths(dead, design.operating.max_depth_mm)
+    presses: list[Press] = [(*place, depth) for depth in sorted(marked)]
+    pairs = _nearest_pairs(cavity, place)
+    choice = RayChoice(
+        pairs=pairs,
+        count=PATHS_A_PAIR,
+        draws_each_pair=True,
+        pool_per_path=POOL_PER_PATH,
+        most_rays=MOST_RAYS,
+        accuracy="standard",
+        seed=seed,
+    )
+    return RayScene(
+        design=design,
+        cavity=cavity,
+        pairs=pairs,
+        place_mm=place,
+        is_middle=score.is_facing_rows,
+        labels=("untouched", *(f"{depth:.2f} mm{marked[depth]}" for depth in sorted(marked))),
+        states=ray_states(design, choice, presses),
+    )
+
+
+def _weakest(score: ContinuityScore) -> tuple[tuple[float, float], tuple[Interval, ...]]:
+    if score.is_facing_rows or score.pad_map is None:
+        pair = governing(score)
+        return pair.curves.press_mm, pair.score.deadbands_mm
+    weakest = score.pad_map.weakest
+    return (weakest.x_mm, weakest.y_mm), weakest.deadbands_mm
+
+
+def _marked_depths(dead_mm: tuple[Interval, ...], deepest_mm: float) -> dict[float, str]:
+    """Depths to show, each with what is special about it."""
+    found: dict[float, str] = {}
+    if dead_mm:
+        start, end = max(dead_mm, key=lambda span: span[1] - span[0])
+        found = {round(start, 3): ", the deadband begins", round(end, 3): ", the deadband ends"}
+    found = {depth: words for depth, words in found.items() if 0.0 < depth <= deepest_mm}
+    for share in DEPTH_SHARES:
+        depth = round(share * deepest_mm, 3)
+        if all(abs(depth - other) > NEAR_MM for other in found):
+            found[depth] = ""
+    return found
+
+
+def _nearest_pairs(cavity: CavityGeometry, place_mm: tuple[float, float]) -> tuple[Pair, ...]:
+    """The judged pairs whose chords pass nearest to a place, the nearest first."""
+    pairs = judged_pairs(cavity)
+    return tuple(sorted(pairs, key=lambda pair: round(_distance_mm(cavity, pair, place_mm), 6))[:MOST_PAIRS])
+
+
+def _distance_mm(cavity: CavityGeometry, pair: Pair, place_mm: tuple[float, float]) -> float:
+    ends = cavity.emitters[pair[0]], cavity.receivers[pair[1]]
+    start, end = (np.array(part.position_mm(cavity.length_mm, cavity.width_mm)[:2]) for part in ends)
+    chord, aside = end - start, np.array(place_mm) - start
+    share = min(max(float(aside @ chord) / float(chord @ chord), 0.0), 1.0)
+    return float(np.hypot(*(aside - share * chord)))
+
+
+def scene_json(scene: RayScene) -> dict[str, Any]:
+    """Everything that the page's script draws; lengths in mm, places of paths in hundredths of a millimetre."""
+    cavity, kinds = scene.cavity, scene.kinds
+    keys = [kind.key for kind in kinds]
+    return {
+        "box": [cavity.length_mm, cavity.width_mm, cavity.clear_mm, cavity.black_mm],
+        "place": list(scene.place_mm),
+        "parts": [
+            [
+                part.name,
+                part.kind,
+                part.wall,
+                part.along_mm,
+                part.height_mm,
+                part.half_width_mm,
+                part.half_height_mm,
+            ]
+            for part in cavity.parts
+        ],
+        "kinds": [
+            {
+                "key": k.key,
+                "title": k.title,
+                "day": k.colour,
+                "night": k.night_colour,
+                "dash": k.dash,
+                "mark": k.mark,
+            }
+            for k in kinds
+        ],
+        "pairs": scene.pair_names,
+        "tip": _tip(scene),
+        "states": [
+            {
+                "label": label,
+                "depth": state.press_mm[2],
+                "curve": _curve(state),
+                "rays": _rays(state, keys, scene.pairs),
+                "shares": [_shares(scene, number, pair) for pair in (None, *range(len(scene.pairs)))],
+            }
+            for number, (label, state) in enumerate(zip(scene.labels, scene.states, strict=True))
+        ],
+    }
+
+
+def _shares(scene: RayScene, number: int, pair: int | None) -> list[float | None]:
+    """Share of every kind, and of all together last [-]."""
+    shares = [scene.share(number, kind, pair) for kind in scene.kinds]
+    return [_rounded(share) for share in (*shares, sum(share or 0.0 for share in shares))]
+
+
+def _rounded(share: float | None) -> float | None:
+    return None if share is None else float(f"{share:.6g}")
+
+
+def _rays(state: RayState, keys: list[str], pairs: tuple[Pair, ...]) -> list[list[Any]]:
+    """Number of the kind, number of the pair, and places of every path; lost light counts as its former pair's."""
+    numbers = {pair: number for number, pair in enumerate(pairs)}
+    arriving = [
+        _ray(path, keys.index(kind_of(path.fate).key), numbers[path.emitter, path.receiver])
+        for path in state.paths
+    ]
+    lost = [
+        _ray(path, keys.index(LOST.key), numbers[path.emitter, former])
+        for path, former in zip(state.lost, state.lost_by, strict=True)
+    ]
+    return arriving + lost
+
+
+def _ray(path: LightPath, kind: int, pair: int) -> list[Any]:
+    return [kind, pair, [round(100 * float(value)) for value in path.places_mm.ravel()]]
+
+
+def _curve(state: RayState) -> list[list[float]]:
+    """The surface, radius and relative height, from the axis outward; empty where untouched [mm]."""
+    press = state.indentation
+    if press is None:
+        return []
+    points = _thinned(np.column_stack([press.radius_mm, press.height_mm]), CURVE_TOLERANCE_MM)
+    return [[round(float(r), 2), round(float(z), 3)] for r, z in points]
+
+
+def _tip(scene: RayScene) -> list[list[float]]:
+    """The tip's outline, radius and height above its apex [mm]."""
+    radius, height = tip_of(scene.design.indenter).points(np.linspace(0.0, TIP_LENGTH, 200))
+    points = _thinned(np.column_stack([radius, height]) * scene.design.indenter.tip_radius_mm, 0.02)
+    return [[round(float(r), 2), round(float(z), 3)] for r, z in points]
+
+
+def _thinned(points: FloatArray, tolerance: float) -> FloatArray:
+    """Fewer points of a curve that stay within a tolerance of it (Douglas and Peucker 1973)."""
+    if len(points) < 3:
+        return points
+    chord, aside = points[-1] - points[0], points - points[0]
+    length = float(np.hypot(*chord))
+    if length > 0.0:
+        away = np.abs(aside[:, 0] * chord[1] - aside[:, 1] * chord[0]) / length
+    else:
+        away = np.hypot(aside[:, 0], aside[:, 1])
+    farthest = int(away.argmax())
+    if away[farthest] <= tolerance:
+        return points[[0, -1]]
+    left, right = _thinned(points[: farthest + 1], tolerance), _thinned(points[farthest:], tolerance)
+    return np.concatenate([left[:-1], right])

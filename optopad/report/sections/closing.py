@@ -1,0 +1,123 @@
+"""The last sections: warnings, what the models leave out, the bundle's files, where the numbers come from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from design.spec import SensorDesign
+from optopad.report.text.markup import Html, bullets, element, facts, section
+from sims.continuity.result import ContinuityScore
+
+LEFT_OUT = (
+    "Contact is static, axisymmetric and frictionless: no sliding, no adhesion, no slow bonding and unbonding at "
+    "the walls. Hysteresis of the load is an option for one protocol and never enters the light.",
+    "Walls in the light: forces include near walls, but light is traced everywhere with the shape of a press in the "
+    "middle of a round pad of the cavity's area.",
+    "One tip, a rigid body of revolution with a straight shank. Several touches at once are not modelled.",
+    "Light that leaves through the top is lost: none comes back in across the crater.",
+    "Receivers are bare active areas, without package, lens or filter. Emitters are flat and even, with intensity "
+    "falling as a power of the cosine; real packages shape their beam.",
+    "One wavelength, one refractive index; no haze, no polarisation. Walls, bottom and tip scatter evenly in all "
+    "directions; gloss is left out.",
+    "Noise is rounding, a constant and a share of the reading. Drift, ambient light, crosstalk and the amplifier's "
+    "own limits are left out; a gain by a rule takes all emitters as equally bright.",
+    "Tolerance moves one value at a time, where several off together can do more; scored with --tolerance, "
+    "builds with everything off at once are drawn.",
+    "Between the depths and places computed, signals are taken as straight lines or not at all.",
+)
+
+KNOWN_FILES = {
+    "design.toml": "the effective design",
+    "manifest.json": "digest, versions, seed, SHA-256 of every file",
+    "report.html": "this page",
+    "cad/mold.stl": "the mold, to slice",
+    "cad/mold.step": "the mold, to edit",
+    "cad/mold.3mf": "the mold, with units",
+    "cad/mold_frame.stl": "the mold's walls, to slice",
+    "cad/mold_base.stl": "the mold's floor, to slice",
+    "cad/leveling_blade.stl": "levels the black layer",
+    "cad/pour_gauge.stl": "tells when the clear layer is full",
+    "cad/solder_jig.stl": "holds parts while wires are soldered",
+    "cad/indenter_tip.stl": "the tip",
+    "cad/checks.json": "mold checks",
+    "sims/signals.nc": "light of every press of the map",
+    "sims/maps.nc": "bounds, deadbands and readings, place by place",
+    "sims/bounds-location.svg": "how well a press can be placed, by depth",
+    "sims/bounds-depth.svg": "how well its depth can be told",
+    "sims/felt-force.svg": "the lightest press felt",
+    "sims/score.json": "the verdict as data",
+    "sims/builds.svg": "builds with everything off at once",
+    "sims/builds.png": "the same as pixels",
+    "sims/contact-profile.svg": "the press, in section",
+    "sims/rays.json": "sample paths of light, drawn beside it",
+    "fabrication/bom.csv": "parts to order",
+    "fabrication/wiring.csv": "pins",
+    "fabrication/wiring.svg": "layout and pins, drawn",
+    "fabrication/schematic.svg": "switches and amplifiers with their values",
+    "fabrication/orientation.svg": "each kind of part in its socket",
+    "fabrication/casting.md": "how to cast it",
+    "fabrication/driver.toml": "configuration of the driver",
+    "fabrication/firmware/optopad.hex": "firmware, compiled",
+    "fabrication/firmware/optopad/optopad.ino": "firmware: open it with the Arduino IDE",
+    "fabrication/firmware/optopad/config.h": "the firmware's pins and settings",
+}
+WRITTEN_LAST = ("design.toml", "manifest.json", "report.html")
+"""Files of every bundle that are not there yet when the page is made."""
+
+
+def warnings_section(score: ContinuityScore) -> Html:
+    """Everything to keep in mind about this design and this verdict."""
+    found = list(score.warnings)
+    body = bullets(found, class_="warnings") if found else element("p", "None.")
+    return section("warnings", "Warnings", body)
+
+
+def limits_section() -> Html:
+    """What no figure on the page includes."""
+    return section("limits", "What the models leave out", bullets(LEFT_OUT))
+
+
+def bundle_files(folder: Path) -> list[str]:
+    """Names of the bundle's files, those to come included; hidden work in progress is not."""
+    found = {
+        path.relative_to(folder).as_posix()
+        for path in folder.rglob("*")
+        if path.is_file() and not any(part.startswith(".") for part in path.relative_to(folder).parts)
+    }
+    return sorted(found | set(WRITTEN_LAST), key=lambda name: (name.count("/"), name))
+
+
+def files_section(names: Sequence[str]) -> Html:
+    """Links to the files beside the page."""
+    items = (
+        element(
+            "li",
+            element("a", name, href=name),
+            element("span", f" {KNOWN_FILES[name]}", class_="note") if name in KNOWN_FILES else "",
+        )
+        for name in names
+    )
+    return section(
+        "files",
+        "Files",
+        element("p", "Links work while the page lies in its bundle.", class_="note"),
+        element("ul", *items, class_="files"),
+    )
+
+
+def origin_section(design: SensorDesign, score: ContinuityScore, seed: int, versions: dict[str, str]) -> Html:
+    """What made the page: design, seed, versions."""
+    return section(
+        "origin",
+        "Where the numbers come from",
+        facts(
+            [
+                ("design", design.name),
+                ("digest", design.digest),
+                ("seed", str(seed)),
+                ("map", "fine" if score.fine else "full" if score.full else "coarse"),
+                ("versions", ", ".join(f"{name} {version}" for name, version in versions.items())),
+            ]
+        ),
+    )

@@ -1,0 +1,281 @@
+"""The plots of a report as SVG, by file name, and how they are set into the page."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from design.geometry.cavity import cavity_of
+from design.protocols.load import load_protocol
+from design.spec import SensorDesign
+from design.spec.properties import modulus
+from optopad.report.scenes.layout_drawing import BLACK, plot_layout
+from optopad.report.scenes.map_scene import MapScene
+from optopad.report.scenes.map_still import plot_by_depth
+from optopad.report.sections.published import published_load
+from optopad.report.text.markup import Html, element
+from optopad.report.text.numbers import spans
+from optopad.report.text.words import governing, ranked
+from sims.contact.force_curve import ForceCurve
+from sims.contact.load_protocol import load_history
+from sims.contact.viscoelastic import solid_of
+from sims.continuity.result import ContinuityScore, JudgedPair
+from sims.plots.builds import plot_builds
+from sims.plots.contact import (
+    plot_contact_radius,
+    plot_force,
+    plot_force_near,
+    plot_load_over_time,
+    plot_load_protocol,
+)
+from sims.plots.pad import plot_deadband_map, plot_margin_map
+from sims.plots.signal import plot_signal
+from sims.plots.spans import plot_spans
+from sims.plots.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    GRID,
+    INK,
+    MUTED,
+    PALE_BLUE,
+    PALE_ORANGE,
+    VERMILLION,
+    plain_style,
+    svg_text,
+)
+from sims.plots.tolerance import plot_gap_tolerance, plot_margin_tolerance, plot_tolerance
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+PREFIX = "plot-"
+PROTOCOL = "piacenza2017"
+"""The load protocol that a page shows for a pad whose load relaxes."""
+THEMED = {
+    "#ffffff": "var(--plot-ground)",
+    INK: "var(--plot-ink)",
+    MUTED: "var(--plot-muted)",
+    GRID: "var(--plot-grid)",
+    BLUE: "var(--plot-blue)",
+    VERMILLION: "var(--plot-vermillion)",
+    GREEN: "var(--plot-green)",
+    GREY: "var(--plot-grey)",
+    BLACK: "var(--plot-black)",
+    PALE_BLUE: "var(--plot-pale-blue)",
+    PALE_ORANGE: "var(--plot-pale-orange)",
+}
+"""Colours of the plots by the page's names for them."""
+MOST_FACING = 8
+"""Facing pairs that get a plot each; more are in the table only."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drawing:
+    """A plot as a file: its stem, what it shows in one sentence, and its SVG text."""
+
+    stem: str
+    shows: str
+    svg: str
+
+    @property
+    def file_name(self) -> str:
+        """Name of its file in the bundle's ``sims`` folder."""
+        return f"{self.stem}.svg"
+
+
+def shown_pairs(score: ContinuityScore) -> list[tuple[JudgedPair, str]]:
+    """Pairs that get a plot, and as what: all facing ones; of a pad the governing, worst, median and best."""
+    if not score.pairs:
+        return []
+    if score.is_facing_rows:
+        roles = ["middle facing pair", *["facing pair"] * (len(score.pairs) - 1)]
+        return list(zip(score.pairs, roles, strict=True))[:MOST_FACING]
+    order = ranked(score)
+    wanted = (
+        (governing(score), "most deadband of those never clipped"),
+        (order[0], "worst pair"),
+        (order[len(order) // 2], "median pair"),
+        (order[-1], "best pair"),
+    )
+    found: dict[str, list[str]] = {}
+    for pair, role in wanted:
+        found.setdefault(pair.name, []).append(role)
+    by_name = {pair.name: pair for pair in score.pairs}
+    return [(by_name[name], ", ".join(as_what)) for name, as_what in found.items()]
+
+
+def drawings_of(
+    design: SensorDesign, score: ContinuityScore, maps: MapScene | None = None
+) -> dict[str, Drawing]:
+    """All plots that a score has data for, by stem without the prefix.
+
+    Parameters
+    ----------
+    maps : by depth; None leaves them out
+    """
+    return drawings_without_tolerance(design, score, maps) | tolerance_drawings(score)
+
+
+def drawings_without_tolerance(
+    design: SensorDesign, score: ContinuityScore, maps: MapScene | None
+) -> dict[str, Drawing]:
+    """The plots of `drawings_of` that can be drawn before builds are tried."""
+    with plain_style():
+        return _all_drawn(
+            {
+                "layout": (
+                    plot_layout(design),
+                    f"Layout of {design.name} with its dimensions in millimetres",
+                ),
+                **_pair_plots(score),
+                **_map_plots(design, score),
+                **_depth_plots(maps),
+                **_press_plots(design, score),
+            }
+        )
+
+
+def tolerance_drawings(score: ContinuityScore) -> dict[str, Drawing]:
+    """The plots of `drawings_of` that tell of a score's tolerance and builds."""
+    with plain_style():
+        return _all_drawn({**_tolerance_plots(score), **_build_plots(score)})
+
+
+def _all_drawn(plots: dict[str, tuple[Axes, str]]) -> dict[str, Drawing]:
+    return {name: _drawn(name, *plot) for name, plot in plots.items()}
+
+
+def _drawn(name: str, axes: Axes, shows: str) -> Drawing:
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    return Drawing(stem=PREFIX + name, shows=shows, svg=svg_text(figure, name))
+
+
+def _pair_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
+    found = {
+        f"signal-{pair.name}": (
+            plot_signal(pair),
+            f"Signal of {pair.name} against depth by path; deadband {spans(pair.score.deadbands_mm)}",
+        )
+        for pair, _ in shown_pairs(score)
+    }
+    if score.pairs:
+        found["pairs"] = (
+            plot_spans(score.pairs),
+            f"Depths of mode 1, mode 2 and deadbands of {len(score.pairs)} judged pairs",
+        )
+    return found
+
+
+def _map_plots(design: SensorDesign, score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
+    if score.pad_map is None:
+        return {}
+    cavity = cavity_of(design)
+    found = {
+        "map-margin": (
+            plot_margin_map(score.pad_map, cavity),
+            "Map of the margin to a deadband over the pad",
+        )
+    }
+    if score.pad_map.dead_share > 0:
+        found["map-deadband"] = (plot_deadband_map(score.pad_map, cavity), "Map of the deadband over the pad")
+    return found
+
+
+def _depth_plots(maps: MapScene | None) -> dict[str, tuple[Axes, str]]:
+    """Every quantity of the maps but those that are nothing where nothing is dead."""
+    if maps is None:
+        return {}
+    told = [one for one in maps.maps if not one.names or one.is_hatched.any()]
+    return {
+        f"map-by-depth-{one.key}": (plot_by_depth(maps, one), f"{one.title} over the pad at several depths")
+        for one in told
+    }
+
+
+def _press_plots(design: SensorDesign, score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
+    if score.force is None:
+        return {}
+    stated = published_load(design)
+    measured = [stated.point] if stated else []
+    found = {
+        "force": (plot_force(score.force, modulus(design), measured=measured), "Load against depth"),
+        "contact-radius": (plot_contact_radius(score.force), "Contact radius against depth"),
+    }
+    if stated is not None:
+        near = plot_force_near(score.force, modulus(design), stated.point)
+        found["force-near"] = (near, "Load against depth around the published point")
+    return found | _protocol_plots(design, score.force)
+
+
+def _protocol_plots(design: SensorDesign, force: ForceCurve) -> dict[str, tuple[Axes, str]]:
+    """The paper's load protocol, for a design whose load relaxes and whose press is deep enough."""
+    solid, protocol = solid_of(design), load_protocol(PROTOCOL)
+    if solid is None or protocol.deepest_mm.value > force.depth_mm[-1]:
+        return {}
+    history = load_history(protocol, lambda depth_mm: force.at(depth_mm)[0], solid)
+    return {
+        "load-protocol": (plot_load_protocol(history), "Load against depth over the load protocol"),
+        "load-time": (plot_load_over_time(history), "Load against time over the load protocol"),
+    }
+
+
+def _tolerance_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
+    band = score.tolerance
+    if band is None or not band.rows:
+        return {}
+    ends = f"of {band.judged} at both ends of every open value"
+    found = {"tolerance-deadband": (plot_tolerance(band), f"Deadband {ends}")}
+    if any(gap is not None for row in band.rows for gap in row.gap_mm):
+        found["tolerance-gap"] = (plot_gap_tolerance(band), f"Mode gap {ends}")
+    found["tolerance-margin"] = (plot_margin_tolerance(band), f"Margin to a deadband {ends}")
+    return found
+
+
+def figure_of(drawing: Drawing, caption: str) -> Html:
+    """A plot on its card, with a caption."""
+    return element(
+        "figure",
+        element("div", inline_svg(drawing.svg, drawing.shows), class_=_card(drawing)),
+        element("figcaption", caption),
+    )
+
+
+def _build_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
+    if score.builds is None or score.tolerance is None:
+        return {}
+    figure = plot_builds(score.builds, score.tolerance)
+    return {
+        "builds": (figure.axes[0], "Each value alone at both ends, and its rank correlation over the builds")
+    }
+
+
+def _card(drawing: Drawing) -> str:
+    """A map's cells keep their colours, and so their ground; all others follow the page, light or dark."""
+    return "card" if drawing.stem.startswith(f"{PREFIX}map-") else "card themed"
+
+
+def _themed(svg: str) -> str:
+    """A plot's colours as those of the page: the style names of matplotlib's own attributes."""
+    return re.sub(
+        r'(?:style|fill)="[^"]*"',
+        lambda found: re.sub(r"#[0-9a-f]{6}", lambda colour: THEMED.get(colour[0], colour[0]), found[0]),
+        svg,
+    )
+
+
+def inline_svg(svg: str, label: str) -> Html:
+    """SVG text made part of a page: no prologue, no style of its own, no size, no names of groups."""
+    body = svg[svg.index("<svg") :]
+    body = re.sub(r"<defs>\s*<style[^>]*>.*?</style>\s*</defs>", "", body, flags=re.DOTALL)
+    body = _themed(re.sub(r'<g id="[^"]*"', "<g", body))
+    opening, rest = body.split(">", 1)
+    view = re.search(r'viewBox="[^"]*"', opening)
+    assert view is not None
+    named = element("title", label)
+    return Html(
+        f'<svg class="plot" role="img" {view[0]} xmlns="http://www.w3.org/2000/svg" '
+        f'xmlns:xlink="http://www.w3.org/1999/xlink">{named}{rest.strip()}'
+    )

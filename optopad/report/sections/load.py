@@ -1,0 +1,97 @@
+"""The section on the press: load and its band, the load that was published, press and retract."""
+
+from __future__ import annotations
+
+from design.fields.quantity import Quantity
+from design.protocols.load import load_protocol
+from design.spec import SensorDesign
+from design.spec.properties import modulus
+from optopad.report.sections.drawings import PROTOCOL, Drawing, figure_of
+from optopad.report.sections.published import compared, published_load
+from optopad.report.text.markup import Html, element, section, table
+from optopad.report.text.numbers import ends
+from sims.contact.force_curve import ForceCurve
+from sims.continuity.result import ContinuityScore
+
+Drawings = dict[str, Drawing]
+TABLE_DEPTHS_MM = (0.2, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 7.0, 10.0)
+
+ELASTIC = (
+    "Press and retract have the same load: relaxation is off. It is an option, elastomer.viscoelastic with "
+    "relaxed_share and time_constant_s, for values measured on the build."
+)
+_FIGURES = (
+    ("force", "Load of a centred press; shaded: the band of the modulus."),
+    ("force-near", "The same near contact, with the point that the paper states."),
+    ("contact-radius", "Radius of the circle where pad and tip touch."),
+    ("load-protocol", "Load over a protocol of steps and pauses, in and out."),
+    ("load-time", "The same against time."),
+)
+
+
+def force_section(design: SensorDesign, score: ContinuityScore, drawings: Drawings) -> Html:
+    """The press: load and contact radius."""
+    if score.force is None:
+        return Html("")
+    young = modulus(design)
+    return section(
+        "force",
+        "Load against depth",
+        element("p", _lead(score.force)),
+        element(
+            "div",
+            *(figure_of(drawings[name], text) for name, text in _FIGURES if name in drawings),
+            class_="grid",
+        ),
+        table(
+            ("depth [mm]", "load [N]", "band of the modulus [N]", "contact radius [mm]"),
+            _rows(score.force),
+            label="Load and contact radius",
+            numeric=(1, 2, 3),
+        ),
+        *(element("p", note, class_="note") for note in _notes(design, score.force, young)),
+    )
+
+
+def _lead(force: ForceCurve) -> str:
+    deepest = float(force.depth_mm[-1])
+    value, low, high = force.at(deepest)
+    band = f" ({low:.3g} to {high:.3g} N over the band of the modulus)" if force.has_band else ""
+    return f"The deepest press, {deepest:g} mm, takes {value:.3g} N{band}."
+
+
+def _notes(design: SensorDesign, force: ForceCurve, young: Quantity) -> list[str]:
+    notes = [
+        f"The load is proportional to Young's modulus, {young.value:.3g} MPa ({young.confidence}: {young.source})."
+    ]
+    stated = published_load(design)
+    if stated is not None and stated.depth_mm <= force.depth_mm[-1]:
+        words = compared(stated, force, young.value).words
+        notes.append(f"{stated.source}. {words[0].upper()}{words[1:]}.")
+    option = design.elastomer.viscoelastic
+    if option is None:
+        return [*notes, ELASTIC]
+    protocol = load_protocol(PROTOCOL)
+    notes.append(
+        f"Press and retract differ by elastomer.viscoelastic: {option.relaxed_share:.0%} of the instantaneous modulus "
+        f"relaxes with a time constant of {option.time_constant_s:g} s, and the modulus above is the long-time one. "
+        f"Protocol: {protocol.title}; at {protocol.speed_mm_per_s.value:g} mm/s, which is assumed. In retraction the "
+        "model keeps the elastic contact, which is off by a few percent of the peak load."
+    )
+    if protocol.deepest_mm.value > force.depth_mm[-1]:
+        notes.append(
+            f"The protocol goes to {protocol.deepest_mm.value:g} mm, deeper than operating.max_depth_mm: not drawn."
+        )
+    return notes
+
+
+def _rows(force: ForceCurve) -> list[tuple[str, ...]]:
+    rows: list[tuple[str, ...]] = []
+    deepest = float(force.depth_mm[-1])
+    shown = [depth for depth in TABLE_DEPTHS_MM if depth < deepest - 1e-9]
+    for at_mm in (*shown, deepest):
+        load, low, high = force.at(at_mm)
+        radius = force.contact_radius_at(at_mm)
+        band = ends(low, high) if force.has_band else "measured"
+        rows.append((f"{at_mm:g}", f"{load:.2f}", band, f"{radius:.2f}"))
+    return rows

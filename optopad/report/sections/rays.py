@@ -1,0 +1,185 @@
+"""The section on where the light goes: a view of the pad to turn, its still for print, and the numbers behind it.
+
+Mold, bodies of the parts, pad, tip and light are drawn by the page's script from the data that lie beside it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from optopad.report.scenes.ray_scene import RayScene, scene_json
+from optopad.report.scenes.ray_still import still
+from optopad.report.text.markup import Html, element, radios, section, table
+from optopad.report.text.scripts import data_element
+from sims.plots.rays import percent
+from sims.rays.light_kinds import LOST, LightKind
+
+TITLE = "The sensor in three dimensions, and where its light goes"
+STILLS = 2
+"""States drawn as stills: untouched and the middle one of the presses."""
+BUTTONS = (
+    ("left", "\N{ANTICLOCKWISE OPEN CIRCLE ARROW}", "Turn left"),
+    ("right", "\N{CLOCKWISE OPEN CIRCLE ARROW}", "Turn right"),
+    ("up", "\N{UPWARDS ARROW}", "See more from above"),
+    ("down", "\N{DOWNWARDS ARROW}", "See more from the side"),
+    ("in", "+", "Larger"),
+    ("out", "\N{MINUS SIGN}", "Smaller"),
+    ("side", "side", "From the side"),
+    ("plan", "plan", "From above"),
+    ("reset", "reset", "Back to the first view"),
+)
+CAPTION = (
+    "Lines are random sample paths of the ray tracer, each as likely as the power that it carries; of each pair, "
+    "strong kinds have more lines, weak ones more than their share. Dotted: rays that arrived while the pad was "
+    "untouched, followed under the press to where they end (crosses). Percentages are from the light model, not from "
+    "counts of lines."
+)
+
+
+def rays_section(scene: RayScene | str | None, mold: dict[str, Any] | None = None) -> Html:
+    """The view with its controls, the stills, the table, and the data; or why there is none.
+
+    Parameters
+    ----------
+    mold : as `optopad.report.scenes.mold_scene` gives it; None shows the pad without a mold
+    """
+    if scene is None:
+        return Html("")
+    if isinstance(scene, str):
+        return section("rays", TITLE, element("p", scene))
+    return section(
+        "rays",
+        TITLE,
+        element("p", _lead(scene)),
+        _view(scene, mold is not None),
+        element("div", element("div", *_stills(scene), class_="grid"), _legend(scene), id="rays-still"),
+        element("p", CAPTION, class_="note"),
+        _table(scene),
+        data_element("rays-data", scene_json(scene)),
+        *([] if mold is None else [data_element("mold-data", mold)]),
+    )
+
+
+def _lead(scene: RayScene) -> str:
+    x_mm, y_mm = scene.place_mm
+    where = "the middle of the middle facing pair" if scene.is_middle else "the pad's weakest place"
+    count = len(scene.pairs)
+    which = (
+        "of the facing pairs" if scene.is_middle else f"of the {count} judged pairs that pass nearest to it"
+    )
+    return (
+        f"The pad under presses at {where}, x = {x_mm:g}, y = {y_mm:g} mm, and the light {which}: straight (mode 2), "
+        "mirrored by the top (mode 1), scattered, and what the press takes away."
+    )
+
+
+def _view(scene: RayScene, has_mold: bool) -> Html:
+    name = "The sensor in three dimensions. Arrow keys turn it, plus and minus change its size, 0 goes back."
+    return element(
+        "div",
+        element(
+            "div",
+            element(
+                "fieldset", element("legend", "Press"), *radios("rays-press", scene.labels), class_="choices"
+            ),
+            *([_molds()] if has_mold else []),
+            class_="rows",
+        ),
+        element("canvas", tabindex="0", role="img", aria_label=name, aria_describedby="rays-total"),
+        element(
+            "div",
+            *(
+                element("button", sign, type="button", data_do=do, title=words, aria_label=words)
+                for do, sign, words in BUTTONS
+            ),
+            element("span", "drag or use the arrow keys", class_="note"),
+            class_="turns",
+        ),
+        element(
+            "fieldset", element("legend", "Light"), _pairs(scene), *map(_kind, scene.kinds), class_="choices"
+        ),
+        element("p", "", id="rays-total", data_total="", aria_live="polite"),
+        id="rays-view",
+        hidden="",
+    )
+
+
+def _molds() -> Html:
+    choices = (
+        element(
+            "label",
+            element("input", type="radio", name="rays-mold", value=value, checked=checked),
+            f" {words}",
+        )
+        for value, words, checked in (
+            ("cut", "cut open", ""),
+            ("whole", "whole", None),
+            ("none", "hidden", None),
+        )
+    )
+    return element("fieldset", element("legend", "Mold"), *choices, class_="choices")
+
+
+def _pairs(scene: RayScene) -> Html:
+    names = ["all pairs shown", *scene.pair_names]
+    options = (element("option", name, value=str(number)) for number, name in enumerate(names))
+    return element("label", "of ", element("select", *options, name="rays-pair"))
+
+
+def _kind(kind: LightKind) -> Html:
+    box = element("input", type="checkbox", name="rays-kind", value=kind.key, checked="")
+    share = element("span", "", data_share=kind.key, class_="number")
+    return element("label", box, " ", _swatch(kind), f" {_title(kind)} ", share)
+
+
+def _swatch(kind: LightKind) -> Html:
+    line = "dotted" if kind is LOST else "dashed" if kind.dash else "solid"
+    look = f"--day:{kind.colour};--night:{kind.night_colour};border-top-style:{line}"
+    return element("span", class_="swatch", style=look, aria_hidden="true")
+
+
+def _title(kind: LightKind) -> str:
+    return "lost under the press" if kind is LOST else kind.title
+
+
+def _legend(scene: RayScene) -> Html:
+    """What the lines of the stills are."""
+    items = (element("span", _swatch(kind), f" {_title(kind)}") for kind in scene.kinds)
+    return element("p", *items, class_="legend")
+
+
+def _stills(scene: RayScene) -> list[Html]:
+    chosen = sorted({0, len(scene.states) // 2})[:STILLS]
+    return [
+        element(
+            "figure",
+            element("div", still(scene, number), class_="card"),
+            element("figcaption", scene.labels[number]),
+        )
+        for number in chosen
+    ]
+
+
+def _table(scene: RayScene) -> Html:
+    """What arrives of each kind under each press: the view in numbers."""
+    kinds = [kind for kind in scene.kinds if kind is not LOST]
+    rows = [
+        (label, *(_share(scene.share(number, kind)) for kind in kinds), _share(_total(scene, number, kinds)))
+        for number, label in enumerate(scene.labels)
+    ]
+    heads = ("press", *(kind.title for kind in kinds), "together")
+    return table(
+        heads,
+        rows,
+        label="Light that arrives, of the untouched light",
+        numeric=range(1, len(heads)),
+        class_="rays",
+    )
+
+
+def _total(scene: RayScene, number: int, kinds: list[LightKind]) -> float:
+    return sum(scene.share(number, kind) or 0.0 for kind in kinds)
+
+
+def _share(share: float | None) -> str:
+    return "not given" if share is None else percent(share)

@@ -1,0 +1,172 @@
+"""Sections on the thing itself: its pictures, what it is made of, and whether the mold can be printed."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
+from design.spec import SensorDesign
+from design.spec.tip_shape import tip_words
+from optopad.report.sections.drawings import Drawing, figure_of
+from optopad.report.text.markup import Html, element, facts, section, table
+from optopad.report.text.numbers import counted
+
+MOLD_STL = "cad/mold.stl"
+WIRING_SVG = "fabrication/wiring.svg"
+SCHEMATIC_SVG = "fabrication/schematic.svg"
+ORIENTATION_SVG = "fabrication/orientation.svg"
+LAYOUT_WORDS = (
+    "Seen from above and cut open, to one scale. Lengths in mm; heights are above the bottom of the clear layer. "
+    "Circles: emitters; squares: receivers, with the place of each along its wall; dashed: where presses are judged."
+)
+STATES = {"ok": "\N{CHECK MARK} ok", "warning": "! warning", "error": "\N{MULTIPLICATION X} error"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pictures:
+    """Pictures that a bundle holds as data addresses; None where a file is missing."""
+
+    mold: str | None
+    wiring: str | None
+    schematic: str | None = None
+    orientation: str | None = None
+
+
+def pictures_of(folder: Path) -> Pictures:
+    """The mold as a picture, and the drawings of the build sheet."""
+    return Pictures(
+        mold=_mold_address(folder / MOLD_STL),
+        wiring=_svg_address(folder / WIRING_SVG),
+        schematic=_svg_address(folder / SCHEMATIC_SVG),
+        orientation=_svg_address(folder / ORIENTATION_SVG),
+    )
+
+
+def _mold_address(stl: Path) -> str | None:
+    if not stl.is_file():
+        return None
+    from cad.picture import mold_picture
+
+    return _address("image/png", mold_picture(stl))
+
+
+def _svg_address(svg: Path) -> str | None:
+    return _address("image/svg+xml", svg.read_bytes()) if svg.is_file() else None
+
+
+def _address(kind: str, content: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
+
+
+def sensor_section(design: SensorDesign, drawings: dict[str, Drawing]) -> Html:
+    """What the sensor is, with its dimensions."""
+    about = facts(_facts(design, cavity_of(design)))
+    return section(
+        "sensor",
+        "Layout",
+        *([element("p", design.description)] if design.description else []),
+        figure_of(drawings["layout"], LAYOUT_WORDS),
+        about,
+    )
+
+
+def mold_figure(pictures: Pictures) -> Html:
+    """The mold's picture; nothing where the bundle has none."""
+    if pictures.mold is None:
+        return Html("")
+    return _picture(
+        pictures.mold,
+        "The mold, shaded",
+        "The mold, seen from above the corner where x and y are 0",
+        MOLD_STL,
+    )
+
+
+def wiring_figure(pictures: Pictures) -> Html:
+    """The wiring drawing; nothing where the bundle has none."""
+    if pictures.wiring is None:
+        return Html("")
+    words = "Layout and wiring of emitters and receivers"
+    return _picture(pictures.wiring, words, "Layout and wiring", WIRING_SVG)
+
+
+def orientation_figure(pictures: Pictures) -> Html:
+    """Sections through the sockets; nothing where the bundle has none."""
+    if pictures.orientation is None:
+        return Html("")
+    words = "Each kind of part in its socket, cut across the wall"
+    return _picture(pictures.orientation, words, words, ORIENTATION_SVG)
+
+
+def schematic_figure(pictures: Pictures) -> Html:
+    """The schematic; nothing where the bundle has none."""
+    if pictures.schematic is None:
+        return Html("")
+    words = "Schematic: a transistor switch for each emitter, an amplifier for each receiver"
+    return _picture(pictures.schematic, words, "Schematic", SCHEMATIC_SVG)
+
+
+def _picture(address: str, words: str, caption: str, file: str) -> Html:
+    image = element("img", src=address, alt=words)
+    words_below = element("figcaption", f"{caption}: ", element("a", file, href=file))
+    look = (
+        "card themed" if address.startswith("data:image/png") else "card"
+    )  # the drawing has its own white ground
+    return element("figure", element("div", image, class_=look), words_below)
+
+
+def _facts(design: SensorDesign, cavity: CavityGeometry) -> list[tuple[str, str]]:
+    space = cavity.workspace
+    return [
+        ("cavity", f"{cavity.length_mm:g} x {cavity.width_mm:g} mm"),
+        ("layers", f"{cavity.clear_mm:g} mm clear on {cavity.black_mm:g} mm black"),
+        ("elastomer", f"{design.elastomer.material}, {design.elastomer.mixing_ratio:g} : 1 by weight"),
+        ("emitters", _parts(cavity.emitters)),
+        ("receivers", _parts(cavity.receivers)),
+        ("tip", tip_words(design.indenter)),
+        ("workspace", f"x {space.x0_mm:g} to {space.x1_mm:g}, y {space.y0_mm:g} to {space.y1_mm:g} mm"),
+        ("deepest press", f"{design.operating.max_depth_mm:g} mm"),
+        ("board", f"{design.board.kind}, {design.board.frame_rate_hz:g} frames a second wanted"),
+        ("measured on the build", ", ".join(design.measured) or "nothing yet"),
+    ]
+
+
+def _parts(parts: tuple[PlacedPart, ...]) -> str:
+    groups: dict[tuple[str, float], int] = {}
+    for part in parts:
+        groups[part.part_id, part.height_mm] = groups.get((part.part_id, part.height_mm), 0) + 1
+    return "; ".join(
+        f"{count} {part} at {height:g} mm above the bottom" for (part, height), count in groups.items()
+    )
+
+
+def checks_section(checks: dict[str, Any]) -> Html:
+    """The mold's checks, what is wrong first."""
+    findings = sorted(checks.get("findings", []), key=lambda row: list(STATES)[::-1].index(row["state"]))
+    wrong = {state: sum(row["state"] == state for row in findings) for state in ("error", "warning")}
+    lead = "The files can be printed." if checks.get("ok") else "The files can NOT be printed as they are."
+    rows = [
+        (
+            str(row["name"]),
+            element("span", STATES[row["state"]], class_=f"state {row['state']}"),
+            f"{row['value']:g}",
+            f"{row['limit']:g}",
+            str(row["unit"]),
+            str(row.get("note", "")),
+        )
+        for row in findings
+    ]
+    heads = ("check", "state", "value", "limit", "unit", "note")
+    return section(
+        "mold",
+        "Mold checks",
+        element(
+            "p",
+            f"{lead} {counted(len(findings), 'check')}, {counted(wrong['error'], 'error')}, "
+            f"{counted(wrong['warning'], 'warning')}; measured on the files as written.",
+        ),
+        table(heads, rows, label="Mold checks", numeric=(2, 3), class_="wide") if rows else Html(""),
+    )

@@ -1,0 +1,296 @@
+"""Sections on what the light does: signals of pairs, all judged pairs, tolerance."""
+
+from __future__ import annotations
+
+from design.spec import SensorDesign
+from optopad.report.scenes.pair_scene import pair_scene
+from optopad.report.sections.drawings import Drawing, figure_of, shown_pairs
+from optopad.report.text.builds import builds_table, builds_words
+from optopad.report.text.markup import Html, element, section, table
+from optopad.report.text.numbers import DASH, counted, depth, ends, signed, spans
+from optopad.report.text.scripts import data_element
+from optopad.report.text.words import governing, ranked, reading
+from sims.continuity.result import ContinuityScore, JudgedPair
+from sims.verdict.pair.defaults import DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT
+from sims.verdict.tolerance import ToleranceBand
+
+Drawings = dict[str, Drawing]
+
+ONE_PLACE = (
+    "The pad is tried at its weakest place, by the few pairs that answer most there: fewer pairs can only lengthen a "
+    "deadband. Other places are not tried."
+)
+CURVES = (
+    ("total", "total"),
+    ("direct", "direct (mode 2)"),
+    ("top", "mirrored by the top (mode 1)"),
+    ("other", "other, scattered"),
+)
+PAIR_HEADS = (
+    "pair",
+    "press at x, y",
+    "mode 1",
+    "mode 2",
+    "gap",
+    "deadband",
+    "flat beyond mode 2",
+    "continuity",
+    "evenness",
+    "counts untouched",
+    "swing",
+    "steps",
+    "clipped",
+    "trace error",
+    "deadband with it",
+)
+
+
+def signal_section(design: SensorDesign, score: ContinuityScore, drawings: Drawings) -> Html:
+    """Signal against depth: a picker over all judged pairs, and the pairs that matter as drawings."""
+    lead = (
+        "Facing rows are judged by their facing pairs, the middle one first."
+        if score.is_facing_rows
+        else f"A pad is judged by its places (next section). Of its {len(score.pairs)} judged pairs these show "
+        "the range; each is pressed at the middle of its own chord."
+    )
+    figures = [
+        figure_of(
+            drawings[f"signal-{pair.name}"],
+            f"{pair.name}, {role}, pressed at x = {pair.curves.press_mm[0]:.1f}, "
+            f"y = {pair.curves.press_mm[1]:.1f} mm. {reading(pair)}",
+        )
+        for pair, role in shown_pairs(score)
+    ]
+    return section(
+        "signals",
+        "Signal against depth",
+        _picker(score),
+        element("div", element("p", lead), element("div", *figures, class_="grid"), id="pairs-still"),
+        element(
+            "p",
+            "Mode 1: the dimple takes away light that the top mirrors. Mode 2: the tip blocks the straight path. "
+            "Light is shown before noise and clipping, over the untouched total.",
+            class_="note",
+        ),
+        data_element("pairs-data", pair_scene(design, score)),
+    )
+
+
+def _picker(score: ContinuityScore) -> Html:
+    """The view that the page's script fills: one pair at a time, worst first in the list."""
+    numbers = {pair.name: number for number, pair in enumerate(score.pairs)}
+    listed = score.pairs if score.is_facing_rows else ranked(score)
+    options = (element("option", _option(pair), value=str(numbers[pair.name])) for pair in listed)
+    deepest = float(score.pairs[0].curves.depth_mm[-1])
+    start = governing(score).score.modes.mode1_mm[1]
+    slider = element(
+        "input",
+        type="range",
+        min="0",
+        max=f"{deepest:g}",
+        step="0.01",
+        value=f"{start:.2f}",
+        id="pairs-depth",
+    )
+    legend = (
+        element(
+            "span",
+            element("i", class_=f"key {name}", aria_hidden="true"),
+            f" {words} ",
+            element("b", "", data_value=name),
+        )
+        for name, words in CURVES
+    )
+    return element(
+        "div",
+        element(
+            "div",
+            element("label", "Pair ", element("select", *options, id="pair-choice")),
+            element("button", "\N{LEFTWARDS ARROW}", type="button", data_step="-1", aria_label="Pair before"),
+            element("button", "\N{RIGHTWARDS ARROW}", type="button", data_step="1", aria_label="Next pair"),
+            class_="controls",
+        ),
+        element("p", "", data_reading="", class_="reading", aria_live="polite"),
+        element("p", "", data_loads="", class_="note"),
+        element(
+            "div",
+            Html('<svg data-plot="" role="img" class="live"></svg>'),
+            Html('<svg data-plan="" role="img" class="live plan"></svg>'),
+            class_="beside",
+        ),
+        element("p", *legend, class_="legend"),
+        element(
+            "div",
+            element("label", "Depth ", slider),
+            element("output", "", for_="pairs-depth"),
+            element("span", "", data_at="", class_="note"),
+            class_="controls",
+        ),
+        id="pairs-view",
+        hidden="",
+    )
+
+
+def _option(pair: JudgedPair) -> str:
+    dead = pair.score.deadband_total_mm
+    return f"{pair.name}: {f'deadband {dead:.2f} mm' if dead else 'no deadband'}"
+
+
+def pairs_section(score: ContinuityScore, drawings: Drawings) -> Html:
+    """Every judged pair, as a picture and as a table."""
+    unjudged = ", ".join(f"{name} {counts:.1f}" for name, counts in score.unjudged.items())
+    rest = []
+    if unjudged:
+        summary = element(
+            "summary", f"{counted(len(score.unjudged), 'pair')} not judged, with untouched counts"
+        )
+        rest.append(element("details", summary, element("p", unjudged, class_="note")))
+    return section(
+        "pairs",
+        "All judged pairs",
+        figure_of(
+            drawings["pairs"], "Where in depth each pair's modes and deadbands lie, each under its own press."
+        ),
+        table(
+            PAIR_HEADS,
+            [_pair_row(pair) for pair in score.pairs],
+            label="Judged pairs",
+            numeric=range(1, len(PAIR_HEADS)),
+            class_="pairs",
+        ),
+        element(
+            "p",
+            "Depths, gaps and places in mm. Flat beyond mode 2 is saturation, not a deadband. Steps: range of the "
+            f"signal over {DEADBAND_THRESHOLD:g} noise units. Clipped: share of the depth above full scale. "
+            f"Trace error: largest standard error of the simulated light in noise units; the verdict wants at most "
+            f"{TRACE_ERROR_LIMIT:g}. Deadband with it: what that error may hide, with the deadbands found.",
+            class_="note",
+        ),
+        *rest,
+    )
+
+
+def _pair_row(pair: JudgedPair) -> tuple[str, ...]:
+    score, modes = pair.score, pair.score.modes
+    onset, end = modes.mode2_mm
+    gap = signed(modes.gap_mm)
+    if modes.gap_at_least_mm is not None:
+        gap = f"over {modes.gap_at_least_mm:.2f}"
+    return (
+        element("a", pair.name, href="#signals", data_pair=pair.name),
+        f"{pair.curves.press_mm[0]:.1f}, {pair.curves.press_mm[1]:.1f}",
+        spans([modes.mode1_mm], between=DASH),
+        "never" if onset is None else f"{onset:.2f}{DASH}{depth(end)}",
+        gap,
+        spans(score.deadbands_mm, between=DASH),
+        "none" if score.saturation_mm is None else spans([score.saturation_mm], between=DASH),
+        f"{score.continuity:.2f}",
+        f"{score.evenness:.2f}",
+        f"{score.strength.untouched_counts:.0f}",
+        f"{score.strength.swing:.0%}",
+        f"{score.strength.resolvable_steps:.0f}",
+        f"{score.clipped_share:.0%}" if score.is_clipped else "no",
+        "not given" if score.noise_margin is None else f"{score.noise_margin:.2f}",
+        "not given"
+        if score.possible_deadbands_mm is None
+        else spans(score.possible_deadbands_mm, between=DASH),
+    )
+
+
+def tolerance_section(score: ContinuityScore, drawings: Drawings) -> Html:
+    """How firm the verdict is."""
+    band = score.tolerance
+    if band is None:
+        return Html("")
+    if not (band.rows or band.unbanded):
+        return section(
+            "tolerance", "Tolerance", element("p", "Every value that the verdict rests on was measured.")
+        )
+    figures = [
+        figure_of(drawings[name], caption)
+        for name, caption in (
+            (
+                "tolerance-deadband",
+                "Deadband, the strongest effect first. Starred: turns the verdict.",
+            ),
+            ("tolerance-gap", "Mode gap: below 0 the modes overlap."),
+            (
+                "tolerance-margin",
+                "Change over the least responsive 0.3 mm of depth; below 3 noise units is a deadband.",
+            ),
+        )
+        if name in drawings
+    ]
+    return section(
+        "tolerance",
+        "Tolerance",
+        *_builds(score, drawings),
+        element("p", _tolerance_lead(band)),
+        *([] if score.is_facing_rows else [element("p", ONE_PLACE)]),
+        element("div", *figures, class_="grid"),
+        _tolerance_table(band) if band.rows else Html(""),
+        _unbanded(band),
+    )
+
+
+def _builds(score: ContinuityScore, drawings: Drawings) -> list[Html]:
+    """The builds with everything off at once, where some were drawn."""
+    study = score.builds
+    if study is None:
+        return []
+    shown = [
+        figure_of(
+            drawings["builds"],
+            "Left: each value alone at both ends of its band. Right: how the verdict's firmness goes with it over the "
+            "builds, with its 95 % interval; grey where that holds zero.",
+        )
+        for name in ("builds",)
+        if name in drawings
+    ]
+    return [builds_words(study), *shown, builds_table(study)]
+
+
+def _tolerance_lead(band: ToleranceBand) -> str:
+    low, high = band.deadband_range_mm
+    turned = (
+        f"Measure first what turns the verdict: {', '.join(band.flipping)}."
+        if band.flipping
+        else "No single value turns the verdict."
+    )
+    return (
+        f"{counted(len(band.rows), 'value')} behind the verdict of {band.judged} were never measured on the build. "
+        f"One at a time, at both ends of its band, with the gain set anew: the deadband is {low:.2f} to {high:.2f} mm "
+        f"({band.deadband_mm:.2f} mm as designed). {turned}"
+    )
+
+
+def _tolerance_table(band: ToleranceBand) -> Html:
+    rows = [
+        (
+            row.path,
+            row.confidence,
+            ends(*row.values),
+            f"{row.deadband_mm[0]:.2f} / {row.deadband_mm[1]:.2f}",
+            f"{signed(row.gap_mm[0])} / {signed(row.gap_mm[1])}",
+            f"{row.margin[0]:.1f} / {row.margin[1]:.1f}",
+            element("strong", "turns it") if row.flips else "no",
+        )
+        for row in band.rows
+    ]
+    heads = (
+        "value",
+        "confidence",
+        "band",
+        "deadband at low / high [mm]",
+        "mode gap at low / high [mm]",
+        "margin at low / high [noise units]",
+        "verdict",
+    )
+    return table(heads, rows, label="Tolerance of the verdict", numeric=(2, 3, 4, 5), class_="wide")
+
+
+def _unbanded(band: ToleranceBand) -> Html:
+    if not band.unbanded:
+        return Html("")
+    names = ", ".join(band.unbanded)
+    return element("p", f"Without a band, so that nothing can be said of them: {names}.", class_="note")

@@ -1,0 +1,4 @@
+"""Words, numbers and marks of a page.
+
+Imports of ours: sims, design.
+"""

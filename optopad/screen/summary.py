@@ -1,0 +1,111 @@
+"""The short summary for people: verdict, worst deadband, where, strength, what it rests on."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from optopad.report.text.numbers import counted
+from optopad.screen.bound_lines import bound_lines
+
+if TYPE_CHECKING:
+    from sims.continuity.result import ContinuityScore, JudgedPair
+    from sims.verdict.build_study import BuildStudy
+
+
+def score_lines(score: ContinuityScore) -> list[str]:
+    """The verdict in a few lines, the most important first."""
+    lines = [f"design    {score.name}  {score.digest[:8]}", f"verdict   {score.verdict}"]
+    if score.verdict == "OUT_OF_MODEL_SCOPE":
+        return [*lines, f"reason    {score.reason}"]
+    lines += [_deadband_line(score), _pairs_line(score), _strength_line(score)]
+    if score.is_facing_rows:
+        lines += [_pair_line(pair) for pair in score.pairs]
+    lines += bound_lines(score.bounds, is_facing=score.is_facing_rows) if score.bounds is not None else []
+    lines += [_band_line(score)] if score.tolerance is not None else []
+    lines += build_lines(score.builds) if score.builds is not None else []
+    return lines + [f"warning   {text}" for text in score.warnings]
+
+
+def finding_line(finding: dict[str, Any]) -> str:
+    """A check of the mold that did not hold, with its note: the place, or what to do."""
+    unit = f" {finding['unit']}" if finding["unit"] else ""
+    held = f"{finding['value']:g}{unit} (limit {finding['limit']:g}{unit})"
+    return f"{finding['state']:<9} {finding['name']}: {held}" + (
+        f"; {finding['note']}" if finding["note"] else ""
+    )
+
+
+def checks_line(checks: dict[str, Any]) -> str:
+    """The mold's checks in a line."""
+    found = {
+        state: [one["name"] for one in checks.get("findings", []) if one.get("state") == state]
+        for state in ("error", "warning")
+    }
+    told = [f"{counted(len(names), state)} ({', '.join(names)})" for state, names in found.items() if names]
+    state = "printable" if checks.get("ok") else "NOT printable"
+    return f"mold      {state}; {', '.join(told) or 'no findings'}; see cad/checks.json"
+
+
+def _deadband_line(score: ContinuityScore) -> str:
+    where = f"governing pair {score.governing}" if score.is_facing_rows else "pad"
+    if not score.deadbands_mm:
+        return f"deadband  none in the {where}"
+    spans = ", ".join(f"{start:.2f} to {end:.2f} mm" for start, end in score.deadbands_mm)
+    place = ""
+    if not score.is_facing_rows and score.pad_map is not None:
+        worst = score.pad_map.worst
+        place = (
+            f" at x {worst.x_mm:g}, y {worst.y_mm:g} mm ({score.pad_map.dead_share:.0%} of places have one)"
+        )
+    return f"deadband  {score.deadband_total_mm:.2f} mm: {spans}{place}"
+
+
+def _pairs_line(score: ContinuityScore) -> str:
+    worst = f"; worst {score.worst_pair} with {score.worst_pair_mm:.2f} mm" if score.worst_pair_mm else ""
+    return f"pairs     {score.pairs_with_deadband} of {len(score.pairs)} judged have one of their own{worst}"
+
+
+def _strength_line(score: ContinuityScore) -> str:
+    strength = score.strength or {}
+    return (
+        f"strength  {strength['untouched_counts']:.0f} counts untouched ({strength['untouched_flux']:.2e} of the "
+        f"emitted power), swing {strength['swing']:.0%}, {strength['resolvable_steps']:.0f} resolvable steps; "
+        f"continuity {score.continuity:.2f}, evenness {score.evenness:.2f}"
+    )
+
+
+def _pair_line(pair: JudgedPair) -> str:
+    modes, score = pair.score.modes, pair.score
+    onset, end = modes.mode2_mm
+    gap = "open" if modes.gap_mm is None else f"{modes.gap_mm:+.2f} mm"
+    dead = ", ".join(f"{a:.2f}-{b:.2f}" for a, b in score.deadbands_mm) or "none"
+    return (
+        f"{pair.name:<9} mode 1 {modes.mode1_mm[0]:.2f}-{modes.mode1_mm[1]:.2f} mm, mode 2 "
+        f"{'never' if onset is None else f'{onset:.2f}'}-{'open' if end is None else f'{end:.2f}'} mm, gap {gap}, "
+        f"deadband {dead}"
+    )
+
+
+def build_lines(study: BuildStudy) -> list[str]:
+    """The share of builds that keep the verdict, and what matters most."""
+    low, high = study.kept_interval
+    doubt = f"; {study.doubtful} of all in doubt by the light trace's error" if study.doubtful else ""
+    missing = f"; not judged: {sum(study.unjudged.values())}" if study.unjudged else ""
+    verdict = "DEADBAND" if study.as_designed.deadband_mm else "CONTIGUOUS"
+    correlations = study.rank_correlations()
+    strongest = ", ".join(
+        f"{study.tolerances[number].path} ({correlations[number][0]:+.2f})" for number in study.ranking[:4]
+    )
+    return [
+        f"builds    {study.kept} of {study.builds} stay {verdict}: {study.kept_share:.0%} "
+        f"(95 %: {low:.0%} to {high:.0%}){doubt}{missing}, judged by {study.judged}",
+        f"matters   {strongest} (rank correlation)",
+    ]
+
+
+def _band_line(score: ContinuityScore) -> str:
+    band = score.tolerance
+    assert band is not None
+    low, high = band.deadband_range_mm
+    turned = f"; turned by {', '.join(band.flipping)}" if band.flipping else "; no single value turns it"
+    return f"tolerance deadband of {band.judged}: {low:.2f} to {high:.2f} mm over the bands of open values{turned}"

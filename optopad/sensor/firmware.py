@@ -1,0 +1,114 @@
+"""Firmware into the bundle: the sketch folder always, the compiled image where there is a compiler."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from design.errors import DeviceError, InputError
+from design.io import write_text_atomically
+from design.rules.check import require_valid
+from design.spec import SensorDesign
+from fabrication.bundle import bundle, bundle_name
+from fabrication.firmware.image import Image, compiled_image, has_compiler
+from fabrication.firmware.sketch import IMAGE, SKETCH, write_sketch
+
+FIRMWARE = Path("fabrication") / "firmware"
+
+
+@dataclass(frozen=True, kw_only=True)
+class FirmwareFiles:
+    """What was written.
+
+    Attributes
+    ----------
+    sketch : folder that the Arduino IDE opens
+    image_file, image : the compiled program; None where it could not be compiled
+    no_image_because : the reason then, else ""
+    """
+
+    sketch: Path
+    image_file: Path | None
+    image: Image | None
+    no_image_because: str
+
+
+def write_firmware(design: SensorDesign, out: Path, *, seed: int) -> FirmwareFiles:
+    """The sketch folder into the design's bundle, and the image where it can be compiled.
+
+    Raises
+    ------
+    DesignError : the design breaks a rule, or its board's entry does not say enough to program it.
+    OutputError : the folder cannot be written.
+    """
+    require_valid(design)
+    image, reason = _image(design)
+    with bundle(design, out, seed=seed) as folder:
+        write_sketch(design, folder / FIRMWARE)
+        if image is not None:
+            write_text_atomically(folder / FIRMWARE / IMAGE, image.hex_text)
+    written = out / bundle_name(design) / FIRMWARE
+    file = written / IMAGE
+    return FirmwareFiles(
+        sketch=written / SKETCH,
+        image_file=file if file.is_file() else None,
+        image=image,
+        no_image_because=reason,
+    )
+
+
+def image_to_upload(design: SensorDesign, out: Path, *, seed: int) -> Path:
+    """The image of a design, compiled now, or found in its bundle where there is no compiler.
+
+    Raises
+    ------
+    DeviceError : no compiler, and no image of this firmware in the bundle.
+    """
+    files = write_firmware(design, out, seed=seed)
+    if files.image_file is None:
+        raise DeviceError(
+            f"{files.sketch}: nothing to upload: {files.no_image_because}; once there is a compiler, this command "
+            "makes the image itself"
+        )
+    return files.image_file
+
+
+def board_port(design: SensorDesign) -> str:
+    """Name of the one port with such a board.
+
+    Raises
+    ------
+    DeviceError : none, or several of them; the ports are listed.
+    """
+    from fabrication.driver.link.ports import find_port
+    from fabrication.driver_config import driver_config
+    from fabrication.driver_file import config_from_document
+
+    return find_port(config_from_document(driver_config(design), where="driver.toml").board)
+
+
+def given_image(file: Path) -> Path:
+    """An image that the user names.
+
+    Raises
+    ------
+    InputError : no such file, or no Intel HEX.
+    """
+    try:
+        first = file.read_text(encoding="ascii")[:1]
+    except OSError as err:
+        raise InputError(f"{file}: {err.strerror}; name a .hex file") from None
+    except UnicodeDecodeError:
+        first = ""
+    if first != ":":
+        raise InputError(f"{file}: no Intel HEX; name the .hex file that `optopad driver firmware` wrote")
+    return file
+
+
+def _image(design: SensorDesign) -> tuple[Image | None, str]:
+    if not has_compiler():
+        return None, "avr-gcc is not installed here (Debian and Ubuntu: gcc-avr and avr-libc)"
+    try:
+        return compiled_image(design), ""
+    except DeviceError as err:
+        return None, str(err)

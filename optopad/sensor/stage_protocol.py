@@ -1,0 +1,38 @@
+"""A press protocol (`design.protocols.press`) as the presses that a stage makes: places shuffled within each set."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from design.protocols.press import load_protocol_file
+from design.spec import SensorDesign
+from fabrication.driver.recording.press_labels import SetEntry
+from fabrication.stage.press_list import PressList, press_list
+from fabrication.stage.stage import Position
+
+
+def protocol_presses(design: SensorDesign, protocol: str, *, seed: int = 0) -> PressList:
+    """The presses of a protocol on a design.
+
+    Parameters
+    ----------
+    protocol : name of a packaged one, or a file
+    seed : of the order of places within each set
+
+    Raises
+    ------
+    DesignError, InputError, ModelScopeError : no such protocol, or none for this design.
+    """
+    said = load_protocol_file(protocol)
+    depths = said.depth_mm.tolist()
+
+    def rows() -> Iterator[tuple[SetEntry, int, Position]]:
+        for number, (one, places) in enumerate(zip(said.sets, said.places_mm(design), strict=True)):
+            entry = SetEntry(name=one.name, role=one.role, pattern=one.pattern, is_ambient=one.is_ambient)
+            order = np.random.default_rng([seed, number]).permutation(len(places))
+            for place, (x, y) in enumerate(places[order].tolist()):
+                yield from ((entry, place, (x, y, depth)) for depth in depths)
+
+    return press_list(rows())

@@ -1,0 +1,158 @@
+"""What `driver read --model` shows: the pad with the touch on it, numbers with their uncertainty; lines and JSON."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fabrication.driver.touch_reader import Touch, TouchReader
+from optopad.sensor.driver_view import link_line
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+PICTURE_ROWS, PICTURE_COLUMNS = 15, 31
+"""A character is twice as high as wide."""
+
+LIGHT_MM, DEEP_MM = 0.5, 2.0
+MARKS = ("○", "◉", "●")
+"""Of a touch: lighter than 0.5 mm, lighter than 2 mm, deeper."""
+
+ODD_S = 5.0
+FAR_START = 0.1
+"""Start levels that are so far from the training data beyond gains are worth a word."""
+
+AXES = ("x", "y", "depth")
+
+
+def touch_json(touch: Touch, digits: int = 4) -> dict[str, Any]:
+    """A frame's answer as plain data; place, uncertainty and depth are null where nothing touches."""
+    frame, drift = touch.frame, touch.drift
+    told = touch.is_touched
+    return {
+        "connection": frame.connection,
+        "sequence": frame.sequence,
+        "device_us": frame.device_us,
+        "host_s": round(frame.host_s, 6),
+        "lost_before": frame.lost_before,
+        "touched": told,
+        "score": round(touch.touch_score, digits),
+        **{
+            f"{axis}_mm": round(float(value), digits) if told else None
+            for axis, value in zip(AXES, touch.press_mm, strict=True)
+        },
+        "sigma_mm": _plain(touch.sigma_mm, digits) if told else None,
+        "force_n": None if touch.force_n is None else round(touch.force_n, digits),
+        "force_sigma_n": round(touch.force_sigma_n, digits) if math.isfinite(touch.force_sigma_n) else None,
+        "drift": round(drift.drift, 6),
+        "drift_held": drift.is_held,
+        "gain_steps": drift.gain_steps,
+        "gain_like": drift.is_gain_like,
+        "latency_ms": round(touch.latency_ms, 2),
+    }
+
+
+def touch_line(touch: Touch) -> str:
+    """One line: where it is touched."""
+    if not touch.is_touched:
+        return "untouched" + _note(touch)
+    parts = [f"{axis} {_with_sigma(touch, k)}" for k, axis in enumerate(AXES)]
+    force = "" if touch.force_n is None else f", force {_force(touch)}"
+    return "touched   " + ", ".join(parts) + force + _note(touch)
+
+
+def touch_view(touch: Touch, reader: TouchReader) -> RenderableType:
+    """Picture of the pad beside the numbers, between a line about the link and a line of explanation."""
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    sensor = reader.sensor
+    numbers = Table(box=None, padding=(0, 1))
+    for name, value in _rows(touch):
+        numbers.add_row(name, value)
+    both = Table(box=None, padding=(0, 2))
+    both.add_row(Text("\n".join(picture(touch, reader)), no_wrap=True), numbers)
+    head = f"{sensor.descriptor.design} on {sensor.port}, {reader.model.header.kind}: {link_line(sensor)}"
+    foot = "E emitters, R receivers, ○ ◉ ● touched lightly, to 2 mm, deeper   Ctrl-C ends"
+    return Group(Text(head, style="bold"), both, Text(foot, style="dim"))
+
+
+def picture(touch: Touch, reader: TouchReader) -> list[str]:
+    """The pad from above, y upward, a line a row: parts where they are, and the touch."""
+    said = reader.sensor.descriptor
+    places = np.concatenate([said.emitters.position_mm, said.receivers.position_mm])[:, :2]
+    low, high = places.min(axis=0), places.max(axis=0)
+    cells = [[" "] * PICTURE_COLUMNS for _ in range(PICTURE_ROWS)]
+    for mark, parts in (("E", said.emitters), ("R", said.receivers)):
+        for place in parts.position_mm[:, :2]:
+            _set(cells, place, low, high, mark)
+    if touch.is_touched and np.isfinite(touch.press_mm).all():
+        depth = float(touch.press_mm[2])
+        _set(cells, touch.press_mm[:2], low, high, MARKS[int(depth >= LIGHT_MM) + int(depth >= DEEP_MM)])
+    line = "+" + "-" * PICTURE_COLUMNS + "+"
+    return [line, *("|" + "".join(row) + "|" for row in cells), line]
+
+
+def start_note(reader: TouchReader) -> str:
+    """A line where the start is far from what the model was trained on; empty where it is not."""
+    far = reader.tracker.start_mismatch
+    if far < FAR_START:
+        return ""
+    return (
+        f"note      the untouched pad is {far:.0%} from the training data beyond gains: another build than the "
+        "model's, or something touched the pad at the start"
+    )
+
+
+def _rows(touch: Touch) -> list[tuple[str, str]]:
+    told = touch.is_touched
+    drift = touch.drift
+    rows = [("touch", f"{'yes' if told else 'no'}   (score {touch.touch_score:+.2f})")]
+    rows += [(axis, _with_sigma(touch, k) if told else "-") for k, axis in enumerate(AXES)]
+    rows.append(("force", "not known" if touch.force_n is None else _force(touch) if told else "-"))
+    rows.append(("drift", f"{round(drift.drift, 4) + 0.0:+.2%}{', held' if drift.is_held else ', followed'}"))
+    rows.append(("gain steps", str(drift.gain_steps)))
+    rows.append(("delay", f"{touch.latency_ms:.1f} ms"))
+    if note := _note(touch):
+        rows.append(("note", note.removeprefix("; ")))
+    return rows
+
+
+def _with_sigma(touch: Touch, axis: int) -> str:
+    sigma = float(touch.sigma_mm[axis])
+    told = f" ± {sigma:.2f}" if math.isfinite(sigma) else ""
+    return f"{touch.press_mm[axis]:.2f}{told} mm"
+
+
+def _force(touch: Touch) -> str:
+    told = f" ± {touch.force_sigma_n:.2f}" if math.isfinite(touch.force_sigma_n) else ""
+    return f"{touch.force_n:.2f}{told} N"
+
+
+def _note(touch: Touch) -> str:
+    if touch.drift.is_gain_like:
+        return "; a change of gain, no touch"
+    if touch.drift.held_without_touch_s > ODD_S:
+        return "; not as untouched, yet no touch for the model: lighter than it knows, or dirt"
+    return ""
+
+
+def _set(
+    cells: list[list[str]],
+    place: NDArray[np.float64],
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    mark: str,
+) -> None:
+    share = np.clip((place - low) / np.maximum(high - low, 1e-9), 0.0, 1.0)
+    column = round(float(share[0]) * (PICTURE_COLUMNS - 1))
+    row = round((1.0 - float(share[1])) * (PICTURE_ROWS - 1))
+    cells[row][column] = mark
+
+
+def _plain(values: NDArray[np.float64], digits: int) -> list[float | None]:
+    return [round(float(value), digits) if math.isfinite(value) else None for value in values]

@@ -1,0 +1,157 @@
+"""Make the library of solved presses anew: two solves a layer and pad, in parallel, resumable.
+
+Every finished solve is stored in the cache of solved presses at once, so an interrupted build goes on
+where it stopped. Workers are processes of their own, one thread each; a solve is a pure function of its
+inputs, so their number does not change the result.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from errno import EISDIR
+from importlib.metadata import version
+from multiprocessing import active_children, get_context
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import OutputError
+from sims.contact.library.incompressible import POISSON_RATIOS, nearly_incompressible
+from sims.contact.library.press_fit import fit_press
+from sims.contact.library.profile_library import LAYERS, PAD_RADII, WALL_LAYERS, Library, deepest_press, pack
+from sims.contact.library.profiles import UnitPress
+from sims.contact.library.smooth_press import SmoothPress
+from sims.contact.library.stored_press import RECIPE, PressInputs, stored_press
+from sims.contact.scope import DEPTH_STEP, FIRST_DEPTHS, WALL_RADIUS
+
+FloatArray = NDArray[np.float64]
+
+LIBRARY_MESH = 1 / 15
+"""Node spacing under the tip of the library's entries [tip radii]: 0.2 mm for a 3 mm tip."""
+
+
+def library_depths(layer: float) -> tuple[float, ...]:
+    """Depths solved for an entry [tip radii]: the same shares of the deepest press in every entry."""
+    deepest = deepest_press(layer)
+    longest = deepest_press(max(LAYERS))
+    steady = np.arange(FIRST_DEPTHS[-1] + DEPTH_STEP, longest - 0.5 * DEPTH_STEP, DEPTH_STEP)
+    schedule = np.concatenate([FIRST_DEPTHS, steady, [longest]])
+    return tuple(round(float(depth), 9) for depth in schedule * (deepest / longest))
+
+
+def entry_inputs(layer: float, poisson_ratio: float, wall_radius: float = WALL_RADIUS) -> PressInputs:
+    """What an entry's solve depends on."""
+    return PressInputs(
+        layer=layer,
+        mesh_size=LIBRARY_MESH,
+        depths=library_depths(layer),
+        poisson_ratio=poisson_ratio,
+        wall_radius=wall_radius,
+    )
+
+
+def solve_entry(layer: float, poisson_ratio: float, wall_radius: float = WALL_RADIUS) -> UnitPress:
+    """The solved states of one layer and pad [tip radii], from the cache or solved and stored there."""
+    return stored_press(entry_inputs(layer, poisson_ratio, wall_radius))[0]
+
+
+def entry_press(layer: float, wall_radius: float = WALL_RADIUS) -> SmoothPress:
+    """One nearly incompressible entry, from both of its solves."""
+    soft, stiff = (fit_press(solve_entry(layer, ratio, wall_radius)) for ratio in POISSON_RATIOS)
+    return nearly_incompressible(soft, stiff)
+
+
+def assembled(presses: Sequence[SmoothPress], pads: Sequence[Sequence[SmoothPress]]) -> Library:
+    """The library of entries, thinnest first, and of the `WALL_LAYERS` in every other pad, smallest first."""
+    entries = {press.layer_depth: press.coefficients for press in presses}
+    return Library(
+        layers=np.array([press.layer_depth for press in presses]),
+        first=np.array([press.first for press in presses]),
+        wall_radius=presses[0].wall_radius,
+        mesh_size=presses[0].mesh_size,
+        knots=presses[0].knots,
+        coefficients=np.array([press.coefficients for press in presses]),
+        wall_layers=np.array([of_layer[0].layer_depth for of_layer in pads]),
+        pad_radii=np.array([pad.wall_radius for pad in pads[0]]),
+        wall_changes=np.array(
+            [[pad.coefficients - entries[pad.layer_depth] for pad in of_layer] for of_layer in pads]
+        ),
+        residual=np.array([press.residual.as_array() for press in presses]),
+        recipe=RECIPE,
+        versions=(*presses[0].versions, f"numpy {version('numpy')}", f"scipy {version('scipy')}"),
+    )
+
+
+def build_library(workers: int, on_step: Callable[[int, int], None] | None = None) -> Library:
+    """Solve every layer that the cache lacks, and fit them all.
+
+    Parameters
+    ----------
+    workers : processes at work
+    on_step : called with the number of solves done and of all
+
+    Raises
+    ------
+    ContactSolveError : a layer's state fails its checks
+    """
+    walls = [(layer, WALL_RADIUS) for layer in LAYERS]
+    walls += [(layer, radius) for layer in WALL_LAYERS for radius in PAD_RADII]
+    thickest_first = [(*pad, ratio) for pad in sorted(walls, reverse=True) for ratio in POISSON_RATIOS]
+    with ProcessPoolExecutor(max_workers=workers, mp_context=get_context("spawn")) as pool:
+        jobs = [pool.submit(solve_entry, layer, ratio, radius) for layer, radius, ratio in thickest_first]
+        try:
+            for count, job in enumerate(as_completed(jobs), start=1):
+                job.result()
+                if on_step is not None:
+                    on_step(count, len(jobs))
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for worker in active_children():
+                worker.terminate()
+            raise
+    pads = [[entry_press(layer, radius) for radius in PAD_RADII] for layer in WALL_LAYERS]
+    return assembled([entry_press(layer) for layer in LAYERS], pads)
+
+
+def _unwritable(path: Path, err: OSError) -> OutputError:
+    return OutputError(f"{path}: cannot be written ({err.strerror or err}); choose another --out")
+
+
+def require_writable(path: Path) -> None:
+    """Refuse a place before hours are spent on what shall be written there.
+
+    Raises
+    ------
+    OutputError : the place cannot be written
+    """
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        if path.is_dir():
+            raise IsADirectoryError(EISDIR, os.strerror(EISDIR))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.touch()
+        part.unlink()
+    except OSError as err:
+        raise _unwritable(path, err) from err
+
+
+def write_library(library: Library, path: Path) -> None:
+    """Write the file in one step.
+
+    Raises
+    ------
+    OutputError : the place cannot be written
+    """
+    require_writable(path)
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with part.open("wb") as file:
+            np.savez_compressed(file, allow_pickle=False, **pack(library))
+        os.replace(part, path)
+    except OSError as err:
+        raise _unwritable(path, err) from err
+    finally:
+        part.unlink(missing_ok=True)

@@ -1,0 +1,217 @@
+"""The shipped library of solved presses: any layer and round pad between the solved ones within a millisecond.
+
+Entries are `SmoothPress`es of one tip radius and one modulus at the elastic depths `LAYERS`, all on the
+same shares of their deepest press (0.8 of the elastic depth or 1.7 tip radii, whichever is less), in a round pad with
+its wall at `WALL_RADIUS`. Between them every spline coefficient is a cubic spline in 1/depth of the layer. The deepest
+press has a corner where the two limits meet (2.125 tip radii), so thin and thick layers have splines of their own that
+share that entry.
+
+What another wall changes is solved at the fewer `WALL_LAYERS`, at each of `PAD_RADII`, and added: every coefficient's
+change is a cubic spline in 1/radius (zero at `WALL_RADIUS`), and between the layers a straight line in 1/depth for thin
+ones, a parabola for thick ones. Outside the entries nothing is extrapolated.
+
+`optopad contact build` makes the file anew; docs/validation/contact.md has the error of the solver,
+contact-interpolation.md that of the interpolation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache, cached_property
+from importlib import resources
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from design.rules.contact_scope import DEEPEST_PRESS, LARGEST_SHARE_OF_LAYER
+from sims.contact.library.smooth_press import VALUES, FitResidual, SmoothPress
+from sims.contact.scope import HALF_WIDTH, WALL_RADIUS_RANGE, round_radius
+
+FloatArray = NDArray[np.float64]
+
+FILE = "profiles.npz"
+"""Name of the file in the package's data folder."""
+FORMAT = 2
+"""Version of the file's layout."""
+CORNER = DEEPEST_PRESS / LARGEST_SHARE_OF_LAYER
+"""Layer at which the two limits of the press meet [tip radii]: 2.125."""
+LAYERS = (1.3, 1.45, 1.63, 1.85, CORNER, 2.4, 2.7, 3.0, 3.5, 4.2, 5.0, 6.0)
+"""Elastic depths of the entries [tip radii], about even in 1/depth; 3.0 is the published pad's."""
+WALL_LAYERS = (1.3, CORNER, 3.0, 6.0)
+"""Elastic depths at which other walls are solved [tip radii]; entries too."""
+PAD_RADII = (
+    WALL_RADIUS_RANGE[0],
+    *(round(round_radius(2.0 * half, 2.0 * half), 9) for half in (4.0, HALF_WIDTH)),
+    WALL_RADIUS_RANGE[1],
+)
+"""Radii of the other round pads [tip radii]: those of the presets' areas, and the largest."""
+_JOIN = 1e-9
+
+
+def deepest_press(layer: float) -> float:
+    """Deepest press of a layer that the library holds; both in tip radii."""
+    return min(LARGEST_SHARE_OF_LAYER * layer, DEEPEST_PRESS)
+
+
+Chart = tuple[slice, CubicSpline]
+
+
+def _charts(layers: FloatArray) -> tuple[Chart, Chart]:
+    """Entries and interpolation weights of the thin and of the thick layers, which share the one at the corner."""
+    corner = int(np.argmin(np.abs(layers - CORNER)))
+    thin, thick = slice(0, corner + 1), slice(corner, len(layers))
+    # abscissae of a spline increase: 1/layer is taken backwards
+    return (
+        (thin, CubicSpline(1.0 / layers[thin][::-1], np.eye(len(layers[thin]))[::-1])),
+        (thick, CubicSpline(1.0 / layers[thick][::-1], np.eye(len(layers[thick]))[::-1])),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Library:
+    """Solved presses of several layers; lengths in tip radii, forces in E R².
+
+    Attributes
+    ----------
+    layers : (layer,) increasing elastic depths, `CORNER` among them
+    first : (layer,) shallowest solved press
+    wall_radius, mesh_size : radius of the entries' bonded wall, node spacing under the tip
+    knots : (knot,) of the splines in ln(depth / deepest) [-]
+    coefficients : (layer, coefficient, VALUES)
+    wall_layers : (wall layer,) increasing elastic depths of which other walls are known, `CORNER` among them
+    pad_radii : (pad,) increasing radii of other walls
+    wall_changes : (wall layer, pad, coefficient, VALUES) coefficients less those of the entry
+    residual : (layer, 6) of the fits, in the order of `FitResidual`
+    recipe : version of the solver that made it
+    versions : names and versions of the programs that made it
+    """
+
+    layers: FloatArray
+    first: FloatArray
+    wall_radius: float
+    mesh_size: float
+    knots: FloatArray
+    coefficients: FloatArray
+    wall_layers: FloatArray
+    pad_radii: FloatArray
+    wall_changes: FloatArray
+    residual: FloatArray
+    recipe: int
+    versions: tuple[str, ...]
+
+    def covers(self, layer: float) -> bool:
+        """Whether a layer lies between the thinnest and the thickest entry."""
+        return bool(self.layers[0] - _JOIN <= layer <= self.layers[-1] + _JOIN)
+
+    @cached_property
+    def _layer_charts(self) -> tuple[Chart, Chart]:
+        return _charts(self.layers)
+
+    @cached_property
+    def _wall_charts(self) -> tuple[Chart, Chart]:
+        return _charts(self.wall_layers)
+
+    @cached_property
+    def _pad_weights(self) -> CubicSpline:
+        """1/radius -> weights of `pad_radii`, all 0 at the entries' own wall."""
+        before = int(np.searchsorted(self.pad_radii, self.wall_radius))
+        radii = np.insert(self.pad_radii, before, self.wall_radius)
+        weights = np.insert(np.eye(len(self.pad_radii)), before, 0.0, axis=0)
+        return CubicSpline(1.0 / radii[::-1], weights[::-1])
+
+    def press(self, layer: float, wall_radius: float | None = None) -> SmoothPress:
+        """The presses of a layer between the entries, in a round pad.
+
+        Parameters
+        ----------
+        layer : elastic depth, which `covers` accepts [tip radii]
+        wall_radius : of the bonded wall, moved into the solved range [tip radii]; None is that of the entries
+        """
+        layer = float(np.clip(layer, self.layers[0], self.layers[-1]))
+        radius = self.wall_radius if wall_radius is None else wall_radius
+        radius = float(np.clip(radius, self.pad_radii[0], self.pad_radii[-1]))
+        part, weights = self._layer_charts[int(layer > CORNER)]
+        share = weights(1.0 / layer)
+        nearest = int(np.argmin(np.abs(self.layers - layer)))
+        return SmoothPress(
+            layer_depth=layer,
+            wall_radius=radius,
+            mesh_size=self.mesh_size,
+            first=float(share @ self.first[part]),
+            deepest=deepest_press(layer),
+            knots=self.knots,
+            coefficients=np.tensordot(share, self.coefficients[part], axes=1) + self._change(layer, radius),
+            residual=FitResidual.from_array(self.residual[nearest]),
+            versions=self.versions,
+        )
+
+    def _change(self, layer: float, radius: float) -> FloatArray | float:
+        """(coefficient, VALUES) that a wall adds to those of the entries; 0 at their own."""
+        if radius == self.wall_radius:
+            return 0.0
+        part, weights = self._wall_charts[int(layer > CORNER)]
+        pads = np.tensordot(weights(1.0 / layer), self.wall_changes[part], axes=1)
+        return np.asarray(np.tensordot(self._pad_weights(1.0 / radius), pads, axes=1), dtype=np.float64)
+
+
+def pack(library: Library) -> dict[str, NDArray[np.generic]]:
+    """Arrays of the file; coefficients in single precision (2 nm for a 3 mm tip)."""
+    return {
+        "format": np.array(FORMAT),
+        "recipe": np.array(library.recipe),
+        "layers": library.layers,
+        "first": library.first,
+        "wall_radius": np.array(library.wall_radius),
+        "mesh_size": np.array(library.mesh_size),
+        "knots": library.knots,
+        "coefficients": library.coefficients.astype(np.float32),
+        "wall_layers": library.wall_layers,
+        "pad_radii": library.pad_radii,
+        "wall_changes": library.wall_changes.astype(np.float32),
+        "residual": library.residual,
+        "versions": np.array(library.versions),
+    }
+
+
+@cache
+def shipped_library() -> Library:
+    """The library that comes with the package, read once."""
+    with resources.files("sims.contact.library").joinpath("data", FILE).open("rb") as file:
+        held = dict(np.load(file, allow_pickle=False))
+    if int(held["format"]) != FORMAT or held["coefficients"].shape[2] != VALUES:
+        raise RuntimeError(f"{FILE} is not of this version of optopad; run `optopad contact build`")
+    return Library(
+        layers=held["layers"],
+        first=held["first"],
+        wall_radius=float(held["wall_radius"]),
+        mesh_size=float(held["mesh_size"]),
+        knots=held["knots"],
+        coefficients=held["coefficients"].astype(np.float64),
+        wall_layers=held["wall_layers"],
+        pad_radii=held["pad_radii"],
+        wall_changes=held["wall_changes"].astype(np.float64),
+        residual=held["residual"],
+        recipe=int(held["recipe"]),
+        versions=tuple(str(text) for text in held["versions"]),
+    )
+
+
+def library_differences(left: Library, right: Library) -> tuple[float, float]:
+    """How far two libraries of the same layers and pads are apart.
+
+    Returns
+    -------
+    force : largest difference over the right one's force [-]
+    surface : largest difference of a sample of the free surface [tip radii]
+    """
+    force = surface = 0.0
+    pads = [(layer, right.wall_radius) for layer in right.layers]
+    pads += [(layer, radius) for layer in right.wall_layers for radius in right.pad_radii]
+    for layer, radius in pads:
+        first, second = (library.press(float(layer), float(radius)) for library in (left, right))
+        for depth in np.linspace(0.02, 1.0, 25) * second.deepest:
+            here, there = first.values_at(float(depth)), second.values_at(float(depth))
+            force = max(force, abs(float(np.expm1(here.log_force - there.log_force))))
+            surface = max(surface, float(np.abs(here.free - there.free).max()))
+    return force, surface

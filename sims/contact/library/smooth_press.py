@@ -1,0 +1,203 @@
+"""One layer's presses as smooth functions of depth.
+
+A press is described by numbers that change smoothly with depth: ln of the force, ln of the outline
+coordinate t of the contact edge, the free surface from that edge to the wall at fixed places along its arc
+(`sample_arcs`; relative to the edge), and the share of the load inside fixed shares of t. Each is a cubic
+spline in ln(depth / deepest), in which force and edge are nearly straight lines (powers of the depth:
+Hertz' 3/2 and 1/2). All are linear in the coefficients, so that layers can be interpolated.
+
+Below the first solved depth (0.02 mm for a 3 mm tip) the contact is smaller than a mesh cell: there contact
+radius and force follow the powers that theory gives them at first touch (1/2 and 3/2 under a round tip), and the
+heights of the surface are scaled with the depth. Nothing is extrapolated beyond the deepest solved depth.
+
+Lengths in tip radii, forces in E R².
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from functools import cache, cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
+
+from sims.contact.library.surface_curve import TopCurve, contact_radius_at, whole_curve
+from sims.contact.scope import WALL_RADIUS
+from sims.contact.tip import HEMISPHERE, TipOutline, tip_outline
+
+FloatArray = NDArray[np.float64]
+
+FIRST_SPACING, SPACING_GROWTH, LARGEST_SPACING = 0.003, 1.04, 0.015
+"""First spacing, ratio of neighbouring ones and bound of the surface samples [share of the arc length]."""
+LOAD_SHARES = np.linspace(0.0, 1.0, 17)
+"""Shares of the contact's outline at which the load inside is kept [-]."""
+
+
+@cache
+def _arc_shares() -> FloatArray:
+    steps = [FIRST_SPACING]
+    while sum(steps) < 1.0:
+        steps.append(min(steps[-1] * SPACING_GROWTH, LARGEST_SPACING))
+    shares = np.append(0.0, np.cumsum(steps))
+    return np.asarray(shares / shares[-1], dtype=np.float64)
+
+
+def arc_shares() -> FloatArray:
+    """(sample,) shares of the free surface's arc length, from 0 at the contact edge to 1 at the wall [-]."""
+    return _arc_shares().copy()
+
+
+def sample_arcs(length: float, wall_radius: float) -> FloatArray:
+    """(sample,) arcs of the samples from the contact edge on, from 0 to the whole length [tip radii].
+
+    Beside the contact they hardly depend on the place of the wall, so presses in pads of different sizes can be
+    interpolated; with a wall at `WALL_RADIUS` they are the `arc_shares` of the length.
+
+    Parameters
+    ----------
+    length : arc from the contact edge to the wall [tip radii]
+    wall_radius : of the bonded wall [tip radii]
+    """
+    stretch = WALL_RADIUS / wall_radius
+    shares = _arc_shares()
+    return np.asarray(length * stretch * shares / (1.0 + (stretch - 1.0) * shares), dtype=np.float64)
+
+
+SAMPLES = _arc_shares().size
+VALUES = 2 + 2 * SAMPLES + LOAD_SHARES.size
+"""Numbers that describe a state: ln force, ln edge, radii, heights, shares of the load."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StateValues:
+    """One state in the numbers that splines are made of; see the module for their meaning."""
+
+    log_force: float
+    log_edge: float
+    free: FloatArray
+    load: FloatArray
+
+    def packed(self) -> FloatArray:
+        """(VALUES,) all numbers in a row."""
+        return np.concatenate([[self.log_force, self.log_edge], self.free.T.ravel(), self.load])
+
+    @classmethod
+    def unpacked(cls, row: FloatArray) -> StateValues:
+        """The inverse of `packed`."""
+        free, load = row[2 : 2 + 2 * SAMPLES], row[2 + 2 * SAMPLES :]
+        return cls(log_force=float(row[0]), log_edge=float(row[1]), free=free.reshape(2, -1).T, load=load)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitResidual:
+    """How far the solved states lie from the splines, over all depths.
+
+    Attributes
+    ----------
+    force_rms, force_largest : of the force [-]
+    edge_rms, edge_largest : of the contact edge's outline coordinate [tip radii]
+    surface_rms, surface_largest : of the free surface's samples [tip radii]
+    """
+
+    force_rms: float
+    force_largest: float
+    edge_rms: float
+    edge_largest: float
+    surface_rms: float
+    surface_largest: float
+
+    @classmethod
+    def from_array(cls, figures: FloatArray) -> FitResidual:
+        """From (6,) figures in the order of the attributes."""
+        return cls(**{field.name: float(figure) for field, figure in zip(fields(cls), figures, strict=True)})
+
+    def as_array(self) -> FloatArray:
+        """(6,) in the order of the attributes."""
+        return np.array([getattr(self, field.name) for field in fields(self)])
+
+
+@dataclass(frozen=True, kw_only=True)
+class SmoothPress:
+    """Presses of one layer under one tip, at every depth; lengths in tip radii, forces in E R².
+
+    Attributes
+    ----------
+    layer_depth, wall_radius : elastic depth of the layer, radius of the bonded wall
+    mesh_size : node spacing under the tip
+    first, deepest : shallowest and deepest solved press
+    knots : (knot,) of the cubic splines in ln(depth / deepest), with repeated ends [-]
+    coefficients : (coefficient, VALUES) of the splines
+    residual : of the fit to the solved states
+    tip : what presses
+    versions : names and versions of what computed it
+    """
+
+    layer_depth: float
+    wall_radius: float
+    mesh_size: float
+    first: float
+    deepest: float
+    knots: FloatArray
+    coefficients: FloatArray
+    residual: FitResidual
+    versions: tuple[str, ...]
+    tip: TipOutline = HEMISPHERE
+
+    @cached_property
+    def _values(self) -> BSpline:
+        return BSpline(self.knots, self.coefficients, 3)
+
+    def _place(self, depth: float) -> float:
+        """The splines' argument, kept inside the knots."""
+        place = float(np.log(min(max(depth, self.first), self.deepest) / self.deepest))
+        return min(max(place, float(self.knots[0])), float(self.knots[-1]))
+
+    def values_at(self, depth: float) -> StateValues:
+        """The describing numbers at a solved depth; nearer ones are moved into the solved range."""
+        return StateValues.unpacked(np.asarray(self._values(self._place(depth)), dtype=np.float64))
+
+    def force_at(self, depth: float) -> float:
+        """Force at a depth between 0 and the deepest one [E R²]."""
+        if depth <= 0.0:
+            return 0.0
+        shallower = min(0.0, float(np.log(depth / self.first)))
+        log_force = float(self._values(self._place(depth))[0])
+        return float(np.exp(log_force + (1.0 + self.tip.contact_power) * shallower))
+
+    def edge_at(self, depth: float) -> float:
+        """Outline coordinate of the contact edge at a depth between 0 and the deepest one [tip radii]."""
+        if depth <= 0.0:
+            return 0.0
+        shallower = min(0.0, float(np.log(depth / self.first)))
+        log_edge = float(self._values(self._place(depth))[1])
+        return float(np.exp(log_edge + self.tip.contact_power * shallower))
+
+    def curve_at(self, depth: float) -> TopCurve:
+        """The top from axis to wall at a depth between 0 and the deepest one."""
+        if depth <= 0.0:
+            flat = sample_arcs(self.wall_radius, self.wall_radius)
+            nothing = np.zeros_like(flat)
+            return TopCurve(radius=flat, height=nothing, inclination=nothing, contact_radius=0.0)
+        solved = max(depth, self.first)
+        values = self.values_at(solved)
+        edge = float(np.exp(values.log_edge))
+        curve = whole_curve(edge, self._free(values.free, edge, solved), solved, self.tip)
+        if depth >= self.first:
+            return curve
+        return replace(
+            curve,
+            height=curve.height * (depth / self.first),
+            inclination=np.arctan(np.tan(curve.inclination) * (depth / self.first)),
+            contact_radius=contact_radius_at(self.edge_at(depth), self.tip),
+        )
+
+    def _free(self, relative: FloatArray, edge: float, depth: float) -> FloatArray:
+        """(SAMPLES, 2) free surface that starts on the tip and ends where the layer is bonded.
+
+        Fitting edge and surface one by one moves the end by a micrometre or so; that is shared out along the arc.
+        """
+        free = np.stack(tip_outline(np.array(edge), depth, self.tip)) + relative
+        miss = np.array([self.wall_radius, 0.0]) - free[-1]
+        shares = sample_arcs(1.0, self.wall_radius)
+        return np.asarray(free + shares[:, None] * miss, dtype=np.float64)[1:]

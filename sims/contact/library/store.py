@@ -1,0 +1,108 @@
+"""Solved presses on disk: one .npz an entry, named by a hash of everything the solution depends on.
+
+Plain arrays only: nothing in an entry is executed on reading. An entry is written beside its place
+and moved there in one step, so readers and racing writers see whole files only. An entry that cannot
+be read, or that is not what its name says, counts as absent and is replaced.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import tempfile
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sims.cache.folder import CACHE_VARIABLE
+from sims.cache.folder import cache_folder as folder_of_all
+from sims.contact.library.profiles import UnitPress
+
+FORMAT = 1
+"""Version of the entry's layout."""
+_UNREADABLE = (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error)
+"""What reading a damaged entry raises; RuntimeError is zipfile's for flags that it does not support."""
+_SCALARS = ("layer_depth", "wall_radius", "mesh_size", "wedge_angle", "poisson_ratio")
+_PER_STATE = ("radii", "heights", "normal_force")
+
+
+def cache_folder() -> Path:
+    """Folder of the stored presses."""
+    return folder_of_all() / "contact"
+
+
+def entry_key(inputs: Mapping[str, object]) -> str:
+    """SHA-256 over the inputs of a solution, as 64 hexadecimal digits."""
+    text = json.dumps({"format": FORMAT, **inputs}, sort_keys=True, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def entry_path(key: str) -> Path:
+    """Where an entry lies."""
+    return cache_folder() / f"{key}.npz"
+
+
+def _is_whole(press: UnitPress) -> bool:
+    """Whether all arrays are finite and fit together."""
+    depths, nodes = press.depths.size, press.rest_radii.size
+    shapes = dict.fromkeys(_PER_STATE, (depths, nodes)) | {
+        "rest_radii": (nodes,),
+        "tip_rows": (len(press.tip_rows), 7),
+    }
+    arrays = {f.name: getattr(press, f.name) for f in fields(press) if f.name not in (*_SCALARS, "versions")}
+    return depths > 0 and all(
+        array.shape == shapes.get(name, (depths,)) and bool(np.isfinite(array).all())
+        for name, array in arrays.items()
+    )
+
+
+def read_entry(key: str) -> UnitPress | None:
+    """The stored press, or None where there is none that can be used."""
+    try:
+        with entry_path(key).open("rb") as file, zipfile.ZipFile(file) as archive:
+            if archive.testzip() is not None:
+                return None
+            file.seek(0)
+            entry = np.load(file, allow_pickle=False)
+            if str(entry["key"]) != key:
+                return None
+            found: dict[str, object] = {f.name: entry[f.name] for f in fields(UnitPress)}
+    except _UNREADABLE:
+        return None
+    found |= {name: float(np.asarray(found[name])) for name in _SCALARS}
+    found["versions"] = tuple(str(text) for text in np.atleast_1d(np.asarray(found["versions"])))
+    press = UnitPress(**found)  # type: ignore[arg-type]
+    return press if _is_whole(press) else None
+
+
+def _arrays(press: UnitPress) -> dict[str, np.ndarray[Any, Any]]:
+    """Every field as an array."""
+    return {field.name: np.array(getattr(press, field.name)) for field in fields(press)}
+
+
+def write_entry(key: str, press: UnitPress) -> str | None:
+    """Store a press; returns None, or a note that says why it could not be stored."""
+    path = entry_path(key)
+    temporary: str | None = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
+            temporary = file.name
+            np.savez(file, allow_pickle=False, key=np.array(key), **_arrays(press))
+        os.replace(temporary, path)
+    except BaseException as err:  # an interrupt as well
+        if temporary is not None:
+            with contextlib.suppress(OSError):
+                os.unlink(temporary)
+        if not isinstance(err, OSError):
+            raise
+        reason = err.strerror or str(err)
+        return f"contact solution not stored in {path.parent} ({reason}); set {CACHE_VARIABLE} to a writable folder"
+    return None

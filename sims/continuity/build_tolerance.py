@@ -1,0 +1,99 @@
+"""How firm a scored verdict is: everything that may be off on a build, one value at a time and all at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from design.geometry.cavity import cavity_of
+from design.geometry.pairs import is_facing_rows
+from design.spec import SensorDesign
+from design.spec.tolerances import build_tolerances
+from sims.continuity.cautions import band_caution
+from sims.continuity.result import ContinuityScore
+from sims.verdict.build_judge import Judge, pair_judge, place_judge, verdict_judge
+from sims.verdict.build_study import Memo, build_study, remembered
+from sims.verdict.tolerance import ToleranceBand, tolerance_band
+
+OnStep = Callable[[str, float], None]
+DEFAULT_BUILDS = 200
+
+
+def with_tolerance(
+    design: SensorDesign, score: ContinuityScore, *, seed: int = 0, on_step: OnStep | None = None
+) -> ContinuityScore:
+    """A score with both ends of every open value tried.
+
+    Facing rows are judged by their governing pair; a pad by the pairs that answer at its weakest place.
+
+    Parameters
+    ----------
+    score : of that design, with its map if it is a pad; out of scope it comes back as it is
+    on_step : called with the stage's name and the share of it that is done
+    """
+    if score.readout is None:
+        return score
+    tell = on_step or (lambda _stage, _share: None)
+    name, judge = _governing_judge(design, score, seed)
+    return _with_band(score, tolerance_band(design, name, judge, lambda share: tell("tolerance", share)))
+
+
+def _governing_judge(design: SensorDesign, score: ContinuityScore, seed: int) -> tuple[str, Judge]:
+    pad_map, light, readout = score.pad_map, score.pad_signals, score.readout
+    if pad_map is None or light is None or readout is None or is_facing_rows(cavity_of(design)):
+        pair = next(pair for pair in score.pairs if pair.name == score.governing)
+        return pair_judge(pair.curves.pair, pair.name, seed=seed)
+    return place_judge(design, pad_map, light, readout, seed=seed)
+
+
+def _with_band(score: ContinuityScore, band: ToleranceBand) -> ContinuityScore:
+    """The score with that band, and its caution in place of an earlier one's."""
+    kept = tuple(text for text in score.warnings if text != band_caution(score.tolerance))
+    told = band_caution(band)
+    return replace(score, tolerance=band, warnings=(*kept, told) if told else kept)
+
+
+def with_builds(
+    design: SensorDesign,
+    score: ContinuityScore,
+    *,
+    builds: int = DEFAULT_BUILDS,
+    seed: int = 0,
+    memo: Memo | None = None,
+    on_step: OnStep | None = None,
+) -> ContinuityScore:
+    """A score with its builds: `tolerance` then also tries the tolerances of making, `builds` draws all at once.
+
+    Parameters
+    ----------
+    score : of that design, with its map if it is a pad; out of scope it comes back as it is
+    builds : how many are drawn
+    memo : where finished builds are kept; None keeps none
+
+    Raises
+    ------
+    InputError : a number of builds that is refused, or nothing that varies.
+    """
+    if score.readout is None:
+        return score
+    tell = on_step or (lambda _stage, _share: None)
+    name, judge = verdict_judge(design, score.pad_map, score.pad_signals, score.readout, seed=seed)
+    recalled = remembered(judge, memo, name)
+    tolerances = build_tolerances(design)
+    band = tolerance_band(
+        design,
+        name,
+        recalled,
+        lambda share: tell("tolerance", share),
+        added=[one.as_used_value for one in tolerances if one.origin != "open value"],
+    )
+    study = build_study(
+        design,
+        tolerances,
+        name,
+        recalled,
+        builds=builds,
+        seed=seed,
+        on_step=lambda share: tell("builds", share),
+    )
+    return replace(_with_band(score, band), builds=study)

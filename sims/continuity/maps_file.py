@@ -1,0 +1,151 @@
+"""Maps of a pad as an xarray data set with units and provenance: what ``sims/maps.nc`` of a bundle holds.
+
+Open one with a line: ``xarray.open_dataset("sims/maps.nc")``. Bounds have the axes ``y``, ``x``, ``depth``; readings
+have ``y``, ``x``, ``press_depth``, ``pair``, for they are traced at more depths. Infinite is blind, or not felt.
+"""
+
+from __future__ import annotations
+
+import platform
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from design.spec import SensorDesign
+from sims.bounds.observability import PadBounds, pair_names
+
+if TYPE_CHECKING:
+    from sims.continuity.result import ContinuityScore
+
+VERSIONED = ("optopad", "numpy", "numba", "mujoco", "xarray")
+"""Packages whose versions a file records."""
+
+
+def provenance(design: SensorDesign, seed: int) -> dict[str, Any]:
+    """Attributes that say what made a file: design, digest, seed, versions."""
+    return {
+        "design": design.name,
+        "design_digest": design.digest,
+        "seed": seed,
+        "versions": " ".join(
+            [f"python {platform.python_version()}", *(f"{name} {version(name)}" for name in VERSIONED)]
+        ),
+    }
+
+
+def bounds_dataset(bounds: PadBounds) -> xr.Dataset:
+    """Bounds of place and depth, the weight of voxels, the lightest press felt, and what each part's death leaves."""
+    axes = ("y", "x", "depth")
+    dataset = xr.Dataset(
+        {
+            "location_bound": (axes, bounds.location_mm, _of("least standard deviation of the place")),
+            "location_bound_error": (axes, bounds.location_error_mm, _of("its standard error from the light trace")),
+            "depth_bound": (axes, bounds.depth_bound_mm, _of("least standard deviation of the depth, place unknown")),
+            "depth_bound_error": (axes, bounds.depth_error_mm, _of("its standard error from the light trace")),
+            "depth_bound_place_known": (axes, bounds.depth_alone_mm, _of("least standard deviation of the depth")),
+            "depth_bound_place_known_error": (axes, bounds.depth_alone_error_mm, _of("its standard error")),
+            "volume_share": (axes, bounds.weight, _of("share of the workspace that a voxel stands for", "1")),
+        },
+        coords={
+            "y": ("y", list(bounds.y_mm), _of("place across")),
+            "x": ("x", list(bounds.x_mm), _of("place along")),
+            "depth": ("depth", list(bounds.depth_mm), _of("depth of the press") | {"positive": "into the pad"}),
+        },
+    )  # fmt: skip
+    if bounds.losses:
+        dataset = dataset.assign(_losses(bounds)).assign_coords(part=[loss.part for loss in bounds.losses])
+    return dataset
+
+
+def maps_dataset(design: SensorDesign, score: ContinuityScore) -> xr.Dataset:
+    """Everything that a score knows place by place.
+
+    Raises
+    ------
+    ValueError : a score without a map (out of the models' scope, or of a verdict only)
+    """
+    if score.pad_map is None or score.pad_signals is None or score.readout is None:
+        raise ValueError("score: it has no map; score the design with verdict_only=False")
+    dataset = _map_part(score)
+    if score.bounds is not None:
+        dataset = dataset.merge(bounds_dataset(score.bounds), join="exact")
+        if score.bounds.felt is not None:
+            dataset = dataset.assign(_felt(score.bounds))
+        dataset.attrs["accuracies_of_bounds"] = ", ".join(score.bounds.accuracies)
+    names = pair_names_of(design)
+    dataset = dataset.assign_coords(pair=names)
+    dataset.attrs |= {"title": "optopad maps of the pad", **provenance(design, score.seed)}
+    dataset.attrs |= {
+        "counts_per_flux": score.readout.counts_per_flux,
+        "noise": f"variance = 1/12 + {design.noise.read_noise_counts:g}^2 + ({design.noise.relative_noise:g} counts)^2",
+    }
+    return dataset
+
+
+def pair_names_of(design: SensorDesign) -> list[str]:
+    """Names of all pairs of a design, emitter outermost."""
+    from design.geometry.cavity import cavity_of
+
+    return list(pair_names(cavity_of(design)))
+
+
+def _map_part(score: ContinuityScore) -> xr.Dataset:
+    pad_map, light, readout = score.pad_map, score.pad_signals, score.readout
+    assert pad_map is not None
+    assert light is not None
+    assert readout is not None
+    shape = (len(pad_map.y_mm), len(pad_map.x_mm))
+    depth_mm = light.presses[: len(light.presses) // (shape[0] * shape[1]), 2]
+    counts = readout.counts(light.flux).reshape(*shape, len(depth_mm), -1)
+    error = (light.standard_error * readout.gains).reshape(counts.shape)
+    axes = ("y", "x")
+    margin = np.array([place.margin for place in pad_map.places]).reshape(shape)
+    return xr.Dataset(
+        {
+            "counts": ((*axes, "press_depth", "pair"), counts, _of("reading at the common gain, clipped", "counts")),
+            "counts_error": ((*axes, "press_depth", "pair"), error, _of("its standard error from the trace", "counts")),
+            "deadband": (axes, pad_map.deadband_grid_mm().astype(np.float64), _of("summed deadband of the place")),
+            "margin": (axes, margin, _of("change over the least responsive 0.3 mm", "noise units")),
+        },
+        coords={
+            "y": ("y", list(pad_map.y_mm), _of("place across")),
+            "x": ("x", list(pad_map.x_mm), _of("place along")),
+            "press_depth": ("press_depth", depth_mm, _of("depth of the press") | {"positive": "into the pad"}),
+        },
+    )  # fmt: skip
+
+
+def _felt(bounds: PadBounds) -> dict[str, Any]:
+    felt, axes = bounds.felt, ("y", "x")
+    assert felt is not None
+    return {
+        "felt_depth": (axes, felt.depth_mm, _of("depth from which the pad answers")),
+        "felt_force": (axes, felt.force_n, _of("load from which the pad answers", "N")),
+        "felt_force_low": (axes, felt.low_n, _of("the same at the lower end of the modulus", "N")),
+        "felt_force_high": (axes, felt.high_n, _of("the same at the upper end of the modulus", "N")),
+        "felt_force_trace_low": (axes, felt.force_error_low_n, _of("the same less the trace's error", "N")),
+        "felt_force_trace_high": (axes, felt.force_error_high_n, _of("the same plus the trace's error", "N")),
+    }
+
+
+def _losses(bounds: PadBounds) -> dict[str, Any]:
+    losses = bounds.losses
+    return {
+        "coverage_without": (
+            "part",
+            [x.coverage.value for x in losses],
+            _of("covered without the part", "1"),
+        ),
+        "location_without": (
+            "part",
+            [x.median_location_mm.value for x in losses],
+            _of("median location bound"),
+        ),
+        "depth_without": ("part", [x.median_depth_mm.value for x in losses], _of("median depth bound")),
+    }
+
+
+def _of(long_name: str, units: str = "mm") -> dict[str, Any]:
+    return {"units": units, "long_name": long_name}

@@ -1,0 +1,213 @@
+"""What a verdict says: pairs, pad, tolerance, warnings; and its form as plain data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sims.bounds.json_form import bounds_json
+from sims.bounds.observability import PadBounds
+from sims.contact.force_curve import ForceCurve
+from sims.optics.light_signals import LightSignals
+from sims.readings.readout import Readout
+from sims.verdict.boundary_forces import BoundaryForces
+from sims.verdict.build_study import BuildStudy
+from sims.verdict.mode_errors import mode_errors_mm
+from sims.verdict.pad_map import PadMap
+from sims.verdict.pair.pair_score import PairScore
+from sims.verdict.presses import PairCurves
+from sims.verdict.tolerance import ToleranceBand
+
+FloatArray = NDArray[np.float64]
+Verdict = Literal["CONTIGUOUS", "DEADBAND", "OUT_OF_MODEL_SCOPE"]
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class JudgedPair:
+    """One judged pair: its name (as E1-R3), light against depth, score, loads at the boundaries of its modes, and the
+    standard errors of its figures by name (`sims.verdict.figure_errors`); None where not worked out.
+    """
+
+    name: str
+    curves: PairCurves
+    score: PairScore
+    forces: BoundaryForces | None = None
+    errors: dict[str, float] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContinuityScore:
+    """The verdict on a design.
+
+    Attributes
+    ----------
+    verdict, reason : the verdict and, for OUT_OF_MODEL_SCOPE, why
+    digest, name, seed, fine, full : what was scored, and how
+    is_facing_rows : whether the verdict is that of facing pairs (else of the pad)
+    deadbands_mm : intervals of the headline: the governing facing pair, or the worst place of the pad
+    governing : name of the pair that stands for the rest: the middle facing one; of a pad the unclipped one with
+        most deadband, then least evenness
+    worst_pair_mm, worst_pair : largest summed deadband of a judged pair, and its name
+    mode_gap_mm : of the governing pair, or the median judged pair; None when open
+    continuity, evenness : of the governing pair, or the medians over judged pairs [-]
+    figure_errors : standard errors of continuity, evenness and strength by name; None where not worked out
+    untouched_flux : (emitter, receiver) [-]; counts follow from readout
+    pairs : judged pairs in order; unjudged : names and untouched counts of the others
+    clipped : names of judged pairs above full scale
+    tolerance, builds : both ends of every open value, one at a time; builds with everything off at once, if asked for
+    pad_map, pad_signals : what the places of the workspace say, and the light behind it
+    bounds : what all readings together can tell of a press's place and depth, at the map's places; None for a verdict
+        only
+    """
+
+    verdict: Verdict
+    reason: str
+    digest: str
+    name: str
+    seed: int
+    fine: bool
+    is_facing_rows: bool
+    full: bool = False
+    deadbands_mm: tuple[Interval, ...] = ()
+    governing: str | None = None
+    worst_pair_mm: float | None = None
+    worst_pair: str | None = None
+    mode_gap_mm: float | None = None
+    continuity: float | None = None
+    evenness: float | None = None
+    strength: dict[str, float] | None = None
+    figure_errors: dict[str, float] | None = None
+    pairs: tuple[JudgedPair, ...] = ()
+    unjudged: dict[str, float] = field(default_factory=dict)
+    clipped: tuple[str, ...] = ()
+    untouched_flux: FloatArray | None = None
+    readout: Readout | None = None
+    pad_map: PadMap | None = None
+    pad_signals: LightSignals | None = None
+    bounds: PadBounds | None = None
+    force: ForceCurve | None = None
+    tolerance: ToleranceBand | None = None
+    builds: BuildStudy | None = None
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def deadband_total_mm(self) -> float:
+        """Summed length of the headline's deadbands [mm]."""
+        return sum(end - start for start, end in self.deadbands_mm)
+
+    @property
+    def pairs_with_deadband(self) -> int:
+        """How many judged pairs have a deadband of their own."""
+        return sum(bool(pair.score.deadbands_mm) for pair in self.pairs)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data for JSON; an open end is None."""
+        return {
+            "name": self.name,
+            "digest": self.digest,
+            "verdict": self.verdict,
+            "reason": self.reason,
+            "deadband_mm": {
+                "total": None if self.verdict == "OUT_OF_MODEL_SCOPE" else _rounded(self.deadband_total_mm),
+                "worst_pair": _rounded(self.worst_pair_mm),
+                "intervals": [[_rounded(start), _rounded(end)] for start, end in self.deadbands_mm],
+            },
+            "worst_pair": self.worst_pair,
+            "governing_pair": self.governing,
+            "pairs_with_deadband": {"count": self.pairs_with_deadband, "judged": len(self.pairs)},
+            "mode_gap_mm": _rounded(self.mode_gap_mm),
+            "continuity": _rounded(self.continuity),
+            "evenness": _rounded(self.evenness),
+            "strength": None if self.strength is None else {k: _rounded(v) for k, v in self.strength.items()},
+            "figure_errors": _errors_json(self.figure_errors),
+            "judged_by": "facing pairs" if self.is_facing_rows else "pad",
+            "pairs": [_pair_json(pair) for pair in self.pairs],
+            "unjudged_untouched_counts": {name: _rounded(value) for name, value in self.unjudged.items()},
+            "clipped": list(self.clipped),
+            "counts_per_flux": None if self.readout is None else _rounded(self.readout.counts_per_flux),
+            "receiver_counts_per_flux": _gains_json(self.readout, self.untouched_flux),
+            "untouched_flux": None if self.untouched_flux is None else _rows(self.untouched_flux),
+            "map": None if self.pad_map is None else _map_json(self.pad_map),
+            "bounds": None if self.bounds is None else bounds_json(self.bounds),
+            "force": None if self.force is None else _force_json(self.force),
+            "tolerance": None if self.tolerance is None else self.tolerance.to_json(),
+            "builds": None if self.builds is None else self.builds.to_json(),
+            "seed": self.seed,
+            "fine": self.fine,
+            "full": self.full,
+            "warnings": list(self.warnings),
+        }
+
+
+def _gains_json(readout: Readout | None, untouched_flux: FloatArray | None) -> list[float | None] | None:
+    if readout is None or untouched_flux is None:
+        return None
+    return [_rounded(gain) for gain in readout.of_each(untouched_flux.shape[1])]
+
+
+def _rows(values: FloatArray) -> list[list[float | None]]:
+    return [[_rounded(value) for value in row] for row in values.tolist()]
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None or not np.isfinite(value) else float(f"{value:.6g}")
+
+
+def _errors_json(errors: dict[str, float] | None) -> dict[str, float | None] | None:
+    return None if errors is None else {name: _rounded(error) for name, error in errors.items()}
+
+
+def _pair_json(pair: JudgedPair) -> dict[str, Any]:
+    score, modes = pair.score, pair.score.modes
+    errors1, errors2 = mode_errors_mm(pair.curves, modes)
+    return {
+        "pair": pair.name,
+        "press_mm": [_rounded(value) for value in pair.curves.press_mm],
+        "mode1_mm": [_rounded(value) for value in modes.mode1_mm],
+        "mode2_mm": [_rounded(value) for value in modes.mode2_mm],
+        "mode1_error_mm": [_rounded(value) for value in errors1],
+        "mode2_error_mm": [_rounded(value) for value in errors2],
+        "mode_forces_n": None if pair.forces is None else pair.forces.to_json(),
+        "mode_gap_mm": _rounded(modes.gap_mm),
+        "mode_gap_at_least_mm": _rounded(modes.gap_at_least_mm),
+        "end_mm": _rounded(score.end_mm),
+        "deadbands_mm": [[_rounded(start), _rounded(end)] for start, end in score.deadbands_mm],
+        "saturation_mm": None if score.saturation_mm is None else [_rounded(v) for v in score.saturation_mm],
+        "continuity": _rounded(score.continuity),
+        "evenness": _rounded(score.evenness),
+        "untouched_counts": _rounded(score.strength.untouched_counts),
+        "swing": _rounded(score.strength.swing),
+        "resolvable_steps": _rounded(score.strength.resolvable_steps),
+        "errors": _errors_json(pair.errors),
+        "clipped_share": _rounded(score.clipped_share),
+        "noise_margin": _rounded(score.noise_margin),
+    }
+
+
+def _map_json(pad_map: PadMap) -> dict[str, Any]:
+    return {
+        "x_mm": list(pad_map.x_mm),
+        "y_mm": list(pad_map.y_mm),
+        "deadband_mm": pad_map.deadband_grid_mm().round(4).tolist(),
+        "dead_share": _rounded(pad_map.dead_share),
+        "margin_noise_units": [round(place.margin, 3) for place in pad_map.places],
+        "trace_error_noise_units": [round(place.tightest.trace_error, 3) for place in pad_map.places],
+        "weakest_place_mm": [_rounded(pad_map.weakest.x_mm), _rounded(pad_map.weakest.y_mm)],
+        "worst_place_mm": [_rounded(pad_map.worst.x_mm), _rounded(pad_map.worst.y_mm)]
+        if pad_map.worst.deadbands_mm
+        else None,
+    }
+
+
+def _force_json(force: ForceCurve) -> dict[str, list[float]]:
+    return {
+        "depth_mm": force.depth_mm.round(4).tolist(),
+        "force_n": force.force_n.round(4).tolist(),
+        "low_n": force.low_n.round(4).tolist(),
+        "high_n": force.high_n.round(4).tolist(),
+        "contact_radius_mm": force.contact_radius_mm.round(4).tolist(),
+    }

@@ -1,0 +1,442 @@
+"""The verdict on a design: are the two modes contiguous, and where is the sensor blind to depth?
+
+    judged pairs, each under its own press ──► light ──► counts ──► modes, deadbands, strength
+    places of the workspace ──► judged pairs together ──► map of the pad
+    open values, both ends of their bands ──► the governing pair again ──► how firm it is
+
+Facing rows: the verdict is that of the facing pairs, the middle one first (it governs). Pads: DEADBAND
+if some place has a depth interval of at least 0.3 mm over which no judged pair changes by 3 noise units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import ModelScopeError
+from design.geometry.cavity import CavityGeometry, cavity_of
+from design.geometry.pairs import direct_path_pairs, is_facing_rows, judged_pairs, mask_of
+from design.rules.check import check, require_valid
+from design.spec import SensorDesign
+from sims.bounds.observability import PadBounds
+from sims.contact.force_curve import ForceCurve, force_curve
+from sims.contact.indentation import solved_press
+from sims.contact.press_notes import contact_notes
+from sims.continuity.build_tolerance import with_tolerance
+from sims.continuity.cautions import margin_caution, noise_caution
+from sims.continuity.map_bounds import map_bounds
+from sims.continuity.result import ContinuityScore, JudgedPair, Verdict
+from sims.optics.light_signals import LightSignals
+from sims.press.depths import COARSE_STEP_MM, STEP_MM, depth_schedule_mm
+from sims.readings.readout import Readout, readout_of
+from sims.verdict.boundary_forces import boundary_forces, place_force
+from sims.verdict.builds import noise_of, score_curves
+from sims.verdict.figure_errors import drawn_figures, figure_errors, figures_of
+from sims.verdict.pad_map import COARSE_PLACES, FINE_PLACES, PadMap, Place, grid_places_mm, map_grid_mm
+from sims.verdict.pair.deadbands import joint_deadband_intervals_mm
+from sims.verdict.pair.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
+from sims.verdict.pair.depth_curve import clipped
+from sims.verdict.pair.noise_units import noise_units, sigma_counts
+from sims.verdict.pair.pair_score import PairScore
+from sims.verdict.pair.trace_noise import tight_windows
+from sims.verdict.presses import (
+    DOUBT_ACCURACY,
+    MAP_ACCURACY,
+    MOST_TRACED_AGAIN,
+    PAIR_ACCURACY,
+    PairCurves,
+    map_depths_mm,
+    map_light,
+    pad_light,
+    pair_curves,
+    untouched_flux,
+)
+
+FloatArray = NDArray[np.float64]
+OnStep = Callable[[str, float], None]
+
+
+def score(
+    design: SensorDesign,
+    *,
+    fine: bool = False,
+    full: bool = False,
+    seed: int = 0,
+    verdict_only: bool = False,
+    tolerance: bool = True,
+    on_step: OnStep | None = None,
+) -> ContinuityScore:
+    """Judge a design.
+
+    Parameters
+    ----------
+    full : 11 places along the longer side and 0.1 mm steps for the map, in place of 5 and 0.2 mm
+    fine : the same, with finer light, and bounds at more depths
+    seed : of the light model's random shifts
+    verdict_only : leave out what the verdict does not need: tolerance, and the map of facing rows
+    tolerance : try both ends of every open value, as `sims.continuity.build_tolerance.with_tolerance` does afterwards
+    on_step : called with the stage's name and the share of it that is done
+
+    Raises
+    ------
+    DesignError : the design breaks a rule (`optopad check` lists them).
+    """
+    require_valid(design)
+    tell = on_step or (lambda _stage, _share: None)
+    try:
+        return _judged(
+            design,
+            fine=fine,
+            full=full,
+            seed=seed,
+            verdict_only=verdict_only,
+            tolerance=tolerance,
+            tell=tell,
+        )
+    except ModelScopeError as err:
+        return _out_of_scope(design, str(err), fine=fine, full=full, seed=seed)
+
+
+def _judged(
+    design: SensorDesign,
+    *,
+    fine: bool,
+    full: bool,
+    seed: int,
+    verdict_only: bool,
+    tolerance: bool,
+    tell: OnStep,
+) -> ContinuityScore:
+    cavity = cavity_of(design)
+    _require_judgeable_depth(design)
+    force = _force_curve(design, lambda share: tell("contact", share))
+    depth_mm = depth_schedule_mm(design.operating.max_depth_mm)
+    flat = untouched_flux(design, cavity, seed=seed)
+    pairs = judged_pairs(cavity)
+    readout = readout_of(design, flat, mask_of(pairs, cavity))
+    curves = pair_curves(
+        design,
+        cavity,
+        pairs,
+        depth_mm,
+        accuracy="fine" if fine else PAIR_ACCURACY,
+        seed=seed,
+        on_step=lambda share: tell("pairs", share),
+    )
+    judged, drawn = _judged_pairs(design, cavity, curves, readout)
+    facing = is_facing_rows(cavity)
+    pad_map, pad_signals = None, None
+    if not (facing and verdict_only):
+        pad_map, pad_signals = _pad_map(design, cavity, readout, fine=fine, full=full, seed=seed, tell=tell)
+    bounds = None
+    if not verdict_only and pad_map is not None and pad_signals is not None:
+        bounds = map_bounds(
+            design,
+            pad_map,
+            pad_signals,
+            readout,
+            fine=fine,
+            seed=seed,
+            on_step=lambda share: tell("bounds", share),
+        )
+    found = _assembled(
+        design,
+        cavity,
+        judged,
+        drawn,
+        pad_map,
+        pad_signals,
+        readout,
+        flat,
+        force,
+        bounds,
+        fine=fine,
+        full=full,
+        seed=seed,
+    )
+    if tolerance and not verdict_only:
+        return with_tolerance(design, found, seed=seed, on_step=tell)
+    return found
+
+
+def _judged_pairs(
+    design: SensorDesign, cavity: CavityGeometry, curves: tuple[PairCurves, ...], readout: Readout
+) -> tuple[tuple[JudgedPair, ...], FloatArray]:
+    """All pairs, and their figures drawn again within the trace's error."""
+    scores = [score_curves(design, of_pair, readout) for of_pair in curves]
+    drawn = drawn_figures(design, curves, scores, readout)
+    errors = [
+        figure_errors(draws[None], figures_of(score)[None])
+        for draws, score in zip(drawn, scores, strict=True)
+    ]
+    judged = (_judged_pair(design, cavity, *one) for one in zip(curves, scores, errors, strict=True))
+    return tuple(judged), drawn
+
+
+def _judged_pair(
+    design: SensorDesign,
+    cavity: CavityGeometry,
+    curves: PairCurves,
+    scored: PairScore,
+    errors: dict[str, float],
+) -> JudgedPair:
+    force, is_at_place = place_force(design, curves.press_mm)
+    return JudgedPair(
+        name=_name(cavity, curves.pair),
+        curves=curves,
+        score=scored,
+        forces=boundary_forces(scored.modes, force, is_at_place=is_at_place),
+        errors=errors,
+    )
+
+
+def _require_judgeable_depth(design: SensorDesign) -> None:
+    if design.operating.max_depth_mm < DEADBAND_MIN_LENGTH_MM:
+        raise ModelScopeError(
+            f"operating.max_depth_mm: {design.operating.max_depth_mm:g} mm is less than a deadband's least length, "
+            f"{DEADBAND_MIN_LENGTH_MM:g} mm, so nothing can be judged; raise it"
+        )
+
+
+def _force_curve(design: SensorDesign, on_step: Callable[[float], None]) -> ForceCurve:
+    press = solved_press(design, on_step=on_step)
+    return force_curve(design, press, depth_schedule_mm(design.operating.max_depth_mm))
+
+
+def governing_pair(judged: tuple[JudgedPair, ...], facing: bool) -> JudgedPair:
+    """The middle facing pair, or the worst one if only another has a deadband.
+
+    Of a pad: the pair with most deadband, then least evenness, clipped ones last.
+    """
+    if facing:
+        worst = max(judged, key=lambda pair: pair.score.deadband_total_mm)
+        return judged[0] if judged[0].score.deadbands_mm else worst
+    return max(
+        judged,
+        key=lambda pair: (not pair.score.is_clipped, pair.score.deadband_total_mm, -pair.score.evenness),
+    )
+
+
+def _pad_map(
+    design: SensorDesign,
+    cavity: CavityGeometry,
+    readout: Readout,
+    *,
+    fine: bool,
+    full: bool,
+    seed: int,
+    tell: OnStep,
+) -> tuple[PadMap, LightSignals]:
+    """The map, and the light it was traced with.
+
+    Where that leaves few places open, these are judged by finer light at the depths in question.
+    """
+    places, step_mm = (FINE_PLACES, STEP_MM) if fine or full else (COARSE_PLACES, COARSE_STEP_MM)
+    x_mm, y_mm = map_grid_mm(cavity, places)
+    depth_mm = map_depths_mm(design.operating.max_depth_mm, step_mm)
+    places_mm = grid_places_mm(cavity.workspace, x_mm, y_mm)
+    accuracy = "standard" if fine else MAP_ACCURACY
+    light = map_light(
+        design, places_mm, depth_mm, accuracy=accuracy, seed=seed, on_step=lambda s: tell("map", s)
+    )
+    flux, errors = _by_place(light.flux, len(places_mm)), _by_place(light.standard_error, len(places_mm))
+    pad_map = PadMap(
+        x_mm=tuple(x_mm.tolist()),
+        y_mm=tuple(y_mm.tolist()),
+        places=_judged_places(design, cavity, places_mm, depth_mm, flux, errors, readout),
+    )
+    doubtful = pad_map.doubtful
+    if 0 < len(doubtful) <= MOST_TRACED_AGAIN:
+        again = pad_map.open_depths(depth_mm)
+        finer = pad_light(
+            design,
+            places_mm[doubtful],
+            depth_mm[again],
+            accuracy=DOUBT_ACCURACY,
+            seed=seed,
+            on_step=lambda s: tell("doubtful places", s),
+        )
+        flux, errors = flux[doubtful], errors[doubtful]
+        flux[:, again] = _by_place(finer.flux, len(doubtful))
+        errors[:, again] = _by_place(finer.standard_error, len(doubtful))
+        found = _judged_places(design, cavity, places_mm[doubtful], depth_mm, flux, errors, readout)
+        pad_map = pad_map.with_places(dict(zip(doubtful, found, strict=True)))
+    return pad_map, light
+
+
+def _by_place(states: FloatArray, places: int) -> FloatArray:
+    """(place, depth, emitter, receiver) of states that run through depths first."""
+    return np.asarray(states.reshape(places, -1, *states.shape[1:]))
+
+
+def _judged_places(
+    design: SensorDesign,
+    cavity: CavityGeometry,
+    places_mm: FloatArray,
+    depth_mm: FloatArray,
+    flux: FloatArray,
+    standard_error: FloatArray,
+    readout: Readout,
+) -> tuple[Place, ...]:
+    """Each place by its light (place, depth, emitter, receiver)."""
+    mask = direct_path_pairs(cavity)
+    counts = flux[:, :, mask] * readout.of_mask(mask)
+    errors = standard_error[:, :, mask] * readout.of_mask(mask)
+    return tuple(
+        pad_place(design, place, depth_mm, readings, error, readout.full_scale_counts)
+        for place, readings, error in zip(places_mm, counts, errors, strict=True)
+    )
+
+
+def pad_place(
+    design: SensorDesign,
+    place_mm: FloatArray,
+    depth_mm: FloatArray,
+    counts: FloatArray,
+    errors: FloatArray,
+    full_scale_counts: float,
+) -> Place:
+    """Judge one place from the unlimited counts (depth, pair) of all judged pairs and their errors."""
+    noise = noise_of(design)
+    knots_mm, readings = clipped(depth_mm, counts, full_scale_counts)
+    units = noise_units(readings, **noise)
+    change = np.ptp(units, axis=0)
+    error_units = np.where(counts < full_scale_counts, errors / sigma_counts(counts, **noise), 0.0)
+    window_mm = min(DEADBAND_MIN_LENGTH_MM, float(depth_mm[-1]))
+    windows = tight_windows(knots_mm, units, depth_mm, error_units, window_mm)
+    return Place(
+        x_mm=float(place_mm[0]),
+        y_mm=float(place_mm[1]),
+        deadbands_mm=joint_deadband_intervals_mm(knots_mm, readings, **noise),
+        answering_pairs=int((change >= DEADBAND_THRESHOLD).sum()),
+        largest_change=float(change.max()),
+        margin=min(window.change for window in windows),
+        tightest=min(windows, key=lambda window: window.spare),
+        open_mm=tuple((window.start_mm, window.end_mm) for window in windows if window.spare < 0.0),
+    )
+
+
+def _assembled(
+    design: SensorDesign,
+    cavity: CavityGeometry,
+    judged: tuple[JudgedPair, ...],
+    drawn: FloatArray,
+    pad_map: PadMap | None,
+    pad_signals: LightSignals | None,
+    readout: Readout,
+    flat: FloatArray,
+    force: ForceCurve,
+    bounds: PadBounds | None,
+    *,
+    fine: bool,
+    full: bool,
+    seed: int,
+) -> ContinuityScore:
+    facing = is_facing_rows(cavity)
+    governing = governing_pair(judged, facing)
+    deadbands = pad_map.worst.deadbands_mm if pad_map and not facing else governing.score.deadbands_mm
+    found = any(pair.score.deadbands_mm for pair in judged) if facing else bool(deadbands)
+    headline = _headline(judged, governing, facing)
+    shown = [k for k, pair in enumerate(judged) if not facing or pair is governing]
+    worst = max(judged, key=lambda pair: pair.score.deadband_total_mm)
+    verdict: Verdict = "DEADBAND" if found else "CONTIGUOUS"
+    return ContinuityScore(
+        verdict=verdict,
+        reason="",
+        digest=design.digest,
+        name=design.name,
+        seed=seed,
+        fine=fine,
+        full=full,
+        is_facing_rows=facing,
+        deadbands_mm=tuple(deadbands),
+        governing=governing.name,
+        worst_pair_mm=worst.score.deadband_total_mm,
+        worst_pair=worst.name,
+        mode_gap_mm=headline.gap_mm,
+        continuity=headline.continuity,
+        evenness=headline.evenness,
+        strength=headline.strength,
+        figure_errors=figure_errors(drawn[shown], np.stack([figures_of(judged[k].score) for k in shown])),
+        pairs=judged,
+        unjudged=_unjudged(cavity, flat, readout),
+        clipped=tuple(pair.name for pair in judged if pair.score.is_clipped),
+        untouched_flux=flat,
+        readout=readout,
+        pad_map=pad_map,
+        pad_signals=pad_signals,
+        bounds=bounds,
+        force=force,
+        warnings=_warnings(design, judged, pad_map),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Headline:
+    gap_mm: float | None
+    continuity: float
+    evenness: float
+    strength: dict[str, float]
+
+
+def _headline(judged: tuple[JudgedPair, ...], governing: JudgedPair, facing: bool) -> _Headline:
+    """The governing facing pair's figures; for a pad the medians over judged pairs."""
+    shown = (governing,) if facing else judged
+    gaps = [pair.score.modes.gap_mm for pair in shown]
+    closed = [np.inf if gap is None else gap for gap in gaps]
+    median_gap = float(np.median(closed))
+    return _Headline(
+        gap_mm=median_gap if np.isfinite(median_gap) else None,
+        continuity=float(np.median([pair.score.continuity for pair in shown])),
+        evenness=float(np.median([pair.score.evenness for pair in shown])),
+        strength={
+            "untouched_flux": float(np.median([pair.curves.total[0] for pair in shown])),
+            "untouched_counts": float(np.median([pair.score.strength.untouched_counts for pair in shown])),
+            "swing": float(np.median([pair.score.strength.swing for pair in shown])),
+            "resolvable_steps": float(np.median([pair.score.strength.resolvable_steps for pair in shown])),
+        },
+    )
+
+
+def _unjudged(cavity: CavityGeometry, flat: FloatArray, readout: Readout) -> dict[str, float]:
+    counts = readout.counts(flat)
+    judged = mask_of(judged_pairs(cavity), cavity)
+    return {_name(cavity, (int(i), int(j))): float(counts[i, j]) for i, j in np.argwhere(~judged)}
+
+
+def _name(cavity: CavityGeometry, pair: tuple[int, int]) -> str:
+    return f"{cavity.emitters[pair[0]].name}-{cavity.receivers[pair[1]].name}"
+
+
+def _warnings(
+    design: SensorDesign, judged: tuple[JudgedPair, ...], pad_map: PadMap | None
+) -> tuple[str, ...]:
+    found = [str(finding) for finding in check(design)]  # errors were refused before
+    found += contact_notes(design)
+    found += filter(None, [noise_caution(judged)])
+    if pad_map is not None and not is_facing_rows(cavity_of(design)):
+        found += margin_caution(pad_map)
+    clipped = [pair.name for pair in judged if pair.score.is_clipped]
+    if clipped:
+        found.append(
+            f"{len(clipped)} of {len(judged)} judged pairs read above full scale at their gain and are "
+            f"blind while they do: {', '.join(clipped[:8])}; lower gain.target_counts to unclip them"
+        )
+    return tuple(found)
+
+
+def _out_of_scope(design: SensorDesign, reason: str, *, fine: bool, full: bool, seed: int) -> ContinuityScore:
+    return ContinuityScore(
+        verdict="OUT_OF_MODEL_SCOPE",
+        reason=reason,
+        digest=design.digest,
+        name=design.name,
+        seed=seed,
+        fine=fine,
+        full=full,
+        is_facing_rows=is_facing_rows(cavity_of(design)),
+        warnings=tuple(str(finding) for finding in check(design)),
+    )

@@ -1,0 +1,174 @@
+"""One field of a design at several values: each value judged, as plain data for table, plot and file.
+
+A row is the score (without tolerance) and the light of one pair, so that a finished row can be kept in a file
+and drawn later without computing anything again. Of facing rows that pair is the middle one at every value, even
+where the verdict is that of another, so that the panels of a figure compare like with like; of a pad it is the
+governing one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from design.errors import DesignError, InputError
+from design.rules.check import require_valid
+from design.spec import SensorDesign
+from sims.continuity.result import ContinuityScore, JudgedPair
+from sims.verdict.boundary_forces import BoundaryForces, boundary_forces, place_force
+from sims.verdict.pair.deadbands import total_length_mm
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweptCurve:
+    """Light of the pair that is shown, against depth.
+
+    Attributes
+    ----------
+    pair : its name
+    depth_mm : depths [mm]
+    total, direct, top : light over the emitted power, all of it, straight, and mirrored by the top [-]
+    standard_error : of total, from the light trace [-]
+    """
+
+    pair: str
+    depth_mm: tuple[float, ...]
+    total: tuple[float, ...]
+    direct: tuple[float, ...]
+    top: tuple[float, ...]
+    standard_error: tuple[float, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepRow:
+    """One value of a sweep.
+
+    Attributes
+    ----------
+    value : the field's value
+    score : the score as plain data, as in ``score.json``
+    curve : light of the pair that is shown; None out of the model's scope
+    forces_n : loads at its mode boundaries with the band of the modulus [N]; None likewise
+    possible_deadband_mm : summed deadband of that pair with what the light trace's error may hide [mm]
+    """
+
+    value: Any
+    score: dict[str, Any]
+    curve: SweptCurve | None
+    forces_n: dict[str, Any] | None
+    possible_deadband_mm: float | None
+
+    @property
+    def is_judged(self) -> bool:
+        """Whether the value lies in the models' scope."""
+        return self.curve is not None
+
+    @property
+    def shown(self) -> dict[str, Any]:
+        """The shown pair's part of the score; empty out of scope."""
+        name = None if self.curve is None else self.curve.pair
+        return next((pair for pair in self.score["pairs"] if pair["pair"] == name), {})
+
+    @property
+    def is_of_another_pair(self) -> bool:
+        """Whether the deadband is that of a pair that is not shown."""
+        return bool(self.score["deadband_mm"]["total"]) and self.score["governing_pair"] != self.shown.get(
+            "pair"
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data: the value and the keys of a score, with curve and loads beside them."""
+        return {
+            "value": self.value,
+            **self.score,
+            "curve": None if self.curve is None else asdict(self.curve),
+            "mode_forces_n": self.forces_n,
+            "possible_deadband_mm": self.possible_deadband_mm,
+        }
+
+    @classmethod
+    def from_json(cls, document: dict[str, Any]) -> SweepRow:
+        """The row of `to_json`."""
+        own = ("value", "curve", "mode_forces_n", "possible_deadband_mm")
+        return cls(
+            value=document["value"],
+            score={name: found for name, found in document.items() if name not in own},
+            curve=None if document["curve"] is None else _curve_of(document["curve"]),
+            forces_n=document["mode_forces_n"],
+            possible_deadband_mm=document["possible_deadband_mm"],
+        )
+
+
+def sweep_row(design: SensorDesign, value: Any, score: ContinuityScore) -> SweepRow:
+    """The row of one judged value.
+
+    Parameters
+    ----------
+    design : with the field at that value
+    """
+    if not score.pairs:
+        return SweepRow(
+            value=value, score=score.to_json(), curve=None, forces_n=None, possible_deadband_mm=None
+        )
+    governing = next(pair for pair in score.pairs if pair.name == score.governing)
+    pair = score.pairs[0] if score.is_facing_rows else governing
+    possible = pair.score.possible_deadbands_mm
+    return SweepRow(
+        value=value,
+        score=score.to_json(),
+        curve=_curve(pair),
+        forces_n=_forces(design, pair).to_json(),
+        possible_deadband_mm=None if possible is None else round(total_length_mm(possible), 4),
+    )
+
+
+def swept_designs(design: SensorDesign, path: str, values: Sequence[Any]) -> tuple[SensorDesign, ...]:
+    """The design at every value; all are checked before anything is computed, so that no finished value is lost.
+
+    Raises
+    ------
+    DesignError : an unknown field (nearest names offered), or a value that breaks a rule.
+    InputError : a value given twice.
+    """
+    doubled = [value for number, value in enumerate(values) if value in values[:number]]
+    if doubled:
+        raise InputError(f"sweep: {path} = {doubled[0]} is given twice; give each value once")
+    return tuple(_valid(design, path, value) for value in values)
+
+
+def _valid(design: SensorDesign, path: str, value: Any) -> SensorDesign:
+    build = design.with_(**{path: value})
+    try:
+        require_valid(build)
+    except DesignError as err:
+        raise DesignError(f"sweep: {path} = {value}: {err}") from None
+    return build
+
+
+def _forces(design: SensorDesign, pair: JudgedPair) -> BoundaryForces:
+    if pair.forces is not None:
+        return pair.forces
+    force, is_at_place = place_force(design, pair.curves.press_mm)
+    return boundary_forces(pair.score.modes, force, is_at_place=is_at_place)
+
+
+def _curve_of(document: dict[str, Any]) -> SweptCurve:
+    light = {name: tuple(values) for name, values in document.items() if name != "pair"}
+    return SweptCurve(pair=document["pair"], **light)
+
+
+def _curve(pair: JudgedPair) -> SweptCurve:
+    curves = pair.curves
+
+    def kept(values: Any) -> tuple[float, ...]:
+        return tuple(float(f"{value:.7g}") for value in values)
+
+    return SweptCurve(
+        pair=pair.name,
+        depth_mm=kept(curves.depth_mm),
+        total=kept(curves.total),
+        direct=kept(curves.direct),
+        top=kept(curves.top),
+        standard_error=kept(curves.standard_error),
+    )

@@ -1,0 +1,204 @@
+"""The Cramér-Rao bound of a press under the whole signal chain: drift, reference depth and positioning unknown.
+
+Model
+-----
+One frame of signals y (lit less off, all pairs) of a stage's press θ = (x, y, depth) has
+
+    y = D(e, r) m(θ + δ) + n,     D(e, r) = diag (1 + e_i + r_j) for the pair of emitter i and receiver j
+
+    n     own noise of a pair, covariance V: read noise and rounding of both readings, shot noise
+    e, r  gains: fluctuation of an emitter within the frame and drift of the set; drift of a receiver since its
+          untouched signal was taken; normal, mean 0
+    δ     the tip beside where the stage says it is: error of positioning in x and y, of the reference depth (set and
+          place), half the lag of the way back; normal, mean 0, covariance Δ
+
+The nuisances have priors, so the bound is the hybrid one (Van Trees 1968, section 2.4; Messer 2006): information of all
+parameters, the priors' added, the nuisances eliminated by a Schur complement. For e and r that leaves
+
+    F = Jᵀ C⁻¹ J,   C = V + G Gᵀ      (`sims.learning.inference.signal_map.reading_noise`; J = ∂m/∂θ)
+
+and for δ, which enters only as θ + δ,
+
+    F⁻¹ of where the tip is,     F⁻¹ + Δ of where the stage says it is
+
+J comes twice, from stencils of independently seeded light, and F is the symmetrised product of the halves, so that the
+trace's noise is no information (`sims.bounds.fisher`): both are multiplied with L⁻¹, C = L Lᵀ, and go through
+`bounds_of` with weights of 1. Pairs at full scale at any press of a stencil tell nothing.
+
+Left out: as there; gains' part of C is taken at the mean signals; flicker of ambient light (dark frames); several
+frames of a set, which would tell its drift and its reference depth together; the lag's two values count as a normal
+distribution of the same spread.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.geometry.cavity import workspace_of
+from design.spec import SensorDesign
+from sims.bounds.fisher import Bounds, Sensitivity, bounds_of
+from sims.bounds.stencil import SEED_GAP, Steps, stencil_derivatives, stencil_presses
+from sims.learning.inference.signal_map.reading_noise import ReadingNoise
+from sims.optics.accuracy import Accuracy
+from sims.optics.tracing import trace
+
+FloatArray = NDArray[np.float64]
+OnStep = Callable[[float], None]
+
+
+EVENLY = np.array([0.7548776662466927, 0.5698402909980532])
+"""Steps of an even sequence of places, 1/p and 1/p² with p³ = p + 1 (M. Roberts, "The unreasonable effectiveness of
+quasirandom sequences", 2018)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StageErrors:
+    """How far the tip may be from where the stage says: standard deviations of x and y each, and of depth [mm]."""
+
+    position_mm: float
+    depth_mm: float
+
+
+def stage_errors(design: SensorDesign) -> StageErrors:
+    """Those of a design's signal chain: set, place and half the lag add as squares."""
+    noise = design.noise
+    depth = np.hypot(noise.zero_offset_set_mm, noise.zero_offset_place_mm)
+    return StageErrors(
+        position_mm=noise.position_error_mm, depth_mm=float(np.hypot(depth, 0.5 * noise.retract_lag_mm))
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ChainBounds:
+    """Least standard deviations of unbiased estimates from one frame [mm]; infinite where blind.
+
+    Attributes
+    ----------
+    tip : of where the tip is, gains unknown
+    stage : the errors of the stage
+    """
+
+    tip: Bounds
+    stage: StageErrors
+
+    @property
+    def location_mm(self) -> FloatArray:
+        """(n,) √(var x + var y) of where the stage says the tip is."""
+        return np.asarray(np.hypot(self.tip.location_mm, np.sqrt(2.0) * self.stage.position_mm))
+
+    @property
+    def depth_mm(self) -> FloatArray:
+        """(n,) of the depth that the stage says."""
+        return np.asarray(np.hypot(self.tip.depth_mm, self.stage.depth_mm))
+
+
+def bounds_under(
+    first: FloatArray, second: FloatArray, signals: FloatArray, noise: ReadingNoise, stage: StageErrors
+) -> ChainBounds:
+    """Bounds from slopes.
+
+    Parameters
+    ----------
+    first, second : (n, pair, 3) slopes of the signals by x, y, depth, from independent halves [counts/mm]
+    signals : (n, pair) mean signals [counts]; from `noise.clip_counts` on a pair tells nothing
+    """
+    is_lost = signals >= noise.clip_counts
+    reached = np.where(is_lost, 0.0, signals)
+    columns = noise.gain_columns(reached)
+    covariance = np.swapaxes(columns, 1, 2) @ columns
+    pairs = np.arange(signals.shape[1])
+    covariance[:, pairs, pairs] += noise.variance(reached)
+    root = np.linalg.cholesky(covariance)
+    whitened = [np.linalg.solve(root, np.where(is_lost[..., None], 0.0, half)) for half in (first, second)]
+    answers = Sensitivity(first=whitened[0], second=whitened[1], weight=np.ones(signals.shape))
+    return ChainBounds(tip=bounds_of(answers), stage=stage)
+
+
+def chain_bounds(
+    design: SensorDesign,
+    press_mm: FloatArray,
+    gains: FloatArray,
+    noise: ReadingNoise,
+    *,
+    stage: StageErrors | None = None,
+    accuracy: str | Accuracy = "draft",
+    seed: int = 0,
+    steps: Steps | None = None,
+    on_step: OnStep | None = None,
+) -> ChainBounds:
+    """Bounds at presses, 12 states of light each.
+
+    Parameters
+    ----------
+    press_mm : (n, 3) x, y, depth [mm]
+    gains : counts per flux, (receiver,) or (emitter, receiver) [counts]
+    noise : of a frame; its `clip_counts` is full scale
+    stage : errors of the stage; those of the design's signal chain if left out
+    accuracy, seed : of the light; the second half has ``seed + SEED_GAP``
+    on_step : called with the share that is done
+
+    Raises
+    ------
+    ModelScopeError : a press that contact or light model does not cover.
+    """
+    offsets = (steps or Steps()).offsets_mm(press_mm[:, 2])
+    presses = stencil_presses(press_mm, offsets)
+    halves = []
+    for half in range(2):
+        light = trace(
+            design,
+            presses,
+            accuracy=accuracy,
+            seed=seed + SEED_GAP * half,
+            on_step=None if on_step is None else _share_of(on_step, half),
+        )
+        halves.append((light.flux * gains).reshape(len(press_mm), -1, light.flux[0].size))
+    highest = np.maximum(*(signals.max(axis=1) for signals in halves))
+    mean = 0.5 * sum(signals.mean(axis=1) for signals in halves)
+    first, second = (stencil_derivatives(signals, offsets) for signals in halves)
+    reached = np.where(highest >= noise.clip_counts, noise.clip_counts, mean)
+    return bounds_under(first, second, reached, noise, stage or stage_errors(design))
+
+
+def _share_of(on_step: OnStep, half: int) -> Callable[[int, int], None]:
+    return lambda done, total: on_step(0.5 * (half + done / total))
+
+
+def bounds_by_depth(
+    design: SensorDesign,
+    gains: FloatArray,
+    noise: ReadingNoise,
+    depths_mm: Sequence[float],
+    *,
+    places: int = 9,
+    accuracy: str | Accuracy = "draft",
+    seed: int = 0,
+    on_step: OnStep | None = None,
+) -> dict[float, tuple[float, float]]:
+    """Medians over places of the workspace of the location and the depth bound, at depths.
+
+    Depths at which the trace cannot tell the information from its own noise at half of the places are left out.
+
+    Parameters
+    ----------
+    gains, noise, accuracy, seed, on_step : as `chain_bounds` takes them
+    depths_mm : above 0 [mm]
+    places : how many, spread evenly (the additive recurrence of the plastic number); 12 states of light each and depth
+    """
+    space = workspace_of(design)
+    share = np.outer(np.arange(1, places + 1), EVENLY) % 1.0
+    x_mm = space.x0_mm + share[:, 0] * (space.x1_mm - space.x0_mm)
+    y_mm = space.y0_mm + share[:, 1] * (space.y1_mm - space.y0_mm)
+    press_mm = np.array([[x, y, depth] for depth in depths_mm for x, y in zip(x_mm, y_mm, strict=True)])
+    found = chain_bounds(design, press_mm, gains, noise, accuracy=accuracy, seed=seed, on_step=on_step)
+    shape = (len(depths_mm), places)
+    location, depth = (np.median(one.reshape(shape), axis=1) for one in (found.location_mm, found.depth_mm))
+    return {
+        float(at): (float(one), float(other))
+        for at, one, other in zip(depths_mm, location, depth, strict=True)
+        if np.isfinite([one, other]).all()
+    }

@@ -1,0 +1,232 @@
+"""A measured press over the simulated one: one place, pair by pair, both over their untouched signal.
+
+    recording ──► readings at one place ──► over the mean of its untouched readings ──┐
+    design ─────► light under a press there ──► over the untouched total ─────────────┴──► curves, difference
+
+Readings and light share no unit but this ratio, so gain and absolute signal are not compared, and nothing else is
+fitted: not the depth's zero, not the shape. The difference is that of the press; retraction is drawn beside it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import InputError
+from design.geometry.cavity import cavity_of
+from design.geometry.pairs import chord_midpoint_mm, judged_pairs, mask_of
+from design.spec import SensorDesign
+from sims.continuity.result import JudgedPair
+from sims.optics.tracing import trace
+from sims.press.depths import depth_schedule_mm
+from sims.readings.readout import readout_of
+from sims.readings.recording import SIGNAL, Recording
+from sims.verdict.builds import score_curves
+from sims.verdict.presses import PAIR_ACCURACY, Pair, curves_of, states_of
+
+FloatArray = NDArray[np.float64]
+SAME_PLACE_MM = 0.25
+"""Readings within this distance of a place belong to it: a stage's step is ten times as fine."""
+FEWEST_READINGS = 5
+MOST_PAIRS = 6
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordedPair:
+    """One pair, measured and simulated.
+
+    Attributes
+    ----------
+    simulated : its light and score under a press at the place of the recording
+    depth_mm, ratio : (n,) depths of the readings [mm], and the readings over their untouched mean [-]
+    deepest : number of the deepest reading: those up to it are of the press, the others of the retraction
+    untouched_counts : that mean [counts]
+    rms, worst : difference from the simulated ratio over the readings of the press within its depths [-]
+    """
+
+    simulated: JudgedPair
+    depth_mm: FloatArray
+    ratio: FloatArray
+    deepest: int
+    untouched_counts: float
+    rms: float
+    worst: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordedPress:
+    """A measured press over the simulated one; `notes` say what was done and what is assumed."""
+
+    place_mm: tuple[float, float]
+    pairs: tuple[RecordedPair, ...]
+    notes: tuple[str, ...]
+
+
+def recorded_press(
+    design: SensorDesign,
+    recording: Recording,
+    *,
+    pairs: tuple[str, ...] = (),
+    at_mm: tuple[float, float] | None = None,
+    seed: int = 0,
+) -> RecordedPress:
+    """Lay a recording over the simulated press.
+
+    Parameters
+    ----------
+    pairs : names of the pairs to compare; empty takes the judged pairs that swing most, the middle one of facing rows
+    at_mm : place of the press; None takes that of the recording, or of the pair where it does not say
+
+    Raises
+    ------
+    InputError : a recording of another design, unknown pairs, several places, too few readings, no untouched ones.
+    """
+    notes = [*recording.notes, *_of_this_design(design, recording)]
+    chosen = _chosen(design, recording, pairs)
+    place, rows, told = _place(design, recording, chosen, at_mm)
+    notes += told
+    depth_mm = recording.depth_mm[rows]
+    if len(depth_mm) < FEWEST_READINGS:
+        has_places = recording.place_mm is not None
+        raise InputError(
+            f"{recording.file}: {len(depth_mm)} readings at ({place[0]:g}, {place[1]:g}) mm, needs {FEWEST_READINGS}; "
+            + ("name another place with --at X,Y" if has_places else "record the press in finer steps")
+        )
+    deepest_mm = design.operating.max_depth_mm
+    if depth_mm.max() > deepest_mm:
+        notes.append(
+            f"readings deeper than operating.max_depth_mm = {deepest_mm:g} mm are drawn and not compared"
+        )
+    simulated = _simulated(design, place, tuple(chosen.values()), seed)
+    found = tuple(
+        _laid_over(pair, depth_mm, recording.counts[name][rows], recording)
+        for (name, _), pair in zip(chosen.items(), simulated, strict=True)
+    )
+    notes.append(
+        "both are over their own untouched signal: gain and absolute signal are not compared, nothing is fitted"
+    )
+    return RecordedPress(place_mm=place, pairs=found, notes=tuple(notes))
+
+
+def _of_this_design(design: SensorDesign, recording: Recording) -> list[str]:
+    digest = recording.design_digest
+    if digest is None:
+        return ["the recording does not say which design it is of; taken as this one"]
+    if not design.digest.startswith(digest):
+        raise InputError(
+            f"{recording.file}: a recording of another design (digest {digest[:8]}, not {design.digest[:8]}); "
+            "give the design.toml of the bundle that was built"
+        )
+    return []
+
+
+def _chosen(design: SensorDesign, recording: Recording, names: tuple[str, ...]) -> dict[str, Pair]:
+    """Column of the recording by pair, in the order to show."""
+    cavity = cavity_of(design)
+    judged = {
+        f"{cavity.emitters[i].name}-{cavity.receivers[j].name}": (i, j) for i, j in judged_pairs(cavity)
+    }
+    if list(recording.counts) == [SIGNAL]:
+        if len(names) > 1:
+            raise InputError(f"{recording.file}: holds one signal; name one pair with --pair")
+        name = names[0] if names else next(iter(judged))
+        _require_known([name], judged, "the design judges")
+        return {SIGNAL: judged[name]}
+    shared = {name: judged[name] for name in judged if name in recording.counts}
+    if not shared:
+        raise InputError(
+            f"{recording.file}: none of its pairs ({', '.join(list(recording.counts)[:6])}) is judged in this design "
+            f"({', '.join(list(judged)[:6])})"
+        )
+    if names:
+        _require_known(list(names), shared, f"{recording.file} and the design share")
+        return {name: shared[name] for name in names}
+    ranked = sorted(shared, key=lambda name: -float(np.ptp(recording.counts[name])))
+    return {name: shared[name] for name in ranked[:MOST_PAIRS]}
+
+
+def _require_known(names: list[str], known: dict[str, Pair], where: str) -> None:
+    for name in names:
+        if name not in known:
+            raise InputError(f"--pair: {name!r} is no pair here; {where} {', '.join(list(known)[:12])}")
+
+
+def _place(
+    design: SensorDesign, recording: Recording, chosen: dict[str, Pair], at_mm: tuple[float, float] | None
+) -> tuple[tuple[float, float], NDArray[np.intp], list[str]]:
+    """Place of the press, the readings there, and what was assumed."""
+    every = np.arange(len(recording.depth_mm))
+    if recording.place_mm is None:
+        place = at_mm or chord_midpoint_mm(cavity_of(design), next(iter(chosen.values())))
+        told = (
+            ""
+            if at_mm
+            else "the recording does not say where it was pressed; taken at the middle of the first pair's chord"
+        )
+        return (float(place[0]), float(place[1])), every, [told] if told else []
+    wanted = np.asarray(recording.place_mm[0] if at_mm is None else at_mm, dtype=np.float64)
+    near = np.hypot(*(recording.place_mm - wanted).T) <= SAME_PLACE_MM
+    if at_mm is None and not near.all():
+        places = np.unique(np.round(recording.place_mm, 2), axis=0)
+        raise InputError(
+            f"{recording.file}: presses at {len(places)} places, one is shown at a time; name it with --at X,Y, as "
+            f"--at {places[0][0]:g},{places[0][1]:g}"
+        )
+    x_mm, y_mm = recording.place_mm[near].mean(axis=0) if near.any() else wanted
+    return (float(x_mm), float(y_mm)), np.flatnonzero(near), []
+
+
+def _simulated(
+    design: SensorDesign, place_mm: tuple[float, float], pairs: tuple[Pair, ...], seed: int
+) -> tuple[JudgedPair, ...]:
+    cavity = cavity_of(design)
+    depth_mm = depth_schedule_mm(design.operating.max_depth_mm)
+    states = states_of(np.array([place_mm]), np.concatenate([[0.0], depth_mm]))
+    masks = np.repeat(mask_of(pairs, cavity)[np.newaxis], len(states), axis=0)
+    masks[0] = True
+    light = trace(design, states, accuracy=PAIR_ACCURACY, seed=seed, pairs=masks)
+    readout = readout_of(design, light.flux[0], mask_of(judged_pairs(cavity), cavity))
+    found = []
+    for pair in pairs:
+        curves = curves_of(light, pair, place_mm, slice(1, None), depth_mm)
+        name = f"{cavity.emitters[pair[0]].name}-{cavity.receivers[pair[1]].name}"
+        found.append(JudgedPair(name=name, curves=curves, score=score_curves(design, curves, readout)))
+    return tuple(found)
+
+
+def _laid_over(
+    pair: JudgedPair, depth_mm: FloatArray, counts: FloatArray, recording: Recording
+) -> RecordedPair:
+    deepest = int(depth_mm.argmax())
+    before = depth_mm[: deepest + 1] <= 0.0
+    if not before.any():
+        raise InputError(
+            f"{recording.file}: has no untouched reading (depth 0 or less) before the press of {pair.name}, so "
+            "there is nothing to hold its signal against; record from above the surface"
+        )
+    untouched = float(counts[: deepest + 1][before].mean())
+    if untouched <= 0.0:
+        raise InputError(
+            f"{recording.file}: {pair.name} reads {untouched:g} untouched, needs more than 0; is it wired?"
+        )
+    ratio, curves = counts / untouched, pair.curves
+    compared = (depth_mm[: deepest + 1] >= 0.0) & (depth_mm[: deepest + 1] <= curves.depth_mm[-1])
+    if not (compared & (depth_mm[: deepest + 1] > 0.0)).any():
+        raise InputError(
+            f"{recording.file}: no pressed reading lies above 0 and within {curves.depth_mm[-1]:g} mm, so there is "
+            f"nothing to compare; its depths reach from {depth_mm.min():g} to {depth_mm.max():g}: are they in "
+            "millimetres?"
+        )
+    expected = np.interp(depth_mm[: deepest + 1], curves.depth_mm, curves.total / curves.total[0])
+    difference = (ratio[: deepest + 1] - expected)[compared]
+    return RecordedPair(
+        simulated=pair,
+        depth_mm=depth_mm,
+        ratio=ratio,
+        deepest=deepest,
+        untouched_counts=untouched,
+        rms=float(np.sqrt(np.mean(difference**2))),
+        worst=float(np.abs(difference).max()),
+    )

@@ -1,0 +1,115 @@
+"""A small neural network for (x, y, depth): scikit-learn's MLPRegressor, its weights kept as arrays.
+
+Inputs are the readings, standardised pair by pair (at least the noise's spread); outputs too. Loss: squared error plus
+α |W|², by Adam, whose step falls along a cosine in stages: the last steps' noise would otherwise stay in the weights. A
+number of passes is fixed beforehand: stopping early by samples held out would judge places that the network has seen.
+Sources: Rumelhart, Hinton and Williams, Nature 323 (1986); Kingma and Ba, Adam, ICLR 2015.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.neural_network import MLPRegressor
+
+from sims.learning.fits.beginning import begun
+from sims.learning.fits.trust import trust_of
+from sims.learning.inference.network import Network, NetworkModel
+from sims.learning.inference.sigma_table import UNIT_SIGMA
+from sims.learning.samples.model_header import trained_header
+from sims.learning.samples.scalings import standard_scaling
+from sims.learning.samples.settings import DEFAULT, FitSettings
+from sims.readings.dataset import PressData
+
+FloatArray = NDArray[np.float64]
+OnStep = Callable[[str, float], None]
+OnShare = Callable[[float], None]
+
+HIDDEN = (256, 128, 64)
+WEIGHT_DECAY = 1e-2
+BATCH = 200
+FIRST_STEP = 2e-3
+STAGES = 10
+"""Of the falling step."""
+
+
+def fit_network(
+    train: PressData,
+    *,
+    seed: int = 0,
+    on_step: OnStep = lambda _stage, _share: None,
+    settings: FitSettings = DEFAULT,
+) -> NetworkModel:
+    """Train touch and network.
+
+    Raises
+    ------
+    InputError : too little data, or data that tell nothing.
+    """
+    start = begun(train, seed, settings, on_step)
+    data, rng, samples = start.data, start.rng, start.samples
+    scaling = standard_scaling(data.kept, samples.signals.astype(np.float32))
+    mean_mm, scale_mm = samples.press_mm.mean(axis=0), samples.press_mm.std(axis=0)
+    facts = start.facts | {
+        "hidden": list(HIDDEN),
+        "weight_decay": WEIGHT_DECAY,
+        "epochs": settings.epochs,
+    }
+
+    def fitted(used: NDArray[np.bool_], on_share: OnShare) -> Network:
+        targets = (samples.press_mm[used] - mean_mm) / scale_mm
+        features = scaling.features(samples.signals[used])
+        return _network(features, targets, settings.epochs, int(rng.integers(2**31)), on_share)
+
+    model = NetworkModel(
+        header=trained_header("network", data, facts, seed),
+        touch=start.touch,
+        scaling=scaling,
+        networks=(fitted(~samples.is_held_out, lambda share: on_step("fit", 0.45 * share)),),
+        mean_mm=mean_mm,
+        scale_mm=scale_mm,
+        sigma=UNIT_SIGMA,
+    )
+    table, figures = trust_of(model, samples)
+    final = fitted(np.ones(len(samples), np.bool_), lambda share: on_step("fit", 0.45 + 0.55 * share))
+    header = trained_header("network", data, facts | figures, seed)
+    return replace(model, header=header, networks=(final,), sigma=table)
+
+
+def _network(features: FloatArray, targets: FloatArray, epochs: int, seed: int, on_share: OnShare) -> Network:
+    """Weights after all passes."""
+    machine = MLPRegressor(
+        hidden_layer_sizes=HIDDEN,
+        alpha=WEIGHT_DECAY,
+        batch_size=min(BATCH, len(features)),
+        n_iter_no_change=epochs + 1,
+        warm_start=True,
+        random_state=seed,
+    )
+    stages = np.diff(np.round(np.linspace(0, epochs, min(STAGES, epochs) + 1)).astype(int))
+    for number, passes in enumerate(stages):
+        step = FIRST_STEP * 0.5 * (1.0 + np.cos(np.pi * number / len(stages)))
+        machine.set_params(learning_rate_init=float(step), max_iter=int(passes))
+        _fit(machine, features, targets)
+        on_share((number + 1) / len(stages))
+    return Network(
+        weights=tuple(np.asarray(layer, np.float32) for layer in machine.coefs_),
+        biases=tuple(np.asarray(layer, np.float32) for layer in machine.intercepts_),
+        activation="relu",
+    )
+
+
+def _fit(machine: MLPRegressor, features: FloatArray, targets: FloatArray) -> None:
+    """All passes of a stage; Ctrl-C, which the library answers with a warning and a network half trained, is raised."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)  # the number of passes is the end that is wanted
+        warnings.filterwarnings("error", "Training interrupted", UserWarning)
+        try:
+            machine.fit(features, targets)
+        except UserWarning as err:
+            raise KeyboardInterrupt from err

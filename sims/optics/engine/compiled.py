@@ -1,0 +1,141 @@
+# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
+"""The compiled entry points, cached on disk; everything below them is compiled into them.
+
+A cache on disk notices a change of its own file only. Each entry point therefore closes over a fingerprint
+of all kernel sources, which is part of its cache key: a changed kernel is never answered from an old cache.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from sims.cache.compiling import listen_to_numba
+from sims.cache.fingerprint import source_fingerprint
+from sims.optics.engine import states
+from sims.optics.engine.mirrored import image_cells, images, mirror_paths, pinhole
+from sims.optics.engine.scattered import diffuse, landing, orders, repeated, repeated_cells, top_light
+from sims.optics.engine.scattered.diffuse import bounces, deposit, golden_shift, join, layout_of
+from sims.optics.engine.scattered.diffuse import patch_areas as areas_of
+from sims.optics.engine.scattered.orders import all_orders
+from sims.optics.engine.straight import direct, polygon, rays
+from sims.optics.engine.straight.direct import flat_flux
+from sims.optics.surface import curves as surface
+from sims.optics.surface import radial, radial_table, top, top_grid
+from sims.optics.surface.top import Top
+
+EMITTER_SEQUENCE, RECEIVER_SEQUENCE = states.EMITTER_SEQUENCE, states.RECEIVER_SEQUENCE
+KERNEL_MODULES = (
+    radial_table,
+    surface,
+    radial,
+    top,
+    rays,
+    top_grid,
+    image_cells,
+    direct,
+    polygon,
+    pinhole,
+    mirror_paths,
+    images,
+    diffuse,
+    orders,
+    top_light,
+    landing,
+    repeated_cells,
+    repeated,
+    states,
+)
+
+
+whole_state = njit(inline="always", error_model="numpy")(states.one_state.py_func)
+"""The kernel of a state, put into its entry point as it is: compiled alone, all below it would be optimised twice."""
+
+
+def _compile(fingerprint):
+    @njit(cache=True, error_model="numpy")
+    def flat_matrix(emitters, receivers, box, nodes, weights):
+        """(2, emitter, receiver) straight and mirrored flux under a flat top."""
+        out = np.zeros((2, emitters.shape[0], receivers.shape[0]))
+        for i in range(emitters.shape[0] if fingerprint >= 0 else 0):
+            for j in range(receivers.shape[0]):
+                if emitters[i, 0] != receivers[j, 0]:
+                    for mirrored in range(2):
+                        out[mirrored, i, j] = flat_flux(
+                            emitters[i], receivers[j], box, mirrored == 1, nodes, weights
+                        )
+        return out
+
+    @njit(cache=True, error_model="numpy")
+    def untouched_deposits(sources, gathers, receivers, box, top, points, count, shift, first, layout):
+        """(source, patch) deposits under the untouched top; (source, receiver) what smooth walls mirror there."""
+        out = np.zeros((sources.shape[0], layout[5, 2] + layout[5, 0] * layout[5, 1]))
+        seen = np.zeros((sources.shape[0], receivers.shape[0]))
+        for i in range(sources.shape[0] if fingerprint >= 0 else 0):
+            moved = golden_shift(i + first) + shift
+            deposit(sources[i], gathers, receivers, box, top, points, count, moved, layout, out[i], seen[i])
+        return out, seen
+
+    @njit(cache=True, error_model="numpy")
+    def joined(given, taken, receivers, areas, layout, reflectances):
+        """(emitter, receiver) once-scattered flux from deposits."""
+        out = np.zeros((given.shape[0], taken.shape[0]))
+        for i in range(given.shape[0] if fingerprint >= 0 else 0):
+            for j in range(taken.shape[0]):
+                area = 4.0 * receivers[j, 3] * receivers[j, 4]
+                out[i, j] = join(given[i], taken[j], area, areas, layout, reflectances)
+        return out
+
+    @njit(cache=True, error_model="numpy")
+    def scattered(given, taken, receivers, patches, reflectances, orders, box, top):
+        """(emitter, receiver) scattered flux of all orders from deposits."""
+        if fingerprint < 0:
+            return np.zeros((0, 0))
+        none = np.zeros((0, 0))
+        return all_orders(given, taken, receivers, patches, reflectances, orders, none, box, top)[0]
+
+    @njit(cache=True, error_model="numpy")
+    def bounce_matrix(layout, receivers, box, top, points, count):
+        """(patch, patch) share of one patch's scattered light that lands on another, untouched top."""
+        if fingerprint < 0:
+            return np.zeros((0, 0))
+        return bounces(layout, receivers, box, top, points, count)
+
+    @njit(cache=True, error_model="numpy", nogil=True)
+    def trace_state(
+        out, wanted, emitters, receivers, box, rows, field, flat, scale, rules, image_rules, points, shifts, patches,
+        reflectances, orders, settings, flat_rays,
+    ):  # fmt: skip
+        """Fill (replicate, class, emitter, receiver) with flux over emitted power."""
+        if fingerprint >= 0:
+            whole_state(
+                out, wanted, emitters, receivers, box, Top(rows, field), flat, scale, rules, image_rules, points,
+                shifts, patches, reflectances, orders, settings, flat_rays,
+            )  # fmt: skip
+
+    @njit(cache=True, error_model="numpy")
+    def patch_layout(box, size):
+        """(6, 3) columns, rows, first index of the patches on walls 0-3, bottom and tip."""
+        return layout_of(box, size if fingerprint >= 0 else 1.0)
+
+    @njit(cache=True, error_model="numpy")
+    def patch_areas(layout, receivers, box):
+        """(patch,) area without receiver faces; 0 for the tip's, which change with the press."""
+        return areas_of(layout, receivers, box) if fingerprint >= 0 else np.zeros(0)
+
+    return (
+        flat_matrix,
+        untouched_deposits,
+        joined,
+        scattered,
+        bounce_matrix,
+        trace_state,
+        patch_layout,
+        patch_areas,
+    )
+
+
+flat_matrix, untouched_deposits, joined, scattered, bounce_matrix, trace_state, patch_layout, patch_areas = (
+    _compile(source_fingerprint(KERNEL_MODULES))
+)
+listen_to_numba()

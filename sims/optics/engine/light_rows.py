@@ -1,0 +1,142 @@
+"""One emitter's light in one state as a row of numbers, and the name of everything that it depends on.
+
+A row depends on: the block and its materials; all receivers (their faces absorb); this emitter, and its number (which
+picks its points); the top of this state; the pairs asked for (several reflections are sampled for them); settings and
+seed; the sources of the light model, the libraries below them, and the processor that they are compiled for. It
+depends on no other emitter and no other state, and neither is in its name.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from functools import cache
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sims.optics.accuracy import Accuracy
+from sims.optics.scene.optical_scene import OpticalScene
+from sims.optics.surface.tops import TopStack
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+NAME_BYTES = 20
+FORMAT = 1
+"""Version of a row's layout."""
+
+
+class KeptRows(Protocol):
+    """Rows of light that outlive a trace."""
+
+    def read(self, names: Sequence[bytes]) -> dict[bytes, bytes]:
+        """The rows that are there."""
+
+    def write(self, rows: Mapping[bytes, bytes]) -> None:
+        """Keep rows."""
+
+
+def row_names(
+    scene: OpticalScene,
+    tops: TopStack,
+    states: NDArray[np.int64],
+    asked: BoolArray,
+    settings: Accuracy,
+    seed: int,
+) -> list[list[bytes]]:
+    """Per state and emitter, the name of its row.
+
+    Parameters
+    ----------
+    states : (n,) numbers of the tops
+    asked : (n, emitter, receiver) pairs asked for
+    """
+    common = _hash_of(FORMAT, _origin(), settings, seed, *_shared_fields(scene))
+    emitters = [
+        b"".join(_bytes_of(part) for part in (number, *row))
+        for number, row in enumerate(_emitter_rows(scene))
+    ]
+    rows, field = tops.part(states)
+    names = []
+    for row, nodes, of_state in zip(rows, field, asked, strict=True):
+        state = common.copy()
+        state.update(_bytes_of(row) + _bytes_of(nodes))
+        names.append([_named(state, own, wanted) for own, wanted in zip(emitters, of_state, strict=True)])
+    return names
+
+
+def row_of(content: bytes, shape: tuple[int, ...]) -> FloatArray | None:
+    """A kept row as an array of the given shape; None where it is of another size or not finite."""
+    if len(content) != 8 * int(np.prod(shape)):
+        return None
+    row = np.frombuffer(content, dtype="<f8").reshape(shape)
+    return row if np.isfinite(row).all() else None
+
+
+def content_of(row: FloatArray) -> bytes:
+    """A row's bytes."""
+    return row.astype("<f8").tobytes()
+
+
+def _named(state: hashlib.blake2b, emitter: bytes, wanted: BoolArray) -> bytes:
+    name = state.copy()
+    name.update(emitter + wanted.tobytes())
+    return name.digest()
+
+
+def _hash_of(*parts: object) -> hashlib.blake2b:
+    digest = hashlib.blake2b(digest_size=NAME_BYTES)
+    for part in parts:
+        digest.update(_bytes_of(part))
+    return digest
+
+
+def _bytes_of(part: object) -> bytes:
+    """Kind, shape and content, so that no two lists of parts have the same bytes."""
+    if isinstance(part, np.ndarray):
+        return f"{part.dtype.str}{part.shape}:".encode() + part.tobytes()
+    return f"{part!r}:".encode()
+
+
+def _shared_fields(scene: OpticalScene) -> list[object]:
+    """Everything of a scene but its emitters, by name: a field added to scenes is in every name at once."""
+    return [
+        item
+        for field in fields(scene)
+        if not field.name.startswith("emitter_")
+        for item in (field.name, getattr(scene, field.name))
+    ]
+
+
+def _emitter_rows(scene: OpticalScene) -> list[list[object]]:
+    columns = [
+        (field.name, getattr(scene, field.name))
+        for field in fields(scene)
+        if field.name.startswith("emitter_")
+    ]
+    return [
+        [
+            item
+            for name, values in columns
+            for item in (name, None if values is None else np.asarray(values[k]))
+        ]
+        for k in range(len(scene.emitter_wall))
+    ]
+
+
+@cache
+def _origin() -> str:
+    """Sources, libraries and processor that make a row's bits."""
+    import numba
+    import scipy
+    from numba.core.registry import cpu_target
+
+    from sims.cache.fingerprint import source_fingerprint
+    from sims.optics.engine import compiled, untouched
+    from sims.optics.engine import trace_states as engine
+
+    sources = source_fingerprint((compiled, *compiled.KERNEL_MODULES, engine, untouched))
+    processor = cpu_target.target_context.codegen().magic_tuple()
+    return f"{sources} {numba.__version__} {np.__version__} {scipy.__version__} {processor}"

@@ -1,0 +1,312 @@
+# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
+"""Kernels: flux of a pair through one point of the top.
+
+At a point p of the top the receiver's corners are reflected in the tangent plane and projected through p
+onto the emitter's plane; the projection clipped against the emitter is the lit area A_p, so
+
+    flux = integral over the top of r dr dphi  (g . d) (d . n_e) L / d^4  A_p / A_e  response
+
+with d from emitter to p, g = (-dh/dx, -dh/dy, 1), L the emitter's radiance. No ray is sampled, and a caustic is no
+singularity. The lit area is weighted by three points in each of its triangles: near the critical
+angle the mirrored share changes too fast for its centroid alone.
+
+Shadows: a leg that falls faster than the top can along its way is clear. Any other is tested at the centroid and the
+corners of the lit area, and where these differ at every point of the triangles.
+"""
+
+from __future__ import annotations
+
+import math
+
+from sims.optics.engine.straight.direct import plan_distance
+from sims.optics.engine.straight.polygon import area_and_centroid, cut, cut_to_rectangle
+from sims.optics.engine.straight.rays import is_clear
+from sims.optics.surface.curves import ACTIVE, X, Y
+from sims.optics.surface.radial import (
+    fall_bound,
+    fresnel,
+    kernel,
+    radiance,
+    slope_bound,
+    wall_normal,
+    wall_point,
+)
+from sims.optics.surface.top import FIELD_SLOPE, is_beyond, touching_tip
+from sims.optics.surface.top_grid import top_point
+
+INWARD = 0.97
+
+
+@kernel
+def _project(source, target, px, py, pz, gx, gy, ex, ey, ez, depth, box, poly):
+    """Receiver corners reflected at p and projected onto the emitter's plane, homogeneous; their number."""
+    norm2 = 1.0 / (1.0 + gx * gx + gy * gy)
+    n0, n1 = wall_normal(int(source[0]))
+    on_x = int(source[0]) % 2 == 0
+    tangent = px - ex if on_x else py - ey
+    for c in range(4):
+        along = target[1] + (-target[3] if c == 0 or c == 3 else target[3])
+        z = target[2] + (-target[4] if c < 2 else target[4])
+        qx, qy, qz = wall_point(int(target[0]), along, z, box)
+        tx = qx - px
+        ty = qy - py
+        tz = qz - pz
+        back = 2.0 * (tz - gx * tx - gy * ty) * norm2
+        tx += back * gx
+        ty += back * gy
+        tz -= back
+        w = tx * n0 + ty * n1
+        poly[c, 0] = tangent * w - depth * (tx if on_x else ty)
+        poly[c, 1] = (pz - ez) * w - depth * tz
+        poly[c, 2] = w
+    return 4
+
+
+@kernel
+def _emission(a, b, px, py, pz, gx, gy, ex, ey, ez, source, box):
+    """Emission and absorption weight of the emitter point at offset (a, b), 0 where it and p face not each other; part
+    of the way to p that runs into the top, its length, and the way.
+    """
+    n0, n1 = wall_normal(int(source[0]))
+    on_x = int(source[0]) % 2 == 0
+    dx = px - ex - (a if on_x else 0.0)
+    dy = py - ey - (0.0 if on_x else a)
+    dz = pz - ez - b
+    into = -gx * dx - gy * dy + dz
+    out = dx * n0 + dy * n1
+    d2 = dx * dx + dy * dy + dz * dz
+    d = math.sqrt(d2)
+    if into <= 0.0 or out <= 0.0:
+        return 0.0, into, d, dx, dy, dz
+    f = out * into / (d2 * d2)
+    f *= radiance(source, out / d)
+    if box[4] > 0.0:
+        f *= math.exp(-box[4] * d)
+    return f, into, d, dx, dy, dz
+
+
+@kernel
+def _spread(a, b, px, py, pz, gx, gy, ex, ey, ez, source, box):
+    """Emission, incidence and absorption weight of the emitter point at offset (a, b); direction to p."""
+    f, into, d, dx, dy, dz = _emission(a, b, px, py, pz, gx, gy, ex, ey, ez, source, box)
+    if f == 0.0:
+        return 0.0, dx, dy, dz
+    cos_in = into / (d * math.sqrt(1.0 + gx * gx + gy * gy))
+    return f * fresnel(cos_in, box[3]), dx, dy, dz
+
+
+@kernel
+def _may_be_shaded(px, py, pz, patch, box, top):
+    """Whether a leg from the top down to a patch may meet the top again: none does that falls faster all the way."""
+    x0, y0, z = wall_point(int(patch[0]), patch[1] - patch[3], patch[2] + patch[4], box)
+    x1, y1, _ = wall_point(int(patch[0]), patch[1] + patch[3], patch[2] + patch[4], box)
+    run = max(plan_distance(x0, y0, x0, y0, px, py), plan_distance(x1, y1, x1, y1, px, py))
+    slope = top.rows[0, FIELD_SLOPE]
+    rows = top.rows
+    for k in range(rows.shape[0]):
+        if rows[k, ACTIVE] == 0.0:
+            continue
+        rx = px - rows[k, X]
+        ry = py - rows[k, Y]
+        if rx * (x0 - px) + ry * (y0 - py) >= 0.0 and rx * (x1 - px) + ry * (y1 - py) >= 0.0:
+            slope += fall_bound(rx * rx + ry * ry, k, rows)
+            continue
+        one = (x0 - px) * ry - (y0 - py) * rx
+        two = (x1 - px) * ry - (y1 - py) * rx
+        near = 0.0
+        if one * two > 0.0:
+            near = min(
+                plan_distance(px, py, x0, y0, rows[k, X], rows[k, Y]),
+                plan_distance(px, py, x1, y1, rows[k, X], rows[k, Y]),
+            )
+        slope += slope_bound(near * near, k, rows)
+    return pz - z < slope * run
+
+
+@kernel
+def _sees(a, b, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top):
+    """Whether the emitter point at offset (a, b) reaches p, and its mirrored ray the receiver's plane.
+
+    Only legs that may be shaded are tested.
+    """
+    on_x = int(source[0]) % 2 == 0
+    dx = px - ex - (a if on_x else 0.0)
+    dy = py - ey - (0.0 if on_x else a)
+    dz = pz - ez - b
+    into = dz - gx * dx - gy * dy
+    if into <= 0.0:
+        return False
+    d = math.sqrt(dx * dx + dy * dy + dz * dz)
+    dx /= d
+    dy /= d
+    dz /= d
+    if dim_e and not is_clear(px, py, pz, -dx, -dy, -dz, d, top):
+        return False
+    if not dim_q:
+        return True
+    back = 2.0 * into / d / (1.0 + gx * gx + gy * gy)
+    dx += back * gx
+    dy += back * gy
+    dz -= back
+    m0, m1 = wall_normal(int(target[0]))
+    qx, qy, _ = wall_point(int(target[0]), target[1], target[2], box)
+    approach = -(dx * m0 + dy * m1)
+    if approach <= 1e-9:
+        return False
+    length = ((px - qx) * m0 + (py - qy) * m1) / approach
+    return length > 0.0 and is_clear(px, py, pz, dx, dy, dz, length, top)
+
+
+@kernel
+def _seen_share(n, poly, cx, cy, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top):
+    """1 where the centroid and all corners (drawn in a little) of the lit area are seen, 0 where none, else 0.5."""
+    seen = _sees(cx, cy, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top)
+    for c in range(n):
+        x = cx + INWARD * (poly[c, 0] - cx)
+        y = cy + INWARD * (poly[c, 1] - cy)
+        if seen != _sees(x, y, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top):
+            return 0.5
+    return 1.0 if seen else 0.0
+
+
+@kernel
+def _is_all_mirrored(n, poly, px, py, pz, gx, gy, ex, ey, ez, source, box):
+    """Whether light from every corner of the lit area is totally reflected at p."""
+    on_x = int(source[0]) % 2 == 0
+    most = (1.0 - 1.0 / (box[3] * box[3])) * (1.0 + gx * gx + gy * gy)
+    for c in range(n):
+        dx = px - ex - (poly[c, 0] if on_x else 0.0)
+        dy = py - ey - (0.0 if on_x else poly[c, 0])
+        dz = pz - ez - poly[c, 1]
+        into = dz - gx * dx - gy * dy
+        if into * into > most * (dx * dx + dy * dy + dz * dz):
+            return False
+    return True
+
+
+@kernel
+def _mirrored_weight(n, poly, area, cx, cy, px, py, pz, gx, gy, ex, ey, ez, source, box):
+    """As `_mean_weight` by two thirds of the points, for areas that are totally reflected and seen, where it is smooth:
+    by the middles of the triangles' edges, of which two triangles share the inner ones (second order).
+    """
+    total = 0.0
+    before = (poly[n - 1, 0] - cx) * (poly[0, 1] - cy) - (poly[n - 1, 1] - cy) * (poly[0, 0] - cx)
+    for c in range(n):
+        e = c + 1 if c + 1 < n else 0
+        ax, ay, bx, by = poly[c, 0], poly[c, 1], poly[e, 0], poly[e, 1]
+        cross = (ax - cx) * (by - cy) - (ay - cy) * (bx - cx)
+        inner = _emission(0.5 * (ax + cx), 0.5 * (ay + cy), px, py, pz, gx, gy, ex, ey, ez, source, box)
+        outer = _emission(0.5 * (ax + bx), 0.5 * (ay + by), px, py, pz, gx, gy, ex, ey, ez, source, box)
+        total += inner[0] * (before + cross) + outer[0] * cross
+        before = cross
+    return total / (6.0 * area)
+
+
+@kernel
+def _mean_weight(
+    n, poly, area, cx, cy, divided, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top
+):
+    """Mean weight over the lit area, three points in each triangle from centroid to edge (second order).
+
+    Where the area is divided, a hidden point counts nothing.
+    """
+    total = 0.0
+    for c in range(n):
+        e = c + 1 if c + 1 < n else 0
+        ax, ay, bx, by = poly[c, 0], poly[c, 1], poly[e, 0], poly[e, 1]
+        cross = (ax - cx) * (by - cy) - (ay - cy) * (bx - cx)
+        for k in range(3):
+            wa = 2.0 / 3.0 if k == 0 else 1.0 / 6.0
+            wb = 2.0 / 3.0 if k == 1 else 1.0 / 6.0
+            x = (1.0 - wa - wb) * cx + wa * ax + wb * bx
+            y = (1.0 - wa - wb) * cy + wa * ay + wb * by
+            if divided and not _sees(
+                x, y, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top
+            ):
+                continue
+            f, _, _, _ = _spread(x, y, px, py, pz, gx, gy, ex, ey, ez, source, box)
+            total += f * cross
+    return total / (6.0 * area)
+
+
+@kernel
+def _arrival(dx, dy, dz, px, py, gx, gy, target, box):
+    """Length of the leg from p to the receiver's plane and its cosine there, for the direction d before p."""
+    d = 1.0 / math.sqrt(dx * dx + dy * dy + dz * dz)
+    back = 2.0 * (dz - gx * dx - gy * dy) * d / (1.0 + gx * gx + gy * gy)
+    dx = dx * d + back * gx
+    dy = dy * d + back * gy
+    m0, m1 = wall_normal(int(target[0]))
+    qx, qy, _ = wall_point(int(target[0]), target[1], target[2], box)
+    facing = -(dx * m0 + dy * m1)
+    return ((px - qx) * m0 + (py - qy) * m1) / max(facing, 1e-9), facing
+
+
+@kernel
+def pinhole(sector, u, v, source, target, skip_flat, sectors, box, top, poly, other):
+    """Flux through the top at (u, v) per du dv, and the place over the skirt's radius.
+
+    `skip_flat`: none from beyond every deformed part.
+    """
+    px, py, pz, gx, gy, _, plan = top_point(sector, u, v, sectors, top)
+    tip, share = touching_tip(px, py, top)
+    if (tip >= 0 and u > 0.0) or (skip_flat and is_beyond(px, py, top)):
+        return 0.0, share
+    ex, ey, ez = wall_point(int(source[0]), source[1], source[2], box)
+    n0, n1 = wall_normal(int(source[0]))
+    depth = (px - ex) * n0 + (py - ey) * n1
+    if depth <= 1e-6:
+        return 0.0, share
+    n = _project(source, target, px, py, pz, gx, gy, ex, ey, ez, depth, box, poly)
+    n = cut(n, poly, other, 0.0, 0.0, 1.0)
+    if n > 0:
+        n = cut_to_rectangle(n, poly, other, source[3], source[4])
+    if n == 0:
+        return 0.0, share
+    for c in range(n):
+        poly[c, 0] /= poly[c, 2]
+        poly[c, 1] /= poly[c, 2]
+    area, cx, cy = area_and_centroid(n, poly)
+    if area == 0.0:
+        return 0.0, share
+    dim_e = _may_be_shaded(px, py, pz, source, box, top)
+    dim_q = _may_be_shaded(px, py, pz, target, box, top)
+    divided = False
+    if dim_e or dim_q:
+        seen = _seen_share(
+            n, poly, cx, cy, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top
+        )
+        if seen == 0.0:
+            return 0.0, share
+        divided = seen < 1.0
+    if not divided and _is_all_mirrored(n, poly, px, py, pz, gx, gy, ex, ey, ez, source, box):
+        f = _mirrored_weight(n, poly, area, cx, cy, px, py, pz, gx, gy, ex, ey, ez, source, box)
+    else:
+        f = _mean_weight(
+            n,
+            poly,
+            area,
+            cx,
+            cy,
+            divided,
+            dim_e,
+            dim_q,
+            px,
+            py,
+            pz,
+            gx,
+            gy,
+            ex,
+            ey,
+            ez,
+            source,
+            target,
+            box,
+            top,
+        )
+    if f <= 0.0:
+        return 0.0, share
+    _, dx, dy, dz = _spread(cx, cy, px, py, pz, gx, gy, ex, ey, ez, source, box)
+    length, facing = _arrival(dx, dy, dz, px, py, gx, gy, target, box)
+    f *= math.exp(-box[4] * length) * abs(area) / source[6] * math.pi * radiance(target, facing)
+    return f * plan, share

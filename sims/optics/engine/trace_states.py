@@ -1,0 +1,340 @@
+# mypy: allow-untyped-calls
+"""Trace every pair of a scene through pressed tops: flux by path class, with a standard error.
+
+Model
+-----
+Geometric optics in a block of one index whose top is the deformed surface: unpolarised Fresnel and total
+reflection at the top, Beer-Lambert absorption along every path, an absorbing or diffuse tip inside the
+contact, diffuse walls and bottom, walls that also mirror their Fresnel share where the scene gives an index behind
+them, absorbing receiver faces. Emitters by their order or table, receivers by their response table. Light that
+leaves through the top is lost.
+
+Path classes: `direct` straight light, occluded by the dimple; `top` specular chains whose every reflection
+is outside the skirt radius (the outermost radius where a tip's curve is steeper than 0.1); `skirt` specular
+chains with a reflection inside it; `wall` never scattered and mirrored by a wall at least once; `diffuse` light
+scattered at least once. Everything mirrored by the top alone is `top` + `skirt`.
+
+Method, class by class
+----------------------
+- integrated: straight light, by quadrature with an analytic horizon (`direct`); light mirrored once, image by image
+  (`images`): path by path where an image is whole, else on a lattice of points of the top with the lit area of the
+  emitter cut exactly (`pinhole`).
+- traced: light mirrored several times, by three rays a point of the top, on cells that are divided where it goes
+  (`repeated`, `repeated_cells`).
+- traced and joined: scattered light, as the untouched pad's times the ratio of deposits on patches, joined over all
+  orders (`orders`), with and without the press; the press changes the deposits by rays of a lattice on the pressed top,
+  finer beside each part, faint rays left to chance (`top_light`).
+- traced: light between smooth walls, by the same rays with and without the press.
+
+Replicates with other offsets give the standard error. It covers lattices and rays, and with 0.01 % of the untouched
+flux the usual error of the Gauss rules of straight light and of whole images. It does not cover: images narrower than
+the cells that look for them, the patch size, chains beyond 24 reflections, light that the tip scatters twice, and how
+the dimple stands in the way of light scattered more than once: with a tip of 30 % between walls of 40 % nothing seen
+to 3 mm, 0.8 % of the scattered light deeper than the tip's radius. With two replicates it has one degree of freedom
+for each pair: pool it over pairs or states before you rely on it. Light reflected several times is sampled for the
+wanted pairs, so a pair mask changes it within that error; all else is the same to the bit.
+
+Reuse: a pair whose bundle misses every deformed part keeps its untouched value; presses that a symmetry of the layout
+carries onto each other are traced once (`scene_symmetry`); one emitter's light in one state depends on no other emitter
+and no other state, so whoever keeps such rows hands them in (`light_rows`): read or traced, the bits are the same.
+
+Left out: roughness and haze, polarisation, light that leaves the top and comes back across the crater (measured in
+docs/validation/crossing.md), sockets and part bodies behind the walls.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sims.optics.accuracy import ACCURACIES, LADDER, Accuracy, accuracy_of, checked_target
+from sims.optics.engine.light_rows import KeptRows, content_of, row_names, row_of
+from sims.optics.engine.threads import run_each
+from sims.optics.engine.untouched import Untouched, gauss, untouched_pad
+from sims.optics.scene.checks import check_scene, wanted_pairs
+from sims.optics.scene.optical_scene import OpticalScene
+from sims.optics.scene.smooth_field import SmoothField
+from sims.optics.scene.symmetry import StateClasses, state_classes
+from sims.optics.surface.curves import SKIRT_R
+from sims.optics.surface.tops import Presses, TopStack, stack_tops
+from sims.press.indentation import Indentation
+
+__all__ = ["ACCURACIES", "CLASS_NAMES", "Accuracy", "RawLight", "trace_scene"]
+
+FloatArray = NDArray[np.float64]
+CLASS_NAMES = ("direct", "top", "skirt", "wall", "diffuse")
+LATTICE_CLASSES = ("top", "skirt")
+RULES_ERROR = 1e-4
+"""Median error of pairs whose replicates agree: docs/validation/light.md [-]."""
+BATCH_STATES = 32
+OF_CLASSES, ERROR, SCALE = slice(0, len(CLASS_NAMES)), len(CLASS_NAMES), len(CLASS_NAMES) + 1
+ROW = len(CLASS_NAMES) + 2
+"""Lines of a row, each over receivers: flux of each class, standard error, untouched flux (above 0)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RawLight:
+    """Flux over emitted power.
+
+    Attributes
+    ----------
+    flux : (class, state, emitter, receiver), classes in the order of `CLASS_NAMES` [-]
+    standard_error : (state, emitter, receiver) of the sum over classes [-]
+    skirt_radius_mm : (state,) border between top and skirt, of the widest tip; 0 where untouched
+    relative_error : (state,) root mean square over the wanted pairs of the standard error over the untouched flux [-]
+    is_met : (state,) whether that is within the wanted relative error; True where none was wanted
+    """
+
+    flux: FloatArray
+    standard_error: FloatArray
+    skirt_radius_mm: FloatArray
+    relative_error: FloatArray
+    is_met: NDArray[np.bool_]
+
+
+def trace_scene(
+    scene: OpticalScene,
+    centres_mm: FloatArray,
+    indentations: Presses,
+    *,
+    fields: Sequence[SmoothField | None] | None = None,
+    accuracy: str | float | Accuracy = "standard",
+    seed: int = 0,
+    pairs: NDArray[np.bool_] | None = None,
+    on_step: Callable[[int, int], None] | None = None,
+    kept: KeptRows | None = None,
+) -> RawLight:
+    """Trace a scene for a list of presses.
+
+    Parameters
+    ----------
+    scene : walls, emitters, receivers and materials
+    centres_mm : (state, 2) or (state, tip, 2) press axes; ignored where untouched [mm]
+    indentations : per state one, None where untouched, or a sequence of these, one for each tip
+    fields : one per state, added to the top; None: none
+    accuracy : draft, score, standard, fine, reference, settings, or a wanted relative error: settings are then
+        refined for the states that miss it (`RawLight.relative_error`), up to reference; `is_met` tells
+    seed : of all offsets; same seed, same bits, whatever the number of threads
+    pairs : (emitter, receiver) or (state, emitter, receiver) mask; a pair left out is 0
+    on_step : called with (states done, states)
+    kept : rows that need not be traced, and where traced ones go; None: everything is traced
+
+    Raises
+    ------
+    InputError, ModelScopeError : see `sims.optics.scene.checks`, `sims.optics.surface.curves` and
+    `sims.optics.surface.tops`.
+    """
+    check_scene(scene)
+    states = len(indentations)
+    wanted = wanted_pairs(pairs, states, len(scene.emitter_wall), len(scene.receiver_wall))
+    tops = stack_tops(indentations, np.asarray(centres_mm, dtype=np.float64), scene, fields)
+    classes = _classes(scene, centres_mm, indentations, fields)
+    asked = _class_pairs(wanted, classes)
+    if isinstance(accuracy, (str, Accuracy)):
+        target, ladder = np.inf, [accuracy_of(accuracy)]
+    else:
+        target, ladder = checked_target(accuracy), list(LADDER)
+    rows = np.zeros((*asked.shape[:2], ROW, asked.shape[2]))
+    relative = np.full(len(classes.first), np.inf)
+    for settings in ladder:
+        left = np.flatnonzero(relative > target) if np.isfinite(target) else np.arange(len(classes.first))
+        if left.size == 0:
+            break
+        work = _Work(
+            scene=scene,
+            tops=tops,
+            states=classes.first[left],
+            asked=asked[left],
+            settings=settings,
+            seed=seed,
+        )
+        rows[left] = _rows_of(work, kept, _as_share_of_states(on_step, len(classes.first), states))
+        relative[left] = _pooled(rows[left, :, ERROR] / rows[left, :, SCALE], asked[left])
+    member, there = (
+        classes.member[:, None, None],
+        (classes.emitters[:, :, None], classes.receivers[:, None, :]),
+    )
+    lines = rows.transpose(2, 0, 1, 3)
+    return RawLight(
+        flux=np.where(wanted, lines[OF_CLASSES][:, member, *there], 0.0),
+        standard_error=np.where(wanted, lines[ERROR][member, *there], 0.0),
+        skirt_radius_mm=tops.rows[:, :, SKIRT_R].max(axis=1, initial=0.0),
+        relative_error=relative[classes.member],
+        is_met=relative[classes.member] <= target,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Work:
+    """States to trace with the same settings.
+
+    Attributes
+    ----------
+    states : (n,) their tops
+    asked : (n, emitter, receiver) pairs to trace
+    """
+
+    scene: OpticalScene
+    tops: TopStack
+    states: NDArray[np.int64]
+    asked: NDArray[np.bool_]
+    settings: Accuracy
+    seed: int
+
+
+def _rows_of(work: _Work, kept: KeptRows | None, on_done: Callable[[int], None]) -> FloatArray:
+    """(n, emitter, line, receiver) rows of light, kept or traced; `on_done` is told how many states are left."""
+    rows = np.zeros((*work.asked.shape[:2], ROW, work.asked.shape[2]))
+    rows[:, :, SCALE] = 1.0
+    missing = np.asarray(work.asked.any(axis=2))
+    names: list[list[bytes]] = []
+    if kept is not None:
+        names = row_names(work.scene, work.tops, work.states, work.asked, work.settings, work.seed)
+        missing &= ~_read(rows, missing, names, kept)
+    todo = np.flatnonzero(missing.any(axis=1))
+    on_done(len(todo))
+    for start in range(0, len(todo), BATCH_STATES):
+        part = todo[start : start + BATCH_STATES]
+        traced = _traced_rows(work, part, work.asked[part] & missing[part][:, :, None])
+        at, emitters = np.nonzero(missing[part])
+        rows[part[at], emitters] = traced[at, emitters]
+        if kept is not None:
+            kept.write({names[k][i]: content_of(rows[k, i]) for k, i in zip(part[at], emitters, strict=True)})
+        on_done(len(todo) - start - len(part))
+    return rows
+
+
+def _read(
+    rows: FloatArray, wanted: NDArray[np.bool_], names: list[list[bytes]], kept: KeptRows
+) -> NDArray[np.bool_]:
+    """(n, emitter) which of the wanted rows are kept; those are filled in."""
+    places = [(int(k), int(i)) for k, i in np.argwhere(wanted)]
+    found = kept.read([names[k][i] for k, i in places])
+    there = np.zeros(wanted.shape, dtype=np.bool_)
+    for k, i in places:
+        row = row_of(found.get(names[k][i], b""), rows.shape[2:])
+        if row is not None:
+            rows[k, i], there[k, i] = row, True
+    return there
+
+
+def _traced_rows(work: _Work, part: NDArray[np.int64], wanted: NDArray[np.bool_]) -> FloatArray:
+    """(n, emitter, line, receiver) rows of some states."""
+    fixed = untouched_pad(work.scene, work.settings, work.seed)
+    values = _trace_batch(wanted, work.tops, work.states[part], fixed, work.settings)
+    flux = values.mean(axis=1)
+    rows = np.empty((*wanted.shape[:2], ROW, wanted.shape[2]))
+    rows[:, :, OF_CLASSES] = flux.transpose(0, 2, 1, 3)
+    rows[:, :, ERROR] = _with_rules(_standard_error(values), flux.sum(axis=1), fixed)
+    rows[:, :, SCALE] = fixed.scale
+    return rows
+
+
+def _as_share_of_states(
+    on_step: Callable[[int, int], None] | None, classes: int, states: int
+) -> Callable[[int], None]:
+    """From how many classes of states are left to (states done, states)."""
+
+    def on_done(left: int) -> None:
+        if on_step is not None:
+            on_step((classes - left) * states // max(classes, 1), states)
+
+    return on_done
+
+
+def _classes(
+    scene: OpticalScene,
+    centres_mm: FloatArray,
+    indentations: Presses,
+    fields: Sequence[SmoothField | None] | None,
+) -> StateClasses:
+    """Classes of equal light; every state its own where fields are given, for a field is known as numbers only."""
+    pressed = [[one] if one is None or isinstance(one, Indentation) else list(one) for one in indentations]
+    centres = np.asarray(centres_mm, dtype=np.float64).reshape(len(pressed), -1, 2)
+    if fields is None or all(field is None for field in fields):
+        return state_classes(scene, np.nan_to_num(centres), pressed)
+    every = np.arange(len(pressed))
+    return StateClasses(
+        first=every,
+        member=every,
+        emitters=np.tile(np.arange(len(scene.emitter_wall)), (len(every), 1)),
+        receivers=np.tile(np.arange(len(scene.receiver_wall)), (len(every), 1)),
+    )
+
+
+def _class_pairs(wanted: NDArray[np.bool_], classes: StateClasses) -> NDArray[np.bool_]:
+    """(class, emitter, receiver) every pair that some state of a class wants."""
+    asked = np.zeros((len(classes.first), *wanted.shape[1:]), dtype=np.bool_)
+    for state, number in enumerate(classes.member):
+        asked[number][np.ix_(classes.emitters[state], classes.receivers[state])] |= wanted[state]
+    return asked
+
+
+def _standard_error(values: FloatArray) -> FloatArray:
+    """(state, emitter, receiver) standard error of the mean over replicates of (state, replicate, class, e, r).
+
+    Lattices of mirrored light have offsets spread evenly over R replicates, whose mean keeps only every R-th harmonic
+    of one lattice's error. Harmonics of a jump fall as 1/k and of a kink as 1/k², so the mean's error is at most 1/R of
+    one lattice's. Everything else is independent: 1/sqrt(R).
+    """
+    count = values.shape[1]
+    is_lattice = np.array([name in LATTICE_CLASSES for name in CLASS_NAMES])
+    lattice, rest = (values[:, :, mask].sum(axis=2).std(axis=1, ddof=1) for mask in (is_lattice, ~is_lattice))
+    return np.asarray(np.hypot(lattice / count**1.5, rest / np.sqrt(count)))
+
+
+def _with_rules(error: FloatArray, flux: FloatArray, fixed: Untouched) -> FloatArray:
+    """Add what fixed rules may be off, `RULES_ERROR` of the untouched flux, where the press changes a pair at all."""
+    untouched = fixed.straight.sum(axis=0) + fixed.diffuse + fixed.wall.mean(axis=0)
+    is_changed = np.abs(flux - untouched) > 1e-9 * fixed.scale
+    return np.where(is_changed, np.hypot(error, RULES_ERROR * fixed.scale), error)
+
+
+def _pooled(share: FloatArray, asked: NDArray[np.bool_]) -> FloatArray:
+    """(state,) root mean square over the asked pairs of a (state, emitter, receiver) share."""
+    count = np.maximum(asked.sum(axis=(1, 2)), 1)
+    return np.asarray(np.sqrt(np.where(asked, share**2, 0.0).sum(axis=(1, 2)) / count))
+
+
+def _trace_batch(
+    wanted: NDArray[np.bool_], tops: TopStack, part: NDArray[np.int64], fixed: Untouched, settings: Accuracy
+) -> FloatArray:
+    from sims.optics.engine.compiled import trace_state
+    from sims.optics.engine.states import CLASSES
+
+    rules = (
+        *gauss(settings.nodes_emitter),
+        *gauss(settings.nodes_column),
+        *gauss(settings.nodes_height),
+    )
+    image_rules = (
+        *gauss(settings.few_emitter),
+        *gauss(settings.few_receiver),
+        *gauss(settings.most_emitter),
+        *gauss(settings.most_receiver),
+    )
+    numbers = np.array(
+        [
+            settings.rings, settings.columns, settings.image_step, settings.top_rings, settings.top_columns,
+            settings.repeat_share, settings.wall_rays, settings.whole_ratio,
+            settings.ray_share,
+        ],
+        dtype=np.float64,
+    )  # fmt: skip
+    flat = (fixed.straight, fixed.diffuse, fixed.wall, fixed.given, fixed.taken, fixed.joined)
+    patches = (fixed.layout, fixed.areas)
+    rows, field = tops.part(part)
+    out = np.zeros((len(part), len(fixed.shifts), CLASSES, *wanted.shape[1:]))
+
+    def trace_one(state: int) -> None:
+        trace_state(
+            out[state], wanted[state], fixed.emitters, fixed.receivers, fixed.box, rows[state], field[state], flat,
+            fixed.scale, rules, image_rules, fixed.points, fixed.shifts, patches,
+            fixed.reflectances, fixed.orders, numbers, fixed.rays,
+        )  # fmt: skip
+
+    run_each(trace_one, len(part))
+    return out

@@ -1,0 +1,171 @@
+"""Single light paths for pictures, drawn from the oracle's own walk.
+
+A ray is named by its number: the same number leaves an emitter at the same place in the same direction
+whatever the press, so what a press does to one ray can be followed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from design.errors import InputError
+from sims.optics.oracle.compiled import next_path
+from sims.optics.oracle.scene import lower_scene
+from sims.optics.oracle.top import Presses, lower_presses
+from sims.optics.oracle.tracer import check_seed
+from sims.optics.oracle.walk import FATES
+from sims.optics.scene.optical_scene import OpticalScene
+from sims.optics.scene.smooth_field import SmoothField
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+LOST = -1
+"""In place of a receiver's number: light that no receiver gets."""
+TRIES_PER_PATH = 1_000_000
+"""Rays tried for each path asked for, before fewer paths are given back."""
+PLACES = 200
+"""Most places on one path; a longer path is passed over."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LightPath:
+    """One ray from its emitter to its end.
+
+    Attributes
+    ----------
+    fate : name of the class or of the loss, from `sims.optics.oracle.walk.FATES`
+    emitter, receiver : numbers; receiver -1 where the light is lost
+    ray : number of the ray
+    places_mm : (n, 3) places along the path [mm]
+    """
+
+    fate: str
+    emitter: int
+    receiver: int
+    ray: int
+    places_mm: FloatArray
+
+
+def sample_paths(
+    scene: OpticalScene,
+    centre_mm: ArrayLike,
+    indentation: Presses,
+    *,
+    emitter: int,
+    receiver: int | None = None,
+    count: int,
+    seed: int = 0,
+    field: SmoothField | None = None,
+) -> list[tuple[str, FloatArray]]:
+    """Random paths of one emitter's light, each as likely as the power it carries.
+
+    A path that leaves the elastomer and enters it again has its places in air too; one that escapes ends where it
+    last met anything. With absorption a path is drawn as if there were none: the picture shows where light goes,
+    not how much.
+
+    Parameters
+    ----------
+    centre_mm, indentation, field : as of `LightWalker`
+    emitter, receiver : numbers; with a receiver only paths that end on it, without any fate
+    count : paths wanted; fewer come back where light that reaches the receiver is too rare
+    seed : of the random streams, >= 0
+
+    Returns
+    -------
+    name of the class or fate (`sims.optics.oracle.walk.FATES`), and (n, 3) places along the path [mm]
+    """
+    walker = LightWalker(scene, centre_mm, indentation, seed, field)
+    if receiver is not None:
+        _check_number("receiver", receiver, len(scene.receiver_wall))
+    ends = None if receiver is None else (receiver,)
+    found = walker.random_paths(emitter, ends, count=count, most_rays=TRIES_PER_PATH * count)
+    return [(path.fate, path.places_mm) for path in found]
+
+
+class LightWalker:
+    """A scene in one state, ready to walk single rays.
+
+    Parameters
+    ----------
+    centre_mm : (2,) press axis, or (tip, 2) axes where several tips press at once [mm]
+    indentation : the press, None where untouched, or a sequence of these, one per tip
+    seed : of the random streams, >= 0
+    field : height added to the top, or None
+    """
+
+    def __init__(
+        self,
+        scene: OpticalScene,
+        centre_mm: ArrayLike,
+        indentation: Presses,
+        seed: int,
+        field: SmoothField | None = None,
+    ) -> None:
+        self._scene = lower_scene(replace(scene, absorption_per_mm=0.0))
+        centres = np.asarray(centre_mm, dtype=np.float64)[None]
+        (self._top,) = lower_presses(scene, centres, [indentation], [field])
+        check_seed(seed)
+        self._emitters, self._receivers = len(scene.emitter_wall), len(scene.receiver_wall)
+        self._seed = seed
+
+    def random_paths(
+        self, emitter: int, ends: Sequence[int] | None = None, *, count: int, most_rays: int
+    ) -> list[LightPath]:
+        """Random paths of one emitter's light in the order of the rays, each as likely as the power it carries.
+
+        Parameters
+        ----------
+        ends : receivers that count, and `LOST` for all light that no receiver gets; None: every end
+        most_rays : rays tried in all, before fewer paths than `count` are given back
+        """
+        wanted = _wanted_ends(ends, self._receivers)
+        paths: list[LightPath] = []
+        ray = 0
+        while len(paths) < count and ray < most_rays:
+            path = self._next_path(emitter, ray, most_rays - ray, wanted)
+            if path is None:
+                break
+            paths.append(path)
+            ray = path.ray + 1
+        return paths
+
+    def follow(self, emitter: int, rays: Sequence[int]) -> list[LightPath]:
+        """Where rays of given numbers go; a ray that starts above the surface is left out.
+
+        Parameters
+        ----------
+        rays : numbers, as in `LightPath.ray`, found with the same seed under any press
+        """
+        anywhere = _wanted_ends(None, self._receivers)
+        found = (self._next_path(emitter, ray, 1, anywhere) for ray in rays)
+        return [path for path in found if path is not None]
+
+    def _next_path(self, emitter: int, ray: int, tries: int, wanted: BoolArray) -> LightPath | None:
+        """From a ray number on, the next one that ends where it is wanted."""
+        _check_number("emitter", emitter, self._emitters)
+        number, fate, receiver, places = next_path(
+            self._scene, self._top, emitter, wanted, self._seed, ray, tries, PLACES
+        )
+        if fate < 0:
+            return None
+        return LightPath(fate=FATES[fate], emitter=emitter, receiver=receiver, ray=number, places_mm=places)
+
+
+def _wanted_ends(ends: Sequence[int] | None, receivers: int) -> BoolArray:
+    """(receiver + 1,) which ends count; the last for lost light."""
+    wanted = np.full(receivers + 1, ends is None)
+    for end in ends or ():
+        if end != LOST:
+            _check_number("receiver", end, receivers)
+        wanted[end] = True
+    return wanted
+
+
+def _check_number(name: str, value: int, count: int) -> None:
+    if not 0 <= value < count:
+        raise InputError(f"{name}: {value} does not exist; the scene has {count}, numbered from 0")

@@ -1,0 +1,145 @@
+"""The oracle: a plain forward Monte-Carlo tracer that checks the fast light engine.
+
+It shares no intersection, surface or Fresnel code with the fast engine; only the scene and the press,
+as data, are common. Light walks from each emitter as `sims.optics.oracle.walk` describes, in air as
+`sims.optics.oracle.air` does; the top is what `sims.optics.oracle.surface`, or for several tips and fields
+`sims.optics.oracle.heights`, describes, with what each leaves out.
+
+Classes of received light
+-------------------------
+- `direct`: no interaction on the way.
+- `top`: mirrored at the top only, each time where the surface slopes by at most 0.02.
+- `skirt`: mirrored at the top only, at least once where a press makes it slope by more than 0.02.
+- `wall`: never scattered, mirrored by a smooth wall at least once.
+- `diffuse`: scattered at least once by a wall, the bottom or the tip.
+- `crossing`: left through the top, crossed air and entered again at least once, whatever else happened. The fast
+  engine does not model it; `OracleLight.without_crossing` is what compares with it.
+
+The border between `top` and `skirt` is a convention: another definition moves light between the two and
+leaves their sum alone.
+
+Accuracy
+--------
+Standard errors come from the second moment over rays. A pair that no ray reached has a standard error of
+zero, which means "not resolved", not "known to be zero": below about `1 / rays` nothing is seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from design.errors import InputError
+from sims.optics.oracle.compiled import trace_emitter
+from sims.optics.oracle.scene import lower_scene
+from sims.optics.oracle.top import Presses, lower_presses
+from sims.optics.oracle.walk import CROSSING, FATES
+from sims.optics.scene.optical_scene import OpticalScene
+from sims.optics.scene.smooth_field import SmoothField
+
+FloatArray = NDArray[np.float64]
+
+CLASSES = FATES[: CROSSING + 1]
+"""Classes of received light, in the order of `OracleLight.flux`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OracleLight:
+    """What the oracle counted. Fluxes are fractions of the power of the emitter's whole area.
+
+    Attributes
+    ----------
+    flux : (class, state, emitter, receiver) by `CLASSES` [-]
+    class_standard_error : (class, state, emitter, receiver) of `flux` [-]
+    standard_error : (state, emitter, receiver) of the flux summed over classes [-]
+    ledger : (fate, state, emitter) share of the emitted power by `FATES` [-]: received by class; absorbed
+        at walls, bottom and tip, and in the volume; escaped through the top; `uncounted`, met a receiver that
+        does not count it; `unsubmerged`, radiated by the part of the emitter that is above the surface;
+        `unresolved`, rays given up. It sums to 1.
+    rays : per emitter and state
+    seed : of the random streams
+    """
+
+    flux: FloatArray
+    class_standard_error: FloatArray
+    standard_error: FloatArray
+    ledger: FloatArray
+    rays: int
+    seed: int
+
+    @property
+    def total(self) -> FloatArray:
+        """(state, emitter, receiver) flux summed over all classes [-]."""
+        return np.asarray(self.flux.sum(axis=0))
+
+    @property
+    def without_crossing(self) -> FloatArray:
+        """(state, emitter, receiver) flux of light that never left the elastomer [-]: what the fast engine models."""
+        return np.asarray(self.flux[:CROSSING].sum(axis=0))
+
+
+def trace_oracle(
+    scene: OpticalScene,
+    centres_mm: ArrayLike,
+    indentations: Sequence[Presses],
+    *,
+    fields: Sequence[SmoothField | None] | None = None,
+    rays: int = 1_000_000,
+    seed: int = 0,
+    on_step: Callable[[int, int], None] | None = None,
+) -> OracleLight:
+    """Trace every emitter in every state.
+
+    Parameters
+    ----------
+    centres_mm : (state, 2), or (state, tip, 2), x and y of the press axes [mm]; not read where untouched
+    indentations : one press or None (untouched) for each state, or a sequence of these, one per tip
+    fields : height added to the top, or None, for each state
+    rays : for each emitter and state
+    seed : of the random streams, >= 0
+    on_step : called with emitters done and emitters in all, over all states
+
+    Raises
+    ------
+    InputError : a bad scene, place or profile
+    ModelScopeError : with several tips or a field, a curve that folds, or contacts that overlap
+    """
+    if rays < 2:
+        raise InputError(f"rays: {rays} is too few; at least 2")
+    lowered = lower_scene(scene)
+    tops = lower_presses(scene, centres_mm, indentations, fields)
+    check_seed(seed)
+    emitters, receivers = len(scene.emitter_wall), len(scene.receiver_wall)
+    flux = np.zeros((len(CLASSES), len(tops), emitters, receivers))
+    square = np.zeros_like(flux)
+    ledger = np.zeros((len(FATES), len(tops), emitters))
+    for state, top in enumerate(tops):
+        for emitter in range(emitters):
+            sums = trace_emitter(lowered, top, seed, state, emitter, rays)
+            flux[:, state, emitter], square[:, state, emitter], ledger[:, state, emitter] = (
+                np.asarray(part.sum(axis=0)) / rays for part in sums
+            )
+            if on_step is not None:
+                on_step(state * emitters + emitter + 1, len(tops) * emitters)
+    return OracleLight(
+        flux=flux,
+        class_standard_error=_standard_error(flux, square, rays),
+        standard_error=_standard_error(flux.sum(axis=0), square.sum(axis=0), rays),
+        ledger=ledger,
+        rays=rays,
+        seed=seed,
+    )
+
+
+def _standard_error(mean: FloatArray, mean_square: FloatArray, rays: int) -> FloatArray:
+    """Standard error of a mean over rays, each of which adds to one bin only."""
+    return np.asarray(np.sqrt(np.maximum(mean_square - mean * mean, 0.0) / (rays - 1)))
+
+
+def check_seed(seed: int) -> None:
+    """Refuse seeds that do not fit a random stream."""
+    if not 0 <= seed < 2**63:
+        raise InputError(f"seed: {seed} must lie between 0 and 2^63 - 1")

@@ -1,0 +1,222 @@
+"""One ray's walk through the pad, written to be read: emission, flight, reflection, fate.
+
+Model
+-----
+Geometrical optics, unpolarised, one colour. An emitter is a rectangle on a wall; every point of it radiates cosᵐθ,
+or a tabulated pattern, into the elastomer. A ray flies straight to the nearest wall, bottom or top. The top
+reflects by Fresnel's equations; what it lets out flies on in air (`sims.optics.oracle.air`) and may enter again.
+Walls, emitter faces, the bottom and the wetted tip are Lambertian; where walls are smooth, they and the emitters'
+faces mirror Fresnel's share first, and scatter of the rest. Receivers are perfect absorbers that count all light,
+or a share that depends on the angle of arrival.
+
+Chance and weight
+-----------------
+A ray reflects or not, at the top as at a wall, by one random number, and a receiver counts it or not by another:
+below the critical angle the reflectance is a few percent, so following the weak remainder costs more than it
+tells. Absorption is no game of chance: the ray carries the weight exp(-absorption · distance), and the lost part is
+booked as absorbed in the volume. Each ray thus ends in one place and the account closes to rounding.
+
+Left out
+--------
+Polarisation that builds up over several reflections. Scattering in the elastomer.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from sims.optics.oracle.air import BACK_INSIDE, NUDGE_MM, ON_A_TIP, ON_A_WALL, OVER_THE_WALLS, fly, record
+from sims.optics.oracle.border import fresnel_reflectance, refracted_direction
+from sims.optics.oracle.chance import direction_about, draw, lobe_direction, pattern_cosine, table_value
+from sims.optics.oracle.scene import Scene, emission_point, face_hit, inward_normal, receiver_at
+from sims.optics.oracle.surface import CONTACT, NOTHING
+from sims.optics.oracle.top import Top, is_flat, is_in_elastomer, top_exit
+
+FloatArray = NDArray[np.float64]
+
+FATES = (
+    "direct",
+    "top",
+    "skirt",
+    "wall",
+    "diffuse",
+    "crossing",
+    "walls",
+    "bottom",
+    "tip",
+    "volume",
+    "escaped",
+    "uncounted",
+    "unsubmerged",
+    "unresolved",
+)
+"""Where light can end: at a receiver by class (the first six), or lost; the order of every ledger."""
+(
+    DIRECT,
+    TOP,
+    SKIRT,
+    WALL,
+    DIFFUSE,
+    CROSSING,
+    WALLS,
+    BOTTOM,
+    TIP,
+    VOLUME,
+    ESCAPED,
+    UNCOUNTED,
+    UNSUBMERGED,
+    UNRESOLVED,
+) = range(14)
+
+SKIRT_SLOPE = 0.02
+"""Slope of the surface above which a reflection makes a path a `skirt` path [-]."""
+STEP_LIMIT = 10_000
+"""Flights after which a ray is given up and booked as unresolved."""
+
+
+@njit()
+def emission_direction(scene: Scene, emitter: int, u: float, v: float) -> tuple[float, float, float]:
+    """A direction of an emitter's light, by its table or its order; u, v in [0, 1)."""
+    nx, ny, nz = inward_normal(scene.emitter_wall[emitter])
+    if scene.emitter_pattern.shape[2] > 0 and not math.isnan(scene.emitter_pattern[0, emitter, 0]):
+        cosine = pattern_cosine(scene.emitter_pattern[0, emitter], scene.emitter_pattern[1, emitter], u)
+        return direction_about(nx, ny, nz, cosine, v)
+    return lobe_direction(nx, ny, nz, scene.emitter_order[emitter], u, v)
+
+
+@njit(forceinline=True)
+def walk(
+    scene: Scene, top: Top, emitter: int, stream: np.uint64, vertices: FloatArray
+) -> tuple[int, int, float, int]:
+    """Follow one ray from an emitter to its end.
+
+    Parameters
+    ----------
+    vertices : (n, 3) is filled with the places of the path [mm], as far as it has rows
+
+    Returns
+    -------
+    fate : index into `FATES`
+    receiver : its number, or -1
+    weight : what absorption left of the ray at its end [-]; the rest went into the volume
+    count : number of places on the path
+    """
+    stream, u = draw(stream)
+    stream, v = draw(stream)
+    x, y, z = emission_point(scene, emitter, u, v)
+    if z > scene.height or not is_in_elastomer(top, x, y, z):
+        return UNSUBMERGED, -1, 1.0, 0
+    stream, u = draw(stream)
+    stream, v = draw(stream)
+    direction = emission_direction(scene, emitter, u, v)
+    place, count = (x, y, z), record(vertices, 0, x, y, z)
+    path, weight = DIRECT, 1.0
+    for _ in range(STEP_LIMIT):
+        fate, receiver, weight, count, stream, place, direction = walk_inside(
+            scene, top, path, weight, stream, place, direction, vertices, count
+        )
+        if fate != ESCAPED or is_flat(top):
+            return fate, receiver, weight, count
+        end, stream, place, direction, count = fly(scene, top, stream, place, direction, vertices, count)
+        if end != BACK_INSIDE:
+            return _fate_in_air(end), -1, weight, count
+        path = CROSSING
+    return UNRESOLVED, -1, weight, count
+
+
+@njit(forceinline=True)
+def walk_inside(
+    scene: Scene,
+    top: Top,
+    path: int,
+    weight: float,
+    stream: np.uint64,
+    place: tuple[float, float, float],
+    direction: tuple[float, float, float],
+    vertices: FloatArray,
+    count: int,
+) -> tuple[int, int, float, int, np.uint64, tuple[float, float, float], tuple[float, float, float]]:
+    """Follow one ray within the elastomer, until it ends or leaves through the top.
+
+    Parameters
+    ----------
+    path : class of light so far, a fate
+    weight : what absorption left so far [-]
+    place, direction : where it is [mm], and its unit vector
+
+    Returns
+    -------
+    fate, receiver, weight, count of places as of `walk`; where the fate is `ESCAPED`, then its stream, and its place
+    and direction just outside
+    """
+    (x, y, z), (dx, dy, dz) = place, direction
+    for _ in range(STEP_LIMIT):
+        distance, face = face_hit(scene, x, y, z, dx, dy, dz)
+        distance, what, nx, ny, nz = top_exit(top, x, y, z, dx, dy, dz, distance)
+        x, y, z = x + distance * dx, y + distance * dy, z + distance * dz
+        weight *= math.exp(-scene.absorption * distance)
+        count = record(vertices, count, x, y, z)
+        stream, chance = draw(stream)
+        if what != NOTHING and what != CONTACT:
+            cosine = dx * nx + dy * ny + dz * nz
+            if cosine > 0.0:
+                if chance >= fresnel_reflectance(cosine, scene.refractive_index):
+                    direction = refracted_direction(dx, dy, dz, nx, ny, nz, scene.refractive_index)
+                    place = (x + NUDGE_MM * nx, y + NUDGE_MM * ny, z + NUDGE_MM * nz)
+                    return ESCAPED, -1, weight, count, stream, place, direction
+                dx, dy, dz = dx - 2.0 * cosine * nx, dy - 2.0 * cosine * ny, dz - 2.0 * cosine * nz
+                steep = nz * math.sqrt(1.0 + SKIRT_SLOPE**2) < 1.0
+                path = max(path, SKIRT if steep else TOP)
+            x, y, z = x - NUDGE_MM * nx, y - NUDGE_MM * ny, z - NUDGE_MM * nz
+            continue
+        if what == CONTACT:
+            if chance >= scene.tip_reflectance:
+                return TIP, -1, weight, count, stream, place, direction
+            nx, ny, nz = -nx, -ny, -nz
+            x, y, z = x + NUDGE_MM * nx, y + NUDGE_MM * ny, z + NUDGE_MM * nz
+        elif face == 4:
+            if chance >= scene.bottom_reflectance:
+                return BOTTOM, -1, weight, count, stream, place, direction
+            nx, ny, nz = inward_normal(face)
+        else:
+            nx, ny, nz = inward_normal(face)
+            cosine = -(dx * nx + dy * ny + dz * nz)
+            receiver = receiver_at(scene, face, x, y, z)
+            if receiver >= 0:
+                if chance >= _counted_share(scene, receiver, cosine):
+                    path, receiver = UNCOUNTED, -1
+                return path, receiver, weight, count, stream, place, direction
+            mirrored = fresnel_reflectance(cosine, scene.wall_ratio) if scene.wall_ratio > 0.0 else 0.0
+            if chance < mirrored:
+                dx, dy, dz = dx + 2.0 * cosine * nx, dy + 2.0 * cosine * ny, dz + 2.0 * cosine * nz
+                path = max(path, WALL)
+                continue
+            if chance >= mirrored + (1.0 - mirrored) * scene.wall_reflectance:
+                return WALLS, -1, weight, count, stream, place, direction
+        stream, u = draw(stream)
+        stream, v = draw(stream)
+        dx, dy, dz = lobe_direction(nx, ny, nz, 1.0, u, v)
+        path = max(path, DIFFUSE)
+    return UNRESOLVED, -1, weight, count, stream, place, direction
+
+
+@njit()
+def _counted_share(scene: Scene, receiver: int, cosine: float) -> float:
+    """Share of light arriving at a cosine which a receiver counts [-]."""
+    if scene.receiver_response.shape[1] == 0:
+        return 1.0
+    return table_value(scene.receiver_response[receiver], cosine)
+
+
+@njit()
+def _fate_in_air(end: int) -> int:
+    """The fate of light that a flight in air has ended."""
+    if end == OVER_THE_WALLS:
+        return ESCAPED
+    if end == ON_A_TIP:
+        return TIP
+    return WALLS if end == ON_A_WALL else UNRESOLVED

@@ -1,0 +1,69 @@
+"""Lower a design to the arrays of an optical scene."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from design.geometry.cavity import PlacedPart, cavity_of
+from design.spec import SensorDesign
+from design.spec.properties import absorption_coefficient_per_mm, emitter_order, refractive_index, wall_index
+from sims.optics.scene.acceptance import response_nodes
+from sims.optics.scene.emission import COSINE_NODES, table_pattern
+from sims.optics.scene.optical_scene import FloatArray, IntArray, OpticalScene
+
+WALL_NUMBERS = {"south": 0, "east": 1, "north": 2, "west": 3}
+
+
+def scene_of(design: SensorDesign) -> OpticalScene:
+    """The clear block with the active areas of all parts, in the order of the cavity's parts.
+
+    An emitter with an angular pattern has it in place of its order; a receiver counts what falls on its active area,
+    whatever its angle, unless its part says what lies on the chip.
+    """
+    cavity = cavity_of(design)
+    surfaces = design.surfaces
+    index = refractive_index(design).value
+    behind = wall_index(design)
+    return OpticalScene(
+        length_mm=cavity.length_mm,
+        width_mm=cavity.width_mm,
+        height_mm=cavity.clear_mm,
+        refractive_index=index,
+        absorption_per_mm=absorption_coefficient_per_mm(design),
+        wall_reflectance=surfaces.wall_reflectance,
+        bottom_reflectance=surfaces.bottom_reflectance,
+        tip_reflectance=surfaces.tip_reflectance,
+        emitter_wall=_walls(cavity.emitters),
+        emitter_patch=_patches(cavity.emitters),
+        emitter_order=np.array([emitter_order(part.part) for part in cavity.emitters]),
+        receiver_wall=_walls(cavity.receivers),
+        receiver_patch=_patches(cavity.receivers),
+        emitter_pattern=_patterns(cavity.emitters),
+        receiver_response=_responses(cavity.receivers, index),
+        wall_index=None if behind is None else behind.value,
+    )
+
+
+def _walls(parts: tuple[PlacedPart, ...]) -> IntArray:
+    return np.array([WALL_NUMBERS[part.wall] for part in parts], dtype=np.int64)
+
+
+def _patches(parts: tuple[PlacedPart, ...]) -> FloatArray:
+    rows = [(p.along_mm, p.height_mm, p.half_width_mm, p.half_height_mm) for p in parts]
+    return np.array(rows, dtype=np.float64).reshape(-1, 4)
+
+
+def _patterns(parts: tuple[PlacedPart, ...]) -> FloatArray | None:
+    """(e, n) patterns, a row of NaN for an emitter that goes by its order; None where all do."""
+    tables = [part.part.angular_pattern for part in parts]
+    if not any(tables):
+        return None
+    by_order = np.full(COSINE_NODES, np.nan)
+    return np.array([by_order if table is None else table_pattern(table) for table in tables])
+
+
+def _responses(parts: tuple[PlacedPart, ...], index: float) -> FloatArray | None:
+    """(r, n) responses; None where all receivers are bare."""
+    if all(part.part.epoxy_index is None for part in parts):
+        return None
+    return np.array([response_nodes(part.part, index) for part in parts])

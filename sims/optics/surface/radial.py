@@ -1,0 +1,237 @@
+# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
+"""Kernels: the radial table of one tip, and what does not depend on the top.
+
+`rows` (tip, n) hold `sims.optics.surface.curves.SurfaceStack` tip by tip (`ROW` columns); `box` is (length, width,
+height, refractive index, absorption per mm, index behind smooth walls or 0). A patch is a row (wall, along, z,
+half width, half height, Lambertian order or -1, full area as mounted, radiance over the cosine's nodes ...).
+Fresnel: unpolarised, from inside (Born and Wolf, sec. 1.5).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from numba import njit
+
+from sims.optics.surface.curves import (
+    CONTACT,
+    CONTACT_PARTS,
+    LOWEST,
+    OFFSET,
+    OUTER_2,
+    PER_LEVEL,
+    PIECES,
+    REACH,
+    SCALE,
+    SPHERE_2,
+    SPHERE_Z,
+    START,
+    TIP_2,
+    TOP,
+)
+from sims.optics.surface.radial_table import CELLS, FALL, PIECE_COLUMNS, STEEP
+
+PATCH_TABLE = 7
+
+UNSEEN: dict[str, Any] = {
+    "error_model": "numpy",
+    "fastmath": {"contract", "nsz", "arcp"},
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+}
+"""Kernels call one another; entry from Python or C, a seventh of the time to compile, is for `compiled` alone.
+Multiplications may be joined with sums as suits the processor; infinities and NaN keep their meaning. Sums keep their
+order, 3 % of the time: the process that compiles runs kernels as compiled alone, every later one as compiled into an
+entry point, and these took sums in different order."""
+UNCOUNTED: dict[str, Any] = UNSEEN | {"_nrt": False}
+"""Without Numba's counts of references to arrays, which took an eighth of the time: no pass of its compiler can drop
+those of arrays in a named tuple. Such a kernel makes no array and returns none; Numba refuses one that tries."""
+array_kernel = njit(**UNSEEN)
+kernel = njit(**UNCOUNTED)
+inlined = njit(**UNCOUNTED, forceinline=True)
+"""For what is called with every ray: a call with an array costs as much as a square root."""
+
+NEVER = 1e30
+
+
+@inlined
+def distance(dx, dy):
+    """Length of a vector in plan; lengths here are far from overflow, which spares the care of hypot."""
+    return math.sqrt(dx * dx + dy * dy)
+
+
+@inlined
+def contact_radius_2(share, tip, rows):
+    """Squared radius inside which lies this share of a tip's contact, by area, and what it grows by per unit share."""
+    parts = share * CONTACT_PARTS
+    part = min(int(parts), CONTACT_PARTS - 1)
+    low = rows[tip, CONTACT + part]
+    step = rows[tip, CONTACT + part + 1] - low
+    return low + (parts - part) * step, CONTACT_PARTS * step
+
+
+@kernel
+def fresnel(cos_angle, index):
+    """Unpolarised reflectance from inside; 1 beyond the critical angle."""
+    sin2 = index * index * (1.0 - cos_angle * cos_angle)
+    if sin2 >= 1.0:
+        return 1.0
+    cos_t = math.sqrt(1.0 - sin2)
+    rs = (index * cos_angle - cos_t) / (index * cos_angle + cos_t)
+    rp = (cos_angle - index * cos_t) / (cos_angle + index * cos_t)
+    return 0.5 * (rs * rs + rp * rp)
+
+
+@kernel
+def wall_point(wall, along, z, box):
+    """Point of a wall at `along`, z."""
+    if wall == 0:
+        return along, 0.0, z
+    if wall == 1:
+        return box[0], along, z
+    if wall == 2:
+        return along, box[1], z
+    return 0.0, along, z
+
+
+@kernel
+def wall_normal(wall):
+    """Inward normal (x, y) of a wall."""
+    if wall == 0:
+        return 0.0, 1.0
+    if wall == 1:
+        return -1.0, 0.0
+    if wall == 2:
+        return 0.0, -1.0
+    return 1.0, 0.0
+
+
+@kernel
+def mirrored_share(cos_angle, index, behind):
+    """Unpolarised reflectance at a smooth face from an index to the one behind it; 1 beyond the critical angle."""
+    ratio = index / behind
+    sin2 = ratio * ratio * (1.0 - cos_angle * cos_angle)
+    if sin2 >= 1.0:
+        return 1.0
+    cos_t = math.sqrt(1.0 - sin2)
+    rs = (ratio * cos_angle - cos_t) / (ratio * cos_angle + cos_t)
+    rp = (cos_angle - ratio * cos_t) / (cos_angle + ratio * cos_t)
+    return 0.5 * (rs * rs + rp * rp)
+
+
+@kernel
+def radiance(patch, cosine):
+    """Radiance over power and area that a patch sends at a cosine to its normal; 1/pi if it is Lambertian [1/sr].
+
+    For a receiver pi times this is the share that it counts of light from there.
+    """
+    order = patch[5]
+    if order == 1.0:
+        return 1.0 / math.pi
+    if order >= 0.0:
+        return (order + 1.0) / (2.0 * math.pi) * cosine ** (order - 1.0)
+    last = patch.shape[0] - PATCH_TABLE - 1
+    x = min(max(cosine, 0.0), 1.0) * last
+    k = min(int(x), last - 1)
+    low = patch[PATCH_TABLE + k]
+    return low + (x - k) * (patch[PATCH_TABLE + k + 1] - low)
+
+
+@inlined
+def wall_hit(x, y, z, dx, dy, dz, box):
+    """Distance to the nearest wall or the bottom, and which (0-3 walls, 4 bottom, -1 none).
+
+    Written without jumps on the signs, which no processor can foresee.
+    """
+    per_x = 1.0 / dx if dx != 0.0 else NEVER
+    per_y = 1.0 / dy if dy != 0.0 else NEVER
+    tx = max((box[0] - x) * per_x, -x * per_x)
+    ty = max((box[1] - y) * per_y, -y * per_y)
+    t = min(tx, ty)
+    kind = (1 if dx > 0.0 else 3) if tx <= ty else (2 if dy > 0.0 else 0)
+    kind = kind if t < NEVER else -1
+    tz = -z / dz if dz < 0.0 else NEVER
+    kind = 4 if tz < t else kind
+    return min(t, tz), kind
+
+
+@inlined
+def height(r2, tip, rows):
+    """Height of the top above the bottom at a squared radius."""
+    if r2 >= rows[tip, OUTER_2]:
+        return rows[tip, TOP]
+    if r2 <= rows[tip, SPHERE_2]:
+        return rows[tip, SPHERE_Z] - math.sqrt(rows[tip, TIP_2] - r2)
+    x = math.sqrt(rows[tip, SCALE] * r2 + rows[tip, OFFSET]) - rows[tip, START]
+    k = min(int(x), CELLS - 1)
+    t = x - k
+    c = PIECES + PIECE_COLUMNS * k
+    return rows[tip, c] + t * (rows[tip, c + 1] + t * (rows[tip, c + 2] + t * rows[tip, c + 3]))
+
+
+@inlined
+def height_and_turn(r2, tip, rows):
+    """Height of the top and dh/dr over r, which times (x, y) is the gradient."""
+    if r2 >= rows[tip, OUTER_2]:
+        return rows[tip, TOP], 0.0
+    if r2 <= rows[tip, SPHERE_2]:
+        root = math.sqrt(rows[tip, TIP_2] - r2)
+        return rows[tip, SPHERE_Z] - root, 1.0 / root
+    w = math.sqrt(rows[tip, SCALE] * r2 + rows[tip, OFFSET])
+    x = w - rows[tip, START]
+    k = min(int(x), CELLS - 1)
+    t = x - k
+    c = PIECES + PIECE_COLUMNS * k
+    c1, c2, c3 = rows[tip, c + 1], rows[tip, c + 2], rows[tip, c + 3]
+    first = c1 + t * (2.0 * c2 + t * 3.0 * c3)
+    return rows[tip, c] + t * (c1 + t * (c2 + t * c3)), first * rows[tip, SCALE] / w
+
+
+@kernel
+def height_turn_bend(r2, tip, rows):
+    """Height of the top, dh/dr over r, and the derivative of the latter over r."""
+    if r2 >= rows[tip, OUTER_2]:
+        return rows[tip, TOP], 0.0, 0.0
+    if r2 <= rows[tip, SPHERE_2]:
+        root = math.sqrt(rows[tip, TIP_2] - r2)
+        return rows[tip, SPHERE_Z] - root, 1.0 / root, 1.0 / (root * root * root)
+    w = math.sqrt(rows[tip, SCALE] * r2 + rows[tip, OFFSET])
+    x = w - rows[tip, START]
+    k = min(int(x), CELLS - 1)
+    t = x - k
+    c = PIECES + PIECE_COLUMNS * k
+    c1, c2, c3 = rows[tip, c + 1], rows[tip, c + 2], rows[tip, c + 3]
+    per = rows[tip, SCALE] / w
+    turn = (c1 + t * (2.0 * c2 + t * 3.0 * c3)) * per
+    bend = (2.0 * c2 + t * 6.0 * c3) * per * per - turn * per / w
+    return rows[tip, c] + t * (c1 + t * (c2 + t * c3)), turn, bend
+
+
+@inlined
+def _piece(r2, tip, rows):
+    """Where the piece that holds a squared radius begins in its tip's row; the first one's within the sphere."""
+    if r2 <= rows[tip, SPHERE_2]:
+        return PIECES
+    k = int(math.sqrt(rows[tip, SCALE] * r2 + rows[tip, OFFSET]) - rows[tip, START])
+    return PIECES + PIECE_COLUMNS * min(k, CELLS - 1)
+
+
+@inlined
+def slope_bound(r2, tip, rows):
+    """Largest |dh/dr| at this squared radius and beyond."""
+    return 0.0 if r2 >= rows[tip, OUTER_2] else rows[tip, _piece(r2, tip, rows) + STEEP]
+
+
+@kernel
+def fall_bound(r2, tip, rows):
+    """Largest fall -dh/dr at this squared radius and beyond."""
+    return 0.0 if r2 >= rows[tip, OUTER_2] else rows[tip, _piece(r2, tip, rows) + FALL]
+
+
+@inlined
+def reach2(z, tip, rows):
+    """Squared radius beyond which the top lies nowhere below z, for z below the undisturbed top; -1: nowhere."""
+    if z <= rows[tip, LOWEST]:
+        return -1.0
+    return rows[tip, REACH + int((z - rows[tip, LOWEST]) * rows[tip, PER_LEVEL])]

@@ -1,0 +1,240 @@
+"""Lower presses to the tops that kernels see: several tips and a smooth field in one state.
+
+Model
+-----
+The top's height over the undisturbed plane is the sum of every tip's radial curve (`sims.optics.surface.curves`) and
+of a smooth field (`sims.optics.scene.smooth_field`). Superposition is exact where at most one curve differs from
+zero; it leaves out how one tip's dimple deforms under another, and is refused where the steep parts overlap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import InputError, ModelScopeError
+from sims.optics.scene.optical_scene import OpticalScene
+from sims.optics.scene.smooth_field import SmoothField
+from sims.optics.surface.curves import (
+    ACTIVE,
+    FIELD_COLUMNS,
+    OUTER_R,
+    PIECES,
+    SKIRT_R,
+    SPHERE_R,
+    TOP,
+    SurfaceStack,
+    X,
+    Y,
+    stack_surfaces,
+)
+from sims.optics.surface.radial_table import CELLS, PIECE_COLUMNS, lowest_of_pieces_mm, node_radii_mm
+from sims.optics.surface.top import FIELD_LOWEST, FIELD_ON, FIELD_SLOPE, SLACK
+from sims.press.indentation import Indentation
+
+FloatArray = NDArray[np.float64]
+Presses = Sequence[Indentation | Sequence[Indentation | None] | None]
+SUBDIVISION = 4
+SLOPE_RESERVE = 1.1
+
+
+@dataclass(frozen=True, kw_only=True)
+class TopStack:
+    """Tops of all states, as kernels read them.
+
+    Attributes
+    ----------
+    rows : (state, tip, n) see `sims.optics.surface.curves`
+    field : (state, nx, ny, 4) nodes of the fields; (state, 0, 0, 4) where no state has one
+    """
+
+    rows: FloatArray
+    field: FloatArray
+
+    def part(self, states: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
+        """Arrays of some states in the order of `sims.optics.surface.top.Top`."""
+        return self.rows[states], self.field[states]
+
+
+def stack_tops(
+    indentations: Presses,
+    centres_mm: FloatArray,
+    scene: OpticalScene,
+    fields: Sequence[SmoothField | None] | None = None,
+) -> TopStack:
+    """Lower one press, or one for each tip, and perhaps a field per state.
+
+    Parameters
+    ----------
+    indentations : per state an indentation, None (untouched), or a sequence of these, one for each tip
+    centres_mm : (state, 2) or (state, tip, 2) x and y of the press axes [mm]
+    fields : one per state, on one grid
+
+    Raises
+    ------
+    InputError : shapes that do not fit together; a press outside the block; a bad curve or field.
+    ModelScopeError : tips whose steep parts overlap, several tips that scatter light, a press out of scope.
+    """
+    nested = [_as_tips(one) for one in indentations]
+    states = len(nested)
+    tips = max((len(one) for one in nested), default=1)
+    centres = _centres(centres_mm, states, tips)
+    columns = [
+        stack_surfaces([one[k] if k < len(one) else None for one in nested], centres[:, k], scene)
+        for k in range(tips)
+    ]
+    rows = np.stack([_packed(column) for column in columns], axis=1)
+    if tips > 1:
+        rows = _touched_first(rows)
+        _check_apart(rows, scene)
+    untouched = (rows[:, :, ACTIVE] == 0.0).all(axis=1)
+    rows[untouched, 0, X], rows[untouched, 0, Y] = scene.length_mm / 2, scene.width_mm / 2
+    field, known = _stacked_fields(fields, states)
+    rows[:, 0, FIELD_ON : FIELD_ON + FIELD_COLUMNS] = known
+    rows[:, 0, SLACK] += _neighbours_depth_mm(rows)
+    return TopStack(rows=rows, field=field)
+
+
+def _packed(column: SurfaceStack) -> FloatArray:
+    """(state, n) rows of one tip; what is known of the field comes later."""
+    states = len(column.press)
+    return np.concatenate(
+        [
+            column.press,
+            np.zeros((states, FIELD_COLUMNS)),
+            column.reach2,
+            column.pieces.reshape(states, -1),
+        ],
+        axis=1,
+    )
+
+
+def _as_tips(one: Indentation | Sequence[Indentation | None] | None) -> list[Indentation | None]:
+    return [one] if one is None or isinstance(one, Indentation) else list(one) or [None]
+
+
+def _centres(centres_mm: FloatArray, states: int, tips: int) -> FloatArray:
+    centres = np.asarray(centres_mm, dtype=np.float64)
+    if centres.shape == (states, 2):
+        centres = centres[:, None]
+    if centres.ndim != 3 or centres.shape[0] != states or centres.shape[1] < tips or centres.shape[2] != 2:
+        raise InputError(
+            f"centres_mm: shape {np.shape(centres_mm)}, needs ({states}, 2) or ({states}, {tips}, 2)"
+        )
+    return centres
+
+
+def _touched_first(rows: FloatArray) -> FloatArray:
+    """The same with each state's touching tips before its absent ones."""
+    order = np.argsort(rows[:, :, ACTIVE] == 0.0, axis=1, kind="stable")
+    return np.asarray(rows[np.arange(len(rows))[:, None], order])
+
+
+def _check_apart(rows: FloatArray, scene: OpticalScene) -> None:
+    for state, tips in enumerate(rows):
+        touching = tips[tips[:, ACTIVE] > 0.0]
+        if len(touching) > 1 and scene.tip_reflectance > 0.0:
+            raise ModelScopeError(
+                f"surfaces.tip_reflectance: {scene.tip_reflectance:g} with {len(touching)} tips in state {state}: "
+                "light that tips scatter is modelled for one tip only; set it to 0"
+            )
+        for k, one in enumerate(touching):
+            for other in touching[k + 1 :]:
+                apart = float(np.hypot(one[X] - other[X], one[Y] - other[Y]))
+                need = float(one[SKIRT_R] + other[SKIRT_R])
+                if apart <= need:
+                    raise ModelScopeError(
+                        f"presses: state {state} has tips {apart:.2f} mm apart whose dimples need {need:.2f} mm; "
+                        "superposition does not hold there, move them apart or press less"
+                    )
+
+
+def _neighbours_depth_mm(rows: FloatArray) -> FloatArray:
+    """(state,) how far tips may lower the top on the side of another tip, summed."""
+    depth = np.zeros(len(rows))
+    for state, tips in enumerate(rows):
+        touching = tips[tips[:, ACTIVE] > 0.0]
+        for k, one in enumerate(touching):
+            apart = [np.hypot(*(one[[X, Y]] - other[[X, Y]])) for m, other in enumerate(touching) if m != k]
+            depth[state] += _fall_beyond_mm(one, min(apart) / 2) if apart else 0.0
+    return depth
+
+
+def _fall_beyond_mm(row: FloatArray, radius_mm: float) -> float:
+    """How far below the undisturbed top a curve lies at most beyond a radius [mm]."""
+    edges, _, _ = node_radii_mm(float(row[SPHERE_R]), float(row[OUTER_R]))
+    pieces = row[PIECES:].reshape(CELLS, PIECE_COLUMNS)[edges[1:] > radius_mm]
+    if len(pieces) == 0:
+        return 0.0
+    return max(float(row[TOP] - lowest_of_pieces_mm(pieces).min()), 0.0)
+
+
+def _stacked_fields(
+    fields: Sequence[SmoothField | None] | None, states: int
+) -> tuple[FloatArray, FloatArray]:
+    known = np.zeros((states, FIELD_COLUMNS))
+    if fields is None or all(field is None for field in fields):
+        return np.zeros((states, 0, 0, 4)), known
+    if len(fields) != states:
+        raise InputError(f"fields: {len(fields)} for {states} states; give one, or None, per state")
+    shapes = {field.nodes.shape for field in fields if field is not None}
+    if len(shapes) != 1:
+        raise InputError(f"fields: grids of {sorted(shapes)} nodes; give all states the same grid")
+    nodes = np.zeros((states, *shapes.pop()))
+    for state, field in enumerate(fields):
+        if field is not None:
+            nodes[state] = field.nodes
+            known[state] = _known_of(field)
+    return nodes, known
+
+
+def _known_of(field: SmoothField) -> FloatArray:
+    """Origin, steps and bounds of a field; bounds from `SUBDIVISION` points a cell along each side."""
+    value, slope_x, slope_y = _sampled(field)
+    row = np.zeros(FIELD_COLUMNS)
+    row[:5] = 1.0, *field.origin_mm, *field.step_mm
+    row[FIELD_LOWEST - FIELD_ON] = min(SLOPE_RESERVE * float(value.min()), 0.0)
+    row[FIELD_SLOPE - FIELD_ON] = SLOPE_RESERVE * float(np.hypot(slope_x, slope_y).max())
+    row[SLACK - FIELD_ON] = -row[FIELD_LOWEST - FIELD_ON]
+    return row
+
+
+def _sampled(field: SmoothField) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Value and both slopes at `SUBDIVISION` + 1 points a cell along each side."""
+    t = np.linspace(0.0, 1.0, SUBDIVISION + 1)
+    (along, along_slope), (across, across_slope) = (_weights(t, step) for step in field.step_mm)
+    n = field.nodes
+    corners = np.stack(
+        [np.stack([n[a : len(n) - 1 + a, b : n.shape[1] - 1 + b] for b in (0, 1)]) for a in (0, 1)]
+    )
+    # node columns: value, d/dx, d/dy, mixed -> (x kind, y kind)
+    kinds = corners.reshape(*corners.shape[:4], 2, 2).swapaxes(4, 5)
+    pattern = "abijkl,pak,qbl->ijpq"
+    return (
+        np.einsum(pattern, kinds, along, across, optimize=True),
+        np.einsum(pattern, kinds, along_slope, across, optimize=True),
+        np.einsum(pattern, kinds, along, across_slope, optimize=True),
+    )
+
+
+def _weights(t: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
+    """(point, end, kind) Hermite weights of value and slope at both ends, and their derivatives."""
+    s = 1.0 - t
+    value = np.stack(
+        [
+            np.stack([(1 + 2 * t) * s * s, step * t * s * s], -1),
+            np.stack([(1 + 2 * s) * t * t, -step * s * t * t], -1),
+        ],
+        1,
+    )
+    slope = np.stack(
+        [
+            np.stack([-6 * t * s / step, s * (1 - 3 * t)], -1),
+            np.stack([6 * t * s / step, t * (3 * t - 2)], -1),
+        ],
+        1,
+    )
+    return value, slope

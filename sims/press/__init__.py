@@ -1,0 +1,4 @@
+"""One press as plain data: the shape of the deformed top, depths, places.
+
+Imports nothing of ours.
+"""

@@ -1,0 +1,5 @@
+"""The signal chain: from light to the counts that a board sends, every disturbance by itself (docs/datasets.md)."""
+
+from sims.readings.chain.signal_chain import SetDraw, SignalChain, chain_of, without_noise
+
+__all__ = ["SetDraw", "SignalChain", "chain_of", "without_noise"]

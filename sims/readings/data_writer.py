@@ -1,0 +1,307 @@
+"""A data set that grows press by press, survives a kill, and becomes one netCDF file when it is whole.
+
+While it grows it is a journal beside the file: a line of JSON, then one record a press,
+
+    length of the content, CRC-32 of it (4 bytes each, little-endian), content (samples, as `_sample_type`)
+
+flushed to the disk before the next. A record that a kill or a power cut left half-written fails its length or its
+check; it and what follows is cut off, and work goes on with the press after the last whole one. HDF5 itself has no
+such promise: a file that was open for writing when its program was killed may never open again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import InputError, OutputError
+from sims.readings.press_data import PressData
+
+RECORD = struct.Struct("<II")
+CHUNK_SAMPLES = 2048
+"""Samples that the netCDF file keeps and packs together: 0.6 MB of a pad of 8 + 8 parts."""
+JOURNAL_VERSION = 1
+
+
+@dataclass(frozen=True)
+class _Journal:
+    """What a journal holds: whole presses, and where they end."""
+
+    presses: tuple[tuple[int, int], ...]
+    end: int
+
+
+class DataWriter:
+    """Writes presses to ``file``; nothing is there until `finish`, and nothing finished is lost before.
+
+    Parameters
+    ----------
+    file : the netCDF file to make
+    header : what all samples share, as data without samples (`PressData.only` of an empty mask)
+    asked : plain data that says what is being made, as protocol, seed and versions: only a journal of the same is
+        taken up again
+    journal_folder : where the journal lies; beside the file if left out
+
+    Raises
+    ------
+    OutputError : the folder cannot be written.
+    """
+
+    def __init__(
+        self, file: Path, header: PressData, *, asked: Any = None, journal_folder: Path | None = None
+    ) -> None:
+        self.file, self._header = file, header
+        self._type = _sample_type(header)
+        self._line = _header_line(header, asked)
+        name = hashlib.sha256(self._line).hexdigest()[:16]
+        self.journal = (journal_folder or file.parent) / (f".{file.name}.{name}.journal")
+        found = self._begun()
+        self._done = set(found.presses)
+        self._stream = self._opened(found)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stream.close()
+
+    @property
+    def done(self) -> frozenset[tuple[int, int]]:
+        """Presses that are on the disk: (number of the set, number of the place)."""
+        return frozenset(self._done)
+
+    def add(self, press: PressData) -> None:
+        """Keep the samples of one press, or of several, on the disk.
+
+        Raises
+        ------
+        InputError : states, receivers or truth are not as in the header.
+        OutputError : the disk cannot be written.
+        """
+        for name in ("state_names", "receiver_names", "sets"):
+            if getattr(press, name) != getattr(self._header, name):
+                raise InputError(f"press: {name} differ from those that the file was begun with")
+        content = _rows_of(press, self._type).tobytes()
+        try:
+            self._stream.write(RECORD.pack(len(content), zlib.crc32(content)) + content)
+            self._stream.flush()
+            os.fsync(self._stream.fileno())
+        except OSError as err:
+            raise _cannot_write(self.journal, err) from err
+        self._done |= _presses_of(press)
+
+    def finish(self) -> Path:
+        """Make the netCDF file of all that was added, whole or not at all, and remove the journal.
+
+        Raises
+        ------
+        OutputError : the disk cannot be written; the journal stays.
+        """
+        self.write()
+        self.forget()
+        return self.file
+
+    def write(self) -> None:
+        """Make the netCDF file; the journal stays, for a file that has yet to come to its place.
+
+        Raises
+        ------
+        OutputError : the disk cannot be written.
+        """
+        self._stream.close()
+        _write_whole(self.file, self._header, self._rows())
+
+    def forget(self) -> None:
+        """Remove the journal: the file is in its place."""
+        self.journal.unlink(missing_ok=True)
+
+    def _begun(self) -> _Journal:
+        """Whole presses of an earlier run."""
+        presses: list[tuple[int, int]] = []
+        end = len(self._line)
+        try:
+            for rows, after in self._records():
+                presses += [(int(s), int(p)) for s, p in zip(rows["set"], rows["place"], strict=True)]
+                end = after
+        except (FileNotFoundError, NotADirectoryError):
+            end = 0
+        return _Journal(presses=tuple(dict.fromkeys(presses)), end=end)
+
+    def _opened(self, found: _Journal) -> IO[bytes]:
+        try:
+            self.journal.parent.mkdir(parents=True, exist_ok=True)
+            stream = self.journal.open("r+b" if found.end else "w+b")
+            stream.truncate(found.end)
+            stream.seek(found.end)
+            if not found.end:
+                stream.write(self._line)
+                stream.flush()
+        except OSError as err:
+            raise _cannot_write(self.journal, err) from err
+        return stream
+
+    def _records(self) -> Iterator[tuple[NDArray[np.void], int]]:
+        """Samples of each whole record, and where it ends."""
+        with self.journal.open("rb") as stream:
+            if stream.read(len(self._line)) != self._line:
+                raise FileNotFoundError(self.journal)
+            while len(head := stream.read(RECORD.size)) == RECORD.size:
+                length, check = RECORD.unpack(head)
+                content = stream.read(length)
+                if len(content) < length or zlib.crc32(content) != check or length % self._type.itemsize:
+                    return
+                yield np.frombuffer(content, dtype=self._type), stream.tell()
+
+    def _rows(self) -> Iterator[NDArray[np.void]]:
+        return (rows for rows, _ in self._records())
+
+
+def save_data(data: PressData, file: Path) -> Path:
+    """Write data as netCDF in one go, whole or not at all.
+
+    Raises
+    ------
+    OutputError : the folder cannot be written.
+    """
+    header = header_of(data)
+    return _write_whole(file, header, iter([_rows_of(data, _sample_type(header))]))
+
+
+def header_of(data: PressData) -> PressData:
+    """The same data without samples."""
+    return data.only(np.zeros(0, dtype=np.int64))
+
+
+def _sample_type(header: PressData) -> np.dtype[np.void]:
+    shape = (len(header.state_names), len(header.receiver_names))
+    columns: list[Any] = [
+        ("counts", "<f4", shape), ("press", "<f8", (3,)), ("time", "<f8"), ("set", "<i4"), ("place", "<i4"),
+    ]  # fmt: skip
+    return np.dtype(columns + ([("true", "<f8", (3,))] if header.true_press_mm is not None else []))
+
+
+def _rows_of(press: PressData, kind: np.dtype[np.void]) -> NDArray[np.void]:
+    rows = np.zeros(len(press), dtype=kind)
+    rows["counts"], rows["press"], rows["time"] = press.counts, press.press_mm, press.time_s
+    rows["set"], rows["place"] = press.set_number, press.place_number
+    if "true" in (kind.names or ()):
+        if press.true_press_mm is None:
+            raise InputError("press: has no true_press_mm, which the file was begun with")
+        rows["true"] = press.true_press_mm
+    return rows
+
+
+def _presses_of(press: PressData) -> set[tuple[int, int]]:
+    return {(int(s), int(p)) for s, p in zip(press.set_number, press.place_number, strict=True)}
+
+
+def _header_line(header: PressData, asked: Any) -> bytes:
+    document = {
+        "optopad_journal": JOURNAL_VERSION,
+        "states": header.state_names,
+        "receivers": header.receiver_names,
+        "sets": [asdict(one) for one in header.sets],
+        "full_scale_counts": header.full_scale_counts,
+        "design_digest": header.design_digest,
+        "attributes": dict(header.attributes),
+        "has_truth": header.true_press_mm is not None,
+        "asked": asked,
+    }
+    return json.dumps(document, sort_keys=True).encode() + b"\n"
+
+
+def _write_whole(file: Path, header: PressData, parts: Iterator[NDArray[np.void]]) -> Path:
+    partial = file.with_name(f".{file.name}.partial")
+    try:
+        _write_netcdf(partial, header, parts)
+        os.replace(partial, file)
+    except OSError as err:
+        raise _cannot_write(file, err) from err
+    finally:
+        partial.unlink(missing_ok=True)
+    return file
+
+
+def _write_netcdf(file: Path, header: PressData, parts: Iterator[NDArray[np.void]]) -> None:
+    """Press after press into one file whose time axis has no end; memory holds one press at a time."""
+    import h5netcdf
+
+    columns = _columns(header)
+    with h5netcdf.File(file, "w") as out:
+        out.dimensions = {
+            "time": None, "state": len(header.state_names), "receiver": len(header.receiver_names),
+        }  # fmt: skip
+        for name, values in (("state", header.state_names), ("receiver", header.receiver_names)):
+            out.create_variable(name, (name,), dtype=_text(), data=np.array(values, dtype=object))
+        for name, (_, _, kind, attributes) in columns.items():
+            axes = ("time", "state", "receiver") if name == "counts" else ("time",)
+            chunks = (CHUNK_SAMPLES, *(out.dimensions[axis].size for axis in axes[1:]))
+            made = out.create_variable(
+                name, axes, dtype=kind, chunks=chunks, compression="gzip", compression_opts=4, shuffle=True
+            )
+            made.attrs.update(attributes)
+        out.attrs.update(_attributes(header))
+        done = 0
+        for rows in parts:
+            out.resize_dimension("time", done + len(rows))
+            for name, (source, index, _, _) in columns.items():
+                column = rows[source] if index is None else rows[source][:, index]
+                out[name][done : done + len(rows)] = column
+            done += len(rows)
+
+
+def _columns(header: PressData) -> dict[str, tuple[str, int | None, str, dict[str, str]]]:
+    """Variables of the file: column of the journal, its component, number type, attributes."""
+    place = {"units": "mm", "long_name": "as the stage reports it"}
+    columns: dict[str, tuple[str, int | None, str, dict[str, str]]] = {
+        "counts": ("counts", None, "f4", {"units": "counts"}),
+        "press_x": ("press", 0, "f8", place),
+        "press_y": ("press", 1, "f8", place),
+        "press_depth": ("press", 2, "f8", place | {"positive": "into the pad"}),
+        "time_s": ("time", None, "f8", {"units": "s", "long_name": "within the set"}),
+        "set": ("set", None, "i4", {"long_name": "number of the set, from 0"}),
+        "place": ("place", None, "i4", {"long_name": "number of the press within its set, from 0"}),
+    }
+    if header.true_press_mm is not None:
+        truth = {"units": "mm", "long_name": "where the tip really was; known to the simulation only"}
+        for index, axis in enumerate(("x", "y", "depth")):
+            columns[f"true_{axis}"] = ("true", index, "f8", truth)
+    return columns
+
+
+def _attributes(header: PressData) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        "title": "optopad press data",
+        "sets": json.dumps([asdict(one) for one in header.sets]),
+        "attributes": json.dumps(dict(header.attributes), sort_keys=True),
+    }
+    if header.design_digest is not None:
+        found["design_digest"] = header.design_digest
+    if header.full_scale_counts is not None:
+        found["full_scale_counts"] = float(header.full_scale_counts)
+    return found
+
+
+def _text() -> Any:
+    import h5py
+
+    return h5py.string_dtype()
+
+
+def _cannot_write(file: Path, err: OSError) -> OutputError:
+    return OutputError(
+        f"{file}: cannot be written: {err.strerror or err}; free the disk or choose another folder"
+    )

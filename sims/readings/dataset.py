@@ -1,0 +1,232 @@
+"""Data sets as files: netCDF, the same form from the simulation and from a built sensor (docs/datasets.md).
+
+Dimensions ``time`` (one frame), ``state``, ``receiver``:
+
+    counts (time, state, receiver)        readings; the states are emitters' names and ``off`` [ADC counts]
+    press_x, press_y, press_depth (time)  where the stage says that the tip was [mm]
+    time_s, set, place (time)             time within the set [s], number of the set, of the press within it
+    true_x, true_y, true_depth (time)     where it really was; simulated sets only [mm]
+    attributes                            design_digest, full_scale_counts, sets and attributes as JSON
+
+What `optopad driver record` and `export` write lacks sets and places: it is read as one set named ``measured``, and
+every place that the stage went to counts as one press.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import InputError
+from sims.readings.data_writer import DataWriter, header_of, save_data
+from sims.readings.press_data import OFF, PATTERNS, ROLES, DataSetInfo, PressData, clipped_note, joined
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from design.spec import SensorDesign
+
+__all__ = [
+    "DataSetInfo",
+    "DataWriter",
+    "PressData",
+    "clipped_note",
+    "header_of",
+    "joined",
+    "read_data",
+    "require_design",
+    "save_data",
+]
+
+MAX_BYTES = 4_000_000_000
+SAME_PLACE_MM = 0.01
+"""Positions that agree to this are one place: a stage repeats better, a protocol's places lie further apart."""
+AXES = ("time", "state", "receiver")
+NEEDED = ("counts", "press_x", "press_y", "press_depth", "state", "receiver")
+TIMES = ("time_s", "device_time", "host_time")
+
+
+def read_data(file: Path) -> PressData:
+    """Read a data set or a recording.
+
+    Raises
+    ------
+    InputError : no such file, another format, missing parts or states, readings that are no numbers.
+    """
+    if not file.is_file():
+        what = "a folder" if file.is_dir() else "no such file"
+        raise InputError(f"{file}: {what}; name a data set or a recording, .nc")
+    if file.stat().st_size > MAX_BYTES:
+        raise InputError(
+            f"{file}: {file.stat().st_size / 1e6:.0f} MB, reads at most {MAX_BYTES / 1e6:.0f} MB; cut it"
+        )
+    found = _opened(file)
+    _require_parts(found, file)
+    try:
+        return _data_of(found, file)
+    except InputError as err:
+        raise InputError(f"{file}: {err}") from None
+
+
+def require_design(data: PressData, design: SensorDesign, *, what: str = "data") -> tuple[str, ...]:
+    """Refuse data of another design; returns what the data do not say, as sentences.
+
+    Raises
+    ------
+    InputError : another digest, other emitters or receivers.
+    """
+    from design.geometry.cavity import cavity_of
+
+    if data.design_digest is not None and data.design_digest != design.digest:
+        raise InputError(
+            f"{what}: of design {data.design_digest[:8]}, needs {design.digest[:8]} ({design.name}); "
+            "give the design that was built, or record anew"
+        )
+    cavity = cavity_of(design)
+    for kind, had, needed in (
+        ("states", data.state_names, (*(one.name for one in cavity.emitters), OFF)),
+        ("receivers", data.receiver_names, tuple(one.name for one in cavity.receivers)),
+    ):
+        if had != needed:
+            missing = [name for name in needed if name not in had]
+            said = f"lacks {', '.join(missing)}" if missing else f"has {', '.join(had)}"
+            raise InputError(f"{what}: of its {kind} it {said}; {design.name} has {', '.join(needed)}")
+    if data.design_digest is None:
+        return (f"{what} names no design; taken as of {design.name}",)
+    return ()
+
+
+def _opened(file: Path) -> xr.Dataset:
+    import xarray as xr
+
+    try:
+        with xr.open_dataset(file, engine="h5netcdf", decode_times=False) as dataset:
+            return dataset.load()
+    except (OSError, ValueError, KeyError, RuntimeError) as err:
+        raise InputError(f"{file}: no netCDF file that can be read: {err}") from None
+
+
+def _require_parts(found: xr.Dataset, file: Path) -> None:
+    missing = [name for name in NEEDED if name not in found.variables]
+    if missing:
+        raise InputError(
+            f"{file}: has no {', '.join(missing)}; a data set has counts (time, state, receiver), press_x, press_y and "
+            "press_depth (time), and names of states and receivers; where presses are missing, join a stage's log first"
+        )
+    if set(found["counts"].dims) != set(AXES):
+        raise InputError(f"{file}: counts has the dimensions {found['counts'].dims}, needs {AXES}")
+    for name in (*NEEDED[1:4], "set", "place", *TIMES):
+        if name in found.variables and found[name].dims != ("time",):
+            raise InputError(f"{file}: {name} has the dimensions {found[name].dims}, needs ('time',)")
+
+
+def _data_of(found: xr.Dataset, file: Path) -> PressData:
+    states, counts = _off_last(found)
+    press_mm = _columns(found, [f"press_{axis}" for axis in ("x", "y", "depth")])
+    has_truth = all(f"true_{axis}" in found.variables for axis in ("x", "y", "depth"))
+    attributes = _json(found, "attributes", {}, file)
+    time_s = next((found[name].values for name in TIMES if name in found.variables), None)
+    if time_s is None:
+        time_s, attributes = (
+            np.arange(len(counts)),
+            attributes | {"time_s": "not said; numbers of the samples"},
+        )
+    sets, set_number, place_number = _sets_of(found, press_mm, file)
+    return PressData(
+        counts=counts,
+        press_mm=press_mm,
+        time_s=np.asarray(time_s, dtype=np.float64),
+        set_number=set_number,
+        place_number=place_number,
+        sets=sets,
+        state_names=states,
+        receiver_names=tuple(str(name) for name in found["receiver"].values),
+        full_scale_counts=_full_scale(found, file),
+        design_digest=_digest(found, file),
+        attributes=attributes,
+        true_press_mm=_columns(found, [f"true_{axis}" for axis in ("x", "y", "depth")])
+        if has_truth
+        else None,
+    )
+
+
+def _full_scale(found: xr.Dataset, file: Path) -> float | None:
+    value = found.attrs.get("full_scale_counts")
+    if value is None:
+        return None
+    try:
+        scale = float(value)
+    except (TypeError, ValueError):
+        scale = np.nan
+    if not (np.isfinite(scale) and scale > 0.0):
+        raise InputError(f"{file}: attribute full_scale_counts is {value!r}, needs a number above 0 [counts]")
+    return scale
+
+
+def _digest(found: xr.Dataset, file: Path) -> str | None:
+    value = found.attrs.get("design_digest")
+    if value is not None and not isinstance(value, str):
+        raise InputError(
+            f"{file}: attribute design_digest is {value!r}, needs the 64 digits of a design's digest"
+        )
+    return value
+
+
+def _off_last(found: xr.Dataset) -> tuple[tuple[str, ...], NDArray[np.float32]]:
+    """Names of the states and the readings, the off state moved to the end; without one, as they are."""
+    names = [str(name) for name in found["state"].values]
+    counts = found["counts"].transpose(*AXES).values.astype(np.float32)
+    order = [k for k, name in enumerate(names) if name != OFF] + [
+        k for k, name in enumerate(names) if name == OFF
+    ]
+    return tuple(names[k] for k in order), counts if order == sorted(order) else counts[:, order]
+
+
+def _columns(found: xr.Dataset, names: list[str]) -> NDArray[np.float64]:
+    return np.stack([found[name].values for name in names], axis=1).astype(np.float64)
+
+
+def _sets_of(
+    found: xr.Dataset, press_mm: NDArray[np.float64], file: Path
+) -> tuple[tuple[DataSetInfo, ...], NDArray[np.int64], NDArray[np.int64]]:
+    if "sets" not in found.attrs or "set" not in found.variables or "place" not in found.variables:
+        one = DataSetInfo(name="measured", role="train", pattern="measured", is_ambient=True)
+        return (one,), np.zeros(len(press_mm), dtype=np.int64), _places(press_mm)
+    sets = tuple(_set_of(row, file) for row in _json(found, "sets", [], file))
+    return sets, found["set"].values.astype(np.int64), found["place"].values.astype(np.int64)
+
+
+def _set_of(row: Any, file: Path) -> DataSetInfo:
+    try:
+        one = DataSetInfo(**row)
+    except TypeError:
+        raise InputError(f"{file}: attribute sets: {row!r} is no set") from None
+    if one.role not in ROLES or one.pattern not in PATTERNS or not isinstance(one.is_ambient, bool):
+        raise InputError(
+            f"{file}: attribute sets: {row!r} is refused: role is {' or '.join(ROLES)}, pattern {', '.join(PATTERNS)}, "
+            "is_ambient true or false"
+        )
+    return one
+
+
+def _json(found: xr.Dataset, name: str, absent: Any, file: Path) -> Any:
+    try:
+        value = json.loads(found.attrs[name]) if name in found.attrs else absent
+    except (TypeError, ValueError):
+        raise InputError(f"{file}: attribute {name} is no JSON") from None
+    if not isinstance(value, type(absent)):
+        raise InputError(f"{file}: attribute {name} is {value!r}, needs a {type(absent).__name__}")
+    return value
+
+
+def _places(press_mm: NDArray[np.float64]) -> NDArray[np.int64]:
+    """(sample,) number of each sample's place, by first visit."""
+    cells = np.round(np.nan_to_num(press_mm[:, :2]) / SAME_PLACE_MM).astype(np.int64)
+    _, first, number = np.unique(cells, axis=0, return_index=True, return_inverse=True)
+    rank = np.empty(len(first), dtype=np.int64)
+    rank[np.argsort(first)] = np.arange(len(first))
+    return np.asarray(rank[number.reshape(-1)], dtype=np.int64)

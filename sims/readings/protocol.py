@@ -1,0 +1,322 @@
+"""A press protocol on a simulated sensor: light traced once, then data drawn as often as wanted.
+
+`protocol_curves` traces the light of all places of a protocol (those that a symmetry of the layout makes one cost one);
+`draw` runs the signal chain over it for a seed, in seconds. Every press has random numbers of its own, named by seed,
+set and number of the press: what was drawn before, or never was, changes nothing, so that an interrupted run goes on
+with the same data, and one press is the same alone as among all.
+
+Order of the places, offsets, drift, lamps and noise depend on the seed of the draw; places and light do not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import InputError
+from design.geometry.cavity import cavity_of
+from design.geometry.pairs import judged_pairs, mask_of
+from design.protocols.press import PressProtocol
+from design.spec import SensorDesign
+from sims.optics.accuracy import Accuracy
+from sims.readings.chain.signal_chain import SetDraw, SignalChain, chain_of
+from sims.readings.chain.stage import drawn_press, drawn_set_offset_mm, true_depth_mm
+from sims.readings.chain.walls import blended, unbonded_share, with_loose_walls
+from sims.readings.press_curves import PressCurves, knots_mm, traced_curves
+from sims.readings.press_data import OFF, DataSetInfo, PressData
+from sims.readings.readout import Readout, readout_of
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+OnStep = Callable[[str, float], None]
+ORDER, SET, PRESS, FRAME = range(4)
+"""What a stream of random numbers is for."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProtocolCurves:
+    """The light of a protocol on a design, and where each of its presses finds it.
+
+    Attributes
+    ----------
+    design, protocol : what was traced
+    curves : of all distinct places
+    loose : the same places with walls that have come loose; None where the design's do not
+    place_of : of each set (place,) index into the curves
+    readout : gains, set on the untouched pad
+    """
+
+    design: SensorDesign
+    protocol: PressProtocol
+    curves: PressCurves
+    loose: PressCurves | None
+    place_of: tuple[IntArray, ...]
+    readout: Readout
+
+
+def protocol_curves(
+    design: SensorDesign,
+    protocol: PressProtocol,
+    *,
+    seed: int = 0,
+    accuracy: str | Accuracy = "draft",
+    is_coarse: bool | None = None,
+    on_step: OnStep | None = None,
+) -> ProtocolCurves:
+    """Trace what a protocol needs.
+
+    Parameters
+    ----------
+    seed, accuracy : of the light
+    is_coarse : fewer depths, two thirds of the light, a larger error (docs/datasets.md); None: as the protocol says
+    on_step : called with a stage's name and the share of it that is done
+
+    Raises
+    ------
+    ModelScopeError : the protocol leaves the design's workspace or range, or the contact model's.
+    """
+    places = protocol.places_mm(design)
+    distinct, place_of = _distinct(places)
+    coarse = protocol.curves == "coarse" if is_coarse is None else is_coarse
+    knots = knots_mm(design, is_coarse=coarse, deepest_mm=protocol.deepest_mm)
+    curves = _traced(design, distinct, knots, accuracy, seed, on_step, "light")
+    loose = None
+    if design.noise.wall_unbonded_share > 0.0:
+        loose = _traced(with_loose_walls(design), distinct, knots, accuracy, seed, on_step, "loose walls")
+    return ProtocolCurves(
+        design=design,
+        protocol=protocol,
+        curves=curves,
+        loose=loose,
+        place_of=place_of,
+        readout=untouched_readout(design, curves.untouched),
+    )
+
+
+def untouched_readout(design: SensorDesign, untouched_flux: FloatArray) -> Readout:
+    """The gains that the design's rule sets on an untouched pad, (emitter, receiver), as in the verdict."""
+    cavity = cavity_of(design)
+    return readout_of(design, untouched_flux, mask_of(judged_pairs(cavity), cavity))
+
+
+def draw(
+    curves: ProtocolCurves,
+    chain: SignalChain | None = None,
+    *,
+    seed: int = 0,
+    on_step: OnStep | None = None,
+) -> PressData:
+    """All samples of a protocol, once through the signal chain.
+
+    Parameters
+    ----------
+    chain : the build that is read, by default the design's own; its noise decides on the stage and the walls too
+    seed : of order, offsets, drift and noise
+    """
+    presses = []
+    total = sum(map(len, curves.place_of))
+    for press in drawn_presses(curves, chain, seed=seed):
+        presses.append(press)
+        if on_step is not None:
+            on_step("data", len(presses) / total)
+    return replace(
+        presses[0],
+        counts=np.concatenate([one.counts for one in presses]),
+        press_mm=np.concatenate([one.press_mm for one in presses]),
+        time_s=np.concatenate([one.time_s for one in presses]),
+        set_number=np.concatenate([one.set_number for one in presses]),
+        place_number=np.concatenate([one.place_number for one in presses]),
+        true_press_mm=np.concatenate([one.true_press_mm for one in presses if one.true_press_mm is not None]),
+    )
+
+
+def drawn_presses(
+    curves: ProtocolCurves,
+    chain: SignalChain | None = None,
+    *,
+    seed: int = 0,
+    but: frozenset[tuple[int, int]] = frozenset(),
+) -> Iterator[PressData]:
+    """The samples press by press, in the order of the sets.
+
+    Parameters
+    ----------
+    but : presses that are not wanted: (number of the set, number of the press within it)
+    """
+    whole = chain_of(curves.design, curves.readout) if chain is None else chain
+    header = data_header(curves, whole, seed)
+    for number in range(len(curves.place_of)):
+        wanted = [k for k in range(len(curves.place_of[number])) if (number, k) not in but]
+        if wanted:
+            drawn = _DrawnSet(curves, whole, number, seed)
+            for k in wanted:
+                yield drawn.press(k, header)
+
+
+def simulate_protocol(
+    design: SensorDesign,
+    protocol: PressProtocol,
+    *,
+    seed: int = 0,
+    accuracy: str | Accuracy = "draft",
+    is_coarse: bool | None = None,
+    on_step: OnStep | None = None,
+) -> PressData:
+    """Light and data in one go; trace once with `protocol_curves` where several seeds or builds are wanted.
+
+    Parameters
+    ----------
+    seed : of the draw; the light's own is always 0, so that data of several seeds share one trace
+    accuracy, is_coarse, on_step : as `protocol_curves` takes them
+
+    Raises
+    ------
+    ModelScopeError : see `protocol_curves`.
+    """
+    curves = protocol_curves(design, protocol, accuracy=accuracy, is_coarse=is_coarse, on_step=on_step)
+    return draw(curves, seed=seed, on_step=on_step)
+
+
+def data_header(curves: ProtocolCurves, chain: SignalChain, seed: int) -> PressData:
+    """What all samples share: names, sets, digest, protocol, parameters of the chain; no samples."""
+    cavity = cavity_of(curves.design)
+    states = (*(one.name for one in cavity.emitters), OFF)
+    receivers = tuple(one.name for one in cavity.receivers)
+    return PressData(
+        counts=np.zeros((0, len(states), len(receivers)), dtype=np.float32),
+        press_mm=np.zeros((0, 3)),
+        time_s=np.zeros(0),
+        set_number=np.zeros(0, dtype=np.int64),
+        place_number=np.zeros(0, dtype=np.int64),
+        sets=tuple(
+            DataSetInfo(name=one.name, role=one.role, pattern=one.pattern, is_ambient=one.is_ambient)
+            for one in curves.protocol.sets
+        ),
+        state_names=states,
+        receiver_names=receivers,
+        full_scale_counts=chain.full_scale_counts,
+        design_digest=curves.design.digest,
+        attributes=_attributes(curves, chain, seed),
+        true_press_mm=np.zeros((0, 3)),
+    )
+
+
+class _DrawnSet:
+    """One set of a draw: what holds for all of its presses."""
+
+    def __init__(self, curves: ProtocolCurves, chain: SignalChain, number: int, seed: int) -> None:
+        self.curves, self.chain, self.number, self.seed = curves, chain, number, seed
+        protocol, noise = curves.protocol, chain.noise
+        self.order = self._rng(ORDER).permutation(len(curves.place_of[number]))
+        rng = self._rng(SET)
+        self.offset_mm = drawn_set_offset_mm(noise, rng)
+        self.drawn: SetDraw = chain.draw_set(rng, is_ambient=protocol.sets[number].is_ambient)
+        self.loose_share = self._loose_share()
+
+    def press(self, k: int, header: PressData) -> PressData:
+        """Samples of the press that comes k-th."""
+        protocol, noise = self.curves.protocol, self.chain.noise
+        place = int(self.curves.place_of[self.number][self.order[k]])
+        errors = drawn_press(noise, self.offset_mm, self._rng(PRESS, k))
+        reported = protocol.depth_mm
+        depth = true_depth_mm(reported, protocol.is_retracting, errors, noise.retract_lag_mm)
+        rng = self._rng(FRAME, k)
+        time_s = self._begins_s(k) + rng.uniform(0.0, self._frame_s, len(reported))
+        counts = self.chain.counts(self._flux(k, place, depth), time_s, rng, drawn=self.drawn)
+        at = self.curves.curves.places_mm[place]
+        return replace(
+            header,
+            counts=counts,
+            press_mm=_presses(at - errors.place_error_mm, reported),
+            time_s=time_s,
+            set_number=np.full(len(reported), self.number, dtype=np.int64),
+            place_number=np.full(len(reported), k, dtype=np.int64),
+            true_press_mm=_presses(at, depth),
+        )
+
+    @property
+    def _frame_s(self) -> float:
+        """Frames come of themselves; the one that is kept begins within a period of the stage's arrival."""
+        return 1.0 / self.curves.design.board.frame_rate_hz
+
+    def _begins_s(self, k: int) -> FloatArray:
+        protocol = self.curves.protocol
+        return np.asarray(k * protocol.press_s + protocol.dwell_s * np.arange(len(protocol.depth_mm)))
+
+    def _flux(self, k: int, place: int, depth_mm: FloatArray) -> FloatArray:
+        places = np.full(len(depth_mm), place)
+        bonded = self.curves.curves.at(places, depth_mm)
+        if self.loose_share is None or self.curves.loose is None:
+            return bonded
+        return blended(bonded, self.curves.loose.at(places, depth_mm), self.loose_share[k])
+
+    def _loose_share(self) -> FloatArray | None:
+        """(press, sample) by the depths that the stage reports; None where walls hold."""
+        protocol, noise = self.curves.protocol, self.chain.noise
+        if noise.wall_unbonded_share == 0.0:
+            return None
+        if self.curves.loose is None:
+            raise InputError(
+                "noise.wall_unbonded_share: the curves were traced without loose walls; trace them with a share above 0"
+            )
+        presses = len(self.order)
+        times = np.concatenate([self._begins_s(k) for k in range(presses)])
+        share = unbonded_share(
+            np.tile(protocol.depth_mm, presses),
+            times,
+            deepest_mm=self.curves.design.operating.max_depth_mm,
+            share=noise.wall_unbonded_share,
+            heal_s=noise.wall_heal_s,
+        )
+        return share.reshape(presses, -1)
+
+    def _rng(self, purpose: int, k: int = 0) -> np.random.Generator:
+        return np.random.default_rng([self.seed, self.number, purpose, k])
+
+
+def _presses(at_mm: FloatArray, depth_mm: FloatArray) -> FloatArray:
+    return np.column_stack([np.tile(at_mm, (len(depth_mm), 1)), depth_mm])
+
+
+def _distinct(places: tuple[FloatArray, ...]) -> tuple[FloatArray, tuple[IntArray, ...]]:
+    """All places once, and of each set the numbers of its own."""
+    known: dict[tuple[float, float], int] = {}
+    numbers = tuple(
+        np.array([known.setdefault((float(x), float(y)), len(known)) for x, y in one], dtype=np.int64)
+        for one in places
+    )
+    return np.array(list(known)), numbers
+
+
+def _traced(
+    design: SensorDesign,
+    places_mm: FloatArray,
+    knots: FloatArray,
+    accuracy: str | Accuracy,
+    seed: int,
+    on_step: OnStep | None,
+    stage: str,
+) -> PressCurves:
+    def told(done: int, total: int) -> None:
+        if on_step is not None:
+            on_step(stage, done / total)
+
+    return traced_curves(design, places_mm, depth_mm=knots, accuracy=accuracy, seed=seed, on_step=told)
+
+
+def _attributes(curves: ProtocolCurves, chain: SignalChain, seed: int) -> dict[str, Any]:
+    protocol = curves.protocol
+    return {
+        "design": curves.design.name,
+        "protocol": protocol.model_dump(mode="json"),
+        "points_per_press": len(protocol.depth_mm),
+        "touched_per_press": int((protocol.depth_mm >= 0.0).sum()),
+        "noise": {name: getattr(chain.noise, name) for name in type(chain.noise).model_fields},
+        "counts_per_flux": list(curves.readout.of_each(chain.gains.shape[1])),
+        "knots_mm": curves.curves.depth_mm.tolist(),
+        "seed": seed,
+    }

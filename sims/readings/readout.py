@@ -1,0 +1,121 @@
+"""From light to counts: the receivers' transimpedance gains, then a converter that clips.
+
+counts = gain x flux, flux as a fraction of the emitted power. `gain.feedback_ohm` says how the gains come about:
+
+    common   one gain for all; the median judged pair, untouched, reads `gain.target_counts`
+    each     a gain for every receiver; the median of its own judged pairs, untouched, reads the target
+    ohms     the resistors that are fitted, with the emitters' power and the receivers' responsivity
+             (`design.circuit.transimpedance`)
+
+Left out: emitters of different power on one pad, ambient light, drift (they belong to the signal chain).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.circuit.transimpedance import fitted_counts_per_flux
+from design.errors import ModelScopeError
+from design.parts.catalog import find_board
+from design.spec import SensorDesign
+from design.spec.properties import entries_of
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Readout:
+    """The gains and the converter's range.
+
+    Attributes
+    ----------
+    counts_per_flux : ADC counts for all of an emitter's power on one receiver; the median of the receivers' [counts]
+    full_scale_counts : largest reading [counts]
+    by_receiver : the same for each receiver, in order; empty where one gain serves all
+    """
+
+    counts_per_flux: float
+    full_scale_counts: float
+    by_receiver: tuple[float, ...] = ()
+
+    @property
+    def gains(self) -> FloatArray:
+        """Gains that multiply an array whose last axis is the receiver: (receiver,), or () for a common one."""
+        return np.array(self.by_receiver or self.counts_per_flux)
+
+    def of_receiver(self, receiver: int) -> float:
+        """Gain of one receiver [counts]."""
+        return self.by_receiver[receiver] if self.by_receiver else self.counts_per_flux
+
+    def of_each(self, receivers: int) -> tuple[float, ...]:
+        """Gain of each of so many receivers [counts]."""
+        return self.by_receiver or (self.counts_per_flux,) * receivers
+
+    def of_pairs(self, pairs: Sequence[tuple[int, int]]) -> FloatArray:
+        """(pair,) gains of pairs (emitter, receiver) [counts]."""
+        return np.array([self.of_receiver(receiver) for _, receiver in pairs])
+
+    def of_mask(self, mask: BoolArray) -> FloatArray:
+        """(pair,) gains of the pairs that a mask (emitter, receiver) picks, in its order [counts]."""
+        return np.broadcast_to(self.gains, mask.shape)[mask]
+
+    def of_all_pairs(self, count: int) -> FloatArray:
+        """(pair,) gains of all pairs, emitter outermost [counts]."""
+        each = self.by_receiver or (self.counts_per_flux,)
+        return np.tile(np.array(each), count // len(each))
+
+    def counts(self, flux: FloatArray) -> FloatArray:
+        """Readings of a flux array whose last axis is the receiver, clipped at full scale [counts]."""
+        return np.minimum(flux * self.gains, self.full_scale_counts)
+
+
+def readout_of(design: SensorDesign, untouched_flux: FloatArray, reference: BoolArray) -> Readout:
+    """Set the gains on the untouched pad, or take them from the fitted resistors.
+
+    Parameters
+    ----------
+    untouched_flux : (emitter, receiver) flux as a fraction of emitted power [-]
+    reference : (emitter, receiver) pairs whose median is brought to the target
+
+    Raises
+    ------
+    ModelScopeError : the reference pairs receive no light, so no gain exists.
+    """
+    feedback, full_scale = design.gain.feedback_ohm, full_scale_counts(design)
+    if feedback == "common":
+        common = _gain_to_target(design, untouched_flux[reference], "the median judged pair receives")
+        return Readout(counts_per_flux=common, full_scale_counts=full_scale)
+    by_rule = feedback == "each"
+    each = _each(design, untouched_flux, reference) if by_rule else fitted_counts_per_flux(design)
+    return Readout(counts_per_flux=float(np.median(each)), full_scale_counts=full_scale, by_receiver=each)
+
+
+def _each(design: SensorDesign, flux: FloatArray, reference: BoolArray) -> tuple[float, ...]:
+    """A receiver without a judged pair of its own gets the gain of all judged pairs."""
+    found = []
+    for receiver in range(flux.shape[1]):
+        own = np.zeros_like(reference)
+        own[:, receiver] = reference[:, receiver]
+        chosen = own if own.any() else reference
+        found.append(_gain_to_target(design, flux[chosen], f"the median pair of R{receiver + 1} receives"))
+    return tuple(found)
+
+
+def _gain_to_target(design: SensorDesign, flux: FloatArray, subject: str) -> float:
+    median = float(np.median(flux)) if flux.size else 0.0
+    if not median > 0.0:
+        raise ModelScopeError(
+            f"gain.target_counts: {subject} {median:.1e} of the emitted power; "
+            "no gain makes a signal of that: raise the emitters and receivers into the clear layer"
+        )
+    return design.gain.target_counts / median
+
+
+def full_scale_counts(design: SensorDesign) -> float:
+    """Largest reading of the board's converter [counts]."""
+    return float(2 ** find_board(entries_of(design), design.board.kind).adc_bits - 1)

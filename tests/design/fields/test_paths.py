@@ -1,0 +1,89 @@
+"""Dotted paths: listing, reading, setting, and naming the nearest."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from design.errors import DesignError
+from design.fields.paths import get_at, is_value, known_paths, known_values, leaves, set_at
+from design.spec import SensorDesign
+
+KNOWN = known_paths(SensorDesign)
+
+
+def document() -> dict[str, Any]:
+    return {"a": {"b": 1.0}, "layout": [{"count": 2}, {"count": 3}], "part_measurements": {}}
+
+
+def test_all_fields_of_the_nested_models_are_known() -> None:
+    assert {"cavity", "cavity.length_mm", "elastomer.refractive_index", "layout", "catalog.parts"} <= set(
+        KNOWN
+    )
+    assert len(KNOWN) == len(set(KNOWN))
+
+
+def test_known_values_are_the_paths_without_fields_below_them() -> None:
+    values = known_values(SensorDesign)
+    assert "cavity.length_mm" in values
+    assert "cavity" not in values
+
+
+def test_a_path_leads_through_tables_and_lists() -> None:
+    assert get_at(document(), "a.b") == 1.0
+    assert get_at(document(), "layout.1.count") == 3
+
+
+@pytest.mark.parametrize("path", ["a.c", "layout.x", "layout.2.count", "a.b.c", ""])
+def test_a_path_to_nothing_is_no_value(path: str) -> None:
+    assert not is_value(document(), path)
+
+
+def test_a_table_or_list_is_no_value_and_a_number_is() -> None:
+    assert not is_value(document(), "a")
+    assert not is_value(document(), "layout")
+    assert is_value(document(), "a.b")
+
+
+def test_leaves_are_all_values_with_their_paths() -> None:
+    assert dict(leaves(document())) == {"a.b": 1.0, "layout.0.count": 2, "layout.1.count": 3}
+
+
+@pytest.mark.parametrize("path", [path for path, _ in leaves({"a": {"b": 1.0}, "layout": [{"count": 2}]})])
+def test_what_is_set_is_what_is_read(path: str) -> None:
+    changed = document()
+    set_at(changed, path, "new", known=KNOWN)
+    assert get_at(changed, path) == "new"
+
+
+def test_a_first_measurement_makes_its_table() -> None:
+    changed = document()
+    set_at(changed, "part_measurements.my-led.active_width_mm", 2.0, known=KNOWN)
+    assert changed["part_measurements"] == {"my-led": {"active_width_mm": 2.0}}
+
+
+@pytest.mark.parametrize(
+    ("path", "offer"),
+    [
+        ("cavity.lenght_mm", "cavity.length_mm"),
+        ("clear_thickness_mm", "cavity.clear_thickness_mm"),
+        ("operating.tip_radius_mm", "indenter.tip_radius_mm"),
+        ("elastomer.ratio", "elastomer.mixing_ratio"),
+        ("xyzzy", "`optopad schema` lists the fields"),
+        ("", "`optopad schema` lists the fields"),
+    ],
+)
+def test_an_unknown_path_offers_the_nearest(path: str, offer: str) -> None:
+    with pytest.raises(DesignError) as caught:
+        set_at(document(), path, 1.0, known=KNOWN)
+    assert str(caught.value).startswith(f"{path}: no such field in a design; ")
+    assert offer in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "path", ["layout.9.count", "layout.-3.count", "layout.one.count", "name.first", "cavity..x"]
+)
+def test_a_path_past_the_end_is_unknown(path: str) -> None:
+    with pytest.raises(DesignError, match="no such field"):
+        set_at(document() | {"name": "x", "cavity": {}}, path, 1.0, known=KNOWN)

@@ -1,0 +1,169 @@
+"""Pins, frame time and serial rates: by hand and by the board's own numbers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from design.circuit.pins import assigned_pins, board_of
+from design.circuit.timing import baud_error, frame_bytes, frame_time_ms, link_time_ms, made_baud, state_count
+from design.errors import DesignError
+from design.parts.catalog import find_board, packaged
+from design.rules.check import check
+from design.spec import BoardUse
+from tests.design.rules.rule_cases import only
+from tests.design.spec.spec_fields import good, with_layout
+
+MEGA = find_board(packaged(), "arduino-mega-2560")
+CLOCK_HZ = 16_000_000
+
+
+def test_pins_and_channels_are_dealt_in_the_boards_order() -> None:
+    pins, channels = assigned_pins(good())
+    assert pins == MEGA.digital_pins[:8] == (22, 23, 24, 25, 26, 27, 28, 29)
+    assert channels == ("A0", "A1", "A2", "A3", "A4", "A5", "A6", "A7")
+
+
+def test_given_pins_and_channels_are_taken_in_their_order() -> None:
+    design = good(
+        **{
+            "board.emitter_pins": list(range(29, 21, -1)),
+            "board.receiver_channels": [f"A{k}" for k in range(8, 16)],
+        }
+    )
+    assert assigned_pins(design) == (tuple(range(29, 21, -1)), tuple(f"A{k}" for k in range(8, 16)))
+    assert check(design) == ()
+
+
+@pytest.mark.parametrize(
+    ("pins", "value", "words"),
+    [
+        ([22] * 2 + [24, 25, 26, 27, 28, 29], "22", "pin 22 is given to 2 emitters"),
+        ([22, 23], "2 entries", "the layout has 8 emitters, the list is for 2"),
+        ([1, 23, 24, 25, 26, 27, 28, 29], "1", "pin 1 carries the serial line"),
+        ([54, 23, 24, 25, 26, 27, 28, 29], "54", "pin 54 is not one that the board offers"),
+    ],
+)
+def test_a_bad_pin_list_is_refused_by_rules_and_by_assignment(
+    pins: list[int], value: str, words: str
+) -> None:
+    design = good(**{"board.emitter_pins": pins})
+    finding = only(design)
+    assert (finding.severity, finding.field, finding.value) == ("error", "board.emitter_pins", value)
+    assert words in finding.message
+    with pytest.raises(DesignError, match=words):
+        assigned_pins(design)
+
+
+def test_a_channel_that_is_no_analogue_input_is_refused() -> None:
+    design = good(**{"board.receiver_channels": ["A0", "A1", "A2", "A3", "A4", "A5", "A6", "22"]})
+    assert "analogue input 22 is not one that the board offers" in only(design).message
+
+
+def test_a_board_with_a_reserved_pin_keeps_it() -> None:
+    board = MEGA.model_copy(update={"reserved_pins": (22,), "digital_pins": tuple(range(23, 40))})
+    design = good(**{"board.emitter_pins": [22, 23, 24, 25, 26, 27, 28, 29]})
+    design = design.with_(**{"catalog.boards": {"arduino-mega-2560": board.model_dump(mode="json")}})
+    assert board_of(design).reserved_pins == (22,)
+    assert "pin 22 has another job" in only(design).message
+
+
+def test_more_parts_than_the_board_has_inputs_for_is_an_error() -> None:
+    layout = {"pattern": "per_side", "kind": "receiver", "south": 4, "east": 5, "north": 4, "west": 4}
+    emitter = {"pattern": "single", "kind": "emitter", "wall": "south", "along_mm": 30.0}
+    design = with_layout(layout, emitter)
+    findings = [finding for finding in check(design) if finding.field == "board.receiver_channels"]
+    assert [(finding.value, finding.limit) for finding in findings] == [("17", "at most 16")]
+
+
+@given(st.integers(1, 64), st.integers(1, 16))
+def test_dealt_pins_are_single_and_as_many_as_the_parts(emitters: int, receivers: int) -> None:
+    room = min(emitters, len(MEGA.digital_pins))
+    pins, channels = MEGA.digital_pins[:room], MEGA.analog_channels[:receivers]
+    assert len(set(pins)) == room
+    assert len(set(channels)) == receivers
+    assert not set(pins) & {*MEGA.reserved_pins, *MEGA.uart_pins}
+
+
+def test_a_frame_of_72_readings_is_105_bytes() -> None:
+    assert state_count(8) == 9
+    assert frame_bytes(8, 8, 10) == 15 + 90  # 72 x 10 bits
+    assert frame_bytes(1, 1, 10) == 15 + 3  # 20 bits, rounded up
+
+
+@pytest.mark.parametrize(("prescaler", "ms"), [(128, 7.488), (64, 3.744), (32, 1.872), (16, 0.936)])
+def test_72_conversions_take_what_the_data_sheet_says(prescaler: int, ms: float) -> None:
+    use = BoardUse(adc_prescaler=prescaler, settle_us=0.0)
+    assert frame_time_ms(MEGA, use, 8, 8) - link_time_ms(105, use.baud) == pytest.approx(ms, rel=1e-12)
+
+
+def test_a_frame_is_states_then_line() -> None:
+    # 9 x (20 us + 8 x 52 us) + 105 bytes x 10 bits at 1 Mbaud
+    assert frame_time_ms(MEGA, BoardUse(), 8, 8) == pytest.approx(9 * (0.020 + 8 * 0.052) + 1.05, rel=1e-12)
+
+
+@pytest.mark.parametrize(("prescaler", "measured_hz"), [(128, 129.0), (64, 246.0), (32, 452.0), (16, 746.0)])
+def test_the_sum_is_slower_than_the_firmware_measured(prescaler: int, measured_hz: float) -> None:
+    """Rates with 20 us of settling at 1 Mbaud on a simulated ATmega2560, from docs/validation/firmware.md."""
+    allowed_hz = 1000.0 / frame_time_ms(MEGA, BoardUse(adc_prescaler=prescaler), 8, 8)
+    # sending takes 1.05 ms of the sum and none of the firmware's time: the more, the shorter the conversions
+    assert 0.6 * measured_hz < allowed_hz < measured_hz
+
+
+def test_a_rate_that_the_board_cannot_reach_is_an_error_with_the_rate_that_it_can() -> None:
+    assert check(good(**{"board.frame_rate_hz": 201.0})) == ()
+    finding = only(good(**{"board.frame_rate_hz": 202.0}))
+    assert (finding.severity, finding.field) == ("error", "board.frame_rate_hz")
+    assert "a frame takes 4.97 ms, which allows 201.0 frames a second" in finding.message
+
+
+@pytest.mark.parametrize(
+    ("baud", "error"),
+    [
+        (250_000, 0.0),
+        (500_000, 0.0),
+        (1_000_000, 0.0),
+        (2_000_000, 0.0),
+        (115_200, 2_000_000 / 17 / 115_200 - 1),  # +2.1 %
+        (230_400, 2_000_000 / 9 / 230_400 - 1),  # -3.5 %
+        (9600, 2_000_000 / 208 / 9600 - 1),  # +0.2 %
+        (4_000_000, -0.5),
+    ],
+)
+def test_the_clock_makes_the_rate_of_the_nearest_divisor(baud: int, error: float) -> None:
+    assert baud_error(CLOCK_HZ, baud) == pytest.approx(error, abs=1e-12)
+
+
+@given(st.integers(1200, 2_000_000))
+def test_no_other_divisor_comes_nearer_than_half_a_step(baud: int) -> None:
+    made = made_baud(CLOCK_HZ, baud)
+    divisor = round(2_000_000 / made)
+    assert made == 2_000_000 / divisor
+    assert abs(2_000_000 / baud - divisor) <= 0.5
+
+
+@pytest.mark.parametrize(
+    ("baud", "severity"), [(1_000_000, None), (9600, None), (115_200, "warning"), (230_400, "error")]
+)
+def test_a_rate_is_judged_by_how_far_off_it_is(baud: int, severity: str | None) -> None:
+    changes: dict[str, Any] = {"board.baud": baud, "board.frame_rate_hz": 5.0}
+    findings = check(good(**changes))
+    assert [finding.severity for finding in findings] == ([severity] if severity else [])
+
+
+def test_a_rate_that_is_off_names_what_the_board_makes_and_the_exact_ones() -> None:
+    finding = only(good(**{"board.baud": 115_200}))
+    assert "117647 baud instead, +2.1%" in finding.message
+    assert "250000, 500000, 1000000, 2000000" in finding.way_out
+
+
+def test_a_prescaler_that_the_board_lacks_is_an_error_with_those_that_it_has() -> None:
+    finding = only(good(**{"board.adc_prescaler": 63}))
+    assert (finding.field, finding.value, finding.limit) == (
+        "board.adc_prescaler",
+        "63",
+        "one of 2, 4, 8, 16, 32, 64, 128",
+    )

@@ -1,0 +1,235 @@
+"""Parts in their walls and holes in the mold: every web against its hand-computed width."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from design.fields.finding import Finding
+from design.geometry.webs import clearances, rim_clearances
+from design.rules.check import check
+from design.rules.webs import WORDS, web_findings
+from design.spec import SensorDesign
+from tests.design.rules.rule_cases import BENCHMARK, about, and_more, facing, only, single
+from tests.design.spec.spec_fields import good, with_layout
+
+
+def two_on_south(distance_mm: float, **changes: Any) -> SensorDesign:
+    """An emitter 3.0 mm wide and a receiver 4.0 mm wide at a distance, and a pair that sees them."""
+    return with_layout(
+        facing(),
+        single("emitter", "south", 12.0),
+        single("receiver", "south", 12.0 + distance_mm),
+        **BENCHMARK,
+        **changes,
+    )
+
+
+def test_bodies_that_overlap_are_an_error_with_the_overlap() -> None:
+    finding = only(two_on_south(3.4))
+    assert finding.severity == "error"
+    assert finding.field == "layout.2"
+    assert "the bodies of E3 and R3 on the south wall overlap" in finding.message
+    assert finding.value == "by 0.10 mm"  # 3.0 / 2 + 4.0 / 2 - 3.4
+
+
+def test_a_web_between_sockets_is_at_least_what_the_printer_makes() -> None:
+    touching = 1.5 + 2.0 + 2 * 0.15  # half bodies and a clearance each
+    assert check(two_on_south(touching + 0.8)) == ()
+    finding = only(two_on_south(touching + 0.79))
+    assert "web between the sockets of E3 and R3" in finding.message
+    assert (finding.value, finding.limit) == ("0.79 mm", "at least mold.min_web_mm = 0.80 mm")
+    assert check(two_on_south(touching + 0.79, **{"mold.min_web_mm": 0.7})) == ()
+
+
+def test_many_thin_webs_on_a_wall_are_one_finding_that_counts_them() -> None:
+    finding = about(with_layout(facing(8, 4.0), **BENCHMARK), "sockets of R")
+    assert finding.message.startswith("the web between the sockets of R1 and R2 on the east wall is too thin")
+    assert finding.message.endswith("(and 6 more places)")
+
+
+@pytest.mark.parametrize(
+    ("along_mm", "is_fine"), [(2.45, True), (2.44, False), (29.55, True), (29.56, False)]
+)
+def test_a_socket_keeps_a_web_to_both_ends_of_its_wall(along_mm: float, is_fine: bool) -> None:
+    design = and_more(single("emitter", "south", along_mm), **{"mold.fixing_hole_diameter_mm": 0.0})
+    if is_fine:  # 1.5 of body, 0.15 of clearance, 0.8 of web
+        assert check(design) == ()
+    else:
+        assert only(design).value == "0.79 mm to the corner"
+
+
+def test_parts_that_would_meet_around_a_corner_are_both_refused() -> None:
+    design = with_layout(
+        facing(),
+        single("emitter", "south", 0.5),
+        single("receiver", "west", 1.0),
+        **BENCHMARK,
+        **{"mold.fixing_hole_diameter_mm": 0.0},
+    )
+    assert {f.field for f in check(design)} == {"layout.1", "layout.2"}
+    assert about(design, "end of the south wall").value == "-1.15 mm to the corner"
+    assert about(design, "end of the west wall").value == "-1.15 mm to the corner"
+
+
+@pytest.mark.parametrize("axis", ["length", "width"])
+def test_a_wall_is_as_thick_as_its_deepest_socket_and_a_web(axis: str) -> None:
+    fitting = {"mold.fixing_hole_diameter_mm": 0.0, f"mold.outer_{axis}_mm": 32.0 + 2 * (1.5 + 0.15 + 0.8)}
+    assert check(and_more(**fitting)) == ()
+    tight = fitting | {f"mold.outer_{axis}_mm": 36.88}
+    finding = only(and_more(**tight))
+    assert finding.field == f"mold.outer_{axis}_mm"
+    assert "the wall behind the socket of " in finding.message
+    assert (finding.value, finding.limit) == ("0.79 mm", "at least mold.min_web_mm = 0.80 mm")
+    assert f"raise mold.outer_{axis}_mm by 0.02 mm" in finding.way_out
+
+
+def test_an_outside_smaller_than_the_inside_is_an_error_even_without_parts_in_that_wall() -> None:
+    design = with_layout(
+        facing(), **BENCHMARK, **{"mold.outer_width_mm": 30.0, "mold.fixing_hole_diameter_mm": 0.0}
+    )
+    finding = only(design)
+    assert finding.message == "the south and north walls are too thin"
+    assert finding.value == "-1.00 mm"
+    assert "raise mold.outer_width_mm by 3.60 mm" in finding.way_out
+
+
+def test_a_socket_leaves_a_floor_below_it() -> None:
+    # receiver: base 2.0 below its centre, clearance 0.15; bed at -1 - 0.6
+    fitting = {"receivers.height_mm": 1.35, "mold.floor_mm": 0.6, "mold.min_web_mm": 0.8}
+    assert check(with_layout(facing(), **BENCHMARK, **fitting)) == ()
+    finding = only(with_layout(facing(), **BENCHMARK, **(fitting | {"receivers.height_mm": 1.34})))
+    assert finding.field == "receivers.height_mm"
+    assert finding.value == "0.79 mm"
+
+
+def test_a_body_above_the_rim_is_a_warning() -> None:
+    # receiver: top 2.0 above its centre; rim at 8 + 1.5
+    assert check(with_layout(facing(), **BENCHMARK, **{"receivers.height_mm": 6.6, "mold.rim_mm": 0.6})) == ()
+    finding = only(with_layout(facing(), **BENCHMARK, **{"receivers.height_mm": 6.6, "mold.rim_mm": 0.5}))
+    assert finding.severity == "warning"
+    assert "the body of R1 on the east wall sticks out above the rim (and 1 more place)" in finding.message
+    assert finding.value == "by 0.10 mm"
+
+
+def test_a_height_given_in_the_layout_is_named_there() -> None:
+    design = and_more(single("emitter", "south", 16.0, height_mm=0.3))
+    assert only(design).field == "layout.3.height_mm"
+
+
+@pytest.mark.parametrize(
+    ("diameter_mm", "setback_mm", "what", "value"),
+    [
+        (1.45, 2.05, "between the lead holes", "0.79 mm"),  # holes of 1.75 at a pitch of 2.54
+        (1.0, 1.44, "from the lead holes to the cavity", "0.79 mm"),  # holes of 1.3
+        (1.0, 3.60, "from the lead holes to the socket's edge", "0.00 mm"),  # socket 4.1 + 0.15 deep
+    ],
+)
+def test_lead_holes_of_a_radial_part_keep_a_web(
+    diameter_mm: float, setback_mm: float, what: str, value: str
+) -> None:
+    leads = "part_measurements.osram-sfh206k.lead_"
+    assert check(good(**{f"{leads}diameter_mm": 1.44, f"{leads}setback_mm": 2.05})) == ()
+    finding = only(good(**{f"{leads}diameter_mm": diameter_mm, f"{leads}setback_mm": setback_mm}))
+    assert (finding.severity, finding.field) == ("error", "mold.lead_clearance_mm")
+    assert what in finding.message
+    assert finding.value == value
+
+
+@pytest.mark.parametrize(
+    ("inset_mm", "what", "value"),
+    [
+        (2.3, "the outer face", "0.70 mm"),
+        (
+            6.5,
+            "the pour lip or cover seat of the cavity",
+            "-3.10 mm",
+        ),  # centred on the cavity's corner, lip of 1.5
+        (22.0, "the next fixing hole", "-2.20 mm"),
+    ],
+)
+def test_a_fixing_hole_keeps_a_web_to_everything(inset_mm: float, what: str, value: str) -> None:
+    finding = about(good(**{"mold.fixing_hole_inset_mm": inset_mm}), f"fixing hole and {what} ")
+    assert finding.severity == "error"
+    assert finding.value == value
+
+
+def test_a_fixing_hole_into_a_wire_slot_is_an_error_that_names_the_part() -> None:
+    # hole of radius 1.6 centred at (0.5, -6.5); the wires' slot runs outward from x = 0.85 on
+    thick = {"mold.outer_length_mm": 42.0, "mold.outer_width_mm": 56.0, "mold.fixing_hole_inset_mm": 5.5}
+    design = and_more(single("emitter", "south", 2.5), **thick)
+    finding = only(design)
+    assert "a fixing hole and the wire slot of E4 on the south wall is too thin" in finding.message
+    assert finding.value == "-1.25 mm"
+    assert finding.field == "mold.fixing_hole_inset_mm"
+    assert finding.severity == "error"
+    assert check(design.with_(**{"mold.fixing_hole_diameter_mm": 0.0})) == ()
+
+
+def test_a_fixing_hole_into_a_socket_is_an_error_that_names_the_part() -> None:
+    # hole of radius 1.6 centred at (0.25, -5.25); the socket is 4.1 + 0.15 deep, from x = 0.85 on
+    thick = {"mold.outer_length_mm": 38.0, "mold.outer_width_mm": 49.0, "mold.fixing_hole_inset_mm": 3.25}
+    finding = only(and_more(single("receiver", "south", 3.55, part="osram-sfh206k"), **thick))
+    assert "a fixing hole and the socket of R4 on the south wall is too thin" in finding.message
+    assert finding.value == f"{math.hypot(0.6, 1.0) - 1.6:.2f} mm"
+    assert (finding.severity, finding.field) == ("error", "mold.fixing_hole_inset_mm")
+
+
+def test_a_socket_that_starts_at_the_surface_is_an_error() -> None:
+    # emitter of a measured base 0.5 below its centre, clearance 0.15; surface at 8
+    base = {"part_measurements.generic-emitter.active_height_in_body_mm": 0.5}
+    assert check(with_layout(facing(), **BENCHMARK, **base, **{"emitters.height_mm": 7.0})) == ()
+    finding = about(with_layout(facing(), **BENCHMARK, **base, **{"emitters.height_mm": 7.95}), "hardly")
+    assert finding.message.startswith("the socket of E1 on the west wall hardly reaches below the top")
+    assert (finding.severity, finding.field, finding.value) == ("error", "emitters.height_mm", "0.70 mm")
+
+
+def test_every_clearance_has_its_words_and_every_words_a_clearance() -> None:
+    leads = {"part_measurements.osram-sfh206k.lead_pitch_mm": 2.5}
+    ring = with_layout({"pattern": "alternating_ring", "parts_per_side": 4}, **leads)
+    overlapping = two_on_south(3.4)
+    covered = with_layout(
+        {"pattern": "alternating_ring", "parts_per_side": 4}, **{"mold.cover_ledge_mm": 1.0}
+    )
+    found = [*clearances(ring), *clearances(overlapping), *rim_clearances(ring), *clearances(covered)]
+    assert {one.name for one in found} == set(WORDS)
+
+
+def places_more(finding: Finding) -> int:
+    """How many places a finding counts beside the one that it names."""
+    counted = re.search(r"\(and (\d+) more place", finding.message)
+    return int(counted[1]) if counted else 0
+
+
+@settings(max_examples=100)
+@given(
+    st.floats(30.0, 60.0),
+    st.floats(0.0, 9.0),
+    st.floats(0.6, 4.0),
+    st.floats(1.5, 8.5),
+    st.floats(0.5, 31.5),
+    st.sampled_from(["generic-receiver", "osram-sfh206k"]),
+)
+def test_the_rules_refuse_a_mold_exactly_if_a_clearance_is_not_kept(
+    outer_mm: float, inset_mm: float, floor_mm: float, height_mm: float, along_mm: float, part: str
+) -> None:
+    design = and_more(
+        single("emitter", "south", along_mm),
+        single("receiver", "west", along_mm, part=part),
+        **{
+            "mold.outer_length_mm": outer_mm,
+            "mold.floor_mm": floor_mm,
+            "mold.fixing_hole_inset_mm": inset_mm,
+            "emitters.height_mm": height_mm,
+        },
+    )
+    broken = [one for one in clearances(design) if not one.is_kept]
+    errors = [finding for finding in web_findings(design) if finding.severity == "error"]
+    assert bool(errors) == bool(broken)
+    assert {finding.field for finding in errors} <= {one.field for one in broken}
+    assert sum(1 + places_more(finding) for finding in errors) == len(broken)

@@ -1,0 +1,190 @@
+"""Patterns: where their parts land, by hand-computed places."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import TypeAdapter
+
+from design.errors import DesignError
+from design.geometry.cavity import cavity_of, workspace_of
+from design.geometry.pairs import (
+    chord_midpoint_mm,
+    direct_path_pairs,
+    facing_pairs,
+    is_facing_rows,
+    judged_pairs,
+    mask_of,
+)
+from design.spec.layout import OPPOSITE, WALLS, Pattern, Placement, expand, wall_length_mm
+from tests.design.spec.spec_fields import good, with_layout
+
+PATTERN: TypeAdapter[Any] = TypeAdapter(Pattern)
+
+
+def places(
+    *patterns: dict[str, Any], length_mm: float = 40.0, width_mm: float = 20.0
+) -> tuple[Placement, ...]:
+    return expand(tuple(PATTERN.validate_python(p) for p in patterns), length_mm, width_mm)
+
+
+def ring(parts_per_side: Any = 4, **more: Any) -> dict[str, Any]:
+    if isinstance(parts_per_side, list):
+        parts_per_side = tuple(parts_per_side)
+    return {"pattern": "alternating_ring", "parts_per_side": parts_per_side, **more}
+
+
+def facing(count: int = 3, **more: Any) -> dict[str, Any]:
+    return {"pattern": "facing_rows", "count": count, **more}
+
+
+def single(kind: str, wall: str, along_mm: float, **more: Any) -> dict[str, Any]:
+    return {"pattern": "single", "kind": kind, "wall": wall, "along_mm": along_mm, **more}
+
+
+def test_a_ring_of_two_a_side_sits_at_the_quarters_and_walks_counter_clockwise() -> None:
+    found = [(p.wall, p.along_mm, p.name) for p in places(ring(2))]
+    assert found == [
+        ("south", 10.0, "E1"),
+        ("south", 30.0, "R1"),
+        ("east", 5.0, "E2"),
+        ("east", 15.0, "R2"),
+        ("north", 30.0, "E3"),
+        ("north", 10.0, "R3"),
+        ("west", 15.0, "E4"),
+        ("west", 5.0, "R4"),
+    ]
+
+
+@given(
+    st.lists(st.integers(0, 32), min_size=4, max_size=4).filter(lambda n: sum(n) % 2 == 0 and sum(n) > 0),
+    st.sampled_from(["emitter", "receiver"]),
+)
+def test_every_ring_alternates_all_the_way_round(counts: list[int], first: str) -> None:
+    kinds = [p.kind for p in places(ring(counts, first=first))]
+    assert len(kinds) == sum(counts)
+    assert kinds[0] == first
+    assert all(a != b for a, b in zip(kinds, [*kinds[1:], kinds[0]], strict=True))
+
+
+def test_a_ring_keeps_its_pitch_about_the_middle_of_each_wall() -> None:
+    south = [p.along_mm for p in places(ring(2, pitch_mm=6.0)) if p.wall == "south"]
+    assert south == [17.0, 23.0]
+
+
+@given(st.integers(1, 32), st.sampled_from(WALLS), st.one_of(st.none(), st.floats(0.5, 100.0)))
+def test_facing_rows_face(count: int, wall: Any, pitch_mm: float | None) -> None:
+    found = places(facing(count, emitter_wall=wall, pitch_mm=pitch_mm))
+    emitters, receivers = found[:count], found[count:]
+    assert {p.wall for p in emitters} == {wall}
+    assert {p.wall for p in receivers} == {OPPOSITE[wall]}
+    assert [p.along_mm for p in emitters] == [p.along_mm for p in receivers]
+    middle = wall_length_mm(wall, 40.0, 20.0) / 2
+    assert sum(p.along_mm for p in emitters) / count == pytest.approx(middle, rel=1e-12)
+
+
+def test_a_row_without_pitch_spreads_over_its_wall() -> None:
+    assert [p.along_mm for p in places(facing(4))][:4] == [2.5, 7.5, 12.5, 17.5]
+
+
+def test_per_side_places_its_counts_and_shifts_each_row() -> None:
+    found = places(
+        {"pattern": "per_side", "kind": "receiver", "south": 1, "north": 2, "pitch_mm": 8.0, "shift_mm": 1.5}
+    )
+    assert [(p.wall, p.along_mm, p.name) for p in found] == [
+        ("south", 21.5, "R1"),
+        ("north", 17.5, "R2"),
+        ("north", 25.5, "R3"),
+    ]
+
+
+def test_a_single_part_keeps_its_own_name_height_and_part() -> None:
+    place = places(single("emitter", "east", 3.0, name="Lamp", height_mm=2.0, part="generic-emitter"))[0]
+    assert (place.name, place.height_mm, place.part, place.along_mm) == ("Lamp", 2.0, "generic-emitter", 3.0)
+
+
+def test_patterns_are_numbered_through_and_remember_their_origin() -> None:
+    found = places(facing(1), single("emitter", "south", 3.0), single("receiver", "south", 9.0))
+    assert [(p.name, p.origin) for p in found] == [
+        ("E1", "layout.0"),
+        ("R1", "layout.0"),
+        ("E2", "layout.1"),
+        ("R2", "layout.2"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("wall", "position"),
+    [
+        ("south", (7.0, 0.0, 5.0)),
+        ("east", (32.0, 7.0, 5.0)),
+        ("north", (7.0, 32.0, 5.0)),
+        ("west", (0.0, 7.0, 5.0)),
+    ],
+)
+def test_a_parts_active_face_is_flush_with_its_wall(wall: str, position: tuple[float, float, float]) -> None:
+    part = cavity_of(with_layout(single("emitter", wall, 7.0))).emitters[0]
+    assert part.position_mm(32.0, 32.0) == position
+
+
+def test_a_body_stands_where_its_active_area_puts_it() -> None:
+    receiver = cavity_of(good()).receivers[0]
+    in_body = receiver.part.active_height_in_body_mm.value
+    assert receiver.body_base_mm == pytest.approx(6.0 - in_body)
+    assert receiver.body_top_mm - receiver.body_base_mm == pytest.approx(receiver.part.body_height_mm.value)
+
+
+def test_the_lost_share_is_the_share_of_the_height_above_the_surface() -> None:
+    emitter = cavity_of(good(**{"emitters.height_mm": 7.5})).emitters[0]  # 2 mm high: 6.5 to 8.5 of 8 mm
+    assert emitter.lost_share == pytest.approx(0.25)
+    assert cavity_of(good()).emitters[0].lost_share == 0.0
+
+
+def test_an_unknown_part_is_refused_where_it_is_named() -> None:
+    with pytest.raises(DesignError, match=r"layout\.0\.part: emitter 'no-led' is not in the catalogue"):
+        cavity_of(with_layout(single("emitter", "south", 7.0, part="no-led")))
+    with pytest.raises(DesignError, match=r"emitters\.part: emitter 'no-led' is not in the catalogue"):
+        cavity_of(good(**{"emitters.part": "no-led"}))
+
+
+def test_the_published_workspace_is_20_mm_square() -> None:
+    space = workspace_of(good())
+    assert (space.x0_mm, space.x1_mm, space.y0_mm, space.y1_mm) == (6.0, 26.0, 6.0, 26.0)
+    assert space.clamped(0.0, 30.0) == (6.0, 26.0)
+    assert space.contains(6.0, 26.0)
+    assert not space.contains(5.9, 10.0)
+
+
+def test_pairs_in_one_wall_have_no_direct_path() -> None:
+    cavity = cavity_of(good())
+    direct = direct_path_pairs(cavity)
+    assert direct.shape == (8, 8)
+    assert direct.sum() == 48  # each emitter sees all but the two receivers of its own wall
+    assert len(judged_pairs(cavity)) == 48
+    assert (mask_of(judged_pairs(cavity), cavity) == direct).all()
+    assert not is_facing_rows(cavity)
+
+
+@pytest.mark.parametrize(("count", "order"), [(1, [0]), (2, [0, 1]), (3, [1, 0, 2]), (5, [2, 1, 3, 0, 4])])
+def test_facing_rows_are_judged_by_their_facing_pairs_the_middle_one_first(
+    count: int, order: list[int]
+) -> None:
+    cavity = cavity_of(with_layout(facing(count, pitch_mm=4.0)))
+    assert is_facing_rows(cavity)
+    assert facing_pairs(cavity) == judged_pairs(cavity) == tuple((k, k) for k in order)
+
+
+def test_rows_that_face_nowhere_are_judged_by_all_their_pairs() -> None:
+    cavity = cavity_of(with_layout(single("emitter", "west", 8.0), single("receiver", "east", 20.0)))
+    assert facing_pairs(cavity) == ()
+    assert judged_pairs(cavity) == ((0, 0),)
+
+
+def test_a_pair_is_pressed_at_the_middle_of_its_chord_inside_the_workspace() -> None:
+    middle = cavity_of(with_layout(facing(1)))
+    assert chord_midpoint_mm(middle, (0, 0)) == (16.0, 16.0)
+    corner = cavity_of(with_layout(single("emitter", "west", 4.0), single("receiver", "south", 5.0)))
+    assert chord_midpoint_mm(corner, (0, 0)) == (6.0, 6.0)  # the chord's middle is (2.5, 2)

@@ -1,0 +1,308 @@
+"""The specification: limits of each field, identity by content, change by copy."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from design.errors import DesignError
+from design.fields.paths import leaves, set_at
+from design.io import dump_design
+from design.spec import SensorDesign, Viscoelastic
+from tests.design.bad_designs import design_text
+from tests.design.spec.spec_fields import (
+    NumericField,
+    designs,
+    good,
+    good_document,
+    limited_fields,
+    pattern_of,
+    unlimited_fields,
+)
+
+LIMITED = limited_fields()
+OF_OTHER_TIPS = ("indenter.edge_radius_mm", "indenter.cone_half_angle_deg", "indenter.apex_radius_mm")
+"""Numbers that a hemisphere does not have."""
+NO_OPTION: dict[str, str | None] = {
+    "elastomer.viscoelastic.relaxed_share": None,
+    "elastomer.viscoelastic.time_constant_s": None,
+}
+
+
+def from_text(text: str) -> SensorDesign:
+    return SensorDesign.from_document(tomllib.loads(text), where="text")
+
+
+def changed(path: str, value: Any) -> SensorDesign:
+    if path.startswith("layout.0."):
+        return good(layout=[pattern_of(path) | {path.split(".")[2]: value}])
+    if path in OF_OTHER_TIPS:
+        return good(**{"indenter.shape": "cone", "indenter.tip_radius_mm": 20.0, path: value})
+    return good(**{path: value})
+
+
+def test_the_walk_over_the_schema_finds_its_numbers() -> None:
+    paths = {field.path for field in LIMITED}
+    assert {
+        "cavity.length_mm",
+        "elastomer.youngs_modulus_mpa",
+        "layout.0.count",
+        "layout.0.pitch_mm",
+    } <= paths
+    assert len(LIMITED) == 66
+
+
+def test_every_number_has_limits_but_those_that_the_board_limits() -> None:
+    assert unlimited_fields() == ["board.adc_prescaler"]
+
+
+@pytest.mark.parametrize("field", LIMITED, ids=lambda field: field.path)
+def test_a_value_just_below_its_limit_is_refused_with_field_value_and_limit(field: NumericField) -> None:
+    below, _ = field.outside
+    low, _ = field.shown_limits
+    with pytest.raises(DesignError) as caught:
+        changed(field.path, below)
+    line = next(line for line in str(caught.value).splitlines() if line.strip().startswith(f"{field.path}:"))
+    assert repr(below) in line
+    assert f"must be {'at least' if field.above is None else 'above'} {low}" in line
+
+
+@pytest.mark.parametrize("field", LIMITED, ids=lambda field: field.path)
+def test_a_value_just_above_its_limit_is_refused_with_field_value_and_limit(field: NumericField) -> None:
+    _, above = field.outside
+    _, high = field.shown_limits
+    with pytest.raises(DesignError) as caught:
+        changed(field.path, above)
+    line = next(line for line in str(caught.value).splitlines() if line.strip().startswith(f"{field.path}:"))
+    assert repr(above) in line
+    assert f"must be {'at most' if field.below is None else 'below'} {high}" in line
+
+
+def attribute_at(design: Any, path: str) -> Any:
+    """The value at a dotted path of a design, options at their default included."""
+    for key in path.split("."):
+        design = design[int(key)] if isinstance(design, tuple) else getattr(design, key)
+    return design
+
+
+@pytest.mark.parametrize("field", LIMITED, ids=lambda field: field.path)
+def test_both_limits_themselves_are_accepted(field: NumericField) -> None:
+    for value in field.bounds:
+        assert attribute_at(changed(field.path, value), field.path) == value
+
+
+def test_a_design_is_frozen() -> None:
+    with pytest.raises(ValidationError, match="frozen"):
+        good().cavity.length_mm = 10.0  # type: ignore[misc]
+
+
+def test_with_changes_a_copy_and_leaves_the_original() -> None:
+    design = good()
+    thicker = design.with_(**{"cavity.clear_thickness_mm": 10})
+    assert thicker.cavity.clear_thickness_mm == 10.0
+    assert design.cavity.clear_thickness_mm == 8.0
+    assert thicker.digest != design.digest
+    assert thicker.with_(**{"cavity.clear_thickness_mm": 8}).digest == design.digest
+
+
+def test_with_takes_several_paths_at_once() -> None:
+    design = good().with_(**{"layout.0.parts_per_side": 2, "board.frame_rate_hz": 30})
+    assert design.layout[0].parts_per_side == 2  # type: ignore[union-attr]
+    assert design.board.frame_rate_hz == 30.0
+
+
+def test_with_sets_the_first_measurement_of_a_part() -> None:
+    design = good().with_(**{"part_measurements.osram-sfh206k.active_width_mm": 2.6})
+    assert design.part_measurements == {"osram-sfh206k": {"active_width_mm": 2.6}}
+
+
+def test_with_fills_an_optional_table_that_was_absent() -> None:
+    design = good(**{"elastomer.viscoelastic": None})
+    assert design.elastomer.viscoelastic is None
+    changes = {"elastomer.viscoelastic.relaxed_share": 0.3, "elastomer.viscoelastic.time_constant_s": 2.0}
+    assert design.with_(**changes).elastomer.viscoelastic == Viscoelastic(
+        relaxed_share=0.3, time_constant_s=2.0
+    )
+    with pytest.raises(DesignError, match=r"elastomer\.viscoelastic\.time_constant_s: is missing"):
+        design.with_(**{"elastomer.viscoelastic.relaxed_share": 0.3})
+
+
+def test_a_design_without_the_viscoelastic_option_has_no_word_of_it() -> None:
+    absent = good(**{"elastomer.viscoelastic": None})
+    assert "viscoelastic" not in json.dumps(absent.model_dump(mode="json"))
+    assert absent.digest == from_text(design_text(NO_OPTION)).digest
+    assert absent.digest != good().digest
+
+
+def test_with_an_unknown_path_offers_the_nearest_names() -> None:
+    with pytest.raises(
+        DesignError, match=r"cavity\.clear_thicknes_mm: .* did you mean cavity\.clear_thickness_mm"
+    ):
+        good().with_(**{"cavity.clear_thicknes_mm": 10})
+
+
+def test_with_a_bad_value_names_design_field_value_and_limit() -> None:
+    with pytest.raises(DesignError) as caught:
+        good().with_(**{"cavity.clear_thickness_mm": 0.5})
+    assert "bad: not a usable design" in str(caught.value)
+    assert "cavity.clear_thickness_mm: 0.5 is refused: must be at least 1 mm" in str(caught.value)
+
+
+def test_measured_names_values_that_the_design_has() -> None:
+    assert good(measured=["emitters.height_mm", "layout.0.parts_per_side"]).measured == (
+        "emitters.height_mm",
+        "layout.0.parts_per_side",
+    )
+    with pytest.raises(DesignError, match=r"measured: elastomer\.refractive_index: no such field"):
+        good(measured=["elastomer.refractive_index"])  # not given in this design
+    assert good(measured=["elastomer.refractive_index"], **{"elastomer.refractive_index": 1.41}).measured
+
+
+def test_a_digest_is_64_hexadecimal_digits_and_stays() -> None:
+    design = good()
+    assert len(design.digest) == 64
+    assert int(design.digest, 16) >= 0
+    assert design.digest == good().digest == design.digest
+
+
+def test_a_digest_ignores_comments_order_and_number_format() -> None:
+    plain = from_text(design_text())
+    reordered = "\n".join(
+        [
+            "# a comment",
+            "name = 'bad'  # another",
+            "schema_version = 0x1",
+            "layout = [{parts_per_side = 4, pattern = 'alternating_ring'}]",
+            "receivers = {height_mm = 6, part = 'osram-sfh206k'}",
+            "emitters = {height_mm = 5e0, part = 'sunled-xscwd23mb'}",
+            "elastomer.viscoelastic = {time_constant_s = 5, relaxed_share = 2e-1}",
+            "elastomer.mixing_ratio = 20",
+            "mold = {outer_width_mm = 45, outer_length_mm = 4.5e1}",
+            "cavity = {clear_thickness_mm = 8, width_mm = 32, length_mm = 3_2.0}",
+        ]
+    )
+    assert from_text(reordered).digest == plain.digest
+    assert from_text(reordered) == plain
+
+
+def test_a_digest_does_not_tell_a_default_from_the_same_value_spelt_out() -> None:
+    assert from_text(design_text({"cavity.black_thickness_mm": "1.0"})).digest == good().digest
+
+
+FULL: dict[str, Any] = {
+    "elastomer.refractive_index": 1.41,
+    "elastomer.absorption_db_per_cm": 0.3,
+    "elastomer.youngs_modulus_mpa": 1.1,
+    "board.emitter_pins": [22, 23],
+    "board.receiver_channels": ["A0", "A1"],
+    "measured": ["emitters.height_mm"],
+    "part_measurements": {"osram-sfh206k": {"active_width_mm": 2.6}},
+    "layout": [
+        {"pattern": "alternating_ring", "parts_per_side": [1, 1, 1, 1], "pitch_mm": 7.0},
+        {"pattern": "facing_rows", "count": 2, "pitch_mm": 7.0},
+        {
+            "pattern": "per_side",
+            "kind": "emitter",
+            "south": 2,
+            "part": "a",
+            "height_mm": 2.0,
+            "pitch_mm": 7.0,
+        },
+        {
+            "pattern": "single",
+            "kind": "emitter",
+            "wall": "north",
+            "along_mm": 3.0,
+            "part": "a",
+            "height_mm": 2.0,
+            "name": "X",
+        },
+    ],
+    "catalog.mold_materials": {
+        "mine": {
+            "title": "Mine",
+            "wall_reflectance": {
+                "value": 0.05,
+                "unit": "1",
+                "source": "s",
+                "confidence": "read",
+                "low": 0.01,
+                "high": 0.9,
+            },
+            "density_g_per_cm3": {"value": 1.0, "unit": "g/cm3", "source": "s", "confidence": "read"},
+            "notes": ["a note"],
+        }
+    },
+}
+FULL_DOCUMENT = good(**FULL).model_dump(mode="json")
+FIXED = ("schema_version", "pattern", "unit")
+"""Leaves that have one value only, or that change a table's form."""
+OTHER_WORDS = ("south", "west", "emitter", "receiver", "measured", "cavity.length_mm", "x-other")
+
+
+def other_values(value: Any) -> list[Any]:
+    """Values unlike the given one, of which at least one suits the same field."""
+    if isinstance(value, bool) or value is None:
+        return [1, 1.5, "x"]
+    if isinstance(value, int):
+        return [value + 1, value + 2]
+    if isinstance(value, float):
+        return [value * (1 + 1e-12) if value else 1e-12]
+    return [word for word in OTHER_WORDS if word != value]
+
+
+def changed_leaf(path: str, value: Any) -> SensorDesign:
+    """The full design with one leaf changed to some value that its field accepts."""
+    refused = []
+    for other in other_values(value):
+        document = json.loads(json.dumps(FULL_DOCUMENT))
+        set_at(document, path, other, known=(path,))
+        if path.startswith("layout.0.parts_per_side."):
+            document["layout"][0]["parts_per_side"][0] += 1  # the sum stays even
+        try:
+            return SensorDesign.from_document(document, where=path)
+        except DesignError as err:
+            refused.append(str(err))
+    raise AssertionError(refused)
+
+
+LEAVES = [(path, value) for path, value in leaves(FULL_DOCUMENT) if path.split(".")[-1] not in FIXED]
+
+
+@pytest.mark.parametrize(("path", "value"), LEAVES, ids=[path for path, _ in LEAVES])
+def test_a_digest_changes_with_every_field(path: str, value: Any) -> None:
+    full = SensorDesign.from_document(FULL_DOCUMENT, where="full")
+    assert changed_leaf(path, value).digest != full.digest
+
+
+@settings(max_examples=60)
+@given(designs())
+def test_any_design_survives_its_text(design: SensorDesign) -> None:
+    again = from_text(dump_design(design))
+    assert again == design
+    assert again.digest == design.digest
+
+
+@settings(max_examples=30)
+@given(designs(), st.randoms(use_true_random=False))
+def test_a_digest_does_not_depend_on_the_order_of_keys(design: SensorDesign, order: Any) -> None:
+    def shuffled(document: Any) -> Any:
+        if isinstance(document, dict):
+            keys = list(document)
+            order.shuffle(keys)
+            return {key: shuffled(document[key]) for key in keys}
+        return [shuffled(item) for item in document] if isinstance(document, list) else document
+
+    document = shuffled(design.model_dump(mode="json"))
+    assert SensorDesign.from_document(document, where="shuffled").digest == design.digest
+
+
+def test_plain_data_goes_in_and_comes_out() -> None:
+    design = SensorDesign.from_document(good_document(), where="good")
+    assert SensorDesign.from_document(design.model_dump(mode="json"), where="again") == design

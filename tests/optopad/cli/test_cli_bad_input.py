@@ -1,0 +1,244 @@
+"""On the command line a bad design ends with exit code 2 and one message, and leaves no file behind."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from fabrication.driver.simulated.port import PtyWire
+from optopad.cli.common import require_folder
+from optopad.cli.main import BAD_INPUT, main
+from tests.design.bad_designs import BAD_DESIGNS, FILE_NAME, BadDesign, design_text, put
+from tests.design.test_bad_input import JARGON
+
+WRITERS = ("run", "build", "score", "simulate", "predict", "rays")
+needs_pty = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals")
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder for the bad file, while the command runs in another, empty one."""
+    (tmp_path / "here").mkdir()
+    (tmp_path / "files").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    return tmp_path / "files"
+
+
+def everything_under(folder: Path) -> list[Path]:
+    return sorted(folder.rglob("*"))
+
+
+def refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> tuple[str, str]:
+    """Standard output and error of a command that must end with exit code 2."""
+    assert main(arguments) == BAD_INPUT
+    return capsys.readouterr()
+
+
+@pytest.mark.parametrize("bad", BAD_DESIGNS, ids=lambda bad: bad.id)
+def test_making_something_of_a_bad_design_is_refused_on_standard_error(
+    bad: BadDesign, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = put(bad, folder)
+    before = everything_under(folder.parent)
+    out, err = refused(["build", str(path), "--out", str(folder.parent / "out")], capsys)
+    assert out == ""
+    assert err.startswith("optopad: ")
+    for word in bad.words:
+        assert word in err
+    for word in JARGON:
+        assert word not in err
+    assert everything_under(folder.parent) == before
+
+
+@pytest.mark.parametrize("bad", BAD_DESIGNS, ids=lambda bad: bad.id)
+def test_checking_a_bad_design_shows_its_fault_and_writes_nothing(
+    bad: BadDesign, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = put(bad, folder)
+    before = everything_under(folder.parent)
+    out, err = refused(["check", str(path)], capsys)
+    for word in bad.words:
+        assert word in out + err
+    for word in JARGON:
+        assert word not in out + err
+    assert everything_under(folder.parent) == before
+
+
+def test_a_check_of_the_good_design_ends_with_zero(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / FILE_NAME).write_text(design_text(), encoding="utf-8")
+    assert main(["check", str(folder / FILE_NAME)]) == 0
+    assert capsys.readouterr().out == "bad: 0 errors, 0 warnings\n"
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ("cavity.clear_thickness_mm=0.5", "cavity.clear_thickness_mm: 0.5 is refused: must be at least 1 mm"),
+        (
+            "cavity.clear_thickness_mm=thick",
+            "cavity.clear_thickness_mm: 'thick' is refused: must be a number",
+        ),
+        ("cavity.clear_thicknes_mm=8", "did you mean cavity.clear_thickness_mm"),
+        ("cavity.clear_thickness_mm", "PATH=VALUE"),
+        ("=8", "PATH=VALUE"),
+        ("layout.7.count=3", "layout.7.count: no such field"),
+        ("name=../../x", "no folders"),
+    ],
+)
+def test_a_bad_change_is_refused_with_its_path(
+    change: str, words: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / FILE_NAME).write_text(design_text(), encoding="utf-8")
+    _, err = refused(["check", str(folder / FILE_NAME), "--set", change], capsys)
+    assert words in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["score", "piacenza2017-pair", "--seed", "18446744073709551616"], "--seed"),
+        (["check", "piacenza2017-pda"], "did you mean piacenza2017-pad?"),
+        (
+            ["score", "piacenza2017-pair", "--set", "tolerances={'emitters.hight_mm'=0.1}"],
+            "emitters.height_mm",
+        ),
+        (["new", "x.toml", "--preset", "foo"], "'foo' is no preset. There are: piacenza2017-pad"),
+        (["simulate", "piacenza2017-pair", "--rays", "2000"], "--rays: 2000 needs --oracle"),
+        (
+            ["simulate", "piacenza2017-pair", "--protocol", "piacenza2017-quick", "--rays", "2000"],
+            "--rays: does not go with --protocol",
+        ),
+        (["driver", "read", "piacenza2017-pair", "--drift-time", "5"], "--drift-time: 5 needs --model"),
+        (["driver", "read", "piacenza2017-pair", "--guard", "0"], "--guard: 0 needs --model"),
+        (["simulate", "piacenza2017-pair", "--press", "10,10,9"], "--press: 9 mm is deeper than the contact"),
+        (["simulate", "piacenza2017-pair", "--press", "10,10,-1"], "--press: depth -1 mm is refused"),
+        (["rays", "piacenza2017-pair", "--press", "10,10,9"], "--press: 9 mm is deeper than the contact"),
+        (["compare", "piacenza2017-pair", "../files.nc"], "files.nc: no such file"),
+    ],
+)
+def test_a_slip_on_the_command_line_is_refused_before_any_work(
+    folder: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
+) -> None:
+    out, err = refused(arguments, capsys)
+    assert out == ""
+    assert words in err
+    assert everything_under(folder) == []
+
+
+@pytest.mark.parametrize("verb", WRITERS)
+def test_a_folder_that_cannot_be_made_is_refused_before_the_work(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], verb: str
+) -> None:
+    monkeypatch.chdir(folder)
+    (folder / "taken").write_text("", encoding="utf-8")
+    out, err = refused([verb, "piacenza2017-pair", "--out", "taken"], capsys)
+    assert (out, "cannot be made" in err) == ("", True)
+    assert "light" not in err  # no stage of the work began
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["compare", "piacenza2017-pair", "."],
+        ["train", "."],
+        ["evaluate", ".", "--model", "m.optomodel"],
+    ],
+)
+def test_a_folder_in_place_of_a_file_is_called_one(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: list[str]
+) -> None:
+    (folder / "x.nc").mkdir()
+    monkeypatch.chdir(folder)
+    given = ["x.nc" if one == "." else one for one in arguments]
+    _, err = refused(given, capsys)
+    assert "x.nc: a folder; name a " in err
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs Linux's /proc")
+@pytest.mark.parametrize("verb", WRITERS)
+def test_a_folder_that_only_seems_writable_is_refused_before_the_work(
+    folder: Path, capsys: pytest.CaptureFixture[str], verb: str
+) -> None:
+    out, err = refused([verb, "piacenza2017-pair", "--out", "/proc/nope"], capsys)
+    assert out == ""
+    assert err.startswith("optopad: --out: /proc/nope cannot be made: /proc is no folder to write in")
+
+
+def test_the_trial_of_a_folder_leaves_nothing(folder: Path) -> None:
+    require_folder(folder / "new" / "deep")
+    require_folder(folder)
+    assert everything_under(folder) == []
+
+
+def test_a_recording_of_no_time_is_refused(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(folder)
+    _, err = refused(["driver", "record", "piacenza2017-pair", "--port", "nowhere", "--seconds", "0"], capsys)
+    assert "--seconds: 0 is refused" in err
+    assert everything_under(folder) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["driver", "fake", "pad.toml", "--out", "pad.toml", "--seconds", "0.1"], "this command reads"),
+        (["driver", "fake", "piacenza2017-pair", "--out", "pad.toml", "--seconds", "0.1"], "no .csv file"),
+        (["schema", "--out", "pad.toml"], "no .json file"),
+        (["driver", "check", "pad.toml", "--port", "nowhere", "--out", "pad.toml"], "this command reads"),
+        (["driver", "export", "a.optorec", "--presses", "pad.nc", "--out", "pad.nc"], "this command reads"),
+    ],
+)
+def test_no_command_writes_over_what_it_reads_or_a_file_of_another_kind(
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    words: str,
+) -> None:
+    monkeypatch.chdir(folder)
+    for name in ("pad.toml", "pad.nc"):
+        (folder / name).write_text(design_text(), encoding="utf-8")
+    out, err = refused(arguments, capsys)
+    assert out == ""
+    assert words in err
+    assert {file.read_text(encoding="utf-8") for file in folder.iterdir()} == {design_text()}
+
+
+@needs_pty
+@pytest.mark.parametrize("option", ["--link", "--stage-link"])
+def test_a_living_board_s_name_is_refused_before_the_work(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], option: str
+) -> None:
+    monkeypatch.chdir(folder)
+    other = PtyWire(Path("taken"))
+    out, err = refused(["driver", "fake", "piacenza2017-pair", option, "taken", "--seconds", "0.1"], capsys)
+    assert out == ""
+    assert err.startswith(f"optopad: {option} taken: leads to ")  # no stage of the work began
+    assert Path("taken").is_symlink()
+    other.close()
+    assert everything_under(folder) == []
+
+
+@needs_pty
+@pytest.mark.parametrize(
+    ("stage_link", "words"),
+    [
+        ("pad", "is the board's --link, too"),
+        ("nowhere/stage", "--stage-link nowhere/stage: cannot be made"),
+    ],
+)
+def test_a_printer_s_name_that_is_refused_leaves_no_link_of_the_board(
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    stage_link: str,
+    words: str,
+) -> None:
+    monkeypatch.chdir(folder)
+    names = ["--link", "pad", "--stage-link", stage_link]
+    _, err = refused(["driver", "fake", "piacenza2017-pair", *names, "--seconds", "0.1"], capsys)
+    assert words in err
+    assert everything_under(folder) == []

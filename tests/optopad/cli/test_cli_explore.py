@@ -1,0 +1,282 @@
+"""optopad explore, on an objective that costs nothing; the physics has tests of its own."""
+
+from __future__ import annotations
+
+import csv
+import json
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from design.io import load_design
+from design.rules.check import check
+from design.search.judged import Judged
+from design.search.space import SPACES, load_space
+from optopad.cli import main
+
+SPACE = """
+name = "cheap"
+base = "piacenza2017-pair"
+
+[[fields]]
+path = "cavity.clear_thickness_mm"
+low = 6.0
+high = 11.0
+step = 0.5
+
+[[fields]]
+path = "layout"
+choices = [
+    [{ pattern = "facing_rows", count = 3, pitch_mm = 6.35 }],
+    [{ pattern = "facing_rows", count = 1 }],
+]
+
+[[objectives]]
+figure = "evenness"
+
+[[objectives]]
+figure = "part_count"
+
+[[constraints]]
+figure = "strength"
+at_least_base = 0.8
+
+[search]
+trials = 12
+"""
+
+
+def bowl(design, limits, *, wanted, accuracy):
+    thickness = design.cavity.clear_thickness_mm
+    if thickness > 10.0:
+        return Judged(reason="too thick (for this test)")
+    count = design.layout[0].count
+    figures = {"evenness": 1 / (1 + abs(thickness - 9.0)) - 0.1 * (count == 1), "part_count": 2.0 * count}
+    return Judged(figures=figures | {"strength": 8.0 / thickness}, verdict="CONTIGUOUS")
+
+
+@pytest.fixture
+def space(tmp_path, monkeypatch):
+    monkeypatch.setattr("sims.continuity.objective.judge", bowl)
+    file = tmp_path / "space.toml"
+    file.write_text(SPACE)
+    return file
+
+
+def explored(space: Path, out: Path, capsys, *more: str) -> dict:
+    assert main(["explore", str(space), "--out", str(out), "--json", *more]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_the_front_comes_as_tables_and_as_designs_that_load(space, tmp_path, capsys):
+    found = explored(space, tmp_path / "out", capsys)
+    folder = Path(found["folder"])
+    assert found["designs"] == found["wanted"] == 12
+    rows = list(csv.DictReader((folder / "front.csv").read_text().splitlines()))
+    assert [int(row["number"]) for row in rows] == [one["number"] for one in found["front"]]
+    assert len(list(csv.DictReader((folder / "designs.csv").read_text().splitlines()))) == 12
+    for one in found["front"]:
+        design = load_design(folder / one["file"])
+        assert design.digest == one["digest"]
+        assert not [finding for finding in check(design) if finding.severity == "error"]
+        assert main(["check", str(folder / one["file"])]) == 0
+    assert {path.name for path in (folder / "designs").iterdir()} == {
+        Path(one["file"]).name for one in found["front"]
+    }
+
+
+def test_more_trials_go_on_and_the_seed_repeats(space, tmp_path, capsys):
+    explored(space, tmp_path / "a", capsys, "--trials", "8")
+    resumed = explored(space, tmp_path / "a", capsys, "--trials", "12")
+    whole = explored(space, tmp_path / "b", capsys, "--trials", "12")
+    assert [one["digest"] for one in resumed["front"]] == [one["digest"] for one in whole["front"]]
+    assert resumed["designs"] == 12
+
+
+def test_another_base_is_another_search(space, tmp_path, capsys):
+    plain = explored(space, tmp_path / "out", capsys)
+    changed = explored(space, tmp_path / "out", capsys, "--set", "gain.target_counts=500")
+    assert plain["digest"] != changed["digest"]
+    assert plain["folder"] != changed["folder"]
+
+
+def test_a_cost_without_prices_is_refused_before_a_folder_is_made(space, tmp_path, capsys):
+    text = space.read_text(encoding="utf-8").replace('"evenness"', '"cost"')
+    priced = space.with_name("priced.toml")
+    priced.write_text(text, encoding="utf-8")
+    assert main(["explore", str(priced), "--out", str(tmp_path / "out")]) == 2
+    assert "the catalogue has no price for osram-sfh206k" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_progress_says_the_best_so_far(space, tmp_path, capsys):
+    assert main(["explore", str(space), "--out", str(tmp_path / "out")]) == 0
+    told = capsys.readouterr()
+    assert "12 of 12  front" in told.err
+    assert "evenness" in told.err
+    assert "(base 0.5)" in told.err
+    assert "report    " in told.out
+
+
+def test_an_interrupt_leaves_tables_and_a_page_and_says_so(space, tmp_path, capsys, monkeypatch):
+    calls = []
+
+    def interrupts(*given, **named):
+        calls.append(1)
+        if len(calls) == 7:
+            raise KeyboardInterrupt
+        return bowl(*given, **named)
+
+    monkeypatch.setattr("sims.continuity.objective.judge", interrupts)
+    assert main(["explore", str(space), "--out", str(tmp_path / "out"), "--json"]) == 130
+    told = capsys.readouterr()
+    found = json.loads(told.out)
+    assert found["interrupted"]
+    assert found["designs"] == 5
+    assert (Path(found["folder"]) / "report.html").is_file()
+    assert "interrupted" in told.err
+
+
+def test_a_second_search_in_the_folder_is_kept_out(space, tmp_path, capsys):
+    import fcntl
+
+    folder = Path(explored(space, tmp_path / "out", capsys)["folder"])
+    with (folder / ".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        assert main(["explore", str(space), "--out", str(tmp_path / "out")]) == 2
+    assert "another process searches here" in capsys.readouterr().err
+
+
+def test_a_study_of_another_space_is_refused_and_nothing_is_lost(space, tmp_path, capsys):
+    url = f"sqlite:///{tmp_path / 'shared.db'}"
+    explored(space, tmp_path / "a", capsys, "--storage", url, "--trials", "4")
+    other = tmp_path / "other.toml"
+    other.write_text(SPACE.replace("high = 11.0", "high = 10.0"))
+    assert main(["explore", str(other), "--out", str(tmp_path / "b"), "--storage", url]) == 2
+    assert "of another search space" in capsys.readouterr().err
+    assert explored(space, tmp_path / "a", capsys, "--storage", url, "--trials", "4")["designs"] == 4
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("clear_thickness_mm", "clear_thicknes_mm", "did you mean cavity.clear_thickness_mm"),
+        ('"layout"', '"layout.0.cuont"', "did you mean layout.0.count"),
+        ("high = 11.0", "high = 6.0", "the range from 6 to 6 is empty"),
+        ("high = 11.0", "high = 5.5", "the range from 6 to 5.5 is empty"),
+        ("step = 0.5", "step = 0.7", "steps of 0.7 from 6 do not reach 11"),
+        ("low = 6.0", "low = -6.0", "must be at least 1 mm"),
+        ("at_least_base = 0.8", "at_least = 2.0\nat_most = 1.0", "cannot be at least 2 and at most 1"),
+        ("at_least_base = 0.8", "", "needs at_least, at_most, at_least_base or at_most_base"),
+        ('figure = "strength"', 'figure = "srtength"', "did you mean strength"),
+        ('figure = "evenness"', 'figure = "evenes"', "did you mean evenness"),
+        ("trials = 12", "trials = 0", "search.trials: 0 is refused"),
+        ("trials = 12", 'sampler = "tbe"', "search.sampler: 'tbe' is refused"),
+        ("trials = 12", "tirals = 12", "search.tirals: is not a field of a search space"),
+        ('base = "piacenza2017-pair"', 'base = "piacenza2017-pear"', "did you mean piacenza2017-pair"),
+        ('path = "layout"', 'path = "name"', "name: cannot vary"),
+        ("count = 1 }", "count = 99 }", "must be at most 32"),
+    ],
+)
+def test_bad_spaces_are_refused_with_the_way_out(space, tmp_path, capsys, old, new, words):
+    assert old in SPACE
+    space.write_text(SPACE.replace(old, new, 1))
+    assert main(["explore", str(space), "--out", str(tmp_path / "out")]) == 2
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_only_continuity_is_no_objective(space, tmp_path, capsys):
+    text = SPACE.replace('figure = "evenness"', 'figure = "continuity"').replace(
+        'figure = "part_count"', 'figure = "deadband_mm"'
+    )
+    space.write_text(text)
+    assert main(["explore", str(space), "--out", str(tmp_path / "out")]) == 2
+    assert "thin pads with half the signal" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "words"),
+    [
+        ("--storage", "postgresql://someone:secret@127.0.0.1:9/none", "127.0.0.1:9/none cannot be reached"),
+        ("--storage", "nonsense", "cannot be reached"),
+        ("--trials", "0", "greater than or equal to 1"),
+    ],
+)
+def test_what_cannot_be_reached_is_said_in_one_line(space, tmp_path, capsys, option, value, words):
+    assert main(["explore", str(space), "--out", str(tmp_path / "out"), option, value]) == 2
+    told = capsys.readouterr().err
+    assert words in told
+    assert "secret" not in told
+    assert "Traceback" not in told
+
+
+def test_a_missing_space_names_the_packaged_ones(tmp_path, capsys):
+    assert main(["explore", str(tmp_path / "none.toml")]) == 2
+    assert "packaged spaces: pair-heights, pad-layout" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", SPACES)
+def test_every_packaged_space_loads_and_holds_its_base_design(name):
+    space = load_space(name)
+    assert space.base_parameters() is not None
+    assert (
+        space.design_at(space.base_parameters()).with_(
+            name=space.base.name, description=space.base.description
+        )
+        == space.base
+    )
+
+
+class Page(HTMLParser):
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.links, self.tags, self.sources = [], [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append(tag)
+        found = dict(attributes)
+        if tag == "a":
+            self.links.append(found["href"])
+        self.sources += [found[name] for name in ("src", "href") if name in found and tag != "a"]
+
+
+def test_the_page_is_self_contained_and_links_to_every_design(space, tmp_path, capsys):
+    found = explored(space, tmp_path / "out", capsys, "--trials", "24")
+    text = Path(found["report"]).read_text(encoding="utf-8")
+    page = Page(text)
+    assert page.tags.count("svg") == 3  # front, parallel coordinates, importance
+    assert not [source for source in page.sources if not source.startswith("#")]
+    assert "script" not in page.tags
+    for one in found["front"]:
+        assert one["file"] in page.links
+    for link in page.links:
+        assert link.startswith("#") or (Path(found["folder"]) / link).is_file()
+    assert "too thick" in text
+
+
+def test_the_page_escapes_what_a_space_says(space, tmp_path, capsys):
+    space.write_text(
+        SPACE.replace('name = "cheap"', 'name = "cheap"\ndescription = "<script>alert(1)</script>"')
+    )
+    text = Path(explored(space, tmp_path / "out", capsys)["report"]).read_text(encoding="utf-8")
+    assert "<script>" not in text
+
+
+def test_importance_finds_the_field_that_matters(space, tmp_path, capsys):
+    space.write_text(SPACE.replace("trials = 12", 'sampler = "random"'))
+    shares = explored(space, tmp_path / "out", capsys, "--trials", "40")["importance"]["evenness"]
+    assert sum(shares.values()) == pytest.approx(1.0, abs=1e-9)
+    # 9 mm is best by up to 0.75, the layout by 0.1; a fair share of two fields is a half
+    assert shares["cavity.clear_thickness_mm"] > 0.6
+
+
+def test_a_terminal_shows_a_bar_with_the_best_so_far(space, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    monkeypatch.setenv("COLUMNS", "160")
+    assert main(["explore", str(space), "--out", str(tmp_path / "out"), "--trials", "6"]) == 0
+    told = capsys.readouterr().err
+    assert "6/6" in told
+    assert "evenness" in told

@@ -1,0 +1,191 @@
+"""driver firmware and driver flash, from the command line, against a made-up avrdude."""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+from design.preset import preset
+from fabrication.bundle import bundle_name
+from fabrication.firmware import flash, image
+from optopad.cli import main
+from tests.fabrication.simulated_board import missing_compiler
+
+DESIGN = "piacenza2017-pad"
+FOLDER = Path("outputs") / bundle_name(preset(DESIGN)) / "fabrication" / "firmware"
+
+needs_compiler = pytest.mark.skipif(bool(missing_compiler()), reason=missing_compiler())
+needs_shell = pytest.mark.skipif(os.name != "posix", reason="the made-up avrdude is a shell script")
+
+
+@pytest.fixture(autouse=True)
+def in_empty_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def board_image(tmp_path) -> Path:
+    file = tmp_path / "any.hex"
+    file.write_text(":00000001FF\n", encoding="ascii")
+    return file
+
+
+@pytest.fixture
+def port(tmp_path) -> Path:
+    file = tmp_path / "ttyACM0"
+    file.touch()
+    return file
+
+
+@pytest.fixture
+def avrdude(tmp_path, monkeypatch):
+    """Puts an avrdude first in the search path that says and ends as told; it notes its arguments."""
+    folder = tmp_path / "bin"
+    folder.mkdir()
+    monkeypatch.setenv("PATH", str(folder), prepend=os.pathsep)
+
+    def behaves(said: str = "", code: int = 0) -> Path:
+        script, notes = folder / "avrdude", tmp_path / "arguments"
+        script.write_text(
+            f"#!/bin/sh\necho \"$@\" > '{notes}'\necho '{said}' >&2\nexit {code}\n", encoding="utf-8"
+        )
+        script.chmod(script.stat().st_mode | stat.S_IXUSR)
+        return notes
+
+    return behaves
+
+
+def refused(capsys, *arguments: str) -> str:
+    assert main(["driver", *arguments]) == 2
+    return capsys.readouterr().err
+
+
+@needs_compiler
+def test_firmware_leaves_sketch_and_image_in_the_bundle(capsys):
+    assert main(["driver", "firmware", DESIGN, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert Path(found["sketch"]) == FOLDER / "optopad"
+    assert (FOLDER / "optopad" / "optopad.ino").is_file()
+    assert Path(found["image"]).read_text(encoding="ascii").startswith(":")
+    assert found["board"] == "arduino:avr:mega"
+    assert 4_000 < found["flash_bytes"] < 8_000
+    assert found["ram_bytes"] < 600
+    manifest = json.loads((FOLDER.parents[1] / "manifest.json").read_text(encoding="utf-8"))
+    assert "fabrication/firmware/optopad/config.h" in manifest["files"]
+
+
+def test_without_a_compiler_the_sketch_is_written_and_the_reason_said(monkeypatch, capsys):
+    monkeypatch.setattr(image.shutil, "which", lambda _name: None)
+    assert main(["driver", "firmware", DESIGN]) == 0
+    out = capsys.readouterr().out
+    assert "no .hex   avr-gcc is not installed here" in out
+    assert sorted(file.name for file in FOLDER.iterdir()) == ["optopad"]
+
+
+def test_a_broken_compiler_is_said_and_leaves_the_sketch(monkeypatch, capsys):
+    monkeypatch.setattr(image, "has_compiler", lambda: True)
+    monkeypatch.setattr("optopad.sensor.firmware.has_compiler", lambda: True)
+    monkeypatch.setattr(image, "OPTIONS", ("--no-such-option",))
+    monkeypatch.setattr(image, "COMPILER", "false")
+    assert main(["driver", "firmware", DESIGN]) == 0
+    assert "could not make the firmware" in capsys.readouterr().out
+    assert (FOLDER / "optopad" / "core.c").is_file()
+
+
+def test_a_board_that_does_not_fit_is_refused_and_nothing_written(capsys):
+    said = refused(capsys, "firmware", DESIGN, "--set", "board.kind=arduino-uno")
+    assert "8 receivers, more than the board has analogue inputs for" in said
+    assert not Path("outputs").exists()
+
+
+def test_a_dry_run_prints_the_command_and_runs_nothing(board_image, capsys):
+    arguments = ["flash", DESIGN, "--port", "COM7", "--image", str(board_image), "--dry-run"]
+    assert main(["driver", *arguments]) == 0
+    command = capsys.readouterr().out.strip()
+    assert command == f"avrdude -p atmega2560 -c wiring -P COM7 -b 115200 -D -U flash:w:{board_image}:i"
+
+
+def test_the_nano_is_flashed_by_its_own_protocol(board_image, capsys):
+    board = ["--set", "board.kind=arduino-nano"]
+    arguments = [
+        "flash",
+        DESIGN,
+        *board,
+        "--port",
+        "COM7",
+        "--image",
+        str(board_image),
+        "--dry-run",
+        "--json",
+    ]
+    assert main(["driver", *arguments]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["command"][:7] == ["avrdude", "-p", "atmega328p", "-c", "arduino", "-P", "COM7"]
+    assert found["uploaded"] is False
+
+
+@needs_shell
+@needs_compiler
+def test_flash_compiles_the_design_and_hands_it_to_avrdude(avrdude, port, capsys):
+    notes = avrdude()
+    assert main(["driver", "flash", DESIGN, "--port", str(port)]) == 0
+    assert f"-P {port} -b 115200 -D -U flash:w:{FOLDER / 'optopad.hex'}:i" in notes.read_text(
+        encoding="utf-8"
+    )
+    assert f"to {port}; the board says hello" in capsys.readouterr().out
+
+
+@needs_shell
+@pytest.mark.parametrize(
+    ("said", "words"),
+    [
+        ("avrdude: ser_open(): can't open device: Permission denied", "dialout"),
+        ("avrdude: stk500_recv(): programmer is not responding, not in sync", "Press its reset button"),
+        ("avrdude: device signature = 0x1e950f; expected signature for ATmega2560 is 1E 98 01", "board.kind"),
+        ("avrdude: verification error, first mismatch at byte 0x0000", "with another cable"),
+        ("avrdude: something never heard of", "something never heard of"),
+    ],
+)
+def test_what_avrdude_says_is_passed_on_with_what_helps(said, words, avrdude, port, board_image, capsys):
+    avrdude(said.replace("'", ""), 1)
+    message = refused(capsys, "flash", DESIGN, "--port", str(port), "--image", str(board_image))
+    assert f"{port}: the upload failed" in message
+    assert words in message
+
+
+def test_without_avrdude_the_way_out_is_named(monkeypatch, port, board_image, capsys):
+    monkeypatch.setattr(flash.shutil, "which", lambda _name: None)
+    message = refused(capsys, "flash", DESIGN, "--port", str(port), "--image", str(board_image))
+    assert "avrdude is not installed here" in message
+    assert "Arduino IDE" in message
+
+
+@needs_shell
+def test_a_port_that_is_not_there_is_named(avrdude, board_image, capsys):
+    avrdude()
+    message = refused(capsys, "flash", DESIGN, "--port", "nowhere/ttyACM9", "--image", str(board_image))
+    assert "nowhere/ttyACM9: no such port" in message
+
+
+def test_without_a_port_the_board_is_looked_for_by_its_usb_identity(monkeypatch, board_image, capsys):
+    monkeypatch.setattr("fabrication.driver.link.ports.ports_here", list)
+    message = refused(capsys, "flash", DESIGN, "--image", str(board_image))
+    assert "no Arduino Mega 2560 found by its USB identity" in message
+
+
+@pytest.mark.parametrize(("content", "words"), [(None, "No such file"), ("\x7fELF", "no Intel HEX")])
+def test_an_image_that_is_none_is_refused(content, words, tmp_path, capsys):
+    file = tmp_path / "image"
+    if content is not None:
+        file.write_text(content, encoding="utf-8")
+    assert words in refused(capsys, "flash", DESIGN, "--port", "COM7", "--image", str(file), "--dry-run")
+
+
+def test_nothing_to_upload_says_why(monkeypatch, capsys):
+    monkeypatch.setattr(image.shutil, "which", lambda _name: None)
+    message = refused(capsys, "flash", DESIGN, "--port", "COM7", "--dry-run")
+    assert "nothing to upload: avr-gcc is not installed here" in message

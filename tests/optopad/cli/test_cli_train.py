@@ -1,0 +1,135 @@
+"""`optopad train`: what it writes and says, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from design.preset import preset
+from optopad.cli import main
+from sims.contact import indent
+from sims.learning.inference.model_file import load_model
+from sims.learning.learners import LEARNERS
+from sims.readings.dataset import save_data
+from tests.sims.learning.pressed_pad import grid_mm, made_up_data
+
+PAD = "piacenza2017-pad"
+
+
+@pytest.fixture(scope="module")
+def data():
+    made = made_up_data(grid_mm(5), sets=2)
+    made.counts[:, 0, 3] = 1023.0
+    return replace(made, design_digest=preset(PAD).digest)
+
+
+@pytest.fixture
+def folder(data, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    save_data(data, tmp_path / "pad.nc")
+    return tmp_path
+
+
+def refused(arguments, capsys) -> str:
+    assert main(arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    return err
+
+
+def test_a_model_lies_beside_the_data_and_the_lines_say_what_it_was_made_of(folder, capsys):
+    assert main(["train", "pad.nc", "--learner", "kernel-ridge", "--effort", "quick"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == ("data      1350 samples, 1050 touched; 25 locations, 50 presses; train-0, train-1")
+    assert lines[1] == "left out  1 of 64 pairs at full scale while untouched: E1-R4"
+    assert lines[2] == "note      1 of 72 channels clip at 1023 counts: E1-R4 (100 %)"
+    assert lines[3].startswith("model     kernel-ridge: gamma x median distance ")
+    assert lines[4].startswith("file      pad-kernel-ridge.optomodel (")
+    model = load_model(folder / "pad-kernel-ridge.optomodel")
+    assert model.header.force_curve is None
+    assert model.header.design_digest == preset(PAD).digest
+
+
+@pytest.mark.slow
+def test_all_learners_go_into_a_folder_with_the_designs_force(folder, capsys):
+    assert (
+        main(
+            [
+                "train",
+                "pad.nc",
+                "--learner",
+                "all",
+                "--effort",
+                "quick",
+                "--design",
+                PAD,
+                "--out",
+                "m",
+                "--json",
+            ]
+        )
+        == 0
+    )
+    out, err = capsys.readouterr()
+    assert err == ""
+    found, wanted_n = json.loads(out), indent(preset(PAD), 1.0).force_n
+    assert [one["learner"] for one in found["models"]] == list(LEARNERS)
+    assert found["data"]["locations"] == 25
+    for one in found["models"]:
+        header = load_model(one["file"]).header
+        assert Path(one["file"]).stat().st_size == one["bytes"]
+        assert header.force_curve.at(np.array([1.0]))[0] == pytest.approx(
+            wanted_n, rel=1e-6
+        )  # a stored depth
+    assert sorted(path.name for path in folder.rglob("*")) == sorted(
+        ["pad.nc", "m", *(f"pad-{name}.optomodel" for name in LEARNERS)]
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["absent.nc"], "absent.nc: no such file"),
+        (["pad.nc", "--learner", "oracle"], "--learner: 'oracle' is refused: give kernel-ridge"),
+        (["pad.nc", "--learner", "signal-map"], "name it with --design"),
+        (["pad.nc", "--effort", "some"], "--effort: 'some' is refused: give quick, default, full, whole"),
+        (["pad.nc", "--design", "oblong-60x40"], "of design"),
+        (["pad.nc", "--set", "cavity.clear_thickness_mm=9"], "--set: changes a design"),
+        (["pad.nc", "--learner", "all", "--out", "one.optomodel"], "one.optomodel is one file for"),
+    ],
+)
+def test_what_cannot_be_trained_is_refused_by_name(folder, capsys, arguments, words):
+    assert words in refused(["train", *arguments], capsys)
+    assert [path.name for path in folder.iterdir()] == ["pad.nc"]
+
+
+def test_a_design_changed_after_the_recording_is_refused_with_both_digests(folder, capsys):
+    err = refused(["train", "pad.nc", "--design", PAD, "--set", "cavity.clear_thickness_mm=9"], capsys)
+    assert preset(PAD).digest[:8] in err
+    assert "record anew" in err
+
+
+def test_too_few_presses_are_refused_and_nothing_is_written(data, folder, capsys):
+    few = data.only(data.place_number < 8)
+    save_data(few, folder / "few.nc")
+    assert "has 8 locations, needs >= 9" in refused(["train", "few.nc"], capsys)
+    assert sorted(path.name for path in folder.iterdir()) == ["few.nc", "pad.nc"]
+
+
+def test_data_for_testing_only_are_refused(data, folder, capsys):
+    tests = replace(data, sets=tuple(replace(one, role="test") for one in data.sets))
+    save_data(tests, folder / "tests.nc")
+    assert "hold no set for training" in refused(["train", "tests.nc"], capsys)
+
+
+def test_files_of_two_sensors_are_refused(data, folder, capsys):
+    save_data(replace(data, design_digest="00" * 32), folder / "other.nc")
+    assert "join recordings of one sensor only" in refused(["train", "pad.nc", "other.nc"], capsys)
+
+
+def test_a_folder_that_cannot_be_made_is_named(folder, capsys):
+    assert "cannot be made" in refused(["train", "pad.nc", "--out", "pad.nc/models"], capsys)

@@ -1,0 +1,252 @@
+"""What the verbs print, write and return; the long verbs are tested on their bundle in test_run.py."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from design.io import load_design
+from design.preset import PRESETS, preset
+from optopad.cli import main
+from optopad.cli.common import parsed_change, parsed_value
+from optopad.cli.verbs.sweep import parsed_sweep
+from optopad.screen.summary import checks_line
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_new_writes_a_commented_preset_under_the_name_of_the_file(folder, name):
+    assert main(["new", "mine.toml", "--preset", name]) == 0
+    text = (folder / "mine.toml").read_text(encoding="utf-8")
+    assert text.count("#") > 15
+    assert load_design(folder / "mine.toml") == preset(name).with_(name="mine")
+
+
+def test_new_keeps_an_existing_file(folder, capsys):
+    (folder / "mine.toml").write_text("mine", encoding="utf-8")
+    assert main(["new", "mine.toml"]) == 2
+    assert "exists already" in capsys.readouterr().err
+    assert (folder / "mine.toml").read_text(encoding="utf-8") == "mine"
+
+
+@pytest.mark.parametrize(
+    ("file", "words"),
+    [("my pad.toml", "say my-pad.toml"), ("..toml", "say my-pad.toml"), ("my-pad", "say my-pad.toml")],
+)
+def test_new_refuses_a_file_name_that_is_no_design_s_and_says_one_that_is(folder, capsys, file, words):
+    assert main(["new", file]) == 2
+    assert words in capsys.readouterr().err
+    assert list(folder.iterdir()) == []
+
+
+def test_an_unknown_preset_is_answered_with_the_nearest(folder, capsys):
+    assert main(["new", "mine.toml", "--preset", "piacenza2017-pads"]) == 2
+    assert "did you mean piacenza2017-pad?" in capsys.readouterr().err
+
+
+def test_check_of_a_preset_prints_nothing_but_json_with_json(folder, capsys):
+    assert main(["check", "piacenza2017-pad", "--json"]) == 0
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["digest"] == preset("piacenza2017-pad").digest
+    assert printed.err == ""
+
+
+def test_check_exits_2_on_an_error_and_names_the_field(folder, capsys):
+    assert main(["check", "piacenza2017-pad", "--set", "emitters.height_mm=9"]) == 2
+    assert "emitters.height_mm" in capsys.readouterr().out
+
+
+def test_a_design_that_breaks_a_rule_is_not_run_and_nothing_is_written(folder, capsys):
+    assert main(["run", "piacenza2017-pad", "--set", "emitters.height_mm=9"]) == 2
+    printed = capsys.readouterr()
+    assert "emitters.height_mm" in printed.err
+    assert "Traceback" not in printed.err
+    assert list(folder.iterdir()) == []
+
+
+def test_set_reads_values_as_toml_and_bare_words_as_text():
+    assert parsed_change("cavity.clear_thickness_mm=10") == ("cavity.clear_thickness_mm", 10)
+    assert parsed_value("[1, 2]") == [1, 2]
+    assert parsed_value("osram-sfh206k") == "osram-sfh206k"
+    assert parsed_value("true") is True
+    assert parsed_value("9" * 5000) == "9" * 5000
+
+
+@pytest.mark.parametrize("text", ["cavity.clear_thickness_mm", "=10", ""])
+def test_set_without_path_or_value_is_refused(folder, capsys, text):
+    assert main(["check", "piacenza2017-pad", "--set", text]) == 2
+    assert "PATH=VALUE" in capsys.readouterr().err
+
+
+def test_a_misspelt_path_is_answered_with_the_nearest(folder, capsys):
+    assert main(["check", "piacenza2017-pad", "--set", "cavity.clear_thicknes_mm=10"]) == 2
+    assert "did you mean cavity.clear_thickness_mm" in capsys.readouterr().err
+
+
+def test_a_sweep_holds_both_ends():
+    assert parsed_sweep("cavity.clear_thickness_mm=6:12:0.5") == (
+        "cavity.clear_thickness_mm",
+        [6 + 0.5 * step for step in range(13)],
+    )
+    assert parsed_sweep("emitters.part=a,b") == ("emitters.part", ["a", "b"])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x",
+        "x=",
+        "=1:2:1",
+        "x=2:1:1",
+        "x=1:2:0",
+        "x=1:2:-1",
+        "x=1:b:1",
+        "x=0:1e9:1",
+        "x=nan:1:1",
+        "x=0:inf:1",
+        "x=0:1:nan",
+    ],
+)
+def test_a_sweep_of_no_value_is_refused(folder, capsys, text):
+    assert main(["sweep", "piacenza2017-pair", text]) == 2
+    assert "sweep" in capsys.readouterr().err
+
+
+def test_a_sweep_with_one_unusable_value_is_refused_before_anything_is_computed(folder, capsys):
+    assert main(["sweep", "piacenza2017-pair", "cavity.clear_thickness_mm=8,5"]) == 2
+    printed = capsys.readouterr().err
+    assert "cavity.clear_thickness_mm = 5" in printed
+    assert "receivers.height_mm" in printed
+    assert list(folder.iterdir()) == []
+
+
+def test_a_sweep_out_of_scope_keeps_its_rows(folder, capsys):
+    assert main(["sweep", "piacenza2017-pair", "operating.max_depth_mm=5.3,5.5", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert [row["verdict"] for row in rows] == ["OUT_OF_MODEL_SCOPE"] * 2
+    assert [row["value"] for row in rows] == [5.3, 5.5]
+
+
+@pytest.mark.parametrize("text", ["10,10", "10,10,deep", "10,10,nan", "inf,10,1"])
+def test_a_press_that_is_no_place_and_depth_is_refused(folder, capsys, text):
+    assert main(["simulate", "piacenza2017-pair", "--press", text]) == 2
+    assert "--press" in capsys.readouterr().err
+    assert list(folder.iterdir()) == []
+
+
+def test_a_score_of_a_design_that_breaks_a_rule_leaves_no_folder(folder, capsys):
+    assert main(["score", "piacenza2017-pad", "--set", "emitters.height_mm=9"]) == 2
+    assert list(folder.iterdir()) == []
+
+
+def test_an_interrupted_verb_says_so_and_exits_130(folder, capsys, monkeypatch):
+    def interrupted():
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("optopad.doctor.examine", interrupted)
+    assert main(["doctor"]) == 130
+    assert "nothing is half-written" in capsys.readouterr().err
+
+
+def test_the_schema_accepts_every_field_of_a_saved_design(folder, capsys):
+    assert main(["schema"]) == 0
+    schema = json.loads(capsys.readouterr().out)
+    assert set(preset("piacenza2017-pad").model_dump()) <= set(schema["properties"])
+    assert "catalog_files" in schema["properties"]
+    assert schema["additionalProperties"] is False
+
+
+def test_migrate_leaves_a_present_file_alone_and_refuses_a_newer_one(folder, capsys):
+    main(["new", "mine.toml"])
+    before = (folder / "mine.toml").read_bytes()
+    assert main(["migrate", "mine.toml"]) == 0
+    assert (folder / "mine.toml").read_bytes() == before
+    (folder / "newer.toml").write_bytes(before.replace(b"schema_version = 1", b"schema_version = 2"))
+    assert main(["migrate", "newer.toml"]) == 2
+    assert "newer" in capsys.readouterr().err
+
+
+def test_migrate_keeps_the_file_that_it_reads(folder, capsys, monkeypatch):
+    monkeypatch.setattr("design.migrate.migrated", lambda document: document | {"schema_version": 1})
+    main(["new", "mine.toml"])
+    old = (folder / "mine.toml").read_bytes().replace(b"schema_version = 1", b"schema_version = 0")
+    (folder / "mine.toml").write_bytes(old)
+    assert main(["migrate", "mine.toml"]) == 0
+    assert load_design(folder / "mine-migrated.toml").name == "mine"
+    assert main(["migrate", "mine.toml", "--out", "mine.toml"]) == 2
+    assert "is a file that this command reads" in capsys.readouterr().err
+    assert (folder / "mine.toml").read_bytes() == old
+
+
+def test_the_mold_s_line_names_what_did_not_hold():
+    checks = {
+        "ok": True,
+        "findings": [{"name": "mold: print bed", "state": "warning"}, {"name": "b", "state": "ok"}],
+    }
+    assert checks_line(checks) == "mold      printable; 1 warning (mold: print bed); see cad/checks.json"
+    assert (
+        checks_line({"ok": True, "findings": []}) == "mold      printable; no findings; see cad/checks.json"
+    )
+    broken = {"ok": False, "findings": [*checks["findings"], {"name": "mold: volume", "state": "error"}]}
+    assert checks_line(broken).startswith("mold      NOT printable; 1 error (mold: volume), 1 warning (")
+
+
+def test_a_part_that_the_printer_has_no_room_for_is_told_with_units(folder, capsys):
+    assert main(["build", "piacenza2017-pair", "--bed", "30,30,30"]) == 0
+    out = capsys.readouterr().out
+    assert (
+        "warning   mold: print bed: 33 mm (limit 30 mm); 33.0 x 33.0 x 13.5 mm in a room of 30 x 30 x 30 mm"
+        in out
+    )
+
+
+def test_doctor_speaks_json(folder, capsys):
+    assert main(["doctor", "--json"]) == 0
+    names = {finding["name"] for finding in json.loads(capsys.readouterr().out)["findings"]}
+    assert {"python", "cadquery", "mujoco"} <= names
+
+
+def test_help_loads_no_heavy_library():
+    code = (
+        "import sys; from optopad.cli import main; main(['--help']); "
+        "heavy = {'cadquery', 'mujoco', 'numba', 'scipy', 'matplotlib', 'trimesh', 'xarray'} & set(sys.modules); "
+        "sys.exit(str(heavy) if heavy else 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "run" in done.stdout
+
+
+def test_a_verb_without_its_argument_exits_2(folder, capsys):
+    assert main(["run"]) == 2
+    assert "Missing argument" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--builds", "50"], "--builds: needs --tolerance"),
+        (["--tolerance", "--builds", "3"], "--builds: 3 is refused: give 10 to 100000"),
+        (["--tolerance", "--builds", "-1"], "--builds: -1 is refused"),
+    ],
+)
+def test_a_useless_number_of_builds_is_refused_before_anything_is_computed(folder, capsys, options, words):
+    assert main(["score", "piacenza2017-pair", *options]) == 2
+    assert words in capsys.readouterr().err
+    assert list(folder.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("verb", "words"), [("train", "`all` of these; or signal-map"), ("sweep", "engraved with the value")]
+)
+def test_the_help_names_what_is_accepted_and_made(
+    capsys: pytest.CaptureFixture[str], verb: str, words: str
+) -> None:
+    assert main([verb, "--help"]) == 0
+    assert words in " ".join(capsys.readouterr().out.split())

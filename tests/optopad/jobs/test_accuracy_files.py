@@ -1,0 +1,114 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from design.errors import DesignError
+from design.geometry.cavity import Workspace
+from design.preset import preset
+from optopad.cli import main
+from optopad.jobs.accuracy_files import write_accuracy
+from optopad.jobs.evaluation import _named
+from optopad.results.accuracy import Accuracy, accuracy_lines, accuracy_of
+from sims.evaluation.judged import JudgedPresses
+from sims.evaluation.published import published_touch
+from tests.sims.learning.made_up_models import made_up_kernel_ridge
+
+SPACE = Workspace(x0_mm=6.0, x1_mm=26.0, y0_mm=6.0, y1_mm=26.0)
+
+
+def found_accuracy(**changes) -> Accuracy:
+    depth = np.tile([-0.4, 0.1, 1.0, 3.0], 9)
+    place = np.repeat([(x, y) for x in (8.0, 16.0, 24.0) for y in (8.0, 16.0, 24.0)], 4, axis=0)
+    press = np.column_stack([place, depth])
+    presses = JudgedPresses(
+        press_mm=press,
+        said_mm=press + 0.1,
+        is_found=depth > 0.0,
+        place_number=np.repeat(np.arange(9), 4),
+        session_number=np.zeros(36, dtype=np.int64),
+    )
+    one = accuracy_of("kernel-ridge", "set $x_1$ \\frac $y", False, [presses])
+    return replace(Accuracy(name="made-up", digest="ab" * 32, found=(one,)), **changes)
+
+
+def test_a_bound_that_is_open_is_null_in_json_and_a_word_for_people(tmp_path):
+    bounds = {0.1: (np.inf, np.inf), 1.0: (0.02, 0.01)}
+    found = found_accuracy(bound_mm=bounds, published=published_touch(preset("piacenza2017-pad")))
+    write_accuracy(found, SPACE, tmp_path / "new" / "folder", "prediction")
+    document = json.loads((tmp_path / "new" / "folder" / "prediction.json").read_text(encoding="utf-8"))
+    assert document["bound_mm"][0] == {"depth_mm": 0.1, "location": None, "depth": None}
+    assert document["bound_mm"][1]["location"] == 0.02
+    assert "open" in "\n".join(accuracy_lines(found))
+    page = (tmp_path / "new" / "folder" / "prediction.html").read_text(encoding="utf-8")
+    assert '<td class="number">open</td>' in page
+    assert "inf" not in json.dumps(document)
+
+
+def test_an_interrupted_evaluation_leaves_the_earlier_one_as_it_was(tmp_path, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    folder = tmp_path / "evaluation"
+    write_accuracy(found_accuracy(), SPACE, folder, "evaluation")
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    monkeypatch.setattr("optopad.jobs.accuracy_files.accuracy_page", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_accuracy(found_accuracy(name="other"), SPACE, folder, "evaluation")
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    with pytest.raises(KeyboardInterrupt):
+        write_accuracy(found_accuracy(), SPACE, tmp_path / "first", "evaluation")
+    assert list((tmp_path / "first").iterdir()) == []
+
+
+def test_a_changed_pad_has_no_published_table():
+    assert published_touch(preset("piacenza2017-pad").with_(**{"cavity.clear_thickness_mm": 14.0})) is None
+
+
+def test_models_of_one_kind_and_one_file_name_are_told_apart():
+    model = made_up_kernel_ridge()
+    names = list(_named([("a/m.optomodel", model), ("b/m.optomodel", model), ("b/n.optomodel", model)]))
+    assert len(names) == 3
+    assert names[2].endswith("(n)")
+
+
+def test_an_out_that_is_a_file_is_refused_before_anything_is_read(tmp_path, capsys):
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    code = main(
+        ["evaluate", "absent.nc", "--model", "absent.optomodel", "--out", str(tmp_path / "file" / "x")]
+    )
+    assert code == 2
+    assert "is no folder to write in" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("role", ["train", "test"])
+def test_a_protocol_without_one_of_the_roles_is_refused_before_any_light(role, tmp_path, capsys):
+    file = tmp_path / "half.toml"
+    file.write_text(
+        f"""name = "half"
+approach = [{{ from_mm = -1.0, to_mm = 1.0, step_mm = 0.5 }}]
+[[sets]]
+name = "a"
+role = "{role}"
+is_ambient = false
+grid_mm = 5.0
+""",
+        encoding="utf-8",
+    )
+    assert main(["predict", "piacenza2017-pad", "--protocol", str(file), "--out", str(tmp_path / "o")]) == 2
+    assert "has no set of role" in capsys.readouterr().err
+
+
+def test_places_that_are_trained_and_tested_on_are_refused():
+    from design.protocols.press import protocol_from
+
+    sets = [
+        {"name": "a", "role": "train", "is_ambient": False, "random_places": 9},
+        {"name": "b", "role": "test", "is_ambient": False, "random_places": 4},
+    ]
+    document = {"name": "p", "approach": [{"from_mm": -1.0, "to_mm": 1.0, "step_mm": 0.5}], "sets": sets}
+    with pytest.raises(DesignError, match="tests at places of a"):
+        protocol_from(document, where="p")
+    sets[1]["place_seed"] = 1
+    assert protocol_from(document, where="p").sets[1].place_seed == 1

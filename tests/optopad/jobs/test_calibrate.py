@@ -1,0 +1,148 @@
+"""The verb calibrate: what it refuses, what it writes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from design.io import load_design
+from design.preset import preset
+from optopad.cli import main
+from optopad.jobs.calibration import CalibratedBuild, earlier_model_note, write_calibration
+from sims.learning.calibration.build import Calibration
+from sims.learning.calibration.fit import Fitted
+from sims.learning.calibration.report import report_of
+from sims.learning.calibration.samples import calibration_samples
+from sims.learning.calibration.unknowns import unknowns_of, with_values
+from sims.learning.inference.model_file import load_model
+from sims.readings.dataset import save_data
+from tests.sims.learning.made_up_map import made_up_map_model, ratios, untouched_counts
+from tests.sims.learning.made_up_presses import made_up_data
+
+PAD = "piacenza2017-pad"
+
+
+def recording(presses: int):
+    data, _ = made_up_data(
+        lambda at: ratios(at) * untouched_counts() * 1e-5, presses, 1, np.zeros(presses), full_scale=1023.0
+    )
+    return replace(data, design_digest=preset(PAD).digest)
+
+
+def made_up_build(share_left: float) -> CalibratedBuild:
+    design, data = preset(PAD), recording(30)
+    unknowns = unknowns_of(design)
+    values = np.array([(one.value - one.middle) / one.spread for one in unknowns])
+    values[2] = (5.1 - unknowns[2].middle) / unknowns[2].spread
+    found = Calibration(
+        design=with_values(
+            design,
+            unknowns,
+            np.array([one.middle + one.spread * u for one, u in zip(unknowns, values, strict=True)]),
+        ),
+        unknowns=unknowns,
+        fitted=Fitted(
+            values=values,
+            covariance=share_left**2 * np.eye(len(unknowns)),
+            gains=np.full(64, 6e4),
+            gain_spread=np.full(64, 0.01),
+            offset_mm=np.tile([0.0, 0.0, 0.05], (30, 1)),
+            rms=(9.0, 1.1),
+            traces=45,
+        ),
+        samples=calibration_samples(data, 5.0),
+        seed=0,
+    )
+    return CalibratedBuild(
+        calibration=found, report=report_of(found), model=made_up_map_model(), notes=("4 channels clip",)
+    )
+
+
+def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    assert main(["calibrate", *arguments]) == 2
+    return capsys.readouterr().err
+
+
+def test_a_recording_of_another_design_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    file = save_data(recording(6), tmp_path / "presses.nc")
+    said = refused(capsys, PAD, str(file), "--set", "emitters.height_mm=5.1")
+    assert "of design" in said
+    assert not list(tmp_path.glob("*calibration*"))
+
+
+def test_too_few_presses_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    file = save_data(recording(3), tmp_path / "presses.nc")
+    assert "3 presses" in refused(capsys, PAD, str(file))
+
+
+def test_no_recording_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    assert "no such file" in refused(capsys, PAD, str(tmp_path / "none.nc"))
+
+
+def test_a_design_without_open_optics_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    design = preset(PAD)
+    exact = design.with_(tolerances={one.path: 0.0 for one in unknowns_of(design)})
+    data = replace(recording(6), design_digest=None)
+    file = save_data(data, tmp_path / "presses.nc")
+    from design.io import save_design
+
+    save_design(exact, tmp_path / "exact.toml")
+    assert "all are measured" in refused(capsys, str(tmp_path / "exact.toml"), str(file))
+
+
+def test_the_twin_the_facts_and_the_model_are_written(tmp_path: Path):
+    made, design = made_up_build(0.1), preset(PAD)
+    twin, facts, model = write_calibration(made, design, tmp_path / "out")
+    assert load_design(twin).emitters.height_mm == pytest.approx(5.1)
+    document = json.loads(facts.read_text(encoding="utf-8"))
+    assert document["digest"] == design.digest
+    assert document["calibrated_digest"] == load_design(twin).digest
+    assert document["presses"] == 30
+    assert np.shape(document["gains_counts_per_flux"]) == (8, 8)
+    assert document["undetermined"] == []
+    assert load_model(model).header.kind == "signal-map"
+
+
+def test_an_interrupted_calibration_leaves_the_earlier_one_as_it_was(tmp_path: Path, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    write_calibration(made_up_build(0.1), preset(PAD), tmp_path)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    monkeypatch.setattr("optopad.jobs.calibration.save_model", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_calibration(made_up_build(0.2), preset(PAD), tmp_path)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_an_earlier_model_beside_a_fit_without_one_is_told(tmp_path: Path):
+    with_model, without = made_up_build(0.1), replace(made_up_build(0.2), model=None)
+    assert earlier_model_note(without, tmp_path) == ()
+    write_calibration(with_model, preset(PAD), tmp_path)
+    assert earlier_model_note(with_model, tmp_path) == ()
+    write_calibration(without, preset(PAD), tmp_path)
+    (note,) = earlier_model_note(without, tmp_path)
+    assert "build.optomodel is of an earlier calibration" in note
+
+
+def test_what_was_not_determined_is_said():
+    report = made_up_build(0.8).report
+    assert len(report.undetermined) == len(report.values)
+    assert not any(one.is_determined for one in report.values)
+    assert "(not determined)" in "\n".join(report.lines)
+    assert any("0.05 mm deeper" in note for note in report.notes)
+
+
+def test_an_end_of_the_doubt_is_said():
+    made = made_up_build(0.1)
+    one = made.calibration.unknowns[0]
+    at_end = replace(
+        made.calibration.fitted,
+        values=np.array([(one.high - one.middle) / one.spread, *made.calibration.fitted.values[1:]]),
+    )
+    notes = report_of(replace(made.calibration, fitted=at_end)).notes
+    assert any("at an end of its doubt: surfaces.wall_reflectance" in note for note in notes)

@@ -1,0 +1,142 @@
+"""Designs side by side: what differs, which is better and by how much, what is refused."""
+
+import json
+
+import pytest
+
+from design.preset import preset
+from fabrication.bundle import altered_files, bundle_name
+from optopad.cli import main
+from optopad.jobs import compare as comparing
+from optopad.jobs.compare import changes_of, compare
+from optopad.report.compare_page import compare_html, compare_lines
+from sims.continuity.sweep import sweep_row
+from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
+
+PAIR = preset("piacenza2017-pair")
+THICK = PAIR.with_(**{"cavity.clear_thickness_mm": 10.0})
+
+
+@pytest.fixture
+def judged(monkeypatch):
+    """Made-up scores: thick is dead, a radius of 2 mm is out of scope; another seed changes nothing."""
+
+    def row(design, label, _fine, _seed):
+        thick, thin_tip = design.cavity.clear_thickness_mm > 8, design.indenter.tip_radius_mm < 3
+        made = out_of_scope_score if thin_tip else dead_score if thick else contiguous_score
+        return sweep_row(design, label, made(design))
+
+    monkeypatch.setattr(comparing, "_row", row)
+
+
+def compared(out, *designs):
+    return compare(
+        designs, [f"d{k}" for k in range(len(designs))], out, fine=False, seed=0, on_step=lambda *_: None
+    )
+
+
+def test_what_differs_is_told_by_dotted_path():
+    other = THICK.with_(**{"receivers.part": "generic-receiver"})
+    assert {one.path: one.values for one in changes_of((PAIR, other))} == {
+        "cavity.clear_thickness_mm": (8.0, 10.0),
+        "receivers.part": ("osram-sfh206k", "generic-receiver"),
+    }
+
+
+def test_a_layout_with_more_entries_shows_what_the_other_lacks():
+    grown = PAIR.with_(
+        layout=[
+            *(entry.model_dump(mode="json") for entry in PAIR.layout),
+            {"pattern": "single", "kind": "emitter", "wall": "north", "along_mm": 10.0},
+        ]
+    )
+    found = {one.path: one.values for one in changes_of((PAIR, grown))}
+    assert found["layout.1.wall"] == (comparing.ABSENT, "north")
+
+
+def test_a_value_that_is_not_given_is_absent_however_it_is_left_out():
+    ring = {"pattern": "single", "kind": "emitter", "wall": "north", "along_mm": 10.0}
+    rows = [entry.model_dump(mode="json") for entry in PAIR.layout]
+    first, second = (PAIR.with_(layout=[*rows, one]) for one in (ring, ring | {"height_mm": 4.0}))
+    found = {one.path: one.values for one in changes_of((PAIR, first, second))}
+    assert found["layout.1.height_mm"] == (comparing.ABSENT, comparing.ABSENT, 4.0)
+
+
+def test_the_contiguous_design_wins_verdict_and_deadband(judged, tmp_path):
+    found = compared(tmp_path, THICK, PAIR)
+    measures = {one.name: one for one in found.measures}
+    assert found.winner_of_verdict == 1
+    assert measures["deadband"].winner == 1
+    assert measures["parts"].winner is None  # six each
+    assert measures["pad height"].winner == 1
+    assert measures["mode gap"].winner is None  # no better way
+
+
+def test_a_lead_within_the_uncertainties_is_no_win():
+    assert comparing._winner("lower", (1.0, 1.1), (0.08, 0.08)) is None
+    assert comparing._winner("lower", (1.0, 1.2), (0.08, 0.08)) == 0
+    assert comparing._winner("higher", (1.0, 1.2, 1.2), (0.0, 0.0, 0.0)) is None
+    assert comparing._winner("higher", (1.0, None), (0.0, 0.0)) is None
+
+
+def test_everything_is_written_into_the_first_designs_bundle(judged, tmp_path):
+    found = compared(tmp_path, PAIR, THICK)
+    bundle = tmp_path / bundle_name(PAIR)
+    assert found.folder == bundle / "sims"
+    assert {path.suffix for path in found.folder.iterdir()} == {".json", ".svg", ".png", ".html"}
+    assert altered_files(bundle) == ()
+    json.dumps(found.to_json(), allow_nan=False)
+
+
+def test_the_page_and_the_lines_mark_winners_and_escape_what_was_typed(judged, tmp_path):
+    found = compare((PAIR, THICK), ["<b>&", "thick"], tmp_path, fine=False, seed=0, on_step=lambda *_: None)
+    page = compare_html(found, "<svg></svg>")
+    assert "<b>&<" not in page
+    assert "&lt;b&gt;&amp;" in page
+    assert "class=best>CONTIGUOUS" in page
+    assert "http" not in page.replace("http://www.w3.org", "")  # opens offline
+    assert any("CONTIGUOUS *" in line for line in compare_lines(found))
+
+
+def test_a_design_out_of_scope_is_compared_by_its_reason(judged, tmp_path):
+    found = compared(tmp_path, PAIR, PAIR.with_(**{"indenter.tip_radius_mm": 2.0}))
+    lines = "\n".join(compare_lines(found))
+    assert "OUT_OF_MODEL_SCOPE" in lines
+    assert "press less deep" in lines
+
+
+def test_a_copy_with_other_parts_is_scored_anew(judged, tmp_path, capsys):
+    command = [
+        "compare",
+        "piacenza2017-pair",
+        "--with",
+        "cavity.clear_thickness_mm=10;receivers.part=generic-receiver",
+    ]
+    assert main([*command, "--out", str(tmp_path), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert [design["verdict"] for design in document["designs"]] == ["CONTIGUOUS", "DEADBAND"]
+    assert {one["path"] for one in document["changes"]} == {"cavity.clear_thickness_mm", "receivers.part"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["piacenza2017-pair"], "one design alone"),
+        (["piacenza2017-pair", "piacenza2017-pair"], "are the same design"),
+        (
+            ["piacenza2017-pair", "--with", "cavity.clear_thicknes_mm=9"],
+            "did you mean cavity.clear_thickness_mm",
+        ),
+        (["piacenza2017-pair", "--with", "receivers.part"], "--with: 'receivers.part' is refused"),
+        (["piacenza2017-pair", "--with", "receivers.part=osram-sfh206"], "osram-sfh206k"),
+        (["piacenza2017-pair", "nowhere.toml"], "nowhere.toml"),
+        (["piacenza2017-pair", "--pair", "E1-R1", "--with", "gain.target_counts=200"], "are for a recording"),
+        (["piacenza2017-pair", "none.csv"], "none.csv: no such file"),
+        (["a.csv", "b.csv"], "DESIGN RECORDING"),
+    ],
+)
+def test_a_comparison_that_cannot_be_made_is_refused(judged, tmp_path, capsys, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    assert main(["compare", *arguments]) == 2
+    assert words in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,97 @@
+import json
+
+import pytest
+
+from design.preset import preset
+from optopad.cli import main
+from optopad.jobs.prediction import QUICK, predict
+
+PROTOCOL = """
+name = "small"
+approach = [
+  { from_mm = -2.0, to_mm = 0.6, step_mm = 0.2 },
+  { from_mm = 1.0, to_mm = 3.0, step_mm = 1.0 },
+]
+
+[[sets]]
+name = "grid"
+role = "train"
+is_ambient = false
+grid_mm = 5.0
+
+[[sets]]
+name = "random"
+role = "test"
+is_ambient = false
+random_places = 4
+"""
+
+
+@pytest.fixture(scope="module")
+def small_protocol(tmp_path_factory):
+    file = tmp_path_factory.mktemp("protocol") / "small.toml"
+    file.write_text(PROTOCOL, encoding="utf-8")
+    return file
+
+
+@pytest.fixture(scope="module")
+def predicted(small_protocol, tmp_path_factory):
+    out = tmp_path_factory.mktemp("predicted")
+    found, folder = predict(
+        preset("piacenza2017-pad"),
+        out,
+        effort=QUICK,
+        protocol=str(small_protocol),
+        draws=2,
+        on_step=lambda *_: None,
+    )
+    return found, folder
+
+
+@pytest.mark.slow
+def test_a_prediction_has_its_tables_page_pictures_and_a_model_that_loads(predicted):
+    from sims.learning.inference.model_file import load_model
+
+    found, folder = predicted
+    document = json.loads((folder / "sims" / "prediction.json").read_text(encoding="utf-8"))
+    assert document["digest"] == found.digest
+    assert [row["depth_mm"] for row in document["touch"]][:3] == [-0.4, -0.2, 0.0]
+    assert document["errors"][2]["location_median_mm"] > 0.0
+    page = (folder / "sims" / "prediction.html").read_text(encoding="utf-8")
+    assert "kernel-ridge" in page
+    assert "src=" not in page
+    assert 'href="http' not in page.replace('href="http://www.w3.org', "")
+    model = load_model(folder / "sims" / "models" / "kernel-ridge.optomodel")
+    said = model.predict(model.header.untouched_counts[None])
+    assert not said.is_touched[0]
+
+
+@pytest.mark.slow
+def test_two_draws_are_pooled_as_sessions_at_the_same_places(predicted):
+    found, _ = predicted
+    (one,) = found.found
+    row = next(row for row in one.errors if row.depth_mm == 1.0)
+    assert row.presses == 4  # places: both draws press the same ones
+    assert row.samples == 2 * 2 * 4  # draws, in and out
+    assert set(one.presses.session_number) == {0, 1}
+
+
+@pytest.mark.slow
+def test_a_deep_press_is_told_better_than_one_that_barely_touches(predicted):
+    found, _ = predicted
+    rows = {row.depth_mm: row for row in found.found[0].errors}
+    assert rows[3.0].found == 1.0
+    assert {row.depth_mm: row.right for row in found.found[0].touch}[-0.4] >= 0.75
+
+
+def test_what_contradicts_or_is_unknown_is_refused_before_any_light(capsys, tmp_path):
+    cases = {
+        ("--quick", "--full"): "contradict",
+        ("--learner", "oracle"): "'oracle' is no learner",
+        ("--draws", "0"): "--draws: 0 is refused",
+        ("--protocol", "piacenza2018"): "no such protocol",
+    }
+    for options, words in cases.items():
+        assert main(["predict", "piacenza2017-pad", "--out", str(tmp_path), *options]) == 2
+        assert words in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

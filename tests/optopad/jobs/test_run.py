@@ -1,0 +1,164 @@
+"""The main job on the pair preset, once: what the bundle holds, and that it is complete or absent."""
+
+import hashlib
+import json
+from pathlib import Path
+
+import pytest
+import trimesh
+import xarray as xr
+
+from design.errors import OutputError
+from design.io import load_design
+from design.preset import preset
+from fabrication.bundle import altered_files, bundle_name
+from fabrication.driver_file import load_driver_config
+from optopad.cli import main
+from optopad.jobs.pipeline import _finished, _mold_beside, run
+
+DESIGN = preset("piacenza2017-pair")
+
+BUNDLE_FILES = {
+    "design.toml",
+    "manifest.json",
+    "report.html",
+    "cad/mold.stl",
+    "cad/mold.step",
+    "cad/mold.3mf",
+    "cad/leveling_blade.stl",
+    "cad/indenter_tip.stl",
+    "cad/checks.json",
+    "sims/signals.nc",
+    "sims/maps.nc",
+    "sims/bounds-location.png",
+    "sims/score.json",
+    "fabrication/bom.csv",
+    "fabrication/wiring.csv",
+    "fabrication/wiring.svg",
+    "fabrication/casting.md",
+    "fabrication/driver.toml",
+    "fabrication/firmware/optopad/optopad.ino",
+    "fabrication/firmware/optopad/core.c",
+    "fabrication/firmware/optopad/config.h",
+}
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("outputs")
+
+
+@pytest.fixture(scope="module")
+def folder(out) -> Path:
+    return run(DESIGN, out, fine=False, seed=0, on_step=lambda _stage, _share: None).folder
+
+
+def test_the_bundle_holds_every_promised_file(folder):
+    found = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+    assert found >= BUNDLE_FILES
+
+
+def test_the_bundles_design_has_the_same_digest(folder):
+    assert load_design(folder / "design.toml").digest == DESIGN.digest
+    assert folder.name == f"{DESIGN.name}-{DESIGN.digest[:8]}"
+
+
+def test_the_manifest_names_every_file_with_its_hash(folder):
+    files = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))["files"]
+    assert set(files) >= BUNDLE_FILES - {"manifest.json"}
+    for name, record in files.items():
+        assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == record["sha256"], name
+    assert altered_files(folder) == ()
+
+
+def test_the_maps_hold_bounds_and_readings_of_the_same_places(folder):
+    with xr.open_dataset(folder / "sims" / "maps.nc") as maps:
+        assert maps.counts.dims == ("y", "x", "press_depth", "pair")
+        assert maps.location_bound.dims == ("y", "x", "depth")
+        assert maps.attrs["design_digest"] == DESIGN.digest
+        assert float(maps.counts.sel(pair="E2-R2", x=10.0, y=10.0)[0]) == pytest.approx(800.0, rel=0.01)
+    bounds = json.loads((folder / "sims" / "score.json").read_text(encoding="utf-8"))["bounds"]
+    assert bounds["median_depth_place_known_mm"]["value"] == pytest.approx(0.0038, rel=0.1)
+
+
+def test_the_pair_at_8_mm_is_contiguous_and_its_gap_positive(folder):
+    score = json.loads((folder / "sims" / "score.json").read_text(encoding="utf-8"))
+    assert score["verdict"] == "CONTIGUOUS"
+    assert score["deadband_mm"]["total"] == 0.0
+    # the feasibility study, by other code: gap +0.57 mm, evenness 0.23; boundaries are good to 0.05 mm
+    assert score["mode_gap_mm"] == pytest.approx(0.57, abs=0.1)
+    assert score["evenness"] == pytest.approx(0.23, abs=0.05)
+    assert score["worst_pair"] in {pair["pair"] for pair in score["pairs"]}
+    assert [pair["pair"] for pair in score["pairs"]] == ["E2-R2", "E1-R1", "E3-R3"]
+
+
+def test_the_photodiodes_height_turns_the_verdict(folder):
+    # the feasibility study: the photodiode's height, off by 0.5 mm, flips the verdict at 8 mm
+    tolerance = json.loads((folder / "sims" / "score.json").read_text(encoding="utf-8"))["tolerance"]
+    assert "receivers.height_mm" in tolerance["flips_verdict"]
+    row = next(row for row in tolerance["rows"] if row["path"] == "receivers.height_mm")
+    assert row["deadband_mm"][0] > 0.3
+    assert row["deadband_mm"][1] == 0.0
+
+
+def test_signals_carry_units_axes_and_provenance(folder):
+    with xr.open_dataset(folder / "sims" / "signals.nc", engine="h5netcdf") as signals:
+        assert signals.flux.dims == ("state", "emitter", "receiver")
+        assert list(signals.emitter.values) == ["E1", "E2", "E3"]
+        assert signals.press_depth.attrs["units"] == "mm"
+        assert signals.attrs["design_digest"] == DESIGN.digest
+        assert float(abs(signals.flux_by_class.sum("path") - signals.flux).max()) < 1e-15
+
+
+def test_the_driver_config_is_of_this_design_and_knows_its_gain(folder):
+    config = load_driver_config(folder / "fabrication" / "driver.toml", digest=DESIGN.digest)
+    assert len(config.emitters) == 3
+    assert config.gain.counts_per_flux > 0
+
+
+def test_the_mold_is_watertight(folder):
+    assert trimesh.load_mesh(folder / "cad" / "mold.stl").is_watertight
+
+
+def test_the_page_opens_without_a_network(folder):
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "CONTIGUOUS" in page
+    assert 'src="http' not in page
+    assert 'href="http' not in page
+
+
+def test_the_molds_process_takes_no_module_from_the_current_folder(tmp_path, monkeypatch):
+    (tmp_path / "design.py").write_text("raise SystemExit(1)", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    with _mold_beside(DESIGN, tmp_path) as mold:
+        assert _finished(mold, tmp_path / "cad")["ok"]
+
+
+def test_a_run_that_fails_late_leaves_the_old_bundle_intact(folder, out, monkeypatch):
+    before = (folder / "manifest.json").read_bytes()
+
+    def full_disk(*_args, **_kwargs):
+        raise OSError(28, "No space left on device", str(folder.parent / f".{folder.name}.x"))
+
+    monkeypatch.setattr("optopad.jobs.pipeline._scored", full_disk)
+    with pytest.raises((OutputError, OSError)):
+        run(DESIGN, out, fine=False, seed=0, on_step=lambda _stage, _share: None)
+    assert (folder / "manifest.json").read_bytes() == before
+    assert altered_files(folder) == ()
+    assert [path.name for path in out.iterdir()] == [bundle_name(DESIGN)]
+
+
+def test_report_finds_the_page_and_notices_a_changed_file(folder, capsys):
+    assert main(["report", str(folder), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["altered"] == []
+    table = folder / "fabrication" / "bom.csv"
+    original = table.read_bytes()
+    table.write_bytes(original + b"x")
+    main(["report", str(folder), "--json"])
+    assert json.loads(capsys.readouterr().out)["altered"] == ["fabrication/bom.csv"]
+    table.write_bytes(original)
+
+
+def test_a_bundle_is_accepted_where_a_design_is(folder, capsys):
+    assert main(["check", str(folder), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["digest"] == DESIGN.digest

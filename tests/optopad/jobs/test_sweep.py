@@ -1,0 +1,215 @@
+"""What a sweep says, writes, refuses, and takes up again; the physics of a few values on the real models."""
+
+import csv
+import json
+from dataclasses import replace
+
+import pytest
+
+from design.io import load_design
+from design.preset import preset
+from fabrication.bundle import altered_files, bundle_name
+from optopad.cli import main
+from optopad.jobs import sweep as sweeping
+from optopad.jobs.sweep import marked, run_sweep, sweep_csv, sweep_lines
+from optopad.work.finished import FinishedWork
+from sims.continuity.sweep import SweepRow, sweep_row
+from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
+
+PAIR = preset("piacenza2017-pair")
+THICKNESS = "cavity.clear_thickness_mm"
+
+
+def made_up(design, **_):
+    made = dead_score if design.cavity.clear_thickness_mm > 8 else contiguous_score
+    return made(design)
+
+
+@pytest.fixture
+def judged(monkeypatch):
+    """Made-up scores in place of the physics; returns the thicknesses that were judged."""
+    asked = []
+
+    def judge(variant, *_, **__):
+        asked.append(variant.cavity.clear_thickness_mm)
+        return made_up(variant)
+
+    monkeypatch.setattr(sweeping, "_judged", judge)
+    return asked
+
+
+def swept(out, values, **options):
+    settings = {"fine": False, "seed": 0, "build": False, "on_step": lambda *_: None} | options
+    return run_sweep(PAIR, THICKNESS, values, out, **settings)
+
+
+def test_a_sweep_writes_table_and_figure_into_the_bundle(judged, tmp_path):
+    made = swept(tmp_path, [7.0, 9.0])
+    names = {path.name for path in (made.folder / "sims").iterdir()}
+    assert names == {f"sweep-{THICKNESS}.{kind}" for kind in ("json", "csv", "svg", "png")}
+    assert made.folder == tmp_path / bundle_name(PAIR)
+    assert altered_files(made.folder) == ()
+    table = (made.folder / "sims" / f"sweep-{THICKNESS}.csv").read_text(encoding="utf-8")
+    rows = list(csv.DictReader(table.splitlines()))
+    assert [row[THICKNESS] for row in rows] == ["7.0", "9.0"]
+    assert [row["verdict"] for row in rows] == ["CONTIGUOUS", "DEADBAND"]
+    assert list(tmp_path.iterdir()) == [made.folder]  # finished pieces are gone with the work
+
+
+def test_rows_hold_the_value_and_the_keys_of_a_score(judged, tmp_path):
+    document = swept(tmp_path, [7.0]).to_json()
+    assert document["field"] == THICKNESS
+    assert {"value", "verdict", "deadband_mm", "mode_gap_mm", "continuity", "evenness", "strength"} <= set(
+        document["rows"][0]
+    )
+    json.dumps(document, allow_nan=False)
+
+
+def test_a_row_is_the_same_after_a_file():
+    row = sweep_row(PAIR, 8.0, contiguous_score(PAIR))
+    assert SweepRow.from_json(json.loads(json.dumps(row.to_json()))) == row
+    nothing = sweep_row(PAIR, 8.0, out_of_scope_score(PAIR))
+    assert SweepRow.from_json(json.loads(json.dumps(nothing.to_json()))) == nothing
+
+
+def test_an_interrupted_sweep_goes_on_where_it_stopped(monkeypatch, tmp_path):
+    asked = []
+
+    def judge(variant, *_, **__):
+        asked.append(variant.cavity.clear_thickness_mm)
+        if len(asked) == 2:
+            raise KeyboardInterrupt
+        return made_up(variant)
+
+    monkeypatch.setattr(sweeping, "_judged", judge)
+    with pytest.raises(KeyboardInterrupt):
+        swept(tmp_path, [7.0, 8.0, 9.0])
+    made = swept(tmp_path, [7.0, 8.0, 9.0])
+    assert asked == [7.0, 8.0, 8.0, 9.0]
+    assert made.taken_up == 1
+    assert "1 of 3 values were taken up" in sweep_lines(made)[-1]
+
+
+@pytest.mark.parametrize("other", [{"seed": 1}, {"fine": True}])
+def test_another_sweep_never_takes_up_the_values_of_this_one(judged, tmp_path, monkeypatch, other):
+    monkeypatch.setattr(FinishedWork, "forget", lambda self: None)
+    swept(tmp_path, [7.0])
+    swept(tmp_path, [7.0], **other)
+    assert judged == [7.0, 7.0]
+
+
+def test_a_finished_piece_that_was_cut_short_is_worked_again(tmp_path):
+    kept = FinishedWork(tmp_path, "x.sweep", [1])
+    kept.put("a", {"n": 1})
+    kept.put("b", {"n": 2})
+    kept.path.write_text(kept.path.read_text(encoding="utf-8")[:-8], encoding="utf-8")
+    again = FinishedWork(tmp_path, "x.sweep", [1])
+    assert again.get("a") == {"n": 1}
+    assert again.get("b") is None
+    again.put("b", {"n": 3})
+    assert FinishedWork(tmp_path, "x.sweep", [1]).get("b") == {"n": 3}
+
+
+def test_loads_at_the_modes_carry_the_band_of_the_modulus(judged, tmp_path):
+    row = swept(tmp_path, [8.0]).rows[0]
+    load, low, high = row.forces_n["mode1_end"]
+    assert (low / load, high / load) == pytest.approx((0.66, 1.49), rel=1e-3)  # the catalogue's band at 20:1
+
+
+def test_an_open_boundary_has_no_load(tmp_path, monkeypatch):
+    score = dead_score(PAIR)
+    pair = score.pairs[0]
+    modes = replace(pair.score.modes, mode2_mm=(None, None), gap_mm=None, gap_at_least_mm=4.0)
+    never = replace(score, pairs=(replace(pair, score=replace(pair.score, modes=modes)), *score.pairs[1:]))
+    row = sweep_row(PAIR, 12, never)
+    assert row.forces_n["mode2_onset"] is None
+    sweep = sweeping.Sweep(path=THICKNESS, rows=(row,), taken_up=0, folder=tmp_path)
+    assert "never" in sweep_lines(sweep)[1]
+    assert "None" not in sweep_csv(sweep)
+
+
+def test_categories_are_swept_too(judged, tmp_path, capsys):
+    command = [
+        "sweep",
+        "piacenza2017-pair",
+        "receivers.part=osram-sfh206k,generic-receiver",
+        "--out",
+        str(tmp_path),
+    ]
+    assert main([*command, "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert [row["value"] for row in rows] == ["osram-sfh206k", "generic-receiver"]
+
+
+def test_whole_numbers_stay_whole(judged, tmp_path, capsys):
+    command = ["sweep", "piacenza2017-pair", "layout.0.count=1:3:1", "--out", str(tmp_path), "--json"]
+    assert main(command) == 0
+    assert [row["value"] for row in json.loads(capsys.readouterr().out)["rows"]] == [1, 2, 3]
+
+
+@pytest.mark.parametrize(
+    ("field", "words"),
+    [
+        ("cavity.clear_thicknes_mm=7,8", "did you mean cavity.clear_thickness_mm"),
+        ("cavity.clear_thickness_mm=8,8", "is given twice"),
+        ("cavity.clear_thickness_mm=8,,9", "a value between commas is missing"),
+        ("cavity.clear_thickness_mm=9:8:1", "A up to B"),
+        ("cavity.clear_thickness_mm=thick,9", "must be a number"),
+        ("receivers.part=osram-sfh206", "osram-sfh206k"),
+    ],
+)
+def test_a_bad_sweep_is_refused_before_anything_is_computed(judged, tmp_path, capsys, field, words):
+    assert main(["sweep", "piacenza2017-pair", field, "--out", str(tmp_path / "out")]) == 2
+    assert words in capsys.readouterr().err
+    assert judged == []
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_mold_of_a_set_carries_its_value_and_so_does_its_folder():
+    design = marked(PAIR.with_(**{THICKNESS: 8.5}), 8.5)
+    assert design.mold.label == "8.5"
+    assert design.name == "piacenza2017-pair-8.5"
+
+
+@pytest.mark.slow
+def test_a_softer_mix_moves_loads_and_no_depth(tmp_path, capsys):
+    command = [
+        "sweep",
+        "piacenza2017-pair",
+        "elastomer.mixing_ratio=5:30:5",
+        "--out",
+        str(tmp_path),
+        "--json",
+    ]
+    assert main(command) == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert [row["value"] for row in rows] == [5, 10, 15, 20, 25, 30]
+    onsets = [row["pairs"][0]["mode2_mm"][0] for row in rows]
+    ends = [row["pairs"][0]["mode1_mm"][1] for row in rows]
+    # the index differs by up to 0.012 between the tables of the ratios, which is worth under 0.01 mm of depth
+    assert max(onsets) - min(onsets) < 0.01
+    assert max(ends) - min(ends) < 0.01
+    loads = [row["mode_forces_n"]["mode2_onset"] for row in rows]
+    # E = 20 MPa / ratio (Wang 2014), and load is proportional to E
+    assert [load[0] * row["value"] for load, row in zip(loads, rows, strict=True)] == pytest.approx(
+        [loads[0][0] * 5] * 6, rel=0.01
+    )
+    assert all(low < load < high for load, low, high in loads)
+
+
+@pytest.mark.slow
+def test_a_built_set_has_a_bundle_a_value_with_its_mold_marked(tmp_path, capsys, monkeypatch):
+    def judge(design, **_):
+        return replace(made_up(design), pad_signals=None)
+
+    monkeypatch.setattr("sims.continuity.scoring.score", judge)  # the bundle is what is tested here
+    command = ["sweep", "piacenza2017-pair", f"{THICKNESS}=9", "--build", "--out", str(tmp_path), "--json"]
+    assert main(command) == 0
+    document = json.loads(capsys.readouterr().out)
+    for folder, row in zip(document["bundles"], document["rows"], strict=True):
+        bundle = tmp_path / folder
+        design = load_design(bundle / "design.toml")
+        assert design.mold.label == str(row["value"])
+        assert design.digest == row["digest"]
+        assert json.loads((bundle / "cad" / "checks.json").read_text(encoding="utf-8"))["ok"]
+        assert (bundle / "report.html").is_file()

@@ -1,0 +1,363 @@
+"""The page: complete, self-contained, safe against what a design file says, and the same each time."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import struct
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+
+from design.preset import preset
+from design.spec import SensorDesign
+from optopad.report.page import write_report
+from optopad.report.sections.closing import WRITTEN_LAST
+from optopad.report.sections.drawings import drawings_of, shown_pairs
+from optopad.report.sections.load import force_section
+from optopad.report.sections.published import PIACENZA_2017, compared, published_load
+from optopad.report.text.markup import Html, bullets, element, table
+from optopad.report.text.words import governing, headline, meaning, ranked, rests_on
+from sims.continuity.result import ContinuityScore
+from tests.optopad.report.page_reader import Page
+from tests.sims.made_up_scores import (
+    CHECKS,
+    WARNINGS,
+    contiguous_score,
+    dead_score,
+    made_up_force,
+    made_up_pair,
+    out_of_scope_score,
+)
+
+PAD = preset("piacenza2017-pad")
+PAIR = preset("piacenza2017-pair")
+LARGEST_PAGE = 8_000_000
+"""What a mail still takes; pages of the presets are 0.6 to 1.3 MB."""
+
+
+def written(folder: Path, design: SensorDesign, score: ContinuityScore) -> str:
+    folder.mkdir(exist_ok=True)
+    return write_report(design, folder, score, CHECKS, seed=7).read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("bundle")
+    (folder / "cad").mkdir()
+    (folder / "cad" / "mold.stl").write_bytes(tetrahedron_stl())
+    (folder / "fabrication").mkdir()
+    (folder / "fabrication" / "wiring.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg"/>')
+    written(folder, PAD, dead_score())
+    return folder
+
+
+@pytest.fixture(scope="module")
+def text(bundle: Path) -> str:
+    return (bundle / "report.html").read_text(encoding="utf-8")
+
+
+def tetrahedron_stl() -> bytes:
+    corners = ((0, 0, 0), (10, 0, 0), (0, 10, 0), (0, 0, 10))
+    faces = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
+    rows = [
+        struct.pack("<12fH", 0, 0, 0, *(value for k in face for value in corners[k]), 0) for face in faces
+    ]
+    return bytes(80) + struct.pack("<I", len(rows)) + b"".join(rows)
+
+
+def test_the_page_says_verdict_design_digest_and_seed(text: str) -> None:
+    said = Page(text).text
+    assert "DEADBAND" in said
+    assert PAD.name in said
+    assert PAD.digest in said
+    assert "seed 7" in said
+
+
+def test_the_page_names_every_judged_pair(text: str) -> None:
+    said = Page(text).text
+    pairs = dead_score().pairs
+    assert len(pairs) == 48
+    assert [pair.name for pair in pairs if said.count(pair.name) < 2] == []  # in the plot and in the table
+
+
+def test_the_page_carries_every_warning_and_the_values_it_rests_on(text: str) -> None:
+    said = Page(text).text
+    assert [warning for warning in WARNINGS if warning not in said] == []
+    assert "Rests on 4 values not measured on the build" in said
+    assert "its verdict is turned by receivers.height_mm" in said
+
+
+def test_the_headline_gives_the_worst_place_and_its_depths(text: str) -> None:
+    said = Page(text).text
+    assert "At 10 of the 25 places of the workspace that were pressed" in said
+    assert "The worst is at x = 6, y = 6 mm, from 1.20 to 3.10 mm." in said
+    assert "Worst deadband of the pad 1.90 mm" in said
+    assert "Pairs with a deadband of their own 48 of 48" in said
+
+
+def test_the_page_needs_nothing_from_outside(text: str) -> None:
+    page = Page(text)
+    assert [value for name in ("src", "srcset", "data", "action") for value in page.values(name)] != []
+    assert all(value.startswith("data:image/") for value in page.values("src"))
+    without_names = re.sub(r'xmlns(:\w+)?="[^"]*"', "", text)
+    assert re.findall(r"https?://|//\w+\.\w+|@import|url\(\s*['\"]?(?!#)", without_names) == []
+    assert page.tags["link"] == page.tags["iframe"] == 0
+    assert [value for tag, name, value in page.attributes if (tag, name) == ("script", "src")] == []
+    assert len(text.encode()) < LARGEST_PAGE
+
+
+def test_links_lead_to_parts_of_the_page_or_to_files_of_the_bundle(text: str, bundle: Path) -> None:
+    page = Page(text)
+    places = set(page.values("id"))
+    links = [value for tag, name, value in page.attributes if (tag, name) == ("a", "href")]
+    assert [link for link in links if link.startswith("#") and link[1:] not in places] == []
+    names = [link for link in links if not link.startswith("#")]
+    assert [name for name in names if urlsplit(name).scheme or urlsplit(name).netloc] == []
+    assert [name for name in names if not (bundle / name).is_file() and name not in WRITTEN_LAST] == []
+    assert {"cad/mold.stl", "fabrication/wiring.svg", "sims/plot-force.svg", "design.toml"} <= set(names)
+
+
+def test_no_identifier_is_used_twice_but_shared_shapes_of_plots(text: str) -> None:
+    counts = Counter(value for _, name, value in Page(text).attributes if name == "id")
+    assert [value for value, count in counts.items() if count > 1] == []
+
+
+def test_every_image_says_what_it_shows(text: str) -> None:
+    page = Page(text)
+    assert all(page.values("alt"))
+    assert len(page.values("alt")) == page.tags["img"] == 2
+    drawn_by_script = 4  # curves, plan, map, profile: the script titles them as it draws them
+    assert page.tags["title"] == 1 + page.tags["svg"] - drawn_by_script
+    images = [tag for tag, name, value in page.attributes if (name, value) == ("role", "img")]
+    assert Counter(images) == {"svg": page.tags["svg"], "canvas": 1}
+    assert page.tags["svg"] == 17 + drawn_by_script
+
+
+def test_wide_tables_can_be_scrolled_with_the_keyboard(text: str) -> None:
+    page = Page(text)
+    the_map = 1
+    assert page.values("tabindex") == ["0"] * (page.tags["table"] + page.tags["canvas"] + the_map)
+
+
+def test_plots_are_files_of_the_bundle_too(bundle: Path) -> None:
+    names = sorted(path.name for path in (bundle / "sims").iterdir())
+    score = dead_score()
+    order = ranked(score)
+    shown = {order[0].name, order[24].name, order[-1].name}
+    assert {name for name in names if name.startswith("plot-signal-")} == {
+        f"plot-signal-{name}.svg" for name in shown
+    }
+    assert {"plot-pairs.svg", "plot-map-deadband.svg", "plot-map-margin.svg", "plot-tolerance-gap.svg"} <= {
+        *names
+    }
+
+
+def test_equal_input_gives_equal_bytes(text: str, bundle: Path, tmp_path: Path) -> None:
+    for part in ("cad", "fabrication"):
+        shutil.copytree(bundle / part, tmp_path / part)
+    (tmp_path / "report.html").write_text("an earlier page")
+    assert written(tmp_path, PAD, dead_score()) == text
+    for plot in (bundle / "sims").iterdir():
+        assert (tmp_path / "sims" / plot.name).read_bytes() == plot.read_bytes()
+
+
+def test_what_a_design_says_stays_text(tmp_path: Path) -> None:
+    attack = "<script>alert(1)</script> & \"quotes\" 'single' $style"
+    design = PAD.with_(description=attack)
+    page = written(tmp_path, design, out_of_scope_score(design))
+    assert "<script>alert" not in page
+    assert "&lt;script&gt;alert(1)&lt;/script&gt; &amp; &quot;quotes&quot;" in page
+    assert attack in Page(page).text
+
+
+def test_reasons_and_warnings_stay_text(tmp_path: Path) -> None:
+    bad = "<img src=x onerror=alert(1)>"
+    page = written(tmp_path / "a", PAD, replace(out_of_scope_score(), reason=bad))
+    assert bad in Page(page).text
+    assert bad not in page
+    page = written(tmp_path / "b", PAD, replace(out_of_scope_score(), warnings=(bad,)))
+    assert bad in Page(page).text
+    assert bad not in page
+
+
+def test_a_design_out_of_scope_gets_a_page_with_the_reason(tmp_path: Path) -> None:
+    score = out_of_scope_score()
+    page = Page(written(tmp_path, PAD, score))
+    assert "OUT OF MODEL SCOPE" in page.text
+    assert score.reason in page.text
+    assert page.tags["svg"] == 1  # the layout
+    assert page.tags["img"] == 0
+    assert {"signals", "map", "tolerance", "force"} & set(page.values("id")) == set()
+    assert {"sensor", "mold", "warnings", "limits", "files", "origin"} <= set(page.values("id"))
+
+
+def test_plots_of_an_earlier_verdict_do_not_stay(tmp_path: Path) -> None:
+    (tmp_path / "sims").mkdir()
+    (tmp_path / "sims" / "plot-map-deadband.svg").write_text("of an earlier verdict")
+    (tmp_path / "sims" / "signals.nc").write_bytes(b"kept")
+    written(tmp_path, PAIR, out_of_scope_score(PAIR))
+    assert sorted(path.name for path in (tmp_path / "sims").iterdir()) == ["plot-layout.svg", "signals.nc"]
+
+
+def test_facing_rows_show_every_facing_pair(tmp_path: Path) -> None:
+    score = dead_score(PAIR)
+    said = Page(written(tmp_path, PAIR, score)).text
+    assert [pair.name for pair in score.pairs] == ["E2-R2", "E1-R1", "E3-R3"]
+    for pair in score.pairs:
+        assert (tmp_path / "sims" / f"plot-signal-{pair.name}.svg").is_file()
+    start, end = score.pairs[0].score.deadbands_mm[0]
+    assert f"3 of 3 facing pairs cannot tell depth: E2-R2 from {start:.2f} to {end:.2f} mm" in said
+
+
+def test_a_contiguous_pad_says_so_and_has_no_deadband_map(tmp_path: Path) -> None:
+    said = Page(written(tmp_path, PAD, contiguous_score())).text
+    assert (
+        "At each of the 25 places of the workspace that were pressed, some pair answers at every depth"
+        in said
+    )
+    assert "Worst deadband of the pad none" in said
+    assert not (tmp_path / "sims" / "plot-map-deadband.svg").exists()
+
+
+def test_a_pad_whose_trace_may_hide_a_deadband_is_called_open() -> None:
+    score = contiguous_score()
+    assert "Open" not in meaning(score, 5.0)
+    first, *others = score.pad_map.places
+    doubtful = replace(first, tightest=replace(first.tightest, change=5.3, trace_error=0.7))
+    words = meaning(replace(score, pad_map=replace(score.pad_map, places=(doubtful, *others))), 5.0)
+    assert words.endswith(
+        f"Open at x = {first.x_mm:g}, y = {first.y_mm:g} mm: the light trace's own error there may hide a deadband; "
+        "run with --fine."
+    )
+
+
+def test_contiguous_facing_pairs_say_so() -> None:
+    words = meaning(contiguous_score(PAIR), 5.0)
+    assert words.startswith("Under a press at mid-span, each of the 3 facing pairs answers at every depth")
+
+
+def test_a_facing_pair_beside_the_middle_one_is_named_when_only_it_is_dead() -> None:
+    score = contiguous_score(PAIR)
+    dead = replace(score.pairs[2], score=made_up_pair(onset_mm=3.0).score)
+    words = meaning(replace(score, verdict="DEADBAND", pairs=(*score.pairs[:2], dead)), 5.0)
+    assert "1 of 3 facing pairs cannot tell depth: E3-R3 from" in words
+
+
+def test_the_plots_of_a_pad_follow_its_governing_pair() -> None:
+    score = dead_score()
+    other = replace(score, governing="E3-R1")
+    assert governing(other).name == "E3-R1"
+    roles = {pair.name: role for pair, role in shown_pairs(other)}
+    order = ranked(score)
+    assert roles == {
+        "E3-R1": "most deadband of those never clipped",
+        order[0].name: "worst pair",
+        order[24].name: "median pair",
+        order[-1].name: "best pair",
+    }
+
+
+def test_the_tolerance_of_a_pad_says_that_it_is_of_one_place(tmp_path: Path) -> None:
+    score = dead_score()
+    assert score.tolerance is not None
+    tried = replace(score, tolerance=replace(score.tolerance, judged="the pad at x 6, y 6 mm"))
+    said = Page(written(tmp_path, PAD, tried)).text
+    assert "The pad is tried at its weakest place" in said
+    assert "Margin to a deadband of the pad at x 6, y 6 mm" in said
+    line = rests_on(tried)
+    assert line is not None
+    assert "the deadband of the pad at x 6, y 6 mm is" in line
+
+
+def test_a_tolerance_without_any_mode_gap_has_no_plot_of_it() -> None:
+    score = dead_score(PAIR)
+    assert score.tolerance is not None
+    rows = tuple(replace(row, gap_mm=(None, None)) for row in score.tolerance.rows)
+    never = replace(score, tolerance=replace(score.tolerance, rows=rows, gap_mm=None))
+    assert "tolerance-deadband" in drawings_of(PAIR, never)
+    assert "tolerance-gap" not in drawings_of(PAIR, never)
+
+
+def test_an_open_mode_gap_is_given_as_a_bound() -> None:
+    score = dead_score(PAIR)
+    never = replace(score.pairs[0], score=made_up_pair(onset_mm=6.0, last_mm=7.0).score)
+    opened = replace(score, mode_gap_mm=None, pairs=(never, *score.pairs[1:]))
+    least = never.score.modes.gap_at_least_mm
+    said = Page(headline(opened)).text
+    assert f"Mode gap open mode 2 does not begin within the depth, at least {least:.2f} mm for E2-R2" in said
+
+
+def test_the_governing_pair_is_the_middle_facing_one_or_a_pads_worst() -> None:
+    assert governing(dead_score(PAIR)).name == "E2-R2"
+    pad = dead_score()
+    assert governing(pad).score.deadband_total_mm == max(pair.score.deadband_total_mm for pair in pad.pairs)
+
+
+def test_the_published_load_is_shown_for_the_papers_press_only(text: str) -> None:
+    assert published_load(PAD) is PIACENZA_2017
+    assert published_load(PAD.with_(**{"cavity.clear_thickness_mm": 9.0})) is None
+    assert published_load(PAD.with_(**{"elastomer.mixing_ratio": 10.0})) is None
+    said = Page(text).text
+    assert "0.6 mm corresponds to about 2 N" in said
+    load = 3.3 * 0.6**1.5
+    assert f"Computed at 0.6 mm: {load:.2f} N, {1 - load / 2:.0%} below the stated 2 N" in said
+    assert "which lies inside the band of the modulus" in said
+
+
+def test_a_published_load_outside_the_band_is_called_outside() -> None:
+    soft = compared(PIACENZA_2017, made_up_force(band=(0.9, 1.1)), 1.0)
+    assert not soft.is_in_band
+    assert "which lies OUTSIDE the band" in soft.words
+    assert soft.needed_modulus_mpa == pytest.approx(2.0 / soft.force_n)
+
+
+def test_the_load_at_the_deepest_press_is_told_with_its_band(text: str) -> None:
+    load = 3.3 * 5.0**1.5
+    expected = (
+        f"The deepest press, 5 mm, takes {load:.3g} N ({0.66 * load:.3g} to {1.49 * load:.3g} N over the band"
+    )
+    assert expected in Page(text).text
+
+
+def test_press_and_retract_are_drawn_only_for_a_pad_whose_load_relaxes(text: str) -> None:
+    assert "Press and retract have the same load: relaxation is off." in Page(text).text
+    press_only = replace(dead_score(), pairs=(), pad_map=None, tolerance=None)
+    assert "load-protocol" not in drawings_of(PAD, press_only)
+    relaxing = PAD.with_(
+        **{"elastomer.viscoelastic.relaxed_share": 0.2, "elastomer.viscoelastic.time_constant_s": 5.0}
+    )
+    drawings = drawings_of(relaxing, press_only)
+    assert {"load-protocol", "load-time"} <= set(drawings)
+    said = Page(force_section(relaxing, press_only, drawings)).text
+    assert "20% of the instantaneous modulus relaxes with a time constant of 5 s" in said
+    shallow = replace(press_only, force=made_up_force(3.0))
+    assert "load-protocol" not in drawings_of(relaxing, shallow)
+    assert "deeper than operating.max_depth_mm: not drawn" in Page(force_section(relaxing, shallow, {})).text
+
+
+def test_mold_checks_are_listed_with_what_is_wrong_first(text: str) -> None:
+    said = Page(text).text
+    rows = [said.index(finding["name"]) for finding in CHECKS["findings"]]
+    assert rows[2] < rows[0] < rows[1]
+    assert "The files can be printed. 3 checks, 0 errors, 1 warning" in said
+
+
+def test_a_mold_that_cannot_be_printed_says_so(tmp_path: Path) -> None:
+    page = write_report(PAD, tmp_path, out_of_scope_score(), {"ok": False, "findings": []}, seed=0)
+    assert "The files can NOT be printed as they are." in page.read_text(encoding="utf-8")
+
+
+def test_elements_escape_text_and_attributes_once() -> None:
+    assert element("p", "a < b", element("b", "&"), title='"') == '<p title="&quot;">a &lt; b<b>&amp;</b></p>'
+    assert element("img", src="x", alt=None) == '<img src="x">'
+    assert isinstance(bullets(["<"]), Html)
+
+
+def test_a_tables_first_cells_are_headings() -> None:
+    made = table(("a", "b"), [("1", "2")], label="numbers", numeric=(1,))
+    assert '<th scope="row">1</th><td class="number">2</td>' in made
+    assert 'aria-label="numbers"' in made

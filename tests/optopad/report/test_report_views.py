@@ -1,0 +1,288 @@
+"""What the page's views are drawn from: the mold's mesh, the pairs' curves, the maps by depth, the build sheet."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cad.mesh import read_stl
+from design.geometry.cavity import cavity_of
+from design.geometry.mold_outline import bed_lift_mm, outline_of
+from design.geometry.pairs import direct_path_pairs
+from design.preset import preset
+from design.spec.tolerances import Tolerance
+from fabrication.sheets.casting import casting_md
+from optopad.report.page import write_report
+from optopad.report.scenes.mold_scene import mold_scene
+from optopad.report.scenes.pair_scene import STEPS, pair_scene
+from optopad.report.sections.bound_maps import load_map
+from optopad.report.sections.maps import map_scene
+from optopad.report.text.bounds import bounds_tile, bounds_words, losses_table
+from optopad.report.text.markdown import html_of
+from optopad.report.text.scripts import data_element, script_text
+from sims.optics.light_signals import LightSignals
+from sims.verdict.build_study import BuildStudy
+from sims.verdict.builds import Brief
+from sims.verdict.pad_map import Place
+from sims.verdict.pad_profile import pad_profile
+from sims.verdict.pair.noise_units import noise_units
+from sims.verdict.pair.trace_noise import TightWindow
+from tests.optopad.report.bounded_score import bounded_score
+from tests.optopad.report.page_reader import Page
+from tests.optopad.report.shell_mold import shell_stl
+from tests.sims.made_up_scores import CHECKS, contiguous_score, dead_score
+
+PAIR = preset("piacenza2017-pair")
+PAD = preset("piacenza2017-pad")
+
+
+def test_the_mold_of_the_view_is_the_printed_one_to_two_micrometres(tmp_path: Path) -> None:
+    stl = shell_stl(PAIR)
+    (tmp_path / "cad").mkdir()
+    (tmp_path / "cad" / "mold.stl").write_bytes(stl)
+    scene = mold_scene(PAIR, tmp_path)
+    assert scene is not None
+    points = np.frombuffer(base64.b64decode(scene["points"]), "<u2").reshape(-1, 3)
+    places = np.array(scene["low"]) + scene["step"] * points
+    lifted = places + np.array([0.0, 0.0, bed_lift_mm(PAIR)])
+    # half a step is what rounding leaves
+    assert np.abs(lifted - read_stl(stl).vertices).max() <= 0.5 * scene["step"] + 1e-6
+    assert scene["step"] <= 0.002
+    triangles = np.frombuffer(base64.b64decode(scene["triangles"]), "<u4")
+    assert triangles.size == 3 * 24
+    assert triangles.max() < len(points)
+
+
+def test_bodies_stand_behind_their_walls_and_reach_to_their_inner_faces(tmp_path: Path) -> None:
+    (tmp_path / "cad").mkdir()
+    (tmp_path / "cad" / "mold.stl").write_bytes(shell_stl(PAIR))
+    scene = mold_scene(PAIR, tmp_path)
+    assert scene is not None
+    cavity, outline = cavity_of(PAIR), outline_of(PAIR)
+    for kind, low, high in scene["bodies"]:
+        inner = 0.0 if kind == "emitter" else cavity.length_mm  # west and east walls
+        assert inner in (low[0], high[0])
+        assert not 0.0 < (low[0] + high[0]) / 2 < cavity.length_mm
+        assert -outline.wall_x_mm < low[0]
+        assert high[0] < cavity.length_mm + outline.wall_x_mm
+    assert mold_scene(PAIR, tmp_path / "elsewhere") is None
+
+
+def test_curves_of_the_picker_add_up_and_keep_four_digits() -> None:
+    score = dead_score(PAIR)
+    data = pair_scene(PAIR, score)
+    assert data["pairs"][data["first"]]["name"] == score.governing
+    for row, pair in zip(data["pairs"], score.pairs, strict=True):
+        light = pair.curves.total / pair.curves.total[0]
+        assert np.abs(np.array(row["total"]) / STEPS - light).max() <= 0.5 / STEPS
+        assert row["dead"] == [list(span) for span in pair.score.deadbands_mm]
+
+
+def test_dead_zones_by_depth_are_the_deadbands_of_the_map() -> None:
+    score = dead_score(PAD)
+    scene = map_scene(PAD, score)
+    assert scene is not None
+    depth = scene.profile.depth_mm
+    for number, place in enumerate(score.pad_map.places):
+        dead_mm = depth[scene.profile.is_dead[:, number]]
+        if place.deadbands_mm:
+            ((start, end),) = place.deadbands_mm
+            # the schedule's step is 0.1 mm
+            assert dead_mm.min() == pytest.approx(start, abs=0.1)
+            assert dead_mm.max() == pytest.approx(end, abs=0.1)
+        else:
+            assert dead_mm.size == 0
+
+
+def test_the_change_by_depth_is_that_of_the_most_responsive_pair_over_three_tenths() -> None:
+    """A single pair whose counts fall in a straight line from 1.0 to 2.0 mm, in every place."""
+    score = contiguous_score(PAIR)
+    places, readout = len(score.pad_map.places), score.readout
+    depth = np.linspace(0.0, 5.0, 51)
+    share = np.clip((depth - 1.0), 0.0, 1.0)
+    mask = direct_path_pairs(cavity_of(PAIR))
+    flux = np.zeros((places, 51, *mask.shape))
+    flux[..., 1, 1] = (300.0 - 200.0 * share) / readout.counts_per_flux
+    presses = np.zeros((places, 51, 3))
+    presses[..., 2] = depth
+    light = LightSignals(
+        flux=flux.reshape(-1, *mask.shape),
+        by_class={},
+        standard_error=np.zeros((places * 51, *mask.shape)),
+        presses=presses.reshape(-1, 3),
+        digest="",
+        seed=0,
+    )
+    profile = pad_profile(PAIR, score.pad_map, light, readout, depth)
+    assert profile.change is not None
+    assert profile.change.shape == (51, places)
+    noise = {
+        "read_noise_counts": PAIR.noise.read_noise_counts,
+        "relative_noise": PAIR.noise.relative_noise,
+    }
+    units = noise_units(300.0 - 200.0 * share, **noise)
+    inside = float(np.interp(1.35, depth, units) - np.interp(1.65, depth, units))
+    assert profile.change[15] == pytest.approx(inside, rel=1e-9)  # 1.5 mm: from 1.35 to 1.65 mm
+    assert profile.change[3] == pytest.approx(0.0, abs=1e-9)
+    assert profile.change[40] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_least_change_by_depth_is_the_margin_of_the_verdict() -> None:
+    """Where the whole curve is known, the map by depth and the verdict's margin agree."""
+    from sims.verdict.pair.window_range import smallest_range
+
+    score = contiguous_score(PAIR)
+    depth = np.linspace(0.0, 5.0, 51)
+    place = Place(
+        x_mm=10.0,
+        y_mm=10.0,
+        deadbands_mm=(),
+        answering_pairs=1,
+        largest_change=1.0,
+        margin=1.0,
+        tightest=TightWindow(start_mm=0.0, end_mm=0.3, change=1.0, trace_error=0.0),
+    )
+    pad = replace(score.pad_map, x_mm=(10.0,), y_mm=(10.0,), places=(place,))
+    counts = 300.0 - 45.0 * depth - 6.0 * np.sin(3.0 * depth)
+    shape = direct_path_pairs(cavity_of(PAIR)).shape
+    flux = np.zeros((51, *shape))
+    flux[:, 0, 0] = counts / score.readout.counts_per_flux
+    presses = np.column_stack([np.full(51, 10.0), np.full(51, 10.0), depth])
+    light = LightSignals(
+        flux=flux, by_class={}, standard_error=np.zeros_like(flux), presses=presses, digest="", seed=0
+    )
+    profile = pad_profile(PAIR, pad, light, score.readout, depth)
+    noise = {
+        "read_noise_counts": PAIR.noise.read_noise_counts,
+        "relative_noise": PAIR.noise.relative_noise,
+    }
+    margin = smallest_range(depth, noise_units(counts, **noise), 0.3)
+    assert profile.change is not None
+    # windows that begin half-way between two depths are not among those centred on a depth: a step's change
+    assert profile.change.min() == pytest.approx(margin, rel=0.02)
+    assert profile.change.min() >= margin - 1e-9
+
+
+def test_maps_of_the_bounds_hatch_what_is_dead_and_give_both_ends() -> None:
+    score = bounded_score()
+    scene = map_scene(PAD, score)
+    assert scene is not None
+    assert [one.key for one in scene.maps] == ["dead", "location", "depth", "felt", "load"]
+    place = next(one for one in scene.maps if one.key == "location")
+    # 0.004 mm times 4 a layer: above the limit of 0.5 mm in the last one only, and blind at one place there
+    assert place.is_hatched.sum(axis=1).tolist() == [0, 0, 0, 0, 25]
+    assert np.isnan(place.values[-1, 0])
+    assert place.ends is not None
+    assert place.ends[1, 3] == pytest.approx([0.016 * 0.98, 0.016 * 1.02])  # two standard errors of 1 %
+    data = place.data()
+    assert data["values"][-1][0] is None
+    assert data["ends"][-1][0] == [None, None]
+    assert data["depth"] == [0.2, 0.7, 1.5, 2.8, 4.9]
+
+
+def test_the_bounds_are_told_with_their_limits_and_ends() -> None:
+    score = bounded_score()
+    said = Page(f"<main>{''.join(bounds_words(score))}{losses_table(score)}</main>").text
+    assert "At x 6, y 6 mm, 4.9 mm deep, the pad is blind." in said
+    assert "Covered, to 1 mm in place and 0.5 mm in depth" in said
+    assert "Felt everywhere: from 0.02 N (0.013 to 0.03 N over the modulus's band)" in said
+    assert "E3 is missed most, 90% (85% to 95%) of the volume stays covered" in said
+    tile = bounds_tile(score)
+    assert tile is not None
+    # the median voxel by volume lies in the layer at 2.8 mm: 0.004 mm x 64 and half of it
+    assert tile[1] == "0.26, 0.13 mm"
+    assert bounds_words(replace(score, bounds=None)) == []
+    assert bounds_tile(replace(score, bounds=None)) is None
+
+
+def test_the_load_map_rises_with_depth_and_towards_the_walls() -> None:
+    score = dead_score(PAD)
+    loads = load_map(PAD, score.pad_map, np.array([0.0, 1.0, 2.0, 4.0]))
+    assert loads.depth_mm.tolist() == [1.0, 2.0, 4.0]
+    assert (np.diff(loads.values, axis=0) > 0.0).all()
+    grid = loads.values[1].reshape(5, 5)
+    assert grid[0, 0] > grid[0, 2] > grid[2, 2]  # a corner is stiffer than a side, a side than the middle
+    assert grid == pytest.approx(grid[::-1, ::-1], rel=1e-9)
+    assert loads.ends is not None
+    assert (loads.ends[..., 0] < loads.values).all()
+    assert (loads.values < loads.ends[..., 1]).all()
+
+
+def study() -> BuildStudy:
+    """Forty builds whose verdict goes with the first of two values: ten have a deadband, six are in doubt."""
+    first = np.linspace(5.7, 6.3, 40)
+    values = np.column_stack([first, np.tile([0.03, 0.1, 0.05, 0.08], 10)])
+    dead = np.where(np.arange(40) < 10, 0.5, 0.0)
+    return BuildStudy(
+        judged="the facing pairs",
+        seed=0,
+        as_designed=Brief(deadband_mm=0.0, gap_mm=0.5, margin=12.0, in_doubt=False),
+        tolerances=tuple(
+            Tolerance(
+                path=path,
+                value=(low + high) / 2,
+                low=low,
+                high=high,
+                unit="mm",
+                distribution="uniform",
+                origin="open value",
+                source="made up",
+            )
+            for path, low, high in (
+                ("receivers.height_mm", 5.7, 6.3),
+                ("surfaces.wall_reflectance", 0.03, 0.1),
+            )
+        ),
+        values=values,
+        deadband_mm=dead,
+        margin=np.where(dead > 0.0, 1.0, 5.0 + first),
+        in_doubt=np.arange(40) < 6,
+        unjudged={"emitters.height_mm": 2},
+    )
+
+
+def test_builds_are_told_with_their_interval_and_what_matters(tmp_path: Path) -> None:
+    score = replace(dead_score(PAIR), builds=study())
+    low, high = study().kept_interval
+    said = Page(write_report(PAIR, tmp_path, score, CHECKS, seed=0).read_text(encoding="utf-8")).text
+    assert (
+        f"30 keep the verdict, no deadband: 75% (95 % interval of the count: {low:.0%} to {high:.0%})" in said
+    )
+    assert "What matters most: receivers.height_mm." in said
+    assert "6 builds in doubt by the light trace's own error. Not judged: emitters.height_mm: 2." in said
+    assert "Builds that keep the verdict 75%" in said
+    assert (tmp_path / "sims" / "plot-builds.svg").is_file()
+
+
+def test_a_build_sheet_becomes_headings_lists_tables_and_code() -> None:
+    page = Page(f"<main>{html_of(casting_md(PAIR))}</main>")
+    assert page.tags["h3"] == 9
+    assert page.tags["table"] == 7
+    assert page.tags["ol"] == 3
+    assert page.tags["pre"] == 1
+    assert "base to curing agent 20 : 1 by weight" in page.text
+    assert "mold: outside 33 x 33, cavity 20 x 20, from rim to cavity floor" in page.text
+    assert "|" not in page.text
+    assert "**" not in page.text
+
+
+def test_what_a_design_says_in_its_build_sheet_stays_text() -> None:
+    attack = "<img src=x onerror=alert(1)> `code` | * # [a](b) \\"
+    said = html_of(casting_md(PAIR.with_(description=attack)))
+    assert "<img" not in said
+    assert attack.strip() in Page(f"<main>{said}</main>").text
+
+
+def test_data_cannot_end_its_own_element() -> None:
+    made = data_element("x", {"label": "</script><script>alert(1)</script>"})
+    assert made.count("<script") == 1
+    assert made.count("</script>") == 1
+
+
+def test_the_script_names_no_address_and_closes_no_element() -> None:
+    assert "http" not in script_text()
+    assert "</" not in script_text()

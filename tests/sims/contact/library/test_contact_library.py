@@ -1,0 +1,179 @@
+"""The shipped library: what it holds, how well it interpolates, and that it can be made anew."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from design.errors import OutputError
+from design.spec import SensorDesign
+from sims.contact.indentation import solved_press
+from sims.contact.library import stored_press
+from sims.contact.library.build import assembled, entry_inputs, entry_press, library_depths, write_library
+from sims.contact.library.incompressible import POISSON_RATIOS, nearly_incompressible
+from sims.contact.library.press_fit import fit_press
+from sims.contact.library.profile_library import (
+    CORNER,
+    FILE,
+    LAYERS,
+    Library,
+    deepest_press,
+    pack,
+    shipped_library,
+)
+from sims.contact.library.smooth_press import SmoothPress
+from sims.contact.library.solved_press import SolvedPress
+from sims.contact.library.stored_press import PressInputs
+from tests.validation.contact.library_interpolation import distances_um
+
+
+@pytest.fixture(scope="module")
+def library() -> Library:
+    return shipped_library()
+
+
+def apart_um(left: SmoothPress, right: SmoothPress, depth: float) -> float:
+    """Largest distance of one curve's points from the other curve, for a tip of 3 mm [um]."""
+    return float(distances_um(left, right, depth).max())
+
+
+def test_library_is_small(library: Library) -> None:
+    assert len(resources.files("sims.contact.library").joinpath("data", FILE).read_bytes()) < 8 * 2**20
+    assert library.recipe == stored_press.RECIPE
+
+
+def test_library_spans_the_modelled_layers_and_depths(library: Library) -> None:
+    np.testing.assert_allclose(library.layers, LAYERS)
+    assert (LAYERS[0], LAYERS[-1]) == (1.3, 6.0)
+    assert library.wall_radius == pytest.approx(16 / 3)
+    for layer in (1.3, 1.7, 3.3, 6.0):
+        press = library.press(layer)
+        assert press.deepest == pytest.approx(min(0.8 * layer, 1.7))
+        assert press.first <= 0.02 / 3 + 1e-9
+
+
+def test_library_returns_its_entries_at_their_layers(library: Library) -> None:
+    for index, layer in enumerate(LAYERS):
+        np.testing.assert_allclose(library.press(layer).coefficients, library.coefficients[index], atol=1e-9)
+
+
+def test_thin_and_thick_layers_meet_without_a_step(library: Library) -> None:
+    below, above = library.press(CORNER - 1e-9), library.press(CORNER + 1e-9)
+    # the other curve is sampled every fifth of a micrometre
+    assert apart_um(below, above, 1.0) < 0.12
+    assert below.force_at(1.0) == pytest.approx(above.force_at(1.0), rel=1e-7)
+
+
+@pytest.mark.parametrize("left_out", [1, 2, 3, 5, 6, 7, 8, 9, 10])
+def test_a_left_out_entry_is_found_again_from_its_neighbours(library: Library, left_out: int) -> None:
+    kept = np.arange(len(LAYERS)) != left_out
+    thinned = replace(
+        library,
+        layers=library.layers[kept],
+        first=library.first[kept],
+        coefficients=library.coefficients[kept],
+        residual=library.residual[kept],
+    )
+    true, found = library.press(LAYERS[left_out]), thinned.press(LAYERS[left_out])
+    for depth in np.array([0.1, 0.4, 0.7, 0.95]) * true.deepest:
+        # twice the spacing of the real library: a cubic's error is sixteen times the real one. Where the surface
+        # leaves the tip steeply its edge is found to 0.03 tip radii only, and wide gaps amplify that
+        assert found.force_at(float(depth)) == pytest.approx(true.force_at(float(depth)), rel=0.01)
+        apart = distances_um(found, true, float(depth))
+        assert np.sqrt(np.mean(apart**2)) < 10.0
+        assert apart.max() < 60.0
+
+
+def test_force_and_contact_shrink_as_the_layer_thickens(library: Library) -> None:
+    presses = [library.press(float(layer)) for layer in np.linspace(1.3, 6.0, 48)]
+    force = np.array([press.force_at(0.8) for press in presses])
+    assert np.all(np.diff(force) < 0.0)
+    edge = np.array([press.edge_at(0.4) for press in presses])
+    # edges are found to 0.03 tip radii
+    assert np.all(np.diff(edge) < 0.03)
+    assert edge[-1] < edge[0]
+
+
+def test_library_serves_every_modulus_and_scale(check_design: SensorDesign) -> None:
+    press = solved_press(check_design, 3.0)
+    assert press.unit is None
+    assert press.smooth.layer_depth == pytest.approx(8 / 3)
+    stiff = solved_press(check_design.with_(**{"elastomer.youngs_modulus_mpa": 3.0}), 3.0)
+    assert stiff.force_n(2.0) == pytest.approx(3.0 * press.force_n(2.0), rel=1e-12)
+
+
+def test_depths_of_all_entries_are_the_same_shares_of_the_deepest() -> None:
+    for layer in LAYERS:
+        depths = np.array(library_depths(layer))
+        np.testing.assert_allclose(
+            depths / deepest_press(layer), np.array(library_depths(6.0)) / 1.7, rtol=1e-6
+        )
+        assert np.all(np.diff(depths) > 0.0)
+        assert np.diff(depths).max() <= 1 / 30 + 1e-9
+
+
+def test_written_library_comes_back(tmp_path: Path, library: Library) -> None:
+    write_library(library, tmp_path / "deep" / "own.npz")
+    held = np.load(tmp_path / "deep" / "own.npz", allow_pickle=False)
+    for name, array in pack(library).items():
+        np.testing.assert_array_equal(held[name], array)
+    assert [path.name for path in (tmp_path / "deep").iterdir()] == ["own.npz"]
+
+
+def test_a_place_that_cannot_be_written_is_named(tmp_path: Path, library: Library) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="choose another --out"):
+        write_library(library, tmp_path / "file" / "own.npz")
+
+
+def test_finished_solves_are_not_repeated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, coarse_press: SolvedPress
+) -> None:
+    monkeypatch.setenv("OPTOPAD_CACHE", str(tmp_path))
+    monkeypatch.setattr(stored_press, "_SOLVED", {})
+    solved: list[tuple[float, float]] = []
+
+    def solve(inputs: PressInputs, *_: object) -> object:
+        solved.append((inputs.layer, inputs.poisson_ratio))
+        return replace(coarse_press.unit, layer_depth=inputs.layer)
+
+    monkeypatch.setattr(stored_press, "_solve", solve)
+    first = [entry_press(layer) for layer in LAYERS[:2]]
+    monkeypatch.setattr(stored_press, "_SOLVED", {})
+    again = [entry_press(layer) for layer in LAYERS[:3]]
+    assert solved == [(layer, ratio) for layer in LAYERS[:3] for ratio in POISSON_RATIOS]
+    np.testing.assert_array_equal(first[1].coefficients, again[1].coefficients)
+    library = assembled(again, [[replace(press, wall_radius=6.0) for press in again[:1]]])
+    assert library.coefficients.shape[0] == 3
+    assert (library.wall_layers.tolist(), library.pad_radii.tolist()) == ([LAYERS[0]], [6.0])
+    np.testing.assert_array_equal(library.wall_changes, 0.0)
+
+
+def test_compressibility_is_extrapolated_in_a_straight_line(library: Library) -> None:
+    stiff = library.press(3.0)
+    rise = np.linspace(-1.0, 1.0, stiff.coefficients.size).reshape(stiff.coefficients.shape)
+    soft = replace(stiff, coefficients=stiff.coefficients - 0.02 * rise)
+    found = nearly_incompressible(soft, stiff)
+    # 1 - 2 nu falls from 0.04 by 0.02, and from there by 0.018 more
+    np.testing.assert_allclose(found.coefficients - stiff.coefficients, 0.018 * rise, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_an_entry_solved_live_is_the_shipped_one(library: Library) -> None:
+    layer = LAYERS[2]
+    depths = library_depths(layer)
+    # the first part of the depths; the spline through them differs from the whole one near its end only
+    soft, stiff = (
+        stored_press.stored_press(replace(entry_inputs(layer, ratio), depths=depths[:24]))[0]
+        for ratio in POISSON_RATIOS
+    )
+    live, shipped = nearly_incompressible(fit_press(soft), fit_press(stiff)), library.press(layer)
+    assert stiff.mesh_size == pytest.approx(library.mesh_size)
+    for depth in depths[2:18:3]:
+        # another processor rounds differently and may leave a facet in or out of contact
+        assert live.force_at(depth) == pytest.approx(shipped.force_at(depth), rel=5e-3)
+        assert apart_um(live, shipped, depth) < 3.0

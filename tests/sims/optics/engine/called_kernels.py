@@ -1,0 +1,36 @@
+"""Kernels that tests call: in the engine they have no entry from Python (`sims.optics.surface.radial.UNSEEN`)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from sims.optics.engine.straight import rays
+from sims.optics.surface import radial
+
+
+def _with_an_entry(kernel):
+    return njit(error_model="numpy")(kernel.py_func)
+
+
+height = _with_an_entry(radial.height)
+height_and_turn = _with_an_entry(radial.height_and_turn)
+height_turn_bend = _with_an_entry(radial.height_turn_bend)
+reach2 = _with_an_entry(radial.reach2)
+slope_bound = _with_an_entry(radial.slope_bound)
+top_hit = _with_an_entry(rays.top_hit)
+is_clear = _with_an_entry(rays.is_clear)
+
+
+@njit(error_model="numpy")
+def first_chord(x, y, z, dx, dy, dz, length, step, top):
+    """First and last of evenly spaced places on a ray's first stretch above the top; -1 if there is none."""
+    first = -1.0
+    for k in range(int(np.floor(length / step)) + 1):
+        t = k * step
+        is_above = rays.surface_height(x + t * dx, y + t * dy, top) < z + t * dz
+        if is_above and first < 0.0:
+            first = t
+        if first >= 0.0 and not is_above:
+            return first, t - step
+    return first, length

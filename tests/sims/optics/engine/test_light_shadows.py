@@ -1,0 +1,45 @@
+"""Whether a leg from the top stays below the top, against the gap sampled densely along it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sims.optics.surface.curves import CONTACT_R
+from sims.optics.surface.tops import stack_tops
+from tests.bench.measures.benchmark_states import benchmark_scene, benchmark_states
+from tests.sims.optics.engine.called_kernels import height, height_and_turn, is_clear
+from tests.sims.optics.surface.test_light_surface import one_tip
+
+LEGS, SAMPLES = 200, 3000
+UNCLEAR_MM = 2e-4
+"""A chord of the march's shortest step, 0.02 mm, through the 3 mm tip is 2e-5 mm deep; samples lie as far apart."""
+
+
+@pytest.mark.parametrize("surface", ["analytic", "contact"])
+@pytest.mark.parametrize("depth_index", [0, 2, 5])
+def test_a_leg_is_clear_where_the_top_lies_above_it_all_the_way(surface: str, depth_index: int) -> None:
+    scene, states = benchmark_scene(), benchmark_states(surface).some([depth_index])
+    centre = np.asarray(states.centres_mm)[0]
+    rows = stack_tops(states.indentations, states.centres_mm, scene, None).rows[0]
+    rng = np.random.default_rng(4)
+    clear = hidden = 0
+    for _ in range(LEGS):
+        radius, angle = rng.uniform(rows[0, CONTACT_R] + 0.05, 9.0), rng.uniform(0.0, 2.0 * np.pi)
+        start = centre + radius * np.array([np.cos(angle), np.sin(angle)])
+        z, turn = height_and_turn(radius * radius, 0, rows)
+        leg = np.array([*rng.uniform(0.0, 32.0, 2), rng.uniform(0.5, 7.5)]) - [*start, z]
+        length = float(np.linalg.norm(leg))
+        direction = leg / length
+        if direction[2] - turn * (start - centre) @ direction[:2] >= -0.02:
+            continue  # it does not go down into the pad
+        along = np.linspace(0.02, length, SAMPLES)
+        places = start + along[:, None] * direction[:2]
+        r2 = ((places - centre) ** 2).sum(axis=1)
+        gap = min(height(one, 0, rows) - z - t * direction[2] for one, t in zip(r2, along, strict=True))
+        if abs(gap) < UNCLEAR_MM:
+            continue
+        assert is_clear(*start, z, *direction, length, one_tip(rows)) == (gap > 0.0)
+        clear, hidden = clear + (gap > 0.0), hidden + (gap < 0.0)
+    assert clear > LEGS // 10
+    assert hidden > 3

@@ -1,0 +1,120 @@
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from design.errors import InputError
+from sims.optics.oracle.paths import LOST, LightWalker, sample_paths
+from sims.optics.oracle.surface import is_submerged, lower_surface
+from sims.optics.oracle.tracer import CLASSES
+from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene, wrapped_press
+
+CENTRE = np.array([15.0, 17.0])
+
+
+@pytest.mark.parametrize("press", [None, dimple(0.5), dimple(3.0, 0.2), wrapped_press()])
+def test_every_leg_of_a_path_is_wholly_in_the_elastomer_or_wholly_in_air(press):
+    surface = lower_surface(press, CENTRE, 8.0)
+    scene = ring_scene(wall_reflectance=0.5, bottom_reflectance=0.5, tip_reflectance=0.5)
+    crossed = 0
+    for name, places in sample_paths(scene, CENTRE, press, emitter=1, count=3000, seed=1):
+        in_air = []
+        for start, end in pairwise(places):
+            points = start + np.linspace(0.01, 0.99, 25)[:, None] * (end - start)
+            assert (points[:, :2] > -1e-5).all()
+            assert (points[:, :2] < 32.0 + 1e-5).all()
+            # neighbouring pieces overlap by 1 nm, rays restart 1 nm beside the surface
+            below, above = (
+                [is_submerged(surface, x, y, z + lift) for x, y, z in points] for lift in (-2e-6, 2e-6)
+            )
+            assert all(below) or not any(above)
+            in_air.append(not all(below))
+        assert not in_air or not in_air[0]
+        assert name not in CLASSES or any(in_air) == (name == "crossing")
+        assert name != "crossing" or not in_air[-1]
+        assert name != "bottom" or not in_air[-1]
+        crossed += any(in_air)
+    assert (crossed > 3) == (press is not None)
+
+
+def test_paths_to_a_receiver_start_on_the_emitter_and_end_on_it():
+    scene = ring_scene()
+    paths = sample_paths(scene, CENTRE, dimple(1.0), emitter=0, receiver=4, count=30, seed=2)
+    assert len(paths) == 30
+    assert {name for name, _ in paths} <= set(CLASSES)
+    for name, places in paths:
+        assert places[0, 1] == 0.0
+        assert np.abs(places[0, [0, 2]] - scene.emitter_patch[0, :2]).max() <= 0.5
+        assert places[-1, 1] == pytest.approx(32.0, abs=1e-9)
+        assert np.abs(places[-1, [0, 2]] - scene.receiver_patch[4, :2]).max() <= 1.325 + 1e-9
+        assert name != "direct" or len(places) == 2
+
+
+def test_a_reflected_path_obeys_the_law_of_reflection():
+    paths = sample_paths(ring_scene(), CENTRE, None, emitter=0, receiver=4, count=40, seed=3)
+    mirrored = [places for name, places in paths if name == "top"]
+    assert len(mirrored) >= 3
+    for first, middle, last in mirrored:
+        into, out = middle - first, last - middle
+        into, out = into / np.linalg.norm(into), out / np.linalg.norm(out)
+        assert out == pytest.approx(into * [1.0, 1.0, -1.0], abs=1e-6)
+
+
+def test_paths_are_the_same_for_the_same_seed():
+    first, second = (
+        sample_paths(ring_scene(), CENTRE, dimple(2.0), emitter=3, count=20, seed=4) for _ in range(2)
+    )
+    for (name, places), (other, others) in zip(first, second, strict=True):
+        assert name == other
+        assert np.array_equal(places, others)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"emitter": 8}, "emitter: 8 does not exist; the scene has 8"),
+        ({"receiver": -1}, "receiver: -1 does not exist"),
+        ({"seed": -1}, "seed: -1"),
+    ],
+)
+def test_a_bad_request_is_refused_by_name(change, message):
+    with pytest.raises(InputError, match=message):
+        sample_paths(ring_scene(), CENTRE, None, **({"emitter": 0, "count": 1} | change))
+
+
+def test_a_ray_followed_under_a_press_leaves_its_emitter_the_same_way():
+    scene = ring_scene()
+    walker = LightWalker(scene, CENTRE, None, 5)
+    found = walker.random_paths(0, [4], count=20, most_rays=10**6)
+    assert len(found) == 20
+    numbers = [path.ray for path in found]
+    assert numbers == sorted(set(numbers))
+    for path, again in zip(found, walker.follow(0, numbers), strict=True):
+        assert np.array_equal(path.places_mm, again.places_mm)
+        assert (again.fate, again.receiver, again.ray) == (path.fate, 4, path.ray)
+    middle = (scene.emitter_patch[0, 0] + scene.receiver_patch[4, 0]) / 2, 16.0  # under the chord
+    pressed = LightWalker(scene, middle, dimple(3.0), 5).follow(0, numbers)
+    assert [path.ray for path in pressed] == numbers
+    for path, bent in zip(found, pressed, strict=True):
+        first, other = (legs[1] - legs[0] for legs in (path.places_mm, bent.places_mm))
+        assert np.array_equal(bent.places_mm[0], path.places_mm[0])
+        assert np.cross(first, other) == pytest.approx(0.0, abs=1e-9)  # one direction, to rounding
+    assert any(path.receiver != 4 for path in pressed)
+
+
+def test_a_search_for_paths_ends_after_the_rays_allowed():
+    found = LightWalker(ring_scene(), CENTRE, None, 5).random_paths(0, [4], count=50, most_rays=2000)
+    assert 0 < len(found) < 50
+    assert max(path.ray for path in found) < 2000
+
+
+def test_ends_choose_between_several_receivers_and_lost_light():
+    walker = LightWalker(ring_scene(), CENTRE, None, 6)
+    both = walker.random_paths(0, [4, 5], count=60, most_rays=10**6)
+    assert {path.receiver for path in both} == {4, 5}
+    lost = walker.random_paths(0, [LOST], count=60, most_rays=10**6)
+    assert {path.receiver for path in lost} == {LOST}
+    assert {path.fate for path in lost}.isdisjoint(CLASSES)
+    assert [path.ray for path in walker.random_paths(0, count=60, most_rays=10**6)] == list(range(60))

@@ -1,0 +1,194 @@
+"""The radial table against the curve that it comes from."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from sims.optics.engine.straight.rays import MIN_STEP_MM
+from sims.optics.scene.optical_scene import OpticalScene
+from sims.optics.surface import curves as surface
+from sims.optics.surface.analytic import compact_dimple
+from sims.optics.surface.radial_table import BEND, CELLS, PIECE_COLUMNS, WINDOW, node_radii_mm
+from sims.optics.surface.top import Top
+from sims.optics.surface.tops import stack_tops
+from sims.press.indentation import Indentation
+from tests.sims.optics.engine.called_kernels import (
+    first_chord,
+    height,
+    height_and_turn,
+    height_turn_bend,
+    reach2,
+    slope_bound,
+    top_hit,
+)
+from tests.sims.optics.oracle.oracle_scenes import shank_press
+
+SCENE = OpticalScene(
+    length_mm=32.0,
+    width_mm=32.0,
+    height_mm=8.0,
+    refractive_index=1.41,
+    absorption_per_mm=0.0,
+    wall_reflectance=0.05,
+    bottom_reflectance=0.03,
+    tip_reflectance=0.0,
+    emitter_wall=np.array([0]),
+    emitter_patch=np.array([[8.0, 4.0, 0.5, 0.5]]),
+    emitter_order=np.ones(1),
+    receiver_wall=np.array([2]),
+    receiver_patch=np.array([[8.0, 4.0, 1.3, 1.3]]),
+)
+
+
+def lowered(indentation):
+    """Columns of the press, rows as kernels read them, and the stack that they come from."""
+    rows = stack_tops([indentation], np.array([[16.0, 16.0]]), SCENE).rows[0]
+    return rows[0], rows, surface.stack_surfaces([indentation], np.array([[16.0, 16.0]]), SCENE)
+
+
+def slope(r, rows):
+    """dh/dr at a radius."""
+    return r * height_and_turn(r * r, 0, rows)[1]
+
+
+def one_tip(rows):
+    return Top(rows, np.zeros((0, 0, 4)))
+
+
+@pytest.mark.parametrize("depth", [0.1, 0.5, 1.0, 2.0, 3.0, 4.5])
+def test_table_follows_the_curve_within_a_micrometre(depth):
+    curve = compact_dimple(depth, bulge_mm=0.15)
+    _press, rows, _ = lowered(curve)
+    found = np.array([height(r**2, 0, rows) for r in curve.radius_mm]) - 8.0
+    assert np.abs(found - curve.height_mm).max() < 1e-3
+
+
+def test_pile_up_above_the_undisturbed_top_is_kept():
+    press, rows, _ = lowered(compact_dimple(2.0, bulge_mm=0.15))
+    highest = max(height(r**2, 0, rows) for r in np.linspace(3, 16, 400))
+    assert highest - 8.0 == pytest.approx(0.15, abs=2e-3)
+    assert press[surface.HIGHEST] >= highest - 1e-4
+
+
+def test_height_and_slope_are_continuous_everywhere():
+    press, rows, _ = lowered(compact_dimple(2.0, bulge_mm=0.15))
+    joints = list(node_radii_mm(press[surface.SPHERE_R], press[surface.OUTER_R])[0])
+    for r in joints:
+        below, above = (height_and_turn((r + side) ** 2, 0, rows) for side in (-1e-8, 1e-8))
+        assert above == pytest.approx(below, abs=1e-5)
+
+
+def test_slope_and_bend_are_the_derivatives_of_height():
+    _press, rows, _ = lowered(compact_dimple(2.0, bulge_mm=0.15))
+    for r in np.linspace(2.6, 19.0, 57):
+        h, turn, bend = height_turn_bend(r * r, 0, rows)
+        step = 1e-5
+        up, down = height((r + step) ** 2, 0, rows), height((r - step) ** 2, 0, rows)
+        assert r * turn == pytest.approx((up - down) / (2 * step), abs=1e-6)
+        more, less = (height_and_turn((r + s) ** 2, 0, rows)[1] for s in (step, -step))
+        assert r * bend == pytest.approx((more - less) / (2 * step), abs=1e-3)
+        assert height_and_turn(r * r, 0, rows) == pytest.approx((h, turn), abs=1e-12)
+
+
+def test_slope_bound_holds_outward():
+    _press, rows, _stack = lowered(compact_dimple(3.0, bulge_mm=0.15))
+    radii = np.linspace(0.01, 20.0, 2000)
+    slopes = np.array([abs(slope(r, rows)) for r in radii])
+    outward = np.maximum.accumulate(slopes[::-1])[::-1]
+    bounds = np.array([slope_bound(r * r, 0, rows) for r in radii])
+    assert (bounds >= outward - 1e-9).all()
+
+
+@pytest.mark.parametrize("depth", [0.3, 2.0, 4.5])
+def test_bend_bound_holds_within_its_window_and_outward(depth):
+    press, rows, _stack = lowered(compact_dimple(depth, bulge_mm=0.15))
+    pieces = rows[0, surface.PIECES : surface.PIECES + CELLS * PIECE_COLUMNS].reshape(CELLS, PIECE_COLUMNS)
+    nodes = node_radii_mm(press[surface.SPHERE_R], press[surface.OUTER_R])[0]
+    radii = np.concatenate([np.linspace(a, b, 9)[1:-1] for a, b in pairwise(nodes)])
+    found = np.array([height_turn_bend(r * r, 0, rows) for r in radii])
+    # second derivatives across and along the radius, downward
+    bends = np.maximum(-found[:, 1], -(found[:, 1] + found[:, 2] * radii**2))
+    for piece, start in zip(pieces, nodes, strict=False):
+        assert piece[BEND] >= bends[radii >= start - piece[WINDOW]].max()
+    assert (pieces[:, BEND] >= 0.0).all()
+
+
+@pytest.mark.parametrize("depth", [0.3, 1.0, 3.0, 4.5])
+def test_a_march_finds_the_first_crossing_of_any_ray(depth):
+    """Against a scan in steps of 2 µm, from places below the top in any direction; chords of a step may be missed."""
+    _press, rows, _stack = lowered(compact_dimple(depth, bulge_mm=0.15))
+    top, generator = one_tip(rows), np.random.default_rng(7)
+    met = 0
+    for _ in range(400):
+        x, y = 16.0 + generator.uniform(-9.0, 9.0, 2)
+        z = height((x - 16.0) ** 2 + (y - 16.0) ** 2, 0, rows) - 1e-6 - 2.0 * generator.uniform() ** 4
+        direction = generator.normal(size=3) * [1.0, 1.0, 0.3]
+        dx, dy, dz = direction / np.linalg.norm(direction)
+        hit = top_hit(x, y, z, dx, dy, dz, 18.0, top)
+        first, last = first_chord(x, y, z, dx, dy, dz, 18.0, 2e-3, top)
+        if (hit < 0.0) != (first < 0.0) or abs(first - hit) > 2.1e-3:
+            # a chord above the top that no step of the march need meet
+            assert 0.0 <= first <= last < first + MIN_STEP_MM
+        met += hit >= 0.0
+    assert 50 < met < 350
+
+
+def test_the_top_lies_nowhere_below_a_level_beyond_its_reach():
+    press, rows, _stack = lowered(compact_dimple(3.0, bulge_mm=0.15))
+    for z in np.linspace(5.01, 7.99, 60):
+        reach = np.sqrt(reach2(z, 0, rows))
+        beyond = np.linspace(reach, press[surface.OUTER_R], 500)
+        assert min(height(r * r, 0, rows) for r in beyond) >= z - 1e-9
+        # a level is 3/64 mm high; within the sphere no reach is told
+        if reach > press[surface.SPHERE_R]:
+            assert height((reach - 0.1) ** 2, 0, rows) < z + 3 / 64
+
+
+def test_overhang_near_the_shank_keeps_the_lowest_surface():
+    radius = np.concatenate([np.linspace(0, 3, 30), [3.05, 3.02, 3.0, 3.1, 3.4, 4.0, 6.0, 9.0]])
+    inside = -4.5 + 3 - np.sqrt(np.maximum(9 - np.linspace(0, 3, 30) ** 2, 0))
+    curve_mm = np.concatenate([inside, [-1.2, -0.9, -0.7, -0.5, -0.3, -0.1, -0.01, 0.0]])
+    curve = Indentation(
+        depth_mm=4.5,
+        tip_radius_mm=3.0,
+        radius_mm=radius,
+        height_mm=curve_mm,
+        contact_radius_mm=3.0,
+        force_n=1.0,
+    )
+    _press, rows, stack = lowered(curve)
+    assert stack.moved_mm[0] == pytest.approx(0.05, abs=0.02)
+    assert height(3.4**2, 0, rows) - 8.0 == pytest.approx(-0.3, abs=0.01)
+    assert slope_bound(0.0, 0, rows) <= 1.5 * surface.MAX_SLOPE
+
+
+def test_the_contact_ends_where_the_curve_leaves_the_shank():
+    """Half the sphere and 0.5 mm of the shank; once points of the skirt within 0.03 mm of the tip counted, 5 % more."""
+    press, rows, stack = lowered(shank_press())
+    assert press[surface.CONTACT_AREA] == pytest.approx(np.pi * (2.0 * 3.0**2 + 2.0 * 3.0 * 0.5), rel=1e-3)
+    # up a wall as steep as the table allows
+    assert press[surface.CONTACT_R] == pytest.approx(3.0 + 0.5 / surface.MAX_SLOPE, abs=2e-3)
+    assert height(press[surface.CONTACT_R] ** 2, 0, rows) - 8.0 == pytest.approx(-1.1, abs=0.02)
+    assert stack.moved_mm[0] < 0.02
+
+
+def test_ray_meets_the_sphere_where_geometry_says():
+    press, rows, _ = lowered(compact_dimple(2.0))
+    hit = top_hit(4.0, 16.0, 6.5, 1.0, 0.0, 0.0, 28.0, one_tip(rows))
+    expected = 12.0 - np.sqrt(9.0 - (press[surface.SPHERE_Z] - 6.5) ** 2)
+    assert hit == pytest.approx(expected, abs=1e-8)
+
+
+def test_ray_over_the_rim_meets_the_pile_up():
+    _press, rows, _stack = lowered(compact_dimple(2.0, bulge_mm=0.2))
+    hit = top_hit(0.0, 16.0, 7.999, 1.0, 0.0, 0.002, 28.0, one_tip(rows))
+    r = 16.0 - hit
+    assert height(r**2, 0, rows) == pytest.approx(7.999 + 0.002 * hit, abs=1e-9)
+
+
+def test_a_grazing_chord_of_a_twentieth_millimetre_is_seen():
+    _, rows, _ = lowered(compact_dimple(2.0))
+    z = 6.0 + 0.025**2 / (2 * 3.0)
+    hit = top_hit(1.0, 16.0, z, 1.0, 0.0, 0.0, 30.0, one_tip(rows))
+    assert hit == pytest.approx(15.0 - 0.025, abs=1e-4)

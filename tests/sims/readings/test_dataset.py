@@ -1,0 +1,273 @@
+"""Data sets: what a file gives back, what is refused, what a kill leaves."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from design.errors import InputError, OutputError
+from design.preset import preset
+from sims.readings.dataset import (
+    DataSetInfo,
+    DataWriter,
+    PressData,
+    clipped_note,
+    header_of,
+    joined,
+    read_data,
+    require_design,
+    save_data,
+)
+from sims.readings.recording import read_recording
+
+SETS = (
+    DataSetInfo(name="grid-ambient-1", role="train", pattern="grid", is_ambient=True),
+    DataSetInfo(name="random-dark", role="test", pattern="random", is_ambient=False),
+)
+EMITTERS, RECEIVERS = ("E1", "E2"), ("R1", "R2", "R3")
+
+
+def made_up(places: int = 2, depths: int = 3) -> PressData:
+    """Two sets of a few presses, readings that tell sample, state and receiver apart."""
+    samples = len(SETS) * places * depths
+    number = np.arange(samples)
+    counts = 10.0 * number[:, None, None] + np.arange(3)[:, None] + 0.25 * np.arange(3)
+    press = np.stack([number // depths + 0.5, number * 0.1, number % depths - 1.0], axis=1)
+    return PressData(
+        counts=counts.astype(np.float32),
+        press_mm=press,
+        time_s=number * 0.5,
+        set_number=number // (places * depths),
+        place_number=number // depths % places,
+        sets=SETS,
+        state_names=(*EMITTERS, "off"),
+        receiver_names=RECEIVERS,
+        full_scale_counts=1023.0,
+        design_digest="ab" * 32,
+        attributes={"seed": 3},
+        true_press_mm=press + 0.01,
+    )
+
+
+def assert_same(left: PressData, right: PressData) -> None:
+    for name in ("counts", "press_mm", "time_s", "set_number", "place_number", "true_press_mm"):
+        np.testing.assert_array_equal(getattr(left, name), getattr(right, name), err_msg=name)
+    for name in ("sets", "state_names", "receiver_names", "full_scale_counts", "design_digest"):
+        assert getattr(left, name) == getattr(right, name)
+    assert dict(left.attributes) == dict(right.attributes)
+
+
+def one_press(data: PressData, set_number: int, place: int) -> PressData:
+    return data.only((data.set_number == set_number) & (data.place_number == place))
+
+
+def test_a_file_gives_back_what_was_written(tmp_path: Path) -> None:
+    data = made_up()
+    assert_same(read_data(save_data(data, tmp_path / "set.nc")), data)
+
+
+def test_features_have_the_off_state_taken_away_and_the_emitter_outermost() -> None:
+    data = made_up()
+    assert data.pair_names[:4] == ("E1-R1", "E1-R2", "E1-R3", "E2-R1")
+    np.testing.assert_array_equal(data.features()[0], [-2, -2, -2, -1, -1, -1])
+
+
+def test_roles_split_by_set_and_presses_stay_whole() -> None:
+    data = made_up()
+    assert set(data.role("train").set_number) == {0}
+    np.testing.assert_array_equal(data.press_numbers(), np.repeat(np.arange(4), 3))
+
+
+def test_a_file_of_the_simulation_is_a_recording_that_compare_reads(tmp_path: Path) -> None:
+    data = made_up()
+    found = read_recording(save_data(data, tmp_path / "set.nc"))
+    np.testing.assert_array_equal(found.counts["E2-R3"], data.features()[:, 5])
+
+
+def test_what_the_driver_exports_is_one_measured_set_with_places_told_by_position(tmp_path: Path) -> None:
+    data = made_up()
+    dataset = xr.Dataset(
+        {"counts": (("time", "state", "receiver"), data.counts[:, [2, 0, 1]].astype(np.uint16))}
+        | {
+            name: ("time", data.press_mm[:, k])
+            for k, name in enumerate(("press_x", "press_y", "press_depth"))
+        }
+        | {"device_time": ("time", data.time_s)},
+        coords={"state": ["off", *EMITTERS], "receiver": list(RECEIVERS)},
+        attrs={"design_digest": data.design_digest},
+    )
+    dataset["press_y"][:] = 7.0
+    dataset.to_netcdf(tmp_path / "recorded.nc", engine="h5netcdf")
+    found = read_data(tmp_path / "recorded.nc")
+    assert found.sets == (DataSetInfo(name="measured", role="train", pattern="measured", is_ambient=True),)
+    assert found.state_names == (*EMITTERS, "off")
+    np.testing.assert_array_equal(found.counts, np.floor(data.counts))
+    np.testing.assert_array_equal(found.place_number, np.repeat(np.arange(4), 3))
+    assert found.true_press_mm is None
+
+
+def test_presses_added_one_by_one_make_the_same_file(tmp_path: Path) -> None:
+    data = made_up()
+    with DataWriter(tmp_path / "set.nc", header_of(data), asked={"seed": 3}) as writer:
+        for set_number, place in ((0, 0), (0, 1), (1, 0), (1, 1)):
+            assert not (tmp_path / "set.nc").exists()
+            writer.add(one_press(data, set_number, place))
+        writer.finish()
+    assert_same(read_data(tmp_path / "set.nc"), data)
+    assert [path.name for path in tmp_path.iterdir()] == ["set.nc"]
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+sys.path[:0] = {path!r}
+from tests_of_data import made_up, one_press
+from sims.readings.dataset import DataWriter, header_of
+data = made_up()
+writer = DataWriter(Path({file!r}), header_of(data))
+writer.add(one_press(data, 0, 0))
+writer.add(one_press(data, 0, 1))
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_after_a_kill_the_whole_presses_are_there_and_work_goes_on(tmp_path: Path) -> None:
+    (tmp_path / "tests_of_data.py").write_text(Path(__file__).read_text(encoding="utf-8"))
+    file, data = tmp_path / "set.nc", made_up()
+    program = KILLED.format(path=[str(tmp_path), *sys.path], file=str(file))
+    ended = subprocess.run([sys.executable, "-c", program], check=False, timeout=60)
+    assert ended.returncode == -signal.SIGKILL
+    (journal,) = tmp_path.glob(".set.nc.*.journal")
+    with journal.open("ab") as stream:
+        stream.write(os.urandom(11))  # a third press, cut short
+    with DataWriter(file, header_of(data)) as writer:
+        assert writer.done == {(0, 0), (0, 1)}
+        writer.add(one_press(data, 1, 0))
+        writer.add(one_press(data, 1, 1))
+        writer.finish()
+    assert_same(read_data(file), data)
+
+
+@pytest.mark.parametrize("kept", range(0, 700, 37))
+def test_a_journal_cut_anywhere_keeps_its_whole_presses(tmp_path: Path, kept: int) -> None:
+    data = made_up()
+    with DataWriter(tmp_path / "set.nc", header_of(data)) as writer:
+        for place in (0, 1):
+            writer.add(one_press(data, 0, place))
+        size = writer.journal.stat().st_size
+        journal = writer.journal
+    record = len(one_press(data, 0, 0)) * (9 * 4 + 3 * 8 + 8 + 8 + 3 * 8) + 8
+    os.truncate(journal, max(size - kept, 0))
+    with DataWriter(tmp_path / "set.nc", header_of(data)) as writer:
+        assert len(writer.done) == max(2 - -(-kept // record), 0)
+
+
+def test_a_journal_of_other_work_is_not_taken_up(tmp_path: Path) -> None:
+    data = made_up()
+    with DataWriter(tmp_path / "set.nc", header_of(data), asked={"seed": 3}) as writer:
+        writer.add(one_press(data, 0, 0))
+    with DataWriter(tmp_path / "set.nc", header_of(data), asked={"seed": 4}) as writer:
+        assert writer.done == frozenset()
+
+
+def test_an_earlier_file_stays_until_the_new_one_is_whole(tmp_path: Path) -> None:
+    file = save_data(made_up(), tmp_path / "set.nc")
+    before = file.read_bytes()
+    with DataWriter(file, header_of(made_up(places=3))) as writer:
+        writer.add(one_press(made_up(places=3), 0, 0))
+    assert file.read_bytes() == before
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    (tmp_path / "taken").write_text("")
+    with pytest.raises(OutputError, match="cannot be written"):
+        DataWriter(tmp_path / "taken" / "set.nc", header_of(made_up()))
+
+
+def test_files_of_one_sensor_join_and_others_are_refused() -> None:
+    data = made_up()
+    both = joined([data, data])
+    assert len(both) == 2 * len(data)
+    assert both.sets == SETS + SETS
+    np.testing.assert_array_equal(both.set_number[len(data) :], data.set_number + 2)
+    with pytest.raises(InputError, match="design_digest of file 2"):
+        joined([data, replace(data, design_digest="cd" * 32)])
+
+
+def test_clipped_channels_are_named_worst_first() -> None:
+    data = made_up()
+    counts = data.counts.copy()
+    counts[:6, 1, 2] = counts[0, 0, 0] = 1023
+    note = clipped_note(replace(data, counts=counts))
+    many = made_up(depths=60)
+    few = np.where(np.arange(240)[:, None, None] == 7, np.float32(1023), many.counts * 0.1)
+    assert "E1-R1 (< 1 %)" in str(clipped_note(replace(many, counts=few)))
+    assert note == "2 of 9 channels clip at 1023 counts: E2-R3 (50 %), E1-R1 (8 %)"
+    assert clipped_note(data) is None
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"state_names": ("E1", "E2", "E3")}, "last 'off'"),
+        ({"press_mm": np.zeros((12, 2))}, r"press_mm has shape \(12, 2\), needs \(12, 3\)"),
+        ({"set_number": np.full(12, 2)}, "set_number runs from 2 to 2, there are 2 sets"),
+        ({"time_s": np.full(12, np.nan)}, "time_s is not a number in 12 of 12 samples, first in sample 1"),
+    ],
+)
+def test_data_that_cannot_be_are_refused_by_name(change: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        replace(made_up(), **change)  # type: ignore[arg-type]
+
+
+def test_a_reading_that_is_no_number_is_refused_with_its_sample(tmp_path: Path) -> None:
+    file = save_data(made_up(), tmp_path / "set.nc")
+    with xr.open_dataset(file, engine="h5netcdf") as dataset:
+        bad = dataset.load()
+    bad["counts"][4, 0, 0] = np.nan
+    bad.to_netcdf(tmp_path / "bad.nc", engine="h5netcdf")
+    with pytest.raises(InputError, match=r"bad\.nc: data: counts is not a number in 1 of 12 .* sample 5"):
+        read_data(tmp_path / "bad.nc")
+
+
+@pytest.mark.parametrize("gone", ["press_x", "press_depth", "receiver", "counts"])
+def test_a_file_without_a_part_is_refused_by_its_name(tmp_path: Path, gone: str) -> None:
+    file = save_data(made_up(), tmp_path / "set.nc")
+    with xr.open_dataset(file, engine="h5netcdf") as dataset:
+        left = dataset.load().drop_vars(gone)
+    left.to_netcdf(tmp_path / "left.nc", engine="h5netcdf")
+    with pytest.raises(InputError, match=f"has no {gone}"):
+        read_data(tmp_path / "left.nc")
+
+
+def test_what_is_no_netcdf_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "text.nc").write_text("depth,signal\n")
+    with pytest.raises(InputError, match="no netCDF file that can be read"):
+        read_data(tmp_path / "text.nc")
+    with pytest.raises(InputError, match="no such file"):
+        read_data(tmp_path / "absent.nc")
+
+
+def test_data_of_another_design_or_with_missing_states_are_refused() -> None:
+    design = preset("piacenza2017-pair")
+    names = tuple(f"E{k}" for k in (1, 2, 3))
+    fits = replace(
+        made_up(),
+        counts=np.zeros((12, 4, 3), dtype=np.float32),
+        state_names=(*names, "off"),
+        design_digest=design.digest,
+    )
+    assert require_design(fits, design) == ()
+    assert "names no design" in require_design(replace(fits, design_digest=None), design)[0]
+    with pytest.raises(InputError, match="of design abababab"):
+        require_design(made_up(), design)
+    with pytest.raises(InputError, match="of its states it lacks E3"):
+        require_design(replace(made_up(), design_digest=None), design)
