@@ -15,6 +15,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.rooms import FLOORS, MOST_FILES, REASON, arrows, circle, files_in, folders, imports, table, upward
+
 ROOT = Path(__file__).parents[1]
 ROOMS = ("design", "cad", "sims", "fabrication", "optopad")
 LONGEST_FILE = 450
@@ -191,6 +193,50 @@ def test_the_arrows_between_the_rooms_hold() -> None:
     )
     result = run_python(program)
     assert result.returncode == 0, result.stdout + result.stderr
+
+
+def test_a_folder_has_few_files_or_a_reason_at_its_door() -> None:
+    crowded = [
+        folder
+        for path in folders()
+        if path
+        and len(files_in(folder := ROOT.joinpath(*path))) > MOST_FILES
+        and REASON not in (folder / "__init__.py").read_text(encoding="utf-8")
+    ]
+    assert [name_of(folder) for folder in crowded] == []
+
+
+def test_every_door_says_what_the_room_is_for() -> None:
+    doors = [path for path in python_files(*ROOMS) if path.name == "__init__.py"]
+    words = {name_of(path): ast.get_docstring(tree_of(path)) or "" for path in doors}
+    assert [name for name, text in words.items() if len(text.partition("\n")[0]) < 30] == []
+
+
+def test_no_file_imports_itself_by_way_of_others() -> None:
+    edges = [(".".join(place), ".".join(other)) for place, others in imports().items() for other in others]
+    assert circle(edges) == []
+
+
+def test_the_measure_finds_a_circle() -> None:
+    assert set(circle([("a", "b"), ("b", "c"), ("c", "a"), ("c", "d")])) == {"a", "b", "c"}
+
+
+@pytest.mark.parametrize("folder", folders(), ids="/".join)
+def test_the_rooms_of_a_folder_make_no_circle_and_no_arrow_rises(folder: tuple[str, ...]) -> None:
+    assert circle(arrows(folder)) == []
+    assert upward(folder) == []
+
+
+def test_every_room_that_stands_on_a_floor_is_there() -> None:
+    rooms = {f"{folder}/{room}".strip("/") for folder, names in FLOORS.items() for room in names}
+    assert [
+        room for room in sorted(rooms) if not any((ROOT / f"{room}{end}").exists() for end in ("", ".py"))
+    ] == []
+
+
+def test_the_table_of_rooms_has_a_row_a_folder() -> None:
+    rows = table().splitlines()[1:]
+    assert [row.split()[0] for row in rows] == ["/".join(folder) for folder in folders() if folder]
 
 
 def test_help_loads_no_heavy_library() -> None:

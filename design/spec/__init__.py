@@ -3,6 +3,7 @@
 Imports of ours: parts, fields.
 """
 
+from design.spec.indenter import Indenter
 from design.spec.sensor import (
     MOLD_OPTIONS,
     SCHEMA_VERSION,
@@ -11,7 +12,6 @@ from design.spec.sensor import (
     Elastomer,
     Emitters,
     Gain,
-    Indenter,
     Mold,
     Operating,
     Receivers,

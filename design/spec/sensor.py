@@ -24,6 +24,7 @@ from design.fields import paths
 from design.fields.base import NAME_PATTERN, Model, PartId, without_defaults
 from design.fields.validation import design_error
 from design.parts.catalog import CatalogEntries
+from design.spec.indenter import Indenter
 from design.spec.layout import Pattern
 from design.spec.noise import Noise
 from design.spec.tip_shape import shape_fault
@@ -197,43 +198,6 @@ class Receivers(Model):
     height_mm: Annotated[
         float, Field(gt=0.0, le=50.0, description="centre of the active area above the clear layer's bottom")
     ]
-
-
-class Indenter(Model):
-    """The tip that stands for a finger, and its shank of the same radius."""
-
-    tip_radius_mm: Annotated[float, Field(ge=0.5, le=20.0)] = 3.0
-    shape: Literal["hemisphere", "flat_punch", "cone", "profile"] = "hemisphere"
-    edge_radius_mm: Annotated[
-        float | None,
-        Field(
-            ge=0.05,
-            le=20.0,
-            description="flat_punch, cone: rounding towards the shank; 0.1 tip radii if left out",
-        ),
-    ] = None
-    cone_half_angle_deg: Annotated[
-        float | None, Field(ge=20.0, le=85.0, description="cone: from axis to flank; 60 if left out")
-    ] = None
-    apex_radius_mm: Annotated[
-        float | None, Field(ge=0.05, le=20.0, description="cone: its rounded apex; 0.1 tip radii if left out")
-    ] = None
-    profile_mm: Annotated[
-        tuple[tuple[float, float], ...] | None,
-        Field(
-            min_length=2,
-            max_length=400,
-            description="profile: radius and height above the apex of each point, from [0, 0] to the shank",
-        ),
-    ] = None
-
-    @model_serializer(mode="wrap")
-    def _without_what_is_not_said(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """A hemisphere is its radius alone, so that designs from before other shapes keep their digest."""
-        document: dict[str, Any] = handler(self)
-        return {
-            name: value for name, value in document.items() if value is not None and value != "hemisphere"
-        }
 
 
 class BoardUse(Model):

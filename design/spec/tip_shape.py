@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from design.spec import Indenter
+    from design.spec.indenter import Indenter
 
 DEFAULT_ROUNDING = 0.1
 """Edge and apex radius where none is given [tip radii]."""

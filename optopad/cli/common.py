@@ -5,14 +5,12 @@ from __future__ import annotations
 import json
 import math
 import os
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from design.errors import InputError
-from design.spec import SensorDesign
 
 LARGEST_SEED = 2**31 - 1
 """What every library below takes."""
@@ -71,29 +69,6 @@ FineOption = Annotated[
 DEFAULT_OUT = Path("outputs")
 
 
-def read_design(where: str, changes: list[str] | None) -> SensorDesign:
-    """Load a design file, a bundle's design, or a preset, and apply ``--set`` changes.
-
-    Raises
-    ------
-    DesignError, InputError : what is wrong with the file or a change.
-    """
-    from design.fields.paths import nearest
-    from design.io import load_design
-    from design.preset import PRESETS, preset
-
-    path = Path(where)
-    if not path.exists() and where in PRESETS:
-        design = preset(where)
-    elif not path.exists() and not path.suffix:
-        near = nearest(where, PRESETS)
-        hint = f"did you mean {near[0]}?" if near else f"presets: {', '.join(PRESETS)}"
-        raise InputError(f"{where}: no such file, bundle or preset; {hint}")
-    else:
-        design = load_design(path / "design.toml" if (path / "manifest.json").is_file() else path)
-    return design.with_(**dict(parsed_change(change) for change in changes)) if changes else design
-
-
 def checked_out(out: Path, suffix: str, *read: Path | str | None) -> None:
     """Refuse to write over what the command reads, or over a file of another kind.
 
@@ -107,27 +82,6 @@ def checked_out(out: Path, suffix: str, *read: Path | str | None) -> None:
         raise InputError(f"--out {out}: is a file that this command reads; choose another name")
     if out.is_file() and out.suffix.lower() != suffix:
         raise InputError(f"--out {out}: exists and is no {suffix} file; choose another name, or remove it")
-
-
-def parsed_change(text: str, *, option: str = "--set") -> tuple[str, Any]:
-    """Path and value of one ``PATH=VALUE``; the value is read as TOML, else as plain text.
-
-    Raises
-    ------
-    InputError : no ``=`` or no path.
-    """
-    path, equals, value = text.partition("=")
-    if not equals or not path.strip():
-        raise InputError(f"{option}: {text!r} is refused: write PATH=VALUE, as cavity.clear_thickness_mm=10")
-    return path.strip(), parsed_value(value.strip())
-
-
-def parsed_value(text: str) -> Any:
-    """A value written as in a design file; bare words are text."""
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except (ValueError, RecursionError):  # not TOML, a whole number of thousands of digits, nested too deep
-        return text
 
 
 def parsed_press(text: str) -> tuple[float, float, float]:

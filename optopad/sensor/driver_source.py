@@ -141,7 +141,7 @@ def _config(design: SensorDesign, gain: SimulatedGain | None) -> DriverConfig:
 def _of_design(where: str, changes: list[str] | None, out: Path) -> DriverSource:
     from design.rules.check import require_valid
     from fabrication.bundle import bundle_name
-    from optopad.cli.common import read_design
+    from optopad.work.designs import read_design
 
     design = read_design(where, changes)
     require_valid(design)

@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable
+from pathlib import Path
 from types import ModuleType
 
 
 def source_fingerprint(modules: Iterable[ModuleType]) -> int:
     """63-bit hash of the modules' source files, in their order."""
+    return _hash_of_files(Path(str(module.__file__)) for module in modules)
+
+
+def folder_fingerprint(*folders: Path) -> int:
+    """63-bit hash of every Python file in the folders and below them."""
+    return _hash_of_files(path for folder in folders for path in sorted(folder.rglob("*.py")))
+
+
+def _hash_of_files(paths: Iterable[Path]) -> int:
     digest = hashlib.sha256()
-    for module in modules:
-        with open(str(module.__file__), "rb") as source:
-            digest.update(source.read())
+    for path in paths:
+        digest.update(path.read_bytes())
     return int.from_bytes(digest.digest()[:8], "big") >> 1

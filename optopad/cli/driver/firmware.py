@@ -16,9 +16,9 @@ from optopad.cli.common import (
     SeedOption,
     SetOption,
     print_json,
-    read_design,
     say,
 )
+from optopad.work.designs import read_design
 
 
 def register(group: typer.Typer) -> None:

@@ -12,10 +12,10 @@ from optopad.cli.common import (
     SeedOption,
     SetOption,
     print_json,
-    read_design,
     say,
 )
 from optopad.cli.driver import collect, export, fake, firmware, sensor
+from optopad.work.designs import read_design
 
 driver = typer.Typer(
     help="The built sensor: its configuration, firmware, readings.",

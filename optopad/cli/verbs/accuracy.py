@@ -15,11 +15,11 @@ from optopad.cli.common import (
     SeedOption,
     SetOption,
     print_json,
-    read_design,
     require_folder,
     say,
 )
 from optopad.cli.progress import progress
+from optopad.work.designs import read_design
 
 
 def register(app: typer.Typer) -> None:

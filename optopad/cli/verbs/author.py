@@ -13,9 +13,9 @@ from optopad.cli.common import (
     SetOption,
     checked_out,
     print_json,
-    read_design,
     say,
 )
+from optopad.work.designs import read_design
 
 
 def register(app: typer.Typer) -> None:

@@ -14,12 +14,11 @@ from optopad.cli.common import (
     OutOption,
     SeedOption,
     SetOption,
-    parsed_change,
     print_json,
-    read_design,
     say,
 )
 from optopad.cli.progress import progress
+from optopad.work.designs import parsed_change, read_design
 
 if TYPE_CHECKING:
     from design.spec import SensorDesign

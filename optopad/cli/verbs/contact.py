@@ -13,10 +13,10 @@ from optopad.cli.common import (
     SeedOption,
     SetOption,
     print_json,
-    read_design,
     say,
 )
 from optopad.cli.progress import progress
+from optopad.work.designs import read_design
 
 contact = typer.Typer(help="The contact model: press, surface, force.", no_args_is_help=True)
 

@@ -16,10 +16,10 @@ from optopad.cli.common import (
     JsonOption,
     OutOption,
     SetOption,
-    parsed_change,
     print_json,
     say,
 )
+from optopad.work.designs import parsed_change
 
 if TYPE_CHECKING:
     from design.search.explore import Findings, OnTried

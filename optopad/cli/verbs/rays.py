@@ -15,10 +15,10 @@ from optopad.cli.common import (
     SetOption,
     parsed_press,
     print_json,
-    read_design,
     say,
 )
 from optopad.cli.progress import progress
+from optopad.work.designs import read_design
 
 
 def register(app: typer.Typer) -> None:

@@ -15,12 +15,11 @@ from optopad.cli.common import (
     OutOption,
     SeedOption,
     SetOption,
-    parsed_value,
     print_json,
-    read_design,
     say,
 )
 from optopad.cli.progress import progress
+from optopad.work.designs import parsed_value, read_design
 
 MAX_SWEEP_VALUES = 200
 

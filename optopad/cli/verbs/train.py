@@ -7,8 +7,15 @@ from typing import Annotated
 
 import typer
 
-from optopad.cli.common import JsonOption, SeedOption, SetOption, print_json, read_design, say
+from optopad.cli.common import (
+    JsonOption,
+    SeedOption,
+    SetOption,
+    print_json,
+    say,
+)
 from optopad.cli.progress import progress
+from optopad.work.designs import read_design
 
 
 def register(app: typer.Typer) -> None:

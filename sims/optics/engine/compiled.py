@@ -20,14 +20,13 @@ from sims.optics.engine.scattered.diffuse import patch_areas as areas_of
 from sims.optics.engine.scattered.orders import all_orders
 from sims.optics.engine.straight import direct, polygon, rays
 from sims.optics.engine.straight.direct import flat_flux
-from sims.optics.surface import curves as surface
-from sims.optics.surface import radial, radial_table, top, top_grid
+from sims.optics.surface import curves, radial, radial_table, top, top_grid
 from sims.optics.surface.top import Top
 
 EMITTER_SEQUENCE, RECEIVER_SEQUENCE = states.EMITTER_SEQUENCE, states.RECEIVER_SEQUENCE
 KERNEL_MODULES = (
     radial_table,
-    surface,
+    curves,
     radial,
     top,
     rays,

@@ -12,11 +12,13 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from functools import cache
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sims.cache.fingerprint import folder_fingerprint
 from sims.optics.accuracy import Accuracy
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.surface.tops import TopStack
@@ -133,10 +135,7 @@ def _origin() -> str:
     import scipy
     from numba.core.registry import cpu_target
 
-    from sims.cache.fingerprint import source_fingerprint
-    from sims.optics.engine import compiled, untouched
-    from sims.optics.engine import trace_states as engine
-
-    sources = source_fingerprint((compiled, *compiled.KERNEL_MODULES, engine, untouched))
+    room = Path(__file__).parent
+    sources = folder_fingerprint(room, room.with_name("scene"), room.with_name("surface"))
     processor = cpu_target.target_context.codegen().magic_tuple()
     return f"{sources} {numba.__version__} {np.__version__} {scipy.__version__} {processor}"

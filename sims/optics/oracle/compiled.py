@@ -13,30 +13,22 @@ from numba import njit, prange
 
 from sims.cache.compiling import listen_to_numba
 from sims.cache.fingerprint import source_fingerprint
-from sims.optics.oracle import air as oracle_air
-from sims.optics.oracle import border as oracle_border
-from sims.optics.oracle import chance as oracle_chance
-from sims.optics.oracle import heights as oracle_heights
-from sims.optics.oracle import march as oracle_march
-from sims.optics.oracle import profile as oracle_profile
-from sims.optics.oracle import scene as oracle_scene
-from sims.optics.oracle import surface as oracle_surface
-from sims.optics.oracle import top as oracle_top
-from sims.optics.oracle import walk as oracle_walk
+from sims.optics.oracle import air, border, chance, heights, march, profile, scene, surface, top
+from sims.optics.oracle import walk as walk_file
 from sims.optics.oracle.chance import ray_stream
 from sims.optics.oracle.walk import CROSSING, FATES, UNSUBMERGED, VOLUME, walk
 
 MODULES = (
-    oracle_air,
-    oracle_border,
-    oracle_chance,
-    oracle_heights,
-    oracle_march,
-    oracle_profile,
-    oracle_scene,
-    oracle_surface,
-    oracle_top,
-    oracle_walk,
+    air,
+    border,
+    chance,
+    heights,
+    march,
+    profile,
+    scene,
+    surface,
+    top,
+    walk_file,
 )
 CLASS_COUNT, FATE_COUNT = CROSSING + 1, len(FATES)
 BATCHES = 256

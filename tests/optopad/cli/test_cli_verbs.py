@@ -9,9 +9,9 @@ import pytest
 from design.io import load_design
 from design.preset import PRESETS, preset
 from optopad.cli import main
-from optopad.cli.common import parsed_change, parsed_value
 from optopad.cli.verbs.sweep import parsed_sweep
 from optopad.screen.summary import checks_line
+from optopad.work.designs import parsed_change, parsed_value
 
 
 @pytest.fixture

@@ -1,0 +1,168 @@
+"""The rooms of the house: what each folder holds and imports, measured from the code.
+
+    python -m tests.rooms          per folder: files, lines, the rooms that it imports
+    python -m tests.rooms --draw   docs/images/architecture.svg, the map of docs/understand/architecture.md
+
+A room is a folder, or a file that lies beside folders. `FLOORS` says in which order the rooms of a folder stand, from
+the ground up; code imports from below, never from above.
+"""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Iterable, Iterator
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+HOUSE = ("design", "cad", "sims", "fabrication", "optopad")
+MOST_FILES = 16
+"""A folder with more needs a reason at its door: a line of its docstring that begins with `REASON`."""
+REASON = "More files than sixteen:"
+
+FLOORS: dict[str, tuple[str, ...]] = {
+    "": ("design", "cad", "sims", "fabrication", "optopad"),
+    "design": ("errors", "fields", "parts", "spec", "geometry", "circuit", "rules", "protocols", "search"),
+    "sims": (
+        *("press", "cache", "contact", "optics", "rays", "readings", "verdict", "bounds", "continuity"),
+        *("learning", "evaluation", "plots"),
+    ),
+    "sims/contact": ("solver", "walls", "library", "indentation", "pad_surface"),
+    "sims/optics": ("scene", "surface", "oracle", "engine", "tracing"),
+    "sims/optics/engine": ("straight", "mirrored", "scattered", "states", "compiled", "trace_states"),
+    "sims/learning": ("inference", "samples", "fits", "signal_map", "calibration"),
+    "fabrication": ("driver_file", "firmware", "driver_config", "sheets", "driver", "stage"),
+    "fabrication/driver": ("link", "simulated", "recording", "stream", "sensor"),
+    "optopad": ("results", "work", "report", "jobs", "sensor", "screen", "cli"),
+    "optopad/report": ("text", "scenes", "sections", "page"),
+}
+"""From the ground up; of files beside folders only those that a floor needs."""
+
+Place = tuple[str, ...]
+"""A module as its path without suffix: ("design", "spec", "sensor"). A package's own file ends in "__init__"."""
+
+
+@cache
+def modules() -> dict[Place, Path]:
+    """Every module of the house."""
+    paths = (path for room in HOUSE for path in (ROOT / room).rglob("*.py"))
+    return {path.relative_to(ROOT).with_suffix("").parts: path for path in sorted(paths)}
+
+
+def _resolved(name: str) -> Place | None:
+    """The module that a dotted name means, or lies in; None outside the house."""
+    parts = tuple(name.split("."))
+    while parts:
+        for place in (parts, (*parts, "__init__")):
+            if place in modules():
+                return place
+        parts = parts[:-1]
+    return None
+
+
+def _names(tree: ast.Module) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+@cache
+def imports() -> dict[Place, frozenset[Place]]:
+    """What each module imports of the house, lazily or for its types as well."""
+    found = {}
+    for place, path in modules().items():
+        names = _names(ast.parse(path.read_text(encoding="utf-8")))
+        found[place] = frozenset(other for name in names if (other := _resolved(name)) not in (None, place))
+    return found
+
+
+def folders() -> list[Place]:
+    """Every folder of modules, the whole house as ()."""
+    return sorted({place[:depth] for place in modules() for depth in range(len(place))})
+
+
+def _room(place: Place, folder: Place) -> str | None:
+    """The room of a folder in which a module lies; None for the folder's door and for what lies elsewhere."""
+    inside = len(place) > len(folder) and place[: len(folder)] == folder
+    return place[len(folder)] if inside and place[len(folder)] != "__init__" else None
+
+
+def arrows(folder: Place) -> dict[tuple[str, str], list[str]]:
+    """Which room of a folder imports which other one, and by which modules."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for place, others in imports().items():
+        room = _room(place, folder)
+        for other in others if room else ():
+            target = _room(other, folder)
+            if room and target and target != room:
+                found.setdefault((room, target), []).append(f"{'.'.join(place)} -> {'.'.join(other)}")
+    return found
+
+
+def circle(edges: Iterable[tuple[str, str]]) -> list[str]:
+    """Rooms that import each other in a circle, the first again at the end; empty where there is none."""
+    graph: dict[str, set[str]] = {}
+    for start, end in edges:
+        graph.setdefault(start, set()).add(end)
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as err:
+        return list(err.args[1])
+    return []
+
+
+def upward(folder: Place) -> list[str]:
+    """Arrows of a folder that rise from a floor to a higher one."""
+    floors = FLOORS.get("/".join(folder), ())
+    height = {room: number for number, room in enumerate(floors)}
+    return [
+        why
+        for (room, target), whys in arrows(folder).items()
+        if room in height and target in height and height[target] > height[room]
+        for why in whys
+    ]
+
+
+def files_in(folder: Path) -> list[Path]:
+    """The files that lie in a folder itself."""
+    return sorted(path for path in folder.iterdir() if path.is_file() and path.suffix != ".pyc")
+
+
+def lines_of(path: Path) -> int:
+    """Lines of a text file; 0 of any other."""
+    try:
+        return len(path.read_text(encoding="utf-8").splitlines())
+    except UnicodeDecodeError:
+        return 0
+
+
+def imported_rooms(folder: Place) -> list[str]:
+    """The folders that the files of a folder itself import."""
+    own = [place for place in modules() if place[:-1] == folder]
+    targets = {"/".join(other[:-1]) for place in own for other in imports()[place]}
+    return sorted(targets - {"/".join(folder)})
+
+
+def table() -> str:
+    """A row a folder: files, lines, imports out."""
+    rows = []
+    for folder in folders():
+        files = files_in(ROOT.joinpath(*folder)) if folder else []
+        if files:
+            out = ", ".join(imported_rooms(folder)) or "-"
+            rows.append(f"{'/'.join(folder):34} {len(files):5} {sum(map(lines_of, files)):6}  {out}")
+    return "\n".join([f"{'folder':34} {'files':>5} {'lines':>6}  imports", *rows])
+
+
+if __name__ == "__main__":
+    if sys.argv[1:] == ["--draw"]:
+        from tests.house_map import PICTURE, picture
+
+        PICTURE.write_text(picture(), encoding="utf-8")
+        print(f"written: {PICTURE.relative_to(ROOT)}")
+    else:
+        print(table())
