@@ -1,1 +1,14 @@
-"""The front door: command line, pipeline, report."""
+"""optopad: one design file in; a mold to print, a verdict on the layout, and a driver for the built sensor out.
+
+    import optopad
+
+    design = optopad.load("piacenza2017-pair")
+    optopad.score(design).verdict
+    optopad.score(design.with_(**{"cavity.clear_thickness_mm": 10})).deadbands_mm
+
+Rooms, from the ground up: results, work, report, jobs, sensor, screen; the doors are front (Python) and cli (terminal).
+"""
+
+from optopad.front.calls import check, compare, load, predict, presets, run, save, score, sweep
+
+__all__ = ["check", "compare", "load", "predict", "presets", "run", "save", "score", "sweep"]

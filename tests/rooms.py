@@ -35,7 +35,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
     "sims/learning": ("inference", "samples", "fits", "signal_map", "calibration"),
     "fabrication": ("driver_file", "firmware", "driver_config", "sheets", "driver", "stage"),
     "fabrication/driver": ("link", "simulated", "recording", "stream", "sensor"),
-    "optopad": ("results", "work", "report", "jobs", "sensor", "screen", "cli"),
+    "optopad": ("results", "work", "report", "jobs", "sensor", "screen", "front", "cli"),
     "optopad/report": ("text", "scenes", "sections", "page"),
 }
 """From the ground up; of files beside folders only those that a floor needs."""

@@ -1,0 +1,211 @@
+"""What `import optopad` offers: load, check, score, sweep, compare, predict, run.
+
+Each call takes a design and gives a result; nothing is printed. Long ones take `on_step`, called with a stage's name
+and the share of it that is done, and write into the bundles of `out` where the command line would.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from design.spec import SensorDesign
+    from optopad.front.checked import Checked
+    from optopad.front.judged import Score
+    from optopad.front.predicted import Prediction
+    from optopad.front.tables import Compared, Swept
+    from optopad.front.written import Bundle
+
+OnStep = Callable[[str, float], None]
+OUT = "outputs"
+"""Folder of the bundles, as on the command line."""
+
+
+def presets() -> tuple[str, ...]:
+    """Names of the packaged designs."""
+    from design.preset import PRESETS
+
+    return PRESETS
+
+
+def load(where: str | PathLike[str], /, **changes: Any) -> SensorDesign:
+    """A design from a file, a bundle's folder, or a preset's name.
+
+    Parameters
+    ----------
+    changes : fields to set, with two underscores for the dot: ``cavity__clear_thickness_mm=10``; the same as
+        ``design.with_(**{"cavity.clear_thickness_mm": 10})`` afterwards
+
+    Raises
+    ------
+    DesignError, InputError : what is wrong with the file or a change.
+    """
+    from optopad.work.designs import read_design
+
+    design = read_design(str(where), None)
+    return (
+        design.with_(**{name.replace("__", "."): value for name, value in changes.items()})
+        if changes
+        else design
+    )
+
+
+def save(design: SensorDesign, file: str | PathLike[str]) -> Path:
+    """Write a design as TOML; loading it gives the same digest."""
+    from design.io import save_design
+
+    save_design(design, file)
+    return Path(file)
+
+
+def check(design: SensorDesign) -> Checked:
+    """Does it fit, can it be built, can it be judged? What `optopad check` lists."""
+    from design.rules.check import check as findings_of
+    from optopad.front.checked import Checked
+
+    return Checked(design=design, findings=findings_of(design))
+
+
+def score(
+    design: SensorDesign,
+    *,
+    fine: bool = False,
+    full: bool = False,
+    seed: int = 0,
+    on_step: OnStep | None = None,
+) -> Score:
+    """The verdict on a design, with its figures, maps and plots.
+
+    Parameters
+    ----------
+    full : 11 places along the longer side and 0.1 mm steps for the map
+    fine : the same, with finer light
+    seed : of the light model's random shifts
+
+    Raises
+    ------
+    DesignError : the design breaks a rule; `check` lists them.
+    """
+    from optopad.front.judged import Score
+    from sims.continuity.scoring import score as judge
+
+    return Score(design=design, found=judge(design, fine=fine, full=full, seed=seed, on_step=on_step))
+
+
+def sweep(
+    design: SensorDesign,
+    field: str,
+    values: Sequence[Any],
+    *,
+    fine: bool = False,
+    seed: int = 0,
+    out: str | PathLike[str] = OUT,
+    on_step: OnStep | None = None,
+) -> Swept:
+    """A design judged at several values of one field; table and figure also go into its bundle.
+
+    Raises
+    ------
+    DesignError, InputError : a field or value that is refused; nothing was computed.
+    """
+    from optopad.front.tables import Swept
+    from optopad.jobs.sweep import run_sweep
+
+    made = run_sweep(
+        design, field, values, Path(out), fine=fine, seed=seed, build=False, on_step=on_step or _silent
+    )
+    return Swept(found=made)
+
+
+def compare(
+    designs: Mapping[str, SensorDesign] | Sequence[SensorDesign],
+    *,
+    fine: bool = False,
+    seed: int = 0,
+    out: str | PathLike[str] = OUT,
+    on_step: OnStep | None = None,
+) -> Compared:
+    """Designs side by side: what differs, and which is better at what. Page and figure go into the first one's bundle.
+
+    Parameters
+    ----------
+    designs : two or more; a mapping gives them names of its own, a sequence takes the designs' names, numbered where
+        they are alike
+
+    Raises
+    ------
+    DesignError, InputError : too few, the same one twice, or one that breaks a rule.
+    """
+    from optopad.front.tables import Compared, labelled
+    from optopad.jobs.compare import compare as hold
+
+    named = labelled(designs)
+    found = hold(
+        list(named.values()), list(named), Path(out), fine=fine, seed=seed, on_step=on_step or _silent
+    )
+    return Compared(found=found)
+
+
+def predict(
+    design: SensorDesign,
+    *,
+    quick: bool = True,
+    learners: Sequence[str] = (),
+    seed: int = 0,
+    out: str | PathLike[str] = OUT,
+    on_step: OnStep | None = None,
+) -> Prediction:
+    """How well touch, place and depth will be told: the paper's collection simulated, learned and judged.
+
+    Parameters
+    ----------
+    quick : fewer presses and one learner, under a minute; else the paper's whole collection, some minutes
+    learners : by name, as `optopad predict --learner` takes them; empty for those of the effort
+
+    Raises
+    ------
+    DesignError, InputError : the design or a name that is refused.
+    """
+    from optopad.front.predicted import Prediction
+    from optopad.jobs.prediction import QUICK, USUAL
+    from optopad.jobs.prediction import predict as foretell
+
+    found, folder = foretell(
+        design,
+        Path(out),
+        effort=QUICK if quick else USUAL,
+        learners=learners,
+        seed=seed,
+        on_step=on_step or _silent,
+    )
+    return Prediction(design=design, found=found, folder=folder)
+
+
+def run(
+    design: SensorDesign,
+    *,
+    fine: bool = False,
+    seed: int = 0,
+    out: str | PathLike[str] = OUT,
+    on_step: OnStep | None = None,
+) -> Bundle:
+    """The whole bundle: mold, verdict, sheets, firmware, driver configuration, report.
+
+    Raises
+    ------
+    DesignError : the design breaks a rule.
+    OutputError : the folder cannot be written.
+    """
+    from optopad.front.judged import Score
+    from optopad.front.written import Bundle
+    from optopad.jobs.pipeline import run as make
+
+    made = make(design, Path(out), fine=fine, seed=seed, on_step=on_step or _silent)
+    return Bundle(folder=made.folder, score=Score(design=design, found=made.score), checks=made.checks)
+
+
+def _silent(_stage: str, _share: float) -> None:
+    return None

@@ -1,0 +1,192 @@
+"""A scored design: verdict, figures, maps and plots."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
+
+from design.errors import InputError
+from design.geometry.cavity import cavity_of
+from design.spec import SensorDesign
+from optopad.front.shown import block, drawn, picture
+from optopad.screen.summary import score_lines
+from sims.continuity.result import ContinuityScore, JudgedPair
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+
+Bound = Literal["location", "depth"]
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Score:
+    """The verdict on a design.
+
+    Attributes
+    ----------
+    design : what was judged
+    found : the whole score (`sims.continuity.ContinuityScore`), pairs, map, bounds and tolerance inside
+    """
+
+    design: SensorDesign
+    found: ContinuityScore
+
+    @property
+    def verdict(self) -> str:
+        """CONTIGUOUS, DEADBAND or OUT_OF_MODEL_SCOPE."""
+        return self.found.verdict
+
+    @property
+    def reason(self) -> str:
+        """Why the models do not answer; empty where they do."""
+        return self.found.reason
+
+    @property
+    def deadband_mm(self) -> float:
+        """Summed length of the headline's deadbands [mm]."""
+        return self.found.deadband_total_mm
+
+    @property
+    def deadbands_mm(self) -> tuple[tuple[float, float], ...]:
+        """Depths from and to of the headline's deadbands [mm]."""
+        return self.found.deadbands_mm
+
+    @property
+    def mode_gap_mm(self) -> float | None:
+        """From the end of mode 1 to the start of mode 2 [mm]; None where it is open."""
+        return self.found.mode_gap_mm
+
+    @property
+    def continuity(self) -> float | None:
+        """Of the governing pair, or the median pair [-]."""
+        return self.found.continuity
+
+    @property
+    def evenness(self) -> float | None:
+        """How evenly the signal is spread over depth [-]."""
+        return self.found.evenness
+
+    @property
+    def strength(self) -> dict[str, float] | None:
+        """Untouched light and counts, swing, resolvable steps."""
+        return self.found.strength
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the verdict says beside itself."""
+        return self.found.warnings
+
+    @property
+    def pairs(self) -> tuple[str, ...]:
+        """Names of the judged pairs."""
+        return tuple(pair.name for pair in self.found.pairs)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as `score.json` of a bundle."""
+        return self.found.to_json()
+
+    @cached_property
+    def maps(self) -> xr.Dataset:
+        """Everything known place by place: deadbands, bounds, lightest press; the same as `maps.nc` of a bundle.
+
+        Raises
+        ------
+        InputError : the models do not answer for this design.
+        """
+        from sims.continuity.maps_file import maps_dataset
+
+        self._require_answer()
+        return maps_dataset(self.design, self.found)
+
+    @cached_property
+    def signals(self) -> xr.Dataset:
+        """Light behind the map, by state, emitter and receiver; the same as `signals.nc` of a bundle.
+
+        Raises
+        ------
+        InputError : the models do not answer for this design.
+        """
+        from sims.readings.signal_file import signals_dataset
+
+        self._require_answer()
+        light, readout = self.found.pad_signals, self.found.readout
+        assert light is not None
+        assert readout is not None
+        return signals_dataset(light, cavity_of(self.design), counts_per_flux=readout.counts_per_flux)
+
+    def plot_signal(self, pair: str | None = None, ax: Axes | None = None) -> Axes:
+        """Signal of a pair against depth, its modes and deadbands; without a name, of the governing pair.
+
+        Raises
+        ------
+        InputError : no such judged pair.
+        """
+        from sims.plots.signal import plot_signal
+
+        return drawn(lambda own: plot_signal(self._pair(pair), own), ax, 3.6)
+
+    def plot_pairs(self, ax: Axes | None = None) -> Axes:
+        """Modes and deadbands of every judged pair."""
+        from sims.plots.spans import plot_spans
+
+        self._require_answer()
+        return drawn(lambda own: plot_spans(self.found.pairs, own), ax, 1.0 + 0.22 * len(self.pairs))
+
+    def plot_map(self, ax: Axes | None = None) -> Axes:
+        """Deadband at each place of the pad."""
+        from sims.plots.pad import plot_deadband_map
+
+        self._require_answer()
+        found = self.found.pad_map
+        assert found is not None
+        return drawn(lambda own: plot_deadband_map(found, cavity_of(self.design), own), ax, 4.8)
+
+    def plot_margin(self, ax: Axes | None = None) -> Axes:
+        """How far each place of the pad is from a deadband, in noise units."""
+        from sims.plots.pad import plot_margin_map
+
+        self._require_answer()
+        found = self.found.pad_map
+        assert found is not None
+        return drawn(lambda own: plot_margin_map(found, cavity_of(self.design), own), ax, 4.8)
+
+    def plot_tolerance(self, ax: Axes | None = None) -> Axes:
+        """Deadband of the governing pair at both ends of every value that nobody has measured."""
+        from sims.plots.tolerance import plot_tolerance
+
+        self._require_answer()
+        band = self.found.tolerance
+        assert band is not None
+        return drawn(lambda own: plot_tolerance(band, own), ax, 1.2 + 0.3 * len(band.rows))
+
+    def __repr__(self) -> str:
+        return "\n".join(score_lines(self.found))
+
+    def _repr_html_(self) -> str:
+        head, *rest = score_lines(self.found)
+        if self.verdict == "OUT_OF_MODEL_SCOPE":
+            return block(head, rest)
+        from matplotlib.figure import Figure
+
+        from sims.plots.signal import plot_signal
+
+        def figure() -> Figure:
+            sheet = Figure(figsize=(6.4, 3.6), layout="constrained")
+            plot_signal(self._pair(None), sheet.add_subplot())
+            return sheet
+
+        return block(head, rest[:3], picture(figure, f"score-{self.design.digest[:8]}"))
+
+    def _pair(self, name: str | None) -> JudgedPair:
+        self._require_answer()
+        wanted = self.found.governing if name is None else name
+        for pair in self.found.pairs:
+            if pair.name == wanted:
+                return pair
+        raise InputError(f"plot_signal: {wanted!r} is no judged pair; there are {', '.join(self.pairs)}")
+
+    def _require_answer(self) -> None:
+        if self.found.pad_map is None or not self.found.pairs:
+            raise InputError(f"{self.design.name}: nothing was computed, {self.reason or 'a verdict only'}")
