@@ -1,4 +1,4 @@
-"""optopad: one design file in; a mold to print, a verdict on the layout, and a driver for the built sensor out.
+"""The front door: Python and terminal. One design file in; mold, verdict and driver out.
 
     import optopad
 

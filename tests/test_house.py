@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.house_map import PICTURE, picture
 from tests.rooms import FLOORS, MOST_FILES, REASON, arrows, circle, files_in, folders, imports, table, upward
 
 ROOT = Path(__file__).parents[1]
@@ -237,6 +238,10 @@ def test_every_room_that_stands_on_a_floor_is_there() -> None:
 def test_the_table_of_rooms_has_a_row_a_folder() -> None:
     rows = table().splitlines()[1:]
     assert [row.split()[0] for row in rows] == ["/".join(folder) for folder in folders() if folder]
+
+
+def test_the_drawn_map_is_that_of_todays_imports() -> None:
+    assert PICTURE.read_text(encoding="utf-8") == picture(), "draw it anew: python -m tests.rooms --draw"
 
 
 def test_help_loads_no_heavy_library() -> None:
