@@ -13,10 +13,10 @@ WORKERS ?= 2
 SIDE_BY_SIDE = $(if $(filter 1,$(WORKERS)),,-n $(WORKERS) --dist loadfile)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow lint bench validate pins clean
+.PHONY: help setup demo test test-slow lint bench bench-smoke validate pins clean
 
 help: ## list the targets
-	@sed -n 's/^\([a-z-]*\):.*## /\1|/p' Makefile | awk -F'|' '{printf "  make %-10s %s\n", $$1, $$2}'
+	@sed -n 's/^\([a-z-]*\):.*## /\1|/p' Makefile | awk -F'|' '{printf "  make %-11s %s\n", $$1, $$2}'
 
 setup: $(READY) ## create .venv and install optopad with everything it needs
 
@@ -37,6 +37,9 @@ lint: setup ## style, format, types, and the arrows between the rooms
 
 bench: setup ## the benchmarks only
 	$(BIN)/python -m pytest --benchmark-only
+
+bench-smoke: setup ## every benchmark once at its smallest size, to see that it runs; its times mean nothing
+	$(BIN)/python -m pytest --benchmark-disable tests/bench $(SIDE_BY_SIDE)
 
 validate: setup ## the figures of docs/validation, made anew (hours; interrupted, it goes on where it stopped)
 	$(BIN)/python -m tests.validation.contact.contact_reference

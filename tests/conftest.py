@@ -10,6 +10,10 @@ import pytest
 
 os.environ["OPTOPAD_LIGHT_CACHE_MB"] = "0"  # processes that tests start inherit it
 
+if "PYTEST_XDIST_WORKER" in os.environ:
+    # Workers fill the cores already: on small matrices, linear algebra on all cores in each of them mostly waits
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # a shell that runs the tests in the background has them ignore Ctrl-C, and so would every process they interrupt
     signal.signal(signal.SIGINT, signal.default_int_handler)

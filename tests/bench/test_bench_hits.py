@@ -27,17 +27,17 @@ def test_the_plain_walk_and_the_engine_hit_the_same_places():
     assert (np.abs(by_engine.distance_mm - by_plain.distance_mm) < 5e-3).mean() > 0.999
 
 
-def test_closest_hits_of_the_engine(benchmark):
-    lines = cosine_rays(benchmark_scene(), RAYS // 4)
+def test_closest_hits_of_the_engine(benchmark, bench_size):
+    lines = cosine_rays(benchmark_scene(), bench_size.of(RAYS // 4, 1_000))
     found = benchmark.pedantic(engine_hits, args=(PRESS, CENTRE_MM, lines, 1), rounds=3, warmup_rounds=1)
     benchmark.extra_info["millions_per_second"] = found.millions_per_second
     assert found.distance_mm.min() > 0.0
 
 
-def test_the_engine_finds_closest_hits_three_times_as_fast_as_embree(benchmark):
+def test_the_engine_finds_closest_hits_three_times_as_fast_as_embree(benchmark, bench_size):
     """Distances differ by a facet's sagitta, 1.2 µm, over the angle at which it is met: 0.05 mm for 99 in 100 rays."""
     pytest.importorskip("embreex", reason="needs the optional package embreex")
-    lines = cosine_rays(benchmark_scene(), RAYS)
+    lines = cosine_rays(benchmark_scene(), bench_size.of(RAYS, 1_000))
     height = compact_height(PRESS, benchmark_scene().height_mm)
     found = benchmark.pedantic(
         lambda: {
@@ -52,4 +52,4 @@ def test_the_engine_finds_closest_hits_three_times_as_fast_as_embree(benchmark):
     benchmark.extra_info["millions_per_second"] = rates
     print(rates)
     assert np.quantile(difference, 0.99) < 0.05
-    assert rates["engine"] > 3.0 * rates["embree"]
+    assert not bench_size.is_timed or rates["engine"] > 3.0 * rates["embree"]

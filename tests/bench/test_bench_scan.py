@@ -14,10 +14,11 @@ from tests.bench.measures.scan_cost import THREADS, scan
 
 @pytest.mark.slow
 @pytest.mark.parametrize("surface", SURFACES)
-def test_scan_of_121_places_and_51_depths(benchmark, surface):
+def test_scan_of_121_places_and_51_depths(benchmark, bench_size, surface):
     if numba.config.NUMBA_NUM_THREADS < THREADS:
         pytest.skip(f"needs {THREADS} threads, NUMBA_NUM_THREADS is {numba.config.NUMBA_NUM_THREADS}")
-    found = benchmark.pedantic(scan, args=(surface,), rounds=1)
+    along, depths = bench_size.of((11, 51), (2, 3))
+    found = benchmark.pedantic(scan, args=(surface, along, depths), rounds=1)
     figures = {
         "core_minutes": round(found.core_minutes, 2),
         "wall_seconds": round(found.wall_seconds, 1),
@@ -26,6 +27,6 @@ def test_scan_of_121_places_and_51_depths(benchmark, surface):
     benchmark.extra_info.update(figures)
     print(surface, figures)
     flux = found.raw.flux.sum(axis=0)
-    assert flux.shape == (6171, 8, 8)
+    assert flux.shape == (along**2 * depths, 8, 8)
     assert np.isfinite(flux).all()
-    assert (flux[0] == flux[51]).all()  # depth 0 at the first two places: both untouched
+    assert (flux[0] == flux[depths]).all()  # depth 0 at the first two places: both untouched

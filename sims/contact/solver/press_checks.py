@@ -22,7 +22,7 @@ SETTLED_LIMIT = 1e-4
 """Largest last step of any vertex [tip radii]."""
 SHALLOW = 0.05
 """Depth below which the contact spans a few nodes only, and a step moves its force more [tip radii]."""
-SETTLED_SHARES = (2e-4, 4e-4)
+SHALLOW_SHARE, DEEP_SHARE = 2e-4, 4e-4
 """Largest last step of any vertex as a fraction of the depth [-], for shallow presses and for deeper ones."""
 PENETRATION_LIMIT = 0.02
 """Deepest a surface facet may lie inside the tip [tip radii]: 60 µm for a 3 mm tip."""
@@ -102,7 +102,8 @@ class StepCheck:
 
 def settled_limit(depth: float) -> float:
     """Largest last step of a settled state at this depth [tip radii]."""
-    return min(SETTLED_LIMIT, SETTLED_SHARES[depth > SHALLOW] * depth)
+    share = DEEP_SHARE if depth > SHALLOW else SHALLOW_SHARE
+    return min(SETTLED_LIMIT, share * depth)
 
 
 def _reaction(state: PressState) -> float:

@@ -1,4 +1,4 @@
-# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
+# mypy: no-warn-return-any
 """The compiled entry points, cached on disk; everything below them is compiled into them.
 
 A cache on disk notices a change of its own file only. Each entry point therefore closes over a fingerprint
@@ -6,6 +6,8 @@ of all kernel sources, which is part of its cache key: a changed kernel is never
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -20,6 +22,8 @@ from sims.optics.engine.scattered.diffuse import patch_areas as areas_of
 from sims.optics.engine.scattered.orders import all_orders
 from sims.optics.engine.straight import direct, polygon, rays
 from sims.optics.engine.straight.direct import flat_flux
+from sims.optics.kernel_types import ImageRules, Orders, Patches, StraightRules, UntouchedLight, UntouchedRays
+from sims.optics.scene.optical_scene import BoolArray, FloatArray, IntArray
 from sims.optics.surface import curves, radial, radial_table, top, top_grid
 from sims.optics.surface.top import Top
 
@@ -51,9 +55,11 @@ whole_state = njit(inline="always", error_model="numpy")(states.one_state.py_fun
 """The kernel of a state, put into its entry point as it is: compiled alone, all below it would be optimised twice."""
 
 
-def _compile(fingerprint):
+def _compile(fingerprint: int) -> tuple[Any, ...]:
     @njit(cache=True, error_model="numpy")
-    def flat_matrix(emitters, receivers, box, nodes, weights):
+    def flat_matrix(
+        emitters: FloatArray, receivers: FloatArray, box: FloatArray, nodes: FloatArray, weights: FloatArray
+    ) -> FloatArray:
         """(2, emitter, receiver) straight and mirrored flux under a flat top."""
         out = np.zeros((2, emitters.shape[0], receivers.shape[0]))
         for i in range(emitters.shape[0] if fingerprint >= 0 else 0):
@@ -66,7 +72,10 @@ def _compile(fingerprint):
         return out
 
     @njit(cache=True, error_model="numpy")
-    def untouched_deposits(sources, gathers, receivers, box, top, points, count, shift, first, layout):
+    def untouched_deposits(
+        sources: FloatArray, gathers: bool, receivers: FloatArray, box: FloatArray, top: Top, points: FloatArray,
+        count: int, shift: FloatArray, first: float, layout: IntArray,
+    ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
         """(source, patch) deposits under the untouched top; (source, receiver) what smooth walls mirror there."""
         out = np.zeros((sources.shape[0], layout[5, 2] + layout[5, 0] * layout[5, 1]))
         seen = np.zeros((sources.shape[0], receivers.shape[0]))
@@ -76,7 +85,10 @@ def _compile(fingerprint):
         return out, seen
 
     @njit(cache=True, error_model="numpy")
-    def joined(given, taken, receivers, areas, layout, reflectances):
+    def joined(
+        given: FloatArray, taken: FloatArray, receivers: FloatArray, areas: FloatArray, layout: IntArray,
+        reflectances: FloatArray,
+    ) -> FloatArray:  # fmt: skip
         """(emitter, receiver) once-scattered flux from deposits."""
         out = np.zeros((given.shape[0], taken.shape[0]))
         for i in range(given.shape[0] if fingerprint >= 0 else 0):
@@ -86,7 +98,10 @@ def _compile(fingerprint):
         return out
 
     @njit(cache=True, error_model="numpy")
-    def scattered(given, taken, receivers, patches, reflectances, orders, box, top):
+    def scattered(
+        given: FloatArray, taken: FloatArray, receivers: FloatArray, patches: Patches, reflectances: FloatArray,
+        orders: Orders, box: FloatArray, top: Top,
+    ) -> FloatArray:  # fmt: skip
         """(emitter, receiver) scattered flux of all orders from deposits."""
         if fingerprint < 0:
             return np.zeros((0, 0))
@@ -94,7 +109,9 @@ def _compile(fingerprint):
         return all_orders(given, taken, receivers, patches, reflectances, orders, none, box, top)[0]
 
     @njit(cache=True, error_model="numpy")
-    def bounce_matrix(layout, receivers, box, top, points, count):
+    def bounce_matrix(
+        layout: IntArray, receivers: FloatArray, box: FloatArray, top: Top, points: FloatArray, count: int
+    ) -> FloatArray:
         """(patch, patch) share of one patch's scattered light that lands on another, untouched top."""
         if fingerprint < 0:
             return np.zeros((0, 0))
@@ -102,9 +119,11 @@ def _compile(fingerprint):
 
     @njit(cache=True, error_model="numpy", nogil=True)
     def trace_state(
-        out, wanted, emitters, receivers, box, rows, field, flat, scale, rules, image_rules, points, shifts, patches,
-        reflectances, orders, settings, flat_rays,
-    ):  # fmt: skip
+        out: FloatArray, wanted: BoolArray, emitters: FloatArray, receivers: FloatArray, box: FloatArray,
+        rows: FloatArray, field: FloatArray, flat: UntouchedLight, scale: FloatArray, rules: StraightRules,
+        image_rules: ImageRules, points: FloatArray, shifts: FloatArray, patches: Patches, reflectances: FloatArray,
+        orders: Orders, settings: FloatArray, flat_rays: UntouchedRays,
+    ) -> None:  # fmt: skip
         """Fill (replicate, class, emitter, receiver) with flux over emitted power."""
         if fingerprint >= 0:
             whole_state(
@@ -113,12 +132,12 @@ def _compile(fingerprint):
             )  # fmt: skip
 
     @njit(cache=True, error_model="numpy")
-    def patch_layout(box, size):
+    def patch_layout(box: FloatArray, size: float) -> IntArray:
         """(6, 3) columns, rows, first index of the patches on walls 0-3, bottom and tip."""
         return layout_of(box, size if fingerprint >= 0 else 1.0)
 
     @njit(cache=True, error_model="numpy")
-    def patch_areas(layout, receivers, box):
+    def patch_areas(layout: IntArray, receivers: FloatArray, box: FloatArray) -> FloatArray:
         """(patch,) area without receiver faces; 0 for the tip's, which change with the press."""
         return areas_of(layout, receivers, box) if fingerprint >= 0 else np.zeros(0)
 

@@ -1,4 +1,3 @@
-# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
 """Kernels: all states, one after the other on each thread; a state's result depends on no other state.
 
 Path classes: `DIRECT` straight; `TOPS` specular, every reflection at the top outside the skirt radius; `SKIRT`
@@ -25,9 +24,11 @@ from sims.optics.engine.scattered.top_light import (
 )
 from sims.optics.engine.straight.direct import direct_flux, misses_all, reach_of
 from sims.optics.engine.straight.rays import TIP
+from sims.optics.kernel_types import ImageRules, Orders, Patches, StraightRules, UntouchedLight, UntouchedRays
+from sims.optics.scene.optical_scene import BoolArray, FloatArray, IntArray
 from sims.optics.surface.curves import OUTER_R
 from sims.optics.surface.radial import array_kernel, kernel
-from sims.optics.surface.top import FIELD_ON, is_touched
+from sims.optics.surface.top import FIELD_ON, Top, is_touched
 from sims.optics.surface.top_grid import columns_of, sectors_of, top_middles, top_nodes
 
 DIRECT, TOPS, SKIRT, WALL, DIFFUSE = range(5)
@@ -47,7 +48,10 @@ power. At 0.3 of it islands were missed, and 0.05 % of the light of all pairs wi
 
 
 @array_kernel
-def straight(out, keeps, wanted, emitters, receivers, flat, box, top, rules):
+def straight(
+    out: FloatArray, keeps: BoolArray, wanted: BoolArray, emitters: FloatArray, receivers: FloatArray,
+    flat: FloatArray, box: FloatArray, top: Top, rules: StraightRules,
+) -> None:  # fmt: skip
     """Straight light; where a pair's bundle misses every deformed part in plan, the untouched mirrored light too."""
     nodes_e, weights_e, nodes_u, weights_u, nodes_z, weights_z = rules
     radii = np.empty(top.rows.shape[0])
@@ -72,8 +76,10 @@ def straight(out, keeps, wanted, emitters, receivers, flat, box, top, rules):
 
 @array_kernel
 def mirrored_once(
-    result, keeps, wanted, emitters, receivers, scale, sectors, box, top, image_rules, shifts, settings
-):
+    result: FloatArray, keeps: BoolArray, wanted: BoolArray, emitters: FloatArray, receivers: FloatArray,
+    scale: FloatArray, sectors: FloatArray, box: FloatArray, top: Top, image_rules: ImageRules, shifts: FloatArray,
+    settings: FloatArray,
+) -> None:  # fmt: skip
     """Add light with one reflection at the deformed top to TOPS and SKIRT of every replicate."""
     rings = int(settings[RINGS])
     phase_u = shifts[0, GRID_PHASE]
@@ -125,9 +131,10 @@ def mirrored_once(
 
 @array_kernel
 def several_times(
-    result, from_emitter, on_contact, wanted, emitters, receivers, scale, sectors, box, top, shifts, lattices, columns,
-    layout, settings,
-):  # fmt: skip
+    result: FloatArray, from_emitter: FloatArray, on_contact: FloatArray, wanted: BoolArray, emitters: FloatArray,
+    receivers: FloatArray, scale: FloatArray, sectors: FloatArray, box: FloatArray, top: Top, shifts: FloatArray,
+    lattices: FloatArray, columns: FloatArray, layout: IntArray, settings: FloatArray,
+) -> None:  # fmt: skip
     """Add light with several reflections at the top to TOPS and SKIRT of every replicate; and, between dull walls, what
     the top changes in the emitters' deposits to from_emitter[replicate]. Fill on_contact[replicate, emitter, row,
     column] with what lands first hand on the contact's cells.
@@ -165,7 +172,7 @@ def several_times(
 
 
 @kernel
-def put_power(echoes, out):
+def put_power(echoes: FloatArray, out: FloatArray) -> None:
     """Fill (row, column) with what lands on the first rows' cells."""
     for a in range(out.shape[0]):
         for b in range(out.shape[1]):
@@ -174,9 +181,11 @@ def put_power(echoes, out):
 
 @array_kernel
 def beyond_one(
-    result, wanted, emitters, receivers, flat, scale, sectors, box, top, points, shifts, patches, reflectances, orders,
-    settings, flat_rays,
-):  # fmt: skip
+    result: FloatArray, wanted: BoolArray, emitters: FloatArray, receivers: FloatArray,
+    flat: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray], scale: FloatArray, sectors: FloatArray,
+    box: FloatArray, top: Top, points: FloatArray, shifts: FloatArray, patches: Patches, reflectances: FloatArray,
+    orders: Orders, settings: FloatArray, flat_rays: UntouchedRays,
+) -> None:  # fmt: skip
     """Add light with several reflections to TOPS and SKIRT, light mirrored by walls to WALL, and scattered light."""
     flat_diffuse, flat_wall, given, taken, flat_join = flat
     layout = patches[0]
@@ -247,8 +256,11 @@ def beyond_one(
 
 
 @array_kernel
-def walled(from_emitter, from_receiver, seen, wanted, emitters, receivers, box, top, points, count, shift, layout,
-           flat_rays):  # fmt: skip
+def walled(
+    from_emitter: FloatArray, from_receiver: FloatArray, seen: FloatArray, wanted: BoolArray, emitters: FloatArray,
+    receivers: FloatArray, box: FloatArray, top: Top, points: FloatArray, count: int, shift: FloatArray,
+    layout: IntArray, flat_rays: UntouchedRays,
+) -> None:  # fmt: skip
     """Between smooth walls: add the change of all deposits, and of light mirrored onto receivers, by the same rays as
     in the untouched pad.
     """
@@ -269,7 +281,9 @@ def walled(from_emitter, from_receiver, seen, wanted, emitters, receivers, box, 
 
 
 @kernel
-def unpressed(result, wanted, flat_straight, flat_diffuse, flat_wall):
+def unpressed(
+    result: FloatArray, wanted: BoolArray, flat_straight: FloatArray, flat_diffuse: FloatArray, flat_wall: FloatArray,
+) -> None:  # fmt: skip
     """Fill (replicate, class, emitter, receiver) with the wanted pairs' untouched flux."""
     for n in range(result.shape[0]):
         for i in range(wanted.shape[0]):
@@ -282,7 +296,7 @@ def unpressed(result, wanted, flat_straight, flat_diffuse, flat_wall):
 
 
 @kernel
-def repeat_first(result):
+def repeat_first(result: FloatArray) -> None:
     """Copy the first replicate to all others, by loops: Numba takes seconds to compile an assignment of arrays."""
     for n in range(1, result.shape[0]):
         for k in range(result.shape[1]):
@@ -293,9 +307,11 @@ def repeat_first(result):
 
 @array_kernel
 def one_state(
-    result, wanted, emitters, receivers, box, top, flat, scale, rules, image_rules, points, shifts, patches,
-    reflectances, orders, settings, flat_rays,
-):  # fmt: skip
+    result: FloatArray, wanted: BoolArray, emitters: FloatArray, receivers: FloatArray, box: FloatArray, top: Top,
+    flat: UntouchedLight, scale: FloatArray, rules: StraightRules, image_rules: ImageRules, points: FloatArray,
+    shifts: FloatArray, patches: Patches, reflectances: FloatArray, orders: Orders, settings: FloatArray,
+    flat_rays: UntouchedRays,
+) -> None:  # fmt: skip
     """Fill (replicate, class, emitter, receiver) with flux over emitted power."""
     flat_straight, flat_diffuse, flat_wall, given, taken, flat_join = flat
     if not is_touched(top):

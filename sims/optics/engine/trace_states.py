@@ -1,4 +1,3 @@
-# mypy: allow-untyped-calls
 """Trace every pair of a scene through pressed tops: flux by path class, with a standard error.
 
 Model

@@ -1,4 +1,3 @@
-# mypy: allow-untyped-calls
 """What a scene, settings and a seed fix once: packed patches, the untouched pad's light, point sets."""
 
 from __future__ import annotations

@@ -1,4 +1,3 @@
-# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
 """The oracle's two compiled entry points, cached on disk; everything below them is compiled into them.
 
 A cache on disk notices a change of its own file only. Each entry point therefore closes over a fingerprint of all
@@ -8,6 +7,8 @@ What every flight goes through is forced inline: calls that hand over a scene of
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit, prange
 
@@ -16,7 +17,10 @@ from sims.cache.fingerprint import source_fingerprint
 from sims.optics.oracle import air, border, chance, heights, march, profile, scene, surface, top
 from sims.optics.oracle import walk as walk_file
 from sims.optics.oracle.chance import ray_stream
+from sims.optics.oracle.scene import Scene
+from sims.optics.oracle.top import Top
 from sims.optics.oracle.walk import CROSSING, FATES, UNSUBMERGED, VOLUME, walk
+from sims.optics.scene.optical_scene import BoolArray, FloatArray
 
 MODULES = (
     air,
@@ -35,9 +39,11 @@ BATCHES = 256
 """Parts in which the rays of one emitter are summed; fixed, so that threads never change an answer."""
 
 
-def _compile(fingerprint):
+def _compile(fingerprint: int) -> tuple[Any, ...]:
     @njit(cache=True, parallel=True)
-    def trace_emitter(scene, top, seed, state, emitter, rays):
+    def trace_emitter(
+        scene: Scene, top: Top, seed: int, state: int, emitter: int, rays: int
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Sums over rays in each batch: received weight and its square by class, and the ledger."""
         receivers = scene.receiver_wall.shape[0]
         flux = np.zeros((BATCHES, CLASS_COUNT, receivers))
@@ -56,7 +62,9 @@ def _compile(fingerprint):
         return flux, square, ledger
 
     @njit(cache=True)
-    def next_path(scene, top, emitter, wanted, seed, ray, tries, places):
+    def next_path(
+        scene: Scene, top: Top, emitter: int, wanted: BoolArray, seed: int, ray: int, tries: int, places: int
+    ) -> tuple[int, int, int, FloatArray]:
         """Number, fate, receiver and places of the next ray that ends where it is wanted."""
         vertices = np.empty((places, 3))
         for number in range(ray, ray + tries if fingerprint >= 0 else 0):

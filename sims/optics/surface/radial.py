@@ -1,4 +1,4 @@
-# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
+# mypy: no-warn-return-any
 """Kernels: the radial table of one tip, and what does not depend on the top.
 
 `rows` (tip, n) hold `sims.optics.surface.curves.SurfaceStack` tip by tip (`ROW` columns); `box` is (length, width,
@@ -14,6 +14,8 @@ from typing import Any
 
 from numba import njit
 
+from sims.optics.kernel_types import KernelDecorator
+from sims.optics.scene.optical_scene import FloatArray
 from sims.optics.surface.curves import (
     CONTACT,
     CONTACT_PARTS,
@@ -47,22 +49,22 @@ entry point, and these took sums in different order."""
 UNCOUNTED: dict[str, Any] = UNSEEN | {"_nrt": False}
 """Without Numba's counts of references to arrays, which took an eighth of the time: no pass of its compiler can drop
 those of arrays in a named tuple. Such a kernel makes no array and returns none; Numba refuses one that tries."""
-array_kernel = njit(**UNSEEN)
-kernel = njit(**UNCOUNTED)
-inlined = njit(**UNCOUNTED, forceinline=True)
+array_kernel: KernelDecorator = njit(**UNSEEN)
+kernel: KernelDecorator = njit(**UNCOUNTED)
+inlined: KernelDecorator = njit(**UNCOUNTED, forceinline=True)
 """For what is called with every ray: a call with an array costs as much as a square root."""
 
 NEVER = 1e30
 
 
 @inlined
-def distance(dx, dy):
+def distance(dx: float, dy: float) -> float:
     """Length of a vector in plan; lengths here are far from overflow, which spares the care of hypot."""
     return math.sqrt(dx * dx + dy * dy)
 
 
 @inlined
-def contact_radius_2(share, tip, rows):
+def contact_radius_2(share: float, tip: int, rows: FloatArray) -> tuple[float, float]:
     """Squared radius inside which lies this share of a tip's contact, by area, and what it grows by per unit share."""
     parts = share * CONTACT_PARTS
     part = min(int(parts), CONTACT_PARTS - 1)
@@ -72,7 +74,7 @@ def contact_radius_2(share, tip, rows):
 
 
 @kernel
-def fresnel(cos_angle, index):
+def fresnel(cos_angle: float, index: float) -> float:
     """Unpolarised reflectance from inside; 1 beyond the critical angle."""
     sin2 = index * index * (1.0 - cos_angle * cos_angle)
     if sin2 >= 1.0:
@@ -84,7 +86,7 @@ def fresnel(cos_angle, index):
 
 
 @kernel
-def wall_point(wall, along, z, box):
+def wall_point(wall: int, along: float, z: float, box: FloatArray) -> tuple[float, float, float]:
     """Point of a wall at `along`, z."""
     if wall == 0:
         return along, 0.0, z
@@ -96,7 +98,7 @@ def wall_point(wall, along, z, box):
 
 
 @kernel
-def wall_normal(wall):
+def wall_normal(wall: int) -> tuple[float, float]:
     """Inward normal (x, y) of a wall."""
     if wall == 0:
         return 0.0, 1.0
@@ -108,7 +110,7 @@ def wall_normal(wall):
 
 
 @kernel
-def mirrored_share(cos_angle, index, behind):
+def mirrored_share(cos_angle: float, index: float, behind: float) -> float:
     """Unpolarised reflectance at a smooth face from an index to the one behind it; 1 beyond the critical angle."""
     ratio = index / behind
     sin2 = ratio * ratio * (1.0 - cos_angle * cos_angle)
@@ -121,7 +123,7 @@ def mirrored_share(cos_angle, index, behind):
 
 
 @kernel
-def radiance(patch, cosine):
+def radiance(patch: FloatArray, cosine: float) -> float:
     """Radiance over power and area that a patch sends at a cosine to its normal; 1/pi if it is Lambertian [1/sr].
 
     For a receiver pi times this is the share that it counts of light from there.
@@ -139,7 +141,9 @@ def radiance(patch, cosine):
 
 
 @inlined
-def wall_hit(x, y, z, dx, dy, dz, box):
+def wall_hit(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, box: FloatArray
+) -> tuple[float, int]:
     """Distance to the nearest wall or the bottom, and which (0-3 walls, 4 bottom, -1 none).
 
     Written without jumps on the signs, which no processor can foresee.
@@ -157,7 +161,7 @@ def wall_hit(x, y, z, dx, dy, dz, box):
 
 
 @inlined
-def height(r2, tip, rows):
+def height(r2: float, tip: int, rows: FloatArray) -> float:
     """Height of the top above the bottom at a squared radius."""
     if r2 >= rows[tip, OUTER_2]:
         return rows[tip, TOP]
@@ -171,7 +175,7 @@ def height(r2, tip, rows):
 
 
 @inlined
-def height_and_turn(r2, tip, rows):
+def height_and_turn(r2: float, tip: int, rows: FloatArray) -> tuple[float, float]:
     """Height of the top and dh/dr over r, which times (x, y) is the gradient."""
     if r2 >= rows[tip, OUTER_2]:
         return rows[tip, TOP], 0.0
@@ -189,7 +193,7 @@ def height_and_turn(r2, tip, rows):
 
 
 @kernel
-def height_turn_bend(r2, tip, rows):
+def height_turn_bend(r2: float, tip: int, rows: FloatArray) -> tuple[float, float, float]:
     """Height of the top, dh/dr over r, and the derivative of the latter over r."""
     if r2 >= rows[tip, OUTER_2]:
         return rows[tip, TOP], 0.0, 0.0
@@ -209,7 +213,7 @@ def height_turn_bend(r2, tip, rows):
 
 
 @inlined
-def _piece(r2, tip, rows):
+def _piece(r2: float, tip: int, rows: FloatArray) -> int:
     """Where the piece that holds a squared radius begins in its tip's row; the first one's within the sphere."""
     if r2 <= rows[tip, SPHERE_2]:
         return PIECES
@@ -218,19 +222,19 @@ def _piece(r2, tip, rows):
 
 
 @inlined
-def slope_bound(r2, tip, rows):
+def slope_bound(r2: float, tip: int, rows: FloatArray) -> float:
     """Largest |dh/dr| at this squared radius and beyond."""
     return 0.0 if r2 >= rows[tip, OUTER_2] else rows[tip, _piece(r2, tip, rows) + STEEP]
 
 
 @kernel
-def fall_bound(r2, tip, rows):
+def fall_bound(r2: float, tip: int, rows: FloatArray) -> float:
     """Largest fall -dh/dr at this squared radius and beyond."""
     return 0.0 if r2 >= rows[tip, OUTER_2] else rows[tip, _piece(r2, tip, rows) + FALL]
 
 
 @inlined
-def reach2(z, tip, rows):
+def reach2(z: float, tip: int, rows: FloatArray) -> float:
     """Squared radius beyond which the top lies nowhere below z, for z below the undisturbed top; -1: nowhere."""
     if z <= rows[tip, LOWEST]:
         return -1.0

@@ -1,4 +1,4 @@
-# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
+# mypy: no-warn-return-any
 """Kernels: the deformed top as the sum of every tip's radial table and of a smooth field.
 
 A state's top is a `Top`: rows of `sims.optics.surface.curves.SurfaceStack` for each tip, a bicubic Hermite field
@@ -34,13 +34,13 @@ class Top(NamedTuple):
 
 
 @inlined
-def is_plain(top):
+def is_plain(top: Top) -> bool:
     """Whether one radial table is all there is."""
     return top.rows.shape[0] == 1 and top.rows[0, FIELD_ON] == 0.0
 
 
 @kernel
-def is_touched(top):
+def is_touched(top: Top) -> bool:
     """Whether the top differs from the undisturbed plane."""
     if top.rows[0, FIELD_ON] != 0.0:
         return True
@@ -51,7 +51,7 @@ def is_touched(top):
 
 
 @kernel
-def touching_tip(x, y, top):
+def touching_tip(x: float, y: float, top: Top) -> tuple[int, float]:
     """The tip that touches the top there (-1: none), and the smallest distance from an axis over its skirt radius."""
     share = 1e30
     tip = -1
@@ -65,7 +65,7 @@ def touching_tip(x, y, top):
 
 
 @kernel
-def is_beyond(x, y, top):
+def is_beyond(x: float, y: float, top: Top) -> bool:
     """Whether a place lies beyond the outer radius of every tip, where the top without a field is undisturbed."""
     for k in range(top.rows.shape[0]):
         outer = top.rows[k, OUTER_R] if top.rows[k, ACTIVE] > 0.0 else 0.0
@@ -75,7 +75,7 @@ def is_beyond(x, y, top):
 
 
 @kernel
-def _field_cell(x, y, top):
+def _field_cell(x: float, y: float, top: Top) -> tuple[int, int, float, float]:
     """Cell of the field and fractions within it; -1 outside."""
     rows = top.rows
     u = (x - rows[0, FIELD_X]) / rows[0, FIELD_DX]
@@ -90,28 +90,31 @@ def _field_cell(x, y, top):
 
 
 @kernel
-def _ends(t, step):
+def _ends(t: float, step: float) -> tuple[float, float, float, float]:
     """Hermite weights of value and slope at both ends of a cell."""
     s = 1.0 - t
     return (1.0 + 2.0 * t) * s * s, step * t * s * s, (1.0 + 2.0 * s) * t * t, -step * s * t * t
 
 
 @kernel
-def _end_slopes(t, step):
+def _end_slopes(t: float, step: float) -> tuple[float, float, float, float]:
     """First derivatives of `_ends` with respect to the place."""
     s = 1.0 - t
     return -6.0 * t * s / step, s * (1.0 - 3.0 * t), 6.0 * t * s / step, t * (3.0 * t - 2.0)
 
 
 @kernel
-def _end_bends(t, step):
+def _end_bends(t: float, step: float) -> tuple[float, float, float, float]:
     """Second derivatives of `_ends`."""
     s2 = step * step
     return (12.0 * t - 6.0) / s2, (6.0 * t - 4.0) / step, (6.0 - 12.0 * t) / s2, (6.0 * t - 2.0) / step
 
 
 @kernel
-def _mixed(i, j, along, across, field):
+def _mixed(
+    i: int, j: int, along: tuple[float, float, float, float], across: tuple[float, float, float, float],
+    field: FloatArray,
+) -> float:  # fmt: skip
     """Sum over a cell's four nodes of weights along x and y."""
     total = 0.0
     for a in range(2):
@@ -126,7 +129,7 @@ def _mixed(i, j, along, across, field):
 
 
 @kernel
-def surface_height(x, y, top):
+def surface_height(x: float, y: float, top: Top) -> float:
     """Height of the top above the bottom."""
     rows = top.rows
     rx = x - rows[0, X]
@@ -146,7 +149,7 @@ def surface_height(x, y, top):
 
 
 @kernel
-def surface_gradient(x, y, top):
+def surface_gradient(x: float, y: float, top: Top) -> tuple[float, float, float]:
     """Height of the top, dh/dx, dh/dy."""
     rows = top.rows
     rx = x - rows[0, X]
@@ -175,7 +178,9 @@ def surface_gradient(x, y, top):
 
 
 @kernel
-def _tip_bend(x, y, tip, rows):
+def _tip_bend(
+    x: float, y: float, tip: int, rows: FloatArray
+) -> tuple[float, float, float, float, float, float]:
     """One tip's height, gradient and second derivatives."""
     rx = x - rows[tip, X]
     ry = y - rows[tip, Y]
@@ -184,7 +189,7 @@ def _tip_bend(x, y, tip, rows):
 
 
 @kernel
-def surface_bend(x, y, top):
+def surface_bend(x: float, y: float, top: Top) -> tuple[float, float, float, float, float, float]:
     """Height of the top, dh/dx, dh/dy, d2h/dx2, d2h/dxdy, d2h/dy2."""
     h, gx, gy, hxx, hxy, hyy = _tip_bend(x, y, 0, top.rows)
     if is_plain(top):

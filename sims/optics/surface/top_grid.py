@@ -1,4 +1,3 @@
-# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
 """Kernels: the top in cells of (u, v) around every tip.
 
 A tip owns the part of the box that is nearer to it than to any other, a convex polygon. Each edge of it spans a
@@ -12,9 +11,10 @@ import math
 
 import numpy as np
 
+from sims.optics.scene.optical_scene import FloatArray
 from sims.optics.surface.curves import ACTIVE, CONTACT_R, X, Y
 from sims.optics.surface.radial import array_kernel, contact_radius_2, kernel
-from sims.optics.surface.top import surface_bend, surface_gradient
+from sims.optics.surface.top import Top, surface_bend, surface_gradient
 
 # columns of a sector row
 AX, AY, BX, BY, SPAN, TIP = range(6)
@@ -26,7 +26,7 @@ FEWEST_COLUMNS = 3
 
 
 @kernel
-def _cell_of_tip(tip, top, box, corners, other):
+def _cell_of_tip(tip: int, top: Top, box: FloatArray, corners: FloatArray, other: FloatArray) -> int:
     """Corners (n, 2) of the part of the box nearest to a tip; their number."""
     corners[0, 0], corners[0, 1] = 0.0, 0.0
     corners[1, 0], corners[1, 1] = box[0], 0.0
@@ -63,7 +63,7 @@ def _cell_of_tip(tip, top, box, corners, other):
 
 
 @array_kernel
-def sectors_of(top, box):
+def sectors_of(top: Top, box: FloatArray) -> FloatArray:
     """(sector, 6) start of each edge and vector to its end, both from the axis; angle; tip. Sorted by tip.
 
     Where no tip touches, the first one's axis serves as the middle of the grid.
@@ -94,7 +94,9 @@ def sectors_of(top, box):
 
 
 @kernel
-def place_on_top(sector, u, v, sectors, top):
+def place_on_top(
+    sector: int, u: float, v: float, sectors: FloatArray, top: Top
+) -> tuple[float, float, float, float]:
     """Place (x, y) of (u, v), its radius, and the plan area per du dv."""
     wx = sectors[sector, AX] + v * sectors[sector, BX]
     wy = sectors[sector, AY] + v * sectors[sector, BY]
@@ -111,7 +113,9 @@ def place_on_top(sector, u, v, sectors, top):
 
 
 @kernel
-def place_in_contact(sector, s, v, sectors, top):
+def place_in_contact(
+    sector: int, s: float, v: float, sectors: FloatArray, top: Top
+) -> tuple[float, float, float]:
     """Place (x, y) in a tip's contact, s from the axis (0) to the edge (1) by area, and the plan area per ds dv."""
     wx = sectors[sector, AX] + v * sectors[sector, BX]
     wy = sectors[sector, AY] + v * sectors[sector, BY]
@@ -126,7 +130,9 @@ def place_in_contact(sector, s, v, sectors, top):
 
 
 @kernel
-def top_point(sector, u, v, sectors, top):
+def top_point(
+    sector: int, u: float, v: float, sectors: FloatArray, top: Top
+) -> tuple[float, float, float, float, float, float, float]:
     """Point of the top, dh/dx, dh/dy, radius, and the plan area per du dv."""
     x, y, r, area = place_on_top(sector, u, v, sectors, top)
     h, gx, gy = surface_gradient(x, y, top)
@@ -134,7 +140,7 @@ def top_point(sector, u, v, sectors, top):
 
 
 @array_kernel
-def columns_of(columns, phase, sectors):
+def columns_of(columns: float, phase: float, sectors: FloatArray) -> FloatArray:
     """(column, 5) sector, v where it starts, v where it ends, previous column, next column (round the tip).
 
     The phase, 0 to 1, moves the inner borders of each sector's columns.
@@ -162,7 +168,7 @@ def columns_of(columns, phase, sectors):
 
 
 @kernel
-def ring_edge(ring, rings, phase):
+def ring_edge(ring: int, rings: int, phase: float) -> float:
     """u of a ring's inner border; the phase, 0 to 1, moves all but the first and the last."""
     if ring == 0:
         return 0.0
@@ -172,7 +178,7 @@ def ring_edge(ring, rings, phase):
 
 
 @array_kernel
-def top_nodes(rings, phase, columns, sectors, top):
+def top_nodes(rings: int, phase: float, columns: FloatArray, sectors: FloatArray, top: Top) -> FloatArray:
     """(ring + 1, column, 8) place, height, gradient and second derivatives at every column's start."""
     nodes = np.empty((rings + 1, columns.shape[0], NODE_COLUMNS))
     for b in range(columns.shape[0]):
@@ -183,7 +189,7 @@ def top_nodes(rings, phase, columns, sectors, top):
 
 
 @array_kernel
-def top_middles(rings, phase, columns, sectors, top):
+def top_middles(rings: int, phase: float, columns: FloatArray, sectors: FloatArray, top: Top) -> FloatArray:
     """(ring, column, 8) the same in the middle of every cell."""
     nodes = np.empty((rings, columns.shape[0], NODE_COLUMNS))
     for b in range(columns.shape[0]):
@@ -195,14 +201,16 @@ def top_middles(rings, phase, columns, sectors, top):
 
 
 @kernel
-def _put_node(row, sector, u, v, sectors, top):
+def _put_node(row: FloatArray, sector: int, u: float, v: float, sectors: FloatArray, top: Top) -> None:
     """Fill a row of `top_nodes`."""
     row[NX], row[NY], _, _ = place_on_top(sector, u, v, sectors, top)
     row[NZ], row[GX], row[GY], row[HXX], row[HXY], row[HYY] = surface_bend(row[NX], row[NY], top)
 
 
 @kernel
-def cell_at(x, y, rings, phase, columns, sectors, top):
+def cell_at(
+    x: float, y: float, rings: int, phase: float, columns: FloatArray, sectors: FloatArray, top: Top
+) -> tuple[int, int]:
     """Ring and column of the cell that holds a place; (-1, -1) in a contact or outside."""
     for n in range(columns.shape[0]):
         k = int(columns[n, 0])

@@ -96,7 +96,7 @@ def tracker_cost() -> float:
     return milliseconds(follow, signals)
 
 
-def live_core_share(model: TouchModel | None) -> float:
+def live_core_share(model: TouchModel | None, live_s: tuple[float, float] = LIVE_S) -> float:
     """Share of a core that `driver read --json` takes at 60 frames a second, with a model or without."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -106,8 +106,8 @@ def live_core_share(model: TouchModel | None) -> float:
         if model is not None:
             save_model(folder / "pad.optomodel", model)
             command += ["--model", str(folder / "pad.optomodel")]
-        spent = [_seconds_of_cpu(command, folder, seconds) for seconds in LIVE_S]
-    return (spent[1] - spent[0]) / (LIVE_S[1] - LIVE_S[0])
+        spent = [_seconds_of_cpu(command, folder, seconds) for seconds in live_s]
+    return (spent[1] - spent[0]) / (live_s[1] - live_s[0])
 
 
 def _seconds_of_cpu(command: list[str], folder: Path, seconds: float) -> float:
@@ -124,20 +124,20 @@ def _seconds_of_cpu(command: list[str], folder: Path, seconds: float) -> float:
     return (after.ru_utime + after.ru_stime) - (before.ru_utime + before.ru_stime)
 
 
-def costs() -> dict[str, dict[str, float]]:
+def costs(live_s: tuple[float, float] = LIVE_S) -> dict[str, dict[str, float]]:
     """All figures: milliseconds a frame, and shares of a core at 60 frames a second."""
     models = {"kernel-ridge": kernel_ridge(), "signal-map": signal_map()}
     frame_ms = {"drift": tracker_cost()} | {name: model_cost(model) for name, model in models.items()}
-    share = {"signals": live_core_share(None)} | {
-        name: live_core_share(model) for name, model in models.items()
+    share = {"signals": live_core_share(None, live_s)} | {
+        name: live_core_share(model, live_s) for name, model in models.items()
     }
     return {"frame_ms": frame_ms, "core_share": share}
 
 
-def costs_on_one_thread() -> dict[str, dict[str, float]]:
+def costs_on_one_thread(live_s: tuple[float, float] = LIVE_S) -> dict[str, dict[str, float]]:
     """The same, from a process whose linear algebra has one thread."""
     done = subprocess.run(
-        [sys.executable, "-m", __name__],
+        [sys.executable, "-m", __name__, *map(str, live_s)],
         env=os.environ | ONE_THREAD,
         cwd=ROOT,
         check=True,
@@ -148,4 +148,5 @@ def costs_on_one_thread() -> dict[str, dict[str, float]]:
 
 
 if __name__ == "__main__":
-    print(json.dumps(costs(), indent=2))
+    shorter, longer = map(float, sys.argv[1:] or LIVE_S)
+    print(json.dumps(costs((shorter, longer)), indent=2))

@@ -68,16 +68,16 @@ def mitsuba_walk() -> Walked:
 
 
 @cache
-def engine_settings() -> tuple[Cost, ...]:
-    """Every setting of the engine on the same state."""
-    return tuple(costs(benchmark_scene(), CENTRE_MM, compact_dimple(DEPTH_MM), list(ACCURACIES), "fine"))
+def engine_settings(names: tuple[str, ...] = tuple(ACCURACIES), finest: str = "fine") -> tuple[Cost, ...]:
+    """Settings of the engine, by default every one, on the same state."""
+    return tuple(costs(benchmark_scene(), CENTRE_MM, compact_dimple(DEPTH_MM), names, finest))
 
 
-def duel(walked: Walked) -> Duel:
-    """A walk's time against the engine's."""
+def duel(walked: Walked, settings: tuple[Cost, ...] | None = None, limit: float = LIMIT) -> Duel:
+    """A walk's time against the engine's, both to a relative error of the worst pair."""
     pairs = different_walls(benchmark_scene())
     return Duel(
         segments_per_second=walked.segments / walked.seconds,
-        walk_seconds=walked.seconds_for(LIMIT, pairs),
-        engine=cheapest(engine_settings(), LIMIT, pairs),
+        walk_seconds=walked.seconds_for(limit, pairs),
+        engine=cheapest(settings or engine_settings(), limit, pairs),
     )

@@ -1,4 +1,3 @@
-# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
 """Kernels: where a pair's singly reflected light meets the top.
 
 A path from e over the top's point p to q has the length F = |p - e| + |q - p|. It is a mirror path where the
@@ -13,8 +12,9 @@ from __future__ import annotations
 
 import math
 
+from sims.optics.scene.optical_scene import FloatArray, IntArray
 from sims.optics.surface.radial import kernel, wall_point
-from sims.optics.surface.top import surface_bend
+from sims.optics.surface.top import Top, surface_bend
 from sims.optics.surface.top_grid import GX, GY, HXX, HXY, HYY, NX, NY, NZ, place_on_top, ring_edge
 
 # columns of a patch row at a node; ACROSS_S and ACROSS_U begin three: a unit vector, the reach of the patch along it
@@ -41,7 +41,7 @@ NEVER = 1e30
 
 
 @kernel
-def _put_across(row, edge, other, out):
+def _put_across(row: FloatArray, edge: int, other: int, out: int) -> None:
     """Fill three columns: the unit vector across one edge direction, and how far the other edge reaches along it."""
     nx = -row[edge + 1]
     ny = row[edge]
@@ -52,7 +52,10 @@ def _put_across(row, edge, other, out):
 
 
 @kernel
-def leg_row(patch, x, y, z, gx, gy, hxx, hxy, hyy, box, out):
+def leg_row(
+    patch: FloatArray, x: float, y: float, z: float, gx: float, gy: float, hxx: float, hxy: float, hyy: float,
+    box: FloatArray, out: FloatArray,
+) -> None:  # fmt: skip
     """Fill a row: gradient in plan of the leg's length from the patch's centre; how far that moves from the centre
     to its side and to its upper edge; second derivatives; how much the top's underside faces the patch; what to add
     to the range, for that is of first order only.
@@ -90,7 +93,7 @@ def leg_row(patch, x, y, z, gx, gy, hxx, hxy, hyy, box, out):
 
 
 @kernel
-def patch_table(patch, nodes, box, out):
+def patch_table(patch: FloatArray, nodes: FloatArray, box: FloatArray, out: FloatArray) -> None:
     """Fill (ring + 1, column, n) with the rows of one patch."""
     for a in range(nodes.shape[0]):
         for b in range(nodes.shape[1]):
@@ -101,7 +104,7 @@ def patch_table(patch, nodes, box, out):
 
 
 @kernel
-def closeness(emitter, receiver, a, b, e):
+def closeness(emitter: FloatArray, receiver: FloatArray, a: int, b: int, e: int) -> float:
     """What the range of a cell's gradient gains beyond first order; `ANYWHERE` or more beside a close patch."""
     close = 0.0
     for k in range(4):
@@ -112,7 +115,7 @@ def closeness(emitter, receiver, a, b, e):
 
 
 @kernel
-def _passes_box(emitter, receiver, a, b, e):
+def _passes_box(emitter: FloatArray, receiver: FloatArray, a: int, b: int, e: int) -> bool:
     """Whether both gradient components may vanish somewhere in the cell, and both patches see its underside."""
     low_x = NEVER
     high_x = -NEVER
@@ -156,7 +159,7 @@ def _passes_box(emitter, receiver, a, b, e):
 
 
 @kernel
-def across(emitter, receiver, side):
+def across(emitter: FloatArray, receiver: FloatArray, side: int) -> tuple[float, float]:
     """Gradient at a node, by its rows of both patches, across one of the four edge directions of the pair's range, and
     half that range.
     """
@@ -174,7 +177,7 @@ def across(emitter, receiver, side):
 
 
 @kernel
-def image_steps(emitter, receiver, a, b, e):
+def image_steps(emitter: FloatArray, receiver: FloatArray, a: int, b: int, e: int) -> tuple[float, float]:
     """By how many of its sizes the pair's image moves across a cell along u and v; (-1, -1): no light from there."""
     if not _passes_box(emitter, receiver, a, b, e):
         return -1.0, -1.0
@@ -200,7 +203,7 @@ def image_steps(emitter, receiver, a, b, e):
 
 
 @kernel
-def patch_boxes(table, columns, out):
+def patch_boxes(table: FloatArray, columns: FloatArray, out: FloatArray) -> None:
     """Fill (ring, column, 5): bounds of the gradient of a patch and of its range over a cell (low x, high x, low y,
     high y), and how much the cell faces the patch at most.
     """
@@ -235,7 +238,10 @@ def patch_boxes(table, columns, out):
 
 
 @kernel
-def lit_cells(emitter, receiver, box_e, box_q, columns, steps, tag):
+def lit_cells(
+    emitter: FloatArray, receiver: FloatArray, box_e: FloatArray, box_q: FloatArray, columns: FloatArray,
+    steps: FloatArray, tag: IntArray,
+) -> int:  # fmt: skip
     """Fill steps[ring, column, 2] and set tag to 1 where a cell may hold a mirror path, else 0; their number."""
     count = 0
     for a in range(emitter.shape[0] - 1):
@@ -257,7 +263,9 @@ def lit_cells(emitter, receiver, box_e, box_q, columns, steps, tag):
 
 
 @kernel
-def take_island(first, number, columns, tag, stack, cells):
+def take_island(
+    first: int, number: int, columns: FloatArray, tag: IntArray, stack: IntArray, cells: IntArray
+) -> int:
     """Give one island of cells tagged 1 (neighbours by side or corner) its number; returns how many cells it has."""
     rings, width = tag.shape
     found = 0
@@ -282,7 +290,9 @@ def take_island(first, number, columns, tag, stack, cells):
 
 
 @kernel
-def island_start(emitter, receiver, columns, cells, count):
+def island_start(
+    emitter: FloatArray, receiver: FloatArray, columns: FloatArray, cells: IntArray, count: int
+) -> tuple[int, int]:
     """Ring and column of an island's node that is nearest to a mirror path."""
     width = emitter.shape[1]
     nearest = NEVER
@@ -302,7 +312,7 @@ def island_start(emitter, receiver, columns, cells, count):
 
 
 @kernel
-def _range_share(emitter, receiver):
+def _range_share(emitter: FloatArray, receiver: FloatArray) -> float:
     """How far a place lies from a mirror path of the pair, over the pair's range; up to 1 inside."""
     off = 0.0
     for side in range(4):
@@ -312,7 +322,10 @@ def _range_share(emitter, receiver):
 
 
 @kernel
-def island_fold(source, target, cells, count, rings, phase, columns, sectors, box, top, one, two):
+def island_fold(
+    source: FloatArray, target: FloatArray, cells: IntArray, count: int, rings: int, phase: float,
+    columns: FloatArray, sectors: FloatArray, box: FloatArray, top: Top, one: FloatArray, two: FloatArray,
+) -> int:  # fmt: skip
     """Sign of det d²F/dp² over an island, at `FOLD_U` x `FOLD_V` places a cell in or near the pair's range; 0 where it
     changes, if no place is near, or if a patch is close.
     """

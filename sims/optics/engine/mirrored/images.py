@@ -1,4 +1,3 @@
-# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
 """Kernels: light with exactly one reflection at the deformed top.
 
 Island by island (`sims.optics.engine.mirrored.image_cells`): an image that is whole, that is which every point of the
@@ -23,8 +22,10 @@ from sims.optics.engine.mirrored.image_cells import (
 )
 from sims.optics.engine.mirrored.mirror_paths import whole_image
 from sims.optics.engine.mirrored.pinhole import pinhole
+from sims.optics.kernel_types import ImageRules
+from sims.optics.scene.optical_scene import FloatArray, IntArray
 from sims.optics.surface.radial import kernel
-from sims.optics.surface.top import is_beyond, touching_tip
+from sims.optics.surface.top import Top, is_beyond, touching_tip
 from sims.optics.surface.top_grid import NX, NY, ring_edge
 
 FINEST = 96
@@ -36,7 +37,10 @@ where these differ: of 1.7 million places, benchmark and paper's pad, none with 
 
 
 @kernel
-def _range_corners(emitter, receiver, middle_e, middle_q, a, b, e, corner):
+def _range_corners(
+    emitter: FloatArray, receiver: FloatArray, middle_e: FloatArray, middle_q: FloatArray, a: int, b: int, e: int,
+    corner: FloatArray,
+) -> None:  # fmt: skip
     """Fill corner[side, 5] with the gradient across each edge direction over half the range at a cell's corners, and
     how far from 0 that may be for a place in the range.
     """
@@ -57,7 +61,7 @@ def _range_corners(emitter, receiver, middle_e, middle_q, a, b, e, corner):
 
 
 @kernel
-def _is_far(corner, fu, fv):
+def _is_far(corner: FloatArray, fu: float, fv: float) -> bool:
     """Whether a place in a cell lies outside the pair's range."""
     for side in range(4):
         low = corner[side, 0] + fu * (corner[side, 1] - corner[side, 0])
@@ -69,9 +73,10 @@ def _is_far(corner, fu, fv):
 
 @kernel
 def cell_sum(
-    source, target, a, b, steps, step, shift, skip_flat, rings, phase, columns, sectors, box, top, corner, poly,
-    other,
-):  # fmt: skip
+    source: FloatArray, target: FloatArray, a: int, b: int, steps: FloatArray, step: float, shift: FloatArray,
+    skip_flat: bool, rings: int, phase: float, columns: FloatArray, sectors: FloatArray, box: FloatArray, top: Top,
+    corner: FloatArray, poly: FloatArray, other: FloatArray,
+) -> tuple[float, float]:  # fmt: skip
     """Flux through one cell of the grid: (outside the skirt, inside it); `corner`: see `_range_corners`."""
     nu = int(min(max(math.ceil(steps[0] / step), 1.0), FINEST))
     nv = int(min(max(math.ceil(steps[1] / step), 1.0), FINEST))
@@ -98,9 +103,11 @@ def cell_sum(
 
 @kernel
 def island_sum(
-    source, target, emitter, receiver, middle_e, middle_q, cells, count, steps, step, skip_flat, shifts, rings, phase,
-    columns, sectors, box, top, corner, poly, other, out,
-):  # fmt: skip
+    source: FloatArray, target: FloatArray, emitter: FloatArray, receiver: FloatArray, middle_e: FloatArray,
+    middle_q: FloatArray, cells: IntArray, count: int, steps: FloatArray, step: float, skip_flat: bool,
+    shifts: FloatArray, rings: int, phase: float, columns: FloatArray, sectors: FloatArray, box: FloatArray, top: Top,
+    corner: FloatArray, poly: FloatArray, other: FloatArray, out: FloatArray,
+) -> float:  # fmt: skip
     """Fill out[replicate, (outside, inside the skirt)] with the flux through an island; the brightest replicate's."""
     out[:] = 0.0
     for k in range(count):
@@ -122,9 +129,11 @@ def island_sum(
 
 @kernel
 def lattice_sum(
-    source, target, emitter, receiver, middle_e, middle_q, cells, count, steps, step, unit, skip_flat, shifts, rings,
-    phase, columns, sectors, box, top, corner, poly, other, out,
-):  # fmt: skip
+    source: FloatArray, target: FloatArray, emitter: FloatArray, receiver: FloatArray, middle_e: FloatArray,
+    middle_q: FloatArray, cells: IntArray, count: int, steps: FloatArray, step: float, unit: float, skip_flat: bool,
+    shifts: FloatArray, rings: int, phase: float, columns: FloatArray, sectors: FloatArray, box: FloatArray, top: Top,
+    corner: FloatArray, poly: FloatArray, other: FloatArray, out: FloatArray,
+) -> None:  # fmt: skip
     """Fill out[replicate, (outside, inside the skirt)] with an island's flux: on a coarse lattice, and where that shows
     light on one the finer the brighter the image over the pair's untouched flux `unit`.
     """
@@ -142,10 +151,13 @@ def lattice_sum(
 
 @kernel
 def single_reflection(
-    source, target, emitter, receiver, middle_e, middle_q, unit, box_e, box_q, skip_flat, step, whole_ratio, shifts,
-    rings, phase, columns, sectors, nodes, box, top, rules, tag, stack, cells, steps, corner, one, two, poly, other,
-    part, out,
-):  # fmt: skip
+    source: FloatArray, target: FloatArray, emitter: FloatArray, receiver: FloatArray, middle_e: FloatArray,
+    middle_q: FloatArray, unit: float, box_e: FloatArray, box_q: FloatArray, skip_flat: bool, step: float,
+    whole_ratio: float, shifts: FloatArray, rings: int, phase: float, columns: FloatArray, sectors: FloatArray,
+    nodes: FloatArray, box: FloatArray, top: Top, rules: ImageRules, tag: IntArray, stack: IntArray, cells: IntArray,
+    steps: FloatArray, corner: FloatArray, one: FloatArray, two: FloatArray, poly: FloatArray, other: FloatArray,
+    part: FloatArray, out: FloatArray,
+) -> None:  # fmt: skip
     """Add a pair's singly reflected flux to out[replicate, (outside, inside the skirt)].
 
     `unit` is its untouched flux; `skip_flat`: light from beyond every deformed part is left out (the untouched value

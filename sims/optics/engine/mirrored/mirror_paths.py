@@ -1,4 +1,3 @@
-# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
 """Kernels: one image of a pair in the top, path by path.
 
 Where exactly one mirror path joins each emitter point e and receiver point q, Newton steps find its point p
@@ -12,8 +11,10 @@ from __future__ import annotations
 import math
 
 from sims.optics.engine.straight.rays import is_clear
+from sims.optics.kernel_types import ImageRules
+from sims.optics.scene.optical_scene import FloatArray, IntArray
 from sims.optics.surface.radial import fresnel, kernel, radiance, wall_normal, wall_point
-from sims.optics.surface.top import surface_bend, surface_gradient, touching_tip
+from sims.optics.surface.top import Top, surface_bend, surface_gradient, touching_tip
 from sims.optics.surface.top_grid import cell_at
 
 NEWTON_STEPS = 8
@@ -27,7 +28,10 @@ rule, corners and middle, may differ from it: a jump of the top's curvature with
 
 
 @kernel
-def mirror_point(ex, ey, ez, qx, qy, qz, x, y, sign, box, top):
+def mirror_point(
+    ex: float, ey: float, ez: float, qx: float, qy: float, qz: float, x: float, y: float, sign: float,
+    box: FloatArray, top: Top,
+) -> tuple[bool, float, float, float]:  # fmt: skip
     """Newton steps to the path's point: (found, x, y, det F_pp)."""
     for _ in range(NEWTON_STEPS):
         tip, _ = touching_tip(x, y, top)
@@ -68,7 +72,9 @@ def mirror_point(ex, ey, ez, qx, qy, qz, x, y, sign, box, top):
 
 
 @kernel
-def _mixed_bend(wall, ax, ay, az, ap, aq, gx, gy, d):
+def _mixed_bend(
+    wall: int, ax: float, ay: float, az: float, ap: float, aq: float, gx: float, gy: float, d: float
+) -> float:
     """Determinant of the mixed derivatives of a leg's length: end on a wall (along, up), end on the top."""
     along = ax if wall % 2 == 0 else ay
     tx = (1.0 if wall % 2 == 0 else 0.0) - along * ap
@@ -77,7 +83,10 @@ def _mixed_bend(wall, ax, ay, az, ap, aq, gx, gy, d):
 
 
 @kernel
-def path_flux(ex, ey, ez, qx, qy, qz, x, y, det, source, target, box, top):
+def path_flux(
+    ex: float, ey: float, ez: float, qx: float, qy: float, qz: float, x: float, y: float, det: float,
+    source: FloatArray, target: FloatArray, box: FloatArray, top: Top,
+) -> float:  # fmt: skip
     """Flux per emitter and receiver area of the path over (x, y); -1 if a leg is hidden."""
     h, gx, gy = surface_gradient(x, y, top)
     ax, ay, az = x - ex, y - ey, h - ez
@@ -114,7 +123,7 @@ def path_flux(ex, ey, ez, qx, qy, qz, x, y, det, source, target, box, top):
 
 
 @kernel
-def _patch_point(patch, a, b, box):
+def _patch_point(patch: FloatArray, a: float, b: float, box: FloatArray) -> tuple[float, float, float]:
     """Point of a patch at fractions of its width and height."""
     return wall_point(
         int(patch[0]), patch[1] + patch[3] * (2.0 * a - 1.0), patch[2] + patch[4] * (2.0 * b - 1.0), box
@@ -122,7 +131,10 @@ def _patch_point(patch, a, b, box):
 
 
 @kernel
-def corner_paths(source, target, cx, cy, sign, number, tag, rings, phase, columns, sectors, box, top):
+def corner_paths(
+    source: FloatArray, target: FloatArray, cx: float, cy: float, sign: float, number: int, tag: IntArray, rings: int,
+    phase: float, columns: FloatArray, sectors: FloatArray, box: FloatArray, top: Top,
+) -> tuple[float, float]:  # fmt: skip
     """Largest over smallest, and mean, flux density of the 16 paths between corners; -1 unless each exists, is clear,
     and reflects in or beside the image's own island.
     """
@@ -155,7 +167,10 @@ def corner_paths(source, target, cx, cy, sign, number, tag, rings, phase, column
 
 
 @kernel
-def image_sum(source, target, cx, cy, sign, box, top, nodes_e, weights_e, nodes_q, weights_q):
+def image_sum(
+    source: FloatArray, target: FloatArray, cx: float, cy: float, sign: float, box: FloatArray, top: Top,
+    nodes_e: FloatArray, weights_e: FloatArray, nodes_q: FloatArray, weights_q: FloatArray,
+) -> float:  # fmt: skip
     """Mean flux density of an image by Gauss nodes on both patches; -1 if a path is not found or not clear."""
     total = 0.0
     for a in range(nodes_e.shape[0]):
@@ -179,8 +194,10 @@ def image_sum(source, target, cx, cy, sign, box, top, nodes_e, weights_e, nodes_
 
 @kernel
 def whole_image(
-    source, target, x, y, sign, number, tag, rings, phase, columns, sectors, box, top, rules, whole_ratio
-):
+    source: FloatArray, target: FloatArray, x: float, y: float, sign: float, number: int, tag: IntArray, rings: int,
+    phase: float, columns: FloatArray, sectors: FloatArray, box: FloatArray, top: Top, rules: ImageRules,
+    whole_ratio: float,
+) -> tuple[float, float, float]:  # fmt: skip
     """Flux of the image that begins near (x, y), and its centre; -1 unless it is whole and simple."""
     few_e, few_we, few_q, few_wq, most_e, most_we, most_q, most_wq = rules
     ex, ey, ez = wall_point(int(source[0]), source[1], source[2], box)

@@ -1,4 +1,4 @@
-# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
+# mypy: no-warn-return-any
 """Kernels: flux of a pair through one point of the top.
 
 At a point p of the top the receiver's corners are reflected in the tangent plane and projected through p
@@ -21,6 +21,7 @@ import math
 from sims.optics.engine.straight.direct import plan_distance
 from sims.optics.engine.straight.polygon import area_and_centroid, cut, cut_to_rectangle
 from sims.optics.engine.straight.rays import is_clear
+from sims.optics.scene.optical_scene import FloatArray
 from sims.optics.surface.curves import ACTIVE, X, Y
 from sims.optics.surface.radial import (
     fall_bound,
@@ -31,14 +32,17 @@ from sims.optics.surface.radial import (
     wall_normal,
     wall_point,
 )
-from sims.optics.surface.top import FIELD_SLOPE, is_beyond, touching_tip
+from sims.optics.surface.top import FIELD_SLOPE, Top, is_beyond, touching_tip
 from sims.optics.surface.top_grid import top_point
 
 INWARD = 0.97
 
 
 @kernel
-def _project(source, target, px, py, pz, gx, gy, ex, ey, ez, depth, box, poly):
+def _project(
+    source: FloatArray, target: FloatArray, px: float, py: float, pz: float, gx: float, gy: float, ex: float,
+    ey: float, ez: float, depth: float, box: FloatArray, poly: FloatArray,
+) -> int:  # fmt: skip
     """Receiver corners reflected at p and projected onto the emitter's plane, homogeneous; their number."""
     norm2 = 1.0 / (1.0 + gx * gx + gy * gy)
     n0, n1 = wall_normal(int(source[0]))
@@ -63,7 +67,10 @@ def _project(source, target, px, py, pz, gx, gy, ex, ey, ez, depth, box, poly):
 
 
 @kernel
-def _emission(a, b, px, py, pz, gx, gy, ex, ey, ez, source, box):
+def _emission(
+    a: float, b: float, px: float, py: float, pz: float, gx: float, gy: float, ex: float, ey: float, ez: float,
+    source: FloatArray, box: FloatArray,
+) -> tuple[float, float, float, float, float, float]:  # fmt: skip
     """Emission and absorption weight of the emitter point at offset (a, b), 0 where it and p face not each other; part
     of the way to p that runs into the top, its length, and the way.
     """
@@ -86,7 +93,10 @@ def _emission(a, b, px, py, pz, gx, gy, ex, ey, ez, source, box):
 
 
 @kernel
-def _spread(a, b, px, py, pz, gx, gy, ex, ey, ez, source, box):
+def _spread(
+    a: float, b: float, px: float, py: float, pz: float, gx: float, gy: float, ex: float, ey: float, ez: float,
+    source: FloatArray, box: FloatArray,
+) -> tuple[float, float, float, float]:  # fmt: skip
     """Emission, incidence and absorption weight of the emitter point at offset (a, b); direction to p."""
     f, into, d, dx, dy, dz = _emission(a, b, px, py, pz, gx, gy, ex, ey, ez, source, box)
     if f == 0.0:
@@ -96,7 +106,7 @@ def _spread(a, b, px, py, pz, gx, gy, ex, ey, ez, source, box):
 
 
 @kernel
-def _may_be_shaded(px, py, pz, patch, box, top):
+def _may_be_shaded(px: float, py: float, pz: float, patch: FloatArray, box: FloatArray, top: Top) -> bool:
     """Whether a leg from the top down to a patch may meet the top again: none does that falls faster all the way."""
     x0, y0, z = wall_point(int(patch[0]), patch[1] - patch[3], patch[2] + patch[4], box)
     x1, y1, _ = wall_point(int(patch[0]), patch[1] + patch[3], patch[2] + patch[4], box)
@@ -124,7 +134,10 @@ def _may_be_shaded(px, py, pz, patch, box, top):
 
 
 @kernel
-def _sees(a, b, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top):
+def _sees(
+    a: float, b: float, dim_e: bool, dim_q: bool, px: float, py: float, pz: float, gx: float, gy: float, ex: float,
+    ey: float, ez: float, source: FloatArray, target: FloatArray, box: FloatArray, top: Top,
+) -> bool:  # fmt: skip
     """Whether the emitter point at offset (a, b) reaches p, and its mirrored ray the receiver's plane.
 
     Only legs that may be shaded are tested.
@@ -158,7 +171,11 @@ def _sees(a, b, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, bo
 
 
 @kernel
-def _seen_share(n, poly, cx, cy, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top):
+def _seen_share(
+    n: int, poly: FloatArray, cx: float, cy: float, dim_e: bool, dim_q: bool, px: float, py: float, pz: float,
+    gx: float, gy: float, ex: float, ey: float, ez: float, source: FloatArray, target: FloatArray, box: FloatArray,
+    top: Top,
+) -> float:  # fmt: skip
     """1 where the centroid and all corners (drawn in a little) of the lit area are seen, 0 where none, else 0.5."""
     seen = _sees(cx, cy, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top)
     for c in range(n):
@@ -170,7 +187,10 @@ def _seen_share(n, poly, cx, cy, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, s
 
 
 @kernel
-def _is_all_mirrored(n, poly, px, py, pz, gx, gy, ex, ey, ez, source, box):
+def _is_all_mirrored(
+    n: int, poly: FloatArray, px: float, py: float, pz: float, gx: float, gy: float, ex: float, ey: float, ez: float,
+    source: FloatArray, box: FloatArray,
+) -> bool:  # fmt: skip
     """Whether light from every corner of the lit area is totally reflected at p."""
     on_x = int(source[0]) % 2 == 0
     most = (1.0 - 1.0 / (box[3] * box[3])) * (1.0 + gx * gx + gy * gy)
@@ -185,7 +205,10 @@ def _is_all_mirrored(n, poly, px, py, pz, gx, gy, ex, ey, ez, source, box):
 
 
 @kernel
-def _mirrored_weight(n, poly, area, cx, cy, px, py, pz, gx, gy, ex, ey, ez, source, box):
+def _mirrored_weight(
+    n: int, poly: FloatArray, area: float, cx: float, cy: float, px: float, py: float, pz: float, gx: float,
+    gy: float, ex: float, ey: float, ez: float, source: FloatArray, box: FloatArray,
+) -> float:  # fmt: skip
     """As `_mean_weight` by two thirds of the points, for areas that are totally reflected and seen, where it is smooth:
     by the middles of the triangles' edges, of which two triangles share the inner ones (second order).
     """
@@ -204,8 +227,10 @@ def _mirrored_weight(n, poly, area, cx, cy, px, py, pz, gx, gy, ex, ey, ez, sour
 
 @kernel
 def _mean_weight(
-    n, poly, area, cx, cy, divided, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top
-):
+    n: int, poly: FloatArray, area: float, cx: float, cy: float, divided: bool, dim_e: bool, dim_q: bool, px: float,
+    py: float, pz: float, gx: float, gy: float, ex: float, ey: float, ez: float, source: FloatArray,
+    target: FloatArray, box: FloatArray, top: Top,
+) -> float:  # fmt: skip
     """Mean weight over the lit area, three points in each triangle from centroid to edge (second order).
 
     Where the area is divided, a hidden point counts nothing.
@@ -230,7 +255,9 @@ def _mean_weight(
 
 
 @kernel
-def _arrival(dx, dy, dz, px, py, gx, gy, target, box):
+def _arrival(
+    dx: float, dy: float, dz: float, px: float, py: float, gx: float, gy: float, target: FloatArray, box: FloatArray,
+) -> tuple[float, float]:  # fmt: skip
     """Length of the leg from p to the receiver's plane and its cosine there, for the direction d before p."""
     d = 1.0 / math.sqrt(dx * dx + dy * dy + dz * dz)
     back = 2.0 * (dz - gx * dx - gy * dy) * d / (1.0 + gx * gx + gy * gy)
@@ -243,7 +270,10 @@ def _arrival(dx, dy, dz, px, py, gx, gy, target, box):
 
 
 @kernel
-def pinhole(sector, u, v, source, target, skip_flat, sectors, box, top, poly, other):
+def pinhole(
+    sector: int, u: float, v: float, source: FloatArray, target: FloatArray, skip_flat: bool, sectors: FloatArray,
+    box: FloatArray, top: Top, poly: FloatArray, other: FloatArray,
+) -> tuple[float, float]:  # fmt: skip
     """Flux through the top at (u, v) per du dv, and the place over the skirt's radius.
 
     `skip_flat`: none from beyond every deformed part.

@@ -1,4 +1,4 @@
-# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
+# mypy: no-warn-return-any
 """Kernels: light that walls, bottom or tip scatter once.
 
 The power of every emitter is deposited on patches of walls, bottom and tip by rays that follow the whole specular
@@ -20,6 +20,7 @@ import math
 import numpy as np
 
 from sims.optics.engine.straight.rays import BOTTOM, LOST_WEIGHT, TIP, chain
+from sims.optics.scene.optical_scene import FloatArray, IntArray
 from sims.optics.surface.curves import CONTACT, CONTACT_AREA, CONTACT_PARTS, X, Y
 from sims.optics.surface.radial import (
     array_kernel,
@@ -30,7 +31,7 @@ from sims.optics.surface.radial import (
     wall_normal,
     wall_point,
 )
-from sims.optics.surface.top import surface_height
+from sims.optics.surface.top import Top, surface_height
 
 TIP_RINGS = 3
 TIP_SECTORS = 12
@@ -39,19 +40,19 @@ MIRRORINGS = 64
 
 
 @kernel
-def fraction(x):
+def fraction(x: float) -> float:
     """Part after the point."""
     return x - math.floor(x)
 
 
 @kernel
-def golden_pair(n, one, two):
+def golden_pair(n: int, one: float, two: float) -> tuple[float, float]:
     """n-th point of an additive sequence in the unit square, moved by (one, two)."""
     return fraction(n * 0.7548776662466927 + one), fraction(n * 0.5698402909980532 + two)
 
 
 @array_kernel
-def golden_shift(k):
+def golden_shift(k: float) -> FloatArray:
     """(4,) k-th point of an additive sequence with irrational, mutually unrelated steps, in 0..1."""
     out = np.empty(4)
     out[0] = fraction(k * 0.8566748838545029)
@@ -62,7 +63,7 @@ def golden_shift(k):
 
 
 @array_kernel
-def layout_of(box, size):
+def layout_of(box: FloatArray, size: float) -> IntArray:
     """(6, 3) columns, rows, first index of the patches on walls 0-3, bottom and tip (5)."""
     out = np.zeros((6, 3), np.int64)
     first = 0
@@ -80,7 +81,7 @@ def layout_of(box, size):
 
 
 @kernel
-def tip_patch(x, y, layout, tip, rows):
+def tip_patch(x: float, y: float, layout: IntArray, tip: int, rows: FloatArray) -> int:
     """Index of the tip's patch that holds a place: rings of equal area, a wrapped shank with them."""
     px = x - rows[tip, X]
     py = y - rows[tip, Y]
@@ -96,7 +97,7 @@ def tip_patch(x, y, layout, tip, rows):
 
 
 @kernel
-def place_on_tip(patch, one, two, tip, rows):
+def place_on_tip(patch: int, one: float, two: float, tip: int, rows: FloatArray) -> tuple[float, float]:
     """Place (x, y) on one of the tip's patches, at fractions of its area outward and of its angle."""
     r2, _ = contact_radius_2((patch // TIP_SECTORS + one) / TIP_RINGS, tip, rows)
     r = math.sqrt(r2)
@@ -105,13 +106,16 @@ def place_on_tip(patch, one, two, tip, rows):
 
 
 @kernel
-def tip_patch_area(tip, rows):
+def tip_patch_area(tip: int, rows: FloatArray) -> float:
     """Area of each of a tip's patches."""
     return rows[tip, CONTACT_AREA] / (TIP_RINGS * TIP_SECTORS)
 
 
 @kernel
-def add_deposit(kind, x, y, z, weight, layout, box, top, out):
+def add_deposit(
+    kind: int, x: float, y: float, z: float, weight: float, layout: IntArray, box: FloatArray, top: Top,
+    out: FloatArray,
+) -> None:  # fmt: skip
     """Add a weight to the patches around a point of a wall, the bottom or the tip."""
     if kind == TIP:
         out[tip_patch(x, y, layout, 0, top.rows)] += weight
@@ -137,7 +141,7 @@ def add_deposit(kind, x, y, z, weight, layout, box, top, out):
 
 
 @kernel
-def receiver_at(kind, x, y, z, receivers):
+def receiver_at(kind: int, x: float, y: float, z: float, receivers: FloatArray) -> int:
     """The receiver whose face holds a wall point; -1 if none."""
     along = x if kind == 0 or kind == 2 else y
     for j in range(receivers.shape[0]):
@@ -151,7 +155,7 @@ def receiver_at(kind, x, y, z, receivers):
 
 
 @array_kernel
-def patch_areas(layout, receivers, box):
+def patch_areas(layout: IntArray, receivers: FloatArray, box: FloatArray) -> FloatArray:
     """Area of every wall and bottom patch without receiver faces; 0 for the tip's."""
     out = np.zeros(layout[5, 2] + layout[5, 0] * layout[5, 1])
     for k in range(5):
@@ -173,7 +177,9 @@ def patch_areas(layout, receivers, box):
 
 
 @kernel
-def leaving(patch, p, shift, box):
+def leaving(
+    patch: FloatArray, p: FloatArray, shift: FloatArray, box: FloatArray
+) -> tuple[float, float, float, float, float, float, float]:
     """A point of a wall patch and a direction by its cosine order (a table: Lambertian): start, direction, weight."""
     wall = int(patch[0])
     along = patch[1] + patch[3] * (2.0 * fraction(p[0] + shift[0]) - 1.0)
@@ -194,7 +200,10 @@ def leaving(patch, p, shift, box):
 
 
 @kernel
-def follow(x, y, z, dx, dy, dz, weight, gathers, receivers, layout, box, top, out, seen):
+def follow(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, weight: float, gathers: bool,
+    receivers: FloatArray, layout: IntArray, box: FloatArray, top: Top, out: FloatArray, seen: FloatArray,
+) -> None:  # fmt: skip
     """Deposit what a ray brings to walls, bottom and tip; add to seen what smooth walls mirror onto receivers.
 
     Light loses the mirrored share where it enters a smooth wall to be scattered, not where it comes out of it again: a
@@ -228,7 +237,10 @@ def follow(x, y, z, dx, dy, dz, weight, gathers, receivers, layout, box, top, ou
 
 
 @kernel
-def deposit(source, gathers, receivers, box, top, points, count, shift, layout, out, seen):
+def deposit(
+    source: FloatArray, gathers: bool, receivers: FloatArray, box: FloatArray, top: Top, points: FloatArray,
+    count: int, shift: FloatArray, layout: IntArray, out: FloatArray, seen: FloatArray,
+) -> None:  # fmt: skip
     """Add the share of a patch's emission that lands on every patch after any specular chain, by rays into the
     half space; and what smooth walls mirror onto receivers.
     """
@@ -239,7 +251,10 @@ def deposit(source, gathers, receivers, box, top, points, count, shift, layout, 
 
 
 @kernel
-def join(from_emitter, from_receiver, receiver_area, areas, layout, reflectances):
+def join(
+    from_emitter: FloatArray, from_receiver: FloatArray, receiver_area: float, areas: FloatArray, layout: IntArray,
+    reflectances: FloatArray,
+) -> float:  # fmt: skip
     """Flux of a pair that walls and bottom scatter once, from its two deposits."""
     total = 0.0
     for k in range(TIP):
@@ -253,7 +268,10 @@ def join(from_emitter, from_receiver, receiver_area, areas, layout, reflectances
 
 
 @kernel
-def join_on_tip(from_emitter, from_receiver, receiver_area, layout, reflectances, top):
+def join_on_tip(
+    from_emitter: FloatArray, from_receiver: FloatArray, receiver_area: float, layout: IntArray,
+    reflectances: FloatArray, top: Top,
+) -> float:  # fmt: skip
     """Flux of a pair that a tip scatters once, from its two deposits."""
     if reflectances[TIP] == 0.0:
         return 0.0
@@ -265,7 +283,9 @@ def join_on_tip(from_emitter, from_receiver, receiver_area, layout, reflectances
 
 
 @array_kernel
-def bounces(layout, receivers, box, top, points, count):
+def bounces(
+    layout: IntArray, receivers: FloatArray, box: FloatArray, top: Top, points: FloatArray, count: int
+) -> FloatArray:
     """(patch, patch) share of one patch's scattered light that lands on another, untouched top."""
     patches = layout[5, 2]
     out = np.zeros((patches, patches + layout[5, 0] * layout[5, 1]))

@@ -1,23 +1,25 @@
-# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
 """Kernels: where light from one point of an emitter ends after it met one point of the deformed top."""
 
 from __future__ import annotations
 
 from sims.optics.engine.scattered.top_light import AREA, GX, GY, PX, PY, PZ, echo, first_leg
+from sims.optics.scene.optical_scene import FloatArray
 from sims.optics.surface.radial import kernel, wall_normal, wall_point
-from sims.optics.surface.top import surface_gradient, surface_height
+from sims.optics.surface.top import Top, surface_gradient, surface_height
 from sims.optics.surface.top_grid import place_on_top
 
 
 @kernel
-def put_point(p, sector, u, v, sectors, top):
+def put_point(p: FloatArray, sector: int, u: float, v: float, sectors: FloatArray, top: Top) -> None:
     """Fill a lattice row with a point of the top and the plan area of a unit of (u, v) there."""
     p[PX], p[PY], _, p[AREA] = place_on_top(sector, u, v, sectors, top)
     p[PZ], p[GX], p[GY] = surface_gradient(p[PX], p[PY], top)
 
 
 @kernel
-def landing(p, along, up, source, box, top):
+def landing(
+    p: FloatArray, along: float, up: float, source: FloatArray, box: FloatArray, top: Top
+) -> tuple[float, int, float, float, int, float, float]:
     """Power, wall and place, further reflections, nearest one and cosine of arrival of the path from an emitter point
     over p; power 0 if there is none.
     """
@@ -33,7 +35,9 @@ def landing(p, along, up, source, box, top):
 
 
 @kernel
-def unit_there(kind, low_s, high_s, low_z, high_z, receivers, units):
+def unit_there(
+    kind: int, low_s: float, high_s: float, low_z: float, high_z: float, receivers: FloatArray, units: FloatArray,
+) -> float:  # fmt: skip
     """The smallest unit of the receivers that a box on a wall overlaps; 0 if none with one."""
     least = 0.0
     for j in range(receivers.shape[0]):

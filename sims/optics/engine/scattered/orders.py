@@ -1,4 +1,3 @@
-# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
 """Kernels: light that walls, bottom and tip scatter more than once.
 
 With first deposits g of an emitter and t of a receiver, reflectances R and the share K of one patch's scattered light
@@ -36,8 +35,10 @@ from sims.optics.engine.scattered.diffuse import (
 )
 from sims.optics.engine.scattered.top_light import AREA, GX, GY, PX, PY, contact_cell_area, parts_of
 from sims.optics.engine.straight.rays import BOTTOM, TIP
+from sims.optics.kernel_types import Orders, Patches
+from sims.optics.scene.optical_scene import FloatArray, IntArray
 from sims.optics.surface.radial import array_kernel, kernel, wall_point
-from sims.optics.surface.top import surface_gradient
+from sims.optics.surface.top import Top, surface_gradient
 
 LEAST_AREA_MM2 = 1e-9
 TIP_RAYS = 64
@@ -45,7 +46,9 @@ TIP_RAYS = 64
 
 
 @array_kernel
-def coarsened(deposits, layout, coarse, box, top):
+def coarsened(
+    deposits: FloatArray, layout: IntArray, coarse: IntArray, box: FloatArray, top: Top
+) -> FloatArray:
     """(source, coarse patch) deposits on walls and bottom, moved to patches of a coarser layout; none on the tip."""
     out = np.zeros((deposits.shape[0], coarse[TIP, 2] + coarse[TIP, 0] * coarse[TIP, 1]))
     for k in range(TIP):
@@ -64,7 +67,7 @@ def coarsened(deposits, layout, coarse, box, top):
 
 
 @array_kernel
-def scattered_on(deposits, transfer):
+def scattered_on(deposits: FloatArray, transfer: FloatArray) -> FloatArray:
     """(source, patch) deposits of the orders beyond the first: row n of `transfer` is what a deposit on n becomes."""
     out = np.zeros(deposits.shape)
     for n in range(transfer.shape[0]):
@@ -77,7 +80,7 @@ def scattered_on(deposits, transfer):
 
 
 @kernel
-def _cosine_direction(one, two, gx, gy):
+def _cosine_direction(one: float, two: float, gx: float, gy: float) -> tuple[float, float, float]:
     """A direction from the top down into the pad, by the cosine to its normal there (gx, gy, -1)."""
     slope = math.sqrt(gx * gx + gy * gy)
     norm = 1.0 / math.sqrt(1.0 + slope * slope)
@@ -93,7 +96,7 @@ def _cosine_direction(one, two, gx, gy):
 
 
 @array_kernel
-def shares_on_tip(receivers, orders, box, top):
+def shares_on_tip(receivers: FloatArray, orders: Orders, box: FloatArray, top: Top) -> FloatArray:
     """(coarse patch, tip patch) share of a patch's scattered light that lands on the tip, by rays from there back."""
     coarse, areas, _ = orders
     first = coarse[TIP, 2]
@@ -119,7 +122,10 @@ def shares_on_tip(receivers, orders, box, top):
 
 
 @array_kernel
-def with_walls_on_tip(deposits, first, higher, layout, coarse, reflectances, shares):
+def with_walls_on_tip(
+    deposits: FloatArray, first: FloatArray, higher: FloatArray, layout: IntArray, coarse: IntArray,
+    reflectances: FloatArray, shares: FloatArray,
+) -> FloatArray:  # fmt: skip
     """(source, patch) deposits, and on the tip also what first and higher deposits on walls and bottom (source, coarse
     patch) bring. By loops: Numba takes seconds to compile sums and copies of arrays.
     """
@@ -138,7 +144,10 @@ def with_walls_on_tip(deposits, first, higher, layout, coarse, reflectances, sha
 
 
 @array_kernel
-def first_hand_on_tip(given, taken, lattice, sectors, emitters, receivers, reflectance, layout, box, top):
+def first_hand_on_tip(
+    given: FloatArray, taken: FloatArray, lattice: FloatArray, sectors: FloatArray, emitters: FloatArray,
+    receivers: FloatArray, reflectance: float, layout: IntArray, box: FloatArray, top: Top,
+) -> FloatArray:  # fmt: skip
     """(emitter, receiver) what joining first-hand light on the tip by cells of the lattice (row, column, n) adds to its
     join by patches.
 
@@ -178,7 +187,10 @@ def first_hand_on_tip(given, taken, lattice, sectors, emitters, receivers, refle
 
 
 @array_kernel
-def all_orders(given, taken, receivers, patches, reflectances, orders, on_tip, box, top):
+def all_orders(
+    given: FloatArray, taken: FloatArray, receivers: FloatArray, patches: Patches, reflectances: FloatArray,
+    orders: Orders, on_tip: FloatArray, box: FloatArray, top: Top,
+) -> FloatArray:  # fmt: skip
     """(2, emitter, receiver) scattered flux of all orders, without the tip and by way of it, from first deposits
     (source, patch).
 

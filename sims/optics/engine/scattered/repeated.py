@@ -1,4 +1,3 @@
-# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
 """Kernels: light with two or more specular reflections at the deformed top.
 
 First reflections whose light goes to a second one and on towards a receiver lie in small islands of the top. The rays
@@ -36,14 +35,19 @@ from sims.optics.engine.scattered.repeated_cells import (
     put_first,
 )
 from sims.optics.engine.scattered.top_light import AREA, ECHO_COLUMNS, SECTOR, U0, U1, V0, V1, first_free_row
+from sims.optics.scene.optical_scene import FloatArray
 from sims.optics.surface.radial import array_kernel, kernel, radiance
+from sims.optics.surface.top import Top
 
 RAYS = 3
 """Rays of a sample, from points of the emitter that lie evenly spread over it."""
 
 
 @kernel
-def add_sample(p, one, two, source, receivers, units, box, top, out):
+def add_sample(
+    p: FloatArray, one: float, two: float, source: FloatArray, receivers: FloatArray, units: FloatArray,
+    box: FloatArray, top: Top, out: FloatArray,
+) -> None:  # fmt: skip
     """Add a point's light to out[receiver, (outside, inside the skirt)], by rays from the emitter at (one, two) and
     beside it, which counts round its edges.
     """
@@ -62,7 +66,11 @@ def add_sample(p, one, two, source, receivers, units, box, top, out):
 
 
 @kernel
-def add_samples(cell, parts, sector, count, source, receivers, units, shifts, sectors, box, top, p, out):
+def add_samples(
+    cell: FloatArray, parts: int, sector: int, count: int, source: FloatArray, receivers: FloatArray,
+    units: FloatArray, shifts: FloatArray, sectors: FloatArray, box: FloatArray, top: Top, p: FloatArray,
+    out: FloatArray,
+) -> int:  # fmt: skip
     """Add a cell's light to out[replicate, receiver, (outside, inside the skirt)], by one point a replicate in each of
     parts² parts; the number of points so far with these.
     """
@@ -82,8 +90,10 @@ def add_samples(cell, parts, sector, count, source, receivers, units, shifts, se
 
 @array_kernel
 def repeated_reflections(
-    source, receivers, units, lattice, echoes, columns, shifts, sectors, box, top, p, out
-):
+    source: FloatArray, receivers: FloatArray, units: FloatArray, lattice: FloatArray, echoes: FloatArray,
+    columns: FloatArray, shifts: FloatArray, sectors: FloatArray, box: FloatArray, top: Top, p: FloatArray,
+    out: FloatArray,
+) -> None:  # fmt: skip
     """Add flux of chains with two or more top reflections to out[replicate, receiver, (outside, inside the skirt)].
 
     lattice, echoes : a replicate's lattice, and (replicate, row, column, 5) ends of the rays over their points

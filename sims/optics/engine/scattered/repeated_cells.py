@@ -1,4 +1,4 @@
-# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
+# mypy: no-warn-return-any
 """Kernels: cells of the top whose light is reflected again and may reach a receiver, found by dividing larger ones.
 
 The paths from the emitter's centre over the corners of a cell tell where its light ends. A cell is dropped where that
@@ -12,7 +12,9 @@ import math
 
 from sims.optics.engine.scattered.landing import landing, put_point, unit_there
 from sims.optics.engine.scattered.top_light import ALONG, ECHO_COLUMNS, KIND, POWER, TOPS, UP
+from sims.optics.scene.optical_scene import FloatArray
 from sims.optics.surface.radial import kernel
+from sims.optics.surface.top import Top
 
 # columns of a cell: borders, halvings, then its corners' echoes, whose power is that of a unit of (u, v):
 # (low u, low v), (low u, high v), (high u, low v), (high u, high v)
@@ -41,7 +43,9 @@ centre's tell of that is too little where mirrors bend: it cost up to 0.3 % of a
 
 
 @kernel
-def power_near(a, b, first, columns, echoes, receivers, units):
+def power_near(
+    a: int, b: int, first: int, columns: FloatArray, echoes: FloatArray, receivers: FloatArray, units: FloatArray,
+) -> tuple[float, float]:  # fmt: skip
     """Largest power of the rays by a cell or a neighbour, of all replicates, that are reflected again, on walls where
     they end around a wanted receiver, and the unit there; 0 where nowhere; negative if none is reflected again.
 
@@ -84,20 +88,23 @@ def power_near(a, b, first, columns, echoes, receivers, units):
 
 
 @kernel
-def corner(cell, c, column):
+def corner(cell: FloatArray, c: int, column: int) -> float:
     """A number of the echo of a cell's corner."""
     return cell[CORNERS + c * ECHO_COLUMNS + column]
 
 
 @kernel
-def put_echo(cell, c, echo):
+def put_echo(cell: FloatArray, c: int, echo: FloatArray) -> None:
     """Copy an echo to a cell's corner."""
     for k in range(ECHO_COLUMNS):
         cell[CORNERS + c * ECHO_COLUMNS + k] = echo[k]
 
 
 @kernel
-def put_corner(echo, sector, u, v, source, sectors, box, top, p):
+def put_corner(
+    echo: FloatArray, sector: int, u: float, v: float, source: FloatArray, sectors: FloatArray, box: FloatArray,
+    top: Top, p: FloatArray,
+) -> None:  # fmt: skip
     """Fill the echo of the path from the emitter's centre over a point of the top; power 0 if it is not mirrored again
     on its way to a wall.
     """
@@ -112,7 +119,7 @@ def put_corner(echo, sector, u, v, source, sectors, box, top, p):
 
 
 @kernel
-def _bounds(cell, wall):
+def _bounds(cell: FloatArray, wall: int) -> tuple[int, bool, float, float, float, float]:
     """Number of lit corners that end on a wall, whether after equally many reflections, and the box of their ends."""
     count = 0
     is_alike = True
@@ -132,7 +139,9 @@ def _bounds(cell, wall):
 
 
 @kernel
-def fate_of(cell, unseen, unseen_unit, receivers, units):
+def fate_of(
+    cell: FloatArray, unseen: float, unseen_unit: float, receivers: FloatArray, units: FloatArray
+) -> tuple[int, int]:
     """What to do with a cell; if it is kept, into how many parts along each side.
 
     unseen : power that the emitter's edges may send over the undivided cell where its centre sends none
@@ -177,13 +186,16 @@ def fate_of(cell, unseen, unseen_unit, receivers, units):
 
 
 @kernel
-def _parts(power, unit):
+def _parts(power: float, unit: float) -> int:
     """Parts along each side of a cell for points that stand for a unit of power each."""
     return int(min(max(math.ceil(math.sqrt(power / unit)), 1.0), MOST_PARTS))
 
 
 @kernel
-def put_first(cell, root, next_column, a, b, known, source, sectors, box, top, p):
+def put_first(
+    cell: FloatArray, root: tuple[int, float, float, float, float], next_column: int, a: int, b: int,
+    known: FloatArray, source: FloatArray, sectors: FloatArray, box: FloatArray, top: Top, p: FloatArray,
+) -> None:  # fmt: skip
     """Fill a cell from ring a and column b of the lattice; `known` (ring, column, echo) remembers corners."""
     sector, low_u, high_u, low_v, high_v = root
     cell[LOW_U] = low_u
@@ -209,7 +221,10 @@ def put_first(cell, root, next_column, a, b, known, source, sectors, box, top, p
 
 
 @kernel
-def divide(cells, n, sector, source, sectors, box, top, p, nine):
+def divide(
+    cells: FloatArray, n: int, sector: int, source: FloatArray, sectors: FloatArray, box: FloatArray, top: Top,
+    p: FloatArray, nine: FloatArray,
+) -> None:  # fmt: skip
     """Put the quarters of cells[n] in its place and behind it."""
     cell = cells[n]
     us = (cell[LOW_U], 0.5 * (cell[LOW_U] + cell[HIGH_U]), cell[HIGH_U])

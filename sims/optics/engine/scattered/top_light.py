@@ -1,4 +1,4 @@
-# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
+# mypy: no-warn-return-any
 """Kernels: what the pressed top does to the light that it receives first hand, on a lattice of its points.
 
 A ray from a patch to a point p of the top, contact included, has a fate now and had one in the untouched pad. The
@@ -21,9 +21,10 @@ import math
 
 from sims.optics.engine.scattered.diffuse import add_deposit, golden_pair, receiver_at
 from sims.optics.engine.straight.rays import BOTTOM, LOST, TIP, chain, is_clear
+from sims.optics.scene.optical_scene import FloatArray, IntArray
 from sims.optics.surface.curves import CONTACT_AREA, TOP
 from sims.optics.surface.radial import fresnel, kernel, radiance, wall_hit, wall_normal, wall_point
-from sims.optics.surface.top import FIELD_ON, is_beyond, surface_gradient, surface_height, touching_tip
+from sims.optics.surface.top import FIELD_ON, Top, is_beyond, surface_gradient, surface_height, touching_tip
 from sims.optics.surface.top_grid import AX, AY, BX, BY, place_in_contact, place_on_top
 from sims.optics.surface.top_grid import TIP as TIP_OF
 
@@ -49,13 +50,13 @@ THIRD_TURN = 0.381966011250105
 
 
 @kernel
-def contact_rings(columns):
+def contact_rings(columns: float) -> int:
     """Rings of a lattice in the contact, for so many columns around a tip."""
     return max(int(columns) // COLUMNS_A_CONTACT_RING, FEWEST_CONTACT_RINGS)
 
 
 @kernel
-def first_free_row(lattice):
+def first_free_row(lattice: FloatArray) -> int:
     """The first row of a lattice that is not in the contact."""
     row = 0
     while row < lattice.shape[0] and lattice[row, 0, TOUCHED] == 1.0:
@@ -64,7 +65,10 @@ def first_free_row(lattice):
 
 
 @kernel
-def lattice_points(in_contact, columns, shift_u, shift_v, sectors, top, out):
+def lattice_points(
+    in_contact: int, columns: FloatArray, shift_u: float, shift_v: float, sectors: FloatArray, top: Top,
+    out: FloatArray,
+) -> None:  # fmt: skip
     """Fill zeros (row, column, 17) with points of the pressed top, middles and sizes of their cells; rows are rings in
     the contact, as many as told, whose u is its s, then rings of u.
     """
@@ -97,7 +101,7 @@ def lattice_points(in_contact, columns, shift_u, shift_v, sectors, top, out):
 
 
 @kernel
-def _place(row, u, v, sectors, top):
+def _place(row: FloatArray, u: float, v: float, sectors: FloatArray, top: Top) -> tuple[float, float, float]:
     """Place (x, y) of (u, v) in a lattice row's sector, in or outside the contact as it is, and plan area per du dv."""
     if row[TOUCHED] == 1.0:
         return place_in_contact(int(row[SECTOR]), u, v, sectors, top)
@@ -106,7 +110,7 @@ def _place(row, u, v, sectors, top):
 
 
 @kernel
-def put_on_top(row, u, v, share, sectors, top):
+def put_on_top(row: FloatArray, u: float, v: float, share: float, sectors: FloatArray, top: Top) -> None:
     """Fill place, gradient and area of a point of a row's sector that stands for a share of a unit of (u, v)."""
     row[PX], row[PY], area = _place(row, u, v, sectors, top)
     row[AREA] = area * share
@@ -120,7 +124,7 @@ def put_on_top(row, u, v, share, sectors, top):
 
 
 @kernel
-def contact_cell_area(row, rings, sectors, top):
+def contact_cell_area(row: FloatArray, rings: int, sectors: FloatArray, top: Top) -> float:
     """Area of the top in a lattice row's cell of the contact, of as many rings of equal area."""
     k = int(row[SECTOR])
     x0 = sectors[k, AX] + row[V0] * sectors[k, BX]
@@ -132,7 +136,7 @@ def contact_cell_area(row, rings, sectors, top):
 
 
 @kernel
-def _whole_power(patch):
+def _whole_power(patch: FloatArray) -> float:
     """What a patch sends or counts of all directions: 1 for an emitter, the mean response for a receiver."""
     power = 0.0
     for k in range(COSINES):
@@ -142,7 +146,7 @@ def _whole_power(patch):
 
 
 @kernel
-def parts_of(cell, patch, box):
+def parts_of(cell: FloatArray, patch: FloatArray, box: FloatArray) -> int:
     """Parts along each side into which a cell of the lattice is divided for a patch near to it."""
     x0, y0, z = wall_point(int(patch[0]), patch[1], patch[2], box)
     on_x = int(patch[0]) % 2 == 0
@@ -154,7 +158,10 @@ def parts_of(cell, patch, box):
 
 
 @kernel
-def first_leg(p, ex, ey, ez, source, box, top, least, luck):
+def first_leg(
+    p: FloatArray, ex: float, ey: float, ez: float, source: FloatArray, box: FloatArray, top: Top, least: float,
+    luck: float,
+) -> tuple[float, float, float, float, float]:  # fmt: skip
     """Weight of the leg from e to a lattice point, 0 if it is hidden or the wrong side; direction; cosine there.
 
     A weight below `least` becomes that if it is above `luck` (0 to 1) of it, and else 0.
@@ -182,7 +189,9 @@ def first_leg(p, ex, ey, ez, source, box, top, least, luck):
 
 
 @kernel
-def echo(p, dx, dy, dz, cos_in, box, top):
+def echo(
+    p: FloatArray, dx: float, dy: float, dz: float, cos_in: float, box: FloatArray, top: Top
+) -> tuple[int, float, float, float, float, float, float, float, int, float]:
     """Where the ray goes after its reflection at a lattice point: kind, point, direction, share left, further
     reflections, nearest one (over the skirt's radius).
     """
@@ -195,7 +204,9 @@ def echo(p, dx, dy, dz, cos_in, box, top):
 
 
 @kernel
-def _untouched_fate(x, y, z, dx, dy, dz, height, box):
+def _untouched_fate(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, height: float, box: FloatArray
+) -> tuple[int, float, float, float, float]:
     """Where the ray would end under an undisturbed top: kind, point, share of its power at z that is left."""
     t, kind = wall_hit(x, y, z, dx, dy, dz, box)
     left = 1.0
@@ -213,8 +224,10 @@ def _untouched_fate(x, y, z, dx, dy, dz, height, box):
 
 @kernel
 def top_change(
-    source, receivers, lattice, shift, layout, box, top, out, echoes, ray_share, offset, sectors, p
-):
+    source: FloatArray, receivers: FloatArray, lattice: FloatArray, shift: FloatArray, layout: IntArray,
+    box: FloatArray, top: Top, out: FloatArray, echoes: FloatArray, ray_share: float, offset: FloatArray,
+    sectors: FloatArray, p: FloatArray,
+) -> None:  # fmt: skip
     """Add the change of a patch's deposits to out (patch,); fill echoes (row, column, 5) with each cell's ray's end, of
     several the brightest that is mirrored again, and in the contact with what lands there.
 
@@ -249,7 +262,10 @@ def top_change(
 
 
 @kernel
-def _follow(n, p, source, receivers, shift, height, least, parts, layout, box, top, out, found):
+def _follow(
+    n: int, p: FloatArray, source: FloatArray, receivers: FloatArray, shift: FloatArray, height: float, least: float,
+    parts: int, layout: IntArray, box: FloatArray, top: Top, out: FloatArray, found: FloatArray,
+) -> None:  # fmt: skip
     """Add one ray's change of deposits to out, the n-th of its patch, by one of parts² points of a cell.
 
     Its end goes to `found` (5,), the power that of the whole cell, if that is empty, or if it is mirrored again and

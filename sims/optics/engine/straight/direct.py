@@ -1,4 +1,4 @@
-# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
+# mypy: no-warn-return-any
 """Kernels: straight light, and light mirrored by a flat top, between two rectangles on walls.
 
 Gauss quadrature over the emitter's area, the receiver's columns and, in each column, the part of its
@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 
+from sims.optics.scene.optical_scene import FloatArray
 from sims.optics.surface.curves import ACTIVE, LOWEST, OUTER_R, TOP, X, Y
 from sims.optics.surface.radial import (
     distance,
@@ -26,7 +27,7 @@ from sims.optics.surface.radial import (
     wall_normal,
     wall_point,
 )
-from sims.optics.surface.top import SLACK, is_plain, surface_height
+from sims.optics.surface.top import SLACK, Top, is_plain, surface_height
 
 HORIZON_SAMPLES = 14
 HORIZON_BISECTIONS = 9
@@ -35,7 +36,7 @@ OPEN = 1e9
 
 
 @kernel
-def blocking_radius(z, tip, rows):
+def blocking_radius(z: float, tip: int, rows: FloatArray) -> float:
     """Radius beyond which the top lies nowhere below z; -1: nowhere at all."""
     if rows[tip, ACTIVE] == 0.0 or z <= rows[tip, LOWEST]:
         return -1.0
@@ -43,7 +44,7 @@ def blocking_radius(z, tip, rows):
 
 
 @kernel
-def plan_distance(ax, ay, bx, by, cx, cy):
+def plan_distance(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> float:
     """Distance of (cx, cy) to the segment a-b in plan."""
     dx = bx - ax
     dy = by - ay
@@ -52,7 +53,9 @@ def plan_distance(ax, ay, bx, by, cx, cy):
 
 
 @kernel
-def bundle_misses(source, target, radius, box, x, y):
+def bundle_misses(
+    source: FloatArray, target: FloatArray, radius: float, box: FloatArray, x: float, y: float
+) -> bool:
     """Whether no straight line in plan from source to target comes within radius of the press axis."""
     a0, b0, _ = wall_point(int(source[0]), source[1] - source[3], 0.0, box)
     a1, b1, _ = wall_point(int(source[0]), source[1] + source[3], 0.0, box)
@@ -71,19 +74,19 @@ def bundle_misses(source, target, radius, box, x, y):
 
 
 @kernel
-def _left_of(ax, ay, bx, by, cx, cy):
+def _left_of(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> float:
     return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
 
 
 @kernel
-def reach_of(z, top, radii):
+def reach_of(z: float, top: Top, radii: FloatArray) -> None:
     """Fill radii (tip,) beyond which no tip's dimple can block a line that stays below z."""
     for k in range(top.rows.shape[0]):
         radii[k] = blocking_radius(z + top.rows[0, SLACK], k, top.rows)
 
 
 @kernel
-def misses_all(source, target, radii, box, top):
+def misses_all(source: FloatArray, target: FloatArray, radii: FloatArray, box: FloatArray, top: Top) -> bool:
     """Whether the pair's bundle in plan stays clear of every tip's radius."""
     for k in range(top.rows.shape[0]):
         if top.rows[k, ACTIVE] > 0.0 and not bundle_misses(
@@ -94,17 +97,17 @@ def misses_all(source, target, radii, box, top):
 
 
 @kernel
-def _rise(s, b, c, a, z, tip, rows):
+def _rise(s: float, b: float, c: float, a: float, z: float, tip: int, rows: FloatArray) -> float:
     return (height(max(a * s * s + 2.0 * b * s + c, 0.0), tip, rows) - z) / s
 
 
 @kernel
-def _rise_any(s, x, y, dx, dy, z, top):
+def _rise_any(s: float, x: float, y: float, dx: float, dy: float, z: float, top: Top) -> float:
     return (surface_height(x + s * dx, y + s * dy, top) - z) / s
 
 
 @kernel
-def horizon(x, y, z, qx, qy, radii, top):
+def horizon(x: float, y: float, z: float, qx: float, qy: float, radii: FloatArray, top: Top) -> float:
     """Height at q below which the straight line from (x, y, z) passes under the top; OPEN if none can block."""
     lowest = OPEN
     for k in range(top.rows.shape[0]):
@@ -114,7 +117,9 @@ def horizon(x, y, z, qx, qy, radii, top):
 
 
 @kernel
-def _horizon_of(tip, x, y, z, qx, qy, radius, top):
+def _horizon_of(
+    tip: int, x: float, y: float, z: float, qx: float, qy: float, radius: float, top: Top
+) -> float:
     """The horizon of the part of the chord within `radius` of a tip's axis."""
     plain = is_plain(top)
     dx = qx - x
@@ -164,7 +169,10 @@ def _horizon_of(tip, x, y, z, qx, qy, radius, top):
 
 
 @kernel
-def column_flux(x, y, z, source, target, qx, qy, z0, z1, mirrored, box, nodes, weights):
+def column_flux(
+    x: float, y: float, z: float, source: FloatArray, target: FloatArray, qx: float, qy: float, z0: float, z1: float,
+    mirrored: bool, box: FloatArray, nodes: FloatArray, weights: FloatArray,
+) -> float:  # fmt: skip
     """Flux from an emitter point through a column's heights z0..z1, per column width and emitter share."""
     if z1 <= z0:
         return 0.0
@@ -196,7 +204,10 @@ def column_flux(x, y, z, source, target, qx, qy, z0, z1, mirrored, box, nodes, w
 
 
 @kernel
-def direct_flux(source, target, radii, box, top, nodes_e, weights_e, nodes_u, weights_u, nodes_z, weights_z):
+def direct_flux(
+    source: FloatArray, target: FloatArray, radii: FloatArray, box: FloatArray, top: Top, nodes_e: FloatArray,
+    weights_e: FloatArray, nodes_u: FloatArray, weights_u: FloatArray, nodes_z: FloatArray, weights_z: FloatArray,
+) -> float:  # fmt: skip
     """Straight flux of a pair under a press, as a fraction of the emitter's power."""
     total = 0.0
     low = target[2] - target[4]
@@ -217,7 +228,9 @@ def direct_flux(source, target, radii, box, top, nodes_e, weights_e, nodes_u, we
 
 
 @kernel
-def flat_flux(source, target, box, mirrored, nodes, weights):
+def flat_flux(
+    source: FloatArray, target: FloatArray, box: FloatArray, mirrored: bool, nodes: FloatArray, weights: FloatArray,
+) -> float:  # fmt: skip
     """Straight or mirrored flux of a pair under a flat top."""
     total = 0.0
     low = target[2] - target[4]

@@ -1,4 +1,3 @@
-# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
 """Kernels: convex polygons of homogeneous points (x, y, w) in rows of an array: cut, area, centroid.
 
 Sutherland and Hodgman's clipping, one half plane at a time; w lets a point lie behind the eye.
@@ -6,11 +5,12 @@ Sutherland and Hodgman's clipping, one half plane at a time; w lets a point lie 
 
 from __future__ import annotations
 
+from sims.optics.scene.optical_scene import FloatArray
 from sims.optics.surface.radial import kernel
 
 
 @kernel
-def cut(n, poly, other, along, up, whole):
+def cut(n: int, poly: FloatArray, other: FloatArray, along: float, up: float, whole: float) -> int:
     """Clip a polygon of homogeneous points (x, y, w) to along x + up y + whole w >= 0; its number of corners."""
     outside = 0
     for c in range(n):
@@ -42,7 +42,7 @@ def cut(n, poly, other, along, up, whole):
 
 
 @kernel
-def cut_to_rectangle(n, poly, other, half_x, half_y):
+def cut_to_rectangle(n: int, poly: FloatArray, other: FloatArray, half_x: float, half_y: float) -> int:
     """Clip a polygon in front of the eye to |x| <= half_x, |y| <= half_y; its number of corners."""
     n = cut(n, poly, other, -1.0, 0.0, half_x)
     if n > 0:
@@ -55,7 +55,7 @@ def cut_to_rectangle(n, poly, other, half_x, half_y):
 
 
 @kernel
-def area_and_centroid(n, poly):
+def area_and_centroid(n: int, poly: FloatArray) -> tuple[float, float, float]:
     """Signed area and centroid of a polygon whose w are 1."""
     x0 = poly[0, 0]
     y0 = poly[0, 1]

@@ -1,4 +1,3 @@
-# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
 """Kernels: one ray and the deformed top. Arrays only; lengths mm, directions unit vectors.
 
 The top is the sum of what every tip does to it and of a smooth field (`sims.optics.surface.top`). The gap
@@ -16,6 +15,7 @@ from __future__ import annotations
 
 import math
 
+from sims.optics.scene.optical_scene import FloatArray
 from sims.optics.surface.curves import (
     ACTIVE,
     LOWEST,
@@ -47,6 +47,7 @@ from sims.optics.surface.radial_table import BEND, CELLS, FALL, PIECE_COLUMNS, W
 from sims.optics.surface.top import (
     FIELD_LOWEST,
     FIELD_SLOPE,
+    Top,
     is_plain,
     surface_gradient,
     surface_height,
@@ -66,7 +67,7 @@ LOST_WEIGHT = 1e-9
 
 
 @inlined
-def _plane_hit(z, dz, t0, t1, top):
+def _plane_hit(z: float, dz: float, t0: float, t1: float, top: float) -> float:
     """Where a ray meets the undisturbed top in [t0, t1]; -1 if it does not."""
     if dz <= 0.0:
         return -1.0
@@ -75,7 +76,10 @@ def _plane_hit(z, dz, t0, t1, top):
 
 
 @inlined
-def march(x, y, z, dx, dy, dz, t0, t1, takes_any, tip, rows):
+def march(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, t0: float, t1: float, takes_any: bool, tip: int,
+    rows: FloatArray,
+) -> tuple[float, float]:  # fmt: skip
     """Bracket of the first crossing from below to above one tip's top in [t0, t1]; (t0, -1) if there is none.
 
     `takes_any`: any crossing will do; a ray that has one is nearly always above the top where it is nearest the axis.
@@ -117,7 +121,9 @@ def march(x, y, z, dx, dy, dz, t0, t1, takes_any, tip, rows):
 
 
 @inlined
-def _march_within(z, dz, t, end, closest, near2, plan2, tip, rows):
+def _march_within(
+    z: float, dz: float, t: float, end: float, closest: float, near2: float, plan2: float, tip: int, rows: FloatArray,
+) -> tuple[float, float]:  # fmt: skip
     """The bracket in [t, end], inside a tip's outer radius; its upper end is -1 if there is none."""
     plan = math.sqrt(plan2)
     inward_rate = dz + slope_bound(near2, tip, rows) * plan
@@ -162,7 +168,9 @@ def _march_within(z, dz, t, end, closest, near2, plan2, tip, rows):
 
 
 @kernel
-def march_any(x, y, z, dx, dy, dz, t0, t1, top):
+def march_any(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, t0: float, t1: float, top: Top
+) -> tuple[float, float]:
     """As `march`, for several tips and a field: the rates of all of them add up."""
     tips = top.rows.shape[0]
     lowest = top.rows[0, FIELD_LOWEST]
@@ -208,7 +216,9 @@ def march_any(x, y, z, dx, dy, dz, t0, t1, top):
 
 
 @inlined
-def crossing(x, y, z, dx, dy, dz, t0, t1, top):
+def crossing(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, t0: float, t1: float, top: Top
+) -> tuple[float, float]:
     """Bracket of a crossing from below to above the top in [t0, t1]; (t0, -1) if there is none."""
     if is_plain(top):
         return march(x, y, z, dx, dy, dz, t0, t1, True, 0, top.rows)
@@ -216,7 +226,7 @@ def crossing(x, y, z, dx, dy, dz, t0, t1, top):
 
 
 @kernel
-def is_clear(x, y, z, dx, dy, dz, length, top):
+def is_clear(x: float, y: float, z: float, dx: float, dy: float, dz: float, length: float, top: Top) -> bool:
     """Whether the leg of this length that leaves a point of the top stays below the top."""
     t0 = min(MIN_STEP_MM, 0.5 * length)
     _, hit = crossing(x, y, z, dx, dy, dz, t0, length, top)
@@ -224,7 +234,7 @@ def is_clear(x, y, z, dx, dy, dz, length, top):
 
 
 @inlined
-def top_hit(x, y, z, dx, dy, dz, t1, top):
+def top_hit(x: float, y: float, z: float, dx: float, dy: float, dz: float, t1: float, top: Top) -> float:
     """First distance in (0, t1) where the ray meets the top; -1 if it does not."""
     if is_plain(top):
         return _tip_hit(x, y, z, dx, dy, dz, t1, top.rows)
@@ -232,14 +242,16 @@ def top_hit(x, y, z, dx, dy, dz, t1, top):
 
 
 @kernel
-def _tip_hit(x, y, z, dx, dy, dz, t1, rows):
+def _tip_hit(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, t1: float, rows: FloatArray
+) -> float:
     """`top_hit` for one tip and no field."""
     low, high = march(x, y, z, dx, dy, dz, 0.0, t1, False, 0, rows)
     return high if high <= low else _refined(x, y, z, dx, dy, dz, low, high, rows)
 
 
 @kernel
-def _any_hit(x, y, z, dx, dy, dz, t1, top):
+def _any_hit(x: float, y: float, z: float, dx: float, dy: float, dz: float, t1: float, top: Top) -> float:
     """`top_hit` for several tips or a field: the bracket halved by false position (Illinois)."""
     low, high = march_any(x, y, z, dx, dy, dz, 0.0, t1, top)
     if high < 0.0:
@@ -267,7 +279,9 @@ def _any_hit(x, y, z, dx, dy, dz, t1, top):
 
 
 @inlined
-def _refined(x, y, z, dx, dy, dz, low, high, rows):
+def _refined(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, low: float, high: float, rows: FloatArray
+) -> float:
     """Crossing of one tip's top in a bracket: Newton's steps, halved where they leave it."""
     px = x - rows[0, X]
     py = y - rows[0, Y]
@@ -295,7 +309,9 @@ def _refined(x, y, z, dx, dy, dz, low, high, rows):
 
 
 @kernel
-def chain(x, y, z, dx, dy, dz, weight, box, top):
+def chain(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, weight: float, box: FloatArray, top: Top
+) -> tuple[int, float, float, float, float, float, float, float, int, float]:
     """Follow a ray through specular reflections at the top to a wall, the bottom or a tip.
 
     Returns kind (0-3 wall, 4 bottom, 5 tip, -1 lost), point, direction, weight with Fresnel and absorption, number of

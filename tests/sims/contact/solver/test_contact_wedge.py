@@ -80,7 +80,13 @@ def test_only_a_narrow_cycle_about_a_fixed_point_counts_as_rest(
 
 def test_shallow_states_must_settle_in_proportion_to_their_depth() -> None:
     assert settled_limit(0.01) == pytest.approx(2e-6)
+    assert settled_limit(0.1) == pytest.approx(4e-5)
     assert settled_limit(1.0) == 1e-4
+
+
+@pytest.mark.parametrize("depth", [0.01, 0.1, 1.0])
+def test_a_depth_out_of_an_array_settles_at_the_limit_of_the_plain_number(depth: float) -> None:
+    assert settled_limit(np.array([depth])[0]) == settled_limit(depth)
 
 
 def test_sunken_surface_is_refused() -> None:
@@ -124,8 +130,9 @@ def test_a_depth_step_far_too_large_raises_instead_of_returning_a_surface() -> N
 def test_solving_twice_gives_the_same_bits_and_writes_no_log(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """The second time from an array, as callers that space their depths evenly have them."""
     monkeypatch.chdir(tmp_path)
-    first, second = (solve_wedge(MESH, [0.01, 0.03], 0.49) for _ in range(2))
+    first, second = (solve_wedge(MESH, depths, 0.49) for depths in ([0.01, 0.03], np.array([0.01, 0.03])))
     np.testing.assert_array_equal(first.heights, second.heights)
     np.testing.assert_array_equal(first.force, second.force)
     assert list(tmp_path.iterdir()) == []
