@@ -1,6 +1,6 @@
 """Frame rates of the compiled firmware on a simulated board, and its size: docs/validation/firmware.md.
 
-    python -m tests.validation.driver.firmware_rates  writes the page anew; needs avr-gcc and libsimavr, takes seconds
+    python -m tests.validation.driver.firmware_rates        writes the page anew; needs avr-gcc and libsimavr, takes seconds
 
 Each rate is of full frames as sent, from the device's own clock, after the first two. The simulator's converter starts
 at once; a chip's waits for the next edge of the converter's clock, which the harness around the simulator adds.
@@ -188,35 +188,38 @@ def page(
     quiet: Sequence[Rate], early: Sequence[Rate], layouts: Sequence[tuple[str, Rate]], loop_text: str
 ) -> str:
     """Text of docs/validation/firmware.md."""
+    usual = next(rate for rate in quiet if rate.prescaler == PAD.board.adc_prescaler)
     return f"""# The firmware on a simulated board
 
-Made by `python -m tests.validation.driver.firmware_rates` with {compiler_version()} and simavr;
-the program is the one that
-`optopad driver firmware` makes. Nothing here was measured on a real board.
+**Question.** How many frames a second does the firmware send, are its readings right, and does it fit into the chip?
+
+**Answer.** {usual.simulator_hz:.0f} full frames a second of the paper's pad at its prescaler of {usual.prescaler},
+{usual.edges_hz:.0f} with the waits of a chip's converter; the paper had {PAPER_HZ:.0f}.
+{wrong_text([*quiet, *early])} Program and RAM take less than a tenth of the chip.
+Nothing here was measured on a real board.
+
+## Method
+
+- The program is the one that `optopad driver firmware` makes, compiled by {compiler_version()}, run by
+  simavr as fast as it can.
+- Full frames of `piacenza2017-pad`: 9 states x 8 receivers, 105 bytes with CRC-32 at 1 Mbaud,
+  {PAD.board.settle_us:g} us of settling after every switch. Every reading of every frame is compared
+  with the simulated voltage.
+- *Simulator*: its converter starts at once. *With clock edges*: a chip's converter starts at the next edge of its clock
+  (the data sheet); the harness around the simulator adds that wait. It is the better guess for a board.
+- *Sum*: settle, convert, then send, one after the other (`design/circuit/timing.py`). Rules and `driver.toml` promise
+no more.
 
 ## Frame rates
 
-Full frames of `piacenza2017-pad`, 9 states x 8 receivers, 105 bytes with CRC-32 at 1 Mbaud, {PAD.board.settle_us:g} us
-of settling after every switch, as fast as it can. Every reading of every frame was compared with the simulated voltage.
-
 {rate_table(quiet)}
 
-- Asked of the simulated board: at least {ASKED_HZ[64]:.0f} Hz at 64 and {ASKED_HZ[32]:.0f} Hz at 32.
-  The paper had {PAPER_HZ:.0f} Hz.
-- *With clock edges*: the simulator's converter starts at once, a chip's at the next edge of its clock (the data sheet).
-  The harness around the simulator adds that wait; it is the better guess for a board, and the loop's tests have it on.
-- *Sum*: settle, convert, then send, one after the other (`design/circuit/timing.py`). Rules and `driver.toml` promise
-no more.
-- 10 bits need a converter's clock of 50 to 200 kHz, prescaler 128 (the data sheet). At 64 and below the last bits are
-  worse, which the simulator does not show.
-
 With `SWITCH_EARLY` set to 1 in `config.h`, the next emitter is switched on while a state's last input is converted,
-once it is held. Faster, and not the default: the step of the LED's current then falls into a conversion whose reference
-is the same supply, which the simulator does not show either.
+once it is held:
 
 {rate_table(early)}
 
-## Presets, as they are
+Presets, as they are:
 
 {layout_table(layouts)}
 
@@ -231,7 +234,26 @@ Of `oblong-60x40` {not_by_the_simulator(firmware_settings(preset("oblong-60x40")
 {memory_table()}
 
 RAM without the stack; a self-test tells what was left free at the deepest call.
+
+## What it means
+
+- Count on the *sum*: rules and driver promise that rate, and every rate measured is above it.
+- 10 bits need a converter's clock of 50 to 200 kHz, prescaler 128 (the data sheet). At 64 and below the last bits are
+  worse, which the simulator does not show.
+- `SWITCH_EARLY` is faster and not the default: the step of the LED's current falls into a conversion whose reference is
+  the same supply, which the simulator does not show either.
+- A settle time shorter than LED and amplifier need gives wrong readings; 20 us gives none.
+
+## Made by
+
+`python -m tests.validation.driver.firmware_rates`: seconds; needs avr-gcc and libsimavr.
 """
+
+
+def wrong_text(rates: Sequence[Rate]) -> str:
+    """Readings that were not the simulated voltage, in a sentence."""
+    wrong = sum(rate.wrong_readings for rate in rates)
+    return f"{wrong} readings were wrong." if wrong else "Every reading was right."
 
 
 def rate_table(rates: Iterable[Rate]) -> str:

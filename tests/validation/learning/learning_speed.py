@@ -160,14 +160,15 @@ def page_text(found: dict[str, Outcome]) -> str:
         for case in SPEED
         for one in [found[case.name]]
     ]
-    precision = []
+    precision, off_plain, off_refined = [], [], []
     for ridge in sorted({case.ridge for case in PRECISION}):
         exact, plain, single = (
             found[Case(PRECISION_SAMPLES, method, ridge).name] for method in ("exact", "plain", "single")
         )
-        precision.append(
-            f"| {ridge:g} | {largest_difference_mm(plain, exact):.2g} | {largest_difference_mm(single, exact):.2g} |"
-        )
+        off_plain.append(largest_difference_mm(plain, exact))
+        off_refined.append(largest_difference_mm(single, exact))
+        precision.append(f"| {ridge:g} | {off_plain[-1]:.2g} | {off_refined[-1]:.2g} |")
+    whole, rough = (found[case.name] for case in SPEED[-2:])
     machine = f"{os.cpu_count()}-core machine shared with other work, Python {platform.python_version()}"
     return PAGE_TEXT.format(
         machine=machine,
@@ -175,6 +176,13 @@ def page_text(found: dict[str, Outcome]) -> str:
         precision="\n".join(precision),
         asked=2 * ASKED_PLACES,
         samples=PRECISION_SAMPLES,
+        exact=SPEED[-2],
+        exact_s=whole.processor_s,
+        exact_gb=whole.memory_gb,
+        rough_s=rough.processor_s,
+        rough_gb=rough.memory_gb,
+        worst=max(off_refined),
+        plain=max(off_plain),
     )
 
 
@@ -190,25 +198,45 @@ def words_of(case: Case) -> str:
 PAGE_TEXT = """\
 # What kernel ridge costs, and what its methods are off
 
-Made by `python -m tests.validation.learning.learning_speed`; {machine}.
-The final fit alone: kernel matrix, factor, weights, and the residual that is checked afterwards. Other processes
-shared the two cores, which is why time is longer than processor time; the fit itself uses both. Memory is the
-process' largest, its data and libraries included (0.2 GB).
+**Question.** What do time and memory allow when the paper's learner, kernel ridge, is trained on many presses, and what
+do the cheaper methods cost in accuracy?
+
+**Answer.** {exact.samples:,} samples take {exact_s:.0f} s of processor time and {exact_gb:.1f} GB exactly,
+{rough_s:.0f} s and {rough_gb:.1f} GB by the approximation. Single precision, refined once, says the same
+press to {worst:.1g} mm.
+
+## Method
+
+- The final fit alone: kernel matrix, factor, weights, and the residual that is checked afterwards.
+- Each fit runs in a process of its own; memory is its largest, data and libraries (0.2 GB) included.
+- {machine}. So time is longer than processor time; the fit itself
+  uses both cores.
+- Precision: {samples:,} samples, {asked} random presses asked; the largest difference to double precision in x, y or
+  depth.
+
+## Figures
 
 | samples | method | time s | processor s | memory GB |
 |---|---|---|---|---|
 {speed}
 
-## Single precision
-
-{samples:,} samples, {asked} random presses asked: the largest difference to double precision in x, y or depth [mm].
+Largest difference to double precision [mm]:
 
 | lambda | single precision | refined once |
 |---|---|---|
 {precision}
 
-`optopad train` fits in double precision where its matrix fits into memory (5 GB: 25,000 samples), refined single
-precision up to 35,000, and the approximation beyond; the model's header and the command's lines name the method.
+## What it means
+
+- `optopad train` fits in double precision where its matrix fits into memory (5 GB: 25,000 samples), in refined single
+  precision up to 35,000, and by the approximation beyond. The model's header and the command's lines name the method.
+- What refined single precision is off is far below the errors of the learner itself ([reality.md](reality.md)). Without
+  refinement it is off by up to {plain:.1g} mm, at a small lambda.
+- What the approximation is off is not measured here.
+
+## Made by
+
+`python -m tests.validation.learning.learning_speed`; fits that are done are kept, and an interrupted run goes on.
 """
 
 

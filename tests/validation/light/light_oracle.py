@@ -112,21 +112,17 @@ def means(
         )
 
 
+def cell(mean: Mean) -> str:
+    """Reference less tracer and its standard error, in percent of the undeformed signal."""
+    return f"{100.0 * mean.difference:+.4f} ± {100.0 * mean.standard_error:.4f}"
+
+
 def main() -> None:
     """Make the table."""
     numba.set_num_threads(1)
     found = [mean for surface in SURFACES for mean in means(surface)]
-    cells = [
-        [
-            mean.surface,
-            mean.group,
-            f"{100.0 * mean.difference:+.4f} ± {100.0 * mean.standard_error:.4f}",
-            f"{mean.difference / mean.standard_error:+.1f}",
-        ]
-        for mean in found
-    ]
-    head = ["surface", "class", "reference - tracer, % of the undeformed signal", "in standard errors"]
-    table = markdown_table(head, cells)
+    cells = [[surface, *(cell(mean) for mean in found if mean.surface == surface)] for surface in SURFACES]
+    table = markdown_table(["surface", *GROUPS, "signal"], cells)
     print(table)
     PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8"), table, MARKS), encoding="utf-8")
 

@@ -12,6 +12,7 @@ import json
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import fill
 
 import numpy as np
 
@@ -35,23 +36,32 @@ CHECKED = {
     "pad-layout": ("evenness", "strength", "location_bound_mm", "depth_bound_mm"),
     "pair-heights": ("evenness", "strength", "resolvable_steps"),
 }
+WIDTH = 118
+"""Of a line of the page."""
 CHOSEN = 1
 """Designs of the pad's front that are judged again: one takes some 5 core-minutes."""
 PAIR_SAMPLE = 4
 """Designs of the pair that are judged both ways, evenly from all that were judged to the end."""
 
 
-WHY = """\
-Why, as far as the table shows: five parts a side make 100 pairs in place of 64, and parts nearer to the surface
-let mode 2 begin sooner after mode 1. The two were not tried apart. It is not for nothing: four parts more, and
-`optopad check` names the receivers' bodies that then stand above the rim.
-With the paper's 16 parts the search found designs that gain less; they are in the picture, at search accuracy.
-Not covered: tolerance of the heights (`optopad score --tolerance`), and what a learner makes of the signals.
+METHOD = """\
+- `optopad explore` proposes designs, judges each cheapest step first, stops early what is out of the limits, and keeps
+  what no other design beats in every figure.
+- *Search accuracy*: draft light, depths of pairs every 0.2 mm, map and bounds at 3 x 3 places, bounds at 0.7 and 2.5 mm
+  and the end. *Score accuracy*: the settings of `optopad score` (5 x 5 places, standard light).
+- The base design and the best of the pad's front are judged again at score accuracy; of the pair, a few designs evenly
+  from all that were judged to the end.
 """
-HOW_SURE = """\
-Few designs: ratios, not a distribution. The depth bound of the pad is the least sure figure of a search: its median
-over 3 x 3 places and three depths is not that of 5 x 5 and five, and the order of near designs may turn. Score what
-a search has found before it is built.
+MEANING = """\
+- A search finds better pads than the paper's, at a price: four parts more, and `optopad check` names the receivers'
+  bodies that then stand above the rim. With the paper's 16 parts it found designs that gain less; they are in the
+  picture, at search accuracy.
+- Why, as far as the table shows: five parts a side make 100 pairs in place of 64, and parts nearer to the surface let
+  mode 2 begin sooner after mode 1. The two were not tried apart.
+- **Score what a search has found before it is built.** The depth bound of the pad is its least sure figure: the median
+  over 3 x 3 places and three depths is not that of 5 x 5 and five, and the order of near designs may turn. These are
+  few designs: ratios, not a distribution.
+- Not covered: tolerance of the heights (`optopad score --tolerance`), and what a learner makes of the signals.
 """
 
 
@@ -133,15 +143,63 @@ def page(
         [
             "# The search: accuracy, and a better pad than the paper's",
             "",
-            "Made by `python -m tests.validation.verdict.search_table`; the numbers below are what it found, on the "
-            "light",
-            "engine and the bounds of this version.",
+            "**Question.** Does a search find a pad that beats the paper's, and how far are its quick figures from the",
+            "score's?",
+            "",
+            *answer(chosen, again, [*pad_both(pad, chosen, again), *pairs]),
+            "",
+            "## Method",
+            "",
+            *METHOD.splitlines(),
             "",
             *better_pad(pad, chosen, again),
             *accuracy_section(pad, chosen, again, pairs),
             *pair_section(pair),
+            "## What it means",
+            "",
+            *MEANING.splitlines(),
+            "",
+            "## Made by",
+            "",
+            "`python -m tests.validation.verdict.search_table`: some ten minutes of two cores; interrupted, it goes on.",
+            "",
         ]
     )
+
+
+def answer(chosen: list[Tried], again: list[Judged], both: list[tuple[Judged, Judged]]) -> list[str]:
+    """The result in a few lines; the first of the chosen is told."""
+    agree = [quick.verdict == sure.verdict for quick, sure in both]
+    off = (
+        f"A search's figures are within {100 * furthest(both):.0f} % of the score's; "
+        f"verdicts agree in {sum(agree)} of {len(agree)}."
+    )
+    if not chosen:
+        return fill(f"**Answer.** It found none. {off}", WIDTH).splitlines()
+    gains = beats(again[0], again[1])
+    told = (
+        f"**Answer.** Yes. Design {chosen[0].number} is {again[1].verdict} where the paper's pad is "
+        f"{again[0].verdict}; its location bound is {gains['location_bound_mm']:.2f} times, its depth bound "
+        f"{gains['depth_bound_mm']:.2f} times, its evenness {gains['evenness']:.2f} times as good. {off}"
+    )
+    return fill(told, WIDTH).splitlines()
+
+
+def furthest(both: list[tuple[Judged, Judged]]) -> float:
+    """How far a figure at search accuracy is from that at score accuracy at most, over the latter [-]."""
+    names = {name for one in CHECKED.values() for name in one}
+    ratios = [
+        ratio(quick, sure, name)
+        for quick, sure in both
+        for name in names
+        if quick.figures.get(name) and sure.figures.get(name)
+    ]
+    return float(np.abs(np.array(ratios) - 1.0).max())
+
+
+def pad_both(pad: Findings, chosen: list[Tried], again: list[Judged]) -> list[tuple[Judged, Judged]]:
+    """The base and the chosen at search and at score accuracy."""
+    return list(zip([pad.base, *(one.judged for one in chosen)], again, strict=True))
 
 
 def better_pad(pad: Findings, chosen: list[Tried], again: list[Judged]) -> list[str]:
@@ -151,10 +209,9 @@ def better_pad(pad: Findings, chosen: list[Tried], again: list[Judged]) -> list[
         "## A pad that beats the paper's",
         "",
         f"`optopad explore pad-layout --trials {pad.wanted}` varies thickness, both heights and the parts a side of",
-        f"`piacenza2017-pad`, and keeps what loses in nothing: {len(pad.tried)} designs proposed, "
-        f"{sum(bool(one.judged.reason) for one in pad.tried)} stopped early,",
-        f"{different} different ones within all limits, the base one of them.",
-        "The best by bounds, judged again with the score's own settings (5 x 5 places, standard light):",
+        f"`piacenza2017-pad`: {len(pad.tried)} designs proposed, "
+        f"{sum(bool(one.judged.reason) for one in pad.tried)} stopped early, {different} different ones within all",
+        "limits, the base one of them. The best, at score accuracy:",
         "",
         "| design | parts | clear mm | LED height mm | diode height mm | "
         + " | ".join(names)
@@ -207,30 +264,22 @@ def conclusion(chosen: list[Tried], again: list[Judged]) -> list[str]:
         lines.append(
             f"- No. {one.number} ({layout}) gains {said} ({'better' if not lost else 'mixed'}, {verdict})."
         )
-    if not lines:
-        return ["It found none."]
-    return [
-        *lines,
-        "",
-        *WHY.splitlines(),
-    ]
+    return lines or ["It found none."]
 
 
 def accuracy_section(
     pad: Findings, chosen: list[Tried], again: list[Judged], pairs: list[tuple[Judged, Judged]]
 ) -> list[str]:
-    quick = [pad.base, *(one.judged for one in chosen)]
     lines = [
         "## How far the search's figures are from the score's",
         "",
-        "Search accuracy: draft light, depths of pairs every 0.2 mm, map and bounds at 3 x 3 places, bounds at 0.7 and",
-        "2.5 mm and the end. Score accuracy: the settings of `optopad score`. Ratio of the first over the second:",
+        "Ratio of a figure at search accuracy over the same at score accuracy:",
         "",
         "| search | figure | designs | mean | smallest | largest |",
         "|---|---|---|---|---|---|",
     ]
     for title, both, names in (
-        ("pad", list(zip(quick, again, strict=True)), CHECKED["pad-layout"]),
+        ("pad", pad_both(pad, chosen, again), CHECKED["pad-layout"]),
         ("pair", pairs, CHECKED["pair-heights"]),
     ):
         for name in names:
@@ -238,14 +287,7 @@ def accuracy_section(
             lines.append(
                 f"| {title} | {name} | {len(ratios)} | {np.mean(ratios):.3f} | {min(ratios):.3f} | {max(ratios):.3f} |"
             )
-    agree = [a.verdict == b.verdict for a, b in [*zip(quick, again, strict=True), *pairs]]
-    return [
-        *lines,
-        "",
-        f"Verdicts agree in {sum(agree)} of {len(agree)}.",
-        *HOW_SURE.splitlines(),
-        "",
-    ]
+    return [*lines, ""]
 
 
 def pair_section(pair: Findings) -> list[str]:
