@@ -1,7 +1,7 @@
 """The table of contact errors in docs/validation/contact.md.
 
-    python -m tests.validation.contact.contact_table            compare the model with the stored solutions of the oracle
-    python -m tests.validation.contact.contact_table --live     solve the oracle anew first (resumable, an hour or two)
+    python -m tests.validation.contact.contact_table  compare the model with the stored solutions of the oracle
+    python -m tests.validation.contact.contact_table --live  solve the oracle anew first (resumable, an hour or two)
 
 Both write the table and `contact.csv` beside it. Every press is that of `solved_press` in the published pad with its
 clear layer changed, so that the elastic depth is 6, 9 or 16 mm, and of the area of the oracle's round pad of 16 mm

@@ -1,6 +1,6 @@
 """Frame rates of the compiled firmware on a simulated board, and its size: docs/validation/firmware.md.
 
-    python -m tests.validation.driver.firmware_rates        writes the page anew; needs avr-gcc and libsimavr, takes seconds
+    python -m tests.validation.driver.firmware_rates  writes the page anew; needs avr-gcc and libsimavr, takes seconds
 
 Each rate is of full frames as sent, from the device's own clock, after the first two. The simulator's converter starts
 at once; a chip's waits for the next edge of the converter's clock, which the harness around the simulator adds.

@@ -92,8 +92,8 @@ Back after unplugging: {median:.2f} s in the median, at most {back:.2f} s.
 
 ## Made by
 
-`python -m tests.validation.driver.link_table`: about three minutes of one core. `pytest tests/validation/driver/test_link.py` sends
-20,000 frames through each damage with every change.
+`python -m tests.validation.driver.link_table`: about three minutes of one core.
+`pytest tests/validation/driver/test_link.py` sends 20,000 frames through each damage with every change.
 """
 
 

@@ -1,10 +1,10 @@
 """The tables of docs/validation/calibration.md: builds whose parameters nobody tells the calibration.
 
-    python -m tests.validation.learning.hidden_builds              ten builds; about a quarter of an hour each on one core
-    python -m tests.validation.learning.hidden_builds --builds 3   the first three
-    python -m tests.validation.learning.hidden_builds --fresh      the same, with nothing taken from an earlier run
-    python -m tests.validation.learning.hidden_builds --page       only write the page from the builds that are done
-    python -m tests.validation.learning.hidden_builds --every 2 --first 1   builds 1, 3, 5 ..., beside another run of the rest
+    python -m tests.validation.learning.hidden_builds  ten builds; about a quarter of an hour each on one core
+    python -m tests.validation.learning.hidden_builds --builds 3  the first three
+    python -m tests.validation.learning.hidden_builds --fresh  the same, with nothing taken from an earlier run
+    python -m tests.validation.learning.hidden_builds --page  only write the page from the builds that are done
+    python -m tests.validation.learning.hidden_builds --every 2 --first 1  builds 1, 3, 5 ..., beside a run of the rest
 
 A build: every optical tolerance of the paper's pad drawn at random (uniform, or normal for what is poured), the power
 of every LED and the gain of every receiver off by a spread, its light traced with a seed of its own, its readings

@@ -1,6 +1,6 @@
 """What a search finds, how fast, and how far its quick figures are from the score's: docs/validation/search.md.
 
-    python -m tests.validation.verdict.search_table          (some ten minutes of two cores; interrupted, it goes on)
+    python -m tests.validation.verdict.search_table          (ten minutes of two cores; interrupted, it goes on)
 
 The searches are `pad-layout` and `pair-heights`, in build/validation/search. Of each, the base design and some of the
 front are judged again with the score's own settings; what is judged is kept beside the study.
@@ -161,7 +161,7 @@ def page(
             "",
             "## Made by",
             "",
-            "`python -m tests.validation.verdict.search_table`: some ten minutes of two cores; interrupted, it goes on.",
+            "`python -m tests.validation.verdict.search_table`: ten minutes of two cores; interrupted, it goes on.",
             "",
         ]
     )
