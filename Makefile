@@ -13,7 +13,7 @@ WORKERS ?= 2
 SIDE_BY_SIDE = $(if $(filter 1,$(WORKERS)),,-n $(WORKERS) --dist loadfile)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow lint bench bench-smoke validate pins clean
+.PHONY: help setup demo test test-slow lint docs bench bench-smoke validate pins clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1|/p' Makefile | awk -F'|' '{printf "  make %-11s %s\n", $$1, $$2}'
@@ -34,6 +34,9 @@ lint: setup ## style, format, types, and the arrows between the rooms
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
+
+docs: setup ## the pages of docs/ as a site: build/docs/index.html; a link that leads nowhere is an error
+	$(BIN)/python -m sphinx -q -W --keep-going -n -b html -d build/docs-doctrees docs build/docs
 
 bench: setup ## the benchmarks only
 	$(BIN)/python -m pytest --benchmark-only
@@ -112,7 +115,7 @@ $(READY): pyproject.toml constraints.txt
 	  echo "pip could not install the dependencies; its lines above name the one. Usual causes:" >&2; \
 	  echo "  no package index in reach  set PIP_INDEX_URL or HTTPS_PROXY" >&2; \
 	  echo "  no wheel for this machine  optopad needs 64-bit Linux (glibc 2.31) or macOS; or try PYTHON=python3.12" >&2; \
-	  echo "  disk full                  .venv takes 2.2 GB" >&2; \
+	  echo "  disk full                  .venv takes 2.5 GB" >&2; \
 	  exit 1; \
 	}; \
 	touch $@

@@ -1,9 +1,9 @@
 """How a pad is pressed to collect data: patterns of places, one schedule of depths, sets in ambient light or dark.
 
-A file is TOML (docs/datasets.md); `piacenza2017` and `piacenza2017-quick` are packaged. Depth is positive into the pad,
-0 or less is untouched. Places lie in the workspace of the design unless `workspace_mm` says less. Grids are centred;
-the order of places is shuffled when data are drawn. Random places belong to the protocol, by their `place_seed`, so
-that the light of a protocol is one, whatever the seed of noise and order.
+A file is TOML (docs/how-to/simulate-data-set.md); `piacenza2017` and `piacenza2017-quick` are packaged.
+Depth is positive into the pad, 0 or less is untouched. Places lie in the workspace of the design unless `workspace_mm`
+says less. Grids are centred; the order of places is shuffled when data are drawn. Random places belong to the
+protocol, by their `place_seed`, so that the light of a protocol is one, whatever the seed of noise and order.
 """
 
 from __future__ import annotations
@@ -278,7 +278,7 @@ def protocol_from(document: dict[str, Any], *, where: str) -> PressProtocol:
         text = str(design_error(err, where)).replace("not a usable design", "not a usable protocol", 1)
         raise DesignError(
             text.replace("is not a field of a design", "is not a field of a protocol").replace(
-                "(see `optopad schema`", "(see docs/datasets.md"
+                "(see `optopad schema`", "(see docs/how-to/simulate-data-set.md"
             )
         ) from None
 

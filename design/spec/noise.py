@@ -62,7 +62,7 @@ PURE: dict[str, Any] = {
 
 
 class Noise(Model):
-    """Noise of a reading, and what else keeps readings from being the light: see docs/datasets.md."""
+    """Noise of a reading, and what else keeps readings from the light: docs/how-to/simulate-data-set.md."""
 
     read_noise_counts: Annotated[
         float,

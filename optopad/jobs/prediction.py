@@ -206,7 +206,7 @@ def _notes(
         f"simulated: protocol {protocol.name}, {draws} draw{'s' if draws > 1 else ''} of the signal chain with the "
         f"design's noise, models of the settings {effort.fit!r} trained on the training sets of each draw alone",
         "light of the test presses is traced like that of the training presses: what the light model leaves out "
-        "(docs/model.md) is not in these errors",
+        "(docs/understand/model.md) is not in these errors",
         "truth is what the stage reports, as on a bench: errors of its zero and place are part of the errors",
     ]
     if published_touch(curves.design) is not None:

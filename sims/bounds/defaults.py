@@ -5,7 +5,7 @@ Sources
 [R] Chosen for this tool: a fingertip-sized contact is useful when it is placed to a millimetre and its depth to half a
     millimetre (coverage); a voxel is dead when it cannot be placed to half a millimetre or its depth to a tenth, the
     limits of the feasibility study. Confidence: chosen; they are limits to rank layouts by, not findings.
-[M] Measured on the paper's pad: docs/model.md, "What the signals can tell".
+[M] Measured on the paper's pad: docs/understand/model.md, "What the signals can tell".
 """
 
 from __future__ import annotations

@@ -325,7 +325,7 @@ def price_of(cavity: CavityGeometry) -> float:
     if missing:
         raise DesignError(
             f"cost: the catalogue has no price for {', '.join(missing)}; give the part a cost in your own catalogue "
-            "(docs/own-parts.md, section A price), or leave cost out"
+            "(docs/how-to/own-parts.md, section A price), or leave cost out"
         )
     currencies = {cost.currency for cost in costs.values() if cost is not None}
     if len(currencies) > 1:

@@ -1,4 +1,4 @@
-"""Data sets as files: netCDF, the same form from the simulation and from a built sensor (docs/datasets.md).
+"""Data sets as files: netCDF, the same form from the simulation and from a built sensor (docs/reference/files.md).
 
 Dimensions ``time`` (one frame), ``state``, ``receiver``:
 

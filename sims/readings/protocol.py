@@ -72,7 +72,8 @@ def protocol_curves(
     Parameters
     ----------
     seed, accuracy : of the light
-    is_coarse : fewer depths, two thirds of the light, a larger error (docs/datasets.md); None: as the protocol says
+    is_coarse : fewer depths, two thirds of the light, a larger error (docs/how-to/simulate-data-set.md); None: as the
+        protocol says
     on_step : called with a stage's name and the share of it that is done
 
     Raises

@@ -16,8 +16,8 @@ from tests.sims.learning.made_up_models import made_up_kernel_ridge
 from tests.sims.made_up_bounds import made_up_bounds
 
 DOCS = Path(__file__).parents[2] / "docs"
-TUTORIAL = DOCS / "tutorial.md"
-LEARNING = DOCS / "learning.md"
+TUTORIAL = DOCS / "tutorials" / "design-to-bench.md"
+LEARNING = DOCS / "how-to" / "train-learner.md"
 
 
 def made_up_maps():

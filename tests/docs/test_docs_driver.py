@@ -1,4 +1,4 @@
-"""The programs of docs/driver.md run as they are written, against a simulated board."""
+"""The programs of the pages on the built sensor run as they are written, against a simulated board."""
 
 from __future__ import annotations
 
@@ -25,8 +25,12 @@ from tests.fabrication.driver.made_up_pad import board, untouched
 
 ROOT = Path(__file__).parents[2]
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals")]
-PAGE = (ROOT / "docs" / "driver.md").read_text(encoding="utf-8")
-PROGRAMS = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
+PAGES = [
+    ROOT / "docs" / "how-to" / f"{name}.md"
+    for name in ("read-sensor", "record-and-export", "collect-presses")
+]
+TEXT = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+PROGRAMS = re.findall(r"```python\n(.*?)```", TEXT, flags=re.DOTALL)
 ROS = """
 import sys
 MESSAGES = []
@@ -69,7 +73,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def program(word: str) -> str:
-    """The one program of the page in which a word stands."""
+    """The one program of the pages in which a word stands."""
     (found,) = [text for text in PROGRAMS if word in text]
     return found
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 from design.spec.noise import Noise
 
-PAGE = Path(__file__).parents[2] / "docs" / "datasets.md"
+PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "simulate-data-set.md"
 
 
 def test_every_parameter_stands_in_the_table_with_its_default() -> None:
     text = PAGE.read_text(encoding="utf-8")
-    table = text[text.index("| `noise.` |") : text.index('"Bounded": the feasibility')]
+    table = text[text.index("| `noise.` |") : text.index('"Bounded": within what')]
     rows = dict(re.findall(r"^\| `(\w+)` \| (\S+) \|", table, flags=re.MULTILINE))
     said = {name: None if value == "none" else json.loads(value) for name, value in rows.items()}
     assert said == {name: getattr(Noise(), name) for name in Noise.model_fields}

@@ -1,4 +1,4 @@
-"""A recording as netCDF, in the form that `optopad compare` and learners read (docs/recordings.md). Needs xarray."""
+"""A recording as netCDF, as `optopad compare` and learners read (docs/reference/files.md). Needs xarray."""
 
 from __future__ import annotations
 

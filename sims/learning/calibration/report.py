@@ -156,7 +156,7 @@ def _notes(found: Calibration, rms_after: float) -> list[str]:
     ]
     notes = [
         "deviations hold as far as the light model does; what it leaves out is in them as 0.4 % of a signal "
-        "(docs/calibration.md)"
+        "(docs/how-to/calibrate.md)"
     ]
     if ends:
         notes.append(

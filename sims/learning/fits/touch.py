@@ -8,7 +8,7 @@ up:
     tuned   for the better learners: readings standardised pair by pair, C from a grid by the share of right answers at
             locations held out
 
-The second finds lighter touches (docs/learning.md has both tables). No row of depths is tuned in either.
+The second finds lighter touches (docs/how-to/train-learner.md has both tables). No row of depths is tuned in either.
 """
 
 from __future__ import annotations

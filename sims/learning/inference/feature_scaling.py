@@ -2,10 +2,10 @@
 
     feature = (counts - centre) / scale
 
-Three ways (docs/learning.md says which learner takes which): `counts` (centre 0, one common scale, so that distances
-are those of the readings), `standard` (a pair's own mean and standard deviation over the training samples), and
-`untouched` (a pair's own mean and its spread over the training samples, at least the reading noise: weak pairs are not
-blown up into noise).
+Three ways (docs/how-to/train-learner.md says which learner takes which): `counts` (centre 0, one common scale, so
+that distances are those of the readings), `standard` (a pair's own mean and standard deviation over the training
+samples), and `untouched` (a pair's own mean and its spread over the training samples, at least the reading noise:
+weak pairs are not blown up into noise).
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """The force that goes with a depth, for a model's header: the contact model's load of the centred press.
 
-Left out: nearer walls raise the force by up to a tenth at 1 mm (docs/model.md); the band of the modulus; viscosity.
+Left out: nearer walls raise the force by up to a tenth at 1 mm (docs/understand/model.md); the band of the modulus;
+viscosity.
 """
 
 from __future__ import annotations

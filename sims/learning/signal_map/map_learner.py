@@ -188,7 +188,7 @@ def mapped(
 
     Parameters
     ----------
-    quick : a coarser grid, a third of the time (docs/calibration.md has both errors)
+    quick : a coarser grid, a third of the time (docs/validation/calibration.md has both errors)
     seed : of the data that the model will be compared with; the map's light has another
     """
     found = traced_map(

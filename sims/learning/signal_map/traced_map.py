@@ -6,7 +6,7 @@
 
 The root of the ratio was chosen by measurement: on the paper's pad, at 400 random presses traced finer and with another
 seed, the spline of the ratio itself errs as much to 3.5 mm and by a quarter more beyond, that of its logarithm by half
-more (docs/calibration.md has the figures). A pitch of 2 mm errs four times as much.
+more (docs/validation/calibration.md has the figures). A pitch of 2 mm errs four times as much.
 
 Symmetric places are traced once (`sims.optics.scene.symmetry`): a quarter of them on a pad that is alike on four
 sides. `measured_error` compares with presses at random places and depths, traced with another seed; it holds the

@@ -1,4 +1,7 @@
-"""The signal chain: from light to the counts that a board sends, every disturbance by itself (docs/datasets.md)."""
+"""The signal chain: from light to the counts that a board sends, every disturbance by itself.
+
+docs/how-to/simulate-data-set.md has its parameters.
+"""
 
 from sims.readings.chain.signal_chain import SetDraw, SignalChain, chain_of, without_noise
 

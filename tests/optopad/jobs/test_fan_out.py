@@ -21,7 +21,7 @@ from design.search.space import load_space
 from optopad.work.fan_out import on_cluster
 
 ROOT = Path(__file__).parents[3]
-CHEAP = ROOT / "tests" / "design" / "cheap_search.py"
+CHEAP = ROOT / "tests" / "design" / "search" / "cheap_search.py"
 PATIENCE_S = 60
 
 

@@ -82,7 +82,7 @@ def test_what_the_tip_displaces_rises_beside_it(
     library: Library, layer: float, limit: float, radius: float
 ) -> None:
     """Elements lock as Poisson's ratio nears a half, and what is left of the volume's loss grows with the layer's
-    share of the pad: to 3, 7 and 25 % of the dimple here (docs/model.md)."""
+    share of the pad: to 3, 7 and 25 % of the dimple here (docs/understand/model.md)."""
     curve = library.press(layer, radius).curve_at(0.6)
     displaced = -volume(curve.radius[curve.height < 0], curve.height[curve.height < 0])
     assert -limit * displaced < volume(curve.radius, curve.height) < 0.01 * displaced

@@ -45,7 +45,7 @@ def test_a_limit_on_parts_or_height_costs_no_light(traced):
 
 def test_too_little_light_ends_the_judging_before_any_press(traced):
     judged = judge(PAIR, (Limit(figure="strength", at_least=0.02),), wanted=("evenness",))
-    # docs/model.md: about 0.0097 of the power reaches the facing diode of the paper's pair
+    # docs/understand/model.md: about 0.0097 of the power reaches the facing diode of the paper's pair
     assert judged.reason.startswith("strength 0.0096")
     assert judged.reason.endswith("wanted strength >= 0.02")
     assert traced == [1]

@@ -1,6 +1,8 @@
 """How far interpolated press curves are from traced light, by scheme and number of depths.
 
-    python -m tests.validation.learning.press_curve_table  # the table of docs/datasets.md: 900 states, two core-minutes
+    python -m tests.validation.learning.press_curve_table    # 900 states, two core-minutes
+
+Its table is in docs/how-to/simulate-data-set.md.
 
 Six places of the paper's pad are traced at 73 depths, at "draft" and at "standard". Curves through some of these depths
 are held against all others, in counts of the design's gain.
