@@ -8,9 +8,47 @@ OptopadError
 └── DeviceError       the built sensor or its serial line: not there, not ours, silent, or wired wrong
 """
 
+LONGEST_LINE = 900
+"""Characters of a message's line: a terminal's screen holds some ten such lines; with 4 bytes each below the next."""
+LONGEST_MESSAGE_BYTES = 3_800
+"""Of a message in UTF-8: what a screen or a line of a log holds, 4 kB, with room for the command's name."""
+_CUT = " ... "
+_MORE = "  ... and {} more lines"
+
+
+def readable(message: str) -> str:
+    """A message as it can be shown: no control characters but line feeds, long lines cut, lines too many counted.
+
+    Files and arguments are quoted in messages, and may hold anything. Beginning and end of a line stay: they name the
+    field and the way out.
+    """
+    lines = [_cut(_printable(_cut(line))) for line in message.split("\n")]
+    if len("\n".join(lines).encode()) <= LONGEST_MESSAGE_BYTES:
+        return "\n".join(lines)
+    kept, room = 0, LONGEST_MESSAGE_BYTES - len(_MORE.encode()) - 10
+    while (room := room - len(lines[kept].encode()) - 1) >= 0:
+        kept += 1
+    return "\n".join([*lines[:kept], _MORE.format(len(lines) - kept)])
+
+
+def _printable(line: str) -> str:
+    if line.isprintable():
+        return line
+    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode("ascii") for one in line)
+
+
+def _cut(line: str) -> str:
+    if len(line) <= LONGEST_LINE:
+        return line
+    end = (LONGEST_LINE - len(_CUT)) // 3
+    return line[: LONGEST_LINE - len(_CUT) - end] + _CUT + line[-end:]
+
 
 class OptopadError(Exception):
-    """Base of every error whose message is meant for the user."""
+    """Base of every error whose message is meant for the user; the message is made readable whatever it quotes."""
+
+    def __init__(self, message: object = "") -> None:
+        super().__init__(readable(str(message)))
 
 
 class DesignError(OptopadError):

@@ -17,11 +17,12 @@ from typing import Any
 
 import tomlkit
 
-from design.errors import DesignError, OutputError
+from design.errors import DesignError, OutputError, shown
 from design.parts import catalog
 from design.spec import SCHEMA_VERSION, SensorDesign
 from design.spec.tip_profile import read_profile
 from design.toml_hints import explained
+from design.toml_text import parsed_toml
 
 MAX_FILE_BYTES = 1_000_000
 CATALOG_FILES = "catalog_files"
@@ -87,13 +88,11 @@ def _parsed(content: bytes, file: Path) -> dict[str, Any]:
     except UnicodeDecodeError as err:
         raise DesignError(f"{file}: not UTF-8 text (byte {err.start}); save it as UTF-8") from None
     try:
-        return tomllib.loads(text)
-    except RecursionError:
-        raise DesignError(f"{file}: not valid TOML: nested too deep") from None
+        return parsed_toml(text)
     except tomllib.TOMLDecodeError as err:
         raise DesignError(f"{file}: not valid TOML: {explained(str(err), text)}") from None
-    except ValueError:  # Python refuses to read longer whole numbers
-        raise DesignError(f"{file}: not valid TOML: a whole number of thousands of digits") from None
+    except ValueError as err:
+        raise DesignError(f"{file}: {err}") from None
 
 
 def check_version(document: Mapping[str, Any], file: Path) -> None:
@@ -210,13 +209,18 @@ def _beside(file: Path, name: str, key: str) -> Path:
     folder = file.parent.resolve()
     try:
         target = (folder / name).resolve()
-    except ValueError as err:  # a null byte in the name
-        raise DesignError(f"{file}: {key}: {name!r} is no name of a file: {err}") from None
+        is_file = target.is_file()
+    except (ValueError, RuntimeError) as err:  # a null byte in the name, or links that lead to each other
+        raise DesignError(f"{file}: {key}: {shown(name)} is no name of a file: {err}") from None
+    except OSError as err:  # too long, or in a folder that may not be read
+        raise DesignError(f"{file}: {key}: {shown(name)}: {err.strerror}; correct the name") from None
     if not target.is_relative_to(folder):
-        raise DesignError(f"{file}: {key}: {name!r} leaves the design's folder; put it beside the design")
-    if not target.is_file():
         raise DesignError(
-            f"{file}: {key}: {name!r} is no file beside the design; correct its name or remove it"
+            f"{file}: {key}: {shown(name)} leaves the design's folder; put it beside the design"
+        )
+    if not is_file:
+        raise DesignError(
+            f"{file}: {key}: {shown(name)} is no file beside the design; correct its name or remove it"
         )
     return target
 

@@ -11,15 +11,17 @@ import hashlib
 import json
 import os
 import re
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from design.errors import InputError
+from design.toml_text import parsed_toml
 from fabrication.record import RecordError, record_of
 
 FORMAT_VERSION = 2
+MOST_BYTES = 1_000_000
+"""Of a file: the largest configuration takes some 30 kB."""
 CHECKSUM = "content_sha256"
 DESIGN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,62}")
 """As `design.spec.DesignName`; recordings are named after it."""
@@ -284,12 +286,15 @@ def content_sha256(document: dict[str, Any]) -> str:
 
 def _document(file: Path) -> dict[str, Any]:
     try:
-        content = file.read_bytes()
+        with file.open("rb") as stream:
+            content = stream.read(MOST_BYTES + 1)
     except OSError as err:
         raise InputError(f"{file}: cannot be read: {err.strerror}; name a driver.toml") from None
+    if len(content) > MOST_BYTES:
+        raise InputError(f"{file}: larger than {MOST_BYTES} bytes; name a driver.toml")
     try:
-        return tomllib.loads(content.decode("utf-8"))
-    except (ValueError, RecursionError) as err:
+        return parsed_toml(content.decode("utf-8"))
+    except ValueError as err:
         raise InputError(f"{file}: damaged: not valid TOML: {err}; {WAY_OUT}") from None
 
 

@@ -14,6 +14,10 @@ from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
 Record = TypeVar("Record")
 
 
+LARGEST_WHOLE = 2**63 - 1
+"""What arrays and packed frames can hold."""
+
+
 class RecordError(ValueError):
     """A field that is missing, unknown or of another type; the message names it."""
 
@@ -62,6 +66,8 @@ def _tuple(kinds: tuple[Any, ...], value: Any, path: str) -> tuple[Any, ...]:
 
 
 def _plain(kind: type[Any], value: Any, path: str) -> Any:
+    if isinstance(value, int) and abs(value) > LARGEST_WHOLE:
+        raise RecordError(f"{path}: is beyond 64 bits")
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         return float(value)
     if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):

@@ -46,7 +46,7 @@ ALLOWED = {
     "sims/learning": {"numpy", "scipy", "sklearn"},
     "sims/learning/inference": {"numpy"},
     "fabrication": {"numpy", "pydantic", "tomlkit"},
-    "fabrication/driver": {"serial", "numpy", "xarray"},
+    "fabrication/driver": {"serial", "numpy", "xarray", "h5py"},
     "fabrication/stage": {"numpy"},
     "optopad": {"distributed", "typer", "rich", "tomlkit", "numpy", "platformdirs", "xarray", "matplotlib"},
 }

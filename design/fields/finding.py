@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from design.errors import readable
+
 Severity = Literal["error", "warning"]
 
 
@@ -30,7 +32,7 @@ class Finding:
     way_out: str
 
     def __str__(self) -> str:
-        return f"{self.field}: {self.message} ({self.value}; needs {self.limit}); {self.way_out}"
+        return readable(f"{self.field}: {self.message} ({self.value}; needs {self.limit}); {self.way_out}")
 
 
 def error(field: str, message: str, *, value: object, limit: object, way_out: str) -> Finding:

@@ -11,6 +11,8 @@ from design.errors import DesignError, shown
 from design.fields.paths import nearest
 
 LISTED_FINDINGS = 20
+WORDED_FINDINGS = 100
+"""Looking for the nearest name takes a millisecond: of thousands of findings not each is put into words."""
 
 _WAY_OUT = {
     "missing": "is missing; add it (see `optopad schema`, or start from `optopad new`)",
@@ -49,10 +51,10 @@ def design_error(err: ValidationError, where: str, known: tuple[str, ...] = ()) 
     """
     details = err.errors(include_url=False)
     meant = [detail for detail in _of_the_branch_meant(details) if not _is_echo(detail)]
-    lines = _lines(meant, known)
+    lines = _lines(meant[:WORDED_FINDINGS], known)
     told = lines[:LISTED_FINDINGS]
-    if len(lines) > len(told):
-        told.append(f"... and {len(lines) - len(told)} more")
+    if more := len(lines) - len(told) + len(meant[WORDED_FINDINGS:]):
+        told.append(f"... and {more} more")
     return DesignError(f"{where}: not a usable design\n" + "\n".join(f"  {line}" for line in told))
 
 

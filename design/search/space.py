@@ -38,7 +38,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from design.errors import DesignError
+from design.errors import DesignError, shown
 from design.fields.base import NAME_PATTERN, Model
 from design.fields.paths import get_at, known_paths, nearest, set_at, unknown_path
 from design.fields.validation import design_error
@@ -330,9 +330,13 @@ def space_from(document: dict[str, Any], *, where: str) -> SearchSpace:
 
 def _base(name: str, file: Path) -> SensorDesign:
     beside = file.parent / name
-    if name in PRESETS and not beside.is_file():
+    try:
+        is_file = beside.is_file()
+    except OSError as err:  # too long, or in a folder that may not be read
+        raise DesignError(f"{file}: base: {shown(name)}: {err.strerror}; correct the name") from None
+    if name in PRESETS and not is_file:
         return preset(name)
-    if not beside.is_file():
+    if not is_file:
         near = nearest(name, PRESETS)
         hint = f"did you mean {near[0]}?" if near else f"presets: {', '.join(PRESETS)}"
         raise DesignError(f"{file}: base: {name!r} is neither a preset nor a design file beside it; {hint}")

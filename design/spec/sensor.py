@@ -28,6 +28,7 @@ from design.spec.indenter import Indenter
 from design.spec.layout import Pattern
 from design.spec.noise import Noise
 from design.spec.tip_shape import shape_fault
+from design.toml_text import require_plain
 
 SCHEMA_VERSION = 1
 
@@ -93,6 +94,7 @@ class Mold(Model):
         dict[PartId, Literal["press", "slip"]],
         Field(
             default_factory=dict,
+            max_length=200,
             description="fit class of a part, in place of part_clearance_mm: press holds it, slip lets it drop in",
         ),
     ]
@@ -206,10 +208,11 @@ class BoardUse(Model):
     kind: PartId = "arduino-mega-2560"
     emitter_pins: Annotated[
         tuple[Annotated[int, Field(ge=0, le=200)], ...] | None,
-        Field(description="one digital pin an emitter"),
+        Field(max_length=200, description="one digital pin an emitter"),
     ] = None
     receiver_channels: Annotated[
-        tuple[str, ...] | None, Field(description="one analogue input a receiver, 'A0', 'A1' ...")
+        tuple[Annotated[str, Field(max_length=60)], ...] | None,
+        Field(max_length=200, description="one analogue input a receiver, 'A0', 'A1' ..."),
     ] = None
     adc_prescaler: Annotated[int, Field(description="ADC clock = board clock / prescaler")] = 64
     settle_us: Annotated[float, Field(ge=0.0, le=10000.0, description="wait after an emitter switches")] = (
@@ -257,8 +260,8 @@ class SensorDesign(Model):
     name: DesignName
     description: str = ""
     measured: Annotated[
-        tuple[str, ...],
-        Field(description="dotted paths whose value in this file was measured on the build"),
+        tuple[Annotated[str, Field(max_length=200)], ...],
+        Field(max_length=1000, description="dotted paths whose value in this file was measured on the build"),
     ] = ()
     cavity: Cavity
     mold: Mold
@@ -273,9 +276,10 @@ class SensorDesign(Model):
     gain: Gain = Gain()
     operating: Operating = Operating()
     part_measurements: Annotated[
-        dict[PartId, Annotated[dict[str, float], Field(min_length=1)]],
+        dict[PartId, Annotated[dict[str, float], Field(min_length=1, max_length=100)]],
         Field(
             default_factory=dict,
+            max_length=200,
             description="measured values that replace a catalogue part's: part, then field = value",
         ),
     ]
@@ -341,11 +345,13 @@ class SensorDesign(Model):
         DesignError : every refused field with its value, limit and the way out.
         """
         try:
+            require_plain(document)
+        except ValueError as err:
+            raise DesignError(f"{where}: {err}") from None
+        try:
             return cls.model_validate_json(json.dumps(document, default=str), strict=True)
         except ValidationError as err:
             raise design_error(err, where, paths.known_paths(cls)) from None
-        except RecursionError:
-            raise DesignError(f"{where}: nested too deep to be a design") from None
 
 
 def canonical_json(document: Any) -> str:

@@ -60,10 +60,12 @@ def _run(arguments: list[str]) -> int:
 
 
 def _outcome(arguments: list[str]) -> int:
+    import errno
+
     import typer
     from typer.exceptions import TyperException
 
-    from design.errors import OptopadError
+    from design.errors import OptopadError, readable
     from optopad.cli.commands import app
 
     try:
@@ -72,6 +74,10 @@ def _outcome(arguments: list[str]) -> int:
         return _refused(str(err))
     except TyperException as err:
         return _misused(err)
+    except OSError as err:
+        if err.errno not in (errno.ENAMETOOLONG, errno.ELOOP):
+            raise
+        return _refused(readable(f"{err.filename}: {err.strerror}; give another name"))
     except typer.Abort:
         return INTERRUPTED
     return outcome if isinstance(outcome, int) else DONE

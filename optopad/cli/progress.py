@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from sims.cache.compiling import compiling_told
+
+if TYPE_CHECKING:
+    from design.spec import SensorDesign
 
 OnStep = Callable[[str, float], None]
 
@@ -36,6 +41,21 @@ STAGE_TITLES = {
 
 ANNOUNCED = "kernels"
 """A stage that is named when it begins, also where only lines are printed: it is long, and not of the user's asking."""
+
+
+def foretell_score(design: SensorDesign, *, fine: bool, full: bool, quiet: bool) -> None:
+    """Say on standard error how long a score will take, where it takes long.
+
+    Raises
+    ------
+    DesignError : the design breaks a rule; nothing is said.
+    """
+    from design.rules.check import require_valid
+    from sims.continuity.score_cost import score_cost
+
+    require_valid(design)
+    if not quiet and (said := score_cost(design, fine=fine, full=full).sentence(os.cpu_count() or 1)):
+        print(said, file=sys.stderr, flush=True)
 
 
 @contextmanager

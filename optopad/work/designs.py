@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from design.errors import InputError
+from design.toml_text import parsed_toml
 
 if TYPE_CHECKING:
     from design.spec import SensorDesign
@@ -51,6 +51,6 @@ def parsed_change(text: str, *, option: str = "--set") -> tuple[str, Any]:
 def parsed_value(text: str) -> Any:
     """A value written as in a design file; bare words are text."""
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except (ValueError, RecursionError):  # not TOML, a whole number of thousands of digits, nested too deep
+        return parsed_toml(f"value = {text}")["value"]
+    except ValueError:  # not TOML, a whole number of thousands of digits, nested too deep
         return text

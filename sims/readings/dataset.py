@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from design.errors import InputError
 from sims.readings.data_writer import DataWriter, header_of, save_data
+from sims.readings.netcdf_file import read_netcdf, require_numbers
 from sims.readings.press_data import OFF, PATTERNS, ROLES, DataSetInfo, PressData, clipped_note, joined
 
 if TYPE_CHECKING:
@@ -47,6 +48,7 @@ SAME_PLACE_MM = 0.01
 """Positions that agree to this are one place: a stage repeats better, a protocol's places lie further apart."""
 AXES = ("time", "state", "receiver")
 NEEDED = ("counts", "press_x", "press_y", "press_depth", "state", "receiver")
+TRUE_PRESS = ("true_x", "true_y", "true_depth")
 TIMES = ("time_s", "device_time", "host_time")
 
 
@@ -64,7 +66,7 @@ def read_data(file: Path) -> PressData:
         raise InputError(
             f"{file}: {file.stat().st_size / 1e6:.0f} MB, reads at most {MAX_BYTES / 1e6:.0f} MB; cut it"
         )
-    found = _opened(file)
+    found = read_netcdf(file, decode_times=False)
     _require_parts(found, file)
     try:
         return _data_of(found, file)
@@ -100,16 +102,6 @@ def require_design(data: PressData, design: SensorDesign, *, what: str = "data")
     return ()
 
 
-def _opened(file: Path) -> xr.Dataset:
-    import xarray as xr
-
-    try:
-        with xr.open_dataset(file, engine="h5netcdf", decode_times=False) as dataset:
-            return dataset.load()
-    except (OSError, ValueError, KeyError, RuntimeError) as err:
-        raise InputError(f"{file}: no netCDF file that can be read: {err}") from None
-
-
 def _require_parts(found: xr.Dataset, file: Path) -> None:
     missing = [name for name in NEEDED if name not in found.variables]
     if missing:
@@ -117,11 +109,9 @@ def _require_parts(found: xr.Dataset, file: Path) -> None:
             f"{file}: has no {', '.join(missing)}; a data set has counts (time, state, receiver), press_x, press_y and "
             "press_depth (time), and names of states and receivers; where presses are missing, join a stage's log first"
         )
-    if set(found["counts"].dims) != set(AXES):
-        raise InputError(f"{file}: counts has the dimensions {found['counts'].dims}, needs {AXES}")
-    for name in (*NEEDED[1:4], "set", "place", *TIMES):
-        if name in found.variables and found[name].dims != ("time",):
-            raise InputError(f"{file}: {name} has the dimensions {found[name].dims}, needs ('time',)")
+    require_numbers(found, file, ("counts",), AXES)
+    by_time = (*NEEDED[1:4], "set", "place", *TIMES, *TRUE_PRESS)
+    require_numbers(found, file, [name for name in by_time if name in found.variables], ("time",))
 
 
 def _data_of(found: xr.Dataset, file: Path) -> PressData:

@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import InputError
+from sims.readings.netcdf_file import read_netcdf, require_numbers
 
 FloatArray = NDArray[np.float64]
 OFF = "off"
@@ -80,13 +81,7 @@ def read_recording(file: Path) -> Recording:
 
 
 def _read_netcdf(file: Path) -> Recording:
-    import xarray as xr
-
-    try:
-        with xr.open_dataset(file, engine="h5netcdf") as dataset:
-            dataset.load()
-    except (OSError, ValueError, KeyError) as err:
-        raise InputError(f"{file}: no netCDF file that can be read: {err}") from None
+    dataset = read_netcdf(file, decode_times=False)
     missing = [
         name for name in ("counts", "press_depth", "state", "receiver") if name not in dataset.variables
     ]
@@ -95,15 +90,15 @@ def _read_netcdf(file: Path) -> Recording:
             f"{file}: has no {', '.join(missing)}; a recording has counts (time, state, receiver), "
             "press_depth (time), and names of states and receivers"
         )
-    if set(dataset["counts"].dims) != set(AXES):
-        raise InputError(f"{file}: counts has the dimensions {dataset['counts'].dims}, needs {AXES}")
+    has_place = _has_place(file, dataset.variables, "press_x", "press_y")
+    require_numbers(dataset, file, ("counts",), AXES)
+    require_numbers(dataset, file, ("press_depth", *(("press_x", "press_y") if has_place else ())), ("time",))
     counts = dataset["counts"].transpose(*AXES).values.astype(np.float64)
     states, receivers = ([str(name) for name in dataset[axis].values] for axis in ("state", "receiver"))
     notes: tuple[str, ...] = ()
     if OFF in states:
         counts = counts - counts[:, [states.index(OFF)], :]
         notes = ("readings of the off state were subtracted",)
-    has_place = _has_place(file, dataset.variables, "press_x", "press_y")
     return Recording(
         file=file,
         design_digest=_checked_digest(file, dataset.attrs.get("design_digest")),

@@ -118,14 +118,17 @@ def table_from_signals(file: Path, config: DriverConfig) -> PressTable:
     ------
     InputError : unreadable, of another design, no full grid; a configuration without gains.
     """
+    import h5py
     import xarray as xr
 
     try:
-        with xr.open_dataset(file, engine="h5netcdf") as dataset:
+        with h5py.File(file, "r") as held:  # what h5netcdf reads first: it must not half open a damaged file
+            held.attrs.get("_nc3_strict")
+        with xr.open_dataset(file, engine="h5netcdf", phony_dims="access") as dataset:
             presses = np.stack([dataset[f"press_{axis}"].values for axis in ("x", "y", "depth")], axis=1)
             flux = dataset["flux"].values
             belongs_to = str(dataset.attrs["design_digest"])
-    except (OSError, ValueError, KeyError) as err:
+    except Exception as err:  # on purpose all: the library answers damage with errors of many types
         raise InputError(f"{file}: no simulated signals: {err}; run `optopad score` again") from None
     if belongs_to != config.digest:
         raise InputError(

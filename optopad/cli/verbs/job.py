@@ -18,7 +18,7 @@ from optopad.cli.common import (
     print_json,
     say,
 )
-from optopad.cli.progress import progress
+from optopad.cli.progress import foretell_score, progress
 from optopad.work.designs import read_design
 
 
@@ -41,6 +41,7 @@ def run(
     from optopad.screen.summary import checks_line, score_lines
 
     read = read_design(design, set_)
+    foretell_score(read, fine=fine, full=False, quiet=as_json)
     with progress(quiet=as_json) as step:
         made = make(read, out, fine=fine, seed=seed, on_step=step)
     if as_json:

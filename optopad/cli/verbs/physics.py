@@ -21,7 +21,7 @@ from optopad.cli.common import (
     print_json,
     say,
 )
-from optopad.cli.progress import progress
+from optopad.cli.progress import foretell_score, progress
 from optopad.work.designs import read_design
 
 DEFAULT_ORACLE_RAYS = 1_000_000
@@ -58,6 +58,7 @@ def score(
     from optopad.screen.summary import score_lines
 
     read = read_design(design, set_)
+    foretell_score(read, fine=fine, full=full, quiet=as_json)
     with progress(quiet=as_json) as step:
         result, folder = write_score(read, out, fine=fine, full=full, seed=seed, on_step=step, builds=drawn)
     if as_json:

@@ -18,7 +18,7 @@ from sims.learning.inference.feature_scaling import scaling_of_arrays
 from sims.learning.inference.header import ModelHeader
 from sims.learning.inference.prediction import FloatArray
 from sims.learning.inference.sigma_table import sigma_table_of_arrays
-from sims.learning.inference.touch_model import Arrays, taken
+from sims.learning.inference.touch_model import Arrays, taken, taken_whole
 from sims.learning.inference.touch_svm import touch_svm_of_arrays
 from sims.learning.inference.trusted_model import TrustedModel
 
@@ -110,9 +110,9 @@ def extra_trees_of_arrays(header: ModelHeader, arrays: Arrays) -> ExtraTreesMode
 
 def _forest(arrays: Arrays, features: int) -> Forest:
     """Trees whose walks all end: every step goes to a later node of the array."""
-    feature = taken(arrays, "forest_feature", (None,)).astype(np.int16)
-    other = taken(arrays, "forest_other", feature.shape).astype(np.int32)
-    roots = taken(arrays, "forest_roots", (None,)).astype(np.int32)
+    feature = taken_whole(arrays, "forest_feature", (None,))
+    other = taken_whole(arrays, "forest_other", feature.shape)
+    roots = taken_whole(arrays, "forest_roots", (None,))
     leaf_mm = taken(arrays, "forest_leaf_mm", (None, 3)).astype(np.float32)
     inner = feature >= 0
     numbers = np.arange(len(feature))
@@ -130,7 +130,7 @@ def _forest(arrays: Arrays, features: int) -> Forest:
         raise InputError("forest_other: its trees lead to nodes or leaves that are not there")
     return Forest(
         roots=roots,
-        feature=feature,
+        feature=feature.astype(np.int16),
         threshold=taken(arrays, "forest_threshold", feature.shape).astype(np.float32),
         other=other,
         leaf_mm=leaf_mm,

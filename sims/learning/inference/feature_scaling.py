@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from design.errors import InputError
 from sims.learning.inference.prediction import FloatArray
-from sims.learning.inference.touch_model import Arrays, taken
+from sims.learning.inference.touch_model import Arrays, taken, taken_whole
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,7 +55,7 @@ def scaling_of_arrays(arrays: Arrays, prefix: str, pairs: int) -> FeatureScaling
     ------
     InputError : pairs that the frame does not have, or a scale that is not above 0.
     """
-    kept = taken(arrays, f"{prefix}_kept", (None,)).astype(np.intp)
+    kept = taken_whole(arrays, f"{prefix}_kept", (None,)).astype(np.intp)
     centre = taken(arrays, f"{prefix}_centre", kept.shape)
     scale = taken(arrays, f"{prefix}_scale", kept.shape)
     if not kept.size or kept.min() < 0 or kept.max() >= pairs or scale.min() <= 0.0:

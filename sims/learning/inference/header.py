@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,6 +13,8 @@ from design.errors import InputError
 
 FloatArray = NDArray[np.float64]
 
+LARGEST_NUMBER = 1e30
+"""In a model's file: well within single precision, which many of its arrays are kept in."""
 FORMAT = "optopad-model"
 VERSION = 1
 
@@ -159,7 +160,7 @@ def _table(document: Mapping[str, Any], name: str) -> dict[str, Any]:
 
 def _numbers(values: Any, name: str) -> tuple[float, ...]:
     if not isinstance(values, list) or not all(
-        isinstance(value, int | float) and math.isfinite(value) for value in values
+        isinstance(value, int | float) and abs(value) <= LARGEST_NUMBER for value in values
     ):
         raise InputError(f"{name}: is no list of finite numbers")
     return tuple(float(value) for value in values)

@@ -12,8 +12,6 @@ import hashlib
 import json
 import os
 import tempfile
-import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import InputError, OutputError
+from design.plain_arrays import plain_arrays
 from sims.learning.inference.header import header_of_json
 from sims.learning.inference.kinds import KINDS
 from sims.learning.inference.touch_model import Arrays, TouchModel
@@ -28,8 +27,6 @@ from sims.learning.inference.touch_model import Arrays, TouchModel
 MOST_BYTES = 2_000_000_000
 """Of the arrays unpacked; a kernel-ridge model of 49,000 samples has 14 MB."""
 _HEADER, _CHECKSUM = "header", "sha256"
-_UNREADABLE = (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error)
-"""What reading a damaged archive raises; RuntimeError is zipfile's for flags that it does not support."""
 
 
 def save_model(file: str | os.PathLike[str], model: TouchModel) -> None:
@@ -72,19 +69,11 @@ def _read(path: Path) -> dict[str, NDArray[Any]]:
         what = "a folder" if path.is_dir() else "no such file"
         raise InputError(f"{path}: {what}; name a model, .optomodel, as `optopad train` writes it")
     try:
-        with path.open("rb") as stream, zipfile.ZipFile(stream) as archive:
-            size = sum(member.file_size for member in archive.infolist())
-            if size > MOST_BYTES:
-                raise InputError(
-                    f"{path}: unpacks to {size / 1e6:.0f} MB, reads at most {MOST_BYTES / 1e6:.0f}"
-                )
-            stream.seek(0)
-            with np.load(stream, allow_pickle=False) as found:
-                arrays = {name: found[name] for name in found.files}
+        arrays = plain_arrays(path, most_bytes=MOST_BYTES)
         held = arrays.pop(_CHECKSUM).tobytes()
         if _HEADER not in arrays:
             raise KeyError(_HEADER)
-    except _UNREADABLE as err:
+    except (OSError, ValueError, KeyError) as err:
         raise InputError(
             f"{path}: is no optopad model, or it is damaged ({err}); copy or train it anew"
         ) from None

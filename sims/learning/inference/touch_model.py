@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import InputError
-from sims.learning.inference.header import ModelHeader
+from sims.learning.inference.header import LARGEST_NUMBER, ModelHeader
 from sims.learning.inference.prediction import FloatArray, Prediction
 
 Arrays = Mapping[str, NDArray[np.generic]]
@@ -83,12 +83,15 @@ def prediction_of(
     )
 
 
-def taken(arrays: Arrays, name: str, axes: tuple[int | None, ...]) -> NDArray[np.float64]:
+def taken(
+    arrays: Arrays, name: str, axes: tuple[int | None, ...], *, largest: float = LARGEST_NUMBER
+) -> NDArray[np.float64]:
     """One array of numbers from a model's file, in double precision.
 
     Parameters
     ----------
     axes : length of every axis; None takes any
+    largest : that a number may be, whatever its sign
 
     Raises
     ------
@@ -100,6 +103,14 @@ def taken(arrays: Arrays, name: str, axes: tuple[int | None, ...]) -> NDArray[np
     fits = found.ndim == len(axes) and all(
         wanted in (None, length) for wanted, length in zip(axes, found.shape, strict=True)
     )
-    if not fits or found.dtype.kind not in "fiub" or not np.isfinite(found).all():
+    if not fits or found.dtype.kind not in "fiub":
         raise InputError(f"{name}: is no array of finite numbers of the shape that the model needs")
-    return found.astype(np.float64)
+    numbers = found.astype(np.float64)
+    if not (np.abs(numbers) <= largest).all():
+        raise InputError(f"{name}: is no array of finite numbers of the shape that the model needs")
+    return numbers
+
+
+def taken_whole(arrays: Arrays, name: str, axes: tuple[int | None, ...]) -> NDArray[np.int32]:
+    """One array of whole numbers from a model's file; raises InputError as `taken`."""
+    return taken(arrays, name, axes, largest=np.iinfo(np.int32).max).astype(np.int32)

@@ -34,6 +34,8 @@ KIND = "signal-map"
 FRAMES_AT_ONCE = 200
 """Frames searched side by side: their products stay within a few megabytes."""
 TABLE_PITCH_MM = 2.0
+LARGEST_BOX_MM = 1_000.0
+"""Of presses that are considered: no pad is larger, and the table of starts grows with its area."""
 TABLE_DEPTHS = 10
 """Of the presses that a search may start from; the search itself bridges the gaps between them."""
 
@@ -143,13 +145,18 @@ def signal_map_of_arrays(header: ModelHeader, arrays: Arrays) -> SignalMapModel:
     """
     pairs = len(header.untouched_counts)
     full = taken(arrays, "full_counts", (pairs,))
-    floor, clip = taken(arrays, "floor_counts", (pairs,)), taken(arrays, "clip_counts", (pairs,))
+    floor, clip = (
+        taken(arrays, "floor_counts", (pairs,)),
+        taken(arrays, "clip_counts", (pairs,), largest=np.finfo(np.float64).max),
+    )
     box = taken(arrays, "box_mm", (2, 3))
     shot, relative, emitter_drift, receiver_drift = taken(arrays, "noise_shares", (4,))
     if full.min() <= 0.0 or floor.min() <= 0.0 or not (box[0] < box[1]).all():
         raise InputError(
             "full_counts, floor_counts, box_mm: need numbers above 0, and a box that is not empty"
         )
+    if np.abs(box).max() > LARGEST_BOX_MM or box[1, 2] <= 0.0:
+        raise InputError(f"box_mm: reaches beyond {LARGEST_BOX_MM:g} mm, or holds no depth above 0")
     if min(shot, relative, emitter_drift, receiver_drift) < 0.0:
         raise InputError("noise_shares: are deviations, none is below 0")
     return SignalMapModel(

@@ -1,0 +1,204 @@
+"""Each kind of file that a fuzz once broke something with, by itself."""
+
+from __future__ import annotations
+
+import zipfile
+
+import h5py
+import numpy as np
+import pytest
+
+from design.errors import LONGEST_MESSAGE_BYTES, DesignError, InputError, readable
+from design.io import load_design
+from design.preset import preset, preset_text
+from design.rules.check import check
+from design.search.space import load_space
+from design.toml_text import parsed_toml
+from optopad.cli.main import BAD_INPUT, main
+from sims.continuity.score_cost import ScoreCost, score_cost
+from sims.learning.inference.model_file import load_model, save_model
+from sims.readings.dataset import read_data, save_data
+from sims.readings.recording import read_recording
+from tests.sims.learning.made_up_models import made_up_kernel_ridge
+from tests.sims.readings.test_dataset import made_up
+
+PAD = "piacenza2017-pad"
+
+
+def design_with(tmp_path, line: str, table: str = "board"):
+    text = preset_text(PAD)
+    file = tmp_path / "a.toml"
+    file.write_text(
+        text.replace(f"[{table}]", f"[{table}]\n{line}", 1) if table else f"{line}\n{text}", encoding="utf-8"
+    )
+    return file
+
+
+@pytest.mark.parametrize(
+    ("table", "line"),
+    [
+        ("cavity", "x = 0x" + "f" * 5_000),
+        ("", "measured = [0x" + "f" * 5_000 + "]"),
+        ("cavity", "x = 1" + "0" * 400),
+    ],
+)
+def test_a_number_of_many_digits_is_refused(tmp_path, table, line):
+    with pytest.raises(DesignError, match="must be a finite number of at most 100 digits"):
+        load_design(design_with(tmp_path, line, table))
+
+
+def test_a_schema_version_of_many_digits_is_refused(tmp_path, capsys):
+    file = tmp_path / "a.toml"
+    file.write_text("schema_version = 0x" + "f" * 5_000, encoding="utf-8")
+    assert main(["check", str(file)]) == BAD_INPUT
+    assert main(["migrate", str(file)]) == BAD_INPUT
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_a_number_from_python_is_held_to_the_same():
+    with pytest.raises(DesignError, match=r"board\.adc_prescaler: 1000.* digits"):
+        preset(PAD).with_(**{"board.adc_prescaler": 10**400})
+
+
+def test_a_prescaler_of_a_hundred_digits_is_a_finding():
+    found = check(preset(PAD).with_(**{"board.adc_prescaler": 10**99}))
+    assert "board.adc_prescaler" in {one.field for one in found if one.severity == "error"}
+
+
+@pytest.mark.parametrize(
+    "line", ['catalog_files = ["{}"]', 'indenter = {{ shape = "profile", profile_csv = "{}" }}']
+)
+def test_a_file_name_that_is_too_long_is_refused(tmp_path, line):
+    file = tmp_path / "a.toml"
+    file.write_text(f"schema_version = 1\n{line.format('x' * 5_000)}\n", encoding="utf-8")
+    with pytest.raises(DesignError, match="File name too long; correct the name"):
+        load_design(file)
+
+
+def test_a_base_whose_name_is_too_long_is_refused(tmp_path):
+    (tmp_path / "space.toml").write_text(f'base = "{"x" * 5_000}"\n', encoding="utf-8")
+    with pytest.raises(DesignError, match=r"base: .*File name too long"):
+        load_space(tmp_path / "space.toml")
+
+
+def test_an_argument_that_is_too_long_is_refused(capsys):
+    assert main(["check", "x" * 5_000]) == BAD_INPUT
+    assert "give another name" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a" + ".a" * 300_000 + " = 1",
+        "[a" + ".a" * 300_000 + "]",
+        '"a"' + ' . "a"' * 100_000 + " = 1",
+        '"""' * 300_000,
+    ],
+)
+def test_deep_keys_are_refused_before_they_are_parsed(text):
+    with pytest.raises(ValueError, match=r"too deep|Expected"):
+        parsed_toml(text)
+
+
+def test_dots_in_texts_and_comments_are_no_depth():
+    text = "# a" + ".a" * 100 + '\nx = "a' + ".a" * 100 + '"\ny = """\na' + ".a" * 100 + '\n"""\n'
+    assert set(parsed_toml(text)) == {"x", "y"}
+
+
+def test_too_many_values_are_refused_before_they_are_parsed():
+    with pytest.raises(ValueError, match="reads at most 30000"):
+        parsed_toml("a = [" + "1, " * 300_000 + "]")
+
+
+def test_a_long_list_of_measured_values_is_refused(tmp_path):
+    line = "measured = [" + '"cavity.length_mm", ' * 20_000 + "]"
+    with pytest.raises(DesignError, match=r"measured: .*at most 1000"):
+        load_design(design_with(tmp_path, line, ""))
+
+
+def test_messages_are_short_and_printable_whatever_they_quote():
+    error = DesignError("a\x1b[31m\x00\u202e: " + "y" * 50_000 + "; way out\n" + "漢\x07 line\n" * 5_000)
+    said = str(error)
+    assert len(said.encode()) <= LONGEST_MESSAGE_BYTES
+    assert all(one == "\n" or one.isprintable() for one in said)
+    assert said.startswith("a\\x1b[31m\\x00\\u202e: yyy")
+    assert "y; way out\n" in said
+    assert said.endswith("more lines")
+    assert readable(said) == said
+
+
+def test_findings_are_printable(tmp_path):
+    design = preset(PAD).with_(tolerances={"a\x1bb": 0.1})
+    assert all(str(one).isprintable() for one in check(design))
+
+
+def damaged_model(tmp_path, content: bytes):
+    file = tmp_path / "a.optomodel"
+    save_model(file, made_up_kernel_ridge())
+    with zipfile.ZipFile(file) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    members["touch_bias.npy"] = content
+    with zipfile.ZipFile(file, "w") as archive:
+        for name, one in members.items():
+            archive.writestr(name, one)
+    return file
+
+
+def header(shape: str) -> bytes:
+    text = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}"
+    return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text.encode() + bytes(8)
+
+
+@pytest.mark.parametrize(
+    "content", [header("(99999999999,)"), header("(" * 400), header("(1e9,)"), b"no array", b""]
+)
+def test_a_model_whose_array_is_damaged_is_refused(tmp_path, content):
+    file = damaged_model(tmp_path, content)
+    with pytest.raises(InputError, match="damaged"):
+        load_model(file)
+    assert main(["driver", "read", PAD, "--model", str(file)]) == BAD_INPUT
+
+
+def damaged_netcdf(tmp_path, at: float):
+    """The names of the file's heap overwritten: the library finds nothing where the header says that something is."""
+    file = tmp_path / "a.nc"
+    save_data(made_up(), file)
+    content = bytearray(file.read_bytes())
+    place = content.find(b"OHDR", int(len(content) * at))
+    content[place + 4 : place + 40] = bytes(36)
+    file.write_bytes(bytes(content))
+    return file
+
+
+@pytest.mark.parametrize("at", [0.0, 0.01, 0.1, 0.3])
+@pytest.mark.filterwarnings("error::pytest.PytestUnraisableExceptionWarning")
+def test_a_netcdf_file_of_damaged_metadata_is_refused(tmp_path, at):
+    file = damaged_netcdf(tmp_path, at)
+    for read in (read_data, read_recording):
+        with pytest.raises(InputError, match=r"a\.nc"):
+            read(file)
+
+
+def test_a_netcdf_file_that_unpacks_to_terabytes_is_refused(tmp_path):
+    file = tmp_path / "a.nc"
+    save_data(made_up(), file)
+    with h5py.File(file, "r+") as held:
+        held.create_dataset("more", shape=(2**42,), dtype="f4", chunks=(1024,))
+    with pytest.raises(InputError, match="reads at most"):
+        read_data(file)
+
+
+def test_a_long_score_is_foretold_and_a_short_one_not():
+    assert score_cost(preset("piacenza2017-pair"), fine=False, full=False).sentence(2) == ""
+    wide = ScoreCost(presses=750, pairs=400, core_s=360.0)
+    assert wide.sentence(2).startswith("score: about 3 minutes on 2 cores (750 presses x 400 pairs")
+    assert wide.sentence(16).startswith("score: about 20 seconds on 16 cores")
+    assert wide.sentence(32) == ""
+
+
+def test_the_cost_of_a_score_grows_with_pairs_and_places():
+    pad = preset(PAD)
+    quick, full = (score_cost(pad, fine=False, full=of) for of in (False, True))
+    assert quick.pairs == 64
+    assert full.core_s > 5.0 * quick.core_s
+    assert np.isclose(full.core_s / full.presses, quick.core_s / quick.presses, rtol=0.5)
