@@ -23,7 +23,8 @@ myst_enable_extensions = ["colon_fence"]
 # Notebooks run when they or their kernel have changed; an error in one fails the build.
 nb_execution_mode = "cache"
 nb_execution_cache_path = str(HERE.parent / "build" / "docs-notebooks")
-nb_execution_timeout = 300
+nb_execution_in_temp = True
+nb_execution_timeout = 600
 nb_execution_raise_on_error = True
 nb_ipywidgets_js: dict[str, dict[str, str]] = {}
 
