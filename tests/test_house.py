@@ -247,6 +247,13 @@ def test_the_drawn_map_is_that_of_todays_imports() -> None:
     assert PICTURE.read_text(encoding="utf-8") == picture(), "draw it anew: python -m tests.rooms --draw"
 
 
+def test_every_place_that_the_map_names_is_there() -> None:
+    page = (ROOT / "docs" / "understand" / "architecture.md").read_text(encoding="utf-8")
+    named = re.findall(r"`((?:design|cad|sims|fabrication|optopad|tests|docs)/[\w/.]*)`", page)
+    assert len(named) > 40
+    assert [name for name in named if not (ROOT / name).exists()] == []
+
+
 def test_help_loads_no_heavy_library() -> None:
     # Style asks for help in half a second of CPU. Clocks of shared machines are noisy, the list of loaded
     # modules is not: each of these takes 0.1 to 3 s, and without them the command line is well below that.

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from design.fields.finding import Finding
 from design.spec import SensorDesign
 from optopad.front.shown import block, table
+from optopad.report.text.numbers import counted
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -47,4 +48,4 @@ class Checked:
 
     @property
     def _title(self) -> str:
-        return f"{self.design.name}: {len(self.errors)} errors, {len(self.warnings)} warnings"
+        return f"{self.design.name}: {counted(len(self.errors), 'error')}, {counted(len(self.warnings), 'warning')}"
