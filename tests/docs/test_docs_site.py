@@ -24,7 +24,7 @@ STABLE_NAMES = (
     "cad.export.export_parts",
     "sims.contact.indent",
     "sims.optics.trace",
-    "sims.continuity.scoring.score",
+    "sims.continuity.score",
     "fabrication.driver.Sensor",
 )
 
