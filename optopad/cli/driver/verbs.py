@@ -4,17 +4,9 @@ from __future__ import annotations
 
 import typer
 
-from optopad.cli.common import (
-    DEFAULT_OUT,
-    DesignArgument,
-    JsonOption,
-    OutOption,
-    SeedOption,
-    SetOption,
-    print_json,
-    say,
-)
+from optopad.cli import options
 from optopad.cli.driver import collect, export, fake, firmware, sensor
+from optopad.cli.output import print_json, say
 from optopad.work.designs import read_design
 
 driver = typer.Typer(
@@ -33,11 +25,11 @@ def register(app: typer.Typer) -> None:
 
 @driver.command()
 def config(
-    design: DesignArgument,
-    set_: SetOption = None,
-    out: OutOption = DEFAULT_OUT,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    design: options.Design,
+    set_: options.Set = None,
+    out: options.Out = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """driver.toml, wiring table and bill of materials for exactly this geometry."""
     from optopad.jobs.pipeline import write_driver_config

@@ -7,14 +7,8 @@ from typing import Annotated
 
 import typer
 
-from optopad.cli.common import (
-    DesignArgument,
-    JsonOption,
-    SetOption,
-    checked_out,
-    print_json,
-    say,
-)
+from optopad.cli import options
+from optopad.cli.output import print_json, say
 from optopad.work.designs import read_design
 
 
@@ -33,7 +27,7 @@ def new(
         typer.Option(help="piacenza2017-pad, piacenza2017-pair, oblong-60x40 or fingertip-16."),
     ] = "piacenza2017-pad",
     force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
-    as_json: JsonOption = False,
+    as_json: options.Json = False,
 ) -> None:
     """Write a commented design file to start from."""
     import re
@@ -66,7 +60,7 @@ def new(
         say(f"{file} written from {preset}. Next: optopad check {file}, then optopad run {file}")
 
 
-def check(design: DesignArgument, set_: SetOption = None, as_json: JsonOption = False) -> None:
+def check(design: options.Design, set_: options.Set = None, as_json: options.Json = False) -> None:
     """Does it fit and can it work? Lists every finding; exit 2 when one is an error."""
     from dataclasses import asdict
 
@@ -102,7 +96,7 @@ def schema(
     if out is None:
         typer.echo(text, nl=False)
     else:
-        checked_out(out, ".json")
+        options.checked_out(out, ".json")
         write_text_atomically(out, text)
         say(f'{out} written. In a design file: "#:schema {out}" as the first line')
 
@@ -112,7 +106,7 @@ def migrate(
     out: Annotated[
         Path | None, typer.Option("--out", help="File to write; default: beside it, -migrated.")
     ] = None,
-    as_json: JsonOption = False,
+    as_json: options.Json = False,
 ) -> None:
     """Lift a design file of an older schema version to the present one; newer ones are refused."""
     import tomlkit
@@ -130,7 +124,7 @@ def migrate(
         lifted = migrated(document)
         check_version(lifted, file)
         target = out or file.with_name(f"{file.stem}-migrated{file.suffix}")
-        checked_out(target, ".toml", file)
+        options.checked_out(target, ".toml", file)
         write_text_atomically(target, tomlkit.dumps(without_empty(lifted)))
         message = f"{target} written: schema version {version} lifted to {SCHEMA_VERSION}"
     if as_json:

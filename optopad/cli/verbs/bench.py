@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import typer
 
-from optopad.cli.common import JsonOption, print_json, say
+from optopad.cli import options
+from optopad.cli.output import print_json, say
 
 
 def register(app: typer.Typer) -> None:
@@ -12,7 +13,7 @@ def register(app: typer.Typer) -> None:
     app.command()(doctor)
 
 
-def doctor(as_json: JsonOption = False) -> None:
+def doctor(as_json: options.Json = False) -> None:
     """What this machine can and cannot do."""
     from dataclasses import asdict
 

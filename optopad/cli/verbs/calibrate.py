@@ -8,15 +8,8 @@ from typing import Annotated
 
 import typer
 
-from optopad.cli.common import (
-    DesignArgument,
-    JsonOption,
-    SeedOption,
-    SetOption,
-    print_json,
-    require_folder,
-    say,
-)
+from optopad.cli import options
+from optopad.cli.output import print_json, say
 from optopad.cli.progress import progress
 from optopad.work.designs import read_design
 
@@ -27,7 +20,7 @@ def register(app: typer.Typer) -> None:
 
 
 def calibrate(
-    design: DesignArgument,
+    design: options.Design,
     data: Annotated[
         Path, typer.Argument(metavar="DATA", help="Recording of 10 to 50 presses of the build (.nc).")
     ],
@@ -35,13 +28,13 @@ def calibrate(
         bool, typer.Option("--no-model", help="Only fit; do not trace the map for the build's model.")
     ] = False,
     quick: Annotated[bool, typer.Option("--quick", help="A coarser map, in a third of the time.")] = False,
-    set_: SetOption = None,
+    set_: options.Set = None,
     out: Annotated[
         Path | None,
         typer.Option("--out", metavar="FOLDER", help="Where the twin goes; by default beside the data."),
     ] = None,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """Fit heights, LED size, reflectances, index and gains to presses of a build; its design and a model for it."""
     from optopad.jobs.calibration import calibrate as fit
@@ -49,7 +42,7 @@ def calibrate(
 
     read = read_design(design, set_)
     folder = out or data.with_name(f"{data.stem}-calibration")
-    require_folder(folder)
+    options.require_folder(folder)
     with progress(quiet=as_json) as step:
         made = fit(read, data, with_model=not no_model, quick=quick, seed=seed, on_step=step)
         files = write_calibration(made, read, folder)

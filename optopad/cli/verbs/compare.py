@@ -7,16 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from optopad.cli.common import (
-    DEFAULT_OUT,
-    FineOption,
-    JsonOption,
-    OutOption,
-    SeedOption,
-    SetOption,
-    print_json,
-    say,
-)
+from optopad.cli import options
+from optopad.cli.output import print_json, say
 from optopad.cli.progress import progress
 from optopad.work.designs import parsed_change, read_design
 
@@ -54,11 +46,11 @@ def compare(
         str | None,
         typer.Option("--at", metavar="X,Y", help="Recording: the place whose press is shown [mm]."),
     ] = None,
-    set_: SetOption = None,
-    fine: FineOption = False,
-    out: OutOption = DEFAULT_OUT,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    set_: options.Set = None,
+    fine: options.Fine = False,
+    out: options.Out = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """What differs between designs and in their scores; or a measured press over the simulated curve."""
     recordings = [name for name in what if Path(name).suffix.lower() in RECORDINGS]

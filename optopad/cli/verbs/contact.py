@@ -7,14 +7,8 @@ from typing import Annotated
 
 import typer
 
-from optopad.cli.common import (
-    DesignArgument,
-    JsonOption,
-    SeedOption,
-    SetOption,
-    print_json,
-    say,
-)
+from optopad.cli import options
+from optopad.cli.output import print_json, say
 from optopad.cli.progress import progress
 from optopad.work.designs import read_design
 
@@ -28,21 +22,21 @@ def register(app: typer.Typer) -> None:
 
 @contact.command()
 def show(
-    design: DesignArgument,
+    design: options.Design,
     depth: Annotated[float, typer.Option(help="Depth of the press [mm].")] = 2.0,
     protocol: Annotated[
         str | None,
         typer.Option(metavar="NAME", help="Also the load over a load protocol: piacenza2017."),
     ] = None,
-    set_: SetOption = None,
+    set_: options.Set = None,
     out: Annotated[
         Path | None,
         typer.Option(
             "--out", metavar="FOLDER", help="Also pictures, as SVG and PNG, into the bundle in this folder."
         ),
     ] = None,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """Load, surface and pressure of a centred press; with a protocol, press and retract."""
     from optopad.jobs.press_view import view_json, view_lines, view_press, write_pictures
@@ -67,7 +61,7 @@ def build(
     workers: Annotated[
         int | None, typer.Option(min=1, max=256, help="Processes at work; default: one a processor.")
     ] = None,
-    as_json: JsonOption = False,
+    as_json: options.Json = False,
 ) -> None:
     """Solve the library of presses anew (an hour or two on two cores); interrupted, it goes on where it stopped."""
     import os

@@ -7,17 +7,8 @@ from typing import Annotated
 
 import typer
 
-from optopad.cli.common import (
-    DEFAULT_OUT,
-    DesignArgument,
-    FineOption,
-    JsonOption,
-    OutOption,
-    SeedOption,
-    SetOption,
-    print_json,
-    say,
-)
+from optopad.cli import options
+from optopad.cli.output import print_json, say
 from optopad.cli.progress import progress
 from optopad.work.designs import read_design
 
@@ -29,12 +20,12 @@ def register(app: typer.Typer) -> None:
 
 
 def run(
-    design: DesignArgument,
-    set_: SetOption = None,
-    fine: FineOption = False,
-    out: OutOption = DEFAULT_OUT,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    design: options.Design,
+    set_: options.Set = None,
+    fine: options.Fine = False,
+    out: options.Out = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """The main job: mold, verdict, driver config and report in one bundle."""
     from optopad.jobs.pipeline import run as make
@@ -56,7 +47,7 @@ def run(
 def report(
     bundle: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Bundle folder of an earlier run.")],
     open_: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
-    as_json: JsonOption = False,
+    as_json: options.Json = False,
 ) -> None:
     """Where the report of a bundle is, after checking every file against the manifest."""
     import webbrowser

@@ -9,18 +9,8 @@ import typer
 
 from design.errors import InputError
 from design.spec import SensorDesign
-from optopad.cli.common import (
-    DEFAULT_OUT,
-    DesignArgument,
-    FineOption,
-    JsonOption,
-    OutOption,
-    SeedOption,
-    SetOption,
-    parsed_press,
-    print_json,
-    say,
-)
+from optopad.cli import options
+from optopad.cli.output import print_json, say
 from optopad.cli.progress import progress
 from optopad.work.designs import read_design
 
@@ -34,13 +24,13 @@ def register(app: typer.Typer) -> None:
 
 
 def score(
-    design: DesignArgument,
-    set_: SetOption = None,
+    design: options.Design,
+    set_: options.Set = None,
     full: Annotated[
         bool,
         typer.Option("--full", help="11 places a side and 0.1 mm steps for the map, at the usual light."),
     ] = False,
-    fine: FineOption = False,
+    fine: options.Fine = False,
     tolerance: Annotated[
         bool,
         typer.Option("--tolerance", help="Also draw builds with everything off that may be, and judge each."),
@@ -48,9 +38,9 @@ def score(
     builds: Annotated[
         int | None, typer.Option("--builds", help="How many builds --tolerance draws (200 if left out).")
     ] = None,
-    out: OutOption = DEFAULT_OUT,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    out: options.Out = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """Verdict: modes, deadbands, continuity, strength, map of the pad; written into the bundle."""
     drawn = _drawn_builds(tolerance, builds)
@@ -83,7 +73,7 @@ def _drawn_builds(tolerance: bool, builds: int | None) -> int | None:
 
 
 def simulate(
-    design: DesignArgument,
+    design: options.Design,
     press: Annotated[
         list[str] | None,
         typer.Option(
@@ -110,10 +100,10 @@ def simulate(
     fit: Annotated[
         bool, typer.Option("--fit", help="With --protocol: leave out depths beyond the design's range.")
     ] = False,
-    set_: SetOption = None,
-    out: OutOption = DEFAULT_OUT,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    set_: options.Set = None,
+    out: options.Out = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """Light of chosen presses, path classes apart, or the data set of a press protocol; netCDF into the bundle."""
     read = read_design(design, set_)
@@ -126,7 +116,7 @@ def simulate(
     oracle_rays = _oracle_rays(oracle, rays)
     from optopad.jobs.pipeline import write_signals
 
-    presses = [parsed_press(text) for text in press or []]
+    presses = [options.parsed_press(text) for text in press or []]
     with progress(quiet=as_json) as step:
         summary, folder = write_signals(read, presses, out, oracle_rays=oracle_rays, seed=seed, on_step=step)
     if as_json:

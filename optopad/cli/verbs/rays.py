@@ -6,17 +6,8 @@ from typing import Annotated
 
 import typer
 
-from optopad.cli.common import (
-    DEFAULT_OUT,
-    DesignArgument,
-    JsonOption,
-    OutOption,
-    SeedOption,
-    SetOption,
-    parsed_press,
-    print_json,
-    say,
-)
+from optopad.cli import options
+from optopad.cli.output import print_json, say
 from optopad.cli.progress import progress
 from optopad.work.designs import read_design
 
@@ -27,7 +18,7 @@ def register(app: typer.Typer) -> None:
 
 
 def rays(
-    design: DesignArgument,
+    design: options.Design,
     emitter: Annotated[
         str | None,
         typer.Option(metavar="E1", help="One emitter, by its name in the wiring table. Default: all."),
@@ -50,13 +41,13 @@ def rays(
     count: Annotated[
         int, typer.Option(min=1, max=200, help="Paths drawn of the strongest kind of light.")
     ] = 24,
-    set_: SetOption = None,
-    out: OutOption = DEFAULT_OUT,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    set_: options.Set = None,
+    out: options.Out = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """Sample paths of light, untouched and pressed: mode 1, mode 2, scattered, lost; pictures into the bundle."""
-    presses = tuple(parsed_press(text) for text in press or [])
+    presses = tuple(options.parsed_press(text) for text in press or [])
     read = read_design(design, set_)
 
     from design.geometry.cavity import cavity_of

@@ -7,17 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from optopad.cli.common import (
-    DEFAULT_OUT,
-    DesignArgument,
-    FineOption,
-    JsonOption,
-    OutOption,
-    SeedOption,
-    SetOption,
-    print_json,
-    say,
-)
+from optopad.cli import options
+from optopad.cli.output import print_json, say
 from optopad.cli.progress import progress
 from optopad.work.designs import parsed_value, read_design
 
@@ -30,19 +21,19 @@ def register(app: typer.Typer) -> None:
 
 
 def sweep(
-    design: DesignArgument,
+    design: options.Design,
     field: Annotated[str, typer.Argument(metavar="FIELD=A:B:STEP", help="Field to vary; or FIELD=v1,v2,...")],
-    set_: SetOption = None,
-    fine: FineOption = False,
+    set_: options.Set = None,
+    fine: options.Fine = False,
     build: Annotated[
         bool,
         typer.Option(
             "--build", help="Make the whole bundle of every value, its mold engraved with the value."
         ),
     ] = False,
-    out: OutOption = DEFAULT_OUT,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    out: options.Out = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """Score a design at several values of one field: table and figure. Interrupted, it goes on where it stopped."""
     path, values = parsed_sweep(field)

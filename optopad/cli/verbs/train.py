@@ -7,13 +7,8 @@ from typing import Annotated
 
 import typer
 
-from optopad.cli.common import (
-    JsonOption,
-    SeedOption,
-    SetOption,
-    print_json,
-    say,
-)
+from optopad.cli import options
+from optopad.cli.output import print_json, say
 from optopad.cli.progress import progress
 from optopad.work.designs import read_design
 
@@ -48,15 +43,15 @@ def train(
         str,
         typer.Option("--effort", metavar="NAME", help="quick, default, full, or whole: how many samples."),
     ] = "default",
-    set_: SetOption = None,
+    set_: options.Set = None,
     out: Annotated[
         Path | None,
         typer.Option(
             "--out", metavar="FILE", help="Model (.optomodel), or a folder; by default beside the data."
         ),
     ] = None,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """Train a model that tells touch, place and depth, on simulated or recorded presses; one file a model."""
     from design.errors import InputError
