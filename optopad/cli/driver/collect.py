@@ -29,11 +29,6 @@ if TYPE_CHECKING:
 STANDS = "say where it stands now, as the last run told at its end, or home it (--origin)"
 
 
-def register(driver: typer.Typer) -> None:
-    """Add this group's verbs."""
-    driver.command()(collect)
-
-
 def collect(
     config: options.Config,
     stage_port: Annotated[

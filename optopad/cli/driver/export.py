@@ -16,11 +16,6 @@ if TYPE_CHECKING:
     from fabrication.driver.recording.joined_log import JoinedLog
 
 
-def register(driver: typer.Typer) -> None:
-    """Add this group's verbs."""
-    driver.command()(export)
-
-
 def export(
     recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="A file of `driver record`.")],
     out: Annotated[

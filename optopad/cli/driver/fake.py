@@ -23,11 +23,6 @@ if TYPE_CHECKING:
     from fabrication.stage.fake_printer import FakePrinter
 
 
-def register(driver: typer.Typer) -> None:
-    """Add this group's verbs."""
-    driver.command()(fake)
-
-
 def fake(
     config: options.Config,
     path: Annotated[

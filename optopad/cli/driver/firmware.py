@@ -13,12 +13,6 @@ from optopad.cli.output import print_json, say
 from optopad.work.designs import read_design
 
 
-def register(group: typer.Typer) -> None:
-    """Add these verbs to the group `driver`."""
-    group.command()(firmware)
-    group.command()(flash)
-
-
 def firmware(
     design: options.Design,
     set_: options.Set = None,

@@ -17,7 +17,7 @@ import typer
 from design.errors import DeviceError, InputError, OutputError
 from optopad.cli import options
 from optopad.cli.interrupts import answered
-from optopad.cli.output import print_json, say
+from optopad.cli.output import print_json, say, tell
 from optopad.cli.progress import progress
 
 if TYPE_CHECKING:
@@ -32,13 +32,6 @@ Answer = TypeVar("Answer")
 LIVE_EVERY_S = 0.1
 LINE_EVERY_S = 1.0
 CHECK_S = 1.5
-
-
-def register(driver: typer.Typer) -> None:
-    """Add this group's verbs."""
-    driver.command()(read)
-    driver.command()(record)
-    driver.command()(check)
 
 
 def read(
@@ -188,10 +181,7 @@ def check(
         document = {**verdict.to_json(), "link": link_json(sensor)}
     if out is not None:
         write_text_atomically(out, json.dumps(document, indent=2) + "\n")
-    if as_json:
-        print_json(document)
-    else:
-        say("\n".join(check_lines(verdict)))
+    tell(as_json, lambda: document, lambda: check_lines(verdict))
 
 
 def _show(

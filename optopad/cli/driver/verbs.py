@@ -1,4 +1,4 @@
-"""The verb group driver: everything about the built sensor; `firmware`, `sensor` and `fake` add their verbs."""
+"""The verb group driver: everything about the built sensor."""
 
 from __future__ import annotations
 
@@ -14,13 +14,6 @@ driver = typer.Typer(
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-
-
-def register(app: typer.Typer) -> None:
-    """Add this group's verbs."""
-    for group in (firmware, sensor, export, collect, fake):
-        group.register(driver)
-    app.add_typer(driver, name="driver")
 
 
 @driver.command()
@@ -39,3 +32,16 @@ def config(
         print_json({"files": sorted(str(file) for file in folder.iterdir() if file.is_file())})
     else:
         say(f"files     {folder}")
+
+
+for verb in (
+    firmware.firmware,
+    firmware.flash,
+    sensor.read,
+    sensor.record,
+    sensor.check,
+    export.export,
+    collect.collect,
+    fake.fake,
+):
+    driver.command()(verb)

@@ -8,15 +8,9 @@ from typing import Annotated
 import typer
 
 from optopad.cli import options
-from optopad.cli.output import print_json, say
+from optopad.cli.output import tell
 from optopad.cli.progress import progress
 from optopad.work.designs import read_design
-
-
-def register(app: typer.Typer) -> None:
-    """Add this group's verbs."""
-    app.command()(evaluate)
-    app.command()(predict)
 
 
 def evaluate(
@@ -43,16 +37,12 @@ def evaluate(
     from optopad.results.accuracy import accuracy_lines
 
     read = read_design(design, set_) if design is not None else None
-    folder = out or data.with_name(f"{data.stem}-evaluation")
-    options.require_folder(folder)
+    folder = options.require_folder(out or data.with_name(f"{data.stem}-evaluation"))
     with progress(quiet=as_json) as step:
         found, workspace = judge(data, model, read, on_step=step)
         made = write_accuracy(found, workspace, folder, "evaluation")
-    if as_json:
-        print_json(found.to_json())
-        return
-    say("\n".join(accuracy_lines(found)))
-    say(f"files     {folder} ({made[0].name}, {made[1].name}, pictures)")
+    files = f"files     {folder} ({made[0].name}, {made[1].name}, pictures)"
+    tell(as_json, found.to_json, lambda: [*accuracy_lines(found), files])
 
 
 def predict(
@@ -98,8 +88,5 @@ def predict(
             seed=seed,
             on_step=step,
         )
-    if as_json:
-        print_json(found.to_json())
-        return
-    say("\n".join(accuracy_lines(found)))
-    say(f"files     {folder / 'sims'} (prediction.html, prediction.json, pictures, models)")
+    files = f"files     {folder / 'sims'} (prediction.html, prediction.json, pictures, models)"
+    tell(as_json, found.to_json, lambda: [*accuracy_lines(found), files])

@@ -8,16 +8,8 @@ from typing import Annotated
 import typer
 
 from optopad.cli import options
-from optopad.cli.output import print_json, say
+from optopad.cli.output import print_json, say, tell
 from optopad.work.designs import read_design
-
-
-def register(app: typer.Typer) -> None:
-    """Add this group's verbs."""
-    app.command()(new)
-    app.command()(check)
-    app.command()(schema)
-    app.command()(migrate)
 
 
 def new(
@@ -70,14 +62,12 @@ def check(design: options.Design, set_: options.Set = None, as_json: options.Jso
     read = read_design(design, set_)
     findings = findings_of(read)
     errors = [finding for finding in findings if finding.severity == "error"]
-    if as_json:
-        print_json({"name": read.name, "digest": read.digest, "findings": [asdict(f) for f in findings]})
-    else:
-        for finding in findings:
-            say(str(finding))
-        say(
-            f"{read.name}: {counted(len(errors), 'error')}, {counted(len(findings) - len(errors), 'warning')}"
-        )
+    total = f"{read.name}: {counted(len(errors), 'error')}, {counted(len(findings) - len(errors), 'warning')}"
+    tell(
+        as_json,
+        lambda: {"name": read.name, "digest": read.digest, "findings": [asdict(f) for f in findings]},
+        lambda: [*map(str, findings), total],
+    )
     if errors:
         raise typer.Exit(2)
 
@@ -127,7 +117,4 @@ def migrate(
         options.checked_out(target, ".toml", file)
         write_text_atomically(target, tomlkit.dumps(without_empty(lifted)))
         message = f"{target} written: schema version {version} lifted to {SCHEMA_VERSION}"
-    if as_json:
-        print_json({"file": str(target), "from": version, "to": SCHEMA_VERSION})
-    else:
-        say(message)
+    tell(as_json, lambda: {"file": str(target), "from": version, "to": SCHEMA_VERSION}, lambda: [message])

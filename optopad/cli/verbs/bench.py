@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-import typer
-
 from optopad.cli import options
 from optopad.cli.output import print_json, say
-
-
-def register(app: typer.Typer) -> None:
-    """Add this group's verbs."""
-    app.command()(doctor)
 
 
 def doctor(as_json: options.Json = False) -> None:

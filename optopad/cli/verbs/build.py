@@ -12,11 +12,6 @@ from optopad.cli.progress import progress
 from optopad.work.designs import read_design
 
 
-def register(app: typer.Typer) -> None:
-    """Add this group's verbs."""
-    app.command()(build)
-
-
 def build(
     design: options.Design,
     set_: options.Set = None,

@@ -9,14 +9,9 @@ from typing import Annotated
 import typer
 
 from optopad.cli import options
-from optopad.cli.output import print_json, say
+from optopad.cli.output import tell
 from optopad.cli.progress import progress
 from optopad.work.designs import read_design
-
-
-def register(app: typer.Typer) -> None:
-    """Add this group's verb."""
-    app.command()(calibrate)
 
 
 def calibrate(
@@ -41,14 +36,10 @@ def calibrate(
     from optopad.jobs.calibration import earlier_model_note, write_calibration
 
     read = read_design(design, set_)
-    folder = out or data.with_name(f"{data.stem}-calibration")
-    options.require_folder(folder)
+    folder = options.require_folder(out or data.with_name(f"{data.stem}-calibration"))
     with progress(quiet=as_json) as step:
         made = fit(read, data, with_model=not no_model, quick=quick, seed=seed, on_step=step)
         files = write_calibration(made, read, folder)
         made = replace(made, notes=(*made.notes, *earlier_model_note(made, folder)))
-    if as_json:
-        print_json(made.to_json(read))
-        return
-    say("\n".join([*made.report.lines, *made.notes]))
-    say(f"files     {folder} ({', '.join(one.name for one in files)})")
+    where = f"files     {folder} ({', '.join(one.name for one in files)})"
+    tell(as_json, lambda: made.to_json(read), lambda: [*made.report.lines, *made.notes, where])

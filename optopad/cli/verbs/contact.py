@@ -8,16 +8,11 @@ from typing import Annotated
 import typer
 
 from optopad.cli import options
-from optopad.cli.output import print_json, say
+from optopad.cli.output import print_json, say, tell
 from optopad.cli.progress import progress
 from optopad.work.designs import read_design
 
 contact = typer.Typer(help="The contact model: press, surface, force.", no_args_is_help=True)
-
-
-def register(app: typer.Typer) -> None:
-    """Add this group's verbs."""
-    app.add_typer(contact, name="contact")
 
 
 @contact.command()
@@ -45,12 +40,9 @@ def show(
     with progress(quiet=as_json) as step:
         view = view_press(read, depth, protocol, on_step=lambda share: step("contact", share))
         files = [] if out is None else write_pictures(view, out, seed=seed)
-    if as_json:
-        print_json(view_json(view) | {"files": [str(file) for file in files]})
-        return
-    say("\n".join(view_lines(view)))
-    if files:
-        say(f"files     {files[0].parent}/contact-*")
+    names = [str(file) for file in files]
+    where = [f"files     {files[0].parent}/contact-*"] if files else []
+    tell(as_json, lambda: view_json(view) | {"files": names}, lambda: [*view_lines(view), *where])
 
 
 @contact.command()

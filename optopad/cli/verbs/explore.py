@@ -25,11 +25,6 @@ LINE_EVERY_S = 30.0
 """Without a terminal: a line whenever the front changes, else this often."""
 
 
-def register(app: typer.Typer) -> None:
-    """Add this group's verb."""
-    app.command()(explore)
-
-
 def explore(
     space: Annotated[
         str, typer.Argument(metavar="SPACE", help="Search-space file (.toml), or the name of a packaged one.")

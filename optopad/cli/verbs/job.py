@@ -8,15 +8,9 @@ from typing import Annotated
 import typer
 
 from optopad.cli import options
-from optopad.cli.output import print_json, say
+from optopad.cli.output import print_json, say, tell
 from optopad.cli.progress import progress
 from optopad.work.designs import read_design
-
-
-def register(app: typer.Typer) -> None:
-    """Add this group's verbs."""
-    app.command()(run)
-    app.command()(report)
 
 
 def run(
@@ -34,14 +28,13 @@ def run(
     read = read_design(design, set_)
     with progress(quiet=as_json) as step:
         made = make(read, out, fine=fine, seed=seed, on_step=step)
-    if as_json:
-        print_json(
-            {"bundle": str(made.folder), "checks_ok": made.checks["ok"], "score": made.score.to_json()}
-        )
-        return
-    say("\n".join([*score_lines(made.score), checks_line(made.checks)]))
-    say(f"files     {made.folder}")
-    say(f"report    {made.folder / 'report.html'}")
+    place = {"bundle": str(made.folder), "checks_ok": made.checks["ok"]}
+    files = [f"files     {made.folder}", f"report    {made.folder / 'report.html'}"]
+    tell(
+        as_json,
+        lambda: place | {"score": made.score.to_json()},
+        lambda: [*score_lines(made.score), checks_line(made.checks), *files],
+    )
 
 
 def report(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,17 +11,11 @@ import typer
 from design.errors import InputError
 from design.spec import SensorDesign
 from optopad.cli import options
-from optopad.cli.output import print_json, say
+from optopad.cli.output import tell
 from optopad.cli.progress import progress
 from optopad.work.designs import read_design
 
 DEFAULT_ORACLE_RAYS = 1_000_000
-
-
-def register(app: typer.Typer) -> None:
-    """Add this group's verbs."""
-    app.command()(simulate)
-    app.command()(score)
 
 
 def score(
@@ -50,11 +45,7 @@ def score(
     read = read_design(design, set_)
     with progress(quiet=as_json) as step:
         result, folder = write_score(read, out, fine=fine, full=full, seed=seed, on_step=step, builds=drawn)
-    if as_json:
-        print_json(result.to_json())
-    else:
-        say("\n".join(score_lines(result)))
-        say(f"files     {folder}")
+    tell(as_json, result.to_json, lambda: [*score_lines(result), f"files     {folder}"])
 
 
 def _drawn_builds(tolerance: bool, builds: int | None) -> int | None:
@@ -119,11 +110,7 @@ def simulate(
     presses = [options.parsed_press(text) for text in press or []]
     with progress(quiet=as_json) as step:
         summary, folder = write_signals(read, presses, out, oracle_rays=oracle_rays, seed=seed, on_step=step)
-    if as_json:
-        print_json(summary)
-    else:
-        _say_signals(summary)
-        say(f"files     {folder}")
+    tell(as_json, lambda: summary, lambda: [*_signal_lines(summary), f"files     {folder}"])
 
 
 def _oracle_rays(oracle: bool, rays: int | None) -> int | None:
@@ -152,22 +139,19 @@ def _simulate_protocol(
         summary = write_protocol_data(
             design, protocol.fitted_to(design) if fit else protocol, out, seed=seed, on_step=step
         )
-    if as_json:
-        print_json(summary)
-    else:
-        say("\n".join(data_lines(summary)))
+    tell(as_json, lambda: summary, lambda: data_lines(summary))
 
 
-def _say_signals(summary: dict[str, Any]) -> None:
+def _signal_lines(summary: dict[str, Any]) -> Iterator[str]:
     for state in summary["states"]:
         x_mm, y_mm, depth_mm = state["press_mm"]
         shares = "  ".join(f"{name} {value:.3e}" for name, value in state["mean_flux_by_class"].items())
-        say(
+        yield (
             f"press {x_mm:6.2f} {y_mm:6.2f}  depth {depth_mm:5.2f} mm  mean flux {state['mean_flux']:.4e}  {shares}"
         )
     if summary["oracle"] is not None:
         found = summary["oracle"]
-        say(
+        yield (
             f"ray tracer: {found['rays']} rays an emitter; chi-square {found['chi_square']:.1f} over "
             f"{found['compared']} pairs and states; largest difference {found['largest_z']:.1f} standard errors"
         )

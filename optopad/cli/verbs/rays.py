@@ -7,14 +7,9 @@ from typing import Annotated
 import typer
 
 from optopad.cli import options
-from optopad.cli.output import print_json, say
+from optopad.cli.output import tell
 from optopad.cli.progress import progress
 from optopad.work.designs import read_design
-
-
-def register(app: typer.Typer) -> None:
-    """Add this group's verbs."""
-    app.command()(rays)
 
 
 def rays(
@@ -70,9 +65,6 @@ def rays(
     with progress(quiet=as_json) as step:
         view = view_rays(read, request, out, seed=seed, on_step=step)
         files = write_pictures(view, out)
-    if as_json:
-        print_json(view_json(view) | {"files": [str(file) for file in files]})
-        return
-    say("\n".join(view_lines(view)))
-    for file in files:
-        say(f"file      {file}")
+    names = [str(file) for file in files]
+    where = [f"file      {file}" for file in files]
+    tell(as_json, lambda: view_json(view) | {"files": names}, lambda: [*view_lines(view), *where])

@@ -8,16 +8,11 @@ from typing import Annotated, Any
 import typer
 
 from optopad.cli import options
-from optopad.cli.output import print_json, say
+from optopad.cli.output import tell
 from optopad.cli.progress import progress
 from optopad.work.designs import parsed_value, read_design
 
 MAX_SWEEP_VALUES = 200
-
-
-def register(app: typer.Typer) -> None:
-    """Add this group's verbs."""
-    app.command()(sweep)
 
 
 def sweep(
@@ -42,13 +37,9 @@ def sweep(
 
     with progress(quiet=as_json) as step:
         made = run_sweep(read, path, values, out, fine=fine, seed=seed, build=build, on_step=step)
-    if as_json:
-        print_json(made.to_json())
-        return
-    say("\n".join(sweep_lines(made)))
-    for folder in made.bundles:
-        say(f"bundle    {folder}")
-    say(f"files     {made.folder / 'sims'} (sweep-{path}: csv, json, svg, png)")
+    bundles = [f"bundle    {folder}" for folder in made.bundles]
+    files = f"files     {made.folder / 'sims'} (sweep-{path}: csv, json, svg, png)"
+    tell(as_json, made.to_json, lambda: [*sweep_lines(made), *bundles, files])
 
 
 def parsed_sweep(text: str) -> tuple[str, list[Any]]:

@@ -8,14 +8,9 @@ from typing import Annotated
 import typer
 
 from optopad.cli import options
-from optopad.cli.output import print_json, say
+from optopad.cli.output import tell
 from optopad.cli.progress import progress
 from optopad.work.designs import read_design
-
-
-def register(app: typer.Typer) -> None:
-    """Add this group's verb."""
-    app.command()(train)
 
 
 def train(
@@ -63,7 +58,4 @@ def train(
     read = None if design is None else read_design(design, set_)
     with progress(quiet=as_json) as step:
         found = train_models(data, learner, out, design=read, effort=effort, seed=seed, on_step=step)
-    if as_json:
-        print_json(found.to_json())
-    else:
-        say("\n".join(training_lines(found)))
+    tell(as_json, found.to_json, lambda: training_lines(found))
