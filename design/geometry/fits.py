@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import tomllib
-from functools import cache
-from importlib.resources import files
-
+from design.fields.packaged import data_quantities
 from design.fields.quantity import Quantity
 from design.spec import Mold
-
-FILE = "fits.toml"
 
 
 def fit(name: str) -> Quantity:
     """A named length of `design/data/fits.toml` [mm]."""
-    return _fits()[name]
+    return data_quantities("fits.toml")[name]
 
 
 def clearance_mm(mold: Mold, part_id: str) -> float:
@@ -26,9 +21,3 @@ def clearance_mm(mold: Mold, part_id: str) -> float:
 def fit_name(mold: Mold, part_id: str) -> str:
     """The fit of a part in words."""
     return mold.fits.get(part_id, "own clearance")
-
-
-@cache
-def _fits() -> dict[str, Quantity]:
-    text = (files("design") / "data" / FILE).read_text(encoding="utf-8")
-    return {name: Quantity(**row) for name, row in tomllib.loads(text).items()}

@@ -16,14 +16,13 @@ rectangles, not a font of the system: equal designs give equal molds everywhere.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 from textwrap import wrap
 
 from design.fields.finding import Finding, error, mm
+from design.fields.packaged import data_table
 from design.geometry.lettering import OVERLAP, Stroke, area_mm2, strokes_of
 from design.spec import SensorDesign
 
@@ -154,8 +153,7 @@ def _points(lines: list[str]) -> set[tuple[int, int]]:
 @cache
 def letters() -> dict[str, tuple[int, ...]]:
     """Columns of points of every letter that a label may have."""
-    text = (files("design") / "data" / "letters.toml").read_text(encoding="utf-8")
     return {
         name: tuple(int(bits, 16) for bits in columns.split())
-        for name, columns in tomllib.loads(text).items()
+        for name, columns in data_table("letters.toml").items()
     }

@@ -13,12 +13,11 @@ told (`cad.checks`).
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 
+from design.fields.packaged import data_table
 from design.geometry.lettering import OVERLAP, Point, Stroke, area_mm2, strokes_of, upper_edges_mm
 from design.geometry.sockets import Hole, Socket, WallFrame
 
@@ -148,5 +147,4 @@ def unnumbered(names: Sequence[str], numbers: Sequence[PartNumber]) -> Iterator[
 @cache
 def small_letters() -> dict[str, tuple[str, ...]]:
     """Rows of points of every letter that a name may have."""
-    text = (files("design") / "data" / "small_letters.toml").read_text(encoding="utf-8")
-    return {name: tuple(rows.split()) for name, rows in tomllib.loads(text).items()}
+    return {name: tuple(rows.split()) for name, rows in data_table("small_letters.toml").items()}

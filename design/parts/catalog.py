@@ -25,10 +25,8 @@ from __future__ import annotations
 
 import difflib
 import json
-import tomllib
 from collections.abc import Mapping
 from functools import cache
-from importlib import resources
 from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import (
@@ -42,6 +40,7 @@ from pydantic_core import ErrorDetails
 
 from design.errors import DesignError
 from design.fields.base import Model, PartId, without_defaults
+from design.fields.packaged import data_table
 from design.fields.quantity import (
     CapacitancePf,
     Confidence,
@@ -328,8 +327,7 @@ def packaged() -> CatalogEntries:
     """The entries that come with the program."""
     entries = CatalogEntries()
     for name in PACKAGED_FILES:
-        text = resources.files("design").joinpath("data", f"{name}.toml").read_text(encoding="utf-8")
-        entries = merged(entries, parse_entries(tomllib.loads(text), f"{name}.toml"))
+        entries = merged(entries, parse_entries(data_table(f"{name}.toml"), f"{name}.toml"))
     return entries
 
 

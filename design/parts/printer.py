@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import re
-import tomllib
-from functools import cache
-from importlib.resources import files
 
 from design.errors import InputError
+from design.fields.packaged import data_quantities
 from design.fields.quantity import Quantity
 
-FILE = "printer.toml"
 Bed = tuple[float, float, float]
 """Room of a printer: x, y and height [mm]."""
 
 
 def printer(name: str) -> Quantity:
     """A named value of `design/data/printer.toml`."""
-    return _values()[name]
+    return data_quantities("printer.toml")[name]
 
 
 def usual_bed_mm() -> Bed:
@@ -40,9 +37,3 @@ def bed_of(text: str) -> Bed:
     if len(sides) != 3 or not all(0 < side < 1e4 for side in sides):
         raise InputError(f"--bed: {text!r} is refused: must be three lengths in mm above 0, as 220,220,250")
     return sides[0], sides[1], sides[2]
-
-
-@cache
-def _values() -> dict[str, Quantity]:
-    text = (files("design") / "data" / FILE).read_text(encoding="utf-8")
-    return {name: Quantity(**row) for name, row in tomllib.loads(text).items()}

@@ -6,15 +6,14 @@ contact model's business.
 
 from __future__ import annotations
 
-import tomllib
 from functools import cache
-from importlib.resources import files
 from typing import Self
 
 from pydantic import model_validator
 
 from design.errors import InputError
 from design.fields.base import Model
+from design.fields.packaged import data_table
 from design.fields.paths import nearest
 from design.fields.quantity import Quantity, Text
 
@@ -50,8 +49,7 @@ class LoadProtocol(Model):
 
 @cache
 def _packaged() -> dict[str, LoadProtocol]:
-    text = (files("design") / "data" / "load_protocols.toml").read_text(encoding="utf-8")
-    return {name: LoadProtocol.model_validate(row) for name, row in tomllib.loads(text).items()}
+    return {name: LoadProtocol.model_validate(row) for name, row in data_table("load_protocols.toml").items()}
 
 
 def load_protocol(name: str) -> LoadProtocol:

@@ -12,7 +12,6 @@ import hashlib
 import json
 import math
 from functools import cached_property
-from importlib.resources import files
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -23,7 +22,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from design.errors import DesignError, InputError, ModelScopeError
 from design.fields.base import NAME_PATTERN, Model
-from design.fields.paths import nearest
+from design.fields.packaged import packaged_or_own
 from design.fields.validation import design_error
 from design.geometry.cavity import Workspace, workspace_of
 from design.io import read_toml
@@ -255,13 +254,7 @@ def load_protocol_file(where: str | Path) -> PressProtocol:
     ------
     DesignError : no such protocol, or every refused field with its value, limit and the way out.
     """
-    file = Path(where)
-    if not file.exists() and str(where) in PROTOCOLS:
-        file = Path(str(files("design.protocols") / f"{where}.toml"))
-    elif not file.exists():
-        near = nearest(file.stem, PROTOCOLS)
-        hint = f"did you mean the packaged {near[0]}?" if near else f"packaged: {', '.join(PROTOCOLS)}"
-        raise DesignError(f"{file}: no such protocol; {hint}")
+    file = packaged_or_own(where, "design.protocols", PROTOCOLS, kind="protocol", listed_as="packaged")
     return protocol_from(read_toml(file), where=str(file))
 
 

@@ -32,7 +32,6 @@ import hashlib
 import json
 import math
 from functools import cached_property
-from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -40,6 +39,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from design.errors import DesignError, shown
 from design.fields.base import NAME_PATTERN, Model
+from design.fields.packaged import packaged_or_own
 from design.fields.paths import get_at, known_paths, nearest, set_at, unknown_path
 from design.fields.validation import design_error
 from design.io import load_design, read_toml
@@ -295,13 +295,9 @@ def load_space(path: str | Path) -> SearchSpace:
     ------
     DesignError : every refused field with its value, limit and the way out.
     """
-    file = Path(path)
-    if not file.exists() and str(path) in SPACES:
-        file = Path(str(files("design.search.spaces") / f"{path}.toml"))
-    elif not file.exists():
-        near = nearest(file.stem, SPACES)
-        hint = f"did you mean the packaged {near[0]}?" if near else f"packaged spaces: {', '.join(SPACES)}"
-        raise DesignError(f"{file}: no such search space; {hint}")
+    file = packaged_or_own(
+        path, "design.search.spaces", SPACES, kind="search space", listed_as="packaged spaces"
+    )
     document = read_toml(file)
     base = document.get("base")
     if not isinstance(base, str):

@@ -5,15 +5,14 @@ Every value comes with unit, source, confidence and the band in which the true o
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 
 from pydantic import ValidationError
 
 from design.errors import DesignError
+from design.fields.packaged import data_table
 from design.fields.paths import get_at
 from design.fields.quantity import Confidence
 from design.fields.units import NM_PER_UM, absorption_per_mm, lambertian_order
@@ -274,8 +273,7 @@ class Band:
 
 @cache
 def _bands() -> dict[str, Band]:
-    text = (files("design") / "data" / "bands.toml").read_text(encoding="utf-8")
-    return {path: Band(**row) for path, row in tomllib.loads(text).items()}
+    return {path: Band(**row) for path, row in data_table("bands.toml").items()}
 
 
 def _design_quantity(design: SensorDesign, path: str, band: Band) -> Quantity:

@@ -10,15 +10,14 @@ together), what moves along a wall, and correlations between values: none are kn
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 from typing import Literal
 
 from design.errors import DesignError
 from design.fields.finding import Finding, error
+from design.fields.packaged import data_table
 from design.fields.paths import get_at, is_value, known_values, unknown_path
 from design.fields.quantity import Quantity
 from design.spec import SensorDesign
@@ -179,5 +178,4 @@ class _Default:
 
 @cache
 def _defaults() -> dict[str, _Default]:
-    text = (files("design") / "data" / "tolerances.toml").read_text(encoding="utf-8")
-    return {path: _Default(**row) for path, row in tomllib.loads(text).items()}
+    return {path: _Default(**row) for path, row in data_table("tolerances.toml").items()}

@@ -1,10 +1,10 @@
-"""The command tree: every group of verbs under one name."""
+"""The command tree: every verb under one name, in the order of the help."""
 
 from __future__ import annotations
 
 import typer
 
-from optopad.cli.driver import verbs as driver
+from optopad.cli.driver.verbs import driver
 from optopad.cli.verbs import (
     accuracy,
     author,
@@ -30,20 +30,26 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for group in (
-    job,
-    author,
-    build,
-    physics,
-    sweep,
-    compare,
-    rays,
-    contact,
-    driver,
-    bench,
-    explore,
-    train,
-    calibrate,
-    accuracy,
+for verb in (
+    job.run,
+    job.report,
+    author.new,
+    author.check,
+    author.schema,
+    author.migrate,
+    build.build,
+    physics.simulate,
+    physics.score,
+    sweep.sweep,
+    compare.compare,
+    rays.rays,
+    bench.doctor,
+    explore.explore,
+    train.train,
+    calibrate.calibrate,
+    accuracy.evaluate,
+    accuracy.predict,
 ):
-    group.register(app)
+    app.command()(verb)
+app.add_typer(contact.contact, name="contact")
+app.add_typer(driver, name="driver")

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from html import escape
-from importlib.resources import files
-from string import Template
 
 from optopad.report.sections.drawings import Drawing, figure_of
-from optopad.report.text.markup import Html, bullets, element, joined, section, table
+from optopad.report.text.assets import still_page
+from optopad.report.text.markup import Html, bullets, element, section, table
 from optopad.results.accuracy import Accuracy, ModelAccuracy, bound_text
 from sims.evaluation.tables import WITHIN_MM, ErrorRow, Spread
 
@@ -41,18 +39,7 @@ def accuracy_page(found: Accuracy, drawings: Mapping[str, Drawing]) -> str:
         _pictures("depths", "Depth at single places", found, drawings),
         section("notes", "Notes", bullets(found.notes)),
     ]
-    links = bullets([element("a", title, href=f"#{name}") for name, title in TITLES.items()])
-    template = (files("optopad.report.assets") / "still_page.html").read_text(encoding="utf-8")
-    return Template(template).substitute(
-        title=escape(f"{found.name}: accuracy"),
-        kind="accuracy report",
-        style=(files("optopad.report.assets") / "page.css").read_text(encoding="utf-8"),
-        name=escape(found.name),
-        digest=escape((found.digest or "")[:8]),
-        navigation=element("nav", links, aria_label="Parts of this page"),
-        verdict=_banner(found),
-        sections=joined(sections, "\n"),
-    )
+    return still_page("accuracy", found.name, found.digest or "", TITLES, _banner(found), sections)
 
 
 def _banner(found: Accuracy) -> Html:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from html import escape
-from importlib.resources import files
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -37,6 +36,7 @@ from optopad.report.sections.maps import map_section
 from optopad.report.sections.rays import rays_section
 from optopad.report.sections.sensor import Pictures, checks_section, pictures_of, sensor_section
 from optopad.report.sections.signals import pairs_section, signal_section, tolerance_section
+from optopad.report.text.assets import asset
 from optopad.report.text.markup import Html, element, joined
 from optopad.report.text.scripts import script_element, script_policy
 from optopad.report.text.words import banner, headline
@@ -153,10 +153,10 @@ def report_html(
         "origin": origin_section(design, score, seed, made_with),
     }
     shown = {name: body for name, body in sections.items() if body}
-    return Template(_resource("page.html")).substitute(
+    return Template(asset("page.html")).substitute(
         title=escape(f"{design.name} · {score.verdict}"),
         policy=script_policy(),
-        style=_resource("page.css"),
+        style=asset("page.css"),
         name=escape(design.name),
         digest=escape(design.digest[:8]),
         navigation=_navigation(shown),
@@ -185,7 +185,3 @@ def _light_sections(design: SensorDesign, score: ContinuityScore, found: Found) 
 def _navigation(sections: dict[str, Html]) -> Html:
     links = (element("li", element("a", TITLES[name], href=f"#{name}")) for name in sections)
     return element("nav", element("ul", *links), aria_label="Parts of this page")
-
-
-def _resource(name: str) -> str:
-    return (files("optopad.report.assets") / name).read_text(encoding="utf-8")

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from html import escape
-from importlib.resources import files
-from string import Template
-
 from design.search.figures import FIGURES
 from design.search.judged import Judged
 from fabrication.bundle import versions
-from optopad.report.text.markup import Html, bullets, element, facts, joined, section, table
+from optopad.report.text.assets import still_page
+from optopad.report.text.markup import Html, bullets, element, facts, section, table
 from optopad.results.search_result import Search
 from sims.plots.front import choice_text, front_panels, importance_svg, parallel_svg, words
 
@@ -35,18 +32,7 @@ def search_page(search: Search) -> str:
         _space_section(search),
         _files_section(search),
     ]
-    links = bullets([element("a", title, href=f"#{name}") for name, title in LOCATIONS.items()])
-    template = (files("optopad.report.assets") / "still_page.html").read_text(encoding="utf-8")
-    return Template(template).substitute(
-        title=escape(f"{found.space.name}: search"),
-        style=(files("optopad.report.assets") / "page.css").read_text(encoding="utf-8"),
-        kind="search report",
-        name=escape(found.space.name),
-        digest=escape(found.space.digest[:8]),
-        navigation=element("nav", links, aria_label="Parts of this page"),
-        verdict=_banner(search),
-        sections=joined(sections, "\n"),
-    )
+    return still_page("search", found.space.name, found.space.digest, LOCATIONS, _banner(search), sections)
 
 
 def _banner(search: Search) -> Html:

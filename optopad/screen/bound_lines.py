@@ -38,8 +38,8 @@ def _depth_alone_line(bounds: PadBounds) -> str:
 def _volume_line(bounds: PadBounds) -> str:
     limits = bounds.limits
     return (
-        f"volume    {_percent(bounds.coverage)} covered (place < {limits.covered_location_mm:g} mm, depth < "
-        f"{limits.covered_depth_mm:g} mm); {_percent(bounds.dead_share)} dead (place > {limits.dead_location_mm:g} mm "
+        f"volume    {bounds.coverage.percent()} covered (place < {limits.covered_location_mm:g} mm, depth < "
+        f"{limits.covered_depth_mm:g} mm); {bounds.dead_share.percent()} dead (place > {limits.dead_location_mm:g} mm "
         f"or depth > {limits.dead_depth_mm:g} mm)"
     )
 
@@ -60,7 +60,7 @@ def _loss_line(bounds: PadBounds) -> str:
     assert loss is not None
     return (
         f"losses    without {loss.part}, the one missed most: place {_span(loss.median_location_mm)}, "
-        f"depth {_span(loss.median_depth_mm)}, {_percent(loss.coverage)} covered"
+        f"depth {_span(loss.median_depth_mm)}, {loss.coverage.percent()} covered"
     )
 
 
@@ -72,9 +72,3 @@ def _span(figure: Figure) -> str:
 
 def _mm(value: float) -> str:
     return f"{value:.4f} mm"
-
-
-def _percent(figure: Figure) -> str:
-    same = round(100 * figure.low) == round(100 * figure.high)
-    ends = "" if same else f" ({figure.low:.0%} to {figure.high:.0%})"
-    return f"{figure.value:.0%}{ends}"

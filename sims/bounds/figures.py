@@ -26,6 +26,11 @@ class Figure:
     low: float
     high: float
 
+    def percent(self) -> str:
+        """A share in whole per cent, with its ends where they round to others."""
+        same = round(100 * self.low) == round(100 * self.high)
+        return f"{self.value:.0%}" if same else f"{self.value:.0%} ({self.low:.0%} to {self.high:.0%})"
+
     def complement(self) -> Figure:
         """One minus it, of a share: sums of shares are off by round-off, which is cut off."""
         value, low, high = (

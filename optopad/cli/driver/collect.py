@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from design.errors import DeviceError, InputError, OutputError
-from optopad.cli.common import DEFAULT_OUT, JsonOption, SeedOption, SetOption, print_json, say
-from optopad.cli.driver.sensor import AcceptOption, BundlesOption, ConfigArgument, PortOption, RateOption
+from optopad.cli import options
 from optopad.cli.interrupts import answered
+from optopad.cli.output import print_json, say
 from optopad.cli.progress import progress
 
 if TYPE_CHECKING:
@@ -29,13 +29,8 @@ if TYPE_CHECKING:
 STANDS = "say where it stands now, as the last run told at its end, or home it (--origin)"
 
 
-def register(driver: typer.Typer) -> None:
-    """Add this group's verbs."""
-    driver.command()(collect)
-
-
 def collect(
-    config: ConfigArgument,
+    config: options.Config,
     stage_port: Annotated[
         str, typer.Option("--stage-port", metavar="NAME", help="Serial port of the printer that presses.")
     ],
@@ -48,7 +43,7 @@ def collect(
         ),
     ],
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The data set, netCDF.")],
-    port: PortOption = None,
+    port: options.Port = None,
     tip_at: Annotated[
         str | None,
         typer.Option(
@@ -80,12 +75,12 @@ def collect(
     stage_baud: Annotated[
         int, typer.Option("--stage-baud", min=1, help="Rate of the printer's line.")
     ] = 115200,
-    rate: RateOption = None,
-    accept_digest: AcceptOption = None,
-    set_: SetOption = None,
-    bundles: BundlesOption = DEFAULT_OUT,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    rate: options.Rate = None,
+    accept_digest: options.Accept = None,
+    set_: options.Set = None,
+    bundles: options.Bundles = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """Press the pad by a list, unattended, and keep the frames. Ended early, the same command goes on where it was."""
     from fabrication.driver.sensor import Sensor
@@ -196,10 +191,8 @@ def _lit(entry: SetEntry) -> str:
 
 
 def _position(option: str, text: str) -> Position:
-    from optopad.cli.common import parsed_press
-
     try:
-        return parsed_press(text)
+        return options.parsed_press(text)
     except InputError as err:
         raise InputError(str(err).replace("--press", option, 1)) from None
 

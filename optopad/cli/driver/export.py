@@ -9,15 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from design.errors import InputError
-from optopad.cli.common import JsonOption, checked_out, print_json, say
+from optopad.cli import options
+from optopad.cli.output import print_json, say
 
 if TYPE_CHECKING:
     from fabrication.driver.recording.joined_log import JoinedLog
-
-
-def register(driver: typer.Typer) -> None:
-    """Add this group's verbs."""
-    driver.command()(export)
 
 
 def export(
@@ -43,7 +39,7 @@ def export(
         str | None,
         typer.Option("--offset", metavar="S", help="This machine's clock less the log's; `auto` finds it."),
     ] = None,
-    as_json: JsonOption = False,
+    as_json: options.Json = False,
 ) -> None:
     """A recording as netCDF, as `optopad compare` and learners read it; a torn one gives what is whole."""
     from fabrication.driver.recording.export import read_recorded, write_netcdf
@@ -54,7 +50,7 @@ def export(
     target = out or recording.with_suffix(".nc")
     if target.resolve() == recording.resolve():
         raise InputError(f"--out {target}: is the recording itself; choose another name")
-    checked_out(target, ".nc", presses, stage)
+    options.checked_out(target, ".nc", presses, stage)
     if presses is not None and stage is not None:
         raise InputError("--presses and --stage: two sources of positions; give one")
     if offset is not None and stage is None:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from optopad.cli.common import DEFAULT_OUT, JsonOption, SeedOption, SetOption, checked_out, print_json, say
-from optopad.cli.driver.sensor import BundlesOption, ConfigArgument, SecondsOption
+from optopad.cli import options
+from optopad.cli.output import print_json, say
 from optopad.cli.progress import progress
 
 if TYPE_CHECKING:
@@ -23,13 +23,8 @@ if TYPE_CHECKING:
     from fabrication.stage.fake_printer import FakePrinter
 
 
-def register(driver: typer.Typer) -> None:
-    """Add this group's verbs."""
-    driver.command()(fake)
-
-
 def fake(
-    config: ConfigArgument,
+    config: options.Config,
     path: Annotated[
         Path | None,
         typer.Option(
@@ -61,11 +56,11 @@ def fake(
         Path | None,
         typer.Option("--out", metavar="CSV", help="Write the finger's path, for `driver export --presses`."),
     ] = None,
-    seconds: SecondsOption = None,
-    set_: SetOption = None,
-    bundles: BundlesOption = DEFAULT_OUT,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    seconds: options.Seconds = None,
+    set_: options.Set = None,
+    bundles: options.Bundles = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """A simulated board on a port, fed by the simulation, with a finger that moves. Ctrl-C ends it."""
     from fabrication.driver.simulated.board import FakeBoard
@@ -74,7 +69,7 @@ def fake(
     from optopad.sensor.driver_source import driver_source, press_table
 
     if out is not None:
-        checked_out(out, ".csv", config, path)
+        options.checked_out(out, ".csv", config, path)
     _require_free_names(link, stage_link)
     source = driver_source(config, set_, bundles)
     faults = faults_of(source.config, fault or [])

@@ -8,31 +8,17 @@ from typing import Annotated
 
 import typer
 
-from optopad.cli.common import (
-    DEFAULT_OUT,
-    DesignArgument,
-    JsonOption,
-    OutOption,
-    SeedOption,
-    SetOption,
-    print_json,
-    say,
-)
+from optopad.cli import options
+from optopad.cli.output import print_json, say
 from optopad.work.designs import read_design
 
 
-def register(group: typer.Typer) -> None:
-    """Add these verbs to the group `driver`."""
-    group.command()(firmware)
-    group.command()(flash)
-
-
 def firmware(
-    design: DesignArgument,
-    set_: SetOption = None,
-    out: OutOption = DEFAULT_OUT,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    design: options.Design,
+    set_: options.Set = None,
+    out: options.Out = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """Sketch folder for the Arduino IDE, of exactly this geometry; with avr-gcc installed also a .hex."""
     from fabrication.firmware.settings import firmware_settings
@@ -67,7 +53,7 @@ def firmware(
 
 
 def flash(
-    design: DesignArgument,
+    design: options.Design,
     port: Annotated[
         str | None,
         typer.Option(
@@ -78,10 +64,10 @@ def flash(
         Path | None, typer.Option("--image", help="A .hex file to upload in place of the design's own.")
     ] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the command and upload nothing.")] = False,
-    set_: SetOption = None,
-    out: OutOption = DEFAULT_OUT,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    set_: options.Set = None,
+    out: options.Out = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """Upload the firmware of a design to its board, with avrdude."""
     from fabrication.firmware.flash import upload, upload_command

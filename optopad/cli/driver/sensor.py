@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 import typer
 
 from design.errors import DeviceError, InputError, OutputError
-from optopad.cli.common import DEFAULT_OUT, JsonOption, SeedOption, SetOption, checked_out, print_json, say
+from optopad.cli import options
 from optopad.cli.interrupts import answered
+from optopad.cli.output import print_json, say, tell
 from optopad.cli.progress import progress
 
 if TYPE_CHECKING:
@@ -27,57 +28,19 @@ if TYPE_CHECKING:
     from optopad.sensor.driver_source import DriverSource
     from sims.learning.inference.touch_model import TouchModel
 
-ConfigArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="CONFIG", help="driver.toml, bundle folder, or the design that was built (file or preset)."
-    ),
-]
-PortOption = Annotated[
-    str | None,
-    typer.Option("--port", metavar="NAME", help="Serial port; by default the board's, by its USB identity."),
-]
-RateOption = Annotated[
-    float | None,
-    typer.Option("--rate", metavar="HZ", min=0, help="Frames a second; 0 for as many as the board can."),
-]
-AcceptOption = Annotated[
-    str | None,
-    typer.Option(
-        "--accept-digest", metavar="DIGITS", help="Take a board with firmware of this other design."
-    ),
-]
-FramesOption = Annotated[
-    int | None, typer.Option("--frames", metavar="N", min=1, help="End after at least so many frames.")
-]
-SecondsOption = Annotated[
-    float | None, typer.Option("--seconds", metavar="S", min=0.0, help="End after so long.")
-]
-BundlesOption = Annotated[
-    Path,
-    typer.Option("--bundles", metavar="FOLDER", help="Folder that holds the bundles, to find a design's."),
-]
-
 Answer = TypeVar("Answer")
 LIVE_EVERY_S = 0.1
 LINE_EVERY_S = 1.0
 CHECK_S = 1.5
 
 
-def register(driver: typer.Typer) -> None:
-    """Add this group's verbs."""
-    driver.command()(read)
-    driver.command()(record)
-    driver.command()(check)
-
-
 def read(
-    config: ConfigArgument,
-    port: PortOption = None,
-    rate: RateOption = None,
-    frames: FramesOption = None,
-    seconds: SecondsOption = None,
-    accept_digest: AcceptOption = None,
+    config: options.Config,
+    port: options.Port = None,
+    rate: options.Rate = None,
+    frames: options.Frames = None,
+    seconds: options.Seconds = None,
+    accept_digest: options.Accept = None,
     model: Annotated[
         Path | None,
         typer.Option(
@@ -102,8 +65,8 @@ def read(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="Write the JSON lines into a new file.")
     ] = None,
-    set_: SetOption = None,
-    bundles: BundlesOption = DEFAULT_OUT,
+    set_: options.Set = None,
+    bundles: options.Bundles = options.DEFAULT_OUT,
     as_json: Annotated[
         bool, typer.Option("--json", help="A JSON object a line on standard output, one a frame.")
     ] = False,
@@ -130,22 +93,22 @@ def read(
 
 
 def record(
-    config: ConfigArgument,
-    port: PortOption = None,
+    config: options.Config,
+    port: options.Port = None,
     out: Annotated[
         Path | None,
         typer.Option("--out", metavar="FILE", help="A new file; by default the design's name and the time."),
     ] = None,
-    rate: RateOption = None,
-    frames: FramesOption = None,
-    seconds: SecondsOption = None,
-    accept_digest: AcceptOption = None,
+    rate: options.Rate = None,
+    frames: options.Frames = None,
+    seconds: options.Seconds = None,
+    accept_digest: options.Accept = None,
     netcdf: Annotated[
         bool, typer.Option("--netcdf/--no-netcdf", help="Make the netCDF beside it at the end.")
     ] = True,
-    set_: SetOption = None,
-    bundles: BundlesOption = DEFAULT_OUT,
-    as_json: JsonOption = False,
+    set_: options.Set = None,
+    bundles: options.Bundles = options.DEFAULT_OUT,
+    as_json: options.Json = False,
 ) -> None:
     """Record raw frames into a file that no interruption can spoil. Ctrl-C is a clean end."""
     if seconds is not None and not seconds > 0.0:
@@ -185,20 +148,20 @@ def record(
 
 
 def check(
-    config: ConfigArgument,
-    port: PortOption = None,
-    rate: RateOption = None,
-    accept_digest: AcceptOption = None,
+    config: options.Config,
+    port: options.Port = None,
+    rate: options.Rate = None,
+    accept_digest: options.Accept = None,
     seconds: Annotated[
         float, typer.Option("--seconds", metavar="S", min=0.1, help="Of untouched pad.")
     ] = CHECK_S,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="Write the outcome as JSON, too.")
     ] = None,
-    set_: SetOption = None,
-    bundles: BundlesOption = DEFAULT_OUT,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    set_: options.Set = None,
+    bundles: options.Bundles = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """Test every LED and photodiode of the untouched pad against the simulated pattern."""
     from design.io import write_text_atomically
@@ -208,7 +171,7 @@ def check(
     from optopad.sensor.driver_view import check_lines, link_json
 
     if out is not None:
-        checked_out(out, ".json", config)
+        options.checked_out(out, ".json", config)
     source = driver_source(config, set_, bundles)
     with progress(quiet=as_json) as step:
         expected = with_expected_pattern(source, seed=seed, on_step=step)
@@ -218,10 +181,7 @@ def check(
         document = {**verdict.to_json(), "link": link_json(sensor)}
     if out is not None:
         write_text_atomically(out, json.dumps(document, indent=2) + "\n")
-    if as_json:
-        print_json(document)
-    else:
-        say("\n".join(check_lines(verdict)))
+    tell(as_json, lambda: document, lambda: check_lines(verdict))
 
 
 def _show(

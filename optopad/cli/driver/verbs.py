@@ -1,20 +1,12 @@
-"""The verb group driver: everything about the built sensor; `firmware`, `sensor` and `fake` add their verbs."""
+"""The verb group driver: everything about the built sensor."""
 
 from __future__ import annotations
 
 import typer
 
-from optopad.cli.common import (
-    DEFAULT_OUT,
-    DesignArgument,
-    JsonOption,
-    OutOption,
-    SeedOption,
-    SetOption,
-    print_json,
-    say,
-)
+from optopad.cli import options
 from optopad.cli.driver import collect, export, fake, firmware, sensor
+from optopad.cli.output import print_json, say
 from optopad.work.designs import read_design
 
 driver = typer.Typer(
@@ -24,20 +16,13 @@ driver = typer.Typer(
 )
 
 
-def register(app: typer.Typer) -> None:
-    """Add this group's verbs."""
-    for group in (firmware, sensor, export, collect, fake):
-        group.register(driver)
-    app.add_typer(driver, name="driver")
-
-
 @driver.command()
 def config(
-    design: DesignArgument,
-    set_: SetOption = None,
-    out: OutOption = DEFAULT_OUT,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    design: options.Design,
+    set_: options.Set = None,
+    out: options.Out = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """driver.toml, wiring table and bill of materials for exactly this geometry."""
     from optopad.jobs.pipeline import write_driver_config
@@ -47,3 +32,16 @@ def config(
         print_json({"files": sorted(str(file) for file in folder.iterdir() if file.is_file())})
     else:
         say(f"files     {folder}")
+
+
+for verb in (
+    firmware.firmware,
+    firmware.flash,
+    sensor.read,
+    sensor.record,
+    sensor.check,
+    export.export,
+    collect.collect,
+    fake.fake,
+):
+    driver.command()(verb)

@@ -7,25 +7,10 @@ from typing import Annotated
 
 import typer
 
-from optopad.cli.common import (
-    DEFAULT_OUT,
-    DesignArgument,
-    JsonOption,
-    OutOption,
-    SeedOption,
-    SetOption,
-    print_json,
-    require_folder,
-    say,
-)
+from optopad.cli import options
+from optopad.cli.output import tell
 from optopad.cli.progress import progress
 from optopad.work.designs import read_design
-
-
-def register(app: typer.Typer) -> None:
-    """Add this group's verbs."""
-    app.command()(evaluate)
-    app.command()(predict)
 
 
 def evaluate(
@@ -39,12 +24,12 @@ def evaluate(
             "--design", metavar="DESIGN", help="Its design: workspace, and what was published of it."
         ),
     ] = None,
-    set_: SetOption = None,
+    set_: options.Set = None,
     out: Annotated[
         Path | None,
         typer.Option("--out", metavar="FOLDER", help="Where the tables go; by default beside the data."),
     ] = None,
-    as_json: JsonOption = False,
+    as_json: options.Json = False,
 ) -> None:
     """Tables of touch, place and depth as in the paper, arrow plots, and a page, for models on known presses."""
     from optopad.jobs.accuracy_files import write_accuracy
@@ -52,20 +37,16 @@ def evaluate(
     from optopad.results.accuracy import accuracy_lines
 
     read = read_design(design, set_) if design is not None else None
-    folder = out or data.with_name(f"{data.stem}-evaluation")
-    require_folder(folder)
+    folder = options.require_folder(out or data.with_name(f"{data.stem}-evaluation"))
     with progress(quiet=as_json) as step:
         found, workspace = judge(data, model, read, on_step=step)
         made = write_accuracy(found, workspace, folder, "evaluation")
-    if as_json:
-        print_json(found.to_json())
-        return
-    say("\n".join(accuracy_lines(found)))
-    say(f"files     {folder} ({made[0].name}, {made[1].name}, pictures)")
+    files = f"files     {folder} ({made[0].name}, {made[1].name}, pictures)"
+    tell(as_json, found.to_json, lambda: [*accuracy_lines(found), files])
 
 
 def predict(
-    design: DesignArgument,
+    design: options.Design,
     learner: Annotated[
         list[str] | None,
         typer.Option(
@@ -82,10 +63,10 @@ def predict(
     draws: Annotated[
         int, typer.Option("--draws", metavar="N", help="Times that noise, drift and offsets are drawn.")
     ] = 1,
-    set_: SetOption = None,
-    out: OutOption = DEFAULT_OUT,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    set_: options.Set = None,
+    out: options.Out = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """How well touch, place and depth will be told: a whole data collection, simulated, learned and judged."""
     from design.errors import InputError
@@ -107,8 +88,5 @@ def predict(
             seed=seed,
             on_step=step,
         )
-    if as_json:
-        print_json(found.to_json())
-        return
-    say("\n".join(accuracy_lines(found)))
-    say(f"files     {folder / 'sims'} (prediction.html, prediction.json, pictures, models)")
+    files = f"files     {folder / 'sims'} (prediction.html, prediction.json, pictures, models)"
+    tell(as_json, found.to_json, lambda: [*accuracy_lines(found), files])

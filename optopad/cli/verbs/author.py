@@ -7,23 +7,9 @@ from typing import Annotated
 
 import typer
 
-from optopad.cli.common import (
-    DesignArgument,
-    JsonOption,
-    SetOption,
-    checked_out,
-    print_json,
-    say,
-)
+from optopad.cli import options
+from optopad.cli.output import print_json, say, tell
 from optopad.work.designs import read_design
-
-
-def register(app: typer.Typer) -> None:
-    """Add this group's verbs."""
-    app.command()(new)
-    app.command()(check)
-    app.command()(schema)
-    app.command()(migrate)
 
 
 def new(
@@ -33,7 +19,7 @@ def new(
         typer.Option(help="piacenza2017-pad, piacenza2017-pair, oblong-60x40 or fingertip-16."),
     ] = "piacenza2017-pad",
     force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
-    as_json: JsonOption = False,
+    as_json: options.Json = False,
 ) -> None:
     """Write a commented design file to start from."""
     import re
@@ -66,7 +52,7 @@ def new(
         say(f"{file} written from {preset}. Next: optopad check {file}, then optopad run {file}")
 
 
-def check(design: DesignArgument, set_: SetOption = None, as_json: JsonOption = False) -> None:
+def check(design: options.Design, set_: options.Set = None, as_json: options.Json = False) -> None:
     """Does it fit and can it work? Lists every finding; exit 2 when one is an error."""
     from dataclasses import asdict
 
@@ -76,14 +62,12 @@ def check(design: DesignArgument, set_: SetOption = None, as_json: JsonOption = 
     read = read_design(design, set_)
     findings = findings_of(read)
     errors = [finding for finding in findings if finding.severity == "error"]
-    if as_json:
-        print_json({"name": read.name, "digest": read.digest, "findings": [asdict(f) for f in findings]})
-    else:
-        for finding in findings:
-            say(str(finding))
-        say(
-            f"{read.name}: {counted(len(errors), 'error')}, {counted(len(findings) - len(errors), 'warning')}"
-        )
+    total = f"{read.name}: {counted(len(errors), 'error')}, {counted(len(findings) - len(errors), 'warning')}"
+    tell(
+        as_json,
+        lambda: {"name": read.name, "digest": read.digest, "findings": [asdict(f) for f in findings]},
+        lambda: [*map(str, findings), total],
+    )
     if errors:
         raise typer.Exit(2)
 
@@ -102,7 +86,7 @@ def schema(
     if out is None:
         typer.echo(text, nl=False)
     else:
-        checked_out(out, ".json")
+        options.checked_out(out, ".json")
         write_text_atomically(out, text)
         say(f'{out} written. In a design file: "#:schema {out}" as the first line')
 
@@ -112,7 +96,7 @@ def migrate(
     out: Annotated[
         Path | None, typer.Option("--out", help="File to write; default: beside it, -migrated.")
     ] = None,
-    as_json: JsonOption = False,
+    as_json: options.Json = False,
 ) -> None:
     """Lift a design file of an older schema version to the present one; newer ones are refused."""
     import tomlkit
@@ -130,10 +114,7 @@ def migrate(
         lifted = migrated(document)
         check_version(lifted, file)
         target = out or file.with_name(f"{file.stem}-migrated{file.suffix}")
-        checked_out(target, ".toml", file)
+        options.checked_out(target, ".toml", file)
         write_text_atomically(target, tomlkit.dumps(without_empty(lifted)))
         message = f"{target} written: schema version {version} lifted to {SCHEMA_VERSION}"
-    if as_json:
-        print_json({"file": str(target), "from": version, "to": SCHEMA_VERSION})
-    else:
-        say(message)
+    tell(as_json, lambda: {"file": str(target), "from": version, "to": SCHEMA_VERSION}, lambda: [message])

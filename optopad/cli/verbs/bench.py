@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-import typer
-
-from optopad.cli.common import JsonOption, print_json, say
-
-
-def register(app: typer.Typer) -> None:
-    """Add this group's verbs."""
-    app.command()(doctor)
+from optopad.cli import options
+from optopad.cli.output import print_json, say
 
 
-def doctor(as_json: JsonOption = False) -> None:
+def doctor(as_json: options.Json = False) -> None:
     """What this machine can and cannot do."""
     from dataclasses import asdict
 

@@ -6,37 +6,24 @@ from typing import Annotated
 
 import typer
 
-from optopad.cli.common import (
-    DEFAULT_OUT,
-    DesignArgument,
-    JsonOption,
-    OutOption,
-    SeedOption,
-    SetOption,
-    print_json,
-    say,
-)
+from optopad.cli import options
+from optopad.cli.output import print_json, say
 from optopad.cli.progress import progress
 from optopad.work.designs import read_design
 
 
-def register(app: typer.Typer) -> None:
-    """Add this group's verbs."""
-    app.command()(build)
-
-
 def build(
-    design: DesignArgument,
-    set_: SetOption = None,
-    out: OutOption = DEFAULT_OUT,
+    design: options.Design,
+    set_: options.Set = None,
+    out: options.Out = options.DEFAULT_OUT,
     bed: Annotated[
         str | None, typer.Option(help="Room of the printer in mm, as 220,220,250; the usual one if left out.")
     ] = None,
     slice_parts: Annotated[
         bool, typer.Option("--slice", help="Ask PrusaSlicer for time, filament and its warnings, too.")
     ] = False,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """Mold and tools as STL, STEP and 3MF, with their checks."""
     from design.parts.printer import bed_of

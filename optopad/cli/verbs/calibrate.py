@@ -8,26 +8,14 @@ from typing import Annotated
 
 import typer
 
-from optopad.cli.common import (
-    DesignArgument,
-    JsonOption,
-    SeedOption,
-    SetOption,
-    print_json,
-    require_folder,
-    say,
-)
+from optopad.cli import options
+from optopad.cli.output import tell
 from optopad.cli.progress import progress
 from optopad.work.designs import read_design
 
 
-def register(app: typer.Typer) -> None:
-    """Add this group's verb."""
-    app.command()(calibrate)
-
-
 def calibrate(
-    design: DesignArgument,
+    design: options.Design,
     data: Annotated[
         Path, typer.Argument(metavar="DATA", help="Recording of 10 to 50 presses of the build (.nc).")
     ],
@@ -35,27 +23,23 @@ def calibrate(
         bool, typer.Option("--no-model", help="Only fit; do not trace the map for the build's model.")
     ] = False,
     quick: Annotated[bool, typer.Option("--quick", help="A coarser map, in a third of the time.")] = False,
-    set_: SetOption = None,
+    set_: options.Set = None,
     out: Annotated[
         Path | None,
         typer.Option("--out", metavar="FOLDER", help="Where the twin goes; by default beside the data."),
     ] = None,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """Fit heights, LED size, reflectances, index and gains to presses of a build; its design and a model for it."""
     from optopad.jobs.calibration import calibrate as fit
     from optopad.jobs.calibration import earlier_model_note, write_calibration
 
     read = read_design(design, set_)
-    folder = out or data.with_name(f"{data.stem}-calibration")
-    require_folder(folder)
+    folder = options.require_folder(out or data.with_name(f"{data.stem}-calibration"))
     with progress(quiet=as_json) as step:
         made = fit(read, data, with_model=not no_model, quick=quick, seed=seed, on_step=step)
         files = write_calibration(made, read, folder)
         made = replace(made, notes=(*made.notes, *earlier_model_note(made, folder)))
-    if as_json:
-        print_json(made.to_json(read))
-        return
-    say("\n".join([*made.report.lines, *made.notes]))
-    say(f"files     {folder} ({', '.join(one.name for one in files)})")
+    where = f"files     {folder} ({', '.join(one.name for one in files)})"
+    tell(as_json, lambda: made.to_json(read), lambda: [*made.report.lines, *made.notes, where])

@@ -7,16 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from optopad.cli.common import (
-    DEFAULT_OUT,
-    FineOption,
-    JsonOption,
-    OutOption,
-    SeedOption,
-    SetOption,
-    print_json,
-    say,
-)
+from optopad.cli import options
+from optopad.cli.output import tell
 from optopad.cli.progress import progress
 from optopad.work.designs import parsed_change, read_design
 
@@ -24,11 +16,6 @@ if TYPE_CHECKING:
     from design.spec import SensorDesign
 
 RECORDINGS = (".nc", ".csv")
-
-
-def register(app: typer.Typer) -> None:
-    """Add this group's verbs."""
-    app.command()(compare)
 
 
 def compare(
@@ -54,11 +41,11 @@ def compare(
         str | None,
         typer.Option("--at", metavar="X,Y", help="Recording: the place whose press is shown [mm]."),
     ] = None,
-    set_: SetOption = None,
-    fine: FineOption = False,
-    out: OutOption = DEFAULT_OUT,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    set_: options.Set = None,
+    fine: options.Fine = False,
+    out: options.Out = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """What differs between designs and in their scores; or a measured press over the simulated curve."""
     recordings = [name for name in what if Path(name).suffix.lower() in RECORDINGS]
@@ -72,11 +59,8 @@ def compare(
     designs, labels = _designs(what, with_, set_)
     with progress(quiet=as_json) as step:
         found = hold(designs, labels, out, fine=fine, seed=seed, on_step=step)
-    if as_json:
-        print_json(found.to_json())
-        return
-    say("\n".join(compare_lines(found)))
-    say(f"files     {found.folder} ({found.stem}: html, json, svg, png)")
+    files = f"files     {found.folder} ({found.stem}: html, json, svg, png)"
+    tell(as_json, found.to_json, lambda: [*compare_lines(found), files])
 
 
 def _designs(
@@ -124,8 +108,5 @@ def _recording(
     read = read_design(place, set_)
     with progress(quiet=as_json) as step:
         found = compare_recording(read, file, out, pairs=pair or [], at=at, seed=seed, on_step=step)
-    if as_json:
-        print_json(found.to_json())
-        return
-    say("\n".join(recorded_lines(found)))
-    say(f"files     {found.folder} ({found.stem}: json, svg, png)")
+    files = f"files     {found.folder} ({found.stem}: json, svg, png)"
+    tell(as_json, found.to_json, lambda: [*recorded_lines(found), files])

@@ -7,42 +7,31 @@ from typing import Annotated
 
 import typer
 
-from optopad.cli.common import (
-    DesignArgument,
-    JsonOption,
-    SeedOption,
-    SetOption,
-    print_json,
-    say,
-)
+from optopad.cli import options
+from optopad.cli.output import print_json, say, tell
 from optopad.cli.progress import progress
 from optopad.work.designs import read_design
 
 contact = typer.Typer(help="The contact model: press, surface, force.", no_args_is_help=True)
 
 
-def register(app: typer.Typer) -> None:
-    """Add this group's verbs."""
-    app.add_typer(contact, name="contact")
-
-
 @contact.command()
 def show(
-    design: DesignArgument,
+    design: options.Design,
     depth: Annotated[float, typer.Option(help="Depth of the press [mm].")] = 2.0,
     protocol: Annotated[
         str | None,
         typer.Option(metavar="NAME", help="Also the load over a load protocol: piacenza2017."),
     ] = None,
-    set_: SetOption = None,
+    set_: options.Set = None,
     out: Annotated[
         Path | None,
         typer.Option(
             "--out", metavar="FOLDER", help="Also pictures, as SVG and PNG, into the bundle in this folder."
         ),
     ] = None,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """Load, surface and pressure of a centred press; with a protocol, press and retract."""
     from optopad.jobs.press_view import view_json, view_lines, view_press, write_pictures
@@ -51,12 +40,9 @@ def show(
     with progress(quiet=as_json) as step:
         view = view_press(read, depth, protocol, on_step=lambda share: step("contact", share))
         files = [] if out is None else write_pictures(view, out, seed=seed)
-    if as_json:
-        print_json(view_json(view) | {"files": [str(file) for file in files]})
-        return
-    say("\n".join(view_lines(view)))
-    if files:
-        say(f"files     {files[0].parent}/contact-*")
+    names = [str(file) for file in files]
+    where = [f"files     {files[0].parent}/contact-*"] if files else []
+    tell(as_json, lambda: view_json(view) | {"files": names}, lambda: [*view_lines(view), *where])
 
 
 @contact.command()
@@ -67,7 +53,7 @@ def build(
     workers: Annotated[
         int | None, typer.Option(min=1, max=256, help="Processes at work; default: one a processor.")
     ] = None,
-    as_json: JsonOption = False,
+    as_json: options.Json = False,
 ) -> None:
     """Solve the library of presses anew (an hour or two on two cores); interrupted, it goes on where it stopped."""
     import os

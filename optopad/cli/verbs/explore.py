@@ -10,15 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from optopad.cli.common import (
-    DEFAULT_OUT,
-    LARGEST_SEED,
-    JsonOption,
-    OutOption,
-    SetOption,
-    print_json,
-    say,
-)
+from optopad.cli import options
+from optopad.cli.output import print_json, say
 from optopad.work.designs import parsed_change
 
 if TYPE_CHECKING:
@@ -30,11 +23,6 @@ if TYPE_CHECKING:
 INTERRUPTED = 130
 LINE_EVERY_S = 30.0
 """Without a terminal: a line whenever the front changes, else this often."""
-
-
-def register(app: typer.Typer) -> None:
-    """Add this group's verb."""
-    app.command()(explore)
 
 
 def explore(
@@ -52,12 +40,13 @@ def explore(
         str | None,
         typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers judge, as tcp://host:8786."),
     ] = None,
-    set_: SetOption = None,
-    out: OutOption = DEFAULT_OUT,
+    set_: options.Set = None,
+    out: options.Out = options.DEFAULT_OUT,
     seed: Annotated[
-        int | None, typer.Option(min=0, max=LARGEST_SEED, help="Seed of the search; default: the space's.")
+        int | None,
+        typer.Option(min=0, max=options.LARGEST_SEED, help="Seed of the search; default: the space's."),
     ] = None,
-    as_json: JsonOption = False,
+    as_json: options.Json = False,
 ) -> None:
     """Search for better designs; the same command goes on where a search was stopped."""
     from optopad.jobs.exploration import search, summary

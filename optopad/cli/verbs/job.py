@@ -7,34 +7,19 @@ from typing import Annotated
 
 import typer
 
-from optopad.cli.common import (
-    DEFAULT_OUT,
-    DesignArgument,
-    FineOption,
-    JsonOption,
-    OutOption,
-    SeedOption,
-    SetOption,
-    print_json,
-    say,
-)
+from optopad.cli import options
+from optopad.cli.output import print_json, say, tell
 from optopad.cli.progress import foretell_score, progress
 from optopad.work.designs import read_design
 
 
-def register(app: typer.Typer) -> None:
-    """Add this group's verbs."""
-    app.command()(run)
-    app.command()(report)
-
-
 def run(
-    design: DesignArgument,
-    set_: SetOption = None,
-    fine: FineOption = False,
-    out: OutOption = DEFAULT_OUT,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    design: options.Design,
+    set_: options.Set = None,
+    fine: options.Fine = False,
+    out: options.Out = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """The main job: mold, verdict, driver config and report in one bundle."""
     from optopad.jobs.pipeline import run as make
@@ -44,20 +29,19 @@ def run(
     foretell_score(read, fine=fine, full=False, quiet=as_json)
     with progress(quiet=as_json) as step:
         made = make(read, out, fine=fine, seed=seed, on_step=step)
-    if as_json:
-        print_json(
-            {"bundle": str(made.folder), "checks_ok": made.checks["ok"], "score": made.score.to_json()}
-        )
-        return
-    say("\n".join([*score_lines(made.score), checks_line(made.checks)]))
-    say(f"files     {made.folder}")
-    say(f"report    {made.folder / 'report.html'}")
+    place = {"bundle": str(made.folder), "checks_ok": made.checks["ok"]}
+    files = [f"files     {made.folder}", f"report    {made.folder / 'report.html'}"]
+    tell(
+        as_json,
+        lambda: place | {"score": made.score.to_json()},
+        lambda: [*score_lines(made.score), checks_line(made.checks), *files],
+    )
 
 
 def report(
     bundle: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Bundle folder of an earlier run.")],
     open_: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
-    as_json: JsonOption = False,
+    as_json: options.Json = False,
 ) -> None:
     """Where the report of a bundle is, after checking every file against the manifest."""
     import webbrowser

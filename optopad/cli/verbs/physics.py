@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,38 +10,22 @@ import typer
 
 from design.errors import InputError
 from design.spec import SensorDesign
-from optopad.cli.common import (
-    DEFAULT_OUT,
-    DesignArgument,
-    FineOption,
-    JsonOption,
-    OutOption,
-    SeedOption,
-    SetOption,
-    parsed_press,
-    print_json,
-    say,
-)
+from optopad.cli import options
+from optopad.cli.output import tell
 from optopad.cli.progress import foretell_score, progress
 from optopad.work.designs import read_design
 
 DEFAULT_ORACLE_RAYS = 1_000_000
 
 
-def register(app: typer.Typer) -> None:
-    """Add this group's verbs."""
-    app.command()(simulate)
-    app.command()(score)
-
-
 def score(
-    design: DesignArgument,
-    set_: SetOption = None,
+    design: options.Design,
+    set_: options.Set = None,
     full: Annotated[
         bool,
         typer.Option("--full", help="11 places a side and 0.1 mm steps for the map, at the usual light."),
     ] = False,
-    fine: FineOption = False,
+    fine: options.Fine = False,
     tolerance: Annotated[
         bool,
         typer.Option("--tolerance", help="Also draw builds with everything off that may be, and judge each."),
@@ -48,9 +33,9 @@ def score(
     builds: Annotated[
         int | None, typer.Option("--builds", help="How many builds --tolerance draws (200 if left out).")
     ] = None,
-    out: OutOption = DEFAULT_OUT,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    out: options.Out = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """Verdict: modes, deadbands, continuity, strength, map of the pad; written into the bundle."""
     drawn = _drawn_builds(tolerance, builds)
@@ -61,11 +46,7 @@ def score(
     foretell_score(read, fine=fine, full=full, quiet=as_json)
     with progress(quiet=as_json) as step:
         result, folder = write_score(read, out, fine=fine, full=full, seed=seed, on_step=step, builds=drawn)
-    if as_json:
-        print_json(result.to_json())
-    else:
-        say("\n".join(score_lines(result)))
-        say(f"files     {folder}")
+    tell(as_json, result.to_json, lambda: [*score_lines(result), f"files     {folder}"])
 
 
 def _drawn_builds(tolerance: bool, builds: int | None) -> int | None:
@@ -84,7 +65,7 @@ def _drawn_builds(tolerance: bool, builds: int | None) -> int | None:
 
 
 def simulate(
-    design: DesignArgument,
+    design: options.Design,
     press: Annotated[
         list[str] | None,
         typer.Option(
@@ -111,10 +92,10 @@ def simulate(
     fit: Annotated[
         bool, typer.Option("--fit", help="With --protocol: leave out depths beyond the design's range.")
     ] = False,
-    set_: SetOption = None,
-    out: OutOption = DEFAULT_OUT,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    set_: options.Set = None,
+    out: options.Out = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """Light of chosen presses, path classes apart, or the data set of a press protocol; netCDF into the bundle."""
     read = read_design(design, set_)
@@ -127,14 +108,10 @@ def simulate(
     oracle_rays = _oracle_rays(oracle, rays)
     from optopad.jobs.pipeline import write_signals
 
-    presses = [parsed_press(text) for text in press or []]
+    presses = [options.parsed_press(text) for text in press or []]
     with progress(quiet=as_json) as step:
         summary, folder = write_signals(read, presses, out, oracle_rays=oracle_rays, seed=seed, on_step=step)
-    if as_json:
-        print_json(summary)
-    else:
-        _say_signals(summary)
-        say(f"files     {folder}")
+    tell(as_json, lambda: summary, lambda: [*_signal_lines(summary), f"files     {folder}"])
 
 
 def _oracle_rays(oracle: bool, rays: int | None) -> int | None:
@@ -163,22 +140,19 @@ def _simulate_protocol(
         summary = write_protocol_data(
             design, protocol.fitted_to(design) if fit else protocol, out, seed=seed, on_step=step
         )
-    if as_json:
-        print_json(summary)
-    else:
-        say("\n".join(data_lines(summary)))
+    tell(as_json, lambda: summary, lambda: data_lines(summary))
 
 
-def _say_signals(summary: dict[str, Any]) -> None:
+def _signal_lines(summary: dict[str, Any]) -> Iterator[str]:
     for state in summary["states"]:
         x_mm, y_mm, depth_mm = state["press_mm"]
         shares = "  ".join(f"{name} {value:.3e}" for name, value in state["mean_flux_by_class"].items())
-        say(
+        yield (
             f"press {x_mm:6.2f} {y_mm:6.2f}  depth {depth_mm:5.2f} mm  mean flux {state['mean_flux']:.4e}  {shares}"
         )
     if summary["oracle"] is not None:
         found = summary["oracle"]
-        say(
+        yield (
             f"ray tracer: {found['rays']} rays an emitter; chi-square {found['chi_square']:.1f} over "
             f"{found['compared']} pairs and states; largest difference {found['largest_z']:.1f} standard errors"
         )

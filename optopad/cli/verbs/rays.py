@@ -6,28 +6,14 @@ from typing import Annotated
 
 import typer
 
-from optopad.cli.common import (
-    DEFAULT_OUT,
-    DesignArgument,
-    JsonOption,
-    OutOption,
-    SeedOption,
-    SetOption,
-    parsed_press,
-    print_json,
-    say,
-)
+from optopad.cli import options
+from optopad.cli.output import tell
 from optopad.cli.progress import progress
 from optopad.work.designs import read_design
 
 
-def register(app: typer.Typer) -> None:
-    """Add this group's verbs."""
-    app.command()(rays)
-
-
 def rays(
-    design: DesignArgument,
+    design: options.Design,
     emitter: Annotated[
         str | None,
         typer.Option(metavar="E1", help="One emitter, by its name in the wiring table. Default: all."),
@@ -50,13 +36,13 @@ def rays(
     count: Annotated[
         int, typer.Option(min=1, max=200, help="Paths drawn of the strongest kind of light.")
     ] = 24,
-    set_: SetOption = None,
-    out: OutOption = DEFAULT_OUT,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    set_: options.Set = None,
+    out: options.Out = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """Sample paths of light, untouched and pressed: mode 1, mode 2, scattered, lost; pictures into the bundle."""
-    presses = tuple(parsed_press(text) for text in press or [])
+    presses = tuple(options.parsed_press(text) for text in press or [])
     read = read_design(design, set_)
 
     from design.geometry.cavity import cavity_of
@@ -79,9 +65,6 @@ def rays(
     with progress(quiet=as_json) as step:
         view = view_rays(read, request, out, seed=seed, on_step=step)
         files = write_pictures(view, out)
-    if as_json:
-        print_json(view_json(view) | {"files": [str(file) for file in files]})
-        return
-    say("\n".join(view_lines(view)))
-    for file in files:
-        say(f"file      {file}")
+    names = [str(file) for file in files]
+    where = [f"file      {file}" for file in files]
+    tell(as_json, lambda: view_json(view) | {"files": names}, lambda: [*view_lines(view), *where])

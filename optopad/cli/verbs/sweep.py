@@ -7,42 +7,28 @@ from typing import Annotated, Any
 
 import typer
 
-from optopad.cli.common import (
-    DEFAULT_OUT,
-    DesignArgument,
-    FineOption,
-    JsonOption,
-    OutOption,
-    SeedOption,
-    SetOption,
-    print_json,
-    say,
-)
+from optopad.cli import options
+from optopad.cli.output import tell
 from optopad.cli.progress import progress
 from optopad.work.designs import parsed_value, read_design
 
 MAX_SWEEP_VALUES = 200
 
 
-def register(app: typer.Typer) -> None:
-    """Add this group's verbs."""
-    app.command()(sweep)
-
-
 def sweep(
-    design: DesignArgument,
+    design: options.Design,
     field: Annotated[str, typer.Argument(metavar="FIELD=A:B:STEP", help="Field to vary; or FIELD=v1,v2,...")],
-    set_: SetOption = None,
-    fine: FineOption = False,
+    set_: options.Set = None,
+    fine: options.Fine = False,
     build: Annotated[
         bool,
         typer.Option(
             "--build", help="Make the whole bundle of every value, its mold engraved with the value."
         ),
     ] = False,
-    out: OutOption = DEFAULT_OUT,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    out: options.Out = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """Score a design at several values of one field: table and figure. Interrupted, it goes on where it stopped."""
     path, values = parsed_sweep(field)
@@ -51,13 +37,9 @@ def sweep(
 
     with progress(quiet=as_json) as step:
         made = run_sweep(read, path, values, out, fine=fine, seed=seed, build=build, on_step=step)
-    if as_json:
-        print_json(made.to_json())
-        return
-    say("\n".join(sweep_lines(made)))
-    for folder in made.bundles:
-        say(f"bundle    {folder}")
-    say(f"files     {made.folder / 'sims'} (sweep-{path}: csv, json, svg, png)")
+    bundles = [f"bundle    {folder}" for folder in made.bundles]
+    files = f"files     {made.folder / 'sims'} (sweep-{path}: csv, json, svg, png)"
+    tell(as_json, made.to_json, lambda: [*sweep_lines(made), *bundles, files])
 
 
 def parsed_sweep(text: str) -> tuple[str, list[Any]]:

@@ -7,20 +7,10 @@ from typing import Annotated
 
 import typer
 
-from optopad.cli.common import (
-    JsonOption,
-    SeedOption,
-    SetOption,
-    print_json,
-    say,
-)
+from optopad.cli import options
+from optopad.cli.output import tell
 from optopad.cli.progress import progress
 from optopad.work.designs import read_design
-
-
-def register(app: typer.Typer) -> None:
-    """Add this group's verb."""
-    app.command()(train)
 
 
 def train(
@@ -48,15 +38,15 @@ def train(
         str,
         typer.Option("--effort", metavar="NAME", help="quick, default, full, or whole: how many samples."),
     ] = "default",
-    set_: SetOption = None,
+    set_: options.Set = None,
     out: Annotated[
         Path | None,
         typer.Option(
             "--out", metavar="FILE", help="Model (.optomodel), or a folder; by default beside the data."
         ),
     ] = None,
-    seed: SeedOption = 0,
-    as_json: JsonOption = False,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
 ) -> None:
     """Train a model that tells touch, place and depth, on simulated or recorded presses; one file a model."""
     from design.errors import InputError
@@ -68,7 +58,4 @@ def train(
     read = None if design is None else read_design(design, set_)
     with progress(quiet=as_json) as step:
         found = train_models(data, learner, out, design=read, effort=effort, seed=seed, on_step=step)
-    if as_json:
-        print_json(found.to_json())
-    else:
-        say("\n".join(training_lines(found)))
+    tell(as_json, found.to_json, lambda: training_lines(found))

@@ -36,7 +36,7 @@ def bounds_tile(score: ContinuityScore) -> Tile | None:
     return (
         "Resolution of place, and of depth, at best",
         _both(place.value, depth.value),
-        f"standard deviation, median over the pad, one frame of all readings; {_percent(bounds.dead_share)} of the "
+        f"standard deviation, median over the pad, one frame of all readings; {bounds.dead_share.percent()} of the "
         "volume dead",
     )
 
@@ -79,8 +79,8 @@ def _volume_words(bounds: PadBounds) -> str:
     limits = bounds.limits
     return (
         f"Covered, to {limits.covered_location_mm:g} mm in place and {limits.covered_depth_mm:g} mm in depth: "
-        f"{_percent(bounds.coverage)} of the volume. Dead, worse than {limits.dead_location_mm:g} mm in place or "
-        f"{limits.dead_depth_mm:g} mm in depth: {_percent(bounds.dead_share)}."
+        f"{bounds.coverage.percent()} of the volume. Dead, worse than {limits.dead_location_mm:g} mm in place or "
+        f"{limits.dead_depth_mm:g} mm in depth: {bounds.dead_share.percent()}."
     )
 
 
@@ -104,7 +104,7 @@ def losses_table(score: ContinuityScore) -> Html:
     assert worst is not None
     whole = (
         "none",
-        _percent(bounds.coverage),
+        bounds.coverage.percent(),
         _span(bounds.median_location_mm),
         _span(bounds.median_depth_mm),
         f"{bounds.blind_share:.0%}",
@@ -112,7 +112,7 @@ def losses_table(score: ContinuityScore) -> Html:
     rows = [
         (
             loss.part,
-            _percent(loss.coverage),
+            loss.coverage.percent(),
             _span(loss.median_location_mm),
             _span(loss.median_depth_mm),
             f"{loss.blind_share:.0%}",
@@ -120,7 +120,7 @@ def losses_table(score: ContinuityScore) -> Html:
         for loss in bounds.losses
     ]
     heads = ("without", "covered", "place, median", "depth, median", "blind")
-    words = f"When a part dies: {worst.part} is missed most, {_percent(worst.coverage)} of the volume stays covered"
+    words = f"When a part dies: {worst.part} is missed most, {worst.coverage.percent()} of the volume stays covered"
     return element(
         "details",
         element("summary", words),
@@ -149,8 +149,3 @@ def _number(value: float) -> str:
 
 def _mm(value: float) -> str:
     return "blind" if math.isinf(value) else f"{_number(value)} mm"
-
-
-def _percent(figure: Figure) -> str:
-    same = round(100 * figure.low) == round(100 * figure.high)
-    return f"{figure.value:.0%}" if same else f"{figure.value:.0%} ({figure.low:.0%} to {figure.high:.0%})"

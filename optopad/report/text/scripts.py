@@ -9,9 +9,9 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
-from importlib.resources import files
 from typing import Any
 
+from optopad.report.text.assets import asset
 from optopad.report.text.markup import Html, element
 
 PARTS = ("theme.js", "solid.js", "rays_view.js", "pairs_view.js", "maps_view.js")
@@ -19,8 +19,7 @@ PARTS = ("theme.js", "solid.js", "rays_view.js", "pairs_view.js", "maps_view.js"
 
 def script_text() -> str:
     """All parts one after the other."""
-    room = files("optopad.report.assets")
-    return "\n".join((room / name).read_text(encoding="utf-8") for name in PARTS)
+    return "\n".join(map(asset, PARTS))
 
 
 def script_policy() -> str:

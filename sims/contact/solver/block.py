@@ -23,6 +23,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from sims.contact.solver import pressed_flex
 from sims.contact.solver.block_mesh import BlockMesh
 from sims.contact.solver.press_checks import (
     BALANCE_LIMIT,
@@ -32,7 +33,6 @@ from sims.contact.solver.press_checks import (
     measure_press,
 )
 from sims.contact.solver.settling import WINDOW, History
-from sims.contact.solver.wedge import quiet_mujoco
 
 FloatArray = NDArray[np.float64]
 
@@ -42,8 +42,6 @@ MASS_PER_AREA = 0.004
 """Vertex mass over spacing² [E R]; sets the contact stiffness."""
 SYMMETRY_STIFFNESS = 3300.0
 """Stiffness that holds the nodes of the plane of symmetry in it [E R]."""
-CONTACT_TIME = 0.1
-"""Time constant of the contact over the time step [-]."""
 DAMPING_FACTORS = (1.0, 4.0)
 """Damping is raised by these where contact chatters; the limit at which a state counts as settled falls with it."""
 FEWEST_STEPS, MOST_STEPS = 4, 80
@@ -56,8 +54,6 @@ NODE_OVERLAP_LIMIT = 0.05
 the deepest presses, in both pads of a difference alike; `docs/validation/walls.md` has the effect of a stiffer one."""
 APPROACH_STEP = 0.12
 """Largest move of the tip between two equilibria [tip radii]."""
-_FLEX_RADIUS = 3e-5
-_CONTACT = {"solref": [CONTACT_TIME, 1.0], "solimp": [0.9999, 0.9999, 0.001, 0.5, 2.0], "condim": 1}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,16 +73,6 @@ class BlockState:
     check: StepCheck
 
 
-def _set_options(spec: mujoco.MjSpec) -> None:
-    option = spec.option
-    option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
-    option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-    option.timestep, option.gravity = 1.0, [0.0, 0.0, 0.0]
-    option.tolerance, option.iterations = 1e-8, 100
-    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_REFSAFE
-    spec.memory = 3 << 30
-
-
 def _add_vertex(spec: mujoco.MjSpec, name: str, point: FloatArray, mass: float, held: bool) -> None:
     """A point mass on three slide joints; `held` keeps it in the plane of symmetry."""
     body = spec.worldbody.add_body(name=name, pos=point)
@@ -100,9 +86,8 @@ def _add_vertex(spec: mujoco.MjSpec, name: str, point: FloatArray, mass: float, 
 def compile_block(mesh: BlockMesh, spacing: float, poisson_ratio: float, stiffness: float) -> mujoco.MjModel:
     """Lower the pad to a MuJoCo model."""
     spec = mujoco.MjSpec()
-    _set_options(spec)
-    tip = spec.worldbody.add_body(name="tip", mocap=True, pos=[0.0, 0.0, 2.0])
-    tip.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[1.0, 4.0, 0.0], pos=[0.0, 0.0, 4.0], **_CONTACT)
+    pressed_flex.set_options(spec, iterations=100, memory=3 << 30)
+    pressed_flex.add_round_tip(spec)
     owners: list[str] = []
     offsets: list[float] = []
     for index, (point, bonded) in enumerate(zip(mesh.points, mesh.is_bonded, strict=True)):
@@ -111,40 +96,21 @@ def compile_block(mesh: BlockMesh, spacing: float, poisson_ratio: float, stiffne
         if not bonded:
             held = mesh.is_half and bool(abs(point[1]) < 1e-9)
             _add_vertex(spec, f"v{index}", point, stiffness * MASS_PER_AREA * spacing**2, held)
-    flex = spec.add_flex(name="layer", dim=3, young=1.0, poisson=poisson_ratio, damping=DAMPING)
-    flex.elastic3d = 1
-    flex.radius, flex.contype, flex.conaffinity = _FLEX_RADIUS, 1, 1
-    flex.selfcollide = mujoco.mjtFlexSelf.mjFLEXSELF_NONE
-    flex.condim, flex.solref, flex.solimp = _CONTACT["condim"], _CONTACT["solref"], _CONTACT["solimp"]
-    flex.vertbody, flex.vert, flex.elem = owners, offsets, mesh.elements.ravel().tolist()
+    pressed_flex.add_flex(spec, owners, offsets, mesh.elements, poisson=poisson_ratio, damping=DAMPING)
     return spec.compile()
 
 
-class _Press:
+class _Press(pressed_flex.PressedFlex):
     """One pad being pressed deeper and deeper."""
 
     def __init__(self, mesh: BlockMesh, spacing: float, poisson_ratio: float, stiffness: float) -> None:
         self.mesh, self.poisson_ratio = mesh, poisson_ratio
-        self.model = compile_block(mesh, spacing, poisson_ratio, stiffness)
-        self.data = mujoco.MjData(self.model)
-        vertical = [j for j in range(self.model.njnt) if self.model.jnt_axis[j][2] > 0.5]
-        self.vertical_dofs = self.model.jnt_dofadr[vertical]
-        self.copies = 2.0 if mesh.is_half else 1.0
+        super().__init__(compile_block(mesh, spacing, poisson_ratio, stiffness), 2.0 if mesh.is_half else 1.0)
         self.rest = self.data.qpos.copy()
-
-    def _step(self) -> float:
-        before = self.data.qpos.copy()
-        mujoco.mj_step(self.model, self.data)
-        self.data.qvel[:] = 0.0
-        return float(np.abs(self.data.qpos - before).max())
-
-    def _force(self) -> float:
-        return -self.copies * float(self.data.qfrc_constraint[self.vertical_dofs].sum())
 
     def settle(self, depth: float, guess: FloatArray, most_steps: int) -> PressState:
         """Move the tip and iterate until at rest; where contact chatters, damp it harder."""
-        self.data.mocap_pos[0] = [0.0, 0.0, 1.0 - depth]
-        self.data.qpos[:] = guess
+        self.place(depth, guess)
         for factor in DAMPING_FACTORS:
             self.model.flex_damping[:] = factor * DAMPING
             limit = SETTLED_LIMIT * (1.0 + DAMPING) / (1.0 + factor * DAMPING)
@@ -158,23 +124,21 @@ class _Press:
         """Iterate until no vertex moves by `limit` in a step, until a narrow cycle, or `most_steps` times."""
         history = History()
         for count in range(1, most_steps + 1):
-            last_step = self._step()
+            last_step = self.step()
             if not np.isfinite(last_step) or (count >= FEWEST_STEPS and last_step < limit):
                 break
-            history.add(self.data.qpos, self._force())
+            history.add(self.data.qpos, self.force())
             cycle = history.cycle() if count % WINDOW == 0 else None
             if cycle is not None:
                 self.data.qpos[:] = cycle.mean
                 return self._state(depth, cycle.force, 0.0, cycle.spread, count)
-        return self._state(depth, self._force(), last_step, 0.0, count)
+        return self._state(depth, self.force(), last_step, 0.0, count)
 
     def _state(self, depth: float, force: float, last_step: float, chatter: float, steps: int) -> PressState:
-        mujoco.mj_kinematics(self.model, self.data)
-        mujoco.mj_flex(self.model, self.data)
         return PressState(
             depth=depth,
             rest=self.mesh.points,
-            deformed=np.array(self.data.flexvert_xpos),
+            deformed=self.deformed(),
             elements=self.mesh.elements,
             is_bonded=self.mesh.is_bonded,
             poisson_ratio=self.poisson_ratio,
@@ -237,7 +201,7 @@ def solve_block(
     ------
     ContactSolveError : a state is not settled, not finite, inverted, sunk in, or out of balance
     """
-    with quiet_mujoco():
+    with pressed_flex.quiet_mujoco():
         press = _Press(mesh, spacing, poisson_ratio, stiffness)
         past = present = press.rest
         past_depth = present_depth = 0.0

@@ -31,14 +31,13 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
-from threading import Lock
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from sims.contact.solver import pressed_flex
 from sims.contact.solver.mesh import RadialMesh
 from sims.contact.solver.press_checks import PressState, StepCheck, check_press, is_balanced, settled_limit
 from sims.contact.solver.settling import WINDOW, History
@@ -63,11 +62,6 @@ DAMPING_FACTORS = (1.0, 4.0, 16.0)
 """Damping is raised by these where contact chatters; the limit at which a state counts as settled falls with it."""
 FEWEST_STEPS, MOST_STEPS = 4, 160
 """Solver steps a depth; slow modes of very deep presses take up to 130."""
-CONTACT_TIME = 0.1
-"""Time constant of the contact over the time step [-]; smaller ones chatter, larger ones sink in."""
-_TIP_HALF_LENGTH = 4.0
-_FLEX_RADIUS = 3e-5
-_CONTACT = {"solref": [CONTACT_TIME, 1.0], "solimp": [0.9999, 0.9999, 0.001, 0.5, 2.0], "condim": 1}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,34 +124,16 @@ def sweep(mesh: RadialMesh) -> Tetrahedra:
     return Tetrahedra(points=points, elements=elements, node=node, angle=angle)
 
 
-def _set_options(spec: mujoco.MjSpec) -> None:
-    """Static Newton iterations: unit time step, no gravity, no safety floor on contact stiffness."""
-    option = spec.option
-    option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
-    option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-    option.timestep = 1.0
-    option.gravity = [0.0, 0.0, 0.0]
-    option.tolerance = 1e-8
-    option.iterations = 200
-    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_REFSAFE
-    spec.memory = 1 << 30
-
-
 def _add_tip(spec: mujoco.MjSpec, shape: TipOutline) -> None:
     """A tip of radius 1 with a straight shank on a body that is moved by hand, 1 above the apex."""
-    tip = spec.worldbody.add_body(name="tip", mocap=True, pos=[0.0, 0.0, 2.0])
     if shape == HEMISPHERE:
-        tip.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-            size=[1.0, _TIP_HALF_LENGTH, 0.0],
-            pos=[0.0, 0.0, _TIP_HALF_LENGTH],
-            **_CONTACT,
-        )
+        pressed_flex.add_round_tip(spec)
         return
+    tip = spec.worldbody.add_body(name="tip", mocap=True, pos=[0.0, 0.0, 2.0])
     for index, points in enumerate(tip_hulls(shape)):
         hull = spec.add_mesh(name=f"tip{index}", inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX)
         hull.uservert = (points - [0.0, 0.0, 1.0]).ravel().tolist()
-        tip.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=hull.name, **_CONTACT)
+        tip.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=hull.name, **pressed_flex.CONTACT)
 
 
 def _add_vertex(spec: mujoco.MjSpec, name: str, point: FloatArray, angle: float, mass: float) -> None:
@@ -190,12 +166,7 @@ def _add_layer(spec: mujoco.MjSpec, mesh: RadialMesh, wedge: Tetrahedra, poisson
         _add_vertex(spec, f"v{index}", point, float(angle), MASS_PER_RADIUS * spacing * WEDGE_ANGLE * radius)
         owners.append(f"v{index}")
         offsets += [0.0, 0.0, 0.0]
-    flex = spec.add_flex(name="layer", dim=3, young=1.0, poisson=poisson_ratio, damping=DAMPING)
-    flex.elastic3d = 1
-    flex.radius, flex.contype, flex.conaffinity = _FLEX_RADIUS, 1, 1
-    flex.selfcollide = mujoco.mjtFlexSelf.mjFLEXSELF_NONE
-    flex.condim, flex.solref, flex.solimp = _CONTACT["condim"], _CONTACT["solref"], _CONTACT["solimp"]
-    flex.vertbody, flex.vert, flex.elem = owners, offsets, wedge.elements.ravel().tolist()
+    pressed_flex.add_flex(spec, owners, offsets, wedge.elements, poisson=poisson_ratio, damping=DAMPING)
 
 
 def compile_wedge(
@@ -203,62 +174,21 @@ def compile_wedge(
 ) -> mujoco.MjModel:
     """Lower the wedge to a MuJoCo model."""
     spec = mujoco.MjSpec()
-    _set_options(spec)
+    pressed_flex.set_options(spec, iterations=200, memory=1 << 30)
     _add_tip(spec, tip)
     _add_layer(spec, mesh, wedge, poisson_ratio)
     return spec.compile()
 
 
-class _Quiet:
-    """How many solves want MuJoCo quiet, and the handler that returns with the last of them."""
-
-    lock, solves, previous = Lock(), 0, None
-
-
-@contextmanager
-def quiet_mujoco() -> Iterator[None]:
-    """Keep MuJoCo from writing a log file into the working folder; threads may nest it.
-
-    It warns that the unconstrained start of a step is solved to 1e-4 only; that start does not matter for
-    a state at rest, which `check_press` judges from its shape.
-    """
-    with _Quiet.lock:
-        if _Quiet.solves == 0:
-            _Quiet.previous = mujoco.get_mju_user_warning()
-            mujoco.set_mju_user_warning(lambda _message: None)
-        _Quiet.solves += 1
-    try:
-        yield
-    finally:
-        with _Quiet.lock:
-            _Quiet.solves -= 1
-            if _Quiet.solves == 0:
-                mujoco.set_mju_user_warning(_Quiet.previous)
-
-
-class _Press:
+class _Press(pressed_flex.PressedFlex):
     """One model being pressed deeper and deeper."""
 
     def __init__(self, mesh: RadialMesh, poisson_ratio: float, tip: TipOutline) -> None:
         self.mesh, self.poisson_ratio, self.tip = mesh, poisson_ratio, tip
         self.wedge = sweep(mesh)
-        self.model = compile_wedge(mesh, self.wedge, poisson_ratio, tip)
-        self.data = mujoco.MjData(self.model)
-        vertical = [j for j in range(self.model.njnt) if self.model.jnt_axis[j][2] > 0.5]
-        self.vertical_dofs = self.model.jnt_dofadr[vertical]
-        self.copies = float(2.0 * np.pi / np.sin(WEDGE_ANGLE))
+        copies = float(2.0 * np.pi / np.sin(WEDGE_ANGLE))
+        super().__init__(compile_wedge(mesh, self.wedge, poisson_ratio, tip), copies)
         self.normal_force = np.zeros(len(mesh.top))
-
-    def _step(self) -> float:
-        """One damped static iteration; largest motion of a vertex [tip radii]."""
-        before = self.data.qpos.copy()
-        mujoco.mj_step(self.model, self.data)
-        self.data.qvel[:] = 0.0
-        return float(np.abs(self.data.qpos - before).max())
-
-    def _force(self) -> float:
-        """Contact force of the full turn [E R²]."""
-        return -float(self.copies * self.data.qfrc_constraint[self.vertical_dofs].sum())
 
     def _normal_force(self) -> FloatArray:
         """(top node,) contact force on the nodes of the top, whole turn [E R²]."""
@@ -270,8 +200,7 @@ class _Press:
 
     def settle(self, depth: float, guess: FloatArray) -> PressState:
         """Move the tip to `depth` and iterate from `guess` until at rest; where contact chatters, damp it harder."""
-        self.data.mocap_pos[0] = [0.0, 0.0, 1.0 - depth]
-        self.data.qpos[:] = guess
+        self.place(depth, guess)
         for factor in DAMPING_FACTORS:
             self.model.flex_damping[:] = factor * DAMPING
             state = self._iterated(depth, settled_limit(depth) * (1.0 + DAMPING) / (1.0 + factor * DAMPING))
@@ -285,15 +214,15 @@ class _Press:
         history = History()
         loads: deque[FloatArray] = deque(maxlen=WINDOW)
         for count in range(1, MOST_STEPS + 1):
-            last_step = self._step()
+            last_step = self.step()
             loads.append(self._normal_force())
             if not np.isfinite(last_step):
                 break
             is_slow = count >= FEWEST_STEPS and last_step < limit
             # between far walls a layer may still drift, in steps below the limit
-            if is_slow and is_balanced(self._state(depth, self._force(), last_step, 0.0, count)):
+            if is_slow and is_balanced(self._state(depth, self.force(), last_step, 0.0, count)):
                 break
-            history.add(self.data.qpos, self._force())
+            history.add(self.data.qpos, self.force())
             cycle = history.cycle() if count % WINDOW == 0 else None
             if cycle is not None:
                 latest = self.data.qpos.copy()
@@ -304,17 +233,15 @@ class _Press:
                     return state
                 self.data.qpos[:] = latest
         self.normal_force = loads[-1]
-        return self._state(depth, self._force(), last_step, 0.0, count)
+        return self._state(depth, self.force(), last_step, 0.0, count)
 
     def _state(self, depth: float, force: float, last_step: float, chatter: float, steps: int) -> PressState:
         """The present positions as arrays."""
         overlap = max(0.0, -float(self.data.contact.dist.min())) if self.data.ncon else 0.0
-        mujoco.mj_kinematics(self.model, self.data)
-        mujoco.mj_flex(self.model, self.data)
         return PressState(
             depth=depth,
             rest=self.wedge.points,
-            deformed=np.array(self.data.flexvert_xpos),
+            deformed=self.deformed(),
             elements=self.wedge.elements,
             is_bonded=self.mesh.is_bonded[self.wedge.node],
             poisson_ratio=self.poisson_ratio,
@@ -350,7 +277,7 @@ def solve_wedge(
     ContactSolveError : a state is not settled, not finite, inverted, sunk in, or out of balance
     """
     found = []
-    with quiet_mujoco():
+    with pressed_flex.quiet_mujoco():
         for settled in _settled(_Press(mesh, poisson_ratio, tip), depths):
             found.append(settled)
             if on_step is not None:

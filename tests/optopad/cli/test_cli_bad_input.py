@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from fabrication.driver.simulated.port import PtyWire
-from optopad.cli.common import require_folder
 from optopad.cli.main import BAD_INPUT, main
+from optopad.cli.options import require_folder
 from tests.design.bad_designs import BAD_DESIGNS, FILE_NAME, BadDesign, design_text, put
 from tests.design.test_bad_input import JARGON
 

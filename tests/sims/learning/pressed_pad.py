@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from sims.learning.samples.errors_mm import location_error_mm
 from sims.readings.dataset import DataSetInfo, PressData
 
 FULL_SCALE = 1023.0
@@ -98,3 +99,12 @@ def grid_mm(side: int = 11) -> np.ndarray:
 def random_places_mm(count: int, seed: int = 9) -> np.ndarray:
     """(count, 2) places drawn evenly over the workspace [mm]."""
     return np.random.default_rng(seed).uniform(6.0, 26.0, size=(count, 2))
+
+
+def require_places_found(model, test_set):
+    """Random places to half the grid's step of 2 mm, depths to a step of them, where the press is 1 mm deep or more."""
+    touched = test_set.press_mm[:, 2] >= 1.0
+    found = model.predict(test_set.features().astype(float)[touched])
+    # an answer of the nearest trained place would be off by 0.76 mm in the mean
+    assert np.median(location_error_mm(found.press_mm, test_set.press_mm[touched])) < 0.76
+    assert np.median(np.abs(found.press_mm[:, 2] - test_set.press_mm[touched, 2])) < 0.25  # a depth step

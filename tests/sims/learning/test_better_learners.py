@@ -15,9 +15,8 @@ from sims.learning.fits.trust import sigma_table
 from sims.learning.inference.model_file import load_model, save_model
 from sims.learning.inference.sigma_table import SigmaTable
 from sims.learning.learners import LEARNERS
-from sims.learning.samples.errors_mm import location_error_mm
 from sims.learning.samples.settings import QUICK
-from tests.sims.learning.pressed_pad import grid_mm, made_up_data, random_places_mm
+from tests.sims.learning.pressed_pad import grid_mm, made_up_data, random_places_mm, require_places_found
 
 SMALL = replace(
     QUICK, fit_samples=500, network_samples=2_000, search_samples=400, trees=15, epochs=20, inducing=200
@@ -36,11 +35,7 @@ def model(request):
 
 
 def test_random_places_are_found_to_half_the_grids_step(model, test_set):
-    touched = test_set.press_mm[:, 2] >= 1.0
-    found = model.predict(test_set.features().astype(float)[touched])
-    # the nearest trained place of a 2 mm grid is 0.76 mm away in the mean
-    assert np.median(location_error_mm(found.press_mm, test_set.press_mm[touched])) < 0.76
-    assert np.median(np.abs(found.press_mm[:, 2] - test_set.press_mm[touched, 2])) < 0.25  # a depth step
+    require_places_found(model, test_set)
 
 
 def test_touch_is_told_from_half_a_millimetre_and_not_above_the_surface(model, test_set):

@@ -7,26 +7,12 @@ import pytest
 
 from design.errors import InputError, ModelScopeError
 from sims.optics.engine.trace_states import Accuracy, accuracy_of, trace_scene
-from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.surface.analytic import compact_dimple
 from sims.optics.tracing import trace
 from sims.press.indentation import Indentation
+from tests.sims.optics.oracle.oracle_scenes import scene_of
 
-SCENE = OpticalScene(
-    length_mm=24.0,
-    width_mm=20.0,
-    height_mm=8.0,
-    refractive_index=1.41,
-    absorption_per_mm=0.0,
-    wall_reflectance=0.05,
-    bottom_reflectance=0.03,
-    tip_reflectance=0.0,
-    emitter_wall=np.array([0]),
-    emitter_patch=np.array([[8.0, 4.0, 0.5, 0.5]]),
-    emitter_order=np.ones(1),
-    receiver_wall=np.array([2]),
-    receiver_patch=np.array([[8.0, 4.0, 1.3, 1.3]]),
-)
+SCENE = scene_of([(0, 8.0, 4.0, 0.5, 0.5)], [(2, 8.0, 4.0, 1.3, 1.3)], length_mm=24.0, width_mm=20.0)
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from sims.optics.engine.trace_states import ACCURACIES, CLASS_NAMES, trace_scene
-from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.surface.analytic import compact_dimple
+from tests.sims.optics.oracle.oracle_scenes import scene_of
 
 PLACES = (4.0, 12.0, 20.0, 28.0)
 DIRECT, TOP, SKIRT, WALL, DIFFUSE = range(5)
@@ -18,23 +18,9 @@ DIRECT, TOP, SKIRT, WALL, DIFFUSE = range(5)
 def pad(**changes):
     """Square pad of 32 x 32 x 8 mm, emitters and receivers in turn round its walls."""
     row = [(wall, along) for wall in range(4) for along in (PLACES if wall < 2 else PLACES[::-1])]
-    emitters, receivers = row[0::2], row[1::2]
-    values = {
-        "length_mm": 32.0,
-        "width_mm": 32.0,
-        "height_mm": 8.0,
-        "refractive_index": 1.41,
-        "absorption_per_mm": 0.0,
-        "wall_reflectance": 0.05,
-        "bottom_reflectance": 0.03,
-        "tip_reflectance": 0.0,
-        "emitter_wall": np.array([wall for wall, _ in emitters]),
-        "emitter_patch": np.array([[along, 4.0, 0.5, 0.5] for _, along in emitters]),
-        "emitter_order": np.ones(8),
-        "receiver_wall": np.array([wall for wall, _ in receivers]),
-        "receiver_patch": np.array([[along, 4.0, 1.325, 1.325] for _, along in receivers]),
-    }
-    return OpticalScene(**(values | changes))
+    emitters = [(wall, along, 4.0, 0.5, 0.5) for wall, along in row[0::2]]
+    receivers = [(wall, along, 4.0, 1.325, 1.325) for wall, along in row[1::2]]
+    return scene_of(emitters, receivers, **changes)
 
 
 def pair(**changes):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from sims.optics.engine.straight.rays import MIN_STEP_MM
-from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.surface import curves as surface
 from sims.optics.surface.analytic import compact_dimple
 from sims.optics.surface.radial_table import BEND, CELLS, PIECE_COLUMNS, WINDOW, node_radii_mm
@@ -22,23 +21,9 @@ from tests.sims.optics.engine.called_kernels import (
     slope_bound,
     top_hit,
 )
-from tests.sims.optics.oracle.oracle_scenes import shank_press
+from tests.sims.optics.oracle.oracle_scenes import scene_of, shank_press
 
-SCENE = OpticalScene(
-    length_mm=32.0,
-    width_mm=32.0,
-    height_mm=8.0,
-    refractive_index=1.41,
-    absorption_per_mm=0.0,
-    wall_reflectance=0.05,
-    bottom_reflectance=0.03,
-    tip_reflectance=0.0,
-    emitter_wall=np.array([0]),
-    emitter_patch=np.array([[8.0, 4.0, 0.5, 0.5]]),
-    emitter_order=np.ones(1),
-    receiver_wall=np.array([2]),
-    receiver_patch=np.array([[8.0, 4.0, 1.3, 1.3]]),
-)
+SCENE = scene_of([(0, 8.0, 4.0, 0.5, 0.5)], [(2, 8.0, 4.0, 1.3, 1.3)])
 
 
 def lowered(indentation):

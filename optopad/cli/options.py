@@ -1,12 +1,11 @@
-"""What every verb shares: its options, reading a design, changes by ``--set``, output for people and machines."""
+"""Options that several verbs share, and what is asked of their values."""
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -44,29 +43,57 @@ def _takes_a_folder(place: Path) -> bool:
     return True
 
 
-DesignArgument = Annotated[
+Design = Annotated[
     str, typer.Argument(metavar="DESIGN", help="Design file (.toml), bundle folder, or the name of a preset.")
 ]
-SetOption = Annotated[
+Set = Annotated[
     list[str] | None,
     typer.Option(
         "--set", metavar="PATH=VALUE", help="Change a field, as cavity.clear_thickness_mm=10. Repeatable."
     ),
 ]
-OutOption = Annotated[
+Out = Annotated[
     Path,
     typer.Option("--out", metavar="FOLDER", help="Folder that holds the bundles.", callback=require_folder),
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output, nothing else.")]
-SeedOption = Annotated[
-    int, typer.Option("--seed", min=0, max=LARGEST_SEED, help="Seed of every random stream.")
-]
-FineOption = Annotated[
+Json = Annotated[bool, typer.Option("--json", help="One JSON object on standard output, nothing else.")]
+Seed = Annotated[int, typer.Option("--seed", min=0, max=LARGEST_SEED, help="Seed of every random stream.")]
+Fine = Annotated[
     bool,
     typer.Option("--fine", help="Finer light, and 11 places a side and 0.1 mm steps for the map of the pad."),
 ]
 
 DEFAULT_OUT = Path("outputs")
+
+# of the built sensor
+Config = Annotated[
+    str,
+    typer.Argument(
+        metavar="CONFIG", help="driver.toml, bundle folder, or the design that was built (file or preset)."
+    ),
+]
+Port = Annotated[
+    str | None,
+    typer.Option("--port", metavar="NAME", help="Serial port; by default the board's, by its USB identity."),
+]
+Rate = Annotated[
+    float | None,
+    typer.Option("--rate", metavar="HZ", min=0, help="Frames a second; 0 for as many as the board can."),
+]
+Accept = Annotated[
+    str | None,
+    typer.Option(
+        "--accept-digest", metavar="DIGITS", help="Take a board with firmware of this other design."
+    ),
+]
+Frames = Annotated[
+    int | None, typer.Option("--frames", metavar="N", min=1, help="End after at least so many frames.")
+]
+Seconds = Annotated[float | None, typer.Option("--seconds", metavar="S", min=0.0, help="End after so long.")]
+Bundles = Annotated[
+    Path,
+    typer.Option("--bundles", metavar="FOLDER", help="Folder that holds the bundles, to find a design's."),
+]
 
 
 def checked_out(out: Path, suffix: str, *read: Path | str | None) -> None:
@@ -100,13 +127,3 @@ def parsed_press(text: str) -> tuple[float, float, float]:
     if not all(math.isfinite(number) for number in (x_mm, y_mm, depth_mm)):
         raise InputError(f"--press: {text!r} is refused: needs three finite numbers of millimetres")
     return x_mm, y_mm, depth_mm
-
-
-def print_json(document: dict[str, Any]) -> None:
-    """One JSON object on standard output; an open end is null, never Infinity."""
-    typer.echo(json.dumps(document, indent=2, allow_nan=False))
-
-
-def say(text: str = "") -> None:
-    """A line for people on standard output."""
-    typer.echo(text)
