@@ -24,10 +24,10 @@ demo: setup ## the main job on the published pad: outputs/piacenza2017-pad-<dige
 	$(BIN)/optopad run $(DEMO)
 
 test: setup ## tests of a few minutes: all but the slow ones and the benchmarks
-	$(BIN)/python -m pytest -m "not slow" --benchmark-skip $(SIDE_BY_SIDE)
+	$(BIN)/python -m pytest -m "not slow" --benchmark-skip --durations=10 $(SIDE_BY_SIDE)
 
 test-slow: setup ## the tests marked slow
-	$(BIN)/python -m pytest -m slow --benchmark-skip $(SIDE_BY_SIDE)
+	$(BIN)/python -m pytest -m slow --benchmark-skip --durations=20 $(SIDE_BY_SIDE)
 
 lint: setup ## style, format, types, and the arrows between the rooms
 	$(BIN)/ruff check .
