@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import zipfile
 
 import h5py
@@ -202,3 +203,26 @@ def test_the_cost_of_a_score_grows_with_pairs_and_places():
     assert quick.pairs == 64
     assert full.core_s > 5.0 * quick.core_s
     assert np.isclose(full.core_s / full.presses, quick.core_s / quick.presses, rtol=0.5)
+
+
+@pytest.mark.parametrize(
+    ("flux", "told"),
+    [
+        (np.full((2, 8, 8), b"x"), "needs numbers"),
+        (np.zeros((2, 8, 5)), "needs (state, emitter, 8)"),
+    ],
+    ids=["another type", "another shape"],
+)
+def test_simulated_signals_that_are_damaged_are_refused(tmp_path, flux, told):
+    import xarray as xr
+
+    from fabrication.driver.simulated.press_table import table_from_signals
+    from tests.fabrication.driver.made_up_pad import pad_config
+
+    config = pad_config()
+    presses = {f"press_{axis}": ("state", np.zeros(2)) for axis in ("x", "y", "depth")}
+    signals = xr.Dataset(presses | {"flux": (("state", "emitter", "receiver"), flux)})
+    signals.attrs["design_digest"] = config.digest
+    signals.to_netcdf(tmp_path / "signals.nc", engine="h5netcdf")
+    with pytest.raises(InputError, match=re.escape(told)):
+        table_from_signals(tmp_path / "signals.nc", config)

@@ -9,12 +9,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from design.errors import InputError
 from fabrication.driver_file import DriverConfig
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 FloatArray = NDArray[np.float64]
 
@@ -125,8 +129,8 @@ def table_from_signals(file: Path, config: DriverConfig) -> PressTable:
         with h5py.File(file, "r") as held:  # what h5netcdf reads first: it must not half open a damaged file
             held.attrs.get("_nc3_strict")
         with xr.open_dataset(file, engine="h5netcdf", phony_dims="access") as dataset:
-            presses = np.stack([dataset[f"press_{axis}"].values for axis in ("x", "y", "depth")], axis=1)
-            flux = dataset["flux"].values
+            presses = np.stack([_numbers(dataset[f"press_{axis}"]) for axis in ("x", "y", "depth")], axis=1)
+            flux = _numbers(dataset["flux"])
             belongs_to = str(dataset.attrs["design_digest"])
     except Exception as err:  # on purpose all: the library answers damage with errors of many types
         raise InputError(f"{file}: no simulated signals: {err}; run `optopad score` again") from None
@@ -134,7 +138,19 @@ def table_from_signals(file: Path, config: DriverConfig) -> PressTable:
         raise InputError(
             f"{file}: of design {belongs_to[:8]}, needed {config.digest[:8]}; run `optopad score` again"
         )
-    return table_of(presses, flux * gains_of(config))
+    gains = gains_of(config)
+    if flux.ndim != 3 or flux.shape[2] != len(gains):
+        raise InputError(
+            f"{file}: flux of the shape {flux.shape}, needs (state, emitter, {len(gains)}); run `optopad score` again"
+        )
+    return table_of(presses, flux * gains)
+
+
+def _numbers(array: xr.DataArray) -> FloatArray:
+    """An array's values; a ValueError where damage has made another type of them."""
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"{array.name} is of the type {array.dtype}, needs numbers")
+    return np.asarray(array.values, dtype=np.float64)
 
 
 def gains_of(config: DriverConfig) -> FloatArray:
