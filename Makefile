@@ -48,11 +48,8 @@ validate: setup ## the figures of docs/validation, made anew (hours; interrupted
 	$(BIN)/python -m tests.validation.contact.contact_reference
 	$(BIN)/python -m tests.validation.contact.contact_table
 	$(BIN)/python -m tests.validation.contact.library_interpolation
-	$(BIN)/python -m tests.validation.contact.wall_reference
-	$(BIN)/python -m tests.validation.contact.wall_table
-	$(BIN)/python -m tests.validation.contact.square_pad --solve
-	$(BIN)/python -m tests.validation.contact.square_pad
-	$(BIN)/python -m sims.contact.walls.check build/validation/walls
+	$(BIN)/python -m tests.validation.contact.pad_oracle
+	$(BIN)/python -m tests.validation.contact.pad_table
 	$(BIN)/python -m tests.validation.light.light_reference_build
 	$(BIN)/python -m tests.validation.light.light_table
 	$(BIN)/python -m tests.validation.light.light_pad
@@ -60,7 +57,6 @@ validate: setup ## the figures of docs/validation, made anew (hours; interrupted
 	$(BIN)/python -m tests.validation.light.crossing_light
 	$(BIN)/python -m tests.validation.light.light_walk
 	$(BIN)/python -m tests.validation.light.light_speed
-	OPTOPAD_LIGHT_CACHE_MB=0 $(BIN)/python -m tests.validation.light.wall_light
 	$(BIN)/python -m tests.validation.learning.press_curve_table
 	$(BIN)/python -m tests.validation.verdict.search_table
 	$(BIN)/python -m tests.validation.verdict.thickness

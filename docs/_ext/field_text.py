@@ -53,7 +53,7 @@ MEANINGS = {
     "indenter.shape": "form of the tip",
     "board.kind": "catalogue entry of the board",
     "board.baud": "rate of the serial line, bits a second",
-    "gain.target_counts": "what the rule brings the median judged pair to, untouched",
+    "gain.target_counts": "what the rule brings the median judged pair to, untouched, at most",
     "layout.N.pattern": "which pattern the table is",
     "layout.N.emitter_wall": "wall of the emitters; the receivers are opposite",
     "layout.N.kind": "what the parts are",

@@ -83,7 +83,10 @@ def _rule(design: SensorDesign) -> str:
     if given == "common":
         return f'"common": the median of all judged pairs, untouched, reads {target} counts'
     if given == "each":
-        return f'"each": the median of each receiver\'s judged pairs, untouched, reads {target} counts'
+        return (
+            f'"each": the median of each receiver\'s judged pairs, untouched, reads {target} counts, or less, so that '
+            "none reads above three quarters of full scale"
+        )
     return "ohms"
 
 

@@ -54,6 +54,16 @@ class Score:
         return self.found.deadbands_mm
 
     @property
+    def usable_depth_mm(self) -> float | None:
+        """Least depth of any place from which on depth is not told any more, or the deepest press [mm]."""
+        return self.found.usable_depth_mm
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the light trace's own error may make or hide every deadband."""
+        return self.found.is_open
+
+    @property
     def mode_gap_mm(self) -> float | None:
         """From the end of mode 1 to the start of mode 2 [mm]; None where it is open."""
         return self.found.mode_gap_mm

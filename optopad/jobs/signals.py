@@ -92,15 +92,16 @@ def _default_presses(design: SensorDesign, cavity: CavityGeometry, few: bool) ->
 
 
 def _oracle(design: SensorDesign, states: FloatArray, rays: int, seed: int, on_step: OnStep) -> LightSignals:
-    from sims.contact import indent
     from sims.optics.oracle.tracer import CLASSES, trace_oracle
     from sims.optics.scene.lower import scene_of
+    from sims.optics.tracing import pressed_tops
 
-    indentations = [indent(design, float(depth)) if depth > 0 else None for depth in states[:, 2]]
+    tops = pressed_tops(design, states, by_symmetry=False)
     found = trace_oracle(
         scene_of(design),
         states[:, :2],
-        indentations,
+        tops.near,
+        fields=tops.fields,
         rays=rays,
         seed=seed,
         on_step=lambda done, total: on_step("oracle", done / total),

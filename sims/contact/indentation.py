@@ -2,8 +2,8 @@
 
 A press belongs to one elastic depth over tip radius. It is taken from the shipped library (or solved live, where
 a mesh is asked for) and scaled: lengths with the tip radius R, force with E R² (a frictionless neo-Hookean
-layer has no other length or force). A rectangular pad is taken for the round one of its area (`scope.round_radius`);
-another place, or pad, than the middle of its square changes the force by the ratio that walls make (`walls`).
+layer has no other length or force). A rectangular pad is taken for the round one of its area (`scope.round_radius`),
+and then what its own walls change is added, for every place (`library.placed_press`).
 """
 
 from __future__ import annotations
@@ -16,26 +16,21 @@ from design.errors import DesignError, InputError, ModelScopeError
 from design.spec import SensorDesign
 from design.spec.properties import youngs_modulus_mpa
 from sims.contact.library.live_press import live_note, live_press, mesh_size
+from sims.contact.library.placed_press import PlacedPress
 from sims.contact.library.profile_library import shipped_library
 from sims.contact.library.profiles import UnitPress
 from sims.contact.library.smooth_press import SmoothPress
 from sims.contact.library.solved_press import SolvedPress
 from sims.contact.scope import (
-    FIRST_DEPTHS,
-    LARGEST_ASPECT,
-    WALL_RADIUS_RANGE,
     depth_limit_mm,
     elastic_depth_mm,
     half_width_of,
     layer_depth,
     require_depth,
-    round_radius,
     tip_radius_mm,
     wall_radius,
 )
 from sims.contact.tip import HEMISPHERE, tip_of
-from sims.contact.walls.near_walls import wall_correction, walls_of
-from sims.contact.walls.superposition import Walls
 from sims.press.indentation import Indentation
 
 __all__ = [
@@ -88,8 +83,7 @@ def solved_press(
     mesh_mm : node spacing under the tip [mm]; a value solves anew. None takes the shipped library, which has
         hemispheres and layers of 1.3 to 6 tip radii; others are solved with a tenth of the tip radius.
     on_step : called with the fraction done while solving
-    at_mm : (x, y) of the press axis in the cavity frame [mm]; None is the middle. It changes the force and the
-        correction for walls; the curve is that of the centred press.
+    at_mm : (x, y) of the press axis in the cavity frame [mm]; None is the middle
 
     Raises
     ------
@@ -100,69 +94,46 @@ def solved_press(
     wanted = design.operating.max_depth_mm if max_depth_mm is None else max_depth_mm
     radius, layer, modulus = tip_radius_mm(design), round(layer_depth(design), 9), modulus_mpa(design)
     deepest = require_depth(design, wanted, name) / radius
-    walls, notes = _walls(design, layer, at_mm)
-    notes += pad_notes(design)
+    notes: tuple[str, ...] = ()
     unit: UnitPress | None = None
     if mesh_mm is None and is_in_library(design):
         smooth = _library_press(layer, round(wall_radius(design), 9))
     else:
         unit, smooth, told = live_press(design, mesh_size(design, mesh_mm), deepest, on_step)
         notes += (live_note(design, mesh_mm), *told)
+    placed, told = _placed(design, smooth, at_mm, deepest)
     return SolvedPress(
         smooth=smooth,
         unit=unit,
         tip_radius_mm=radius,
         youngs_modulus_mpa=modulus,
-        walls=walls,
-        notes=notes,
+        placed=placed,
+        notes=notes + told,
     )
 
 
-def _walls(
-    design: SensorDesign, layer: float, at_mm: tuple[float, float] | None
-) -> tuple[Walls | None, tuple[str, ...]]:
-    """Distances of the walls [tip radii], None in the middle of a pad that the correction does not cover; notes.
+def _placed(
+    design: SensorDesign, smooth: SmoothPress, at_mm: tuple[float, float] | None, deepest: float
+) -> tuple[PlacedPress | None, tuple[str, ...]]:
+    """The presses at a place, and notes; None in the middle of a pad that is too small for the walls' model.
 
-    At a place that was asked for, the correction itself refuses what it does not cover.
+    At a place that was asked for, that model itself refuses what it does not cover.
     """
-    walls = walls_of(design, at_mm)
-    reason = None if at_mm is not None else _uncovered(layer, walls)
-    if reason is None:
-        return walls, ()
-    half = half_width_of(wall_radius(design))
-    return None, (f"walls: forces are those of walls at {half:.2f} tip radii, too low here ({reason})",)
-
-
-@lru_cache(maxsize=64)
-def _uncovered(layer: float, walls: Walls) -> str | None:
-    """Why the wall correction does not cover a place, or None."""
+    cavity, tip = design.cavity, tip_radius_mm(design)
+    size = cavity.length_mm / tip, cavity.width_mm / tip
+    at = (0.5 * size[0], 0.5 * size[1]) if at_mm is None else (at_mm[0] / tip, at_mm[1] / tip)
     try:
-        wall_correction(layer, FIRST_DEPTHS[0], walls)
+        placed = PlacedPress(smooth=smooth, size=size, at=at)
+        placed.round_depth(min(deepest, smooth.deepest))
     except ModelScopeError as err:
-        return str(err)
-    return None
-
-
-def pad_notes(design: SensorDesign) -> tuple[str, ...]:
-    """That a pad is smaller than the smallest solved one, or too oblong to be taken for a round one."""
-    cavity, tip, (smallest, largest) = design.cavity, tip_radius_mm(design), WALL_RADIUS_RANGE
-    short, long = sorted((cavity.length_mm, cavity.width_mm))
-    notes: tuple[str, ...] = ()
-    if long > LARGEST_ASPECT * short and short < 2.0 * half_width_of(largest * tip):
-        notes = (
-            f"pad: {cavity.length_mm:g} x {cavity.width_mm:g} mm is pressed as the round pad of its area, which was "
-            f"compared with square pads only (here {long / short:.2f} to 1, noted from {LARGEST_ASPECT}): along the "
-            "near walls the surface stands too high, beside the tip too low",
+        if at_mm is not None:
+            raise
+        side = 2.0 * half_width_of(smooth.wall_radius) * tip
+        return None, (
+            f"pad: {cavity.length_mm:g} x {cavity.width_mm:g} mm is too small for this tip ({err}); surface and force "
+            f"are those of a pad of {side:.1f} x {side:.1f} mm: the surface rises too little, the force is too low",
         )
-    if round_radius(short, long) >= (smallest - 1e-9) * tip:
-        return notes
-    side = 2.0 * half_width_of(smallest * tip)
-    return (
-        *notes,
-        f"pad: {cavity.length_mm:g} x {cavity.width_mm:g} mm is less than the contact model has solved for this tip; "
-        f"the surface is that of a pad of {side:.1f} x {side:.1f} mm, so it rises too little; make the pad larger or "
-        "use a smaller tip",
-    )
+    return placed, ()
 
 
 def _require_inside(design: SensorDesign, at_mm: tuple[float, float]) -> None:
@@ -187,8 +158,8 @@ def indent(
     ----------
     design : the sensor
     depth_mm : how far the tip's apex lies below the undisturbed surface [mm]; 0 or less: untouched
-    at_mm : (x, y) of the press axis in the cavity frame [mm]; None is the middle. The force is that of the
-        place, the curve that of the centred press: `pad_surface` has what the walls change of it.
+    at_mm : (x, y) of the press axis in the cavity frame [mm]; None is the middle. `pad_surface` has
+        what is not a curve around it
     mesh_mm : node spacing under the tip [mm]; a value solves anew, see `solved_press`
 
     Returns

@@ -6,8 +6,6 @@ from design.errors import ModelScopeError
 from design.geometry.cavity import cavity_of
 from design.spec import SensorDesign
 from sims.contact.indentation import solved_press
-from sims.contact.scope import layer_depth, tip_radius_mm
-from sims.contact.walls.near_walls import wall_correction, walls_of
 
 NOTED_FORCE_CHANGE = 0.03
 """Change of force by near walls that is worth a note [-]: the contact model's own error."""
@@ -15,22 +13,17 @@ NOTED_FORCE_CHANGE = 0.03
 
 def edge_force_note(design: SensorDesign) -> str | None:
     """How much the walls stiffen a press at the corner of the workspace; None where that is little."""
-    space = cavity_of(design).workspace
+    space, depth_mm = cavity_of(design).workspace, design.operating.max_depth_mm
     corner = (space.x0_mm, space.y0_mm)
-    layer, depth = layer_depth(design), design.operating.max_depth_mm / tip_radius_mm(design)
     try:
-        corner_factor, centre_factor = (
-            wall_correction(layer, depth, walls_of(design, at)).force_factor for at in (corner, None)
-        )
+        ratio = solved_press(design, at_mm=corner).force_n(depth_mm) / solved_press(design).force_n(depth_mm)
     except ModelScopeError as err:
-        return f"walls: a press in the corner of the workspace is outside the wall correction ({err})"
-    if abs(corner_factor / centre_factor - 1.0) < NOTED_FORCE_CHANGE:
+        return f"walls: a press in the corner of the workspace is outside the contact model ({err})"
+    if abs(ratio - 1.0) < NOTED_FORCE_CHANGE:
         return None
     return (
         f"walls: pressed in the corner of the workspace ({corner[0]:g}, {corner[1]:g}) mm the force is "
-        f"{100.0 * (corner_factor / centre_factor - 1.0):+.0f} % of that in the middle; light is traced with the "
-        "shape of the centred press, which off the middle moves single signals by several per cent "
-        "(docs/validation/walls.md)"
+        f"{100.0 * (ratio - 1.0):+.0f} % of that in the middle"
     )
 
 

@@ -105,9 +105,9 @@ def contact_pressure(press: SolvedPress, depth_mm: float) -> ContactPressure:
             pressure_mpa=nothing,
             is_resolved=False,
         )
-    depth = press.scaled_depth(depth_mm)
+    depth = press.round_depth(depth_mm)
     edge = press.smooth.edge_at(depth)
-    radius, height, area = _outline_areas(edge, depth, press.smooth.tip)
+    radius, height, area = _outline_areas(edge, press.scaled_depth(depth_mm), press.smooth.tip)
     share = np.maximum(np.diff(press.smooth.values_at(depth).load), 0.0)
     ring = share / np.diff(area[::_FINE_STEPS])
     axial = float(np.sum(ring * np.pi * np.diff((tip_mm * radius[::_FINE_STEPS]) ** 2)))

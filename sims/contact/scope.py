@@ -73,8 +73,8 @@ def round_radius(length: float, width: float) -> float:
     """Radius of the round pad of a rectangular pad's area; all of one unit.
 
     Rubber keeps its volume: what the tip displaces rises over the area of the pad. With equal areas the free surface
-    of a round pad is that of a square one to a few micrometres up to the strip beside the walls
-    (docs/validation/walls.md). Oblong pads were compared with nothing: the circle reaches past their near walls.
+    of a round pad is that of a square one to a few micrometres up to the strip beside the walls; what the pad's own
+    walls change of it is added (`library.placed_press`).
     """
     return math.sqrt(length * width / math.pi)
 
@@ -86,9 +86,7 @@ def half_width_of(radius: float) -> float:
 
 WALL_RADIUS_RANGE = (round(round_radius(20 / 3, 20 / 3), 9), 7.5)
 """Radii of the round pads that are solved [tip radii], from that of a pad of 20 mm and a tip of 3 mm to that of 40 mm.
-From 6.0 to 7.5 the force at 1 tip radius falls by 1 %; the wall correction ends at 8. Smaller pads are told."""
-LARGEST_ASPECT = 1.25
-"""Length over width up to which a round pad stands for a rectangular one without a note [-]; squares were compared."""
+From 6.0 to 7.5 the force at 1 tip radius falls by 1 %."""
 
 
 def wall_radius(design: SensorDesign) -> float:

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 from sims.continuity.result import JudgedPair
 from sims.verdict.pad_map import PadMap
-from sims.verdict.pair.defaults import TRACE_ERROR_LIMIT
+from sims.verdict.pair.defaults import DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT
 from sims.verdict.pair.trace_noise import trace_noise_warning
 from sims.verdict.tolerance import ToleranceBand, ToleranceRow
 
 
 def margin_caution(pad_map: PadMap) -> list[str]:
-    """A pad without a deadband, but nearer to one somewhere than the trace's own error can tell."""
+    """A pad so near to a deadband somewhere that the trace's own error leaves the verdict open."""
     if not pad_map.is_open:
         return []
-    place = pad_map.most_doubtful
-    window = place.tightest
+    place = min((one for one in pad_map.places if one.depths.most.deadbands_mm), key=lambda one: one.margin)
+    start, end = place.depths.margin_mm
     return [
-        f"the pad is near a deadband: at x {place.x_mm:g}, y {place.y_mm:g} mm its most responsive pair changes by "
-        f"{window.change:.1f} noise units over 0.3 mm within {window.start_mm:.2f} to {window.end_mm:.2f} mm of depth, "
-        f"and the light trace's own error there can make {window.needed:.1f} of nothing; run with --fine, and take "
-        "the verdict as open"
+        f"the verdict is open: at x {place.x_mm:g}, y {place.y_mm:g} mm frames from {start:.2f} to {end:.2f} mm of "
+        f"depth differ by {place.margin:.1f} noise units, give or take {place.depths.margin_error:.1f} by the light "
+        f"trace's own error, and {DEADBAND_THRESHOLD:g} are needed; run with --fine"
     ]
 
 

@@ -107,7 +107,8 @@ def _map_part(score: ContinuityScore) -> xr.Dataset:
             "counts": ((*axes, "press_depth", "pair"), counts, _of("reading at the common gain, clipped", "counts")),
             "counts_error": ((*axes, "press_depth", "pair"), error, _of("its standard error from the trace", "counts")),
             "deadband": (axes, pad_map.deadband_grid_mm().astype(np.float64), _of("summed deadband of the place")),
-            "margin": (axes, margin, _of("change over the least responsive 0.3 mm", "noise units")),
+            "usable_depth": (axes, pad_map.usable_grid_mm(), _of("depth from which on depth is not told any more")),
+            "margin": (axes, margin, _of("distance of frames over the least told 0.3 mm", "noise units")),
         },
         coords={
             "y": ("y", list(pad_map.y_mm), _of("place across")),

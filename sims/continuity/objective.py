@@ -29,8 +29,9 @@ from design.search.judged import Judged, Limit
 from design.spec import SensorDesign
 from sims.bounds.defaults import COARSE_DEPTHS_MM
 from sims.bounds.observability import BOUND_ACCURACIES, pad_bounds
+from sims.continuity.map_judging import pad_place
 from sims.continuity.result import JudgedPair
-from sims.continuity.scoring import governing_pair, pad_place
+from sims.continuity.scoring import governing_pair
 from sims.optics.accuracy import ACCURACIES, Accuracy
 from sims.optics.light_signals import LightSignals
 from sims.optics.tracing import trace
@@ -267,7 +268,9 @@ class _Judging:
         counts = (light.flux[:, mask] * readout.of_mask(mask)).reshape(shape)
         errors = (light.standard_error[:, mask] * readout.of_mask(mask)).reshape(shape)
         places = [
-            pad_place(self.design, place, depth_mm, readings, error, readout.full_scale_counts)
+            pad_place(
+                self.design, place, depth_mm, np.stack([readings] * 2), error, readout.full_scale_counts
+            )
             for place, readings, error in zip(places_mm, counts, errors, strict=True)
         ]
         self.figures["deadband_mm"] = max(place.deadband_total_mm for place in places)

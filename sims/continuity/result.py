@@ -48,6 +48,9 @@ class ContinuityScore:
     verdict, reason : the verdict and, for OUT_OF_MODEL_SCOPE, why
     digest, name, seed, fine, full : what was scored, and how
     is_facing_rows : whether the verdict is that of facing pairs (else of the pad)
+    usable_depth_mm : least depth of any place, or facing pair, from which on depth is not told any more [mm]
+    usable_range_mm : between what depths the light's own error leaves that [mm]
+    is_open : whether the light's own error may make or hide every deadband
     deadbands_mm : intervals of the headline: the governing facing pair, or the worst place of the pad
     governing : name of the pair that stands for the rest: the middle facing one; of a pad the unclipped one with
         most deadband, then least evenness
@@ -72,6 +75,9 @@ class ContinuityScore:
     fine: bool
     is_facing_rows: bool
     full: bool = False
+    usable_depth_mm: float | None = None
+    usable_range_mm: Interval | None = None
+    is_open: bool = False
     deadbands_mm: tuple[Interval, ...] = ()
     governing: str | None = None
     worst_pair_mm: float | None = None
@@ -116,6 +122,11 @@ class ContinuityScore:
                 "worst_pair": _rounded(self.worst_pair_mm),
                 "intervals": [[_rounded(start), _rounded(end)] for start, end in self.deadbands_mm],
             },
+            "usable_depth_mm": _rounded(self.usable_depth_mm),
+            "usable_range_mm": None
+            if self.usable_range_mm is None
+            else [_rounded(v) for v in self.usable_range_mm],
+            "is_open": self.is_open,
             "worst_pair": self.worst_pair,
             "governing_pair": self.governing,
             "pairs_with_deadband": {"count": self.pairs_with_deadband, "judged": len(self.pairs)},
@@ -194,8 +205,9 @@ def _map_json(pad_map: PadMap) -> dict[str, Any]:
         "y_mm": list(pad_map.y_mm),
         "deadband_mm": pad_map.deadband_grid_mm().round(4).tolist(),
         "dead_share": _rounded(pad_map.dead_share),
+        "usable_mm": pad_map.usable_grid_mm().round(4).tolist(),
         "margin_noise_units": [round(place.margin, 3) for place in pad_map.places],
-        "trace_error_noise_units": [round(place.tightest.trace_error, 3) for place in pad_map.places],
+        "trace_error_noise_units": [round(place.depths.margin_error, 3) for place in pad_map.places],
         "weakest_place_mm": [_rounded(pad_map.weakest.x_mm), _rounded(pad_map.weakest.y_mm)],
         "worst_place_mm": [_rounded(pad_map.worst.x_mm), _rounded(pad_map.worst.y_mm)]
         if pad_map.worst.deadbands_mm

@@ -4,8 +4,9 @@
     places of the workspace ──► judged pairs together ──► map of the pad
     open values, both ends of their bands ──► the governing pair again ──► how firm it is
 
-Facing rows: the verdict is that of the facing pairs, the middle one first (it governs). Pads: DEADBAND
-if some place has a depth interval of at least 0.3 mm over which no judged pair changes by 3 noise units.
+Facing rows: the verdict is that of the facing pairs, the middle one first (it governs). Pads: by all judged readings of
+a frame together (`sims.verdict.frame_depths`): DEADBAND if some place is blind over 0.3 mm of depth or more and sees
+again below; where it stays blind, the usable depth ends.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 
 from design.errors import ModelScopeError
 from design.geometry.cavity import CavityGeometry, cavity_of
-from design.geometry.pairs import direct_path_pairs, is_facing_rows, judged_pairs, mask_of
+from design.geometry.pairs import is_facing_rows, judged_pairs, mask_of
 from design.rules.check import check, require_valid
 from design.spec import SensorDesign
 from sims.bounds.observability import PadBounds
@@ -28,29 +29,20 @@ from sims.contact.press_notes import contact_notes
 from sims.continuity.build_tolerance import with_tolerance
 from sims.continuity.cautions import margin_caution, noise_caution
 from sims.continuity.map_bounds import map_bounds
+from sims.continuity.map_judging import judged_map
 from sims.continuity.result import ContinuityScore, JudgedPair, Verdict
 from sims.optics.light_signals import LightSignals
-from sims.press.depths import COARSE_STEP_MM, STEP_MM, depth_schedule_mm
+from sims.press.depths import depth_schedule_mm
 from sims.readings.readout import Readout, readout_of
 from sims.verdict.boundary_forces import boundary_forces, place_force
-from sims.verdict.builds import noise_of, score_curves
+from sims.verdict.builds import score_curves
 from sims.verdict.figure_errors import drawn_figures, figure_errors, figures_of
-from sims.verdict.pad_map import COARSE_PLACES, FINE_PLACES, PadMap, Place, grid_places_mm, map_grid_mm
-from sims.verdict.pair.deadbands import joint_deadband_intervals_mm
-from sims.verdict.pair.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
-from sims.verdict.pair.depth_curve import clipped
-from sims.verdict.pair.noise_units import noise_units, sigma_counts
+from sims.verdict.pad_map import PadMap
+from sims.verdict.pair.defaults import DEADBAND_MIN_LENGTH_MM, TRACE_ERROR_LIMIT
 from sims.verdict.pair.pair_score import PairScore
-from sims.verdict.pair.trace_noise import tight_windows
 from sims.verdict.presses import (
-    DOUBT_ACCURACY,
-    MAP_ACCURACY,
-    MOST_TRACED_AGAIN,
     PAIR_ACCURACY,
     PairCurves,
-    map_depths_mm,
-    map_light,
-    pad_light,
     pair_curves,
     untouched_flux,
 )
@@ -130,7 +122,7 @@ def _judged(
     facing = is_facing_rows(cavity)
     pad_map, pad_signals = None, None
     if not (facing and verdict_only):
-        pad_map, pad_signals = _pad_map(design, cavity, readout, fine=fine, full=full, seed=seed, tell=tell)
+        pad_map, pad_signals = judged_map(design, cavity, readout, fine=fine, full=full, seed=seed, tell=tell)
     bounds = None
     if not verdict_only and pad_map is not None and pad_signals is not None:
         bounds = map_bounds(
@@ -220,105 +212,6 @@ def governing_pair(judged: tuple[JudgedPair, ...], facing: bool) -> JudgedPair:
     )
 
 
-def _pad_map(
-    design: SensorDesign,
-    cavity: CavityGeometry,
-    readout: Readout,
-    *,
-    fine: bool,
-    full: bool,
-    seed: int,
-    tell: OnStep,
-) -> tuple[PadMap, LightSignals]:
-    """The map, and the light it was traced with.
-
-    Where that leaves few places open, these are judged by finer light at the depths in question.
-    """
-    places, step_mm = (FINE_PLACES, STEP_MM) if fine or full else (COARSE_PLACES, COARSE_STEP_MM)
-    x_mm, y_mm = map_grid_mm(cavity, places)
-    depth_mm = map_depths_mm(design.operating.max_depth_mm, step_mm)
-    places_mm = grid_places_mm(cavity.workspace, x_mm, y_mm)
-    accuracy = "standard" if fine else MAP_ACCURACY
-    light = map_light(
-        design, places_mm, depth_mm, accuracy=accuracy, seed=seed, on_step=lambda s: tell("map", s)
-    )
-    flux, errors = _by_place(light.flux, len(places_mm)), _by_place(light.standard_error, len(places_mm))
-    pad_map = PadMap(
-        x_mm=tuple(x_mm.tolist()),
-        y_mm=tuple(y_mm.tolist()),
-        places=_judged_places(design, cavity, places_mm, depth_mm, flux, errors, readout),
-    )
-    doubtful = pad_map.doubtful
-    if 0 < len(doubtful) <= MOST_TRACED_AGAIN:
-        again = pad_map.open_depths(depth_mm)
-        finer = pad_light(
-            design,
-            places_mm[doubtful],
-            depth_mm[again],
-            accuracy=DOUBT_ACCURACY,
-            seed=seed,
-            on_step=lambda s: tell("doubtful places", s),
-        )
-        flux, errors = flux[doubtful], errors[doubtful]
-        flux[:, again] = _by_place(finer.flux, len(doubtful))
-        errors[:, again] = _by_place(finer.standard_error, len(doubtful))
-        found = _judged_places(design, cavity, places_mm[doubtful], depth_mm, flux, errors, readout)
-        pad_map = pad_map.with_places(dict(zip(doubtful, found, strict=True)))
-    return pad_map, light
-
-
-def _by_place(states: FloatArray, places: int) -> FloatArray:
-    """(place, depth, emitter, receiver) of states that run through depths first."""
-    return np.asarray(states.reshape(places, -1, *states.shape[1:]))
-
-
-def _judged_places(
-    design: SensorDesign,
-    cavity: CavityGeometry,
-    places_mm: FloatArray,
-    depth_mm: FloatArray,
-    flux: FloatArray,
-    standard_error: FloatArray,
-    readout: Readout,
-) -> tuple[Place, ...]:
-    """Each place by its light (place, depth, emitter, receiver)."""
-    mask = direct_path_pairs(cavity)
-    counts = flux[:, :, mask] * readout.of_mask(mask)
-    errors = standard_error[:, :, mask] * readout.of_mask(mask)
-    return tuple(
-        pad_place(design, place, depth_mm, readings, error, readout.full_scale_counts)
-        for place, readings, error in zip(places_mm, counts, errors, strict=True)
-    )
-
-
-def pad_place(
-    design: SensorDesign,
-    place_mm: FloatArray,
-    depth_mm: FloatArray,
-    counts: FloatArray,
-    errors: FloatArray,
-    full_scale_counts: float,
-) -> Place:
-    """Judge one place from the unlimited counts (depth, pair) of all judged pairs and their errors."""
-    noise = noise_of(design)
-    knots_mm, readings = clipped(depth_mm, counts, full_scale_counts)
-    units = noise_units(readings, **noise)
-    change = np.ptp(units, axis=0)
-    error_units = np.where(counts < full_scale_counts, errors / sigma_counts(counts, **noise), 0.0)
-    window_mm = min(DEADBAND_MIN_LENGTH_MM, float(depth_mm[-1]))
-    windows = tight_windows(knots_mm, units, depth_mm, error_units, window_mm)
-    return Place(
-        x_mm=float(place_mm[0]),
-        y_mm=float(place_mm[1]),
-        deadbands_mm=joint_deadband_intervals_mm(knots_mm, readings, **noise),
-        answering_pairs=int((change >= DEADBAND_THRESHOLD).sum()),
-        largest_change=float(change.max()),
-        margin=min(window.change for window in windows),
-        tightest=min(windows, key=lambda window: window.spare),
-        open_mm=tuple((window.start_mm, window.end_mm) for window in windows if window.spare < 0.0),
-    )
-
-
 def _assembled(
     design: SensorDesign,
     cavity: CavityGeometry,
@@ -342,6 +235,7 @@ def _assembled(
     headline = _headline(judged, governing, facing)
     shown = [k for k, pair in enumerate(judged) if not facing or pair is governing]
     worst = max(judged, key=lambda pair: pair.score.deadband_total_mm)
+    usable_mm, usable_range_mm = _usable(design, judged, pad_map, facing=facing)
     verdict: Verdict = "DEADBAND" if found else "CONTIGUOUS"
     return ContinuityScore(
         verdict=verdict,
@@ -353,6 +247,9 @@ def _assembled(
         full=full,
         is_facing_rows=facing,
         deadbands_mm=tuple(deadbands),
+        usable_depth_mm=usable_mm,
+        usable_range_mm=usable_range_mm,
+        is_open=_is_open(judged, pad_map, facing=facing),
         governing=governing.name,
         worst_pair_mm=worst.score.deadband_total_mm,
         worst_pair=worst.name,
@@ -371,6 +268,29 @@ def _assembled(
         bounds=bounds,
         force=force,
         warnings=_warnings(design, judged, pad_map),
+    )
+
+
+def _usable(
+    design: SensorDesign, judged: tuple[JudgedPair, ...], pad_map: PadMap | None, *, facing: bool
+) -> tuple[float, tuple[float, float]]:
+    """Depth to which depth is told, and what the light's error leaves of it; of the pad, or of the facing pairs."""
+    if pad_map is not None and not facing:
+        return pad_map.usable_depth_mm, pad_map.usable_range_mm
+    ends = [pair.score.saturation_mm[0] for pair in judged if pair.score.saturation_mm is not None]
+    usable = min([*ends, design.operating.max_depth_mm])
+    return usable, (usable, usable)
+
+
+def _is_open(judged: tuple[JudgedPair, ...], pad_map: PadMap | None, *, facing: bool) -> bool:
+    """Whether the light's own error may make or hide every deadband."""
+    if pad_map is not None and not facing:
+        return pad_map.is_open
+    if any(pair.score.deadbands_mm for pair in judged):
+        return False
+    return any(
+        pair.score.possible_deadbands_mm and (pair.score.noise_margin or 0.0) > TRACE_ERROR_LIMIT
+        for pair in judged
     )
 
 
@@ -423,7 +343,8 @@ def _warnings(
     if clipped:
         found.append(
             f"{len(clipped)} of {len(judged)} judged pairs read above full scale at their gain and are "
-            f"blind while they do: {', '.join(clipped[:8])}; lower gain.target_counts to unclip them"
+            f"blind while they do: {', '.join(clipped[:8])}; set gain.feedback_ohm = 'each', or lower "
+            "gain.target_counts"
         )
     return tuple(found)
 

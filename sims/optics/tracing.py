@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +16,36 @@ from sims.optics.engine.trace_states import CLASS_NAMES, Accuracy, trace_scene
 from sims.optics.light_signals import LightSignals
 from sims.optics.scene.lower import scene_of
 from sims.optics.scene.optical_scene import OpticalScene
-from sims.optics.scene.smooth_field import SmoothField, sum_of_fields
-from sims.optics.surface.wall_correction import SPACING_MM, wall_field
+from sims.optics.scene.smooth_field import SmoothField, smooth_field, sum_of_fields
+from sims.optics.scene.symmetry import StateClasses, each_its_own, state_classes
 from sims.press.indentation import Indentation
+
+if TYPE_CHECKING:
+    from sims.contact.pad_surface import PadSurface
 
 FloatArray = NDArray[np.float64]
 Profile = Indentation | Sequence[Indentation | Sequence[Indentation | None] | None]
 Tips = list[list[Indentation | None]]
+
+FIELD_STEP = 1.0 / 3.0
+"""Nodes of the smooth part of a pad's surface at most so far apart [tip radii]: on the paper's pad their field is
+within 1 µm rms of it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PressedTops:
+    """The tops of states, as light is traced on them.
+
+    Attributes
+    ----------
+    classes : states that symmetries make one; all else is one per class
+    near : per tip, the curve around its axis
+    fields : what is added to the curves; None where nothing is
+    """
+
+    classes: StateClasses
+    near: Tips
+    fields: list[SmoothField | None]
 
 
 def trace(
@@ -41,13 +65,13 @@ def trace(
     design : the sensor
     presses : (state, 3) rows of x, y, depth, or (state, tip, 3) with NaN rows for absent tips; depth 0 or
         less is untouched [mm]
-    profile : None for the contact model, one indentation for all tips, or one per state: for all its tips, or a
-        sequence of one per tip
+    profile : None for the contact model's surface of each place; else taken as it is: one indentation for all tips, or
+        one per state, for all its tips or a sequence of one per tip
     accuracy : draft, score, standard, fine, reference, settings, or a wanted relative error as 0.001
     seed : of all offsets; same seed, same bits
     pairs : (emitter, receiver) or (state, emitter, receiver) mask of pairs to trace; others are 0
     on_step : called with (states done, states)
-    fields : one per state, added to the top, as `correction_fields` makes them; None: the centred shape everywhere
+    fields : one per state, added to the tops of a given profile; None: none
 
     Raises
     ------
@@ -55,18 +79,23 @@ def trace(
     ModelScopeError : tips whose dimples overlap; a press that contact or surface model does not cover.
     """
     tips = _tips(presses)
-    indentations = _indentations(design, tips, profile)
-    scene = scene_of(design)
-    centres, pressed = _as_engine_takes_them(tips, indentations)
+    classes: StateClasses | None = None
+    places = tips
+    if profile is None:
+        tops = pressed_tops(design, tips)
+        places, near, fields, classes = tips[tops.classes.first], tops.near, tops.fields, tops.classes
+    else:
+        near = _given_indentations(tips, profile)
     raw = trace_scene(
-        scene,
-        centres,
-        pressed,
+        scene_of(design),
+        places[:, :, :2],
+        near,
+        fields=fields,
+        classes=classes,
         accuracy=accuracy,
         seed=seed,
         pairs=pairs,
         on_step=on_step,
-        fields=fields,
         kept=light_store(),
     )
     return LightSignals(
@@ -81,55 +110,55 @@ def trace(
     )
 
 
-def correction_fields(
-    design: SensorDesign, presses: FloatArray, spacing_mm: float = SPACING_MM
-) -> list[SmoothField | None]:
-    """What near walls add to the top of each state, by the contact model.
+def pressed_tops(design: SensorDesign, presses: FloatArray, *, by_symmetry: bool = True) -> PressedTops:
+    """The surfaces of presses at their places, by the contact model.
 
     Parameters
     ----------
     design : the sensor
-    presses : as `trace` takes them; several tips add up
-    spacing_mm : of the fields' nodes at most [mm]
-
-    Returns
-    -------
-    One field per state, to be traced beside the centred presses of `sims.contact.indent`; None where untouched.
+    presses : as `trace` takes them; what several tips do adds up
+    by_symmetry : one top for states that a symmetry of the layout carries onto each other; else one each
 
     Raises
     ------
     InputError : presses of a wrong shape or not finite.
-    ModelScopeError : a place that the wall correction does not cover.
+    ModelScopeError : a press that the contact model does not cover.
     """
-    scene, known = scene_of(design), dict[tuple[float, float, float], SmoothField]()
+    tips, scene = _tips(presses), scene_of(design)
+    depths = [[float(depth) if depth > 0 else None for depth in of_state] for of_state in tips[:, :, 2]]
+    every = each_its_own(scene, len(tips))
+    classes = state_classes(scene, tips[:, :, :2], depths) if by_symmetry else every
+    traced = tips[classes.first]
+    pressed = np.unique(traced[traced[:, :, 2] > 0], axis=0)
+    known = dict(zip(map(tuple, pressed.tolist()), _tops(design, scene, pressed), strict=True))
+    near: Tips = []
     fields: list[SmoothField | None] = []
-    for of_state in _tips(presses):
-        parts = []
-        for x, y, depth in of_state[of_state[:, 2] > 0]:
-            key = (float(x), float(y), float(depth))
-            if key not in known:
-                known[key] = _correction_field(design, scene, key, spacing_mm)
-            parts.append(known[key])
-        fields.append(sum_of_fields(parts) if parts else None)
-    return fields
+    for of_state in traced:
+        found = [known[tuple(row.tolist())] if row[2] > 0 else None for row in of_state]
+        near.append([None if one is None else one[0] for one in found])
+        touching = [one[1] for one in found if one is not None]
+        fields.append(sum_of_fields(touching) if touching else None)
+    return PressedTops(classes=classes, near=near, fields=fields)
 
 
-def _correction_field(
-    design: SensorDesign, scene: OpticalScene, press: tuple[float, float, float], spacing_mm: float
-) -> SmoothField:
-    from sims.contact import indent
-    from sims.contact.pad_surface import pad_surface
+def _tops(
+    design: SensorDesign, scene: OpticalScene, presses: FloatArray
+) -> Iterator[tuple[Indentation, SmoothField]]:
+    from sims.contact.pad_surface import pad_surfaces
 
-    x, y, depth = press
-    surface = pad_surface(design, depth, (x, y))
-    return wall_field(surface.wall_height_mm, indent(design, depth), (x, y), scene, spacing_mm)
+    if len(presses) == 0:
+        return
+    for surface in pad_surfaces(design, presses):
+        yield surface.near, _smooth_part(surface, scene)
 
 
-def _as_engine_takes_them(tips: FloatArray, indentations: Tips) -> tuple[FloatArray, Sequence[Any]]:
-    """Centres and indentations: (state, 2) and one per state for one tip, else (state, tip, 2) and a list per state."""
-    if tips.shape[1] == 1:
-        return tips[:, 0, :2], [of_state[0] for of_state in indentations]
-    return tips[:, :, :2], indentations
+def _smooth_part(surface: PadSurface, scene: OpticalScene) -> SmoothField:
+    return smooth_field(
+        lambda along, across: surface.beside_mm(along[:, 0], across[0]),
+        scene.length_mm,
+        scene.width_mm,
+        FIELD_STEP * surface.near.tip_radius_mm,
+    )
 
 
 def _tips(presses: FloatArray) -> FloatArray:
@@ -150,17 +179,6 @@ def _tips(presses: FloatArray) -> FloatArray:
     if bad.any():
         raise InputError(f"presses: state {int(np.flatnonzero(bad.any(axis=1))[0])} is not finite")
     return rows
-
-
-def _indentations(design: SensorDesign, tips: FloatArray, profile: Profile | None) -> Tips:
-    """One list per state of one indentation per tip, None where it does not touch."""
-    if profile is not None:
-        return _given_indentations(tips, profile)
-    from sims.contact import indent
-
-    depths = sorted({float(depth) for depth in tips[:, :, 2].ravel() if depth > 0})
-    solved = {depth: indent(design, depth) for depth in depths}
-    return [[solved.get(float(depth)) for depth in of_state] for of_state in tips[:, :, 2]]
 
 
 def _given_indentations(tips: FloatArray, profile: Profile) -> Tips:

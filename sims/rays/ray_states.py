@@ -24,7 +24,7 @@ from sims.optics.engine.trace_states import Accuracy
 from sims.optics.light_signals import LightSignals
 from sims.optics.oracle.paths import LOST, LightPath, LightWalker
 from sims.optics.scene.lower import scene_of
-from sims.optics.tracing import trace
+from sims.optics.tracing import pressed_tops, trace
 from sims.press.indentation import Indentation
 from sims.rays.light_kinds import kind_of
 
@@ -47,7 +47,7 @@ class RayState:
     Attributes
     ----------
     press_mm : x, y, depth [mm]; depth 0 is untouched
-    indentation : the deformed surface; None where untouched
+    indentation : the deformed surface around the axis; None where untouched
     power : (pair,) by path class, over the power of the pair's emitter [-]
     emitters : number of emitters that the pairs have together
     paths : light that arrives, the more of a kind the more power it has
@@ -150,12 +150,13 @@ def ray_states(
 
     rows = [(design.cavity.length_mm / 2, design.cavity.width_mm / 2, 0.0), *presses]
     light = _light(design, choice, rows)
-    scene = scene_of(design)
+    scene, tops = scene_of(design), pressed_tops(design, np.array(rows), by_symmetry=False)
     before: list[_Found] = []
     states: list[RayState] = []
     for number, row in enumerate(rows):
-        press = indent(design, row[2]) if number else None
-        search = _Search(walker=LightWalker(scene, row[:2], press, choice.seed), choice=choice)
+        press = indent(design, row[2], row[:2]) if number else None
+        walker = LightWalker(scene, row[:2], tops.near[number][0], choice.seed, tops.fields[number])
+        search = _Search(walker=walker, choice=choice)
         state = RayState(
             press_mm=row,
             indentation=press,

@@ -2,8 +2,9 @@
 
 counts = gain x flux, flux as a fraction of the emitted power. `gain.feedback_ohm` says how the gains come about:
 
-    common   one gain for all; the median judged pair, untouched, reads `gain.target_counts`
-    each     a gain for every receiver; the median of its own judged pairs, untouched, reads the target
+    each     a gain for every receiver; the median of its own judged pairs, untouched, reads `gain.target_counts`, or as
+             much less as the brightest of them needs to read `HEADROOM` of full scale at most; the default
+    common   one gain for all; the median judged pair, untouched, reads the target; brighter ones may clip
     ohms     the resistors that are fitted, with the emitters' power and the receivers' responsivity
              (`design.circuit.transimpedance`)
 
@@ -26,6 +27,10 @@ from design.spec.properties import entries_of
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+
+HEADROOM = 0.75
+"""Share of full scale that the brightest judged pair of a receiver reads untouched at most, by the rule `each`: on the
+published layouts a dimple mirrors up to a quarter more onto the brightest pairs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,12 +102,13 @@ def readout_of(design: SensorDesign, untouched_flux: FloatArray, reference: Bool
 
 def _each(design: SensorDesign, flux: FloatArray, reference: BoolArray) -> tuple[float, ...]:
     """A receiver without a judged pair of its own gets the gain of all judged pairs."""
-    found = []
+    found, most = [], HEADROOM * full_scale_counts(design)
     for receiver in range(flux.shape[1]):
         own = np.zeros_like(reference)
         own[:, receiver] = reference[:, receiver]
         chosen = own if own.any() else reference
-        found.append(_gain_to_target(design, flux[chosen], f"the median pair of R{receiver + 1} receives"))
+        wanted = _gain_to_target(design, flux[chosen], f"the median pair of R{receiver + 1} receives")
+        found.append(min(wanted, most / float(flux[chosen].max())))
     return tuple(found)
 
 

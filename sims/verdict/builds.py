@@ -1,8 +1,8 @@
 """One build of a design, judged in brief: the gap, the deadband and the margin that a verdict turns on.
 
 Used to try builds that differ from the design in an open value. Facing rows are judged by one pair under
-its own press; a pad at one place, by the few pairs that respond most there in some part of the depth. Fewer
-pairs can only lengthen a pad's deadband, so a pad that is safe by them is safe.
+its own press; a pad at one place, by the pairs that make up nine tenths of what its frames change there in any part of
+the depth. Fewer pairs can only lengthen a pad's deadband, so a pad that is safe by them is safe.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from sims.optics.light_signals import LightSignals
 from sims.optics.tracing import trace
 from sims.press.depths import COARSE_STEP_MM, depth_schedule_mm
 from sims.readings.readout import Readout, readout_of
-from sims.verdict.pair.deadbands import joint_deadband_intervals_mm, total_length_mm
+from sims.verdict.frame_depths import Frames, read_depths
+from sims.verdict.pair.deadbands import total_length_mm
 from sims.verdict.pair.defaults import DEADBAND_MIN_LENGTH_MM
 from sims.verdict.pair.depth_curve import between, clipped
 from sims.verdict.pair.noise_units import noise_units, sigma_counts
@@ -34,8 +35,10 @@ FloatArray = NDArray[np.float64]
 ACCURACY = replace(ACCURACIES["draft"], reference_rays=4096)
 """Light settings of tried builds; the design as it is is traced the same way for comparison. On the paper's pad and
 pair, four seeds' margins spread as at "standard" (by 0.16 noise units on the pad), at half the cost."""
-RESPONSE_WINDOW_MM = 1.0
-"""Part of the depth in which the most responsive pair of a place is looked for [mm]."""
+RESPONSE_WINDOW_MM = 0.5
+"""Part of the depth in which the most responsive pairs of a place are looked for [mm]."""
+RESPONSE_SHARE = 0.9
+"""Share of the squared distance of frames that they make up there [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +49,8 @@ class Brief:
     ----------
     gap_mm : signed mode gap [mm]; None when mode 2 is never reached, or for a pad
     deadband_mm : summed length of the deadbands [mm]
-    margin : change of the signal over the least responsive 0.3 mm of depth [noise units]; below 3 is a deadband
+    margin : change of the signal, or distance of a pad's frames, over the least told 0.3 mm of depth [noise units];
+        below 3 is a deadband
     in_doubt : whether the light trace's own error may hide a deadband where none was found
     """
 
@@ -129,22 +133,25 @@ def place_brief(
     depth_mm, light, readout = _pressed(design, place_mm, pairs, seed)
     gains, full_scale = readout.of_pairs(pairs), readout.full_scale_counts
     counts = np.stack([light.flux[1:, i, j] for i, j in pairs], axis=1) * gains
-    found = joint_deadband_intervals_mm(*clipped(depth_mm, counts, full_scale), **noise_of(design))
-    margin = _margin(design, depth_mm, full_scale, counts, float(depth_mm[-1]))
+    knots_mm, readings = clipped(depth_mm, counts, full_scale)
+    units = noise_units(readings, **noise_of(design))
+    found = read_depths(
+        Frames(depth_mm=knots_mm, halves=np.stack([units, units]), variance=np.zeros(len(knots_mm)))
+    )
     errors = np.stack([light.standard_error[1:, i, j] for i, j in pairs], axis=1) * gains
     error = _trace_error(design, full_scale, counts, errors)
     return Brief(
         gap_mm=None,
-        deadband_mm=total_length_mm(found),
-        margin=margin,
-        in_doubt=not found and margin < widened_threshold(error),
+        deadband_mm=total_length_mm(found.blind.deadbands_mm),
+        margin=found.margin,
+        in_doubt=not found.blind.deadbands_mm and found.margin < widened_threshold(error),
     )
 
 
 def responsive_pairs(
     design: SensorDesign, depth_mm: FloatArray, counts: FloatArray, pairs: tuple[Pair, ...]
 ) -> tuple[Pair, ...]:
-    """The pairs that change most in some part of the depth.
+    """The pairs that make up most of what frames change in any part of the depth.
 
     Parameters
     ----------
@@ -157,8 +164,11 @@ def responsive_pairs(
     for start in np.arange(0.0, depth_mm[-1] - 1e-9, RESPONSE_WINDOW_MM):
         end = min(start + RESPONSE_WINDOW_MM, float(depth_mm[-1]))
         _, inside = between(depth_mm, units, float(start), end)
-        chosen[pairs[int(np.ptp(inside, axis=0).argmax())]] = None
-    return tuple(chosen)
+        square = np.ptp(inside, axis=0) ** 2
+        order = np.argsort(-square)
+        enough = int(np.searchsorted(np.cumsum(square[order]), RESPONSE_SHARE * square.sum())) + 1
+        chosen |= dict.fromkeys(pairs[int(k)] for k in order[:enough])
+    return tuple(sorted(chosen))
 
 
 def noise_of(design: SensorDesign) -> dict[str, float]:

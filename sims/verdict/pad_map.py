@@ -1,4 +1,4 @@
-"""The pad as a whole: at every place of the workspace, the depths where no judged pair answers."""
+"""The pad as a whole: at every place of the workspace, what all judged readings of a frame tell of depth."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.geometry.cavity import CavityGeometry, Workspace
-from sims.verdict.pair.trace_noise import TightWindow, samples_between
+from sims.verdict.frame_depths import DepthReading, Interval
+from sims.verdict.pair.trace_noise import samples_between
 
 FloatArray = NDArray[np.float64]
-Interval = tuple[float, float]
 
 COARSE_PLACES = 5
 FINE_PLACES = 11
@@ -25,27 +25,38 @@ class Place:
     Attributes
     ----------
     x_mm, y_mm : press centre in the cavity frame
-    deadbands_mm : depth intervals in which no judged pair changes by the threshold
+    depths : what its frames tell of depth
     answering_pairs : judged pairs that change by the threshold or more over the whole press
-    largest_change : largest change of any judged pair over the whole press [noise units]
-    margin : change of the most responsive pair over the least responsive 0.3 mm [noise units]; below 3 is a deadband
-    tightest : the 0.3 mm in which the light trace's own error comes nearest to hiding a deadband
-    open_mm : depth intervals, in order, in which it may hide one; they may overlap
     """
 
     x_mm: float
     y_mm: float
-    deadbands_mm: tuple[Interval, ...]
+    depths: DepthReading
     answering_pairs: int
-    largest_change: float
-    margin: float
-    tightest: TightWindow
-    open_mm: tuple[Interval, ...] = ()
+
+    @property
+    def deadbands_mm(self) -> tuple[Interval, ...]:
+        """Depth intervals over which depth cannot be told, and after which it can again [mm]."""
+        return self.depths.blind.deadbands_mm
 
     @property
     def deadband_total_mm(self) -> float:
         """Summed length of the deadbands [mm]."""
         return sum(end - start for start, end in self.deadbands_mm)
+
+    @property
+    def usable_mm(self) -> float:
+        """Depth from which on depth cannot be told any more, or the deepest press [mm]."""
+        return self.depths.blind.usable_mm
+
+    @property
+    def margin(self) -> float:
+        """Distance of frames over the least told 0.3 mm before the range ends [noise units]; below 3 is blind."""
+        return self.depths.margin
+
+    def is_blind(self, depth_mm: float) -> bool:
+        """Whether a depth lies in a deadband, or beyond the usable depth."""
+        return depth_mm > self.usable_mm or any(start <= depth_mm <= end for start, end in self.deadbands_mm)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,31 +80,38 @@ class PadMap:
 
     @property
     def weakest(self) -> Place:
-        """The place nearest to a deadband, or deepest in one."""
-        return min(self.places, key=lambda place: (-place.deadband_total_mm, place.margin))
+        """The place deepest in a deadband, else with the least usable depth, else nearest to being blind."""
+        return min(
+            self.places, key=lambda place: (-place.deadband_total_mm, round(place.usable_mm, 6), place.margin)
+        )
 
     @property
-    def most_doubtful(self) -> Place:
-        """The place where the light trace's error comes nearest to hiding a deadband."""
-        return min(self.places, key=lambda place: place.tightest.spare)
+    def usable_depth_mm(self) -> float:
+        """Least usable depth of any place [mm]."""
+        return min(place.usable_mm for place in self.places)
+
+    @property
+    def usable_range_mm(self) -> Interval:
+        """Between what depths the light trace's own error leaves that [mm]."""
+        least, most = zip(*(place.depths.usable_range_mm for place in self.places), strict=True)
+        return min(least), min(most)
 
     @property
     def is_open(self) -> bool:
-        """Whether no place has a deadband, but the light trace's own error may hide one."""
-        return self.dead_share == 0.0 and self.most_doubtful.tightest.spare < 0.0
+        """Whether the light trace's own error may make or hide every deadband there is."""
+        sure = any(place.depths.least.deadbands_mm for place in self.places)
+        return not sure and any(place.depths.most.deadbands_mm for place in self.places)
 
-    @property
-    def doubtful(self) -> list[int]:
-        """Numbers of the places that leave the verdict open; none where a deadband settles it."""
-        if not self.is_open:
-            return []
-        return [number for number, place in enumerate(self.places) if place.tightest.spare < 0.0]
+    def doubtful(self, most: int) -> list[int]:
+        """Numbers of the places that the light trace's error leaves open, the nearest to being blind first."""
+        found = [number for number, place in enumerate(self.places) if place.depths.open_mm]
+        return sorted(found, key=lambda number: self.places[number].margin)[:most]
 
-    def open_depths(self, depth_mm: FloatArray) -> NDArray[np.bool_]:
-        """(depth,) which of the traced depths the doubtful places are in doubt by."""
+    def open_depths(self, depth_mm: FloatArray, places: list[int]) -> NDArray[np.bool_]:
+        """(depth,) which of the traced depths some places are in doubt by."""
         found = np.zeros(len(depth_mm), dtype=np.bool_)
-        for number in self.doubtful:
-            for start_mm, end_mm in self.places[number].open_mm:
+        for number in places:
+            for start_mm, end_mm in self.places[number].depths.open_mm:
                 found[samples_between(depth_mm, start_mm, end_mm)] = True
         return found
 
@@ -106,10 +124,17 @@ class PadMap:
         """Share of places with a deadband [-]."""
         return sum(bool(place.deadbands_mm) for place in self.places) / len(self.places)
 
+    def grid(self, of_places: list[float]) -> FloatArray:
+        """(ny, nx) a figure of every place."""
+        return np.array(of_places, dtype=np.float64).reshape(len(self.y_mm), len(self.x_mm))
+
     def deadband_grid_mm(self) -> FloatArray:
         """(ny, nx) summed deadband at each place [mm]."""
-        totals = [place.deadband_total_mm for place in self.places]
-        return np.array(totals).reshape(len(self.y_mm), len(self.x_mm))
+        return self.grid([place.deadband_total_mm for place in self.places])
+
+    def usable_grid_mm(self) -> FloatArray:
+        """(ny, nx) usable depth at each place [mm]."""
+        return self.grid([place.usable_mm for place in self.places])
 
 
 def map_grid_mm(cavity: CavityGeometry, places: int) -> tuple[FloatArray, FloatArray]:

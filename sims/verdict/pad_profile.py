@@ -1,9 +1,9 @@
 """What the pad tells at each depth of each place: the verdict's own rule, depth by depth.
 
-The verdict asks of a place whether some 0.3 mm of depth pass in which no judged pair changes by 3 noise units.
-Here the same change, of the most responsive pair over 0.3 mm, is given with those 0.3 mm centred on each depth, and
-moved inward at both ends of the press. Signals are straight between the depths computed, as in the verdict; the
-window is read every 0.05 mm, so its range may be missed by what a signal does between two readings.
+The verdict asks of a place whether some 0.3 mm of depth pass in which no two frames are 3 noise units apart
+(`frame_depths`). Here the largest distance of two frames is given for the 0.3 mm centred on each depth, and moved
+inward at both ends of the press, read every 0.05 mm. The light's own error is in it: where the verdict takes that out
+by a second trace, its margin can be smaller.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ class PadProfile:
     Attributes
     ----------
     depth_mm : (depth,) increasing [mm]
-    change : (depth, place) change of the most responsive judged pair over 0.3 mm around the depth [noise units];
-        None where the light of the places is not at hand
-    is_dead : (depth, place) whether the depth lies in a deadband of the place
+    change : (depth, place) largest distance of two frames within 0.3 mm around the depth [noise units]; None where the
+        light of the places is not at hand
+    is_dead : (depth, place) whether the depth lies in a deadband of the place, or beyond its usable depth
     """
 
     depth_mm: FloatArray
@@ -69,12 +69,7 @@ def pad_profile(
         change = np.stack(
             [_change(design, depth_mm, readings, readout.full_scale_counts) for readings in counts], axis=1
         )
-    dead = np.array(
-        [
-            [any(start <= depth <= end for start, end in place.deadbands_mm) for place in pad_map.places]
-            for depth in depth_mm
-        ]
-    )
+    dead = np.array([[place.is_blind(float(depth)) for place in pad_map.places] for depth in depth_mm])
     return PadProfile(depth_mm=depth_mm, change=change, is_dead=dead)
 
 
@@ -90,5 +85,6 @@ def _change(
     windows = np.stack(
         [interpolated(knots_mm, units, first + share * length) for share in np.linspace(0.0, 1.0, steps)]
     )
-    found: FloatArray = np.ptp(windows, axis=0).max(axis=1)
+    apart = windows[:, None] - windows[None, :]
+    found: FloatArray = np.sqrt((apart**2).sum(axis=-1)).max(axis=(0, 1))
     return found

@@ -44,11 +44,15 @@ NEAR_MM = 0.4
 NEAR_ACCURACY = MIRRORED_FINER
 """Settings of a map's light up to `NEAR_MM`."""
 
-DOUBT_ACCURACY = ACCURACIES["fine"]
-"""Settings of places where the map's own error may hide a deadband: a quarter of its error."""
+DOUBT_ACCURACIES = (ACCURACIES["standard"], PAIR_ACCURACY)
+"""Settings of places that the map's own error leaves open, tried in turn. Offsets are common to all depths, so what two
+depths differ by errs less than either: at (16, 11) mm of the paper's pad, 4.2 to 4.8 mm deep, by 0.4, 0.2 and 0.1 noise
+units (rms of pairs) with the map's, standard and the single pairs' settings."""
+SECOND_SEED = 1_000_003
+"""Added to the seed for a second, independent trace."""
 
 MOST_TRACED_AGAIN = 12
-"""Most such places that are traced again; a map with more of them is near a deadband as a whole."""
+"""Most places that are traced again."""
 
 SPECULAR_CLASSES = ("top", "skirt")
 """Path classes whose sum is the light reflected at the top surface: what mode 1 takes away."""

@@ -14,9 +14,9 @@ from sims.contact.force_curve import ForceCurve
 from sims.continuity.result import ContinuityScore, JudgedPair
 from sims.press.depths import depth_schedule_mm
 from sims.readings.readout import Readout
+from sims.verdict.frame_depths import Blindness, DepthReading
 from sims.verdict.pad_map import PadMap, Place, map_grid_mm
 from sims.verdict.pair.pair_score import score_pair
-from sims.verdict.pair.trace_noise import TightWindow
 from sims.verdict.presses import PairCurves
 from sims.verdict.tolerance import ToleranceBand, ToleranceRow
 
@@ -127,6 +127,27 @@ def out_of_scope_score(design: SensorDesign | None = None) -> ContinuityScore:
     )
 
 
+def made_up_depths(
+    deadbands_mm: tuple[tuple[float, float], ...] = (),
+    *,
+    usable_mm: float = 5.0,
+    margin: float = 4.0,
+    is_open: bool = False,
+) -> DepthReading:
+    """What frames of a place tell of depth; if it is open, the light's error may hide a deadband."""
+    blind = Blindness(deadbands_mm=deadbands_mm, usable_mm=usable_mm)
+    hidden = Blindness(deadbands_mm=((0.2, 0.6),), usable_mm=usable_mm)
+    return DepthReading(
+        blind=blind,
+        least=blind,
+        most=hidden if is_open else blind,
+        margin=margin,
+        margin_error=0.2,
+        margin_mm=(0.2, 0.5),
+        open_mm=((0.2, 0.5),) if is_open else (),
+    )
+
+
 def made_up_map(cavity: CavityGeometry, *, dead_mm: float, places: int = 5) -> PadMap:
     """A map whose deadband falls from the first corner, `dead_mm` long there, to none in the middle."""
     x_mm, y_mm = map_grid_mm(cavity, places)
@@ -135,18 +156,12 @@ def made_up_map(cavity: CavityGeometry, *, dead_mm: float, places: int = 5) -> P
         for column, x in enumerate(x_mm):
             length = max(0.0, dead_mm - 0.4 * (row + column))
             bands = ((1.2, 1.2 + length),) if length >= 0.3 else ()
-            change = 120.0 + 35.0 * (row + column)
             found.append(
                 Place(
                     x_mm=float(x),
                     y_mm=float(y),
-                    deadbands_mm=bands,
+                    depths=made_up_depths(bands, margin=0.5 if bands else 4.0 + row + column),
                     answering_pairs=20 + row + column,
-                    largest_change=change,
-                    margin=0.5 if bands else 4.0 + row + column,
-                    tightest=TightWindow(
-                        start_mm=0.2, end_mm=0.5, change=4.0 + row + column, trace_error=0.2
-                    ),
                 )
             )
     return PadMap(x_mm=tuple(x_mm.tolist()), y_mm=tuple(y_mm.tolist()), places=tuple(found))
@@ -234,6 +249,8 @@ def _made_up(design: SensorDesign, onset_mm: float) -> ContinuityScore:
         seed=0,
         fine=False,
         is_facing_rows=facing,
+        usable_depth_mm=5.0,
+        usable_range_mm=(5.0, 5.0),
         deadbands_mm=bands,
         governing=governing.name,
         worst_pair_mm=first.score.deadband_total_mm,

@@ -141,8 +141,8 @@ def _change(profile: PadProfile, change: FloatArray) -> DepthMap:
         title="Change of the signals",
         unit="noise units",
         tells=(
-            f"Change of the most responsive pair over {DEADBAND_MIN_LENGTH_MM:g} mm of depth around this one. "
-            f"Below {DEADBAND_THRESHOLD:g} noise units depth cannot be told there: a deadband."
+            f"How far apart frames of all readings are over {DEADBAND_MIN_LENGTH_MM:g} mm of depth around this one. "
+            f"Below {DEADBAND_THRESHOLD:g} noise units depth cannot be told there."
         ),
         depth_mm=profile.depth_mm,
         values=change,
@@ -154,7 +154,7 @@ def _change(profile: PadProfile, change: FloatArray) -> DepthMap:
         high=max(float(change.max()), 4 * DEADBAND_THRESHOLD),
         is_logarithmic=True,
         digits=1,
-        limit=f"below {DEADBAND_THRESHOLD:g} is a deadband",
+        limit=f"below {DEADBAND_THRESHOLD:g} is blind",
     )
 
 
@@ -163,7 +163,7 @@ def _dead_zones(profile: PadProfile) -> DepthMap:
         key="dead",
         title="Dead zones",
         unit="",
-        tells="Places where no judged pair answers at this depth, all pairs taken together.",
+        tells="Places where all readings of a frame together do not tell depth here: a deadband, or beyond the range.",
         depth_mm=profile.depth_mm,
         values=profile.is_dead.astype(np.float64),
         is_hatched=profile.is_dead,
@@ -172,7 +172,7 @@ def _dead_zones(profile: PadProfile) -> DepthMap:
         colours=DEAD,
         low=0.0,
         high=1.0,
-        names=("some pair answers", "deadband"),
+        names=("depth is told", "blind"),
     )
 
 

@@ -72,17 +72,17 @@ def _still(score: ContinuityScore, drawings: Drawings) -> list[Html]:
         figures.append(
             figure_of(
                 drawings["map-deadband"],
-                "Summed deadband of all judged pairs together. Framed: the worst place, "
+                "Summed deadband, all readings of a frame together. Framed: the worst place, "
                 f"{spans(score.pad_map.worst.deadbands_mm)} mm.",
             )
         )
     figures.append(
         figure_of(
             drawings["map-margin"],
-            f"Change of the most responsive pair over the least responsive {DEADBAND_MIN_LENGTH_MM:g} mm of depth; "
-            f"below {DEADBAND_THRESHOLD:g} noise units is a deadband. Framed: the weakest place, "
-            f"{weakest.margin:.1f} noise units (the light trace's own error there is "
-            f"{weakest.tightest.trace_error:.1f}); "
+            f"How far apart frames of all readings are over the least told {DEADBAND_MIN_LENGTH_MM:g} mm of depth; "
+            f"below {DEADBAND_THRESHOLD:g} noise units depth is not told there. Framed: the weakest place, "
+            f"{weakest.margin:.1f} noise units (the light trace's own error may add "
+            f"{weakest.depths.margin_error:.1f}); "
             f"{counted(weakest.answering_pairs, 'pair')} answer there.",
         )
     )

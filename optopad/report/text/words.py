@@ -21,7 +21,8 @@ SYMBOLS: dict[Verdict, str] = {
 }
 RULE = (
     f"A deadband is an interval of depth, at least {DEADBAND_MIN_LENGTH_MM:g} mm long, over which a signal changes by "
-    f"less than {DEADBAND_THRESHOLD:g} noise units; one noise unit is one standard deviation of a reading."
+    f"less than {DEADBAND_THRESHOLD:g} noise units and after which it comes back; one noise unit is one standard "
+    "deviation of a reading. A pad is judged by all readings of a frame together."
 )
 
 
@@ -80,16 +81,18 @@ def _meaning_of_pad(score: ContinuityScore, deepest_mm: float) -> str:
         return ""
     places = len(score.pad_map.places)
     if not score.deadbands_mm:
+        usable = score.pad_map.usable_depth_mm
+        to = f"{deepest_mm:g} mm" if usable >= deepest_mm else f"{usable:.1f} of the {deepest_mm:g} mm asked"
         return (
-            f"At each of the {places} places of the workspace that were pressed, some pair answers at every depth "
-            f"from contact to {deepest_mm:g} mm.{_open(score.pad_map)}"
+            f"At each of the {places} places of the workspace that were pressed, one frame of all readings tells depth "
+            f"from contact to {to}.{_open(score.pad_map)}"
         )
     worst = score.pad_map.worst
     dead = sum(bool(place.deadbands_mm) for place in score.pad_map.places)
     return (
         f"At {dead} of the {places} places of the workspace that were pressed, depth cannot be told over some "
-        f"interval: no judged pair answers there. The worst is at x = {worst.x_mm:g}, y = {worst.y_mm:g} mm, from "
-        f"{spans(worst.deadbands_mm)} mm."
+        f"interval, by all readings together, and can again below it. The worst is at x = {worst.x_mm:g}, "
+        f"y = {worst.y_mm:g} mm, from {spans(worst.deadbands_mm)} mm."
     )
 
 
@@ -97,7 +100,7 @@ def _open(pad_map: PadMap) -> str:
     """A sentence where the light trace's error leaves the verdict open; else nothing."""
     if not pad_map.is_open:
         return ""
-    place = pad_map.most_doubtful
+    place = next(one for one in pad_map.places if one.depths.most.deadbands_mm)
     return (
         f" Open at x = {place.x_mm:g}, y = {place.y_mm:g} mm: the light trace's own error there may hide a deadband; "
         "run with --fine."
@@ -183,7 +186,7 @@ def _deadband_tile(score: ContinuityScore) -> tuple[str, str, str]:
         where = f"{governing(score).name}: {spans(score.deadbands_mm, 'no interval')}"
         return "Deadband of the middle facing pair", value, where + (" mm" if score.deadbands_mm else "")
     if not score.deadbands_mm or score.pad_map is None:
-        return "Worst deadband of the pad", value, "at any place pressed, all judged pairs together"
+        return "Worst deadband of the pad", value, "at any place pressed, all readings of a frame together"
     worst = score.pad_map.worst
     return (
         "Worst deadband of the pad",

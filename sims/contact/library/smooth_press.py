@@ -25,11 +25,13 @@ from scipy.interpolate import BSpline
 from sims.contact.library.surface_curve import TopCurve, contact_radius_at, whole_curve
 from sims.contact.scope import WALL_RADIUS
 from sims.contact.tip import HEMISPHERE, TipOutline, tip_outline
+from sims.contact.walls.far_press import FarPress, far_press
 
 FloatArray = NDArray[np.float64]
 
 FIRST_SPACING, SPACING_GROWTH, LARGEST_SPACING = 0.003, 1.04, 0.015
 """First spacing, ratio of neighbouring ones and bound of the surface samples [share of the arc length]."""
+_RUN_BACK = 1e-6
 LOAD_SHARES = np.linspace(0.0, 1.0, 17)
 """Shares of the contact's outline at which the load inside is kept [-]."""
 
@@ -67,6 +69,23 @@ def sample_arcs(length: float, wall_radius: float) -> FloatArray:
 SAMPLES = _arc_shares().size
 VALUES = 2 + 2 * SAMPLES + LOAD_SHARES.size
 """Numbers that describe a state: ln force, ln edge, radii, heights, shares of the load."""
+
+
+def runs_outward(curve: TopCurve) -> NDArray[np.bool_]:
+    """(n,) points farther out than all before: of a stretch that runs back the lowest point is kept."""
+    farthest = np.maximum.accumulate(curve.radius)
+    return np.append(True, np.diff(farthest) > _RUN_BACK)
+
+
+def runs_back(curve: TopCurve) -> NDArray[np.bool_]:
+    """(n,) points nearer to the axis than one before them."""
+    return np.asarray(curve.radius < np.maximum.accumulate(curve.radius) - _RUN_BACK)
+
+
+def outward(curve: TopCurve) -> tuple[FloatArray, FloatArray]:
+    """Radius, increasing, and height of a curve, by its points that run outward."""
+    kept = runs_outward(curve)
+    return curve.radius[kept], curve.height[kept]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,6 +166,16 @@ class SmoothPress:
     @cached_property
     def _values(self) -> BSpline:
         return BSpline(self.knots, self.coefficients, 3)
+
+    @cached_property
+    def far(self) -> FarPress:
+        """The loads that stand for these presses far from the tip."""
+
+        def top(depth: float) -> tuple[FloatArray, FloatArray, float]:
+            curve = self.curve_at(depth)
+            return *outward(curve), curve.contact_radius
+
+        return far_press(self.layer_depth, self.wall_radius, self.deepest, top)
 
     def _place(self, depth: float) -> float:
         """The splines' argument, kept inside the knots."""

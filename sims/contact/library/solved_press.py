@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from design.errors import ModelScopeError
+from sims.contact.library.placed_press import PlacedPress
 from sims.contact.library.profiles import UnitPress
 from sims.contact.library.run_out import run_out
 from sims.contact.library.smooth_press import SmoothPress
 from sims.contact.library.surface_curve import TopCurve
 from sims.contact.scope import half_width_of
 from sims.contact.tip import HEMISPHERE
-from sims.contact.walls.near_walls import wall_force_factor
-from sims.contact.walls.superposition import Walls
 from sims.press.indentation import Indentation
 
 
@@ -27,8 +26,7 @@ class SolvedPress:
     smooth : the presses in tip radii and E R²
     tip_radius_mm : radius of the hemispherical tip [mm]
     youngs_modulus_mpa : modulus of the layer [MPa]; it scales the force only
-    walls : distances (west, east, south, north) of the pad's walls from the press axis [tip radii]; None leaves the
-        force that of the round pad
+    placed : the presses at a place of the pad; None: those of the round pad
     unit : the solver's states, where the press was solved live; None from the library
     notes : what the user should know about this solution
     """
@@ -36,7 +34,7 @@ class SolvedPress:
     smooth: SmoothPress
     tip_radius_mm: float
     youngs_modulus_mpa: float
-    walls: Walls | None = None
+    placed: PlacedPress | None = None
     unit: UnitPress | None = None
     notes: tuple[str, ...] = ()
 
@@ -65,34 +63,41 @@ class SolvedPress:
             )
         return min(depth, self.smooth.deepest)
 
+    def round_depth(self, depth_mm: float) -> float:
+        """Depth of the round pad's press that is this place's at a depth [mm], in tip radii; errors of `at`."""
+        depth = self.scaled_depth(depth_mm)
+        return depth if self.placed is None else self.placed.round_depth(depth)
+
     def force_n(self, depth_mm: float) -> float:
         """Press force at a depth [mm], in N."""
         depth, unit_n = self.scaled_depth(depth_mm), self.youngs_modulus_mpa * self.tip_radius_mm**2
-        return self.smooth.force_at(depth) * unit_n * self._wall_factor(depth)
-
-    def _wall_factor(self, depth: float) -> float:
-        """Force over that of the round pad [-], which a square of its area has in the middle."""
-        if self.walls is None or depth <= 0.0:
-            return 1.0
-        half = round(half_width_of(self.smooth.wall_radius), 9)
-        here, there = (
-            wall_force_factor(self.smooth.layer_depth, depth, walls) for walls in (self.walls, (half,) * 4)
-        )
-        return here / there
+        return unit_n * (self.placed or self.smooth).force_at(depth)
 
     def at(self, depth_mm: float) -> Indentation:
         """The press at a depth [mm], its surface run out beyond the half width of the pad; 0 or less is untouched.
 
         Raises
         ------
-        ModelScopeError : deeper than solved
+        ModelScopeError : deeper than solved, or walls that change the press too much
         """
-        curve = self.smooth.curve_at(self.scaled_depth(depth_mm))
+        curve = (self.placed or self.smooth).curve_at(self.scaled_depth(depth_mm))
         return self._indentation(run_out(curve, half_width_of(self.smooth.wall_radius)), depth_mm)
 
+    def near_at(self, depth_mm: float) -> Indentation:
+        """The part of the press at a depth [mm] that is a curve around its axis (`PlacedPress.near_at`).
+
+        Raises
+        ------
+        ModelScopeError : as `at`
+        """
+        if self.placed is None:
+            return self.at(depth_mm)
+        return self._indentation(self.placed.near_at(self.scaled_depth(depth_mm)), depth_mm)
+
     def round_pad_at(self, depth_mm: float) -> Indentation:
-        """The press at a depth [mm], its surface that of the round pad out to its wall; errors of `at`."""
-        return self._indentation(self.smooth.curve_at(self.scaled_depth(depth_mm)), depth_mm)
+        """The press at a depth [mm] in the round pad: its surface out to its wall, and its force; errors of `at`."""
+        plain = replace(self, placed=None)
+        return plain._indentation(self.smooth.curve_at(self.scaled_depth(depth_mm)), depth_mm)
 
     def _indentation(self, curve: TopCurve, depth_mm: float) -> Indentation:
         """A curve in tip radii and the force of its depth."""

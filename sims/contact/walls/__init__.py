@@ -1,4 +1,4 @@
-"""What near walls change of a press: force and surface, from three-dimensional runs.
+"""What the walls of a rectangular pad change of a press: a linear incompressible layer, solved once a design.
 
-Imports of ours: solver, and the tip and the scope of `sims.contact`.
+Imports of ours: none.
 """

@@ -20,7 +20,7 @@ from sims.optics.engine.scattered import diffuse, landing, orders, repeated, rep
 from sims.optics.engine.scattered.diffuse import bounces, deposit, golden_shift, join, layout_of
 from sims.optics.engine.scattered.diffuse import patch_areas as areas_of
 from sims.optics.engine.scattered.orders import all_orders
-from sims.optics.engine.straight import direct, polygon, rays
+from sims.optics.engine.straight import direct, marches, polygon, rays
 from sims.optics.engine.straight.direct import flat_flux
 from sims.optics.kernel_types import ImageRules, Orders, Patches, StraightRules, UntouchedLight, UntouchedRays
 from sims.optics.scene.optical_scene import BoolArray, FloatArray, IntArray
@@ -33,6 +33,7 @@ KERNEL_MODULES = (
     curves,
     radial,
     top,
+    marches,
     rays,
     top_grid,
     image_cells,

@@ -60,9 +60,8 @@ def row_names(
         b"".join(_bytes_of(part) for part in (number, *row))
         for number, row in enumerate(_emitter_rows(scene))
     ]
-    rows, field = tops.part(states)
     names = []
-    for row, nodes, of_state in zip(rows, field, asked, strict=True):
+    for row, nodes, of_state in zip(tops.rows[states], tops.field[states], asked, strict=True):
         state = common.copy()
         state.update(_bytes_of(row) + _bytes_of(nodes))
         names.append([_named(state, own, wanted) for own, wanted in zip(emitters, of_state, strict=True)])

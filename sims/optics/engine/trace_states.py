@@ -56,7 +56,7 @@ from sims.optics.engine.untouched import Untouched, gauss, untouched_pad
 from sims.optics.scene.checks import check_scene, wanted_pairs
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.scene.smooth_field import SmoothField
-from sims.optics.scene.symmetry import StateClasses, state_classes
+from sims.optics.scene.symmetry import StateClasses, each_its_own, press_keys, state_classes
 from sims.optics.surface.curves import SKIRT_R
 from sims.optics.surface.tops import Presses, TopStack, stack_tops
 from sims.press.indentation import Indentation
@@ -100,6 +100,7 @@ def trace_scene(
     indentations: Presses,
     *,
     fields: Sequence[SmoothField | None] | None = None,
+    classes: StateClasses | None = None,
     accuracy: str | float | Accuracy = "standard",
     seed: int = 0,
     pairs: NDArray[np.bool_] | None = None,
@@ -114,6 +115,7 @@ def trace_scene(
     centres_mm : (state, 2) or (state, tip, 2) press axes; ignored where untouched [mm]
     indentations : per state one, None where untouched, or a sequence of these, one for each tip
     fields : one per state, added to the top; None: none
+    classes : states of equal light; with it, centres, indentations and fields are one per class
     accuracy : draft, score, standard, fine, reference, settings, or a wanted relative error: settings are then
         refined for the states that miss it (`RawLight.relative_error`), up to reference; `is_met` tells
     seed : of all offsets; same seed, same bits, whatever the number of threads
@@ -127,10 +129,14 @@ def trace_scene(
     `sims.optics.surface.tops`.
     """
     check_scene(scene)
-    states = len(indentations)
+    centres = np.asarray(centres_mm, dtype=np.float64)
+    if classes is None:
+        classes = _classes(scene, centres, indentations, fields)
+        centres, indentations = centres[classes.first], [indentations[state] for state in classes.first]
+        fields = None if fields is None else [fields[state] for state in classes.first]
+    states = len(classes.member)
     wanted = wanted_pairs(pairs, states, len(scene.emitter_wall), len(scene.receiver_wall))
-    tops = stack_tops(indentations, np.asarray(centres_mm, dtype=np.float64), scene, fields)
-    classes = _classes(scene, centres_mm, indentations, fields)
+    tops = stack_tops(indentations, centres, scene, fields)
     asked = _class_pairs(wanted, classes)
     if isinstance(accuracy, (str, Accuracy)):
         target, ladder = np.inf, [accuracy_of(accuracy)]
@@ -145,7 +151,7 @@ def trace_scene(
         work = _Work(
             scene=scene,
             tops=tops,
-            states=classes.first[left],
+            states=left,
             asked=asked[left],
             settings=settings,
             seed=seed,
@@ -160,7 +166,7 @@ def trace_scene(
     return RawLight(
         flux=np.where(wanted, lines[OF_CLASSES][:, member, *there], 0.0),
         standard_error=np.where(wanted, lines[ERROR][member, *there], 0.0),
-        skirt_radius_mm=tops.rows[:, :, SKIRT_R].max(axis=1, initial=0.0),
+        skirt_radius_mm=tops.rows[:, :, SKIRT_R].max(axis=1, initial=0.0)[classes.member],
         relative_error=relative[classes.member],
         is_met=relative[classes.member] <= target,
     )
@@ -251,17 +257,10 @@ def _classes(
     fields: Sequence[SmoothField | None] | None,
 ) -> StateClasses:
     """Classes of equal light; every state its own where fields are given, for a field is known as numbers only."""
+    if fields is not None and any(field is not None for field in fields):
+        return each_its_own(scene, len(indentations))
     pressed = [[one] if one is None or isinstance(one, Indentation) else list(one) for one in indentations]
-    centres = np.asarray(centres_mm, dtype=np.float64).reshape(len(pressed), -1, 2)
-    if fields is None or all(field is None for field in fields):
-        return state_classes(scene, np.nan_to_num(centres), pressed)
-    every = np.arange(len(pressed))
-    return StateClasses(
-        first=every,
-        member=every,
-        emitters=np.tile(np.arange(len(scene.emitter_wall)), (len(every), 1)),
-        receivers=np.tile(np.arange(len(scene.receiver_wall)), (len(every), 1)),
-    )
+    return state_classes(scene, np.nan_to_num(centres_mm).reshape(len(pressed), -1, 2), press_keys(pressed))
 
 
 def _class_pairs(wanted: NDArray[np.bool_], classes: StateClasses) -> NDArray[np.bool_]:

@@ -159,7 +159,7 @@ def _no_press(box: FloatArray) -> object:
 
     rows = np.zeros((1, ROW))
     rows[0, [TOP, LOWEST, HIGHEST]] = box[2]
-    return Top(rows, np.zeros((0, 0, 4)))
+    return Top(rows, np.zeros((0, 0, 16)))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,8 +10,8 @@ Inside a tip's contact radius the top is contact.
 
 Left out
 --------
-Curves with more than one height at a radius (refused); the tips' shape where other heights lift or lower the top
-under them: contact is the top itself.
+Curves with more than one height at a radius (refused, but for a shank that is in the pad: it leans by `STEEPEST`); the
+tips' shape where other heights lift or lower the top under them: contact is the top itself.
 
 This file shares no code with the fast engine on purpose: it is the other half of a comparison.
 """
@@ -34,6 +34,9 @@ from sims.press.indentation import Indentation
 FloatArray = NDArray[np.float64]
 Tip = tuple[FloatArray, Indentation]
 
+STEEPEST, SPHERE_KNOTS = 30.0, 97
+"""A shank in the pad leans outward with this slope: its edge moves out by a thirtieth of what is wetted. Knots of the
+sphere below it."""
 BINS = 512
 """Rings of equal width from a tip's axis to its edge, each with a bound on curvature."""
 X, Y, EDGE, CONTACT_RADIUS, SPHERE, DROP, FIRST, LAST = range(8)
@@ -88,9 +91,9 @@ def lower_sum(
     for number, (centre, press) in enumerate(tips):
         name = where if len(tips) == 1 else f"{where}[{number}]"
         check_indentation(press, top_mm, name)
-        knots, sphere = _single_valued(press, name)
+        knots, sphere, contact = _single_valued(press, name)
         pieces = _cubic_pieces(knots)
-        edge, contact = float(knots[-1, 0]), float(press.contact_radius_mm)
+        edge = float(knots[-1, 0])
         row = (centre[0], centre[1], edge, contact, sphere, press.depth_mm, first, first + len(pieces) - 1)
         rings, ring_bends = _rings(row, pieces)
         rows.append(row)
@@ -128,19 +131,34 @@ def _check_apart(tips: Sequence[Tip], where: str) -> None:
                 )
 
 
-def _single_valued(press: Indentation, where: str) -> tuple[FloatArray, float]:
-    """Knots (n, 2) of height over rising radius, and the radius of the sphere inside them, 0 for none."""
+def _single_valued(press: Indentation, where: str) -> tuple[FloatArray, float, float]:
+    """Knots (n, 2) of height over rising radius, radius of the sphere inside them, 0 for none, and contact radius."""
     knots, wetted, cap = free_curve(press, where)
-    sphere = cap if press.is_hemisphere else 0.0
+    sphere, contact = cap if press.is_hemisphere else 0.0, float(press.contact_radius_mm)
     if not press.is_hemisphere and len(wetted):
         knots = np.vstack([wetted, knots[1:]])
-    beyond = press.tip_radius_mm < press.depth_mm and sphere >= press.tip_radius_mm
-    if beyond or np.diff(knots[:, 0]).min() < SEAM_MM:
+    if press.tip_radius_mm < press.depth_mm and sphere >= press.tip_radius_mm:
+        knots, sphere = _leaning(press, knots), 0.0
+        contact = float(knots[SPHERE_KNOTS, 0])
+    if np.diff(knots[:, 0]).min() < SEAM_MM:
         raise ModelScopeError(
-            f"{where}: the curve has several heights at one radius (it folds or wraps the tip); with several tips or"
-            " a field only single-valued curves can be traced: press less deep"
+            f"{where}: the curve has several heights at one radius (it folds); with several tips or a field only"
+            " single-valued curves can be traced: press less deep"
         )
-    return knots, press.tip_radius_mm if sphere > 0.0 else 0.0
+    return knots, press.tip_radius_mm if sphere > 0.0 else 0.0, contact
+
+
+def _leaning(press: Indentation, free: FloatArray) -> FloatArray:
+    """Knots of a tip in beyond its equator: the sphere, its shank as a steep cone, the free curve moved out."""
+    tip, equator = press.tip_radius_mm, press.tip_radius_mm - press.depth_mm
+    angle = np.linspace(0.0, math.atan(STEEPEST), SPHERE_KNOTS)
+    sphere = np.column_stack([tip * np.sin(angle), equator - tip * np.cos(angle)])
+    rise = free[0, 1] - sphere[-1, 1]
+    edge = np.array([[sphere[-1, 0] + rise / STEEPEST, free[0, 1]]])
+    beyond = free[1:].copy()
+    least = edge[0, 0] + 2.0 * SEAM_MM * np.arange(1, len(beyond) + 1)
+    beyond[:, 0] = np.maximum(np.maximum.accumulate(beyond[:, 0]), least)
+    return np.vstack([sphere, edge, beyond])
 
 
 def _cubic_pieces(knots: FloatArray) -> FloatArray:

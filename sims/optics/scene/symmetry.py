@@ -7,6 +7,7 @@ press and its image then have the same light, with emitters and receivers renumb
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 SAME_PLACE_MM = 1e-6
 """Two places are one when they agree to this: patterns make them agree to round-off."""
-Key = tuple[tuple[int, int, int], ...]
+Key = tuple[tuple[int, int, float], ...]
+Presses = Sequence[Sequence[float | None]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,15 +81,29 @@ def symmetries_of(scene: OpticalScene) -> tuple[SceneSymmetry, ...]:
     return tuple(found)
 
 
-def state_classes(
-    scene: OpticalScene, centres_mm: FloatArray, pressed: list[list[Indentation | None]]
-) -> StateClasses:
+def press_keys(pressed: Sequence[Sequence[Indentation | None]]) -> Presses:
+    """What tells presses apart where each has a curve of its own: the curve."""
+    return [[None if tip is None or tip.depth_mm <= 0 else id(tip) for tip in tips] for tips in pressed]
+
+
+def each_its_own(scene: OpticalScene, states: int) -> StateClasses:
+    """Every state a class by itself."""
+    every = np.arange(states)
+    return StateClasses(
+        first=every,
+        member=every,
+        emitters=np.tile(np.arange(len(scene.emitter_wall)), (states, 1)),
+        receivers=np.tile(np.arange(len(scene.receiver_wall)), (states, 1)),
+    )
+
+
+def state_classes(scene: OpticalScene, centres_mm: FloatArray, pressed: Presses) -> StateClasses:
     """Sort states into classes of equal light.
 
     Parameters
     ----------
     centres_mm : (state, tip, 2) press axes [mm]
-    pressed : per state one indentation or None per tip
+    pressed : per state and tip what tells presses at one place apart, None where the tip does not touch
     """
     symmetries = symmetries_of(scene)
     known: dict[Key, tuple[int, SceneSymmetry]] = {}
@@ -113,15 +129,11 @@ def state_classes(
     )
 
 
-def _key(places_mm: FloatArray, tips: list[Indentation | None]) -> Key:
+def _key(places_mm: FloatArray, tips: Sequence[float | None]) -> Key:
     """A state's touching tips by place and press, in any order."""
     rounded = np.round(places_mm / SAME_PLACE_MM).astype(np.int64)
     return tuple(
-        sorted(
-            (int(x), int(y), id(tip))
-            for (x, y), tip in zip(rounded, tips, strict=False)
-            if tip is not None and tip.depth_mm > 0
-        )
+        sorted((int(x), int(y), tip) for (x, y), tip in zip(rounded, tips, strict=False) if tip is not None)
     )
 
 

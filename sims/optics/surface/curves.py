@@ -64,7 +64,7 @@ CONTACT = 20
 CONTACT_PARTS = 48
 COLUMNS = CONTACT + CONTACT_PARTS + 1
 # a tip's row as kernels read it: the press's columns, what is known of the field (first tip), levels, pieces
-FIELD_COLUMNS = 8
+FIELD_COLUMNS = 9
 REACH = COLUMNS + FIELD_COLUMNS
 PIECES = REACH + LEVELS
 ROW = PIECES + PIECE_COLUMNS * CELLS

@@ -1,7 +1,7 @@
 # mypy: no-warn-return-any
 """Kernels: the deformed top as the sum of every tip's radial table and of a smooth field.
 
-A state's top is a `Top`: rows of `sims.optics.surface.curves.SurfaceStack` for each tip, a bicubic Hermite field
+A state's top is a `Top`: rows of `sims.optics.surface.curves.SurfaceStack` for each tip, a bicubic field
 (`sims.optics.scene.smooth_field`; empty where there is none), and what is known of the field as a whole.
 """
 
@@ -13,7 +13,7 @@ from sims.optics.scene.optical_scene import FloatArray
 from sims.optics.surface.curves import ACTIVE, COLUMNS, CONTACT_R, FIELD_COLUMNS, OUTER_R, SKIRT_R, TOP, X, Y
 from sims.optics.surface.radial import distance, height, height_and_turn, height_turn_bend, inlined, kernel
 
-FIELD_ON, FIELD_X, FIELD_Y, FIELD_DX, FIELD_DY, FIELD_LOWEST, FIELD_SLOPE, SLACK = range(
+FIELD_ON, FIELD_X, FIELD_Y, PER_X, PER_Y, FIELD_LOWEST, FIELD_SLOPE, FIELD_BEND, SLACK = range(
     COLUMNS, COLUMNS + FIELD_COLUMNS
 )
 
@@ -23,10 +23,10 @@ class Top(NamedTuple):
 
     Attributes
     ----------
-    rows : (tip, n) see `sims.optics.surface.curves`; in the first, from `FIELD_ON`: field on, origin, steps, lowest
-    value (0
-        or below), largest slope; how far the field and the tips beside the one at hand may lower the top [mm]
-    field : (nx, ny, 4) nodes of the field, or (0, 0, 4)
+    rows : (tip, n) see `sims.optics.surface.curves`; in the first, from `FIELD_ON`: field on, origin [mm], cells per mm
+        along x and y, lowest value (0 or below) [mm], largest slope [-] and bend [1/mm] of the field; how far the field
+        and the tips beside the one at hand may lower the top [mm]
+    field : (nx, ny, 16) coefficients of u^p v^q in each cell, q the faster, u and v from 0 to 1 [mm]; or (0, 0, 16)
     """
 
     rows: FloatArray
@@ -74,58 +74,87 @@ def is_beyond(x: float, y: float, top: Top) -> bool:
     return True
 
 
-@kernel
-def _field_cell(x: float, y: float, top: Top) -> tuple[int, int, float, float]:
-    """Cell of the field and fractions within it; -1 outside."""
-    rows = top.rows
-    u = (x - rows[0, FIELD_X]) / rows[0, FIELD_DX]
-    v = (y - rows[0, FIELD_Y]) / rows[0, FIELD_DY]
-    nx = top.field.shape[0] - 1
-    ny = top.field.shape[1] - 1
+@inlined
+def field_height(x: float, y: float, top: Top) -> float:
+    """The field's height; 0 outside it."""
+    u = (x - top.rows[0, FIELD_X]) * top.rows[0, PER_X]
+    v = (y - top.rows[0, FIELD_Y]) * top.rows[0, PER_Y]
+    nx = top.field.shape[0]
+    ny = top.field.shape[1]
     if not (0.0 <= u <= nx and 0.0 <= v <= ny):
-        return -1, -1, 0.0, 0.0
+        return 0.0
     i = min(int(u), nx - 1)
     j = min(int(v), ny - 1)
-    return i, j, u - i, v - j
+    u -= i
+    v -= j
+    c = top.field[i, j]
+    b0 = c[0] + v * (c[1] + v * (c[2] + v * c[3]))
+    b1 = c[4] + v * (c[5] + v * (c[6] + v * c[7]))
+    b2 = c[8] + v * (c[9] + v * (c[10] + v * c[11]))
+    b3 = c[12] + v * (c[13] + v * (c[14] + v * c[15]))
+    return b0 + u * (b1 + u * (b2 + u * b3))
+
+
+@inlined
+def field_gradient(x: float, y: float, top: Top) -> tuple[float, float, float]:
+    """The field's height, dh/dx, dh/dy; 0 outside it."""
+    per_x = top.rows[0, PER_X]
+    per_y = top.rows[0, PER_Y]
+    u = (x - top.rows[0, FIELD_X]) * per_x
+    v = (y - top.rows[0, FIELD_Y]) * per_y
+    nx = top.field.shape[0]
+    ny = top.field.shape[1]
+    if not (0.0 <= u <= nx and 0.0 <= v <= ny):
+        return 0.0, 0.0, 0.0
+    i = min(int(u), nx - 1)
+    j = min(int(v), ny - 1)
+    u -= i
+    v -= j
+    c = top.field[i, j]
+    b0 = c[0] + v * (c[1] + v * (c[2] + v * c[3]))
+    b1 = c[4] + v * (c[5] + v * (c[6] + v * c[7]))
+    b2 = c[8] + v * (c[9] + v * (c[10] + v * c[11]))
+    b3 = c[12] + v * (c[13] + v * (c[14] + v * c[15]))
+    d0 = c[1] + v * (2.0 * c[2] + v * 3.0 * c[3])
+    d1 = c[5] + v * (2.0 * c[6] + v * 3.0 * c[7])
+    d2 = c[9] + v * (2.0 * c[10] + v * 3.0 * c[11])
+    d3 = c[13] + v * (2.0 * c[14] + v * 3.0 * c[15])
+    height = b0 + u * (b1 + u * (b2 + u * b3))
+    return (
+        height,
+        (b1 + u * (2.0 * b2 + u * 3.0 * b3)) * per_x,
+        (d0 + u * (d1 + u * (d2 + u * d3))) * per_y,
+    )
 
 
 @kernel
-def _ends(t: float, step: float) -> tuple[float, float, float, float]:
-    """Hermite weights of value and slope at both ends of a cell."""
-    s = 1.0 - t
-    return (1.0 + 2.0 * t) * s * s, step * t * s * s, (1.0 + 2.0 * s) * t * t, -step * s * t * t
-
-
-@kernel
-def _end_slopes(t: float, step: float) -> tuple[float, float, float, float]:
-    """First derivatives of `_ends` with respect to the place."""
-    s = 1.0 - t
-    return -6.0 * t * s / step, s * (1.0 - 3.0 * t), 6.0 * t * s / step, t * (3.0 * t - 2.0)
-
-
-@kernel
-def _end_bends(t: float, step: float) -> tuple[float, float, float, float]:
-    """Second derivatives of `_ends`."""
-    s2 = step * step
-    return (12.0 * t - 6.0) / s2, (6.0 * t - 4.0) / step, (6.0 - 12.0 * t) / s2, (6.0 * t - 2.0) / step
-
-
-@kernel
-def _mixed(
-    i: int, j: int, along: tuple[float, float, float, float], across: tuple[float, float, float, float],
-    field: FloatArray,
-) -> float:  # fmt: skip
-    """Sum over a cell's four nodes of weights along x and y."""
-    total = 0.0
-    for a in range(2):
-        for b in range(2):
-            node = field[i + a, j + b]
-            wa = along[2 * a]
-            sa = along[2 * a + 1]
-            wb = across[2 * b]
-            sb = across[2 * b + 1]
-            total += wb * (node[0] * wa + node[1] * sa) + sb * (node[2] * wa + node[3] * sa)
-    return total
+def _field_bends(x: float, y: float, top: Top) -> tuple[float, float, float]:
+    """The field's d2h/dx2, d2h/dxdy, d2h/dy2; 0 outside it."""
+    per_x = top.rows[0, PER_X]
+    per_y = top.rows[0, PER_Y]
+    u = (x - top.rows[0, FIELD_X]) * per_x
+    v = (y - top.rows[0, FIELD_Y]) * per_y
+    nx = top.field.shape[0]
+    ny = top.field.shape[1]
+    if not (0.0 <= u <= nx and 0.0 <= v <= ny):
+        return 0.0, 0.0, 0.0
+    i = min(int(u), nx - 1)
+    j = min(int(v), ny - 1)
+    u -= i
+    v -= j
+    c = top.field[i, j]
+    hxx = 0.0
+    hxy = 0.0
+    hyy = 0.0
+    for p in range(3, -1, -1):
+        value = c[4 * p] + v * (c[4 * p + 1] + v * (c[4 * p + 2] + v * c[4 * p + 3]))
+        slope = c[4 * p + 1] + v * (2.0 * c[4 * p + 2] + v * 3.0 * c[4 * p + 3])
+        hyy = hyy * u + 2.0 * c[4 * p + 2] + v * 6.0 * c[4 * p + 3]
+        if p > 0:
+            hxy = hxy * u + p * slope
+        if p > 1:
+            hxx = hxx * u + p * (p - 1) * value
+    return hxx * per_x * per_x, hxy * per_x * per_y, hyy * per_y * per_y
 
 
 @kernel
@@ -142,9 +171,7 @@ def surface_height(x: float, y: float, top: Top) -> float:
         ry = y - rows[k, Y]
         h += height(rx * rx + ry * ry, k, rows) - rows[k, TOP]
     if top.rows[0, FIELD_ON] != 0.0:
-        i, j, u, v = _field_cell(x, y, top)
-        if i >= 0:
-            h += _mixed(i, j, _ends(u, top.rows[0, FIELD_DX]), _ends(v, top.rows[0, FIELD_DY]), top.field)
+        h += field_height(x, y, top)
     return h
 
 
@@ -167,13 +194,10 @@ def surface_gradient(x: float, y: float, top: Top) -> tuple[float, float, float]
         gx += per * rx
         gy += per * ry
     if top.rows[0, FIELD_ON] != 0.0:
-        i, j, u, v = _field_cell(x, y, top)
-        if i >= 0:
-            along = _ends(u, top.rows[0, FIELD_DX])
-            across = _ends(v, top.rows[0, FIELD_DY])
-            h += _mixed(i, j, along, across, top.field)
-            gx += _mixed(i, j, _end_slopes(u, top.rows[0, FIELD_DX]), across, top.field)
-            gy += _mixed(i, j, along, _end_slopes(v, top.rows[0, FIELD_DY]), top.field)
+        more, mx, my = field_gradient(x, y, top)
+        h += more
+        gx += mx
+        gy += my
     return h, gx, gy
 
 
@@ -203,18 +227,12 @@ def surface_bend(x: float, y: float, top: Top) -> tuple[float, float, float, flo
         hxy += mxy
         hyy += myy
     if top.rows[0, FIELD_ON] != 0.0:
-        i, j, u, v = _field_cell(x, y, top)
-        if i >= 0:
-            dx = top.rows[0, FIELD_DX]
-            dy = top.rows[0, FIELD_DY]
-            along = _ends(u, dx)
-            across = _ends(v, dy)
-            along_slope = _end_slopes(u, dx)
-            across_slope = _end_slopes(v, dy)
-            h += _mixed(i, j, along, across, top.field)
-            gx += _mixed(i, j, along_slope, across, top.field)
-            gy += _mixed(i, j, along, across_slope, top.field)
-            hxx += _mixed(i, j, _end_bends(u, dx), across, top.field)
-            hxy += _mixed(i, j, along_slope, across_slope, top.field)
-            hyy += _mixed(i, j, along, _end_bends(v, dy), top.field)
+        more, mx, my = field_gradient(x, y, top)
+        mxx, mxy, myy = _field_bends(x, y, top)
+        h += more
+        gx += mx
+        gy += my
+        hxx += mxx
+        hxy += mxy
+        hyy += myy
     return h, gx, gy, hxx, hxy, hyy

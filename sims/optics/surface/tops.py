@@ -32,13 +32,13 @@ from sims.optics.surface.curves import (
     stack_surfaces,
 )
 from sims.optics.surface.radial_table import CELLS, PIECE_COLUMNS, lowest_of_pieces_mm, node_radii_mm
-from sims.optics.surface.top import FIELD_LOWEST, FIELD_ON, FIELD_SLOPE, SLACK
+from sims.optics.surface.top import FIELD_BEND, FIELD_LOWEST, FIELD_ON, FIELD_SLOPE, SLACK
 from sims.press.indentation import Indentation
 
 FloatArray = NDArray[np.float64]
 Presses = Sequence[Indentation | Sequence[Indentation | None] | None]
-SUBDIVISION = 4
-SLOPE_RESERVE = 1.1
+SUBDIVISION = 2
+SLOPE_RESERVE, BEND_RESERVE = 1.1, 1.2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,14 +49,16 @@ class TopStack:
     ----------
     rows : (state, tip, n) see `sims.optics.surface.curves`
     field : (state, nx, ny, 4) nodes of the fields; (state, 0, 0, 4) where no state has one
+    step_mm : (2,) distance of the nodes along x and y [mm]
     """
 
     rows: FloatArray
     field: FloatArray
+    step_mm: FloatArray
 
     def part(self, states: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
         """Arrays of some states in the order of `sims.optics.surface.top.Top`."""
-        return self.rows[states], self.field[states]
+        return self.rows[states], _cells(self.field[states], self.step_mm)
 
 
 def stack_tops(
@@ -92,10 +94,10 @@ def stack_tops(
         _check_apart(rows, scene)
     untouched = (rows[:, :, ACTIVE] == 0.0).all(axis=1)
     rows[untouched, 0, X], rows[untouched, 0, Y] = scene.length_mm / 2, scene.width_mm / 2
-    field, known = _stacked_fields(fields, states)
+    field, known, step = _stacked_fields(fields, states)
     rows[:, 0, FIELD_ON : FIELD_ON + FIELD_COLUMNS] = known
     rows[:, 0, SLACK] += _neighbours_depth_mm(rows)
-    return TopStack(rows=rows, field=field)
+    return TopStack(rows=rows, field=field, step_mm=step)
 
 
 def _packed(column: SurfaceStack) -> FloatArray:
@@ -174,67 +176,66 @@ def _fall_beyond_mm(row: FloatArray, radius_mm: float) -> float:
 
 def _stacked_fields(
     fields: Sequence[SmoothField | None] | None, states: int
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Nodes, what is known of each field, and the distance of the nodes, which all have in common."""
     known = np.zeros((states, FIELD_COLUMNS))
     if fields is None or all(field is None for field in fields):
-        return np.zeros((states, 0, 0, 4)), known
+        return np.zeros((states, 0, 0, 4)), known, np.ones(2)
     if len(fields) != states:
         raise InputError(f"fields: {len(fields)} for {states} states; give one, or None, per state")
-    shapes = {field.nodes.shape for field in fields if field is not None}
-    if len(shapes) != 1:
-        raise InputError(f"fields: grids of {sorted(shapes)} nodes; give all states the same grid")
-    nodes = np.zeros((states, *shapes.pop()))
+    grids = {(field.nodes.shape, *field.step_mm) for field in fields if field is not None}
+    if len(grids) != 1:
+        shapes = sorted(shape for shape, *_ in grids)
+        raise InputError(f"fields: grids of {shapes} nodes; give all states the same grid")
+    shape, *step = grids.pop()
+    nodes = np.zeros((states, *shape))
     for state, field in enumerate(fields):
         if field is not None:
             nodes[state] = field.nodes
             known[state] = _known_of(field)
-    return nodes, known
+    return nodes, known, np.array(step)
+
+
+def _cells(nodes: FloatArray, step: FloatArray) -> FloatArray:
+    """(state, nx - 1, ny - 1, 16) coefficients of u^p v^q of the bicubic Hermite patches between nodes."""
+    if nodes.shape[1] == 0:
+        return np.zeros((len(nodes), 0, 0, 16))
+    # value and slope at a cell's first end, then at its second, in units of a cell -> coefficients of 1, u, u², u³
+    cubic = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [-3, -2, 3, -1], [2, 1, -2, 1]], dtype=np.float64)
+    # columns of a node: value, d/dx, d/dy, mixed
+    scaled = nodes * np.array([1.0, step[0], step[1], step[0] * step[1]])
+    ends = [[scaled[:, a : a - 1 or None, b : b - 1 or None] for b in (0, 1)] for a in (0, 1)]
+    corners = np.stack([np.stack(row, axis=3) for row in ends], axis=3)
+    kinds = corners.reshape(*corners.shape[:5], 2, 2).transpose(0, 1, 2, 3, 6, 4, 5)
+    given = kinds.reshape(*kinds.shape[:3], 4, 4)
+    return np.ascontiguousarray((cubic @ given @ cubic.T).reshape(*given.shape[:3], 16))
 
 
 def _known_of(field: SmoothField) -> FloatArray:
-    """Origin, steps and bounds of a field; bounds from `SUBDIVISION` points a cell along each side."""
-    value, slope_x, slope_y = _sampled(field)
+    """Origin, cells per mm and bounds of a field; bounds from `SUBDIVISION` points a cell along each side."""
+    value, slope_x, slope_y, bend = _sampled(field)
     row = np.zeros(FIELD_COLUMNS)
-    row[:5] = 1.0, *field.origin_mm, *field.step_mm
+    row[:5] = 1.0, *field.origin_mm, *(1.0 / field.step_mm)
     row[FIELD_LOWEST - FIELD_ON] = min(SLOPE_RESERVE * float(value.min()), 0.0)
     row[FIELD_SLOPE - FIELD_ON] = SLOPE_RESERVE * float(np.hypot(slope_x, slope_y).max())
+    row[FIELD_BEND - FIELD_ON] = BEND_RESERVE * max(float(bend.max()), 0.0)
     row[SLACK - FIELD_ON] = -row[FIELD_LOWEST - FIELD_ON]
     return row
 
 
-def _sampled(field: SmoothField) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Value and both slopes at `SUBDIVISION` + 1 points a cell along each side."""
+def _sampled(field: SmoothField) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Value, slopes and bend (the fastest fall of a slope in any direction), `SUBDIVISION` + 1 points a cell a side."""
+    cells = _cells(field.nodes[None], field.step_mm)[0].reshape(len(field.nodes) - 1, -1, 4, 4)
     t = np.linspace(0.0, 1.0, SUBDIVISION + 1)
-    (along, along_slope), (across, across_slope) = (_weights(t, step) for step in field.step_mm)
-    n = field.nodes
-    corners = np.stack(
-        [np.stack([n[a : len(n) - 1 + a, b : n.shape[1] - 1 + b] for b in (0, 1)]) for a in (0, 1)]
-    )
-    # node columns: value, d/dx, d/dy, mixed -> (x kind, y kind)
-    kinds = corners.reshape(*corners.shape[:4], 2, 2).swapaxes(4, 5)
-    pattern = "abijkl,pak,qbl->ijpq"
-    return (
-        np.einsum(pattern, kinds, along, across, optimize=True),
-        np.einsum(pattern, kinds, along_slope, across, optimize=True),
-        np.einsum(pattern, kinds, along, across_slope, optimize=True),
-    )
+    power = np.arange(4)
+    value = t[:, None] ** power
+    slope = np.where(power > 0, power * t[:, None] ** np.maximum(power - 1, 0), 0.0)
+    bend = np.where(power > 1, power * (power - 1) * t[:, None] ** np.maximum(power - 2, 0), 0.0)
+    (dx, dy), pattern = field.step_mm, "ijpq,ap,bq->ijab"
 
+    def found(along: FloatArray, across: FloatArray) -> FloatArray:
+        return np.asarray(np.einsum(pattern, cells, along, across, optimize=True))
 
-def _weights(t: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
-    """(point, end, kind) Hermite weights of value and slope at both ends, and their derivatives."""
-    s = 1.0 - t
-    value = np.stack(
-        [
-            np.stack([(1 + 2 * t) * s * s, step * t * s * s], -1),
-            np.stack([(1 + 2 * s) * t * t, -step * s * t * t], -1),
-        ],
-        1,
-    )
-    slope = np.stack(
-        [
-            np.stack([-6 * t * s / step, s * (1 - 3 * t)], -1),
-            np.stack([6 * t * s / step, t * (3 * t - 2)], -1),
-        ],
-        1,
-    )
-    return value, slope
+    hxx, hxy, hyy = found(bend, value) / dx**2, found(slope, slope) / (dx * dy), found(value, bend) / dy**2
+    fastest = -0.5 * (hxx + hyy) + np.hypot(0.5 * (hxx - hyy), hxy)
+    return found(value, value), found(slope, value) / dx, found(value, slope) / dy, fastest

@@ -9,16 +9,12 @@ so they cannot be subtracted in quadrature. What is given instead:
 - the noise margin: the largest standard error within an interval, in noise units. Up to one half, the
   range that errors add to a constant stays on average below the deadband threshold; above, a verdict
   carries a warning;
-- the tightest window of several pairs together: the one in which the most responsive pair's change is least above
-  the threshold, raised as below for the error within that window;
 - possible deadbands: those found when the threshold is raised by 4.09 times the margin, the mean range
   of 30 independent errors (Tippett 1925). Correlation lowers that range. It is a band of doubt,
   not a confidence limit, and it leaves out bias of the trace.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,72 +29,15 @@ from sims.verdict.pair.defaults import (
 )
 from sims.verdict.pair.depth_curve import between, require_depths_mm, require_samples
 from sims.verdict.pair.noise_units import sigma_counts
-from sims.verdict.pair.window_range import Interval, smallest_ranges
+from sims.verdict.pair.window_range import Interval
 
 FloatArray = NDArray[np.float64]
-
-
-@dataclass(frozen=True, kw_only=True)
-class TightWindow:
-    """A window of depth, and what the trace's error can do to a verdict in it.
-
-    Attributes
-    ----------
-    start_mm, end_mm : of the window; of a few that share their samples, where the first begins and the last ends
-    change : of the most responsive pair over the least responsive window [noise units]
-    trace_error : root mean square standard error of the trace over pairs and depths there [noise units]
-    """
-
-    start_mm: float
-    end_mm: float
-    change: float
-    trace_error: float
-
-    @property
-    def needed(self) -> float:
-        """Change that the trace's error cannot have made of nothing [noise units]."""
-        return widened_threshold(self.trace_error)
-
-    @property
-    def spare(self) -> float:
-        """Change above what is needed [noise units]; below 0 the verdict is open there."""
-        return self.change - self.needed
 
 
 def samples_between(depth_mm: FloatArray, start_mm: float, end_mm: float) -> slice:
     """The samples that straight lines between two depths rest on, those at or just outside the ends included."""
     first = int(np.searchsorted(depth_mm, start_mm, side="right")) - 1
     return slice(max(first, 0), int(np.searchsorted(depth_mm, end_mm, side="left")) + 1)
-
-
-def tight_windows(
-    knots_mm: FloatArray,
-    units: FloatArray,
-    depth_mm: FloatArray,
-    error_units: FloatArray,
-    length_mm: float,
-) -> list[TightWindow]:
-    """All windows of a length, those together whose samples are the same.
-
-    Parameters
-    ----------
-    knots_mm : (n,) increasing depths [mm]
-    units : (n, pair) signals, straight between the knots [noise units]
-    depth_mm : (m,) increasing depths that were traced, the first and last of the knots among them [mm]
-    error_units : (m, pair) standard error of the trace [noise units]
-    length_mm : window length [mm]; at most the depth range
-    """
-    first_mm, last_mm, changes = smallest_ranges(knots_mm, units, length_mm)
-    errors = [
-        np.sqrt(np.mean(error_units[samples_between(depth_mm, a, b + length_mm)] ** 2))
-        for a, b in zip(first_mm, last_mm, strict=True)
-    ]
-    return [
-        TightWindow(
-            start_mm=float(a), end_mm=float(b + length_mm), change=float(change), trace_error=float(error)
-        )
-        for a, b, change, error in zip(first_mm, last_mm, changes, errors, strict=True)
-    ]
 
 
 def noise_margin(

@@ -28,6 +28,7 @@ from tests.sims.made_up_scores import (
     WARNINGS,
     contiguous_score,
     dead_score,
+    made_up_depths,
     made_up_force,
     made_up_pair,
     out_of_scope_score,
@@ -216,7 +217,7 @@ def test_facing_rows_show_every_facing_pair(tmp_path: Path) -> None:
 def test_a_contiguous_pad_says_so_and_has_no_deadband_map(tmp_path: Path) -> None:
     said = Page(written(tmp_path, PAD, contiguous_score())).text
     assert (
-        "At each of the 25 places of the workspace that were pressed, some pair answers at every depth"
+        "At each of the 25 places of the workspace that were pressed, one frame of all readings tells depth from"
         in said
     )
     assert "Worst deadband of the pad none" in said
@@ -227,7 +228,7 @@ def test_a_pad_whose_trace_may_hide_a_deadband_is_called_open() -> None:
     score = contiguous_score()
     assert "Open" not in meaning(score, 5.0)
     first, *others = score.pad_map.places
-    doubtful = replace(first, tightest=replace(first.tightest, change=5.3, trace_error=0.7))
+    doubtful = replace(first, depths=made_up_depths(is_open=True))
     words = meaning(replace(score, pad_map=replace(score.pad_map, places=(doubtful, *others))), 5.0)
     assert words.endswith(
         f"Open at x = {first.x_mm:g}, y = {first.y_mm:g} mm: the light trace's own error there may hide a deadband; "

@@ -30,11 +30,10 @@ from sims.verdict.builds import Brief
 from sims.verdict.pad_map import Place
 from sims.verdict.pad_profile import pad_profile
 from sims.verdict.pair.noise_units import noise_units
-from sims.verdict.pair.trace_noise import TightWindow
 from tests.optopad.report.bounded_score import bounded_score
 from tests.optopad.report.page_reader import Page
 from tests.optopad.report.shell_mold import shell_stl
-from tests.sims.made_up_scores import CHECKS, contiguous_score, dead_score
+from tests.sims.made_up_scores import CHECKS, contiguous_score, dead_score, made_up_depths
 
 PAIR = preset("piacenza2017-pair")
 PAD = preset("piacenza2017-pad")
@@ -140,11 +139,8 @@ def test_the_least_change_by_depth_is_the_margin_of_the_verdict() -> None:
     place = Place(
         x_mm=10.0,
         y_mm=10.0,
-        deadbands_mm=(),
+        depths=made_up_depths(margin=1.0),
         answering_pairs=1,
-        largest_change=1.0,
-        margin=1.0,
-        tightest=TightWindow(start_mm=0.0, end_mm=0.3, change=1.0, trace_error=0.0),
     )
     pad = replace(score.pad_map, x_mm=(10.0,), y_mm=(10.0,), places=(place,))
     counts = 300.0 - 45.0 * depth - 6.0 * np.sin(3.0 * depth)

@@ -10,7 +10,7 @@ import pytest
 from design.preset import preset
 from design.spec import SensorDesign
 from sims.contact import indent
-from sims.contact.indentation import pad_notes, solved_press
+from sims.contact.indentation import solved_press
 from sims.contact.library.profile_library import LAYERS, PAD_RADII, WALL_LAYERS, Library, shipped_library
 from sims.contact.library.run_out import LONGEST, run_out
 from sims.contact.library.smooth_press import arc_shares, sample_arcs
@@ -141,27 +141,12 @@ def test_what_light_sees_ends_flat_and_beyond_the_walls() -> None:
     assert np.all(press.height_mm[press.radius_mm > 16.0] >= -1e-9)
 
 
-def test_an_oblong_pad_is_told() -> None:
-    def sized(length_mm: float, width_mm: float) -> SensorDesign:
-        return preset("piacenza2017-pad").with_(
-            **{"cavity.length_mm": length_mm, "cavity.width_mm": width_mm}
-        )
-
-    (note,) = pad_notes(sized(40.0, 28.0))
-    assert "40 x 28 mm is pressed as the round pad of its area" in note
-    assert "1.43 to 1, noted from 1.25" in note
-    assert pad_notes(sized(32.0, 28.0)) == ()
-    # its near walls are as far as those of the largest solved pad
-    assert pad_notes(preset("oblong-60x40")) == ()
-
-
 def test_a_pad_too_small_for_its_tip_is_told() -> None:
     small = too_small()
-    (note,) = pad_notes(small)
-    assert "12 x 12 mm is less than the contact model has solved" in note
-    assert "make the pad larger or use a smaller tip" in note
-    assert note in solved_press(small).notes
-    assert pad_notes(preset("piacenza2017-pair")) == ()
+    (note,) = solved_press(small).notes
+    assert "12 x 12 mm is too small for this tip" in note
+    assert "use a larger pad or a smaller tip" in note
+    assert solved_press(preset("piacenza2017-pair")).notes == ()
 
 
 def too_small() -> SensorDesign:

@@ -2,9 +2,10 @@
 
 import pytest
 
-import sims.continuity.scoring as continuity
+import sims.continuity.map_judging as continuity
 from design.geometry.cavity import cavity_of
 from design.preset import preset
+from sims.optics.accuracy import ACCURACIES
 from sims.verdict.presses import MAP_ACCURACY
 
 PAD = preset("piacenza2017-pad")
@@ -31,13 +32,13 @@ def asked(monkeypatch):
     [
         (False, False, 25, 26, MAP_ACCURACY),
         (False, True, 121, 51, MAP_ACCURACY),
-        (True, False, 121, 51, "standard"),
-        (True, True, 121, 51, "standard"),
+        (True, False, 121, 51, ACCURACIES["standard"]),
+        (True, True, 121, 51, ACCURACIES["standard"]),
     ],
 )
 def test_a_full_map_has_121_places_and_51_depths_at_least(asked, fine, full, places, fewest_depths, accuracy):
     with pytest.raises(AskedError):
-        continuity._pad_map(
+        continuity.judged_map(
             PAD, cavity_of(PAD), None, fine=fine, full=full, seed=0, tell=lambda _stage, _share: None
         )
     assert asked["places"] == places

@@ -40,8 +40,8 @@ def test_one_tip_a_state_is_asked_for_as_such_wherever_it_stands(asked):
     presses = np.array([[NONE, [9.0, 8.0, 1.0]], [[5.0, 5.0, 1.0], NONE], [NONE, NONE]])
     light = tracing.trace(PAD, presses, DIMPLE)
     centres, indentations = asked[0]
-    assert centres.tolist() == [[9.0, 8.0], [5.0, 5.0], [0.0, 0.0]]
-    assert indentations == [DIMPLE, DIMPLE, None]
+    assert centres.tolist() == [[[9.0, 8.0]], [[5.0, 5.0]], [[0.0, 0.0]]]
+    assert indentations == [[DIMPLE], [DIMPLE], [None]]
     assert light.presses.tolist() == [[9.0, 8.0, 1.0], [5.0, 5.0, 1.0], [0.0, 0.0, 0.0]]
 
 

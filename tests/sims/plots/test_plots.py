@@ -326,7 +326,7 @@ def test_the_colour_bars_carry_units():
     assert [bar.get_ylabel() for bar in figure.axes[1:]] == ["deadband at this place [mm]"]
     figure = every_plot()["margin"].figure
     assert [bar.get_ylabel() for bar in figure.axes[1:]] == [
-        "change over the least responsive 0.3 mm [noise units]"
+        "frames apart over the least told 0.3 mm [noise units]"
     ]
 
 

@@ -75,7 +75,7 @@ def test_with_everything_off_counts_are_gain_times_light_at_the_reported_press()
     places = {tuple(at): k for k, at in enumerate(curves.curves.places_mm.tolist())}
     numbers = np.array([places[tuple(at)] for at in data.press_mm[:, :2].tolist()])
     light = curves.curves.at(numbers, data.press_mm[:, 2])
-    np.testing.assert_allclose(data.signals(), light * curves.readout.counts_per_flux, rtol=1e-6)
+    np.testing.assert_allclose(data.signals(), light * curves.readout.gains, rtol=1e-6)
 
 
 def test_the_same_seed_gives_the_same_data_and_another_other_noise_and_order() -> None:

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from design.geometry.cavity import cavity_of
 from design.io import write_text_atomically
 from design.preset import preset
-from sims.contact import indent
 from sims.optics.engine.trace_states import trace_scene
 from sims.optics.scene.lower import scene_of
+from sims.optics.tracing import pressed_tops
 from tests.bench.measures.benchmark_states import different_walls
 from tests.validation.contact.contact_table import markdown_table, with_table
 from tests.validation.light.light_figures import Errors, errors_of
@@ -45,14 +45,18 @@ class Pad:
         low, high = (space.x0_mm, space.y0_mm), (space.x1_mm, space.y1_mm)
         places = np.random.default_rng(PLACE_SEED).uniform(low, high, (PLACES, 2))
         self.centres_mm = np.repeat(places, len(DEPTHS_MM), axis=0)
-        self.indentations = [indent(design, depth) for depth in DEPTHS_MM] * PLACES
+        tops = pressed_tops(design, np.column_stack([self.centres_mm, DEPTHS_MM * PLACES]))
+        self.near, self.fields = tops.near, tops.fields
         self.judged = different_walls(self.scene)
         self.untouched = self.flux("fine", TRUE_SEEDS[0], [0], is_pressed=False)[0]
 
     def flux(self, setting: str, seed: int, states: list[int], *, is_pressed: bool = True) -> FloatArray:
         """(state, pair) light of different walls."""
-        pressed = [self.indentations[k] if is_pressed else None for k in states]
-        raw = trace_scene(self.scene, self.centres_mm[states], pressed, accuracy=setting, seed=seed)
+        near = [self.near[k] if is_pressed else None for k in states]
+        fields = [self.fields[k] if is_pressed else None for k in states]
+        raw = trace_scene(
+            self.scene, self.centres_mm[states], near, fields=fields, accuracy=setting, seed=seed
+        )
         return np.asarray(raw.flux.sum(axis=0)[:, self.judged])
 
 
@@ -65,7 +69,7 @@ def by_depth(errors: FloatArray) -> list[str]:
 def table() -> str:
     """Scatter of the truth, and one row a setting."""
     pad = Pad()
-    every = list(range(len(pad.indentations)))
+    every = list(range(len(pad.near)))
     runs = np.array([pad.flux("fine", seed, every) for seed in TRUE_SEEDS]) / pad.untouched
     truth = runs.mean(axis=0)
     rows = []

@@ -6,7 +6,8 @@ import numpy as np
 from numba import njit
 
 from sims.optics.engine.straight import rays
-from sims.optics.surface import radial
+from sims.optics.surface import radial, top
+from sims.optics.surface.top import surface_height
 
 
 def _with_an_entry(kernel):
@@ -19,16 +20,19 @@ height_turn_bend = _with_an_entry(radial.height_turn_bend)
 reach2 = _with_an_entry(radial.reach2)
 slope_bound = _with_an_entry(radial.slope_bound)
 top_hit = _with_an_entry(rays.top_hit)
+height_at = _with_an_entry(top.surface_height)
+gradient_at = _with_an_entry(top.surface_gradient)
+bend_at = _with_an_entry(top.surface_bend)
 is_clear = _with_an_entry(rays.is_clear)
 
 
 @njit(error_model="numpy")
-def first_chord(x, y, z, dx, dy, dz, length, step, top):
+def first_chord(x, y, z, dx, dy, dz, length, step, pressed):
     """First and last of evenly spaced places on a ray's first stretch above the top; -1 if there is none."""
     first = -1.0
     for k in range(int(np.floor(length / step)) + 1):
         t = k * step
-        is_above = rays.surface_height(x + t * dx, y + t * dy, top) < z + t * dz
+        is_above = surface_height(x + t * dx, y + t * dy, pressed) < z + t * dz
         if is_above and first < 0.0:
             first = t
         if first >= 0.0 and not is_above:

@@ -9,7 +9,6 @@ from design.geometry.cavity import cavity_of
 from design.preset import preset
 from sims.optics.scene.lower import scene_of
 from sims.optics.scene.symmetry import state_classes, symmetries_of
-from sims.optics.surface.analytic import compact_dimple
 from sims.verdict.pad_map import COARSE_PLACES, grid_places_mm, map_grid_mm
 
 PAD = preset("piacenza2017-pad")
@@ -65,7 +64,6 @@ def test_quarter_turns_leave_seven_of_the_map_s_25_places_to_trace():
     """The middle stays where it is; the other 24 places go round in fours."""
     cavity = cavity_of(PAD)
     places = grid_places_mm(cavity.workspace, *map_grid_mm(cavity, COARSE_PLACES))
-    dimple = compact_dimple(2.0)
-    classes = state_classes(scene_of(PAD), places[:, None], [[dimple]] * len(places))
+    classes = state_classes(scene_of(PAD), places[:, None], [[2.0]] * len(places))
     assert len(places) == 25
     assert len(classes.first) == 7

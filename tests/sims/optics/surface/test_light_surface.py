@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sims.optics.engine.straight.rays import MIN_STEP_MM
+from sims.optics.scene.smooth_field import smooth_field
 from sims.optics.surface import curves as surface
 from sims.optics.surface.analytic import compact_dimple
 from sims.optics.surface.radial_table import BEND, CELLS, PIECE_COLUMNS, WINDOW, node_radii_mm
@@ -13,9 +14,12 @@ from sims.optics.surface.top import Top
 from sims.optics.surface.tops import stack_tops
 from sims.press.indentation import Indentation
 from tests.sims.optics.engine.called_kernels import (
+    bend_at,
     first_chord,
+    gradient_at,
     height,
     height_and_turn,
+    height_at,
     height_turn_bend,
     reach2,
     slope_bound,
@@ -38,7 +42,7 @@ def slope(r, rows):
 
 
 def one_tip(rows):
-    return Top(rows, np.zeros((0, 0, 4)))
+    return Top(rows, np.zeros((0, 0, 16)))
 
 
 @pytest.mark.parametrize("depth", [0.1, 0.5, 1.0, 2.0, 3.0, 4.5])
@@ -117,6 +121,47 @@ def test_a_march_finds_the_first_crossing_of_any_ray(depth):
             assert 0.0 <= first <= last < first + MIN_STEP_MM
         met += hit >= 0.0
     assert 50 < met < 350
+
+
+@pytest.mark.parametrize("depth", [0.3, 3.0, 4.5, None])
+@pytest.mark.parametrize("scale_mm", [0.02, 0.2])
+def test_a_march_finds_the_first_crossing_on_a_field_too(depth, scale_mm):
+    """As above, with a field of waves 12 mm long beside the tip, or alone."""
+    field = smooth_field(
+        lambda x, y: scale_mm * np.sin(0.52 * x + 0.3) * np.cos(0.4 * y), SCENE.length_mm, SCENE.width_mm, 1.0
+    )
+    press = None if depth is None else compact_dimple(depth, bulge_mm=0.15)
+    rows, cells = stack_tops([press], np.array([[16.0, 16.0]]), SCENE, [field]).part(np.arange(1))
+    top, generator = Top(rows[0], cells[0]), np.random.default_rng(11)
+    met = 0
+    for _ in range(400):
+        x, y = 16.0 + generator.uniform(-9.0, 9.0, 2)
+        z = height_at(x, y, top) - 1e-6 - 2.0 * generator.uniform() ** 4
+        direction = generator.normal(size=3) * [1.0, 1.0, 0.3]
+        dx, dy, dz = direction / np.linalg.norm(direction)
+        hit = top_hit(x, y, z, dx, dy, dz, 12.0, top)
+        first, last = first_chord(x, y, z, dx, dy, dz, 12.0, 2e-3, top)
+        if (hit < 0.0) != (first < 0.0) or abs(first - hit) > 2.1e-3:
+            assert 0.0 <= first <= last < first + MIN_STEP_MM
+        met += hit >= 0.0
+    assert 50 < met < 350
+
+
+def test_the_cells_of_a_field_are_its_patches_with_their_slopes():
+    field = smooth_field(lambda x, y: np.sin(0.3 * x) * np.cos(0.2 * y), SCENE.length_mm, SCENE.width_mm, 2.0)
+    rows, cells = stack_tops([None], np.array([[16.0, 16.0]]), SCENE, [field]).part(np.arange(1))
+    top, generator = Top(rows[0], cells[0]), np.random.default_rng(3)
+    for x, y in generator.uniform(0.5, 31.5, (200, 2)):
+        here = field.height_mm(np.array([x, x + 1e-5, x]), np.array([y, y, y + 1e-5]))
+        h, gx, gy = gradient_at(x, y, top)
+        assert h - SCENE.height_mm == pytest.approx(here[0], abs=1e-12)
+        assert h == height_at(x, y, top)
+        assert (gx, gy) == pytest.approx(((here[1] - here[0]) / 1e-5, (here[2] - here[0]) / 1e-5), abs=1e-5)
+        _, bx, by, xx, xy, yy = bend_at(x, y, top)
+        _, ax, ay = gradient_at(x + 1e-5, y, top)
+        _, _, cy = gradient_at(x, y + 1e-5, top)
+        assert (bx, by) == (gx, gy)
+        assert (xx, xy, yy) == pytest.approx(((ax - gx) / 1e-5, (ay - gy) / 1e-5, (cy - gy) / 1e-5), abs=1e-5)
 
 
 def test_the_top_lies_nowhere_below_a_level_beyond_its_reach():
