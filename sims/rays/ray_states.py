@@ -1,7 +1,9 @@
 """Sample paths of some pairs' light, untouched and under presses, with the power that each kind carries.
 
 Two models, each for what it is good at: the paths are walks of the ray tracer (`sims.optics.oracle.paths`), at random;
-the powers are integrals of the light model (`sims.optics.trace`), which a few dozen paths could never give.
+the powers are integrals of the light model (`sims.optics.trace`), which a few dozen paths could never give. Paths are
+drawn on the press's curve around its axis, without what walls add beside it, up to a few tenths of a millimetre beside
+them; powers are those of the whole surface.
 The classes of both agree but for the border between `top` and `skirt`, which are one kind here.
 
 Paths of a kind are each as likely as the power that they carry. How many are drawn of a kind grows with the square
@@ -24,7 +26,7 @@ from sims.optics.engine.trace_states import Accuracy
 from sims.optics.light_signals import LightSignals
 from sims.optics.oracle.paths import LOST, LightPath, LightWalker
 from sims.optics.scene.lower import scene_of
-from sims.optics.tracing import pressed_tops, trace
+from sims.optics.tracing import trace
 from sims.press.indentation import Indentation
 from sims.rays.light_kinds import kind_of
 
@@ -150,13 +152,12 @@ def ray_states(
 
     rows = [(design.cavity.length_mm / 2, design.cavity.width_mm / 2, 0.0), *presses]
     light = _light(design, choice, rows)
-    scene, tops = scene_of(design), pressed_tops(design, np.array(rows), by_symmetry=False)
+    scene = scene_of(design)
     before: list[_Found] = []
     states: list[RayState] = []
     for number, row in enumerate(rows):
         press = indent(design, row[2], row[:2]) if number else None
-        walker = LightWalker(scene, row[:2], tops.near[number][0], choice.seed, tops.fields[number])
-        search = _Search(walker=walker, choice=choice)
+        search = _Search(walker=LightWalker(scene, row[:2], press, choice.seed), choice=choice)
         state = RayState(
             press_mm=row,
             indentation=press,

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -225,17 +226,20 @@ def _known_of(field: SmoothField) -> FloatArray:
 
 def _sampled(field: SmoothField) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Value, slopes and bend (the fastest fall of a slope in any direction), `SUBDIVISION` + 1 points a cell a side."""
-    cells = _cells(field.nodes[None], field.step_mm)[0].reshape(len(field.nodes) - 1, -1, 4, 4)
-    t = np.linspace(0.0, 1.0, SUBDIVISION + 1)
-    power = np.arange(4)
-    value = t[:, None] ** power
-    slope = np.where(power > 0, power * t[:, None] ** np.maximum(power - 1, 0), 0.0)
-    bend = np.where(power > 1, power * (power - 1) * t[:, None] ** np.maximum(power - 2, 0), 0.0)
-    (dx, dy), pattern = field.step_mm, "ijpq,ap,bq->ijab"
+    cells = _cells(field.nodes[None], field.step_mm)[0].reshape(-1, 16)
+    (dx, dy), points = field.step_mm, (SUBDIVISION + 1) ** 2
+    scale = np.array([1.0, 1.0 / dx, 1.0 / dy, 1.0 / dx**2, 1.0 / (dx * dy), 1.0 / dy**2])
+    found = (cells @ _samples()).reshape(-1, 6, points) * scale[:, None]
+    height, slope_x, slope_y, hxx, hxy, hyy = found.swapaxes(0, 1)
+    return height, slope_x, slope_y, -0.5 * (hxx + hyy) + np.hypot(0.5 * (hxx - hyy), hxy)
 
-    def found(along: FloatArray, across: FloatArray) -> FloatArray:
-        return np.asarray(np.einsum(pattern, cells, along, across, optimize=True))
 
-    hxx, hxy, hyy = found(bend, value) / dx**2, found(slope, slope) / (dx * dy), found(value, bend) / dy**2
-    fastest = -0.5 * (hxx + hyy) + np.hypot(0.5 * (hxx - hyy), hxy)
-    return found(value, value), found(slope, value) / dx, found(value, slope) / dy, fastest
+@cache
+def _samples() -> FloatArray:
+    """(16, 6 points) from a cell's coefficients to height, slopes and second derivatives in units of a cell."""
+    t, power = np.linspace(0.0, 1.0, SUBDIVISION + 1)[:, None], np.arange(4)
+    value = t**power
+    slope = np.where(power > 0, power * t ** np.maximum(power - 1, 0), 0.0)
+    bend = np.where(power > 1, power * (power - 1) * t ** np.maximum(power - 2, 0), 0.0)
+    kinds = ((value, value), (slope, value), (value, slope), (bend, value), (slope, slope), (value, bend))
+    return np.concatenate([np.kron(along, across) for along, across in kinds]).T
