@@ -56,6 +56,18 @@ def plot_margin_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None = N
     return ax
 
 
+def plot_usable_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None = None) -> Axes:
+    """Depth to which each place tells depth [mm]; the weakest place framed."""
+    ax = axes_or_new(ax, _height_in(cavity))
+    usable = pad_map.usable_grid_mm()
+    _draw_cells(
+        ax, pad_map, cavity, usable, CHANGE_COLOURS, (0.0, float(usable.max()) or 1.0), "usable depth [mm]"
+    )
+    _draw_pad(ax, cavity)
+    _mark(ax, pad_map.weakest, pad_map, cavity)
+    return ax
+
+
 def _height_in(cavity: CavityGeometry) -> float:
     return max(2.2, (WIDTH_IN - 1.4) * cavity.width_mm / cavity.length_mm + 0.8)
 

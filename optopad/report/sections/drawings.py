@@ -29,7 +29,7 @@ from sims.plots.contact import (
     plot_load_over_time,
     plot_load_protocol,
 )
-from sims.plots.pad import plot_deadband_map, plot_margin_map
+from sims.plots.pad import plot_deadband_map, plot_margin_map, plot_usable_map
 from sims.plots.signal import plot_signal
 from sims.plots.spans import plot_spans
 from sims.plots.style import (
@@ -181,6 +181,8 @@ def _map_plots(design: SensorDesign, score: ContinuityScore) -> dict[str, tuple[
     }
     if score.pad_map.dead_share > 0:
         found["map-deadband"] = (plot_deadband_map(score.pad_map, cavity), "Map of the deadband over the pad")
+    if score.pad_map.usable_depth_mm < design.operating.max_depth_mm:
+        found["map-usable"] = (plot_usable_map(score.pad_map, cavity), "Map of the usable depth over the pad")
     return found
 
 

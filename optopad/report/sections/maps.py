@@ -76,6 +76,14 @@ def _still(score: ContinuityScore, drawings: Drawings) -> list[Html]:
                 f"{spans(score.pad_map.worst.deadbands_mm)} mm.",
             )
         )
+    if "map-usable" in drawings:
+        figures.append(
+            figure_of(
+                drawings["map-usable"],
+                "Depth to which one frame of all readings tells depth; deeper it does not change any more. Framed: the "
+                f"weakest place, to {weakest.usable_mm:.2f} mm.",
+            )
+        )
     figures.append(
         figure_of(
             drawings["map-margin"],

@@ -362,3 +362,13 @@ def test_a_tables_first_cells_are_headings() -> None:
     made = table(("a", "b"), [("1", "2")], label="numbers", numeric=(1,))
     assert '<th scope="row">1</th><td class="number">2</td>' in made
     assert 'aria-label="numbers"' in made
+
+
+def test_a_pad_that_fades_says_to_what_depth_and_maps_it(tmp_path: Path) -> None:
+    score = contiguous_score()
+    first, *others = score.pad_map.places
+    faded = replace(score.pad_map, places=(replace(first, depths=made_up_depths(usable_mm=4.3)), *others))
+    page = Page(written(tmp_path, PAD, replace(score, pad_map=faded, usable_depth_mm=4.3)))
+    assert "from contact to 4.3 of the 5 mm asked" in page.text
+    assert "Framed: the weakest place, to 4.30 mm" in page.text
+    assert (tmp_path / "sims" / "plot-map-usable.svg").exists()

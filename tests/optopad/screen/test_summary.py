@@ -1,0 +1,26 @@
+"""The verdict's first line: never a bare one where the range ends early or the light leaves it open."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from optopad.screen.summary import verdict_words
+from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
+
+
+def test_a_plain_verdict_is_one_word() -> None:
+    assert verdict_words(contiguous_score()) == "CONTIGUOUS"
+    assert verdict_words(dead_score()) == "DEADBAND"
+    assert verdict_words(out_of_scope_score()) == "OUT_OF_MODEL_SCOPE"
+
+
+def test_a_range_that_ends_early_is_named_with_what_was_asked() -> None:
+    faded = replace(contiguous_score(), usable_depth_mm=4.3, usable_range_mm=(4.28, 4.3))
+    assert verdict_words(faded) == "CONTIGUOUS, to 4.3 of the 5 mm asked"
+    unsure = replace(faded, usable_range_mm=(3.9, 5.0))
+    assert verdict_words(unsure).endswith("(3.9 to 5.0 by the light trace's error)")
+
+
+def test_an_open_verdict_says_so() -> None:
+    words = verdict_words(replace(contiguous_score(), is_open=True))
+    assert words.startswith("CONTIGUOUS (open: ")
