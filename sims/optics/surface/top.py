@@ -75,85 +75,76 @@ def is_beyond(x: float, y: float, top: Top) -> bool:
 
 
 @inlined
-def field_height(x: float, y: float, top: Top) -> float:
-    """The field's height; 0 outside it."""
+def _field_cell(x: float, y: float, top: Top) -> tuple[int, int, float, float]:
+    """Cell of the field and fractions within it; -1 outside."""
     u = (x - top.rows[0, FIELD_X]) * top.rows[0, PER_X]
     v = (y - top.rows[0, FIELD_Y]) * top.rows[0, PER_Y]
     nx = top.field.shape[0]
     ny = top.field.shape[1]
     if not (0.0 <= u <= nx and 0.0 <= v <= ny):
-        return 0.0
+        return -1, -1, 0.0, 0.0
     i = min(int(u), nx - 1)
     j = min(int(v), ny - 1)
-    u -= i
-    v -= j
+    return i, j, u - i, v - j
+
+
+@inlined
+def _cubic(c: FloatArray, k: int, v: float) -> float:
+    """A cubic of four coefficients from the k-th on."""
+    return c[k] + v * (c[k + 1] + v * (c[k + 2] + v * c[k + 3]))
+
+
+@inlined
+def _cubic_slope(c: FloatArray, k: int, v: float) -> float:
+    """Its first derivative."""
+    return c[k + 1] + v * (2.0 * c[k + 2] + v * 3.0 * c[k + 3])
+
+
+@inlined
+def field_height(x: float, y: float, top: Top) -> float:
+    """The field's height; 0 outside it."""
+    i, j, u, v = _field_cell(x, y, top)
+    if i < 0:
+        return 0.0
     c = top.field[i, j]
-    b0 = c[0] + v * (c[1] + v * (c[2] + v * c[3]))
-    b1 = c[4] + v * (c[5] + v * (c[6] + v * c[7]))
-    b2 = c[8] + v * (c[9] + v * (c[10] + v * c[11]))
-    b3 = c[12] + v * (c[13] + v * (c[14] + v * c[15]))
-    return b0 + u * (b1 + u * (b2 + u * b3))
+    return _cubic(c, 0, v) + u * (_cubic(c, 4, v) + u * (_cubic(c, 8, v) + u * _cubic(c, 12, v)))
 
 
 @inlined
 def field_gradient(x: float, y: float, top: Top) -> tuple[float, float, float]:
     """The field's height, dh/dx, dh/dy; 0 outside it."""
-    per_x = top.rows[0, PER_X]
-    per_y = top.rows[0, PER_Y]
-    u = (x - top.rows[0, FIELD_X]) * per_x
-    v = (y - top.rows[0, FIELD_Y]) * per_y
-    nx = top.field.shape[0]
-    ny = top.field.shape[1]
-    if not (0.0 <= u <= nx and 0.0 <= v <= ny):
+    i, j, u, v = _field_cell(x, y, top)
+    if i < 0:
         return 0.0, 0.0, 0.0
-    i = min(int(u), nx - 1)
-    j = min(int(v), ny - 1)
-    u -= i
-    v -= j
     c = top.field[i, j]
-    b0 = c[0] + v * (c[1] + v * (c[2] + v * c[3]))
-    b1 = c[4] + v * (c[5] + v * (c[6] + v * c[7]))
-    b2 = c[8] + v * (c[9] + v * (c[10] + v * c[11]))
-    b3 = c[12] + v * (c[13] + v * (c[14] + v * c[15]))
-    d0 = c[1] + v * (2.0 * c[2] + v * 3.0 * c[3])
-    d1 = c[5] + v * (2.0 * c[6] + v * 3.0 * c[7])
-    d2 = c[9] + v * (2.0 * c[10] + v * 3.0 * c[11])
-    d3 = c[13] + v * (2.0 * c[14] + v * 3.0 * c[15])
-    height = b0 + u * (b1 + u * (b2 + u * b3))
-    return (
-        height,
-        (b1 + u * (2.0 * b2 + u * 3.0 * b3)) * per_x,
-        (d0 + u * (d1 + u * (d2 + u * d3))) * per_y,
-    )
+    b1 = _cubic(c, 4, v)
+    b2 = _cubic(c, 8, v)
+    b3 = _cubic(c, 12, v)
+    height = _cubic(c, 0, v) + u * (b1 + u * (b2 + u * b3))
+    along = b1 + u * (2.0 * b2 + u * 3.0 * b3)
+    across = _cubic_slope(c, 0, v)
+    across += u * (_cubic_slope(c, 4, v) + u * (_cubic_slope(c, 8, v) + u * _cubic_slope(c, 12, v)))
+    return height, along * top.rows[0, PER_X], across * top.rows[0, PER_Y]
 
 
 @kernel
 def _field_bends(x: float, y: float, top: Top) -> tuple[float, float, float]:
     """The field's d2h/dx2, d2h/dxdy, d2h/dy2; 0 outside it."""
-    per_x = top.rows[0, PER_X]
-    per_y = top.rows[0, PER_Y]
-    u = (x - top.rows[0, FIELD_X]) * per_x
-    v = (y - top.rows[0, FIELD_Y]) * per_y
-    nx = top.field.shape[0]
-    ny = top.field.shape[1]
-    if not (0.0 <= u <= nx and 0.0 <= v <= ny):
+    i, j, u, v = _field_cell(x, y, top)
+    if i < 0:
         return 0.0, 0.0, 0.0
-    i = min(int(u), nx - 1)
-    j = min(int(v), ny - 1)
-    u -= i
-    v -= j
     c = top.field[i, j]
     hxx = 0.0
     hxy = 0.0
     hyy = 0.0
     for p in range(3, -1, -1):
-        value = c[4 * p] + v * (c[4 * p + 1] + v * (c[4 * p + 2] + v * c[4 * p + 3]))
-        slope = c[4 * p + 1] + v * (2.0 * c[4 * p + 2] + v * 3.0 * c[4 * p + 3])
         hyy = hyy * u + 2.0 * c[4 * p + 2] + v * 6.0 * c[4 * p + 3]
         if p > 0:
-            hxy = hxy * u + p * slope
+            hxy = hxy * u + p * _cubic_slope(c, 4 * p, v)
         if p > 1:
-            hxx = hxx * u + p * (p - 1) * value
+            hxx = hxx * u + p * (p - 1) * _cubic(c, 4 * p, v)
+    per_x = top.rows[0, PER_X]
+    per_y = top.rows[0, PER_Y]
     return hxx * per_x * per_x, hxy * per_x * per_y, hyy * per_y * per_y
 
 

@@ -114,6 +114,29 @@ def march(
 
 
 @inlined
+def _on_curve(r2: float, tip: int, rows: FloatArray) -> tuple[float, float, int]:
+    """Height of one tip's top within its outer radius, dh/dr over r, and where its piece begins."""
+    if r2 <= rows[tip, SPHERE_2]:
+        root = math.sqrt(rows[tip, TIP_2] - r2)
+        return rows[tip, SPHERE_Z] - root, 1.0 / root, PIECES
+    w = math.sqrt(rows[tip, SCALE] * r2 + rows[tip, OFFSET])
+    u = w - rows[tip, START]
+    k = min(int(u), CELLS - 1)
+    u -= k
+    piece = PIECES + PIECE_COLUMNS * k
+    c1, c2, c3 = rows[tip, piece + 1], rows[tip, piece + 2], rows[tip, piece + 3]
+    turn = (c1 + u * (2.0 * c2 + u * 3.0 * c3)) * rows[tip, SCALE] / w
+    return rows[tip, piece] + u * (c1 + u * (c2 + u * c3)), turn, piece
+
+
+@inlined
+def _bent_step(gap: float, opening: float, bend: float) -> float:
+    """How far a gap that opens at this rate, and bends shut at this one at most, cannot close."""
+    root = math.sqrt(opening * opening + 2.0 * bend * gap)
+    return (opening + root) / bend if opening >= 0.0 else 2.0 * gap / (root - opening)
+
+
+@inlined
 def _march_within(
     z: float, dz: float, t: float, end: float, closest: float, near2: float, plan2: float, tip: int, rows: FloatArray,
 ) -> tuple[float, float]:  # fmt: skip
@@ -124,33 +147,17 @@ def _march_within(
     while True:
         away = t - closest
         r2 = near2 + plan2 * away * away
-        piece = PIECES
         if r2 >= rows[tip, OUTER_2]:
-            gap = rows[tip, TOP] - z - dz * t
-            turn = 0.0
-            piece = PIECES + PIECE_COLUMNS * (CELLS - 1)
-        elif r2 <= rows[tip, SPHERE_2]:
-            root = math.sqrt(rows[tip, TIP_2] - r2)
-            gap = rows[tip, SPHERE_Z] - root - z - dz * t
-            turn = 1.0 / root
+            gap, turn, piece = rows[tip, TOP], 0.0, PIECES + PIECE_COLUMNS * (CELLS - 1)
         else:
-            w = math.sqrt(rows[tip, SCALE] * r2 + rows[tip, OFFSET])
-            u = w - rows[tip, START]
-            k = min(int(u), CELLS - 1)
-            u -= k
-            piece = PIECES + PIECE_COLUMNS * k
-            c1, c2, c3 = rows[tip, piece + 1], rows[tip, piece + 2], rows[tip, piece + 3]
-            gap = rows[tip, piece] + u * (c1 + u * (c2 + u * c3)) - z - dz * t
-            turn = (c1 + u * (2.0 * c2 + u * 3.0 * c3)) * rows[tip, SCALE] / w
+            gap, turn, piece = _on_curve(r2, tip, rows)
+        gap -= z + dz * t
         if gap < 0.0:
             return previous, t
         rate = inward_rate if away < 0.0 else dz + rows[tip, piece + FALL] * plan
         if rate <= 0.0:
             return t, -1.0
-        opening = turn * plan2 * away - dz
-        bend = rows[tip, piece + BEND] * plan2 + LEAST_BEND
-        root = math.sqrt(opening * opening + 2.0 * bend * gap)
-        step = (opening + root) / bend if opening >= 0.0 else 2.0 * gap / (root - opening)
+        step = _bent_step(gap, turn * plan2 * away - dz, rows[tip, piece + BEND] * plan2 + LEAST_BEND)
         if away < 0.0:
             step = min(step, rows[tip, piece + WINDOW] / plan)
         step = max(step, gap / rate)
@@ -162,17 +169,8 @@ def _march_within(
 
 @kernel
 def march_field(
-    x: float,
-    y: float,
-    z: float,
-    dx: float,
-    dy: float,
-    dz: float,
-    t0: float,
-    t1: float,
-    takes_any: bool,
-    top: Top,
-) -> tuple[float, float]:
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, t0: float, t1: float, takes_any: bool, top: Top,
+) -> tuple[float, float]:  # fmt: skip
     """As `march`, for one tip and a field: their gaps, slopes and bends add up."""
     rows = top.rows
     reach = max(z + dz * t0, z + dz * t1) - rows[0, FIELD_LOWEST]
@@ -181,7 +179,6 @@ def march_field(
     px = x - rows[0, X]
     py = y - rows[0, Y]
     plan2 = max(dx * dx + dy * dy, 1e-20)
-    plan = math.sqrt(plan2)
     closest = -(px * dx + py * dy) / plan2
     near2 = max(px * px + py * py - plan2 * closest * closest, 0.0)
     t = t0
@@ -199,6 +196,17 @@ def march_field(
         middle = min(max(t, closest), end)
         if middle > t and surface_height(x + dx * middle, y + dy * middle, top) < z + dz * middle:
             return t, middle
+    return _march_on_field(x, y, z, dx, dy, dz, t, end, closest, near2, plan2, top)
+
+
+@inlined
+def _march_on_field(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, t: float, end: float, closest: float, near2: float,
+    plan2: float, top: Top,
+) -> tuple[float, float]:  # fmt: skip
+    """The bracket in [t, end]; its upper end is -1 if there is none. Outside the tip's curve the field is alone."""
+    rows = top.rows
+    plan = math.sqrt(plan2)
     outer2 = rows[0, OUTER_2]
     entry = closest - math.sqrt(max(outer2 - near2, 0.0) / plan2)
     field_rate = dz + rows[0, FIELD_SLOPE] * plan
@@ -211,44 +219,26 @@ def march_field(
         gap, gx, gy = field_gradient(x + dx * t, y + dy * t, top)
         gap -= z + dz * t
         opening = gx * dx + gy * dy - dz
-        bend = field_bend
-        rate = inward_rate
-        window = NEVER
         if r2 >= outer2:
             gap += rows[0, TOP]
-            if away >= 0.0 or near2 >= outer2:
-                rate = field_rate
-            else:
-                window = max(entry - t, MIN_STEP_MM)
+            goes_in = away < 0.0 and near2 < outer2
+            rate = inward_rate if goes_in else field_rate
+            window = max(entry - t, MIN_STEP_MM) if goes_in else NEVER
+            if gap < 0.0:
+                return previous, t
+            if rate <= 0.0:
+                return t, -1.0
+            step = max(_bent_step(gap, opening, field_bend), gap / field_rate if field_rate > 0.0 else NEVER)
         else:
-            piece = PIECES
-            if r2 <= rows[0, SPHERE_2]:
-                root = math.sqrt(rows[0, TIP_2] - r2)
-                gap += rows[0, SPHERE_Z] - root
-                turn = 1.0 / root
-            else:
-                w = math.sqrt(rows[0, SCALE] * r2 + rows[0, OFFSET])
-                u = w - rows[0, START]
-                k = min(int(u), CELLS - 1)
-                u -= k
-                piece = PIECES + PIECE_COLUMNS * k
-                c1, c2, c3 = rows[0, piece + 1], rows[0, piece + 2], rows[0, piece + 3]
-                gap += rows[0, piece] + u * (c1 + u * (c2 + u * c3))
-                turn = (c1 + u * (2.0 * c2 + u * 3.0 * c3)) * rows[0, SCALE] / w
-            opening += turn * plan2 * away
-            bend += rows[0, piece + BEND] * plan2
-            if away >= 0.0:
-                rate = field_rate + rows[0, piece + FALL] * plan
-            else:
-                window = rows[0, piece + WINDOW] / plan
-        if gap < 0.0:
-            return previous, t
-        if rate <= 0.0:
-            return t, -1.0
-        root = math.sqrt(opening * opening + 2.0 * bend * gap)
-        step = (opening + root) / bend if opening >= 0.0 else 2.0 * gap / (root - opening)
-        if r2 >= outer2:
-            step = max(step, gap / field_rate if field_rate > 0.0 else NEVER)
+            height_mm, turn, piece = _on_curve(r2, 0, rows)
+            gap += height_mm
+            rate = inward_rate if away < 0.0 else field_rate + rows[0, piece + FALL] * plan
+            window = rows[0, piece + WINDOW] / plan if away < 0.0 else NEVER
+            if gap < 0.0:
+                return previous, t
+            if rate <= 0.0:
+                return t, -1.0
+            step = _bent_step(gap, opening + turn * plan2 * away, field_bend + rows[0, piece + BEND] * plan2)
         step = max(min(step, window), gap / rate)
         if t + step >= end:
             return t, -1.0
