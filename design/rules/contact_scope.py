@@ -12,3 +12,5 @@ LARGEST_SHARE_OF_LAYER = 0.8
 """Deepest press as a share of the elastic depth [-]."""
 DEEPEST_PRESS = 1.7
 """Deepest press [tip radii]."""
+NEAREST_WALL = 1.5
+"""Nearest wall to the axis of a press [tip radii]: the loads that stand for the press reach so far."""

@@ -19,10 +19,13 @@ from design.rules.contact_scope import (
     LARGEST_SHARE_OF_LAYER,
     LAYER_DEPTH_RANGE,
     LIBRARY_LAYER_RANGE,
+    NEAREST_WALL,
 )
 from design.spec import SensorDesign, properties
 from design.spec.layout import MAX_PER_KIND, Kind
 
+SURROUND_MM = 0.1
+"""How far beside a place the verdict presses too, to tell places apart [mm]."""
 KINDS: tuple[Kind, Kind] = ("emitter", "receiver")
 
 
@@ -120,6 +123,16 @@ def workspace_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator
             value=f"a tip of {mm(2 * radius)} across",
             limit=f"at most the workspace's {mm(side)}",
             way_out="use a smaller tip or margin, or enlarge the cavity",
+        )
+    nearest = (NEAREST_WALL - 1.0) * radius + SURROUND_MM
+    if margin < nearest - ROUNDING_MM:
+        yield warning(
+            "operating.workspace_margin_mm",
+            "presses at its border are nearer to a wall than the contact model covers, so the verdict will be "
+            "OUT_OF_MODEL_SCOPE",
+            value=mm(margin),
+            limit=f"at least {mm(nearest)}: the axis {NEAREST_WALL:g} tip radii from a wall, and {SURROUND_MM:g} mm",
+            way_out="raise it, or use a smaller indenter.tip_radius_mm",
         )
     yield from _off_chord_findings(cavity)
 

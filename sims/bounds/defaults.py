@@ -12,6 +12,8 @@ from __future__ import annotations
 
 from typing import Final
 
+from design.rules.light import SURROUND_MM
+
 COVERED_LOCATION_MM: Final = 1.0
 """A covered voxel's location bound is below this [mm]; [R]."""
 
@@ -24,7 +26,7 @@ DEAD_LOCATION_MM: Final = 0.5
 DEAD_DEPTH_MM: Final = 0.1
 """See `DEAD_LOCATION_MM` [mm]; [R]."""
 
-LATERAL_STEP_MM: Final = 0.1
+LATERAL_STEP_MM: Final = SURROUND_MM
 """Offset of the presses that give the derivatives by place [mm]; [M]."""
 
 DEPTH_STEP_MM: Final = 0.1

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 HALF_WIDTH = 16 / 3
-"""Half width of the square pad that wall corrections refer to [tip radii]: 16 mm for a 3 mm tip."""
+"""Half width of the published pad [tip radii]: 16 mm for a 3 mm tip."""
 WALL_RADIUS = 16 / 3
 """Where the wall of a round pad is bonded unless another place is asked for [tip radii]."""
 FIRST_DEPTHS = (0.02 / 3, 0.05 / 3, 0.1 / 3, 0.15 / 3, 0.2 / 3)

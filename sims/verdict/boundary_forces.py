@@ -4,7 +4,7 @@
 
 Depths do not depend on the modulus (light sees the shape only, and the shape of a frictionless layer does not
 depend on its stiffness); loads are proportional to it. So a softer mix moves every boundary in newtons and none in
-millimetres. The load is that of the pair's own press, near walls included where the wall correction covers the
+millimetres. The load is that of the pair's own press, near walls included where the contact model covers the
 place; elsewhere that of the centred press, and `is_at_place` says so.
 
 Left out: the error of the contact model, friction, viscosity.

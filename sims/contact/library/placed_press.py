@@ -13,7 +13,7 @@ the solved press near the tip, the linear layer beyond, zero at the walls. Beyon
 as walls may add, the free surface goes on sinking as it did over the last `STEP`.
 
 Left out: that D tilts the contact (inside it D - D₀ is 50 µm at most on the published pad); walls nearer than
-`NEAREST`, or that change the depth by more than `LARGEST_CHANGE`. Lengths in tip radii, forces in E R².
+`NEAREST_WALL`, or that change the depth by more than `LARGEST_CHANGE`. Lengths in tip radii, forces in E R².
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from design.errors import InputError, ModelScopeError
+from design.rules.contact_scope import NEAREST_WALL
 from sims.contact.library.smooth_press import SmoothPress, outward, runs_back
 from sims.contact.library.surface_curve import TopCurve
 from sims.contact.walls.block_layer import Size
@@ -35,8 +36,6 @@ from sims.contact.walls.surroundings import Surroundings, surroundings
 FloatArray = NDArray[np.float64]
 
 NEAR, FAR = 2.0, 3.5
-NEAREST = 1.5
-"""Nearest wall: the loads that stand for the press reach so far."""
 LARGEST_CHANGE = 0.25
 """Largest change of the depth by walls over the depth [-]: with 0.14 of it a twentieth of the change is wrong."""
 STEP = 0.03
@@ -68,10 +67,11 @@ class PlacedPress:
         for side, distance in zip(SIDES, (x, length - x, y, width - y), strict=True):
             if not math.isfinite(distance):
                 raise InputError(f"at_mm: {side} = {distance} must be a finite number")
-            if distance < NEAREST - 1e-9:
+            if distance < NEAREST_WALL - 1e-9:
                 raise ModelScopeError(
-                    f"distances: the {side} wall is {distance:.2f} tip radii from the press axis; the contact model "
-                    f"covers {NEAREST:g} and more; press farther from it or use a smaller tip"
+                    f"at_mm: the {side} wall is {distance:.2f} tip radii from the press axis; the contact model covers "
+                    f"{NEAREST_WALL:g} and more; press farther from it, raise operating.workspace_margin_mm, or use "
+                    "a smaller tip"
                 )
 
     @cached_property
@@ -95,7 +95,7 @@ class PlacedPress:
             if not abs(found - depth) <= LARGEST_CHANGE * depth:
                 length, width = self.size
                 raise ModelScopeError(
-                    f"distances: walls of a pad of {length:.2f} x {width:.2f} tip radii change the press at "
+                    f"cavity: walls of a pad of {length:.2f} x {width:.2f} tip radii change the press at "
                     f"({self.at[0]:.2f}, {self.at[1]:.2f}) by more than {LARGEST_CHANGE:.0%}; use a larger pad or a "
                     "smaller tip"
                 )

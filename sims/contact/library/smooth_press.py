@@ -71,20 +71,14 @@ VALUES = 2 + 2 * SAMPLES + LOAD_SHARES.size
 """Numbers that describe a state: ln force, ln edge, radii, heights, shares of the load."""
 
 
-def runs_outward(curve: TopCurve) -> NDArray[np.bool_]:
-    """(n,) points farther out than all before: of a stretch that runs back the lowest point is kept."""
-    farthest = np.maximum.accumulate(curve.radius)
-    return np.append(True, np.diff(farthest) > _RUN_BACK)
-
-
 def runs_back(curve: TopCurve) -> NDArray[np.bool_]:
     """(n,) points nearer to the axis than one before them."""
     return np.asarray(curve.radius < np.maximum.accumulate(curve.radius) - _RUN_BACK)
 
 
 def outward(curve: TopCurve) -> tuple[FloatArray, FloatArray]:
-    """Radius, increasing, and height of a curve, by its points that run outward."""
-    kept = runs_outward(curve)
+    """Radius, increasing, and height of a curve: of a stretch that runs back the lowest point is kept."""
+    kept = np.append(True, np.diff(np.maximum.accumulate(curve.radius)) > _RUN_BACK)
     return curve.radius[kept], curve.height[kept]
 
 

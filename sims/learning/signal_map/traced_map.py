@@ -12,7 +12,7 @@ Symmetric places are traced once (`sims.optics.scene.symmetry`): a quarter of th
 sides. `measured_error` compares with presses at random places and depths, traced with another seed; it holds the
 interpolation and both traces' own errors.
 
-Left out: near walls change the surface a little at each place, which the light model leaves out; two tips at once.
+Left out: two tips at once.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from design.errors import InputError
 from design.geometry.cavity import cavity_of
+from design.rules.contact_scope import NEAREST_WALL
 from design.spec import SensorDesign
 from sims.contact.scope import depth_limit_mm
 from sims.learning.inference.signal_map.tensor_spline import TensorSpline, fitted_spline
@@ -112,7 +113,9 @@ def map_nodes(
             f"map: pitch {pitch_mm:g} mm and {depth_nodes} depths; needs 0.2 to 5 mm and 5 to 60 depths"
         )
     space = cavity_of(design).workspace
-    margin = min(MARGIN_MM, 0.5 * design.operating.workspace_margin_mm)
+    beside = design.operating.workspace_margin_mm
+    to_scope = beside - (NEAREST_WALL - 1.0) * design.indenter.tip_radius_mm
+    margin = max(0.0, min(MARGIN_MM, 0.5 * beside, to_scope))
     deepest = min(design.operating.max_depth_mm + BEYOND_MM, depth_limit_mm(design))
     return (
         _line(space.x0_mm - margin, space.x1_mm + margin, pitch_mm),

@@ -196,13 +196,21 @@ def test_a_press_beyond_the_clear_layer_is_an_error() -> None:
 
 
 def test_a_length_that_nothing_can_make_is_a_warning() -> None:
-    finding = only(good(**{"mold.rim_mm": 1.51, "operating.workspace_margin_mm": 0.003}))
+    found = check(good(**{"mold.rim_mm": 1.51, "operating.workspace_margin_mm": 0.003}))
+    finding = next(one for one in found if "metres" in one.way_out)
     assert (finding.severity, finding.field, finding.value) == (
         "warning",
         "operating.workspace_margin_mm",
         "0.003 mm",
     )
-    assert "metres" in finding.way_out
+
+
+def test_presses_nearer_to_a_wall_than_the_contact_model_are_a_warning() -> None:
+    finding = only(good(**{"operating.workspace_margin_mm": 1.55}))
+    assert (finding.severity, finding.value) == ("warning", "1.55 mm")
+    assert finding.limit.startswith("at least 1.60 mm")
+    assert "OUT_OF_MODEL_SCOPE" in finding.message
+    assert check(good(**{"operating.workspace_margin_mm": 1.6})) == ()
 
 
 # --- references ----------------------------------------------------------------------------------

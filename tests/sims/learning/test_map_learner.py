@@ -11,7 +11,7 @@ from design.errors import InputError
 from design.preset import preset
 from sims.learning.inference.model_file import load_model, save_model
 from sims.learning.signal_map.map_learner import fit_signal_map, fitted_gains, untouched_of
-from sims.learning.signal_map.traced_map import MapError
+from sims.learning.signal_map.traced_map import MapError, map_nodes
 from tests.sims.learning.made_up_map import (
     COUNT,
     made_up_map_model,
@@ -133,3 +133,13 @@ def test_deviations_grow_with_the_maps_own_error(tmp_path):
     # twelve presses make the last factors, each known to a fifth; the error grows within their bin and beyond it
     assert (ratio > 0.6).all()
     assert (ratio < 1.6).all()
+
+
+def test_a_map_ends_where_the_contact_model_does():
+    narrow = preset("piacenza2017-pad").with_(**{"operating.workspace_margin_mm": 1.6})
+    nearest = 1.5 * narrow.indenter.tip_radius_mm
+    for axis, side in zip(map_nodes(narrow, 1.0, 11)[:2], (32.0, 32.0), strict=True):
+        assert axis[0] == pytest.approx(nearest)
+        assert axis[-1] == pytest.approx(side - nearest)
+    wide = map_nodes(preset("piacenza2017-pad"), 1.0, 11)[0]
+    assert wide[0] == pytest.approx(5.0)
