@@ -68,6 +68,7 @@ validate: setup ## the figures of docs/validation, made anew (hours; interrupted
 	$(BIN)/python -m tests.validation.learning.touch_choice
 	$(BIN)/python -m tests.validation.learning.reality_check
 	$(BIN)/python -m tests.validation.learning.true_touch
+	$(BIN)/python -m tests.validation.verdict.heights
 
 pins: ## renew constraints.txt from a fresh environment (oldest supported Python: its versions serve the newer ones)
 	@$(call find_python,$(if $(PYTHON),$(PYTHON),python3.11)); \

@@ -187,7 +187,7 @@ def gain_findings(design: SensorDesign) -> Iterator[Finding]:
                 f"ohms make a gain only with the emitters' power, which {one.part_id} does not have",
                 value=str(given),
                 limit="a rule, or emitters with radiant_power_mw",
-                way_out=f"give part_measurements.{one.part_id}.radiant_power_mw, or set gain.feedback_ohm = 'common'",
+                way_out=f"give part_measurements.{one.part_id}.radiant_power_mw, or set gain.feedback_ohm = 'each'",
             )
 
 

@@ -120,6 +120,7 @@ class CavityGeometry:
     length_mm, width_mm, clear_mm, black_mm : inner size and layer thicknesses
     emitters, receivers : placed parts in the order of signals, states and pins
     workspace : allowed press centres
+    tip_radius_mm : of the indenter, which decides what pairs a press can come between
     """
 
     length_mm: float
@@ -129,6 +130,7 @@ class CavityGeometry:
     emitters: tuple[PlacedPart, ...]
     receivers: tuple[PlacedPart, ...]
     workspace: Workspace
+    tip_radius_mm: float
 
     @property
     def parts(self) -> tuple[PlacedPart, ...]:
@@ -162,6 +164,7 @@ def cavity_of(design: SensorDesign) -> CavityGeometry:
         emitters=tuple(part for part in placed if part.kind == "emitter"),
         receivers=tuple(part for part in placed if part.kind == "receiver"),
         workspace=workspace_of(design),
+        tip_radius_mm=design.indenter.tip_radius_mm,
     )
 
 

@@ -1,8 +1,9 @@
 """Which emitter-receiver pairs are judged, in which order, and where each is pressed.
 
-A pair has a direct path when its parts sit in different walls; same-wall pairs are reported and
-not judged. In facing rows (all emitters in one wall, all receivers in the opposite one) the judged
-pairs are the facing ones, the middle one first.
+A pair has a direct path when its parts sit in different walls. It is judged, under a press at its chord's midpoint
+clamped to the workspace, if the tip comes over the chord there: pairs of one wall, and those across a corner that no
+press comes between, are reported and not judged. In facing rows (all emitters in one wall, all receivers in the
+opposite one) the judged pairs are the facing ones, the middle one first.
 """
 
 from __future__ import annotations
@@ -53,11 +54,24 @@ def facing_pairs(cavity: CavityGeometry) -> tuple[tuple[int, int], ...]:
 
 
 def judged_pairs(cavity: CavityGeometry) -> tuple[tuple[int, int], ...]:
-    """(emitter, receiver) numbers that the verdict is about; facing pairs in facing rows."""
+    """(emitter, receiver) numbers that are judged one by one, and that set the gain; facing pairs in facing rows.
+
+    Of a pad, pairs whose straight path lies within a tip radius of their press; all with a direct path if none does.
+    """
     facing = facing_pairs(cavity)
     if facing:
         return facing
-    return tuple((int(i), int(j)) for i, j in np.argwhere(direct_path_pairs(cavity)))
+    direct = tuple((int(i), int(j)) for i, j in np.argwhere(direct_path_pairs(cavity)))
+    return tuple(pair for pair in direct if _comes_between(cavity, pair)) or direct
+
+
+def _comes_between(cavity: CavityGeometry, pair: tuple[int, int]) -> bool:
+    """Whether the tip is over a pair's chord where the pair is pressed."""
+    ends = (cavity.emitters[pair[0]], cavity.receivers[pair[1]])
+    start, end = (np.array(part.position_mm(cavity.length_mm, cavity.width_mm)[:2]) for part in ends)
+    along, to_press = end - start, np.array(chord_midpoint_mm(cavity, pair)) - start
+    beside = abs(along[0] * to_press[1] - along[1] * to_press[0]) / np.hypot(*along)
+    return bool(beside <= cavity.tip_radius_mm)
 
 
 def mask_of(pairs: tuple[tuple[int, int], ...], cavity: CavityGeometry) -> BoolArray:

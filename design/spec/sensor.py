@@ -227,22 +227,22 @@ class BoardUse(Model):
 class Gain(Model):
     """The receivers' transimpedance gain, by a rule or in ohms; signal chain, sheets and driver share it.
 
-    By the rule `common` the median judged pair (different walls; facing pairs in facing rows), untouched, reads
-    `target_counts`; by `each` the median of every receiver's own judged pairs does, or less, so that none of them reads
-    above three quarters of full scale. Ohms set the gain by the emitters' power instead. With `common` and ohms
-    brighter pairs may clip at the converter's full scale and are listed.
+    By the rule `each` the median of every receiver's own judged pairs (the tip comes between them; facing pairs in
+    facing rows), untouched, reads `target_counts`, or less, so that none of them reads above three quarters of full
+    scale; by `common` the median of all judged pairs reads the target. Ohms set the gain by the emitters' power
+    instead. With these two brighter pairs may clip at full scale and are listed.
     """
 
     target_counts: Annotated[float, Field(gt=0.0, le=65535.0)] = 300.0
     feedback_ohm: Annotated[
         Ohm | tuple[Ohm, ...] | Literal["common", "each"],
         Field(description="a rule, one resistance for all receivers, or one for each in their order"),
-    ] = "common"
+    ] = "each"
 
     @model_serializer(mode="wrap")
     def _without_the_usual_rule(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Leave the rule out where it is the default: designs without it keep their digest."""
-        return without_defaults(plain(self), {"feedback_ohm": "common"})
+        return without_defaults(plain(self), {"feedback_ohm": "each"})
 
 
 class Operating(Model):

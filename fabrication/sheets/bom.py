@@ -201,7 +201,7 @@ def _amplifier_rows(
 
 def _open_feedback_rows(design: SensorDesign, names: Sequence[str]) -> Iterator[BomRow]:
     """Resistor and capacitor whose values nobody can tell yet."""
-    rule = f"so that the median judged pair, untouched, reads {design.gain.target_counts:g} counts"
+    rule = f"so that the median judged pair, untouched, reads {design.gain.target_counts:g} counts, and none clips"
     for item, mark, note in (
         ("feedback resistor", "RF", f"{rule}; see casting.md, last section"),
         (

@@ -91,7 +91,7 @@ def _rule(design: SensorDesign) -> str:
 
 
 def _trimming(design: SensorDesign) -> Iterator[str]:
-    pairs = "facing pairs" if facing_pairs(cavity_of(design)) else "pairs in different walls"
+    pairs = "facing pairs" if facing_pairs(cavity_of(design)) else "judged pairs (score.json lists them)"
     if isinstance(design.gain.feedback_ohm, str):
         yield "Light and responsivity of real parts scatter: start with a trimmer on one amplifier. With the pad"
         yield f"untouched, and the all-off reading subtracted, turn it until the median over {pairs}"

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from design.errors import DesignError, ModelScopeError
 from design.geometry.cavity import CavityGeometry, cavity_of
-from design.geometry.pairs import is_facing_rows, judged_pairs, mask_of
+from design.geometry.pairs import direct_path_pairs, is_facing_rows, judged_pairs, mask_of
 from design.rules.check import check
 from design.search.figures import BOUND_FIGURES
 from design.search.judged import Judged, Limit
@@ -263,7 +263,7 @@ class _Judging:
         x_mm, y_mm = map_grid_mm(cavity, self.settings.map_places)
         places_mm = grid_places_mm(cavity.workspace, x_mm, y_mm)
         depth_mm, light = self._map_light(places_mm)
-        mask = mask_of(judged_pairs(cavity), cavity)
+        mask = direct_path_pairs(cavity)
         shape = (len(places_mm), len(depth_mm), int(mask.sum()))
         counts = (light.flux[:, mask] * readout.of_mask(mask)).reshape(shape)
         errors = (light.standard_error[:, mask] * readout.of_mask(mask)).reshape(shape)

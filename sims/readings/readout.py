@@ -2,9 +2,9 @@
 
 counts = gain x flux, flux as a fraction of the emitted power. `gain.feedback_ohm` says how the gains come about:
 
-    common   one gain for all; the median judged pair, untouched, reads `gain.target_counts`; brighter ones may clip
-    each     a gain for every receiver; the median of its own judged pairs, untouched, reads the target, or as much less
-             as the brightest of them needs to read `HEADROOM` of full scale at most
+    each     a gain for every receiver; the median of its own judged pairs, untouched, reads `gain.target_counts`, or as
+             much less as the brightest of them needs to read `HEADROOM` of full scale at most; the default
+    common   one gain for all; the median judged pair, untouched, reads the target; brighter ones may clip
     ohms     the resistors that are fitted, with the emitters' power and the receivers' responsivity
              (`design.circuit.transimpedance`)
 

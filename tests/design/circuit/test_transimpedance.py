@@ -144,8 +144,8 @@ def test_a_preset_has_a_gain_that_can_be_built(name: str) -> None:
 
 def test_the_rule_is_left_out_of_a_design_that_does_not_say_it() -> None:
     assert "feedback_ohm" not in PAD.model_dump(mode="json")["gain"]
-    assert PAD.with_(**{"gain.feedback_ohm": "common"}).digest == PAD.digest
-    assert PAD.with_(**{"gain.feedback_ohm": "each"}).digest != PAD.digest
+    assert PAD.with_(**{"gain.feedback_ohm": "each"}).digest == PAD.digest
+    assert PAD.with_(**{"gain.feedback_ohm": "common"}).digest != PAD.digest
 
 
 def test_a_part_without_a_power_keeps_its_digest() -> None:

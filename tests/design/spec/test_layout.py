@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -163,9 +164,26 @@ def test_pairs_in_one_wall_have_no_direct_path() -> None:
     direct = direct_path_pairs(cavity)
     assert direct.shape == (8, 8)
     assert direct.sum() == 48  # each emitter sees all but the two receivers of its own wall
-    assert len(judged_pairs(cavity)) == 48
-    assert (mask_of(judged_pairs(cavity), cavity) == direct).all()
+    judged = judged_pairs(cavity)
+    assert len(judged) == 36
+    assert not (mask_of(judged, cavity) & ~direct).any()
     assert not is_facing_rows(cavity)
+
+
+def test_pairs_across_a_corner_that_no_press_comes_between_are_not_judged() -> None:
+    cavity = cavity_of(good())
+    left_out = set(map(tuple, np.argwhere(direct_path_pairs(cavity)))) - set(judged_pairs(cavity))
+    names = {f"{cavity.emitters[e].name}-{cavity.receivers[r].name}" for e, r in left_out}
+    # from (4, 0) to (0, 4): the press nearest to its middle is at (6, 6), 8 / sqrt 2 = 5.66 mm beside the chord
+    assert {"E1-R8", "E3-R2", "E5-R4", "E7-R6"} < names
+    assert len(names) == 12
+    wide = cavity_of(good(**{"indenter.tip_radius_mm": 5.7, "operating.workspace_margin_mm": 0.3}))
+    assert len(judged_pairs(wide)) == 48
+
+
+def test_a_pair_that_no_press_comes_between_is_judged_where_there_is_no_other() -> None:
+    cavity = cavity_of(with_layout(single("emitter", "west", 4.0), single("receiver", "south", 4.0)))
+    assert judged_pairs(cavity) == ((0, 0),)
 
 
 @pytest.mark.parametrize(("count", "order"), [(1, [0]), (2, [0, 1]), (3, [1, 0, 2]), (5, [2, 1, 3, 0, 4])])

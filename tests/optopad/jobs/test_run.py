@@ -76,7 +76,9 @@ def test_the_maps_hold_bounds_and_readings_of_the_same_places(folder):
         assert maps.counts.dims == ("y", "x", "press_depth", "pair")
         assert maps.location_bound.dims == ("y", "x", "depth")
         assert maps.attrs["design_digest"] == DESIGN.digest
-        assert float(maps.counts.sel(pair="E2-R2", x=10.0, y=10.0)[0]) == pytest.approx(800.0, rel=0.01)
+        assert float(maps.counts.sel(pair="E2-R2", x=10.0, y=10.0)[0]) == pytest.approx(
+            0.75 * 1023.0, rel=0.01
+        )
     bounds = json.loads((folder / "sims" / "score.json").read_text(encoding="utf-8"))["bounds"]
     assert bounds["median_depth_place_known_mm"]["value"] == pytest.approx(0.0038, rel=0.1)
 

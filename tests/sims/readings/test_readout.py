@@ -23,7 +23,7 @@ def test_a_common_gain_brings_the_median_of_all_pairs_to_the_target() -> None:
 
 
 def test_each_receiver_s_own_median_is_brought_to_the_target() -> None:
-    readout = readout_of(PAIR.with_(**{"gain.target_counts": 300.0, "gain.feedback_ohm": "each"}), FLUX, ALL)
+    readout = readout_of(PAIR.with_(**{"gain.target_counts": 300.0}), FLUX, ALL)
     assert np.median(FLUX * readout.gains, axis=0) == pytest.approx([300.0] * 3)
     assert readout.counts_per_flux == pytest.approx(np.median(readout.by_receiver))
 
@@ -32,8 +32,7 @@ def test_a_bright_pair_lowers_the_gain_of_its_own_receiver_alone() -> None:
     bright = FLUX.copy()
     bright[0, 1] = 0.1
     plain, lowered = (
-        readout_of(PAIR.with_(**{"gain.target_counts": 300.0, "gain.feedback_ohm": "each"}), flux, ALL)
-        for flux in (FLUX, bright)
+        readout_of(PAIR.with_(**{"gain.target_counts": 300.0}), flux, ALL) for flux in (FLUX, bright)
     )
     assert lowered.by_receiver[0::2] == plain.by_receiver[0::2]
     assert (bright * lowered.gains).max() == pytest.approx(HEADROOM * 1023.0)
@@ -42,9 +41,7 @@ def test_a_bright_pair_lowers_the_gain_of_its_own_receiver_alone() -> None:
 def test_a_receiver_without_a_judged_pair_takes_the_gain_of_all_judged() -> None:
     judged = ALL.copy()
     judged[:, 2] = False
-    readout = readout_of(
-        PAIR.with_(**{"gain.target_counts": 250.0, "gain.feedback_ohm": "each"}), FLUX, judged
-    )
+    readout = readout_of(PAIR.with_(**{"gain.target_counts": 250.0}), FLUX, judged)
     assert readout.by_receiver[2] == pytest.approx(250.0 / np.median(FLUX[:, :2]))
 
 
@@ -60,7 +57,7 @@ def test_a_dark_receiver_has_no_gain_of_its_own() -> None:
     with pytest.raises(
         ModelScopeError, match=r"gain\.target_counts: the median pair of R2 receives 0\.0e\+00"
     ):
-        readout_of(PAIR.with_(**{"gain.feedback_ohm": "each"}), dark, ALL)
+        readout_of(PAIR, dark, ALL)
 
 
 def test_every_way_to_pick_pairs_gives_the_receiver_s_gain() -> None:
