@@ -63,6 +63,8 @@ Fine = Annotated[
     typer.Option("--fine", help="Finer light, and 11 places a side and 0.1 mm steps for the map of the pad."),
 ]
 
+Details = Annotated[bool, typer.Option("--details", help="Say everything, not one screen of it.")]
+
 DEFAULT_OUT = Path("outputs")
 
 # of the built sensor

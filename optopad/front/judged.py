@@ -10,7 +10,8 @@ from design.errors import InputError
 from design.geometry.cavity import cavity_of
 from design.spec import SensorDesign
 from optopad.front.shown import block, drawn, picture
-from optopad.screen.summary import score_lines
+from optopad.report.text.answer import answer_of
+from optopad.screen.one_screen import verdict_screen
 from sims.continuity.result import ContinuityScore, JudgedPair
 
 if TYPE_CHECKING:
@@ -172,10 +173,12 @@ class Score:
         return drawn(lambda own: plot_tolerance(band, own), ax, 1.2 + 0.3 * len(band.rows))
 
     def __repr__(self) -> str:
-        return "\n".join(score_lines(self.found))
+        return "\n".join(verdict_screen(self.design, self.found, ()))
 
     def _repr_html_(self) -> str:
-        head, *rest = score_lines(self.found)
+        said = answer_of(self.design, self.found)
+        head = f"{self.found.name}  {self.found.digest[:8]}"
+        rest = [text for text in (said.verdict, said.why, said.sure, said.worth) if text]
         if self.verdict == "OUT_OF_MODEL_SCOPE":
             return block(head, rest)
         from matplotlib.figure import Figure
@@ -187,7 +190,7 @@ class Score:
             plot_signal(self._pair(None), sheet.add_subplot())
             return sheet
 
-        return block(head, rest[:3], picture(figure, f"score-{self.design.digest[:8]}"))
+        return block(head, rest, picture(figure, f"score-{self.design.digest[:8]}"))
 
     def _pair(self, name: str | None) -> JudgedPair:
         self._require_answer()

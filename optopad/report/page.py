@@ -160,7 +160,7 @@ def report_html(
         name=escape(design.name),
         digest=escape(design.digest[:8]),
         navigation=_navigation(shown),
-        verdict=joined([banner(score, design.operating.max_depth_mm), headline(score)]),
+        verdict=joined([banner(design, score), headline(score)]),
         sections=joined(shown.values()),
         script=script_element(),
     )

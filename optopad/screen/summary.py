@@ -1,14 +1,12 @@
-"""The short summary for people: verdict, worst deadband, where, strength, what it rests on."""
+"""A verdict in full, for ``--details``: deadbands, pairs, strength, bounds, what it rests on; the mold's checks."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from optopad.report.text.answer import verdict_words
 from optopad.report.text.numbers import counted
 from optopad.screen.bound_lines import bound_lines
-
-USABLE_DOUBT_MM = 0.2
-"""Range of the usable depth from which on it is told."""
 
 if TYPE_CHECKING:
     from sims.continuity.result import ContinuityScore, JudgedPair
@@ -16,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def score_lines(score: ContinuityScore) -> list[str]:
-    """The verdict in a few lines, the most important first."""
+    """The verdict and all that goes with it, the most important first."""
     lines = [f"design    {score.name}  {score.digest[:8]}", f"verdict   {verdict_words(score)}"]
     if score.verdict == "OUT_OF_MODEL_SCOPE":
         return [*lines, f"reason    {score.reason}"]
@@ -27,19 +25,6 @@ def score_lines(score: ContinuityScore) -> list[str]:
     lines += [_band_line(score)] if score.tolerance is not None else []
     lines += build_lines(score.builds) if score.builds is not None else []
     return lines + [f"warning   {text}" for text in score.warnings]
-
-
-def verdict_words(score: ContinuityScore) -> str:
-    """The verdict, with the usable depth where it is less than what is asked for, and whether it is open."""
-    words: str = score.verdict
-    if score.is_open:
-        words += " (open: the light trace's own error may make or hide a deadband)"
-    depth, asked = score.usable_depth_mm, None if score.force is None else float(score.force.depth_mm[-1])
-    if depth is None or asked is None or depth >= asked:
-        return words
-    low, high = score.usable_range_mm or (depth, depth)
-    doubt = f" ({low:.1f} to {high:.1f} by the light trace's error)" if high - low > USABLE_DOUBT_MM else ""
-    return f"{words}, to {depth:.1f} of the {asked:g} mm asked{doubt}"
 
 
 def finding_line(finding: dict[str, Any]) -> str:

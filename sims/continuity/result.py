@@ -15,6 +15,7 @@ from sims.optics.light_signals import LightSignals
 from sims.readings.readout import Readout
 from sims.verdict.boundary_forces import BoundaryForces
 from sims.verdict.build_study import BuildStudy
+from sims.verdict.causes import Cause
 from sims.verdict.mode_errors import mode_errors_mm
 from sims.verdict.pad_map import PadMap
 from sims.verdict.pair.pair_score import PairScore
@@ -63,6 +64,7 @@ class ContinuityScore:
     clipped : names of judged pairs above full scale
     tolerance, builds : both ends of every open value, one at a time; builds with everything off at once, if asked for
     pad_map, pad_signals : what the places of the workspace say, and the light behind it
+    causes : why depth is not told, for every blind interval of a place, or of a facing pair, the worst first
     bounds : what all readings together can tell of a press's place and depth, at the map's places; None for a verdict
         only
     """
@@ -94,6 +96,7 @@ class ContinuityScore:
     readout: Readout | None = None
     pad_map: PadMap | None = None
     pad_signals: LightSignals | None = None
+    causes: tuple[Cause, ...] = ()
     bounds: PadBounds | None = None
     force: ForceCurve | None = None
     tolerance: ToleranceBand | None = None
@@ -143,6 +146,7 @@ class ContinuityScore:
             "receiver_counts_per_flux": _gains_json(self.readout, self.untouched_flux),
             "untouched_flux": None if self.untouched_flux is None else _rows(self.untouched_flux),
             "map": None if self.pad_map is None else _map_json(self.pad_map),
+            "causes": [cause.to_json() for cause in self.causes],
             "bounds": None if self.bounds is None else bounds_json(self.bounds),
             "force": None if self.force is None else _force_json(self.force),
             "tolerance": None if self.tolerance is None else self.tolerance.to_json(),

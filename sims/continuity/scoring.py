@@ -29,19 +29,22 @@ from sims.contact.press_notes import contact_notes
 from sims.continuity.build_tolerance import with_tolerance
 from sims.continuity.cautions import margin_caution, noise_caution
 from sims.continuity.map_bounds import map_bounds
-from sims.continuity.map_judging import judged_map
+from sims.continuity.map_judging import judged_map, pad_place
 from sims.continuity.result import ContinuityScore, JudgedPair, Verdict
+from sims.optics.accuracy import Accuracy
 from sims.optics.light_signals import LightSignals
 from sims.press.depths import depth_schedule_mm
 from sims.readings.readout import Readout, readout_of
 from sims.verdict.boundary_forces import boundary_forces, place_force
 from sims.verdict.builds import score_curves
+from sims.verdict.causes import Cause, causes_of_pad, causes_of_pairs
 from sims.verdict.figure_errors import drawn_figures, figure_errors, figures_of
 from sims.verdict.pad_map import PadMap
 from sims.verdict.pair.defaults import DEADBAND_MIN_LENGTH_MM, TRACE_ERROR_LIMIT
 from sims.verdict.pair.pair_score import PairScore
 from sims.verdict.presses import (
     PAIR_ACCURACY,
+    SECOND_SEED,
     PairCurves,
     pair_curves,
     untouched_flux,
@@ -120,6 +123,9 @@ def _judged(
     )
     judged, drawn = _judged_pairs(design, cavity, curves, readout)
     facing = is_facing_rows(cavity)
+    pairs_open = facing and _pairs_are_open(
+        design, cavity, judged, readout, "fine" if fine else PAIR_ACCURACY, seed, tell
+    )
     pad_map, pad_signals = None, None
     if not (facing and verdict_only):
         pad_map, pad_signals = judged_map(design, cavity, readout, fine=fine, full=full, seed=seed, tell=tell)
@@ -145,6 +151,7 @@ def _judged(
         flat,
         force,
         bounds,
+        pairs_open=pairs_open,
         fine=fine,
         full=full,
         seed=seed,
@@ -224,6 +231,7 @@ def _assembled(
     force: ForceCurve,
     bounds: PadBounds | None,
     *,
+    pairs_open: bool,
     fine: bool,
     full: bool,
     seed: int,
@@ -249,7 +257,7 @@ def _assembled(
         deadbands_mm=tuple(deadbands),
         usable_depth_mm=usable_mm,
         usable_range_mm=usable_range_mm,
-        is_open=_is_open(judged, pad_map, facing=facing),
+        is_open=pairs_open if facing or pad_map is None else pad_map.is_open,
         governing=governing.name,
         worst_pair_mm=worst.score.deadband_total_mm,
         worst_pair=worst.name,
@@ -265,10 +273,25 @@ def _assembled(
         readout=readout,
         pad_map=pad_map,
         pad_signals=pad_signals,
+        causes=_causes(design, judged, pad_map, pad_signals, readout),
         bounds=bounds,
         force=force,
         warnings=_warnings(design, judged, pad_map),
     )
+
+
+def _causes(
+    design: SensorDesign,
+    judged: tuple[JudgedPair, ...],
+    pad_map: PadMap | None,
+    pad_signals: LightSignals | None,
+    readout: Readout,
+) -> tuple[Cause, ...]:
+    if is_facing_rows(cavity_of(design)):
+        return causes_of_pairs(design, [(pair.curves, pair.score) for pair in judged], readout)
+    if pad_map is None or pad_signals is None:
+        return ()
+    return causes_of_pad(design, pad_map, pad_signals, readout)
 
 
 def _usable(
@@ -282,16 +305,52 @@ def _usable(
     return usable, (usable, usable)
 
 
-def _is_open(judged: tuple[JudgedPair, ...], pad_map: PadMap | None, *, facing: bool) -> bool:
-    """Whether the light's own error may make or hide every deadband."""
-    if pad_map is not None and not facing:
-        return pad_map.is_open
+def _pairs_are_open(
+    design: SensorDesign,
+    cavity: CavityGeometry,
+    judged: tuple[JudgedPair, ...],
+    readout: Readout,
+    accuracy: str | Accuracy,
+    seed: int,
+    tell: OnStep,
+) -> bool:
+    """Whether the light's own error may make or hide every deadband of facing pairs, asked of a second trace.
+
+    Two traces err independently of each other, so what both agree on is no error (`sims.verdict.frame_depths`).
+    """
     if any(pair.score.deadbands_mm for pair in judged):
         return False
-    return any(
-        pair.score.possible_deadbands_mm and (pair.score.noise_margin or 0.0) > TRACE_ERROR_LIMIT
+    doubtful = [
+        pair
         for pair in judged
+        if pair.score.possible_deadbands_mm and (pair.score.noise_margin or 0.0) > TRACE_ERROR_LIMIT
+    ]
+    if not doubtful:
+        return False
+    again = pair_curves(
+        design,
+        cavity,
+        tuple(pair.curves.pair for pair in doubtful),
+        judged[0].curves.depth_mm,
+        accuracy=accuracy,
+        seed=seed + SECOND_SEED,
+        on_step=lambda share: tell("open pairs", share),
     )
+    for pair, second in zip(doubtful, again, strict=True):
+        halves = np.stack([pair.curves.total, second.total])[..., np.newaxis] * readout.of_receiver(
+            second.pair[1]
+        )
+        place = pad_place(
+            design,
+            np.array(second.press_mm),
+            second.depth_mm,
+            halves,
+            np.zeros_like(halves[0]),
+            readout.full_scale_counts,
+        )
+        if place.depths.is_open or place.deadbands_mm:
+            return True
+    return False
 
 
 @dataclass(frozen=True, kw_only=True)

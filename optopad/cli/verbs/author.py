@@ -52,12 +52,18 @@ def new(
         say(f"{file} written from {preset}. Next: optopad check {file}, then optopad run {file}")
 
 
-def check(design: options.Design, set_: options.Set = None, as_json: options.Json = False) -> None:
+def check(
+    design: options.Design,
+    set_: options.Set = None,
+    details: options.Details = False,
+    as_json: options.Json = False,
+) -> None:
     """Does it fit and can it work? Lists every finding; exit 2 when one is an error."""
     from dataclasses import asdict
 
     from design.rules.check import check as findings_of
     from optopad.report.text.numbers import counted
+    from optopad.screen.one_screen import as_typed, findings_screen
 
     read = read_design(design, set_)
     findings = findings_of(read)
@@ -66,7 +72,11 @@ def check(design: options.Design, set_: options.Set = None, as_json: options.Jso
     tell(
         as_json,
         lambda: {"name": read.name, "digest": read.digest, "findings": [asdict(f) for f in findings]},
-        lambda: [*map(str, findings), total],
+        lambda: (
+            [*map(str, findings), total]
+            if details
+            else findings_screen(read.name, findings, command=as_typed(design, set_))
+        ),
     )
     if errors:
         raise typer.Exit(2)

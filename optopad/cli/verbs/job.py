@@ -19,10 +19,12 @@ def run(
     fine: options.Fine = False,
     out: options.Out = options.DEFAULT_OUT,
     seed: options.Seed = 0,
+    details: options.Details = False,
     as_json: options.Json = False,
 ) -> None:
     """The main job: mold, verdict, driver config and report in one bundle."""
     from optopad.jobs.pipeline import run as make
+    from optopad.screen.one_screen import as_typed, verdict_screen
     from optopad.screen.summary import checks_line, score_lines
 
     read = read_design(design, set_)
@@ -30,11 +32,15 @@ def run(
     with progress(quiet=as_json) as step:
         made = make(read, out, fine=fine, seed=seed, on_step=step)
     place = {"bundle": str(made.folder), "checks_ok": made.checks["ok"]}
-    files = [f"files     {made.folder}", f"report    {made.folder / 'report.html'}"]
+    closing = [checks_line(made.checks), f"report    {made.folder / 'report.html'}"]
     tell(
         as_json,
         lambda: place | {"score": made.score.to_json()},
-        lambda: [*score_lines(made.score), checks_line(made.checks), *files],
+        lambda: (
+            [*score_lines(made.score), *closing]
+            if details
+            else verdict_screen(read, made.score, closing, command=as_typed(design, set_), is_built=True)
+        ),
     )
 
 

@@ -35,18 +35,29 @@ def score(
     ] = None,
     out: options.Out = options.DEFAULT_OUT,
     seed: options.Seed = 0,
+    details: options.Details = False,
     as_json: options.Json = False,
 ) -> None:
     """Verdict: modes, deadbands, continuity, strength, map of the pad; written into the bundle."""
     drawn = _drawn_builds(tolerance, builds)
     from optopad.jobs.pipeline import write_score
+    from optopad.screen.one_screen import as_typed, verdict_screen
     from optopad.screen.summary import score_lines
 
     read = read_design(design, set_)
     foretell_score(read, fine=fine, full=full, quiet=as_json)
     with progress(quiet=as_json) as step:
         result, folder = write_score(read, out, fine=fine, full=full, seed=seed, on_step=step, builds=drawn)
-    tell(as_json, result.to_json, lambda: [*score_lines(result), f"files     {folder}"])
+    files = [f"files     {folder}"]
+    tell(
+        as_json,
+        result.to_json,
+        lambda: (
+            [*score_lines(result), *files]
+            if details
+            else verdict_screen(read, result, files, command=as_typed(design, set_))
+        ),
+    )
 
 
 def _drawn_builds(tolerance: bool, builds: int | None) -> int | None:

@@ -6,12 +6,13 @@ changes by less than so many standard deviations of one reading.
 
 from __future__ import annotations
 
+from design.spec import SensorDesign
+from optopad.report.text.answer import answer_of
 from optopad.report.text.bounds import bounds_tile
 from optopad.report.text.builds import builds_tile
 from optopad.report.text.markup import Html, element, joined
 from optopad.report.text.numbers import counted, signed, spans
 from sims.continuity.result import ContinuityScore, JudgedPair, Verdict
-from sims.verdict.pad_map import PadMap
 from sims.verdict.pair.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
 
 SYMBOLS: dict[Verdict, str] = {
@@ -53,58 +54,6 @@ def reading(pair: JudgedPair) -> str:
         apart = f"The modes overlap by {-gap:.2f} mm" if gap < 0 else f"The modes are {gap:.2f} mm apart"
     blind = f" {clipping(pair)}." if clipping(pair) else ""
     return f"{apart}; {'deadband ' + spans(dead) + ' mm' if dead else 'no deadband'}.{blind}"
-
-
-def meaning(score: ContinuityScore, deepest_mm: float) -> str:
-    """What the verdict says, in a sentence or two."""
-    if score.verdict == "OUT_OF_MODEL_SCOPE":
-        return f"The models do not cover this design, so nothing is said about it. {score.reason}"
-    if score.is_facing_rows:
-        return _meaning_of_rows(score)
-    return _meaning_of_pad(score, deepest_mm)
-
-
-def _meaning_of_rows(score: ContinuityScore) -> str:
-    press = "Under a press at mid-span"
-    dead = [pair for pair in score.pairs if pair.score.deadbands_mm]
-    if not dead:
-        return (
-            f"{press}, each of the {counted(len(score.pairs), 'facing pair')} answers at every depth from contact "
-            "to the end of mode 2 or to the deepest press: the two modes are contiguous."
-        )
-    where = "; ".join(f"{pair.name} from {spans(pair.score.deadbands_mm)} mm" for pair in dead)
-    return f"{press}, {len(dead)} of {counted(len(score.pairs), 'facing pair')} cannot tell depth: {where}."
-
-
-def _meaning_of_pad(score: ContinuityScore, deepest_mm: float) -> str:
-    if score.pad_map is None:
-        return ""
-    places = len(score.pad_map.places)
-    if not score.deadbands_mm:
-        usable = score.pad_map.usable_depth_mm
-        to = f"{deepest_mm:g} mm" if usable >= deepest_mm else f"{usable:.1f} of the {deepest_mm:g} mm asked"
-        return (
-            f"At each of the {places} places of the workspace that were pressed, one frame of all readings tells depth "
-            f"from contact to {to}.{_open(score.pad_map)}"
-        )
-    worst = score.pad_map.worst
-    dead = sum(bool(place.deadbands_mm) for place in score.pad_map.places)
-    return (
-        f"At {dead} of the {places} places of the workspace that were pressed, depth cannot be told over some "
-        f"interval, by all readings together, and can again below it. The worst is at x = {worst.x_mm:g}, "
-        f"y = {worst.y_mm:g} mm, from {spans(worst.deadbands_mm)} mm."
-    )
-
-
-def _open(pad_map: PadMap) -> str:
-    """A sentence where the light trace's error leaves the verdict open; else nothing."""
-    if not pad_map.is_open:
-        return ""
-    place = next(one for one in pad_map.places if one.depths.most.deadbands_mm)
-    return (
-        f" Open at x = {place.x_mm:g}, y = {place.y_mm:g} mm: the light trace's own error there may hide a deadband; "
-        "run with --fine."
-    )
 
 
 def rests_on(score: ContinuityScore) -> Html | None:
@@ -218,25 +167,31 @@ def _gap_tile(score: ContinuityScore, of: str) -> tuple[str, str, str]:
     return "Mode gap", "open", f"mode 2 does not begin within the depth{bound}; {of}"
 
 
-def banner(score: ContinuityScore, deepest_mm: float) -> Html:
-    """The verdict as a box: word, symbol, meaning and the rule behind it."""
-    word = score.verdict.replace("_", " ")
-    parts = [
-        element(
-            "p",
-            element("span", SYMBOLS[score.verdict], class_="symbol", aria_hidden="true"),
-            element("strong", word),
-            class_="word",
-        ),
-        element("p", meaning(score, deepest_mm), class_="meaning"),
-    ]
+def banner(design: SensorDesign, score: ContinuityScore) -> Html:
+    """The verdict as a box: word, symbol, the answer in the screen's sentences, and the rule behind it."""
+    said = answer_of(design, score)
+    word = element(
+        "p",
+        element("span", SYMBOLS[score.verdict], class_="symbol", aria_hidden="true"),
+        element("strong", score.verdict.replace("_", " ")),
+        class_="word",
+    )
+    after = said.verdict.removeprefix(score.verdict).removeprefix(": ").removeprefix(", ")
+    lines = [element("p", _sentence(after), class_="meaning")]
+    lines += [element("p", _sentence(text)) for text in (said.why, said.sure, said.worth) if text]
     if score.verdict != "OUT_OF_MODEL_SCOPE":
-        parts.append(element("p", RULE, class_="note"))
+        lines.append(element("p", RULE, class_="note"))
     rests = rests_on(score)
     return element(
         "div",
-        joined(parts),
+        joined([word, *lines]),
         *([rests] if rests else []),
         class_=f"verdict {score.verdict.lower()}",
         role="status",
     )
+
+
+def _sentence(text: str) -> str:
+    """With a capital, unless it begins with the path of a field, and a full stop."""
+    is_path = "." in text.split(" ", 1)[0]
+    return f"{text if is_path else text[:1].upper() + text[1:]}."

@@ -19,8 +19,9 @@ from optopad.report.sections.closing import WRITTEN_LAST
 from optopad.report.sections.drawings import drawings_of, shown_pairs
 from optopad.report.sections.load import force_section
 from optopad.report.sections.published import PIACENZA_2017, compared, published_load
+from optopad.report.text.answer import answer_of
 from optopad.report.text.markup import Html, bullets, element, table
-from optopad.report.text.words import governing, headline, meaning, ranked, rests_on
+from optopad.report.text.words import governing, headline, ranked, rests_on
 from sims.continuity.result import ContinuityScore
 from tests.optopad.report.page_reader import Page
 from tests.sims.made_up_scores import (
@@ -94,8 +95,9 @@ def test_the_page_carries_every_warning_and_the_values_it_rests_on(text: str) ->
 
 def test_the_headline_gives_the_worst_place_and_its_depths(text: str) -> None:
     said = Page(text).text
-    assert "At 10 of the 25 places of the workspace that were pressed" in said
-    assert "The worst is at x = 6, y = 6 mm, from 1.20 to 3.10 mm." in said
+    assert (
+        "At 10 of 25 places a frame does not tell depth, worst from 1.20 to 3.10 mm at x 6, y 6 mm." in said
+    )
     assert "Worst deadband of the pad 1.90 mm" in said
     assert "Pairs with a deadband of their own 36 of 36" in said
 
@@ -211,41 +213,36 @@ def test_facing_rows_show_every_facing_pair(tmp_path: Path) -> None:
     for pair in score.pairs:
         assert (tmp_path / "sims" / f"plot-signal-{pair.name}.svg").is_file()
     start, end = score.pairs[0].score.deadbands_mm[0]
-    assert f"3 of 3 facing pairs cannot tell depth: E2-R2 from {start:.2f} to {end:.2f} mm" in said
+    assert f"E2-R2 does not tell depth from {start:.2f} to {end:.2f} mm; 2 more of 3 pairs neither." in said
 
 
 def test_a_contiguous_pad_says_so_and_has_no_deadband_map(tmp_path: Path) -> None:
     said = Page(written(tmp_path, PAD, contiguous_score())).text
-    assert (
-        "At each of the 25 places of the workspace that were pressed, one frame of all readings tells depth from"
-        in said
-    )
+    assert "One frame tells depth from contact to 5 mm at all 25 places." in said
     assert "Worst deadband of the pad none" in said
     assert not (tmp_path / "sims" / "plot-map-deadband.svg").exists()
 
 
 def test_a_pad_whose_trace_may_hide_a_deadband_is_called_open() -> None:
     score = contiguous_score()
-    assert "Open" not in meaning(score, 5.0)
+    assert "error may hide" not in answer_of(PAD, score).sure
     first, *others = score.pad_map.places
     doubtful = replace(first, depths=made_up_depths(is_open=True))
-    words = meaning(replace(score, pad_map=replace(score.pad_map, places=(doubtful, *others))), 5.0)
-    assert words.endswith(
-        f"Open at x = {first.x_mm:g}, y = {first.y_mm:g} mm: the light trace's own error there may hide a deadband; "
-        "run with --fine."
-    )
+    pad_map = replace(score.pad_map, places=(doubtful, *others))
+    words = answer_of(PAD, replace(score, is_open=True, pad_map=pad_map)).sure
+    assert words.endswith(f"may hide a deadband at x {first.x_mm:g}, y {first.y_mm:g} mm; use --fine")
 
 
 def test_contiguous_facing_pairs_say_so() -> None:
-    words = meaning(contiguous_score(PAIR), 5.0)
-    assert words.startswith("Under a press at mid-span, each of the 3 facing pairs answers at every depth")
+    words = answer_of(PAIR, contiguous_score(PAIR)).verdict
+    assert words == "CONTIGUOUS: every facing pair tells depth until its light is used up"
 
 
 def test_a_facing_pair_beside_the_middle_one_is_named_when_only_it_is_dead() -> None:
     score = contiguous_score(PAIR)
     dead = replace(score.pairs[2], score=made_up_pair(onset_mm=3.0).score)
-    words = meaning(replace(score, verdict="DEADBAND", pairs=(*score.pairs[:2], dead)), 5.0)
-    assert "1 of 3 facing pairs cannot tell depth: E3-R3 from" in words
+    words = answer_of(PAIR, replace(score, verdict="DEADBAND", pairs=(*score.pairs[:2], dead))).verdict
+    assert words.startswith("DEADBAND: E3-R3 does not tell depth from")
 
 
 def test_the_plots_of_a_pad_follow_its_governing_pair() -> None:
@@ -369,6 +366,6 @@ def test_a_pad_that_fades_says_to_what_depth_and_maps_it(tmp_path: Path) -> None
     first, *others = score.pad_map.places
     faded = replace(score.pad_map, places=(replace(first, depths=made_up_depths(usable_mm=4.3)), *others))
     page = Page(written(tmp_path, PAD, replace(score, pad_map=faded, usable_depth_mm=4.3)))
-    assert "from contact to 4.3 of the 5 mm asked" in page.text
+    assert "To 4.3 of the 5 mm asked: " in page.text
     assert "Framed: the weakest place, to 4.30 mm" in page.text
     assert (tmp_path / "sims" / "plot-map-usable.svg").exists()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from optopad.screen.summary import verdict_words
+from optopad.report.text.answer import verdict_words
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 
 

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import sims.continuity.map_judging as judging
+import sims.continuity.scoring as scoring
 from design.geometry.cavity import cavity_of
 from design.geometry.pairs import direct_path_pairs
 from design.preset import preset
 from sims.continuity.cautions import margin_caution
 from sims.continuity.map_judging import judged_map
+from sims.continuity.scoring import score
 from sims.optics.light_signals import LightSignals
 from sims.readings.readout import readout_of
 from sims.verdict.pad_map import PadMap
-from sims.verdict.presses import DOUBT_ACCURACIES, MAP_ACCURACY, MOST_TRACED_AGAIN
+from sims.verdict.presses import DOUBT_ACCURACIES, MAP_ACCURACY, MOST_TRACED_AGAIN, SECOND_SEED, pair_curves
 from tests.sims.made_up_scores import made_up_depths, made_up_map
 
 PAD = preset("piacenza2017-pad")
@@ -123,3 +126,22 @@ def test_a_sure_deadband_settles_the_verdict_and_usable_depth_is_the_least():
     assert faded.places[0].is_blind(4.4)
     assert not faded.places[0].is_blind(4.2)
     assert margin_caution(pad) == []
+
+
+def test_facing_pairs_in_doubt_are_asked_of_a_second_trace(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By one trace the outer pairs of the prototype may hide a deadband near contact; two agree that none is."""
+    design = preset("piacenza2017-pair")
+    found = score(design, verdict_only=True)
+    assert any(pair.score.possible_deadbands_mm for pair in found.pairs)
+    assert (found.verdict, found.is_open) == ("CONTIGUOUS", False)
+
+    def disagreeing(*given: Any, seed: int, **others: Any) -> Any:
+        traced = pair_curves(*given, seed=seed, **others)
+        if seed < SECOND_SEED:
+            return traced
+        return tuple(
+            replace(one, total=np.where(one.depth_mm < 1.0, one.total[0], one.total)) for one in traced
+        )
+
+    monkeypatch.setattr(scoring, "pair_curves", disagreeing)
+    assert score(design, verdict_only=True).is_open

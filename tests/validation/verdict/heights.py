@@ -80,7 +80,7 @@ def of_pad(of: Combination) -> dict[str, Any]:
         "verdict": found.verdict,
         "usable_mm": found.usable_depth_mm,
         "margin": found.pad_map.weakest.margin,
-        "depth_error_mm": float(errors["depth"].sel(depth=DEEP_MM).values[0]),
+        "depth_error_mm": float(errors["depth_error"].sel(depth=DEEP_MM).values[0]),
     }
 
 

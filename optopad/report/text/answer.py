@@ -1,0 +1,210 @@
+"""The answer in sentences: what the verdict is, why, how sure, what it is worth. Screen and report say the same."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from design.spec import SensorDesign
+from design.spec.properties import used_values
+from optopad.report.text.numbers import counted, spans
+from sims.continuity.result import ContinuityScore
+from sims.verdict.causes import Cause
+from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
+from sims.verdict.tolerance import ToleranceBand, ToleranceRow
+
+USABLE_DOUBT_MM = 0.2
+"""Range of the usable depth from which on it is told."""
+UNITS = (
+    ("_mm", " mm"),
+    ("_deg", "°"),
+    ("_db_per_cm", " dB/cm"),
+    ("_mw", " mW"),
+    ("_nm", " nm"),
+    ("_mpa", " MPa"),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """A verdict in sentences; those that have nothing to say are empty.
+
+    Attributes
+    ----------
+    verdict : what holds, where and to what depth
+    why : the mechanism of the worst blind interval; of a pad that has none, how near it is to one
+    sure : whether a value that nobody has measured, or the light's own error, turns it, and what to measure how well
+    worth : what one frame can tell at best
+    """
+
+    verdict: str
+    why: str
+    sure: str
+    worth: str
+
+
+def answer_of(design: SensorDesign, score: ContinuityScore) -> Answer:
+    """The sentences of a score."""
+    if score.verdict == "OUT_OF_MODEL_SCOPE":
+        return Answer(verdict=f"OUT_OF_MODEL_SCOPE: {score.reason}", why="", sure="", worth="")
+    return Answer(
+        verdict=_verdict(design, score),
+        why=cause_sentence(score.causes[0]) if score.causes else _margin(score),
+        sure=_sure(design, score),
+        worth=_worth(score),
+    )
+
+
+def verdict_words(score: ContinuityScore) -> str:
+    """The verdict, with the usable depth where it is less than what is asked for, and whether it is open."""
+    words: str = score.verdict
+    if score.is_open:
+        words += " (open: the light trace's own error may make or hide a deadband)"
+    depth, asked = score.usable_depth_mm, None if score.force is None else float(score.force.depth_mm[-1])
+    if depth is None or asked is None or depth >= asked:
+        return words
+    low, high = score.usable_range_mm or (depth, depth)
+    doubt = f" ({low:.1f} to {high:.1f} by the light trace's error)" if high - low > USABLE_DOUBT_MM else ""
+    return f"{words}, to {depth:.1f} of the {asked:g} mm asked{doubt}"
+
+
+def _verdict(design: SensorDesign, score: ContinuityScore) -> str:
+    words, deepest = verdict_words(score), f"{design.operating.max_depth_mm:g} mm"
+    if score.is_facing_rows:
+        blind = [pair for pair in score.pairs if pair.score.deadbands_mm]
+        if not blind:
+            return f"{words}: every facing pair tells depth until its light is used up"
+        first = next((pair for pair in blind if pair.name == score.governing), blind[0])
+        others = f"; {len(blind) - 1} more of {len(score.pairs)} pairs neither" if len(blind) > 1 else ""
+        return f"{words}: {first.name} does not tell depth from {spans(first.score.deadbands_mm)} mm{others}"
+    if score.pad_map is None:
+        return words
+    places = score.pad_map.places
+    if score.deadbands_mm:
+        worst, dead = score.pad_map.worst, sum(bool(place.deadbands_mm) for place in places)
+        return (
+            f"{words}: at {dead} of {len(places)} places a frame does not tell depth, worst from "
+            f"{spans(worst.deadbands_mm)} mm at x {worst.x_mm:g}, y {worst.y_mm:g} mm"
+        )
+    faded = sum(place.usable_mm < design.operating.max_depth_mm - 1e-9 for place in places)
+    if faded:
+        least = min(places, key=lambda place: place.usable_mm)
+        return (
+            f"{words}: at {faded} of {len(places)} places no depth is told beyond, least at x {least.x_mm:g}, "
+            f"y {least.y_mm:g} mm"
+        )
+    return f"{words}: one frame tells depth from contact to {deepest} at all {len(places)} places"
+
+
+def _margin(score: ContinuityScore) -> str:
+    """How near a pad without a blind interval is to one."""
+    if score.pad_map is None or score.is_facing_rows:
+        return ""
+    weakest = score.pad_map.weakest
+    start, end = weakest.depths.margin_mm
+    return (
+        f"{start:.1f} to {end:.1f} mm at x {weakest.x_mm:g}, y {weakest.y_mm:g} mm: there frames change by "
+        f"{weakest.margin:.1f} noise units; {DEADBAND_THRESHOLD:g} would be blind"
+    )
+
+
+def cause_sentence(cause: Cause) -> str:
+    """The mechanism by name, with what is missing."""
+    typical = cause.typical
+    if typical is None:
+        return "no pair near: no light between two parts runs under the tip there"
+    several = f"{len(cause.witnesses)} pairs under the tip"
+    under = several if len(cause.witnesses) > 1 else typical.pair
+    short = "" if cause.short_mm is None else f" by about {cause.short_mm:.1f} mm"
+    match cause.lack:
+        case "apart":
+            onset = typical.mode2_onset_mm
+            meets = "no press" if onset is None else f"the tip from {onset:.1f} mm on"
+            return (
+                f"modes too far apart: mirrored light is spent at {typical.mode1_end_mm:.1f} mm, {meets} takes "
+                f"straight light ({typical.pair}); parts too low{short}"
+            )
+        case "used up":
+            return (
+                f"light used up: by {cause.depth_mm[0]:.1f} mm the tip has blocked the straight light of {under}; "
+                f"parts too high{short}"
+            )
+        case "clipped":
+            return f"clipped: {under} at full scale there; lower gain.target_counts"
+        case "dim":
+            most = max(one.untouched_counts for one in cause.witnesses)
+            return f"too dim: {under}, {most:.1f} counts untouched at most"
+        case "cancel":
+            return f"the modes cancel: as mirrored light of {typical.pair} falls, its straight light grows"
+        case _:
+            change = max(one.change for one in cause.witnesses)
+            return f"too little change: {change:.1f} noise units there at most, of {under}"
+
+
+def _sure(design: SensorDesign, score: ContinuityScore) -> str:
+    if score.is_open and score.pad_map is not None:
+        place = next(
+            (one for one in score.pad_map.places if one.depths.most.deadbands_mm), score.pad_map.weakest
+        )
+        return f"open: the light's own error may hide a deadband at x {place.x_mm:g}, y {place.y_mm:g} mm; use --fine"
+    band = score.tolerance
+    if band is None:
+        return ""
+    values = {used.path: used.quantity.value for used in used_values(design)}
+    turning = sorted(
+        (turn for row in band.rows if (turn := _turn(band, row, values))), key=lambda turn: turn[1]
+    )
+    if not turning:
+        none = f"none of {counted(len(band.rows), 'value')} that nobody has measured turns it by itself"
+        return f"firm: {none}" + (f"; {len(band.unbanded)} have no band" if band.unbanded else "")
+    path, apart = turning[0]
+    more = f"; {counted(len(turning) - 1, 'more value')} can" if len(turning) > 1 else ""
+    return f"open: {path} turns it; measure it to within {apart:.2g}{unit_of(path)}{more}"
+
+
+def _doubtful(score: ContinuityScore) -> str:
+    """Where an open verdict is open."""
+    if score.is_facing_rows or score.pad_map is None:
+        return f"of {next(pair.name for pair in score.pairs if pair.score.possible_deadbands_mm)}"
+    place = next((one for one in score.pad_map.places if one.depths.most.deadbands_mm), score.pad_map.weakest)
+    return f"at x {place.x_mm:g}, y {place.y_mm:g} mm"
+
+
+def _turn(band: ToleranceBand, row: ToleranceRow, values: dict[str, float]) -> tuple[str, float] | None:
+    """A path whose band turns the verdict, and how far from the design's value, the margin taken as a straight line."""
+    if not row.flips or row.path not in values:
+        return None
+    found = []
+    for end, dead, margin in zip(row.values, row.deadband_mm, row.margin, strict=True):
+        if (dead > 0.0) != (band.deadband_mm > 0.0) and end != values[row.path]:
+            share = (
+                (band.margin - DEADBAND_THRESHOLD) / (band.margin - margin) if band.margin != margin else 1.0
+            )
+            found.append(min(max(share, 0.05), 1.0) * abs(end - values[row.path]))
+    return (row.path, min(found)) if found else None
+
+
+def unit_of(path: str) -> str:
+    """Unit of a field by its name, with the space before it; empty for pure numbers."""
+    return next((unit for ending, unit in UNITS if path.endswith(ending)), "")
+
+
+def _worth(score: ContinuityScore) -> str:
+    if score.bounds is None:
+        return ""
+    felt = ""
+    if score.bounds.felt is not None:
+        force = float(score.bounds.felt.force_n[score.bounds.felt.worst])
+        felt = (
+            "; no press is felt at some places"
+            if math.isinf(force)
+            else f"; felt from {force:.2f} N everywhere"
+        )
+    depth = score.bounds.median_depth_alone_mm if score.is_facing_rows else score.bounds.median_depth_mm
+    told = [("depth", depth.value)]
+    if not score.is_facing_rows:
+        told.insert(0, ("place", score.bounds.median_location_mm.value))
+    listed = ", ".join(
+        f"{name} {'blind' if math.isinf(value) else f'{value:.3f} mm'}" for name, value in told
+    )
+    return f"{listed} at best by one frame (median){felt}"

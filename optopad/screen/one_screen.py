@@ -1,0 +1,131 @@
+"""A verdict on one screen: at most twelve lines of a hundred characters; the rest is behind ``--details``."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Sequence
+from textwrap import shorten, wrap
+from typing import TYPE_CHECKING
+
+from design.spec import SensorDesign
+from optopad.report.text.answer import answer_of
+from optopad.report.text.numbers import counted
+
+if TYPE_CHECKING:
+    from design.fields.finding import Finding
+    from sims.continuity.result import ContinuityScore
+
+WIDTH, LINES = 100, 12
+LABEL = 10
+"""Columns of the label in front of a line."""
+FINDING_LINES = 4
+"""Lines of a finding at most."""
+THICKNESS = "cavity.clear_thickness_mm"
+SWEEP_STEP_MM = 0.5
+
+
+def verdict_screen(
+    design: SensorDesign,
+    score: ContinuityScore,
+    closing: Sequence[str],
+    *,
+    command: str = "",
+    is_built: bool = False,
+) -> list[str]:
+    """The verdict, why, how sure, what it is worth, what to heed, and the next command.
+
+    Parameters
+    ----------
+    closing : finished lines for the end, such as where the files are
+    command : the design and its changes as given on the command line, for the next command; empty names none
+    is_built : whether the bundle with mold and report is there
+    """
+    said = answer_of(design, score)
+    head = [
+        *_row("design", f"{score.name}  {score.digest[:8]}"),
+        *_row("verdict", said.verdict, 2 if score.causes or score.reason == "" else 4),
+        *_row("why" if score.causes else "weakest", said.why, 2),
+        *_row("sure", said.sure, 2),
+        *_row("worth", said.worth),
+    ]
+    onward = _next(design, score, command, is_built=is_built) if command else ""
+    foot = [*_row("next", onward, 2), *closing]
+    room = max(LINES - len(head) - len(foot), 1)
+    return [*head, *_heeded(_to_heed(score), room), *foot]
+
+
+def findings_screen(name: str, findings: Sequence[Finding], *, command: str) -> list[str]:
+    """Findings of the rules, errors first, as many whole ones as there is room for, and the next command."""
+    errors = [one for one in findings if one.severity == "error"]
+    ordered = [*errors, *(one for one in findings if one.severity != "error")]
+    total = f"{counted(len(errors), 'error')}, {counted(len(findings) - len(errors), 'warning')}"
+    foot = [] if errors else _row("next", f"optopad score {command}")
+    room = LINES - len(foot) - 2
+    lines: list[str] = []
+    shown = 0
+    for one in ordered:
+        told = _row(one.severity, str(one), FINDING_LINES)
+        if lines and len(lines) + len(told) > room:
+            break
+        lines, shown = [*lines, *told], shown + 1
+    if shown < len(ordered):
+        lines += _row("", f"and {len(ordered) - shown} more; all of them with --details")
+    return [*_row("design", f"{name}: {total}"), *lines, *foot]
+
+
+def _row(label: str, text: str, most: int = 1) -> list[str]:
+    """A sentence behind its label, on as many lines as it may take; nothing for an empty one."""
+    if not text:
+        return []
+    room = WIDTH - LABEL
+    parts = wrap(text, room, break_long_words=False, break_on_hyphens=False)
+    if len(parts) > most:
+        last = " ".join(parts[most - 1 :])
+        parts = [*parts[: most - 1], shorten(last, room, placeholder=" …")]
+    return [f"{label if number == 0 else '':<{LABEL}}{part}" for number, part in enumerate(parts)]
+
+
+def _to_heed(score: ContinuityScore) -> list[str]:
+    """Warnings that no other line tells, the worst first: what clips, then the rest as they come.
+
+    The trace's error is told where it leaves the verdict open; else it concerns the figures of single pairs alone.
+    """
+    told = ("rests on values not measured", "the verdict is open", "light trace: standard error")
+    left = [text for text in score.warnings if not text.startswith(told)]
+    return sorted(left, key=lambda text: "full scale" not in text)
+
+
+def _heeded(texts: Sequence[str], room: int) -> list[str]:
+    """One line each; what has no room is counted."""
+    shown = list(texts) if len(texts) <= room else list(texts[: max(room - 1, 0)])
+    lines = [line for text in shown for line in _row("heed", text)]
+    left = len(texts) - len(shown)
+    if left:
+        lines += _row("heed", f"{counted(left, 'more warning' if shown else 'warning')}; see --details")
+    return lines
+
+
+def _next(design: SensorDesign, score: ContinuityScore, command: str, *, is_built: bool) -> str:
+    """The exact next command, and what it does."""
+    if score.verdict == "OUT_OF_MODEL_SCOPE":
+        return f"change what the reason names, then optopad check {command}"
+    if score.causes:
+        others = re.sub(rf" --set '?{re.escape(THICKNESS)}=\S+", "", command)
+        return f"optopad sweep {others} {_sweep(design, score)}   (how thickness moves it)"
+    if is_built:
+        return "open the report, print cad/mold.stl, and follow fabrication/casting.md"
+    return f"optopad run {command}   (mold, wiring, firmware, report: about a minute)"
+
+
+def _sweep(design: SensorDesign, score: ContinuityScore) -> str:
+    """A sweep towards what the cause lacks: thinner where the modes are apart, thicker where the light is used up."""
+    cause, clear = score.causes[0], design.cavity.clear_thickness_mm
+    apart = max(2 * SWEEP_STEP_MM, SWEEP_STEP_MM * round((cause.short_mm or 0.0) / SWEEP_STEP_MM + 1))
+    low, high = (clear, clear + apart) if cause.lack == "used up" else (clear - apart, clear)
+    return f"{THICKNESS}={low:g}:{high:g}:{SWEEP_STEP_MM:g}"
+
+
+def as_typed(design: str, changes: Sequence[str] | None) -> str:
+    """A design and its changes as they were given, for a command to be typed."""
+    return " ".join([shlex.quote(design), *(f"--set {shlex.quote(one)}" for one in changes or ())])

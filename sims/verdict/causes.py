@@ -1,0 +1,328 @@
+"""Why depth is not told: which pairs should have answered over a blind interval, and what each of them lacks.
+
+    blind interval of a place ──► pairs whose chord runs under the tip ──► what each lacks there ──► the cause
+
+Of a pair's light under the press, T is what the top mirrors (skirt included), D what comes straight. Over the interval:
+
+    clipped   it reads at full scale over half of it or more
+    dim       all of its light is worth less than 6 noise units: too little to answer twice
+    cancel    T and D each change by 3 noise units or more, their sum by less
+    apart     D is still whole (over 90 % of D(0)): mode 1 is over, mode 2 has not begun
+    used up   D is gone (below 10 % of D(0))
+    slight    none of these: it changes, by less than 3 noise units
+
+The cause is what most of them lack, weighted by their untouched light; `none near` where no chord runs under the tip.
+`short_mm` says by how much the modes miss each other: of `apart` from the end of mode 1 to where the tip reaches the
+straight light (traced, or by the parts' upper edges where no press reaches it), of `used up` from where D is gone to
+the deepest press. It is about how much lower, or higher, all parts sit than would do.
+
+Left out: pairs whose mirrored light alone runs near; interplay of pairs, each of which is looked at by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
+from design.geometry.pairs import direct_path_pairs
+from design.spec import SensorDesign
+from sims.optics.light_signals import LightSignals
+from sims.readings.readout import Readout
+from sims.verdict.builds import noise_of
+from sims.verdict.frame_depths import Interval
+from sims.verdict.pad_map import PadMap, Place
+from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
+from sims.verdict.pair.depth_curve import between
+from sims.verdict.pair.modes import find_modes
+from sims.verdict.pair.noise_units import noise_units
+from sims.verdict.pair.pair_score import PairScore
+from sims.verdict.presses import PairCurves
+
+FloatArray = NDArray[np.float64]
+Lack = Literal["clipped", "dim", "cancel", "apart", "used up", "slight", "none near"]
+Kind = Literal["deadband", "fade"]
+
+WHOLE, GONE = 0.9, 0.1
+"""Shares of a pair's straight light above which it is whole, below which it is gone [-]."""
+ANSWERS_TWICE = 2.0 * DEADBAND_THRESHOLD
+"""A pair with less light than this cannot tell three depths apart [noise units]."""
+MOST_WITNESSES = 12
+"""Pairs under the tip that are looked at, the brightest first."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Witness:
+    """A pair that should have answered.
+
+    Attributes
+    ----------
+    pair : its name, as E1-R3; lack : what it lacks over the interval
+    mirrored, straight : light left where the interval starts, over that of the untouched pad [-]
+    untouched_counts, change : reading of the untouched pad [counts], change over the interval [noise units]
+    mode1_end_mm, mode2_onset_mm, mode2_end_mm : of its light at this place [mm]; None where no press reaches it
+    reach_mm : depth at which the tip meets the straight path's upper edge, by the parts' heights [mm]
+    """
+
+    pair: str
+    lack: Lack
+    mirrored: float
+    straight: float
+    untouched_counts: float
+    change: float
+    mode1_end_mm: float
+    mode2_onset_mm: float | None
+    mode2_end_mm: float | None
+    reach_mm: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cause:
+    """Why depth is not told over an interval.
+
+    Attributes
+    ----------
+    kind : deadband (the signal comes back) or fade (the range ends)
+    place_mm : (x, y) of the press; depth_mm : the blind interval [mm]
+    lack : what most pairs under the tip lack; short_mm : by how much, see above [mm]; None where it has no length
+    witnesses : the pairs under the tip, the brightest first
+    """
+
+    kind: Kind
+    place_mm: tuple[float, float]
+    depth_mm: Interval
+    lack: Lack
+    short_mm: float | None
+    witnesses: tuple[Witness, ...]
+
+    @property
+    def typical(self) -> Witness | None:
+        """Of the witnesses that lack this the one in the middle by where its modes lie; None without any."""
+        lacking = [one for one in self.witnesses if one.lack == self.lack]
+        order = sorted(lacking, key=lambda one: _or(one.mode2_onset_mm, np.inf) - one.mode1_end_mm)
+        return order[(len(order) - 1) // 2] if order else None
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {
+            "kind": self.kind,
+            "place_mm": [round(value, 4) for value in self.place_mm],
+            "depth_mm": [round(value, 4) for value in self.depth_mm],
+            "lack": self.lack,
+            "short_mm": None if self.short_mm is None else round(self.short_mm, 3),
+            "pairs": [_witness_json(one) for one in self.witnesses],
+        }
+
+
+def causes_of_pad(
+    design: SensorDesign, pad_map: PadMap, light: LightSignals, readout: Readout
+) -> tuple[Cause, ...]:
+    """The cause of every blind interval of every place, the worst place first.
+
+    Parameters
+    ----------
+    light : of the map's presses, places outermost
+    """
+    cavity = cavity_of(design)
+    depth_mm = np.asarray(light.presses).reshape(len(pad_map.places), -1, 3)[0, :, 2]
+    found = []
+    for number, place in enumerate(pad_map.places):
+        states = slice(number * len(depth_mm), (number + 1) * len(depth_mm))
+        blind = list(_blind_of_place(place, float(depth_mm[-1])))
+        if blind:
+            place_mm = (place.x_mm, place.y_mm)
+            curves = _curves_under(cavity, light, states, place_mm, depth_mm)
+            found += [_cause(design, cavity, kind, span, place_mm, curves, readout) for kind, span in blind]
+    return tuple(sorted(found, key=_severity))
+
+
+def causes_of_pairs(
+    design: SensorDesign, judged: Sequence[tuple[PairCurves, PairScore]], readout: Readout
+) -> tuple[Cause, ...]:
+    """The cause of every blind interval of facing pairs, each under its own press, the worst first."""
+    cavity, found = cavity_of(design), []
+    for curves, score in judged:
+        blind: list[tuple[Kind, Interval]] = [("deadband", span) for span in score.deadbands_mm]
+        if score.saturation_mm is not None:
+            blind.append(("fade", score.saturation_mm))
+        found += [
+            _cause(design, cavity, kind, span, curves.press_mm, [curves], readout) for kind, span in blind
+        ]
+    return tuple(sorted(found, key=_severity))
+
+
+def _severity(cause: Cause) -> tuple[bool, float]:
+    """Deadbands first, the longest first."""
+    return cause.kind != "deadband", cause.depth_mm[0] - cause.depth_mm[1]
+
+
+def _blind_of_place(place: Place, deepest_mm: float) -> Iterator[tuple[Kind, Interval]]:
+    for span in place.deadbands_mm:
+        yield "deadband", span
+    if place.usable_mm < deepest_mm - 1e-9:
+        yield "fade", (place.usable_mm, deepest_mm)
+
+
+def _curves_under(
+    cavity: CavityGeometry,
+    light: LightSignals,
+    states: slice,
+    place_mm: tuple[float, float],
+    depth_mm: FloatArray,
+) -> list[PairCurves]:
+    """Light against depth of the pairs whose chord runs within a tip radius of the place, the brightest first."""
+    top = light.by_class["top"] + light.by_class["skirt"]
+    under = [
+        PairCurves(
+            pair=(int(e), int(r)),
+            press_mm=place_mm,
+            depth_mm=depth_mm,
+            direct=light.by_class["direct"][states, e, r],
+            top=top[states, e, r],
+            diffuse=light.by_class["diffuse"][states, e, r],
+            total=light.flux[states, e, r],
+            standard_error=light.standard_error[states, e, r],
+        )
+        for e, r in np.argwhere(direct_path_pairs(cavity))
+        if _beside(cavity, (int(e), int(r)), place_mm)[0] <= cavity.tip_radius_mm
+    ]
+    lit = [one for one in under if one.direct[0] > 0.0]
+    return sorted(lit, key=lambda one: -float(one.total[0]))[:MOST_WITNESSES]
+
+
+def _beside(
+    cavity: CavityGeometry, pair: tuple[int, int], place_mm: tuple[float, float]
+) -> tuple[float, float]:
+    """Distance of a place from a pair's chord [mm], and where along the chord it is nearest (0 emitter, 1 receiver)."""
+    ends = _ends(cavity, pair)
+    start, end = (np.array(one.position_mm(cavity.length_mm, cavity.width_mm)[:2]) for one in ends)
+    along = end - start
+    share = float(np.clip((np.array(place_mm) - start) @ along / (along @ along), 0.0, 1.0))
+    return float(np.hypot(*(start + share * along - place_mm))), share
+
+
+def _ends(cavity: CavityGeometry, pair: tuple[int, int]) -> tuple[PlacedPart, PlacedPart]:
+    return cavity.emitters[pair[0]], cavity.receivers[pair[1]]
+
+
+def _cause(
+    design: SensorDesign,
+    cavity: CavityGeometry,
+    kind: Kind,
+    span: Interval,
+    place_mm: tuple[float, float],
+    curves: Sequence[PairCurves],
+    readout: Readout,
+) -> Cause:
+    witnesses = tuple(_witness(design, cavity, one, span, readout) for one in curves)
+    lack: Lack = "none near"
+    if witnesses:
+        weight: dict[Lack, float] = {}
+        for one in witnesses:
+            weight[one.lack] = weight.get(one.lack, 0.0) + one.untouched_counts
+        lack = max(weight, key=lambda name: weight[name])
+    return Cause(
+        kind=kind,
+        place_mm=place_mm,
+        depth_mm=span,
+        lack=lack,
+        short_mm=_short_mm(lack, witnesses, design.operating.max_depth_mm),
+        witnesses=witnesses,
+    )
+
+
+def _short_mm(lack: Lack, witnesses: Sequence[Witness], deepest_mm: float) -> float | None:
+    """Median over the witnesses that lack this."""
+    lacking = [one for one in witnesses if one.lack == lack]
+    if lack == "apart":
+        lengths = [
+            _or(one.mode2_onset_mm, max(one.reach_mm, deepest_mm)) - one.mode1_end_mm for one in lacking
+        ]
+    elif lack == "used up":
+        lengths = [deepest_mm - one.mode2_end_mm for one in lacking if one.mode2_end_mm is not None]
+    else:
+        return None
+    return float(np.median(lengths)) if lengths else None
+
+
+def _or(value: float | None, otherwise: float) -> float:
+    return otherwise if value is None else value
+
+
+def _witness(
+    design: SensorDesign, cavity: CavityGeometry, curves: PairCurves, span: Interval, readout: Readout
+) -> Witness:
+    gain, full_scale = readout.of_receiver(curves.pair[1]), readout.full_scale_counts
+    _, part = between(
+        curves.depth_mm, np.stack([curves.total, curves.top, curves.direct], axis=1), span[0], span[1]
+    )
+    counts = gain * part
+    noise = noise_of(design)
+    limited = np.minimum(counts[:, 0], full_scale)
+    change = float(np.ptp(noise_units(limited, **noise)))
+    whole = gain * float(curves.total[0])
+    modes = find_modes(curves.depth_mm, curves.top, curves.direct)
+    straight = float(part[0, 2] / curves.direct[0])
+    emitter, receiver = _ends(cavity, curves.pair)
+    return Witness(
+        pair=f"{emitter.name}-{receiver.name}",
+        lack=_lack(counts, limited, whole, straight, full_scale, noise),
+        mirrored=float(part[0, 1] / curves.top[0]) if curves.top[0] > 0.0 else 0.0,
+        straight=straight,
+        untouched_counts=min(whole, full_scale),
+        change=change,
+        mode1_end_mm=modes.mode1_mm[1],
+        mode2_onset_mm=modes.mode2_mm[0],
+        mode2_end_mm=modes.mode2_mm[1],
+        reach_mm=_reach_mm(cavity, curves),
+    )
+
+
+def _lack(
+    counts: FloatArray,
+    limited: FloatArray,
+    whole: float,
+    straight: float,
+    full_scale: float,
+    noise: dict[str, float],
+) -> Lack:
+    """What a pair lacks, from its total, mirrored and straight counts (depth, 3) over the interval."""
+    if (limited >= full_scale).mean() >= 0.5:
+        return "clipped"
+    if float(noise_units(min(whole, full_scale), **noise)) < ANSWERS_TWICE:
+        return "dim"
+    sigma = float(np.median(np.gradient(noise_units(np.array([whole * 0.99, whole]), **noise), whole * 0.01)))
+    mirrored_change, straight_change = (float(np.ptp(counts[:, column])) * sigma for column in (1, 2))
+    if min(mirrored_change, straight_change) >= DEADBAND_THRESHOLD:
+        return "cancel"
+    if straight >= WHOLE:
+        return "apart"
+    return "used up" if straight <= GONE else "slight"
+
+
+def _reach_mm(cavity: CavityGeometry, curves: PairCurves) -> float:
+    """Depth at which the tip meets the straight path's upper edge [mm]."""
+    emitter, receiver = _ends(cavity, curves.pair)
+    _, share = _beside(cavity, curves.pair, curves.press_mm)
+    upper = [min(one.height_mm + one.half_height_mm, cavity.clear_mm) for one in (emitter, receiver)]
+    return cavity.clear_mm - ((1.0 - share) * upper[0] + share * upper[1])
+
+
+def _witness_json(one: Witness) -> dict[str, Any]:
+    return {
+        "pair": one.pair,
+        "lack": one.lack,
+        "mirrored_left": round(one.mirrored, 4),
+        "straight_left": round(one.straight, 4),
+        "untouched_counts": round(one.untouched_counts, 3),
+        "change_noise_units": round(one.change, 3),
+        "mode1_end_mm": round(one.mode1_end_mm, 4),
+        "mode2_mm": [
+            None if value is None else round(value, 4) for value in (one.mode2_onset_mm, one.mode2_end_mm)
+        ],
+        "tip_reaches_mm": round(one.reach_mm, 4),
+    }

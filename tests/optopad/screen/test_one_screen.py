@@ -1,0 +1,141 @@
+"""One screen: twelve lines of a hundred characters, whatever there is to say."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import pytest
+
+from design.fields.finding import error, warning
+from design.preset import preset
+from optopad.report.text.answer import answer_of, cause_sentence, unit_of
+from optopad.screen.one_screen import LINES, WIDTH, as_typed, findings_screen, verdict_screen
+from sims.verdict.causes import Cause, Witness
+from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
+
+PAD, PAIR = preset("piacenza2017-pad"), preset("piacenza2017-pair")
+LACKS = ("apart", "used up", "clipped", "dim", "cancel", "slight", "none near")
+
+
+def witness(lack):
+    return Witness(
+        pair="E1-R5",
+        lack=lack,
+        mirrored=0.02,
+        straight=0.99,
+        untouched_counts=310.4,
+        change=1.2,
+        mode1_end_mm=1.12,
+        mode2_onset_mm=None,
+        mode2_end_mm=None,
+        reach_mm=3.04,
+    )
+
+
+def cause(lack):
+    return Cause(
+        kind="deadband",
+        place_mm=(16.0, 16.0),
+        depth_mm=(1.4, 3.1),
+        lack=lack,
+        short_mm=1.92 if lack in ("apart", "used up") else None,
+        witnesses=() if lack == "none near" else (witness(lack),),
+    )
+
+
+@pytest.mark.parametrize("design", [PAD, PAIR])
+@pytest.mark.parametrize("made_up", [dead_score, contiguous_score, out_of_scope_score])
+@pytest.mark.parametrize("lack", LACKS)
+def test_a_verdict_fits_on_one_screen(design, made_up, lack):
+    score = made_up(design)
+    if score.deadbands_mm:
+        score = replace(score, causes=(cause(lack),))
+    score = replace(score, warnings=tuple(f"a long warning {'of many words ' * 30}{n}" for n in range(20)))
+    lines = verdict_screen(design, score, ["files     outputs/pad-12345678"], command="pad.toml")
+    assert len(lines) <= LINES
+    assert max(map(len, lines)) <= WIDTH
+    assert lines[0].split()[:2] == ["design", score.name]
+    assert lines[1].split()[1].rstrip(":,") == score.verdict
+    assert lines[-1] == "files     outputs/pad-12345678"
+    assert lines[-2].startswith("next")
+    assert "more warnings; see --details" in "\n".join(lines)
+
+
+def test_the_mechanism_is_named_with_what_is_missing():
+    said = {lack: cause_sentence(cause(lack)) for lack in LACKS}
+    assert said["apart"] == (
+        "modes too far apart: mirrored light is spent at 1.1 mm, no press takes straight light (E1-R5); "
+        "parts too low by about 1.9 mm"
+    )
+    assert said["used up"].endswith("parts too high by about 1.9 mm")
+    assert [said[lack].split(":")[0] for lack in LACKS] == [
+        "modes too far apart",
+        "light used up",
+        "clipped",
+        "too dim",
+        "the modes cancel",
+        "too little change",
+        "no pair near",
+    ]
+
+
+def test_it_says_which_value_to_measure_and_how_well():
+    # margin 4.1 at 2.0 mm and 1.0 at 1.0 mm: 3 is met (4.1 - 3) / 3.1 of the way, 0.35 mm from the design's value
+    assert answer_of(PAD, contiguous_score()).sure == (
+        "open: part_measurements.sunled-xscwd23mb.active_height_mm turns it; measure it to within 0.35 mm"
+    )
+    firm = replace(contiguous_score().tolerance, rows=contiguous_score().tolerance.rows[2:])
+    words = answer_of(PAD, replace(contiguous_score(), tolerance=firm)).sure
+    assert words == "firm: none of 1 value that nobody has measured turns it by itself; 1 have no band"
+
+
+def test_an_open_verdict_asks_for_finer_light():
+    assert answer_of(PAD, replace(contiguous_score(), is_open=True)).sure.startswith(
+        "open: the light's own error"
+    )
+
+
+def test_the_next_command_follows_the_verdict():
+    def next_of(score, **kind):
+        lines = verdict_screen(
+            PAD, score, [], command=as_typed("my pad.toml", ["gain.target_counts=200"]), **kind
+        )
+        first = next(number for number, line in enumerate(lines) if line.startswith("next"))
+        return re.sub(r"\s{2,}", "  ", " ".join(lines[first:])).replace("next  ", "").replace("  ", " ")
+
+    typed = "'my pad.toml' --set gain.target_counts=200"
+    assert next_of(contiguous_score()).startswith(f"optopad run {typed} (mold")
+    assert "cad/mold.stl" in next_of(contiguous_score(), is_built=True)
+    apart = replace(dead_score(), causes=(cause("apart"),))
+    assert (
+        next_of(apart)
+        == f"optopad sweep {typed} cavity.clear_thickness_mm=5.5:8:0.5 (how thickness moves it)"
+    )
+    lines = verdict_screen(PAD, apart, [], command="pad.toml --set cavity.clear_thickness_mm=10 --set a=1")
+    assert "optopad sweep pad.toml --set a=1 cavity.clear_thickness_mm=" in " ".join(lines)
+    spent = replace(dead_score(), causes=(cause("used up"),))
+    assert next_of(spent).endswith("cavity.clear_thickness_mm=8:10.5:0.5 (how thickness moves it)")
+
+
+def test_lengths_have_their_unit():
+    assert unit_of("receivers.height_mm") == " mm"
+    assert unit_of("elastomer.absorption_db_per_cm") == " dB/cm"
+    assert unit_of("surfaces.wall_reflectance") == ""
+
+
+def test_findings_fit_on_one_screen_errors_first():
+    long = {"value": "9 mm", "limit": "at most 8 mm", "way_out": "lower the part " * 12}
+    found = [warning("mold.rim_mm", "a warning", **long)] * 9 + [
+        error("emitters.height_mm", "too high", **long)
+    ]
+    lines = findings_screen("pad", found, command="pad.toml")
+    assert len(lines) <= LINES
+    assert max(map(len, lines)) <= WIDTH
+    assert lines[0] == "design    pad: 1 error, 9 warnings"
+    assert lines[1].startswith("error     emitters.height_mm: too high (9 mm; needs at most 8 mm)")
+    assert re.fullmatch(r" {10}and \d more; all of them with --details", lines[-1])
+    assert findings_screen("pad", [], command="pad.toml") == [
+        "design    pad: 0 errors, 0 warnings",
+        "next      optopad score pad.toml",
+    ]
