@@ -17,7 +17,7 @@ import socket
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -92,6 +92,7 @@ def explore(
     fan_out: FanOut = one_by_one,
     on_tried: OnTried | None = None,
     heartbeat_s: int = HEARTBEAT_S,
+    first: Sequence[dict[str, Value]] = (),
 ) -> Findings:
     """Search until a number of designs is judged; a study that exists is gone on with.
 
@@ -103,6 +104,7 @@ def explore(
     is_shared : other processes may work on the study at the same time
     fan_out : judges a batch; designs must be independent of each other
     heartbeat_s : of a shared study [s]
+    first : points of the space to judge before the sampler proposes any
 
     Raises
     ------
@@ -110,7 +112,15 @@ def explore(
     """
     with opened_study(space, url, heartbeat_s=heartbeat_s if is_shared else None) as study:
         run = _Run(
-            space, objective, study, trials or space.search.trials, is_shared, fan_out, on_tried, heartbeat_s
+            space,
+            objective,
+            study,
+            trials or space.search.trials,
+            is_shared,
+            fan_out,
+            on_tried,
+            heartbeat_s,
+            first,
         )
         return run.to_the_end()
 
@@ -135,9 +145,11 @@ class _Run:
         fan_out: FanOut,
         on_tried: OnTried | None,
         heartbeat_s: int,
+        first: Sequence[dict[str, Value]],
     ) -> None:
         self.space, self.objective, self.study, self.fan_out = space, objective, study, fan_out
         self.is_shared, self.on_tried, self.heartbeat_s = is_shared, on_tried, heartbeat_s
+        self.first = first
         is_grid = space.search.sampler == "grid"
         self.wanted = min(wanted, grid_size(space)) if is_grid else wanted
         self.worker = f"{socket.gethostname()}:{os.getpid()}:{time.time_ns()}" if is_shared else ""
@@ -147,7 +159,7 @@ class _Run:
 
     def to_the_end(self) -> Findings:
         recover(self.study, is_shared=self.is_shared)
-        queue_first(self.study, self.space, is_shared=self.is_shared)
+        queue_first(self.study, self.space, is_shared=self.is_shared, first=self.first)
         self._tell_listener(None)
         is_interrupted = False
         try:

@@ -40,6 +40,16 @@ FIGURES: dict[str, Figure] = {
         better="minimize",
         meaning="summed deadband of the facing pair, or of the pad's worst place",
     ),
+    "usable_depth_mm": Figure(
+        unit="mm",
+        better="maximize",
+        meaning="least depth of any place from which on depth is not told any more",
+    ),
+    "margin": Figure(
+        unit="1",
+        better="maximize",
+        meaning="noise units over the least told 0.3 mm of depth before the range ends; below 3 is blind",
+    ),
     "strength": Figure(
         unit="1", better="maximize", meaning="untouched light of the judged pair over the emitted power"
     ),

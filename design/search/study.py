@@ -222,8 +222,12 @@ def sampler_of(space: SearchSpace, index: int, worker: str) -> BaseSampler:
                 return optuna.samplers.RandomSampler(seed=seed)
 
 
-def queue_first(study: optuna.Study, space: SearchSpace, *, is_shared: bool) -> None:
+def queue_first(
+    study: optuna.Study, space: SearchSpace, *, is_shared: bool, first: Sequence[dict[str, Value]] = ()
+) -> None:
     """Queue what a search begins with, once a study: every point of a grid, else the base design where it lies inside.
+
+    Points of `first` follow the base design.
 
     Of workers that begin together one makes the study and does it; the others wait for it, unless it dies over it.
     """
@@ -237,6 +241,8 @@ def queue_first(study: optuna.Study, space: SearchSpace, *, is_shared: bool) -> 
         _queue_grid(study, space)
     elif (point := space.base_parameters()) is not None and not study.get_trials(deepcopy=False):
         study.enqueue_trial(point)
+        for other in first:
+            study.enqueue_trial(other)
     study.set_user_attr(QUEUED, True)
 
 

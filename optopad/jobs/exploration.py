@@ -29,7 +29,7 @@ from design.search.explore import Findings, OnTried, explore
 from design.search.figures import FIGURES
 from design.search.importance import importances
 from design.search.judged import FanOut, Tried, one_by_one
-from design.search.space import SearchSpace
+from design.search.space import SearchSpace, Value
 from optopad.results.search_result import Search
 
 
@@ -46,6 +46,7 @@ def search(
     storage: str | None = None,
     scheduler: str | None = None,
     on_tried: OnTried | None = None,
+    first: Sequence[dict[str, Value]] = (),
 ) -> Search:
     """Search, or go on with a search, and write what was found.
 
@@ -54,6 +55,7 @@ def search(
     trials : designs in all; None takes the space's
     storage : address of a database that other workers may share; None is SQLite in the search's folder
     scheduler : address of a Dask scheduler whose workers judge the designs; None judges them here
+    first : points of the space to judge before the sampler proposes any
 
     Raises
     ------
@@ -78,6 +80,7 @@ def search(
             is_shared=storage is not None,
             fan_out=fan_out,
             on_tried=on_tried,
+            first=first,
         )
         return write_search(folder, found, importances(space, url))
 

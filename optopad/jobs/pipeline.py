@@ -261,8 +261,8 @@ def _without_tolerance(
 ) -> EarlyDrawings | None:
     """Write signals, maps and their plots; draw what a page shows of them."""
     from design.geometry.cavity import cavity_of
-    from optopad.jobs.bound_plots import write_bound_plots
     from optopad.report.sections.early import early_drawings
+    from optopad.work.plot_files import write_bound_plots
     from sims.continuity.maps_file import maps_dataset
     from sims.readings.signal_file import save_dataset, signals_dataset
 

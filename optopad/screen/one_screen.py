@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shlex
 from collections.abc import Sequence
 from textwrap import shorten, wrap
@@ -21,8 +20,6 @@ LABEL = 10
 """Columns of the label in front of a line."""
 FINDING_LINES = 4
 """Lines of a finding at most."""
-THICKNESS = "cavity.clear_thickness_mm"
-SWEEP_STEP_MM = 0.5
 
 
 def verdict_screen(
@@ -43,14 +40,14 @@ def verdict_screen(
     """
     said = answer_of(design, score)
     head = [
-        *_row("design", f"{score.name}  {score.digest[:8]}"),
-        *_row("verdict", said.verdict, 2 if score.causes or score.reason == "" else 4),
-        *_row("why" if score.causes else "weakest", said.why, 2),
-        *_row("sure", said.sure, 2),
-        *_row("worth", said.worth),
+        *row("design", f"{score.name}  {score.digest[:8]}"),
+        *row("verdict", said.verdict, 2 if score.causes or score.reason == "" else 4),
+        *row("why" if score.causes else "weakest", said.why, 2),
+        *row("sure", said.sure, 2),
+        *row("worth", said.worth),
     ]
-    onward = _next(design, score, command, is_built=is_built) if command else ""
-    foot = [*_row("next", onward, 2), *closing]
+    onward = _next(score, command, is_built=is_built) if command else ""
+    foot = [*row("next", onward, 2), *closing]
     room = max(LINES - len(head) - len(foot), 1)
     return [*head, *_heeded(_to_heed(score), room), *foot]
 
@@ -60,21 +57,21 @@ def findings_screen(name: str, findings: Sequence[Finding], *, command: str) -> 
     errors = [one for one in findings if one.severity == "error"]
     ordered = [*errors, *(one for one in findings if one.severity != "error")]
     total = f"{counted(len(errors), 'error')}, {counted(len(findings) - len(errors), 'warning')}"
-    foot = [] if errors else _row("next", f"optopad score {command}")
+    foot = [] if errors else row("next", f"optopad score {command}")
     room = LINES - len(foot) - 2
     lines: list[str] = []
     shown = 0
     for one in ordered:
-        told = _row(one.severity, str(one), FINDING_LINES)
+        told = row(one.severity, str(one), FINDING_LINES)
         if lines and len(lines) + len(told) > room:
             break
         lines, shown = [*lines, *told], shown + 1
     if shown < len(ordered):
-        lines += _row("", f"and {len(ordered) - shown} more; all of them with --details")
-    return [*_row("design", f"{name}: {total}"), *lines, *foot]
+        lines += row("", f"and {len(ordered) - shown} more; all of them with --details")
+    return [*row("design", f"{name}: {total}"), *lines, *foot]
 
 
-def _row(label: str, text: str, most: int = 1) -> list[str]:
+def row(label: str, text: str, most: int = 1) -> list[str]:
     """A sentence behind its label, on as many lines as it may take; nothing for an empty one."""
     if not text:
         return []
@@ -99,31 +96,22 @@ def _to_heed(score: ContinuityScore) -> list[str]:
 def _heeded(texts: Sequence[str], room: int) -> list[str]:
     """One line each; what has no room is counted."""
     shown = list(texts) if len(texts) <= room else list(texts[: max(room - 1, 0)])
-    lines = [line for text in shown for line in _row("heed", text)]
+    lines = [line for text in shown for line in row("heed", text)]
     left = len(texts) - len(shown)
     if left:
-        lines += _row("heed", f"{counted(left, 'more warning' if shown else 'warning')}; see --details")
+        lines += row("heed", f"{counted(left, 'more warning' if shown else 'warning')}; see --details")
     return lines
 
 
-def _next(design: SensorDesign, score: ContinuityScore, command: str, *, is_built: bool) -> str:
+def _next(score: ContinuityScore, command: str, *, is_built: bool) -> str:
     """The exact next command, and what it does."""
     if score.verdict == "OUT_OF_MODEL_SCOPE":
         return f"change what the reason names, then optopad check {command}"
     if score.causes:
-        others = re.sub(rf" --set '?{re.escape(THICKNESS)}=\S+", "", command)
-        return f"optopad sweep {others} {_sweep(design, score)}   (how thickness moves it)"
+        return f"optopad improve {command}   (up to three changes that mend it, verified: minutes)"
     if is_built:
         return "open the report, print cad/mold.stl, and follow fabrication/casting.md"
     return f"optopad run {command}   (mold, wiring, firmware, report: about a minute)"
-
-
-def _sweep(design: SensorDesign, score: ContinuityScore) -> str:
-    """A sweep towards what the cause lacks: thinner where the modes are apart, thicker where the light is used up."""
-    cause, clear = score.causes[0], design.cavity.clear_thickness_mm
-    apart = max(2 * SWEEP_STEP_MM, SWEEP_STEP_MM * round((cause.short_mm or 0.0) / SWEEP_STEP_MM + 1))
-    low, high = (clear, clear + apart) if cause.lack == "used up" else (clear - apart, clear)
-    return f"{THICKNESS}={low:g}:{high:g}:{SWEEP_STEP_MM:g}"
 
 
 def as_typed(design: str, changes: Sequence[str] | None) -> str:

@@ -8,8 +8,12 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from design.geometry.cavity import cavity_of
 from design.io import write_text_atomically
-from sims.plots.style import svg_text
+from design.spec import SensorDesign
+from sims.bounds.observability import PadBounds
+from sims.plots.bounds import plot_bound_sheet, plot_felt_map
+from sims.plots.style import plain_style, svg_text
 
 PNG_DPI = 160
 
@@ -24,3 +28,17 @@ def write_plot(figure: Figure, stem: Path) -> tuple[Path, Path]:
     partial.write_bytes(buffer.getvalue())
     os.replace(partial, png)
     return svg, png
+
+
+def write_bound_plots(design: SensorDesign, bounds: PadBounds, folder: Path) -> list[Path]:
+    """Location and depth bounds by depth, and the lightest press felt: ``bounds-*.svg`` and ``.png``; their paths."""
+    cavity = cavity_of(design)
+    written: list[Path] = []
+    with plain_style():
+        written += write_plot(plot_bound_sheet(bounds, cavity, "location"), folder / "bounds-location")
+        written += write_plot(plot_bound_sheet(bounds, cavity, "depth"), folder / "bounds-depth")
+        if bounds.felt is not None:
+            figure = plot_felt_map(bounds.felt, cavity).get_figure(root=True)
+            assert figure is not None
+            written += write_plot(figure, folder / "felt-force")
+    return written

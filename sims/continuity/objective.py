@@ -1,6 +1,6 @@
 """What a search asks of a design: the score's figures, cheapest first, and no more of them than are wanted.
 
-    rules ──► parts and height ──► untouched light ──► pairs ──► bounds ──► map of the pad
+    rules ──► parts and height ──► untouched light ──► pairs ──► map of the pad ──► bounds
       each step ends the judging when a limit can no longer be met: the reason is kept
 
 The same functions as `optopad score`, with coarser light, depths and grids (`SETTINGS["search"]`). How far its figures
@@ -37,7 +37,7 @@ from sims.optics.light_signals import LightSignals
 from sims.optics.tracing import trace
 from sims.press.depths import COARSE_STEP_MM, STEP_MM, depth_schedule_mm
 from sims.readings.readout import Readout, readout_of
-from sims.verdict.builds import score_curves
+from sims.verdict.builds import pair_margin, score_curves
 from sims.verdict.pad_map import COARSE_PLACES, grid_places_mm, map_grid_mm
 from sims.verdict.pair.defaults import DEADBAND_MIN_LENGTH_MM
 from sims.verdict.presses import (
@@ -52,6 +52,7 @@ from sims.verdict.presses import (
 
 FloatArray = NDArray[np.float64]
 
+MAP_FIGURES = frozenset({"verdict", "deadband_mm", "usable_depth_mm", "margin"})
 PAIR_FIGURES = frozenset({"evenness", "continuity", "swing", "resolvable_steps"})
 
 
@@ -210,8 +211,19 @@ class _Judging:
         if not self.figures["deadband_mm"] and len(pairs) > 1:
             judged += self._pairs(cavity, pairs[1:], readout)
             self._headline(governing_pair(judged, True))
+        if self.needed & {"usable_depth_mm", "margin"}:
+            self._depths(judged, readout)
         if self.needed & BOUND_FIGURES:
             self._bounds(readout)
+
+    def _depths(self, judged: tuple[JudgedPair, ...], readout: Readout) -> None:
+        """Usable depth and margin of facing pairs, the least of each."""
+        deepest = self.design.operating.max_depth_mm
+        ends = [pair.score.saturation_mm[0] for pair in judged if pair.score.saturation_mm is not None]
+        self.figures["usable_depth_mm"] = min([*ends, deepest])
+        self.figures["margin"] = min(
+            pair_margin(self.design, readout, pair.curves, pair.score)[0] for pair in judged
+        )
 
     def _headline(self, pair: JudgedPair) -> None:
         score = pair.score
@@ -228,11 +240,11 @@ class _Judging:
         if self.needed & PAIR_FIGURES:
             self._medians(self._pairs(cavity, judged_pairs(cavity), readout))
             self._stop_if_hopeless()
+        if self.needed & MAP_FIGURES:
+            self._map(cavity, readout)
+            self._stop_if_hopeless()
         if self.needed & BOUND_FIGURES:
             self._bounds(readout)
-            self._stop_if_hopeless()
-        if self.needed & {"verdict", "deadband_mm"}:
-            self._map(cavity, readout)
 
     def _medians(self, judged: tuple[JudgedPair, ...]) -> None:
         scores = [pair.score for pair in judged]
@@ -273,7 +285,11 @@ class _Judging:
             )
             for place, readings, error in zip(places_mm, counts, errors, strict=True)
         ]
-        self.figures["deadband_mm"] = max(place.deadband_total_mm for place in places)
+        self.figures |= {
+            "deadband_mm": max(place.deadband_total_mm for place in places),
+            "usable_depth_mm": min(place.usable_mm for place in places),
+            "margin": min(place.margin for place in places),
+        }
         self.verdict = "DEADBAND" if any(place.deadbands_mm for place in places) else "CONTIGUOUS"
 
     def _map_light(self, places_mm: FloatArray) -> tuple[FloatArray, LightSignals]:

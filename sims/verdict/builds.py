@@ -91,8 +91,7 @@ def facing_brief(design: SensorDesign, *, seed: int) -> Brief:
     scores = [score_curves(design, curves, readout) for curves in traced]
     worst_mm = max(score.deadband_total_mm for score in scores)
     found = [
-        _facing_margin(design, depth_mm, readout, curves, score)
-        for curves, score in zip(traced, scores, strict=True)
+        pair_margin(design, readout, curves, score) for curves, score in zip(traced, scores, strict=True)
     ]
     return Brief(
         gap_mm=scores[0].modes.gap_mm,
@@ -102,10 +101,11 @@ def facing_brief(design: SensorDesign, *, seed: int) -> Brief:
     )
 
 
-def _facing_margin(
-    design: SensorDesign, depth_mm: FloatArray, readout: Readout, curves: PairCurves, score: PairScore
+def pair_margin(
+    design: SensorDesign, readout: Readout, curves: PairCurves, score: PairScore
 ) -> tuple[float, float]:
     """Margin of a pair, and the light trace's error over its judged depth [noise units]."""
+    depth_mm = curves.depth_mm
     judged = depth_mm <= score.end_mm
     gain, full_scale = readout.of_receiver(curves.pair[1]), readout.full_scale_counts
     error = _trace_error(

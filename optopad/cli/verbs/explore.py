@@ -52,7 +52,7 @@ def explore(
     from optopad.jobs.exploration import search, summary
 
     read = _read(space, set_, seed)
-    with _telling(quiet=as_json) as tell:
+    with telling(quiet=as_json) as tell:
         result = search(read, out, trials=trials, storage=storage, scheduler=scheduler, on_tried=tell)
     if as_json:
         print_json(summary(result))
@@ -76,7 +76,7 @@ def _read(where: str, changes: list[str] | None, seed: int | None) -> SearchSpac
 
 
 @contextmanager
-def _telling(*, quiet: bool) -> Iterator[OnTried | None]:
+def telling(*, quiet: bool) -> Iterator[OnTried | None]:
     """Live progress on standard error: a bar with the best so far, or lines where there is no terminal."""
     if quiet:
         yield None

@@ -1,0 +1,261 @@
+"""From a layout to better ones: what may change, where the search begins, which of the designs tried are worth having.
+
+    base design ──► fields that cost little to change, around their values ──► single changes first, then the sampler
+        ──► of the designs without a deadband: fewest changes, most robust, best accuracy
+
+A search space like any other (`design.search.space`), so it resumes, is seeded and knows nothing of light. Wanted of a
+design, in this order: no deadband; the usable depth; margin to a deadband; accuracy; few changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from design.errors import InputError
+from design.fields.paths import get_at, known_paths, nearest, unknown_path
+from design.search.figures import FIGURES
+from design.search.judged import Judged, Tried
+from design.search.space import ROUND_DIGITS, SearchSpace, SpaceField, Value, space_from
+from design.spec import SensorDesign
+
+Kind = Literal["fewest changes", "most robust", "best accuracy"]
+Range = tuple[float, float]
+KINDS: tuple[Kind, ...] = ("fewest changes", "most robust", "best accuracy")
+HEIGHTS = ("emitters.height_mm", "receivers.height_mm")
+CLEAR = "cavity.clear_thickness_mm"
+STEPS = {"emitters.height_mm": 0.1, "receivers.height_mm": 0.1, CLEAR: 0.25, "gain.target_counts": 25.0}
+"""Step of each field that varies by default; of others a fiftieth of the range [unit of the field]."""
+REACH = {"emitters.height_mm": 3.0, "receivers.height_mm": 3.0, CLEAR: 4.0, "gain.target_counts": 200.0}
+"""How far from its value a field varies by default [unit of the field]."""
+ALONG_REACH_MM, ALONG_STEP_MM = 2.0, 0.25
+"""The same of pitch and shift of parts along a wall."""
+FIRST_SHARES = (0.15, 0.3, 0.5, 0.8)
+"""Single changes that a search begins with, as shares of what the parts are short of."""
+SAFE_MARGIN = 4.5
+"""Margin at search accuracy from which a design is taken to have no deadband at score accuracy either [noise units]."""
+NEAR_BEST_MM = 0.5
+"""Usable depths that differ by less are as good [mm]."""
+ENOUGH_SHARE = 0.6
+"""Share of the deepest usable depth that few changes may leave [-]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pick:
+    """A design worth having: why, and the point of the space."""
+
+    kind: Kind
+    tried: Tried
+
+
+def improvement_space(
+    design: SensorDesign,
+    *,
+    vary: Mapping[str, Range | None],
+    keep: Sequence[str],
+    more_parts: bool,
+    trials: int,
+    seed: int,
+    figures: Sequence[str],
+) -> SearchSpace:
+    """The space around a design.
+
+    Parameters
+    ----------
+    vary : fields to vary besides, with their range; None for the usual one
+    keep : fields to leave as they are
+    more_parts : whether layouts may have more parts a side
+    figures : objectives, the most wanted first
+
+    Raises
+    ------
+    InputError : fields that nothing varies, or that are kept and varied at once; nothing left to vary.
+    DesignError : fields that a design does not have, or ranges that it does not take.
+    """
+    fields = {field["path"]: field for field in _usual_fields(design, more_parts=more_parts)}
+    both = sorted(set(vary) & set(keep))
+    if both:
+        raise InputError(f"--vary and --keep: {', '.join(both)} is given to both; keep one of the two")
+    for path in keep:
+        if path not in fields:
+            near = nearest(path, tuple(fields))
+            hint = f"did you mean {near[0]}?" if near else f"what varies: {', '.join(fields)}"
+            raise InputError(f"--keep: {path} does not vary by default; {hint}")
+        del fields[path]
+    for path, given in vary.items():
+        fields[path] = _field(design, path, given)
+    if not fields:
+        raise InputError("--keep: nothing is left to vary; keep fewer fields, or name one with --vary")
+    return space_from(
+        {
+            "name": f"improve-{design.name}"[:64],
+            "base": design.model_dump(mode="json"),
+            "fields": list(fields.values()),
+            "objectives": [{"figure": figure} for figure in figures],
+            "constraints": [{"figure": "verdict", "equals": "CONTIGUOUS"}],
+            "search": {"sampler": "tpe", "trials": trials, "seed": seed, "batch": 4},
+        },
+        where="--vary",
+    )
+
+
+def _usual_fields(design: SensorDesign, *, more_parts: bool) -> list[dict[str, Any]]:
+    found = [_field(design, path, None) for path in REACH if _is_rule(design, path)]
+    for number, pattern in enumerate(design.layout):
+        for name in ("pitch_mm", "shift_mm"):
+            if getattr(pattern, name, None) is not None:
+                found.append(_field(design, f"layout.{number}.{name}", None))
+        if pattern.pattern == "alternating_ring":
+            found.append({"path": f"layout.{number}.first", "choices": ["emitter", "receiver"]})
+            if more_parts and isinstance(pattern.parts_per_side, int):
+                counts = [pattern.parts_per_side + more for more in (0, 1, 2, 3)]
+                found.append({"path": f"layout.{number}.parts_per_side", "choices": counts})
+        if pattern.pattern == "facing_rows" and more_parts:
+            found.append(
+                {"path": f"layout.{number}.count", "choices": [pattern.count + more for more in (0, 1, 2)]}
+            )
+    return found
+
+
+def _is_rule(design: SensorDesign, path: str) -> bool:
+    """Whether a field means something for this design: counts aimed at do only where a rule sets the gain."""
+    return path != "gain.target_counts" or isinstance(design.gain.feedback_ohm, str)
+
+
+def _field(design: SensorDesign, path: str, given: Range | None) -> dict[str, Any]:
+    try:
+        value = get_at(design.model_dump(mode="json"), path)
+    except (KeyError, IndexError, TypeError, ValueError):
+        raise unknown_path(path, known_paths(SensorDesign)) from None
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"--vary: {path} is no number that could vary; name a length, an angle or a count")
+    if given is not None:
+        low, high = given
+        if not low < high:
+            raise InputError(f"--vary: {path}={low:g}:{high:g} leaves no room; give a lower and a higher end")
+        return {"path": path, "low": low, "high": high}
+    along = path.startswith("layout.")
+    reach = ALONG_REACH_MM if along else REACH.get(path, 0.25 * abs(value) or 1.0)
+    step = ALONG_STEP_MM if along else STEPS.get(path, reach / 25.0)
+    down = reach if path.endswith("shift_mm") else min(reach, 0.8 * value)
+    steps_down = int(down / step + 1e-6)
+    low, high = value - steps_down * step, value + int(reach / step + 1e-6) * step
+    return {"path": path, "low": round(low, ROUND_DIGITS), "high": round(high, ROUND_DIGITS), "step": step}
+
+
+def first_points(space: SearchSpace, *, raise_parts: int, short_mm: float) -> list[dict[str, Value]]:
+    """Where a search begins: one change at a time, small ones first, and both heights together.
+
+    Parameters
+    ----------
+    raise_parts : 1 where the parts sit too low for the layer, -1 where too high, 0 where that is not what is missing
+    short_mm : by how much [mm]; steps are shares of it
+    """
+    base = space.base_parameters()
+    if base is None:
+        return []
+    sides = dict.fromkeys(HEIGHTS, (raise_parts,) if raise_parts else (1, -1))
+    sides[CLEAR] = (-raise_parts,) if raise_parts else (-1, 1)
+    groups = [[field] for field in space.fields if field.path in sides]
+    heights = [field for field in space.fields if field.path in HEIGHTS]
+    if len(heights) > 1:
+        groups.insert(0, heights)
+    points: list[dict[str, Value]] = []
+    for share in FIRST_SHARES:
+        for group in groups:
+            for side in sides[group[0].path]:
+                point = base | {
+                    field.path: _moved(space, field, base, side * share * short_mm) for field in group
+                }
+                if point != base and point not in points:
+                    points.append(point)
+    return points
+
+
+def _moved(space: SearchSpace, field: SpaceField, base: dict[str, Value], by: float) -> Value:
+    """The field's value nearest to its base's and so much more, one step away at least."""
+    start = float(base[field.path])
+    values = [float(value) for value in space.values_of(field) or [start]]
+    beyond = [value for value in values if (value - start) * by > 1e-9]
+    return min(beyond, key=lambda value: abs(value - start - by), default=start)
+
+
+def changes_of(space: SearchSpace, parameters: Mapping[str, Value]) -> dict[str, Any]:
+    """What differs from the base design, by path."""
+    changed = space.design_at(dict(parameters)).model_dump(mode="json")
+    base = space.base.model_dump(mode="json")
+    return {
+        field.path: get_at(changed, field.path)
+        for field in space.fields
+        if get_at(changed, field.path) != get_at(base, field.path)
+    }
+
+
+def picks(space: SearchSpace, base: Judged, tried: Sequence[Tried], accuracy: str) -> list[Pick]:
+    """Designs worth having, at most one of each kind, each list best first; none where nothing mends the base.
+
+    Parameters
+    ----------
+    accuracy : figure that the most accurate is best in
+    """
+    sound = [one for one in tried if _is_sound(one.judged)]
+    if not sound:
+        return []
+    most = max(_usable(one.judged) for one in sound)
+    changed = [one for one in sound if changes_of(space, one.parameters) and _betters(base, one.judged)]
+    deep = [one for one in changed if _usable(one.judged) >= most - NEAR_BEST_MM]
+    enough = [one for one in changed if _usable(one.judged) >= ENOUGH_SHARE * most]
+    orders = {
+        "fewest changes": lambda one: (_cost(space, one), -_margin(one.judged)),
+        "most robust": lambda one: (-_margin(one.judged), _cost(space, one)),
+        "best accuracy": lambda one: (_accuracy(one.judged, accuracy), _cost(space, one)),
+    }
+    return [
+        Pick(kind=kind, tried=one)
+        for kind in KINDS
+        for one in sorted(enough if kind == "fewest changes" else deep, key=orders[kind])
+    ]
+
+
+def _is_sound(judged: Judged) -> bool:
+    return not judged.reason and judged.verdict == "CONTIGUOUS" and _margin(judged) >= SAFE_MARGIN
+
+
+def _betters(base: Judged, judged: Judged) -> bool:
+    """A base without a deadband is bettered in depth or margin; one with a deadband by any sound design."""
+    if base.verdict != "CONTIGUOUS" or _margin(base) < SAFE_MARGIN:
+        return True
+    deeper = _usable(judged) - _usable(base)
+    return deeper > NEAR_BEST_MM or (deeper > -NEAR_BEST_MM and _margin(judged) > 1.2 * _margin(base))
+
+
+def _margin(judged: Judged) -> float:
+    return float(judged.figures.get("margin") or 0.0)
+
+
+def _usable(judged: Judged) -> float:
+    return float(judged.figures.get("usable_depth_mm") or 0.0)
+
+
+def _accuracy(judged: Judged, figure: str) -> float:
+    """Smaller is better."""
+    value = judged.figures.get(figure)
+    if value is None:
+        return float("inf")
+    return value if FIGURES[figure].better == "minimize" else -value
+
+
+def _cost(space: SearchSpace, one: Tried) -> tuple[int, float]:
+    """Fields changed, and by how much of their ranges together."""
+    base = space.base_parameters() or {}
+    changed = [field for field in space.fields if one.parameters[field.path] != base.get(field.path)]
+    size = 0.0
+    for field in changed:
+        if field.low is None or field.high is None:
+            size += 0.5
+        else:
+            size += abs(float(one.parameters[field.path]) - float(base[field.path])) / (
+                field.high - field.low
+            )
+    return len(changed), size

@@ -1,0 +1,276 @@
+"""From a layout to better ones: a search around it, and what is worth having judged as `optopad score` judges.
+
+outputs/improve-<name>-<digest8>/
+  study.db, designs.csv, front.*, designs/, report.html   of the search (`optopad.jobs.exploration`)
+  1-fewest-changes.toml ...    the alternatives: the design file as it was, changed lines marked
+  improve.json                 before and alternatives, with their scores
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from design.errors import InputError
+from design.geometry.cavity import cavity_of
+from design.geometry.pairs import is_facing_rows
+from design.io import load_design, write_text_atomically
+from design.rules.check import require_valid
+from design.search.explore import OnTried
+from design.search.improve import (
+    KINDS,
+    Kind,
+    Pick,
+    Range,
+    changes_of,
+    first_points,
+    improvement_space,
+    picks,
+)
+from design.search.judged import Judged
+from design.search.space import SearchSpace
+from design.spec import SensorDesign
+from optopad.jobs.exploration import search
+from sims.continuity.build_tolerance import with_tolerance
+from sims.continuity.result import ContinuityScore
+from sims.continuity.scoring import score
+
+OnStep = Callable[[str, float], None]
+PAD_MINUTES, ROW_MINUTES = 3.0, 1.0
+"""Budgets of a pad and of facing rows by default [min on two cores]."""
+CORES = 2
+PAIR_PRESS_S = 0.9e-3
+"""Processor time of a pair of parts under a press at search accuracy [s]; `sims.continuity.score_cost`."""
+PRESSES, ROW_S, JUDGED_S = 240, 2.0, 0.35
+"""Presses of a pad's map and bounds; processor time of facing rows [s]; share of the budget that scores take."""
+FEWEST, MOST = 8, 400
+"""Designs of a search at least and at most."""
+ATTEMPTS = 2
+"""Designs of a kind that are judged again before the kind is given up."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Alternative:
+    """A design worth having: why, what changes, the design and its file in the folder, its score."""
+
+    kind: Kind
+    changes: dict[str, Any]
+    design: SensorDesign
+    file: str
+    score: ContinuityScore
+
+
+@dataclass(frozen=True, kw_only=True)
+class Improvement:
+    """What was found around a design.
+
+    Attributes
+    ----------
+    before : its own score
+    alternatives : better designs, one of a kind at most
+    nearest : without any, what came nearest: its changes and figures, and the fields that stand at their ranges' ends
+    tried : designs judged by the search
+    folder : with their files
+    is_interrupted : whether the search was stopped before its end
+    """
+
+    before: ContinuityScore
+    alternatives: tuple[Alternative, ...]
+    nearest: Nearest | None
+    tried: int
+    folder: Path
+    is_interrupted: bool
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {
+            "before": self.before.to_json(),
+            "alternatives": [
+                {
+                    "kind": one.kind,
+                    "changes": one.changes,
+                    "file": str(self.folder / one.file),
+                    **one.score.to_json(),
+                }
+                for one in self.alternatives
+            ],
+            "nearest": None if self.nearest is None else self.nearest.to_json(),
+            "designs": self.tried,
+            "interrupted": self.is_interrupted,
+            "folder": str(self.folder),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Nearest:
+    """The best design in reach where none mends the base: its changes, figures, and what stops it."""
+
+    changes: dict[str, Any]
+    judged: Judged
+    at_ends: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {"changes": self.changes, "figures": self.judged.figures, "at_range_end": list(self.at_ends)}
+
+
+def improve(
+    design: SensorDesign,
+    text: str,
+    out: Path,
+    *,
+    vary: Mapping[str, Range | None] | None = None,
+    keep: Sequence[str] = (),
+    more_parts: bool = False,
+    budget_min: float | None = None,
+    seed: int = 0,
+    on_step: OnStep | None = None,
+    on_tried: OnTried | None = None,
+) -> Improvement:
+    """Search around a design, and judge what is worth having.
+
+    Parameters
+    ----------
+    text : the design file, whose comments the alternatives keep
+    vary, keep, more_parts : as `design.search.improve.improvement_space` takes them
+    budget_min : how long it may take about, on two idle cores [min]; None for the usual
+
+    Raises
+    ------
+    InputError, DesignError : fields, ranges or a budget that are refused.
+    """
+    require_valid(design)
+    facing = is_facing_rows(cavity_of(design))
+    figures = ("margin", "resolvable_steps" if facing else "location_bound_mm")
+    space = improvement_space(
+        design,
+        vary=vary or {},
+        keep=keep,
+        more_parts=more_parts,
+        trials=trials_of(design, budget_min, facing=facing),
+        seed=seed,
+        figures=figures,
+    )
+    tell = on_step or (lambda _stage, _share: None)
+    before = score(design, verdict_only=True, seed=seed, on_step=tell)
+    if before.verdict == "OUT_OF_MODEL_SCOPE":
+        raise InputError(
+            f"{design.name}: {before.reason}; improve begins with a design that the models cover"
+        )
+    found = search(space, out, on_tried=on_tried, first=_first(space, before))
+    wanted = picks(space, found.findings.base, found.findings.tried, figures[1])
+    alternatives = _alternatives(space, text, found.folder, wanted, seed, tell)
+    made = Improvement(
+        before=before,
+        alternatives=alternatives,
+        nearest=None if alternatives else _nearest(space, found.findings.tried),
+        tried=len(found.findings.tried),
+        folder=found.folder,
+        is_interrupted=found.findings.is_interrupted,
+    )
+    write_text_atomically(found.folder / "improve.json", json.dumps(made.to_json(), indent=2) + "\n")
+    return made
+
+
+def trials_of(design: SensorDesign, budget_min: float | None, *, facing: bool) -> int:
+    """Designs that a budget is enough for, by what a design of this size costs; the same on every machine."""
+    budget = (ROW_MINUTES if facing else PAD_MINUTES) if budget_min is None else budget_min
+    if not 0.0 < budget <= 24 * 60:
+        raise InputError(f"--budget: {budget:g} minutes is refused: give more than 0, up to 1440")
+    cavity = cavity_of(design)
+    pairs = len(cavity.emitters) * len(cavity.receivers)
+    each_s = ROW_S if facing else PRESSES * pairs * PAIR_PRESS_S / 2.0  # symmetry saves half or more
+    return min(max(int((1.0 - JUDGED_S) * budget * 60.0 * CORES / each_s), FEWEST), MOST)
+
+
+def _first(space: SearchSpace, before: ContinuityScore) -> list[dict[str, Any]]:
+    cause = before.causes[0] if before.causes else None
+    side = 0 if cause is None else {"apart": 1, "used up": -1}.get(cause.lack, 0)
+    short = 2.0 if cause is None or cause.short_mm is None else max(cause.short_mm, 0.5)
+    return first_points(space, raise_parts=side, short_mm=short)
+
+
+def _alternatives(
+    space: SearchSpace,
+    text: str,
+    folder: Path,
+    wanted: Sequence[Pick],
+    seed: int,
+    tell: OnStep,
+) -> tuple[Alternative, ...]:
+    """Of every kind the first that keeps its promise at score accuracy, different from the others."""
+    for left in folder.glob("[1-9]-*.toml"):
+        left.unlink()
+    found: list[Alternative] = []
+    judged: dict[str, ContinuityScore] = {}
+    for kind in KINDS:
+        names = [pick.tried for pick in wanted if pick.kind == kind][:ATTEMPTS]
+        for one in names:
+            changes = changes_of(space, one.parameters)
+            changed = space.base.with_(**dict(sorted(changes.items(), key=lambda item: item[0].count("."))))
+            if changed.digest in judged:
+                break
+            tell(kind, 0.0)
+            judged[changed.digest] = scored = _scored(changed, seed, tell)
+            if scored.verdict != "CONTIGUOUS" or scored.is_open:
+                continue
+            name = f"{len(found) + 1}-{kind.replace(' ', '-')}.toml"
+            _write_design(folder / name, text, space.base, changes, kind)
+            found.append(Alternative(kind=kind, changes=changes, design=changed, file=name, score=scored))
+            break
+    return tuple(found)
+
+
+def _scored(design: SensorDesign, seed: int, tell: OnStep) -> ContinuityScore:
+    """As `optopad score` judges, values that nobody has measured tried; of facing rows without the map of the pad."""
+    facing = is_facing_rows(cavity_of(design))
+    found = score(design, verdict_only=facing, seed=seed, on_step=tell)
+    return with_tolerance(design, found, seed=seed, on_step=tell) if facing else found
+
+
+def _write_design(file: Path, text: str, base: SensorDesign, changes: Mapping[str, Any], kind: Kind) -> None:
+    """The design file with its comments; changed lines say what they were."""
+    import tomlkit
+
+    document = tomlkit.parse(text)
+    was = base.model_dump(mode="json")
+    for path, value in changes.items():
+        *tables, key = path.split(".")
+        place: Any = document
+        before: Any = was
+        for name in tables:
+            before = before[int(name)] if isinstance(before, list) else before[name]
+            if isinstance(place, list):
+                place = place[int(name)]
+            else:
+                if name not in place:
+                    place[name] = tomlkit.table()
+                place = place[name]
+        item = tomlkit.item(value)
+        item.comment(f"was {before[key]!r}; improve: {kind}")
+        place[key] = item
+    write_text_atomically(file, tomlkit.dumps(document))
+    load_design(file)
+
+
+def _nearest(space: SearchSpace, tried: Sequence[Any]) -> Nearest | None:
+    judged = [one for one in tried if one.judged.figures.get("deadband_mm") is not None]
+    if not judged:
+        return None
+    best = min(
+        judged,
+        key=lambda one: (
+            one.judged.figures["deadband_mm"],
+            -(one.judged.figures.get("margin") or 0.0),
+            one.number,
+        ),
+    )
+    ends = tuple(
+        field.path
+        for field in space.fields
+        if field.low is not None and float(best.parameters[field.path]) in (field.low, field.high)
+    )
+    return Nearest(changes=changes_of(space, best.parameters), judged=best.judged, at_ends=ends)

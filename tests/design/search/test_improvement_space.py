@@ -1,0 +1,146 @@
+"""What varies around a design, where the search begins, and which designs are picked: on made-up figures."""
+
+from __future__ import annotations
+
+import pytest
+
+from design.errors import DesignError, InputError
+from design.preset import preset
+from design.search.explore import explore
+from design.search.improve import (
+    CLEAR,
+    HEIGHTS,
+    KINDS,
+    SAFE_MARGIN,
+    changes_of,
+    first_points,
+    improvement_space,
+    picks,
+)
+from design.search.judged import Judged
+
+PAIR, PAD = preset("piacenza2017-pair"), preset("piacenza2017-pad")
+THICK = PAIR.with_(**{CLEAR: 10.0})
+
+
+def space_of(design, *, vary=None, keep=(), more_parts=False, trials=24, seed=0):
+    return improvement_space(
+        design,
+        vary=vary or {},
+        keep=keep,
+        more_parts=more_parts,
+        trials=trials,
+        seed=seed,
+        figures=("margin", "resolvable_steps"),
+    )
+
+
+def judge(design, limits):
+    """Layers more than 2.2 mm above the photodiode are blind; range is used up 2.7 mm from there; low LEDs are dim."""
+    gap = design.cavity.clear_thickness_mm - design.receivers.height_mm - 2.2
+    dead = max(0.0, 0.8 * gap)
+    figures = {
+        "deadband_mm": dead,
+        "margin": 0.0 if dead else 4.0 - 6.0 * gap,
+        "usable_depth_mm": 5.0 if dead else min(5.0, 4.6 + gap),
+        "resolvable_steps": 40.0 * design.emitters.height_mm,
+    }
+    return Judged(
+        figures=figures, verdict="DEADBAND" if dead else "CONTIGUOUS", reason="deadband" if dead else ""
+    )
+
+
+def found_around(design, tmp_path, **kind):
+    space = space_of(design, **kind)
+    first = first_points(space, raise_parts=1, short_mm=3.3)
+    return space, explore(space, judge, f"sqlite:///{tmp_path / 'study.db'}", first=first)
+
+
+def test_what_costs_little_varies_by_default():
+    paths = [field.path for field in space_of(PAD).fields]
+    assert paths == [*HEIGHTS, CLEAR, "gain.target_counts", "layout.0.first"]
+    assert "layout.0.parts_per_side" in [field.path for field in space_of(PAD, more_parts=True).fields]
+    ohms = PAD.with_(**{"gain.feedback_ohm": 100000.0})
+    assert "gain.target_counts" not in [field.path for field in space_of(ohms).fields]
+
+
+def test_the_base_is_a_point_of_its_space():
+    for design in (PAD, PAIR, THICK, preset("oblong-60x40"), preset("fingertip-16")):
+        assert space_of(design).base_parameters() is not None
+
+
+def test_fields_are_kept_and_varied_as_told():
+    space = space_of(PAIR, keep=[CLEAR], vary={"receivers.height_mm": (5.0, 7.0)})
+    fields = {field.path: field for field in space.fields}
+    assert CLEAR not in fields
+    assert (fields["receivers.height_mm"].low, fields["receivers.height_mm"].high) == (5.0, 7.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"vary": {"receivers.heigth_mm": None}}, "receivers.height_mm"),
+        ({"vary": {"name": None}}, "no number that could vary"),
+        ({"vary": {CLEAR: (8.0, 8.0)}}, "leaves no room"),
+        ({"vary": {CLEAR: (8.0, 900.0)}}, "900"),
+        ({"keep": ["receivers.heigth_mm"]}, "did you mean receivers.height_mm?"),
+        ({"keep": [CLEAR], "vary": {CLEAR: None}}, "given to both"),
+        ({"keep": [*HEIGHTS, CLEAR, "gain.target_counts", "layout.0.first"]}, "nothing is left to vary"),
+    ],
+)
+def test_what_cannot_vary_is_refused(given, words):
+    with pytest.raises((InputError, DesignError), match=words.replace("?", r"\?")):
+        space_of(PAD, **given)
+
+
+def test_the_search_begins_with_single_changes_that_bring_parts_and_surface_together():
+    space = space_of(THICK)
+    points = first_points(space, raise_parts=1, short_mm=3.3)
+    changes = [changes_of(space, point) for point in points]
+    assert changes[0] == {HEIGHTS[0]: 5.5, HEIGHTS[1]: 6.5}  # both by 0.15 x 3.3 mm
+    assert all(len(one) == 1 or set(one) == set(HEIGHTS) for one in changes)
+    assert all(one[CLEAR] < 10.0 for one in changes if CLEAR in one)
+    assert all(one[path] > 4.9 for one in changes for path in HEIGHTS if path in one)
+    lowered = first_points(space, raise_parts=-1, short_mm=3.3)
+    assert all(
+        changes_of(space, point)[CLEAR] > 10.0 for point in lowered if CLEAR in changes_of(space, point)
+    )
+
+
+def test_designs_that_differ_in_kind_are_picked(tmp_path):
+    space, found = found_around(THICK, tmp_path)
+    wanted = picks(space, found.base, found.tried, "resolvable_steps")
+    best = {kind: next(one.tried for one in wanted if one.kind == kind) for kind in KINDS}
+    assert len(changes_of(space, best["fewest changes"].parameters)) == 1
+    assert {one.judged.verdict for one in best.values()} == {"CONTIGUOUS"}
+    assert min(one.judged.figures["margin"] for one in best.values()) >= SAFE_MARGIN
+    sound = [
+        one for one in found.tried if not one.judged.reason and one.judged.figures["margin"] >= SAFE_MARGIN
+    ]
+    deepest = max(one.judged.figures["usable_depth_mm"] for one in sound)
+    robust, accurate = best["most robust"].judged.figures, best["best accuracy"].judged.figures
+    assert min(robust["usable_depth_mm"], accurate["usable_depth_mm"]) > deepest - 0.51
+    assert robust["margin"] >= accurate["margin"]
+    assert accurate["resolvable_steps"] >= robust["resolvable_steps"]
+
+
+def test_the_same_seed_finds_the_same_and_goes_on(tmp_path):
+    for name in "ab":
+        (tmp_path / name).mkdir()
+    _, whole = found_around(THICK, tmp_path / "a")
+    space = space_of(THICK)
+    url, first = f"sqlite:///{tmp_path / 'b' / 'study.db'}", first_points(space, raise_parts=1, short_mm=3.3)
+    explore(space, judge, url, trials=8, first=first)
+    resumed = explore(space, judge, url, first=first)
+    assert [one.parameters for one in resumed.tried] == [one.parameters for one in whole.tried]
+
+
+def test_nothing_is_picked_where_nothing_mends_the_base(tmp_path):
+    space, found = found_around(THICK, tmp_path, keep=[CLEAR, "receivers.height_mm"])
+    assert picks(space, found.base, found.tried, "resolvable_steps") == []
+
+
+def test_a_good_base_is_left_alone_but_for_a_clear_gain():
+    space = space_of(PAIR)
+    base = Judged(figures={"margin": 9.0, "usable_depth_mm": 4.0}, verdict="CONTIGUOUS")
+    assert picks(space, base, [], "resolvable_steps") == []

@@ -1,0 +1,104 @@
+"""The improve verb: its files, its JSON, its refusals; made-up physics, the search and the files are real."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import optopad.jobs.improvement as improvement
+import sims.continuity.objective as objective
+from design.io import load_design
+from design.preset import preset_text
+from optopad.cli.main import main
+from tests.design.search.test_improvement_space import judge
+from tests.optopad.screen.test_one_screen import cause
+from tests.sims.made_up_scores import contiguous_score, dead_score
+
+BAD_INPUT = 2
+
+
+@pytest.fixture
+def design_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The paper's pair under 10 mm of silicone, as a file with comments."""
+
+    def scored(design, **_):
+        if judge(design, ()).verdict == "CONTIGUOUS":
+            return contiguous_score(design)
+        return replace(dead_score(design), causes=(replace(cause("apart"), short_mm=3.3),))
+
+    monkeypatch.setattr(objective, "judge", lambda design, limits, **_: judge(design, limits))
+    monkeypatch.setattr(improvement, "score", scored)
+    monkeypatch.setattr(improvement, "with_tolerance", lambda _design, found, **_: found)
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / "thick.toml"
+    text = preset_text("piacenza2017-pair")
+    assert "clear_thickness_mm = 8.0" in text
+    file.write_text(text.replace("clear_thickness_mm = 8.0", "clear_thickness_mm = 10.0"), encoding="utf-8")
+    return file
+
+
+def improved(file: Path, capsys: pytest.CaptureFixture[str], *options: str) -> dict:
+    assert main(["improve", str(file), "--json", "--budget", "0.5", *options]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_alternatives_are_files_with_comments_that_load_as_judged(design_file, capsys):
+    said = improved(design_file, capsys)
+    assert said["before"]["verdict"] == "DEADBAND"
+    kinds = [one["kind"] for one in said["alternatives"]]
+    assert kinds[0] == "fewest changes"
+    assert len(set(kinds)) == len(kinds) <= 3
+    comments = [line for line in design_file.read_text().splitlines() if line.startswith("#")]
+    for one in said["alternatives"]:
+        loaded = load_design(one["file"])
+        assert loaded.digest == one["digest"]
+        assert one["verdict"] == "CONTIGUOUS"
+        text = Path(one["file"]).read_text()
+        assert [line for line in text.splitlines() if line.startswith("#")] == comments
+        assert text.count(f"improve: {one['kind']}") == len(one["changes"])
+    assert json.loads((Path(said["folder"]) / "improve.json").read_text()) == said
+
+
+def test_the_same_command_gives_the_same_files(design_file, capsys):
+    first = improved(design_file, capsys)
+    texts = [Path(one["file"]).read_bytes() for one in first["alternatives"]]
+    assert improved(design_file, capsys) == first
+    assert [Path(one["file"]).read_bytes() for one in first["alternatives"]] == texts
+
+
+def test_the_screen_names_what_changes_and_the_next_command(design_file, capsys):
+    assert main(["improve", str(design_file), "--budget", "0.5"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1].startswith("before    DEADBAND")
+    assert lines[2].startswith("1         fewest changes: ")
+    assert len(lines) <= 14
+    assert any(line.startswith("next      optopad run ") for line in lines)
+
+
+def test_what_binds_is_named_where_nothing_mends_it(design_file, capsys):
+    options = ["--keep", "cavity.clear_thickness_mm", "--keep", "receivers.height_mm"]
+    said = improved(design_file, capsys, *options)
+    assert said["alternatives"] == []
+    assert said["nearest"]["figures"]["deadband_mm"] > 0.0
+    assert main(["improve", str(design_file), "--budget", "0.5", *options]) == 0
+    assert "none      no better design in reach" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--vary", "receivers.heigth_mm"], "receivers.height_mm"),
+        (["--vary", "receivers.height_mm=7"], "write FIELD=A:B"),
+        (["--vary", "receivers.height_mm=7:7"], "leaves no room"),
+        (["--budget", "0"], "--budget: 0 minutes is refused"),
+        (["--keep", "mold.rim_mm"], "does not vary by default"),
+    ],
+)
+def test_what_it_cannot_do_is_said(design_file, capsys, options, words):
+    before = sorted(design_file.parent.rglob("*"))
+    assert main(["improve", str(design_file), *options]) == BAD_INPUT
+    assert words in capsys.readouterr().err
+    assert sorted(design_file.parent.rglob("*")) == before
