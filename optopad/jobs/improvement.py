@@ -161,15 +161,16 @@ def improve(
             f"{design.name}: {before.reason}; improve begins with a design that the models cover"
         )
     found = search(space, out, on_tried=on_tried, first=_first(space, before))
-    wanted = picks(space, found.findings.base, found.findings.tried, figures[1])
+    tried, stopped = found.findings.tried, found.findings.is_interrupted
+    wanted = [] if stopped else picks(space, found.findings.base, tried, figures[1])
     alternatives = _alternatives(space, text, found.folder, wanted, seed, tell)
     made = Improvement(
         before=before,
         alternatives=alternatives,
-        nearest=None if alternatives else _nearest(space, found.findings.tried),
-        tried=len(found.findings.tried),
+        nearest=None if alternatives or stopped else _nearest(space, tried),
+        tried=len(tried),
         folder=found.folder,
-        is_interrupted=found.findings.is_interrupted,
+        is_interrupted=stopped,
     )
     write_text_atomically(found.folder / "improve.json", json.dumps(made.to_json(), indent=2) + "\n")
     return made

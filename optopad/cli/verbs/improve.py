@@ -109,7 +109,9 @@ def _lines(made: Improvement) -> list[str]:
         lines += row(str(number), f"{one.kind}: {_changes(one.changes)}", 2)
         lines += row("", _worth(one.design, one.score))
         lines.append(f"          {made.folder / one.file}")
-    if made.alternatives:
+    if made.is_interrupted:
+        lines += row("stopped", "nothing that was judged is lost; the same command goes on")
+    elif made.alternatives:
         lines.append(f"next      optopad run {made.folder / made.alternatives[0].file}")
     elif made.nearest is not None:
         figures, limit = made.nearest.judged.figures, ", ".join(made.nearest.at_ends)
