@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from design.circuit.transimpedance import Feedback, feedbacks_of
 from design.geometry.cavity import cavity_of
+from design.geometry.pairs import pair_name
 from design.spec import SensorDesign
 from sims.readings.readout import full_scale_counts
 
@@ -66,7 +67,7 @@ def clipped_pairs(design: SensorDesign, gain: SimulatedGain) -> tuple[ClippedPai
     counts = gain.untouched_counts(factors)
     full_scale = full_scale_counts(design)
     found = [
-        ClippedPair(name=f"{cavity.emitters[i].name}-{cavity.receivers[j].name}", counts=float(counts[i, j]))
+        ClippedPair(name=pair_name(cavity, (i, j)), counts=float(counts[i, j]))
         for i, j in np.argwhere(counts > full_scale)
     ]
     return tuple(sorted(found, key=lambda one: -one.counts))

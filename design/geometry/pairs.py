@@ -67,11 +67,23 @@ def judged_pairs(cavity: CavityGeometry) -> tuple[tuple[int, int], ...]:
 
 def _comes_between(cavity: CavityGeometry, pair: tuple[int, int]) -> bool:
     """Whether the tip is over a pair's chord where the pair is pressed."""
+    return beside_chord(cavity, pair, chord_midpoint_mm(cavity, pair))[0] <= cavity.tip_radius_mm
+
+
+def beside_chord(
+    cavity: CavityGeometry, pair: tuple[int, int], place_mm: tuple[float, float]
+) -> tuple[float, float]:
+    """Distance of a place from a pair's chord [mm], and where along it it is nearest, from 0 (emitter) to 1 [-]."""
     ends = (cavity.emitters[pair[0]], cavity.receivers[pair[1]])
     start, end = (np.array(part.position_mm(cavity.length_mm, cavity.width_mm)[:2]) for part in ends)
-    along, to_press = end - start, np.array(chord_midpoint_mm(cavity, pair)) - start
-    beside = abs(along[0] * to_press[1] - along[1] * to_press[0]) / np.hypot(*along)
-    return bool(beside <= cavity.tip_radius_mm)
+    along, to_place = end - start, np.array(place_mm) - start
+    share = float(np.clip(to_place @ along / (along @ along), 0.0, 1.0))
+    return float(np.hypot(*(to_place - share * along))), share
+
+
+def pair_name(cavity: CavityGeometry, pair: tuple[int, int]) -> str:
+    """A pair's name, as E1-R3."""
+    return f"{cavity.emitters[pair[0]].name}-{cavity.receivers[pair[1]].name}"
 
 
 def mask_of(pairs: tuple[tuple[int, int], ...], cavity: CavityGeometry) -> BoolArray:

@@ -13,7 +13,7 @@ from design.errors import DesignError
 from design.fields.finding import Finding, error, mm, warning
 from design.fields.units import ROUNDING_MM
 from design.geometry.cavity import CavityGeometry, PlacedPart
-from design.geometry.pairs import direct_path_pairs, facing_pairs, is_facing_rows
+from design.geometry.pairs import direct_path_pairs, facing_pairs, is_facing_rows, pair_name
 from design.rules.contact_scope import (
     DEEPEST_PRESS,
     LARGEST_SHARE_OF_LAYER,
@@ -262,7 +262,7 @@ def _off_chord_findings(cavity: CavityGeometry) -> Iterator[Finding]:
         cx, cy = cavity.workspace.clamped(x, y)
         shift = max(abs(cx - x), abs(cy - y))
         if shift > ROUNDING_MM:
-            beside.append((shift, f"{cavity.emitters[e].name}-{cavity.receivers[r].name}"))
+            beside.append((shift, pair_name(cavity, (e, r))))
     if beside:
         yield warning(
             "operating.workspace_margin_mm",

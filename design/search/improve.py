@@ -183,7 +183,7 @@ def _moved(space: SearchSpace, field: SpaceField, base: dict[str, Value], by: fl
 
 def changes_of(space: SearchSpace, parameters: Mapping[str, Value]) -> dict[str, Any]:
     """What differs from the base design, by path."""
-    changed = space.design_at(dict(parameters)).model_dump(mode="json")
+    changed = space.changed(parameters).model_dump(mode="json")
     base = space.base.model_dump(mode="json")
     return {
         field.path: get_at(changed, field.path)

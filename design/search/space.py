@@ -31,6 +31,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -244,8 +245,8 @@ class SearchSpace(Model):
         count = math.floor((field.high - field.low) / step + 1e-6) + 1
         return [self._typed(field, round(field.low + number * step, ROUND_DIGITS)) for number in range(count)]
 
-    def design_at(self, parameters: dict[str, Value]) -> SensorDesign:
-        """The design of a point: values by dotted path, choices by their labels.
+    def changed(self, parameters: Mapping[str, Value]) -> SensorDesign:
+        """The base design with the values of a point, by dotted path; choices by their labels.
 
         Raises
         ------
@@ -258,10 +259,16 @@ class SearchSpace(Model):
                 changes[field.path] = field.choices[field.labels.index(str(value))]
             else:
                 changes[field.path] = round(value, ROUND_DIGITS) if isinstance(value, float) else value
-        shallow_first = dict(sorted(changes.items(), key=lambda item: item[0].count(".")))
-        return self.base.with_(
-            name=self.name, description=f"found by the search {self.name}", **shallow_first
-        )
+        return self.base.with_(**dict(sorted(changes.items(), key=lambda item: item[0].count("."))))
+
+    def design_at(self, parameters: Mapping[str, Value]) -> SensorDesign:
+        """The same, named after the search.
+
+        Raises
+        ------
+        DesignError : see `changed`.
+        """
+        return self.changed(parameters).with_(name=self.name, description=f"found by the search {self.name}")
 
     def base_parameters(self) -> dict[str, Value] | None:
         """The base design as a point of the space, or None where it lies outside."""

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from design.errors import InputError
+from design.fields.paths import get_at, known_paths, set_at
 from design.geometry.cavity import cavity_of
 from design.geometry.pairs import is_facing_rows
 from design.io import load_design, write_text_atomically
@@ -36,14 +37,13 @@ from design.spec import SensorDesign
 from optopad.jobs.exploration import search
 from sims.continuity.build_tolerance import with_tolerance
 from sims.continuity.result import ContinuityScore
+from sims.continuity.score_cost import MAP_PAIR_S
 from sims.continuity.scoring import score
 
 OnStep = Callable[[str, float], None]
 PAD_MINUTES, ROW_MINUTES = 3.0, 1.0
 """Budgets of a pad and of facing rows by default [min on two cores]."""
 CORES = 2
-PAIR_PRESS_S = 0.9e-3
-"""Processor time of a pair of parts under a press at search accuracy [s]; `sims.continuity.score_cost`."""
 PRESSES, ROW_S, JUDGED_S = 240, 2.0, 0.35
 """Presses of a pad's map and bounds; processor time of facing rows [s]; share of the budget that scores take."""
 FEWEST, MOST = 8, 400
@@ -183,7 +183,7 @@ def trials_of(design: SensorDesign, budget_min: float | None, *, facing: bool) -
         raise InputError(f"--budget: {budget:g} minutes is refused: give more than 0, up to 1440")
     cavity = cavity_of(design)
     pairs = len(cavity.emitters) * len(cavity.receivers)
-    each_s = ROW_S if facing else PRESSES * pairs * PAIR_PRESS_S / 2.0  # symmetry saves half or more
+    each_s = ROW_S if facing else PRESSES * pairs * MAP_PAIR_S / 2.0  # symmetry saves half or more
     return min(max(int((1.0 - JUDGED_S) * budget * 60.0 * CORES / each_s), FEWEST), MOST)
 
 
@@ -211,7 +211,7 @@ def _alternatives(
         names = [pick.tried for pick in wanted if pick.kind == kind][:ATTEMPTS]
         for one in names:
             changes = changes_of(space, one.parameters)
-            changed = space.base.with_(**dict(sorted(changes.items(), key=lambda item: item[0].count("."))))
+            changed = space.changed(one.parameters)
             if changed.digest in judged:
                 break
             tell(kind, 0.0)
@@ -236,23 +236,11 @@ def _write_design(file: Path, text: str, base: SensorDesign, changes: Mapping[st
     """The design file with its comments; changed lines say what they were."""
     import tomlkit
 
-    document = tomlkit.parse(text)
-    was = base.model_dump(mode="json")
+    document, was, known = tomlkit.parse(text), base.model_dump(mode="json"), known_paths(SensorDesign)
     for path, value in changes.items():
-        *tables, key = path.split(".")
-        place: Any = document
-        before: Any = was
-        for name in tables:
-            before = before[int(name)] if isinstance(before, list) else before[name]
-            if isinstance(place, list):
-                place = place[int(name)]
-            else:
-                if name not in place:
-                    place[name] = tomlkit.table()
-                place = place[name]
         item = tomlkit.item(value)
-        item.comment(f"was {before[key]!r}; improve: {kind}")
-        place[key] = item
+        item.comment(f"was {get_at(was, path)!r}; improve: {kind}")
+        set_at(document, path, item, known=known)
     write_text_atomically(file, tomlkit.dumps(document))
     load_design(file)
 

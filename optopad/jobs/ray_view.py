@@ -14,7 +14,7 @@ import numpy as np
 
 from design.errors import InputError
 from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
-from design.geometry.pairs import chord_midpoint_mm
+from design.geometry.pairs import chord_midpoint_mm, pair_name
 from design.rules.check import require_valid
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
@@ -192,7 +192,7 @@ def _judged(
     """Place and deadbands of a pair, or of the pad's weakest place, as far as a verdict is there."""
     try:
         if pair is not None:
-            name = f"{cavity.emitters[pair[0]].name}-{cavity.receivers[pair[1]].name}"
+            name = pair_name(cavity, pair)
             found = [row["deadbands_mm"] for row in score.get("pairs", []) if row["pair"] == name]
             return chord_midpoint_mm(cavity, pair), [(a, b) for spans in found for a, b in spans]
         weakest = (score.get("map") or {}).get("weakest_place_mm")

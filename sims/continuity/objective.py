@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from design.errors import DesignError, ModelScopeError
 from design.geometry.cavity import CavityGeometry, cavity_of
-from design.geometry.pairs import direct_path_pairs, is_facing_rows, judged_pairs, mask_of
+from design.geometry.pairs import direct_path_pairs, is_facing_rows, judged_pairs, mask_of, pair_name
 from design.rules.check import check
 from design.search.figures import BOUND_FIGURES
 from design.search.judged import Judged, Limit
@@ -31,7 +31,7 @@ from sims.bounds.defaults import COARSE_DEPTHS_MM
 from sims.bounds.observability import BOUND_ACCURACIES, pad_bounds
 from sims.continuity.map_judging import pad_place
 from sims.continuity.result import JudgedPair
-from sims.continuity.scoring import governing_pair
+from sims.continuity.scoring import governing_pair, usable_of_pairs
 from sims.optics.accuracy import ACCURACIES, Accuracy
 from sims.optics.light_signals import LightSignals
 from sims.optics.tracing import trace
@@ -218,9 +218,7 @@ class _Judging:
 
     def _depths(self, judged: tuple[JudgedPair, ...], readout: Readout) -> None:
         """Usable depth and margin of facing pairs, the least of each."""
-        deepest = self.design.operating.max_depth_mm
-        ends = [pair.score.saturation_mm[0] for pair in judged if pair.score.saturation_mm is not None]
-        self.figures["usable_depth_mm"] = min([*ends, deepest])
+        self.figures["usable_depth_mm"] = usable_of_pairs(self.design, judged)
         self.figures["margin"] = min(
             pair_margin(self.design, readout, pair.curves, pair.score)[0] for pair in judged
         )
@@ -264,7 +262,7 @@ class _Judging:
         )
         return tuple(
             JudgedPair(
-                name=f"{cavity.emitters[one.pair[0]].name}-{cavity.receivers[one.pair[1]].name}",
+                name=pair_name(cavity, one.pair),
                 curves=one,
                 score=score_curves(self.design, one, readout),
             )

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from design.errors import ModelScopeError
 from design.geometry.cavity import CavityGeometry, cavity_of
-from design.geometry.pairs import is_facing_rows, judged_pairs, mask_of
+from design.geometry.pairs import is_facing_rows, judged_pairs, mask_of, pair_name
 from design.rules.check import check, require_valid
 from design.spec import SensorDesign
 from sims.bounds.observability import PadBounds
@@ -184,7 +184,7 @@ def _judged_pair(
 ) -> JudgedPair:
     force, is_at_place = place_force(design, curves.press_mm)
     return JudgedPair(
-        name=_name(cavity, curves.pair),
+        name=pair_name(cavity, curves.pair),
         curves=curves,
         score=scored,
         forces=boundary_forces(scored.modes, force, is_at_place=is_at_place),
@@ -300,9 +300,14 @@ def _usable(
     """Depth to which depth is told, and what the light's error leaves of it; of the pad, or of the facing pairs."""
     if pad_map is not None and not facing:
         return pad_map.usable_depth_mm, pad_map.usable_range_mm
-    ends = [pair.score.saturation_mm[0] for pair in judged if pair.score.saturation_mm is not None]
-    usable = min([*ends, design.operating.max_depth_mm])
+    usable = usable_of_pairs(design, judged)
     return usable, (usable, usable)
+
+
+def usable_of_pairs(design: SensorDesign, judged: tuple[JudgedPair, ...]) -> float:
+    """Least depth of any facing pair from which on its depth is not told any more, or the deepest press [mm]."""
+    ends = [pair.score.saturation_mm[0] for pair in judged if pair.score.saturation_mm is not None]
+    return min([*ends, design.operating.max_depth_mm])
 
 
 def _pairs_are_open(
@@ -383,11 +388,7 @@ def _headline(judged: tuple[JudgedPair, ...], governing: JudgedPair, facing: boo
 def _unjudged(cavity: CavityGeometry, flat: FloatArray, readout: Readout) -> dict[str, float]:
     counts = readout.counts(flat)
     judged = mask_of(judged_pairs(cavity), cavity)
-    return {_name(cavity, (int(i), int(j))): float(counts[i, j]) for i, j in np.argwhere(~judged)}
-
-
-def _name(cavity: CavityGeometry, pair: tuple[int, int]) -> str:
-    return f"{cavity.emitters[pair[0]].name}-{cavity.receivers[pair[1]].name}"
+    return {pair_name(cavity, (int(i), int(j))): float(counts[i, j]) for i, j in np.argwhere(~judged)}
 
 
 def _warnings(

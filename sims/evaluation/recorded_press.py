@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from design.errors import InputError
 from design.geometry.cavity import cavity_of
-from design.geometry.pairs import chord_midpoint_mm, judged_pairs, mask_of
+from design.geometry.pairs import chord_midpoint_mm, judged_pairs, mask_of, pair_name
 from design.spec import SensorDesign
 from sims.continuity.result import JudgedPair
 from sims.optics.tracing import trace
@@ -125,9 +125,7 @@ def _of_this_design(design: SensorDesign, recording: Recording) -> list[str]:
 def _chosen(design: SensorDesign, recording: Recording, names: tuple[str, ...]) -> dict[str, Pair]:
     """Column of the recording by pair, in the order to show."""
     cavity = cavity_of(design)
-    judged = {
-        f"{cavity.emitters[i].name}-{cavity.receivers[j].name}": (i, j) for i, j in judged_pairs(cavity)
-    }
+    judged = {pair_name(cavity, pair): pair for pair in judged_pairs(cavity)}
     if list(recording.counts) == [SIGNAL]:
         if len(names) > 1:
             raise InputError(f"{recording.file}: holds one signal; name one pair with --pair")
@@ -191,7 +189,7 @@ def _simulated(
     found = []
     for pair in pairs:
         curves = curves_of(light, pair, place_mm, slice(1, None), depth_mm)
-        name = f"{cavity.emitters[pair[0]].name}-{cavity.receivers[pair[1]].name}"
+        name = pair_name(cavity, pair)
         found.append(JudgedPair(name=name, curves=curves, score=score_curves(design, curves, readout)))
     return tuple(found)
 

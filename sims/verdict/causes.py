@@ -28,8 +28,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
-from design.geometry.pairs import direct_path_pairs
+from design.geometry.cavity import CavityGeometry, cavity_of
+from design.geometry.pairs import beside_chord, direct_path_pairs, pair_name
 from design.spec import SensorDesign
 from sims.optics.light_signals import LightSignals
 from sims.readings.readout import Readout
@@ -39,9 +39,9 @@ from sims.verdict.pad_map import PadMap, Place
 from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
 from sims.verdict.pair.depth_curve import between
 from sims.verdict.pair.modes import find_modes
-from sims.verdict.pair.noise_units import noise_units
+from sims.verdict.pair.noise_units import noise_units, sigma_counts
 from sims.verdict.pair.pair_score import PairScore
-from sims.verdict.presses import PairCurves
+from sims.verdict.presses import PairCurves, curves_of
 
 FloatArray = NDArray[np.float64]
 Lack = Literal["clipped", "dim", "cancel", "apart", "used up", "slight", "none near"]
@@ -175,38 +175,13 @@ def _curves_under(
     depth_mm: FloatArray,
 ) -> list[PairCurves]:
     """Light against depth of the pairs whose chord runs within a tip radius of the place, the brightest first."""
-    top = light.by_class["top"] + light.by_class["skirt"]
     under = [
-        PairCurves(
-            pair=(int(e), int(r)),
-            press_mm=place_mm,
-            depth_mm=depth_mm,
-            direct=light.by_class["direct"][states, e, r],
-            top=top[states, e, r],
-            diffuse=light.by_class["diffuse"][states, e, r],
-            total=light.flux[states, e, r],
-            standard_error=light.standard_error[states, e, r],
-        )
+        curves_of(light, (int(e), int(r)), place_mm, states, depth_mm)
         for e, r in np.argwhere(direct_path_pairs(cavity))
-        if _beside(cavity, (int(e), int(r)), place_mm)[0] <= cavity.tip_radius_mm
+        if beside_chord(cavity, (int(e), int(r)), place_mm)[0] <= cavity.tip_radius_mm
     ]
     lit = [one for one in under if one.direct[0] > 0.0]
     return sorted(lit, key=lambda one: -float(one.total[0]))[:MOST_WITNESSES]
-
-
-def _beside(
-    cavity: CavityGeometry, pair: tuple[int, int], place_mm: tuple[float, float]
-) -> tuple[float, float]:
-    """Distance of a place from a pair's chord [mm], and where along the chord it is nearest (0 emitter, 1 receiver)."""
-    ends = _ends(cavity, pair)
-    start, end = (np.array(one.position_mm(cavity.length_mm, cavity.width_mm)[:2]) for one in ends)
-    along = end - start
-    share = float(np.clip((np.array(place_mm) - start) @ along / (along @ along), 0.0, 1.0))
-    return float(np.hypot(*(start + share * along - place_mm))), share
-
-
-def _ends(cavity: CavityGeometry, pair: tuple[int, int]) -> tuple[PlacedPart, PlacedPart]:
-    return cavity.emitters[pair[0]], cavity.receivers[pair[1]]
 
 
 def _cause(
@@ -267,9 +242,8 @@ def _witness(
     whole = gain * float(curves.total[0])
     modes = find_modes(curves.depth_mm, curves.top, curves.direct)
     straight = float(part[0, 2] / curves.direct[0])
-    emitter, receiver = _ends(cavity, curves.pair)
     return Witness(
-        pair=f"{emitter.name}-{receiver.name}",
+        pair=pair_name(cavity, curves.pair),
         lack=_lack(counts, limited, whole, straight, full_scale, noise),
         mirrored=float(part[0, 1] / curves.top[0]) if curves.top[0] > 0.0 else 0.0,
         straight=straight,
@@ -295,8 +269,8 @@ def _lack(
         return "clipped"
     if float(noise_units(min(whole, full_scale), **noise)) < ANSWERS_TWICE:
         return "dim"
-    sigma = float(np.median(np.gradient(noise_units(np.array([whole * 0.99, whole]), **noise), whole * 0.01)))
-    mirrored_change, straight_change = (float(np.ptp(counts[:, column])) * sigma for column in (1, 2))
+    sigma = float(sigma_counts(whole, **noise))
+    mirrored_change, straight_change = (float(np.ptp(counts[:, column])) / sigma for column in (1, 2))
     if min(mirrored_change, straight_change) >= DEADBAND_THRESHOLD:
         return "cancel"
     if straight >= WHOLE:
@@ -306,9 +280,9 @@ def _lack(
 
 def _reach_mm(cavity: CavityGeometry, curves: PairCurves) -> float:
     """Depth at which the tip meets the straight path's upper edge [mm]."""
-    emitter, receiver = _ends(cavity, curves.pair)
-    _, share = _beside(cavity, curves.pair, curves.press_mm)
-    upper = [min(one.height_mm + one.half_height_mm, cavity.clear_mm) for one in (emitter, receiver)]
+    ends = (cavity.emitters[curves.pair[0]], cavity.receivers[curves.pair[1]])
+    _, share = beside_chord(cavity, curves.pair, curves.press_mm)
+    upper = [min(one.height_mm + one.half_height_mm, cavity.clear_mm) for one in ends]
     return cavity.clear_mm - ((1.0 - share) * upper[0] + share * upper[1])
 
 

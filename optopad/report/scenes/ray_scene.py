@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.geometry.cavity import CavityGeometry, cavity_of
-from design.geometry.pairs import judged_pairs
+from design.geometry.pairs import judged_pairs, pair_name
 from design.spec import SensorDesign
 from optopad.report.text.words import governing
 from sims.contact.tip import tip_of
@@ -65,7 +65,7 @@ class RayScene:
     @property
     def pair_names(self) -> list[str]:
         """Names of the pairs, as E1-R5."""
-        return [f"{self.cavity.emitters[e].name}-{self.cavity.receivers[r].name}" for e, r in self.pairs]
+        return [pair_name(self.cavity, pair) for pair in self.pairs]
 
     @property
     def kinds(self) -> list[LightKind]:

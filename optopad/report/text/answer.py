@@ -142,11 +142,8 @@ def cause_sentence(cause: Cause) -> str:
 
 
 def _sure(design: SensorDesign, score: ContinuityScore) -> str:
-    if score.is_open and score.pad_map is not None:
-        place = next(
-            (one for one in score.pad_map.places if one.depths.most.deadbands_mm), score.pad_map.weakest
-        )
-        return f"open: the light's own error may hide a deadband at x {place.x_mm:g}, y {place.y_mm:g} mm; use --fine"
+    if score.is_open:
+        return f"open: the light's own error may hide a deadband {_doubtful(score)}; use --fine"
     band = score.tolerance
     if band is None:
         return ""
