@@ -162,7 +162,8 @@ def _sure(design: SensorDesign, score: ContinuityScore) -> str:
 def _doubtful(score: ContinuityScore) -> str:
     """Where an open verdict is open."""
     if score.is_facing_rows or score.pad_map is None:
-        return f"of {next(pair.name for pair in score.pairs if pair.score.possible_deadbands_mm)}"
+        named = next((pair.name for pair in score.pairs if pair.score.possible_deadbands_mm), score.governing)
+        return f"of {named}"
     place = next((one for one in score.pad_map.places if one.depths.most.deadbands_mm), score.pad_map.weakest)
     return f"at x {place.x_mm:g}, y {place.y_mm:g} mm"
 

@@ -132,3 +132,12 @@ def test_findings_fit_on_one_screen_errors_first():
         "design    pad: 0 errors, 0 warnings",
         "next      optopad score pad.toml",
     ]
+
+
+def test_an_open_verdict_of_facing_rows_names_the_pair():
+    score = replace(dead_score(PAIR), is_open=True)
+    doubtful = next(pair.name for pair in score.pairs if pair.score.possible_deadbands_mm)
+    assert (
+        answer_of(PAIR, score).sure
+        == f"open: the light's own error may hide a deadband of {doubtful}; use --fine"
+    )
