@@ -44,8 +44,10 @@ OnStep = Callable[[str, float], None]
 PAD_MINUTES, ROW_MINUTES = 3.0, 1.0
 """Budgets of a pad and of facing rows by default [min on two cores]."""
 CORES = 2
-PRESSES, ROW_S, JUDGED_S = 240, 2.0, 0.35
-"""Presses of a pad's map and bounds; processor time of facing rows [s]; share of the budget that scores take."""
+PRESSES, ROW_S = 240, 2.0
+"""Presses of a pad's map and bounds; processor time of facing rows [s]."""
+PAD_SEARCH, ROW_SEARCH = 0.4, 0.65
+"""Shares of the budget that the search takes; scores take the rest [-]."""
 FEWEST, MOST = 8, 400
 """Designs of a search at least and at most."""
 ATTEMPTS = 2
@@ -54,12 +56,15 @@ ATTEMPTS = 2
 
 @dataclass(frozen=True, kw_only=True)
 class Alternative:
-    """A design worth having: why, what changes, the design and its file in the folder, its score."""
+    """A design worth having: why, what changes, the design and its file in the folder, its figures in the search, its
+    score.
+    """
 
     kind: Kind
     changes: dict[str, Any]
     design: SensorDesign
     file: str
+    figures: dict[str, float | None]
     score: ContinuityScore
 
 
@@ -93,6 +98,7 @@ class Improvement:
                     "kind": one.kind,
                     "changes": one.changes,
                     "file": str(self.folder / one.file),
+                    "search_figures": one.figures,
                     **one.score.to_json(),
                 }
                 for one in self.alternatives
@@ -183,8 +189,9 @@ def trials_of(design: SensorDesign, budget_min: float | None, *, facing: bool) -
         raise InputError(f"--budget: {budget:g} minutes is refused: give more than 0, up to 1440")
     cavity = cavity_of(design)
     pairs = len(cavity.emitters) * len(cavity.receivers)
+    share = ROW_SEARCH if facing else PAD_SEARCH
     each_s = ROW_S if facing else PRESSES * pairs * MAP_PAIR_S / 2.0  # symmetry saves half or more
-    return min(max(int((1.0 - JUDGED_S) * budget * 60.0 * CORES / each_s), FEWEST), MOST)
+    return min(max(int(share * budget * 60.0 * CORES / each_s), FEWEST), MOST)
 
 
 def _first(space: SearchSpace, before: ContinuityScore) -> list[dict[str, Any]]:
@@ -220,16 +227,24 @@ def _alternatives(
                 continue
             name = f"{len(found) + 1}-{kind.replace(' ', '-')}.toml"
             _write_design(folder / name, text, space.base, changes, kind)
-            found.append(Alternative(kind=kind, changes=changes, design=changed, file=name, score=scored))
+            found.append(
+                Alternative(
+                    kind=kind,
+                    changes=changes,
+                    design=changed,
+                    file=name,
+                    figures=one.judged.figures,
+                    score=scored,
+                )
+            )
             break
     return tuple(found)
 
 
 def _scored(design: SensorDesign, seed: int, tell: OnStep) -> ContinuityScore:
-    """As `optopad score` judges, values that nobody has measured tried; of facing rows without the map of the pad."""
-    facing = is_facing_rows(cavity_of(design))
-    found = score(design, verdict_only=facing, seed=seed, on_step=tell)
-    return with_tolerance(design, found, seed=seed, on_step=tell) if facing else found
+    """The verdict as `optopad score` gives it, open values tried; bounds are left to the search."""
+    found = score(design, verdict_only=True, seed=seed, on_step=tell)
+    return with_tolerance(design, found, seed=seed, on_step=tell)
 
 
 def _write_design(file: Path, text: str, base: SensorDesign, changes: Mapping[str, Any], kind: Kind) -> None:

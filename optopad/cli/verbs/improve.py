@@ -16,8 +16,7 @@ from optopad.cli.verbs.explore import INTERRUPTED, telling
 from optopad.work.designs import read_design
 
 if TYPE_CHECKING:
-    from optopad.jobs.improvement import Improvement
-    from sims.continuity.result import ContinuityScore
+    from optopad.jobs.improvement import Alternative, Improvement
 
 
 def improve(
@@ -107,7 +106,7 @@ def _lines(made: Improvement) -> list[str]:
     lines += row("before", verdict_words(made.before))
     for number, one in enumerate(made.alternatives, 1):
         lines += row(str(number), f"{one.kind}: {_changes(one.changes)}", 2)
-        lines += row("", _worth(one.design, one.score))
+        lines += row("", _worth(one))
         lines.append(f"          {made.folder / one.file}")
     if made.is_interrupted:
         lines += row("stopped", "nothing that was judged is lost; the same command goes on")
@@ -133,12 +132,12 @@ def _changes(changes: dict[str, Any]) -> str:
     return ", ".join(f"{path} = {value}" for path, value in changes.items()) or "as it is"
 
 
-def _worth(design: SensorDesign, score: ContinuityScore) -> str:
-    """Verdict, how sure, and what one frame tells at best, briefly."""
+def _worth(one: Alternative) -> str:
+    """Verdict, how sure, margin, and where the search worked it out what one frame tells of the place."""
     from optopad.report.text.answer import answer_of, verdict_words
 
-    said = answer_of(design, score)
-    sure = said.sure.partition(":")[0]
-    return "; ".join(
-        part for part in (verdict_words(score), sure, said.worth.partition(" at best")[0]) if part
-    )
+    sure = answer_of(one.design, one.score).sure.partition(":")[0]
+    margin, place = one.figures.get("margin"), one.figures.get("location_bound_mm")
+    told = [verdict_words(one.score), sure, "" if margin is None else f"margin {margin:.1f} noise units"]
+    told.append("" if place is None else f"place {place:.3f} mm at best")
+    return "; ".join(part for part in told if part)
