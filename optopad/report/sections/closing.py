@@ -12,8 +12,8 @@ from sims.continuity.result import ContinuityScore
 LEFT_OUT = (
     "Contact is static, axisymmetric and frictionless: no sliding, no adhesion, no slow bonding and unbonding at "
     "the walls. Hysteresis of the load is an option for one protocol and never enters the light.",
-    "Walls in the light: forces include near walls, but light is traced everywhere with the shape of a press in the "
-    "middle of a round pad of the cavity's area.",
+    "What the pad's own walls change of a press is one linear layer of the pad's size on top of it: single pairs err "
+    "by 0.5 % rms to 3 mm of depth, by 1.2 % at 4.5 mm, most near a wall.",
     "One tip, a rigid body of revolution with a straight shank. Several touches at once are not modelled.",
     "Light that leaves through the top is lost: none comes back in across the crater.",
     "Receivers are bare active areas, without package, lens or filter. Emitters are flat and even, with intensity "
