@@ -9,6 +9,6 @@
 Rooms, from the ground up: results, work, report, jobs, sensor, screen; the doors are front (Python) and cli (terminal).
 """
 
-from optopad.front.calls import check, compare, load, predict, presets, run, save, score, sweep
+from optopad.front.calls import check, compare, improve, load, predict, presets, run, save, score, sweep
 
-__all__ = ["check", "compare", "load", "predict", "presets", "run", "save", "score", "sweep"]
+__all__ = ["check", "compare", "improve", "load", "predict", "presets", "run", "save", "score", "sweep"]

@@ -33,10 +33,17 @@ ALONG_REACH_MM, ALONG_STEP_MM = 2.0, 0.25
 """The same of pitch and shift of parts along a wall."""
 FIRST_SHARES = (0.15, 0.3, 0.5, 0.8)
 """Single changes that a search begins with, as shares of what the parts are short of."""
+WIDE_SHARES = (0.5, 1.0)
+"""The same where nothing is short and there is no least change to find, as shares of `WIDE_MM`."""
+WIDE_MM = 1.0
 SAFE_MARGIN = 4.5
 """Margin at search accuracy from which a design is taken to have no deadband at score accuracy either [noise units]."""
+AMPLE_MARGIN = 2.0 * SAFE_MARGIN
+"""Margin from which more is worth nothing [noise units]."""
 NEAR_BEST_MM = 0.5
 """Usable depths that differ by less are as good [mm]."""
+WORTH_MARGIN, WORTH_ACCURACY = 0.2, 0.05
+"""Gains of margin and of accuracy, over the base's, from which a change of a sound design is worth it [-]."""
 ENOUGH_SHARE = 0.6
 """Share of the deepest usable depth that few changes may leave [-]."""
 
@@ -144,29 +151,40 @@ def _field(design: SensorDesign, path: str, given: Range | None) -> dict[str, An
     return {"path": path, "low": round(low, ROUND_DIGITS), "high": round(high, ROUND_DIGITS), "step": step}
 
 
-def first_points(space: SearchSpace, *, raise_parts: int, short_mm: float) -> list[dict[str, Value]]:
+def first_points(
+    space: SearchSpace, *, sides: Mapping[str, int], short_mm: float | None
+) -> list[dict[str, Value]]:
     """Where a search begins: one change at a time, small ones first, and both heights together.
 
     Parameters
     ----------
-    raise_parts : 1 where the parts sit too low for the layer, -1 where too high, 0 where that is not what is missing
-    short_mm : by how much [mm]; steps are shares of it
+    sides : 1 for fields that had better be higher, -1 for lower, the most promising first; part heights and thickness
+        that are not among them go both ways
+    short_mm : by how much [mm]; steps are shares of it; None where nothing is
     """
     base = space.base_parameters()
     if base is None:
         return []
-    sides = dict.fromkeys(HEIGHTS, (raise_parts,) if raise_parts else (1, -1))
-    sides[CLEAR] = (-raise_parts,) if raise_parts else (-1, 1)
-    groups = [[field] for field in space.fields if field.path in sides]
+    order = [*sides, *(path for path in (*HEIGHTS, CLEAR) if path not in sides)]
+    groups = [
+        [field] for path in order for field in space.fields if field.path == path and field.low is not None
+    ]
     heights = [field for field in space.fields if field.path in HEIGHTS]
     if len(heights) > 1:
         groups.insert(0, heights)
     points: list[dict[str, Value]] = []
-    for share in FIRST_SHARES:
+    lengths = (
+        [share * WIDE_MM for share in WIDE_SHARES]
+        if short_mm is None
+        else [share * short_mm for share in FIRST_SHARES]
+    )
+    for length in lengths:
         for group in groups:
-            for side in sides[group[0].path]:
+            known = sides.get(group[0].path)
+            for side in (1, -1) if known is None else (known,):
                 point = base | {
-                    field.path: _moved(space, field, base, side * share * short_mm) for field in group
+                    field.path: _moved(space, field, base, sides.get(field.path, side) * length)
+                    for field in group
                 }
                 if point != base and point not in points:
                     points.append(point)
@@ -203,7 +221,9 @@ def picks(space: SearchSpace, base: Judged, tried: Sequence[Tried], accuracy: st
     if not sound:
         return []
     most = max(_usable(one.judged) for one in sound)
-    changed = [one for one in sound if changes_of(space, one.parameters) and _betters(base, one.judged)]
+    changed = [
+        one for one in sound if changes_of(space, one.parameters) and _betters(base, one.judged, accuracy)
+    ]
     deep = [one for one in changed if _usable(one.judged) >= most - NEAR_BEST_MM]
     enough = [one for one in changed if _usable(one.judged) >= ENOUGH_SHARE * most]
     orders = {
@@ -211,23 +231,39 @@ def picks(space: SearchSpace, base: Judged, tried: Sequence[Tried], accuracy: st
         "most robust": lambda one: (-_margin(one.judged), _cost(space, one)),
         "best accuracy": lambda one: (_accuracy(one.judged, accuracy), _cost(space, one)),
     }
-    return [
-        Pick(kind=kind, tried=one)
-        for kind in KINDS
-        for one in sorted(enough if kind == "fewest changes" else deep, key=orders[kind])
-    ]
+    chosen = {"fewest changes": enough, "most robust": deep, "best accuracy": deep}
+    if (
+        _is_sound(base) and enough
+    ):  # nothing needs mending, so a second change must be worth it beside the first
+        first = min(enough, key=orders["fewest changes"]).judged
+        chosen["most robust"] = [one for one in deep if _is_stronger(one.judged, first)]
+        chosen["best accuracy"] = [one for one in deep if _is_finer(one.judged, first, accuracy)]
+    return [Pick(kind=kind, tried=one) for kind in KINDS for one in sorted(chosen[kind], key=orders[kind])]
 
 
 def _is_sound(judged: Judged) -> bool:
     return not judged.reason and judged.verdict == "CONTIGUOUS" and _margin(judged) >= SAFE_MARGIN
 
 
-def _betters(base: Judged, judged: Judged) -> bool:
-    """A base without a deadband is bettered in depth or margin; one with a deadband by any sound design."""
-    if base.verdict != "CONTIGUOUS" or _margin(base) < SAFE_MARGIN:
+def _betters(base: Judged, judged: Judged, accuracy: str) -> bool:
+    """A base without a deadband is bettered in depth, accuracy or a scarce margin; else by any sound design."""
+    if not _is_sound(base):
         return True
     deeper = _usable(judged) - _usable(base)
-    return deeper > NEAR_BEST_MM or (deeper > -NEAR_BEST_MM and _margin(judged) > 1.2 * _margin(base))
+    if deeper > NEAR_BEST_MM:
+        return True
+    return deeper > -NEAR_BEST_MM and (_is_stronger(judged, base) or _is_finer(judged, base, accuracy))
+
+
+def _is_stronger(judged: Judged, other: Judged) -> bool:
+    """Whether the margin is larger by enough, as far as more of it is worth anything."""
+    return min(_margin(judged), AMPLE_MARGIN) > (1.0 + WORTH_MARGIN) * _margin(other)
+
+
+def _is_finer(judged: Judged, other: Judged, accuracy: str) -> bool:
+    """Whether the accuracy is better by enough."""
+    was = _accuracy(other, accuracy)
+    return was - _accuracy(judged, accuracy) > WORTH_ACCURACY * abs(was)
 
 
 def _margin(judged: Judged) -> float:

@@ -30,6 +30,7 @@ STAGE_TITLES = {
     "fit": "model",
     "bounds": "light, bounds of place and depth",
     "tolerance": "tolerance of open values",
+    "what matters": "what matters: a step of each field",
     "builds": "builds, everything off at once",
     "oracle": "ray tracer",
     "rays": "sample paths",

@@ -1,4 +1,4 @@
-"""What `import optopad` offers: load, check, score, sweep, compare, predict, run.
+"""What `import optopad` offers: load, check, score, sweep, compare, improve, predict, run.
 
 Each call takes a design and gives a result; nothing is printed. Long ones take `on_step`, called with a stage's name
 and the share of it that is done, and write into the bundles of `out` where the command line would.
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from design.spec import SensorDesign
     from optopad.front.checked import Checked
+    from optopad.front.improved import Improved
     from optopad.front.judged import Score
     from optopad.front.predicted import Prediction
     from optopad.front.tables import Compared, Swept
@@ -147,6 +148,46 @@ def compare(
         list(named.values()), list(named), Path(out), fine=fine, seed=seed, on_step=on_step or _silent
     )
     return Compared(found=found)
+
+
+def improve(
+    design: SensorDesign,
+    *,
+    vary: Mapping[str, tuple[float, float] | None] | None = None,
+    keep: Sequence[str] = (),
+    more_parts: bool = False,
+    budget_min: float | None = None,
+    seed: int = 0,
+    out: str | PathLike[str] = OUT,
+    on_step: OnStep | None = None,
+) -> Improved:
+    """Up to three verified changes that mend or better a design, as designs and as files; the same call goes on.
+
+    Parameters
+    ----------
+    vary : fields to vary besides the usual ones, with their range; None for the usual range
+    keep : fields to leave as they are
+    more_parts : whether more parts a side may help, too
+    budget_min : how long it may take about, on two idle cores [min]; 3 for a pad, 1 for facing rows
+
+    Raises
+    ------
+    DesignError, InputError : a design, field, range or budget that is refused.
+    """
+    from optopad.front.improved import Improved
+    from optopad.jobs.improvement import improve as search_around
+
+    made = search_around(
+        design,
+        Path(out),
+        vary=vary,
+        keep=keep,
+        more_parts=more_parts,
+        budget_min=budget_min,
+        seed=seed,
+        on_step=on_step or _silent,
+    )
+    return Improved(found=made)
 
 
 def predict(

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +17,12 @@ from design.errors import InputError
 from design.fields.paths import get_at, known_paths, set_at
 from design.geometry.cavity import cavity_of
 from design.geometry.pairs import is_facing_rows
-from design.io import load_design, write_text_atomically
+from design.io import dump_design, load_design, write_text_atomically
 from design.rules.check import require_valid
 from design.search.explore import OnTried
 from design.search.improve import (
+    CLEAR,
     KINDS,
-    Kind,
     Pick,
     Range,
     changes_of,
@@ -31,11 +30,13 @@ from design.search.improve import (
     improvement_space,
     picks,
 )
-from design.search.judged import Judged
 from design.search.space import SearchSpace
 from design.spec import SensorDesign
 from optopad.jobs.exploration import search
+from optopad.report.search import search_page
+from optopad.results.improvement import Alternative, Improvement, Nearest
 from sims.continuity.build_tolerance import with_tolerance
+from sims.continuity.field_steps import with_field_steps
 from sims.continuity.result import ContinuityScore
 from sims.continuity.score_cost import MAP_PAIR_S
 from sims.continuity.scoring import score
@@ -44,90 +45,22 @@ OnStep = Callable[[str, float], None]
 PAD_MINUTES, ROW_MINUTES = 3.0, 1.0
 """Budgets of a pad and of facing rows by default [min on two cores]."""
 CORES = 2
-PRESSES, ROW_S = 240, 2.0
-"""Presses of a pad's map and bounds; processor time of facing rows [s]."""
+PRESSES, BLIND_PRESSES, ROW_S = 560, 240, 2.0
+"""Presses that a design of a pad is worth: judged to its bounds, or around one with a deadband, where most are given up
+at the map; processor time of facing rows [s]."""
 PAD_SEARCH, ROW_SEARCH = 0.4, 0.65
 """Shares of the budget that the search takes; scores take the rest [-]."""
-FEWEST, MOST = 8, 400
+FEWEST, MOST = 6, 400
 """Designs of a search at least and at most."""
 ATTEMPTS = 2
 """Designs of a kind that are judged again before the kind is given up."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Alternative:
-    """A design worth having: why, what changes, the design and its file in the folder, its figures in the search, its
-    score.
-    """
-
-    kind: Kind
-    changes: dict[str, Any]
-    design: SensorDesign
-    file: str
-    figures: dict[str, float | None]
-    score: ContinuityScore
-
-
-@dataclass(frozen=True, kw_only=True)
-class Improvement:
-    """What was found around a design.
-
-    Attributes
-    ----------
-    before : its own score
-    alternatives : better designs, one of a kind at most
-    nearest : without any, what came nearest: its changes and figures, and the fields that stand at their ranges' ends
-    tried : designs judged by the search
-    folder : with their files
-    is_interrupted : whether the search was stopped before its end
-    """
-
-    before: ContinuityScore
-    alternatives: tuple[Alternative, ...]
-    nearest: Nearest | None
-    tried: int
-    folder: Path
-    is_interrupted: bool
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON."""
-        return {
-            "before": self.before.to_json(),
-            "alternatives": [
-                {
-                    "kind": one.kind,
-                    "changes": one.changes,
-                    "file": str(self.folder / one.file),
-                    "search_figures": one.figures,
-                    **one.score.to_json(),
-                }
-                for one in self.alternatives
-            ],
-            "nearest": None if self.nearest is None else self.nearest.to_json(),
-            "designs": self.tried,
-            "interrupted": self.is_interrupted,
-            "folder": str(self.folder),
-        }
-
-
-@dataclass(frozen=True, kw_only=True)
-class Nearest:
-    """The best design in reach where none mends the base: its changes, figures, and what stops it."""
-
-    changes: dict[str, Any]
-    judged: Judged
-    at_ends: tuple[str, ...]
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON."""
-        return {"changes": self.changes, "figures": self.judged.figures, "at_range_end": list(self.at_ends)}
-
-
 def improve(
     design: SensorDesign,
-    text: str,
     out: Path,
     *,
+    text: str | None = None,
     vary: Mapping[str, Range | None] | None = None,
     keep: Sequence[str] = (),
     more_parts: bool = False,
@@ -140,7 +73,7 @@ def improve(
 
     Parameters
     ----------
-    text : the design file, whose comments the alternatives keep
+    text : the design file, whose comments the alternatives keep; None writes it anew
     vary, keep, more_parts : as `design.search.improve.improvement_space` takes them
     budget_min : how long it may take about, on two idle cores [min]; None for the usual
 
@@ -156,7 +89,7 @@ def improve(
         vary=vary or {},
         keep=keep,
         more_parts=more_parts,
-        trials=trials_of(design, budget_min, facing=facing),
+        trials=trials_of(design, budget_min, is_blind=True),
         seed=seed,
         figures=figures,
     )
@@ -166,39 +99,57 @@ def improve(
         raise InputError(
             f"{design.name}: {before.reason}; improve begins with a design that the models cover"
         )
-    found = search(space, out, on_tried=on_tried, first=_first(space, before))
+    before = with_field_steps(design, before, seed=seed, on_step=tell)
+    found = search(
+        space,
+        out,
+        trials=trials_of(design, budget_min, is_blind=before.verdict == "DEADBAND"),
+        on_tried=on_tried,
+        first=_first(space, before),
+    )
     tried, stopped = found.findings.tried, found.findings.is_interrupted
     wanted = [] if stopped else picks(space, found.findings.base, tried, figures[1])
+    if text is None:
+        text = dump_design(design).split("\n", 1)[1]  # its first line names the digest, which will be another
     alternatives = _alternatives(space, text, found.folder, wanted, seed, tell)
     made = Improvement(
+        design=design,
         before=before,
+        figures=found.findings.base.figures,
         alternatives=alternatives,
         nearest=None if alternatives or stopped else _nearest(space, tried),
         tried=len(tried),
         folder=found.folder,
         is_interrupted=stopped,
     )
+    write_text_atomically(found.folder / "report.html", search_page(found, made))
     write_text_atomically(found.folder / "improve.json", json.dumps(made.to_json(), indent=2) + "\n")
     return made
 
 
-def trials_of(design: SensorDesign, budget_min: float | None, *, facing: bool) -> int:
+def trials_of(design: SensorDesign, budget_min: float | None, *, is_blind: bool) -> int:
     """Designs that a budget is enough for, by what a design of this size costs; the same on every machine."""
+    facing = is_facing_rows(cavity_of(design))
     budget = (ROW_MINUTES if facing else PAD_MINUTES) if budget_min is None else budget_min
     if not 0.0 < budget <= 24 * 60:
         raise InputError(f"--budget: {budget:g} minutes is refused: give more than 0, up to 1440")
     cavity = cavity_of(design)
     pairs = len(cavity.emitters) * len(cavity.receivers)
     share = ROW_SEARCH if facing else PAD_SEARCH
-    each_s = ROW_S if facing else PRESSES * pairs * MAP_PAIR_S / 2.0  # symmetry saves half or more
+    presses = BLIND_PRESSES if is_blind else PRESSES
+    each_s = ROW_S if facing else presses * pairs * MAP_PAIR_S / 2.0  # symmetry saves half or more
     return min(max(int(share * budget * 60.0 * CORES / each_s), FEWEST), MOST)
 
 
 def _first(space: SearchSpace, before: ContinuityScore) -> list[dict[str, Any]]:
+    """Points to begin with: what the cause of the worst blind interval asks for, then what small steps gain."""
     cause = before.causes[0] if before.causes else None
     side = 0 if cause is None else {"apart": 1, "used up": -1}.get(cause.lack, 0)
-    short = 2.0 if cause is None or cause.short_mm is None else max(cause.short_mm, 0.5)
-    return first_points(space, raise_parts=side, short_mm=short)
+    sides = {"receivers.height_mm": side, "emitters.height_mm": side, CLEAR: -side} if side else {}
+    if before.steps is not None:
+        sides |= {path: way for path, way in before.steps.better_sides().items() if path not in sides}
+    short = None if cause is None else max(cause.short_mm or 2.0, 0.5)
+    return first_points(space, sides=sides, short_mm=short)
 
 
 def _alternatives(
@@ -247,7 +198,7 @@ def _scored(design: SensorDesign, seed: int, tell: OnStep) -> ContinuityScore:
     return with_tolerance(design, found, seed=seed, on_step=tell)
 
 
-def _write_design(file: Path, text: str, base: SensorDesign, changes: Mapping[str, Any], kind: Kind) -> None:
+def _write_design(file: Path, text: str, base: SensorDesign, changes: Mapping[str, Any], kind: str) -> None:
     """The design file with its comments; changed lines say what they were."""
     import tomlkit
 

@@ -238,6 +238,7 @@ def _scored(
     """The score, its files, and what a page can draw of it; all but the tolerance is written beside the tolerance."""
     from optopad.work.beside import beside
     from sims.continuity.build_tolerance import with_tolerance
+    from sims.continuity.field_steps import with_field_steps
     from sims.continuity.scoring import score as judge
 
     sims = folder / "sims"
@@ -250,6 +251,7 @@ def _scored(
             found = with_tolerance(design, score, seed=seed, on_step=on_step)
         else:
             found = _with_builds(design, score, study, seed=seed, on_step=on_step)
+        found = with_field_steps(design, found, seed=seed, on_step=on_step)
         early = drawn()
     _write_builds(found, sims)
     write_text_atomically(sims / "score.json", json.dumps(found.to_json(), indent=2) + "\n")

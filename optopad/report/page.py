@@ -35,7 +35,13 @@ from optopad.report.sections.load import force_section
 from optopad.report.sections.maps import map_section
 from optopad.report.sections.rays import rays_section
 from optopad.report.sections.sensor import Pictures, checks_section, pictures_of, sensor_section
-from optopad.report.sections.signals import pairs_section, signal_section, tolerance_section
+from optopad.report.sections.signals import (
+    causes_section,
+    matters_section,
+    pairs_section,
+    signal_section,
+    tolerance_section,
+)
 from optopad.report.text.assets import asset
 from optopad.report.text.markup import Html, element, joined
 from optopad.report.text.scripts import script_element, script_policy
@@ -44,11 +50,13 @@ from sims.continuity.result import ContinuityScore
 
 PAGE = "report.html"
 TITLES = {
+    "why": "Why",
     "rays": "3-D",
     "sensor": "Layout",
     "signals": "Signals",
     "map": "Map",
     "pairs": "Pairs",
+    "matters": "What matters",
     "tolerance": "Tolerance",
     "force": "Load",
     "build": "Build",
@@ -172,11 +180,13 @@ def _light_sections(design: SensorDesign, score: ContinuityScore, found: Found) 
     if not score.pairs:
         return layout
     return {
+        "why": causes_section(score, drawings),
         "rays": rays_section(found.light, found.mold),
         **layout,
         "signals": signal_section(design, score, drawings),
         "map": map_section(score, drawings, found.maps),
         "pairs": pairs_section(score, drawings),
+        "matters": matters_section(score, drawings),
         "tolerance": tolerance_section(score, drawings),
         "force": force_section(design, score, drawings),
     }

@@ -5,8 +5,10 @@ from __future__ import annotations
 from design.search.figures import FIGURES
 from design.search.judged import Judged
 from fabrication.bundle import versions
+from optopad.report.before_after import before_and_after
 from optopad.report.text.assets import still_page
 from optopad.report.text.markup import Html, bullets, element, facts, section, table
+from optopad.results.improvement import Improvement
 from optopad.results.search_result import Search
 from sims.plots.front import choice_text, front_panels, importance_svg, parallel_svg, words
 
@@ -21,10 +23,12 @@ LOCATIONS = {
 }
 
 
-def search_page(search: Search) -> str:
-    """The whole page as HTML text."""
+def search_page(search: Search, improvement: Improvement | None = None) -> str:
+    """The whole page as HTML text; of a search around a design with what came of it first."""
     found = search.findings
+    first = Html("") if improvement is None else before_and_after(improvement)
     sections = [
+        *([first] if first else []),
         _front_section(search),
         _coordinates_section(search),
         _importance_section(search),
@@ -32,7 +36,8 @@ def search_page(search: Search) -> str:
         _space_section(search),
         _files_section(search),
     ]
-    return still_page("search", found.space.name, found.space.digest, LOCATIONS, _banner(search), sections)
+    titles = ({"before-after": "Before and after"} if first else {}) | LOCATIONS
+    return still_page("search", found.space.name, found.space.digest, titles, _banner(search), sections)
 
 
 def _banner(search: Search) -> Html:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from optopad.report.text.answer import verdict_words
+from optopad.report.text.answer import unit_of, verdict_words
 from optopad.report.text.numbers import counted
 from optopad.screen.bound_lines import bound_lines
 
 if TYPE_CHECKING:
     from sims.continuity.result import ContinuityScore, JudgedPair
     from sims.verdict.build_study import BuildStudy
+    from sims.verdict.field_effects import Effect, FieldSteps
+
+LEAST_CHANGE_MM = 0.01
+"""Changes of a depth from which on they are told."""
 
 
 def score_lines(score: ContinuityScore) -> list[str]:
@@ -24,6 +28,7 @@ def score_lines(score: ContinuityScore) -> list[str]:
     lines += bound_lines(score.bounds, is_facing=score.is_facing_rows) if score.bounds is not None else []
     lines += [_band_line(score)] if score.tolerance is not None else []
     lines += build_lines(score.builds) if score.builds is not None else []
+    lines += step_lines(score.steps) if score.steps is not None else []
     return lines + [f"warning   {text}" for text in score.warnings]
 
 
@@ -102,6 +107,34 @@ def build_lines(study: BuildStudy) -> list[str]:
         f"(95 %: {low:.0%} to {high:.0%}){doubt}{missing}, judged by {study.judged}",
         f"matters   {strongest} (rank correlation)",
     ]
+
+
+def step_lines(steps: FieldSteps) -> list[str]:
+    """What a step of each field changes, the field whose step gains most first."""
+    order = list(steps.better_sides())
+    rows = sorted(steps.rows, key=lambda row: order.index(row.path) if row.path in order else len(order))
+    lines = []
+    for row in rows:
+        told = []
+        for sign, effect in (("-", row.lower), ("+", row.higher)):
+            step = f"{sign}{row.step:g}{unit_of(row.path)}"
+            told.append(f"{step} {'refused' if effect is None else _changed(steps.as_designed, effect)}")
+        lines.append(f"matters   {row.path}: {'; '.join(told)}")
+    return [*lines, f"          judged by {steps.judged}"]
+
+
+def _changed(design: Effect, stepped: Effect) -> str:
+    """What differs between two builds' figures."""
+    found = [f"margin {stepped.margin - design.margin:+.1f} noise units"]
+    for name, words in (("usable_mm", "usable"), ("deadband_mm", "deadband")):
+        change = getattr(stepped, name) - getattr(design, name)
+        if abs(change) >= LEAST_CHANGE_MM:
+            found.append(f"{words} {change:+.2f} mm")
+    for name, words in (("location_mm", "place"), ("depth_mm", "depth")):
+        before, after = getattr(design, name), getattr(stepped, name)
+        if before is not None and after is not None and before > 0.0:
+            found.append(f"{words} bound {after / before - 1.0:+.0%}")
+    return ", ".join(found)
 
 
 def _band_line(score: ContinuityScore) -> str:

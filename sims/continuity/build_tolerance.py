@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from design.geometry.cavity import cavity_of
-from design.geometry.pairs import is_facing_rows
 from design.spec import SensorDesign
 from design.spec.tolerances import build_tolerances
 from sims.continuity.cautions import band_caution
+from sims.continuity.field_steps import governing_judge
 from sims.continuity.result import ContinuityScore
-from sims.verdict.build_judge import Judge, pair_judge, place_judge, verdict_judge
+from sims.verdict.build_judge import verdict_judge
 from sims.verdict.build_study import Memo, build_study, remembered
 from sims.verdict.tolerance import ToleranceBand, tolerance_band
 
@@ -34,16 +33,8 @@ def with_tolerance(
     if score.readout is None:
         return score
     tell = on_step or (lambda _stage, _share: None)
-    name, judge = _governing_judge(design, score, seed)
+    name, judge, _ = governing_judge(design, score, seed)
     return _with_band(score, tolerance_band(design, name, judge, lambda share: tell("tolerance", share)))
-
-
-def _governing_judge(design: SensorDesign, score: ContinuityScore, seed: int) -> tuple[str, Judge]:
-    pad_map, light, readout = score.pad_map, score.pad_signals, score.readout
-    if pad_map is None or light is None or readout is None or is_facing_rows(cavity_of(design)):
-        pair = next(pair for pair in score.pairs if pair.name == score.governing)
-        return pair_judge(pair.curves.pair, pair.name, seed=seed)
-    return place_judge(design, pad_map, light, readout, seed=seed)
 
 
 def _with_band(score: ContinuityScore, band: ToleranceBand) -> ContinuityScore:

@@ -16,6 +16,7 @@ from sims.readings.readout import Readout
 from sims.verdict.boundary_forces import BoundaryForces
 from sims.verdict.build_study import BuildStudy
 from sims.verdict.causes import Cause
+from sims.verdict.field_effects import FieldSteps
 from sims.verdict.mode_errors import mode_errors_mm
 from sims.verdict.pad_map import PadMap
 from sims.verdict.pair.pair_score import PairScore
@@ -63,6 +64,7 @@ class ContinuityScore:
     pairs : judged pairs in order; unjudged : names and untouched counts of the others
     clipped : names of judged pairs above full scale
     tolerance, builds : both ends of every open value, one at a time; builds with everything off at once, if asked for
+    steps : what a small step of each field changes; None where not worked out
     pad_map, pad_signals : what the places of the workspace say, and the light behind it
     causes : why depth is not told, for every blind interval of a place, or of a facing pair, the worst first
     bounds : what all readings together can tell of a press's place and depth, at the map's places; None for a verdict
@@ -101,6 +103,7 @@ class ContinuityScore:
     force: ForceCurve | None = None
     tolerance: ToleranceBand | None = None
     builds: BuildStudy | None = None
+    steps: FieldSteps | None = None
     warnings: tuple[str, ...] = ()
 
     @property
@@ -151,6 +154,7 @@ class ContinuityScore:
             "force": None if self.force is None else _force_json(self.force),
             "tolerance": None if self.tolerance is None else self.tolerance.to_json(),
             "builds": None if self.builds is None else self.builds.to_json(),
+            "what_matters": None if self.steps is None else self.steps.to_json(),
             "seed": self.seed,
             "fine": self.fine,
             "full": self.full,

@@ -28,6 +28,7 @@ from sims.contact.indentation import solved_press
 from sims.contact.press_notes import contact_notes
 from sims.continuity.build_tolerance import with_tolerance
 from sims.continuity.cautions import margin_caution, noise_caution
+from sims.continuity.field_steps import with_field_steps
 from sims.continuity.map_bounds import map_bounds
 from sims.continuity.map_judging import judged_map, pad_place
 from sims.continuity.result import ContinuityScore, JudgedPair, Verdict
@@ -71,8 +72,9 @@ def score(
     full : 11 places along the longer side and 0.1 mm steps for the map, in place of 5 and 0.2 mm
     fine : the same, with finer light, and bounds at more depths
     seed : of the light model's random shifts
-    verdict_only : leave out what the verdict does not need: tolerance, and the map of facing rows
-    tolerance : try both ends of every open value, as `sims.continuity.build_tolerance.with_tolerance` does afterwards
+    verdict_only : leave out what the verdict does not need: tolerance, what matters, and the map of facing rows
+    tolerance : try both ends of every open value and a step of each field, as `with_tolerance` and `with_field_steps`
+        do afterwards
     on_step : called with the stage's name and the share of it that is done
 
     Raises
@@ -157,7 +159,9 @@ def _judged(
         seed=seed,
     )
     if tolerance and not verdict_only:
-        return with_tolerance(design, found, seed=seed, on_step=tell)
+        return with_field_steps(
+            design, with_tolerance(design, found, seed=seed, on_step=tell), seed=seed, on_step=tell
+        )
     return found
 
 

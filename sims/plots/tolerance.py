@@ -1,19 +1,34 @@
-"""How firm a verdict is: deadband and mode gap of the governing pair at both ends of every open value's band."""
+"""How firm a verdict is, and what matters: figures at both ends of open values' bands, and a step of each field."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
-from sims.plots.style import BLUE, GREY, GRID, INK, VERMILLION, axes_or_new
+from sims.plots.style import BLUE, GREY, GRID, INK, VERMILLION, WIDTH_IN, axes_or_new
+from sims.verdict.field_effects import Effect, FieldSteps
 from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
 from sims.verdict.tolerance import ToleranceBand, ToleranceRow
 
 ROW_IN = 0.42
 FRAME_IN = 1.0
 NOTHING = "mode 2 not reached"
+WIDE = 1.35
+"""Width of five panels beside each other, over that of one plot [-]."""
+BAR = 0.36
+"""Height of a bar, of a row [-]."""
+EFFECTS = (
+    ("usable_mm", "usable depth\n[mm]"),
+    ("deadband_mm", "deadband\n[mm]"),
+    ("margin", "margin\n[noise units]"),
+    ("location_mm", "place bound\n[mm]"),
+    ("depth_mm", "depth bound\n[mm]"),
+)
+"""Figures that a step of a field changes, and what they are called."""
 
 
 def plot_tolerance(band: ToleranceBand, ax: Axes | None = None) -> Axes:
@@ -66,6 +81,64 @@ def plot_margin_tolerance(band: ToleranceBand, ax: Axes | None = None) -> Axes:
     ax.set_xlabel(f"margin of {band.judged} [noise units]; deadband below {DEADBAND_THRESHOLD:g}")
     _explain(ax)
     return ax
+
+
+def plot_field_steps(steps: FieldSteps, unit_of: Callable[[str], str]) -> Figure:
+    """Change of each figure by a step down and a step up of each field; figures that no step changes are left out.
+
+    Parameters
+    ----------
+    unit_of : unit of a field by its path, with the space before it
+    """
+    shown = [one for one in EFFECTS if any(_changes(steps, one[0]))]
+    figure = Figure(figsize=(WIDE * WIDTH_IN, FRAME_IN + ROW_IN * len(steps.rows)), layout="constrained")
+    panels = figure.subplots(1, max(len(shown), 1), sharey=True, squeeze=False)[0]
+    for ax, (name, title) in zip(panels, shown or EFFECTS[:1], strict=True):
+        ax.axvline(0.0, color=INK, linewidth=0.8)
+        for number, row in enumerate(steps.rows):
+            for effect, shift, colour in ((row.lower, -0.5, BLUE), (row.higher, 0.5, VERMILLION)):
+                change = _change(steps.as_designed, effect, name)
+                if change is None:
+                    ax.plot(0.0, number + shift * BAR, "x", color=colour, markersize=4)
+                else:
+                    ax.barh(number + shift * BAR, change, BAR, color=colour)
+        ax.margins(x=0.12)
+        ax.set_xlabel(title, fontsize=8)
+        ax.locator_params(axis="x", nbins=3)
+        ax.tick_params(axis="x", labelsize=7)
+        ax.tick_params(axis="y", length=0)
+        ax.grid(axis="x", color=GRID, linewidth=0.6)
+    panels[0].set_yticks(
+        range(len(steps.rows)),
+        [f"{row.path}\n\N{PLUS-MINUS SIGN}{row.step:g}{unit_of(row.path)}" for row in steps.rows],
+        fontsize=7,
+    )
+    panels[0].set_ylim(len(steps.rows) - 0.5, -0.5)
+    figure.legend(
+        handles=[
+            Patch(color=BLUE, label="a step lower"),
+            Patch(color=VERMILLION, label="a step higher"),
+            Line2D([], [], marker="x", color=INK, linestyle="none", label="blind, or no design"),
+        ],
+        loc="outside upper right",
+        ncols=3,
+        fontsize=7,
+    )
+    return figure
+
+
+def _changes(steps: FieldSteps, name: str) -> list[float]:
+    """What steps change a figure by, where that is known and not nothing."""
+    known = (
+        _change(steps.as_designed, effect, name) for row in steps.rows for effect in (row.lower, row.higher)
+    )
+    return [change for change in known if change]
+
+
+def _change(design: Effect, stepped: Effect | None, name: str) -> float | None:
+    """Change of a figure; None where either is unknown."""
+    before, after = getattr(design, name), None if stepped is None else getattr(stepped, name)
+    return None if before is None or after is None else after - before
 
 
 def row_label(row: ToleranceRow) -> str:

@@ -53,12 +53,14 @@ class Brief:
     deadband_mm : summed length of the deadbands [mm]
     margin : change of the signal, or distance of a pad's frames, over the least told 0.3 mm of depth [noise units];
         below 3 is a deadband
+    usable_mm : depth from which on depth is not told any more, or the deepest press [mm]; None where not worked out
     in_doubt : whether the light trace's own error may hide a deadband where none was found
     """
 
     gap_mm: float | None
     deadband_mm: float
     margin: float
+    usable_mm: float | None = None
     in_doubt: bool = False
 
 
@@ -97,6 +99,7 @@ def facing_brief(design: SensorDesign, *, seed: int) -> Brief:
         gap_mm=scores[0].modes.gap_mm,
         deadband_mm=worst_mm,
         margin=min(margin for margin, _ in found),
+        usable_mm=min(_usable_mm(design, score) for score in scores),
         in_doubt=worst_mm == 0.0 and any(margin < widened_threshold(error) for margin, error in found),
     )
 
@@ -125,7 +128,13 @@ def pair_brief(design: SensorDesign, pair: Pair, *, seed: int) -> Brief:
         gap_mm=score.modes.gap_mm,
         deadband_mm=score.deadband_total_mm,
         margin=_margin(design, depth_mm, readout.full_scale_counts, counts, score.end_mm),
+        usable_mm=_usable_mm(design, score),
     )
+
+
+def _usable_mm(design: SensorDesign, score: PairScore) -> float:
+    """Depth from which on a pair does not tell depth any more, or the deepest press [mm]."""
+    return design.operating.max_depth_mm if score.saturation_mm is None else score.saturation_mm[0]
 
 
 def place_brief(
@@ -141,6 +150,7 @@ def place_brief(
         gap_mm=None,
         deadband_mm=total_length_mm(found.blind.deadbands_mm),
         margin=found.margin,
+        usable_mm=found.blind.usable_mm,
         in_doubt=found.is_open,
     )
 

@@ -10,10 +10,12 @@ from design.geometry.cavity import cavity_of
 from design.protocols.load import load_protocol
 from design.spec import SensorDesign
 from design.spec.properties import modulus
+from optopad.report.scenes.cause_drawing import plot_cause
 from optopad.report.scenes.layout_drawing import BLACK, plot_layout
 from optopad.report.scenes.map_scene import MapScene
 from optopad.report.scenes.map_still import plot_by_depth
 from optopad.report.sections.published import published_load
+from optopad.report.text.answer import unit_of
 from optopad.report.text.markup import Html, element
 from optopad.report.text.numbers import spans
 from optopad.report.text.words import governing, ranked
@@ -45,7 +47,13 @@ from sims.plots.style import (
     plain_style,
     svg_text,
 )
-from sims.plots.tolerance import plot_gap_tolerance, plot_margin_tolerance, plot_tolerance
+from sims.plots.tolerance import (
+    plot_field_steps,
+    plot_gap_tolerance,
+    plot_margin_tolerance,
+    plot_tolerance,
+)
+from sims.verdict.causes import Cause
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -67,6 +75,8 @@ THEMED = {
     PALE_ORANGE: "var(--plot-pale-orange)",
 }
 """Colours of the plots by the page's names for them."""
+MOST_CAUSES = 3
+"""Causes that get a picture each."""
 MOST_FACING = 8
 """Facing pairs that get a plot each; more are in the table only."""
 
@@ -129,6 +139,7 @@ def drawings_without_tolerance(
                     plot_layout(design),
                     f"Layout of {design.name} with its dimensions in millimetres",
                 ),
+                **_cause_plots(design, score),
                 **_pair_plots(score),
                 **_map_plots(design, score),
                 **_depth_plots(maps),
@@ -138,9 +149,9 @@ def drawings_without_tolerance(
 
 
 def tolerance_drawings(score: ContinuityScore) -> dict[str, Drawing]:
-    """The plots of `drawings_of` that tell of a score's tolerance and builds."""
+    """The plots of `drawings_of` that tell of a score's tolerance, builds and field steps."""
     with plain_style():
-        return _all_drawn({**_tolerance_plots(score), **_build_plots(score)})
+        return _all_drawn({**_tolerance_plots(score), **_build_plots(score), **_step_plots(score)})
 
 
 def _all_drawn(plots: dict[str, tuple[Axes, str]]) -> dict[str, Drawing]:
@@ -166,6 +177,24 @@ def _pair_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
             plot_spans(score.pairs),
             f"Depths of mode 1, mode 2 and deadbands of {len(score.pairs)} judged pairs",
         )
+    return found
+
+
+def shown_causes(score: ContinuityScore) -> list[Cause]:
+    """The worst cause of each kind and lack, the worst first."""
+    found: dict[tuple[str, str], Cause] = {}
+    for cause in score.causes:
+        found.setdefault((cause.kind, cause.lack), cause)
+    return list(found.values())[:MOST_CAUSES]
+
+
+def _cause_plots(design: SensorDesign, score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
+    found = {}
+    for number, cause in enumerate(shown_causes(score), 1):
+        axes = plot_cause(design, cause)
+        if axes is not None and cause.typical is not None:
+            shows = f"Section through {cause.typical.pair} under the press, with the light that is left of it"
+            found[f"cause-{number}"] = axes, shows
     return found
 
 
@@ -252,6 +281,13 @@ def _build_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
     return {
         "builds": (figure.axes[0], "Each value alone at both ends, and its rank correlation over the builds")
     }
+
+
+def _step_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
+    if score.steps is None or not score.steps.rows:
+        return {}
+    figure = plot_field_steps(score.steps, unit_of)
+    return {"field-steps": (figure.axes[0], f"What a step of each field changes, by {score.steps.judged}")}
 
 
 def _card(drawing: Drawing) -> str:

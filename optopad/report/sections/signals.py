@@ -1,10 +1,11 @@
-"""Sections on what the light does: signals of pairs, all judged pairs, tolerance."""
+"""Sections on what the light does: signals of pairs, all judged pairs, what matters, tolerance."""
 
 from __future__ import annotations
 
 from design.spec import SensorDesign
 from optopad.report.scenes.pair_scene import pair_scene
-from optopad.report.sections.drawings import Drawing, figure_of, shown_pairs
+from optopad.report.sections.drawings import Drawing, figure_of, shown_causes, shown_pairs
+from optopad.report.text.answer import cause_sentence
 from optopad.report.text.builds import builds_table, builds_words
 from optopad.report.text.markup import Html, element, section, table
 from optopad.report.text.numbers import DASH, counted, depth, ends, signed, spans
@@ -26,6 +27,19 @@ CURVES = (
     ("top", "mirrored by the top (mode 1)"),
     ("other", "other, scattered"),
 )
+LACKS = {"apart": "modes apart", "slight": "changes too little", "cancel": "modes cancel"}
+"""What a pair lacks, in words, where the name alone would not do."""
+CAUSE_HEADS = (
+    "pair",
+    "lacks",
+    "mirrored light left",
+    "straight light left",
+    "counts untouched",
+    "change [noise units]",
+    "mode 1 ends at [mm]",
+    "mode 2 begins at [mm]",
+    "tip meets its straight path at [mm]",
+)
 PAIR_HEADS = (
     "pair",
     "press at x, y",
@@ -43,6 +57,51 @@ PAIR_HEADS = (
     "trace error",
     "deadband with it",
 )
+
+
+def causes_section(score: ContinuityScore, drawings: Drawings) -> Html:
+    """Why depth is not told where it is not: a section with the light that is left, and the pairs under the tip."""
+    causes = shown_causes(score)
+    if not causes:
+        return Html("")
+    parts = []
+    for number, cause in enumerate(causes, 1):
+        x_mm, y_mm = cause.place_mm
+        words = cause_sentence(cause)
+        said = f"{cause.kind.capitalize()} from {spans([cause.depth_mm])} mm at x = {x_mm:g}, y = {y_mm:g} mm: {words}."
+        drawn = drawings.get(f"cause-{number}")
+        parts.append(element("p", said) if drawn is None else figure_of(drawn, said))
+    witnesses = causes[0].witnesses
+    rows = [
+        (
+            one.pair,
+            LACKS.get(one.lack, one.lack),
+            f"{one.mirrored:.0%}",
+            f"{one.straight:.0%}",
+            f"{one.untouched_counts:.0f}",
+            f"{one.change:.1f}",
+            f"{one.mode1_end_mm:.2f}",
+            "never" if one.mode2_onset_mm is None else f"{one.mode2_onset_mm:.2f}",
+            f"{one.reach_mm:.2f}",
+        )
+        for one in witnesses
+    ]
+    return section(
+        "why",
+        "Why depth is not told",
+        element("div", *parts, class_="grid"),
+        table(
+            CAUSE_HEADS, rows, label="Pairs under the tip", numeric=range(2, len(CAUSE_HEADS)), class_="wide"
+        )
+        if rows
+        else Html(""),
+        element(
+            "p",
+            "Solid: light that is whole; dashed: some is left; dotted: gone. The tip is drawn where the interval "
+            "begins and, dashed, where it ends. The table is of the pairs under the tip in the first picture.",
+            class_="note",
+        ),
+    )
 
 
 def signal_section(design: SensorDesign, score: ContinuityScore, drawings: Drawings) -> Html:
@@ -230,6 +289,23 @@ def tolerance_section(score: ContinuityScore, drawings: Drawings) -> Html:
         element("div", *figures, class_="grid"),
         _tolerance_table(band) if band.rows else Html(""),
         _unbanded(band),
+    )
+
+
+def matters_section(score: ContinuityScore, drawings: Drawings) -> Html:
+    """What a step of each field changes."""
+    if score.steps is None or "field-steps" not in drawings:
+        return Html("")
+    x_mm, y_mm, depth_mm = score.steps.bounds_at_mm
+    caption = (
+        f"Judged by {score.steps.judged}, the gain set anew; bounds of one frame at x = {x_mm:g}, y = {y_mm:g}, "
+        f"{depth_mm:g} mm deep. Longer usable depth, less deadband, more margin and smaller bounds are better."
+    )
+    return section(
+        "matters",
+        "What matters",
+        element("p", "One field at a time, a step lower and a step higher."),
+        figure_of(drawings["field-steps"], caption),
     )
 
 

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
+from design.fields.paths import get_at
 from design.spec import SensorDesign
 from design.spec.properties import used_values
 from optopad.report.text.numbers import counted, spans
@@ -22,6 +25,8 @@ UNITS = (
     ("_mw", " mW"),
     ("_nm", " nm"),
     ("_mpa", " MPa"),
+    ("_counts", " counts"),
+    ("_ohm", " Ω"),
 )
 
 
@@ -59,7 +64,7 @@ def verdict_words(score: ContinuityScore) -> str:
     """The verdict, with the usable depth where it is less than what is asked for, and whether it is open."""
     words: str = score.verdict
     if score.is_open:
-        words += " (open: the light trace's own error may make or hide a deadband)"
+        words += ", open"
     depth, asked = score.usable_depth_mm, None if score.force is None else float(score.force.depth_mm[-1])
     if depth is None or asked is None or depth >= asked:
         return words
@@ -115,7 +120,8 @@ def cause_sentence(cause: Cause) -> str:
         return "no pair near: no light between two parts runs under the tip there"
     several = f"{len(cause.witnesses)} pairs under the tip"
     under = several if len(cause.witnesses) > 1 else typical.pair
-    short = "" if cause.short_mm is None else f" by about {cause.short_mm:.1f} mm"
+    about = "up to" if len(cause.witnesses) > 1 else "about"
+    short = "" if cause.short_mm is None else f" by {about} {cause.short_mm:.1f} mm"
     match cause.lack:
         case "apart":
             onset = typical.mode2_onset_mm
@@ -143,7 +149,8 @@ def cause_sentence(cause: Cause) -> str:
 
 def _sure(design: SensorDesign, score: ContinuityScore) -> str:
     if score.is_open:
-        return f"open: the light's own error may hide a deadband {_doubtful(score)}; use --fine"
+        does = "make the deadband" if score.verdict == "DEADBAND" else "hide a deadband"
+        return f"open: the light trace's own error may {does} {_doubtful(score)}; use --fine"
     band = score.tolerance
     if band is None:
         return ""
@@ -185,6 +192,20 @@ def _turn(band: ToleranceBand, row: ToleranceRow, values: dict[str, float]) -> t
 def unit_of(path: str) -> str:
     """Unit of a field by its name, with the space before it; empty for pure numbers."""
     return next((unit for ending, unit in UNITS if path.endswith(ending)), "")
+
+
+def changes_words(design: SensorDesign, changes: Mapping[str, Any]) -> str:
+    """What changes, from which value to which, by dotted path."""
+    was = design.model_dump(mode="json")
+    told = (
+        f"{path} {_plain(get_at(was, path))} to {_plain(value)}{unit_of(path)}"
+        for path, value in changes.items()
+    )
+    return ", ".join(told) or "as it is"
+
+
+def _plain(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, int | float) else str(value)
 
 
 def _worth(score: ContinuityScore) -> str:

@@ -20,6 +20,7 @@ from design.search.improve import (
 from design.search.judged import Judged
 
 PAIR, PAD = preset("piacenza2017-pair"), preset("piacenza2017-pad")
+RAISED = {HEIGHTS[0]: 1, HEIGHTS[1]: 1, CLEAR: -1}
 THICK = PAIR.with_(**{CLEAR: 10.0})
 
 
@@ -52,7 +53,7 @@ def judge(design, limits):
 
 def found_around(design, tmp_path, **kind):
     space = space_of(design, **kind)
-    first = first_points(space, raise_parts=1, short_mm=3.3)
+    first = first_points(space, sides=RAISED, short_mm=3.3)
     return space, explore(space, judge, f"sqlite:///{tmp_path / 'study.db'}", first=first)
 
 
@@ -93,15 +94,28 @@ def test_what_cannot_vary_is_refused(given, words):
         space_of(PAD, **given)
 
 
+def test_small_steps_that_gain_come_first_and_the_rest_both_ways():
+    space = space_of(PAD)
+    sides = {"gain.target_counts": 1, CLEAR: -1}
+    changes = [changes_of(space, point) for point in first_points(space, sides=sides, short_mm=2.0)]
+    singles = [one for one in changes if len(one) == 1]
+    assert list(singles[0]) == ["gain.target_counts"]
+    assert list(singles[1]) == [CLEAR]
+    base = PAD.cavity.clear_thickness_mm
+    assert all(one[CLEAR] < base for one in singles if CLEAR in one)
+    ways = {one[HEIGHTS[0]] > PAD.emitters.height_mm for one in singles if HEIGHTS[0] in one}
+    assert ways == {True, False}
+
+
 def test_the_search_begins_with_single_changes_that_bring_parts_and_surface_together():
     space = space_of(THICK)
-    points = first_points(space, raise_parts=1, short_mm=3.3)
+    points = first_points(space, sides=RAISED, short_mm=3.3)
     changes = [changes_of(space, point) for point in points]
     assert changes[0] == {HEIGHTS[0]: 5.5, HEIGHTS[1]: 6.5}  # both by 0.15 x 3.3 mm
     assert all(len(one) == 1 or set(one) == set(HEIGHTS) for one in changes)
     assert all(one[CLEAR] < 10.0 for one in changes if CLEAR in one)
     assert all(one[path] > 4.9 for one in changes for path in HEIGHTS if path in one)
-    lowered = first_points(space, raise_parts=-1, short_mm=3.3)
+    lowered = first_points(space, sides={path: -side for path, side in RAISED.items()}, short_mm=3.3)
     assert all(
         changes_of(space, point)[CLEAR] > 10.0 for point in lowered if CLEAR in changes_of(space, point)
     )
@@ -129,7 +143,7 @@ def test_the_same_seed_finds_the_same_and_goes_on(tmp_path):
         (tmp_path / name).mkdir()
     _, whole = found_around(THICK, tmp_path / "a")
     space = space_of(THICK)
-    url, first = f"sqlite:///{tmp_path / 'b' / 'study.db'}", first_points(space, raise_parts=1, short_mm=3.3)
+    url, first = f"sqlite:///{tmp_path / 'b' / 'study.db'}", first_points(space, sides=RAISED, short_mm=3.3)
     explore(space, judge, url, trials=8, first=first)
     resumed = explore(space, judge, url, first=first)
     assert [one.parameters for one in resumed.tried] == [one.parameters for one in whole.tried]

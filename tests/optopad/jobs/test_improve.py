@@ -31,7 +31,8 @@ def design_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
     monkeypatch.setattr(objective, "judge", lambda design, limits, **_: judge(design, limits))
     monkeypatch.setattr(improvement, "score", scored)
-    monkeypatch.setattr(improvement, "with_tolerance", lambda _design, found, **_: found)
+    for also in ("with_tolerance", "with_field_steps"):
+        monkeypatch.setattr(improvement, also, lambda _design, found, **_: found)
     monkeypatch.chdir(tmp_path)
     file = tmp_path / "thick.toml"
     text = preset_text("piacenza2017-pair")

@@ -92,7 +92,7 @@ def test_it_says_which_value_to_measure_and_how_well():
 
 def test_an_open_verdict_asks_for_finer_light():
     assert answer_of(PAD, replace(contiguous_score(), is_open=True)).sure.startswith(
-        "open: the light's own error"
+        "open: the light trace's own error"
     )
 
 
@@ -135,9 +135,9 @@ def test_findings_fit_on_one_screen_errors_first():
 
 
 def test_an_open_verdict_of_facing_rows_names_the_pair():
-    score = replace(dead_score(PAIR), is_open=True)
+    score = replace(dead_score(PAIR), is_open=True, verdict="CONTIGUOUS")
     doubtful = next(pair.name for pair in score.pairs if pair.score.possible_deadbands_mm)
     assert (
         answer_of(PAIR, score).sure
-        == f"open: the light's own error may hide a deadband of {doubtful}; use --fine"
+        == f"open: the light trace's own error may hide a deadband of {doubtful}; use --fine"
     )

@@ -23,4 +23,4 @@ def test_a_range_that_ends_early_is_named_with_what_was_asked() -> None:
 
 def test_an_open_verdict_says_so() -> None:
     words = verdict_words(replace(contiguous_score(), is_open=True))
-    assert words.startswith("CONTIGUOUS (open: ")
+    assert words.startswith("CONTIGUOUS, open")

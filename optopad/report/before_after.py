@@ -1,0 +1,100 @@
+"""The section of an improvement's page: the design before and its alternatives, side by side."""
+
+from __future__ import annotations
+
+from design.geometry.cavity import cavity_of
+from design.search.figures import FIGURES
+from design.spec import SensorDesign
+from optopad.report.text.answer import answer_of, changes_words
+from optopad.report.text.markup import Html, element, section, table
+from optopad.results.improvement import Figures, Improvement
+from sims.continuity.result import ContinuityScore
+from sims.plots.pad import plot_margin_map
+from sims.plots.signal import plot_signal
+from sims.plots.style import plain_style, svg_text
+
+SHOWN = (
+    "usable_depth_mm",
+    "deadband_mm",
+    "margin",
+    "location_bound_mm",
+    "depth_bound_mm",
+    "resolvable_steps",
+    "part_count",
+    "pad_height_mm",
+)
+"""Figures of the search that are told beside each other, where one of the designs has them."""
+
+
+def before_and_after(made: Improvement) -> Html:
+    """The section; nothing without alternatives."""
+    if not made.alternatives:
+        return Html("")
+    labels = ["before", *(f"{number}: {one.kind}" for number, one in enumerate(made.alternatives, 1))]
+    designs = [made.design, *(one.design for one in made.alternatives)]
+    scores = [made.before, *(one.score for one in made.alternatives)]
+    figures = [made.figures, *(one.figures for one in made.alternatives)]
+    changes = ["as it is", *(changes_words(made.design, one.changes) for one in made.alternatives)]
+    files = [
+        "",
+        *(
+            element("code", "optopad run ", element("a", one.file, href=one.file))
+            for one in made.alternatives
+        ),
+    ]
+    rows = [
+        ["what changes", *changes],
+        ["verdict", *(answer_of(*both).verdict for both in zip(designs, scores, strict=True))],
+        ["how sure", *(answer_of(*both).sure for both in zip(designs, scores, strict=True))],
+        *_figure_rows(figures),
+        ["bundle of it", *files],
+    ]
+    pictures = [
+        element(
+            "figure",
+            element("div", _picture(design, score, number), class_="card plot"),
+            element("figcaption", label),
+        )
+        for number, (label, design, score) in enumerate(zip(labels, designs, scores, strict=True))
+    ]
+    what = (
+        "The middle facing pair's signal against depth."
+        if made.before.is_facing_rows
+        else "How far frames of all readings are apart over the least told 0.3 mm; below 3 noise units is blind."
+    )
+    return section(
+        "before-after",
+        "Before and after",
+        table(["", *labels], rows, label="Before and after", class_="wide"),
+        element("div", *pictures, class_="grid"),
+        element(
+            "p",
+            f"{what} Verdicts are as optopad score gives them; the other figures are those of the search's quick "
+            "light, alike for all.",
+            class_="note",
+        ),
+    )
+
+
+def _figure_rows(figures: list[Figures]) -> list[list[str]]:
+    rows = []
+    for name in SHOWN:
+        values = [one.get(name) for one in figures]
+        if any(value is not None for value in values):
+            unit = FIGURES[name].unit if name in FIGURES else "1"
+            words = name.removesuffix("_mm").replace("_", " ") + ("" if unit == "1" else f" [{unit}]")
+            rows.append([words, *("-" if value is None else f"{value:.3g}" for value in values)])
+    return rows
+
+
+def _picture(design: SensorDesign, score: ContinuityScore, number: int) -> Html:
+    """Of a pad its margin, place by place; of facing rows the signal of the governing pair."""
+    with plain_style():
+        if score.pad_map is not None and not score.is_facing_rows:
+            axes = plot_margin_map(score.pad_map, cavity_of(design))
+        else:
+            axes = plot_signal(next(pair for pair in score.pairs if pair.name == score.governing))
+        figure = axes.get_figure(root=True)
+        assert figure is not None
+        text = svg_text(figure, f"before-after-{number}")
+    return Html(text[text.index("<svg") :])

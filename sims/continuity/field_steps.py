@@ -1,0 +1,146 @@
+"""What matters: what a small step of each field of a design changes of its verdict and of its bounds.
+
+One field at a time, a step down and a step up, the gain set anew. Looked at in brief, as tried builds are
+(`sims.verdict.builds`): facing rows by their governing pair, a pad at its weakest place. There, at half the deepest
+press, also the Cramér-Rao bounds of one frame (`sims.bounds`).
+
+Left out: that after a step another place may be the weakest; fields stepped together. Light is that of tried builds, so
+a step's change is good to some tenths of a noise unit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from design.errors import OptopadError
+from design.fields.paths import get_at
+from design.geometry.cavity import cavity_of
+from design.geometry.pairs import judged_pairs, mask_of
+from design.rules.check import require_valid
+from design.spec import SensorDesign
+from sims.bounds.fisher import bounds_of
+from sims.bounds.stencil import Steps, sensitivity
+from sims.continuity.result import ContinuityScore
+from sims.optics.tracing import trace
+from sims.readings.readout import readout_of
+from sims.verdict.build_judge import Judge, pair_judge, place_judge
+from sims.verdict.builds import ACCURACY
+from sims.verdict.field_effects import Effect, FieldStep, FieldSteps
+
+OnStep = Callable[[str, float], None]
+STEPS = {
+    "emitters.height_mm": 0.1,
+    "receivers.height_mm": 0.1,
+    "cavity.clear_thickness_mm": 0.5,
+    "gain.target_counts": 25.0,
+}
+"""Steps of fields by name [unit of the field]."""
+ALONG_STEP_MM = 0.5
+"""Step of a pitch or a shift of parts along a wall [mm]."""
+DIGITS = 9
+
+
+def stepped_fields(design: SensorDesign) -> Iterator[tuple[str, float]]:
+    """Fields that a design has and that cost little to change, with their steps."""
+    for path, step in STEPS.items():
+        if path != "gain.target_counts" or isinstance(design.gain.feedback_ohm, str):
+            yield path, step
+    for number, pattern in enumerate(design.layout):
+        for name in ("pitch_mm", "shift_mm"):
+            if getattr(pattern, name, None) is not None:
+                yield f"layout.{number}.{name}", ALONG_STEP_MM
+
+
+def with_field_steps(
+    design: SensorDesign, score: ContinuityScore, *, seed: int = 0, on_step: OnStep | None = None
+) -> ContinuityScore:
+    """A score with what a small step of each field changes.
+
+    Parameters
+    ----------
+    score : of that design, with its map if it is a pad; out of scope it comes back as it is
+    on_step : called with the stage's name and the share of it that is done
+    """
+    if score.readout is None:
+        return score
+    tell = on_step or (lambda _stage, _share: None)
+    name, judge, place_mm = governing_judge(design, score, seed)
+    as_designed = _effect(design, judge, place_mm, seed, is_facing=score.is_facing_rows)
+    fields = list(stepped_fields(design))
+    rows = []
+    for done, (path, step) in enumerate(fields):
+        sides = [_stepped(design, path, side * step) for side in (-1.0, 1.0)]
+        found = [
+            None if build is None else _tried(build, judge, place_mm, seed, is_facing=score.is_facing_rows)
+            for build in sides
+        ]
+        rows.append(FieldStep(path=path, step=step, lower=found[0], higher=found[1]))
+        tell("what matters", (done + 1) / len(fields))
+    at_mm = (*place_mm, 0.5 * design.operating.max_depth_mm)
+    return replace(
+        score, steps=FieldSteps(judged=name, bounds_at_mm=at_mm, as_designed=as_designed, rows=tuple(rows))
+    )
+
+
+def governing_judge(
+    design: SensorDesign, score: ContinuityScore, seed: int
+) -> tuple[str, Judge, tuple[float, float]]:
+    """What a score turns on, in words; the function that judges a build by it; and where it is pressed [mm]."""
+    pad_map, light, readout = score.pad_map, score.pad_signals, score.readout
+    if pad_map is None or light is None or readout is None or score.is_facing_rows:
+        pair = next(pair for pair in score.pairs if pair.name == score.governing)
+        return *pair_judge(pair.curves.pair, pair.name, seed=seed), pair.curves.press_mm
+    weak = pad_map.weakest
+    return *place_judge(design, pad_map, light, readout, seed=seed), (weak.x_mm, weak.y_mm)
+
+
+def _stepped(design: SensorDesign, path: str, by: float) -> SensorDesign | None:
+    """The design with one field moved; None where that is no design."""
+    value = round(float(get_at(design.model_dump(mode="json"), path)) + by, DIGITS)
+    try:
+        build = design.with_(**{path: value})
+        require_valid(build)
+    except OptopadError:
+        return None
+    return build
+
+
+def _tried(
+    build: SensorDesign, judge: Judge, place_mm: tuple[float, float], seed: int, *, is_facing: bool
+) -> Effect | None:
+    """Figures of a build; None where the models do not answer."""
+    try:
+        return _effect(build, judge, place_mm, seed, is_facing=is_facing)
+    except OptopadError:
+        return None
+
+
+def _effect(
+    build: SensorDesign, judge: Judge, place_mm: tuple[float, float], seed: int, *, is_facing: bool
+) -> Effect:
+    brief = judge(build)
+    location_mm, depth_mm = _bounds_mm(build, place_mm, seed, is_facing=is_facing)
+    return Effect(
+        usable_mm=build.operating.max_depth_mm if brief.usable_mm is None else brief.usable_mm,
+        deadband_mm=brief.deadband_mm,
+        margin=brief.margin,
+        location_mm=location_mm,
+        depth_mm=depth_mm,
+    )
+
+
+def _bounds_mm(
+    build: SensorDesign, place_mm: tuple[float, float], seed: int, *, is_facing: bool
+) -> tuple[float | None, float | None]:
+    """Bounds of place and depth at half the deepest press [mm], None where blind; of facing rows the depth's alone."""
+    cavity = cavity_of(build)
+    untouched = trace(build, np.array([[*place_mm, 0.0]]), accuracy=ACCURACY, seed=seed).flux[0]
+    readout = readout_of(build, untouched, mask_of(judged_pairs(cavity), cavity))
+    voxel = np.array([[*place_mm, 0.5 * build.operating.max_depth_mm]])
+    found = bounds_of(sensitivity(build, voxel, readout, accuracy=ACCURACY, seed=seed, steps=Steps()))
+    told = (np.inf, found.depth_alone_mm[0]) if is_facing else (found.location_mm[0], found.depth_mm[0])
+    location_mm, depth_mm = (float(value) if np.isfinite(value) else None for value in told)
+    return location_mm, depth_mm
