@@ -47,6 +47,7 @@ def search(
     scheduler: str | None = None,
     on_tried: OnTried | None = None,
     first: Sequence[dict[str, Value]] = (),
+    also_mm: Sequence[tuple[float, float]] = (),
 ) -> Search:
     """Search, or go on with a search, and write what was found.
 
@@ -56,6 +57,7 @@ def search(
     storage : address of a database that other workers may share; None is SQLite in the search's folder
     scheduler : address of a Dask scheduler whose workers judge the designs; None judges them here
     first : points of the space to judge before the sampler proposes any
+    also_mm : (x, y) of places of a pad that are judged besides the map's [mm]
 
     Raises
     ------
@@ -70,7 +72,9 @@ def search(
     _make(folder)
     url = storage or f"sqlite:///{(folder / 'study.db').absolute()}"
     wanted = tuple(objective.figure for objective in space.objectives)
-    objective = functools.partial(judge, wanted=(*wanted, "strength"), accuracy=space.accuracy)
+    objective = functools.partial(
+        judge, wanted=(*wanted, "strength"), accuracy=space.accuracy, also_mm=tuple(also_mm)
+    )
     with _alone(folder) if storage is None else nullcontext(), _fanning_out(scheduler) as fan_out:
         found = explore(
             space,

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -38,16 +39,16 @@ from optopad.results.improvement import Alternative, Improvement, Nearest
 from sims.continuity.build_tolerance import with_tolerance
 from sims.continuity.field_steps import with_field_steps
 from sims.continuity.result import ContinuityScore
-from sims.continuity.score_cost import MAP_PAIR_S
 from sims.continuity.scoring import score
 
 OnStep = Callable[[str, float], None]
 PAD_MINUTES, ROW_MINUTES = 3.0, 1.0
 """Budgets of a pad and of facing rows by default [min on two cores]."""
 CORES = 2
-PRESSES, BLIND_PRESSES, ROW_S = 560, 240, 2.0
-"""Presses that a design of a pad is worth: judged to its bounds, or around one with a deadband, where most are given up
-at the map; processor time of facing rows [s]."""
+PAD_S, PAIR_S, ROW_S = 10.0, 0.08, 2.0
+"""Processor time of a design of a pad: of any, and more a pair (measured on 36 to 144); of facing rows [s]."""
+BLIND_SHARE = 0.45
+"""Share of it around a pad with a deadband, where many designs are given up at the map [-]."""
 PAD_SEARCH, ROW_SEARCH = 0.4, 0.65
 """Shares of the budget that the search takes; scores take the rest [-]."""
 FEWEST, MOST = 6, 400
@@ -106,9 +107,13 @@ def improve(
         trials=trials_of(design, budget_min, is_blind=before.verdict == "DEADBAND"),
         on_tried=on_tried,
         first=_first(space, before),
+        also_mm=_deciding_places(before),
     )
     tried, stopped = found.findings.tried, found.findings.is_interrupted
-    wanted = [] if stopped else picks(space, found.findings.base, tried, figures[1])
+    base = replace(
+        found.findings.base, verdict=before.verdict
+    )  # a score sees deadbands that a quick map misses
+    wanted = [] if stopped else picks(space, base, tried, figures[1])
     if text is None:
         text = dump_design(design).split("\n", 1)[1]  # its first line names the digest, which will be another
     alternatives = _alternatives(space, text, found.folder, wanted, seed, tell)
@@ -136,8 +141,7 @@ def trials_of(design: SensorDesign, budget_min: float | None, *, is_blind: bool)
     cavity = cavity_of(design)
     pairs = len(cavity.emitters) * len(cavity.receivers)
     share = ROW_SEARCH if facing else PAD_SEARCH
-    presses = BLIND_PRESSES if is_blind else PRESSES
-    each_s = ROW_S if facing else presses * pairs * MAP_PAIR_S / 2.0  # symmetry saves half or more
+    each_s = ROW_S if facing else (PAD_S + PAIR_S * pairs) * (BLIND_SHARE if is_blind else 1.0)
     return min(max(int(share * budget * 60.0 * CORES / each_s), FEWEST), MOST)
 
 
@@ -150,6 +154,13 @@ def _first(space: SearchSpace, before: ContinuityScore) -> list[dict[str, Any]]:
         sides |= {path: way for path, way in before.steps.better_sides().items() if path not in sides}
     short = None if cause is None else max(cause.short_mm or 2.0, 0.5)
     return first_points(space, sides=sides, short_mm=short)
+
+
+def _deciding_places(before: ContinuityScore) -> list[tuple[float, float]]:
+    """Where the verdict on a pad turns: its worst and its weakest place [mm]."""
+    if before.pad_map is None or before.is_facing_rows:
+        return []
+    return list(dict.fromkeys((one.x_mm, one.y_mm) for one in (before.pad_map.worst, before.pad_map.weakest)))
 
 
 def _alternatives(
@@ -174,7 +185,7 @@ def _alternatives(
                 break
             tell(kind, 0.0)
             judged[changed.digest] = scored = _scored(changed, seed, tell)
-            if scored.verdict != "CONTIGUOUS" or scored.is_open:
+            if not _is_sound(scored):
                 continue
             name = f"{len(found) + 1}-{kind.replace(' ', '-')}.toml"
             _write_design(folder / name, text, space.base, changes, kind)
@@ -195,7 +206,11 @@ def _alternatives(
 def _scored(design: SensorDesign, seed: int, tell: OnStep) -> ContinuityScore:
     """The verdict as `optopad score` gives it, open values tried; bounds are left to the search."""
     found = score(design, verdict_only=True, seed=seed, on_step=tell)
-    return with_tolerance(design, found, seed=seed, on_step=tell)
+    return with_tolerance(design, found, seed=seed, on_step=tell) if _is_sound(found) else found
+
+
+def _is_sound(found: ContinuityScore) -> bool:
+    return found.verdict == "CONTIGUOUS" and not found.is_open
 
 
 def _write_design(file: Path, text: str, base: SensorDesign, changes: Mapping[str, Any], kind: str) -> None:

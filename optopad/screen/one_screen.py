@@ -96,11 +96,20 @@ def _to_heed(score: ContinuityScore) -> list[str]:
 def _heeded(texts: Sequence[str], room: int) -> list[str]:
     """One line each; what has no room is counted."""
     shown = list(texts) if len(texts) <= room else list(texts[: max(room - 1, 0)])
-    lines = [line for text in shown for line in row("heed", text)]
+    lines = [line for text in shown for line in row("heed", _clause(text))]
     left = len(texts) - len(shown)
     if left:
         lines += row("heed", f"{counted(left, 'more warning' if shown else 'warning')}; see --details")
     return lines
+
+
+def _clause(text: str) -> str:
+    """A warning, or as many whole clauses of it as a line holds."""
+    room = WIDTH - LABEL
+    if len(text) <= room:
+        return text
+    ends = [text.rfind(mark, 0, room - 2) for mark in (" (", "; ", ", ")]
+    return f"{text[: max(ends)].rstrip(';,')} \N{HORIZONTAL ELLIPSIS}" if max(ends) > 0 else text
 
 
 def _next(score: ContinuityScore, command: str, *, is_built: bool) -> str:
@@ -109,6 +118,10 @@ def _next(score: ContinuityScore, command: str, *, is_built: bool) -> str:
         return f"change what the reason names, then optopad check {command}"
     if score.causes:
         return f"optopad improve {command}   (up to three changes that mend it, verified: minutes)"
+    if score.tolerance is not None and score.tolerance.flipping and not is_built:
+        return (
+            f"optopad improve {command}   (changes that are safer against what nobody has measured: minutes)"
+        )
     if is_built:
         return "open the report, print cad/mold.stl, and follow fabrication/casting.md"
     return f"optopad run {command}   (mold, wiring, firmware, report: about a minute)"

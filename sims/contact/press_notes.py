@@ -22,8 +22,8 @@ def edge_force_note(design: SensorDesign) -> str | None:
     if abs(ratio - 1.0) < NOTED_FORCE_CHANGE:
         return None
     return (
-        f"walls: pressed in the corner of the workspace ({corner[0]:g}, {corner[1]:g}) mm the force is "
-        f"{100.0 * (ratio - 1.0):+.0f} % of that in the middle"
+        f"walls: {100.0 * (ratio - 1.0):+.0f} % force in the workspace's corner, x {corner[0]:g}, "
+        f"y {corner[1]:g} mm, against its middle"
     )
 
 

@@ -124,6 +124,7 @@ def judge(
     *,
     wanted: Sequence[str],
     accuracy: str = "search",
+    also_mm: Sequence[tuple[float, float]] = (),
     seed: int = 0,
 ) -> Judged:
     """Judge a design for a search.
@@ -133,11 +134,12 @@ def judge(
     limits : what it must keep; the judging stops at the first step that breaks one
     wanted : figures to work out, those of the limits besides (`design.search.figures`; "verdict" as well)
     accuracy : a name of `SETTINGS`
+    also_mm : (x, y) of further places of a pad's map, such as one that is known to decide [mm]
     seed : of the light's offsets
     """
     needed = {*wanted, *(limit.figure for limit in limits)}
     with _ONE_AT_A_TIME:
-        return _Judging(design, limits, needed, SETTINGS[accuracy], seed).outcome()
+        return _Judging(design, limits, needed, SETTINGS[accuracy], also_mm, seed).outcome()
 
 
 class _Judging:
@@ -149,10 +151,11 @@ class _Judging:
         limits: tuple[Limit, ...],
         needed: set[str],
         settings: Settings,
+        also_mm: Sequence[tuple[float, float]],
         seed: int,
     ) -> None:
         self.design, self.limits, self.needed = design, limits, needed
-        self.settings, self.seed = settings, seed
+        self.settings, self.also_mm, self.seed = settings, also_mm, seed
         self.figures: dict[str, float | None] = {}
         self.verdict = ""
 
@@ -272,6 +275,11 @@ class _Judging:
     def _map(self, cavity: CavityGeometry, readout: Readout) -> None:
         x_mm, y_mm = map_grid_mm(cavity, self.settings.map_places)
         places_mm = grid_places_mm(cavity.workspace, x_mm, y_mm)
+        further = [
+            place for place in self.also_mm if not (np.abs(places_mm - place).max(axis=1) < 1e-9).any()
+        ]
+        if further:
+            places_mm = np.concatenate([places_mm, further])
         depth_mm, light = self._map_light(places_mm)
         mask = direct_path_pairs(cavity)
         shape = (len(places_mm), len(depth_mm), int(mask.sum()))

@@ -109,7 +109,7 @@ def _margin(score: ContinuityScore) -> str:
     start, end = weakest.depths.margin_mm
     return (
         f"{start:.1f} to {end:.1f} mm at x {weakest.x_mm:g}, y {weakest.y_mm:g} mm: there frames change by "
-        f"{weakest.margin:.1f} noise units; {DEADBAND_THRESHOLD:g} would be blind"
+        f"{weakest.margin:.1f}, where {DEADBAND_THRESHOLD:g} noise units are blind"
     )
 
 

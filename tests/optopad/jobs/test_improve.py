@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+import optopad
 import optopad.jobs.improvement as improvement
 import sims.continuity.objective as objective
 from design.io import load_design
 from design.preset import preset_text
 from optopad.cli.main import main
+from optopad.cli.verbs.explore import INTERRUPTED
+from optopad.screen.one_screen import LINES
 from tests.design.search.test_improvement_space import judge
 from tests.optopad.screen.test_one_screen import cause
 from tests.sims.made_up_scores import contiguous_score, dead_score
@@ -70,12 +74,59 @@ def test_the_same_command_gives_the_same_files(design_file, capsys):
     assert [Path(one["file"]).read_bytes() for one in first["alternatives"]] == texts
 
 
+def test_an_interrupted_search_goes_on_to_the_same_files(design_file, capsys, monkeypatch):
+    whole = improved(design_file, capsys, "--out", "whole")
+    seen: list[str] = []
+
+    def stopping(design, limits, **_):
+        seen.append(design.digest)
+        if len(seen) == 6:
+            raise KeyboardInterrupt
+        return judge(design, limits)
+
+    monkeypatch.setattr(objective, "judge", stopping)
+    command = ["improve", str(design_file), "--json", "--budget", "0.5", "--out", "cut"]
+    assert main(command) == INTERRUPTED
+    cut = json.loads(capsys.readouterr().out)
+    assert cut["interrupted"]
+    assert cut["alternatives"] == []
+    again = improved(design_file, capsys, "--out", "cut")
+    assert len(seen) < 2 * whole["designs"]
+    assert json.dumps(again).replace("cut/", "whole/") == json.dumps(whole)
+    for one, other in zip(again["alternatives"], whole["alternatives"], strict=True):
+        assert Path(one["file"]).read_bytes() == Path(other["file"]).read_bytes()
+
+
+def test_the_page_shows_before_and_after_side_by_side(design_file, capsys):
+    said = improved(design_file, capsys)
+    text = (Path(said["folder"]) / "report.html").read_text()
+    assert text.index('id="before-after"') < text.index('id="front"')
+    for one in said["alternatives"]:
+        assert f'href="{Path(one["file"]).name}"' in text
+        for path in one["changes"]:
+            assert path in text
+    assert text.count("<figcaption>before</figcaption>") == 1
+
+
+def test_from_python_it_gives_designs(design_file, capsys, tmp_path):
+    said = improved(design_file, capsys)
+    found = optopad.improve(load_design(design_file), budget_min=0.5, out=tmp_path / "own")
+    assert [one.digest for one in found.designs] == [one["digest"] for one in said["alternatives"]]
+    assert [load_design(file).digest for file in found.files] == [one.digest for one in found.designs]
+    assert found.before.verdict == "DEADBAND"
+    assert {one.verdict for one in found.scores} == {"CONTIGUOUS"}
+    assert repr(found).splitlines()[0].startswith("design    ")
+    assert found.kinds[0] in found._repr_html_()
+    assert found.page.is_file()
+
+
 def test_the_screen_names_what_changes_and_the_next_command(design_file, capsys):
     assert main(["improve", str(design_file), "--budget", "0.5"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[1].startswith("before    DEADBAND")
-    assert lines[2].startswith("1         fewest changes: ")
-    assert len(lines) <= 14
+    first = next(line for line in lines if line.startswith("1 "))
+    assert re.fullmatch(r"1         fewest changes: [a-z_.]+ [\d.]+ to [\d.]+ mm", first)
+    assert len(lines) <= LINES
     assert any(line.startswith("next      optopad run ") for line in lines)
 
 

@@ -105,7 +105,10 @@ def test_the_next_command_follows_the_verdict():
         return re.sub(r"\s{2,}", "  ", " ".join(lines[first:])).replace("next  ", "").replace("  ", " ")
 
     typed = "'my pad.toml' --set gain.target_counts=200"
-    assert next_of(contiguous_score()).startswith(f"optopad run {typed} (mold")
+    unsure = contiguous_score()
+    assert next_of(unsure).startswith(f"optopad improve {typed} (changes that are safer")
+    firm = replace(unsure, tolerance=replace(unsure.tolerance, rows=unsure.tolerance.rows[2:]))
+    assert next_of(firm).startswith(f"optopad run {typed} (mold")
     assert "cad/mold.stl" in next_of(contiguous_score(), is_built=True)
     apart = replace(dead_score(), causes=(cause("apart"),))
     assert next_of(apart).startswith(f"optopad improve {typed} (up to three changes")
