@@ -97,6 +97,24 @@ def test_an_interrupted_search_goes_on_to_the_same_files(design_file, capsys, mo
         assert Path(one["file"]).read_bytes() == Path(other["file"]).read_bytes()
 
 
+def test_a_base_whose_deadband_a_quick_map_misses_is_mended_all_the_same(design_file, capsys, monkeypatch):
+    """The score decides what the base is, not the search's coarse look at it."""
+    thick = load_design(design_file).digest
+
+    def hasty(design, limits, **_):
+        found = judge(design, limits)
+        if design.digest != thick:
+            return found
+        return replace(
+            found, verdict="CONTIGUOUS", figures=found.figures | {"margin": 30.0, "deadband_mm": 0.0}
+        )
+
+    monkeypatch.setattr(objective, "judge", hasty)
+    said = improved(design_file, capsys)
+    assert said["before"]["verdict"] == "DEADBAND"
+    assert said["alternatives"][0]["kind"] == "fewest changes"
+
+
 def test_the_page_shows_before_and_after_side_by_side(design_file, capsys):
     said = improved(design_file, capsys)
     text = (Path(said["folder"]) / "report.html").read_text()

@@ -76,6 +76,27 @@ def test_the_same_design_is_judged_the_same():
     assert judge(PAIR, (), wanted=("evenness",)) == judge(PAIR, (), wanted=("evenness",))
 
 
+def test_a_further_place_of_a_pad_is_judged_with_the_maps(monkeypatch):
+    """A map figure is the least over the map's places and those given besides; one that is there is not asked twice."""
+    asked = []
+
+    def watched(design, places_mm, *given, **named):
+        asked.append([tuple(place) for place in places_mm.tolist()])
+        return whole(design, places_mm, *given, **named)
+
+    whole = objective.pad_light
+    monkeypatch.setattr(objective, "pad_light", watched)
+    wanted = ("margin",)
+    small = preset("fingertip-16")
+    plain = judge(small, (), wanted=wanted)
+    corner = asked[0][0]
+    assert judge(small, (), wanted=wanted, also_mm=(corner,)).figures == plain.figures
+    beside = (corner[0] + 0.5, corner[1] + 0.3)
+    more = judge(small, (), wanted=wanted, also_mm=(beside,))
+    assert asked[2] == [*asked[0], beside]
+    assert more.figures["margin"] <= plain.figures["margin"]
+
+
 def test_a_cost_without_prices_is_refused_by_name():
     with pytest.raises(DesignError, match="the catalogue has no price for osram-sfh206k, sunled-xscwd23mb"):
         judge(PAIR, (), wanted=("cost",))

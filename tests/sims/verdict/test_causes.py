@@ -12,6 +12,9 @@ from design.geometry.pairs import chord_midpoint_mm, direct_path_pairs, facing_p
 from design.preset import preset
 from sims.continuity.scoring import score
 from sims.optics.light_signals import LightSignals
+from sims.optics.oracle.tracer import CLASSES, trace_oracle
+from sims.optics.scene.lower import scene_of
+from sims.optics.tracing import pressed_tops
 from sims.readings.readout import Readout
 from sims.verdict.causes import GONE, WHOLE, causes_of_pad, causes_of_pairs
 from sims.verdict.pad_map import PadMap, Place
@@ -134,3 +137,26 @@ def test_a_thick_pair_s_cause_is_seen_in_its_light(clear_mm):
     mirrored = curves.top[inside] - curves.top[-1]
     assert (np.abs(mirrored) < 0.1 * np.ptp(curves.top)).all()
     assert cause.short_mm > 2.0
+
+
+@pytest.mark.slow
+def test_a_thick_pad_s_cause_is_seen_by_the_ray_tracer():
+    """Where the pad's frames go blind, the tracer that shares no code sees the typical pair's straight light whole at
+    both ends of the interval, and its mirrored light gone.
+    """
+    design = PAD.with_(**{"cavity.clear_thickness_mm": 11.0})
+    dead = next(one for one in score(design, verdict_only=True).causes if one.kind == "deadband")
+    assert dead.lack == "apart"
+    states = np.array([[*dead.place_mm, depth] for depth in (0.0, *dead.depth_mm)])
+    tops = pressed_tops(design, states, by_symmetry=False)
+    seen = trace_oracle(scene_of(design), states[:, :2], tops.near, fields=tops.fields, rays=400_000, seed=3)
+    cavity, (emitter, receiver) = cavity_of(design), dead.typical.pair.split("-")
+    names = [[one.name for one in parts] for parts in (cavity.emitters, cavity.receivers)]
+    at = (slice(None), names[0].index(emitter), names[1].index(receiver))
+    light = dict(zip(CLASSES, seen.flux, strict=True))
+    straight = light["direct"][at]
+    mirrored = light["top"][at] + light["skirt"][at]
+    assert straight[0] > 0.0
+    assert mirrored[0] > 0.0
+    assert (straight[1:] > WHOLE * straight[0]).all()
+    assert (mirrored[1:] < 0.15 * mirrored[0]).all()
