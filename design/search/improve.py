@@ -9,6 +9,8 @@ design, in this order: no deadband; the usable depth; margin to a deadband; accu
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -31,6 +33,8 @@ REACH = {"emitters.height_mm": 3.0, "receivers.height_mm": 3.0, CLEAR: 4.0, "gai
 """How far from its value a field varies by default [unit of the field]."""
 ALONG_REACH_MM, ALONG_STEP_MM = 2.0, 0.25
 """The same of pitch and shift of parts along a wall."""
+RANGE_STEPS = 50
+"""Steps of a range that has no usual one."""
 FIRST_SHARES = (0.15, 0.3, 0.5, 0.8)
 """Single changes that a search begins with, as shares of what the parts are short of."""
 WIDE_SHARES = (0.5, 1.0)
@@ -96,7 +100,7 @@ def improvement_space(
         raise InputError("--keep: nothing is left to vary; keep fewer fields, or name one with --vary")
     return space_from(
         {
-            "name": f"improve-{design.name}"[:64],
+            "name": f"improve-{design.name}"[:63],
             "base": design.model_dump(mode="json"),
             "fields": list(fields.values()),
             "objectives": [{"figure": figure} for figure in figures],
@@ -141,7 +145,7 @@ def _field(design: SensorDesign, path: str, given: Range | None) -> dict[str, An
         low, high = given
         if not low < high:
             raise InputError(f"--vary: {path}={low:g}:{high:g} leaves no room; give a lower and a higher end")
-        return {"path": path, "low": low, "high": high}
+        return {"path": path, "low": low, "high": high, "step": _step_within(path, low, high)}
     along = path.startswith("layout.")
     reach = ALONG_REACH_MM if along else REACH.get(path, 0.25 * abs(value) or 1.0)
     step = ALONG_STEP_MM if along else STEPS.get(path, reach / 25.0)
@@ -149,6 +153,31 @@ def _field(design: SensorDesign, path: str, given: Range | None) -> dict[str, An
     steps_down = int(down / step + 1e-6)
     low, high = value - steps_down * step, value + int(reach / step + 1e-6) * step
     return {"path": path, "low": round(low, ROUND_DIGITS), "high": round(high, ROUND_DIGITS), "step": step}
+
+
+def _step_within(path: str, low: float, high: float) -> float:
+    """The usual step of a field where a range is a whole number of them, else a fiftieth of the range."""
+    usual = ALONG_STEP_MM if path.startswith("layout.") else STEPS.get(path)
+    if usual is not None and abs((high - low) / usual - round((high - low) / usual)) < 1e-6:
+        return usual
+    return round((high - low) / RANGE_STEPS, ROUND_DIGITS)
+
+
+def start_of(space: SearchSpace) -> dict[str, Value]:
+    """The base design as a point; of a range that leaves the base out, the value nearest to it."""
+    known = space.base_parameters()
+    if known is not None:
+        return known
+    document, found = space.base.model_dump(mode="json"), dict[str, Value]()
+    for field in space.fields:
+        values = space.values_of(field) or []
+        if field.choices is not None:
+            now = get_at(document, field.path)
+            found[field.path] = next((label for label in values if json.loads(str(label)) == now), values[0])
+        else:
+            now = float(get_at(document, field.path))
+            found[field.path] = min(values, key=lambda value: abs(float(value) - now))
+    return found
 
 
 def first_points(
@@ -162,9 +191,7 @@ def first_points(
         that are not among them go both ways
     short_mm : by how much [mm]; steps are shares of it; None where nothing is
     """
-    base = space.base_parameters()
-    if base is None:
-        return []
+    base = start_of(space)
     order = [*sides, *(path for path in (*HEIGHTS, CLEAR) if path not in sides)]
     groups = [
         [field] for path in order for field in space.fields if field.path == path and field.low is not None
@@ -172,7 +199,7 @@ def first_points(
     heights = [field for field in space.fields if field.path in HEIGHTS]
     if len(heights) > 1:
         groups.insert(0, heights)
-    points: list[dict[str, Value]] = []
+    points: list[dict[str, Value]] = [] if space.base_parameters() == base else [base]
     lengths = (
         [share * WIDE_MM for share in WIDE_SHARES]
         if short_mm is None
@@ -252,7 +279,9 @@ def _betters(base: Judged, judged: Judged, accuracy: str) -> bool:
     deeper = _usable(judged) - _usable(base)
     if deeper > NEAR_BEST_MM:
         return True
-    return deeper > -NEAR_BEST_MM and (_is_stronger(judged, base) or _is_finer(judged, base, accuracy))
+    keeps = _margin(judged) >= min(_margin(base), AMPLE_MARGIN)
+    finer = keeps and _is_finer(judged, base, accuracy)
+    return deeper > -NEAR_BEST_MM and (finer or _is_stronger(judged, base))
 
 
 def _is_stronger(judged: Judged, other: Judged) -> bool:
@@ -263,6 +292,8 @@ def _is_stronger(judged: Judged, other: Judged) -> bool:
 def _is_finer(judged: Judged, other: Judged, accuracy: str) -> bool:
     """Whether the accuracy is better by enough."""
     was = _accuracy(other, accuracy)
+    if math.isinf(was):
+        return math.isfinite(_accuracy(judged, accuracy))
     return was - _accuracy(judged, accuracy) > WORTH_ACCURACY * abs(was)
 
 
@@ -284,14 +315,13 @@ def _accuracy(judged: Judged, figure: str) -> float:
 
 def _cost(space: SearchSpace, one: Tried) -> tuple[int, float]:
     """Fields changed, and by how much of their ranges together."""
-    base = space.base_parameters() or {}
-    changed = [field for field in space.fields if one.parameters[field.path] != base.get(field.path)]
+    changes, base = changes_of(space, one.parameters), space.base.model_dump(mode="json")
+    changed = [field for field in space.fields if field.path in changes]
     size = 0.0
     for field in changed:
         if field.low is None or field.high is None:
             size += 0.5
         else:
-            size += abs(float(one.parameters[field.path]) - float(base[field.path])) / (
-                field.high - field.low
-            )
+            by = float(one.parameters[field.path]) - float(get_at(base, field.path))
+            size += abs(by) / (field.high - field.low)
     return len(changed), size

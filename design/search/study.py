@@ -239,10 +239,10 @@ def queue_first(
         return
     if space.search.sampler == "grid":
         _queue_grid(study, space)
-    elif (point := space.base_parameters()) is not None and not study.get_trials(deepcopy=False):
-        study.enqueue_trial(point)
-        for other in first:
-            study.enqueue_trial(other)
+    elif not study.get_trials(deepcopy=False):
+        base = space.base_parameters()
+        for point in (*([] if base is None else [base]), *first):
+            study.enqueue_trial(point)
     study.set_user_attr(QUEUED, True)
 
 

@@ -2,6 +2,7 @@
 
 outputs/<name>-<digest8>/
   space.json       the search space as it was understood
+  places.json      places of a pad that are judged besides the map's, if there are any
   study.db         every design that was judged (SQLite; not there when --storage names another database)
   designs.csv      all of them, with figures and why some were stopped early
   front.csv .json  the Pareto front
@@ -32,6 +33,8 @@ from design.search.judged import FanOut, Tried, one_by_one
 from design.search.space import SearchSpace, Value
 from optopad.results.search_result import Search
 
+PLACES = "places.json"
+
 
 def search_folder(space: SearchSpace, out: Path) -> Path:
     """Where a search writes: its name and the first 8 digits of its digest."""
@@ -57,7 +60,7 @@ def search(
     storage : address of a database that other workers may share; None is SQLite in the search's folder
     scheduler : address of a Dask scheduler whose workers judge the designs; None judges them here
     first : points of the space to judge before the sampler proposes any
-    also_mm : (x, y) of places of a pad that are judged besides the map's [mm]
+    also_mm : (x, y) of places of a pad that are judged besides the map's; a search that goes on keeps its own [mm]
 
     Raises
     ------
@@ -70,10 +73,11 @@ def search(
         price_of(cavity_of(space.base))  # refuses before the folder is made
     folder = search_folder(space, out)
     _make(folder)
+    further = _further_places(folder, also_mm)
     url = storage or f"sqlite:///{(folder / 'study.db').absolute()}"
     wanted = tuple(objective.figure for objective in space.objectives)
     objective = functools.partial(
-        judge, wanted=(*wanted, "strength"), accuracy=space.accuracy, also_mm=tuple(also_mm)
+        judge, wanted=(*wanted, "strength"), accuracy=space.accuracy, also_mm=further
     )
     with _alone(folder) if storage is None else nullcontext(), _fanning_out(scheduler) as fan_out:
         found = explore(
@@ -87,6 +91,22 @@ def search(
             first=first,
         )
         return write_search(folder, found, importances(space, url))
+
+
+def _further_places(folder: Path, wanted: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+    """Places of the search in this folder: all its designs are judged at the same ones, whoever asked first."""
+    file = folder / PLACES
+    if not file.exists():
+        known = [] if (folder / "study.db").exists() else [list(place) for place in wanted]
+        if known:
+            write_text_atomically(file, json.dumps(known) + "\n")
+        return tuple((x, y) for x, y in known)
+    try:
+        return tuple((float(x), float(y)) for x, y in json.loads(file.read_text(encoding="utf-8")))
+    except (ValueError, TypeError):
+        raise InputError(
+            f"{file}: damaged; remove the folder {folder}, or choose another with --out"
+        ) from None
 
 
 def write_search(folder: Path, found: Findings, importance: dict[str, dict[str, float]]) -> Search:

@@ -113,7 +113,18 @@ def improve(
     base = replace(
         found.findings.base, verdict=before.verdict
     )  # a score sees deadbands that a quick map misses
-    wanted = [] if stopped else picks(space, base, tried, figures[1])
+    wanted = picks(space, base, tried, figures[1])
+    if stopped:
+        return Improvement(
+            design=design,
+            before=before,
+            figures=found.findings.base.figures,
+            alternatives=(),
+            nearest=None,
+            tried=len(tried),
+            folder=found.folder,
+            is_interrupted=True,
+        )
     if text is None:
         text = dump_design(design).split("\n", 1)[1]  # its first line names the digest, which will be another
     alternatives = _alternatives(space, text, found.folder, wanted, seed, tell)
@@ -122,11 +133,12 @@ def improve(
         before=before,
         figures=found.findings.base.figures,
         alternatives=alternatives,
-        nearest=None if alternatives or stopped else _nearest(space, tried),
+        nearest=None if alternatives else _nearest(space, tried),
         tried=len(tried),
         folder=found.folder,
-        is_interrupted=stopped,
+        is_interrupted=False,
     )
+    _clear(found.folder, keep={one.file for one in alternatives})
     write_text_atomically(found.folder / "report.html", search_page(found, made))
     write_text_atomically(found.folder / "improve.json", json.dumps(made.to_json(), indent=2) + "\n")
     return made
@@ -172,8 +184,6 @@ def _alternatives(
     tell: OnStep,
 ) -> tuple[Alternative, ...]:
     """Of every kind the first that keeps its promise at score accuracy, different from the others."""
-    for left in folder.glob("[1-9]-*.toml"):
-        left.unlink()
     found: list[Alternative] = []
     judged: dict[str, ContinuityScore] = {}
     for kind in KINDS:
@@ -201,6 +211,17 @@ def _alternatives(
             )
             break
     return tuple(found)
+
+
+def _clear(folder: Path, *, keep: set[str]) -> None:
+    """Remove the alternatives of an earlier run, which its improve.json names; files of the user's own stay."""
+    try:
+        earlier = json.loads((folder / "improve.json").read_text(encoding="utf-8"))["alternatives"]
+        names = {Path(one["file"]).name for one in earlier}
+    except (OSError, ValueError, KeyError, TypeError):
+        return
+    for name in names - keep:
+        (folder / name).unlink(missing_ok=True)
 
 
 def _scored(design: SensorDesign, seed: int, tell: OnStep) -> ContinuityScore:

@@ -8,14 +8,14 @@ from design.spec import SensorDesign
 from optopad.report.text.answer import answer_of, changes_words
 from optopad.report.text.markup import Html, element, section, table
 from optopad.results.improvement import Figures, Improvement
-from sims.continuity.result import ContinuityScore
+from sims.continuity.result import ContinuityScore, JudgedPair
 from sims.plots.pad import plot_margin_map
 from sims.plots.signal import plot_signal
 from sims.plots.style import plain_style, svg_text
 
+COLOURS_END = 20.0
+"""Margin at which the colours of the maps end [noise units]: beyond it more is worth nothing."""
 SHOWN = (
-    "usable_depth_mm",
-    "deadband_mm",
     "margin",
     "location_bound_mm",
     "depth_bound_mm",
@@ -46,19 +46,21 @@ def before_and_after(made: Improvement) -> Html:
         ["what changes", *changes],
         ["verdict", *(answer_of(*both).verdict for both in zip(designs, scores, strict=True))],
         ["how sure", *(answer_of(*both).sure for both in zip(designs, scores, strict=True))],
+        ["usable depth [mm]", *(_number(score.usable_depth_mm) for score in scores)],
+        ["deadband [mm]", *(_number(score.deadband_total_mm) for score in scores)],
         *_figure_rows(figures),
         ["bundle of it", *files],
     ]
     pictures = [
         element(
             "figure",
-            element("div", _picture(design, score, number), class_="card plot"),
+            element("div", _picture(made, design, score, number), class_="card plot"),
             element("figcaption", label),
         )
         for number, (label, design, score) in enumerate(zip(labels, designs, scores, strict=True))
     ]
     what = (
-        "The middle facing pair's signal against depth."
+        f"The signal of {made.before.governing} against depth."
         if made.before.is_facing_rows
         else "How far frames of all readings are apart over the least told 0.3 mm; below 3 noise units is blind."
     )
@@ -81,19 +83,29 @@ def _figure_rows(figures: list[Figures]) -> list[list[str]]:
     for name in SHOWN:
         values = [one.get(name) for one in figures]
         if any(value is not None for value in values):
-            unit = FIGURES[name].unit if name in FIGURES else "1"
+            unit = "noise units" if name == "margin" else FIGURES[name].unit
             words = name.removesuffix("_mm").replace("_", " ") + ("" if unit == "1" else f" [{unit}]")
-            rows.append([words, *("-" if value is None else f"{value:.3g}" for value in values)])
+            rows.append([words, *map(_number, values)])
     return rows
 
 
-def _picture(design: SensorDesign, score: ContinuityScore, number: int) -> Html:
-    """Of a pad its margin, place by place; of facing rows the signal of the governing pair."""
+def _same_pair(made: Improvement, score: ContinuityScore) -> JudgedPair:
+    """The pair that governed before; of a layout without it the one that governs now."""
+    named = {pair.name: pair for pair in score.pairs}
+    return named.get(made.before.governing or "") or named[score.governing or ""]
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}"
+
+
+def _picture(made: Improvement, design: SensorDesign, score: ContinuityScore, number: int) -> Html:
+    """Of a pad its margin, place by place, all in the same colours; of facing rows the signal of the same pair."""
     with plain_style():
         if score.pad_map is not None and not score.is_facing_rows:
-            axes = plot_margin_map(score.pad_map, cavity_of(design))
+            axes = plot_margin_map(score.pad_map, cavity_of(design), most=COLOURS_END)
         else:
-            axes = plot_signal(next(pair for pair in score.pairs if pair.name == score.governing))
+            axes = plot_signal(_same_pair(made, score))
         figure = axes.get_figure(root=True)
         assert figure is not None
         text = svg_text(figure, f"before-after-{number}")

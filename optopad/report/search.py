@@ -8,6 +8,7 @@ from fabrication.bundle import versions
 from optopad.report.before_after import before_and_after
 from optopad.report.text.assets import still_page
 from optopad.report.text.markup import Html, bullets, element, facts, section, table
+from optopad.report.text.numbers import counted
 from optopad.results.improvement import Improvement
 from optopad.results.search_result import Search
 from sims.plots.front import choice_text, front_panels, importance_svg, parallel_svg, words
@@ -37,16 +38,20 @@ def search_page(search: Search, improvement: Improvement | None = None) -> str:
         _files_section(search),
     ]
     titles = ({"before-after": "Before and after"} if first else {}) | LOCATIONS
-    return still_page("search", found.space.name, found.space.digest, titles, _banner(search), sections)
+    banner = _banner(search, improvement)
+    return still_page("search", found.space.name, found.space.digest, titles, banner, sections)
 
 
-def _banner(search: Search) -> Html:
+def _banner(search: Search, improvement: Improvement | None) -> Html:
     found = search.findings
     count = len(found.front)
     better = [one for one in found.front if one.digest != _base_digest(search)]
     word = (
         f"{count} design{'s' if count != 1 else ''} on the front" if count else "No design meets the limits"
     )
+    if improvement is not None:
+        count = len(improvement.alternatives)
+        word = counted(count, "better design") if count else "No better design in reach"
     state = (
         "interrupted"
         if found.is_interrupted
@@ -66,7 +71,8 @@ def _banner(search: Search) -> Html:
     ]
     if better:
         lines.append(element("p", *_gains(search)))
-    return element("div", *lines, class_="verdict " + ("contiguous" if better else "out_of_model_scope"))
+    is_good = bool(better) if improvement is None else bool(improvement.alternatives)
+    return element("div", *lines, class_="verdict " + ("contiguous" if is_good else "out_of_model_scope"))
 
 
 def _base_digest(search: Search) -> str:

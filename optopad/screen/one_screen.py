@@ -119,9 +119,7 @@ def _next(score: ContinuityScore, command: str, *, is_built: bool) -> str:
     if score.causes:
         return f"optopad improve {command}   (up to three changes that mend it, verified: minutes)"
     if score.tolerance is not None and score.tolerance.flipping and not is_built:
-        return (
-            f"optopad improve {command}   (changes that are safer against what nobody has measured: minutes)"
-        )
+        return f"optopad improve {command}   (up to three changes that better it, verified: minutes)"
     if is_built:
         return "open the report, print cad/mold.stl, and follow fabrication/casting.md"
     return f"optopad run {command}   (mold, wiring, firmware, report: about a minute)"

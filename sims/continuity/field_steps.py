@@ -1,6 +1,6 @@
 """What matters: what a small step of each field of a design changes of its verdict and of its bounds.
 
-One field at a time, a step down and a step up, the gain set anew. Looked at in brief, as tried builds are
+One field at a time, a step down and a step up, a gain by rule set anew. Looked at in brief, as tried builds are
 (`sims.verdict.builds`): facing rows by their governing pair, a pad at its weakest place. There, at half the deepest
 press, also the Cramér-Rao bounds of one frame (`sims.bounds`).
 
@@ -18,7 +18,7 @@ import numpy as np
 from design.errors import OptopadError
 from design.fields.paths import get_at
 from design.geometry.cavity import cavity_of
-from design.geometry.pairs import judged_pairs, mask_of
+from design.geometry.pairs import is_facing_rows, judged_pairs, mask_of
 from design.rules.check import require_valid
 from design.spec import SensorDesign
 from sims.bounds.fisher import bounds_of
@@ -105,7 +105,8 @@ def _stepped(design: SensorDesign, path: str, by: float) -> SensorDesign | None:
         require_valid(build)
     except OptopadError:
         return None
-    return build
+    kinds = {is_facing_rows(cavity_of(one)) for one in (design, build)}
+    return build if len(kinds) == 1 else None  # else what is judged would not be the same
 
 
 def _tried(

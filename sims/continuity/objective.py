@@ -134,7 +134,8 @@ def judge(
     limits : what it must keep; the judging stops at the first step that breaks one
     wanted : figures to work out, those of the limits besides (`design.search.figures`; "verdict" as well)
     accuracy : a name of `SETTINGS`
-    also_mm : (x, y) of further places of a pad's map, such as one that is known to decide [mm]
+    also_mm : (x, y) of further places of a pad's map, such as one that is known to decide; left out where they are
+        not in a design's workspace [mm]
     seed : of the light's offsets
     """
     needed = {*wanted, *(limit.figure for limit in limits)}
@@ -275,9 +276,7 @@ class _Judging:
     def _map(self, cavity: CavityGeometry, readout: Readout) -> None:
         x_mm, y_mm = map_grid_mm(cavity, self.settings.map_places)
         places_mm = grid_places_mm(cavity.workspace, x_mm, y_mm)
-        further = [
-            place for place in self.also_mm if not (np.abs(places_mm - place).max(axis=1) < 1e-9).any()
-        ]
+        further = [place for place in self.also_mm if _is_further(cavity, places_mm, place)]
         if further:
             places_mm = np.concatenate([places_mm, further])
         depth_mm, light = self._map_light(places_mm)
@@ -336,6 +335,13 @@ class _Judging:
                 f"{DEADBAND_MIN_LENGTH_MM:g} mm, so nothing can be judged; raise it"
             )
         return depth_mm
+
+
+def _is_further(cavity: CavityGeometry, places_mm: FloatArray, place_mm: tuple[float, float]) -> bool:
+    """Whether a place is in this design's workspace, and not among those already."""
+    space, (x_mm, y_mm) = cavity.workspace, place_mm
+    is_inside = space.x0_mm <= x_mm <= space.x1_mm and space.y0_mm <= y_mm <= space.y1_mm
+    return is_inside and not (np.abs(places_mm - place_mm).max(axis=1) < 1e-9).any()
 
 
 def price_of(cavity: CavityGeometry) -> float:

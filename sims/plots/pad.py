@@ -43,14 +43,21 @@ def plot_deadband_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None =
     return ax
 
 
-def plot_margin_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None = None) -> Axes:
-    """Distance of frames over the least told 0.3 mm of depth [noise units]; the weakest place framed."""
+def plot_margin_map(
+    pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None = None, *, most: float | None = None
+) -> Axes:
+    """Distance of frames over the least told 0.3 mm of depth [noise units]; the weakest place framed.
+
+    Parameters
+    ----------
+    most : end of the colours [noise units]; None for the largest margin
+    """
     ax = axes_or_new(ax, _height_in(cavity))
     margin = np.array([place.margin for place in pad_map.places]).reshape(
         len(pad_map.y_mm), len(pad_map.x_mm)
     )
     label = "frames apart over the least told 0.3 mm [noise units]"
-    _draw_cells(ax, pad_map, cavity, margin, CHANGE_COLOURS, (0.0, float(margin.max()) or 1.0), label)
+    _draw_cells(ax, pad_map, cavity, margin, CHANGE_COLOURS, (0.0, most or float(margin.max()) or 1.0), label)
     _draw_pad(ax, cavity)
     _mark(ax, pad_map.weakest, pad_map, cavity)
     return ax

@@ -40,14 +40,15 @@ class Effect:
         reached, before = min(self.margin, AMPLE_MARGIN), min(other.margin, AMPLE_MARGIN)
         gain = (self.usable_mm - other.usable_mm) - (self.deadband_mm - other.deadband_mm)
         gain += WORTH_NOISE_UNITS * (reached - before)
-        finest, was = self._bound_mm, other._bound_mm
-        if before == AMPLE_MARGIN and finest and was:
-            gain += math.log(was / finest)
-        return gain
+        return gain + self._finer_than(other) if before == AMPLE_MARGIN else gain
 
-    @property
-    def _bound_mm(self) -> float | None:
-        return self.depth_mm if self.location_mm is None else self.location_mm
+    def _finer_than(self, other: Effect) -> float:
+        """Logarithm of the ratio of bounds; 1 for what turns from blind to told, -1 the other way."""
+        has_place = self.location_mm is not None or other.location_mm is not None
+        now, was = (self.location_mm, other.location_mm) if has_place else (self.depth_mm, other.depth_mm)
+        if now is None or was is None:
+            return float(now is not None) - float(was is not None)
+        return math.log(was / now)
 
     def to_json(self) -> dict[str, Any]:
         """Plain data for JSON."""

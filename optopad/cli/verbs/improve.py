@@ -75,7 +75,9 @@ def _text(where: str, design: SensorDesign, *, is_changed: bool) -> str | None:
         return None
     if not path.exists():
         return preset_text(where)
-    return (path / "design.toml" if path.is_dir() else path).read_text(encoding="utf-8")
+    text = (path / "design.toml" if path.is_dir() else path).read_text(encoding="utf-8")
+    first, _, rest = text.partition("\n")
+    return rest if first.startswith("# optopad design ") else text  # it names a digest, which will be another
 
 
 def _range(text: str) -> tuple[str, tuple[float, float] | None]:

@@ -7,6 +7,7 @@ where it ends. Between them no reading changes enough.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -72,9 +73,10 @@ def plot_cause(design: SensorDesign, cause: Cause, ax: Axes | None = None) -> Ax
 
 
 def _cut(cavity: CavityGeometry, pair: str, place_mm: tuple[float, float]) -> _Cut:
-    emitter, receiver = (
-        next(part for part in parts if part.name == name)
-        for parts, name in zip((cavity.emitters, cavity.receivers), pair.split("-"), strict=True)
+    emitter, receiver = next(
+        both
+        for both in product(cavity.emitters, cavity.receivers)
+        if f"{both[0].name}-{both[1].name}" == pair
     )
     start, end = (
         np.array(part.position_mm(cavity.length_mm, cavity.width_mm)[:2]) for part in (emitter, receiver)
@@ -132,7 +134,7 @@ def _draw_tip(
     is_first: bool,
 ) -> None:
     scale = design.indenter.tip_radius_mm
-    radius, tall = tip_of(design.indenter).points(np.linspace(0.0, SHANK + 0.5, 160))
+    radius, tall = tip_of(design.indenter).points(np.linspace(0.0, 2.0 + SHANK + depth_mm / scale, 240))
     low = cavity.clear_mm - depth_mm
     keep = low + scale * tall <= cavity.clear_mm + SHANK * scale
     along, height = cut.sides(scale * radius[keep], low + scale * tall[keep])

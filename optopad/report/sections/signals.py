@@ -298,7 +298,7 @@ def matters_section(score: ContinuityScore, drawings: Drawings) -> Html:
         return Html("")
     x_mm, y_mm, depth_mm = score.steps.bounds_at_mm
     caption = (
-        f"Judged by {score.steps.judged}, the gain set anew; bounds of one frame at x = {x_mm:g}, y = {y_mm:g}, "
+        f"Judged by {score.steps.judged}, a gain by rule set anew; bounds of one frame at x = {x_mm:g}, y = {y_mm:g}, "
         f"{depth_mm:g} mm deep. Longer usable depth, less deadband, more margin and smaller bounds are better."
     )
     return section(

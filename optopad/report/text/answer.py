@@ -120,8 +120,7 @@ def cause_sentence(cause: Cause) -> str:
         return "no pair near: no light between two parts runs under the tip there"
     several = f"{len(cause.witnesses)} pairs under the tip"
     under = several if len(cause.witnesses) > 1 else typical.pair
-    about = "up to" if len(cause.witnesses) > 1 else "about"
-    short = "" if cause.short_mm is None else f" by {about} {cause.short_mm:.1f} mm"
+    short = "" if cause.short_mm is None else f" by about {cause.short_mm:.1f} mm"
     match cause.lack:
         case "apart":
             onset = typical.mode2_onset_mm

@@ -16,8 +16,9 @@ from design.search.improve import (
     first_points,
     improvement_space,
     picks,
+    start_of,
 )
-from design.search.judged import Judged
+from design.search.judged import Judged, Tried
 
 PAIR, PAD = preset("piacenza2017-pair"), preset("piacenza2017-pad")
 RAISED = {HEIGHTS[0]: 1, HEIGHTS[1]: 1, CLEAR: -1}
@@ -49,6 +50,10 @@ def judge(design, limits):
     return Judged(
         figures=figures, verdict="DEADBAND" if dead else "CONTIGUOUS", reason="deadband" if dead else ""
     )
+
+
+def sound_figures(*, margin, place):
+    return {"deadband_mm": 0.0, "usable_depth_mm": 5.0, "margin": margin, "location_bound_mm": place}
 
 
 def found_around(design, tmp_path, **kind):
@@ -105,6 +110,42 @@ def test_small_steps_that_gain_come_first_and_the_rest_both_ways():
     assert all(one[CLEAR] < base for one in singles if CLEAR in one)
     ways = {one[HEIGHTS[0]] > PAD.emitters.height_mm for one in singles if HEIGHTS[0] in one}
     assert ways == {True, False}
+
+
+def test_a_range_that_leaves_the_base_out_is_searched_from_its_nearest_end(tmp_path):
+    space, found = found_around(THICK, tmp_path, vary={HEIGHTS[1]: (7.0, 9.0)})
+    assert space.base_parameters() is None
+    start = start_of(space)
+    assert start[HEIGHTS[1]] == 7.0
+    assert start[CLEAR] == 10.0
+    assert found.tried[0].parameters == start
+    wanted = picks(space, found.base, found.tried, "resolvable_steps")
+    assert all(one.tried.parameters[HEIGHTS[1]] >= 7.0 for one in wanted)
+    assert changes_of(space, start) == {HEIGHTS[1]: 7.0}
+
+
+def test_a_sound_design_is_bettered_by_what_matters_only():
+    base = Judged(figures=sound_figures(margin=12.0, place=0.010), verdict="CONTIGUOUS")
+    space = space_of(PAD)
+    start = space.base_parameters()
+
+    def tried(number, **figures):
+        parameters = start | {HEIGHTS[0]: 5.0 + 0.1 * number}
+        judged = Judged(figures=sound_figures(**figures), verdict="CONTIGUOUS")
+        return Tried(
+            number=number, parameters=parameters, digest="", judged=judged, is_feasible=True, seconds=0.0
+        )
+
+    stronger, finer, risky = (
+        tried(1, margin=30.0, place=0.010),
+        tried(2, margin=11.0, place=0.009),
+        tried(3, margin=5.0, place=0.001),
+    )
+    assert picks(space, base, [stronger, risky], "location_bound_mm") == []
+    found = picks(space, base, [stronger, finer, risky], "location_bound_mm")
+    assert {one.tried.number for one in found} == {2}
+    blind = Judged(figures=sound_figures(margin=12.0, place=None), verdict="CONTIGUOUS")
+    assert {one.tried.number for one in picks(space, blind, [finer], "location_bound_mm")} == {2}
 
 
 def test_the_search_begins_with_single_changes_that_bring_parts_and_surface_together():

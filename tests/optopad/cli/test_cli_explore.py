@@ -47,7 +47,7 @@ trials = 12
 """
 
 
-def bowl(design, limits, *, wanted, accuracy):
+def bowl(design, limits, *, wanted, accuracy, also_mm):
     thickness = design.cavity.clear_thickness_mm
     if thickness > 10.0:
         return Judged(reason="too thick (for this test)")

@@ -13,7 +13,7 @@ import optopad
 import optopad.jobs.improvement as improvement
 import sims.continuity.objective as objective
 from design.io import load_design
-from design.preset import preset_text
+from design.preset import preset, preset_text
 from optopad.cli.main import main
 from optopad.cli.verbs.explore import INTERRUPTED
 from optopad.screen.one_screen import LINES
@@ -91,10 +91,49 @@ def test_an_interrupted_search_goes_on_to_the_same_files(design_file, capsys, mo
     assert cut["interrupted"]
     assert cut["alternatives"] == []
     again = improved(design_file, capsys, "--out", "cut")
-    assert len(seen) < 2 * whole["designs"]
+    one_batch = 4  # and the base before it: what was judged when it stopped is not judged again
+    assert len(seen) == 6 + whole["designs"] - one_batch
     assert json.dumps(again).replace("cut/", "whole/") == json.dumps(whole)
     for one, other in zip(again["alternatives"], whole["alternatives"], strict=True):
         assert Path(one["file"]).read_bytes() == Path(other["file"]).read_bytes()
+
+
+def test_an_interruption_leaves_what_an_earlier_run_found(design_file, capsys, monkeypatch):
+    first = improved(design_file, capsys)
+    folder = Path(first["folder"])
+    own = folder / "1-mine.toml"
+    own.write_text("mine")
+    before = {file: file.read_bytes() for file in (own, folder / "improve.json", *folder.glob("*.toml"))}
+
+    def stopping(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(objective, "judge", stopping)
+    assert main(["improve", str(design_file), "--json", "--budget", "5"]) == INTERRUPTED
+    assert {file: file.read_bytes() for file in before} == before
+    monkeypatch.setattr(objective, "judge", lambda design, limits, **_: judge(design, limits))
+    capsys.readouterr()
+    again = improved(design_file, capsys, "--budget", "0.5")
+    named = {Path(one["file"]).name for one in again["alternatives"]}
+    assert {file.name for file in folder.glob("[0-9]-*.toml")} == named | {"1-mine.toml"}
+
+
+def test_a_pad_is_searched_at_its_deciding_places_too(design_file, capsys, monkeypatch):
+    asked: list[tuple] = []
+
+    def watched(design, limits, *, also_mm, **_):
+        asked.append(also_mm)
+        return judge(design, limits)
+
+    monkeypatch.setattr(objective, "judge", watched)
+    out = ["--budget", "0.3", "--out", "pad"]
+    assert main(["improve", "piacenza2017-pad", "--set", "cavity.clear_thickness_mm=10", "--json", *out]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["before"]["verdict"] == "DEADBAND"
+    score = dead_score(preset("piacenza2017-pad")).pad_map
+    places = {(one.x_mm, one.y_mm) for one in (score.worst, score.weakest)}
+    assert set(map(frozenset, asked)) == {frozenset(places)}
+    assert json.loads((Path(said["folder"]) / "places.json").read_text()) == [list(one) for one in asked[0]]
 
 
 def test_a_base_whose_deadband_a_quick_map_misses_is_mended_all_the_same(design_file, capsys, monkeypatch):

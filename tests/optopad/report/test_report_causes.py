@@ -19,7 +19,7 @@ from tests.optopad.report.page_reader import Page
 from tests.optopad.screen.test_one_screen import cause
 from tests.sims.made_up_scores import CHECKS, contiguous_score, dead_score
 
-PAD = preset("piacenza2017-pad")
+PAD, PAIR = preset("piacenza2017-pad"), preset("piacenza2017-pair")
 BASE = Effect(usable_mm=5.0, deadband_mm=0.3, margin=2.0, location_mm=0.01, depth_mm=0.004)
 ASIDE_MM = 1.0
 STEPS = FieldSteps(
@@ -86,6 +86,20 @@ def test_the_section_is_that_of_the_pair_under_the_press():
     bulge = radius - np.sqrt(radius**2 - ASIDE_MM**2)
     wanted = sorted(cavity.clear_mm - depth + bulge for depth in found.depth_mm)
     assert lowest == pytest.approx(wanted, abs=0.05)
+
+
+def test_a_part_s_own_name_may_have_a_hyphen():
+    named = PAIR.with_(
+        **{
+            "layout": [
+                {"pattern": "single", "kind": "emitter", "wall": "west", "along_mm": 10.0, "name": "LED-1"},
+                {"pattern": "single", "kind": "receiver", "wall": "east", "along_mm": 10.0, "name": "PD-1"},
+            ]
+        }
+    )
+    found = cause("apart")
+    witness = replace(found.witnesses[0], pair="LED-1-PD-1")
+    assert plot_cause(named, replace(found, place_mm=(10.0, 10.0), witnesses=(witness,))) is not None
 
 
 def test_details_say_what_a_step_does():

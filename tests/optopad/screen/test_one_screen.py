@@ -106,7 +106,7 @@ def test_the_next_command_follows_the_verdict():
 
     typed = "'my pad.toml' --set gain.target_counts=200"
     unsure = contiguous_score()
-    assert next_of(unsure).startswith(f"optopad improve {typed} (changes that are safer")
+    assert next_of(unsure).startswith(f"optopad improve {typed} (up to three changes that better it")
     firm = replace(unsure, tolerance=replace(unsure.tolerance, rows=unsure.tolerance.rows[2:]))
     assert next_of(firm).startswith(f"optopad run {typed} (mold")
     assert "cad/mold.stl" in next_of(contiguous_score(), is_built=True)

@@ -61,7 +61,8 @@ def test_with_margin_enough_accuracy_counts():
     assert replace(safe, location_mm=0.01 / 2.718281828).gain_over(safe) == pytest.approx(1.0)
     rows = replace(safe, location_mm=None)  # facing rows: the depth's bound
     assert replace(rows, depth_mm=0.008).gain_over(rows) < 0.0
-    assert replace(safe, location_mm=None, depth_mm=None).gain_over(safe) == 0.0  # blind: nothing is known
+    blind = replace(safe, location_mm=None)
+    assert (blind.gain_over(safe), safe.gain_over(blind), blind.gain_over(blind)) == (-1.0, 1.0, 0.0)
 
 
 def test_fields_come_in_the_order_of_what_they_gain():
