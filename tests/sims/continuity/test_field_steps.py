@@ -17,6 +17,7 @@ CLEAR = "cavity.clear_thickness_mm"
 BASE = Effect(usable_mm=5.0, deadband_mm=0.0, margin=4.0, location_mm=0.01, depth_mm=0.004)
 
 
+@pytest.mark.slow
 def test_a_step_says_what_the_whole_score_says_of_the_stepped_design():
     """Thicker by 0.5 mm the pair is dead; the brief look and the score agree on it, and on how it is untouched."""
     found = with_field_steps(PAIR, score(PAIR, verdict_only=True)).steps

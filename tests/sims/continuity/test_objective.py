@@ -76,6 +76,7 @@ def test_the_same_design_is_judged_the_same():
     assert judge(PAIR, (), wanted=("evenness",)) == judge(PAIR, (), wanted=("evenness",))
 
 
+@pytest.mark.slow
 def test_a_further_place_of_a_pad_is_judged_with_the_maps(monkeypatch):
     """A map figure is the least over the map's places and those given besides; one that is there is not asked twice."""
     asked = []

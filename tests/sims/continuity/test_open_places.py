@@ -128,6 +128,7 @@ def test_a_sure_deadband_settles_the_verdict_and_usable_depth_is_the_least():
     assert margin_caution(pad) == []
 
 
+@pytest.mark.slow
 def test_facing_pairs_in_doubt_are_asked_of_a_second_trace(monkeypatch: pytest.MonkeyPatch) -> None:
     """By one trace the outer pairs of the prototype may hide a deadband near contact; two agree that none is."""
     design = preset("piacenza2017-pair")
