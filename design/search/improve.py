@@ -9,7 +9,6 @@ design, in this order: no deadband; the usable depth; margin to a deadband; accu
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,20 +20,17 @@ from design.search.figures import FIGURES
 from design.search.judged import Judged, Tried
 from design.search.space import ROUND_DIGITS, SearchSpace, SpaceField, Value, space_from
 from design.spec import SensorDesign
+from design.spec.cheap_fields import ALONG, CLEAR, HEIGHTS, TARGET, cheap_fields
 
 Kind = Literal["fewest changes", "most robust", "best accuracy"]
 Range = tuple[float, float]
 KINDS: tuple[Kind, ...] = ("fewest changes", "most robust", "best accuracy")
-HEIGHTS = ("emitters.height_mm", "receivers.height_mm")
-CLEAR = "cavity.clear_thickness_mm"
-STEPS = {"emitters.height_mm": 0.1, "receivers.height_mm": 0.1, CLEAR: 0.25, "gain.target_counts": 25.0}
+STEPS = {**dict.fromkeys(HEIGHTS, 0.1), CLEAR: 0.25, TARGET: 25.0}
 """Step of each field that varies by default; of others a fiftieth of the range [unit of the field]."""
-REACH = {"emitters.height_mm": 3.0, "receivers.height_mm": 3.0, CLEAR: 4.0, "gain.target_counts": 200.0}
+REACH = {**dict.fromkeys(HEIGHTS, 3.0), CLEAR: 4.0, TARGET: 200.0}
 """How far from its value a field varies by default [unit of the field]."""
 ALONG_REACH_MM, ALONG_STEP_MM = 2.0, 0.25
 """The same of pitch and shift of parts along a wall."""
-RANGE_STEPS = 50
-"""Steps of a range that has no usual one."""
 FIRST_SHARES = (0.15, 0.3, 0.5, 0.8)
 """Single changes that a search begins with, as shares of what the parts are short of."""
 WIDE_SHARES = (0.5, 1.0)
@@ -112,11 +108,8 @@ def improvement_space(
 
 
 def _usual_fields(design: SensorDesign, *, more_parts: bool) -> list[dict[str, Any]]:
-    found = [_field(design, path, None) for path in REACH if _is_rule(design, path)]
+    found = [_field(design, path, None) for path in cheap_fields(design)]
     for number, pattern in enumerate(design.layout):
-        for name in ("pitch_mm", "shift_mm"):
-            if getattr(pattern, name, None) is not None:
-                found.append(_field(design, f"layout.{number}.{name}", None))
         if pattern.pattern == "alternating_ring":
             found.append({"path": f"layout.{number}.first", "choices": ["emitter", "receiver"]})
             if more_parts and isinstance(pattern.parts_per_side, int):
@@ -127,11 +120,6 @@ def _usual_fields(design: SensorDesign, *, more_parts: bool) -> list[dict[str, A
                 {"path": f"layout.{number}.count", "choices": [pattern.count + more for more in (0, 1, 2)]}
             )
     return found
-
-
-def _is_rule(design: SensorDesign, path: str) -> bool:
-    """Whether a field means something for this design: counts aimed at do only where a rule sets the gain."""
-    return path != "gain.target_counts" or isinstance(design.gain.feedback_ohm, str)
 
 
 def _field(design: SensorDesign, path: str, given: Range | None) -> dict[str, Any]:
@@ -145,38 +133,39 @@ def _field(design: SensorDesign, path: str, given: Range | None) -> dict[str, An
         low, high = given
         if not low < high:
             raise InputError(f"--vary: {path}={low:g}:{high:g} leaves no room; give a lower and a higher end")
-        return {"path": path, "low": low, "high": high, "step": _step_within(path, low, high)}
-    along = path.startswith("layout.")
+        return {"path": path, "low": low, "high": high, "step": _step_within(path, value, low, high)}
+    along = path.endswith(ALONG)
     reach = ALONG_REACH_MM if along else REACH.get(path, 0.25 * abs(value) or 1.0)
     step = ALONG_STEP_MM if along else STEPS.get(path, reach / 25.0)
+    if isinstance(value, int):
+        reach, step = max(round(reach), 1), 1.0
     down = reach if path.endswith("shift_mm") else min(reach, 0.8 * value)
     steps_down = int(down / step + 1e-6)
     low, high = value - steps_down * step, value + int(reach / step + 1e-6) * step
     return {"path": path, "low": round(low, ROUND_DIGITS), "high": round(high, ROUND_DIGITS), "step": step}
 
 
-def _step_within(path: str, low: float, high: float) -> float:
-    """The usual step of a field where a range is a whole number of them, else a fiftieth of the range."""
-    usual = ALONG_STEP_MM if path.startswith("layout.") else STEPS.get(path)
-    if usual is not None and abs((high - low) / usual - round((high - low) / usual)) < 1e-6:
-        return usual
-    return round((high - low) / RANGE_STEPS, ROUND_DIGITS)
+def _step_within(path: str, value: float, low: float, high: float) -> float | None:
+    """The usual step of a field where both the range and the base's value in it are whole numbers of them."""
+    if isinstance(value, int):
+        return 1.0
+    usual = ALONG_STEP_MM if path.endswith(ALONG) else STEPS.get(path)
+    if usual is None:
+        return None
+    counts = [(high - low) / usual, (value - low) / usual]
+    return usual if all(abs(count - round(count)) < 1e-6 for count in counts) else None
 
 
 def start_of(space: SearchSpace) -> dict[str, Value]:
     """The base design as a point; of a range that leaves the base out, the value nearest to it."""
-    known = space.base_parameters()
-    if known is not None:
-        return known
-    document, found = space.base.model_dump(mode="json"), dict[str, Value]()
+    found, document = dict[str, Value](), space.base.model_dump(mode="json")
     for field in space.fields:
-        values = space.values_of(field) or []
-        if field.choices is not None:
-            now = get_at(document, field.path)
-            found[field.path] = next((label for label in values if json.loads(str(label)) == now), values[0])
-        else:
+        value = space.base_value(field)
+        if value is None:
             now = float(get_at(document, field.path))
-            found[field.path] = min(values, key=lambda value: abs(float(value) - now))
+            ends = [end for end in (field.low, field.high) if end is not None]
+            value = min(space.values_of(field) or ends, key=lambda one: abs(float(one) - now))
+        found[field.path] = value
     return found
 
 
@@ -221,9 +210,11 @@ def first_points(
 def _moved(space: SearchSpace, field: SpaceField, base: dict[str, Value], by: float) -> Value:
     """The field's value nearest to its base's and so much more, one step away at least."""
     start = float(base[field.path])
-    values = [float(value) for value in space.values_of(field) or [start]]
-    beyond = [value for value in values if (value - start) * by > 1e-9]
-    return min(beyond, key=lambda value: abs(value - start - by), default=start)
+    assert field.low is not None
+    assert field.high is not None
+    anywhere: list[Value] = [round(min(max(start + by, field.low), field.high), ROUND_DIGITS)]
+    beyond = [one for one in space.values_of(field) or anywhere if (float(one) - start) * by > 1e-9]
+    return min(beyond, key=lambda one: abs(float(one) - start - by), default=base[field.path])
 
 
 def changes_of(space: SearchSpace, parameters: Mapping[str, Value]) -> dict[str, Any]:
@@ -261,7 +252,7 @@ def picks(space: SearchSpace, base: Judged, tried: Sequence[Tried], accuracy: st
     chosen = {"fewest changes": enough, "most robust": deep, "best accuracy": deep}
     if (
         _is_sound(base) and enough
-    ):  # nothing needs mending, so a second change must be worth it beside the first
+    ):  # nothing needs mending: what is offered second must beat what is offered first
         first = min(enough, key=orders["fewest changes"]).judged
         chosen["most robust"] = [one for one in deep if _is_stronger(one.judged, first)]
         chosen["best accuracy"] = [one for one in deep if _is_finer(one.judged, first, accuracy)]

@@ -272,19 +272,21 @@ class SearchSpace(Model):
 
     def base_parameters(self) -> dict[str, Value] | None:
         """The base design as a point of the space, or None where it lies outside."""
-        document, found = self.base.model_dump(mode="json"), dict[str, Value]()
+        found = dict[str, Value]()
         for field in self.fields:
-            value = get_at(document, field.path)
-            if field.choices is not None:
-                same = [label for label in field.labels if _is_same(self.base, field.path, json.loads(label))]
-                if not same:
-                    return None
-                found[field.path] = same[0]
-            elif not _is_in(field, value):
+            value = self.base_value(field)
+            if value is None:
                 return None
-            else:
-                found[field.path] = self._typed(field, float(value))
+            found[field.path] = value
         return found
+
+    def base_value(self, field: SpaceField) -> Value | None:
+        """The base design's value of a field, of choices its label; None where the field does not take it."""
+        if field.choices is not None:
+            same = (label for label in field.labels if _is_same(self.base, field.path, json.loads(label)))
+            return next(same, None)
+        value = get_at(self.base.model_dump(mode="json"), field.path)
+        return self._typed(field, float(value)) if _is_in(field, value) else None
 
     @cached_property
     def digest(self) -> str:

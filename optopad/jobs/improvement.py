@@ -22,7 +22,6 @@ from design.io import dump_design, load_design, write_text_atomically
 from design.rules.check import require_valid
 from design.search.explore import OnTried
 from design.search.improve import (
-    CLEAR,
     KINDS,
     Pick,
     Range,
@@ -31,11 +30,14 @@ from design.search.improve import (
     improvement_space,
     picks,
 )
+from design.search.judged import Tried
 from design.search.space import SearchSpace
 from design.spec import SensorDesign
+from design.spec.cheap_fields import CLEAR, HEIGHTS
 from optopad.jobs.exploration import search
 from optopad.report.search import search_page
 from optopad.results.improvement import Alternative, Improvement, Nearest
+from optopad.results.search_result import Search
 from sims.continuity.build_tolerance import with_tolerance
 from sims.continuity.field_steps import with_field_steps
 from sims.continuity.result import ContinuityScore
@@ -109,48 +111,34 @@ def improve(
         first=_first(space, before),
         also_mm=_deciding_places(before),
     )
-    tried, stopped = found.findings.tried, found.findings.is_interrupted
-    base = replace(
-        found.findings.base, verdict=before.verdict
-    )  # a score sees deadbands that a quick map misses
-    wanted = picks(space, base, tried, figures[1])
-    if stopped:
-        return Improvement(
-            design=design,
-            before=before,
-            figures=found.findings.base.figures,
-            alternatives=(),
-            nearest=None,
-            tried=len(tried),
-            folder=found.folder,
-            is_interrupted=True,
-        )
-    if text is None:
-        text = dump_design(design).split("\n", 1)[1]  # its first line names the digest, which will be another
-    alternatives = _alternatives(space, text, found.folder, wanted, seed, tell)
+    tried, base = found.findings.tried, found.findings.base
     made = Improvement(
         design=design,
         before=before,
-        figures=found.findings.base.figures,
-        alternatives=alternatives,
-        nearest=None if alternatives else _nearest(space, tried),
+        figures=base.figures,
+        alternatives=(),
+        nearest=None,
         tried=len(tried),
         folder=found.folder,
-        is_interrupted=False,
+        is_interrupted=found.findings.is_interrupted,
     )
-    _clear(found.folder, keep={one.file for one in alternatives})
-    write_text_atomically(found.folder / "report.html", search_page(found, made))
-    write_text_atomically(found.folder / "improve.json", json.dumps(made.to_json(), indent=2) + "\n")
+    if made.is_interrupted:
+        return made
+    base = replace(base, verdict=before.verdict)  # a score sees deadbands that a quick map misses
+    alternatives = _alternatives(space, picks(space, base, tried, figures[1]), seed, tell)
+    nearest = None if alternatives else _nearest(space, tried)
+    made = replace(made, alternatives=alternatives, nearest=nearest)
+    _write(made, found, text)
     return made
 
 
 def trials_of(design: SensorDesign, budget_min: float | None, *, is_blind: bool) -> int:
     """Designs that a budget is enough for, by what a design of this size costs; the same on every machine."""
-    facing = is_facing_rows(cavity_of(design))
+    cavity = cavity_of(design)
+    facing = is_facing_rows(cavity)
     budget = (ROW_MINUTES if facing else PAD_MINUTES) if budget_min is None else budget_min
     if not 0.0 < budget <= 24 * 60:
         raise InputError(f"--budget: {budget:g} minutes is refused: give more than 0, up to 1440")
-    cavity = cavity_of(design)
     pairs = len(cavity.emitters) * len(cavity.receivers)
     share = ROW_SEARCH if facing else PAD_SEARCH
     each_s = ROW_S if facing else (PAD_S + PAIR_S * pairs) * (BLIND_SHARE if is_blind else 1.0)
@@ -161,7 +149,7 @@ def _first(space: SearchSpace, before: ContinuityScore) -> list[dict[str, Any]]:
     """Points to begin with: what the cause of the worst blind interval asks for, then what small steps gain."""
     cause = before.causes[0] if before.causes else None
     side = 0 if cause is None else {"apart": 1, "used up": -1}.get(cause.lack, 0)
-    sides = {"receivers.height_mm": side, "emitters.height_mm": side, CLEAR: -side} if side else {}
+    sides = {**dict.fromkeys(HEIGHTS[::-1], side), CLEAR: -side} if side else {}
     if before.steps is not None:
         sides |= {path: way for path, way in before.steps.better_sides().items() if path not in sides}
     short = None if cause is None else max(cause.short_mm or 2.0, 0.5)
@@ -176,41 +164,47 @@ def _deciding_places(before: ContinuityScore) -> list[tuple[float, float]]:
 
 
 def _alternatives(
-    space: SearchSpace,
-    text: str,
-    folder: Path,
-    wanted: Sequence[Pick],
-    seed: int,
-    tell: OnStep,
+    space: SearchSpace, wanted: Sequence[Pick], seed: int, tell: OnStep
 ) -> tuple[Alternative, ...]:
     """Of every kind the first that keeps its promise at score accuracy, different from the others."""
     found: list[Alternative] = []
     judged: dict[str, ContinuityScore] = {}
     for kind in KINDS:
-        names = [pick.tried for pick in wanted if pick.kind == kind][:ATTEMPTS]
-        for one in names:
-            changes = changes_of(space, one.parameters)
+        for one in [pick.tried for pick in wanted if pick.kind == kind][:ATTEMPTS]:
             changed = space.changed(one.parameters)
-            if changed.digest in judged:
-                break
-            tell(kind, 0.0)
-            judged[changed.digest] = scored = _scored(changed, seed, tell)
+            if changed.digest not in judged:
+                tell(kind, 0.0)
+                judged[changed.digest] = _scored(changed, seed, tell)
+            scored = judged[changed.digest]
             if not _is_sound(scored):
                 continue
-            name = f"{len(found) + 1}-{kind.replace(' ', '-')}.toml"
-            _write_design(folder / name, text, space.base, changes, kind)
+            if any(other.design.digest == changed.digest for other in found):
+                break
             found.append(
                 Alternative(
                     kind=kind,
-                    changes=changes,
+                    changes=changes_of(space, one.parameters),
                     design=changed,
-                    file=name,
+                    file=f"{len(found) + 1}-{kind.replace(' ', '-')}.toml",
                     figures=one.judged.figures,
                     score=scored,
                 )
             )
             break
     return tuple(found)
+
+
+def _write(made: Improvement, found: Search, text: str | None) -> None:
+    """Design files, page and data; what an earlier run left of them goes."""
+    if text is None:
+        text = dump_design(made.design).split("\n", 1)[
+            1
+        ]  # its first line names a digest, which will be another
+    _clear(made.folder, keep={one.file for one in made.alternatives})
+    for one in made.alternatives:
+        _write_design(made.folder / one.file, text, made.design, one.changes, one.kind)
+    write_text_atomically(made.folder / "report.html", search_page(found, made))
+    write_text_atomically(made.folder / "improve.json", json.dumps(made.to_json(), indent=2) + "\n")
 
 
 def _clear(folder: Path, *, keep: set[str]) -> None:
@@ -247,7 +241,7 @@ def _write_design(file: Path, text: str, base: SensorDesign, changes: Mapping[st
     load_design(file)
 
 
-def _nearest(space: SearchSpace, tried: Sequence[Any]) -> Nearest | None:
+def _nearest(space: SearchSpace, tried: Sequence[Tried]) -> Nearest | None:
     judged = [one for one in tried if one.judged.figures.get("deadband_mm") is not None]
     if not judged:
         return None

@@ -33,8 +33,8 @@ def improvement_screen(made: Improvement) -> list[str]:
 
 def _worth(made: Improvement, one: Alternative) -> str:
     """Verdict, how sure, margin, and where the search worked it out what one frame tells of the place."""
-    told = [answer_of(one.design, one.score).verdict.partition(":")[0]]
-    told.append(answer_of(one.design, one.score).sure.partition(":")[0])
+    said = answer_of(one.design, one.score)
+    told = [said.verdict.partition(":")[0], said.sure.partition(":")[0]]
     for name, words, unit, digits in (
         ("margin", "margin", "noise units", 1),
         ("location_bound_mm", "place", "mm", 3),
@@ -55,10 +55,8 @@ def _without(made: Improvement, nearest: Nearest) -> list[str]:
         else f"margin {nearest.judged.figures.get('margin') or 0.0:.1f} noise units"
     )
     words = changes_words(made.design, nearest.changes)
-    if made.before.verdict == "CONTIGUOUS":
-        lines = row("none", f"nothing in reach is better by enough to matter; nearest: {words}, {left}", 2)
-    else:
-        lines = row("none", f"no better design in reach; nearest: {words}, {left}", 2)
+    none = "no better design" if made.before.verdict == "DEADBAND" else "nothing better by enough to matter"
+    lines = row("none", f"{none} in reach; nearest: {words}, {left}", 2)
     if nearest.at_ends:
         lines += row("limit", f"{', '.join(nearest.at_ends)} at the end of its range")
     return lines + row("next", "widen a range with --vary FIELD=A:B, allow --more-parts, or raise --budget")

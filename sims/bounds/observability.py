@@ -251,7 +251,7 @@ def pad_bounds(
     steps, limits = steps or Steps(), limits or Limits()
     if x_mm is None or y_mm is None:
         x_mm, y_mm = map_grid_mm(cavity, places)
-    readout = readout or _own_readout(design, cavity, seed)
+    readout = readout or own_readout(design, seed=seed)
     max_depth_mm = design.operating.max_depth_mm
     depth_mm = bound_depths_mm(depths_mm, max_depth_mm, steps.depth_mm)
     answers = pad_answers(
@@ -301,8 +301,9 @@ def _name_of(accuracy: str | Accuracy) -> str:
     return "score, mirrored light as standard" if accuracy == MIRRORED_FINER else "own settings"
 
 
-def _own_readout(design: SensorDesign, cavity: CavityGeometry, seed: int) -> Readout:
-    """The common gain, set on the untouched pad."""
+def own_readout(design: SensorDesign, *, seed: int) -> Readout:
+    """The gain that goes with a design, set on its untouched pad."""
+    cavity = cavity_of(design)
     flat = untouched_flux(design, cavity, seed=seed)
     return readout_of(design, flat, mask_of(judged_pairs(cavity), cavity))
 

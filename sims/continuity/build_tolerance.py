@@ -8,9 +8,8 @@ from dataclasses import replace
 from design.spec import SensorDesign
 from design.spec.tolerances import build_tolerances
 from sims.continuity.cautions import band_caution
-from sims.continuity.field_steps import governing_judge
 from sims.continuity.result import ContinuityScore
-from sims.verdict.build_judge import verdict_judge
+from sims.verdict.build_judge import Judge, pair_judge, place_judge, verdict_judge
 from sims.verdict.build_study import Memo, build_study, remembered
 from sims.verdict.tolerance import ToleranceBand, tolerance_band
 
@@ -35,6 +34,18 @@ def with_tolerance(
     tell = on_step or (lambda _stage, _share: None)
     name, judge, _ = governing_judge(design, score, seed)
     return _with_band(score, tolerance_band(design, name, judge, lambda share: tell("tolerance", share)))
+
+
+def governing_judge(
+    design: SensorDesign, score: ContinuityScore, seed: int
+) -> tuple[str, Judge, tuple[float, float]]:
+    """What a score turns on, in words; the function that judges a build by it; and where it is pressed [mm]."""
+    pad_map, light, readout = score.pad_map, score.pad_signals, score.readout
+    if pad_map is None or light is None or readout is None or score.is_facing_rows:
+        pair = next(pair for pair in score.pairs if pair.name == score.governing)
+        return *pair_judge(pair.curves.pair, pair.name, seed=seed), pair.curves.press_mm
+    weak = pad_map.weakest
+    return *place_judge(design, pad_map, light, readout, seed=seed), (weak.x_mm, weak.y_mm)
 
 
 def _with_band(score: ContinuityScore, band: ToleranceBand) -> ContinuityScore:

@@ -18,25 +18,21 @@ import numpy as np
 from design.errors import OptopadError
 from design.fields.paths import get_at
 from design.geometry.cavity import cavity_of
-from design.geometry.pairs import is_facing_rows, judged_pairs, mask_of
+from design.geometry.pairs import is_facing_rows
 from design.rules.check import require_valid
 from design.spec import SensorDesign
+from design.spec.cheap_fields import CLEAR, HEIGHTS, TARGET, cheap_fields
 from sims.bounds.fisher import bounds_of
+from sims.bounds.observability import own_readout
 from sims.bounds.stencil import Steps, sensitivity
+from sims.continuity.build_tolerance import governing_judge
 from sims.continuity.result import ContinuityScore
-from sims.optics.tracing import trace
-from sims.readings.readout import readout_of
-from sims.verdict.build_judge import Judge, pair_judge, place_judge
+from sims.verdict.build_judge import Judge
 from sims.verdict.builds import ACCURACY
 from sims.verdict.field_effects import Effect, FieldStep, FieldSteps
 
 OnStep = Callable[[str, float], None]
-STEPS = {
-    "emitters.height_mm": 0.1,
-    "receivers.height_mm": 0.1,
-    "cavity.clear_thickness_mm": 0.5,
-    "gain.target_counts": 25.0,
-}
+STEPS = {**dict.fromkeys(HEIGHTS, 0.1), CLEAR: 0.5, TARGET: 25.0}
 """Steps of fields by name [unit of the field]."""
 ALONG_STEP_MM = 0.5
 """Step of a pitch or a shift of parts along a wall [mm]."""
@@ -44,14 +40,9 @@ DIGITS = 9
 
 
 def stepped_fields(design: SensorDesign) -> Iterator[tuple[str, float]]:
-    """Fields that a design has and that cost little to change, with their steps."""
-    for path, step in STEPS.items():
-        if path != "gain.target_counts" or isinstance(design.gain.feedback_ohm, str):
-            yield path, step
-    for number, pattern in enumerate(design.layout):
-        for name in ("pitch_mm", "shift_mm"):
-            if getattr(pattern, name, None) is not None:
-                yield f"layout.{number}.{name}", ALONG_STEP_MM
+    """Fields that cost little to change, with their steps."""
+    for path in cheap_fields(design):
+        yield path, STEPS.get(path, ALONG_STEP_MM)
 
 
 def with_field_steps(
@@ -83,18 +74,6 @@ def with_field_steps(
     return replace(
         score, steps=FieldSteps(judged=name, bounds_at_mm=at_mm, as_designed=as_designed, rows=tuple(rows))
     )
-
-
-def governing_judge(
-    design: SensorDesign, score: ContinuityScore, seed: int
-) -> tuple[str, Judge, tuple[float, float]]:
-    """What a score turns on, in words; the function that judges a build by it; and where it is pressed [mm]."""
-    pad_map, light, readout = score.pad_map, score.pad_signals, score.readout
-    if pad_map is None or light is None or readout is None or score.is_facing_rows:
-        pair = next(pair for pair in score.pairs if pair.name == score.governing)
-        return *pair_judge(pair.curves.pair, pair.name, seed=seed), pair.curves.press_mm
-    weak = pad_map.weakest
-    return *place_judge(design, pad_map, light, readout, seed=seed), (weak.x_mm, weak.y_mm)
 
 
 def _stepped(design: SensorDesign, path: str, by: float) -> SensorDesign | None:
@@ -137,9 +116,7 @@ def _bounds_mm(
     build: SensorDesign, place_mm: tuple[float, float], seed: int, *, is_facing: bool
 ) -> tuple[float | None, float | None]:
     """Bounds of place and depth at half the deepest press [mm], None where blind; of facing rows the depth's alone."""
-    cavity = cavity_of(build)
-    untouched = trace(build, np.array([[*place_mm, 0.0]]), accuracy=ACCURACY, seed=seed).flux[0]
-    readout = readout_of(build, untouched, mask_of(judged_pairs(cavity), cavity))
+    readout = own_readout(build, seed=seed)
     voxel = np.array([[*place_mm, 0.5 * build.operating.max_depth_mm]])
     found = bounds_of(sensitivity(build, voxel, readout, accuracy=ACCURACY, seed=seed, steps=Steps()))
     told = (np.inf, found.depth_alone_mm[0]) if is_facing else (found.location_mm[0], found.depth_mm[0])
