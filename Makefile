@@ -13,7 +13,7 @@ WORKERS ?= 2
 SIDE_BY_SIDE = $(if $(filter 1,$(WORKERS)),,-n $(WORKERS) --dist loadfile)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow lint docs bench bench-smoke validate pins clean
+.PHONY: help setup demo studio test test-slow lint docs bench bench-smoke validate pins clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1|/p' Makefile | awk -F'|' '{printf "  make %-11s %s\n", $$1, $$2}'
@@ -22,6 +22,9 @@ setup: $(READY) ## create .venv and install optopad with everything it needs
 
 demo: setup ## the main job on the published pad: outputs/piacenza2017-pad-<digest8>/
 	$(BIN)/optopad run $(DEMO)
+
+studio: setup ## the published pad live in a browser, on this machine alone
+	$(BIN)/optopad studio $(DEMO)
 
 test: setup ## tests of a few minutes: all but the slow ones and the benchmarks
 	$(BIN)/python -m pytest -m "not slow" --benchmark-skip --durations=10 $(SIDE_BY_SIDE)

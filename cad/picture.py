@@ -44,7 +44,7 @@ def mold_picture(part: Mesh | str | os.PathLike[str], *, width_px: int = 900, he
     normals = unit_normals(mesh) @ turn.T
     image, depth = _shaded(points[mesh.triangles], normals, size)
     _draw_edges(image, depth, points, creases(mesh))
-    return _png(_reduced(image))
+    return png_bytes(_reduced(image))
 
 
 def _turn() -> Floats:
@@ -131,7 +131,7 @@ def _reduced(image: Floats) -> NDArray[np.uint8]:
     return pixels
 
 
-def _png(pixels: NDArray[np.uint8]) -> bytes:
+def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
     """RGBA pixels as a PNG file."""
     height, width = pixels.shape[:2]
     rows = np.concatenate([np.zeros((height, 1), np.uint8), pixels.reshape(height, -1)], axis=1)

@@ -48,6 +48,7 @@ ALLOWED = {
     "fabrication": {"numpy", "pydantic", "tomlkit"},
     "fabrication/driver": {"serial", "numpy", "xarray", "h5py"},
     "fabrication/stage": {"numpy"},
+    "optopad/studio/view": {"viser", "numpy"},
     "optopad": {"distributed", "typer", "rich", "tomlkit", "numpy", "platformdirs", "xarray", "matplotlib"},
 }
 """Third-party imports, the nearest folder deciding. OCP is CadQuery's core, pydantic_core is pydantic's."""
@@ -169,7 +170,8 @@ def test_a_room_imports_only_the_libraries_it_is_allowed() -> None:
 
 def test_every_library_that_a_room_imports_is_declared() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    wanted = project["dependencies"] + project["optional-dependencies"]["cluster"]
+    extras = project["optional-dependencies"]
+    wanted = project["dependencies"] + extras["cluster"] + extras["studio"]
     declared = {re.split(r"[<>=]", line)[0] for line in wanted} | {
         "OCP",
         "pydantic_core",

@@ -18,6 +18,7 @@ from optopad.cli.verbs import (
     job,
     physics,
     rays,
+    studio,
     sweep,
     train,
 )
@@ -47,6 +48,7 @@ for verb in (
     bench.doctor,
     explore.explore,
     improve.improve,
+    studio.studio,
     train.train,
     calibrate.calibrate,
     accuracy.evaluate,

@@ -9,36 +9,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from optopad.screen.stages import STAGE_TITLES
 from sims.cache.compiling import compiling_told
 
 if TYPE_CHECKING:
     from design.spec import SensorDesign
 
 OnStep = Callable[[str, float], None]
-
-STAGE_TITLES = {
-    "kernels": "compiling the light kernels, once on this machine: a minute or two",
-    "contact": "contact (MuJoCo)",
-    "pairs": "light, pair by pair",
-    "light": "light",
-    "loose walls": "light, walls torn loose",
-    "data": "samples",
-    "map": "light, map of the pad",
-    "doubtful places": "light, doubtful places again",
-    "map error": "light, between the map's nodes",
-    "calibration": "fit of the build's optics",
-    "fit": "model",
-    "bounds": "light, bounds of place and depth",
-    "tolerance": "tolerance of open values",
-    "what matters": "what matters: a step of each field",
-    "builds": "builds, everything off at once",
-    "oracle": "ray tracer",
-    "rays": "sample paths",
-    "mold": "mold and tools",
-    "mold beside": "mold and tools: wait",
-    "presses": "presses of the stage",
-    "files": "build sheet, driver config, report",
-}
 
 ANNOUNCED = "kernels"
 """A stage that is named when it begins, also where only lines are printed: it is long, and not of the user's asking."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 
 from design.errors import DesignError, InputError, ModelScopeError
@@ -90,26 +91,40 @@ def solved_press(
     DesignError, InputError : a value that is no positive number
     ModelScopeError : a layer, depth or (with `at_mm`) place outside the model
     """
-    name = "operating.max_depth_mm" if max_depth_mm is None else "max_depth_mm"
-    wanted = design.operating.max_depth_mm if max_depth_mm is None else max_depth_mm
+    press = round_press(design, max_depth_mm, mesh_mm, on_step)
+    placed, told = _placed(design, press.smooth, at_mm, _deepest(design, max_depth_mm) / press.tip_radius_mm)
+    return replace(press, placed=placed, notes=press.notes + told)
+
+
+def round_press(
+    design: SensorDesign,
+    max_depth_mm: float | None = None,
+    mesh_mm: float | None = None,
+    on_step: Callable[[float], None] | None = None,
+) -> SolvedPress:
+    """The press in the round pad of the same area: what `solved_press` is without its own walls, and sooner.
+
+    Parameters and errors are those of `solved_press`.
+    """
     radius, layer, modulus = tip_radius_mm(design), round(layer_depth(design), 9), modulus_mpa(design)
-    deepest = require_depth(design, wanted, name) / radius
+    deepest = _deepest(design, max_depth_mm) / radius
     notes: tuple[str, ...] = ()
     unit: UnitPress | None = None
     if mesh_mm is None and is_in_library(design):
         smooth = _library_press(layer, round(wall_radius(design), 9))
     else:
         unit, smooth, told = live_press(design, mesh_size(design, mesh_mm), deepest, on_step)
-        notes += (live_note(design, mesh_mm), *told)
-    placed, told = _placed(design, smooth, at_mm, deepest)
+        notes = (live_note(design, mesh_mm), *told)
     return SolvedPress(
-        smooth=smooth,
-        unit=unit,
-        tip_radius_mm=radius,
-        youngs_modulus_mpa=modulus,
-        placed=placed,
-        notes=notes + told,
+        smooth=smooth, unit=unit, tip_radius_mm=radius, youngs_modulus_mpa=modulus, placed=None, notes=notes
     )
+
+
+def _deepest(design: SensorDesign, max_depth_mm: float | None) -> float:
+    """The deepest press wanted, within the model [mm]."""
+    if max_depth_mm is None:
+        return require_depth(design, design.operating.max_depth_mm, "operating.max_depth_mm")
+    return require_depth(design, max_depth_mm, "max_depth_mm")
 
 
 def _placed(

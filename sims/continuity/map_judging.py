@@ -67,6 +67,25 @@ def judged_map(
     return _settled(design, pad_map, frames, accuracy, seed, tell), light
 
 
+def places_judged(
+    design: SensorDesign,
+    cavity: CavityGeometry,
+    readout: Readout,
+    places_mm: FloatArray,
+    depth_mm: FloatArray,
+    light: LightSignals,
+) -> tuple[Place, ...]:
+    """Places judged by light that was traced once.
+
+    Parameters
+    ----------
+    places_mm : (place, 2); depth_mm : (depth,)
+    light : of all of them, depths innermost
+    """
+    frames = MapFrames.traced_once(cavity, depth_mm, places_mm, light, readout)
+    return tuple(frames.place(design, number) for number in range(len(places_mm)))
+
+
 def _settled(
     design: SensorDesign, pad_map: PadMap, frames: MapFrames, accuracy: Accuracy, seed: int, tell: OnStep
 ) -> PadMap:

@@ -22,16 +22,16 @@ from numpy.typing import NDArray
 
 from design.errors import DesignError, ModelScopeError
 from design.geometry.cavity import CavityGeometry, cavity_of
-from design.geometry.pairs import direct_path_pairs, is_facing_rows, judged_pairs, mask_of, pair_name
+from design.geometry.pairs import is_facing_rows, judged_pairs, mask_of, pair_name
 from design.rules.check import check
 from design.search.figures import BOUND_FIGURES
 from design.search.judged import Judged, Limit
 from design.spec import SensorDesign
 from sims.bounds.defaults import COARSE_DEPTHS_MM
 from sims.bounds.observability import BOUND_ACCURACIES, pad_bounds
-from sims.continuity.map_judging import pad_place
+from sims.continuity.map_judging import places_judged
 from sims.continuity.result import JudgedPair
-from sims.continuity.scoring import governing_pair, usable_of_pairs
+from sims.continuity.scoring import governing_pair, require_judgeable_depth, usable_of_pairs
 from sims.optics.accuracy import ACCURACIES, Accuracy
 from sims.optics.light_signals import LightSignals
 from sims.optics.tracing import trace
@@ -39,7 +39,6 @@ from sims.press.depths import COARSE_STEP_MM, STEP_MM, depth_schedule_mm
 from sims.readings.readout import Readout, readout_of
 from sims.verdict.builds import pair_margin, score_curves
 from sims.verdict.pad_map import COARSE_PLACES, grid_places_mm, map_grid_mm
-from sims.verdict.pair.defaults import DEADBAND_MIN_LENGTH_MM
 from sims.verdict.presses import (
     MAP_ACCURACY,
     NEAR_ACCURACY,
@@ -83,7 +82,32 @@ class Settings:
 
 _QUICK = replace(ACCURACIES["draft"], reference_rays=4096)
 
+_DRAFT_MAP = replace(
+    ACCURACIES["score"],
+    reference_rays=4096,
+    rings=12,
+    columns=30,
+    top_rings=8,
+    top_columns=20,
+    repeat_share=0.2,
+    image_step=0.7,
+    ray_share=1.0,
+)
+"""A third of the time a state of a search's; 1 % rms of the untouched signal, most of it common to all depths."""
+
 SETTINGS = {
+    "draft": Settings(  # for what is being moved about by hand
+        untouched=_QUICK,
+        pairs=replace(_QUICK, rings=16, columns=40, image_step=0.2, top_rings=14, top_columns=32),
+        map=_DRAFT_MAP,
+        near=None,
+        bounds=(_DRAFT_MAP,),
+        step_mm=COARSE_STEP_MM,
+        map_step_mm=2 * COARSE_STEP_MM,
+        map_places=COARSE_PLACES,
+        bound_places=3,
+        bound_depths_mm=(1.5,),
+    ),
     "search": Settings(
         untouched=_QUICK,
         pairs=replace(_QUICK, image_step=0.1, top_rings=14, top_columns=32, repeat_share=1e-3),
@@ -280,16 +304,7 @@ class _Judging:
         if further:
             places_mm = np.concatenate([places_mm, further])
         depth_mm, light = self._map_light(places_mm)
-        mask = direct_path_pairs(cavity)
-        shape = (len(places_mm), len(depth_mm), int(mask.sum()))
-        counts = (light.flux[:, mask] * readout.of_mask(mask)).reshape(shape)
-        errors = (light.standard_error[:, mask] * readout.of_mask(mask)).reshape(shape)
-        places = [
-            pad_place(
-                self.design, place, depth_mm, np.stack([readings] * 2), error, readout.full_scale_counts
-            )
-            for place, readings, error in zip(places_mm, counts, errors, strict=True)
-        ]
+        places = places_judged(self.design, cavity, readout, places_mm, depth_mm, light)
         self.figures |= {
             "deadband_mm": max(place.deadband_total_mm for place in places),
             "usable_depth_mm": min(place.usable_mm for place in places),
@@ -328,13 +343,8 @@ class _Judging:
             self.figures[name] = float(value) if np.isfinite(value) else None
 
     def _max_depth_mm(self) -> float:
-        depth_mm = self.design.operating.max_depth_mm
-        if depth_mm < DEADBAND_MIN_LENGTH_MM:
-            raise ModelScopeError(
-                f"operating.max_depth_mm: {depth_mm:g} mm is less than a deadband's least length, "
-                f"{DEADBAND_MIN_LENGTH_MM:g} mm, so nothing can be judged; raise it"
-            )
-        return depth_mm
+        require_judgeable_depth(self.design)
+        return self.design.operating.max_depth_mm
 
 
 def _is_further(cavity: CavityGeometry, places_mm: FloatArray, place_mm: tuple[float, float]) -> bool:

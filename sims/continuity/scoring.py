@@ -108,7 +108,7 @@ def _judged(
     tell: OnStep,
 ) -> ContinuityScore:
     cavity = cavity_of(design)
-    _require_judgeable_depth(design)
+    require_judgeable_depth(design)
     force = _force_curve(design, lambda share: tell("contact", share))
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm)
     flat = untouched_flux(design, cavity, seed=seed)
@@ -196,7 +196,8 @@ def _judged_pair(
     )
 
 
-def _require_judgeable_depth(design: SensorDesign) -> None:
+def require_judgeable_depth(design: SensorDesign) -> None:
+    """Refuse a range of use in which no deadband could be (ModelScopeError)."""
     if design.operating.max_depth_mm < DEADBAND_MIN_LENGTH_MM:
         raise ModelScopeError(
             f"operating.max_depth_mm: {design.operating.max_depth_mm:g} mm is less than a deadband's least length, "

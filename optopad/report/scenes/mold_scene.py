@@ -50,7 +50,7 @@ def mold_scene(design: SensorDesign, folder: Path) -> dict[str, Any] | None:
         "points": _packed(np.rint((places - low) / step), "<u2"),
         "triangles": _packed(mesh.triangles, "<u4"),
         "creases": _packed(creases(mesh), "<u4"),
-        "bodies": [[part.kind, *_body_mm(part, cavity)] for part in cavity.parts],
+        "bodies": [[part.kind, *body_mm(part, cavity)] for part in cavity.parts],
         "mouth": [mouth.x0, mouth.x1, mouth.y0, mouth.y1, mouth.z1],
         "outer": [low.tolist(), high.tolist()],
     }
@@ -60,7 +60,7 @@ def _packed(numbers: NDArray[Any], kind: str) -> str:
     return base64.b64encode(np.ascontiguousarray(numbers).astype(kind).tobytes()).decode("ascii")
 
 
-def _body_mm(part: PlacedPart, cavity: CavityGeometry) -> tuple[list[float], list[float]]:
+def body_mm(part: PlacedPart, cavity: CavityGeometry) -> tuple[list[float], list[float]]:
     """Low and high corner of a part's body; its face lies in the wall's inner plane [mm]."""
     half, deep = part.part.body_width_mm.value / 2, part.part.body_depth_mm.value
     inner = {"south": 0.0, "west": 0.0, "north": cavity.width_mm, "east": cavity.length_mm}[part.wall]

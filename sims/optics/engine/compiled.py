@@ -57,7 +57,7 @@ whole_state = njit(inline="always", error_model="numpy")(states.one_state.py_fun
 
 
 def _compile(fingerprint: int) -> tuple[Any, ...]:
-    @njit(cache=True, error_model="numpy")
+    @njit(cache=True, error_model="numpy", nogil=True)
     def flat_matrix(
         emitters: FloatArray, receivers: FloatArray, box: FloatArray, nodes: FloatArray, weights: FloatArray
     ) -> FloatArray:
@@ -72,7 +72,7 @@ def _compile(fingerprint: int) -> tuple[Any, ...]:
                         )
         return out
 
-    @njit(cache=True, error_model="numpy")
+    @njit(cache=True, error_model="numpy", nogil=True)
     def untouched_deposits(
         sources: FloatArray, gathers: bool, receivers: FloatArray, box: FloatArray, top: Top, points: FloatArray,
         count: int, shift: FloatArray, first: float, layout: IntArray,
@@ -85,7 +85,7 @@ def _compile(fingerprint: int) -> tuple[Any, ...]:
             deposit(sources[i], gathers, receivers, box, top, points, count, moved, layout, out[i], seen[i])
         return out, seen
 
-    @njit(cache=True, error_model="numpy")
+    @njit(cache=True, error_model="numpy", nogil=True)
     def joined(
         given: FloatArray, taken: FloatArray, receivers: FloatArray, areas: FloatArray, layout: IntArray,
         reflectances: FloatArray,
@@ -98,7 +98,7 @@ def _compile(fingerprint: int) -> tuple[Any, ...]:
                 out[i, j] = join(given[i], taken[j], area, areas, layout, reflectances)
         return out
 
-    @njit(cache=True, error_model="numpy")
+    @njit(cache=True, error_model="numpy", nogil=True)
     def scattered(
         given: FloatArray, taken: FloatArray, receivers: FloatArray, patches: Patches, reflectances: FloatArray,
         orders: Orders, box: FloatArray, top: Top,
@@ -109,7 +109,7 @@ def _compile(fingerprint: int) -> tuple[Any, ...]:
         none = np.zeros((0, 0))
         return all_orders(given, taken, receivers, patches, reflectances, orders, none, box, top)[0]
 
-    @njit(cache=True, error_model="numpy")
+    @njit(cache=True, error_model="numpy", nogil=True)
     def bounce_matrix(
         layout: IntArray, receivers: FloatArray, box: FloatArray, top: Top, points: FloatArray, count: int
     ) -> FloatArray:
@@ -132,12 +132,12 @@ def _compile(fingerprint: int) -> tuple[Any, ...]:
                 shifts, patches, reflectances, orders, settings, flat_rays,
             )  # fmt: skip
 
-    @njit(cache=True, error_model="numpy")
+    @njit(cache=True, error_model="numpy", nogil=True)
     def patch_layout(box: FloatArray, size: float) -> IntArray:
         """(6, 3) columns, rows, first index of the patches on walls 0-3, bottom and tip."""
         return layout_of(box, size if fingerprint >= 0 else 1.0)
 
-    @njit(cache=True, error_model="numpy")
+    @njit(cache=True, error_model="numpy", nogil=True)
     def patch_areas(layout: IntArray, receivers: FloatArray, box: FloatArray) -> FloatArray:
         """(patch,) area without receiver faces; 0 for the tip's, which change with the press."""
         return areas_of(layout, receivers, box) if fingerprint >= 0 else np.zeros(0)

@@ -6,8 +6,23 @@ same, but compile everything below them twice.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+
+_WAITING = threading.local()
+
+
+@contextmanager
+def between_pieces(call: Callable[[], None]) -> Iterator[None]:
+    """Have something called between pieces of the work that this thread waits for; what it raises ends that work."""
+    former = getattr(_WAITING, "call", None)
+    _WAITING.call = call
+    try:
+        yield
+    finally:
+        _WAITING.call = former
 
 
 def run_each(work: Callable[[int], object], count: int) -> None:
@@ -17,14 +32,20 @@ def run_each(work: Callable[[int], object], count: int) -> None:
     """
     import numba
 
+    attend = getattr(_WAITING, "call", None) or _nothing
     threads = min(int(numba.get_num_threads()), count)
     if threads < 2:
         for number in range(count):
             work(number)
+            attend()
         return
     pool = ThreadPoolExecutor(max_workers=threads)
     try:
         for _ in pool.map(work, range(count)):
-            pass
+            attend()
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _nothing() -> None:
+    """Between pieces of work that nobody waits for a word of."""

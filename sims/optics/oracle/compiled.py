@@ -61,7 +61,7 @@ def _compile(fingerprint: int) -> tuple[Any, ...]:
                     square[batch, fate, receiver] += weight * weight
         return flux, square, ledger
 
-    @njit(cache=True)
+    @njit(cache=True, nogil=True)
     def next_path(
         scene: Scene, top: Top, emitter: int, wanted: BoolArray, seed: int, ray: int, tries: int, places: int
     ) -> tuple[int, int, int, FloatArray]:

@@ -1,0 +1,219 @@
+"""What the buttons start: verbs of optopad, and the mold, each as a process of its own that can be ended."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cad.mesh import Mesh, read_stl
+from design.geometry.mold_outline import bed_lift_mm
+from design.io import save_design
+from design.spec import SensorDesign
+from fabrication.bundle import bundle_name
+from optopad.studio.session import Said
+
+Tell = Callable[[Said], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ghost:
+    """An alternative that `improve` verified: what kind of better, what changes, the design."""
+
+    kind: str
+    changes: dict[str, Any]
+    design: SensorDesign
+
+
+class Errand:
+    """One program at a time: `improve`, `run`, or what else has files for its result.
+
+    Parameters
+    ----------
+    out : folder that holds the bundles
+    tell : is told how far it is, on a thread of the errand
+    """
+
+    def __init__(self, out: Path, tell: Tell) -> None:
+        self.out, self._tell = out, tell
+        self._lock = threading.Lock()
+        self._process: subprocess.Popen[str] | None = None
+        self._is_ended = False
+
+    @property
+    def is_running(self) -> bool:
+        """Whether one is under way."""
+        return self._process is not None and self._process.poll() is None
+
+    def improve(self, design: SensorDesign, done: Callable[[tuple[Ghost, ...]], None]) -> bool:
+        """Search around a design; `done` gets what it found. False: another errand is under way."""
+
+        began = time.time()
+
+        def finish() -> None:
+            folder = self._made_since(began, f"improve-{design.name}-*/improve.json").parent
+            document = json.loads((folder / "improve.json").read_text(encoding="utf-8"))
+            ghosts = tuple(
+                Ghost(kind=one["kind"], changes=one["changes"], design=design.with_(**one["changes"]))
+                for one in document["alternatives"]
+            )
+            self._tell(Said(text=_found(len(ghosts), folder), is_bad=not ghosts))
+            done(ghosts)
+
+        return self._start("improve", design, finish)
+
+    def _made_since(self, began: float, pattern: str) -> Path:
+        """The file that an errand has just written."""
+        found = sorted(self.out.glob(pattern), key=lambda file: file.stat().st_mtime)
+        if not found or found[-1].stat().st_mtime < began - 2.0:  # file systems' clocks are coarse
+            raise FileNotFoundError(f"{self.out / pattern}")
+        return found[-1]
+
+    def build(self, design: SensorDesign, done: Callable[[Path], None]) -> bool:
+        """Make the whole bundle; `done` gets its folder. False: another errand is under way."""
+        folder = self.out / bundle_name(design)
+
+        def finish() -> None:
+            self._tell(Said(text=f"the bundle is ready: {folder}"))
+            done(folder)
+
+        return self._start("run", design, finish)
+
+    def end(self) -> None:
+        """End what is under way; finished parts of it are found again."""
+        with self._lock:
+            self._is_ended = True
+            process = self._process
+        if process is not None and process.poll() is None:
+            process.terminate()
+            try:
+                process.wait(5.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+    def _start(self, verb: str, design: SensorDesign, finish: Callable[[], None]) -> bool:
+        with self._lock:
+            if self.is_running:
+                return False
+            self._is_ended = False
+            holder = tempfile.TemporaryDirectory(prefix="optopad-")
+            file = Path(holder.name) / f"{design.name}.toml"
+            save_design(design, file)
+            self._process = _optopad([verb, str(file), "--out", str(self.out)])
+        threading.Thread(
+            target=self._follow,
+            args=(verb, self._process, holder, finish),
+            name=f"studio-{verb}",
+            daemon=True,
+        ).start()
+        return True
+
+    def _follow(
+        self,
+        verb: str,
+        process: subprocess.Popen[str],
+        holder: tempfile.TemporaryDirectory[str],
+        finish: Callable[[], None],
+    ) -> None:
+        self._tell(Said(text=f"{verb}: begins"))
+        last = ""
+        assert process.stderr is not None
+        with holder, process.stderr:
+            for line in process.stderr:
+                if line.strip():
+                    last = line.strip()
+                    self._tell(Said(text=f"{verb}: {last.removeprefix('optopad: ')}"))
+            code = process.wait()
+        if self._is_ended:
+            self._tell(Said(text=f"{verb}: ended; what was finished is found again"))
+        elif code != 0:
+            self._tell(
+                Said(text=f"{verb}: {last.removeprefix('optopad: ') or f'ended with {code}'}", is_bad=True)
+            )
+        else:
+            finish()
+
+
+def _found(count: int, folder: Path) -> str:
+    if count == 0:
+        return f"improve: nothing better that holds at score accuracy; see {folder}"
+    return f"improve: {count} verified alternative{'s' if count > 1 else ''}, in {folder}"
+
+
+class MoldShop:
+    """Makes the mold of the newest design, as it is printed, in a process that a newer one ends.
+
+    Parameters
+    ----------
+    post : gets the digest and the mesh in the cavity frame, or the text of a refusal, on a thread of the shop
+    """
+
+    def __init__(self, post: Callable[[str, Mesh | str], None]) -> None:
+        self._post = post
+        self._lock = threading.Lock()
+        self._process: subprocess.Popen[str] | None = None
+        self._digest = ""
+
+    def want(self, design: SensorDesign) -> None:
+        """Begin with a design, unless its mold is made or under way."""
+        with self._lock:
+            if design.digest == self._digest:
+                return
+            self._end()
+            self._digest = design.digest
+            holder = tempfile.TemporaryDirectory(prefix="optopad-")
+            file = Path(holder.name) / "design.toml"
+            save_design(design, file)
+            self._process = _python(["-m", "cad", str(file), holder.name])
+            arguments = (design, self._process, holder)
+            threading.Thread(target=self._follow, args=arguments, name="studio-mold", daemon=True).start()
+
+    def end(self) -> None:
+        """End what is under way."""
+        with self._lock:
+            self._end()
+            self._digest = ""
+
+    def _end(self) -> None:
+        if self._process is not None and self._process.poll() is None:
+            self._process.kill()
+
+    def _follow(
+        self, design: SensorDesign, process: subprocess.Popen[str], holder: tempfile.TemporaryDirectory[str]
+    ) -> None:
+        with holder:
+            _, message = process.communicate()
+            if process.returncode < 0:  # a newer design ended it
+                return
+            if process.returncode != 0:
+                self._post(design.digest, message.strip().splitlines()[-1] if message.strip() else "no mold")
+                return
+            mesh = read_stl((Path(holder.name) / "mold.stl").read_bytes())
+        lift = bed_lift_mm(design)
+        moved = mesh.vertices.astype("float64") - [0.0, 0.0, lift]
+        self._post(design.digest, Mesh(vertices=moved, triangles=mesh.triangles))
+
+
+def _optopad(arguments: Sequence[str]) -> subprocess.Popen[str]:
+    return _python(["-m", "optopad", *arguments])
+
+
+def _python(arguments: Sequence[str]) -> subprocess.Popen[str]:
+    """This interpreter; -P: a design.py in the current folder must not stand in for ours."""
+    here = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    return subprocess.Popen(
+        [sys.executable, "-P", *arguments],
+        env=here,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )

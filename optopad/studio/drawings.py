@@ -1,0 +1,397 @@
+"""Drawings of the panel as SVG text: pairs under the tip, the map of the pad, a sensor's readings beside the simulated.
+
+Text and axes take the page's own colour, so that a drawing serves light and dark pages alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.geometry.cavity import CavityGeometry, PlacedPart
+from optopad.studio.session import Press
+from sims.continuity.draft import PlaceCurves
+from sims.continuity.result import ContinuityScore, JudgedPair
+from sims.verdict.pad_map import PadMap
+from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
+
+FloatArray = NDArray[np.float64]
+Place = Callable[[float], float]
+
+MODE_1, MODE_2, DEAD, FADE = "#d55e00", "#0077c8", "#d1242f", "#8c8c8c"
+LINES = ("#0077c8", "#d55e00", "#009e73", "#cc79a7", "#b59a00", "#4aa8d8", "#8250df", "#7a7a7a")
+EMITTER, RECEIVER = "#e69f00", "#0077c8"
+WIDTH = 400
+LEFT, RIGHT, TOP = 40, 8, 8
+ROW, PLOT = 15, 130
+MOST_SHARE = 4.0
+"""Of an untouched signal: a pair that hardly sees light untouched may see many times as much under a press."""
+
+_HATCH = (
+    '<defs><pattern id="dead" width="5" height="5" patternTransform="rotate(45)" patternUnits="userSpaceOnUse">'
+    f'<rect width="5" height="5" fill="{DEAD}" fill-opacity="0.25"/>'
+    f'<line x1="0" y1="0" x2="0" y2="5" stroke="{DEAD}" stroke-width="2.4"/></pattern></defs>'
+)
+
+
+def curves_svg(found: PlaceCurves, depth_mm: float) -> str:
+    """Signals of the pairs under the tip against depth, and below them where each one's modes and deadbands lie."""
+    deepest = float(found.pairs[0].curves.depth_mm[-1])
+    shares = [_share_of_untouched(pair.curves.total) for pair in found.pairs]
+    highest = max(1.05, 1.05 * max(float(share.max()) for share in shares))
+    height = TOP + PLOT + 26 + ROW * len(found.pairs) + 20
+
+    def x(at_mm: float) -> float:
+        return LEFT + (WIDTH - LEFT - RIGHT) * at_mm / deepest
+
+    def y(share: float) -> float:
+        return TOP + PLOT * (1 - share / highest)
+
+    body = [_HATCH, *_axes(x, y, deepest, highest)]
+    for number, (pair, share) in enumerate(zip(found.pairs, shares, strict=True)):
+        points = " ".join(
+            f"{x(float(d)):.1f},{y(float(v)):.1f}" for d, v in zip(pair.curves.depth_mm, share, strict=True)
+        )
+        body.append(
+            f'<polyline points="{points}" fill="none" stroke="{LINES[number % len(LINES)]}" stroke-width="1.6">'
+            f"<title>{escape(pair.name)}</title></polyline>"
+        )
+    top = TOP + PLOT + 26
+    for number, pair in enumerate(found.pairs):
+        body += _spans(pair, number, top + ROW * number, x, deepest)
+    foot = top + ROW * len(found.pairs)
+    body.append(
+        f'<line x1="{x(depth_mm):.1f}" x2="{x(depth_mm):.1f}" y1="{TOP}" y2="{foot}" stroke="currentColor" '
+        'stroke-dasharray="3 3"/>'
+    )
+    body.append(_legend(foot + 14))
+    words = f"Signals of the pairs under the tip over {deepest:g} mm of depth"
+    return _svg(WIDTH, height, body, words)
+
+
+def _share_of_untouched(signal: FloatArray) -> FloatArray:
+    """A signal over that of the untouched pad, drawn to `MOST_SHARE` of it; none where there is none untouched [-]."""
+    if not signal[0] > 0:
+        return np.zeros_like(signal)
+    return np.asarray(np.minimum(signal / signal[0], MOST_SHARE), dtype=np.float64)
+
+
+def _axes(x: Place, y: Place, deepest: float, highest: float) -> list[str]:
+    found = []
+    step = 1.0 if deepest >= 3 else 0.5
+    for at in np.arange(0.0, deepest + 1e-9, step):
+        found.append(
+            f'<line x1="{x(at):.1f}" x2="{x(at):.1f}" y1="{TOP}" y2="{TOP + PLOT}" stroke="currentColor" '
+            f'stroke-opacity="0.12"/><text x="{x(at):.1f}" y="{TOP + PLOT + 12}" text-anchor="middle">{at:g}</text>'
+        )
+    for share in np.arange(0.0, highest, 0.25 if highest < 1.6 else 0.5):
+        found.append(
+            f'<line x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y(share):.1f}" y2="{y(share):.1f}" stroke="currentColor" '
+            f'stroke-opacity="0.12"/><text x="{LEFT - 4}" y="{y(share) + 3:.1f}" text-anchor="end">{share:.0%}</text>'
+        )
+    found.append(
+        f'<text x="{WIDTH - RIGHT}" y="{TOP + PLOT + 23}" text-anchor="end">depth of the press, mm</text>'
+        f'<text x="{LEFT + 4}" y="{TOP + PLOT - 4}">signal over untouched</text>'
+    )
+    return found
+
+
+def _spans(pair: JudgedPair, number: int, top: float, x: Place, deepest: float) -> list[str]:
+    """A row of a pair: mode 1 above, mode 2 below, deadbands hatched, fade grey."""
+    modes, score = pair.score.modes, pair.score
+    bars = [(modes.mode1_mm, MODE_1, top + 2, 4, "mode 1")]
+    if modes.mode2_mm[0] is not None:
+        last = modes.mode2_mm[1]
+        bars.append(((modes.mode2_mm[0], deepest if last is None else last), MODE_2, top + 7, 4, "mode 2"))
+    bars += [(span, "url(#dead)", top + 1, 12, "deadband") for span in score.deadbands_mm]
+    if score.saturation_mm is not None:
+        bars.append((score.saturation_mm, FADE, top + 4, 5, "fade: depth is not told any more"))
+    found = [
+        f'<text x="{LEFT - 4}" y="{top + 11}" text-anchor="end" fill="{LINES[number % len(LINES)]}" '
+        f'style="fill:{LINES[number % len(LINES)]}">{escape(pair.name)}</text>'
+    ]
+    for (start, end), colour, y, high, words in bars:
+        found.append(
+            f'<rect x="{x(start):.1f}" y="{y:.1f}" width="{max(x(end) - x(start), 0.8):.1f}" height="{high}" '
+            f'fill="{colour}"><title>{words}: {start:.2f} to {end:.2f} mm</title></rect>'
+        )
+    return found
+
+
+def _legend(y: float) -> str:
+    marks = (("mode 1", MODE_1), ("mode 2", MODE_2), ("deadband", "url(#dead)"), ("fade", FADE))
+    return "".join(
+        f'<rect x="{LEFT + 88 * k}" y="{y - 8}" width="14" height="8" fill="{colour}"/>'
+        f'<text x="{LEFT + 88 * k + 18}" y="{y}">{name}</text>'
+        for k, (name, colour) in enumerate(marks)
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quantity:
+    """What a map shows.
+
+    Attributes
+    ----------
+    title, unit : its words
+    values : (ny, nx); infinite or NaN where there is none
+    x_mm, y_mm : lines of its grid [mm]
+    good, bad : values that take the ends of the scale
+    absent : the word for none
+    """
+
+    title: str
+    unit: str
+    values: FloatArray
+    x_mm: tuple[float, ...]
+    y_mm: tuple[float, ...]
+    good: float
+    bad: float
+    absent: str = "none"
+
+
+QUANTITIES = ("deadband", "usable depth", "margin", "place at best", "depth at best", "lightest press")
+
+
+def quantity(name: str, score: ContinuityScore) -> Quantity | None:
+    """One of `QUANTITIES` of a score; None where it is not known (yet)."""
+    pad, bounds = score.pad_map, score.bounds
+    if pad is None:
+        return None
+    if name in ("deadband", "usable depth", "margin"):
+        return _of_map(name, pad)
+    if bounds is None:
+        return None
+    if name == "lightest press":
+        if bounds.felt is None:
+            return None
+        felt = bounds.felt
+        return Quantity(
+            title="lightest press felt",
+            unit="N",
+            values=felt.force_n,
+            x_mm=felt.x_mm,
+            y_mm=felt.y_mm,
+            good=0.0,
+            bad=2.0 * _middle(felt.force_n),
+            absent="not felt",
+        )
+    values = bounds.location_mm if name == "place at best" else bounds.depth_bound_mm
+    middle = int(np.argmin(np.abs(np.array(bounds.depth_mm) - 0.3 * bounds.max_depth_mm)))
+    return Quantity(
+        title=f"{name.split()[0]} by one frame, {bounds.depth_mm[middle]:g} mm deep",
+        unit="mm",
+        values=values[:, :, middle],
+        x_mm=bounds.x_mm,
+        y_mm=bounds.y_mm,
+        good=0.0,
+        bad=bounds.limits.dead_location_mm if name == "place at best" else bounds.limits.dead_depth_mm,
+        absent="blind",
+    )
+
+
+def _of_map(name: str, pad: PadMap) -> Quantity:
+    lines = (pad.x_mm, pad.y_mm)
+    if name == "deadband":
+        return _quantity(name, "mm", pad.deadband_grid_mm(), lines, good=0.0, bad=1.0)
+    if name == "usable depth":
+        deepest = max(place.usable_mm for place in pad.places)
+        return _quantity(name, "mm", pad.usable_grid_mm(), lines, good=deepest, bad=0.0)
+    margins = pad.grid([place.margin for place in pad.places])
+    threshold = DEADBAND_THRESHOLD
+    title = f"margin; below {threshold:g} is blind"
+    return _quantity(title, "noise units", margins, lines, good=5.0 * threshold, bad=threshold)
+
+
+def _quantity(
+    title: str,
+    unit: str,
+    values: FloatArray,
+    lines: tuple[tuple[float, ...], tuple[float, ...]],
+    *,
+    good: float,
+    bad: float,
+) -> Quantity:
+    return Quantity(title=title, unit=unit, values=values, x_mm=lines[0], y_mm=lines[1], good=good, bad=bad)
+
+
+def _middle(values: FloatArray) -> float:
+    finite = values[np.isfinite(values)]
+    return float(np.median(finite)) if finite.size else 1.0
+
+
+def map_svg(cavity: CavityGeometry, shown: Quantity | None, press: Press, bad: Sequence[str] = ()) -> str:
+    """The pad from above: a quantity place by place, parts with their names, the tip.
+
+    Parameters
+    ----------
+    bad : names of parts to mark
+    """
+    edge = 26.0
+    scale = (WIDTH - 2 * edge) / max(cavity.length_mm, 0.9 * cavity.width_mm)
+    wide = edge + (WIDTH - 2 * edge - scale * cavity.length_mm) / 2
+    high = scale * cavity.width_mm
+
+    def x(at_mm: float) -> float:
+        return wide + scale * at_mm
+
+    def y(at_mm: float) -> float:
+        return edge + high - scale * at_mm
+
+    body = [_HATCH]
+    if shown is not None:
+        body += _cells(cavity, shown, x, y, scale)
+    body.append(
+        f'<rect x="{x(0):.1f}" y="{edge}" width="{scale * cavity.length_mm:.1f}" height="{high:.1f}" fill="none" '
+        'stroke="currentColor"/>'
+    )
+    body += [_part(part, cavity, x, y, is_bad=part.name in bad) for part in cavity.parts]
+    radius = scale * cavity.tip_radius_mm
+    body.append(
+        f'<circle cx="{x(press.x_mm):.1f}" cy="{y(press.y_mm):.1f}" r="{radius:.1f}" fill="none" '
+        f'stroke="currentColor" stroke-width="1.6" stroke-dasharray="4 2"><title>the tip: x {press.x_mm:g}, '
+        f"y {press.y_mm:g} mm</title></circle>"
+    )
+    title = "" if shown is None else f"{shown.title} [{shown.unit}]"
+    body.append(
+        f'<text x="{WIDTH / 2}" y="{2 * edge + high + 8:.1f}" text-anchor="middle">{escape(title)}</text>'
+    )
+    return _svg(WIDTH, 2 * edge + high + 16, body, f"Map of the pad: {title or 'no map yet'}", 84)
+
+
+def _cells(cavity: CavityGeometry, shown: Quantity, x: Place, y: Place, scale: float) -> list[str]:
+    found = []
+    wide, tall = _pitch(shown.x_mm, cavity.length_mm), _pitch(shown.y_mm, cavity.width_mm)
+    for row, at_y in enumerate(shown.y_mm):
+        for column, at_x in enumerate(shown.x_mm):
+            value = float(shown.values[row, column])
+            is_known = bool(np.isfinite(value))
+            span = shown.good - shown.bad
+            good = (value - shown.bad) / span if is_known and span else 0.0
+            fill = "url(#dead)" if not is_known else _shade(good)
+            told = f"{value:.3g} {shown.unit}" if is_known else shown.absent
+            x0, x1 = max(at_x - wide / 2, 0.0), min(at_x + wide / 2, cavity.length_mm)
+            y0, y1 = max(at_y - tall / 2, 0.0), min(at_y + tall / 2, cavity.width_mm)
+            found.append(
+                f'<rect x="{x(x0):.1f}" y="{y(y1):.1f}" width="{scale * (x1 - x0):.1f}" '
+                f'height="{scale * (y1 - y0):.1f}" fill="{fill}">'
+                f"<title>x {at_x:g}, y {at_y:g} mm: {told}</title></rect>"
+            )
+            if scale * (x1 - x0) > 26:
+                short = _short(value) if is_known else shown.absent
+                found.append(
+                    f'<text x="{x((x0 + x1) / 2):.1f}" y="{y((y0 + y1) / 2) + 3:.1f}" text-anchor="middle">'
+                    f"{short}</text>"
+                )
+    return found
+
+
+def _short(value: float) -> str:
+    return f"{value:.3f}" if 0 < abs(value) < 0.1 else f"{value:.2f}" if abs(value) < 10 else f"{value:.0f}"
+
+
+def _pitch(lines: tuple[float, ...], span: float) -> float:
+    return lines[1] - lines[0] if len(lines) > 1 else span
+
+
+def _shade(good: float) -> str:
+    """From red (bad) by sand to green (good), pale enough for text of either page."""
+    bad, middle, fine = np.array([209, 36, 47]), np.array([230, 190, 90]), np.array([0, 158, 115])
+    share = min(max(good, 0.0), 1.0)
+    colour = (
+        middle + (bad - middle) * (1 - 2 * share)
+        if share < 0.5
+        else middle + (fine - middle) * (2 * share - 1)
+    )
+    red, green, blue = (round(float(part)) for part in colour)
+    return f"rgb({red} {green} {blue} / 0.42)"
+
+
+def _part(part: PlacedPart, cavity: CavityGeometry, x: Place, y: Place, *, is_bad: bool) -> str:
+    at_x, at_y, _ = part.position_mm(cavity.length_mm, cavity.width_mm)
+    out = {"south": (0, 1), "north": (0, -1), "west": (-1, 0), "east": (1, 0)}[part.wall]
+    cx, cy = x(at_x), y(at_y)
+    colour = DEAD if is_bad else EMITTER if part.kind == "emitter" else RECEIVER
+    return (
+        f'<circle cx="{cx:.1f}" cy="{cy:.1f}" r="3.4" fill="{colour}"/>'
+        f'<text x="{cx + 14 * out[0]:.1f}" y="{cy + 13 * out[1] + 3:.1f}" text-anchor="middle">'
+        f"{escape(part.name)}</text>"
+    )
+
+
+def nearest_place(pad: PadMap, press: Press) -> int:
+    """Number of the map's place nearest to a press."""
+    away = [(place.x_mm - press.x_mm) ** 2 + (place.y_mm - press.y_mm) ** 2 for place in pad.places]
+    return int(np.argmin(away))
+
+
+def readings_svg(
+    emitters: Sequence[str],
+    receivers: Sequence[str],
+    live: FloatArray,
+    simulated: FloatArray | None,
+    bad: Sequence[str] = (),
+) -> str:
+    """A cell a pair: the live reading above, the simulated one below [counts]; what is far from it stands out.
+
+    Parameters
+    ----------
+    live, simulated : (emitter, receiver) [counts]
+    bad : names of parts or pairs that a check found wrong
+    """
+    left, top = 34.0, 16.0
+    wide, tall = (WIDTH - left - 2) / max(len(receivers), 1), 24.0
+    body = [
+        f'<text x="{left + wide * (j + 0.5):.1f}" y="{top - 5}" text-anchor="middle"{_bad(name, bad)}>'
+        f"{escape(name)}</text>"
+        for j, name in enumerate(receivers)
+    ]
+    for i, emitter in enumerate(emitters):
+        y = top + tall * i
+        body.append(
+            f'<text x="{left - 4}" y="{y + 15}" text-anchor="end"{_bad(emitter, bad)}>{escape(emitter)}</text>'
+        )
+        for j, receiver in enumerate(receivers):
+            value = float(live[i, j])
+            model = None if simulated is None else float(simulated[i, j])
+            x = left + wide * j
+            is_bad = f"{emitter}-{receiver}" in bad
+            body.append(
+                f'<rect x="{x + 0.5:.1f}" y="{y + 0.5:.1f}" width="{wide - 1:.1f}" height="{tall - 1}" '
+                f'fill="{_difference(value, model)}" stroke="{DEAD if is_bad else "none"}" stroke-width="1.5">'
+                f"<title>{escape(f'{emitter}-{receiver}')}: {value:.0f} counts"
+                f"{'' if model is None else f', simulated {model:.0f}'}</title></rect>"
+                f'<text x="{x + wide / 2:.1f}" y="{y + 10.5}" text-anchor="middle">{value:.0f}</text>'
+            )
+            if model is not None:
+                body.append(
+                    f'<text x="{x + wide / 2:.1f}" y="{y + 20.5}" text-anchor="middle" opacity="0.65">'
+                    f"{model:.0f}</text>"
+                )
+    return _svg(WIDTH, top + tall * len(emitters) + 2, body, "Readings of every pair, live and simulated")
+
+
+def _bad(name: str, bad: Sequence[str]) -> str:
+    return f' style="fill:{DEAD};font-weight:bold"' if name in bad else ""
+
+
+def _difference(live: float, simulated: float | None) -> str:
+    """Orange where there is less light than simulated, blue where there is more."""
+    if simulated is None or simulated < 4.0:
+        return "rgb(128 128 128 / 0.15)"
+    apart = float(np.clip((live - simulated) / simulated, -1.0, 1.0))
+    colour = "0 119 200" if apart > 0 else "213 94 0"
+    return f"rgb({colour} / {0.08 + 0.5 * abs(apart):.2f})"
+
+
+def _svg(width: float, height: float, body: Sequence[str], words: str, share: int = 100) -> str:
+    return (
+        f'<svg viewBox="0 0 {width:.0f} {height:.0f}" width="{share}%" role="img" '
+        f'aria-label="{escape(words, quote=True)}" '
+        'style="display:block;margin:auto;font:9px system-ui,sans-serif">'
+        "<style>svg text{fill:currentColor}</style>" + "".join(body) + "</svg>"
+    )

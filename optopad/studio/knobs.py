@@ -1,0 +1,313 @@
+"""Fields of a design that the studio offers for editing: label, unit, limits, and what each is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, Literal
+
+from design.fields.paths import get_at
+from design.spec import SensorDesign
+from design.spec.layout import WALLS, AlternatingRing, FacingRows, PerSide, wall_length_mm
+from design.spec.properties import entries_of
+from optopad.report.text.answer import unit_of
+
+Kind = Literal["number", "whole", "choice"]
+BY_HAND = "by hand"
+MOST_ON_A_WALL = 32
+PATTERNS = ("alternating ring", "facing rows", "by side", BY_HAND)
+"""Of a whole layout; `by hand` is anything else."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Knob:
+    """One field.
+
+    Attributes
+    ----------
+    path : dotted path in the design
+    group, label, unit : where it stands, its words, its unit (empty: a plain number)
+    kind : number, whole (number) or choice
+    value : what the design has
+    low, high : limits of the field; None: open
+    step : of a click on the field's arrows
+    choices : of a choice
+    tells : what it is, in a sentence
+    """
+
+    path: str
+    group: str
+    label: str
+    unit: str
+    kind: Kind
+    value: float | int | str
+    tells: str
+    low: float | None = None
+    high: float | None = None
+    step: float = 0.1
+    choices: tuple[str, ...] = ()
+
+
+_FIXED = (
+    ("Pad", "cavity.clear_thickness_mm", "clear layer", 0.25, "Layer that light uses: the main lever."),
+    ("Pad", "cavity.length_mm", "length", 1.0, "Inner length along x; the mold grows with it."),
+    ("Pad", "cavity.width_mm", "width", 1.0, "Inner width along y; the mold grows with it."),
+    ("Pad", "cavity.black_thickness_mm", "black layer", 0.25, "Absorbing layer below the clear one."),
+    ("Parts", "emitters.height_mm", "emitters' height", 0.1, "Centre of the emitting area over the layer's bottom."),
+    ("Parts", "receivers.height_mm", "receivers' height", 0.1, "Centre of the chip over the clear layer's bottom."),
+    ("Press", "indenter.tip_radius_mm", "tip radius", 0.25, "Of the tip that stands for a finger, and its shank."),
+    ("Press", "operating.max_depth_mm", "deepest press", 0.25, "The range of use that the verdict is about."),
+    ("Press", "operating.workspace_margin_mm", "margin", 0.5, "Tip's edge to the wall at the workspace's border."),
+    ("Material", "elastomer.mixing_ratio", "mixing ratio", 1.0, "Base over curing agent by weight: softness, index."),
+    ("Signal", "gain.target_counts", "target reading", 10.0, "What the gain brings the median judged pair to."),
+    ("Signal", "noise.read_noise_counts", "read noise", 0.1, "Of one reading in the dark."),
+    ("Signal", "noise.relative_noise", "relative noise", 0.001, "All noise in proportion to the signal."),
+)  # fmt: skip
+
+
+def knobs_of(design: SensorDesign) -> tuple[Knob, ...]:
+    """Every field that the studio offers for a design, group by group."""
+    found = [*_numbers(design), *_choices(design), *_layout(design)]
+    order = ("Pad", "Layout", "Parts", "Press", "Material", "Signal")
+    return tuple(sorted(found, key=lambda knob: order.index(knob.group)))
+
+
+def changes_of(design: SensorDesign, path: str, value: Any) -> dict[str, Any]:
+    """What to change for one field's new value.
+
+    The mold's outside follows the pad's inside. Of a ring with a number for each wall, where one alone would leave the
+    sum odd, the opposite wall takes as much more or less.
+    """
+    if path == "layout":
+        return {} if value == pattern_of(design) else {"layout": relaid(design, str(value))}
+    if path in ("cavity.length_mm", "cavity.width_mm") and isinstance(value, int | float):
+        side = path.removeprefix("cavity.")
+        outer = getattr(design.mold, f"outer_{side}") + value - getattr(design.cavity, side)
+        return {path: value, f"mold.outer_{side}": round(outer, 6)}
+    if ".parts_per_side." in path and isinstance(value, int):
+        return {path: value} | _opposite_too(design, path, value)
+    return {path: value}
+
+
+def _opposite_too(design: SensorDesign, path: str, value: int) -> dict[str, Any]:
+    """What the wall opposite takes, so that the sum stays even."""
+    ring, _, wall = path.rpartition(".")
+    counts = get_at(design.model_dump(mode="json"), ring)
+    change = value - counts[int(wall)]
+    if change % 2 == 0:
+        return {}
+    opposite = (int(wall) + 2) % len(WALLS)
+    there = counts[opposite] + change
+    return {f"{ring}.{opposite}": there if 0 <= there <= MOST_ON_A_WALL else counts[opposite] - change}
+
+
+def relaid(design: SensorDesign, pattern: str) -> list[dict[str, Any]]:
+    """A layout of another pattern with about as many parts; of "by hand" the parts as they stand, one by one."""
+    from optopad.studio.moves import placed_singles
+
+    emitters = _count(design, "emitter")
+    if pattern == "alternating ring":
+        return [{"pattern": "alternating_ring", "parts_per_side": max(round(_count(design) / 4), 1)}]
+    if pattern == "facing rows":
+        return [{"pattern": "facing_rows", "count": max(min(emitters, 3), 1)}]
+    if pattern == "by side":
+        share = max(round(emitters / 2), 1)
+        return [
+            {"pattern": "per_side", "kind": "emitter", "south": share, "west": share},
+            {"pattern": "per_side", "kind": "receiver", "north": share, "east": share},
+        ]
+    return placed_singles(design, range(len(design.layout)))
+
+
+def pattern_of(design: SensorDesign) -> str:
+    """The name of a whole layout's pattern, of `PATTERNS`."""
+    kinds = {type(one) for one in design.layout}
+    if len(design.layout) == 1 and kinds == {AlternatingRing}:
+        return "alternating ring"
+    if len(design.layout) == 1 and kinds == {FacingRows}:
+        return "facing rows"
+    return "by side" if kinds == {PerSide} else BY_HAND
+
+
+def _count(design: SensorDesign, kind: str | None = None) -> int:
+    from design.spec.layout import expand
+
+    places = expand(design.layout, design.cavity.length_mm, design.cavity.width_mm)
+    return sum(kind in (None, place.kind) for place in places)
+
+
+def _numbers(design: SensorDesign) -> Iterator[Knob]:
+    document = design.model_dump(mode="json")
+    for group, path, label, step, tells in _FIXED:
+        low, high = limits_of(path)
+        if path == "gain.target_counts" and not isinstance(design.gain.feedback_ohm, str):
+            continue
+        yield Knob(
+            path=path,
+            group=group,
+            label=label,
+            unit=unit_of(path).strip(),
+            kind="number",
+            value=float(get_at(document, path)),
+            low=low,
+            high=high,
+            step=step,
+            tells=tells,
+        )
+
+
+def _choices(design: SensorDesign) -> Iterator[Knob]:
+    entries = entries_of(design)
+
+    def choice(group: str, path: str, label: str, value: str, names: tuple[str, ...], tells: str) -> Knob:
+        return Knob(
+            path=path,
+            group=group,
+            label=label,
+            unit="",
+            kind="choice",
+            value=value,
+            choices=names if value in names else (*names, value),
+            tells=tells,
+        )
+
+    for section, kind in (("emitters", "emitter"), ("receivers", "receiver")):
+        parts = tuple(sorted(name for name, part in entries.parts.items() if part.kind == kind))
+        value = getattr(design, section).part
+        yield choice("Parts", f"{section}.part", section, value, parts, "Entry of the parts catalogue.")
+    silicones = tuple(sorted(entries.elastomers))
+    yield choice(
+        "Material",
+        "elastomer.material",
+        "silicone",
+        design.elastomer.material,
+        silicones,
+        "Of the clear layer.",
+    )
+    if isinstance(design.gain.feedback_ohm, str):
+        rule = design.gain.feedback_ohm
+        tells = "each: every receiver has its own gain; common: one gain for all."
+        yield choice("Signal", "gain.feedback_ohm", "gain", rule, ("each", "common"), tells)
+    tells = "Where parts sit. By hand: every part by itself, as dragging one makes it."
+    yield choice("Layout", "layout", "pattern", pattern_of(design), PATTERNS, tells)
+
+
+def _layout(design: SensorDesign) -> Iterator[Knob]:
+    for number, pattern in enumerate(design.layout):
+        at = f"layout.{number}"
+        match pattern:
+            case AlternatingRing():
+                yield from _ring(design, pattern, at)
+            case FacingRows():
+                yield _whole(
+                    at,
+                    "count",
+                    "pairs",
+                    pattern.count,
+                    MOST_ON_A_WALL,
+                    "Emitters in the row, and as many receivers.",
+                )
+                span = wall_length_mm(pattern.emitter_wall, design.cavity.length_mm, design.cavity.width_mm)
+                yield _pitch(at, pattern.pitch_mm, span / pattern.count)
+            case PerSide():
+                for wall in WALLS:
+                    yield _whole(
+                        at,
+                        wall,
+                        f"{pattern.kind}s {wall}",
+                        getattr(pattern, wall),
+                        MOST_ON_A_WALL,
+                        "Parts on this wall.",
+                    )
+                tells = "Moves the whole row along its wall."
+                yield _along(at, "shift_mm", f"{pattern.kind}s' shift", pattern.shift_mm, tells)
+            case _:
+                pass
+
+
+def _ring(design: SensorDesign, pattern: AlternatingRing, at: str) -> Iterator[Knob]:
+    counts = pattern.parts_per_side
+    if isinstance(counts, int):
+        yield _whole(
+            at,
+            "parts_per_side",
+            "parts a side",
+            counts,
+            MOST_ON_A_WALL,
+            "Emitters and receivers in turn, on each wall.",
+        )
+        even = min(design.cavity.length_mm, design.cavity.width_mm) / counts
+        yield _pitch(at, pattern.pitch_mm, even)
+    else:
+        for wall, count in zip(WALLS, counts, strict=True):
+            yield _whole(
+                at,
+                f"parts_per_side.{WALLS.index(wall)}",
+                f"parts {wall}",
+                count,
+                MOST_ON_A_WALL,
+                "The sum is even: an odd step takes the opposite wall along.",
+            )
+
+
+def _whole(at: str, name: str, label: str, value: int, high: int, tells: str) -> Knob:
+    low = 0 if name in WALLS or "." in name else 1
+    return Knob(
+        path=f"{at}.{name}",
+        group="Layout",
+        label=label,
+        unit="",
+        kind="whole",
+        value=value,
+        low=low,
+        high=high,
+        step=1,
+        tells=tells,
+    )
+
+
+def _pitch(at: str, given_mm: float | None, even_mm: float) -> Knob:
+    """The pitch, or what it is where none is given."""
+    value = round(even_mm, 3) if given_mm is None else given_mm
+    return _along(at, "pitch_mm", "pitch", value, "Distance between neighbours.")
+
+
+def _along(at: str, name: str, label: str, value: float, tells: str) -> Knob:
+    low, high = (0.5, 100.0) if name == "pitch_mm" else (-100.0, 100.0)
+    return Knob(
+        path=f"{at}.{name}",
+        group="Layout",
+        label=label,
+        unit="mm",
+        kind="number",
+        value=value,
+        low=low,
+        high=high,
+        step=0.25,
+        tells=tells,
+    )
+
+
+def limits_of(path: str) -> tuple[float | None, float | None]:
+    """Least and largest value that the specification takes at a path without list items; None: open.
+
+    An open end ("above 0") is given as the limit itself.
+    """
+    schema = _schema()
+    found = schema
+    for name in path.split("."):
+        found = found["properties"][name]
+        reference = found.get("$ref") or next(
+            (one["$ref"] for one in found.get("anyOf", ()) if "$ref" in one), None
+        )
+        if reference:
+            found = schema["$defs"][reference.rsplit("/", 1)[-1]]
+    low = found.get("minimum", found.get("exclusiveMinimum"))
+    high = found.get("maximum", found.get("exclusiveMaximum"))
+    return (None if low is None else float(low), None if high is None else float(high))
+
+
+@cache
+def _schema() -> dict[str, Any]:
+    return SensorDesign.model_json_schema()

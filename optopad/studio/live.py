@@ -1,0 +1,388 @@
+"""The built sensor as the studio sees it: a thread reads it through the driver, and the newest snapshot waits.
+
+    with LiveSensor(design, port=None, model=None, bundles=Path("outputs")) as live:
+        live.start()
+        view = live.latest()
+
+The driver's own thread empties the port into its queue; the thread here takes frames from there and makes a frozen
+snapshot. Whoever draws takes a reference to it, so that drawing never holds up reading. Nothing here simulates: the
+expected pattern of the untouched pad comes from the bundle, or from the owner by `set_expected`.
+
+Leave the pad alone for the first 1.5 s after every connection: baseline, check of the wiring and the model's levels
+are taken then. A press at that time is taken for the untouched pad until `rebase`.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from design.errors import DeviceError, InputError
+from design.spec import SensorDesign
+from fabrication.driver.check import check_frames
+from fabrication.driver.descriptor import Descriptor, descriptor_of
+from fabrication.driver.link.frames import US_PER_S, Frame, normalised
+from fabrication.driver.link.link import require_digest
+from fabrication.driver.pattern import Problem
+from fabrication.driver.sensor import Sensor
+from fabrication.driver.stream import LinkCounts
+from fabrication.driver.touch_reader import Touch, TouchReader, require_fits
+from optopad.sensor.driver_source import driver_source
+from optopad.studio.board_process import STARTING_BOARD, BoardProcess, saved_design
+from sims.learning.inference.model_file import load_model
+from sims.learning.inference.touch_model import TouchModel
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+FAKE = "fake"
+"""The port's name that asks for a simulated board."""
+
+START_S, START_FRAMES = 0.8, 5
+"""Of the untouched pad, for baseline and check; with a model its own levels are taken after that."""
+
+POLL_S = 0.2
+SILENCE_S = 1.0
+"""Without a frame for so long, and three frames long, the sensor is said to be silent."""
+
+OPEN_AGAIN_S = 10.0
+"""The driver looks for a port that went away by itself; after so long without a frame it is opened anew."""
+
+TRY_EVERY_S = 2.0
+SHOW_EVERY_S = 0.01
+CLOSE_S = 2.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class LiveView:
+    """What is known of the sensor now. Numbers of a sensor that went away stay.
+
+    Attributes
+    ----------
+    status : one sentence for people
+    is_reading : whether frames come
+    frames, lost, damaged, reconnects : on the line since `start`, see `LinkCounts`
+    view_lost : frames that the driver received and that were never handed on here, by the sequence numbers
+    rate_hz : frames a second by the board's clock; None before two frames
+    signals : (emitter, receiver) less the dark state's [counts]; None before the first frame
+    baseline : (emitter, receiver) signals of the untouched pad, 0.8 s after the first frame [counts]
+    normalised : (emitter, receiver) signals over the baseline; NaN where that is below 4 counts [-]
+    saturated : (emitter, receiver) whether lit or dark reading is at full scale
+    expected : (emitter, receiver) untouched by simulation [counts]; None where that is not known
+    touch : what the model says of the newest frame; None without a model
+    problems : what the check of the wiring found, errors first; empty before it, too
+    """
+
+    status: str
+    is_reading: bool = False
+    frames: int = 0
+    lost: int = 0
+    damaged: int = 0
+    reconnects: int = 0
+    view_lost: int = 0
+    rate_hz: float | None = None
+    signals: NDArray[np.int32] | None = None
+    baseline: FloatArray | None = None
+    normalised: FloatArray | None = None
+    saturated: BoolArray | None = None
+    expected: FloatArray | None = None
+    touch: Touch | None = None
+    problems: tuple[Problem, ...] = ()
+
+
+class LiveSensor:
+    """Reads a built sensor, or a simulated board, in a thread until closed.
+
+    Parameters
+    ----------
+    design : the sensor's
+    port : name of the port; None finds the board by its USB identity; "fake" starts a simulated one
+    model : file of a trained model of this design; None shows no touch
+    bundles : folder that holds the bundles; the design's gives the expected pattern where it is there
+    seed : of the simulated board
+    accept_digest : first 8 digits or more of a foreign design's digest that is accepted none the less
+
+    Raises
+    ------
+    InputError, DesignError : a model of another design, or damaged; digits that name no design.
+    """
+
+    def __init__(
+        self,
+        design: SensorDesign,
+        *,
+        port: str | None,
+        model: Path | None,
+        bundles: Path,
+        seed: int = 0,
+        accept_digest: str | None = None,
+    ) -> None:
+        with tempfile.TemporaryDirectory(prefix="optopad-") as folder:
+            self._config = driver_source(saved_design(design, Path(folder)), None, bundles).config
+        self._said: Descriptor = descriptor_of(self._config)
+        self._lit = [emitter.state for emitter in self._config.emitters]
+        self._dark = self._config.ambient.subtract_state
+        self._model = None if model is None else _fitting_model(model, self._said)
+        require_digest(accept_digest)
+        self._accept_digest = accept_digest
+        self._port = port
+        self._board = BoardProcess(design, bundles, seed, self._say) if port == FAKE else None
+        self._expected = self._said.expected_counts
+        self._silence_s = max(SILENCE_S, 3.0 / self._said.wanted_rate_hz)
+        self._view: LiveView | None = None
+        self._over, self._rebase = threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self._run, name="optopad live", daemon=True)
+        self._past = LinkCounts()
+        self._passed = _Passed()
+        self._heard_s: float | None = None
+        self._opened_s = 0.0
+        self._reason = ""
+        self._shown_s = 0.0
+        self._baseline: FloatArray | None = None
+        self._problems: tuple[Problem, ...] = ()
+        self._connection: int | None = None
+        self._start: list[Frame] = []
+        self._is_settled = self._is_to_check = False
+        self._reader: TouchReader | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, err: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def start(self) -> None:
+        """Begin to read; once."""
+        self._say("looking for the board" if self._board is None else STARTING_BOARD)
+        self._thread.start()
+
+    def latest(self) -> LiveView | None:
+        """The newest snapshot, at once; None before `start`."""
+        return self._view
+
+    @property
+    def expected(self) -> FloatArray | None:
+        """(emitter, receiver) untouched by simulation [counts]; None where the bundle has none and none was set."""
+        return self._expected
+
+    def set_expected(self, counts: ArrayLike) -> None:
+        """Say what the untouched pad should read; the wiring is checked against it.
+
+        Parameters
+        ----------
+        counts : (emitter, receiver), as of `SimulatedGain.untouched_readings` [counts]
+
+        Raises
+        ------
+        InputError : another shape, or no numbers.
+        """
+        given = np.array(counts, dtype=np.float64)
+        needed = len(self._said.emitters.names), len(self._said.receivers.names)
+        if given.shape != needed or not np.isfinite(given).all():
+            raise InputError(
+                f"expected counts: of shape {given.shape}, {np.isfinite(given).sum()} of them finite; needs finite "
+                f"{needed}; simulate the untouched pad of {self._said.design}"
+            )
+        self._expected = np.minimum(given, self._said.full_scale)
+        self._is_to_check = True
+
+    def rebase(self) -> None:
+        """Take baseline, check and the model's levels anew: leave the pad alone for the next 1.5 s."""
+        self._rebase.set()
+
+    def close(self) -> None:
+        """End thread, sensor and simulated board; twice is once.
+
+        A port that is silent while it is greeted is closed when the greeting's time is over, up to 5 s later.
+        """
+        self._over.set()
+        if self._board is not None:
+            self._board.end()  # first: the thread may wait for its words
+        if self._thread.is_alive():
+            self._thread.join(CLOSE_S)
+        if self._board is not None:
+            self._board.tidy()
+
+    def _say(self, status: str) -> None:
+        """Change the status alone: the numbers stay."""
+        shown = self._view or LiveView(status=status, expected=self._expected)
+        self._view = replace(shown, status=status, is_reading=False)
+
+    def _run(self) -> None:
+        while not self._over.is_set():
+            try:
+                self._read()
+            except DeviceError as err:
+                self._reason = str(err)
+            except InputError as err:  # no simulated board, and trying again gives no other
+                self._say(str(err))
+                return
+            except Exception as err:  # our own fault is told and raised: no old number may pass for a new one
+                self._say(f"reading has ended: {type(err).__name__}: {err}; this is optopad's own failure")
+                raise
+            self._say_silent()
+            self._over.wait(TRY_EVERY_S)
+
+    def _read(self) -> None:
+        """Open the sensor and read it until it is over, or has been silent for long."""
+        port = self._port if self._board is None else self._board.port()
+        opened = Sensor(
+            self._config, port, accept_digest=self._accept_digest, baseline_s=0.0, patience_s=SILENCE_S
+        )
+        with opened as sensor:
+            if self._heard_s is not None:
+                self._past.reconnects += 1
+            self._begin_anew()
+            self._passed.skip()
+            self._opened_s = time.monotonic()
+            try:
+                while not self._over.is_set() and not self._is_given_up():
+                    self._take(sensor)
+            finally:
+                self._past = self._counts(sensor)
+
+    def _is_given_up(self) -> bool:
+        has_ended = self._board is not None and self._board.has_ended
+        return has_ended or self._silent_s() > max(OPEN_AGAIN_S, self._silence_s)
+
+    def _silent_s(self) -> float:
+        """How long the open sensor has been silent [s]."""
+        return time.monotonic() - max(self._heard_s or 0.0, self._opened_s)
+
+    def _take(self, sensor: Sensor) -> None:
+        """What comes within a fifth of a second; a word where nothing came for long."""
+        if self._rebase.is_set():
+            self._rebase.clear()
+            self._begin_anew()
+        try:
+            self._settle(sensor)
+            for frame, touch in self._arriving(sensor):
+                self._heard_s, self._reason = time.monotonic(), ""
+                self._follow(sensor, frame, touch)
+        except DeviceError as err:  # the driver's thread goes on looking for the board
+            self._reason = str(err)
+            self._over.wait(POLL_S)
+        if self._silent_s() > self._silence_s:
+            self._say_silent()
+
+    def _arriving(self, sensor: Sensor) -> Iterator[tuple[Frame, Touch | None]]:
+        if self._reader is None:
+            yield from ((frame, None) for frame in sensor.frames(seconds=POLL_S))
+        else:
+            yield from ((touch.frame, touch) for touch in self._reader.touches(seconds=POLL_S))
+
+    def _follow(self, sensor: Sensor, frame: Frame, touch: Touch | None) -> None:
+        if frame.connection != self._connection:
+            if self._connection is not None:
+                self._begin_anew()
+            self._connection = frame.connection
+        self._passed.take(frame)
+        if not self._is_settled:
+            self._start.append(frame)
+        if (now_s := time.monotonic()) - self._shown_s >= SHOW_EVERY_S:
+            self._shown_s = now_s
+            self._view = self._snapshot(sensor, frame, touch)
+
+    def _begin_anew(self) -> None:
+        """The pad is untouched from now on for a while: what is measured then is measured again."""
+        self._connection, self._start, self._reader = None, [], None
+        self._is_settled = self._is_to_check = False
+
+    def _settle(self, sensor: Sensor) -> None:
+        """Baseline, check and the model's levels, as soon as there is enough for them."""
+        if not self._is_settled and _is_enough(self._start):
+            self._baseline = np.mean([frame.signals for frame in self._start], axis=0)
+            self._is_settled = self._is_to_check = True
+        if self._is_settled and self._is_to_check and self._expected is not None:
+            self._is_to_check = False
+            found = check_frames(self._start, replace(self._said, expected_counts=self._expected))
+            self._problems = found.problems
+        if self._is_settled and self._model is not None and self._reader is None:
+            reader = TouchReader(sensor, self._model)
+            self._passed.skip()  # the reader takes frames for itself
+            reader.begin()
+            self._reader = reader
+
+    def _snapshot(self, sensor: Sensor, frame: Frame, touch: Touch | None) -> LiveView:
+        counts, rate_hz, baseline = self._counts(sensor), sensor.rate_hz, self._baseline
+        return LiveView(
+            status=self._reading_text(sensor.port, rate_hz),
+            is_reading=True,
+            frames=counts.frames,
+            lost=counts.lost,
+            damaged=counts.damaged,
+            reconnects=counts.reconnects,
+            view_lost=self._passed.missed,
+            rate_hz=rate_hz,
+            signals=frame.signals,
+            baseline=baseline,
+            normalised=None if baseline is None else normalised(frame.signals, baseline),
+            saturated=frame.saturated[self._lit] | frame.saturated[self._dark],
+            expected=self._expected,
+            touch=touch,
+            problems=self._problems,
+        )
+
+    def _reading_text(self, port: str, rate_hz: float | None) -> str:
+        if not self._is_settled or (self._model is not None and self._reader is None):
+            return f"measuring the untouched pad on {port}: leave it alone"
+        return f"reading {port}" + ("" if rate_hz is None else f": {rate_hz:.1f} Hz")
+
+    def _say_silent(self) -> None:
+        if self._heard_s is None:
+            self._say(f"no board yet, trying again: {self._reason or 'it sends nothing'}")
+            return
+        silent_s = time.monotonic() - self._heard_s
+        reason = f" ({self._reason})" if self._reason else ""
+        self._say(f"no frames for {silent_s:.0f} s: is the cable in? trying again{reason}")
+
+    def _counts(self, sensor: Sensor) -> LinkCounts:
+        """Since `start`, over all the times that the sensor was opened."""
+        now, past = sensor.counts, self._past
+        names = type(now).__dataclass_fields__
+        return LinkCounts(**{name: getattr(past, name) + getattr(now, name) for name in names})
+
+
+class _Passed:
+    """Frames that were handed on, and how many never were: gaps of the sequence that the line did not make."""
+
+    def __init__(self) -> None:
+        self.missed = 0
+        self._last: Frame | None = None
+
+    def take(self, frame: Frame) -> None:
+        """The next one."""
+        last, self._last = self._last, frame
+        if last is not None and last.connection == frame.connection:
+            self.missed += max(frame.sequence - last.sequence - 1 - frame.lost_before, 0)
+
+    def skip(self) -> None:
+        """Others are handed on elsewhere before the next one."""
+        self._last = None
+
+
+def _is_enough(frames: list[Frame]) -> bool:
+    if len(frames) < START_FRAMES:
+        return False
+    return (frames[-1].device_us - frames[0].device_us) / US_PER_S >= START_S
+
+
+def _fitting_model(file: Path, said: Descriptor) -> TouchModel:
+    """A trained model of this design; refused before a port is opened."""
+    model = load_model(file)
+    try:
+        require_fits(model.header, said)
+    except InputError as err:
+        raise InputError(f"{file}: {err}") from None
+    return model

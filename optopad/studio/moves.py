@@ -1,0 +1,165 @@
+"""A part dragged by hand: what of the design that changes.
+
+Along its wall a part of a pattern leaves the pattern, whose parts then stand one by one where they stood; their names
+and order stay. With its whole row, the pattern's pitch or shift changes. In height a part takes all of its kind with
+it, unless it has a height of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+from design.errors import InputError
+from design.geometry.cavity import PlacedPart, cavity_of
+from design.spec import SensorDesign
+from design.spec.layout import FacingRows, PerSide, Single, expand
+
+STEP_MM = 0.05
+"""What a dragged place is rounded to [mm]: finer than any mold is printed."""
+LEAST_MM = 0.01
+
+
+def part_named(design: SensorDesign, name: str) -> PlacedPart:
+    """A placed part by its name.
+
+    Raises
+    ------
+    InputError : no such part.
+    """
+    parts = cavity_of(design).parts
+    for part in parts:
+        if part.name == name:
+            return part
+    raise InputError(f"{name}: no such part; there are {', '.join(part.name for part in parts)}")
+
+
+def moved(
+    design: SensorDesign,
+    name: str,
+    *,
+    along_mm: float | None = None,
+    height_mm: float | None = None,
+    with_row: bool = False,
+) -> dict[str, Any]:
+    """Changes that bring a part to a place on its wall.
+
+    Parameters
+    ----------
+    along_mm : from the wall's low corner [mm]; None: as it is
+    height_mm : above the clear layer's bottom [mm]; None: as it is
+    with_row : move the whole row of its pattern along, too
+
+    Returns
+    -------
+    dotted path and value; empty where nothing moves
+
+    Raises
+    ------
+    InputError : no such part, a place that is no number.
+    DesignError : a place that the layout does not take.
+    """
+    part = part_named(design, name)
+    changes: dict[str, Any] = {}
+    along = _place(along_mm, part.along_mm, f"{name}: along_mm")
+    height = _place(height_mm, part.height_mm, f"{name}: height_mm")
+    if along is not None:
+        changes |= _along(design, part, along, with_row=with_row)
+    if height is not None:
+        there = part_named(design.with_(**changes), name) if changes else part
+        changes |= _at_height(there, height, changes)
+    return changes
+
+
+def placed_singles(design: SensorDesign, numbers: Iterable[int]) -> list[dict[str, Any]]:
+    """The layout with some of its patterns taken apart into single parts at the same places."""
+    document = design.model_dump(mode="json")["layout"]
+    apart = set(numbers)
+    found: list[dict[str, Any]] = []
+    for number, pattern in enumerate(document):
+        if number not in apart or pattern["pattern"] == "single":
+            found.append(pattern)
+            continue
+        for place in expand((design.layout[number],), design.cavity.length_mm, design.cavity.width_mm):
+            single = {
+                "pattern": "single",
+                "kind": place.kind,
+                "wall": place.wall,
+                "along_mm": _plain(place.along_mm),
+            }
+            found.append(single | {key: value for key, value in _own(place).items() if value is not None})
+    return found
+
+
+def _own(place: Any) -> dict[str, Any]:
+    return {"part": place.part, "height_mm": place.height_mm}
+
+
+def _along(design: SensorDesign, part: PlacedPart, along_mm: float, *, with_row: bool) -> dict[str, Any]:
+    number = int(part.origin.split(".")[1])
+    pattern = design.layout[number]
+    if isinstance(pattern, Single):
+        return {f"{part.origin}.along_mm": along_mm}
+    if with_row:
+        return _row_moved(design, part, along_mm)
+    before = expand(design.layout[:number], design.cavity.length_mm, design.cavity.width_mm)
+    mine = expand((pattern,), design.cavity.length_mm, design.cavity.width_mm)
+    same = [k for k, place in enumerate(mine) if place.kind == part.kind]
+    rank = _rank(design, part) - sum(place.kind == part.kind for place in before)
+    layout = placed_singles(design, [number])
+    at = number + same[rank]
+    layout[at] = layout[at] | {"along_mm": along_mm}
+    return {"layout": layout}
+
+
+def _rank(design: SensorDesign, part: PlacedPart) -> int:
+    cavity = cavity_of(design)
+    parts = cavity.emitters if part.kind == "emitter" else cavity.receivers
+    return [one.name for one in parts].index(part.name)
+
+
+def _row_moved(design: SensorDesign, part: PlacedPart, along_mm: float) -> dict[str, Any]:
+    """A shifted row where the pattern has a shift, else a wider or narrower one."""
+    pattern = design.layout[int(part.origin.split(".")[1])]
+    if isinstance(pattern, PerSide):
+        return {f"{part.origin}.shift_mm": _plain(pattern.shift_mm + along_mm - part.along_mm)}
+    cavity = cavity_of(design)
+    middle = cavity.wall_length_mm(part.wall) / 2
+    from_middle = part.along_mm - middle
+    if abs(from_middle) < LEAST_MM:
+        return {}
+    assert not isinstance(pattern, Single)
+    if pattern.pitch_mm is not None:
+        pitch = pattern.pitch_mm
+    else:
+        counts = pattern.count if isinstance(pattern, FacingRows) else _on_wall(design, part)
+        pitch = 2 * middle / counts
+    return {f"{part.origin}.pitch_mm": _plain(max(pitch * (along_mm - middle) / from_middle, 0.5))}
+
+
+def _on_wall(design: SensorDesign, part: PlacedPart) -> int:
+    parts = cavity_of(design).parts
+    return sum(one.wall == part.wall and one.origin == part.origin for one in parts)
+
+
+def _at_height(part: PlacedPart, height_mm: float, others: dict[str, Any]) -> dict[str, Any]:
+    """A height of its own stays its own, also where the part has just left its pattern."""
+    field = part.height_field
+    if "layout" in others and field.startswith("layout."):
+        others["layout"][int(part.origin.split(".")[1])]["height_mm"] = height_mm
+        return {}
+    return {field: height_mm}
+
+
+def _place(wanted_mm: float | None, is_mm: float, what: str) -> float | None:
+    """The place on the grid of `STEP_MM`; None where nothing is wanted, or no more than where it stands."""
+    if wanted_mm is None:
+        return None
+    if not math.isfinite(wanted_mm):
+        raise InputError(f"{what}: {wanted_mm} mm is refused: must be a finite number")
+    return None if abs(wanted_mm - is_mm) < STEP_MM / 2 else _plain(round(wanted_mm / STEP_MM) * STEP_MM)
+
+
+def _plain(value_mm: float) -> float:
+    return round(value_mm, 6)

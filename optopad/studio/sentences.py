@@ -1,0 +1,176 @@
+"""What the panel says, as HTML: the verdict and what it rests on, what does not fit, pinned designs, the sensor."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from html import escape
+
+from design.geometry.cavity import PlacedPart
+from optopad.report.text.answer import answer_of, verdict_words
+from optopad.screen.stages import STAGE_TITLES
+from optopad.sensor.touch_view import touch_line
+from optopad.studio.answers import Doing, Judged
+from optopad.studio.live import LiveView
+from optopad.studio.session import Said, Version
+
+RED, GREEN, AMBER, GREY = "#d1242f", "#1a7f37", "#9a6700", "#6e7781"
+LEVELS = {
+    "draft": (AMBER, "draft", "coarse light; the score follows"),
+    "score": ("#0969da", "score", "as optopad score; the values that nobody measured are being tried"),
+    "whole": (GREEN, "score", "as optopad score, tolerance and all"),
+}
+
+
+def verdict_html(now: Version, judged: Judged | None, failed: str, doing: Doing | None) -> str:
+    """The answer to the design on the table, or why there is none; and what is being worked at."""
+    parts = [errors_html(now)] if now.errors else []
+    if not now.errors:
+        if judged is not None and (judged.digest == now.design.digest or not failed):
+            parts.append(_judged(now, judged))
+            parts += [_line(f"of this press: {failed}", RED)] if failed else []
+        elif failed:
+            parts.append(_block(RED, "no answer", [failed]))
+        else:
+            parts.append(_line("working at the first answer", GREY))
+    if doing is not None and doing.stage:
+        title = STAGE_TITLES.get(doing.stage, doing.stage)
+        parts.append(_line(f"{title}: {doing.share:.0%}", GREY))
+    return _wrapped("".join(parts))
+
+
+def _judged(now: Version, judged: Judged) -> str:
+    colour, badge, tells = LEVELS[judged.level]
+    is_old = judged.digest != now.design.digest
+    said = answer_of(now.design, judged.score) if not is_old else None
+    if said is None:
+        words = [f"of the design before: {verdict_words(judged.score)}"]
+        return _block(GREY, "catching up", words)
+    head = said.verdict
+    words = [_label("why" if judged.score.causes else "weakest", said.why)]
+    if judged.level != "draft":
+        words.append(_label("sure", said.sure))
+    words.append(_label("worth", said.worth))
+    good = GREEN if judged.score.verdict == "CONTIGUOUS" else RED
+    body = "".join(f'<div style="margin-top:3px">{text}</div>' for text in words if text)
+    mark = (
+        f'<span title="{escape(tells, quote=True)}" style="float:right;color:{colour};border:1px solid {colour};'
+        f'border-radius:6px;padding:0 6px;font-size:11px">{badge}</span>'
+    )
+    return (
+        f'<div style="border-left:4px solid {good};padding:2px 0 2px 8px">{mark}'
+        f'<b class="verdict">{escape(head)}</b>{body}</div>'
+    )
+
+
+def errors_html(now: Version) -> str:
+    """What does not fit, in the words of `optopad check`."""
+    count = len(now.errors)
+    title = f"does not fit: {count} error{'s' if count > 1 else ''}; nothing is judged or saved"
+    return _block(RED, title, [str(one) for one in now.errors[:6]])
+
+
+def said_html(said: Said, *, words: str, is_saved: bool) -> str:
+    """The last message, and whether the design is saved."""
+    state = "saved" if is_saved else "not saved"
+    text = said.text or words
+    colour = RED if said.is_bad else "inherit"
+    return _wrapped(
+        f'<div style="font-size:12px"><span style="float:right;color:{GREY}">{state}</span>'
+        f'<span class="said" style="color:{colour}">{escape(text)}</span></div>'
+    )
+
+
+def curves_title(
+    place_mm: tuple[float, float], *, is_draft: bool, force_n: float | None, depth_mm: float, is_old: bool
+) -> str:
+    """Over the curves: where, how finely, and the load of the press shown."""
+    how = "draft: the centred surface" if is_draft else "as finely as a score"
+    how = "of the design before" if is_old else how
+    load = "" if force_n is None else f"; at {depth_mm:.2f} mm {force_n:.2f} N"
+    return _wrapped(
+        f'<div style="font-size:12px"><b>Pairs under the tip</b> at x {place_mm[0]:.1f}, y {place_mm[1]:.1f} mm{load} '
+        f'<span style="color:{GREY}">({how})</span></div>'
+    )
+
+
+def pins_html(pinned: Sequence[Version], now: Version, found: Mapping[str, Judged]) -> str:
+    """Pinned designs beside the one on the table."""
+    if not pinned:
+        return ""
+    rows = []
+    for name, version in [*((f"pin {k + 1}", one) for k, one in enumerate(pinned)), ("now", now)]:
+        judged = found.get(version.design.digest)
+        cells = ["…"] * 4
+        if judged is not None:
+            score = judged.score
+            margin = None if score.pad_map is None else score.pad_map.weakest.margin
+            place = None if score.bounds is None else score.bounds.median_location_mm.value
+            cells = [
+                verdict_words(score),
+                f"{score.deadband_total_mm:.2f}",
+                "" if margin is None else f"{margin:.1f}",
+                "" if place is None else f"{place:.3f}",
+            ]
+        told = "".join(f"<td>{escape(cell)}</td>" for cell in cells)
+        rows.append(f"<tr><td title='{escape(version.words, quote=True)}'>{name}</td>{told}</tr>")
+    head = "".join(
+        f"<th style='text-align:left'>{one}</th>" for one in ("", "verdict", "dead mm", "margin", "place mm")
+    )
+    table = f"<table style='width:100%;font-size:11px'><tr>{head}</tr>{''.join(rows)}</table>"
+    return _wrapped(f'<div style="font-size:12px"><b>Pinned</b></div>{table}')
+
+
+def sensor_html(view: LiveView) -> str:
+    """State of the line, the touch, and what a check of the wiring found."""
+    colour = GREEN if view.is_reading else RED
+    counts = f"{view.frames} frames, {view.lost} lost, {view.damaged} damaged"
+    more = f", {view.reconnects} reconnects" if view.reconnects else ""
+    lines = [
+        f'<span style="color:{colour}">●</span> {escape(view.status)}',
+        escape(counts + more),
+    ]
+    if view.touch is not None:
+        drift = view.touch.drift
+        lines.append(escape(touch_line(view.touch)))
+        lines.append(f"drift {drift.drift:+.2%}{', held' if drift.is_held else ', followed'}")
+    for problem in view.problems:
+        tint = RED if problem.is_error else AMBER
+        lines.append(f'<span style="color:{tint}">{escape(problem.kind)}: {escape(problem.message)}</span>')
+    return _wrapped("".join(f'<div style="font-size:12px">{line}</div>' for line in lines))
+
+
+def bad_parts(now: Version, parts: Sequence[PlacedPart]) -> tuple[str, ...]:
+    """Names of the parts that an error is about: by what placed them, their height's field, or in its words."""
+    found: list[str] = []
+    fields = {one.field for one in now.errors}
+    words = " ".join(f"{one.message} {one.value}" for one in now.errors)
+    named = set(re.findall(r"[A-Za-z][A-Za-z0-9_-]*", words))
+    for part in parts:
+        if (
+            part.height_field in fields
+            or part.name in named
+            or any(one.startswith(f"{part.origin}.") for one in fields)
+        ):
+            found.append(part.name)
+    return tuple(found)
+
+
+def _label(name: str, text: str) -> str:
+    return f'<span style="color:{GREY}">{name}</span> {escape(text)}' if text else ""
+
+
+def _block(colour: str, title: str, lines: Sequence[str]) -> str:
+    body = "".join(f'<div style="margin-top:3px">{escape(line)}</div>' for line in lines)
+    return (
+        f'<div style="border-left:4px solid {colour};padding:2px 0 2px 8px"><b style="color:{colour}">'
+        f"{escape(title)}</b>{body}</div>"
+    )
+
+
+def _line(text: str, colour: str) -> str:
+    return f'<div style="color:{colour};font-size:12px;margin-top:4px">{escape(text)}</div>'
+
+
+def _wrapped(body: str) -> str:
+    return f'<div style="padding:4px 10px;font-size:13px;line-height:1.35">{body}</div>'

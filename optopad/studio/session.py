@@ -1,0 +1,353 @@
+"""What is on the table: the design under edit with its history, the press, pinned designs, and what was said last.
+
+    edit ──► fields refuse it: nothing changes, the refusal is said
+        └──► a new version; rules that it breaks are findings: shown in red, not judged, not saved
+
+Every change is told to the listener, in the thread that made it. No browser, no physics.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from design.errors import InputError, OptopadError
+from design.fields.finding import Finding
+from design.fields.paths import is_value
+from design.geometry.cavity import Workspace, cavity_of, workspace_of
+from design.rules.check import check
+from design.spec import SensorDesign
+from optopad.report.text.answer import changes_words
+from optopad.studio.design_file import DesignFile
+from optopad.studio.knobs import changes_of
+from optopad.studio.moves import moved, part_named
+
+MERGE_S = 1.5
+"""Edits of one thing that follow each other so soon are one step of the history [s]."""
+MOST_VERSIONS = 500
+
+
+@dataclass(frozen=True, kw_only=True)
+class Version:
+    """One step of the history.
+
+    Attributes
+    ----------
+    design : as it is after the step
+    findings : what the rules say of it
+    words : what was changed
+    """
+
+    design: SensorDesign
+    findings: tuple[Finding, ...]
+    words: str
+
+    @property
+    def errors(self) -> tuple[Finding, ...]:
+        """What keeps it from being built, judged and saved."""
+        return tuple(one for one in self.findings if one.severity == "error")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Press:
+    """Where the tip is: x, y in the cavity frame and depth [mm]."""
+
+    x_mm: float
+    y_mm: float
+    depth_mm: float
+
+    @property
+    def place_mm(self) -> tuple[float, float]:
+        """(x, y) [mm]."""
+        return self.x_mm, self.y_mm
+
+
+@dataclass(frozen=True, kw_only=True)
+class Said:
+    """A sentence for the user; whether it is bad news."""
+
+    text: str
+    is_bad: bool = False
+
+
+class Session:
+    """The design on the table. Safe to be used by several threads.
+
+    Parameters
+    ----------
+    file : what is edited
+    start : the design to begin with, where it differs from the file's (`--set`)
+
+    Raises
+    ------
+    InputError : a design that cannot be laid out.
+    """
+
+    def __init__(self, file: DesignFile, start: SensorDesign | None = None) -> None:
+        self.file = file
+        self._lock = threading.RLock()
+        self._done = [_version(file.saved, "as in the file")]
+        self._undone: list[Version] = []
+        self._merge: tuple[str, float] = ("", 0.0)
+        self._listeners: list[Callable[[], None]] = []
+        self.pinned: tuple[Version, ...] = ()
+        self.said = Said(text="")
+        size, deepest = file.saved.cavity, file.saved.operating.max_depth_mm
+        middle = Press(x_mm=size.length_mm / 2, y_mm=size.width_mm / 2, depth_mm=round(0.4 * deepest, 2))
+        self.press = self._within(middle)
+        if start is not None and start.digest != file.saved.digest:
+            self._push(_version(start, "as on the command line"), "")
+
+    @property
+    def now(self) -> Version:
+        """The design on the table."""
+        return self._done[-1]
+
+    @property
+    def design(self) -> SensorDesign:
+        """The design on the table."""
+        return self.now.design
+
+    @property
+    def is_saved(self) -> bool:
+        """Whether the file holds it."""
+        is_there = self.file.path is not None and self.file.is_in_step
+        return is_there and self.design.digest == self.file.saved.digest
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is a step to take back."""
+        return len(self._done) > 1
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether there is a step to take again."""
+        return bool(self._undone)
+
+    def listen(self, call: Callable[[], None]) -> None:
+        """Have something called after every change."""
+        self._listeners.append(call)
+
+    def set_field(self, path: str, value: Any) -> bool:
+        """Give one field a value; False where it was refused, which is then said."""
+        return self._edit(lambda: changes_of(self.design, path, value), merge=path)
+
+    def move_part(
+        self,
+        name: str,
+        *,
+        along_mm: float | None = None,
+        height_mm: float | None = None,
+        with_row: bool = False,
+    ) -> bool:
+        """Bring a part to a place on its wall; False where it was refused, which is then said."""
+        return self._edit(
+            lambda: moved(self.design, name, along_mm=along_mm, height_mm=height_mm, with_row=with_row),
+            merge=f"move {name}",
+            words=lambda design: _place_words(design, name),
+        )
+
+    def take(self, design: SensorDesign, words: str) -> None:
+        """Put another design on the table, as a step of the history; the same one is no step.
+
+        Raises
+        ------
+        InputError : a design that cannot be laid out.
+        """
+        with self._lock:
+            if design.digest != self.design.digest:
+                self._push(_version(design, words), "")
+            self._say(words)
+
+    def undo(self) -> None:
+        """Take the last step back."""
+        with self._lock:
+            if self.can_undo:
+                last = self._done.pop()
+                self._undone.append(last)
+                self._settle()
+                self._say(f"undone: {last.words}")
+
+    def redo(self) -> None:
+        """Take the step again that was taken back last."""
+        with self._lock:
+            if self.can_redo:
+                again = self._undone.pop()
+                self._done.append(again)
+                self._settle()
+                self._say(f"done again: {again.words}")
+
+    def move_tip(
+        self, *, x_mm: float | None = None, y_mm: float | None = None, depth_mm: float | None = None
+    ) -> None:
+        """Press elsewhere or deeper; kept within the workspace and the range of use."""
+        with self._lock:
+            now = self.press
+            self.press = self._within(
+                Press(
+                    x_mm=_hundredth(x_mm, now.x_mm),
+                    y_mm=_hundredth(y_mm, now.y_mm),
+                    depth_mm=_hundredth(depth_mm, now.depth_mm),
+                )
+            )
+            if self.press != now:
+                self._tell()
+
+    def save(self, target: str | None = None) -> bool:
+        """Write the design; False where that was refused, which is then said."""
+        with self._lock:
+            if self.now.errors:
+                more = f" (and {len(self.now.errors) - 1} more)" if len(self.now.errors) > 1 else ""
+                self._say(f"not saved: {self.now.errors[0]}{more}", is_bad=True)
+                return False
+            try:
+                written = self.file.save(self.design, target)
+            except (OptopadError, OSError) as err:
+                self._say(str(err), is_bad=True)
+                return False
+            self._say(f"saved: {written}")
+            return True
+
+    def look_at_file(self) -> None:
+        """Take up what an editor made of the file; what is no design is said, and the edits stay."""
+        with self._lock:
+            was_in_step = self.file.is_in_step
+            try:
+                found = self.file.changed_outside()
+                version = None if found is None else _version(found, f"{self.file.path} read again")
+            except (OptopadError, OSError) as err:
+                self._say(f"{err}; the design here is as it was, and Save writes it", is_bad=True)
+                return
+            if version is not None:
+                self._push(version, "")
+                self._say(
+                    f"{self.file.path} was changed outside and is read again; Undo brings your edits back"
+                )
+            elif self.file.is_in_step and not was_in_step:
+                self._say(f"{self.file.path} holds its design again")
+
+    def pin(self) -> None:
+        """Keep the design to compare others with."""
+        with self._lock:
+            if all(one.design.digest != self.design.digest for one in self.pinned):
+                self.pinned = (*self.pinned, self.now)[-4:]
+                self._say(f"pinned: {self.design.digest[:8]}")
+
+    def unpin(self, digest: str) -> None:
+        """Drop a pinned design."""
+        with self._lock:
+            self.pinned = tuple(one for one in self.pinned if one.design.digest != digest)
+            self._tell()
+
+    def say(self, text: str, *, is_bad: bool = False) -> None:
+        """Tell the user something."""
+        with self._lock:
+            self._say(text, is_bad=is_bad)
+
+    def _edit(
+        self,
+        changes: Callable[[], dict[str, Any]],
+        *,
+        merge: str,
+        words: Callable[[SensorDesign], str] | None = None,
+    ) -> bool:
+        with self._lock:
+            try:
+                wanted = changes()
+                if not wanted:
+                    return True
+                design = self.design.with_(**wanted)
+                told = _words(self._before(merge), wanted) if words is None else words(design)
+                version = _version(design, told)
+            except (OptopadError, OSError) as err:
+                self._say(f"not taken: {_first_fault(err)}", is_bad=True)
+                return False
+            if design.digest != self.design.digest:
+                self._push(version, merge)
+                self._say(told)
+            return True
+
+    def _is_going_on(self, merge: str) -> bool:
+        """Whether an edit belongs to the step before it."""
+        key, at = self._merge
+        return bool(merge) and key == merge and time.monotonic() - at < MERGE_S and len(self._done) > 1
+
+    def _before(self, merge: str) -> SensorDesign:
+        """What the step of an edit begins with."""
+        return self._done[-2].design if self._is_going_on(merge) else self.design
+
+    def _push(self, version: Version, merge: str) -> None:
+        if not self._is_going_on(merge):
+            self._done = [*self._done, version][-MOST_VERSIONS:]
+        elif version.design.digest == self._done[-2].design.digest:  # back where the step began
+            self._done, merge = self._done[:-1], ""
+        else:
+            self._done[-1] = version
+        self._merge = (merge, time.monotonic())
+        self._undone = []
+        self.press = self._within(self.press)
+
+    def _settle(self) -> None:
+        self._merge = ("", 0.0)
+        self.press = self._within(self.press)
+
+    def _within(self, wanted: Press) -> Press:
+        """The nearest press of the workspace; of a pad that has none, the nearest in the pad."""
+        size, space = self.design.cavity, workspace_of(self.design)
+        if space.is_empty:
+            space = Workspace(x0_mm=0.0, x1_mm=size.length_mm, y0_mm=0.0, y1_mm=size.width_mm)
+        x_mm, y_mm = space.clamped(*wanted.place_mm)
+        deepest = self.design.operating.max_depth_mm
+        return Press(x_mm=x_mm, y_mm=y_mm, depth_mm=min(max(wanted.depth_mm, 0.0), deepest))
+
+    def _say(self, text: str, *, is_bad: bool = False) -> None:
+        self.said = Said(text=text, is_bad=is_bad)
+        self._tell()
+
+    def _tell(self) -> None:
+        for call in self._listeners:
+            call()
+
+
+def _version(design: SensorDesign, words: str) -> Version:
+    """A step of the history; a design with a part that no catalogue has could not be drawn and is refused."""
+    try:
+        cavity_of(design)
+        findings = check(design)
+    except OptopadError as err:
+        raise InputError(str(err)) from None
+    return Version(design=design, findings=findings, words=words)
+
+
+def _words(design: SensorDesign, wanted: dict[str, Any]) -> str:
+    """What changes, for the history."""
+    if "layout" in wanted:
+        return "parts placed anew"
+    document = design.model_dump(mode="json")
+    known = {path: value for path, value in wanted.items() if is_value(document, path)}
+    return (
+        changes_words(design, known)
+        if known
+        else ", ".join(f"{path} {value}" for path, value in wanted.items())
+    )
+
+
+def _place_words(design: SensorDesign, name: str) -> str:
+    """Where a part sits."""
+    part = part_named(design, name)
+    return f"{name}: {part.along_mm:g} mm along the {part.wall} wall, {part.height_mm:g} mm high"
+
+
+def _hundredth(wanted_mm: float | None, is_mm: float) -> float:
+    """A place to a hundredth [mm]; as it is where none is wanted, or no number."""
+    return is_mm if wanted_mm is None or not math.isfinite(wanted_mm) else round(wanted_mm, 2)
+
+
+def _first_fault(err: Exception) -> str:
+    """A message's first finding, without the line over a list of them."""
+    lines = [line.strip() for line in str(err).splitlines() if line.strip()]
+    return lines[1] if len(lines) > 1 and lines[0].endswith("not a usable design") else lines[0]

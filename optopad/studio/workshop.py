@@ -1,0 +1,358 @@
+"""The work behind the page: one thread, the newest wish first, older work given up as soon as it is stale.
+
+    pairs under the tip ──► pressed top ──► rays ──► draft map ──► draft bounds ──► score ──► tolerance, what matters
+                                                                                        ──► the same pairs, finely
+
+A wish is a design, a press and whether rays are shown. Another design gives up what is under way, but for the pairs
+under the tip, which are done in a moment and keep a drag alive. Another press leaves a score under way: the new top and
+pairs are worked out in between, between two pieces of its light (`sims.optics.engine.threads.between_pieces`).
+Light that was traced once is found again on disk, so that work given up is not lost.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import DesignError, OptopadError
+from design.geometry.cavity import cavity_of
+from design.geometry.pairs import pair_name
+from design.spec import SensorDesign
+from optopad.studio.answers import Answer, Curves, Doing, Failed, Judged, Look, Ray, Rays, Readings
+from optopad.studio.session import Press
+
+FloatArray = NDArray[np.float64]
+Post = Callable[[Answer], None]
+TOLD_EVERY_S = 0.15
+OF_A_PRESS = ("curves", "look", "rays", "readings", "fine curves")
+"""Pieces that another press makes stale."""
+RAY_PAIRS = 4
+RAYS_A_PAIR = 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wish:
+    """What is to be shown.
+
+    Attributes
+    ----------
+    design, press : a design that fits, and where it is pressed
+    with_rays : whether sample rays are drawn
+    with_readings : whether readings of a built sensor are wanted
+    is_thorough : whether drafts are followed by the score itself
+    """
+
+    design: SensorDesign
+    press: Press
+    with_rays: bool = False
+    with_readings: bool = False
+    is_thorough: bool = True
+
+
+class _StaleError(Exception):
+    """The work under way is of a design that is no longer on the table."""
+
+
+class Workshop:
+    """Works out answers to the newest wish, on a thread of its own.
+
+    Parameters
+    ----------
+    post : takes every answer, on that thread; must not block
+    seed : of the light's offsets
+    """
+
+    def __init__(self, post: Post, *, seed: int = 0) -> None:
+        self._post, self._seed = post, seed
+        self._wish: Wish | None = None
+        self._is_closing = False
+        self._changed = threading.Condition()
+        self._done: set[tuple[object, ...]] = set()
+        self._under_way = ""
+        self._key: tuple[object, ...] = ()
+        self._digest = ""
+        self._is_nested = False
+        self._draft: Judged | None = None
+        self._untouched: tuple[str, FloatArray] | None = None
+        self._told_at = 0.0
+        self.finished = 0
+        self._thread = threading.Thread(target=self._run, name="studio-workshop", daemon=True)
+
+    def start(self) -> None:
+        """Begin to work."""
+        self._thread.start()
+
+    def want(self, wish: Wish | None) -> None:
+        """Replace the wish; None: there is nothing to work at."""
+        with self._changed:
+            self._wish = wish
+            self._changed.notify()
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether something is being worked at."""
+        return bool(self._under_way)
+
+    @property
+    def running_jobs(self) -> int:
+        """How many designs are being worked at: one at most."""
+        return int(self.is_busy)
+
+    def close(self, wait_s: float = 5.0) -> None:
+        """End the work; what is under way is given up between two pieces of it."""
+        with self._changed:
+            self._is_closing = True
+            self._changed.notify()
+        if self._thread.is_alive():
+            self._thread.join(wait_s)
+
+    def _run(self) -> None:
+        from sims.cache.compiling import compiling_told
+        from sims.optics.engine.threads import between_pieces
+
+        with between_pieces(self._attend), compiling_told(lambda share: self._doing("kernels", share)):
+            while not self._is_closing:
+                try:
+                    if not self._work_once():
+                        self._rest()
+                except _StaleError:
+                    continue
+
+    def _rest(self) -> None:
+        """Wait for another wish."""
+        self._under_way = ""
+        self._post(Doing(stage="", share=1.0))
+        with self._changed:
+            self._changed.wait_for(lambda: self._is_closing or self._next(self._wish) is not None)
+
+    def _work_once(self) -> bool:
+        """Do the next piece; whether there was one."""
+        wish = self._wish
+        found = self._next(wish)
+        if wish is None or found is None:
+            return False
+        if wish.design.digest != self._digest:
+            self._digest, self._done, self._draft = wish.design.digest, set(), None
+        name, key, do = found
+        self._do(name, key, do, wish)
+        return True
+
+    def _do(
+        self, name: str, key: tuple[object, ...], do: Callable[[Wish], Answer | None], wish: Wish
+    ) -> None:
+        former = (self._under_way, self._key)
+        self._under_way, self._key = name, key
+        try:
+            found = do(wish)
+        except _StaleError:
+            raise
+        except OptopadError as err:
+            self._give_up(wish, key, str(err), is_of_all=isinstance(err, DesignError))
+        except Exception as err:  # on purpose all: the page must live on
+            traceback.print_exception(err)
+            self._give_up(wish, key, f"optopad's own failure ({type(err).__name__}: {err}); please report it")
+        else:
+            self._done = {one for one in self._done if one[0] != key[0]} | {key}  # one press at a time
+            self.finished += 1
+            if found is not None:
+                self._post(found)
+        finally:
+            self._under_way, self._key = former
+
+    def _give_up(self, wish: Wish, key: tuple[object, ...], text: str, *, is_of_all: bool = False) -> None:
+        """Try it no more; nor else anything of this press where it was of the press, nor of a design with a fault."""
+        keys = {one for _, one, _ in self._pieces(wish)}
+        if not is_of_all:
+            keys = {one for one in keys if one[0] in OF_A_PRESS} if key[0] in OF_A_PRESS else {key}
+        self._done |= keys
+        self._post(Failed(digest=wish.design.digest, text=text))
+
+    def _next(
+        self, wish: Wish | None
+    ) -> tuple[str, tuple[object, ...], Callable[[Wish], Answer | None]] | None:
+        if wish is None:
+            return None
+        done = self._done if wish.design.digest == self._digest else set()
+        return next((piece for piece in self._pieces(wish) if piece[1] not in done), None)
+
+    def _pieces(self, wish: Wish) -> list[tuple[str, tuple[object, ...], Callable[[Wish], Answer | None]]]:
+        """Name, what makes it stale, and the work, in order."""
+        press = wish.press
+        pieces: list[tuple[str, tuple[object, ...], Callable[[Wish], Answer | None]]] = [
+            ("curves", ("curves", press.place_mm), self._curves),
+            ("look", ("look", press), self._look),
+        ]
+        if wish.with_rays:
+            pieces.append(("rays", ("rays", press), self._rays))
+        if wish.with_readings:
+            pieces.append(("readings", ("readings", press), self._readings))
+        pieces += [("map", ("draft",), self._draft_map), ("bounds", ("bounds",), self._draft_bounds)]
+        if wish.is_thorough:
+            pieces += [
+                ("score", ("score",), self._score),
+                ("fine curves", ("fine curves", press.place_mm), self._fine_curves),
+            ]
+        return pieces
+
+    def _attend(self) -> None:
+        """Between two pieces of light: give up what is stale, and serve a new press at once."""
+        wish = self._wish
+        if self._is_closing or wish is None:
+            raise _StaleError
+        if self._under_way in ("look", "curves"):
+            return
+        if wish.design.digest != self._digest or self._key not in {key for _, key, _ in self._pieces(wish)}:
+            raise _StaleError
+        is_own_thread = (
+            threading.current_thread() is self._thread
+        )  # a live contact solve has threads of its own
+        if is_own_thread and not self._is_nested and self._key[0] not in OF_A_PRESS:
+            self._serve(wish)
+
+    def _serve(self, wish: Wish) -> None:
+        """One piece of another press, in the middle of what is of the design alone."""
+        piece = self._next(wish)
+        if piece is None or piece[0] not in OF_A_PRESS or piece[0] == "fine curves":
+            return
+        self._is_nested = True
+        try:
+            self._do(*piece, wish)
+        except _StaleError:
+            pass  # a newer press, or no wish at all: what is under way looks for itself
+        finally:
+            self._is_nested = False
+
+    def _step(self, stage: str, share: float) -> None:
+        self._doing(stage, share)
+        self._attend()
+
+    def _contact_step(self, share: float) -> None:
+        """Of a press that is solved live, which takes long: not finished for a design that is no longer wanted."""
+        self._doing("contact", share)
+        wish = self._wish
+        if self._is_closing or wish is None or wish.design.digest != self._digest:
+            raise _StaleError
+
+    def _doing(self, stage: str, share: float) -> None:
+        now = time.monotonic()
+        if not self._is_nested and (now - self._told_at > TOLD_EVERY_S or stage == "kernels"):
+            self._told_at = now
+            self._post(Doing(stage=stage, share=share))
+
+    def _look(self, wish: Wish) -> Look:
+        from optopad.studio.surface_mesh import pressed_top
+
+        design, press = wish.design, wish.press
+        points, triangles, surface = pressed_top(design, press.place_mm, press.depth_mm)
+        return Look(
+            digest=design.digest,
+            press=press,
+            points_mm=points,
+            triangles=triangles,
+            force_n=0.0 if surface is None else surface.near.force_n,
+            contact_radius_mm=0.0 if surface is None else surface.near.contact_radius_mm,
+        )
+
+    def _curves(self, wish: Wish) -> Curves:
+        from sims.contact.indentation import round_press
+        from sims.continuity.draft import curves_under
+
+        round_press(wish.design, on_step=self._contact_step)  # where it is solved live
+        found = curves_under(wish.design, wish.press.place_mm, seed=self._seed)
+        return Curves(digest=wish.design.digest, found=found)
+
+    def _fine_curves(self, wish: Wish) -> Curves:
+        from sims.continuity.draft import curves_under
+
+        found = curves_under(
+            wish.design, wish.press.place_mm, is_draft=False, seed=self._seed, on_step=self._step
+        )
+        return Curves(digest=wish.design.digest, found=found)
+
+    def _rays(self, wish: Wish) -> Rays:
+        from sims.continuity.draft import pairs_under
+        from sims.rays.light_kinds import LOST, kind_of
+        from sims.rays.ray_states import RayChoice, ray_states
+
+        cavity, press = cavity_of(wish.design), wish.press
+        pairs = pairs_under(cavity, press.place_mm)[:RAY_PAIRS]
+        choice = RayChoice(
+            pairs=pairs,
+            count=RAYS_A_PAIR,
+            draws_each_pair=True,
+            pool_per_path=4,
+            most_rays=20_000,
+            accuracy="draft",
+            seed=self._seed,
+        )
+        presses = [(*press.place_mm, press.depth_mm)] if press.depth_mm > 0 else []
+        state = ray_states(wish.design, choice, presses, on_step=lambda share: self._step("rays", share))[-1]
+        rays = [
+            Ray(
+                kind=kind_of(path.fate).key,
+                pair=pair_name(cavity, (path.emitter, path.receiver)),
+                places_mm=path.places_mm,
+            )
+            for path in state.paths
+        ]
+        rays += [
+            Ray(kind=LOST.key, pair=pair_name(cavity, (path.emitter, former)), places_mm=path.places_mm)
+            for path, former in zip(state.lost, state.lost_by, strict=True)
+        ]
+        return Rays(digest=wish.design.digest, press=press, rays=tuple(rays))
+
+    def _readings(self, wish: Wish) -> Readings:
+        """The untouched pad as for `driver check`, and how much of it the press leaves of each pair."""
+        from optopad.sensor.driver_source import simulated_gain
+        from sims.optics.tracing import trace
+
+        design, press = wish.design, wish.press
+        if self._untouched is None or self._untouched[0] != design.digest:
+            gain = simulated_gain(design, seed=self._seed, on_step=self._step)
+            self._untouched = (design.digest, gain.untouched_readings(design))
+        untouched = self._untouched[1]
+        flux = trace(
+            design,
+            np.array([[*press.place_mm, 0.0], [*press.place_mm, press.depth_mm]]),
+            accuracy="draft",
+            seed=self._seed,
+        ).flux
+        share = np.where(flux[0] > 0, flux[1] / np.where(flux[0] > 0, flux[0], 1.0), 1.0)
+        return Readings(digest=design.digest, press=press, untouched=untouched, pressed=untouched * share)
+
+    def _draft_map(self, wish: Wish) -> Judged:
+        from sims.continuity.draft import draft_score
+
+        found = draft_score(wish.design, seed=self._seed, on_step=self._step)
+        self._draft = Judged(digest=wish.design.digest, level="draft", score=found)
+        return self._draft
+
+    def _draft_bounds(self, wish: Wish) -> Judged | None:
+        from sims.continuity.draft import with_draft_bounds
+
+        if self._draft is None or self._draft.score.pad_map is None:
+            return None
+        return replace(
+            self._draft, score=with_draft_bounds(wish.design, self._draft.score, on_step=self._step)
+        )
+
+    def _score(self, wish: Wish) -> Judged:
+        """As `optopad score` does it, told in two steps."""
+        from sims.continuity.build_tolerance import with_tolerance
+        from sims.continuity.field_steps import with_field_steps
+        from sims.continuity.scoring import score
+
+        design = wish.design
+        found = score(design, tolerance=False, seed=self._seed, on_step=self._step)
+        if found.verdict == "OUT_OF_MODEL_SCOPE":
+            return Judged(digest=design.digest, level="whole", score=found)
+        self._post(Judged(digest=design.digest, level="score", score=found))
+        found = with_tolerance(design, found, seed=self._seed, on_step=self._step)
+        found = with_field_steps(design, found, seed=self._seed, on_step=self._step)
+        return Judged(digest=design.digest, level="whole", score=found)

@@ -1,0 +1,512 @@
+"""The file under edit: what is written is the design, and nothing of the user's text is lost."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomlkit
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from design.errors import DesignError, InputError, OptopadError, OutputError
+from design.geometry.cavity import cavity_of
+from design.io import load_design, save_design
+from design.preset import PRESETS, preset, preset_text
+from design.spec import SensorDesign
+from optopad.studio.design_file import DesignFile
+from optopad.studio.design_text import comments_of, edited_text
+from optopad.studio.knobs import changes_of, knobs_of
+from optopad.studio.moves import moved
+from tests.design.parts.own_parts import own_part
+
+PAD, PAIR = "piacenza2017-pad", "piacenza2017-pair"
+OWN_PARTS = tomlkit.dumps({"parts": {"mine": own_part("receiver")}})
+FIELDS: dict[str, dict[str, Any]] = {
+    "thickness": {"cavity.clear_thickness_mm": 9.25},
+    "heights": {"emitters.height_mm": 4.2, "receivers.height_mm": 4.4},
+    "optional set": {"elastomer.youngs_modulus_mpa": 1.5},
+    "pitch": {"layout.0.pitch_mm": 3.3},
+    "table that is not there": {"tolerances": {"emitters.height_mm": 0.1}},
+    "table in a table": {"elastomer.viscoelastic": {"relaxed_share": 0.2, "time_constant_s": 3.0}},
+    "text": {"description": 'a "new" one, with a # in it'},
+    "list": {"measured": ["cavity.clear_thickness_mm"]},
+    "many": {"cavity.length_mm": 34.0, "mold.outer_length_mm": 47.0, "noise.read_noise_counts": 1e-05},
+}
+
+
+def copy_of(name: str, folder: Path, text: str | None = None) -> Path:
+    file = folder / "pad.toml"
+    file.write_text(preset_text(name) if text is None else text, encoding="utf-8", newline="")
+    return file
+
+
+def dragged(design: SensorDesign, number: int = 0, by_mm: float = 0.5) -> SensorDesign:
+    """A design with one part dragged along its wall."""
+    part = cavity_of(design).parts[number]
+    return design.with_(**moved(design, part.name, along_mm=part.along_mm + by_mm))
+
+
+def require_kept(before: str, after: str) -> None:
+    """Every comment is still there as often, and what was a line of its own is one."""
+    counts = Counter(comments_of(before))
+    assert {
+        comment: after.count(comment) for comment in counts if after.count(comment) < counts[comment]
+    } == {}
+    lines = [line for line in before.splitlines() if line.lstrip().startswith("#")]
+    assert [line for line in lines if line not in after.splitlines()] == []
+
+
+def changed_lines(before: str, after: str) -> tuple[list[str], list[str]]:
+    """Lines that are gone, and new ones."""
+    was, now = Counter(before.splitlines(keepends=True)), Counter(after.splitlines(keepends=True))
+    return sorted((was - now).elements()), sorted((now - was).elements())
+
+
+@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("changes", FIELDS.values(), ids=FIELDS.keys())
+def test_a_saved_edit_is_the_design_and_every_other_line_is_as_it_was(
+    name: str, changes: dict[str, Any], tmp_path: Path
+) -> None:
+    path = copy_of(name, tmp_path)
+    file = DesignFile(str(path))
+    design = file.saved.with_(**changes)
+    assert file.save(design) == path
+    text = path.read_text(encoding="utf-8")
+    assert load_design(path).digest == design.digest
+    require_kept(preset_text(name), text)
+    gone, _ = changed_lines(preset_text(name), text)
+    keys = {path.rpartition(".")[2] for path in changes}
+    assert {line.split(" = ")[0] for line in gone} <= keys
+    assert len(gone) <= len(changes)
+    assert os.listdir(tmp_path) == ["pad.toml"]
+
+
+@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("number", [0, -1])
+def test_a_part_dragged_out_of_its_pattern_keeps_every_comment_and_every_other_line(
+    name: str, number: int, tmp_path: Path
+) -> None:
+    path = copy_of(name, tmp_path)
+    file = DesignFile(str(path))
+    design = dragged(file.saved, number)
+    file.save(design)
+    text = path.read_text(encoding="utf-8")
+    assert load_design(path).digest == design.digest
+    require_kept(preset_text(name), text)
+    gone, new = changed_lines(preset_text(name), text)
+    pattern = preset(name).layout[0].model_dump(exclude_none=True)
+    assert {line.split(" = ")[0] for line in gone} <= set(pattern)
+    kinds = {line.split(" = ")[0] for line in new if not line.startswith("#")}
+    assert kinds == {"[[layout]]\n", "\n", "pattern", "kind", "wall", "along_mm"}
+    assert "\n\n\n" not in text
+    again = dragged(design, number)
+    file.save(again)
+    gone, new = changed_lines(text, path.read_text(encoding="utf-8"))
+    assert [len(gone), len(new)] == [1, 1]
+    assert gone[0].startswith("along_mm = ")
+
+
+def test_a_part_that_leaves_its_pattern_leaves_the_text_around_the_layout_in_place(tmp_path: Path) -> None:
+    text = preset_text(PAD)
+    start, end = text.index("[[layout]]"), text.index("[indenter]")
+    told = "# Walls first, corners free.\n"
+    text = text[:end] + "# What presses it:\n" + text[end:]
+    text = text[:start] + told + text[start:]
+    path = copy_of(PAD, tmp_path, text)
+    file = DesignFile(str(path))
+    file.save(dragged(file.saved))
+    after = path.read_text(encoding="utf-8")
+    assert after.startswith(text[: start + len(told)])
+    assert after.endswith("\n# What presses it:\n" + text[text.index("[indenter]") :])
+    first = after[start + len(told) :].splitlines()
+    assert first[:3] == [
+        "[[layout]]",
+        "# parts_per_side = 4          # two emitters and two receivers on each wall, in turn",
+        'pattern = "single"',
+    ]
+
+
+def test_other_patterns_of_a_layout_keep_their_text_when_one_is_taken_apart(tmp_path: Path) -> None:
+    row = '[[layout]]  # row of {0}\npattern = "per_side"\nkind = "{0}"\n{1} = 3  # on the {1}\n\n'
+    text = preset_text(PAD)
+    start, end = text.index("[[layout]]"), text.index("[indenter]")
+    text = text[:start] + row.format("emitter", "west") + row.format("receiver", "east") + text[end:]
+    path = copy_of(PAD, tmp_path, text)
+    file = DesignFile(str(path))
+    design = dragged(file.saved, 1)
+    file.save(design)
+    after = path.read_text(encoding="utf-8")
+    assert load_design(path).digest == design.digest
+    assert row.format("receiver", "east") in after
+    assert after.index("# row of emitter\n") < after.index("# west = 3  # on the west\n")
+    assert after.count('pattern = "single"') == 3
+    require_kept(text, after)
+    changed = design.with_(**{"layout.3.east": 4, "layout.3.shift_mm": 0.5})
+    file.save(changed)
+    assert "east = 4  # on the east\nshift_mm = 0.5\n\n[indenter]" in path.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_an_optional_field_set_and_unset_leaves_the_file_as_it_was(name: str, tmp_path: Path) -> None:
+    path = copy_of(name, tmp_path)
+    file = DesignFile(str(path))
+    design = file.saved
+    for key, value in (
+        ("elastomer.youngs_modulus_mpa", 2.0),
+        ("elastomer.viscoelastic", {"relaxed_share": 0.1, "time_constant_s": 1.0}),
+    ):
+        file.save(design.with_(**{key: value}))
+        assert path.read_text(encoding="utf-8") != preset_text(name)
+        file.save(design)
+        assert path.read_text(encoding="utf-8") == preset_text(name)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_pitch_set_and_unset_keeps_the_comment_of_its_line(name: str, tmp_path: Path) -> None:
+    path = copy_of(name, tmp_path)
+    file = DesignFile(str(path))
+    for value in (None, 4.0, None, 4.25):
+        design = file.saved.with_(**{"layout.0.pitch_mm": value})
+        file.save(design)
+        assert load_design(path).digest == design.digest
+        require_kept(preset_text(name), path.read_text(encoding="utf-8"))
+    text = path.read_text(encoding="utf-8")
+    assert text.count("\npitch_mm = ") == 1
+    assert ("# pitch_mm = 6.35             # room for" in text) == (name == PAIR)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_saving_twice_is_saving_once(name: str, tmp_path: Path) -> None:
+    path = copy_of(name, tmp_path)
+    file = DesignFile(str(path))
+    file.save(file.saved)
+    assert path.read_text(encoding="utf-8") == preset_text(name)
+    for design in (dragged(file.saved), file.saved.with_(**FIELDS["heights"])):
+        file.save(design)
+        once = path.read_bytes()
+        file.save(design)
+        assert path.read_bytes() == once
+    DesignFile(str(path)).save(design)
+    assert path.read_bytes() == once
+
+
+def test_ends_of_lines_and_a_byte_order_mark_stay(tmp_path: Path) -> None:
+    text = "\ufeff" + preset_text(PAD).replace("\n", "\r\n")
+    path = copy_of(PAD, tmp_path, text)
+    file = DesignFile(str(path))
+    design = dragged(file.saved.with_(**{"elastomer.youngs_modulus_mpa": 1.5}))
+    file.save(design)
+    content = path.read_bytes()
+    assert load_design(path).digest == design.digest
+    assert content.startswith(b"\xef\xbb\xbf# The complete pad")
+    assert content.count(b"\n") == content.count(b"\r\n") > text.count("\n")
+    gone, _ = changed_lines(text, content.decode("utf-8"))
+    assert [line.split(" = ")[0] for line in gone] == ["parts_per_side", "pattern"]
+
+
+STYLES = {
+    "dotted": lambda text: text.replace("[cavity]\n", "").replace(
+        "length_mm = 32.0 ", "cavity.length_mm = 32.0 ", 1
+    ).replace("width_mm = 32.0 ", "cavity.width_mm = 32.0 ", 1).replace(
+        "clear_thickness_mm", "cavity.clear_thickness_mm", 1
+    ).replace("black_thickness_mm", "cavity.black_thickness_mm", 1),
+    "inline": lambda text: text.replace("[cavity]", "#@").replace(
+        'schema_version = 1',
+        'schema_version = 1\ncavity = { length_mm = 32.0, width_mm = 32.0, clear_thickness_mm = 8.0 }',
+    ).replace("\nlength_mm", "\n# length_mm").replace("\nwidth_mm", "\n# width_mm").replace(
+        "\nclear_thickness_mm", "\n# clear_thickness_mm").replace("\nblack_thickness_mm", "\n# black_thickness_mm"),
+    "layout in brackets": lambda text: text.replace(
+        '[[layout]]\npattern = "alternating_ring"\nparts_per_side = 4 ', "#@ "
+    ).replace(
+        "schema_version = 1",
+        'schema_version = 1\nlayout = [ # around\n  { pattern = "alternating_ring", parts_per_side = 4 }, # all\n]',
+    ),
+    "layout in parts": lambda text: text.replace(
+        "parts_per_side = 4  ", "parts_per_side = [ # by wall\n  4, # south\n  4, 4,\n  4,\n]"
+    ),
+    "quoted keys": lambda text: text.replace("clear_thickness_mm =", '"clear_thickness_mm" ='),
+    "out of order": lambda text: text
+    + "\n[elastomer.viscoelastic] # late\nrelaxed_share = 0.2\ntime_constant_s = 1.0 # s\n",
+    "few lines": lambda text: text[: text.index("[board]")].rstrip("\n"),
+    "no blank lines": lambda text: text.replace("\n\n", "\n"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("style", STYLES)
+@pytest.mark.parametrize(
+    "edits",
+    [
+        ["cavity.clear_thickness_mm=9"],
+        ["drag"],
+        ["operating.max_depth_mm=4", "elastomer.youngs_modulus_mpa=1.5", "drag", "drag"],
+        ["layout.0.pitch_mm=7.5", "drag", "start"],
+    ],
+    ids=["value", "drag", "many", "and back"],
+)
+def test_every_way_to_write_a_design_is_edited_and_keeps_its_comments(
+    style: str, edits: list[str], tmp_path: Path
+) -> None:
+    text = STYLES[style](preset_text(PAD))
+    path = copy_of(PAD, tmp_path, text)
+    file = DesignFile(str(path))
+    start = design = file.saved
+    for edit in edits:
+        name, _, value = edit.partition("=")
+        if name == "drag":
+            design = dragged(design)
+        else:
+            design = start if name == "start" else design.with_(**{name: float(value)})
+        file.save(design)
+        assert load_design(path).digest == design.digest
+    after = path.read_text(encoding="utf-8")
+    assert [comment for comment in comments_of(text) if comment not in after] == []
+
+
+def test_own_parts_are_kept_beside_the_file_and_taken_in_elsewhere(tmp_path: Path) -> None:
+    (tmp_path / "own.toml").write_text(OWN_PARTS, encoding="utf-8")
+    text = preset_text(PAD).replace(
+        "schema_version", 'catalog_files = ["own.toml"]  # mine\nschema_version', 1
+    )
+    path = copy_of(PAD, tmp_path, text)
+    file = DesignFile(str(path))
+    design = file.saved.with_(**{"cavity.clear_thickness_mm": 9.0, "receivers.part": "mine"})
+    file.save(design)
+    assert 'catalog_files = ["own.toml"]  # mine\n' in path.read_text(encoding="utf-8")
+    assert load_design(path).digest == design.digest
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    file.save(design, str(elsewhere / "pad.toml"))
+    after = (elsewhere / "pad.toml").read_text(encoding="utf-8")
+    assert load_design(elsewhere / "pad.toml").digest == design.digest
+    assert "catalog_files =" not in after
+    require_kept(text, after)
+    assert os.listdir(elsewhere) == ["pad.toml"]
+
+
+def test_a_tip_s_file_of_points_is_kept_beside_the_file_and_taken_in_elsewhere(tmp_path: Path) -> None:
+    rows = [(r / 4, 3.0 - (9.0 - (r / 4) ** 2) ** 0.5) for r in range(13)]
+    (tmp_path / "tip.csv").write_text("".join(f"{r},{z:.6f}\n" for r, z in rows), encoding="utf-8")
+    text = preset_text(PAD).replace(
+        "[indenter]\n", '[indenter]\nshape = "profile"\nprofile_csv = "tip.csv" # lathe\n'
+    )
+    file = DesignFile(str(copy_of(PAD, tmp_path, text)))
+    design = file.saved.with_(**FIELDS["heights"])
+    file.save(design)
+    assert 'profile_csv = "tip.csv" # lathe\n' in (tmp_path / "pad.toml").read_text(encoding="utf-8")
+    (tmp_path / "elsewhere").mkdir()
+    other = tmp_path / "elsewhere" / "pad.toml"
+    file.save(design, str(other))
+    assert load_design(other).digest == load_design(tmp_path / "pad.toml").digest == design.digest
+    require_kept(text, other.read_text(encoding="utf-8"))
+
+
+def test_a_design_whose_own_parts_were_changed_since_is_saved_as_it_was(tmp_path: Path) -> None:
+    (tmp_path / "own.toml").write_text(OWN_PARTS, encoding="utf-8")
+    path = copy_of(PAD, tmp_path, 'catalog_files = ["own.toml"]\n' + preset_text(PAD))
+    before = DesignFile(str(path)).saved
+    (tmp_path / "own.toml").write_text("", encoding="utf-8")
+    file = DesignFile(str(path))
+    assert file.saved.digest != before.digest
+    file.save(before)
+    assert load_design(path).digest == before.digest
+    require_kept(preset_text(PAD), path.read_text(encoding="utf-8"))
+
+
+def test_another_file_is_never_overwritten(tmp_path: Path) -> None:
+    path, other = copy_of(PAD, tmp_path), tmp_path / "other.toml"
+    other.write_text("mine\n", encoding="utf-8")
+    (tmp_path / "folder.toml").mkdir()
+    (tmp_path / "nowhere.toml").symlink_to(tmp_path / "gone" / "pad.toml")
+    file = DesignFile(str(path))
+    for name in ("other.toml", "folder.toml", "nowhere.toml"):
+        with pytest.raises(
+            InputError, match=rf"save: .*{name} exists and is another file; choose another name"
+        ):
+            file.save(file.saved, str(tmp_path / name))
+    assert other.read_text(encoding="utf-8") == "mine\n"
+    assert file.path == path
+    assert file.save(file.saved, f" {path} ") == path
+    assert file.save(file.saved, str(tmp_path / "folder.toml" / ".." / "pad.toml")).samefile(path)
+
+
+def test_a_file_that_appears_meanwhile_is_not_overwritten(tmp_path: Path) -> None:
+    file = DesignFile(PAD)
+    target = copy_of(PAIR, tmp_path)
+    with pytest.raises(InputError, match="exists and is another file"):
+        file.save(file.saved, str(target))
+    assert target.read_text(encoding="utf-8") == preset_text(PAIR)
+
+
+@pytest.mark.parametrize(
+    ("name", "error", "words"),
+    [
+        ("pad", InputError, "save: .* is refused: the name of a design file ends in .toml"),
+        ("pad.json", InputError, "ends in .toml"),
+        (".toml", InputError, "ends in .toml"),
+        ("gone/pad.toml", OutputError, "save: .*pad.toml cannot be written: No such file or directory"),
+        ("own.toml/pad.toml", OutputError, "cannot be written: Not a directory"),
+        ("x" * 300 + ".toml", OutputError, "cannot be written: File name too long"),
+        ("pad\0.toml", OptopadError, "cannot be written|is refused"),
+    ],
+)
+def test_a_name_that_cannot_be_is_refused_and_nothing_changes(
+    name: str, error: type[OptopadError], words: str, tmp_path: Path
+) -> None:
+    (tmp_path / "own.toml").write_text("", encoding="utf-8")
+    file = DesignFile(PAD)
+    before = sorted(os.listdir(tmp_path))
+    with pytest.raises(error, match=words):
+        file.save(file.saved, f"{tmp_path}/{name}")
+    assert sorted(os.listdir(tmp_path)) == before
+    assert file.path is None
+
+
+def test_a_folder_that_cannot_be_written_is_named_and_the_file_is_intact(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = copy_of(PAD, tmp_path)
+    file = DesignFile(str(path))
+    design = file.saved.with_(**FIELDS["heights"])
+
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    for module, name in ((tempfile, "mkstemp"), (os, "replace")):
+        with monkeypatch.context() as patch:
+            patch.setattr(module, name, refuse)
+            with pytest.raises(OutputError, match=r"pad\.toml cannot be written: Permission denied; choose"):
+                file.save(design)
+        assert path.read_text(encoding="utf-8") == preset_text(PAD)
+        assert os.listdir(tmp_path) == ["pad.toml"]
+    assert file.saved.digest == preset(PAD).digest
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="the superuser may write everywhere")
+def test_a_write_protected_file_is_refused(tmp_path: Path) -> None:
+    path = copy_of(PAD, tmp_path)
+    path.chmod(0o444)
+    file = DesignFile(str(path))
+    with pytest.raises(OutputError, match="is write-protected; choose another name"):
+        file.save(file.saved)
+
+
+def test_a_file_keeps_its_rights_and_a_link_stays_a_link(tmp_path: Path) -> None:
+    path = copy_of(PAD, tmp_path)
+    path.chmod(0o600)
+    link = tmp_path / "link.toml"
+    link.symlink_to(path)
+    file = DesignFile(str(link))
+    file.save(file.saved.with_(**FIELDS["heights"]))
+    assert link.is_symlink()
+    assert load_design(path).receivers.height_mm == 4.4
+    assert path.stat().st_mode & 0o777 == 0o600
+
+
+@pytest.mark.parametrize("where", ["preset", "bundle"])
+def test_a_preset_or_bundle_is_saved_under_a_new_name_only(where: str, tmp_path: Path) -> None:
+    bundle = tmp_path / "piacenza2017-pad-12345678"
+    bundle.mkdir()
+    save_design(preset(PAD), bundle / "design.toml")
+    (bundle / "manifest.json").write_text("{}", encoding="utf-8")
+    before = (bundle / "design.toml").read_bytes()
+    file = DesignFile(PAD if where == "preset" else str(bundle))
+    assert file.path is None
+    assert file.default_name == "piacenza2017-pad.toml"
+    for target in (None, "", "  "):
+        with pytest.raises(InputError, match=r"this design has no file yet; give a name, as my-pad\.toml"):
+            file.save(file.saved, target)
+    with pytest.raises(InputError, match="exists and is another file"):
+        file.save(file.saved, str(bundle / "design.toml"))
+    new = tmp_path / "mine.toml"
+    file.save(file.saved, str(new))
+    assert (file.path, file.default_name) == (new, str(new))
+    text = new.read_text(encoding="utf-8")
+    assert text == preset_text(PAD) if where == "preset" else "digest" not in text
+    assert load_design(new).digest == preset(PAD).digest
+    file.save(file.saved.with_(**FIELDS["heights"]))
+    assert load_design(new).receivers.height_mm == 4.4
+    assert (bundle / "design.toml").read_bytes() == before
+
+
+def test_saved_under_a_new_name_the_old_file_is_left_and_the_new_one_is_edited(tmp_path: Path) -> None:
+    path = copy_of(PAD, tmp_path)
+    file = DesignFile(str(path))
+    design = file.saved.with_(**FIELDS["thickness"])
+    file.save(design, str(tmp_path / "new.toml"))
+    assert path.read_text(encoding="utf-8") == preset_text(PAD)
+    path.unlink()
+    assert file.changed_outside() is None
+    assert file.path == tmp_path / "new.toml"
+
+
+def test_what_is_no_design_is_refused_when_it_is_opened(tmp_path: Path) -> None:
+    with pytest.raises(DesignError, match="no such file"):
+        DesignFile(str(tmp_path / "gone.toml"))
+    with pytest.raises(DesignError, match="not valid TOML"):
+        DesignFile(str(copy_of(PAD, tmp_path, "[cavity")))
+    with pytest.raises(DesignError, match="a folder, not a design file"):
+        DesignFile(str(tmp_path))
+
+
+def test_comments_are_found_where_toml_has_them() -> None:
+    text = 'a = \'#1\' # 2\n# 3\nb = "x\\"#4" #5\nc = \'\'\'\n# 6\n\'\'\' # 7\nd = """\\"\n# 8"""\ne = [ # 9\n1]\r\n#10\r\n'  # noqa: E501
+    assert comments_of(text) == ("# 2", "# 3", "#5", "# 7", "# 9", "#10")
+
+
+def test_text_of_the_same_design_is_the_same_text() -> None:
+    for name in PRESETS:
+        assert edited_text(preset_text(name), preset(name), preset(name)) == preset_text(name)
+
+
+@st.composite
+def edited(draw: st.DrawFn, design: SensorDesign) -> SensorDesign:
+    """A design after one edit that the studio offers; as it was where the fields refuse it."""
+    if draw(st.integers(0, 2)) == 0:
+        part = draw(st.sampled_from(cavity_of(design).parts))
+        changes = moved(
+            design,
+            part.name,
+            along_mm=draw(st.none() | st.floats(0.1, 60.0)),
+            height_mm=draw(st.none() | st.floats(0.1, 9.0)),
+            with_row=draw(st.booleans()),
+        ) if draw(st.booleans()) else moved(design, part.name, along_mm=part.along_mm + 0.5)  # fmt: skip
+    else:
+        knob = draw(st.sampled_from(knobs_of(design)))
+        value: Any
+        if knob.kind == "choice":
+            value = draw(st.sampled_from(knob.choices))
+        elif knob.kind == "whole":
+            value = draw(st.integers(int(knob.low or 0), int(knob.high or 0)))
+        else:
+            value = draw(st.floats(knob.low or 0.0, 100.0 if knob.high is None else knob.high))
+        changes = changes_of(design, knob.path, value)
+    try:
+        return design.with_(**changes)
+    except DesignError:
+        return design
+
+
+@given(st.data())
+@settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+def test_edits_saved_on_the_way_load_as_the_design_on_the_table(data: st.DataObject) -> None:
+    name = data.draw(st.sampled_from(PRESETS))
+    with tempfile.TemporaryDirectory() as folder:
+        path = copy_of(name, Path(folder))
+        file = DesignFile(str(path))
+        design = file.saved
+        for _ in range(data.draw(st.integers(1, 4))):
+            design = data.draw(edited(design))
+            if data.draw(st.booleans()):
+                file.save(design)
+        file.save(design)
+        assert load_design(path).digest == design.digest
+        after = path.read_text(encoding="utf-8")
+        assert [one for one in comments_of(preset_text(name)) if one not in after] == []
+        shutil.copy(path, path.with_name("copy.toml"))
+        assert DesignFile(str(path.with_name("copy.toml"))).saved.digest == design.digest

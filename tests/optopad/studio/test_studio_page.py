@@ -1,0 +1,105 @@
+"""The studio in a real browser: Chromium without a screen, its picture drawn in software."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from design.geometry.cavity import cavity_of
+from design.io import load_design
+from design.preset import preset_text
+from optopad.report.text.answer import answer_of
+from optopad.studio.design_file import DesignFile
+from optopad.studio.moves import part_named
+from optopad.studio.session import Session
+from optopad.studio.view.page import Page
+from sims.continuity.scoring import score
+from tests.optopad.studio.chromium import chromium_page, needs_chromium, screen_place
+
+pytestmark = [needs_chromium, pytest.mark.slow]
+
+
+@contextmanager
+def studio(tmp_path: Path, name: str = "piacenza2017-pair"):
+    """A page on a copy of a preset."""
+    file = tmp_path / "pad.toml"
+    file.write_text(preset_text(name), encoding="utf-8")
+    page = Page(Session(DesignFile(str(file))), out=tmp_path / "outputs", port=0)
+    page.start()
+    try:
+        yield page, file
+    finally:
+        page.close()
+
+
+def drag_part(browser, page: Page, name: str, along_mm: float) -> None:
+    """Drag a part by its face along its wall, by the mouse."""
+    client = next(iter(page.server.get_clients().values()))
+    cavity, part = cavity_of(page.session.design), part_named(page.session.design, name)
+    start = part.position_mm(cavity.length_mm, cavity.width_mm)
+    end = (
+        (start[0] + along_mm, start[1], start[2])
+        if part.wall in ("south", "north")
+        else (start[0], start[1] + along_mm, start[2])
+    )
+    canvas = browser.box("canvas")
+    browser.drag(screen_place(client.camera, start, canvas), screen_place(client.camera, end, canvas))
+
+
+def test_a_layer_made_thicker_tells_the_words_of_its_score_and_a_dragged_part_is_undone_and_saved(
+    tmp_path: Path,
+) -> None:
+    with studio(tmp_path) as (page, file), chromium_page(f"{page.url}?fixedDpr=1", 1300, 800) as browser:
+        browser.wait_for_text("clear layer [mm]")
+        browser.settle()
+        browser.close_notes()
+        before = page.session.design
+        browser.wait_for_text("Pairs under the tip", 60)
+
+        browser.fill("clear layer [mm]", 11)
+        thick = before.with_(**{"cavity.clear_thickness_mm": 11.0})
+        browser.wait_for_text(answer_of(thick, score(thick, tolerance=False)).verdict, 120)
+        assert page.session.design.digest == thick.digest
+
+        receiver = part_named(thick, "R3")
+        drag_part(browser, page, "R3", 1.0)
+        browser.wait_for_text("R3: ", 10)
+        browser.settle()
+        moved = part_named(page.session.design, "R3")
+        assert moved.along_mm - receiver.along_mm == pytest.approx(1.0, abs=0.2)  # a pixel is 0.1 mm there
+        others = [p.along_mm for p in cavity_of(page.session.design).parts if p.name != "R3"]
+        assert others == pytest.approx([p.along_mm for p in cavity_of(thick).parts if p.name != "R3"])
+
+        while page.session.design.digest != thick.digest:
+            browser.click_text("Undo")
+            browser.settle()
+        browser.click_text("Save")
+        browser.wait_for_text(f"saved: {file}", 10)
+        text = file.read_text(encoding="utf-8")
+        assert load_design(file).digest == thick.digest
+        assert "the main lever" in text
+        assert browser.errors == []
+
+
+def test_what_does_not_fit_is_said_in_the_words_of_the_check_and_never_saved(tmp_path: Path) -> None:
+    with studio(tmp_path) as (page, file), chromium_page(f"{page.url}?fixedDpr=1", 1300, 800) as browser:
+        browser.wait_for_text("clear layer [mm]")
+        browser.settle()
+        browser.close_notes()
+        text = file.read_text(encoding="utf-8")
+        browser.fill("clear layer [mm]", 4)
+        browser.wait_for_text("does not fit", 10)
+        browser.wait_for_text(str(page.session.now.errors[0])[:60], 10)
+        browser.click_text("Save")
+        browser.wait_for_text("not saved: ", 10)
+        assert file.read_text(encoding="utf-8") == text
+        file.write_text(
+            text.replace("clear_thickness_mm = 8.0 ", "clear_thickness_mm = 9.0 "), encoding="utf-8"
+        )
+        browser.wait_for_text("read again", 10)
+        assert page.session.design.cavity.clear_thickness_mm == 9.0
+        file.write_text("[cavity", encoding="utf-8")
+        browser.wait_for_text("not valid TOML", 10)
+        assert page.session.design.cavity.clear_thickness_mm == 9.0
