@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from cad.mesh import Mesh, read_stl
+from design.errors import OptopadError
 from design.geometry.mold_outline import bed_lift_mm
 from design.io import save_design
 from design.spec import SensorDesign
@@ -139,7 +140,15 @@ class Errand:
                 Said(text=f"{verb}: {last.removeprefix('optopad: ') or f'ended with {code}'}", is_bad=True)
             )
         else:
-            finish()
+            try:
+                finish()
+            except (
+                OptopadError,
+                OSError,
+                LookupError,
+                ValueError,
+            ) as err:  # its files were moved, or are damaged
+                self._tell(Said(text=f"{verb}: its result cannot be read: {err}", is_bad=True))
 
 
 def _found(count: int, folder: Path) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from dataclasses import replace
 
 import numba
@@ -10,7 +12,7 @@ import pytest
 
 from sims.cache import fingerprint
 from sims.optics.engine import compiled
-from sims.optics.engine.threads import run_each
+from sims.optics.engine.threads import between_pieces, run_each
 from sims.optics.engine.trace_states import trace_scene
 from sims.optics.scene.emission import lambertian_pattern
 from sims.optics.scene.smooth_field import smooth_field
@@ -85,3 +87,86 @@ def test_the_fingerprint_follows_every_byte_of_the_sources(tmp_path, monkeypatch
     assert fingerprint.source_fingerprint([compiled.states]) == before
     copy.write_bytes(copy.read_bytes() + b"\n")
     assert fingerprint.source_fingerprint([compiled.states]) != before
+
+
+@pytest.fixture(params=[1, max(2, numba.config.NUMBA_NUM_THREADS)], ids=["one thread", "threads"])
+def threads(request, monkeypatch):
+    """As many threads as work may have."""
+    monkeypatch.setattr(numba, "get_num_threads", lambda: request.param)
+    return request.param
+
+
+def test_something_is_called_after_every_piece_in_the_thread_that_waits(threads):
+    called = []
+    with between_pieces(lambda: called.append(threading.get_ident())):
+        run_each(lambda number: None, 7)
+    run_each(lambda number: None, 5)
+    assert called == [threading.get_ident()] * 7
+
+
+def test_what_is_called_between_pieces_ends_the_work_by_an_error(threads):
+    done, called = [], []
+
+    def stop():
+        called.append(len(done))
+        if len(called) == 3:
+            raise RuntimeError("enough")
+
+    with between_pieces(stop), pytest.raises(RuntimeError, match="enough"):
+        run_each(lambda number: (time.sleep(0.002), done.append(number)), 500)
+    ended = len(done)
+    assert 3 <= ended <= 3 + 20 * threads  # pieces that threads had begun
+    time.sleep(0.02)
+    assert len(done) == ended
+
+
+def test_the_inner_call_counts_and_the_outer_one_comes_back(threads):
+    told = []
+    with between_pieces(lambda: told.append("outer")):
+        run_each(lambda number: None, 1)
+        with between_pieces(lambda: told.append("inner")):
+            run_each(lambda number: None, 2)
+        with pytest.raises(ValueError, match="out"), between_pieces(lambda: told.append("inner")):
+            raise ValueError("out")
+        run_each(lambda number: None, 1)
+    assert told == ["outer", "inner", "inner", "outer"]
+
+
+def test_work_in_another_thread_is_left_alone():
+    told = []
+    with between_pieces(lambda: told.append(1)):
+        other = threading.Thread(target=run_each, args=(lambda number: None, 4))
+        other.start()
+        other.join()
+    assert told == []
+
+
+def test_work_done_between_two_pieces_leaves_both_results_as_they_are(threads):
+    outer, inner, begun = np.zeros(6), np.zeros(3), []
+
+    def more():
+        if not begun:
+            begun.append(1)
+            run_each(lambda number: inner.__setitem__(number, number + 1), 3)
+
+    with between_pieces(more):
+        run_each(lambda number: outer.__setitem__(number, number + 1), 6)
+    assert outer.tolist() == [1, 2, 3, 4, 5, 6]
+    assert inner.tolist() == [1, 2, 3]
+
+
+def test_light_has_the_same_bits_with_other_light_traced_between_its_pieces():
+    places = np.array([[11.0, 13.5], [20.0, 9.0], [16.0, 16.0]])
+    alone = trace_scene(SCENE, places, [DIMPLE] * 3, accuracy="draft").flux
+    begun, between = [], []
+
+    def more():
+        if not begun:
+            begun.append(1)
+            between.append(trace_scene(SCENE, places[:1], [DIMPLE], accuracy="draft").flux)
+
+    with between_pieces(more):
+        found = trace_scene(SCENE, places, [DIMPLE] * 3, accuracy="draft").flux
+    assert np.array_equal(found, alone)
+    assert len(between) == 1
+    assert np.array_equal(between[0][:, 0], alone[:, 0])

@@ -1,0 +1,369 @@
+"""Fields offered for editing are those of the specification; a dragged part moves what it should and nothing else."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import pytest
+
+from design.errors import DesignError, InputError
+from design.fields.paths import get_at
+from design.geometry.cavity import PlacedPart, cavity_of
+from design.io import file_schema
+from design.preset import PRESETS, preset
+from design.spec import SensorDesign
+from optopad.studio.knobs import BY_HAND, PATTERNS, Knob, changes_of, knobs_of, limits_of, pattern_of
+from optopad.studio.moves import STEP_MM, moved, part_named, placed_singles
+
+PAD, PAIR, OBLONG = "piacenza2017-pad", "piacenza2017-pair", "oblong-60x40"
+ROUNDING_MM = STEP_MM / 2 + 1e-9
+SIDES = [
+    {"pattern": "per_side", "kind": "emitter", "south": 2, "west": 2, "part": "generic-emitter", "height_mm": 4.4},
+    {"pattern": "per_side", "kind": "receiver", "north": 2, "east": 3, "shift_mm": 0.5},
+    {"pattern": "single", "kind": "receiver", "wall": "south", "along_mm": 25.0, "name": "corner"},
+]  # fmt: skip
+
+
+def by_side() -> SensorDesign:
+    """Emitters of a part and height of their own, receivers shifted, and one part with a name of its own."""
+    return preset(PAD).with_(layout=SIDES)
+
+
+DESIGNS = {name: preset(name) for name in PRESETS} | {"by side": by_side()}
+KNOBS = [(where, knob) for where, design in DESIGNS.items() for knob in knobs_of(design)]
+
+
+def knob_id(one: object) -> str:
+    return one.path if isinstance(one, Knob) else str(one)
+
+
+def after(design: SensorDesign, name: str, **where: Any) -> SensorDesign:
+    return design.with_(**moved(design, name, **where))
+
+
+def places(design: SensorDesign) -> dict[str, tuple[Any, ...]]:
+    """What each part is and where, by name, in order."""
+    return {
+        part.name: (part.kind, part.wall, part.part_id, part.along_mm, part.height_mm)
+        for part in cavity_of(design).parts
+    }
+
+
+@cache
+def whole_schema() -> dict[str, Any]:
+    return file_schema()
+
+
+def field_schema(path: str) -> dict[str, Any]:
+    """The JSON schema of a field, read without the code that is tested here."""
+    schema = whole_schema()
+    branches: list[dict[str, Any]] = [schema]
+    for name in path.split("."):
+        found = [one["properties"][name] for one in branches if name in one.get("properties", {})]
+        found += [one["items"] for one in branches if name.isdigit() and "items" in one]
+        found += [
+            one["prefixItems"][int(name)] for one in branches if name.isdigit() and "prefixItems" in one
+        ]
+        branches = []
+        while found:
+            one = found.pop()
+            if "$ref" in one:
+                found.append(schema["$defs"][one["$ref"].rsplit("/", 1)[-1]])
+            elif "anyOf" in one or "oneOf" in one:
+                found += one.get("anyOf", []) + one.get("oneOf", [])
+            else:
+                branches.append(one)
+    numbers = [one for one in branches if one.get("type") in ("number", "integer")]
+    assert len({str(sorted(one.items())) for one in numbers}) == 1, path
+    return numbers[0]
+
+
+@pytest.mark.parametrize(("where", "knob"), KNOBS, ids=knob_id)
+def test_a_field_shows_what_the_design_has(where: str, knob: Knob) -> None:
+    design = DESIGNS[where]
+    if knob.path == "layout":
+        assert knob.value == pattern_of(design)
+        return
+    value = get_at(design.model_dump(mode="json"), knob.path) if knob.path != "gain.feedback_ohm" else "each"
+    if value is None:  # no pitch is given: even along the shorter wall
+        along = sorted(part.along_mm for part in cavity_of(design).parts if part.wall == "west")
+        assert knob.path == "layout.0.pitch_mm"
+        assert knob.value == pytest.approx(along[1] - along[0], abs=1e-3)
+    else:
+        assert knob.value == value
+
+
+@pytest.mark.parametrize(("where", "knob"), [one for one in KNOBS if one[1].kind != "choice"], ids=knob_id)
+def test_limits_are_those_of_the_specification(where: str, knob: Knob) -> None:
+    schema = field_schema(knob.path)
+    pattern = get_at(DESIGNS[where].model_dump(mode="json"), knob.path.rpartition(".")[0])
+    if isinstance(pattern, dict) and pattern.get("pattern") == "facing_rows" and knob.path.endswith("count"):
+        schema = {"minimum": 1, "maximum": 32, "type": "integer"}
+    assert knob.low == schema.get("minimum", schema.get("exclusiveMinimum"))
+    assert knob.high == schema.get("maximum", schema.get("exclusiveMaximum"))
+    assert (knob.kind == "whole") == (schema["type"] == "integer")
+    assert knob.step > 0
+
+
+def allowed(knob: Knob) -> list[Any]:
+    """Other values within the limits: all choices, both ends, and a step each way."""
+    if knob.kind == "choice":
+        return [one for one in knob.choices if one != knob.value]
+    assert not isinstance(knob.value, str)
+    low = 0.001 if knob.low == 0.0 else 0.0 if knob.low is None else knob.low
+    high = 1e4 if knob.high is None else knob.high
+    given = [low, high, knob.value - knob.step, knob.value + knob.step]
+    kept = [one for one in given if low <= one <= high]
+    return [round(one) for one in kept] if knob.kind == "whole" else [round(float(one), 6) for one in kept]
+
+
+@pytest.mark.parametrize(("where", "knob"), KNOBS, ids=knob_id)
+def test_every_allowed_value_is_taken_and_shown(where: str, knob: Knob) -> None:
+    design = DESIGNS[where]
+    for value in allowed(knob):
+        changes = changes_of(design, knob.path, value)
+        found = design.with_(**changes)
+        now = {one.path: one for one in knobs_of(found)}
+        assert now[knob.path].value == value
+        assert changes_of(found, knob.path, value).get(knob.path, value) == value
+
+
+@pytest.mark.parametrize(("where", "knob"), [one for one in KNOBS if one[1].kind != "choice"], ids=knob_id)
+def test_a_value_beyond_a_limit_is_refused_by_name(where: str, knob: Knob) -> None:
+    design = DESIGNS[where]
+    beyond = [
+        *([] if knob.low is None else [knob.low - 1]),
+        *([] if knob.high is None else [knob.high + 1]),
+        "much",
+        None,
+    ]
+    if knob.path.endswith("pitch_mm"):
+        beyond.remove(None)  # no pitch of its own: even
+    for value in beyond:
+        with pytest.raises(DesignError, match=knob.path.replace(".", r"\.")):
+            design.with_(**changes_of(design, knob.path, value))
+
+
+def test_fields_stand_group_by_group_and_none_twice() -> None:
+    for design in DESIGNS.values():
+        groups = [knob.group for knob in knobs_of(design)]
+        assert list(dict.fromkeys(groups)) == ["Pad", "Layout", "Parts", "Press", "Material", "Signal"]
+        assert groups == sorted(groups, key=list(dict.fromkeys(groups)).index)
+        paths = [knob.path for knob in knobs_of(design)]
+        assert len(paths) == len(set(paths))
+        assert all(knob.tells.endswith(".") for knob in knobs_of(design))
+        assert all(knob.value in knob.choices for knob in knobs_of(design) if knob.kind == "choice")
+
+
+def test_an_open_end_is_no_limit_and_an_end_that_is_out_is_given_as_itself() -> None:
+    assert limits_of("cavity.clear_thickness_mm") == (1.0, 50.0)
+    assert limits_of("emitters.height_mm") == (0.0, 50.0)
+    assert limits_of("name") == (None, None)
+
+
+def test_units_are_those_of_the_names() -> None:
+    units = {knob.path: knob.unit for knob in knobs_of(preset(PAD))}
+    assert units["cavity.clear_thickness_mm"] == units["layout.0.pitch_mm"] == "mm"
+    assert units["gain.target_counts"] == units["noise.read_noise_counts"] == "counts"
+    assert units["elastomer.mixing_ratio"] == units["layout.0.parts_per_side"] == ""
+
+
+def test_a_gain_in_ohms_has_no_target_and_no_rule() -> None:
+    ohms = preset(PAD).with_(**{"gain.feedback_ohm": 1e5})
+    assert {"gain.target_counts", "gain.feedback_ohm"} & {knob.path for knob in knobs_of(ohms)} == set()
+
+
+@pytest.mark.parametrize("side", ["length", "width"])
+@pytest.mark.parametrize("name", PRESETS)
+def test_the_mold_s_outside_follows_the_pad_s_inside(name: str, side: str) -> None:
+    design = preset(name)
+    inner = getattr(design.cavity, f"{side}_mm")
+    walls = getattr(design.mold, f"outer_{side}_mm") - inner
+    for value in (inner + 2.5, inner - 3.3):
+        found = design.with_(**changes_of(design, f"cavity.{side}_mm", value))
+        assert getattr(found.mold, f"outer_{side}_mm") - value == pytest.approx(walls, abs=1e-6)
+        other = "width" if side == "length" else "length"
+        assert getattr(found.cavity, f"{other}_mm") == getattr(design.cavity, f"{other}_mm")
+        assert getattr(found.mold, f"outer_{other}_mm") == getattr(design.mold, f"outer_{other}_mm")
+
+
+@pytest.mark.parametrize("wall", range(4))
+@pytest.mark.parametrize("change", [-1, 1, 2, -4])
+def test_a_ring_counted_wall_by_wall_keeps_its_sum_even(wall: int, change: int) -> None:
+    design = preset(OBLONG)
+    counts = [7, 5, 7, 5]
+    changes = changes_of(design, f"layout.0.parts_per_side.{wall}", counts[wall] + change)
+    counts[wall] += change
+    counts[(wall + 2) % 4] += change if change % 2 else 0
+    assert list(design.with_(**changes).layout[0].parts_per_side) == counts
+
+
+def test_an_odd_step_at_the_end_of_the_range_takes_the_opposite_wall_the_other_way() -> None:
+    design = preset(OBLONG).with_(**{"layout.0.parts_per_side": [31, 5, 32, 6]})
+    changes = changes_of(design, "layout.0.parts_per_side.0", 32)
+    assert changes == {"layout.0.parts_per_side.0": 32, "layout.0.parts_per_side.2": 31}
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+@pytest.mark.parametrize("where", DESIGNS)
+def test_another_pattern_is_that_pattern_and_has_both_kinds(where: str, pattern: str) -> None:
+    design = DESIGNS[where]
+    found = design.with_(**changes_of(design, "layout", pattern))
+    assert pattern_of(found) == pattern
+    cavity = cavity_of(found)
+    assert min(len(cavity.emitters), len(cavity.receivers)) >= 1
+    if pattern == BY_HAND:
+        assert list(places(found)) == list(places(design))
+
+
+def test_a_layout_of_the_pattern_that_it_has_is_no_change() -> None:
+    for design in DESIGNS.values():
+        assert changes_of(design, "layout", pattern_of(design)) == {}
+
+
+@pytest.mark.parametrize("where", DESIGNS)
+def test_a_part_moved_along_is_the_only_one_that_moves(where: str) -> None:
+    design = DESIGNS[where]
+    for name in places(design):
+        was, now = (
+            places(design),
+            places(after(design, name, along_mm=part_named(design, name).along_mm + 0.5)),
+        )
+        assert list(now) == list(was)
+        kind, wall, part, along_mm, height_mm = was.pop(name)
+        found = now.pop(name)
+        assert (*found[:3], found[4]) == (kind, wall, part, height_mm)
+        assert found[3] == pytest.approx(along_mm + 0.5, abs=ROUNDING_MM)
+        assert [one[:3] for one in now.values()] == [one[:3] for one in was.values()]
+        assert [one[3:] for one in now.values()] == [pytest.approx(one[3:], abs=1e-6) for one in was.values()]
+
+
+@pytest.mark.parametrize("where", DESIGNS)
+def test_a_part_moved_up_takes_all_of_its_kind_along_but_those_with_a_height_of_their_own(where: str) -> None:
+    design = DESIGNS[where]
+    for name in places(design):
+        was = {part.name: part for part in cavity_of(design).parts}
+        found = after(design, name, height_mm=was[name].height_mm + 0.3)
+        now = cavity_of(found).parts
+        goes = {part.name for part in was.values() if part.height_field == was[name].height_field}
+        for part in now:
+            rise = 0.3 if part.name in goes else 0.0
+            assert part.height_mm == pytest.approx(was[part.name].height_mm + rise, abs=ROUNDING_MM)
+        assert [part.along_mm for part in now] == [part.along_mm for part in was.values()]
+        assert found.layout == design.layout or was[name].height_field.startswith("layout.")
+
+
+def test_a_part_with_a_height_of_its_own_rises_alone() -> None:
+    design = by_side().with_(**{"layout.2.height_mm": 5.0})
+    found = after(design, "corner", height_mm=5.5)
+    assert part_named(found, "corner").height_mm == 5.5
+    assert part_named(found, "R1").height_mm == 6.0
+    assert found.receivers.height_mm == 6.0
+
+
+def test_a_part_dragged_along_and_up_at_once_leaves_its_pattern_and_takes_its_kind_up() -> None:
+    found = after(preset(PAD), "R2", along_mm=27.0, height_mm=5.5)
+    assert (part_named(found, "R2").along_mm, part_named(found, "R2").height_mm) == (27.0, 5.5)
+    assert part_named(found, "R7").height_mm == 5.5
+    assert found.receivers.height_mm == 5.5
+
+
+@pytest.mark.parametrize(("along_mm", "height_mm"), [(20.0, None), (20.0, 4.0)])
+def test_a_part_dragged_out_of_a_row_by_side_keeps_part_and_height_of_its_own(
+    along_mm: float, height_mm: float | None
+) -> None:
+    design = by_side()
+    found = after(design, "E2", along_mm=along_mm, height_mm=height_mm)
+    part = part_named(found, "E2")
+    assert part.part_id == "generic-emitter"
+    assert part.height_mm == (4.4 if height_mm is None else height_mm)
+    assert part.height_field == f"{part.origin}.height_mm"
+    assert part.along_mm == along_mm
+    others = [one for one in cavity_of(found).emitters if one.name != "E2"]
+    assert {(one.part_id, one.height_mm) for one in others} == {("generic-emitter", 4.4)}
+    assert found.emitters == design.emitters
+    assert found.layout[-2:] == design.layout[-2:]
+
+
+def test_a_name_of_its_own_stays_and_the_names_after_it_too() -> None:
+    design = by_side()
+    for name in ("R2", "corner"):
+        found = after(design, name, along_mm=part_named(design, name).along_mm - 1.0)
+        assert list(places(found)) == list(places(design))
+        assert found.layout[-1].name == "corner"
+
+
+def test_a_part_that_stands_alone_is_changed_in_its_own_entry() -> None:
+    design = after(preset(PAD), "E1", along_mm=4.5)
+    assert pattern_of(design) == BY_HAND
+    number = int(part_named(design, "R5").origin.split(".")[1])
+    assert moved(design, "R5", along_mm=14.0) == {f"layout.{number}.along_mm": 14.0}
+
+
+@pytest.mark.parametrize("where", DESIGNS)
+def test_with_its_whole_row_the_pattern_stays(where: str) -> None:
+    design = DESIGNS[where]
+    for name in places(design):
+        part = part_named(design, name)
+        found = after(design, name, along_mm=part.along_mm + 0.5, with_row=True)
+        assert [type(one) for one in found.layout] == [type(one) for one in design.layout]
+        assert list(places(found)) == list(places(design))
+        middle = cavity_of(design).wall_length_mm(part.wall) / 2
+        if abs(part.along_mm - middle) > 0.01 or where == "by side":
+            assert part_named(found, name).along_mm == pytest.approx(part.along_mm + 0.5, abs=ROUNDING_MM)
+        else:  # a pitch does not move the part in the middle
+            assert found.digest == design.digest
+
+
+def row(design: SensorDesign, part: PlacedPart) -> list[float]:
+    """Places of a part's wall and pattern [mm]."""
+    return sorted(
+        one.along_mm for one in cavity_of(design).parts if (one.wall, one.origin) == (part.wall, part.origin)
+    )
+
+
+def test_a_row_moves_by_its_shift_where_it_has_one_and_else_by_its_pitch() -> None:
+    design = by_side()
+    part = part_named(design, "R1")
+    shifted = row(after(design, "R1", along_mm=6.5, with_row=True), part)
+    assert shifted == pytest.approx([one + 6.5 - part.along_mm for one in row(design, part)], abs=1e-6)
+    ring = preset(PAD)
+    assert moved(ring, "E1", along_mm=5.2, with_row=True) == {"layout.0.pitch_mm": 7.2}
+    assert moved(preset(PAIR), "R3", along_mm=16.0, with_row=True) == {"layout.0.pitch_mm": 6.0}
+    assert moved(preset(PAIR), "R2", along_mm=12.0, with_row=True) == {}
+
+
+def test_a_row_is_not_turned_round_by_a_drag_across_its_middle() -> None:
+    assert moved(preset(PAIR), "R3", along_mm=4.0, with_row=True) == {"layout.0.pitch_mm": 0.5}
+
+
+@pytest.mark.parametrize("where", DESIGNS)
+def test_a_part_put_where_it_is_stays_in_its_pattern(where: str) -> None:
+    design = DESIGNS[where]
+    for name in places(design):
+        part = part_named(design, name)
+        for off_mm in (0.0, 0.02, -0.02):
+            for with_row in (False, True):
+                near = {"along_mm": part.along_mm + off_mm, "height_mm": part.height_mm - off_mm}
+                assert moved(design, name, **near, with_row=with_row) == {}
+        assert moved(design, name) == {}
+
+
+def test_an_unknown_part_and_a_place_that_is_no_number_are_refused() -> None:
+    with pytest.raises(InputError, match="E9: no such part; there are E1, E2, E3, R1, R2, R3"):
+        moved(preset(PAIR), "E9", along_mm=3.0)
+    for value in (float("nan"), float("inf")):
+        with pytest.raises(InputError, match=r"E1: along_mm: .* is refused: must be a finite number"):
+            moved(preset(PAIR), "E1", along_mm=value)
+
+
+@pytest.mark.parametrize("where", DESIGNS)
+def test_a_layout_taken_apart_is_the_same_layout(where: str) -> None:
+    design = DESIGNS[where]
+    found = design.with_(layout=placed_singles(design, range(len(design.layout))))
+    assert {one.pattern for one in found.layout} == {"single"}
+    assert {
+        name: (*at[:3], *(round(one, 6) for one in at[3:])) for name, at in places(design).items()
+    } == places(found)
+    assert placed_singles(design, []) == design.model_dump(mode="json")["layout"]

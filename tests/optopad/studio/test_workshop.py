@@ -1,0 +1,439 @@
+"""The work behind the page: answers in order, stale work given up, a press served at once, the score's own bits."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from design.preset import preset
+from design.spec import SensorDesign
+from optopad.studio import workshop as workshop_module
+from optopad.studio.answers import Answer, Curves, Doing, Failed, Judged, Look, Rays, Readings
+from optopad.studio.session import Press
+from optopad.studio.workshop import Wish, Workshop
+from sims.continuity.draft import curves_under, draft_score
+from sims.continuity.result import ContinuityScore
+from sims.continuity.scoring import score
+
+PAIR = preset("piacenza2017-pair")
+PRESS = Press(x_mm=9.0, y_mm=11.0, depth_mm=2.0)
+CLEAR = "cavity.clear_thickness_mm"
+PATIENCE_S = 120.0
+
+
+class Answers:
+    """What a workshop posts, and waiting for it."""
+
+    def __init__(self) -> None:
+        self.all: list[Answer] = []
+        self.threads: set[str] = set()
+        self._changed = threading.Condition()
+        self.on_each: Callable[[Answer], None] = lambda _answer: None
+
+    def put(self, answer: Answer) -> None:
+        self.on_each(answer)
+        with self._changed:
+            self.all.append(answer)
+            self.threads.add(threading.current_thread().name)
+            self._changed.notify_all()
+
+    def wait(self, is_it: Callable[[Answer], bool], after: int = 0, seconds: float = PATIENCE_S) -> int:
+        """The number of the first such answer."""
+
+        def found() -> int | None:
+            return next((n for n, one in enumerate(self.all) if n >= after and is_it(one)), None)
+
+        with self._changed:
+            assert self._changed.wait_for(lambda: found() is not None, seconds), self.names()
+            number = found()
+        assert number is not None
+        return number
+
+    def wait_idle(self, after: int = 0) -> int:
+        return self.wait(lambda one: isinstance(one, Doing) and not one.stage, after)
+
+    def of(self, kind: type) -> list[Any]:
+        return [one for one in self.all if isinstance(one, kind)]
+
+    def names(self) -> list[str]:
+        """Kinds of the answers, verdicts by their level, without word of progress."""
+        told = [one for one in self.all if not isinstance(one, Doing)]
+        return [one.level if isinstance(one, Judged) else type(one).__name__ for one in told]
+
+
+@contextmanager
+def working(wish: Wish | None = None, seed: int = 0) -> Iterator[tuple[Workshop, Answers]]:
+    answers = Answers()
+    shop = Workshop(answers.put, seed=seed)
+    shop.want(wish)
+    shop.start()
+    try:
+        yield shop, answers
+    finally:
+        began = time.monotonic()
+        shop.close()
+        assert time.monotonic() - began < 2.0
+        assert not shop._thread.is_alive()
+
+
+def wish_of(design: SensorDesign = PAIR, press: Press = PRESS, **options: bool) -> Wish:
+    return Wish(design=design, press=press, **({"is_thorough": False} | options))
+
+
+def is_level(level: str) -> Callable[[Answer], bool]:
+    return lambda one: isinstance(one, Judged) and one.level == level
+
+
+@pytest.fixture(scope="module")
+def pair_draft() -> ContinuityScore:
+    return draft_score(PAIR)
+
+
+@pytest.fixture
+def slow_score(monkeypatch: pytest.MonkeyPatch, pair_draft: ContinuityScore) -> dict[str, Any]:
+    """A score that does nothing but tell its progress for up to a minute, to be looked into while it lasts."""
+    state: dict[str, Any] = {"steps": 0, "begun": 0, "ended": 0}
+
+    def stand_in(design: SensorDesign, *, on_step: Callable[[str, float], None], **_: Any) -> Any:
+        state["begun"] += 1
+        try:
+            for number in range(6000):
+                on_step("map", number / 6000)
+                state["steps"] += 1
+                if state.get("enough"):
+                    break
+                time.sleep(0.01)
+        finally:
+            state["ended"] += 1
+        return draft_score(design) if state.get("is_out") else replace(pair_draft, digest=design.digest)
+
+    monkeypatch.setattr("sims.continuity.scoring.score", stand_in)
+    monkeypatch.setattr("sims.continuity.build_tolerance.with_tolerance", lambda _design, found, **_: found)
+    monkeypatch.setattr("sims.continuity.field_steps.with_field_steps", lambda _design, found, **_: found)
+    return state
+
+
+def test_answers_come_in_order_and_are_of_the_wish(slow_score: dict[str, Any]) -> None:
+    slow_score["enough"] = True
+    with working(wish_of(is_thorough=True)) as (shop, answers):
+        answers.wait_idle(answers.wait(lambda one: isinstance(one, Curves) and not one.found.is_draft))
+        assert answers.names() == ["Curves", "Look", "draft", "score", "whole", "Curves"]
+        assert {one.digest for one in answers.all if not isinstance(one, Doing)} == {PAIR.digest}
+        assert [one.found.is_draft for one in answers.of(Curves)] == [True, False]
+        (look,) = answers.of(Look)
+        assert look.press == PRESS
+        assert look.points_mm[:, 2].min() == pytest.approx(8.0 - 2.0)
+        assert look.force_n > 0.0
+        assert answers.threads == {"studio-workshop"}
+        assert shop.is_busy is False
+
+
+def test_answers_are_those_of_the_physics_asked_directly() -> None:
+    with working(wish_of(), seed=5) as (_, answers):
+        answers.wait_idle(answers.wait(is_level("draft")))
+        (found,), (judged,) = answers.of(Curves), answers.of(Judged)
+    true = curves_under(PAIR, PRESS.place_mm, seed=5)
+    assert [pair.name for pair in found.found.pairs] == [pair.name for pair in true.pairs]
+    for here, there in zip(found.found.pairs, true.pairs, strict=True):
+        assert np.array_equal(here.curves.total, there.curves.total)
+    assert judged.score.to_json() == draft_score(PAIR, seed=5).to_json()
+
+
+def test_a_finished_wish_is_not_worked_at_again() -> None:
+    with working(wish_of()) as (shop, answers):
+        end = answers.wait_idle(answers.wait(is_level("draft")))
+        shop.want(wish_of())
+        time.sleep(0.3)
+        assert len(answers.all) == end + 1
+        shop.want(None)
+        shop.want(wish_of())
+        time.sleep(0.3)
+        assert answers.names() == ["Curves", "Look", "draft"]
+
+
+def test_a_deeper_press_is_a_new_look_and_no_new_curves() -> None:
+    with working(wish_of()) as (shop, answers):
+        end = answers.wait_idle(answers.wait(is_level("draft")))
+        deeper = Press(x_mm=PRESS.x_mm, y_mm=PRESS.y_mm, depth_mm=3.0)
+        shop.want(wish_of(press=deeper))
+        answers.wait_idle(answers.wait(lambda one: isinstance(one, Look), end + 1))
+        assert answers.names() == ["Curves", "Look", "draft", "Look"]
+        assert answers.of(Look)[-1].points_mm[:, 2].min() == pytest.approx(8.0 - 3.0)
+
+
+def test_back_at_a_former_press_its_answers_come_again() -> None:
+    other = Press(x_mm=11.0, y_mm=9.0, depth_mm=2.0)
+    with working(wish_of()) as (shop, answers):
+        end = answers.wait_idle(answers.wait(is_level("draft")))
+        for press in (other, PRESS):
+            shop.want(wish_of(press=press))
+            end = answers.wait_idle(answers.wait(lambda one: isinstance(one, Look), end + 1))
+            assert answers.of(Look)[-1].press == press
+            assert answers.of(Curves)[-1].found.place_mm == press.place_mm
+
+
+def test_an_untouched_pad_is_flat_and_bears_nothing() -> None:
+    with working(wish_of(press=Press(x_mm=9.0, y_mm=11.0, depth_mm=0.0))) as (_, answers):
+        answers.wait(lambda one: isinstance(one, Look))
+        (look,) = answers.of(Look)
+        assert (look.force_n, look.contact_radius_mm) == (0.0, 0.0)
+        assert (look.points_mm[:, 2] == 8.0).all()
+
+
+def test_after_many_quick_wishes_only_the_last_design_is_judged(slow_score: dict[str, Any]) -> None:
+    slow_score["enough"] = True
+    designs = [PAIR.with_(**{CLEAR: 8.0 + 0.05 * k}) for k in range(20)]
+    running: list[int] = []
+    with working() as (shop, answers):
+        answers.on_each = lambda _answer: running.append(shop.running_jobs)
+        for design in designs:
+            shop.want(wish_of(design, is_thorough=True))
+            time.sleep(0.01)
+        answers.wait(is_level("whole"))
+    assert {one.digest for one in answers.of(Judged) if one.level != "draft"} == {designs[-1].digest}
+    assert {one.digest for one in answers.of(Judged)} == {designs[-1].digest}
+    assert slow_score["begun"] == slow_score["ended"] == 1
+    assert max(running) == 1
+    assert answers.of(Failed) == []
+
+
+def test_a_newer_design_ends_a_score_that_is_under_way(slow_score: dict[str, Any]) -> None:
+    newer = PAIR.with_(**{CLEAR: 9.0})
+    with working(wish_of(is_thorough=True)) as (shop, answers):
+        answers.wait(is_level("draft"))
+        answers.wait(lambda one: isinstance(one, Doing) and one.stage == "map")
+        began = time.monotonic()
+        shop.want(wish_of(newer, is_thorough=False))
+        answers.wait(lambda one: isinstance(one, Curves) and one.digest == newer.digest)
+        assert time.monotonic() - began < 5.0
+        assert (slow_score["begun"], slow_score["ended"]) == (1, 1)
+        assert slow_score["steps"] < 6000
+        answers.wait(lambda one: isinstance(one, Judged) and one.digest == newer.digest)
+        assert {one.digest for one in answers.of(Judged) if one.level != "draft"} == set()
+
+
+@pytest.mark.parametrize("other", [None, wish_of()], ids=["no wish", "drafts alone"])
+def test_a_score_that_is_not_wanted_any_more_is_given_up(
+    slow_score: dict[str, Any], other: Wish | None
+) -> None:
+    with working(wish_of(is_thorough=True)) as (shop, answers):
+        answers.wait(
+            lambda one: isinstance(one, Doing) and one.stage == "map", answers.wait(is_level("draft"))
+        )
+        shop.want(other)
+        answers.wait_idle(len(answers.all))
+        assert slow_score["begun"] == slow_score["ended"] == 1
+        slow_score["enough"] = True
+        shop.want(wish_of(is_thorough=True))
+        answers.wait(is_level("whole"))
+        assert answers.names().count("draft") == 1
+
+
+def test_a_new_press_is_served_while_a_score_is_under_way(slow_score: dict[str, Any]) -> None:
+    with working(wish_of(is_thorough=True)) as (shop, answers):
+        answers.wait(
+            lambda one: isinstance(one, Doing) and one.stage == "map", answers.wait(is_level("draft"))
+        )
+        for x_mm in (10.0, 11.0):
+            before = len(answers.all)
+            press = Press(x_mm=x_mm, y_mm=9.0, depth_mm=2.5)
+            shop.want(wish_of(press=press, is_thorough=True))
+            look = answers.wait(lambda one: isinstance(one, Look), before)
+            assert answers.all[look].press == press  # type: ignore[union-attr]
+            assert answers.of(Curves)[-1].found.place_mm == press.place_mm
+        assert (slow_score["begun"], slow_score["ended"]) == (1, 0)
+        slow_score["enough"] = True
+        answers.wait(lambda one: isinstance(one, Curves) and not one.found.is_draft)
+        assert slow_score["begun"] == 1
+        assert answers.names() == [
+            "Curves",
+            "Look",
+            "draft",
+            *["Curves", "Look"] * 2,
+            "score",
+            "whole",
+            "Curves",
+        ]
+        assert answers.of(Curves)[-1].found.place_mm == (11.0, 9.0)
+
+
+def test_rays_and_readings_come_after_the_look_and_of_the_press() -> None:
+    with working(wish_of(with_rays=True, with_readings=True)) as (_, answers):
+        answers.wait(is_level("draft"))
+        assert answers.names() == ["Curves", "Look", "Rays", "Readings", "draft"]
+        (rays,), (readings,) = answers.of(Rays), answers.of(Readings)
+    assert rays.press == readings.press == PRESS
+    assert len(rays.rays) >= 8
+    for ray in rays.rays:
+        assert ray.pair in {f"E{i}-R{j}" for i in (1, 2, 3) for j in (1, 2, 3)}
+        assert ray.places_mm.shape[1] == 3
+        assert len(ray.places_mm) >= 2
+    assert readings.untouched.shape == readings.pressed.shape == (3, 3)
+    assert readings.untouched.diagonal() == pytest.approx(800.0, rel=0.1)
+    (found,) = answers.of(Curves)
+    assert [pair.name for pair in found.found.pairs] == ["E2-R2"]
+    middle = found.found.pairs[0].curves
+    left = np.interp(PRESS.depth_mm, middle.depth_mm, middle.total) / middle.total[0]
+    share = readings.pressed[1, 1] / readings.untouched[1, 1]
+    assert share == pytest.approx(left, abs=0.02)  # by the pad's own walls, and without them
+
+
+def test_rays_of_a_press_that_has_moved_on_are_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    steps: list[str] = []
+
+    def stand_in(*_: Any, on_step: Callable[[float], None]) -> Any:
+        for _number in range(1000):
+            steps.append("step")
+            on_step(0.5)
+            time.sleep(0.01)
+        raise AssertionError("never given up")
+
+    monkeypatch.setattr("sims.rays.ray_states.ray_states", stand_in)
+    with working(wish_of(with_rays=True)) as (shop, answers):
+        answers.wait(lambda one: isinstance(one, Doing) and one.stage == "rays")
+        moved = Press(x_mm=11.0, y_mm=11.0, depth_mm=2.0)
+        shop.want(wish_of(press=moved))
+        answers.wait(is_level("draft"))
+        assert answers.names() == ["Curves", "Look", "Curves", "Look", "draft"]
+        assert answers.of(Look)[-1].press == moved
+    assert len(steps) < 500
+
+
+def test_a_design_outside_the_models_is_said_with_the_reason_and_the_work_goes_on(
+    slow_score: dict[str, Any],
+) -> None:
+    outside = PAIR.with_(**{"operating.max_depth_mm": 0.2})
+    slow_score["enough"] = slow_score["is_out"] = True
+    with working(wish_of(outside, is_thorough=True)) as (shop, answers):
+        answers.wait(is_level("whole"))
+        answers.wait_idle(len(answers.all) - 1)
+        (failed,) = answers.of(Failed)
+        assert "less than a deadband's least length" in failed.text
+        assert failed.digest == outside.digest
+        assert {one.score.verdict for one in answers.of(Judged)} == {"OUT_OF_MODEL_SCOPE"}
+        assert {one.score.reason for one in answers.of(Judged)} == {failed.text}
+        assert isinstance([one for one in answers.all if not isinstance(one, Doing)][-1], Judged)
+        end = len(answers.all)
+        shop.want(wish_of())
+        answers.wait(lambda one: isinstance(one, Judged) and one.score.verdict == "CONTIGUOUS", end)
+
+
+def test_a_press_that_the_models_do_not_cover_leaves_the_design_judged(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from design.errors import ModelScopeError
+
+    def refuse(*_: Any, **__: Any) -> Any:
+        raise ModelScopeError("too near the wall")
+
+    with working() as (shop, answers):
+        monkeypatch.setattr("optopad.studio.surface_mesh.pressed_top", refuse)
+        shop.want(wish_of(with_rays=True))
+        answers.wait_idle(answers.wait(is_level("draft")))
+        assert answers.names() == ["Curves", "Failed", "draft"]
+        monkeypatch.undo()
+        end = len(answers.all)
+        shop.want(wish_of(press=Press(x_mm=10.0, y_mm=10.0, depth_mm=1.0)))
+        answers.wait(lambda one: isinstance(one, Look), end)
+
+
+def test_a_design_that_breaks_a_rule_is_said_once(slow_score: dict[str, Any]) -> None:
+    broken = PAIR.with_(**{"receivers.height_mm": 8.5})
+    with working(wish_of(broken, is_thorough=True)) as (_, answers):
+        answers.wait_idle(answers.wait(lambda one: isinstance(one, Failed)))
+        assert answers.names() == ["Failed"]
+        assert "receivers.height_mm" in answers.of(Failed)[0].text
+        assert slow_score["begun"] == 0
+
+
+def test_a_fault_of_ours_is_said_and_the_rest_of_the_work_is_done(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(*_: Any, **__: Any) -> Any:
+        raise ZeroDivisionError("of ours")
+
+    monkeypatch.setattr("sims.continuity.draft.draft_score", fail)
+    with working(wish_of()) as (_, answers):
+        answers.wait_idle(answers.wait(lambda one: isinstance(one, Failed)))
+        assert answers.names() == ["Curves", "Look", "Failed"]
+        assert answers.of(Failed)[0].text == (
+            "optopad's own failure (ZeroDivisionError: of ours); please report it"
+        )
+    assert "ZeroDivisionError: of ours" in capsys.readouterr().err
+
+
+def test_a_live_solve_of_a_tip_is_given_up_with_its_design(monkeypatch: pytest.MonkeyPatch) -> None:
+    ended = threading.Event()
+
+    def solve(_design: SensorDesign, on_step: Callable[[float], None]) -> None:
+        try:
+            for number in range(3000):
+                on_step(number / 3000)
+                time.sleep(0.01)
+        finally:
+            ended.set()
+
+    monkeypatch.setattr("sims.contact.indentation.round_press", solve)
+    with working(wish_of()) as (shop, answers):
+        answers.wait(lambda one: isinstance(one, Doing) and one.stage == "contact")
+        monkeypatch.undo()
+        shop.want(wish_of(PAIR.with_(**{CLEAR: 9.0})))
+        assert ended.wait(2.0)
+        answers.wait(lambda one: isinstance(one, Curves))
+        assert answers.of(Failed) == []
+
+
+def test_closing_ends_a_score_within_two_seconds_and_twice_is_once(slow_score: dict[str, Any]) -> None:
+    with working(wish_of(is_thorough=True)) as (shop, answers):
+        answers.wait(
+            lambda one: isinstance(one, Doing) and one.stage == "map", answers.wait(is_level("draft"))
+        )
+        began = time.monotonic()
+        shop.close()
+        assert time.monotonic() - began < 2.0
+        assert slow_score["begun"] == slow_score["ended"] == 1
+        shop.close()
+    Workshop(answers.put).close()  # one that never began
+
+
+def test_closing_in_the_middle_of_light_takes_less_than_two_seconds() -> None:
+    with working(wish_of(preset("piacenza2017-pad"))) as (_, answers):
+        answers.wait(lambda one: isinstance(one, Doing) and one.stage == "map")  # `working` closes and looks
+
+
+@pytest.mark.slow
+def test_the_score_has_the_bits_of_a_score_without_a_studio_although_presses_were_served_meanwhile() -> None:
+    true = score(PAIR, seed=3)
+    served: list[str] = []
+    with working(wish_of(is_thorough=True), seed=3) as (shop, answers):
+        end = answers.wait(is_level("draft"))
+        for x_mm in (8.0, 11.0):
+            time.sleep(2.0)
+            end = len(answers.all)
+            shop.want(wish_of(press=Press(x_mm=x_mm, y_mm=10.0, depth_mm=2.0), is_thorough=True))
+            look = answers.wait(lambda one: isinstance(one, Look), end)
+            served.append(type(answers.all[look]).__name__)
+            assert not any(isinstance(one, Judged) and one.level != "draft" for one in answers.all)
+        whole = answers.all[answers.wait(is_level("whole"), seconds=600.0)]
+        middle = answers.all[answers.wait(is_level("score"))]
+    assert isinstance(whole, Judged)
+    assert isinstance(middle, Judged)
+    assert len(served) == 2
+    assert whole.score.to_json() == true.to_json()
+    told, whole_told = middle.score.to_json(), true.to_json()
+    assert {key for key in told if told[key] != whole_told[key]} <= {"tolerance", "what_matters", "warnings"}
+
+
+def test_every_piece_of_a_press_is_named_as_one() -> None:
+    shop = Workshop(lambda _answer: None)
+    pieces = shop._pieces(wish_of(with_rays=True, with_readings=True, is_thorough=True))
+    assert [name for name, key, _ in pieces if PRESS in key or PRESS.place_mm in key] == list(
+        workshop_module.OF_A_PRESS
+    )
