@@ -19,7 +19,7 @@ from tests.fabrication.driver.made_up_model import header, made_up_model
 from tests.fabrication.driver.made_up_pad import board, untouched
 
 FINGER = FingerPath(
-    time_s=np.array([0.0, 1.2, 1.25, 1000.0]),
+    time_s=np.array([0.0, 3.0, 3.05, 1000.0]),  # late enough for a machine that is busy
     press_mm=np.array([[16.0, 16.0, -5.0]] * 2 + [[10.0, 22.0, 3.0]] * 2),
 )
 
@@ -38,7 +38,7 @@ def test_read_with_a_model_tells_touches_frame_by_frame(
 ) -> None:
     config, model = files
     with FakePort(board(FINGER)) as port:
-        command = ["driver", "read", config, "--port", port.name, "--model", model, "--seconds", "1.6"]
+        command = ["driver", "read", config, "--port", port.name, "--model", model, "--seconds", "3.2"]
         assert main([*command, "--json"]) == 0
         lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
         assert main(["driver", "read", config, "--port", port.name, "--model", model, "--frames", "3"]) == 0
