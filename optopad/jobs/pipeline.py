@@ -7,9 +7,7 @@ Mold and physics share nothing, so they run side by side: the mold in a process 
 from __future__ import annotations
 
 import json
-import os
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -23,6 +21,7 @@ from design.rules.check import require_valid
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
 from optopad.work.finished import FinishedWork
+from optopad.work.program import started
 
 if TYPE_CHECKING:
     from fabrication.gain import SimulatedGain
@@ -171,12 +170,7 @@ def _mold_beside(design: SensorDesign, folder: Path) -> Iterator[subprocess.Pope
     """The mold's process, started; it is stopped if the work beside it fails or is interrupted."""
     (folder / "cad").mkdir(exist_ok=True)
     save_design(design, folder / "design.toml")
-    # -P: a design.py or cad.py of the user's in the current folder must not stand in for ours
-    command = [sys.executable, "-P", "-m", "cad", str(folder / "design.toml"), str(folder / "cad")]
-    here = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
-    process = subprocess.Popen(
-        command, env=here, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
-    )
+    process = started(["-m", "cad", str(folder / "design.toml"), str(folder / "cad")])
     try:
         yield process
     finally:

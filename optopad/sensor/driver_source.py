@@ -20,6 +20,7 @@ from fabrication.driver_file import DriverConfig, config_from_document, load_dri
 
 if TYPE_CHECKING:
     from fabrication.gain import SimulatedGain
+    from sims.learning.inference.touch_model import TouchModel
 
 OnStep = Callable[[str, float], None]
 
@@ -59,7 +60,9 @@ def driver_source(where: str, changes: list[str] | None, out: Path) -> DriverSou
         if changes:
             raise InputError(f"--set: {where} is written already; name the design and change that")
         return DriverSource(config=load_driver_config(file), design=None, bundle=_bundle_of(file))
-    return _of_design(where, changes, out)
+    from optopad.work.designs import read_design
+
+    return source_of(read_design(where, changes), out)
 
 
 def with_expected_pattern(source: DriverSource, *, seed: int, on_step: OnStep) -> DriverConfig:
@@ -139,12 +142,16 @@ def _config(design: SensorDesign, gain: SimulatedGain | None) -> DriverConfig:
     return config_from_document(tomllib.loads(text), where="driver.toml")
 
 
-def _of_design(where: str, changes: list[str] | None, out: Path) -> DriverSource:
+def source_of(design: SensorDesign, out: Path) -> DriverSource:
+    """The configuration of a design: its bundle's, or, where it has none yet, one made here.
+
+    Raises
+    ------
+    DesignError : the design breaks a rule.
+    """
     from design.rules.check import require_valid
     from fabrication.bundle import bundle_name
-    from optopad.work.designs import read_design
 
-    design = read_design(where, changes)
     require_valid(design)
     bundle = out / bundle_name(design)
     file = bundle / "fabrication" / "driver.toml"
@@ -152,6 +159,25 @@ def _of_design(where: str, changes: list[str] | None, out: Path) -> DriverSource
         config = load_driver_config(file, digest=design.digest)
         return DriverSource(config=config, design=design, bundle=bundle)
     return DriverSource(config=_config(design, None), design=design, bundle=None)
+
+
+def fitting_model(file: Path, config: DriverConfig) -> TouchModel:
+    """A trained model of a sensor; refused before a port is opened.
+
+    Raises
+    ------
+    InputError : no model, or another design's; the message names the file.
+    """
+    from fabrication.driver.descriptor import descriptor_of
+    from fabrication.driver.touch_reader import require_fits
+    from sims.learning.inference.model_file import load_model
+
+    model = load_model(file)
+    try:
+        require_fits(model.header, descriptor_of(config))
+    except InputError as err:
+        raise InputError(f"{file}: {err}") from None
+    return model
 
 
 def _bundle_of(file: Path) -> Path | None:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
-import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +19,7 @@ from design.io import save_design
 from design.spec import SensorDesign
 from fabrication.bundle import bundle_name
 from optopad.studio.session import Said
+from optopad.work.program import started
 
 Tell = Callable[[Said], None]
 
@@ -108,7 +107,7 @@ class Errand:
             holder = tempfile.TemporaryDirectory(prefix="optopad-")
             file = Path(holder.name) / f"{design.name}.toml"
             save_design(design, file)
-            self._process = _optopad([verb, str(file), "--out", str(self.out)])
+            self._process = started(["-m", "optopad", verb, str(file), "--out", str(self.out)])
         threading.Thread(
             target=self._follow,
             args=(verb, self._process, holder, finish),
@@ -181,7 +180,7 @@ class MoldShop:
             holder = tempfile.TemporaryDirectory(prefix="optopad-")
             file = Path(holder.name) / "design.toml"
             save_design(design, file)
-            self._process = _python(["-m", "cad", str(file), holder.name])
+            self._process = started(["-m", "cad", str(file), holder.name])
             arguments = (design, self._process, holder)
             threading.Thread(target=self._follow, args=arguments, name="studio-mold", daemon=True).start()
 
@@ -209,20 +208,3 @@ class MoldShop:
         lift = bed_lift_mm(design)
         moved = mesh.vertices.astype("float64") - [0.0, 0.0, lift]
         self._post(design.digest, Mesh(vertices=moved, triangles=mesh.triangles))
-
-
-def _optopad(arguments: Sequence[str]) -> subprocess.Popen[str]:
-    return _python(["-m", "optopad", *arguments])
-
-
-def _python(arguments: Sequence[str]) -> subprocess.Popen[str]:
-    """This interpreter; -P: a design.py in the current folder must not stand in for ours."""
-    here = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
-    return subprocess.Popen(
-        [sys.executable, "-P", *arguments],
-        env=here,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-    )

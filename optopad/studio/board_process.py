@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
-import sys
 import tempfile
 import threading
 from collections.abc import Callable
@@ -14,6 +12,7 @@ from pathlib import Path
 from design.errors import DeviceError, InputError
 from design.io import save_design
 from design.spec import SensorDesign
+from optopad.work.program import started
 
 STARTING_BOARD = "starting the simulated board"
 
@@ -43,9 +42,10 @@ class BoardProcess:
 
     def __init__(self, design: SensorDesign, bundles: Path, seed: int, say: Callable[[str], None]) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="optopad-")
-        command = ["driver", "fake", saved_design(design, Path(self._folder.name)), "--bundles", str(bundles)]
-        # -P: a design.py of the user's in the current folder must not stand in for ours
-        self._command = [sys.executable, "-P", "-c", BOARD_PROGRAM, *command, "--seed", str(seed)]
+        file = Path(self._folder.name) / "design.toml"
+        save_design(design, file)
+        command = ["driver", "fake", str(file), "--bundles", str(bundles)]
+        self._command = ["-c", BOARD_PROGRAM, *command, "--seed", str(seed)]
         self._say = say
         self._lock, self._is_closed = threading.Lock(), False
         self._process: subprocess.Popen[str] | None = None
@@ -96,20 +96,13 @@ class BoardProcess:
         self._folder.cleanup()
 
     def _started(self) -> subprocess.Popen[str]:
-        here = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
         with self._lock:
             if self._is_closed:
                 raise DeviceError("the simulated board: closed before it had started")
             if self._process is not None:
                 _close_pipes(self._process)
-            self._process = subprocess.Popen(
-                self._command,
-                env=here,
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
-                text=True,
-                errors="replace",
+            self._process = started(
+                self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
             )
             return self._process
 
@@ -128,10 +121,3 @@ def _close_pipes(process: subprocess.Popen[str]) -> None:
         if pipe is not None:
             with suppress(OSError):
                 pipe.close()
-
-
-def saved_design(design: SensorDesign, folder: Path) -> str:
-    """Name of a file with the design in a folder."""
-    file = folder / "design.toml"
-    save_design(design, file)
-    return str(file)

@@ -14,7 +14,6 @@ are taken then. A press at that time is taken for the untouched pad until `rebas
 
 from __future__ import annotations
 
-import tempfile
 import threading
 import time
 from collections.abc import Iterator
@@ -35,11 +34,9 @@ from fabrication.driver.link.link import require_digest
 from fabrication.driver.pattern import Problem
 from fabrication.driver.sensor import Sensor
 from fabrication.driver.stream import LinkCounts
-from fabrication.driver.touch_reader import Touch, TouchReader, require_fits
-from optopad.sensor.driver_source import driver_source
-from optopad.studio.board_process import STARTING_BOARD, BoardProcess, saved_design
-from sims.learning.inference.model_file import load_model
-from sims.learning.inference.touch_model import TouchModel
+from fabrication.driver.touch_reader import Touch, TouchReader
+from optopad.sensor.driver_source import fitting_model, source_of
+from optopad.studio.board_process import STARTING_BOARD, BoardProcess
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -126,12 +123,11 @@ class LiveSensor:
         seed: int = 0,
         accept_digest: str | None = None,
     ) -> None:
-        with tempfile.TemporaryDirectory(prefix="optopad-") as folder:
-            self._config = driver_source(saved_design(design, Path(folder)), None, bundles).config
+        self._config = source_of(design, bundles).config
         self._said: Descriptor = descriptor_of(self._config)
         self._lit = [emitter.state for emitter in self._config.emitters]
         self._dark = self._config.ambient.subtract_state
-        self._model = None if model is None else _fitting_model(model, self._said)
+        self._model = None if model is None else fitting_model(model, self._config)
         require_digest(accept_digest)
         self._accept_digest = accept_digest
         self._port = port
@@ -376,13 +372,3 @@ def _is_enough(frames: list[Frame]) -> bool:
     if len(frames) < START_FRAMES:
         return False
     return (frames[-1].device_us - frames[0].device_us) / US_PER_S >= START_S
-
-
-def _fitting_model(file: Path, said: Descriptor) -> TouchModel:
-    """A trained model of this design; refused before a port is opened."""
-    model = load_model(file)
-    try:
-        require_fits(model.header, said)
-    except InputError as err:
-        raise InputError(f"{file}: {err}") from None
-    return model

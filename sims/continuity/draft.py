@@ -24,22 +24,19 @@ from design.geometry.pairs import (
     is_facing_rows,
     judged_pairs,
     mask_of,
-    pair_name,
 )
 from design.rules.check import require_valid
 from design.spec import SensorDesign
-from sims.bounds.felt import felt_force
 from sims.bounds.observability import pad_bounds
-from sims.contact.force_curve import force_curve
-from sims.contact.indentation import round_press, solved_press
+from sims.contact.indentation import round_press
+from sims.continuity.map_bounds import map_felt
 from sims.continuity.map_judging import places_judged
-from sims.continuity.objective import SETTINGS, Settings
+from sims.continuity.objective import SETTINGS, judged_alone, untouched_of
 from sims.continuity.result import ContinuityScore, JudgedPair
-from sims.continuity.scoring import governing_pair, require_judgeable_depth, usable_of_pairs
+from sims.continuity.scoring import centred_force, governing_pair, require_judgeable_depth, usable_of_pairs
 from sims.optics.tracing import trace
 from sims.press.depths import COARSE_STEP_MM, STEP_MM, depth_schedule_mm
 from sims.readings.readout import Readout, readout_of
-from sims.verdict.builds import score_curves
 from sims.verdict.causes import causes_of_pad, causes_of_pairs
 from sims.verdict.pad_map import PadMap, grid_places_mm, map_grid_mm
 from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
@@ -121,7 +118,12 @@ def curves_under(
     require_judgeable_depth(design)
     cavity, settings = cavity_of(design), SETTINGS["draft"]
     pairs = pairs_under(cavity, place_mm)
-    readout = _readout(design, cavity, settings, seed) if is_draft else _score_readout(design, cavity, seed)
+    flux = (
+        untouched_of(design, cavity, settings, seed)
+        if is_draft
+        else untouched_flux(design, cavity, seed=seed)
+    )
+    readout = readout_of(design, flux, mask_of(judged_pairs(cavity), cavity))
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm, settings.step_mm if is_draft else STEP_MM)
     press = round_press(design) if is_draft else None
     light = trace(
@@ -137,10 +139,7 @@ def curves_under(
     return PlaceCurves(
         place_mm=place_mm,
         readout=readout,
-        pairs=tuple(
-            JudgedPair(name=pair_name(cavity, one.pair), curves=one, score=score_curves(design, one, readout))
-            for one in curves
-        ),
+        pairs=judged_alone(design, cavity, curves, readout),
         is_draft=is_draft,
     )
 
@@ -176,18 +175,8 @@ def with_draft_bounds(
     """The same with what one frame tells of place and depth at best, and the lightest press felt; pads only."""
     if draft.pad_map is None or draft.readout is None or draft.pad_signals is None:
         return draft
-    light, pad, tell = draft.pad_signals, draft.pad_map, on_step or (lambda _stage, _share: None)
-    depth_mm = light.presses[: len(light.presses) // len(pad.places), 2]
-    grid = (len(pad.y_mm), len(pad.x_mm), len(depth_mm), -1)
-    felt = felt_force(
-        design,
-        light.flux.reshape(grid),
-        light.standard_error.reshape(grid),
-        pad.x_mm,
-        pad.y_mm,
-        depth_mm,
-        draft.readout,
-    )
+    tell = on_step or (lambda _stage, _share: None)
+    felt = map_felt(design, draft.pad_map, draft.pad_signals, draft.readout)
     bounds = pad_bounds(
         design,
         places=SETTINGS["draft"].bound_places,
@@ -206,10 +195,8 @@ def with_draft_bounds(
 
 def _pad(design: SensorDesign, base: ContinuityScore, tell: OnStep) -> ContinuityScore:
     cavity, settings = cavity_of(design), SETTINGS["draft"]
-    force = force_curve(
-        design, solved_press(design, on_step=lambda share: tell("contact", share)), _depths(design)
-    )
-    flux = _untouched(design, cavity, settings, base.seed)
+    force = centred_force(design, lambda share: tell("contact", share))
+    flux = untouched_of(design, cavity, settings, base.seed)
     readout = readout_of(design, flux, mask_of(judged_pairs(cavity), cavity))
     x_mm, y_mm = map_grid_mm(cavity, settings.map_places)
     places_mm = grid_places_mm(cavity.workspace, x_mm, y_mm)
@@ -272,10 +259,8 @@ def _settled(
 
 def _facing(design: SensorDesign, base: ContinuityScore, tell: OnStep) -> ContinuityScore:
     cavity, settings = cavity_of(design), SETTINGS["draft"]
-    force = force_curve(
-        design, solved_press(design, on_step=lambda share: tell("contact", share)), _depths(design)
-    )
-    flux = _untouched(design, cavity, settings, base.seed)
+    force = centred_force(design, lambda share: tell("contact", share))
+    flux = untouched_of(design, cavity, settings, base.seed)
     pairs = judged_pairs(cavity)
     readout = readout_of(design, flux, mask_of(pairs, cavity))
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm, settings.step_mm)
@@ -288,10 +273,7 @@ def _facing(design: SensorDesign, base: ContinuityScore, tell: OnStep) -> Contin
         seed=base.seed,
         on_step=lambda share: tell("pairs", share),
     )
-    judged = tuple(
-        JudgedPair(name=pair_name(cavity, one.pair), curves=one, score=score_curves(design, one, readout))
-        for one in curves
-    )
+    judged = judged_alone(design, cavity, curves, readout)
     governing = governing_pair(judged, True)
     usable = usable_of_pairs(design, judged)
     return replace(
@@ -317,22 +299,3 @@ def _pairs_near(cavity: CavityGeometry, places_mm: FloatArray) -> BoolArray:
             away_mm, _ = beside_chord(cavity, (int(i), int(j)), (x_mm, y_mm))
             near[number, i, j] = away_mm <= NEAR_TIPS * cavity.tip_radius_mm
     return near
-
-
-def _depths(design: SensorDesign) -> FloatArray:
-    return depth_schedule_mm(design.operating.max_depth_mm)
-
-
-def _untouched(design: SensorDesign, cavity: CavityGeometry, settings: Settings, seed: int) -> FloatArray:
-    presses = np.array([[cavity.length_mm / 2, cavity.width_mm / 2, 0.0]])
-    return np.asarray(trace(design, presses, accuracy=settings.untouched, seed=seed).flux[0])
-
-
-def _readout(design: SensorDesign, cavity: CavityGeometry, settings: Settings, seed: int) -> Readout:
-    flux = _untouched(design, cavity, settings, seed)
-    return readout_of(design, flux, mask_of(judged_pairs(cavity), cavity))
-
-
-def _score_readout(design: SensorDesign, cavity: CavityGeometry, seed: int) -> Readout:
-    flux = untouched_flux(design, cavity, seed=seed)
-    return readout_of(design, flux, mask_of(judged_pairs(cavity), cavity))

@@ -42,13 +42,13 @@ def map_bounds(
         depths_mm=FINE_DEPTHS_MM if fine else COARSE_DEPTHS_MM,
         seed=seed,
         readout=readout,
-        felt=_felt(design, pad_map, pad_signals, readout),
+        felt=map_felt(design, pad_map, pad_signals, readout),
         on_step=on_step,
     )
 
 
-def _felt(design: SensorDesign, pad_map: PadMap, pad_signals: LightSignals, readout: Readout) -> FeltForce:
-    """By the map's light, which is finer where signals begin."""
+def map_felt(design: SensorDesign, pad_map: PadMap, pad_signals: LightSignals, readout: Readout) -> FeltForce:
+    """The lightest press felt at a map's places, by the map's light."""
     grid = (len(pad_map.y_mm), len(pad_map.x_mm))
     depth_mm = pad_signals.presses[: len(pad_signals.presses) // len(pad_map.places), 2]
     flux, error = (

@@ -43,6 +43,7 @@ from sims.verdict.presses import (
     MAP_ACCURACY,
     NEAR_ACCURACY,
     PAIR_ACCURACY,
+    PairCurves,
     map_depths_mm,
     map_light,
     pad_light,
@@ -222,8 +223,7 @@ class _Judging:
             self.figures["cost"] = price_of(cavity)
 
     def _untouched(self, cavity: CavityGeometry) -> Readout:
-        presses = np.array([[cavity.length_mm / 2, cavity.width_mm / 2, 0.0]])
-        flux = trace(self.design, presses, accuracy=self.settings.untouched, seed=self.seed).flux[0]
+        flux = untouched_of(self.design, cavity, self.settings, self.seed)
         judged = judged_pairs(cavity)
         # The common gain hides how much light there is, so strength is light: a share of the emitted power.
         chosen = judged[:1] if is_facing_rows(cavity) else judged
@@ -288,14 +288,7 @@ class _Judging:
         curves = pair_curves(
             self.design, cavity, pairs, depth_mm, accuracy=self.settings.pairs, seed=self.seed
         )
-        return tuple(
-            JudgedPair(
-                name=pair_name(cavity, one.pair),
-                curves=one,
-                score=score_curves(self.design, one, readout),
-            )
-            for one in curves
-        )
+        return judged_alone(self.design, cavity, curves, readout)
 
     def _map(self, cavity: CavityGeometry, readout: Readout) -> None:
         x_mm, y_mm = map_grid_mm(cavity, self.settings.map_places)
@@ -345,6 +338,22 @@ class _Judging:
     def _max_depth_mm(self) -> float:
         require_judgeable_depth(self.design)
         return self.design.operating.max_depth_mm
+
+
+def untouched_of(design: SensorDesign, cavity: CavityGeometry, settings: Settings, seed: int) -> FloatArray:
+    """(emitter, receiver) flux of the untouched pad [-]."""
+    presses = np.array([[cavity.length_mm / 2, cavity.width_mm / 2, 0.0]])
+    return np.asarray(trace(design, presses, accuracy=settings.untouched, seed=seed).flux[0])
+
+
+def judged_alone(
+    design: SensorDesign, cavity: CavityGeometry, curves: Sequence[PairCurves], readout: Readout
+) -> tuple[JudgedPair, ...]:
+    """Pairs judged by their curves, without loads and errors."""
+    return tuple(
+        JudgedPair(name=pair_name(cavity, one.pair), curves=one, score=score_curves(design, one, readout))
+        for one in curves
+    )
 
 
 def _is_further(cavity: CavityGeometry, places_mm: FloatArray, place_mm: tuple[float, float]) -> bool:

@@ -109,7 +109,7 @@ def _judged(
 ) -> ContinuityScore:
     cavity = cavity_of(design)
     require_judgeable_depth(design)
-    force = _force_curve(design, lambda share: tell("contact", share))
+    force = centred_force(design, lambda share: tell("contact", share))
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm)
     flat = untouched_flux(design, cavity, seed=seed)
     pairs = judged_pairs(cavity)
@@ -205,7 +205,8 @@ def require_judgeable_depth(design: SensorDesign) -> None:
         )
 
 
-def _force_curve(design: SensorDesign, on_step: Callable[[float], None]) -> ForceCurve:
+def centred_force(design: SensorDesign, on_step: Callable[[float], None]) -> ForceCurve:
+    """Load of the centred press at the depths of a score."""
     press = solved_press(design, on_step=on_step)
     return force_curve(design, press, depth_schedule_mm(design.operating.max_depth_mm))
 

@@ -73,11 +73,11 @@ def read(
 ) -> None:
     """Show the sensor live: its signals, or touches by a model. Leave the pad alone for the first half second."""
     _refuse_without_model(model, drift_time=drift_time, guard=guard)
-    from optopad.sensor.driver_source import driver_source
+    from optopad.sensor.driver_source import driver_source, fitting_model
     from optopad.sensor.driver_view import link_line
 
     source = driver_source(config, set_, bundles)
-    trained = None if model is None else _model(model, source)
+    trained = None if model is None else fitting_model(model, source.config)
     with (
         _lines(out, as_json) as write,
         _sensor(source, port, rate, accept_digest, has_model=trained is not None) as sensor,
@@ -229,20 +229,6 @@ def _touch_reader(
         time_constant_s=TIME_CONSTANT_S if drift_time is None else drift_time,
         guard_s=GUARD_S if guard is None else guard,
     )
-
-
-def _model(file: Path, source: DriverSource) -> TouchModel:
-    """A trained model of this design; refused before a port is opened."""
-    from fabrication.driver.descriptor import descriptor_of
-    from fabrication.driver.touch_reader import require_fits
-    from sims.learning.inference.model_file import load_model
-
-    model = load_model(file)
-    try:
-        require_fits(model.header, descriptor_of(source.config))
-    except InputError as err:
-        raise InputError(f"{file}: {err}") from None
-    return model
 
 
 def _show_touch(

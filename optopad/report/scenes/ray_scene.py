@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.geometry.cavity import CavityGeometry, cavity_of
-from design.geometry.pairs import judged_pairs, pair_name
+from design.geometry.pairs import beside_chord, judged_pairs, pair_name
 from design.spec import SensorDesign
 from optopad.report.text.words import governing
 from sims.contact.tip import tip_of
@@ -153,15 +153,9 @@ def _marked_depths(dead_mm: tuple[Interval, ...], deepest_mm: float) -> dict[flo
 def _nearest_pairs(cavity: CavityGeometry, place_mm: tuple[float, float]) -> tuple[Pair, ...]:
     """The judged pairs whose chords pass nearest to a place, the nearest first."""
     pairs = judged_pairs(cavity)
-    return tuple(sorted(pairs, key=lambda pair: round(_distance_mm(cavity, pair, place_mm), 6))[:MOST_PAIRS])
-
-
-def _distance_mm(cavity: CavityGeometry, pair: Pair, place_mm: tuple[float, float]) -> float:
-    ends = cavity.emitters[pair[0]], cavity.receivers[pair[1]]
-    start, end = (np.array(part.position_mm(cavity.length_mm, cavity.width_mm)[:2]) for part in ends)
-    chord, aside = end - start, np.array(place_mm) - start
-    share = min(max(float(aside @ chord) / float(chord @ chord), 0.0), 1.0)
-    return float(np.hypot(*(aside - share * chord)))
+    return tuple(
+        sorted(pairs, key=lambda pair: round(beside_chord(cavity, pair, place_mm)[0], 6))[:MOST_PAIRS]
+    )
 
 
 def scene_json(scene: RayScene) -> dict[str, Any]:
