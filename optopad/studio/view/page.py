@@ -196,8 +196,9 @@ class Page:
             self._answers[type(answer)] = answer
             if isinstance(answer, Judged):
                 self._judged[answer.digest] = answer
-                self._answers.pop(Failed, None)
                 self._forget_some()
+            if isinstance(answer, (Judged, Look)):  # there is an answer again
+                self._answers.pop(Failed, None)
         if isinstance(answer, Readings) and self._live is not None and self._live.expected is None:
             self._live.set_expected(answer.untouched)
         self._mark(*OF_ANSWER[type(answer)])

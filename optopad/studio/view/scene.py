@@ -1,7 +1,7 @@
 """The picture in three dimensions: layers, parts, mold, tip, pressed top, rays, ghosts; lengths in mm.
 
 Parts and tip are dragged: the pointer's ray is cut with the plane that the thing moves in, the wall's inner face for a
-part, the level of its apex for the tip (with shift: upright, which is depth).
+part (along it or in height, not both), the level of its apex for the tip (with shift: upright, which is depth).
 """
 
 from __future__ import annotations
@@ -167,15 +167,17 @@ class Scene:
                 return
             axis = 1 if part.wall in ("south", "north") else 0
             level = {"south": 0.0, "west": 0.0, "north": cavity.width_mm, "east": cavity.length_mm}[part.wall]
+            here = np.array(part.position_mm(cavity.length_mm, cavity.width_mm))
             if event.phase == "start":
-                self._grabs[name] = np.array(part.position_mm(cavity.length_mm, cavity.width_mm)) - _cut(
-                    event, np.array(event.start_position), axis, level
-                )
-            at = _cut(event, np.array(event.end_position), axis, level) + self._grabs.get(name, np.zeros(3))
-            along, height, row = float(at[1 - axis]), float(at[2]), self._with_row()
+                self._grabs[name] = _cut(event, np.array(event.start_position), axis, level)
+                self._grabs[f"{name} from"] = here
+            start = self._grabs.get(f"{name} from", here)
+            way = _cut(event, np.array(event.end_position), axis, level) - self._grabs.get(name, here)
+            along, height = _along_one_axis(float(way[1 - axis]), float(way[2]))
+            place, row = (float(start[1 - axis]) + along, float(start[2]) + height), self._with_row()
             self._later(
                 f"move {name}",
-                lambda: self._session.move_part(name, along_mm=along, height_mm=height, with_row=row),
+                lambda: self._session.move_part(name, along_mm=place[0], height_mm=place[1], with_row=row),
             )
 
         node.on_drag("left")(dragged)
@@ -363,6 +365,11 @@ def _cut(event: viser.SceneNodeDragEvent, point: FloatArray, axis: int, level: f
     if abs(way[axis]) < 1e-9:
         return point
     return np.asarray(eye + way * (level - eye[axis]) / way[axis], dtype=np.float64)
+
+
+def _along_one_axis(along: float, height: float) -> tuple[float, float]:
+    """A drag goes along the wall or in height, whichever it does more: a hand's wobble is not a second change."""
+    return (along, 0.0) if abs(along) >= abs(height) else (0.0, height)
 
 
 def _side_walls(length: float, width: float, height: float) -> tuple[FloatArray, NDArray[np.int64]]:

@@ -72,7 +72,7 @@ class BlockLayer:
         return total
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=4)
 def block_layer(layer: float, size: Size) -> BlockLayer:
     """The block of a depth, length and width; half a second or less, then remembered."""
     first = min(STEP, STEP_SHARE * layer)

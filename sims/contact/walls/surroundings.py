@@ -24,6 +24,10 @@ from sims.contact.walls.round_layer import LayerField
 FloatArray = NDArray[np.float64]
 
 
+MOST_PLACES = 4096
+"""Places of a pad that are remembered: 10 kB each."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Surroundings:
     """The loads' answers between the walls of one place.
@@ -64,9 +68,8 @@ class Surroundings:
         return change
 
 
-@lru_cache(maxsize=4096)
 def surroundings(layer: float, wall: float, size: Size, at: tuple[float, float]) -> Surroundings:
-    """The walls of a pad around a place.
+    """The walls of a pad around a place; those of the last pads are remembered, place by place.
 
     Parameters
     ----------
@@ -74,6 +77,21 @@ def surroundings(layer: float, wall: float, size: Size, at: tuple[float, float])
     wall : radius of the round pad that the press was solved in
     size, at : length and width of the pad, and x, y of the axis from its corner
     """
+    places = _places(layer, wall, size)
+    if at not in places:
+        if len(places) >= MOST_PLACES:
+            places.clear()
+        places[at] = _found(layer, wall, size, at)
+    return places[at]
+
+
+@lru_cache(maxsize=4)
+def _places(layer: float, wall: float, size: Size) -> dict[tuple[float, float], Surroundings]:  # noqa: ARG001
+    """What is known of a pad: dropped whole, so that a long row of pads keeps no more than the last ones."""
+    return {}
+
+
+def _found(layer: float, wall: float, size: Size, at: tuple[float, float]) -> Surroundings:
     block, wide = block_layer(layer, size), wide_fields(layer)
     images = [
         [_from(block.wall_nodes, (x, y)) for y in (at[1], size[1] - at[1])] for x in (at[0], size[0] - at[0])
