@@ -81,7 +81,7 @@ class Workshop:
         self._draft: Judged | None = None
         self._untouched: tuple[str, FloatArray] | None = None
         self._told_at = 0.0
-        self.finished = 0
+        self._jobs = 0
         self._thread = threading.Thread(target=self._run, name="studio-workshop", daemon=True)
 
     def start(self) -> None:
@@ -95,14 +95,9 @@ class Workshop:
             self._changed.notify()
 
     @property
-    def is_busy(self) -> bool:
-        """Whether something is being worked at."""
-        return bool(self._under_way)
-
-    @property
     def running_jobs(self) -> int:
-        """How many designs are being worked at: one at most."""
-        return int(self.is_busy)
+        """How many designs are being worked at now."""
+        return self._jobs
 
     def close(self, wait_s: float = 5.0) -> None:
         """End the work; what is under way is given up between two pieces of it."""
@@ -140,7 +135,11 @@ class Workshop:
         if wish.design.digest != self._digest:
             self._digest, self._done, self._draft = wish.design.digest, set(), None
         name, key, do = found
-        self._do(name, key, do, wish)
+        self._jobs += 1
+        try:
+            self._do(name, key, do, wish)
+        finally:
+            self._jobs -= 1
         return True
 
     def _do(
@@ -159,7 +158,6 @@ class Workshop:
             self._give_up(wish, key, f"optopad's own failure ({type(err).__name__}: {err}); please report it")
         else:
             self._done = {one for one in self._done if one[0] != key[0]} | {key}  # one press at a time
-            self.finished += 1
             if found is not None:
                 self._post(found)
         finally:
@@ -209,9 +207,7 @@ class Workshop:
             return
         if wish.design.digest != self._digest or self._key not in {key for _, key, _ in self._pieces(wish)}:
             raise _StaleError
-        is_own_thread = (
-            threading.current_thread() is self._thread
-        )  # a live contact solve has threads of its own
+        is_own_thread = threading.current_thread() is self._thread  # a live contact solve has others
         if is_own_thread and not self._is_nested and self._key[0] not in OF_A_PRESS:
             self._serve(wish)
 
