@@ -51,6 +51,8 @@ validate: setup ## the figures of docs/validation, made anew (hours; interrupted
 	$(BIN)/python -m tests.validation.contact.contact_reference
 	$(BIN)/python -m tests.validation.contact.contact_table
 	$(BIN)/python -m tests.validation.contact.library_interpolation
+	$(BIN)/python -m tests.validation.contact.crown.crown_reference
+	$(BIN)/python -m tests.validation.contact.crown.crown_table
 	$(BIN)/python -m tests.validation.contact.pad_oracle
 	$(BIN)/python -m tests.validation.contact.pad_table
 	$(BIN)/python -m tests.validation.light.light_reference_build

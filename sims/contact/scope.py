@@ -13,7 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import DesignError, InputError, ModelScopeError
-from design.rules.contact_scope import DEEPEST_PRESS, LARGEST_SHARE_OF_LAYER, LAYER_DEPTH_RANGE
+from design.rules.contact_scope import (
+    DEEPEST_PRESS,
+    LARGEST_SHARE_OF_LAYER,
+    LAYER_DEPTH_RANGE,
+    require_flat_rectangle,
+)
 
 if TYPE_CHECKING:
     from design.spec import SensorDesign
@@ -90,7 +95,13 @@ From 6.0 to 7.5 the force at 1 tip radius falls by 1 %."""
 
 
 def wall_radius(design: SensorDesign) -> float:
-    """Radius of the round pad that stands for the design's [tip radii], moved into `WALL_RADIUS_RANGE`."""
+    """Radius of the round pad that stands for the design's [tip radii], moved into `WALL_RADIUS_RANGE`.
+
+    Raises
+    ------
+    DesignError : a disc or a crowned pad.
+    """
+    require_flat_rectangle(design)
     cavity = design.cavity
     radius = round_radius(cavity.length_mm, cavity.width_mm) / tip_radius_mm(design)
     low, high = WALL_RADIUS_RANGE

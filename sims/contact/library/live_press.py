@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 from design.errors import InputError
 from design.spec import SensorDesign
@@ -66,18 +67,32 @@ def live_press(
     """
     layer, tip = layer_depth(design), tip_of(design.indenter)
     depths = tuple(round(float(depth), 9) for depth in solved_depths(layer, max(deepest, LEAST_DEPTH)))
+    inputs = PressInputs(
+        layer=layer,
+        mesh_size=spacing,
+        depths=depths,
+        poisson_ratio=POISSON_RATIOS[-1],
+        tip=tip,
+        wall_radius=wall_radius(design),
+    )
+    return both_ratios(inputs, on_step)
+
+
+def both_ratios(
+    inputs: PressInputs, on_step: OnStep | None
+) -> tuple[UnitPress, SmoothPress, tuple[str, ...]]:
+    """The press at both `POISSON_RATIOS`, whatever that of the inputs is; returns and errors of `live_press`.
+
+    Parameters
+    ----------
+    inputs : what is pressed, and how
+    on_step : called with the fraction done
+    """
     tell = _Progress(on_step)
 
     def solve(ratio: float) -> tuple[UnitPress, tuple[str, ...]]:
-        inputs = PressInputs(
-            layer=layer,
-            mesh_size=spacing,
-            depths=depths,
-            poisson_ratio=ratio,
-            tip=tip,
-            wall_radius=wall_radius(design),
-        )
-        return stored_press(inputs, lambda share: tell.advance(ratio, share))
+        own = replace(inputs, poisson_ratio=ratio)
+        return stored_press(own, lambda share: tell.advance(ratio, share))
 
     with ThreadPoolExecutor(max_workers=len(POISSON_RATIOS)) as pool:
         (soft, _), (stiff, notes) = pool.map(solve, POISSON_RATIOS)

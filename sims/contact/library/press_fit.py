@@ -68,7 +68,7 @@ def _state(unit: UnitPress, index: int) -> StateValues:
     radius, height = unit.radii[index], unit.heights[index]
     tolerance = contact_tolerance(unit.mesh_size, unit.wedge_angle)
     edge, free = free_surface(
-        radius, height, depth, spacing=unit.mesh_size, tolerance=tolerance, tip=unit.tip
+        radius, height, depth, spacing=unit.mesh_size, tolerance=tolerance, tip=unit.tip, crown=unit.crown
     )
     start = np.stack(tip_outline(np.array(edge), depth, unit.tip))
     return StateValues(
@@ -110,6 +110,7 @@ def fit_press(unit: UnitPress) -> SmoothPress:
     return SmoothPress(
         layer_depth=unit.layer_depth,
         wall_radius=unit.wall_radius,
+        crown=unit.crown,
         mesh_size=unit.mesh_size,
         first=float(unit.depths[0]),
         deepest=unit.deepest,

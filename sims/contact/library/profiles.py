@@ -22,14 +22,14 @@ class UnitPress:
 
     Attributes
     ----------
-    layer_depth, wall_radius : elastic depth of the layer, radius of the bonded wall
+    layer_depth, wall_radius : elastic depth of the layer on the axis, radius of the bonded wall
     mesh_size : node spacing under the tip
     wedge_angle : opening angle of the solved wedge [rad]
     poisson_ratio : of the layer [-]
     tip_rows : (piece, 7) outline of the tip, see `TipOutline`
     depths : (depth,) solved press depths, increasing, without 0
     rest_radii : (node,) radii of the top nodes at rest, from the axis to the wall
-    radii, heights : (depth, node) deformed top
+    radii, heights : (depth, node) deformed top; heights are above the untouched apex
     normal_force : (depth, node) force of the tip on each top node, whole turn; positive where it presses
     force, contact_radius : (depth,)
     reaction : (depth,) reaction of the bonded surfaces, computed from the shape alone
@@ -39,6 +39,7 @@ class UnitPress:
     volume_loss : (depth,) volume lost by compression [R³]
     energy : (depth,) elastic energy of the layer [E R³]
     versions : names and versions of what computed it
+    crown : tip radius over the radius of the top's sphere; 0 is flat [-]
     """
 
     layer_depth: float
@@ -62,6 +63,7 @@ class UnitPress:
     volume_loss: FloatArray
     energy: FloatArray
     versions: tuple[str, ...]
+    crown: float = 0.0
 
     @property
     def deepest(self) -> float:

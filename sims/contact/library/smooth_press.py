@@ -8,7 +8,8 @@ Hertz' 3/2 and 1/2). All are linear in the coefficients, so that layers can be i
 
 Below the first solved depth (0.02 mm for a 3 mm tip) the contact is smaller than a mesh cell: there contact
 radius and force follow the powers that theory gives them at first touch (1/2 and 3/2 under a round tip), and the
-heights of the surface are scaled with the depth. Nothing is extrapolated beyond the deepest solved depth.
+heights of the surface (on a crown: above it) are scaled with the depth. Nothing is extrapolated beyond the deepest
+solved depth.
 
 Lengths in tip radii, forces in E R².
 """
@@ -22,8 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
+from design.errors import ModelScopeError
 from sims.contact.library.surface_curve import TopCurve, contact_radius_at, whole_curve
 from sims.contact.scope import WALL_RADIUS
+from sims.contact.solver.crown import crown_drop, crown_slope
 from sims.contact.tip import HEMISPHERE, TipOutline, tip_outline
 from sims.contact.walls.far_press import FarPress, far_press
 
@@ -80,6 +83,29 @@ def outward(curve: TopCurve) -> tuple[FloatArray, FloatArray]:
     """Radius, increasing, and height of a curve: of a stretch that runs back the lowest point is kept."""
     kept = np.append(True, np.diff(np.maximum.accumulate(curve.radius)) > _RUN_BACK)
     return curve.radius[kept], curve.height[kept]
+
+
+def above_crown(curve: TopCurve, crown: float) -> TopCurve:
+    """The same points by their height above the untouched crown at their radius, with that curve's inclination.
+
+    Parameters
+    ----------
+    curve : the top, heights above the untouched apex
+    crown : tip radius over the radius of the untouched top [-]
+    """
+    if crown == 0.0:
+        return curve
+    along, up = np.cos(curve.inclination), np.sin(curve.inclination)
+    return replace(
+        curve,
+        height=curve.height + crown_drop(curve.radius, crown),
+        inclination=np.arctan2(up + crown_slope(curve.radius, crown) * along, along),
+    )
+
+
+def on_crown(curve: TopCurve, crown: float) -> TopCurve:
+    """The inverse of `above_crown`."""
+    return above_crown(curve, -crown)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,6 +170,7 @@ class SmoothPress:
     residual : of the fit to the solved states
     tip : what presses
     versions : names and versions of what computed it
+    crown : tip radius over the radius of the untouched top, pressed at its apex; 0 is flat [-]
     """
 
     layer_depth: float
@@ -156,6 +183,7 @@ class SmoothPress:
     residual: FitResidual
     versions: tuple[str, ...]
     tip: TipOutline = HEMISPHERE
+    crown: float = 0.0
 
     @cached_property
     def _values(self) -> BSpline:
@@ -163,7 +191,17 @@ class SmoothPress:
 
     @cached_property
     def far(self) -> FarPress:
-        """The loads that stand for these presses far from the tip."""
+        """The loads that stand for these presses far from the tip.
+
+        Raises
+        ------
+        ModelScopeError : a crowned top
+        """
+        if self.crown:
+            raise ModelScopeError(
+                f"crown: {self.crown:g}; the model of walls covers flat tops only, so a crowned pad is pressed at its "
+                "apex"
+            )
 
         def top(depth: float) -> tuple[FloatArray, FloatArray, float]:
             curve = self.curve_at(depth)
@@ -197,23 +235,26 @@ class SmoothPress:
         return float(np.exp(log_edge + self.tip.contact_power * shallower))
 
     def curve_at(self, depth: float) -> TopCurve:
-        """The top from axis to wall at a depth between 0 and the deepest one."""
+        """The top from axis to wall at a depth between 0 and the deepest one; heights above the untouched apex."""
         if depth <= 0.0:
             flat = sample_arcs(self.wall_radius, self.wall_radius)
             nothing = np.zeros_like(flat)
-            return TopCurve(radius=flat, height=nothing, inclination=nothing, contact_radius=0.0)
+            untouched = TopCurve(radius=flat, height=nothing, inclination=nothing, contact_radius=0.0)
+            return on_crown(untouched, self.crown)
         solved = max(depth, self.first)
         values = self.values_at(solved)
         edge = float(np.exp(values.log_edge))
         curve = whole_curve(edge, self._free(values.free, edge, solved), solved, self.tip)
         if depth >= self.first:
             return curve
-        return replace(
-            curve,
-            height=curve.height * (depth / self.first),
-            inclination=np.arctan(np.tan(curve.inclination) * (depth / self.first)),
+        moved = above_crown(curve, self.crown)
+        shallower = replace(
+            moved,
+            height=moved.height * (depth / self.first),
+            inclination=np.arctan(np.tan(moved.inclination) * (depth / self.first)),
             contact_radius=contact_radius_at(self.edge_at(depth), self.tip),
         )
+        return on_crown(shallower, self.crown)
 
     def _free(self, relative: FloatArray, edge: float, depth: float) -> FloatArray:
         """(SAMPLES, 2) free surface that starts on the tip and ends where the layer is bonded.
@@ -221,6 +262,7 @@ class SmoothPress:
         Fitting edge and surface one by one moves the end by a micrometre or so; that is shared out along the arc.
         """
         free = np.stack(tip_outline(np.array(edge), depth, self.tip)) + relative
-        miss = np.array([self.wall_radius, 0.0]) - free[-1]
+        rim = 0.0 - float(crown_drop(np.array(self.wall_radius), self.crown))
+        miss = np.array([self.wall_radius, rim]) - free[-1]
         shares = sample_arcs(1.0, self.wall_radius)
         return np.asarray(free + shares[:, None] * miss, dtype=np.float64)[1:]

@@ -29,7 +29,9 @@ FORMAT = 1
 """Version of the entry's layout."""
 _UNREADABLE = (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error)
 """What reading a damaged entry raises; RuntimeError is zipfile's for flags that it does not support."""
-_SCALARS = ("layer_depth", "wall_radius", "mesh_size", "wedge_angle", "poisson_ratio")
+_SCALARS = ("layer_depth", "wall_radius", "crown", "mesh_size", "wedge_angle", "poisson_ratio")
+_MAY_LACK = {"crown": 0.0}
+"""Fields that an entry of a flat layer may lack, and what they are there."""
 _PER_STATE = ("radii", "heights", "normal_force")
 
 
@@ -73,9 +75,14 @@ def read_entry(key: str) -> UnitPress | None:
             entry = np.load(file, allow_pickle=False)
             if str(entry["key"]) != key:
                 return None
-            found: dict[str, object] = {f.name: entry[f.name] for f in fields(UnitPress)}
+            found: dict[str, object] = {
+                f.name: entry[f.name]
+                for f in fields(UnitPress)
+                if f.name in entry.files or f.name not in _MAY_LACK
+            }
     except _UNREADABLE:
         return None
+    found = _MAY_LACK | found
     found |= {name: float(np.asarray(found[name])) for name in _SCALARS}
     found["versions"] = tuple(str(text) for text in np.atleast_1d(np.asarray(found["versions"])))
     press = UnitPress(**found)  # type: ignore[arg-type]

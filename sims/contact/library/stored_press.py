@@ -37,6 +37,7 @@ class PressInputs:
     poisson_ratio : of the layer [-]
     tip : what presses
     wall_radius : of the bonded wall
+    crown : tip radius over the radius of the top's sphere; 0 is flat [-]
     """
 
     layer: float
@@ -45,9 +46,10 @@ class PressInputs:
     poisson_ratio: float
     tip: TipOutline = HEMISPHERE
     wall_radius: float = WALL_RADIUS
+    crown: float = 0.0
 
     def key(self) -> str:
-        """Name of the stored solution."""
+        """Name of the stored solution; a flat layer's says nothing of a crown."""
         return entry_key(
             {
                 "layer": round(self.layer, 9),
@@ -58,6 +60,7 @@ class PressInputs:
                 "wall": round(self.wall_radius, 9),
                 "recipe": RECIPE,
                 "mujoco": _mujoco_version(),
+                **({"crown": round(self.crown, 9)} if self.crown else {}),
             }
         )
 
@@ -74,6 +77,7 @@ def _solve(inputs: PressInputs, on_step: Callable[[float], None] | None) -> Unit
         on_step,
         inputs.tip,
         round(inputs.wall_radius, 9),
+        round(inputs.crown, 9),
     )
 
 

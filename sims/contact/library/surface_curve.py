@@ -7,9 +7,10 @@ edge, is taken to have Hertz' gap (Johnson, Contact Mechanics, 1985, eq. 3.42):
 
     gap = a²/R G(1 + s/a),  G(x) = x²/2 - 1 + ((2 - x²) arcsin(1/x) + sqrt(x² - 1)) / π
 
-G has the power 3/2 at the edge, which any frictionless contact has, so the edge is found to a fraction
-of the node spacing at every depth; a constant other than a²/R in a deep press matters little there.
-On other tips than a hemisphere the constant is not known: it comes from the second free node.
+On a crown of radius Rc = R/κ the relative curvature 1/R + 1/Rc = (1 + κ)/R stands for 1/R. G has the power 3/2 at
+the edge, which any frictionless contact has, so the edge is found to a fraction of the node spacing at every depth; a
+constant other than a²/R in a deep press matters little there. On other tips than a hemisphere the constant is not
+known: it comes from the second free node.
 From the edge a cubic spline runs through
 the free nodes; it starts tangent to the tip and ends at the bonded wall. It is resampled densely and
 never enters the tip.
@@ -56,14 +57,20 @@ def hertz_gap(ratio: FloatArray) -> FloatArray:
 def _hertz_coordinate(depth: float, tip: TipOutline) -> float:
     """Where the tip is half the depth above its apex: the contact edge on a parabola, for want of a better one.
 
-    A cone's is at 2/π of the depth (Sneddon), so this is good to a quarter for a contact within one cell.
+    A cone's is at 2/π of the depth (Sneddon), so this is good to a quarter for a contact within one cell. On a crown
+    the depth over 1 + κ stands for the depth.
     """
     places = np.linspace(0.0, tip.starts[-1] + depth, 400)
     return float(np.interp(0.5 * depth, tip.points(places)[1], places))
 
 
 def contact_coordinate(
-    radius: FloatArray, height: FloatArray, depth: float, tolerance: float, tip: TipOutline = HEMISPHERE
+    radius: FloatArray,
+    height: FloatArray,
+    depth: float,
+    tolerance: float,
+    tip: TipOutline = HEMISPHERE,
+    crown: float = 0.0,
 ) -> tuple[float, int]:
     """Outline coordinate of the contact edge [tip radii] and index of the first free node.
 
@@ -73,6 +80,7 @@ def contact_coordinate(
     depth : press depth [tip radii]
     tolerance : gap below which a node touches [tip radii]
     tip : what presses
+    crown : tip radius over the radius of the untouched top; 0 is flat [-]
     """
     gap = tip_gap(radius, height, depth, tip)
     touching = np.flatnonzero(gap <= tolerance)
@@ -87,14 +95,14 @@ def contact_coordinate(
         distance = np.hypot(radius[free] - edge_radius, height[free] - edge_height)
         shape = hertz_gap(1.0 + distance / edge_radius)
         if tip == HEMISPHERE:
-            return float(edge_radius**2 * shape[0] - gap[first])
+            return float((1.0 + crown) * edge_radius**2 * shape[0] - gap[first])
         return float(shape[0] * gap[first + 1] - shape[1] * gap[first])
 
     low, high = float(along[max(first - 2, 0)]) + 1e-6, float(along[first])
     if low >= high or excess(low) <= 0.0 or excess(high) >= 0.0:
         if first > 1:
             return float(along[first - 1]), first
-        return min(_hertz_coordinate(depth, tip), float(along[first])), first
+        return min(_hertz_coordinate(depth / (1.0 + crown), tip), float(along[first])), first
     return float(brentq(excess, low, high, xtol=1e-9)), first
 
 
@@ -123,6 +131,7 @@ def free_surface(
     spacing: float,
     tolerance: float,
     tip: TipOutline = HEMISPHERE,
+    crown: float = 0.0,
 ) -> tuple[float, FloatArray]:
     """The contact edge and the surface beyond it.
 
@@ -133,13 +142,14 @@ def free_surface(
     spacing : node spacing at rest under the tip [tip radii]
     tolerance : gap below which a node touches [tip radii]
     tip : what presses
+    crown : tip radius over the radius of the untouched top; 0 is flat [-]
 
     Returns
     -------
     edge : outline coordinate of the contact edge [tip radii]
     points : (n, 2) dense free surface that follows the edge, to the wall [tip radii]
     """
-    edge, first = contact_coordinate(radius, height, depth, tolerance, tip)
+    edge, first = contact_coordinate(radius, height, depth, tolerance, tip, crown)
     along = tip_coordinate(radius[first : first + 1], height[first : first + 1], depth, tip)
     if along[0] - edge < _LEAST_CLEARANCE * spacing:
         first += 1
@@ -224,7 +234,10 @@ def surface_curve(
     spacing: float,
     tolerance: float,
     tip: TipOutline = HEMISPHERE,
+    crown: float = 0.0,
 ) -> TopCurve:
     """The deformed top as a dense curve: `whole_curve` of `free_surface`, which have the parameters."""
-    edge, free = free_surface(radius, height, depth, spacing=spacing, tolerance=tolerance, tip=tip)
+    edge, free = free_surface(
+        radius, height, depth, spacing=spacing, tolerance=tolerance, tip=tip, crown=crown
+    )
     return whole_curve(edge, free, depth, tip)

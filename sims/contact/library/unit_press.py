@@ -23,29 +23,32 @@ def solve_unit_press(
     on_step: Callable[[float], None] | None = None,
     tip: TipOutline = HEMISPHERE,
     wall_radius: float = WALL_RADIUS,
+    crown: float = 0.0,
 ) -> UnitPress:
     """Press a tip of radius 1 into a layer of modulus 1.
 
     Parameters
     ----------
-    layer_depth, mesh_size : elastic depth, node spacing under the tip [tip radii]
+    layer_depth, mesh_size : elastic depth on the axis, node spacing under the tip [tip radii]
     depths : increasing press depths [tip radii]
     poisson_ratio : of the layer [-]
     on_step : called with the fraction done
     tip : what presses
     wall_radius : of the bonded wall [tip radii]
+    crown : tip radius over the radius of the top's sphere, pressed at its apex; 0 is flat [-]
 
     Raises
     ------
+    InputError, ModelScopeError : a crown that is no number from 0 on, or that leaves too little at the rim
     ContactSolveError : a state fails its checks
     """
-    mesh = radial_mesh(layer_depth, wall_radius, mesh_size)
+    mesh = radial_mesh(layer_depth, wall_radius, mesh_size, crown)
     solution = solve_wedge(mesh, depths, poisson_ratio, on_step, tip)
     spacing = float(mesh.nodes[mesh.top[1], 0])
     tolerance = contact_tolerance(spacing, WEDGE_ANGLE)
     contact = [
         surface_curve(
-            radius, height, float(depth), spacing=spacing, tolerance=tolerance, tip=tip
+            radius, height, float(depth), spacing=spacing, tolerance=tolerance, tip=tip, crown=crown
         ).contact_radius
         for radius, height, depth in zip(solution.radii, solution.heights, solution.depths, strict=True)
     ]
@@ -64,6 +67,7 @@ def solve_unit_press(
     return UnitPress(
         layer_depth=layer_depth,
         wall_radius=wall_radius,
+        crown=crown,
         mesh_size=spacing,
         wedge_angle=WEDGE_ANGLE,
         poisson_ratio=poisson_ratio,

@@ -8,9 +8,10 @@ Model
   swept into a prism of three tetrahedra. Every vertex has three world-axis slide joints; motion out
   of its radial plane is forbidden by a stiff fixed tendon. (Radial slide joints together with contact
   make the Newton solver return garbage without a warning, hence world axes.)
-* Bottom and wall are bonded. The top is free and touched by a tip with a straight shank: a capsule for a
-  hemisphere, else the convex bodies of `tip_hulls`. A facet has one contact with each of them. Beneath a flat
-  face it wanders over the facet, so flat tips end in narrow cycles more often, and take ten times the steps.
+* Bottom and wall are bonded. The top is free, flat or a sphere about the axis (`crown`), and touched by a tip with
+  a straight shank: a capsule for a hemisphere, else the convex bodies of `tip_hulls`. A facet has one contact with
+  each of them. Beneath a flat face it wanders over the facet, so flat tips end in narrow cycles more often, and take
+  ten times the steps.
 * Stable Neo-Hookean material, integrator `discrete` at time step 1: every
   step is one damped static Newton iteration; velocities are zeroed after it. A depth is settled when
   a step moves no vertex by more than 1e-4 tip radii (0.3 µm for a 3 mm tip) nor by 0.04 % of
@@ -266,7 +267,7 @@ def solve_wedge(
 
     Parameters
     ----------
-    mesh : the layer, bonded at its bottom and wall
+    mesh : the layer, flat or crowned, bonded at its bottom and wall; depths are below its apex
     depths : increasing press depths [tip radii]; a step of more than 1/30 risks divergence
     poisson_ratio : of the layer [-]; beyond 0.49 the tetrahedra lock
     on_step : called with the fraction done

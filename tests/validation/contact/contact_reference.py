@@ -10,7 +10,7 @@ in E R².
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache, cached_property
 from hashlib import sha256
@@ -206,6 +206,32 @@ def solve_layer(
     """
     inputs = json.dumps([layer, WALL, POISSON_RATIO, asdict(grading), RECIPE])
     stem = f"contact-{layer:.3f}-{sha256(inputs.encode()).hexdigest()[:8]}"
+    return solved_states(
+        stem,
+        depths,
+        halvings,
+        lambda level: Press(layer, WALL, grading, POISSON_RATIO, halvings=level),
+        folder,
+    )
+
+
+def solved_states(
+    stem: str, depths: Sequence[float], halvings: int, make: Callable[[int], Press], folder: Path = BUILD
+) -> dict[float, list[dict[str, FloatArray]]]:
+    """Solve the states of one press on a chain of meshes, or read those that were finished before.
+
+    Parameters
+    ----------
+    stem : names what is solved; a part of the file names
+    depths : increasing depths
+    halvings : how often the coarsest mesh is halved
+    make : the untouched press on the mesh of a level; 0 is the coarsest
+    folder : where finished states are kept
+
+    Returns
+    -------
+    depth -> arrays of the state on each mesh, coarsest first.
+    """
 
     def path(depth: float, level: int) -> Path:
         return folder / f"{stem}-{depth:.4f}-{level}.npz"
@@ -215,7 +241,7 @@ def solve_layer(
     presses: list[Press] = []
     start = perf_counter()
     for depth in depths[: depths.index(missing[-1]) + 1] if missing else []:
-        presses = presses or [Press(layer, WALL, grading, POISSON_RATIO, halvings=level) for level in levels]
+        presses = presses or [make(level) for level in levels]
         presses[0].advance(depth)
         for level in levels if depth in missing else []:
             if level > 0:
@@ -224,7 +250,7 @@ def solve_layer(
             folder.mkdir(parents=True, exist_ok=True)
             np.savez_compressed(path(depth, level), **arrays)
             print(
-                f"layer {layer:.3f}  depth {depth:.4f}  mesh {level}  force {arrays['force']:.6f}"
+                f"{stem}  depth {depth:.4f}  mesh {level}  force {arrays['force']:.6f}"
                 f"  {perf_counter() - start:.0f} s",
                 flush=True,
             )
