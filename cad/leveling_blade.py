@@ -11,16 +11,19 @@ Its shoulders rest on the rim and its tongue reaches down into the cavity. Print
          +------------------------+     v  edge at the black layer's top, bevelled
           play                play
 
-It spans the shorter side of the cavity and is drawn along the longer one. Parts whose body stands
-above the rim are in its way (`design.geometry.webs.bodies_above_rim`).
+It spans the shorter side of the cavity and is drawn along the longer one. On a disc it spans the diameter between the
+facets and is turned about the middle. Parts whose body stands above the rim are in its way
+(`design.geometry.webs.bodies_above_rim`). A crowned pad has none: its black layer is poured last, upside down.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import cadquery as cq
 
+from design.geometry.cavity import cavity_of
 from design.spec import SensorDesign
 
 PLAY_MM = 0.3
@@ -56,20 +59,28 @@ class BladeSize:
 
 
 def blade_size(design: SensorDesign) -> BladeSize | None:
-    """Lengths of a design's blade; None when there is no black layer to level."""
-    if design.cavity.black_thickness_mm == 0:
+    """Lengths of a design's blade; None when there is no black layer to level, or when it is poured last."""
+    if design.cavity.black_thickness_mm == 0 or design.crown is not None:
         return None
     spans_y = design.cavity.width_mm <= design.cavity.length_mm
-    inner = design.cavity.width_mm if spans_y else design.cavity.length_mm
     return BladeSize(
         span_mm=design.mold.outer_width_mm if spans_y else design.mold.outer_length_mm,
-        tongue_mm=inner - 2 * PLAY_MM,
+        tongue_mm=_tongue_mm(design),
         reach_mm=design.cavity.clear_thickness_mm + design.mold.rim_mm,
     )
 
 
+def _tongue_mm(design: SensorDesign) -> float:
+    """Length of the tongue: of a disc its corners turn within the facets [mm]."""
+    plan = cavity_of(design).plan
+    if not plan.is_disc:
+        return min(plan.length_mm, plan.width_mm) - 2 * PLAY_MM
+    nearest = min((plan.stands_mm(wall) for wall in plan.walls), default=plan.radius_mm)
+    return 2 * math.sqrt((nearest - PLAY_MM) ** 2 - (THICKNESS_MM / 2) ** 2)
+
+
 def leveling_blade(design: SensorDesign) -> cq.Workplane | None:
-    """The blade lying on the print bed, edge along x at y = 0; None without a black layer."""
+    """The blade lying on the print bed, edge along x at y = 0; None where no blade levels the black layer."""
     size = blade_size(design)
     if size is None:
         return None

@@ -3,6 +3,9 @@
 Faces of a solid are triangulated one by one; their vertices are joined where they are equal as
 single-precision numbers, which is what a binary STL holds. Triangles with two equal corners (at the
 pole of a dome) are dropped: nothing is left open by that.
+
+By default chords keep to a share of their face's size, as a printer needs them. Round walls and dishes, which light
+meets, are meshed with chords of a given height instead.
 """
 
 from __future__ import annotations
@@ -21,6 +24,10 @@ if TYPE_CHECKING:
     import cadquery as cq
 
 TOLERANCE_MM = 0.05
+CHORD_MM = 0.003
+"""Height of the chords of round walls and dishes: a twentieth of a print's usual error."""
+CHORD_LIMIT_MM = 0.005
+"""What the kernel's mesher makes of it at worst, and single precision."""
 ANGULAR_TOLERANCE_RAD = 0.1
 """Chords of a circle turn by at most this: it sets the number of triangles."""
 
@@ -50,8 +57,10 @@ class Mesh:
         return corners
 
 
-def mesh_of(part: cq.Workplane, lift_mm: float = 0.0) -> Mesh:
-    """Triangles of a solid, raised by `lift_mm`."""
+def mesh_of(part: cq.Workplane, lift_mm: float = 0.0, *, chord_mm: float | None = None) -> Mesh:
+    """Triangles of a solid, raised by `lift_mm`; with chords no higher than `chord_mm`, where it is given."""
+    if chord_mm is not None:
+        _mesh_finely(part, chord_mm)
     points, triples = part.val().tessellate(TOLERANCE_MM, ANGULAR_TOLERANCE_RAD)  # type: ignore[union-attr]
     loose = np.array([point.toTuple() for point in points], dtype=np.float64)
     loose[:, 2] += lift_mm
@@ -59,6 +68,16 @@ def mesh_of(part: cq.Workplane, lift_mm: float = 0.0) -> Mesh:
     triangles = index.reshape(-1)[np.array(triples, dtype=np.int64)]
     a, b, c = triangles.T
     return Mesh(vertices=vertices, triangles=triangles[(a != b) & (b != c) & (c != a)])
+
+
+def _mesh_finely(part: cq.Workplane, chord_mm: float) -> None:
+    """Meshes a solid with chords of an absolute height, where cadquery's are relative to the size of each face."""
+    from OCP.BRepMesh import BRepMesh_IncrementalMesh
+    from OCP.BRepTools import BRepTools
+
+    shape = part.val().wrapped  # type: ignore[union-attr]
+    BRepTools.Clean_s(shape)
+    BRepMesh_IncrementalMesh(shape, chord_mm, False, ANGULAR_TOLERANCE_RAD)
 
 
 def read_stl(content: bytes) -> Mesh:

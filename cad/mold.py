@@ -17,13 +17,25 @@ Seen from above (L-shaped marks: sockets open to the cavity and upward), and cut
 The silicone's undisturbed top is where the lip starts, if the rim is no higher than the lip: pour to that
 line; a seat for a glass cover at that level replaces the lip. Names of the parts are sunk into the outer faces
 (`design.geometry.part_numbers`), a label into the underside (`design.geometry.mold_label`), bodies taller than the
-rim get collars (`design.geometry.raised_sockets`), and the mold may be parted at the cavity's floor. All numbers come
-from `design.geometry.mold_outline`; the frame is that of `design.geometry.cavity` (files are lifted onto the bed by
-`cad.export`).
+rim get collars (`design.geometry.raised_sockets`), and the mold may be parted at the cavity's floor.
+
+The mold of a disc is round. Its cavity is a circle cut by a facet for each part; sockets stand square to their facets,
+and wire slots, lead channels and names end in the round outer face:
+
+           ____----____            arcs between facets, chords at facets: one exact outline, moved up past the rim
+        .-'   _|  |_   '-.
+       /   .-'______'-.   \
+      |   /            \   |
+     _|__/              \__|_
+
+The mold of a crowned pad has no lip: its lid (`cad.lid`) shapes the top, and it is filled through holes in the floor.
+All numbers come from `design.geometry.mold_outline`; the frame is that of `design.geometry.cavity` (files are lifted
+onto the bed by `cad.export`).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
@@ -35,7 +47,8 @@ from design.geometry import part_numbers
 from design.geometry.lettering import Loop, Shape, shapes_of
 from design.geometry.mold_outline import MoldOutline, outline_of
 from design.geometry.part_numbers import PartNumber
-from design.geometry.sockets import Box, Cut, Hole, Socket
+from design.geometry.plan import Plan
+from design.geometry.sockets import Box, Cut, Hole, Socket, WallFrame
 from design.rules.check import require_valid
 from design.spec import SensorDesign
 
@@ -50,12 +63,12 @@ def build_mold(design: SensorDesign) -> cq.Workplane:
     ------
     DesignError : the design breaks a rule, such as a web that is too thin; nothing has been built.
     """
-    require_valid(design)
+    require_valid(design, any_shape=True)
     outline = outline_of(design)
     cutters = _mouth(outline)
     for socket in outline.sockets:
         cutters += _socket_cutters(socket, outline)
-    cutters += [_drill(hole) for hole in outline.fixing_holes]
+    cutters += [_drill(hole) for hole in (*outline.fixing_holes, *outline.filling)]
     cutters += [solid for number in outline.numbers for solid in _engraved(number)]
     cutters += _label(outline)
     pieces = _block(outline).cut(*cutters).Solids()
@@ -79,18 +92,24 @@ def part_mold(mold: cq.Workplane, outline: MoldOutline) -> tuple[cq.Workplane, c
 
 
 def _block(outline: MoldOutline) -> cq.Solid:
-    """Outer prism with rounded edges and the cut at the origin's corner."""
-    corner = (-outline.wall_x_mm, -outline.wall_y_mm, outline.bottom_mm)
-    block = cq.Workplane("XY").box(
-        outline.outer_length_mm, outline.outer_width_mm, outline.height_mm, centered=False
-    )
+    """Outer prism and collars."""
+    solid = outer_prism(outline, outline.bottom_mm, outline.height_mm)
+    collars = [_filled(collar.box) for collar in outline.collars]
+    return cast(cq.Solid, solid.fuse(*collars).clean()) if collars else solid
+
+
+def outer_prism(outline: MoldOutline, foot_mm: float, height_mm: float) -> cq.Solid:
+    """The outer outline, moved up: of a disc round, else with rounded edges and the cut at the origin's corner."""
+    if outline.plan.is_disc:
+        foot = cq.Vector(*outline.plan.centre_mm, foot_mm)
+        return cq.Solid.makeCylinder(outline.outer_radius_mm, height_mm, foot, cq.Vector(0, 0, 1))
+    corner = (-outline.wall_x_mm, -outline.wall_y_mm, foot_mm)
+    block = cq.Workplane("XY").box(outline.outer_length_mm, outline.outer_width_mm, height_mm, centered=False)
     if outline.corner_radius_mm > 0:
         block = block.edges("|Z and (>X or >Y)").fillet(outline.corner_radius_mm)
     if outline.origin_cut_mm > 0:
         block = block.edges("|Z and <X and <Y").chamfer(outline.origin_cut_mm)
-    solid = cast(cq.Solid, block.translate(corner).val())
-    collars = [_filled(collar.box) for collar in outline.collars]
-    return cast(cq.Solid, solid.fuse(*collars).clean()) if collars else solid
+    return cast(cq.Solid, block.translate(corner).val())
 
 
 def _filled(box: Box) -> cq.Solid:
@@ -101,6 +120,10 @@ def _filled(box: Box) -> cq.Solid:
 
 def _mouth(outline: MoldOutline) -> list[cq.Solid]:
     """Cavity and lip, or cavity and the cover's seat, up past the rim."""
+    if outline.plan.is_disc:
+        height = outline.top_mm + BEYOND_MM - outline.cavity_bottom_mm
+        around = _around(outline.plan, outline.cavity_bottom_mm)
+        return [cq.Solid.extrudeLinear(around, [], cq.Vector(0, 0, height))]
     if not outline.ledge_mm:
         return [_flared(outline)]
     cavity = Box(
@@ -112,6 +135,19 @@ def _mouth(outline: MoldOutline) -> list[cq.Solid]:
         z1=outline.top_mm,
     )
     return [_filled(cavity), _filled(replace(outline.mouth, z1=outline.top_mm + BEYOND_MM))]
+
+
+def _around(plan: Plan, z: float) -> cq.Wire:
+    """The outline of a disc: the chords of its facets, joined by arcs."""
+    facets = sorted(plan.walls, key=lambda wall: math.atan2(wall.outward[1], wall.outward[0]))
+    (x, y), edges = plan.centre_mm, []
+    for facet, following in zip(facets, facets[1:] + facets[:1], strict=True):
+        start, end = facet.point(0.0), facet.point(facet.length_mm)
+        edges.append(cq.Edge.makeLine(cq.Vector(*start, z), cq.Vector(*end, z)))
+        low, high = (math.degrees(math.atan2(py - y, px - x)) for px, py in (end, following.point(0.0)))
+        centre, up = cq.Vector(x, y, z), cq.Vector(0, 0, 1)
+        edges.append(cq.Edge.makeCircle(plan.radius_mm, centre, up, low, low + (high - low) % 360.0))
+    return cq.Wire.assembleEdges(edges)
 
 
 def _flared(outline: MoldOutline) -> cq.Solid:
@@ -149,13 +185,22 @@ def _socket_cutters(socket: Socket, outline: MoldOutline) -> list[cq.Solid]:
     if socket.channel is not None:
         beyond = replace(socket.channel, floor=socket.channel.floor - BEYOND_MM)
         outward = replace(beyond, out1=beyond.out1 + BEYOND_MM)
-        cutters.append(_filled(socket.frame.box(outward)))
+        cutters.append(cut_solid(socket.frame, outward))
     return cutters + [_drill(hole) for hole in socket.holes]
 
 
 def _slab(socket: Socket, cut: Cut, out0: float, out1: float) -> cq.Solid:
     reach = replace(cut, out0=out0, out1=out1, top=cut.top + BEYOND_MM)
-    return _filled(socket.frame.box(reach))
+    return cut_solid(socket.frame, reach)
+
+
+def cut_solid(frame: WallFrame, cut: Cut) -> cq.Solid:
+    """A cut of a wall as a solid: a box, turned where the wall is a facet."""
+    if frame.runs_along_axes:
+        return _filled(frame.box(cut))
+    corners = [cq.Vector(x, y, cut.floor) for x, y in reversed(frame.corners(cut))]
+    up = cq.Vector(0, 0, cut.top - cut.floor)
+    return cq.Solid.extrudeLinear(cq.Wire.makePolygon(corners, close=True), [], up)
 
 
 def _engraved(number: PartNumber) -> list[cq.Solid]:

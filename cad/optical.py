@@ -1,8 +1,12 @@
-"""Whether the printed cavity is the cavity that light travels in.
+r"""Whether the printed cavity is the cavity that light travels in.
 
-The optical model knows a box: [0, length] x [0, width], bottom at -black thickness, walls that carry
-active areas flush with their face. Rays from inside the box are followed to the printed mold's
-triangles and compared with that box wherever no socket opens the wall.
+The optical model knows a plan (`design.geometry.plan`): flat walls that carry active areas flush with their face, of a
+disc the round wall between its facets, the bottom at -black thickness, and the top. Rays from inside are followed to
+the printed mold's triangles and compared with that plan wherever no socket opens the wall and no hole the floor. A
+round wall is compared by the distance of the printed place from it, since chords lie a little inside.
+
+A crowned top is cast by the lid. Rays go straight up from the bottom of the clear layer to the lid's triangles, in the
+mold's frame, wherever the lid forms the top: over the whole plan but the play around its plug.
 
 Intersection: the barycentric form of Moeller and Trumbore, "Fast, minimum storage ray-triangle intersection", 1997.
 """
@@ -14,36 +18,55 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cad.lid import lid_size, turned_over
 from cad.mesh import Mesh
 from design.geometry.mold_outline import MoldOutline, bed_lift_mm, outline_of
+from design.geometry.plan import WallLine
 from design.geometry.sockets import Socket
 from design.spec import SensorDesign
-from design.spec.layout import WALLS
 
 Floats = NDArray[np.float64]
 
 CHUNK_RAYS = 64
 EDGE_MM = 1e-6
 """Rays that end this close to a window's edge or the fill level belong to both sides; they are left out."""
+CHORD_EDGE_MM = 0.02
+"""The same where an edge is round, and printed as chords."""
 FAR_MM = 1000.0
 """Stands for the end of a ray that meets nothing: it left through a slot, or through a hole in the mesh."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CavityAgreement:
-    """Comparison of the printed cavity with the box of the optical model.
+    """Comparison of the printed cavity with the plan of the optical model.
 
     Attributes
     ----------
     compared, windows : rays that end on a wall or the bottom; rays that leave through a socket
-    worst_mm : largest distance between the printed and the modelled end of a compared ray
+    worst_mm : largest distance between the printed and the modelled end of a ray to a flat wall or the bottom
+    worst_round_mm : largest distance of a printed end from the round wall; 0 without one
     shallowest_window_mm : least depth behind the wall at which a ray through a socket ends; None without
     """
 
     compared: int
     windows: int
     worst_mm: float
+    worst_round_mm: float
     shallowest_window_mm: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class DishAgreement:
+    """Comparison of the printed lid with the pad's top.
+
+    Attributes
+    ----------
+    compared : rays that end in the dish
+    worst_mm : largest distance of a printed place from the top, along its normal
+    """
+
+    compared: int
+    worst_mm: float
 
 
 def first_hits_mm(mesh: Mesh, origins_mm: Floats, directions: Floats) -> Floats:
@@ -109,7 +132,7 @@ def _nearest(planes: _Planes, origins: Floats, directions: Floats) -> Floats:
 
 
 def cavity_agreement(design: SensorDesign, mesh: Mesh, *, rays: int = 400, seed: int = 0) -> CavityAgreement:
-    """Compare a printed mold with the optical model's box.
+    """Compare a printed mold with the optical model's plan.
 
     Parameters
     ----------
@@ -118,38 +141,128 @@ def cavity_agreement(design: SensorDesign, mesh: Mesh, *, rays: int = 400, seed:
     """
     outline = outline_of(design)
     origins, directions = _random_rays(outline, rays, seed)
-    modelled, ends = _box_exits(outline, origins, directions)
-    stays = ends[:, 2] < outline.fill_mm - EDGE_MM
-    origins, directions, modelled, ends = origins[stays], directions[stays], modelled[stays], ends[stays]
+    modelled, ends, is_round = _exits(outline, origins, directions)
+    stays = (ends[:, 2] < outline.fill_mm - EDGE_MM) & ~_in_filling_holes(outline, ends)
+    stays &= ~(is_round & _beside_facets(outline, ends))
+    origins, directions, modelled = origins[stays], directions[stays], modelled[stays]
+    ends, is_round = ends[stays], is_round[stays]
     lifted = origins + np.array([0.0, 0.0, bed_lift_mm(design)])
     printed = np.minimum(first_hits_mm(mesh, lifted, directions), FAR_MM)
+    places = origins + printed[:, None] * directions
     inside, near = _windows(outline, ends)
     walls, windows = ~inside & ~near, inside & ~near
-    depth = _behind_wall_mm(outline, origins + printed[:, None] * directions)[windows]
+    depth = _behind_wall_mm(outline, places)[windows]
+    off = np.where(is_round, _off_round_wall_mm(outline, places), np.abs(printed - modelled))
     return CavityAgreement(
         compared=int(walls.sum()),
         windows=int(windows.sum()),
-        worst_mm=float(np.abs(printed - modelled)[walls].max(initial=0.0)),
+        worst_mm=float(off[walls & ~is_round].max(initial=0.0)),
+        worst_round_mm=float(off[walls & is_round].max(initial=0.0)),
         shallowest_window_mm=float(depth.min()) if len(depth) else None,
     )
 
 
+def dish_agreement(design: SensorDesign, mesh: Mesh, *, rays: int = 1000, seed: int = 0) -> DishAgreement:
+    """Compare a printed lid with the top that it casts.
+
+    Parameters
+    ----------
+    mesh : the lid as in its file, back on the bed
+    rays : number of rays, straight up from random places
+    """
+    outline, size = outline_of(design), lid_size(design)
+    assert size is not None, f"{design.name}: a flat top has no lid"
+    spread = np.random.default_rng(seed).uniform(size=(rays, 2))
+    spots = spread * np.array([outline.length_mm, outline.width_mm])
+    plan = outline.plan
+    formed = [plan.contains(x, y) and size.forms_top(plan, x, y, margin_mm=CHORD_EDGE_MM) for x, y in spots]
+    if not any(formed):
+        return DishAgreement(compared=0, worst_mm=0.0)
+    spots = spots[formed]
+    top = np.array([plan.top_mm(x, y) for x, y in spots])
+    steep = np.array([plan.normal(x, y)[2] for x, y in spots])
+    below = np.column_stack([spots, np.full(len(spots), outline.cavity_bottom_mm)])
+    up = np.tile([0.0, 0.0, 1.0], (len(spots), 1))
+    way = np.minimum(first_hits_mm(turned_over(mesh, design, size), below, up), FAR_MM)
+    off = np.abs(way + outline.cavity_bottom_mm - top) * steep
+    return DishAgreement(compared=len(spots), worst_mm=float(off.max(initial=0.0)))
+
+
 def _random_rays(outline: MoldOutline, count: int, seed: int) -> tuple[Floats, Floats]:
+    """Rays from within the clear layer; of a disc and below a crown from the places of the box that lie in it."""
     random = np.random.default_rng(seed)
-    size = np.array([outline.length_mm, outline.width_mm, outline.fill_mm])
+    plan = outline.plan
+    size = np.array([outline.length_mm, outline.width_mm, plan.rim_mm[0]])
     directions = random.normal(size=(count, 3))
-    return (
-        random.uniform(0.1, 0.9, (count, 3)) * size,
-        directions / np.linalg.norm(directions, axis=1, keepdims=True),
-    )
+    origins = random.uniform(0.1, 0.9, (count, 3)) * size
+    directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    if plan.is_disc:
+        within = [plan.contains(x, y) for x, y, _ in origins]
+        origins, directions = origins[within], directions[within]
+    return origins, directions
 
 
-def _box_exits(outline: MoldOutline, origins: Floats, directions: Floats) -> tuple[Floats, Floats]:
-    low = np.array([0.0, 0.0, outline.cavity_bottom_mm])
-    high = np.array([outline.length_mm, outline.width_mm, outline.top_mm])
-    to_face = np.where(directions > 0, high - origins, low - origins) / directions
-    distance = to_face.min(axis=1)
-    return distance, origins + distance[:, None] * directions
+def _exits(
+    outline: MoldOutline, origins: Floats, directions: Floats
+) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """Distance to the modelled cavity, up to the rim, where it ends, and whether on the round wall."""
+    plan = outline.plan
+    to_flat = [_to_level(directions[:, 2], origins[:, 2], outline.cavity_bottom_mm, outline.top_mm)]
+    for wall in plan.walls:
+        (x, y), (nx, ny) = wall.origin, wall.outward
+        gap = (x - origins[:, 0]) * nx + (y - origins[:, 1]) * ny
+        speed = directions[:, 0] * nx + directions[:, 1] * ny
+        to_flat.append(_where_positive(gap, speed))
+    distance = np.minimum.reduce(to_flat)
+    is_round = np.zeros(len(origins), dtype=bool)
+    if plan.is_disc:
+        around = _to_round_wall(outline, origins, directions)
+        is_round, distance = around < distance, np.minimum(around, distance)
+    return distance, origins + distance[:, None] * directions, is_round
+
+
+def _to_level(speed: Floats, height: Floats, low: float, high: float) -> Floats:
+    return np.asarray(np.where(speed > 0, high - height, low - height) / speed)
+
+
+def _where_positive(gap: Floats, speed: Floats) -> Floats:
+    """Gap over speed where a ray approaches; else infinite."""
+    steps: Floats = np.divide(gap, speed, out=np.full(len(gap), np.inf), where=speed > 0)
+    return steps
+
+
+def _to_round_wall(outline: MoldOutline, origins: Floats, directions: Floats) -> Floats:
+    """Distance along each ray to the circle of a disc."""
+    from_middle = origins[:, :2] - np.array(outline.plan.centre_mm)
+    level = directions[:, :2]
+    speed2 = np.einsum("ij,ij->i", level, level)
+    towards = np.einsum("ij,ij->i", from_middle, level)
+    room = outline.plan.radius_mm**2 - np.einsum("ij,ij->i", from_middle, from_middle)
+    return np.asarray((np.sqrt(towards**2 + speed2 * room) - towards) / speed2)
+
+
+def _off_round_wall_mm(outline: MoldOutline, places: Floats) -> Floats:
+    away = places[:, :2] - np.array(outline.plan.centre_mm)
+    return np.asarray(np.abs(np.hypot(away[:, 0], away[:, 1]) - outline.plan.radius_mm))
+
+
+def _in_filling_holes(outline: MoldOutline, ends: Floats) -> NDArray[np.bool_]:
+    """Which ends lie on the floor in a filling hole, or too close to its edge to tell."""
+    found = np.zeros(len(ends), dtype=bool)
+    on_floor = ends[:, 2] < outline.cavity_bottom_mm + EDGE_MM
+    for hole in outline.filling:
+        apart = np.hypot(ends[:, 0] - hole.x, ends[:, 1] - hole.y)
+        found |= on_floor & (apart < hole.radius + CHORD_EDGE_MM)
+    return found
+
+
+def _beside_facets(outline: MoldOutline, ends: Floats) -> NDArray[np.bool_]:
+    """Which ends on the round wall lie too close to a facet to tell."""
+    corners = [wall.point(along) for wall in outline.plan.walls for along in (0.0, wall.length_mm)]
+    found = np.zeros(len(ends), dtype=bool)
+    for x, y in corners:
+        found |= np.hypot(ends[:, 0] - x, ends[:, 1] - y) < CHORD_EDGE_MM
+    return found
 
 
 def _windows(outline: MoldOutline, ends: Floats) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -165,19 +278,20 @@ def _windows(outline: MoldOutline, ends: Floats) -> tuple[NDArray[np.bool_], NDA
 
 def _inside_window_mm(socket: Socket, ends: Floats) -> Floats:
     """How far each end lies within a socket's opening; negative outside of it or on another wall."""
-    runs_along_x = socket.frame.wall in ("south", "north")
-    along, across = (ends[:, 0], ends[:, 1]) if runs_along_x else (ends[:, 1], ends[:, 0])
-    plane = 0.0 if socket.frame.wall in ("south", "west") else socket.frame.across_mm
-    pocket = socket.pocket
+    line, pocket = socket.frame.line, socket.pocket
+    across, along = _outward_mm(line, ends), (ends[:, :2] - np.array(line.origin)) @ np.array(line.tangent)
     inward = np.minimum.reduce([along - pocket.along0, pocket.along1 - along, ends[:, 2] - pocket.floor])
-    on_wall = np.abs(across - plane) < EDGE_MM
+    on_wall = np.abs(across) < EDGE_MM
     signed: Floats = np.where(on_wall, inward, -np.inf)
     return signed
 
 
+def _outward_mm(line: WallLine, points: Floats) -> Floats:
+    """How far points lie outside of a flat wall; negative inside."""
+    return np.asarray((points[:, :2] - np.array(line.origin)) @ np.array(line.outward))
+
+
 def _behind_wall_mm(outline: MoldOutline, points: Floats) -> Floats:
-    """Largest distance of points outside the cavity's four wall planes."""
-    x, y = points[:, 0], points[:, 1]
-    outward = dict(zip(WALLS, (-y, x - outline.length_mm, y - outline.width_mm, -x), strict=True))
-    depth: Floats = np.maximum.reduce(list(outward.values()))
+    """Largest distance of points outside of the cavity's flat walls."""
+    depth: Floats = np.maximum.reduce([_outward_mm(wall, points) for wall in outline.plan.walls])
     return depth

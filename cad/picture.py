@@ -3,6 +3,8 @@
 Parallel projection seen from above and the south-west, so that the origin corner is in front. Triangles go into
 a depth buffer at twice the final size; edges between faces that meet at an angle are drawn over it.
 Shading is a cosine to two fixed lights: a picture to recognise the part by, no measurement.
+
+Parts that belong together are shown cut along x, their south half taken away: a lid on its mold.
 """
 
 from __future__ import annotations
@@ -10,8 +12,10 @@ from __future__ import annotations
 import os
 import struct
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 
+import manifold3d
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +24,8 @@ from cad.mesh import Mesh, read_stl, unit_normals
 Floats = NDArray[np.float64]
 
 AZIMUTH_DEG, ELEVATION_DEG = 245.0, 42.0
+CUT_ELEVATION_DEG = 16.0
+"""Lower, so that the cut faces are seen."""
 OVERSAMPLING = 2
 MARGIN = 0.04
 CREASE_DEG = 25.0
@@ -30,16 +36,23 @@ LIGHTS = (((0.35, 0.25, 0.90), 0.62), ((-0.80, 0.45, 0.40), 0.30))
 AMBIENT = 0.22
 
 
-def mold_picture(part: Mesh | str | os.PathLike[str], *, width_px: int = 900, height_px: int = 640) -> bytes:
+def mold_picture(
+    part: Mesh | str | os.PathLike[str],
+    *,
+    width_px: int = 900,
+    height_px: int = 640,
+    elevation_deg: float = ELEVATION_DEG,
+) -> bytes:
     """PNG of a part, on a transparent ground.
 
     Parameters
     ----------
     part : a mesh, or the path of a binary STL
+    elevation_deg : how far above the horizon the viewer is
     """
     mesh = part if isinstance(part, Mesh) else read_stl(Path(part).read_bytes())
     size = (height_px * OVERSAMPLING, width_px * OVERSAMPLING)
-    turn = _turn()
+    turn = _turn(elevation_deg)
     points = _fitted(mesh.vertices.astype(np.float64) @ turn.T, size)
     normals = unit_normals(mesh) @ turn.T
     image, depth = _shaded(points[mesh.triangles], normals, size)
@@ -47,9 +60,33 @@ def mold_picture(part: Mesh | str | os.PathLike[str], *, width_px: int = 900, he
     return png_bytes(_reduced(image))
 
 
-def _turn() -> Floats:
+def section_picture(
+    parts: Sequence[Mesh], y_mm: float, *, width_px: int = 900, height_px: int = 640
+) -> bytes:
+    """PNG of the northern halves of parts in one frame, cut at a level y."""
+    halves = [northern_half(part, y_mm) for part in parts]
+    starts = np.cumsum([0, *(len(half.vertices) for half in halves)])
+    whole = Mesh(
+        vertices=np.concatenate([half.vertices for half in halves]),
+        triangles=np.concatenate(
+            [half.triangles + start for half, start in zip(halves, starts, strict=False)]
+        ),
+    )
+    return mold_picture(whole, width_px=width_px, height_px=height_px, elevation_deg=CUT_ELEVATION_DEG)
+
+
+def northern_half(mesh: Mesh, y_mm: float) -> Mesh:
+    """What of a closed mesh lies north of a level y, closed again."""
+    triangles = np.asarray(mesh.triangles, dtype=np.uint32)
+    whole = manifold3d.Manifold(manifold3d.Mesh(mesh.vertices, triangles))
+    half = whole.trim_by_plane((0.0, 1.0, 0.0), y_mm).to_mesh()
+    vertices = np.asarray(half.vert_properties, dtype=np.float32)[:, :3]
+    return Mesh(vertices=vertices, triangles=np.asarray(half.tri_verts, dtype=np.int64))
+
+
+def _turn(elevation_deg: float) -> Floats:
     """Rotation to the viewer's frame: right, up, towards the viewer."""
-    a, e = np.radians(AZIMUTH_DEG), np.radians(ELEVATION_DEG)
+    a, e = np.radians(AZIMUTH_DEG), np.radians(elevation_deg)
     towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
     right = np.array([-np.sin(a), np.cos(a), 0.0])
     return np.stack([right, np.cross(towards, right), towards])

@@ -9,6 +9,8 @@ it. The longer one is wetted a little before; the shorter one must stay dry. Pri
              | |         | |         | |
              |_|         | |         |_|           short: rim - step
             long         |_|        short          middle: rim; long: rim + step
+
+On a disc it lies along a diameter. A crowned pad is filled by weight, upside down, and has none.
 """
 
 from __future__ import annotations
@@ -50,9 +52,9 @@ class GaugeSize:
 
 
 def gauge_size(design: SensorDesign) -> GaugeSize | None:
-    """Lengths of a design's gauge; None without a rim, where one pours to the brim."""
+    """Lengths of a design's gauge; None without a rim, where one pours to the brim, and for a crowned pad."""
     rim, cavity, mold = design.mold.rim_mm, design.cavity, design.mold
-    if rim == 0:
+    if rim == 0 or design.crown is not None:
         return None
     spans_y = cavity.width_mm <= cavity.length_mm
     step = min(STEP_MM, rim / 2)
@@ -64,7 +66,7 @@ def gauge_size(design: SensorDesign) -> GaugeSize | None:
 
 
 def pour_gauge(design: SensorDesign) -> cq.Workplane | None:
-    """The gauge lying on the print bed, teeth towards low y; None without a rim."""
+    """The gauge lying on the print bed, teeth towards low y; None where nothing is poured to a level."""
     size = gauge_size(design)
     if size is None:
         return None

@@ -13,38 +13,99 @@ below the lip, which `design.geometry.webs` makes sure of. The lip itself is a f
 
 A cover's seat takes ((L + 2s)(W + 2s) - L W) x rim instead, and shares with a cut of width b what lies before s:
 b x min(s, t1) x rim from the wall on. Collars stand on the rim behind lip or seat, and cuts go up through them.
+
+In a round mold a cut of facet coordinates (a, t) may end in the round outer face, t = T(a). With the facet d from the
+centre, b = a - the facet's middle, and the outer radius R, T = sqrt(R2 - b2) - d, so that what lies before a level t
+is the integral of min(T, t): t where |b| < sqrt(R2 - (d + t)2), T elsewhere. T's antiderivative is that of the circle.
+
+The lid is its flange, pins and plug, less notches and what of the crown lies above the seat: the whole cap of a sphere,
+nothing of a cylinder. The plug is cut level: at a depth h below the seat its outline has come in by the draft, and the
+crown covers |r| < rho of it, rho = C sin(q) at s = C (1 - cos(q)) below the highest place. The area outside of that is
+closed for circle and rectangle, disc and strip. Its integral over depth is Gauss' rule in q, piece by piece between
+the depths where the crown's level meets a side or a corner: it has no square root at the highest place, and at the
+pieces' ends a power of 3/2, whose error falls with the fifth power of the number of nodes: 1e-9 at 48.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 
+import numpy as np
+
+from cad.lid import Plug, lid_size, pin_chamfer_mm
 from design.geometry.mold_outline import MoldOutline, outline_of
 from design.geometry.raised_sockets import Collar
-from design.geometry.sockets import Cut, Hole
-from design.spec import SensorDesign
+from design.geometry.sockets import Cut, Hole, WallFrame
+from design.spec import Crown, SensorDesign
+
+NODES = 48
+"""Of Gauss' rule in each piece of a plug."""
 
 
 def mold_volume_mm3(design: SensorDesign) -> float:
     """Volume of the printed mold [mm3]."""
     outline = outline_of(design)
-    cuts = [_below_rim(cut, outline) for socket in outline.sockets for cut in socket.cuts]
-    channels = [socket.channel for socket in outline.sockets if socket.channel is not None]
     holes = [hole for socket in outline.sockets for hole in socket.holes]
     return (
         _prism_mm3(outline)
-        - outline.length_mm * outline.width_mm * (outline.top_mm - outline.cavity_bottom_mm)
+        - outline.plan.area_mm2 * (outline.top_mm - outline.cavity_bottom_mm)
         - lip_volume_mm3(outline)
         - _seat_mm3(outline)
         + sum(_collar_mm3(collar, outline) for collar in outline.collars)
-        - sum(_cut_mm3(cut) - shared_with_lip_mm3(cut, outline.lip_mm) for cut in cuts)
-        + sum(_shared_with_seat_mm3(cut, outline) for cut in cuts)
-        - sum(_cut_mm3(channel) for channel in channels)
+        - _socket_cuts_mm3(outline)
         - sum(number.volume_mm3 for number in outline.numbers)
-        - sum(_hole_mm3(hole) for hole in (*holes, *outline.fixing_holes))
+        - sum(_hole_mm3(hole) for hole in (*holes, *outline.fixing_holes, *outline.filling))
         - outline.label.area_mm2 * outline.label.depth_mm
     )
+
+
+def _socket_cuts_mm3(outline: MoldOutline) -> float:
+    """Pockets, slots, necks and channels, less what lip or seat have taken of them."""
+    channels = [(s.frame, s.channel) for s in outline.sockets if s.channel is not None]
+    if outline.plan.is_disc:
+        cuts = [(socket.frame, cut) for socket in outline.sockets for cut in socket.cuts]
+        return sum(cut_in_frame_mm3(frame, cut) for frame, cut in (*cuts, *channels))
+    below = [_below_rim(cut, outline) for socket in outline.sockets for cut in socket.cuts]
+    return (
+        sum(_cut_mm3(cut) - shared_with_lip_mm3(cut, outline.lip_mm) for cut in below)
+        - sum(_shared_with_seat_mm3(cut, outline) for cut in below)
+        + sum(_cut_mm3(channel) for _, channel in channels)
+    )
+
+
+def cut_in_frame_mm3(frame: WallFrame, cut: Cut) -> float:
+    """What a cut takes of a wall whose outer face may be round [mm3]."""
+    if frame.outer_radius_mm == 0.0:
+        return _cut_mm3(cut)
+    area = _before_mm2(frame, cut, cut.out1) - _before_mm2(frame, cut, cut.out0)
+    return area * (cut.top - cut.floor)
+
+
+def _before_mm2(frame: WallFrame, cut: Cut, level_mm: float) -> float:
+    """Area of a round wall over a cut's width, outward up to a level or to the outer face [mm2]."""
+    radius, middle = frame.outer_radius_mm, frame.length_mm / 2
+    stands = radius - frame.thickness_mm
+    full = math.sqrt(max(radius**2 - (stands + level_mm) ** 2, 0.0))
+
+    def up_to(beside: float) -> float:
+        inner = max(-full, min(full, beside))
+        return (
+            level_mm * inner
+            + _circle_mm2(beside, radius)
+            - _circle_mm2(inner, radius)
+            - stands * (beside - inner)
+        )
+
+    return up_to(cut.along1 - middle) - up_to(cut.along0 - middle)
+
+
+def _circle_mm2(x: float, radius: float) -> float:
+    """Integral from 0 to x of sqrt(radius2 - x2)."""
+    share = max(-1.0, min(1.0, x / radius))
+    return radius**2 / 2 * (share * math.sqrt(1 - share * share) + math.asin(share))
 
 
 def base_volume_mm3(design: SensorDesign) -> float:
@@ -108,6 +169,8 @@ def _prism_mm3(outline: MoldOutline) -> float:
 
 
 def _section_mm2(outline: MoldOutline) -> float:
+    if outline.plan.is_disc:
+        return math.pi * outline.outer_radius_mm**2
     rounded = 3 * (1 - math.pi / 4) * outline.corner_radius_mm**2
     return outline.outer_length_mm * outline.outer_width_mm - rounded - outline.origin_cut_mm**2 / 2
 
@@ -118,3 +181,104 @@ def _cut_mm3(cut: Cut) -> float:
 
 def _hole_mm3(hole: Hole) -> float:
     return math.pi * hole.radius**2 * (hole.z1 - hole.z0)
+
+
+def lid_volume_mm3(design: SensorDesign) -> float:
+    """Volume of the printed lid [mm3]; 0 for a flat top."""
+    outline, size, crown = outline_of(design), lid_size(design), design.crown
+    if size is None or crown is None:
+        return 0.0
+    over = outline.plan.clear_mm - size.seat_mm
+    return (
+        _section_mm2(outline) * size.flange_mm
+        + sum(_pin_mm3(pin) for pin in size.pins)
+        - sum(cut_in_frame_mm3(notch.frame, notch.cut) for notch in size.notches)
+        + (plug_volume_mm3(size.plug, crown, over) if size.plug is not None else 0.0)
+        - (_cap_mm3(crown.radius_mm, over) if over > 0 else 0.0)
+    )
+
+
+def _pin_mm3(pin: Hole) -> float:
+    chamfer, radius = pin_chamfer_mm(pin), pin.radius
+    end = radius - chamfer
+    cone = math.pi * chamfer / 3 * (radius**2 + radius * end + end**2)
+    return math.pi * radius**2 * (pin.z1 - pin.z0 - chamfer) + cone
+
+
+def _cap_mm3(radius: float, height: float) -> float:
+    return math.pi * height**2 * (3 * radius - height) / 3
+
+
+def plug_volume_mm3(plug: Plug, crown: Crown, over_mm: float) -> float:
+    """Volume of a plug below the seat and above the crown, whose highest place is `over_mm` over the seat [mm3]."""
+    radius = crown.radius_mm
+    above = max(-over_mm, 0.0)
+    whole = _gauss(lambda depth: _outside_mm2(plug, crown, depth, 0.0), 0.0, above)
+    ends = [
+        angle
+        for sides in _meetings(plug, crown)
+        if (angle := _meets(plug, sides, radius, over_mm)) is not None
+    ]
+    start = math.acos(1 - max(over_mm, 0.0) / radius)
+    pieces = sorted({start, *(angle for angle in ends if angle > start)})
+
+    def rate(angle: float) -> float:
+        depth = radius * (1 - math.cos(angle)) - over_mm
+        return _outside_mm2(plug, crown, depth, radius * math.sin(angle)) * radius * math.sin(angle)
+
+    return whole + sum(_gauss(rate, low, high) for low, high in pairwise(pieces))
+
+
+def _outside_mm2(plug: Plug, crown: Crown, depth: float, level: float) -> float:
+    """Area of a plug's section at a depth, outside of the crown's half width or radius there [mm2]."""
+    a, b = (half - plug.inset_mm(depth) for half in plug.half_mm)
+    if plug.is_round:
+        if level >= a:
+            return 0.0
+        half_chord = math.pi * a**2 / 4 - _circle_mm2(level, a)
+        return math.pi * (a**2 - level**2) if crown.axis is None else 4 * half_chord
+    if crown.axis is not None:
+        along, across = (a, b) if crown.axis == "x" else (b, a)
+        return 4 * along * max(across - level, 0.0)
+    return 4 * (a * b - _quarter_mm2(level, a, b))
+
+
+def _quarter_mm2(radius: float, a: float, b: float) -> float:
+    """Area of a quarter disc within a rectangle at its middle [mm2]."""
+    if radius >= math.hypot(a, b):
+        return a * b
+    if radius == 0.0:
+        return 0.0
+    flat = math.sqrt(max(radius**2 - b**2, 0.0))
+    return b * flat + _circle_mm2(min(a, radius), radius) - _circle_mm2(flat, radius)
+
+
+def _meetings(plug: Plug, crown: Crown) -> list[tuple[float, ...]]:
+    """Half widths at the seat of what the crown's level meets on its way out: sides, then the corner."""
+    a, b = plug.half_mm
+    if plug.is_round:
+        return [(a,)]
+    if crown.axis is not None:
+        return [(b,)] if crown.axis == "x" else [(a,)]
+    return [(a,), (b,), (a, b)]
+
+
+def _meets(plug: Plug, sides: tuple[float, ...], radius: float, over: float) -> float | None:
+    """The angle q where the crown's level has come as far out as sides that come in; None if that is above the seat.
+
+    With s = over + h: s (2 C - s) = sum of (w - h t)2, a quadratic in h.
+    """
+    slope = plug.inset_mm(1.0)
+    square = -1 - len(sides) * slope**2
+    linear = 2 * (radius - over) + 2 * slope * sum(sides)
+    constant = over * (2 * radius - over) - sum(side**2 for side in sides)
+    root = math.sqrt(linear**2 - 4 * square * constant)
+    depth = 2 * constant / (-linear - root)
+    return math.acos(1 - (over + depth) / radius) if depth > 0 else None
+
+
+def _gauss(rate: Callable[[float], float], low: float, high: float) -> float:
+    """Gauss' rule from low to high."""
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    middle, half = (low + high) / 2, (high - low) / 2
+    return sum(float(w) * half * rate(middle + half * float(x)) for x, w in zip(nodes, weights, strict=True))

@@ -1,4 +1,4 @@
-"""The packaged designs: the paper's pad and pair, and two of our own."""
+"""The packaged designs: the paper's pad and pair, a published disc, and four of our own."""
 
 from __future__ import annotations
 
@@ -10,7 +10,11 @@ from importlib.resources import files
 from design.errors import InputError
 from design.spec import SensorDesign
 
-PRESETS = ("piacenza2017-pad", "piacenza2017-pair", "oblong-60x40", "fingertip-16")
+FLAT_PRESETS = ("piacenza2017-pad", "piacenza2017-pair", "oblong-60x40", "fingertip-16")
+"""Flat rectangles."""
+SHAPED_PRESETS = ("levi2013-disc", "crowned-40x25", "fingertip-dome")
+"""Discs and crowned pads."""
+PRESETS = FLAT_PRESETS + SHAPED_PRESETS
 
 
 def preset_text(name: str) -> str:

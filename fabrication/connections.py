@@ -11,15 +11,6 @@ from dataclasses import dataclass
 from design.circuit.pins import assigned_pins, board_of
 from design.geometry.cavity import PlacedPart, cavity_of
 from design.spec import SensorDesign
-from design.spec.layout import Wall
-
-INWARD_NORMAL: dict[Wall, tuple[float, float, float]] = {
-    "south": (0.0, 1.0, 0.0),
-    "east": (-1.0, 0.0, 0.0),
-    "north": (0.0, -1.0, 0.0),
-    "west": (1.0, 0.0, 0.0),
-}
-"""Direction from a wall into the cavity (x, y, z) [-]."""
 
 EMITTER_POLARITY = "anode to the series resistor, cathode to the transistor's collector"
 RECEIVER_POLARITY = "cathode to the amplifier's inverting input, anode to ground"
@@ -73,6 +64,11 @@ def polarity_of(part: PlacedPart) -> str:
     return polarity if leads == TWO_LEADS else f"{polarity}; {leads} leads, see the data sheet for the others"
 
 
+def _inward(part: PlacedPart) -> tuple[float, float, float]:
+    x, y = part.line.outward
+    return 0.0 - x, 0.0 - y, 0.0
+
+
 def connections_of(design: SensorDesign) -> Connections:
     """Every part of a design with its pin, place and number.
 
@@ -90,8 +86,8 @@ def connections_of(design: SensorDesign) -> Connections:
             pin=pin,
             pin_number=pin_number,
             number=number,
-            position_mm=part.position_mm(cavity.length_mm, cavity.width_mm),
-            normal=INWARD_NORMAL[part.wall],
+            position_mm=part.position_mm,
+            normal=_inward(part),
         )
 
     lit = zip(cavity.emitters, pins, strict=True)

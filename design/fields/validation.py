@@ -16,7 +16,8 @@ WORDED_FINDINGS = 100
 
 _WAY_OUT = {
     "missing": "is missing; add it (see `optopad schema`, or start from `optopad new`)",
-    "union_tag_not_found": "lacks `pattern`; use one of alternating_ring, facing_rows, per_side, single",
+    "union_tag_not_found": "lacks `pattern`; use one of alternating_ring, facing_rows, per_side, single, on a disc "
+    "disc_ring, at_angles",
 }
 
 
@@ -98,6 +99,8 @@ def _is_marker(key: str) -> bool:
         "facing_rows",
         "per_side",
         "single",
+        "disc_ring",
+        "at_angles",
     }
 
 

@@ -14,12 +14,15 @@ active face is flush with the inner face of the wall, its body reaches outward.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from design.errors import DesignError
+from design.geometry.fits import clearance_mm
+from design.geometry.plan import Plan, WallLine, facet, plan_of, rectangle_walls
 from design.parts.catalog import Part
 from design.spec import SensorDesign
-from design.spec.layout import Kind, Placement, Wall, expand, wall_length_mm
+from design.spec.layout import Kind, Placement, expand, wall_length_mm
 from design.spec.properties import part_of
 
 
@@ -29,16 +32,17 @@ class PlacedPart:
 
     Attributes
     ----------
-    name, kind, wall : E1 ..., emitter or receiver, the wall it sits in
+    name, kind : E1 ..., emitter or receiver
+    line : the flat wall that it sits in: of a disc a facet of its own
     along_mm, height_mm : centre of the active area along the wall and above the clear layer's bottom
     part_id, part : catalogue identifier and entry (measured values applied)
-    clear_mm : thickness of the clear layer, for what sticks out of it
+    clear_mm : height of the untouched top at the lower side of its active area, for what sticks out of it
     origin, height_field : dotted paths of the layout entry that placed it and of what gave its height
     """
 
     name: str
     kind: Kind
-    wall: Wall
+    line: WallLine
     along_mm: float
     height_mm: float
     part_id: str
@@ -46,6 +50,11 @@ class PlacedPart:
     clear_mm: float
     origin: str
     height_field: str
+
+    @property
+    def wall(self) -> str:
+        """Name of its wall: south, east, north, west; of a disc its direction, as `45-degree`."""
+        return self.line.name
 
     @property
     def half_width_mm(self) -> float:
@@ -74,25 +83,27 @@ class PlacedPart:
         """Height of the body's top above the clear layer's bottom [mm]."""
         return self.body_base_mm + self.part.body_height_mm.value
 
-    def position_mm(self, length_mm: float, width_mm: float) -> tuple[float, float, float]:
+    @property
+    def position_mm(self) -> tuple[float, float, float]:
         """Centre of the active area in the cavity frame (x, y, z) [mm]."""
-        x, y = {
-            "south": (self.along_mm, 0.0),
-            "east": (length_mm, self.along_mm),
-            "north": (self.along_mm, width_mm),
-            "west": (0.0, self.along_mm),
-        }[self.wall]
-        return x, y, self.height_mm
+        return (*self.line.point(self.along_mm), self.height_mm)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Workspace:
-    """The rectangle of press centres that the verdict is about, in the cavity frame [mm]."""
+    """Press centres that the verdict is about, in the cavity frame [mm]: a rectangle, or the disc within it.
+
+    Attributes
+    ----------
+    x0_mm, x1_mm, y0_mm, y1_mm : of the rectangle
+    is_disc : whether only the disc counts that touches its sides
+    """
 
     x0_mm: float
     x1_mm: float
     y0_mm: float
     y1_mm: float
+    is_disc: bool = False
 
     @property
     def is_empty(self) -> bool:
@@ -101,14 +112,26 @@ class Workspace:
 
     def clamped(self, x_mm: float, y_mm: float) -> tuple[float, float]:
         """Nearest point of the workspace [mm]."""
+        if self.is_disc:
+            (x, y), radius = self._centre_mm, (self.x1_mm - self.x0_mm) / 2
+            away = math.hypot(x_mm - x, y_mm - y)
+            share = radius / away if away > radius else 1.0
+            return x + share * (x_mm - x), y + share * (y_mm - y)
         return min(max(x_mm, self.x0_mm), self.x1_mm), min(max(y_mm, self.y0_mm), self.y1_mm)
 
     def contains(self, x_mm: float, y_mm: float, slack_mm: float = 1e-9) -> bool:
         """Whether a press centre lies in the workspace."""
+        if self.is_disc:
+            x, y = self._centre_mm
+            return math.hypot(x_mm - x, y_mm - y) <= (self.x1_mm - self.x0_mm) / 2 + slack_mm
         return (
             self.x0_mm - slack_mm <= x_mm <= self.x1_mm + slack_mm
             and self.y0_mm - slack_mm <= y_mm <= self.y1_mm + slack_mm
         )
+
+    @property
+    def _centre_mm(self) -> tuple[float, float]:
+        return (self.x0_mm + self.x1_mm) / 2, (self.y0_mm + self.y1_mm) / 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,20 +140,34 @@ class CavityGeometry:
 
     Attributes
     ----------
-    length_mm, width_mm, clear_mm, black_mm : inner size and layer thicknesses
+    plan : outline and top
+    black_mm : thickness of the black layer
     emitters, receivers : placed parts in the order of signals, states and pins
     workspace : allowed press centres
     tip_radius_mm : of the indenter, which decides what pairs a press can come between
     """
 
-    length_mm: float
-    width_mm: float
-    clear_mm: float
+    plan: Plan
     black_mm: float
     emitters: tuple[PlacedPart, ...]
     receivers: tuple[PlacedPart, ...]
     workspace: Workspace
     tip_radius_mm: float
+
+    @property
+    def length_mm(self) -> float:
+        """Inner size along x [mm]."""
+        return self.plan.length_mm
+
+    @property
+    def width_mm(self) -> float:
+        """Inner size along y [mm]."""
+        return self.plan.width_mm
+
+    @property
+    def clear_mm(self) -> float:
+        """Thickness of the clear layer at its highest point [mm]."""
+        return self.plan.clear_mm
 
     @property
     def parts(self) -> tuple[PlacedPart, ...]:
@@ -140,10 +177,13 @@ class CavityGeometry:
     @property
     def volume_mm3(self) -> float:
         """Volume of the cavity up to the undisturbed top, both layers, without sockets [mm3]."""
-        return self.length_mm * self.width_mm * (self.clear_mm + self.black_mm)
+        plan = self.plan
+        if plan.is_flat_rectangle:
+            return plan.length_mm * plan.width_mm * (plan.clear_mm + self.black_mm)
+        return plan.clear_volume_mm3 + plan.area_mm2 * self.black_mm
 
-    def wall_length_mm(self, wall: Wall) -> float:
-        """Inner length of a wall [mm]."""
+    def wall_length_mm(self, wall: str) -> float:
+        """Inner length of a wall of a rectangle [mm]."""
         return wall_length_mm(wall, self.length_mm, self.width_mm)
 
 
@@ -155,11 +195,13 @@ def cavity_of(design: SensorDesign) -> CavityGeometry:
     DesignError : a part that the catalogue does not have, or has as the other kind.
     """
     size = design.cavity
-    placed = tuple(_placed(design, place) for place in expand(design.layout, size.length_mm, size.width_mm))
+    walls = rectangle_walls(size.length_mm, size.width_mm)
+    flat = plan_of(design)
+    placed = tuple(
+        _placed(design, place, walls, flat) for place in expand(design.layout, size.length_mm, size.width_mm)
+    )
     return CavityGeometry(
-        length_mm=size.length_mm,
-        width_mm=size.width_mm,
-        clear_mm=size.clear_thickness_mm,
+        plan=plan_of(design, [part.line for part in placed]) if flat.is_disc else flat,
         black_mm=size.black_thickness_mm,
         emitters=tuple(part for part in placed if part.kind == "emitter"),
         receivers=tuple(part for part in placed if part.kind == "receiver"),
@@ -176,6 +218,7 @@ def workspace_of(design: SensorDesign) -> Workspace:
         x1_mm=design.cavity.length_mm - inset,
         y0_mm=inset,
         y1_mm=design.cavity.width_mm - inset,
+        is_disc=design.cavity.outline == "disc",
     )
 
 
@@ -184,22 +227,44 @@ def part_field(place: Placement) -> str:
     return f"{place.origin}.part" if place.part is not None else f"{place.kind}s.part"
 
 
-def _placed(design: SensorDesign, place: Placement) -> PlacedPart:
+def part_half_width_mm(design: SensorDesign, place: Placement) -> tuple[float, str]:
+    """Half of a place's socket along its wall [mm], as wide as which a disc's facet is, and the part's identifier.
+
+    Raises
+    ------
+    DesignError : a part that the catalogue does not have, or has as the other kind.
+    """
+    section = design.emitters if place.kind == "emitter" else design.receivers
+    part_id = place.part or section.part
+    body = part_of(design, part_id, place.kind).body_width_mm.value
+    return body / 2 + clearance_mm(design.mold, part_id), part_id
+
+
+def _placed(design: SensorDesign, place: Placement, walls: dict[str, WallLine], flat: Plan) -> PlacedPart:
     section = design.emitters if place.kind == "emitter" else design.receivers
     part_id = place.part or section.part
     try:
         part = part_of(design, part_id, place.kind)
     except DesignError as err:
         raise DesignError(f"{part_field(place)}: {err}") from None
+    line, along = walls.get(place.wall), place.along_mm
+    if place.angle_deg is not None or line is None:
+        half = part_half_width_mm(design, place)[0]
+        line, along = facet(flat.radius_mm, place.angle_deg or 0.0, half), half
     return PlacedPart(
         name=place.name,
         kind=place.kind,
-        wall=place.wall,
-        along_mm=place.along_mm,
+        line=line,
+        along_mm=along,
         height_mm=section.height_mm if place.height_mm is None else place.height_mm,
         part_id=part_id,
         part=part,
-        clear_mm=design.cavity.clear_thickness_mm,
+        clear_mm=_top_over_mm(flat, line, along, part.active_width_mm.value / 2),
         origin=place.origin,
         height_field=f"{place.kind}s.height_mm" if place.height_mm is None else f"{place.origin}.height_mm",
     )
+
+
+def _top_over_mm(flat: Plan, line: WallLine, along_mm: float, half_width_mm: float) -> float:
+    """Height of the untouched top over an active area: at its lower side [mm]."""
+    return min(flat.top_mm(*line.point(along_mm + side)) for side in (-half_width_mm, half_width_mm))

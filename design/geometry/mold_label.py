@@ -16,6 +16,7 @@ rectangles, not a font of the system: equal designs give equal molds everywhere.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -23,7 +24,9 @@ from textwrap import wrap
 
 from design.fields.finding import Finding, error, mm
 from design.fields.packaged import data_table
+from design.geometry.filling import SPRUE_RADIUS_MM, filling_offsets_mm
 from design.geometry.lettering import OVERLAP, Stroke, area_mm2, strokes_of
+from design.geometry.plan import plan_of
 from design.spec import SensorDesign
 
 DEPTH_MM = 0.6
@@ -101,7 +104,7 @@ def label_lines(text: str, design: SensorDesign) -> tuple[list[str], float]:
     """A text in lines that fit below the cavity, and the pitch of its points [mm]: broken at blanks, and within words
     only where it can be printed in no other way.
     """
-    room_mm = design.cavity.length_mm - 2 * MARGIN_MM, design.cavity.width_mm - 2 * MARGIN_MM
+    room_mm = _room_mm(design)
     widths = range(len(text), 0, -1)
     at_blanks = [wrap(text, width, break_long_words=False, break_on_hyphens=False) for width in widths]
     lines, pitch = _best(at_blanks, room_mm)
@@ -109,6 +112,18 @@ def label_lines(text: str, design: SensorDesign) -> tuple[list[str], float]:
         anywhere = [[line.strip() for line in wrap(text, width, break_on_hyphens=False)] for width in widths]
         lines, pitch = _best(anywhere, room_mm)
     return lines, min(pitch, LARGEST_PITCH_MM)
+
+
+def _room_mm(design: SensorDesign) -> tuple[float, float]:
+    """Length and width of the rectangle that a label may cover: below the cavity, between sprue and vents."""
+    plan = plan_of(design)
+    length, width = plan.length_mm, plan.width_mm
+    if plan.crown is not None:  # sprue and vents stand in the corners
+        width = 2 * (filling_offsets_mm(plan)[1] - SPRUE_RADIUS_MM)
+    if plan.is_disc:
+        width = min(width, length / math.sqrt(2))
+        length = math.sqrt(length**2 - width**2)
+    return length - 2 * MARGIN_MM, max(width - 2 * MARGIN_MM, 1e-3)
 
 
 def _best(broken: list[list[str]], room_mm: tuple[float, float]) -> tuple[list[str], float]:

@@ -36,7 +36,8 @@ def _sit_opposite(cavity: CavityGeometry) -> bool:
     """Whether all emitters sit in one wall and all receivers in the opposite one."""
     emitter_walls = {part.wall for part in cavity.emitters}
     receiver_walls = {part.wall for part in cavity.receivers}
-    return len(emitter_walls) == 1 and receiver_walls == {OPPOSITE[next(iter(emitter_walls))]}
+    opposite = {wall: other for wall, other in OPPOSITE.items() if emitter_walls == {wall}}
+    return receiver_walls == set(opposite.values()) and bool(opposite)
 
 
 def facing_pairs(cavity: CavityGeometry) -> tuple[tuple[int, int], ...]:
@@ -75,7 +76,7 @@ def beside_chord(
 ) -> tuple[float, float]:
     """Distance of a place from a pair's chord [mm], and where along it it is nearest, from 0 (emitter) to 1 [-]."""
     ends = (cavity.emitters[pair[0]], cavity.receivers[pair[1]])
-    start, end = (np.array(part.position_mm(cavity.length_mm, cavity.width_mm)[:2]) for part in ends)
+    start, end = (np.array(part.position_mm[:2]) for part in ends)
     along, to_place = end - start, np.array(place_mm) - start
     share = float(np.clip(to_place @ along / (along @ along), 0.0, 1.0))
     return float(np.hypot(*(to_place - share * along))), share
@@ -96,6 +97,6 @@ def mask_of(pairs: tuple[tuple[int, int], ...], cavity: CavityGeometry) -> BoolA
 
 def chord_midpoint_mm(cavity: CavityGeometry, pair: tuple[int, int]) -> tuple[float, float]:
     """Midpoint of a pair's chord, clamped to the workspace (x, y) [mm]."""
-    ex, ey, _ = cavity.emitters[pair[0]].position_mm(cavity.length_mm, cavity.width_mm)
-    rx, ry, _ = cavity.receivers[pair[1]].position_mm(cavity.length_mm, cavity.width_mm)
+    ex, ey, _ = cavity.emitters[pair[0]].position_mm
+    rx, ry, _ = cavity.receivers[pair[1]].position_mm
     return cavity.workspace.clamped((ex + rx) / 2, (ey + ry) / 2)

@@ -7,18 +7,28 @@ r"""The parts' names in the outer faces of the mold, below their sockets, as in 
       ____________n_____________  channels, bed
 
 A name keeps to its own place: halfway to its neighbours, above channels and the joint of a parted mold, below the
-lowest pocket of its wall, within the inner length of the wall. Names that do not fit are left out and
-told (`cad.checks`).
+lowest pocket of its wall, within the inner length of the wall. On a round mold, where every part has a wall of its own,
+a name keeps to halfway around to its neighbours, above all channels, below all pockets, and to where the outer face has
+receded by half of its depth. Names that do not fit are left out and told (`cad.checks`).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 
 from design.fields.packaged import data_table
-from design.geometry.lettering import OVERLAP, Point, Stroke, area_mm2, strokes_of, upper_edges_mm
+from design.geometry.lettering import (
+    OVERLAP,
+    Point,
+    Stroke,
+    area_mm2,
+    integral,
+    strokes_of,
+    upper_edges_mm,
+)
 from design.geometry.sockets import Hole, Socket, WallFrame
 
 DEPTH_MM = 0.5
@@ -28,6 +38,12 @@ MARGIN_MM = 0.4
 SMALLEST_PITCH_MM, LARGEST_PITCH_MM = 0.6, 0.9
 """Strokes of 0.75 mm with gaps of 0.45 mm, what a 0.4 mm nozzle still draws apart, to strokes of 1.1 mm."""
 COLUMNS, ROWS, GAP = 3, 5, 1
+
+
+def below_chord_mm2(beside_mm: float, radius_mm: float) -> float:
+    """Integral from 0 to a place of how far a circle has receded from its tangent there [mm2]."""
+    half = beside_mm / radius_mm
+    return radius_mm * beside_mm - radius_mm**2 / 2 * (half * math.sqrt(1 - half * half) + math.asin(half))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,8 +65,12 @@ class PartNumber:
 
     @property
     def volume_mm3(self) -> float:
-        """What it takes from the mold [mm3]."""
-        return area_mm2(self.strokes) * DEPTH_MM
+        """What it takes from the mold [mm3]; a round outer face recedes from the plane at the facet's middle."""
+        flat = area_mm2(self.strokes) * DEPTH_MM
+        if self.frame.outer_radius_mm == 0.0:
+            return flat
+        middle, radius = self.frame.length_mm / 2, self.frame.outer_radius_mm
+        return flat - integral(self.strokes, lambda x: below_chord_mm2(x - middle, radius))
 
     @property
     def ceiling_mm2(self) -> float:
@@ -59,24 +79,30 @@ class PartNumber:
 
 
 def part_numbers(
-    sockets: Sequence[Socket], fixing_holes: Sequence[Hole], bottom_mm: float, web_mm: float
+    sockets: Sequence[Socket],
+    fixing_holes: Sequence[Hole],
+    bottom_mm: float,
+    web_mm: float,
+    around: Sequence[Socket] = (),
 ) -> tuple[PartNumber, ...]:
     """The names of one wall's sockets, in their order along it; those without room are left out.
 
     Parameters
     ----------
     sockets : of one wall, in their order along it
+    around : all sockets of a round mold; empty for a block
     fixing_holes : of the mold
     bottom_mm : underside of the mold, or of its frame where that is a piece of its own
     web_mm : thinnest wall that prints
     """
     if not sockets:
         return ()
-    low = max([bottom_mm, *(one.channel.top for one in sockets if one.channel)]) + MARGIN_MM
-    high = min(one.pocket.floor for one in sockets) - MARGIN_MM
+    beside = around or sockets
+    low = max([bottom_mm, *(one.channel.top for one in beside if one.channel)]) + MARGIN_MM
+    high = min(one.pocket.floor for one in beside) - MARGIN_MM
     found = []
     for place, socket in enumerate(sockets):
-        room = _room_mm(sockets, place)
+        room = _room_around_mm(socket, around) if around else _room_mm(sockets, place)
         if _wall_left_mm(socket, fixing_holes, room) < web_mm:
             continue
         number = _number(socket, room, (low, high))
@@ -92,6 +118,16 @@ def _room_mm(sockets: Sequence[Socket], place: int) -> tuple[float, float]:
     after = (sockets[place + 1].part.along_mm + at) / 2 if place + 1 < len(sockets) else frame.length_mm
     half = min(at - before, after - at) - MARGIN_MM / 2
     return at - half, at + half
+
+
+def _room_around_mm(socket: Socket, around: Sequence[Socket]) -> tuple[float, float]:
+    """The same on a round outer face: names lie in planes that meet halfway to the next part."""
+    (x, y), radius = socket.frame.line.outward, socket.frame.outer_radius_mm
+    others = [one.frame.line.outward for one in around if one is not socket]
+    gap = min((math.acos(max(-1.0, min(1.0, x * ox + y * oy))) for ox, oy in others), default=math.pi)
+    to_next = (radius - DEPTH_MM) * math.tan(min(gap, math.pi / 2) / 2) - MARGIN_MM / 2
+    half = min(to_next, math.sqrt(radius * DEPTH_MM - DEPTH_MM**2 / 4))
+    return socket.part.along_mm - half, socket.part.along_mm + half
 
 
 def _wall_left_mm(socket: Socket, fixing_holes: Sequence[Hole], room: tuple[float, float]) -> float:

@@ -18,9 +18,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from design.fields.units import ROUNDING_MM
-from design.geometry.sockets import Box, Cut, Hole, Socket, WallFrame, gap_mm
+from design.geometry.sockets import Box, Cut, Hole, Socket, WallFrame
 from design.spec import Mold
-from design.spec.layout import WALLS, Wall
+from design.spec.layout import WALLS
 
 OWN_COLLAR_WEBS = 3
 """Neighbours this many webs apart have a collar each, with a web of air between."""
@@ -66,7 +66,7 @@ def raised(
         collar
         for row in by_wall(sockets).values()
         for collar in _of_wall(row, rim_mm, start_mm, mold.min_web_mm)
-        if all(gap_mm(collar.box, hole) >= mold.min_web_mm for hole in fixing_holes)
+        if all(collar.frame.gap_mm(collar.block, hole) >= mold.min_web_mm for hole in fixing_holes)
     ]
     tops = {name: collar.top_mm for collar in collars for name in collar.names}
     opened = tuple(
@@ -107,11 +107,12 @@ def _collar(held: Sequence[Socket], rim_mm: float, start_mm: float, web_mm: floa
     )
 
 
-def by_wall(sockets: tuple[Socket, ...]) -> dict[Wall, tuple[Socket, ...]]:
-    """Sockets of each wall, in the order in which they stand along it."""
+def by_wall(sockets: tuple[Socket, ...]) -> dict[str, tuple[Socket, ...]]:
+    """Sockets of each wall, in the order in which they stand along it; walls south, east, north, west, or facets."""
+    names = dict.fromkeys((*WALLS, *(socket.frame.wall for socket in sockets)))
     return {
         wall: tuple(
             sorted((s for s in sockets if s.frame.wall == wall), key=lambda socket: socket.pocket.along0)
         )
-        for wall in WALLS
+        for wall in names
     }

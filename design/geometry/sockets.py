@@ -32,9 +32,9 @@ from dataclasses import dataclass, replace
 
 from design.geometry.cavity import PlacedPart
 from design.geometry.fits import clearance_mm, fit
+from design.geometry.plan import WallLine
 from design.parts.catalog import Part
 from design.spec import Mold
-from design.spec.layout import Wall
 
 NECK_MM = 1.5
 """Length of a wire slot's neck, if the slot is at least twice as long."""
@@ -69,49 +69,95 @@ class Hole:
 
 @dataclass(frozen=True, kw_only=True)
 class WallFrame:
-    """Where a wall stands: coordinates along it and outward from its inner face.
+    """A wall of the mold: coordinates along it and outward from its inner face.
 
     Attributes
     ----------
-    wall : name of the wall
-    across_mm : inner size of the cavity across the wall, from it to the opposite one
-    length_mm, thickness_mm : inner length and thickness of the wall
+    line : its inner face
+    thickness_mm : of the wall; of a round mold at the middle of the facet
+    outer_radius_mm : of a round mold, whose centre lies behind the middle of the facet; 0 for a flat outer face
     """
 
-    wall: Wall
-    across_mm: float
-    length_mm: float
+    line: WallLine
     thickness_mm: float
+    outer_radius_mm: float = 0.0
+
+    @property
+    def wall(self) -> str:
+        """Name of the wall."""
+        return self.line.name
+
+    @property
+    def length_mm(self) -> float:
+        """Inner length of the wall [mm]."""
+        return self.line.length_mm
 
     def point(self, along_mm: float, outward_mm: float) -> tuple[float, float]:
         """Position (x, y) in the cavity frame [mm]."""
-        match self.wall:
-            case "south":
-                return along_mm, -outward_mm
-            case "north":
-                return along_mm, self.across_mm + outward_mm
-            case "west":
-                return -outward_mm, along_mm
-            case "east":
-                return self.across_mm + outward_mm, along_mm
+        return self.line.point(along_mm, outward_mm)
 
     def along_and_outward_mm(self, x_mm: float, y_mm: float) -> tuple[float, float]:
         """The way back from `point` [mm]."""
-        match self.wall:
-            case "south":
-                return x_mm, -y_mm
-            case "north":
-                return x_mm, y_mm - self.across_mm
-            case "west":
-                return y_mm, -x_mm
-            case "east":
-                return y_mm, x_mm - self.across_mm
+        return self.line.along_and_outward_mm(x_mm, y_mm)
+
+    def thickness_at_mm(self, along_mm: float) -> float:
+        """From the inner face outward to the outer face [mm]."""
+        if self.outer_radius_mm == 0.0:
+            return self.thickness_mm
+        beside = along_mm - self.length_mm / 2
+        radius = self.outer_radius_mm
+        return self.thickness_mm - (radius - math.sqrt(max(radius**2 - beside**2, 0.0)))
+
+    def corners(self, cut: Cut) -> tuple[tuple[float, float], ...]:
+        """Corners (x, y) of a cut in plan, in order around it [mm]."""
+        ends = (
+            (cut.along0, cut.out0),
+            (cut.along1, cut.out0),
+            (cut.along1, cut.out1),
+            (cut.along0, cut.out1),
+        )
+        return tuple(self.point(*end) for end in ends)
+
+    def middle(self, cut: Cut) -> tuple[float, float]:
+        """Middle (x, y) of a cut in plan [mm]."""
+        return self.point((cut.along0 + cut.along1) / 2, (cut.out0 + cut.out1) / 2)
+
+    @property
+    def runs_along_axes(self) -> bool:
+        """Whether a cut is a box of the cavity frame."""
+        return 0.0 in self.line.outward
 
     def box(self, cut: Cut) -> Box:
-        """A cut of this wall as a box in the cavity frame."""
-        xa, ya = self.point(cut.along0, cut.out0)
-        xb, yb = self.point(cut.along1, cut.out1)
-        return Box(x0=min(xa, xb), x1=max(xa, xb), y0=min(ya, yb), y1=max(ya, yb), z0=cut.floor, z1=cut.top)
+        """A cut of this wall as a box in the cavity frame; of a facet the smallest that holds it."""
+        xs, ys = zip(*self.corners(cut), strict=True)
+        return Box(x0=min(xs), x1=max(xs), y0=min(ys), y1=max(ys), z0=cut.floor, z1=cut.top)
+
+    def gap_mm(self, cut: Cut, hole: Hole) -> float:
+        """Distance in plan between a cut of this wall and a hole; negative when they overlap."""
+        along, outward = self.along_and_outward_mm(hole.x, hole.y)
+        return _signed_mm(cut, along, outward) - hole.radius
+
+    def apart_mm(self, cut: Cut, other: WallFrame, cut_there: Cut) -> float:
+        """Distance in plan between a cut of this wall and one of another wall; zero or less when they overlap.
+
+        Of two convex shapes that do not meet, one has a corner at the shortest distance; a middle in the other shape
+        tells that they lie on each other.
+        """
+        mine = [
+            self.along_and_outward_mm(*place)
+            for place in (*other.corners(cut_there), other.middle(cut_there))
+        ]
+        theirs = [other.along_and_outward_mm(*place) for place in (*self.corners(cut), self.middle(cut))]
+        return min(
+            *(_signed_mm(cut, *place) for place in mine), *(_signed_mm(cut_there, *place) for place in theirs)
+        )
+
+
+def _signed_mm(cut: Cut, along_mm: float, outward_mm: float) -> float:
+    """Distance in plan of a place from a cut, in the wall's coordinates; negative inside [mm]."""
+    beside = max(cut.along0 - along_mm, along_mm - cut.along1)
+    behind = max(cut.out0 - outward_mm, outward_mm - cut.out1)
+    return math.hypot(max(beside, 0.0), max(behind, 0.0)) + min(max(beside, behind), 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)

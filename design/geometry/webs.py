@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 from design.fields.units import ROUNDING_MM
 from design.geometry.fits import clearance_mm
@@ -30,7 +30,6 @@ from design.geometry.mold_outline import MoldOutline, outline_of
 from design.geometry.raised_sockets import by_wall
 from design.geometry.sockets import Cut, Hole, Socket, gap_mm
 from design.spec import Mold, SensorDesign
-from design.spec.layout import Wall
 
 LEDGE_MM = 0.1
 """A lead hole starts at least this far inside the edge of its pocket's floor."""
@@ -38,13 +37,14 @@ LEDGE_MM = 0.1
 LEDGE = "mold.cover_ledge_mm"
 INSET = "mold.fixing_hole_inset_mm"
 LEADS = "mold.lead_clearance_mm"
-OUTSIDE: dict[Wall, str] = {
+OUTSIDE = {
     "south": "mold.outer_width_mm",
     "north": "mold.outer_width_mm",
     "east": "mold.outer_length_mm",
     "west": "mold.outer_length_mm",
 }
-"""Field that makes a wall thicker."""
+"""Field that makes a wall of a block thicker."""
+AROUND = "mold.outer_diameter_mm"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +63,7 @@ class Clearance:
     value_mm: float
     needed_mm: float
     parts: str
-    wall: Wall | None = None
+    wall: str | None = None
     field: str
 
     @property
@@ -88,7 +88,7 @@ def clearances(design: SensorDesign) -> tuple[Clearance, ...]:
     return (
         *_walls(outline, web),
         *_between_fixing_holes(outline, web),
-        *_between_pockets(outline, web, design.mold),
+        *(_around_disc if outline.plan.is_disc else _between_pockets)(outline, web, design.mold),
         *(found for socket in outline.sockets for found in _of_socket(socket, outline, web)),
     )
 
@@ -128,7 +128,16 @@ def pockets_below_clear_layer(design: SensorDesign) -> tuple[str, ...]:
     return tuple(s.part.name for s in outline_of(design).sockets if s.pocket.floor < -ROUNDING_MM)
 
 
+def _outside(socket: Socket) -> str:
+    return OUTSIDE.get(socket.frame.wall, AROUND)
+
+
 def _walls(outline: MoldOutline, web: float) -> Iterator[Clearance]:
+    if outline.plan.is_disc:
+        yield Clearance(
+            name="wall", value_mm=outline.wall_x_mm, needed_mm=web, parts="the walls", field=AROUND
+        )
+        return
     for parts, field, value in (
         ("the east and west walls", OUTSIDE["east"], outline.wall_x_mm),
         ("the south and north walls", OUTSIDE["south"], outline.wall_y_mm),
@@ -145,11 +154,20 @@ def _between_fixing_holes(outline: MoldOutline, web: float) -> Iterator[Clearanc
     if not outline.fixing_holes:
         return
     hole, last = outline.fixing_holes[0], outline.fixing_holes[-1]
-    between = min(last.x - hole.x, last.y - hole.y) - 2 * hole.radius
+    if outline.plan.is_disc:
+        pairs = combinations(outline.fixing_holes, 2)
+        between = min((_apart_mm(*pair) for pair in pairs), default=math.inf)
+        inset = outline.outer_radius_mm - math.hypot(
+            hole.x - outline.plan.radius_mm, hole.y - outline.plan.radius_mm
+        )
+        to_cavity = outline.wall_x_mm - inset - hole.radius
+    else:
+        between = min(last.x - hole.x, last.y - hole.y) - 2 * hole.radius
+        to_cavity = gap_mm(outline.mouth, hole)
     for name, value in (
         ("fixing hole to outer face", _to_outside_mm(hole, outline)),
         ("fixing hole to fixing hole", between),
-        ("fixing hole to cavity", gap_mm(outline.mouth, hole)),
+        ("fixing hole to cavity", to_cavity),
     ):
         yield Clearance(name=name, value_mm=value, needed_mm=web, parts="the corners", field=INSET)
 
@@ -172,6 +190,24 @@ def _between_pockets(outline: MoldOutline, web: float, mold: Mold) -> Iterator[C
             )
 
 
+def _around_disc(outline: MoldOutline, web: float, mold: Mold) -> Iterator[Clearance]:
+    """Neighbours around a disc: the web between pockets, wire ways included, or the distance of overlapping bodies."""
+    around = sorted(
+        outline.sockets, key=lambda one: math.atan2(one.frame.line.outward[1], one.frame.line.outward[0])
+    )
+    for low, high in pairwise((*around, around[0]) if len(around) > 1 else ()):
+        gap = min(low.frame.apart_mm(one, high.frame, other) for one in low.cuts for other in high.cuts)
+        room = clearance_mm(mold, low.part.part_id) + clearance_mm(mold, high.part.part_id)
+        overlap = gap + room < -ROUNDING_MM
+        yield Clearance(
+            name="body to body" if overlap else "pocket to pocket",
+            value_mm=gap + room if overlap else gap,
+            needed_mm=web + room if overlap else web,
+            parts=f"{low.part.name} and {high.part.name}",
+            field=max(low.part.origin, high.part.origin),
+        )
+
+
 def _of_socket(socket: Socket, outline: MoldOutline, web: float) -> Iterator[Clearance]:
     part, frame = socket.part, socket.frame
     for name, field, value, needed in (
@@ -190,9 +226,11 @@ Row = tuple[str, str, float, float]
 
 def _of_pocket(socket: Socket, outline: MoldOutline, web: float) -> Iterator[Row]:
     pocket, frame, part = socket.pocket, socket.frame, socket.part
-    to_corner = min(pocket.along0, frame.length_mm - pocket.along1)
-    yield "pocket to corner", part.origin, to_corner, web
-    yield "pocket back to outer face", OUTSIDE[frame.wall], frame.thickness_mm - pocket.out1, web
+    if not outline.plan.is_disc:
+        to_corner = min(pocket.along0, frame.length_mm - pocket.along1)
+        yield "pocket to corner", part.origin, to_corner, web
+    behind = min(frame.thickness_at_mm(along) for along in (pocket.along0, pocket.along1))
+    yield "pocket back to outer face", _outside(socket), behind - pocket.out1, web
     yield "floor under pocket", part.height_field, pocket.floor - outline.bottom_mm, web
     yield "pocket below fill level", part.height_field, outline.fill_mm - pocket.floor, web
 
@@ -221,15 +259,15 @@ def _of_leads(socket: Socket, web: float) -> Iterator[Row]:
     places = [frame.along_and_outward_mm(hole.x, hole.y) for hole in socket.holes]
     low, high = min(along for along, _ in places), max(along for along, _ in places)
     near, far = min(outward for _, outward in places), max(outward for _, outward in places)
+    behind = min(frame.thickness_at_mm(along) for along in (low - radius, high + radius))
     to_edge = min(low - pocket.along0, pocket.along1 - high, pocket.out1 - far)
     yield "lead hole to cavity", LEADS, near - radius, web
-    yield "lead hole to outer face", OUTSIDE[frame.wall], frame.thickness_mm - far - radius, web
+    yield "lead hole to outer face", _outside(socket), behind - far - radius, web
     yield "lead hole to pocket edge", LEADS, to_edge - radius, LEDGE_MM
 
 
 def _least_gap_mm(socket: Socket, cuts: tuple[Cut, ...], outline: MoldOutline) -> float:
-    boxes = [socket.frame.box(cut) for cut in cuts]
-    return min(gap_mm(box, hole) for box in boxes for hole in outline.fixing_holes)
+    return min(socket.frame.gap_mm(cut, hole) for cut in cuts for hole in outline.fixing_holes)
 
 
 def _apart_mm(one: Hole, other: Hole) -> float:
@@ -238,6 +276,9 @@ def _apart_mm(one: Hole, other: Hole) -> float:
 
 def _to_outside_mm(hole: Hole, outline: MoldOutline) -> float:
     """Distance of a fixing hole to the nearest outer face, rounding and origin cut included."""
+    if outline.plan.is_disc:
+        x, y = outline.plan.centre_mm
+        return outline.outer_radius_mm - math.hypot(hole.x - x, hole.y - y) - hole.radius
     inset, radius = hole.x + outline.wall_x_mm, outline.corner_radius_mm
     rounding = radius - math.sqrt(2) * (radius - inset) if inset < radius else inset
     cut = (2 * inset - outline.origin_cut_mm) / math.sqrt(2)

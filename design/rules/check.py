@@ -16,6 +16,7 @@ from design.fields.paths import leaves
 from design.geometry.cavity import CavityGeometry, cavity_of
 from design.geometry.mold_label import label_findings
 from design.rules.board import board_findings
+from design.rules.contact_scope import require_flat_rectangle
 from design.rules.finish import angle_findings, finish_findings
 from design.rules.light import (
     area_findings,
@@ -29,6 +30,7 @@ from design.rules.light import (
 )
 from design.rules.mold import mold_findings
 from design.rules.reference import entry_findings, found_board, part_findings
+from design.rules.shape import is_spanned, shape_findings, span_findings
 from design.rules.webs import web_findings
 from design.spec import SensorDesign
 from design.spec.layout import MAX_PER_KIND, Placement, expand
@@ -59,19 +61,25 @@ def check(design: SensorDesign) -> tuple[Finding, ...]:
     if board is not None and all(counts):
         found += board_findings(design, board, *counts)
     if not unknown:
+        found += span_findings(design)
+    if not unknown and is_spanned(design):
         found += tolerance_findings(design)
         found += _geometry_findings(design, counts)
         found += gain_findings(design) if board is not None and all(counts) else ()
     return tuple(sorted(found, key=lambda finding: finding.severity != "error"))
 
 
-def require_valid(design: SensorDesign) -> None:
+def require_valid(design: SensorDesign, *, any_shape: bool = False) -> None:
     """Refuse a design that has errors; warnings pass.
+
+    any_shape : whether discs and crowned pads pass
 
     Raises
     ------
     DesignError : all errors, one a line.
     """
+    if not any_shape:
+        require_flat_rectangle(design)
     errors = [str(finding) for finding in check(design) if finding.severity == "error"]
     if errors:
         raise DesignError(f"{design.name}: not a usable design\n" + "\n".join(f"  {line}" for line in errors))
@@ -94,6 +102,7 @@ def _layout_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator[F
     yield from area_findings(cavity)
     yield from web_findings(design)
     yield from mold_findings(design)
+    yield from shape_findings(design)
 
 
 def _unit_findings(design: SensorDesign) -> Iterator[Finding]:

@@ -72,11 +72,12 @@ def name_findings(cavity: CavityGeometry) -> Iterator[Finding]:
 
 def area_findings(cavity: CavityGeometry) -> Iterator[Finding]:
     """Emitting and sensitive areas that are not, or not wholly, in the clear layer."""
-    seen: set[tuple[str, str]] = set()
+    seen: set[tuple[str, str, float]] = set()
     for part in cavity.parts:
-        if (part.height_field, part.part_id) not in seen:  # parts that share both share their finding
-            seen.add((part.height_field, part.part_id))
-            yield from _area_of(part)
+        key = (part.height_field, part.part_id, round(part.clear_mm, 9))
+        if key not in seen:  # parts that share all of it share their finding
+            seen.add(key)
+            yield from _area_of(part, is_crowned=cavity.plan.crown is not None)
 
 
 def path_findings(cavity: CavityGeometry) -> Iterator[Finding]:
@@ -225,15 +226,18 @@ def colour_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator[Fi
         )
 
 
-def _area_of(part: PlacedPart) -> Iterator[Finding]:
+def _area_of(part: PlacedPart, *, is_crowned: bool) -> Iterator[Finding]:
     low, high = part.height_mm - part.half_height_mm, part.height_mm + part.half_height_mm
+    under = f"cavity.clear_thickness_mm = {part.clear_mm:g} mm"
+    if is_crowned:
+        under = f"the {mm(part.clear_mm)} that the crown leaves over it"
     area = "emitting area" if part.kind == "emitter" else "sensitive area"
     if part.height_mm > part.clear_mm + ROUNDING_MM:
         yield error(
             part.height_field,
             f"the centre of the {area} of {part.name} is above the undisturbed surface",
             value=f"{part.height_mm:g} mm",
-            limit=f"at most cavity.clear_thickness_mm = {part.clear_mm:g} mm",
+            limit=f"at most {under}",
             way_out="lower the part or thicken the clear layer",
         )
     elif high > part.clear_mm + ROUNDING_MM:
@@ -241,7 +245,7 @@ def _area_of(part: PlacedPart) -> Iterator[Finding]:
             part.height_field,
             f"the {area} of {part.name} reaches above the surface and loses {part.lost_share:.0%} of it",
             value=f"its upper edge at {mm(high)}",
-            limit=f"at most cavity.clear_thickness_mm = {part.clear_mm:g} mm for the whole of it",
+            limit=f"at most {under} for the whole of it",
             way_out="lower the part, thicken the clear layer, or accept the weaker signal",
         )
     if low < -ROUNDING_MM:
@@ -258,7 +262,7 @@ def _off_chord_findings(cavity: CavityGeometry) -> Iterator[Finding]:
     """In facing rows the verdict is that of single pairs, so a press beside the chord matters."""
     beside = []
     for e, r in facing_pairs(cavity):
-        x, y = _chord_middle_mm(cavity.emitters[e], cavity.receivers[r], cavity)
+        x, y = _chord_middle_mm(cavity.emitters[e], cavity.receivers[r])
         cx, cy = cavity.workspace.clamped(x, y)
         shift = max(abs(cx - x), abs(cy - y))
         if shift > ROUNDING_MM:
@@ -274,9 +278,7 @@ def _off_chord_findings(cavity: CavityGeometry) -> Iterator[Finding]:
         )
 
 
-def _chord_middle_mm(
-    emitter: PlacedPart, receiver: PlacedPart, cavity: CavityGeometry
-) -> tuple[float, float]:
-    ex, ey, _ = emitter.position_mm(cavity.length_mm, cavity.width_mm)
-    rx, ry, _ = receiver.position_mm(cavity.length_mm, cavity.width_mm)
+def _chord_middle_mm(emitter: PlacedPart, receiver: PlacedPart) -> tuple[float, float]:
+    ex, ey, _ = emitter.position_mm
+    rx, ry, _ = receiver.position_mm
     return (ex + rx) / 2, (ey + ry) / 2

@@ -20,7 +20,8 @@ class Words:
     """What a clearance that is not kept means, and what to do.
 
     Places to fill in: {where}, {parts}, {wall} and {field} of the clearance; its {value}, what is {needed},
-    the value as an {overlap}, {twice} what is lacking, and the inner {length} of the wall.
+    the value as an {overlap}, {twice} what is lacking, the inner {length} of the wall, what the {mouth} of the mold is,
+    and the fields of its {outside}.
     """
 
     message: str
@@ -29,7 +30,7 @@ class Words:
     limit: str = "at least mold.min_web_mm = {needed}"
 
 
-_SPREAD = "place fewer parts, spread them, or lengthen the cavity"
+_SPREAD = "place fewer parts, spread them, or enlarge the cavity"
 _RAISE = "raise {field} by {twice} or more, or shrink the cavity"
 _HOLE = "mold.fixing_hole_diameter_mm (0 for none)"
 _THICKEN = f"{_RAISE}, or use a part with less body_depth_mm"
@@ -51,8 +52,8 @@ WORDS = {
         way_out=f"lower {{field}} or {_HOLE}",
     ),
     "fixing hole to cavity": Words(
-        message="the web between a fixing hole and the pour lip or cover seat of the cavity is too thin",
-        way_out=f"lower {{field}} or {_HOLE}, or raise mold.outer_length_mm and mold.outer_width_mm",
+        message="the web between a fixing hole and the {mouth} is too thin",
+        way_out=f"lower {{field}} or {_HOLE}, or raise {{outside}}",
     ),
     "body to body": Words(
         message="the bodies of {where} overlap",
@@ -141,6 +142,7 @@ def _groups(found: list[Clearance]) -> list[list[Clearance]]:
 def _filling(one: Clearance, design: SensorDesign) -> dict[str, str | None]:
     """What fills the places in `Words`; lengths that are to be added are rounded up."""
     size = design.cavity
+    is_disc = size.outline == "disc"
     length = wall_length_mm(one.wall, size.length_mm, size.width_mm) if one.wall else 0.0
     lacking = math.ceil(round(-2 * one.spare_mm * 100, 6)) / 100
     return {
@@ -153,4 +155,6 @@ def _filling(one: Clearance, design: SensorDesign) -> dict[str, str | None]:
         "overlap": mm(-one.value_mm),
         "twice": mm(lacking),
         "length": f"{length:g} mm",
+        "mouth": "cavity" if is_disc else "pour lip or cover seat of the cavity",
+        "outside": "mold.outer_diameter_mm" if is_disc else "mold.outer_length_mm and mold.outer_width_mm",
     }

@@ -4,11 +4,11 @@ Imports of ours: parts, fields.
 """
 
 from design.spec.indenter import Indenter
+from design.spec.pad import Cavity, Crown
 from design.spec.sensor import (
     MOLD_OPTIONS,
     SCHEMA_VERSION,
     BoardUse,
-    Cavity,
     Elastomer,
     Emitters,
     Gain,
@@ -26,6 +26,7 @@ __all__ = [
     "SCHEMA_VERSION",
     "BoardUse",
     "Cavity",
+    "Crown",
     "Elastomer",
     "Emitters",
     "Gain",

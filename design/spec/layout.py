@@ -1,6 +1,8 @@
-"""Where emitters and receivers sit on the four walls: patterns, and their expansion to single places.
+"""Where emitters and receivers sit: patterns, and their expansion to single places.
 
-Walls seen from above; `along` runs with x on south and north, with y on east and west:
+On a disc parts go by angle: their direction from the centre, 0 degrees along x, 90 along y. Each has a flat facet of
+its own in the round wall (`design.geometry.plan`). On a rectangle they go by wall. Walls seen from above; `along` runs
+with x on south and north, with y on east and west:
 
         y                north
         ^         +-----------------+
@@ -29,6 +31,7 @@ Count = Annotated[int, Field(ge=0, le=32)]
 HeightMm = Annotated[float, Field(gt=0.0, le=50.0)]
 AlongMm = Annotated[float, Field(gt=0.0, lt=300.0)]
 PitchMm = Annotated[float, Field(ge=0.5, le=100.0)]
+AngleDeg = Annotated[float, Field(ge=-360.0, le=360.0)]
 PartName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,15}$")]
 
 
@@ -63,7 +66,7 @@ class FacingRows(Model):
 
     pattern: Literal["facing_rows"]
     emitter_wall: Wall = "west"
-    count: Annotated[int, Field(ge=1, le=32, description="emitters in the row, and as many receivers")]
+    count: Annotated[int, Field(ge=1, le=32, description="emitters, and as many receivers")]
     pitch_mm: Annotated[PitchMm | None, Field(description="distance between neighbours [mm]")] = None
 
 
@@ -96,7 +99,36 @@ class Single(Model):
     name: Annotated[PartName | None, Field(description="default: E1, E2 ... or R1, R2 ... in order")] = None
 
 
-Pattern = Annotated[AlternatingRing | FacingRows | PerSide | Single, Field(discriminator="pattern")]
+class DiscRing(Model):
+    """Emitters and receivers in turn around a disc, evenly spaced, with growing angle."""
+
+    pattern: Literal["disc_ring"]
+    count: Annotated[int, Field(ge=1, le=32, description="emitters, and as many receivers")]
+    first: Annotated[Kind, Field(description="kind of the part at first_angle_deg")] = "emitter"
+    first_angle_deg: Annotated[AngleDeg, Field(description="direction of the first part from the centre")] = (
+        0.0
+    )
+
+
+class AtAngles(Model):
+    """Parts of one kind on a disc, in given directions from its centre."""
+
+    pattern: Literal["at_angles"]
+    kind: Kind
+    angles_deg: Annotated[
+        tuple[AngleDeg, ...], Field(min_length=1, max_length=64, description="one direction a part")
+    ]
+    part: Annotated[PartId | None, Field(description="catalogue part; default: the section's")] = None
+    height_mm: Annotated[HeightMm | None, Field(description="height above the clear layer's bottom")] = None
+
+
+Pattern = Annotated[
+    AlternatingRing | FacingRows | PerSide | Single | DiscRing | AtAngles, Field(discriminator="pattern")
+]
+BY_ANGLE = ("disc_ring", "at_angles")
+"""Patterns of a disc."""
+BY_WALL = ("alternating_ring", "facing_rows", "per_side", "single")
+"""Patterns of a rectangle."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,22 +138,26 @@ class Placement:
     Attributes
     ----------
     name : E1, R1, ... or the user's own
-    along_mm : centre along the wall from its low corner [mm]
+    wall : its wall's name; of a disc its direction, as `45-degree`
+    along_mm : centre along the wall from its low corner; not used on a disc [mm]
+    angle_deg : direction from a disc's centre; None on a rectangle
     height_mm, part : None stands for the section's default
     origin : the dotted path of the pattern that made it, for messages
     """
 
     name: str
     kind: Kind
-    wall: Wall
+    wall: str
     along_mm: float
     height_mm: float | None
     part: str | None
     origin: str
+    angle_deg: float | None = None
 
 
 def expand(layout: tuple[Pattern, ...], length_mm: float, width_mm: float) -> tuple[Placement, ...]:
-    """All places of a layout on a cavity of the given inner size, emitters and receivers mixed, in order.
+    """All places of a layout on a cavity of the given inner size, emitters and receivers mixed, in order; a disc has
+    its diameter in place of both.
 
     Names run E1, E2, ... and R1, R2, ... in the order of the patterns; a single part keeps its own name.
     """
@@ -136,7 +172,7 @@ def expand(layout: tuple[Pattern, ...], length_mm: float, width_mm: float) -> tu
     return tuple(named)
 
 
-def wall_length_mm(wall: Wall, length_mm: float, width_mm: float) -> float:
+def wall_length_mm(wall: str, length_mm: float, width_mm: float) -> float:
     """Inner length of a wall [mm]."""
     return length_mm if wall in ("south", "north") else width_mm
 
@@ -149,6 +185,13 @@ def _expand_one(pattern: Pattern, origin: str, length_mm: float, width_mm: float
             return _facing(pattern, origin, length_mm, width_mm)
         case PerSide():
             return _per_side(pattern, origin, length_mm, width_mm)
+        case DiscRing():
+            return _disc_ring(pattern, origin)
+        case AtAngles():
+            return [
+                _at_angle(pattern.kind, angle, origin, pattern.height_mm, pattern.part)
+                for angle in pattern.angles_deg
+            ]
         case Single():
             return [
                 Placement(
@@ -185,6 +228,35 @@ def _ring(pattern: AlternatingRing, origin: str, length_mm: float, width_mm: flo
         walk = row if wall in ("south", "east") else row[::-1]  # counter-clockwise from the low corner
         places += [_plain(kinds[(len(places) + k) % 2], wall, along, origin) for k, along in enumerate(walk)]
     return places
+
+
+def angle_name(angle_deg: float) -> str:
+    """A direction as the name of the facet there, as `45-degree`."""
+    return f"{round(angle_deg % 360.0, 6):g}-degree"
+
+
+def _at_angle(
+    kind: Kind, angle_deg: float, origin: str, height_mm: float | None = None, part: str | None = None
+) -> Placement:
+    return Placement(
+        name="",
+        kind=kind,
+        wall=angle_name(angle_deg),
+        along_mm=0.0,
+        height_mm=height_mm,
+        part=part,
+        origin=origin,
+        angle_deg=angle_deg,
+    )
+
+
+def _disc_ring(pattern: DiscRing, origin: str) -> list[Placement]:
+    other: Kind = "receiver" if pattern.first == "emitter" else "emitter"
+    step = 180.0 / pattern.count
+    return [
+        _at_angle((pattern.first, other)[k % 2], pattern.first_angle_deg + k * step, origin)
+        for k in range(2 * pattern.count)
+    ]
 
 
 def _facing(pattern: FacingRows, origin: str, length_mm: float, width_mm: float) -> list[Placement]:

@@ -25,8 +25,9 @@ from design.fields.base import NAME_PATTERN, Model, PartId, without_defaults
 from design.fields.validation import design_error
 from design.parts.catalog import CatalogEntries
 from design.spec.indenter import Indenter
-from design.spec.layout import Pattern
+from design.spec.layout import BY_ANGLE, BY_WALL, Pattern
 from design.spec.noise import Noise
+from design.spec.pad import Cavity, Crown
 from design.spec.tip_shape import shape_fault
 from design.toml_text import require_plain
 
@@ -38,16 +39,8 @@ Ohm = Annotated[float, Field(ge=100.0, le=1e10)]
 DesignName = Annotated[str, Field(pattern=NAME_PATTERN)]
 
 
-class Cavity(Model):
-    """The block of silicone: inner size of the mold and the thickness of its two layers."""
-
-    length_mm: Annotated[float, Field(ge=5.0, le=200.0, description="inner length along x")]
-    width_mm: Annotated[float, Field(ge=5.0, le=200.0, description="inner width along y")]
-    clear_thickness_mm: Annotated[float, Field(ge=1.0, le=50.0, description="clear layer that light uses")]
-    black_thickness_mm: Annotated[float, Field(ge=0.0, le=20.0, description="absorbing layer below")] = 1.0
-
-
 MOLD_OPTIONS: dict[str, Any] = {
+    "outer_diameter_mm": None,
     "label": "",
     "fits": {},
     "numbers": "engraved",
@@ -60,10 +53,13 @@ MOLD_OPTIONS: dict[str, Any] = {
 
 
 class Mold(Model):
-    """The printed part around the cavity."""
+    """The printed part around the cavity; round around a disc, with `outer_diameter_mm` for length and width."""
 
-    outer_length_mm: Annotated[float, Field(ge=6.0, le=400.0, description="outside along x")]
-    outer_width_mm: Annotated[float, Field(ge=6.0, le=400.0, description="outside along y")]
+    outer_length_mm: Annotated[float, Field(ge=6.0, le=400.0, description="outside along x, of a rectangle")]
+    outer_width_mm: Annotated[float, Field(ge=6.0, le=400.0, description="outside along y, of a rectangle")]
+    outer_diameter_mm: Annotated[
+        float | None, Field(ge=6.0, le=400.0, description="outside of the mold of a disc")
+    ] = None
     floor_mm: Annotated[float, Field(ge=0.6, le=30.0, description="thickness below the black layer")] = 3.0
     rim_mm: Annotated[
         float, Field(ge=0.0, le=20.0, description="wall above the clear layer, to pour against")
@@ -122,10 +118,24 @@ class Mold(Model):
         Field(description="frame_and_base: parted at the cavity's floor, held by the fixing holes' screws"),
     ] = "one"
 
+    @model_validator(mode="before")
+    @classmethod
+    def _diameter_stands_for_both(cls, given: Any) -> Any:
+        if not isinstance(given, dict) or given.get("outer_diameter_mm") is None:
+            return given
+        extra = [name for name in ("outer_length_mm", "outer_width_mm") if name in given]
+        if extra:
+            raise ValueError(f"outer_diameter_mm stands for {' and '.join(extra)}: give either")
+        across = given["outer_diameter_mm"]
+        return {**given, "outer_length_mm": across, "outer_width_mm": across}
+
     @model_serializer(mode="wrap")
     def _without_usual_options(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Leave out options that have their default: designs from before them keep their digest."""
-        return without_defaults(plain(self), MOLD_OPTIONS)
+        document = without_defaults(plain(self), MOLD_OPTIONS)
+        if self.outer_diameter_mm is not None:
+            del document["outer_length_mm"], document["outer_width_mm"]
+        return document
 
 
 class Viscoelastic(Model):
@@ -265,6 +275,7 @@ class SensorDesign(Model):
         Field(max_length=1000, description="dotted paths whose value in this file was measured on the build"),
     ] = ()
     cavity: Cavity
+    crown: Annotated[Crown | None, Field(description="a convex top; absent: flat")] = None
     mold: Mold
     elastomer: Elastomer
     surfaces: Surfaces = Surfaces()
@@ -315,10 +326,29 @@ class SensorDesign(Model):
             raise ValueError(fault)
         return self
 
+    @model_validator(mode="after")
+    def _layout_fits_its_outline(self) -> Self:
+        if (self.mold.outer_diameter_mm is None) == (self.cavity.outline == "disc"):
+            raise ValueError(
+                "mold.outer_diameter_mm: a disc's mold is round; give it in place of outer_length_mm and outer_width_mm"
+                if self.cavity.outline == "disc"
+                else "mold.outer_diameter_mm: is of a disc; give outer_length_mm and outer_width_mm, or set "
+                "cavity.outline = 'disc'"
+            )
+        for number, pattern in enumerate(self.layout):
+            is_by_angle = pattern.pattern in BY_ANGLE
+            if is_by_angle != (self.cavity.outline == "disc"):
+                needs = " or ".join(f"'{name}'" for name in sorted(BY_ANGLE if not is_by_angle else BY_WALL))
+                where = "a disc has no straight walls" if not is_by_angle else "a rectangle has no angles"
+                raise ValueError(
+                    f"layout.{number}.pattern: '{pattern.pattern}' does not fit the outline, {where}; use {needs}"
+                )
+        return self
+
     @model_serializer(mode="wrap")
-    def _without_absent_tolerances(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave tolerances out where there are none: designs without them keep their digest."""
-        return without_defaults(plain(self), {"tolerances": {}})
+    def _without_absent_options(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out what is absent: designs without tolerances or a crown keep their digest."""
+        return without_defaults(plain(self), {"tolerances": {}, "crown": None})
 
     @cached_property
     def digest(self) -> str:

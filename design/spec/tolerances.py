@@ -119,6 +119,8 @@ def _made_values(design: SensorDesign) -> list[Tolerance]:
     document = design.model_dump(mode="json")
     found = []
     for path, row in _defaults().items():
+        if not is_value(document, path):
+            continue  # a disc has no length
         value = float(get_at(document, path))
         if path not in design.measured and value > 0.0:
             found.append(

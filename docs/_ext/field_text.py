@@ -145,7 +145,7 @@ def sections(schema: Schema) -> Iterator[tuple[str, str, list[Field]]]:
         [_field(schema, schema, name, name) for name in tops],
     )
     for name in rest:
-        part = _resolved(schema, schema["properties"][name])
+        part = _resolved(schema, _present(schema["properties"][name]))
         if name == "layout":
             yield from _patterns(schema, part)
         elif name == "catalog":
@@ -281,7 +281,13 @@ def _default(name: str, owner: Schema, part: Schema) -> str:
 
 
 def _is_table(schema: Schema, raw: Schema) -> bool:
-    return bool(_resolved(schema, raw).get("properties"))
+    return bool(_resolved(schema, _present(raw)).get("properties"))
+
+
+def _present(raw: Schema) -> Schema:
+    """What an optional table is where it is there."""
+    others = [one for one in raw.get("anyOf", []) if one.get("type") != "null"]
+    return others[0] if len(others) == 1 and len(raw["anyOf"]) == 2 else raw
 
 
 def _resolved(schema: Schema, part: Schema) -> Schema:

@@ -279,9 +279,11 @@ def _printed_rows(design: SensorDesign) -> Iterator[BomRow]:
 
 
 def _tools(design: SensorDesign) -> Iterator[tuple[str, str]]:
-    if design.cavity.black_thickness_mm > 0:
+    if design.crown is not None:
+        yield "lid", "lid"
+    elif design.cavity.black_thickness_mm > 0:
         yield "leveling blade", "leveling_blade"
-    if design.mold.rim_mm > 0:
+    if design.mold.rim_mm > 0 and design.crown is None:
         yield "pour gauge", "pour_gauge"
     yield "solder jig", "solder_jig"
     yield "indenter tip", "indenter_tip"

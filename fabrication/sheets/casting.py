@@ -143,6 +143,9 @@ def _measure_first(cavity: CavityGeometry) -> Iterator[str]:
 def _print(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
     material, outline = find_mold_material(entries_of(design), design.mold.material), outline_of(design)
     outside = f"{number(outline.outer_length_mm)} x {number(outline.outer_width_mm)}"
+    inside = f"{number(cavity.length_mm)} x {number(cavity.width_mm)}"
+    if cavity.plan.is_disc:
+        outside, inside = (f"{number(size)} across" for size in (outline.outer_length_mm, cavity.length_mm))
     depth = outline.top_mm - outline.cavity_bottom_mm
     yield "## Print and check"
     yield ""
@@ -152,11 +155,12 @@ def _print(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
     yield "|---|---|"
     yield from (f"| `cad/{name}` | {use} |" for name, use in _printed(design, cavity))
     yield ""
-    yield f"1. Measure the mold: outside {outside}, cavity {number(cavity.length_mm)} x {number(cavity.width_mm)},"
+    yield f"1. Measure the mold: outside {outside}, cavity {inside},"
     yield f"   from rim to cavity floor {number(depth)}."
     yield "2. Clean the sockets; the active faces must sit flush with the cavity's walls."
     if outline.numbers:
-        yield "3. The names in the outer faces are those of `wiring.csv`; the cut corner is the origin of x and y."
+        corner = "" if cavity.plan.is_disc else "; the cut corner is the origin of x and y"
+        yield f"3. The names in the outer faces are those of `wiring.csv`{corner}."
     yield ""
     for note in material.notes:
         yield f"- {plain(note)}"
@@ -172,9 +176,14 @@ def _printed(design: SensorDesign, cavity: CavityGeometry) -> Iterator[tuple[str
             "walls and sockets; screwed to the base through the fixing holes, the joint taped",
         )
         yield "mold_base.stl", "cavity floor; taken off to push the pad out and cast again"
-    if cavity.black_mm > 0:
+    if design.crown is not None:
+        yield (
+            "lid.stl",
+            "shapes the crown; its pins stand in the fixing holes; print it on its back, in layers of 0.1 mm",
+        )
+    elif cavity.black_mm > 0:
         yield "leveling_blade.stl", f"leaves {number(cavity.black_mm)} of black layer"
-    if design.mold.rim_mm > 0:
+    if design.mold.rim_mm > 0 and design.crown is None:
         yield (
             "pour_gauge.stl",
             f"its middle tooth ends {number(design.mold.rim_mm)} below the rim, at the clear layer's top",
@@ -212,7 +221,12 @@ def _fit(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
 def _cast(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
     yield "## Cast"
     yield ""
-    steps = [*_black_steps(design, cavity), *_clear_steps(design, cavity)]
+    crowned = design.crown is not None
+    steps = (
+        _crowned_steps(design, cavity)
+        if crowned
+        else [*_black_steps(design, cavity), *_clear_steps(design, cavity)]
+    )
     yield _duration_of_all(design)
     yield ""
     yield from (f"{place}. {step}" for place, step in enumerate(steps, start=1))
@@ -220,10 +234,32 @@ def _cast(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
     yield "Warnings:"
     yield ""
     yield "- Uncured resin of an SLA print inhibits the cure: the silicone stays tacky. Use a filament print."
-    yield "- Layer lines of a print copy into silicone: never cast the optical face against printed plastic."
+    if crowned:
+        yield "- Layer lines of the lid copy into the crown, as haze: smooth its dish, or lay a formed film into it."
+    else:
+        yield "- Layer lines of a print copy into silicone: never cast the optical face against printed plastic."
     for note in elastomer_of(design).notes:
         yield f"- {plain(note)}"
     yield ""
+
+
+def _crowned_steps(design: SensorDesign, cavity: CavityGeometry) -> list[str]:
+    """The order of a crowned pad, which is filled upside down through its floor (`design.geometry.filling`)."""
+    clear, *black = pours(design)
+    gap = number(cavity.black_mm) if black else "0"
+    steps = [
+        "Set the mold on its lid, pins in the fixing holes, floor up; clamp, and seal the seam from outside.",
+        f"Clear layer: mix {clear.base_g:.2f} g base and {clear.agent_g:.2f} g curing agent; degas {_degassing()}.",
+        f"Inject {clear.net_g:.2f} g through the wide hole of the floor, on a scale, slowly: it then stands {gap} "
+        "below the floor. Degas again, tilt so that bubbles leave by the narrow holes, cure level (below).",
+    ]
+    for pour in black:
+        steps.append(
+            f"Black layer: mix {pour.base_g:.2f} g base and {pour.agent_g:.2f} g curing agent, stir in "
+            f"{pour.carbon_g:.2f}* g of carbon black; degas {_degassing()}. Inject until it stands in all narrow "
+            "holes; cure."
+        )
+    return [*steps, "Cut what stands out of the holes, turn over, and lift the lid off at its notches."]
 
 
 def _black_steps(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:

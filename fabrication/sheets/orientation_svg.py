@@ -23,7 +23,7 @@ from fabrication.connections import polarity_of
 from fabrication.sheets.formats import svg
 from fabrication.sheets.formats.svg import Element, Point
 from fabrication.sheets.formats.table import number
-from fabrication.sheets.wiring_svg import EMITTER_COLOUR, RECEIVER_COLOUR
+from fabrication.sheets.wiring_legend import EMITTER_COLOUR, RECEIVER_COLOUR
 
 SCALE = 16.0
 """Drawing units a millimetre."""

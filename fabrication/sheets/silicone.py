@@ -1,7 +1,7 @@
 """How much silicone a pad takes: base and curing agent of each layer, by weight.
 
-Model: volume of the layer (inner length x width x thickness) times density, plus a share that stays in
-the cup. Base and agent follow from the mixing ratio. Left out: the parts' bodies and the gaps around
+Model: volume of the layer (area in plan x thickness, less what a crown takes) times density, plus a share that stays
+in the cup. Base and agent follow from the mixing ratio. Left out: the parts' bodies and the gaps around
 them, which the share covers; carbon black's own volume.
 """
 
@@ -24,7 +24,7 @@ class Pour:
     Attributes
     ----------
     layer : "black" or "clear"
-    thickness_mm : of the layer
+    thickness_mm : of the layer, at its highest place
     net_g : what the layer weighs
     mixed_g : what to mix, waste included
     base_g, agent_g : the two components of what to mix
@@ -43,13 +43,16 @@ class Pour:
 def pours(design: SensorDesign) -> tuple[Pour, ...]:
     """The layers in the order in which they are cast; no black one where its thickness is 0."""
     cavity = cavity_of(design)
-    layers = (("black", cavity.black_mm), ("clear", cavity.clear_mm))
-    return tuple(_pour(design, layer, thickness) for layer, thickness in layers if thickness > 0)
+    plan = cavity.plan
+    black, clear = plan.area_mm2 * cavity.black_mm, plan.clear_volume_mm3
+    layers = (("black", cavity.black_mm, black), ("clear", cavity.clear_mm, clear))
+    if plan.crown is not None:  # cast upside down
+        layers = layers[::-1]
+    return tuple(_pour(design, *layer) for layer in layers if layer[1] > 0)
 
 
-def _pour(design: SensorDesign, layer: str, thickness_mm: float) -> Pour:
-    size = design.cavity
-    volume_cm3 = size.length_mm * size.width_mm * thickness_mm / MM3_PER_CM3
+def _pour(design: SensorDesign, layer: str, thickness_mm: float, volume_mm3: float) -> Pour:
+    volume_cm3 = volume_mm3 / MM3_PER_CM3
     net = volume_cm3 * elastomer_of(design).density_g_per_cm3.value
     mixed = net * (1 + assumption("silicone_waste").value)
     parts = design.elastomer.mixing_ratio + 1

@@ -8,11 +8,14 @@
       +--^----o---+
          E1   R1
 
+Around a disc each label stands at the side that its part looks away from most.
+
 Bodies and mold come from `design.geometry.mold_outline`, so what is drawn is what is printed.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -25,33 +28,40 @@ from fabrication.connections import Connection, connections_of
 from fabrication.sheets.formats import svg
 from fabrication.sheets.formats.svg import Element, Point
 from fabrication.sheets.formats.table import number
+from fabrication.sheets.wiring_legend import (
+    EMITTER_COLOUR,
+    LEGEND_LINE_PX,
+    LINE_COLOUR,
+    MARGIN_PX,
+    ORIGIN_PX,
+    PIN_PX,
+    RECEIVER_COLOUR,
+    SYMBOL_PX,
+    WORKSPACE_COLOUR,
+    legend,
+    legend_lines,
+)
 
-EMITTER_COLOUR = "#b34700"
-RECEIVER_COLOUR = "#00589e"
-LINE_COLOUR = "#444444"
 QUIET_COLOUR = "#595959"
 WALL_COLOUR = "#d9d9d9"
 POCKET_COLOUR = "#ffffff"
 CAVITY_COLOUR = "#f4f9ff"
-WORKSPACE_COLOUR = "#2f6b3a"
 
-NAME_PX, PIN_PX, NOTE_PX, HEADING_PX = 16.0, 14.0, 13.0, 20.0
-"""Font sizes of references, pins, notes, heading."""
+NAME_PX, NOTE_PX, HEADING_PX = 16.0, 13.0, 20.0
+"""Font sizes of references, notes, heading."""
 LETTER_SHARE = 0.6
 """Width of a letter over the size of its font, on the wide side."""
 LABEL_LINES = 3
 LABEL_START_PX, LABEL_GAP_PX = 5.0, 10.0
-LINE_PX, LEGEND_LINE_PX = 18.0, 24.0
+LINE_PX = 18.0
 LEADER_PX = 14.0
-MARGIN_PX = 24.0
 PAD_PX = 640.0
 """Length of the longer inner side on the sheet, unless the labels of a wall need more."""
 SIDE_PITCH_PX = 22.0
 """Distance of labels one below the other."""
 DIMENSION_INSET_PX = 42.0
 """Dimension lines stand this far inside the cavity."""
-AXIS_PX, AXIS_INSET_PX, ORIGIN_PX = 46.0, 34.0, 4.0
-SYMBOL_PX = 10.0
+AXIS_PX, AXIS_INSET_PX = 46.0, 34.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,11 +111,11 @@ def wiring_svg(design: SensorDesign) -> str:
     """
     connections = connections_of(design).all
     sheet = _sheet(outline_of(design), connections)
-    legend = _legend_lines(design, connections)
+    lines = legend_lines(design, connections)
     legend_top = sheet.low_corner[1] + LEADER_PX + LABEL_LINES * LINE_PX + MARGIN_PX
     root = svg.drawing(
         sheet.high_corner[0] + LEADER_PX + sheet.side + MARGIN_PX,
-        legend_top + len(legend) * LEGEND_LINE_PX + MARGIN_PX,
+        legend_top + len(lines) * LEGEND_LINE_PX + MARGIN_PX,
         f"Wiring of {design.name}",
         f"Top view of the pad with its {len(connections)} parts and their pins; the same as wiring.csv",
     )
@@ -114,10 +124,18 @@ def wiring_svg(design: SensorDesign) -> str:
     root.extend(_inside(sheet, workspace_of(design), design))
     sockets = {socket.part.name: socket for socket in sheet.outline.sockets}
     root.extend(_part(sheet, one, sockets[one.part.name]) for one in connections)
-    for wall in WALLS:
-        root.extend(_labels(sheet, wall, [one for one in connections if one.part.wall == wall], sockets))
-    root.extend(_legend(legend_top, legend))
+    for side in WALLS:
+        root.extend(_labels(sheet, side, [one for one in connections if _side(one) == side], sockets))
+    root.extend(legend(legend_top, lines))
     return svg.to_text(root)
+
+
+def _side(one: Connection) -> Wall:
+    """The side of the sheet where a part's label stands: its wall, or of a disc the nearest."""
+    x, y = one.part.line.outward
+    if abs(x) > abs(y):
+        return "east" if x > 0 else "west"
+    return "north" if y > 0 else "south"
 
 
 def spread(wanted: Sequence[float], gap: float, low: float, high: float) -> list[float]:
@@ -151,12 +169,19 @@ def _sheet(outline: MoldOutline, connections: Sequence[Connection]) -> Sheet:
     second = LABEL_START_PX + names + LABEL_GAP_PX
     columns = (LABEL_START_PX, second, second + pins + LABEL_GAP_PX)
     side = columns[2] + places
-    spans = {"south": outline.length_mm, "north": outline.length_mm, "east": outline.width_mm}
+    out = (
+        2 * outline.wall_x_mm if outline.plan.is_disc else 0.0
+    )  # beside a disc there is room for labels, too
+    spans = {
+        "south": outline.length_mm + out,
+        "north": outline.length_mm + out,
+        "east": outline.width_mm + out,
+    }
     needs = [PAD_PX / max(outline.length_mm, outline.width_mm)]
     for wall in WALLS:
-        count = sum(one.part.wall == wall for one in connections)
+        count = sum(_side(one) == wall for one in connections)
         step = pitch if wall in ("south", "north") else SIDE_PITCH_PX
-        needs.append(count * step / spans.get(wall, outline.width_mm))
+        needs.append(count * step / spans.get(wall, outline.width_mm + out))
     scale = max(needs)
     above = MARGIN_PX + HEADING_PX + 2 * LINE_PX + LABEL_LINES * LINE_PX + LEADER_PX
     return Sheet(
@@ -175,6 +200,8 @@ def _text_px(content: str, size: float) -> float:
 
 
 def _place(part: PlacedPart) -> str:
+    if part.wall not in WALLS:
+        return f"at {part.wall.removesuffix('-degree')} deg"
     axis = "x" if part.wall in ("south", "north") else "y"
     return f"{axis} {part.along_mm:.2f}"
 
@@ -189,18 +216,26 @@ def _heading(design: SensorDesign) -> Iterator[Element]:
 def _mold(sheet: Sheet) -> Iterator[Element]:
     out = sheet.outline
     (x0, y0), (x1, y1), cut = sheet.low_corner, sheet.high_corner, out.origin_cut_mm * sheet.scale
-    yield svg.polygon(
-        [(x0 + cut, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0 - cut)],
-        fill=WALL_COLOUR,
-        stroke=LINE_COLOUR,
-    )
+    if out.plan.is_disc:
+        middle = sheet.at(*out.plan.centre_mm)
+        yield svg.circle(middle, out.outer_radius_mm * sheet.scale, fill=WALL_COLOUR, stroke=LINE_COLOUR)
+    else:
+        yield svg.polygon(
+            [(x0 + cut, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0 - cut)],
+            fill=WALL_COLOUR,
+            stroke=LINE_COLOUR,
+        )
     for hole in out.fixing_holes:
         yield svg.circle(
             sheet.at(hole.x, hole.y), hole.radius * sheet.scale, fill="#ffffff", stroke=LINE_COLOUR
         )
-    yield svg.rectangle(
-        sheet.at(0, 0), sheet.at(out.length_mm, out.width_mm), fill=CAVITY_COLOUR, stroke=LINE_COLOUR
-    )
+    if out.plan.is_disc:
+        radius = out.plan.radius_mm * sheet.scale
+        yield svg.circle(sheet.at(*out.plan.centre_mm), radius, fill=CAVITY_COLOUR, stroke=LINE_COLOUR)
+    else:
+        yield svg.rectangle(
+            sheet.at(0, 0), sheet.at(out.length_mm, out.width_mm), fill=CAVITY_COLOUR, stroke=LINE_COLOUR
+        )
 
 
 def _inside(sheet: Sheet, workspace: Workspace, design: SensorDesign) -> Iterator[Element]:
@@ -208,7 +243,11 @@ def _inside(sheet: Sheet, workspace: Workspace, design: SensorDesign) -> Iterato
     if not workspace.is_empty:
         low = sheet.at(workspace.x0_mm, workspace.y0_mm)
         high = sheet.at(workspace.x1_mm, workspace.y1_mm)
-        yield svg.rectangle(low, high, fill="none", stroke=WORKSPACE_COLOUR, stroke_dasharray="7 5")
+        style = {"fill": "none", "stroke": WORKSPACE_COLOUR, "stroke_dasharray": "7 5"}
+        if workspace.is_disc:
+            yield svg.circle(sheet.at(*out.plan.centre_mm), (high[0] - low[0]) / 2, **style)
+        else:
+            yield svg.rectangle(low, high, **style)
     middle = (out.length_mm / 2, out.width_mm / 2)
     for wall, (x, y), turn in (
         ("north", (middle[0], out.width_mm - 1.3 * step), 0),
@@ -216,7 +255,8 @@ def _inside(sheet: Sheet, workspace: Workspace, design: SensorDesign) -> Iterato
         ("east", (out.length_mm - 1.0 * step, middle[1]), -90),
         ("west", (1.2 * step, middle[1]), -90),
     ):
-        yield _turned(sheet.at(x, y), wall, turn)
+        if not out.plan.is_disc:
+            yield _turned(sheet.at(x, y), wall, turn)
     yield from _dimensions(sheet)
     yield from _axes(sheet)
     layers = f"clear {number(design.cavity.clear_thickness_mm)} mm"
@@ -235,14 +275,17 @@ def _turned(at: Point, content: str, degrees: int) -> Element:
 def _dimensions(sheet: Sheet) -> Iterator[Element]:
     out, inset = sheet.outline, DIMENSION_INSET_PX / sheet.scale
     y, x = out.width_mm - inset, out.length_mm - inset
-    for start, end, size, turn in (
+    lines = [
         (sheet.at(0, y), sheet.at(out.length_mm, y), out.length_mm, 0),
         (sheet.at(x, 0), sheet.at(x, out.width_mm), out.width_mm, -90),
-    ):
+    ]
+    if out.plan.is_disc:
+        lines = [_diameter(sheet)]
+    for start, end, size, turn in lines:
         centre = ((start[0] + end[0]) / 2, (start[1] + end[1]) / 2)
         yield from svg.arrow(centre, start, LINE_COLOUR)
         yield from svg.arrow(centre, end, LINE_COLOUR)
-        label = f"{number(size)} mm"
+        label = f"{'diameter ' if out.plan.is_disc else ''}{number(size)} mm"
         half = (_text_px(label, PIN_PX) / 2 + 3, PIN_PX * 0.6)
         half = half if turn == 0 else half[::-1]
         low, high = (centre[0] - half[0], centre[1] - half[1]), (centre[0] + half[0], centre[1] + half[1])
@@ -253,9 +296,17 @@ def _dimensions(sheet: Sheet) -> Iterator[Element]:
         yield element
 
 
+def _diameter(sheet: Sheet) -> tuple[Point, Point, float, int]:
+    """Ends, length and turn of a disc's dimension line, a little above its middle."""
+    plan, above = sheet.outline.plan, DIMENSION_INSET_PX / sheet.scale
+    (x, y), half = plan.centre_mm, math.sqrt(max(plan.radius_mm**2 - above**2, 0.0))
+    return sheet.at(x - half, y + above), sheet.at(x + half, y + above), plan.length_mm, 0
+
+
 def _axes(sheet: Sheet) -> Iterator[Element]:
     x, y = sheet.at(0, 0)
-    corner = (x + AXIS_INSET_PX, y - AXIS_INSET_PX)
+    inset = 0.0 if sheet.outline.plan.is_disc else AXIS_INSET_PX
+    corner = (x + inset, y - inset)
     for end, name, label in (
         ((corner[0] + AXIS_PX, corner[1]), "x", (corner[0] + AXIS_PX + 5, corner[1] + 4)),
         ((corner[0], corner[1] - AXIS_PX), "y", (corner[0] - 4, corner[1] - AXIS_PX - 6)),
@@ -269,26 +320,21 @@ def _part(sheet: Sheet, one: Connection, socket: Socket) -> Element:
     part, frame, half = one.part, socket.frame, one.part.part.body_width_mm.value / 2
     is_emitter = part.kind == "emitter"
     colour = EMITTER_COLOUR if is_emitter else RECEIVER_COLOUR
-    shapes = svg.group(f"{part.kind} {part.name}: {one.pin}, {part.wall} wall, {_place(part)} mm")
+    shapes = svg.group(_told(one))
     pocket, depth = socket.pocket, part.part.body_depth_mm.value
 
     def place(along_mm: float, outward_mm: float) -> Point:
         return sheet.at(*frame.point(along_mm, outward_mm))
 
-    shapes.append(
-        svg.rectangle(
-            place(pocket.along0, pocket.out0), place(pocket.along1, pocket.out1), fill=POCKET_COLOUR
-        )
-    )
-    shapes.append(
-        svg.rectangle(
-            place(part.along_mm - half, 0),
-            place(part.along_mm + half, depth),
-            fill=POCKET_COLOUR,
-            stroke=colour,
-            stroke_width="1.5",
-        )
-    )
+    def box(along0: float, along1: float, out0: float, out1: float, **style: str) -> Element:
+        if frame.runs_along_axes:
+            return svg.rectangle(place(along0, out0), place(along1, out1), **style)
+        ends = ((along0, out0), (along1, out0), (along1, out1), (along0, out1))
+        return svg.polygon([place(*end) for end in ends], **style)
+
+    shapes.append(box(pocket.along0, pocket.along1, pocket.out0, pocket.out1, fill=POCKET_COLOUR))
+    body = (part.along_mm - half, part.along_mm + half, 0.0, depth)
+    shapes.append(box(*body, fill=POCKET_COLOUR, stroke=colour, stroke_width="1.5"))
     face = [place(part.along_mm - part.half_width_mm, 0), place(part.along_mm + part.half_width_mm, 0)]
     shapes.append(svg.polyline(face, stroke=colour, stroke_width="5"))
     radius = min(SYMBOL_PX, 0.4 * min(depth, 2 * half) * sheet.scale)
@@ -298,6 +344,13 @@ def _part(sheet: Sheet, one: Connection, socket: Socket) -> Element:
     else:
         shapes.append(svg.circle(centre, radius, fill="none", stroke=colour, stroke_width="3"))
     return shapes
+
+
+def _told(one: Connection) -> str:
+    part = one.part
+    if part.wall in WALLS:
+        return f"{part.kind} {part.name}: {one.pin}, {part.wall} wall, {_place(part)} mm"
+    return f"{part.kind} {part.name}: {one.pin}, {_place(part)}"
 
 
 def _labels(
@@ -327,7 +380,7 @@ def _label(sheet: Sheet, one: Connection, anchor: Point, place: float) -> Iterat
         "north": ((place, y1 - LEADER_PX), (place, y1)),
         "east": ((x1 + LEADER_PX, place), (x1, place)),
         "west": ((x0 - LEADER_PX, place), (x0, place)),
-    }[one.part.wall]
+    }[_side(one)]
     yield svg.polyline([anchor, knee, end], stroke=QUIET_COLOUR)
     lines = ((one.part.name, NAME_PX, "bold"), (one.pin, PIN_PX, "normal"), (_place(one.part), NOTE_PX, ""))
     for (content, size, weight), (at, side) in zip(lines, _line_places(sheet, one, end), strict=True):
@@ -338,57 +391,10 @@ def _label(sheet: Sheet, one: Connection, anchor: Point, place: float) -> Iterat
 def _line_places(sheet: Sheet, one: Connection, end: Point) -> list[tuple[Point, str]]:
     """Where name, pin and place of a label go, and which end of the text that is."""
     x, y = end
-    match one.part.wall:
+    match _side(one):
         case "south":
             return [((x, y + (k + 0.85) * LINE_PX), "middle") for k in range(LABEL_LINES)]
         case "north":
             return [((x, y - 6 - (LABEL_LINES - 1 - k) * LINE_PX), "middle") for k in range(LABEL_LINES)]
-    sign, side = (1, "start") if one.part.wall == "east" else (-1, "end")
+    sign, side = (1, "start") if _side(one) == "east" else (-1, "end")
     return [((x + sign * step, y + PIN_PX * 0.35), side) for step in sheet.columns]
-
-
-def _legend_lines(design: SensorDesign, connections: Sequence[Connection]) -> list[tuple[str, str]]:
-    outline = outline_of(design)
-    lines = []
-    for kind in ("emitter", "receiver"):
-        titles = {one.part.part_id: one.part.part.title for one in connections if one.part.kind == kind}
-        heights = sorted({one.part.height_mm for one in connections if one.part.kind == kind})
-        levels = " and ".join(number(height) for height in heights)
-        lines.append(
-            (kind, f"{kind}: {', '.join(titles.values())}; centre {levels} mm above the black layer")
-        )
-    workspace = workspace_of(design)
-    lines.append(
-        (
-            "workspace",
-            f"workspace of press centres: x {number(workspace.x0_mm)} to {number(workspace.x1_mm)}, "
-            f"y {number(workspace.y0_mm)} to {number(workspace.y1_mm)} mm",
-        )
-    )
-    lines.append(("origin", "origin of x and y: inner corner next to the mold's cut edge"))
-    lines.append(("", "labels: reference, board pin (D digital, A analogue), place along the wall in mm"))
-    lines.append(
-        ("", f"mold outside {number(outline.outer_length_mm)} x {number(outline.outer_width_mm)} mm")
-    )
-    return lines
-
-
-def _legend(top: float, lines: Sequence[tuple[str, str]]) -> Iterator[Element]:
-    for place, (symbol, content) in enumerate(lines):
-        middle = (MARGIN_PX + SYMBOL_PX, top + (place + 0.5) * LEGEND_LINE_PX)
-        yield from _legend_symbol(symbol, middle)
-        yield svg.text((middle[0] + 2.2 * SYMBOL_PX, middle[1] + PIN_PX * 0.35), content, PIN_PX)
-
-
-def _legend_symbol(symbol: str, at: Point) -> Iterator[Element]:
-    match symbol:
-        case "emitter":
-            yield svg.triangle(at, (0, -1), SYMBOL_PX * 0.8, fill=EMITTER_COLOUR)
-        case "receiver":
-            yield svg.circle(at, SYMBOL_PX * 0.7, fill="none", stroke=RECEIVER_COLOUR, stroke_width="3")
-        case "workspace":
-            half = (SYMBOL_PX, SYMBOL_PX * 0.6)
-            corners = (at[0] - half[0], at[1] - half[1]), (at[0] + half[0], at[1] + half[1])
-            yield svg.rectangle(*corners, fill="none", stroke=WORKSPACE_COLOUR, stroke_dasharray="5 4")
-        case "origin":
-            yield svg.circle(at, ORIGIN_PX, fill=LINE_COLOUR)

@@ -53,11 +53,14 @@ def verdict_screen(
 
 
 def findings_screen(name: str, findings: Sequence[Finding], *, command: str) -> list[str]:
-    """Findings of the rules, errors first, as many whole ones as there is room for, and the next command."""
+    """Findings of the rules, errors first, as many whole ones as there is room for, and the next command.
+
+    command : verb and design, as `score pad.toml`
+    """
     errors = [one for one in findings if one.severity == "error"]
     ordered = [*errors, *(one for one in findings if one.severity != "error")]
     total = f"{counted(len(errors), 'error')}, {counted(len(findings) - len(errors), 'warning')}"
-    foot = [] if errors else row("next", f"optopad score {command}")
+    foot = [] if errors else row("next", f"optopad {command}")
     room = LINES - len(foot) - 2
     lines: list[str] = []
     shown = 0

@@ -249,7 +249,7 @@ def map_svg(cavity: CavityGeometry, shown: Quantity | None, press: Press, bad: S
         f'<rect x="{x(0):.1f}" y="{edge}" width="{scale * cavity.length_mm:.1f}" height="{high:.1f}" fill="none" '
         'stroke="currentColor"/>'
     )
-    body += [_part(part, cavity, x, y, is_bad=part.name in bad) for part in cavity.parts]
+    body += [_part(part, x, y, is_bad=part.name in bad) for part in cavity.parts]
     radius = scale * cavity.tip_radius_mm
     body.append(
         f'<circle cx="{x(press.x_mm):.1f}" cy="{y(press.y_mm):.1f}" r="{radius:.1f}" fill="none" '
@@ -311,8 +311,8 @@ def _shade(good: float) -> str:
     return f"rgb({red} {green} {blue} / 0.42)"
 
 
-def _part(part: PlacedPart, cavity: CavityGeometry, x: Place, y: Place, *, is_bad: bool) -> str:
-    at_x, at_y, _ = part.position_mm(cavity.length_mm, cavity.width_mm)
+def _part(part: PlacedPart, x: Place, y: Place, *, is_bad: bool) -> str:
+    at_x, at_y, _ = part.position_mm
     out = {"south": (0, 1), "north": (0, -1), "west": (-1, 0), "east": (1, 0)}[part.wall]
     cx, cy = x(at_x), y(at_y)
     colour = DEAD if is_bad else EMITTER if part.kind == "emitter" else RECEIVER

@@ -14,7 +14,7 @@ from typing import Any
 from design.errors import InputError
 from design.geometry.cavity import PlacedPart, cavity_of
 from design.spec import SensorDesign
-from design.spec.layout import FacingRows, PerSide, Single, expand
+from design.spec.layout import AtAngles, DiscRing, FacingRows, PerSide, Single, expand
 
 STEP_MM = 0.05
 """What a dragged place is rounded to [mm]: finer than any mold is printed."""
@@ -99,6 +99,8 @@ def _own(place: Any) -> dict[str, Any]:
 def _along(design: SensorDesign, part: PlacedPart, along_mm: float, *, with_row: bool) -> dict[str, Any]:
     number = int(part.origin.split(".")[1])
     pattern = design.layout[number]
+    if isinstance(pattern, DiscRing | AtAngles):
+        return {}
     if isinstance(pattern, Single):
         return {f"{part.origin}.along_mm": along_mm}
     if with_row:
@@ -129,7 +131,7 @@ def _row_moved(design: SensorDesign, part: PlacedPart, along_mm: float) -> dict[
     from_middle = part.along_mm - middle
     if abs(from_middle) < LEAST_MM:
         return {}
-    assert not isinstance(pattern, Single)
+    assert not isinstance(pattern, Single | DiscRing | AtAngles)
     if pattern.pitch_mm is not None:
         pitch = pattern.pitch_mm
     else:

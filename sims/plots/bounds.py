@@ -178,7 +178,7 @@ def _draw_outline(ax: Axes, cavity: CavityGeometry) -> None:
     ax.set_xlabel("x [mm]")
     ax.set_ylabel("y [mm]")
     for part in cavity.parts:
-        x, y, _ = part.position_mm(cavity.length_mm, cavity.width_mm)
+        x, y, _ = part.position_mm
         marker = "o" if part.kind == "emitter" else "s"
         ax.plot(x, y, marker=marker, markersize=4, color=MUTED, markeredgecolor="white", clip_on=False)
 

@@ -13,7 +13,6 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from design.geometry.cavity import CavityGeometry, PlacedPart
-from design.spec.layout import Wall
 from sims.plots.style import BLUE, INK, MUTED, VERMILLION, WIDTH_IN, axes_or_new
 from sims.verdict.pad_map import PadMap, Place
 
@@ -21,12 +20,6 @@ FloatArray = NDArray[np.float64]
 
 DEAD_COLOURS = LinearSegmentedColormap.from_list("deadband", ["#f7f4ef", "#f2b98a", VERMILLION, "#5c2200"])
 CHANGE_COLOURS = LinearSegmentedColormap.from_list("change", ["#f2f6f9", "#9cc9e6", BLUE, "#002e4a"])
-OUTWARD: dict[Wall, tuple[float, float]] = {
-    "south": (0.0, -1.0),
-    "east": (1.0, 0.0),
-    "north": (0.0, 1.0),
-    "west": (-1.0, 0.0),
-}
 MOST_LABELS = 32
 """Parts with their names beside them; more would overlap."""
 
@@ -160,7 +153,7 @@ def _draw_pad(ax: Axes, cavity: CavityGeometry) -> None:
 
 
 def _draw_part(ax: Axes, part: PlacedPart, cavity: CavityGeometry) -> None:
-    x, y, _ = part.position_mm(cavity.length_mm, cavity.width_mm)
+    x, y, _ = part.position_mm
     is_emitter = part.kind == "emitter"
     ax.plot(
         x,
@@ -173,7 +166,7 @@ def _draw_part(ax: Axes, part: PlacedPart, cavity: CavityGeometry) -> None:
         zorder=5,
     )
     if len(cavity.parts) <= MOST_LABELS:
-        right, up = OUTWARD[part.wall]
+        right, up = part.line.outward
         reach = 0.05 * max(cavity.length_mm, cavity.width_mm)
         ax.text(
             x + right * reach, y + up * reach, part.name, ha="center", va="center", fontsize=6.5, color=MUTED

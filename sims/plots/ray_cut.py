@@ -55,13 +55,13 @@ class Cut:
 def cut_of_pair(cavity: CavityGeometry, pair: tuple[int, int]) -> Cut:
     """The chord of a pair, from emitter to receiver."""
     ends = cavity.emitters[pair[0]], cavity.receivers[pair[1]]
-    start, end = (part.position_mm(cavity.length_mm, cavity.width_mm)[:2] for part in ends)
+    start, end = (part.position_mm[:2] for part in ends)
     return Cut(start_mm=start, end_mm=end, name=f"along the chord from {ends[0].name} to {ends[1].name}")
 
 
 def cut_across(cavity: CavityGeometry, part: PlacedPart) -> Cut:
     """The line from a part straight across to the opposite wall."""
-    x, y, _ = part.position_mm(cavity.length_mm, cavity.width_mm)
+    x, y, _ = part.position_mm
     far = (cavity.length_mm - x, y) if part.wall in ("east", "west") else (x, cavity.width_mm - y)
     return Cut(start_mm=(x, y), end_mm=far, name=f"from {part.name} straight across")
 

@@ -307,7 +307,7 @@ def _draw_faces(ax: Axes, state: RayState, cavity: CavityGeometry, cut: Cut) -> 
     for part in cavity.parts:
         if part.name not in names:
             continue
-        x, y, height = part.position_mm(cavity.length_mm, cavity.width_mm)
+        x, y, height = part.position_mm
         along = float(cut.along_mm(np.array([x, y])))
         is_cut = min(np.hypot(x - end[0], y - end[1]) for end in (cut.start_mm, cut.end_mm)) < ON_AXIS_MM
         wall = np.array([1.0, 0.0]) if part.wall in ("south", "north") else np.array([0.0, 1.0])
@@ -357,7 +357,7 @@ def _draw_dimple(ax: Axes, state: RayState) -> None:
 
 
 def _draw_part(ax: Axes, part: PlacedPart, cavity: CavityGeometry, is_shown: bool) -> None:
-    x, y, _ = part.position_mm(cavity.length_mm, cavity.width_mm)
+    x, y, _ = part.position_mm
     colour = INK if is_shown else GREY
     ax.plot(
         x,

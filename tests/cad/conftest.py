@@ -11,7 +11,7 @@ import pytest
 from cad.export import part_files
 from cad.mesh import Mesh, read_stl
 from design.errors import DesignError
-from design.preset import PRESETS, preset
+from design.preset import FLAT_PRESETS, preset
 from design.rules.check import require_valid
 from design.spec import SensorDesign
 
@@ -34,7 +34,7 @@ def built_preset(name: str) -> Built:
     return Built(design, part_files(design))
 
 
-@pytest.fixture(params=PRESETS)
+@pytest.fixture(params=FLAT_PRESETS)
 def built(request: pytest.FixtureRequest) -> Built:
     return built_preset(request.param)
 

@@ -29,10 +29,11 @@ def test_volume_size_and_holes_are_those_on_record(name, built_of):
 
 
 @pytest.mark.parametrize("name", PRESETS)
-def test_a_mold_s_holes_are_its_fixing_and_lead_holes(name, built_of):
+def test_a_mold_s_holes_are_its_fixing_lead_and_filling_holes(name, built_of):
     design = built_of(name).design
     leads = sum(p.part.lead_count for p in cavity_of(design).parts if p.part.mounting == "radial")
-    assert RECORDED[name]["mold"][2] == 4 + leads
+    filling = 4 if design.crown is not None else 0
+    assert RECORDED[name]["mold"][2] == 4 + leads + filling
 
 
 def test_step_and_3mf_hold_no_time_and_no_counter(built_of):

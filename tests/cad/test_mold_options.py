@@ -24,7 +24,7 @@ from design.geometry.mold_outline import bed_lift_mm, outline_of
 from design.geometry.part_numbers import DEPTH_MM, small_letters
 from design.parts.catalog import find_board, packaged
 from design.parts.printer import bed_of
-from design.preset import PRESETS, preset
+from design.preset import FLAT_PRESETS, PRESETS, preset
 from design.rules.check import require_valid
 from fabrication.connections import connections_of
 
@@ -224,7 +224,7 @@ def test_a_piece_left_over_from_a_parted_mold_is_removed(tmp_path):
     assert not (tmp_path / "mold_base.stl").exists()
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", [*FLAT_PRESETS, "levi2013-disc"])
 def test_the_middle_tooth_of_the_pour_gauge_ends_at_the_undisturbed_top(name):
     design = preset(name)
     size, gauge = gauge_size(design), pour_gauge(design)

@@ -79,7 +79,7 @@ def test_every_name_of_the_schema_stands_in_the_tables() -> None:
         "indenter",
         "board",
     }
-    groups |= {"noise", "gain", "operating", "catalog"}
+    groups |= {"noise", "gain", "operating", "catalog", "crown"}
     assert {name for table in tables for name in table.get("properties", {})} - shown == groups
 
 
@@ -99,7 +99,11 @@ def test_every_field_has_a_meaning_and_no_meaning_is_left_over() -> None:
 def test_a_field_has_unit_range_default_and_meaning() -> None:
     found = {field.path: field for field in all_fields()}
     assert found["cavity.clear_thickness_mm"] == Field(
-        "cavity.clear_thickness_mm", "mm", "1 to 50", "needed", "clear layer that light uses"
+        "cavity.clear_thickness_mm",
+        "mm",
+        "1 to 50",
+        "needed",
+        "clear layer that light uses, at its highest point",
     )
     assert (found["board.settle_us"].unit, found["board.settle_us"].default) == ("µs", "`20.0`")
     assert found["surfaces.wall_finish"].allowed == '`"diffuse"`, `"glossy"`, `"air_gap"`'

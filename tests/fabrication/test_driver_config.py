@@ -49,18 +49,20 @@ def resealed(document: dict[str, Any]) -> dict[str, Any]:
 def test_places_names_and_normals_are_those_of_the_cavity(name: str) -> None:
     design = preset(name)
     config, cavity = config_of(design), cavity_of(design)
-    size = cavity.length_mm, cavity.width_mm
-    assert [e.position_mm for e in config.emitters] == [p.position_mm(*size) for p in cavity.emitters]
-    assert [r.position_mm for r in config.receivers] == [p.position_mm(*size) for p in cavity.receivers]
+    assert [e.position_mm for e in config.emitters] == [p.position_mm for p in cavity.emitters]
+    assert [r.position_mm for r in config.receivers] == [p.position_mm for p in cavity.receivers]
     entries: list[EmitterEntry | ReceiverEntry] = [*config.emitters, *config.receivers]
     assert [entry.name for entry in entries] == [part.name for part in cavity.parts]
     middle = (cavity.length_mm / 2, cavity.width_mm / 2)
     for entry in entries:
         (x, y, _), (nx, ny, nz) = entry.position_mm, entry.normal
-        assert (abs(nx) + abs(ny), nz) == (1.0, 0.0)
-        assert (middle[0] - x) * nx + (middle[1] - y) * ny == pytest.approx(
-            middle[0] if ny == 0 else middle[1]
-        )
+        assert (np.hypot(nx, ny), nz) == pytest.approx((1.0, 0.0))
+        to_middle = (middle[0] - x) * nx + (middle[1] - y) * ny
+        if cavity.plan.is_disc:
+            facet = next(part.line for part in cavity.parts if part.name == entry.name)
+            assert to_middle == pytest.approx(cavity.plan.stands_mm(facet))
+        else:
+            assert to_middle == pytest.approx(middle[0] if ny == 0 else middle[1])
 
 
 @pytest.mark.parametrize("name", PRESETS)

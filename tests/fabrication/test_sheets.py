@@ -17,13 +17,14 @@ from hypothesis import strategies as st
 from design.circuit.pins import assigned_pins, board_of
 from design.errors import OutputError
 from design.geometry.cavity import cavity_of
-from design.preset import PRESETS, preset
+from design.preset import PRESETS, SHAPED_PRESETS, preset
 from design.spec import SensorDesign
 from design.spec.properties import part_of
 from fabrication.driver_config import load_driver_config
 from fabrication.gain import SimulatedGain
 from fabrication.sheets import all_sheets as sheets
 from fabrication.sheets.all_sheets import sheet_texts, write_sheets
+from fabrication.sheets.bom import bom_rows
 from fabrication.sheets.casting import casting_md, plain
 from fabrication.sheets.wiring import wiring_csv
 from fabrication.sheets.wiring_svg import spread, wiring_svg
@@ -187,14 +188,26 @@ def test_spread_leaves_what_has_room_and_centres_what_has_not() -> None:
 @pytest.mark.parametrize("name", PRESETS)
 def test_the_build_sheet_has_the_design_s_own_numbers(name: str) -> None:
     design = preset(name)
-    sheet, size = casting_md(design), design.cavity
-    net = size.length_mm * size.width_mm * size.clear_thickness_mm / 1000 * 1.03
+    sheet, plan = casting_md(design), cavity_of(design).plan
+    net = plan.clear_volume_mm3 / 1000 * 1.03
     ratio = design.elastomer.mixing_ratio
     clear = f"{net:.2f} | {net * 1.25:.2f} | {net * 1.25 * ratio / (ratio + 1):.2f} | {net * 1.25 / (ratio + 1):.2f}"
     assert clear in sheet
     assert design.digest in sheet
     for part in cavity_of(design).parts:
         assert re.search(rf"\b{part.name}\b", sheet)
+
+
+@pytest.mark.parametrize("name", SHAPED_PRESETS)
+def test_the_build_sheet_of_a_crown_casts_it_on_its_lid(name: str) -> None:
+    design = preset(name)
+    sheet, items = casting_md(design), {row.item for row in bom_rows(design, None)}
+    is_crowned = design.crown is not None
+    assert ("`cad/lid.stl`" in sheet, "Set the mold on its lid" in sheet, "printed lid" in items) == (
+        is_crowned,
+    ) * 3
+    assert ("leveling blade" in sheet, "printed leveling blade" in items) == (not is_crowned,) * 2
+    assert ("across, cavity" in sheet) == (design.cavity.outline == "disc")
 
 
 def test_every_unverified_number_of_the_build_sheet_is_marked() -> None:

@@ -16,7 +16,10 @@ def new(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Design file to write.")],
     preset: Annotated[
         str,
-        typer.Option(help="piacenza2017-pad, piacenza2017-pair, oblong-60x40 or fingertip-16."),
+        typer.Option(
+            help="piacenza2017-pad, piacenza2017-pair, oblong-60x40, fingertip-16, levi2013-disc, crowned-40x25 "
+            "or fingertip-dome."
+        ),
     ] = "piacenza2017-pad",
     force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
     as_json: options.Json = False,
@@ -62,11 +65,12 @@ def check(
     from dataclasses import asdict
 
     from design.rules.check import check as findings_of
+    from design.rules.contact_scope import is_flat_rectangle
     from optopad.report.text.numbers import counted
     from optopad.screen.one_screen import as_typed, findings_screen
 
     read = read_design(design, set_)
-    findings = findings_of(read)
+    findings, verb = findings_of(read), "score" if is_flat_rectangle(read) else "build"
     errors = [finding for finding in findings if finding.severity == "error"]
     total = f"{read.name}: {counted(len(errors), 'error')}, {counted(len(findings) - len(errors), 'warning')}"
     tell(
@@ -75,7 +79,7 @@ def check(
         lambda: (
             [*map(str, findings), total]
             if details
-            else findings_screen(read.name, findings, command=as_typed(design, set_))
+            else findings_screen(read.name, findings, command=f"{verb} {as_typed(design, set_)}")
         ),
     )
     if errors:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -10,6 +11,9 @@ from optopad.cli import options
 from optopad.cli.output import print_json, say
 from optopad.cli.progress import progress
 from optopad.work.designs import read_design
+
+if TYPE_CHECKING:
+    from design.spec import SensorDesign
 
 
 def build(
@@ -42,4 +46,12 @@ def build(
     for part, printed in checks.get("prints", {}).items():
         say(f"{part:<15} {printed['minutes']:6.0f} min {printed['filament_g']:7.2f} g")
     say(checks_line(checks))
+    if read.crown is not None:
+        say("cast      upside down on the lid, by weight: " + ", then ".join(_weights(read)))
     say(f"files     {folder / 'cad'}")
+
+
+def _weights(design: SensorDesign) -> Iterator[str]:
+    from fabrication.sheets.silicone import pours
+
+    return (f"{pour.net_g:.2f} g of {pour.layer} silicone" for pour in pours(design))

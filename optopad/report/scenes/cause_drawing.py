@@ -78,9 +78,7 @@ def _cut(cavity: CavityGeometry, pair: str, place_mm: tuple[float, float]) -> _C
         for both in product(cavity.emitters, cavity.receivers)
         if f"{both[0].name}-{both[1].name}" == pair
     )
-    start, end = (
-        np.array(part.position_mm(cavity.length_mm, cavity.width_mm)[:2]) for part in (emitter, receiver)
-    )
+    start, end = (np.array(part.position_mm[:2]) for part in (emitter, receiver))
     chord = end - start
     length = float(np.hypot(*chord))
     to_press = np.array(place_mm) - start

@@ -95,7 +95,7 @@ def _draw_plan(
 def _draw_part(
     ax: Axes, part: PlacedPart, cavity: CavityGeometry, outline: MoldOutline, *, written: bool
 ) -> None:
-    x, y, _ = part.position_mm(cavity.length_mm, cavity.width_mm)
+    x, y, _ = part.position_mm
     right, up = OUTWARD[part.wall]
     wide, deep = part.part.body_width_mm.value, part.part.body_depth_mm.value
     size = (wide, deep) if part.wall in ("south", "north") else (deep, wide)
@@ -117,7 +117,7 @@ def _draw_part(
 
 def _write_place(ax: Axes, part: PlacedPart, cavity: CavityGeometry, outline: MoldOutline) -> None:
     """How far along its wall a part is, outside the mold."""
-    x, y, _ = part.position_mm(cavity.length_mm, cavity.width_mm)
+    x, y, _ = part.position_mm
     right, up = OUTWARD[part.wall]
     wall = outline.wall_y_mm if part.wall in ("south", "north") else outline.wall_x_mm
     tick = 0.012 * max(cavity.length_mm, cavity.width_mm)

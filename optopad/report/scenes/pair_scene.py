@@ -43,7 +43,7 @@ def plan_of(cavity: CavityGeometry, tip_mm: float) -> dict[str, Any]:
             [
                 part.name,
                 part.kind,
-                *(round(v, 3) for v in part.position_mm(cavity.length_mm, cavity.width_mm)[:2]),
+                *(round(v, 3) for v in part.position_mm[:2]),
             ]
             for part in cavity.parts
         ],

@@ -166,7 +166,7 @@ def _faces(eye: _Eye, scene: RayScene) -> list[Html]:
     """Active faces of all parts."""
     cavity, shown, found = scene.cavity, _shown(scene), []
     for part in cavity.parts:
-        x, y, z = part.position_mm(cavity.length_mm, cavity.width_mm)
+        x, y, z = part.position_mm
         along = (part.half_width_mm, 0.0) if part.wall in ("south", "north") else (0.0, part.half_width_mm)
         corners = [
             (x + u * along[0], y + u * along[1], z + v * part.half_height_mm)
@@ -185,7 +185,7 @@ def _names(eye: _Eye, scene: RayScene) -> list[Html]:
     for part in cavity.parts:
         if part.name not in shown and len(cavity.parts) > MOST_NAMES:
             continue
-        x, y, z = part.position_mm(cavity.length_mm, cavity.width_mm)
+        x, y, z = part.position_mm
         left, up = eye.seen((x + outward[part.wall][0] * reach, y + outward[part.wall][1] * reach, z))
         found.append(
             element(

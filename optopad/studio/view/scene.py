@@ -127,7 +127,7 @@ class Scene:
         )
 
     def _draw_part(self, part: PlacedPart, cavity: CavityGeometry, *, is_bad: bool) -> None:
-        place = part.position_mm(cavity.length_mm, cavity.width_mm)
+        place = part.position_mm
         colour = BAD if is_bad else PART_COLOURS[part.kind]
         if part.name not in self._parts:
             self._parts[part.name] = self._new_part(part, cavity, place)
@@ -167,7 +167,7 @@ class Scene:
                 return
             axis = 1 if part.wall in ("south", "north") else 0
             level = {"south": 0.0, "west": 0.0, "north": cavity.width_mm, "east": cavity.length_mm}[part.wall]
-            here = np.array(part.position_mm(cavity.length_mm, cavity.width_mm))
+            here = np.array(part.position_mm)
             if event.phase == "start":
                 self._grabs[name] = _cut(event, np.array(event.start_position), axis, level)
                 self._grabs[f"{name} from"] = here
@@ -320,7 +320,7 @@ class Scene:
                     color=GHOST,
                     opacity=0.45,
                     dimensions=turned,
-                    position=part.position_mm(cavity.length_mm, cavity.width_mm),
+                    position=part.position_mm,
                 )
                 self._click_ghost(node, ghost)
             self._scene.add_label(

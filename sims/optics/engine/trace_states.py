@@ -49,7 +49,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from design.errors import InputError
 from sims.optics.accuracy import ACCURACIES, LADDER, Accuracy, accuracy_of, checked_target
+from sims.optics.engine.formed.trace_formed import trace_formed
 from sims.optics.engine.light_rows import KeptRows, content_of, row_names, row_of
 from sims.optics.engine.threads import run_each
 from sims.optics.engine.untouched import Untouched, gauss, untouched_pad
@@ -130,6 +132,10 @@ def trace_scene(
     """
     check_scene(scene)
     centres = np.asarray(centres_mm, dtype=np.float64)
+    if scene.form is not None:
+        if fields is not None and any(field is not None for field in fields):
+            raise InputError("fields: on a disc or a crown none is traced; leave them out")
+        return _of_form(scene, centres, indentations, accuracy, seed, pairs, on_step)
     if classes is None:
         classes = _classes(scene, centres, indentations, fields)
         centres, indentations = centres[classes.first], [indentations[state] for state in classes.first]
@@ -169,6 +175,35 @@ def trace_scene(
         skirt_radius_mm=tops.rows[:, :, SKIRT_R].max(axis=1, initial=0.0)[classes.member],
         relative_error=relative[classes.member],
         is_met=relative[classes.member] <= target,
+    )
+
+
+def _of_form(
+    scene: OpticalScene,
+    centres_mm: FloatArray,
+    indentations: Presses,
+    accuracy: str | float | Accuracy,
+    seed: int,
+    pairs: NDArray[np.bool_] | None,
+    on_step: Callable[[int, int], None] | None,
+) -> RawLight:
+    """Light of a disc or a crowned pad; its states are traced one by one and not kept."""
+    if not isinstance(accuracy, (str, Accuracy)):
+        raise InputError(
+            f"accuracy: {accuracy:g}, but a disc or crowned pad is traced by a name, as 'standard'"
+        )
+    emitters, receivers = len(scene.emitter_wall), len(scene.receiver_wall)
+    wanted = wanted_pairs(pairs, len(indentations), emitters, receivers)
+    values, scale = trace_formed(
+        scene, centres_mm, indentations, accuracy_of(accuracy), seed, wanted, on_step
+    )
+    error = values.sum(axis=2).std(axis=1, ddof=1) / np.sqrt(values.shape[1])
+    return RawLight(
+        flux=values.mean(axis=1).transpose(1, 0, 2, 3),
+        standard_error=error,
+        skirt_radius_mm=np.zeros(len(indentations)),
+        relative_error=_pooled(error / scale, wanted),
+        is_met=np.ones(len(indentations), dtype=np.bool_),
     )
 
 

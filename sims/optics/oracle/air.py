@@ -17,9 +17,17 @@ from numpy.typing import NDArray
 
 from sims.optics.oracle.border import fresnel_reflectance, refracted_direction
 from sims.optics.oracle.chance import draw, lobe_direction
-from sims.optics.oracle.scene import Scene, face_hit, inward_normal, receiver_at
+from sims.optics.oracle.scene import (
+    BOTTOM_FACE,
+    NO_FACE,
+    Scene,
+    face_hit,
+    inward_normal,
+    receiver_at,
+    untouched_top,
+)
 from sims.optics.oracle.surface import NOTHING
-from sims.optics.oracle.top import Top, tip_hit, top_entry
+from sims.optics.oracle.top import Top, tip_met, top_entry
 
 FloatArray = NDArray[np.float64]
 
@@ -56,8 +64,8 @@ def fly(
     for _ in range(AIR_STEP_LIMIT):
         distance, face = face_hit(scene, x, y, z, dx, dy, dz)
         distance, what, nx, ny, nz = top_entry(top, x, y, z, dx, dy, dz, distance)
-        on_tip, is_tip, tx, ty, tz = tip_hit(top.solids, x, y, z, dx, dy, dz, distance)
-        if not is_tip and what == NOTHING and (face < 0 or z + distance * dz > scene.height):
+        on_tip, is_tip, tx, ty, tz = tip_met(top, x, y, z, dx, dy, dz, distance)
+        if not is_tip and what == NOTHING and _passes_over(scene, face, distance, x, y, z, dx, dy, dz):
             return OVER_THE_WALLS, stream, (x, y, z), (dx, dy, dz), count
         if is_tip:
             distance = on_tip
@@ -78,17 +86,33 @@ def fly(
             dx, dy, dz = dx - 2.0 * cosine * nx, dy - 2.0 * cosine * ny, dz - 2.0 * cosine * nz
             x, y, z = x - NUDGE_MM * nx, y - NUDGE_MM * ny, z - NUDGE_MM * nz
             continue
-        elif face == 4:
+        elif face == BOTTOM_FACE:
             return GIVEN_UP, stream, (x, y, z), (dx, dy, dz), count
         else:
             if chance >= scene.wall_reflectance or receiver_at(scene, face, x, y, z) >= 0:
                 return ON_A_WALL, stream, (x, y, z), (dx, dy, dz), count
-            nx, ny, nz = inward_normal(face)
+            nx, ny, nz = inward_normal(scene, face, x, y)
         x, y, z = x + NUDGE_MM * nx, y + NUDGE_MM * ny, z + NUDGE_MM * nz
         stream, u = draw(stream)
         stream, v = draw(stream)
         dx, dy, dz = lobe_direction(nx, ny, nz, 1.0, u, v)
     return GIVEN_UP, stream, (x, y, z), (dx, dy, dz), count
+
+
+@njit()
+def _passes_over(
+    scene: Scene,
+    face: int,
+    distance: float,
+    x: float,
+    y: float,
+    z: float,
+    dx: float,
+    dy: float,
+    dz: float,
+) -> bool:
+    """Whether a ray that meets nothing else passes the walls above the untouched top."""
+    return face == NO_FACE or z + distance * dz > untouched_top(scene, x + distance * dx, y + distance * dy)
 
 
 @njit()

@@ -14,7 +14,19 @@ from numba import njit, prange
 
 from sims.cache.compiling import listen_to_numba
 from sims.cache.fingerprint import source_fingerprint
-from sims.optics.oracle import air, border, chance, heights, march, profile, scene, surface, top
+from sims.optics.oracle import (
+    air,
+    border,
+    chance,
+    crown,
+    heights,
+    march,
+    outline,
+    profile,
+    scene,
+    surface,
+    top,
+)
 from sims.optics.oracle import walk as walk_file
 from sims.optics.oracle.chance import ray_stream
 from sims.optics.oracle.scene import Scene
@@ -26,8 +38,10 @@ MODULES = (
     air,
     border,
     chance,
+    crown,
     heights,
     march,
+    outline,
     profile,
     scene,
     surface,

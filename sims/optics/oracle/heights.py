@@ -1,4 +1,4 @@
-"""The pad's top as a sum of heights: several tips, a smooth correction field, as numbers.
+"""The pad's top as a sum of heights: tips, a smooth correction field, a crown, as numbers.
 
 Model
 -----
@@ -7,6 +7,19 @@ and a bicubic Hermite field. Under a hemisphere h is the exact sphere up to the 
 curve, and under another tip all of it, is a monotone cubic (PCHIP) of height over radius through the stored points.
 Beyond its last point h is 0, beyond its grid f is 0; where either ends with a step, a vertical face closes it.
 Inside a tip's contact radius the top is contact.
+
+On a crown all this stands in the frame of the one press (`sims.optics.oracle.crown`), along whose axis, the normal,
+the top is c(x, y) + d(r) + f(x, y). With R the crown's radius, and q = x² + y² for a sphere or y² for a cylinder that
+stays straight along the frame's x,
+
+    c = -(R - √(R² - q)) = -q / (R + √(R² - q)),   |slope| √q / √(R² - q),   curvature at most R² / (R² - q)^1.5,
+
+and d is the press' own height, above the untouched crown. Where a sphere is in contact d is the tip's height less the
+*mean crown*, a sphere of radius R, or of 2 R for a cylinder: on a sphere the top there is the tip, on a cylinder it is
+so with the f of the press.
+
+Beyond `STEEPEST_SHARE` of R the crown goes on straight. No point of a pad lies there (`REACH_SHARE`), and no light in
+air meets it: a ball and the cone that touches it are convex together.
 
 Left out
 --------
@@ -20,9 +33,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
@@ -37,13 +52,60 @@ Tip = tuple[FloatArray, Indentation]
 STEEPEST, SPHERE_KNOTS = 30.0, 97
 """A shank in the pad leans outward with this slope: its edge moves out by a thirtieth of what is wetted. Knots of the
 sphere below it."""
+REACH_SHARE = 0.97
+"""Farthest that a pad may reach from the axis of a frame on its crown, over the crown's radius [-]."""
+STEEPEST_SHARE = 0.985
+"""Beyond this share of its radius a crown goes on straight, so that every place has one height [-]."""
 BINS = 512
 """Rings of equal width from a tip's axis to its edge, each with a bound on curvature."""
 X, Y, EDGE, CONTACT_RADIUS, SPHERE, DROP, FIRST, LAST = range(8)
 
 
+class Crown(NamedTuple):
+    """A crown in a frame that stands on it.
+
+    Attributes
+    ----------
+    radius : of curvature [mm]; 0 for a flat top
+    along : 1 for a sphere; 0 for a cylinder, whose straight direction is the frame's first axis
+    reach : farthest that the pad lies from the frame's axis, for a cylinder across the straight direction [mm]
+    """
+
+    radius: float
+    along: float
+    reach: float
+
+    @property
+    def mean_radius(self) -> float:
+        """Radius of the sphere with the crown's mean curvature [mm]."""
+        return self.radius * (2.0 - self.along)
+
+
+NO_CROWN = Crown(0.0, 1.0, 0.0)
+
+
+@njit()
+def crown_fall(radius: float, square: float) -> tuple[float, float]:
+    """Fall [mm], and slope over distance from the axis [1/mm]; square of that distance [mm²]."""
+    farthest = STEEPEST_SHARE * radius
+    if square <= farthest * farthest:
+        root = math.sqrt(radius * radius - square)
+        return square / (radius + root), 1.0 / root
+    root = math.sqrt(radius * radius - farthest * farthest)
+    slope, distance = farthest / root, math.sqrt(square)
+    return farthest * farthest / (radius + root) + slope * (distance - farthest), slope / distance
+
+
+@njit()
+def crown_bend(radius: float, square: float) -> float:
+    """Largest curvature up to a distance from the axis [1/mm]; square of that distance [mm²]."""
+    farthest = STEEPEST_SHARE * radius
+    inner = radius * radius - min(square, farthest * farthest)
+    return radius * radius / (inner * math.sqrt(inner))
+
+
 class SummedSurface(NamedTuple):
-    """Tips and a field as typed numbers, heights in the cavity frame.
+    """Tips, a field and a crown as typed numbers, heights in the cavity frame or in that of a press on a crown.
 
     Attributes
     ----------
@@ -58,6 +120,8 @@ class SummedSurface(NamedTuple):
     nodes : (nx, ny, 4) value, slopes and mixed derivative; (0, 0, 4) without a field
     field_bend : bound of the field's second derivative in any direction [1/mm]
     solids : (k, 6) the tips as light in air meets them (`sims.optics.oracle.top.tip_hit`)
+    crown_radius, crown_along : of `Crown`; radius 0 without one
+    crown_mean : radius of the mean crown [mm]
     """
 
     top: float
@@ -72,14 +136,22 @@ class SummedSurface(NamedTuple):
     nodes: FloatArray
     field_bend: float
     solids: FloatArray
+    crown_radius: float
+    crown_along: float
+    crown_mean: float
 
 
 def lower_sum(
-    tips: Sequence[Tip], field: SmoothField | None, top_mm: float, where: str = "indentations"
+    tips: Sequence[Tip],
+    field: SmoothField | None,
+    top_mm: float,
+    where: str = "indentations",
+    crown: Crown = NO_CROWN,
 ) -> SummedSurface:
     """Turn tips, as (2,) centres [mm] with their presses, and a field into numbers.
 
-    top_mm : height of the undisturbed surface [mm]; where : what to call the presses in messages.
+    top_mm : height of the undisturbed surface at the frame's origin [mm]; where : what to call the presses in
+    messages; crown : below that height, about the frame's origin, where its one press is
 
     Raises
     ------
@@ -88,14 +160,17 @@ def lower_sum(
     _check_apart(tips, where)
     rows, curves, starts, bends = [], [], [], []
     first, fall, rise = 0, 0.0, 0.0
+    if crown.radius > 0.0:
+        fall = crown_fall(crown.radius, crown.reach**2)[0]
     for number, (centre, press) in enumerate(tips):
         name = where if len(tips) == 1 else f"{where}[{number}]"
-        check_indentation(press, top_mm, name)
-        knots, sphere, contact = _single_valued(press, name)
+        if crown.radius == 0.0:
+            check_indentation(press, top_mm, name)
+        knots, sphere, contact = _single_valued(press, name, crown.mean_radius)
         pieces = _cubic_pieces(knots)
         edge = float(knots[-1, 0])
         row = (centre[0], centre[1], edge, contact, sphere, press.depth_mm, first, first + len(pieces) - 1)
-        rings, ring_bends = _rings(row, pieces)
+        rings, ring_bends = _rings(row, pieces, crown.mean_radius)
         rows.append(row)
         curves.append(pieces)
         starts.append(rings + first)
@@ -108,7 +183,7 @@ def lower_sum(
         top_mm - fall + low,
         top_mm + rise + high,
         np.array(rows, dtype=np.float64).reshape(-1, 8),
-        np.vstack(curves) if curves else np.empty((0, 5)),
+        np.ascontiguousarray(np.vstack(curves)) if curves else np.empty((0, 5)),
         np.array(starts, dtype=np.int64).reshape(-1, BINS),
         np.array(bends, dtype=np.float64).reshape(-1, BINS),
         origin,
@@ -116,6 +191,9 @@ def lower_sum(
         nodes,
         field_bend,
         np.empty((0, 6)),
+        crown.radius,
+        crown.along,
+        crown.mean_radius,
     )
 
 
@@ -131,8 +209,21 @@ def _check_apart(tips: Sequence[Tip], where: str) -> None:
                 )
 
 
-def _single_valued(press: Indentation, where: str) -> tuple[FloatArray, float, float]:
+def on_crown(press: Indentation, mean_radius_mm: float) -> Indentation:
+    """The press with heights above the tangent plane in place of heights above the mean crown; radius 0: flat."""
+    if mean_radius_mm == 0.0:
+        return press
+    return replace(press, height_mm=np.asarray(press.height_mm) - _falls(press.radius_mm, mean_radius_mm))
+
+
+def _falls(radius_mm: FloatArray, mean_radius_mm: float) -> FloatArray:
+    """(n,) fall of the mean crown at radii [mm]."""
+    return np.array([crown_fall(mean_radius_mm, float(r) ** 2)[0] for r in radius_mm])
+
+
+def _single_valued(given: Indentation, where: str, mean_radius_mm: float) -> tuple[FloatArray, float, float]:
     """Knots (n, 2) of height over rising radius, radius of the sphere inside them, 0 for none, and contact radius."""
+    press = on_crown(given, mean_radius_mm)
     knots, wetted, cap = free_curve(press, where)
     sphere, contact = cap if press.is_hemisphere else 0.0, float(press.contact_radius_mm)
     if not press.is_hemisphere and len(wetted):
@@ -142,9 +233,11 @@ def _single_valued(press: Indentation, where: str) -> tuple[FloatArray, float, f
         contact = float(knots[SPHERE_KNOTS, 0])
     if np.diff(knots[:, 0]).min() < SEAM_MM:
         raise ModelScopeError(
-            f"{where}: the curve has several heights at one radius (it folds); with several tips or a field only"
-            " single-valued curves can be traced: press less deep"
+            f"{where}: the curve has several heights at one radius (it folds); with several tips, a field or a crown"
+            " only single-valued curves can be traced: press less deep"
         )
+    if mean_radius_mm > 0.0:
+        knots[:, 1] += _falls(knots[:, 0], mean_radius_mm)
     return knots, press.tip_radius_mm if sphere > 0.0 else 0.0, contact
 
 
@@ -167,7 +260,9 @@ def _cubic_pieces(knots: FloatArray) -> FloatArray:
     return np.column_stack([knots[:-1, 0], spline.c[::-1].T])
 
 
-def _rings(row: tuple[float, ...], pieces: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
+def _rings(
+    row: tuple[float, ...], pieces: FloatArray, mean_radius_mm: float
+) -> tuple[NDArray[np.int64], FloatArray]:
     """For each ring the first piece that reaches into it, and the bound of curvature."""
     edge, contact, sphere = row[EDGE], row[CONTACT_RADIUS], row[SPHERE]
     border = np.linspace(0.0, edge, BINS + 1)
@@ -181,7 +276,10 @@ def _rings(row: tuple[float, ...], pieces: FloatArray) -> tuple[NDArray[np.int64
             bends[ring] = piece_bend[first[ring] : last[ring] + 1].max()
         if sphere > 0.0 and border[ring] < contact:
             inner = sphere**2 - min(border[ring + 1], contact) ** 2
-            bends[ring] = max(bends[ring], sphere**2 / max(inner, 1e-6) ** 1.5)
+            bend = sphere**2 / max(inner, 1e-6) ** 1.5
+            if mean_radius_mm > 0.0:
+                bend += crown_bend(mean_radius_mm, min(border[ring + 1], contact) ** 2)
+            bends[ring] = max(bends[ring], bend)
     return first.astype(np.int64), bends
 
 

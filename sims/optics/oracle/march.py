@@ -5,9 +5,12 @@ Method
 Along a ray the clearance c(t), top less ray or, in air, ray less top, is followed from 0 up. Circles of contact
 and edge and the field's border cut the ray into parts on which c is once differentiable and |c''| has a bound K,
 kept in tables over radius: with unit steps of which w² lie in plan, |c''| <= w² (max(|h''|, |h'| / r) + field's).
-A step s is safe if the clearances at its ends are above K s² / 8, or if c cannot fall within it; it holds the
-first zero if c must fall within it and its end is below zero, which bisection then finds; otherwise it is
-halved. Steps end at `FINEST_MM`, so that what is missed is a graze less than K `FINEST_MM`² / 8 deep.
+A crown adds w² R² / (R² - r²)^1.5 at the part's greatest r, a cylinder with what lies across its straight direction;
+it is convex, so that only downward from inside and only upward from outside: c'' lies in -K_down to K_up.
+A step s is safe if the clearances at its ends are above K_up s² / 8, or if c cannot fall within it; it holds the
+first zero if its end is below zero and c must fall within it, or K_up is 0, and bisection then finds it; otherwise it
+is halved. Steps end at `FINEST_MM`, so that what is missed is a graze less than K `FINEST_MM`² / 8 deep. On a crown
+Newton's steps take the place of bisection.
 
 This file shares no code with the fast engine on purpose: it is the other half of a comparison.
 """
@@ -18,7 +21,19 @@ import math
 
 from numba import njit
 
-from sims.optics.oracle.heights import BINS, CONTACT_RADIUS, DROP, EDGE, LAST, SPHERE, SummedSurface, X, Y
+from sims.optics.oracle.heights import (
+    BINS,
+    CONTACT_RADIUS,
+    DROP,
+    EDGE,
+    LAST,
+    SPHERE,
+    SummedSurface,
+    X,
+    Y,
+    crown_bend,
+    crown_fall,
+)
 from sims.optics.oracle.surface import CONTACT, FREE, NOTHING
 
 FINEST_MM = 2e-5
@@ -36,6 +51,9 @@ INSIDE, OUTSIDE = 1.0, -1.0
 def summed_height(s: SummedSurface, x: float, y: float) -> tuple[float, float, float]:
     """Height of the top [mm] and its slopes along x and y [-] at a place."""
     height, along, across = s.top, 0.0, 0.0
+    if s.crown_radius > 0.0:
+        fall, steepness = crown_fall(s.crown_radius, s.crown_along * x * x + y * y)
+        height, along, across = height - fall, -steepness * s.crown_along * x, -steepness * y
     for k in range(s.tips.shape[0]):
         px, py = x - s.tips[k, X], y - s.tips[k, Y]
         r, edge, contact = math.hypot(px, py), s.tips[k, EDGE], s.tips[k, CONTACT_RADIUS]
@@ -46,6 +64,10 @@ def summed_height(s: SummedSurface, x: float, y: float) -> tuple[float, float, f
             depth = math.sqrt(max(sphere * sphere - r * r, 1e-18))
             height += sphere - s.tips[k, DROP] - depth
             slope = r / depth
+            if s.crown_radius > 0.0:
+                fall, steepness = crown_fall(s.crown_mean, r * r)
+                height += fall
+                slope += steepness * r
         else:
             row = s.starts[k, min(int(r / edge * BINS), BINS - 1)]
             while row < s.tips[k, LAST] and r >= s.curve[row + 1, 0]:
@@ -114,8 +136,10 @@ def _clearance(
 
 
 @njit()
-def _bend(s: SummedSurface, x: float, y: float, dx: float, dy: float, t0: float, t1: float) -> float:
-    """Bound of the clearance's second derivative between two places on a ray [1/mm]."""
+def _bends(
+    s: SummedSurface, side: float, x: float, y: float, dx: float, dy: float, t0: float, t1: float
+) -> tuple[float, float]:
+    """K_up and K_down: bounds of the clearance's second derivative between two places on a ray [1/mm]."""
     bound = s.field_bend
     a = dx * dx + dy * dy
     for k in range(s.tips.shape[0]):
@@ -130,7 +154,19 @@ def _bend(s: SummedSurface, x: float, y: float, dx: float, dy: float, t0: float,
         for ring in range(int(low / edge * BINS), min(int(high / edge * BINS), BINS - 1) + 1):
             worst = max(worst, s.bends[k, ring])
         bound += worst
-    return a * bound
+    bound *= a
+    crown = _crown_bend(s, x, y, dx, dy, t0, t1) if s.crown_radius > 0.0 else 0.0
+    return (bound, bound + crown) if side == INSIDE else (bound + crown, bound)
+
+
+@njit()
+def _crown_bend(s: SummedSurface, x: float, y: float, dx: float, dy: float, t0: float, t1: float) -> float:
+    """The crown's part of the bound."""
+    farthest = 0.0
+    for t in (t0, t1):
+        px, py = x + t * dx, y + t * dy
+        farthest = max(farthest, s.crown_along * px * px + py * py)
+    return (s.crown_along * dx * dx + dy * dy) * crown_bend(s.crown_radius, farthest)
 
 
 @njit()
@@ -187,14 +223,16 @@ def _first_zero(
         step = min(step, t1 - t)
         end = t + step if step < t1 - t else t1
         far, far_growth = _clearance(s, side, x, y, z, dx, dy, dz, end)
-        bend = _bend(s, x, y, dx, dy, t, end)
-        rises = growth - bend * step >= 0.0 and far > 0.0
-        falls = growth + bend * step < 0.0 and near > 0.0 >= far
-        if not (rises or falls or min(near, far) > bend * step * step / 8.0):
+        up, down = _bends(s, side, x, y, dx, dy, t, end)
+        rises = growth - down * step >= 0.0 and far > 0.0
+        falls = (growth + up * step < 0.0 or up == 0.0) and near > 0.0 >= far
+        if not (rises or falls or min(near, far) > up * step * step / 8.0):
             if step > FINEST_MM:
                 step *= 0.5
                 continue
             falls = far <= 0.0
+        if falls and s.crown_radius > 0.0:
+            return _newton(s, side, x, y, z, dx, dy, dz, t, end)
         if falls:
             return _bisected(s, side, x, y, z, dx, dy, dz, t, end)
         t, near, growth, step = end, far, far_growth, 2.0 * step
@@ -224,6 +262,36 @@ def _bisected(
         else:
             high = middle
     return low
+
+
+@njit()
+def _newton(
+    s: SummedSurface,
+    side: float,
+    x: float,
+    y: float,
+    z: float,
+    dx: float,
+    dy: float,
+    dz: float,
+    low: float,
+    high: float,
+) -> float:
+    """As `_bisected`, by Newton's steps from the far end, halving where one leaves the bracket: crowns are smooth."""
+    place = high
+    for _ in range(60):
+        clear, growth = _clearance(s, side, x, y, z, dx, dy, dz, place)
+        if clear > 0.0:
+            low = place
+        else:
+            high = place
+        guess = place - clear / growth if growth < 0.0 else low
+        if not low < guess < high:
+            guess = 0.5 * (low + high)
+        if abs(guess - place) < 1e-13 or high - low < 1e-13:
+            break
+        place = guess
+    return low if high - low < 1e-13 else place
 
 
 @njit()

@@ -95,7 +95,7 @@ class LightWalker:
     centre_mm : (2,) press axis, or (tip, 2) axes where several tips press at once [mm]
     indentation : the press, None where untouched, or a sequence of these, one per tip
     seed : of the random streams, >= 0
-    field : height added to the top, or None
+    field : height added to the top, or None; as of `sims.optics.oracle.tracer.trace_oracle`
     """
 
     def __init__(

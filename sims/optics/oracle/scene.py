@@ -1,4 +1,8 @@
-"""The block as the oracle sees it: the optical scene as checked numbers, its walls, bottom and patches."""
+"""The pad as the oracle sees it: the optical scene as checked numbers, its walls, bottom, crown and patches.
+
+In plan the pad is convex: flat walls, each with a place, a tangent and an outward normal, and at most one round wall.
+A rectangle is four flat walls. The bottom is flat, z = 0; the untouched top is flat or a crown.
+"""
 
 from __future__ import annotations
 
@@ -11,28 +15,37 @@ from numpy.typing import NDArray
 
 from design.errors import InputError
 from sims.optics.oracle.chance import pattern_shares
+from sims.optics.oracle.heights import crown_fall
+from sims.optics.oracle.outline import UNIT_TOLERANCE, check_form, rectangle_walls, wall_runs
 from sims.optics.scene.optical_scene import OpticalScene
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+NO_FACE, BOTTOM_FACE, ROUND_FACE = -1, -2, -3
+"""Faces besides the flat walls, which are numbered from 0."""
 POWER_TOLERANCE = 1e-6
 """Largest distance of a radiance table's power from 1 [-]: rounding of tables that were written down."""
 
 
 class Scene(NamedTuple):
-    """`OpticalScene` as a tuple that compiled code takes; walls 0-3, bottom 4.
+    """`OpticalScene` as a tuple that compiled code takes.
 
     Attributes that differ from the scene's
     ---------------------------------------
+    walls : (k, 6) flat walls, as in `PadForm`
+    round_wall : (3,) x, y of the axis and radius of the round wall [mm]; radius 0 for none
+    crown : (5,) radius of the untouched top [mm], 0 for flat; weights, 0 or 1, of x and y in the distance from the
+        apex; x, y of the apex [mm]
     wall_ratio : index of the elastomer over that behind smooth walls [-]; 0 where walls only scatter
     emitter_pattern : (2, e, n) radiance table [1/sr] and the share of power below each node [-]; a NaN row, or no
         column, is an emitter by order
     receiver_response : (r, n) share of arriving light that is counted [-]; no column: all of it
     """
 
-    length: float
-    width: float
+    walls: FloatArray
+    round_wall: FloatArray
+    crown: FloatArray
     height: float
     refractive_index: float
     absorption: float
@@ -57,6 +70,7 @@ def lower_scene(scene: OpticalScene) -> Scene:
     _require("absorption_per_mm", scene.absorption_per_mm, 0.0, np.inf)
     for name in ("wall_reflectance", "bottom_reflectance", "tip_reflectance"):
         _require(name, getattr(scene, name), 0.0, 1.0)
+    walls, round_wall, crown = _lowered_form(scene)
     for kind in ("emitter", "receiver"):
         _check_patches(scene, kind)
     order = np.asarray(scene.emitter_order, dtype=np.float64)
@@ -66,8 +80,9 @@ def lower_scene(scene: OpticalScene) -> Scene:
         _require(f"emitter_order[{i}]", float(m), 0.0, np.inf)
     radiance = _lowered_patterns(scene)
     return Scene(
-        float(scene.length_mm),
-        float(scene.width_mm),
+        walls,
+        round_wall,
+        crown,
         float(scene.height_mm),
         float(scene.refractive_index),
         float(scene.absorption_per_mm),
@@ -82,6 +97,20 @@ def lower_scene(scene: OpticalScene) -> Scene:
         np.ascontiguousarray(scene.receiver_wall, dtype=np.int64),
         np.ascontiguousarray(scene.receiver_patch, dtype=np.float64),
         _lowered_responses(scene),
+    )
+
+
+def _lowered_form(scene: OpticalScene) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Walls, round wall and crown of `Scene`."""
+    form = scene.form
+    if form is None:
+        return rectangle_walls(float(scene.length_mm), float(scene.width_mm)), np.zeros(3), np.zeros(5)
+    check_form(scene, form)
+    weights = float(form.crown_axis != "x"), float(form.crown_axis != "y")
+    return (
+        np.ascontiguousarray(form.walls, dtype=np.float64),
+        np.ascontiguousarray(form.round_wall, dtype=np.float64),
+        np.array([form.crown_radius_mm if form.is_crowned else 0.0, *weights, *form.apex_mm]),
     )
 
 
@@ -134,38 +163,53 @@ def _require(name: str, value: float, low: float, high: float, *, open_low: bool
 
 
 def _check_patches(scene: OpticalScene, kind: str) -> None:
-    """Refuse emitters or receivers that are not rectangles on a wall of the block."""
+    """Refuse emitters or receivers that are not rectangles on a flat wall of the pad."""
     walls, patches = np.asarray(getattr(scene, f"{kind}_wall")), np.asarray(getattr(scene, f"{kind}_patch"))
     if walls.ndim != 1 or patches.shape != (walls.size, 4):
         raise InputError(f"{kind}_patch: shape {patches.shape}, needs ({walls.size}, 4)")
+    if scene.form is None:
+        runs = np.array([(0.0, run) for run in (scene.length_mm, scene.width_mm) * 2])
+        words, slack = "south 0, east 1, north 2, west 3", 0.0
+    else:
+        runs = wall_runs(np.asarray(scene.form.walls, dtype=np.float64), scene.form.round_wall)
+        words, slack = f"the form has {len(runs)}, from 0", UNIT_TOLERANCE
     for i, (wall, patch) in enumerate(zip(walls, patches, strict=True)):
         name = f"{kind}_patch[{i}]"
-        if wall not in (0, 1, 2, 3):
-            raise InputError(f"{kind}_wall[{i}]: {wall} is no wall; south 0, east 1, north 2, west 3")
+        if wall not in range(len(runs)):
+            raise InputError(f"{kind}_wall[{i}]: {wall} is no wall; {words}")
         if not np.isfinite(patch).all() or patch[2] <= 0.0 or patch[3] <= 0.0:
             raise InputError(f"{name}: {patch.tolist()} must be finite, with half sizes > 0 mm")
-        run = scene.length_mm if wall in (0, 2) else scene.width_mm
-        if patch[0] - patch[2] < 0.0 or patch[0] + patch[2] > run:
+        low, high = runs[wall]
+        if patch[0] - patch[2] < low - slack or patch[0] + patch[2] > high + slack:
+            wall_text = f"of {high:g} mm" if scene.form is None else f"from {low:g} to {high:g} mm"
             raise InputError(
-                f"{name}: spans {patch[0] - patch[2]:g} to {patch[0] + patch[2]:g} mm along a wall of"
-                f" {run:g} mm; move it along the wall"
+                f"{name}: spans {patch[0] - patch[2]:g} to {patch[0] + patch[2]:g} mm along a wall"
+                f" {wall_text}; move it along the wall"
             )
         if patch[1] - patch[3] < 0.0:
             raise InputError(f"{name}: reaches {patch[3] - patch[1]:g} mm below the bottom; raise it")
 
 
 @njit()
-def inward_normal(face: int) -> tuple[float, float, float]:
-    """Unit normal of a wall (0-3) or the bottom (4) that points into the elastomer."""
-    if face == 0:
-        return 0.0, 1.0, 0.0
-    if face == 1:
-        return -1.0, 0.0, 0.0
-    if face == 2:
-        return 0.0, -1.0, 0.0
-    if face == 3:
-        return 1.0, 0.0, 0.0
-    return 0.0, 0.0, 1.0
+def untouched_top(scene: Scene, x: float, y: float) -> float:
+    """Height of the untouched top at a place [mm]."""
+    radius, along_x, along_y, apex_x, apex_y = scene.crown
+    if radius == 0.0:
+        return scene.height
+    px, py = x - apex_x, y - apex_y
+    return float(scene.height - crown_fall(radius, along_x * px * px + along_y * py * py)[0])
+
+
+@njit()
+def inward_normal(scene: Scene, face: int, x: float, y: float) -> tuple[float, float, float]:
+    """Unit normal, which points into the elastomer, of a wall or the bottom at a place."""
+    if face == BOTTOM_FACE:
+        return 0.0, 0.0, 1.0
+    if face == ROUND_FACE:
+        px, py = scene.round_wall[0] - x, scene.round_wall[1] - y
+        size = math.hypot(px, py)
+        return px / size, py / size, 0.0
+    return 0.0 - scene.walls[face, 4], 0.0 - scene.walls[face, 5], 0.0
 
 
 @njit(forceinline=True)
@@ -174,14 +218,8 @@ def emission_point(scene: Scene, emitter: int, u: float, v: float) -> tuple[floa
     along, height, half_width, half_height = scene.emitter_patch[emitter]
     along += (2.0 * u - 1.0) * half_width
     height += (2.0 * v - 1.0) * half_height
-    wall = scene.emitter_wall[emitter]
-    if wall == 0:
-        return along, 0.0, height
-    if wall == 1:
-        return scene.length, along, height
-    if wall == 2:
-        return along, scene.width, height
-    return 0.0, along, height
+    x, y, tx, ty, _, _ = scene.walls[scene.emitter_wall[emitter]]
+    return x + along * tx, y + along * ty, height
 
 
 @njit(forceinline=True)
@@ -189,28 +227,43 @@ def face_hit(
     scene: Scene, x: float, y: float, z: float, dx: float, dy: float, dz: float
 ) -> tuple[float, int]:
     """Distance to the nearest wall or the bottom, and which; walls go up without end."""
-    best, face = math.inf, -1
-    if dx > 0.0 and (scene.length - x) / dx < best:
-        best, face = (scene.length - x) / dx, 1
-    if dx < 0.0 and -x / dx < best:
-        best, face = -x / dx, 3
-    if dy > 0.0 and (scene.width - y) / dy < best:
-        best, face = (scene.width - y) / dy, 2
-    if dy < 0.0 and -y / dy < best:
-        best, face = -y / dy, 0
+    best, face = math.inf, NO_FACE
+    for wall in range(scene.walls.shape[0]):
+        ox, oy, _, _, nx, ny = scene.walls[wall]
+        toward = nx * dx + ny * dy
+        if toward > 0.0:
+            distance = -(nx * (x - ox) + ny * (y - oy)) / toward
+            if distance < best:
+                best, face = distance, wall
+    if scene.round_wall[2] > 0.0:
+        distance = _round_distance(scene.round_wall, x, y, dx, dy)
+        if distance < best:
+            best, face = distance, ROUND_FACE
     if dz < 0.0 and -z / dz < best:
-        best, face = -z / dz, 4
+        best, face = -z / dz, BOTTOM_FACE
     return max(best, 0.0), face
 
 
+@njit()
+def _round_distance(round_wall: FloatArray, x: float, y: float, dx: float, dy: float) -> float:
+    """Distance at which a ray from inside passes the round wall outward [mm]."""
+    px, py, radius = x - round_wall[0], y - round_wall[1], round_wall[2]
+    a, b, c = dx * dx + dy * dy, px * dx + py * dy, px * px + py * py - radius * radius
+    if a < 1e-28:
+        return math.inf
+    root = math.sqrt(max(b * b - a * c, 0.0))
+    return float(-c / (b + root) if b > 0.0 else (root - b) / a)
+
+
 @njit(forceinline=True)
-def receiver_at(scene: Scene, wall: int, x: float, y: float, z: float) -> int:
+def receiver_at(scene: Scene, face: int, x: float, y: float, z: float) -> int:
     """The receiver that covers a point of a wall below the undisturbed top, or -1."""
-    along = x if wall == 0 or wall == 2 else y
-    if z <= scene.height:
+    if face >= 0 and z <= untouched_top(scene, x, y):
+        ox, oy, tx, ty, _, _ = scene.walls[face]
+        along = tx * (x - ox) + ty * (y - oy)
         for k in range(scene.receiver_wall.shape[0]):
             if (
-                scene.receiver_wall[k] == wall
+                scene.receiver_wall[k] == face
                 and abs(along - scene.receiver_patch[k, 0]) <= scene.receiver_patch[k, 2]
                 and abs(z - scene.receiver_patch[k, 1]) <= scene.receiver_patch[k, 3]
             ):

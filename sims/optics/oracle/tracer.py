@@ -2,14 +2,14 @@
 
 It shares no intersection, surface or Fresnel code with the fast engine; only the scene and the press,
 as data, are common. Light walks from each emitter as `sims.optics.oracle.walk` describes, in air as
-`sims.optics.oracle.air` does; the top is what `sims.optics.oracle.surface`, or for several tips and fields
-`sims.optics.oracle.heights`, describes, with what each leaves out.
+`sims.optics.oracle.air` does; the top is what `sims.optics.oracle.surface`, for several tips and fields
+`sims.optics.oracle.heights`, or for a crown `sims.optics.oracle.crown`, describes, with what each leaves out.
 
 Classes of received light
 -------------------------
 - `direct`: no interaction on the way.
-- `top`: mirrored at the top only, each time where the surface slopes by at most 0.02.
-- `skirt`: mirrored at the top only, at least once where a press makes it slope by more than 0.02.
+- `top`: mirrored at the top only, each time where the surface slopes by at most 0.02 against the untouched top.
+- `skirt`: mirrored at the top only, at least once where a press makes it slope by more than 0.02 against that.
 - `wall`: never scattered, mirrored by a smooth wall at least once.
 - `diffuse`: scattered at least once by a wall, the bottom or the tip.
 - `crossing`: left through the top, crossed air and entered again at least once, whatever else happened. The fast
@@ -97,15 +97,17 @@ def trace_oracle(
     ----------
     centres_mm : (state, 2), or (state, tip, 2), x and y of the press axes [mm]; not read where untouched
     indentations : one press or None (untouched) for each state, or a sequence of these, one per tip
-    fields : height added to the top, or None, for each state
+    fields : height added to the top, or None, for each state; on a crown along the normal of the press, over the
+        first two axes of its frame (`PadForm.press_frame`)
     rays : for each emitter and state
     seed : of the random streams, >= 0
     on_step : called with emitters done and emitters in all, over all states
 
     Raises
     ------
-    InputError : a bad scene, place or profile
-    ModelScopeError : with several tips or a field, a curve that folds, or contacts that overlap
+    InputError : a bad scene, form, place or profile
+    ModelScopeError : with several tips, a field or a crown, a curve that folds; contacts that overlap; several tips
+        on a crown, or a press there from which the pad reaches too far around it
     """
     if rays < 2:
         raise InputError(f"rays: {rays} is too few; at least 2")

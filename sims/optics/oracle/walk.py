@@ -32,9 +32,17 @@ from numpy.typing import NDArray
 from sims.optics.oracle.air import BACK_INSIDE, NUDGE_MM, ON_A_TIP, ON_A_WALL, OVER_THE_WALLS, fly, record
 from sims.optics.oracle.border import fresnel_reflectance, refracted_direction
 from sims.optics.oracle.chance import direction_about, draw, lobe_direction, pattern_cosine, table_value
-from sims.optics.oracle.scene import Scene, emission_point, face_hit, inward_normal, receiver_at
+from sims.optics.oracle.scene import (
+    BOTTOM_FACE,
+    Scene,
+    emission_point,
+    face_hit,
+    inward_normal,
+    receiver_at,
+    untouched_top,
+)
 from sims.optics.oracle.surface import CONTACT, NOTHING
-from sims.optics.oracle.top import Top, is_flat, is_in_elastomer, top_exit
+from sims.optics.oracle.top import Top, is_in_elastomer, is_steep, is_untouched, top_exit
 
 FloatArray = NDArray[np.float64]
 
@@ -73,7 +81,7 @@ FATES = (
 ) = range(14)
 
 SKIRT_SLOPE = 0.02
-"""Slope of the surface above which a reflection makes a path a `skirt` path [-]."""
+"""Slope of the surface against the untouched top above which a reflection makes a path a `skirt` path [-]."""
 STEP_LIMIT = 10_000
 """Flights after which a ray is given up and booked as unresolved."""
 
@@ -81,7 +89,7 @@ STEP_LIMIT = 10_000
 @njit()
 def emission_direction(scene: Scene, emitter: int, u: float, v: float) -> tuple[float, float, float]:
     """A direction of an emitter's light, by its table or its order; u, v in [0, 1)."""
-    nx, ny, nz = inward_normal(scene.emitter_wall[emitter])
+    nx, ny, nz = inward_normal(scene, scene.emitter_wall[emitter], 0.0, 0.0)  # a flat wall's, at any place
     if scene.emitter_pattern.shape[2] > 0 and not math.isnan(scene.emitter_pattern[0, emitter, 0]):
         cosine = pattern_cosine(scene.emitter_pattern[0, emitter], scene.emitter_pattern[1, emitter], u)
         return direction_about(nx, ny, nz, cosine, v)
@@ -108,7 +116,7 @@ def walk(
     stream, u = draw(stream)
     stream, v = draw(stream)
     x, y, z = emission_point(scene, emitter, u, v)
-    if z > scene.height or not is_in_elastomer(top, x, y, z):
+    if z > untouched_top(scene, x, y) or not is_in_elastomer(top, x, y, z):
         return UNSUBMERGED, -1, 1.0, 0
     stream, u = draw(stream)
     stream, v = draw(stream)
@@ -119,7 +127,7 @@ def walk(
         fate, receiver, weight, count, stream, place, direction = walk_inside(
             scene, top, path, weight, stream, place, direction, vertices, count
         )
-        if fate != ESCAPED or is_flat(top):
+        if fate != ESCAPED or is_untouched(top):
             return fate, receiver, weight, count
         end, stream, place, direction, count = fly(scene, top, stream, place, direction, vertices, count)
         if end != BACK_INSIDE:
@@ -169,8 +177,7 @@ def walk_inside(
                     place = (x + NUDGE_MM * nx, y + NUDGE_MM * ny, z + NUDGE_MM * nz)
                     return ESCAPED, -1, weight, count, stream, place, direction
                 dx, dy, dz = dx - 2.0 * cosine * nx, dy - 2.0 * cosine * ny, dz - 2.0 * cosine * nz
-                steep = nz * math.sqrt(1.0 + SKIRT_SLOPE**2) < 1.0
-                path = max(path, SKIRT if steep else TOP)
+                path = max(path, SKIRT if is_steep(top, SKIRT_SLOPE, x, y, z, nx, ny, nz) else TOP)
             x, y, z = x - NUDGE_MM * nx, y - NUDGE_MM * ny, z - NUDGE_MM * nz
             continue
         if what == CONTACT:
@@ -178,12 +185,12 @@ def walk_inside(
                 return TIP, -1, weight, count, stream, place, direction
             nx, ny, nz = -nx, -ny, -nz
             x, y, z = x + NUDGE_MM * nx, y + NUDGE_MM * ny, z + NUDGE_MM * nz
-        elif face == 4:
+        elif face == BOTTOM_FACE:
             if chance >= scene.bottom_reflectance:
                 return BOTTOM, -1, weight, count, stream, place, direction
-            nx, ny, nz = inward_normal(face)
+            nx, ny, nz = inward_normal(scene, face, x, y)
         else:
-            nx, ny, nz = inward_normal(face)
+            nx, ny, nz = inward_normal(scene, face, x, y)
             cosine = -(dx * nx + dy * ny + dz * nz)
             receiver = receiver_at(scene, face, x, y, z)
             if receiver >= 0:

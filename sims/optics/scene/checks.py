@@ -68,15 +68,19 @@ def _check_patches(
         )
     for k, (wall, patch) in enumerate(zip(walls, patches, strict=True)):
         name = f"{kind}_patch[{k}]"
-        if wall not in range(WALLS):
+        if scene.form is None and wall not in range(WALLS):
             raise InputError(f"{kind}_wall[{k}]: {wall}, must be 0 to 3 (south, east, north, west)")
+        if scene.form is not None and wall not in range(len(scene.form.walls)):
+            raise InputError(
+                f"{kind}_wall[{k}]: {wall}, must be a row of form.walls, 0 to {len(scene.form.walls) - 1}"
+            )
         if not np.isfinite(patch).all():
             raise InputError(f"{name}: {patch} is not finite")
         along, z, half_width, half_height = patch
         if half_width <= 0 or half_height <= 0:
             raise InputError(f"{name}: half sizes {half_width:g}, {half_height:g} mm must be above 0")
         length = scene.length_mm if wall % 2 == 0 else scene.width_mm
-        if along - half_width < -1e-9 or along + half_width > length + 1e-9:
+        if scene.form is None and (along - half_width < -1e-9 or along + half_width > length + 1e-9):
             raise InputError(
                 f"{name}: {along - half_width:g} to {along + half_width:g} mm along a wall of {length:g} mm; "
                 "move it inward or widen the cavity"

@@ -1,17 +1,17 @@
-"""Lower a design to the arrays of an optical scene."""
+"""Lower a design to the arrays of an optical scene: flat rectangles by themselves, other pads with their form."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from design.geometry.cavity import PlacedPart, cavity_of
+from design.geometry.plan import Plan
 from design.spec import SensorDesign
 from design.spec.properties import absorption_coefficient_per_mm, emitter_order, refractive_index, wall_index
 from sims.optics.scene.acceptance import response_nodes
 from sims.optics.scene.emission import COSINE_NODES, table_pattern
 from sims.optics.scene.optical_scene import FloatArray, IntArray, OpticalScene
-
-WALL_NUMBERS = {"south": 0, "east": 1, "north": 2, "west": 3}
+from sims.optics.scene.pad_form import PadForm
 
 
 def scene_of(design: SensorDesign) -> OpticalScene:
@@ -21,6 +21,7 @@ def scene_of(design: SensorDesign) -> OpticalScene:
     whatever its angle, unless its part says what lies on the chip.
     """
     cavity = cavity_of(design)
+    plan = cavity.plan
     surfaces = design.surfaces
     index = refractive_index(design).value
     behind = wall_index(design)
@@ -33,19 +34,32 @@ def scene_of(design: SensorDesign) -> OpticalScene:
         wall_reflectance=surfaces.wall_reflectance,
         bottom_reflectance=surfaces.bottom_reflectance,
         tip_reflectance=surfaces.tip_reflectance,
-        emitter_wall=_walls(cavity.emitters),
+        emitter_wall=_walls(cavity.emitters, plan),
         emitter_patch=_patches(cavity.emitters),
         emitter_order=np.array([emitter_order(part.part) for part in cavity.emitters]),
-        receiver_wall=_walls(cavity.receivers),
+        receiver_wall=_walls(cavity.receivers, plan),
         receiver_patch=_patches(cavity.receivers),
         emitter_pattern=_patterns(cavity.emitters),
         receiver_response=_responses(cavity.receivers, index),
         wall_index=None if behind is None else behind.value,
+        form=None if plan.is_flat_rectangle else _form_of(plan),
     )
 
 
-def _walls(parts: tuple[PlacedPart, ...]) -> IntArray:
-    return np.array([WALL_NUMBERS[part.wall] for part in parts], dtype=np.int64)
+def _form_of(plan: Plan) -> PadForm:
+    crown, radius = plan.crown, plan.radius_mm if plan.is_disc else 0.0
+    return PadForm(
+        walls=np.array([(*wall.origin, *wall.tangent, *wall.outward) for wall in plan.walls]),
+        round_wall=np.array([*plan.centre_mm, radius]),
+        crown_radius_mm=np.inf if crown is None else crown.radius_mm,
+        crown_axis="none" if crown is None or crown.axis is None else crown.axis,
+        apex_mm=plan.centre_mm,
+    )
+
+
+def _walls(parts: tuple[PlacedPart, ...], plan: Plan) -> IntArray:
+    names = [wall.name for wall in plan.walls]
+    return np.array([names.index(part.wall) for part in parts], dtype=np.int64)
 
 
 def _patches(parts: tuple[PlacedPart, ...]) -> FloatArray:

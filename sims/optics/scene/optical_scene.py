@@ -18,6 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sims.optics.scene.pad_form import PadForm
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
@@ -25,7 +27,7 @@ BoolArray = NDArray[np.bool_]
 
 @dataclass(frozen=True, kw_only=True)
 class OpticalScene:
-    """A rectangular block of clear elastomer with flat emitters and receivers on its walls.
+    """A block of clear elastomer with flat emitters and receivers on its walls.
 
     Attributes
     ----------
@@ -46,6 +48,10 @@ class OpticalScene:
         faces (emitters' faces count as wall) the unpolarised Fresnel share from `refractive_index` to it, 1 beyond
         the critical angle, is mirrored; of the rest `wall_reflectance` is scattered, the remainder absorbed.
         None: walls only scatter. The bottom never mirrors
+    form : walls and top of a pad that is no flat rectangle; None: the flat rectangle of the frame above. With a
+        form `height_mm` is the height at the apex; `length_mm` and `width_mm` are those of the box around the plan,
+        which begins at 0, 0; wall numbers are rows of `form.walls`, and a patch's along is measured there. The
+        part of a patch above the untouched top at its own place is not in the scene
     """
 
     length_mm: float
@@ -64,3 +70,4 @@ class OpticalScene:
     emitter_pattern: FloatArray | None = None
     receiver_response: FloatArray | None = None
     wall_index: float | None = None
+    form: PadForm | None = None

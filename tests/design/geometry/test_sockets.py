@@ -4,6 +4,7 @@ import pytest
 
 from design.geometry.cavity import cavity_of
 from design.geometry.mold_outline import outline_of
+from design.geometry.plan import rectangle_walls
 from design.geometry.sockets import Cut, WallFrame
 from design.preset import preset
 
@@ -16,16 +17,16 @@ def sockets(design):
 
 
 @pytest.mark.parametrize(
-    ("wall", "across", "wanted"),
+    ("wall", "wanted"),
     [
-        ("south", 32.0, (1.0, 3.0, -4.0, 0.0)),
-        ("north", 32.0, (1.0, 3.0, 32.0, 36.0)),
-        ("west", 32.0, (-4.0, 0.0, 1.0, 3.0)),
-        ("east", 32.0, (32.0, 36.0, 1.0, 3.0)),
+        ("south", (1.0, 3.0, -4.0, 0.0)),
+        ("north", (1.0, 3.0, 32.0, 36.0)),
+        ("west", (-4.0, 0.0, 1.0, 3.0)),
+        ("east", (32.0, 36.0, 1.0, 3.0)),
     ],
 )
-def test_a_cut_lies_behind_its_wall(wall, across, wanted):
-    frame = WallFrame(wall=wall, across_mm=across, length_mm=32.0, thickness_mm=6.5)
+def test_a_cut_lies_behind_its_wall(wall, wanted):
+    frame = WallFrame(line=rectangle_walls(32.0, 32.0)[wall], thickness_mm=6.5)
     box = frame.box(Cut(along0=1.0, along1=3.0, out0=0.0, out1=4.0, floor=2.0, top=9.0))
     assert (box.x0, box.x1, box.y0, box.y1) == wanted
     assert (box.z0, box.z1) == (2.0, 9.0)

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 
 from design.spec import SensorDesign
-from design.spec.layout import AlternatingRing, FacingRows, PerSide, Single
+from design.spec.layout import AlternatingRing, AtAngles, DiscRing, FacingRows, PerSide, Single
 from tests.design.bad_designs import design_text
 
 PATTERNS: dict[type[BaseModel], dict[str, Any]] = {
@@ -24,7 +24,14 @@ PATTERNS: dict[type[BaseModel], dict[str, Any]] = {
     PerSide: {"pattern": "per_side", "kind": "emitter", "south": 1},
     Single: {"pattern": "single", "kind": "emitter", "wall": "north", "along_mm": 16.0},
 }
-"""Each layout pattern, and the least that it needs."""
+"""Each layout pattern of a rectangle, and the least that it needs."""
+DISC_PATTERNS: dict[type[BaseModel], dict[str, Any]] = {
+    DiscRing: {"pattern": "disc_ring", "count": 4},
+    AtAngles: {"pattern": "at_angles", "kind": "emitter", "angles_deg": [10.0, 200.0]},
+}
+"""Those of a disc."""
+OF_A_DISC = ("cavity.diameter_mm", "mold.outer_diameter_mm")
+OF_A_RECTANGLE = ("cavity.length_mm", "cavity.width_mm", "mold.outer_length_mm", "mold.outer_width_mm")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,11 +89,24 @@ def with_layout(*patterns: dict[str, Any], **changes: Any) -> SensorDesign:
     return good(layout=list(patterns), **changes)
 
 
+def good_disc(**changes: Any) -> SensorDesign:
+    """A small disc without a fault; `__` stands for a dot."""
+    document = good_document()
+    del document["cavity"]["length_mm"], document["cavity"]["width_mm"]
+    del document["mold"]["outer_length_mm"], document["mold"]["outer_width_mm"]
+    document["cavity"] |= {"outline": "disc", "diameter_mm": 40.0}
+    document["mold"]["outer_diameter_mm"] = 56.0
+    document["layout"] = [dict(DISC_PATTERNS[DiscRing])]
+    design = SensorDesign.from_document(document, where="good disc")
+    return design.with_(**{path.replace("__", "."): value for path, value in changes.items()})
+
+
 def limited_fields() -> list[NumericField]:
     """Every number of the schema that has both limits; patterns stand at `layout.0`."""
     found = list(_fields_of(SensorDesign, ""))
-    for pattern in PATTERNS:
-        found += _fields_of(pattern, "layout.0.")
+    for pattern in (*PATTERNS, *DISC_PATTERNS):
+        known = {field.path for field in found}
+        found += [field for field in _fields_of(pattern, "layout.0.") if field.path not in known]
     return [field for field in found if _is_limited(field)]
 
 
@@ -106,20 +126,33 @@ def designs() -> st.SearchStrategy[SensorDesign]:
     values = {
         field.path: _values(field)
         for field in _fields_of(SensorDesign, "")
-        if _is_limited(field) and not field.path.startswith("indenter.")
+        if _is_limited(field) and not field.path.startswith(("indenter.", "crown."))
     }
+    radius = st.floats(3.0, 100_000.0)
+    crown = st.one_of(
+        st.fixed_dictionaries({"shape": st.just("sphere"), "radius_mm": radius}),
+        st.fixed_dictionaries(
+            {"shape": st.just("cylinder"), "radius_mm": radius, "axis": st.sampled_from(["x", "y"])}
+        ),
+    )
     ids = st.from_regex(r"[a-z0-9][a-z0-9-]{0,20}", fullmatch=True)
     others = {
         "name": st.from_regex(r"[A-Za-z0-9][A-Za-z0-9._-]{0,20}", fullmatch=True),
         "description": st.text(st.characters(exclude_categories=["Cs"]), max_size=30),
-        "measured": st.lists(st.sampled_from(["emitters.height_mm", "cavity.length_mm"]), unique=True),
-        "layout": st.lists(st.one_of(_patterns()), min_size=1, max_size=3),
+        "crown": crown,
+        "measured": st.lists(st.sampled_from(["emitters.height_mm", "board.baud"]), unique=True),
         "part_measurements": st.dictionaries(
             ids, st.dictionaries(st.just("active_width_mm"), st.floats(-1e6, 1e6), min_size=1), max_size=2
         ),
     }
-    given = st.fixed_dictionaries({}, optional={**values, **others})
-    return st.tuples(given, tips()).map(lambda parts: good(**parts[0], **parts[1]))
+
+    def of(patterns: Any, others_size: tuple[str, ...], made: Any) -> st.SearchStrategy[SensorDesign]:
+        layout = st.lists(st.one_of(_patterns(patterns)), min_size=1, max_size=3)
+        own = {path: value for path, value in values.items() if path not in others_size}
+        given = st.fixed_dictionaries({}, optional={**own, **others, "layout": layout})
+        return st.tuples(given, tips()).map(lambda parts: made(**parts[0], **parts[1]))
+
+    return st.one_of(of(PATTERNS, OF_A_DISC, good), of(DISC_PATTERNS, OF_A_RECTANGLE, good_disc))
 
 
 def tips() -> st.SearchStrategy[dict[str, Any]]:
@@ -146,7 +179,7 @@ def profile_through(steps: list[float]) -> list[list[float]]:
     return [[3.0 * share, 2.0 * share**2] for share in along]
 
 
-def _patterns() -> list[st.SearchStrategy[dict[str, Any]]]:
+def _patterns(patterns: dict[type[BaseModel], dict[str, Any]]) -> list[st.SearchStrategy[dict[str, Any]]]:
     return [
         st.fixed_dictionaries(
             {key: st.just(value) for key, value in least.items()},
@@ -156,7 +189,7 @@ def _patterns() -> list[st.SearchStrategy[dict[str, Any]]]:
                 if _is_limited(field) and field.path not in least
             },
         )
-        for model, least in PATTERNS.items()
+        for model, least in patterns.items()
     ]
 
 

@@ -17,9 +17,11 @@ from design.io import dump_design
 from design.spec import SensorDesign, Viscoelastic
 from tests.design.bad_designs import design_text
 from tests.design.spec.spec_fields import (
+    OF_A_DISC,
     NumericField,
     designs,
     good,
+    good_disc,
     good_document,
     limited_fields,
     pattern_of,
@@ -40,6 +42,12 @@ def from_text(text: str) -> SensorDesign:
 
 
 def changed(path: str, value: Any) -> SensorDesign:
+    if path in OF_A_DISC:
+        return good_disc(**{path: value})
+    if path == "layout.0.first_angle_deg":
+        return good_disc(**{path: value})
+    if path == "crown.radius_mm":
+        return good(crown={"shape": "sphere", "radius_mm": value})
     if path.startswith("layout.0."):
         return good(layout=[pattern_of(path) | {path.split(".")[2]: value}])
     if path in OF_OTHER_TIPS:
@@ -55,7 +63,7 @@ def test_the_walk_over_the_schema_finds_its_numbers() -> None:
         "layout.0.count",
         "layout.0.pitch_mm",
     } <= paths
-    assert len(LIMITED) == 66
+    assert len(LIMITED) == 67
 
 
 def test_every_number_has_limits_but_those_that_the_board_limits() -> None:

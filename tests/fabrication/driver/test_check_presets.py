@@ -10,7 +10,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from design.preset import PRESETS, preset
+from design.preset import FLAT_PRESETS, preset
 from fabrication.driver.check import Verdict, check_frames
 from fabrication.driver.descriptor import Descriptor, descriptor_of
 from fabrication.driver.simulated.faults import faults_of
@@ -22,7 +22,7 @@ from tests.fabrication.driver.made_up_pad import frame
 PART_SPREAD, PAIR_SPREAD = 0.3, 0.12
 """Of the builds, standard deviation of the logarithm: bins and seats of parts, places, the model's error."""
 RIGHT_BUILDS = 40
-pytestmark = [pytest.mark.slow, pytest.mark.parametrize("name", PRESETS)]
+pytestmark = [pytest.mark.slow, pytest.mark.parametrize("name", FLAT_PRESETS)]
 
 
 @dataclass(frozen=True)

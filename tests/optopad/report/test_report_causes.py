@@ -71,7 +71,7 @@ def test_the_section_is_that_of_the_pair_under_the_press():
     """The tip's lowest point is at the interval's depth where the plane meets the axis; the parts at their heights."""
     cavity = cavity_of(PAD)
     e1, r5 = cavity.emitters[0], cavity.receivers[4]
-    starts = [np.array(one.position_mm(cavity.length_mm, cavity.width_mm)[:2]) for one in (e1, r5)]
+    starts = [np.array(one.position_mm[:2]) for one in (e1, r5)]
     length = float(np.hypot(*(starts[1] - starts[0])))
     chord = (starts[1] - starts[0]) / length
     beside = 0.5 * (starts[0] + starts[1]) + np.array([-chord[1], chord[0]]) * ASIDE_MM

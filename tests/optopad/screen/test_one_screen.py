@@ -125,13 +125,13 @@ def test_findings_fit_on_one_screen_errors_first():
     found = [warning("mold.rim_mm", "a warning", **long)] * 9 + [
         error("emitters.height_mm", "too high", **long)
     ]
-    lines = findings_screen("pad", found, command="pad.toml")
+    lines = findings_screen("pad", found, command="score pad.toml")
     assert len(lines) <= LINES
     assert max(map(len, lines)) <= WIDTH
     assert lines[0] == "design    pad: 1 error, 9 warnings"
     assert lines[1].startswith("error     emitters.height_mm: too high (9 mm; needs at most 8 mm)")
     assert re.fullmatch(r" {10}and \d more; all of them with --details", lines[-1])
-    assert findings_screen("pad", [], command="pad.toml") == [
+    assert findings_screen("pad", [], command="score pad.toml") == [
         "design    pad: 0 errors, 0 warnings",
         "next      optopad score pad.toml",
     ]

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from design.geometry.cavity import cavity_of
-from design.preset import PRESETS, preset
+from design.preset import FLAT_PRESETS, preset
 from design.spec import SensorDesign
 from fabrication.driver.link.frames import Frame
 from optopad.studio.live import FAKE, LiveSensor
@@ -126,7 +126,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--design", default=PRESETS[0], choices=PRESETS)
+    parser.add_argument("--design", default=FLAT_PRESETS[0], choices=FLAT_PRESETS)
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--work", choices=WORK, default="python")
     given = parser.parse_args()

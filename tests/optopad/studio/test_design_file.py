@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from design.errors import DesignError, InputError, OptopadError, OutputError
 from design.geometry.cavity import cavity_of
 from design.io import load_design, save_design
-from design.preset import PRESETS, preset, preset_text
+from design.preset import FLAT_PRESETS, preset, preset_text
 from design.spec import SensorDesign
 from optopad.studio.design_file import DesignFile
 from optopad.studio.design_text import comments_of, edited_text
@@ -68,7 +68,7 @@ def changed_lines(before: str, after: str) -> tuple[list[str], list[str]]:
     return sorted((was - now).elements()), sorted((now - was).elements())
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", FLAT_PRESETS)
 @pytest.mark.parametrize("changes", FIELDS.values(), ids=FIELDS.keys())
 def test_a_saved_edit_is_the_design_and_every_other_line_is_as_it_was(
     name: str, changes: dict[str, Any], tmp_path: Path
@@ -87,7 +87,7 @@ def test_a_saved_edit_is_the_design_and_every_other_line_is_as_it_was(
     assert os.listdir(tmp_path) == ["pad.toml"]
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", FLAT_PRESETS)
 @pytest.mark.parametrize("number", [0, -1])
 def test_a_part_dragged_out_of_its_pattern_keeps_every_comment_and_every_other_line(
     name: str, number: int, tmp_path: Path
@@ -152,7 +152,7 @@ def test_other_patterns_of_a_layout_keep_their_text_when_one_is_taken_apart(tmp_
     assert "east = 4  # on the east\nshift_mm = 0.5\n\n[indenter]" in path.read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", FLAT_PRESETS)
 def test_an_optional_field_set_and_unset_leaves_the_file_as_it_was(name: str, tmp_path: Path) -> None:
     path = copy_of(name, tmp_path)
     file = DesignFile(str(path))
@@ -167,7 +167,7 @@ def test_an_optional_field_set_and_unset_leaves_the_file_as_it_was(name: str, tm
         assert path.read_text(encoding="utf-8") == preset_text(name)
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", FLAT_PRESETS)
 def test_a_pitch_set_and_unset_keeps_the_comment_of_its_line(name: str, tmp_path: Path) -> None:
     path = copy_of(name, tmp_path)
     file = DesignFile(str(path))
@@ -181,7 +181,7 @@ def test_a_pitch_set_and_unset_keeps_the_comment_of_its_line(name: str, tmp_path
     assert ("# pitch_mm = 6.35             # room for" in text) == (name == PAIR)
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", FLAT_PRESETS)
 def test_saving_twice_is_saving_once(name: str, tmp_path: Path) -> None:
     path = copy_of(name, tmp_path)
     file = DesignFile(str(path))
@@ -473,7 +473,7 @@ def test_comments_are_found_where_toml_has_them() -> None:
 
 
 def test_text_of_the_same_design_is_the_same_text() -> None:
-    for name in PRESETS:
+    for name in FLAT_PRESETS:
         assert edited_text(preset_text(name), preset(name), preset(name)) == preset_text(name)
 
 
@@ -508,7 +508,7 @@ def edited(draw: st.DrawFn, design: SensorDesign) -> SensorDesign:
 @given(st.data())
 @settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 def test_edits_saved_on_the_way_load_as_the_design_on_the_table(data: st.DataObject) -> None:
-    name = data.draw(st.sampled_from(PRESETS))
+    name = data.draw(st.sampled_from(FLAT_PRESETS))
     with tempfile.TemporaryDirectory() as folder:
         path = copy_of(name, Path(folder))
         file = DesignFile(str(path))
@@ -523,3 +523,16 @@ def test_edits_saved_on_the_way_load_as_the_design_on_the_table(data: st.DataObj
         assert [one for one in comments_of(preset_text(name)) if one not in after] == []
         shutil.copy(path, path.with_name("copy.toml"))
         assert DesignFile(str(path.with_name("copy.toml"))).saved.digest == design.digest
+
+
+def test_a_crowned_pad_is_refused_when_it_is_opened_and_when_its_file_becomes_one(tmp_path: Path) -> None:
+    with pytest.raises(DesignError, match="crown: contact and light are computed for flat rectangles alone"):
+        DesignFile("fingertip-dome")
+    path = tmp_path / "pad.toml"
+    path.write_text(preset_text("piacenza2017-pair"), encoding="utf-8")
+    opened = DesignFile(str(path))
+    crown = '\n[crown]\nshape = "sphere"\nradius_mm = 60.0\n'
+    path.write_text(preset_text("piacenza2017-pair") + crown, encoding="utf-8")
+    with pytest.raises(DesignError, match="crown: contact and light"):
+        opened.changed_outside()
+    assert opened.saved.crown is None

@@ -14,7 +14,7 @@ import pytest
 from design.errors import ModelScopeError
 from design.fields.finding import error
 from design.geometry.cavity import CavityGeometry, cavity_of, workspace_of
-from design.preset import PRESETS, preset
+from design.preset import FLAT_PRESETS, preset
 from design.rules.check import check
 from design.spec import SensorDesign
 from fabrication.driver.pattern import Problem
@@ -408,7 +408,7 @@ def projected_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return ((b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])) / 2
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", FLAT_PRESETS)
 @pytest.mark.parametrize("corner", [(0.0, 0.0), (1.0, 1.0), (0.5, 0.5), (0.21, 0.83)])
 @pytest.mark.parametrize("depth_mm", [0.0, 1.7])
 def test_the_top_covers_the_pad_and_ends_at_its_walls(

@@ -11,7 +11,7 @@ from design.errors import DesignError, InputError
 from design.fields.paths import get_at
 from design.geometry.cavity import PlacedPart, cavity_of
 from design.io import file_schema
-from design.preset import PRESETS, preset
+from design.preset import FLAT_PRESETS, preset
 from design.spec import SensorDesign
 from optopad.studio.knobs import BY_HAND, PATTERNS, Knob, changes_of, knobs_of, limits_of, pattern_of
 from optopad.studio.moves import STEP_MM, moved, part_named, placed_singles
@@ -30,7 +30,7 @@ def by_side() -> SensorDesign:
     return preset(PAD).with_(layout=SIDES)
 
 
-DESIGNS = {name: preset(name) for name in PRESETS} | {"by side": by_side()}
+DESIGNS = {name: preset(name) for name in FLAT_PRESETS} | {"by side": by_side()}
 KNOBS = [(where, knob) for where, design in DESIGNS.items() for knob in knobs_of(design)]
 
 
@@ -175,7 +175,7 @@ def test_a_gain_in_ohms_has_no_target_and_no_rule() -> None:
 
 
 @pytest.mark.parametrize("side", ["length", "width"])
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", FLAT_PRESETS)
 def test_the_mold_s_outside_follows_the_pad_s_inside(name: str, side: str) -> None:
     design = preset(name)
     inner = getattr(design.cavity, f"{side}_mm")

@@ -37,8 +37,8 @@ def studio(tmp_path: Path, name: str = "piacenza2017-pair"):
 def drag_part(browser, page: Page, name: str, along_mm: float) -> None:
     """Drag a part by its face along its wall, by the mouse."""
     client = next(iter(page.server.get_clients().values()))
-    cavity, part = cavity_of(page.session.design), part_named(page.session.design, name)
-    start = part.position_mm(cavity.length_mm, cavity.width_mm)
+    part = part_named(page.session.design, name)
+    start = part.position_mm
     end = (
         (start[0] + along_mm, start[1], start[2])
         if part.wall in ("south", "north")

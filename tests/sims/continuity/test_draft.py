@@ -10,7 +10,7 @@ import pytest
 from design.errors import DesignError, ModelScopeError, OptopadError
 from design.geometry.cavity import cavity_of
 from design.geometry.pairs import beside_chord, judged_pairs, pair_name
-from design.preset import PRESETS, preset
+from design.preset import FLAT_PRESETS, preset
 from design.spec import SensorDesign
 from sims.bounds.observability import pad_bounds
 from sims.contact.indentation import round_press, solved_press
@@ -187,7 +187,7 @@ def test_curves_tell_their_progress_up_to_the_end() -> None:
     assert shares[-1] == 1.0
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", FLAT_PRESETS)
 def test_pairs_under_the_tip_are_the_nearest_and_no_more_than_eight(name: str) -> None:
     cavity = cavity_of(preset(name))
     space = cavity.workspace
@@ -238,7 +238,7 @@ def test_what_the_models_do_not_cover_is_out_of_their_scope(
         curves_under(design, MIDDLE[name])
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", FLAT_PRESETS)
 def test_the_round_press_is_the_whole_one_without_its_own_walls(name: str) -> None:
     design: SensorDesign = preset(name)
     whole, bare = solved_press(design), round_press(design)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from design.preset import PRESETS, preset
+from design.preset import FLAT_PRESETS, preset
 from sims.optics.engine.trace_states import CLASS_NAMES, Accuracy, trace_scene
 from sims.optics.scene.lower import scene_of
 from tests.sims.optics.form_factors import parallel_factor, perpendicular_factor
@@ -49,7 +49,7 @@ def from_edge(span, wall, other, sizes):
     return tuple(sorted((length - a for a in span) if at_far_end else span))
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", FLAT_PRESETS)
 def test_untouched_direct_flux_of_every_pair_equals_the_closed_form(name):
     scene = scene_of(lambertian(preset(name)))
     assert np.allclose(scene.emitter_order, 1.0)

@@ -145,7 +145,7 @@ def test_the_map_draws_workspace_and_parts():
     ax = plot_deadband_map(made_up_map(CAVITY, dead_mm=1.9), CAVITY)
     assert areas(ax, "workspace") == [(6.0, 26.0)]
     places = sorted((float(one.get_xdata()[0]), float(one.get_ydata()[0])) for one in ax.lines)
-    assert places == sorted(part.position_mm(32.0, 32.0)[:2] for part in CAVITY.parts)
+    assert places == sorted(part.position_mm[:2] for part in CAVITY.parts)
     assert {part.name for part in CAVITY.parts} <= {text.get_text() for text in ax.texts}
 
 

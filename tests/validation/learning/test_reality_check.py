@@ -35,8 +35,7 @@ def made_up_curves() -> ProtocolCurves:
     sets = protocol.places_mm(design)
     places = np.concatenate(sets)
     ends = [
-        np.array([part.position_mm(cavity.length_mm, cavity.width_mm)[:2] for part in parts])
-        for parts in (cavity.emitters, cavity.receivers)
+        np.array([part.position_mm[:2] for part in parts]) for parts in (cavity.emitters, cavity.receivers)
     ]
     start, along = ends[0][:, None], ends[1][None] - ends[0][:, None]
     share = np.clip(

@@ -1,9 +1,13 @@
 """Designs become scenes: options that are absent leave the scene as it was, options that are given fill it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from design.preset import preset
+from design.errors import InputError
+from design.geometry.cavity import cavity_of
+from design.preset import SHAPED_PRESETS, preset
 from sims.optics.scene.acceptance import response_nodes
 from sims.optics.scene.checks import check_scene
 from sims.optics.scene.emission import COSINE_NODES, pattern_power
@@ -60,3 +64,33 @@ def test_a_spectrum_sets_the_index():
     red = {"wavelength_nm": [620.0, 640.0], "weight": [1.0, 1.0], **SHEET}
     indices = [scene_of(with_own_part("emitter", spectrum=colour)).refractive_index for colour in (blue, red)]
     assert indices[0] - indices[1] == pytest.approx(1.4159 - 1.4055, abs=5e-4)  # 20:1 at 0.45 and 0.63 um
+
+
+@pytest.mark.parametrize("name", SHAPED_PRESETS)
+def test_a_shaped_pad_has_the_walls_top_and_windows_of_its_cavity(name: str) -> None:
+    design = preset(name)
+    scene, cavity = scene_of(design), cavity_of(design)
+    form = scene.form
+    assert form is not None
+    walls = np.concatenate([scene.emitter_wall, scene.receiver_wall])
+    patches = np.vstack([scene.emitter_patch, scene.receiver_patch])
+    for part, wall, patch in zip(cavity.parts, form.walls[walls], patches, strict=True):
+        place = wall[:2] + patch[0] * wall[2:4]
+        assert (*place, patch[1]) == pytest.approx(part.position_mm)
+        assert tuple(wall[4:]) == part.line.outward
+    x, y = np.random.default_rng(3).uniform(0.2, 0.8, (2, 50)) * [[scene.length_mm], [scene.width_mm]]
+    wanted = [cavity.plan.top_mm(*place) for place in zip(x, y, strict=True)]
+    assert form.top_mm(x, y, scene.height_mm) == pytest.approx(wanted)
+    normals = [cavity.plan.normal(*place) for place in zip(x, y, strict=True)]
+    assert form.normal(x, y) == pytest.approx(np.array(normals))
+
+
+def test_a_window_of_no_wall_of_its_form_is_refused() -> None:
+    scene = scene_of(preset("fingertip-dome"))
+    check_scene(scene)
+    with pytest.raises(InputError, match=r"emitter_wall\[0\]: 40, must be a row of form.walls, 0 to 11"):
+        check_scene(replace(scene, emitter_wall=np.full(6, 40)))
+
+
+def test_a_flat_rectangle_has_no_form() -> None:
+    assert scene_of(preset("oblong-60x40")).form is None

@@ -1,0 +1,60 @@
+"""How a crowned pad is filled: through holes in the floor, with the mold upside down on its lid.
+
+The lid shapes the crown (`cad.lid`). Turned over, the floor is the highest place, so air leaves there and no sprue
+touches the surface that light uses: the clear layer goes in by weight up to the level of the black layer, then the
+black layer, until it rises in the vents. What is left in the holes is black, below the black layer.
+
+        sprue                      vents          turned over: floor up
+       ___| |_______________________| |___
+      |   black                           |
+      |___________________________________|
+      |   clear                           |
+      |__                               __|
+     ____ `--.____               ____.--' ____
+    |    pin      ``---.....---``        pin  |   lid, on the bench
+    |_________________________________________|
+"""
+
+from __future__ import annotations
+
+import math
+
+from design.geometry.plan import Plan
+from design.geometry.sockets import Hole
+
+SPRUE_RADIUS_MM, VENT_RADIUS_MM = 2.0, 1.0
+"""A syringe's tip goes into the sprue; silicone rises in the vents when the mold is full."""
+INSET_MM = 3.0
+"""Middle of sprue and vents to the walls."""
+
+
+def filling_holes(plan: Plan, bottom_mm: float, floor_mm: float) -> tuple[Hole, ...]:
+    """The sprue, then three vents, in the corners of the floor; none for a flat top, which is poured from above.
+
+    Parameters
+    ----------
+    bottom_mm, floor_mm : underside of the mold and floor of the cavity, in the cavity frame
+    """
+    if plan.crown is None:
+        return ()
+    (x, y), (across, deep) = plan.centre_mm, filling_offsets_mm(plan)
+    return tuple(
+        Hole(
+            x=x + sx * across,
+            y=y + sy * deep,
+            radius=SPRUE_RADIUS_MM if k == 0 else VENT_RADIUS_MM,
+            z0=bottom_mm,
+            z1=floor_mm,
+        )
+        for k, (sx, sy) in enumerate(((-1, -1), (1, -1), (1, 1), (-1, 1)))
+    )
+
+
+def filling_offsets_mm(plan: Plan) -> tuple[float, float]:
+    """How far the holes lie from the middle of the pad along x and y [mm]."""
+    if plan.is_disc:
+        nearest = min((plan.stands_mm(wall) for wall in plan.walls), default=plan.radius_mm)
+        away = (nearest - INSET_MM) / math.sqrt(2)
+        return away, away
+    x, y = plan.centre_mm
+    return x - INSET_MM, y - INSET_MM

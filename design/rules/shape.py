@@ -1,0 +1,178 @@
+"""Outlines and crowns: does the crown span the pad, is the layer thick enough at its rim, can it be cast?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from design.fields.finding import Finding, error, mm, warning
+from design.fields.units import ROUNDING_MM
+from design.geometry.cavity import cavity_of, part_half_width_mm, workspace_of
+from design.geometry.filling import INSET_MM, SPRUE_RADIUS_MM, VENT_RADIUS_MM, filling_offsets_mm
+from design.geometry.mold_outline import outline_of
+from design.geometry.plan import Plan, plan_of
+from design.rules.contact_scope import LARGEST_CROWN
+from design.spec import SensorDesign
+from design.spec.layout import expand
+
+STEEPEST_RIM_DEG = 60.0
+"""Slope of a crown at its rim, at most: beyond, a lid no longer comes off and a press no longer reaches."""
+LEAST_RIM_MM = 1.0
+"""Clear layer at the rim: as the least of a flat layer."""
+WIDEST_FACET = 0.5
+"""Half width of a facet over the radius of its disc, at most: a facet is part of a wall, not the wall."""
+
+
+def is_spanned(design: SensorDesign) -> bool:
+    """Whether outline, facets and crown make a pad at all, so that places on it can be computed."""
+    return not any(finding.severity == "error" for finding in span_findings(design))
+
+
+def span_findings(design: SensorDesign) -> Iterator[Finding]:
+    """A crown smaller than its pad, a rim that is too thin, facets too wide for their disc."""
+    plan = plan_of(design)
+    if plan.crown is not None:
+        yield from _crown_findings(plan)
+    if plan.is_disc:
+        yield from _facet_findings(design, plan)
+
+
+def shape_findings(design: SensorDesign) -> Iterator[Finding]:
+    """What keeps a disc or a crown from being cast, or from being pressed as asked."""
+    plan = cavity_of(design).plan
+    if plan.is_flat_rectangle:
+        return
+    yield from _option_findings(design)
+    if plan.crown is not None:
+        yield from _lid_findings(design)
+        yield from _filling_findings(plan)
+        yield from _press_findings(design, plan)
+
+
+def _reach_mm(plan: Plan) -> float:
+    """How far the pad reaches from the crown's highest point or line [mm]."""
+    assert plan.crown is not None
+    return {"x": plan.width_mm / 2, "y": plan.length_mm / 2, None: plan.radius_mm}[plan.crown.axis]
+
+
+def _crown_findings(plan: Plan) -> Iterator[Finding]:
+    assert plan.crown is not None
+    reach, radius = _reach_mm(plan), plan.crown.radius_mm
+    least = reach / math.sin(math.radians(STEEPEST_RIM_DEG))
+    if radius < least - ROUNDING_MM:
+        yield error(
+            "crown.radius_mm",
+            "the crown does not span the pad" if radius <= reach else "the crown is too steep at the rim",
+            value=f"{radius:g} mm over a reach of {mm(reach)}",
+            limit=f"at least {mm(least)}: a slope of {STEEPEST_RIM_DEG:g} degrees",
+            way_out="raise it, or make the pad smaller",
+        )
+        return
+    lowest = plan.clear_mm - reach**2 / (radius + math.sqrt(radius**2 - reach**2))
+    if lowest < LEAST_RIM_MM - ROUNDING_MM:
+        yield error(
+            "cavity.clear_thickness_mm",
+            "the clear layer is too thin at the rim of the crown",
+            value=mm(lowest),
+            limit=f"at least {mm(LEAST_RIM_MM)}",
+            way_out="raise it, raise crown.radius_mm, or make the pad smaller",
+        )
+
+
+def _facet_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
+    most = WIDEST_FACET * plan.radius_mm
+    told: set[str] = set()
+    for place in expand(design.layout, plan.length_mm, plan.width_mm):
+        half, part_id = part_half_width_mm(design, place)
+        if half > most + ROUNDING_MM and part_id not in told:
+            told.add(part_id)
+            yield error(
+                place.origin,
+                f"the facet of {part_id} is too wide for this disc",
+                value=mm(2 * half),
+                limit=f"at most half the diameter, {mm(2 * most)}",
+                way_out="use a part with less body_width_mm, or raise cavity.diameter_mm",
+            )
+
+
+def _option_findings(design: SensorDesign) -> Iterator[Finding]:
+    field = "cavity.outline" if design.crown is None else "crown"
+    if design.mold.cover_ledge_mm:
+        yield error(
+            "mold.cover_ledge_mm",
+            "a glass cover lies on flat rectangles alone",
+            value=f"{design.mold.cover_ledge_mm:g} mm",
+            limit=f"0 with this {field}",
+            way_out="set it to 0",
+        )
+    if design.mold.pieces != "one":
+        yield error(
+            "mold.pieces",
+            "only the mold of a flat rectangle can be parted",
+            value=f"'{design.mold.pieces}'",
+            limit=f"'one' with this {field}",
+            way_out="set it to 'one'",
+        )
+
+
+def _lid_findings(design: SensorDesign) -> Iterator[Finding]:
+    if design.mold.fixing_hole_diameter_mm == 0:
+        yield error(
+            "mold.fixing_hole_diameter_mm",
+            "nothing holds the lid in place that shapes the crown",
+            value="no fixing holes",
+            limit="above 0: the lid's pins stand in them",
+            way_out="give fixing holes, best of 2 to 4 mm",
+        )
+    outline = outline_of(design)
+    high = [s.part for s in outline.sockets if s.part.body_top_mm > outline.top_mm + ROUNDING_MM]
+    if high:
+        worst = max(high, key=lambda part: part.body_top_mm)
+        names = " ".join(part.name for part in high)
+        yield error(
+            worst.height_field,
+            f"the lid that shapes the crown would lie on the bodies of {names}",
+            value=f"{mm(worst.body_top_mm - outline.top_mm)} above the rim",
+            limit=f"at most {mm(outline.top_mm)}, the rim of the mold",
+            way_out="lower it, raise mold.rim_mm, or use a part with less body_height_mm",
+        )
+
+
+def _filling_findings(plan: Plan) -> Iterator[Finding]:
+    across = min(filling_offsets_mm(plan))
+    least = (SPRUE_RADIUS_MM + VENT_RADIUS_MM) / 2 + 0.5
+    if across < least:
+        size = "cavity.diameter_mm" if plan.is_disc else "cavity.width_mm"
+        yield error(
+            size,
+            "the floor has no room for sprue and vents, through which a crowned pad is filled",
+            value=f"{mm(across)} from the middle to them",
+            limit=f"at least {mm(least)}, with their middles {mm(INSET_MM)} from the walls",
+            way_out="raise it, or leave the crown out",
+        )
+
+
+def _press_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
+    space, depth = workspace_of(design), design.operating.max_depth_mm
+    tip, crown = design.indenter.tip_radius_mm, design.crown
+    assert crown is not None
+    if tip / crown.radius_mm > LARGEST_CROWN + ROUNDING_MM:
+        yield warning(
+            "indenter.tip_radius_mm",
+            "the crown is more curved than the contact model covers, so the verdict will be OUT_OF_MODEL_SCOPE",
+            value=f"{tip:g} mm on a crown of {crown.radius_mm:g} mm",
+            limit=f"at most {LARGEST_CROWN:g} of the crown's radius",
+            way_out="use a smaller tip, or raise crown.radius_mm",
+        )
+    if space.is_empty:
+        return
+    corner = space.clamped(0.0, 0.0)
+    there = plan.top_mm(*corner)
+    if there + ROUNDING_MM < depth <= plan.clear_mm + ROUNDING_MM:  # deeper than all of it is told already
+        yield error(
+            "operating.max_depth_mm",
+            "the deepest press is deeper than the clear layer at the border of the workspace",
+            value=f"{depth:g} mm",
+            limit=f"at most {mm(there)} at x {corner[0]:.3g}, y {corner[1]:.3g} mm",
+            way_out="lower it, raise operating.workspace_margin_mm, or thicken the layer",
+        )

@@ -1,0 +1,76 @@
+"""The pad of silicone: outline, size, layers, and the crown of its top. What they look like: `design.geometry.plan`."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+
+from design.fields.base import Model, without_defaults
+
+
+class Cavity(Model):
+    """The pad of silicone: its outline, inner size of the mold, and the thickness of its two layers.
+
+    A disc has `diameter_mm` in place of length and width, which then read as the diameter.
+    """
+
+    outline: Annotated[
+        Literal["rectangle", "disc"], Field(description="seen from above; a disc has diameter_mm")
+    ] = "rectangle"
+    length_mm: Annotated[float, Field(ge=5.0, le=200.0, description="inner length along x, of a rectangle")]
+    width_mm: Annotated[float, Field(ge=5.0, le=200.0, description="inner width along y, of a rectangle")]
+    diameter_mm: Annotated[float | None, Field(ge=5.0, le=200.0, description="inner diameter of a disc")] = (
+        None
+    )
+    clear_thickness_mm: Annotated[
+        float, Field(ge=1.0, le=50.0, description="clear layer that light uses, at its highest point")
+    ]
+    black_thickness_mm: Annotated[float, Field(ge=0.0, le=20.0, description="absorbing layer below")] = 1.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _size_of_its_outline(cls, given: Any) -> Any:
+        """A disc's diameter stands for its length and width."""
+        if not isinstance(given, dict):
+            return given
+        if given.get("outline", "rectangle") != "disc":
+            if given.get("diameter_mm") is not None and given.get("outline", "rectangle") == "rectangle":
+                raise ValueError(
+                    "diameter_mm is of a disc; remove it, or set outline = 'disc' and remove length_mm and width_mm"
+                )
+            return given
+        extra = [name for name in ("length_mm", "width_mm") if name in given]
+        if extra:
+            raise ValueError(f"a disc has diameter_mm, no {' and no '.join(extra)}: remove what it has not")
+        if given.get("diameter_mm") is None:
+            raise ValueError("diameter_mm is missing: outline = 'disc' needs it; add it")
+        return {**given, "length_mm": given["diameter_mm"], "width_mm": given["diameter_mm"]}
+
+    @model_serializer(mode="wrap")
+    def _size_as_given(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """What the outline has: rectangles keep the digest that they had before there were discs."""
+        document = without_defaults(plain(self), {"outline": "rectangle", "diameter_mm": None})
+        if self.outline == "disc":
+            del document["length_mm"], document["width_mm"]
+        return document
+
+
+class Crown(Model):
+    """A convex top, highest over the middle of the pad."""
+
+    shape: Annotated[
+        Literal["sphere", "cylinder"], Field(description="curved in every direction, or in one alone")
+    ]
+    radius_mm: Annotated[float, Field(ge=3.0, le=100_000.0, description="radius of curvature")]
+    axis: Annotated[
+        Literal["x", "y"] | None, Field(description="cylinder: the direction that stays straight")
+    ] = None
+
+    @model_validator(mode="after")
+    def _axis_of_a_cylinder(self) -> Self:
+        if self.shape == "cylinder" and self.axis is None:
+            raise ValueError("axis is missing: a cylinder stays straight along 'x' or 'y'; add it")
+        if self.shape == "sphere" and self.axis is not None:
+            raise ValueError(f"axis = '{self.axis}' is of a cylinder; remove it, or set shape = 'cylinder'")
+        return self

@@ -1,0 +1,92 @@
+# mypy: no-warn-return-any
+"""What windows of a disc or crowned pad give to, and take from, patches of wall, bottom and tip.
+
+Model
+-----
+A press changes scattered light as it changes what is scattered once:
+
+    S = S_0 · J / J_0,      J = Σ_p ρ_p G_p T_p / A_p
+
+with S_0 the untouched pad's light of all orders (`formed_scattered`), G_p what the emitter gives to patch p, straight
+or by the top's mirror, and T_p what the receiver would give to it, for light goes either way alike. Bottom patches are
+squares of the plan, wall patches bins of direction from the middle and of height.
+
+Left out: how the press stands in the way of light that is scattered more than once.
+"""
+
+from __future__ import annotations
+
+import math
+
+from sims.optics.engine.formed.formed_rays import (
+    BOTTOM,
+    HALF_U,
+    HALF_V,
+    NX,
+    NY,
+    TOP,
+    lobe,
+    meeting,
+    window_point,
+)
+from sims.optics.engine.formed.formed_scattered import FAINT, about, number, window_at
+from sims.optics.engine.formed.formed_top import FormedTop, into, is_contact, normal_at, out_of
+from sims.optics.scene.optical_scene import FloatArray
+from sims.optics.surface.radial import fresnel, kernel
+
+MOST_MIRRORS = 24
+# numbers of a patch layout
+MIDDLE_X, MIDDLE_Y, PER_MM, COLUMNS, ROWS, TURNS, LEVELS, PER_LEVEL = range(8)
+
+
+@kernel
+def deposits(
+    window: FloatArray, receivers: FloatArray, rays: int, steps: FloatArray, shift: FloatArray, absorbs: float,
+    index: float, walls: FloatArray, round_wall: FloatArray, top: FormedTop, layout: FloatArray, out: FloatArray,
+) -> None:  # fmt: skip
+    """Add to out (patch,) what the rays of a window bring to each patch; the last one is the tip."""
+    unit = 4.0 * window[HALF_U] * window[HALF_V] / window[10] / rays
+    for n in range(rays):
+        x, y, z = window_point(
+            window, 2.0 * number(n, 0, steps, shift) - 1.0, 2.0 * number(n, 1, steps, shift) - 1.0
+        )
+        cosine = math.sqrt(number(n, 2, steps, shift))
+        dx, dy, dz = about(-window[NX], -window[NY], 0.0, cosine, number(n, 3, steps, shift))
+        weight = math.pi * lobe(window, cosine) * unit
+        for _ in range(MOST_MIRRORS):
+            t, what = meeting(x, y, z, dx, dy, dz, walls, round_wall, top)
+            weight *= math.exp(-absorbs * t)
+            x, y, z = x + t * dx, y + t * dy, z + t * dz
+            if what != TOP:
+                if window_at(what, x, y, z, receivers) < 0:
+                    out[patch_of(what, x, y, z, layout)] += weight
+                break
+            qx, qy, _ = into(top, x, y, z)
+            if is_contact(top, qx, qy):
+                out[out.shape[0] - 1] += weight
+                break
+            nx, ny, nz = normal_at(top, qx, qy)
+            nx, ny, nz = out_of(top, nx, ny, nz)
+            meets = dx * nx + dy * ny + dz * nz
+            if meets <= 0.0:
+                break
+            weight *= fresnel(meets, index)
+            if weight < FAINT / rays:
+                break
+            dx, dy, dz = dx - 2.0 * meets * nx, dy - 2.0 * meets * ny, dz - 2.0 * meets * nz
+            x, y, z = x - 1e-7 * nx, y - 1e-7 * ny, z - 1e-7 * nz
+
+
+@kernel
+def patch_of(what: int, x: float, y: float, z: float, layout: FloatArray) -> int:
+    """Number of the patch at a place of the bottom or a wall."""
+    columns, rows = int(layout[COLUMNS]), int(layout[ROWS])
+    if what == BOTTOM:
+        i = min(max(int(x * layout[PER_MM]), 0), columns - 1)
+        j = min(max(int(y * layout[PER_MM]), 0), rows - 1)
+        return i * rows + j
+    turns, levels = int(layout[TURNS]), int(layout[LEVELS])
+    turn = math.atan2(y - layout[MIDDLE_Y], x - layout[MIDDLE_X]) / (2.0 * math.pi) + 0.5
+    k = min(max(int(turn * turns), 0), turns - 1)
+    m = min(max(int(z * layout[PER_LEVEL]), 0), levels - 1)
+    return columns * rows + k * levels + m

@@ -1,0 +1,91 @@
+# mypy: no-warn-return-any
+"""Straight light between windows of a disc or crowned pad: quadrature, with the lit part of each column.
+
+    flux = ∫∫ L(c_e) c_e c_r e^(-μ s) A(c_r) / s² dA_e dA_r
+
+over the windows that see each other, L the emitter's lobe over power and area, A the receiver's share. In plan the
+pad is convex and so is its crown, so that the tip and its dimple alone can stand between two windows. A column of the
+receiver is lit from below up to a horizon, which is found by halving; Gauss' rule covers the lit part.
+
+Left out: a column that is lit in two parts.
+"""
+
+from __future__ import annotations
+
+import math
+
+from sims.optics.engine.formed.formed_rays import AREA, HALF_U, HALF_V, NX, NY, WALL, lobe, sees, window_point
+from sims.optics.engine.formed.formed_top import OUTER, FormedTop
+from sims.optics.scene.optical_scene import FloatArray
+from sims.optics.surface.radial import kernel
+
+HALVINGS = 12
+
+
+@kernel
+def straight_flux(
+    e: FloatArray, r: FloatArray, absorbs: float, top: FormedTop, nodes_e: FloatArray,
+    weights_e: FloatArray, nodes_u: FloatArray, weights_u: FloatArray, nodes_v: FloatArray, weights_v: FloatArray,
+) -> float:  # fmt: skip
+    """Straight light of a pair over the emitter's power.
+
+    Parameters
+    ----------
+    e, r : window rows; absorbs : absorption [1/mm]
+    nodes_e ... : Gauss nodes from -1 to 1 and weights of either direction of the emitter, the receiver's columns, and
+        their heights
+    """
+    if e[WALL] == r[WALL]:
+        return 0.0
+    total = 0.0
+    for a in range(nodes_e.shape[0]):
+        for b in range(nodes_e.shape[0]):
+            x, y, z = window_point(e, nodes_e[a], nodes_e[b])
+            share = weights_e[a] * weights_e[b]
+            for c in range(nodes_u.shape[0]):
+                high = 1.0
+                if top.numbers[OUTER] > 0.0:
+                    tx, ty, tz = window_point(r, nodes_u[c], 1.0)
+                    if not sees(x, y, z, tx, ty, tz, top):
+                        high = _horizon(x, y, z, r, nodes_u[c], top)
+                half = 0.5 * (high + 1.0)
+                if half <= 0.0:
+                    continue
+                column = 0.0
+                for k in range(nodes_v.shape[0]):
+                    tx, ty, tz = window_point(r, nodes_u[c], -1.0 + half * (nodes_v[k] + 1.0))
+                    dx, dy, dz = tx - x, ty - y, tz - z
+                    s2 = dx * dx + dy * dy + dz * dz
+                    s = math.sqrt(s2)
+                    out = -(dx * e[NX] + dy * e[NY]) / s
+                    into = (dx * r[NX] + dy * r[NY]) / s
+                    if out > 0.0 and into > 0.0:
+                        column += (
+                            weights_v[k]
+                            * lobe(e, out)
+                            * out
+                            * into
+                            * math.pi
+                            * lobe(r, into)
+                            * math.exp(-absorbs * s)
+                            / s2
+                        )
+                total += share * weights_u[c] * half * column
+    return total * e[HALF_U] * e[HALF_V] / e[AREA] * r[HALF_U] * r[HALF_V]
+
+
+@kernel
+def _horizon(x: float, y: float, z: float, r: FloatArray, u: float, top: FormedTop) -> float:
+    """Height on the window, from -1 to 1, up to which a column is lit; -1 if not at all."""
+    tx, ty, tz = window_point(r, u, -1.0)
+    if not sees(x, y, z, tx, ty, tz, top):
+        return -1.0
+    low, high = -1.0, 1.0
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        tx, ty, tz = window_point(r, u, middle)
+        if sees(x, y, z, tx, ty, tz, top):
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)

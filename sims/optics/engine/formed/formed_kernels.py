@@ -1,0 +1,162 @@
+# mypy: no-warn-return-any
+"""The compiled entry points of discs and crowned pads, cached on disk as those of `sims.optics.engine.compiled`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from sims.cache.fingerprint import source_fingerprint
+from sims.optics.engine.formed import (
+    formed_deposits,
+    formed_direct,
+    formed_mirrored,
+    formed_rays,
+    formed_scattered,
+    formed_top,
+)
+from sims.optics.engine.formed.formed_deposits import deposits
+from sims.optics.engine.formed.formed_direct import straight_flux
+from sims.optics.engine.formed.formed_mirrored import mirrored_flux, top_points
+from sims.optics.engine.formed.formed_scattered import scattered_flux
+from sims.optics.engine.formed.formed_top import FormedTop
+from sims.optics.scene.optical_scene import BoolArray, FloatArray
+from sims.optics.surface import curves, radial, radial_table
+
+KERNEL_MODULES = (
+    radial_table,
+    curves,
+    radial,
+    formed_top,
+    formed_rays,
+    formed_direct,
+    formed_mirrored,
+    formed_scattered,
+    formed_deposits,
+)
+GOLDEN = 0.6180339887498949
+
+
+def _compile(fingerprint: int) -> tuple[Any, ...]:
+    @njit(cache=True, error_model="numpy", nogil=True)
+    def straight_matrix(
+        emitters: FloatArray, receivers: FloatArray, wanted: BoolArray, absorbs: float, origin: FloatArray,
+        axes: FloatArray, numbers: FloatArray, rows: FloatArray, nodes_e: FloatArray, weights_e: FloatArray,
+        nodes_u: FloatArray, weights_u: FloatArray, nodes_v: FloatArray, weights_v: FloatArray,
+    ) -> FloatArray:  # fmt: skip
+        """(emitter, receiver) straight light."""
+        top = FormedTop(origin, axes, numbers, rows)
+        out = np.zeros((emitters.shape[0], receivers.shape[0]))
+        for i in range(emitters.shape[0] if fingerprint >= 0 else 0):
+            for j in range(receivers.shape[0]):
+                if wanted[i, j]:
+                    out[i, j] = straight_flux(
+                        emitters[i], receivers[j], absorbs, top, nodes_e, weights_e, nodes_u, weights_u, nodes_v,
+                        weights_v,
+                    )  # fmt: skip
+        return out
+
+    @njit(cache=True, error_model="numpy", nogil=True)
+    def points_on(
+        at: FloatArray,
+        element: FloatArray,
+        origin: FloatArray,
+        axes: FloatArray,
+        numbers: FloatArray,
+        rows: FloatArray,
+    ) -> FloatArray:
+        """(n, 8) points of the top at places of its frame's plan."""
+        out = np.zeros((at.shape[0], 8))
+        if fingerprint >= 0:
+            top_points(at, element, FormedTop(origin, axes, numbers, rows), out)
+        return out
+
+    @njit(cache=True, error_model="numpy", nogil=True)
+    def mirrored_matrix(
+        emitters: FloatArray, receivers: FloatArray, wanted: BoolArray, points: FloatArray, parts: int, absorbs: float,
+        index: float, walls: FloatArray, round_wall: FloatArray, origin: FloatArray, axes: FloatArray,
+        numbers: FloatArray, rows: FloatArray,
+    ) -> FloatArray:  # fmt: skip
+        """(2, emitter, receiver) light mirrored by the top, smooth and by the skirt."""
+        top = FormedTop(origin, axes, numbers, rows)
+        out = np.zeros((emitters.shape[0], 2, receivers.shape[0]))
+        work = np.zeros(40)
+        for i in range(emitters.shape[0] if fingerprint >= 0 else 0):
+            if wanted[i].any():
+                mirrored_flux(
+                    emitters[i],
+                    receivers,
+                    points,
+                    parts,
+                    absorbs,
+                    index,
+                    walls,
+                    round_wall,
+                    top,
+                    out[i],
+                    work,
+                )
+        return out.transpose(1, 0, 2).copy()
+
+    @njit(cache=True, error_model="numpy", nogil=True)
+    def scattered_matrix(
+        emitters: FloatArray, receivers: FloatArray, rays: int, steps: FloatArray, shift: FloatArray, absorbs: float,
+        index: float, reflectances: FloatArray, walls: FloatArray, round_wall: FloatArray, origin: FloatArray,
+        axes: FloatArray, numbers: FloatArray, rows: FloatArray,
+    ) -> FloatArray:  # fmt: skip
+        """(emitter, receiver) scattered light of all orders."""
+        top = FormedTop(origin, axes, numbers, rows)
+        out = np.zeros((emitters.shape[0], receivers.shape[0]))
+        for i in range(emitters.shape[0] if fingerprint >= 0 else 0):
+            moved = shift + GOLDEN * (i + 1.0) * np.arange(1, shift.shape[0] + 1)
+            scattered_flux(
+                emitters[i],
+                receivers,
+                rays,
+                steps,
+                moved,
+                absorbs,
+                index,
+                reflectances,
+                walls,
+                round_wall,
+                top,
+                out[i],
+            )
+        return out
+
+    @njit(cache=True, error_model="numpy", nogil=True)
+    def deposit_matrix(
+        windows: FloatArray, receivers: FloatArray, rays: int, steps: FloatArray, shift: FloatArray, absorbs: float,
+        index: float, walls: FloatArray, round_wall: FloatArray, origin: FloatArray, axes: FloatArray,
+        numbers: FloatArray, rows: FloatArray, layout: FloatArray, patches: int,
+    ) -> FloatArray:  # fmt: skip
+        """(window, patch) what windows give to patches."""
+        top = FormedTop(origin, axes, numbers, rows)
+        out = np.zeros((windows.shape[0], patches))
+        for i in range(windows.shape[0] if fingerprint >= 0 else 0):
+            moved = shift + GOLDEN * (i + 1.0) * np.arange(1, shift.shape[0] + 1)
+            deposits(
+                windows[i],
+                receivers,
+                rays,
+                steps,
+                moved,
+                absorbs,
+                index,
+                walls,
+                round_wall,
+                top,
+                layout,
+                out[i],
+            )
+        return out
+
+    return straight_matrix, points_on, mirrored_matrix, scattered_matrix, deposit_matrix
+
+
+straight_matrix, points_on, mirrored_matrix, scattered_matrix, deposit_matrix = _compile(
+    source_fingerprint(KERNEL_MODULES)
+)

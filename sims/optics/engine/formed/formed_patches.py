@@ -1,0 +1,94 @@
+"""Patches of a disc's or crowned pad's walls and bottom: their numbers for kernels, their areas, their weights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sims.optics.scene.optical_scene import FloatArray, OpticalScene
+
+PATCH_MM = 2.0
+LEAST_TURNS = 24
+SAMPLES = 50
+"""Places of the outline, or of a bottom patch's side, that areas are summed over, a bin."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PatchLayout:
+    """Patches as kernels read them.
+
+    Attributes
+    ----------
+    numbers : (8,) middle x, y of the plan [mm], bottom patches per mm, their columns and rows, wall bins of direction,
+        levels of height, levels per mm
+    weight : (patch + 1,) reflectance over area [1/mm2]: bottom, walls, and the tip, which changes with the press
+    """
+
+    numbers: FloatArray
+    weight: FloatArray
+
+
+def patch_layout(scene: OpticalScene, walls: FloatArray, round_wall: FloatArray) -> PatchLayout:
+    """The patches of a scene with a form."""
+    form = scene.form
+    assert form is not None
+    columns, rows = (max(int(np.ceil(size / PATCH_MM)), 1) for size in (scene.length_mm, scene.width_mm))
+    turns = max(LEAST_TURNS, int(np.pi * (scene.length_mm + scene.width_mm) / 2.0 / PATCH_MM))
+    levels = max(int(np.ceil(scene.height_mm / PATCH_MM)), 1)
+    middle = np.array([scene.length_mm / 2.0, scene.width_mm / 2.0])
+    bottom = _bottom_areas(columns, rows, walls, round_wall)
+    side = _wall_areas(scene, walls, round_wall, middle, turns, levels)
+    with np.errstate(divide="ignore"):
+        weight = np.concatenate(
+            [scene.bottom_reflectance / bottom.ravel(), scene.wall_reflectance / side.ravel(), [0.0]]
+        )
+    numbers = np.array([*middle, 1.0 / PATCH_MM, columns, rows, turns, levels, levels / scene.height_mm])
+    return PatchLayout(numbers=numbers, weight=np.where(np.isfinite(weight), weight, 0.0))
+
+
+def is_in_plan(x: FloatArray, y: FloatArray, walls: FloatArray, round_wall: FloatArray) -> NDArray[np.bool_]:
+    """Whether places of the plan lie in the pad."""
+    inside = np.ones(np.shape(x), dtype=np.bool_)
+    for nx, ny, level in walls:
+        inside &= nx * x + ny * y <= level
+    if round_wall[2] > 0.0:
+        inside &= np.hypot(x - round_wall[0], y - round_wall[1]) <= round_wall[2]
+    return inside
+
+
+def _bottom_areas(columns: int, rows: int, walls: FloatArray, round_wall: FloatArray) -> FloatArray:
+    """(columns, rows) areas within the plan [mm2]."""
+    fine = (np.arange(max(columns, rows) * SAMPLES) + 0.5) * PATCH_MM / SAMPLES
+    x, y = fine[: columns * SAMPLES, None], fine[None, : rows * SAMPLES]
+    shape = (columns * SAMPLES, rows * SAMPLES)
+    inside = is_in_plan(np.broadcast_to(x, shape), np.broadcast_to(y, shape), walls, round_wall)
+    return np.asarray(inside.reshape(columns, SAMPLES, rows, SAMPLES).mean(axis=(1, 3)) * PATCH_MM**2)
+
+
+def _wall_areas(
+    scene: OpticalScene,
+    walls: FloatArray,
+    round_wall: FloatArray,
+    middle: FloatArray,
+    turns: int,
+    levels: int,
+) -> FloatArray:
+    """(turns, levels) areas of the walls below the untouched top, by direction from the middle [mm2]."""
+    form = scene.form
+    assert form is not None
+    turn = np.linspace(-np.pi, np.pi, turns * SAMPLES + 1)
+    way = np.column_stack([np.cos(turn), np.sin(turn)])
+    reach = np.full(len(turn), round_wall[2] if round_wall[2] > 0.0 else np.inf)
+    for nx, ny, level in walls:
+        toward = way @ (nx, ny)
+        with np.errstate(divide="ignore"):
+            reach = np.where(toward > 1e-9, np.minimum(reach, (level - middle @ (nx, ny)) / toward), reach)
+    place = middle + reach[:, None] * way
+    step = np.hypot(*np.diff(place, axis=0).T)
+    between = (place[1:] + place[:-1]) / 2.0
+    top = form.top_mm(between[:, 0], between[:, 1], scene.height_mm)
+    high = scene.height_mm / levels
+    covered = np.clip(top[:, None] - high * np.arange(levels), 0.0, high)
+    return np.asarray((step[:, None] * covered).reshape(turns, SAMPLES, levels).sum(axis=1))

@@ -1,0 +1,108 @@
+# mypy: no-warn-return-any
+"""Rays in a disc or crowned pad: walls, windows, sight, and the first meeting of either with the top.
+
+Places and directions are those of the cavity; the top is asked in its own frame. `walls` (k, 3) hold outward normals
+and levels of the flat walls, `round_wall` (3,) axis and radius (0: none); windows are rows of
+`sims.optics.engine.formed.formed_lower`.
+"""
+
+from __future__ import annotations
+
+import math
+
+from sims.optics.engine.formed.formed_top import FormedTop, into, top_hit, turn
+from sims.optics.scene.optical_scene import FloatArray
+from sims.optics.surface.radial import inlined, kernel
+
+NEVER = 1e30
+BOTTOM, ROUND, TOP = -1, -2, -3
+"""What a ray meets besides flat walls, which go by their number."""
+CX, CY, CZ, UX, UY, HALF_U, HALF_V, NX, NY, ORDER, AREA, WALL, TABLE = range(13)
+
+
+@inlined
+def plan_exit(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, walls: FloatArray, round_wall: FloatArray
+) -> tuple[float, int]:
+    """Distance to the first wall or the bottom, and which."""
+    best, which = NEVER, BOTTOM
+    if dz < 0.0:
+        best = -z / dz
+    for k in range(walls.shape[0]):
+        toward = dx * walls[k, 0] + dy * walls[k, 1]
+        if toward > 1e-12:
+            t = (walls[k, 2] - x * walls[k, 0] - y * walls[k, 1]) / toward
+            if t < best:
+                best, which = t, k
+    if round_wall[2] > 0.0:
+        a = dx * dx + dy * dy
+        if a > 1e-14:
+            px, py = x - round_wall[0], y - round_wall[1]
+            b = px * dx + py * dy
+            gap = b * b - a * (px * px + py * py - round_wall[2] * round_wall[2])
+            t = (-b + math.sqrt(max(gap, 0.0))) / a
+            if t < best:
+                best, which = t, ROUND
+    return max(best, 0.0), which
+
+
+@inlined
+def inward(
+    which: int, x: float, y: float, walls: FloatArray, round_wall: FloatArray
+) -> tuple[float, float, float]:
+    """Unit normal into the elastomer at a wall or the bottom."""
+    if which == BOTTOM:
+        return 0.0, 0.0, 1.0
+    if which == ROUND:
+        return (round_wall[0] - x) / round_wall[2], (round_wall[1] - y) / round_wall[2], 0.0
+    return -walls[which, 0], -walls[which, 1], 0.0
+
+
+@kernel
+def meeting(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, walls: FloatArray, round_wall: FloatArray,
+    top: FormedTop,
+) -> tuple[float, int]:  # fmt: skip
+    """Distance to what a ray meets first, and which: a flat wall's number, `BOTTOM`, `ROUND` or `TOP`."""
+    limit, which = plan_exit(x, y, z, dx, dy, dz, walls, round_wall)
+    ax, ay, az = into(top, x, y, z)
+    bx, by, bz = turn(top, dx, dy, dz)
+    t = top_hit(top, ax, ay, az, bx, by, bz, limit)
+    if t < limit:
+        return t, TOP
+    return limit, which
+
+
+@inlined
+def sees(x: float, y: float, z: float, tx: float, ty: float, tz: float, top: FormedTop) -> bool:
+    """Whether the straight way between two places of the pad stays below the top."""
+    dx, dy, dz = tx - x, ty - y, tz - z
+    size = math.sqrt(dx * dx + dy * dy + dz * dz)
+    per = 1.0 / size
+    ax, ay, az = into(top, x, y, z)
+    bx, by, bz = turn(top, dx * per, dy * per, dz * per)
+    return top_hit(top, ax, ay, az, bx, by, bz, size - 1e-7) >= size - 1e-7
+
+
+@inlined
+def window_point(window: FloatArray, u: float, v: float) -> tuple[float, float, float]:
+    """Place on a window; u, v from -1 to 1."""
+    along = u * window[HALF_U]
+    return window[CX] + along * window[UX], window[CY] + along * window[UY], window[CZ] + v * window[HALF_V]
+
+
+@inlined
+def lobe(window: FloatArray, cosine: float) -> float:
+    """Radiance over power and area that a window sends at a cosine to its normal; of a receiver the share it counts
+    over pi [1/sr].
+    """
+    order = window[ORDER]
+    if order == 1.0:
+        return 1.0 / math.pi
+    if order >= 0.0:
+        return (order + 1.0) / (2.0 * math.pi) * cosine ** (order - 1.0)
+    last = window.shape[0] - TABLE - 1
+    x = min(max(cosine, 0.0), 1.0) * last
+    k = min(int(x), last - 1)
+    low = window[TABLE + k]
+    return low + (x - k) * (window[TABLE + k + 1] - low)

@@ -1,0 +1,173 @@
+# mypy: no-warn-return-any
+"""Light that walls, bottom or tip of a disc or crowned pad scatter: rays of weight, with a look at every window.
+
+Model
+-----
+Rays leave an emitter by a low-discrepancy sequence, Lambertian, with its lobe as weight. The top mirrors by Fresnel's
+share, absorption by Beer and Lambert; walls, bottom and tip send on their reflectance, Lambertian. From each place of
+scattering every window is seen by one ray to a place on it:
+
+    weight · c_s c_r A(c_r) area / (π s²) · e^(-μ s)
+
+Light that the top mirrors on its way from there to a window is counted where the ray itself lands on it. A ray's
+numbers are those of its own number and of how often it was scattered, whatever the press.
+
+Left out: smooth walls; light of less than `FAINT` of the emitter's power.
+"""
+
+from __future__ import annotations
+
+import math
+
+from sims.optics.engine.formed.formed_rays import (
+    BOTTOM,
+    CX,
+    CY,
+    CZ,
+    HALF_U,
+    HALF_V,
+    NX,
+    NY,
+    TOP,
+    UX,
+    UY,
+    WALL,
+    inward,
+    lobe,
+    meeting,
+    sees,
+    window_point,
+)
+from sims.optics.engine.formed.formed_top import OUTER, FormedTop, into, is_contact, normal_at, out_of
+from sims.optics.scene.optical_scene import FloatArray
+from sims.optics.surface.radial import fresnel, kernel
+
+FAINT = 1e-7
+MOST_SCATTERED, MOST_FLIGHTS = 6, 60
+FIRST, PER_SCATTER = 4, 4
+DIMENSIONS = FIRST + PER_SCATTER * MOST_SCATTERED
+"""Numbers a ray: place and direction at the emitter; then a direction and a place on the windows each time."""
+
+
+@kernel
+def scattered_flux(
+    e: FloatArray, receivers: FloatArray, rays: int, steps: FloatArray, shift: FloatArray, absorbs: float,
+    index: float, reflectances: FloatArray, walls: FloatArray, round_wall: FloatArray, top: FormedTop, out: FloatArray,
+) -> None:  # fmt: skip
+    """Add to out (receiver,) the scattered light of an emitter, over its power.
+
+    rays : how many; steps, shift : (DIMENSIONS,) of the sequence; reflectances : of walls, bottom and tip
+    """
+    submerged = e[HALF_V] * e[HALF_U] * 4.0 / e[10]
+    for n in range(rays):
+        x, y, z = window_point(
+            e, 2.0 * number(n, 0, steps, shift) - 1.0, 2.0 * number(n, 1, steps, shift) - 1.0
+        )
+        c2 = number(n, 2, steps, shift)
+        cosine = math.sqrt(c2)
+        dx, dy, dz = about(-e[NX], -e[NY], 0.0, cosine, number(n, 3, steps, shift))
+        weight = math.pi * lobe(e, cosine) * submerged / rays
+        _walk(x, y, z, dx, dy, dz, weight, FAINT / rays, n, receivers, steps, shift, absorbs, index, reflectances,
+              walls, round_wall, top, out)  # fmt: skip
+
+
+@kernel
+def _walk(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, weight: float, faint: float, n: int,
+    receivers: FloatArray, steps: FloatArray, shift: FloatArray, absorbs: float, index: float, reflectances: FloatArray,
+    walls: FloatArray, round_wall: FloatArray, top: FormedTop, out: FloatArray,
+) -> None:  # fmt: skip
+    times, is_mirrored = 0, False
+    for _ in range(MOST_FLIGHTS):
+        t, what = meeting(x, y, z, dx, dy, dz, walls, round_wall, top)
+        weight *= math.exp(-absorbs * t)
+        x, y, z = x + t * dx, y + t * dy, z + t * dz
+        if what == TOP:
+            qx, qy, _ = into(top, x, y, z)
+            nx, ny, nz = normal_at(top, qx, qy)
+            nx, ny, nz = out_of(top, nx, ny, nz)
+            if not is_contact(top, qx, qy):
+                meets = dx * nx + dy * ny + dz * nz
+                if meets <= 0.0:
+                    return
+                weight *= fresnel(meets, index)
+                if weight < faint:
+                    return
+                dx, dy, dz = dx - 2.0 * meets * nx, dy - 2.0 * meets * ny, dz - 2.0 * meets * nz
+                x, y, z = x - 1e-7 * nx, y - 1e-7 * ny, z - 1e-7 * nz
+                is_mirrored = True
+                continue
+            nx, ny, nz = -nx, -ny, -nz
+            weight *= reflectances[2]
+        else:
+            nx, ny, nz = inward(what, x, y, walls, round_wall)
+            j = window_at(what, x, y, z, receivers)
+            if j >= 0:
+                if times > 0 and is_mirrored:
+                    out[j] += weight * math.pi * lobe(receivers[j], -(dx * nx + dy * ny + dz * nz))
+                return
+            weight *= reflectances[1] if what == BOTTOM else reflectances[0]
+        if weight < faint or times == MOST_SCATTERED:
+            return
+        x, y, z = x + 1e-7 * nx, y + 1e-7 * ny, z + 1e-7 * nz
+        first = FIRST + PER_SCATTER * times
+        u = 2.0 * number(n, first + 2, steps, shift) - 1.0
+        v = 2.0 * number(n, first + 3, steps, shift) - 1.0
+        _look(x, y, z, nx, ny, nz, weight, u, v, receivers, absorbs, top, out)
+        cosine = math.sqrt(number(n, first, steps, shift))
+        dx, dy, dz = about(nx, ny, nz, cosine, number(n, first + 1, steps, shift))
+        times, is_mirrored = times + 1, False
+
+
+@kernel
+def _look(
+    x: float, y: float, z: float, nx: float, ny: float, nz: float, weight: float, u: float, v: float,
+    receivers: FloatArray, absorbs: float, top: FormedTop, out: FloatArray,
+) -> None:  # fmt: skip
+    """Add what a place of scattering sends straight to every window."""
+    for j in range(receivers.shape[0]):
+        r = receivers[j]
+        tx, ty, tz = window_point(r, u, v)
+        dx, dy, dz = tx - x, ty - y, tz - z
+        s2 = dx * dx + dy * dy + dz * dz
+        s = math.sqrt(s2)
+        leaves, enters = (dx * nx + dy * ny + dz * nz) / s, (dx * r[NX] + dy * r[NY]) / s
+        if leaves <= 0.0 or enters <= 0.0:
+            continue
+        if top.numbers[OUTER] > 0.0 and not sees(x, y, z, tx, ty, tz, top):
+            continue
+        area = 4.0 * r[HALF_U] * r[HALF_V]
+        out[j] += weight * leaves * enters * lobe(r, enters) * area * math.exp(-absorbs * s) / s2
+
+
+@kernel
+def window_at(what: int, x: float, y: float, z: float, receivers: FloatArray) -> int:
+    """The receiver whose window covers a place of a wall, or -1."""
+    for j in range(receivers.shape[0]):
+        r = receivers[j]
+        along = (x - r[CX]) * r[UX] + (y - r[CY]) * r[UY]
+        if r[WALL] == what and abs(z - r[CZ]) <= r[HALF_V] and abs(along) <= r[HALF_U]:
+            return j
+    return -1
+
+
+@kernel
+def number(ray: int, dimension: int, steps: FloatArray, shift: FloatArray) -> float:
+    """A ray's number from 0 to 1 in a dimension."""
+    value = shift[dimension] + (ray + 1.0) * steps[dimension]
+    return value - math.floor(value)
+
+
+@kernel
+def about(nx: float, ny: float, nz: float, cosine: float, turn: float) -> tuple[float, float, float]:
+    """Unit direction at an angle to a unit normal, turned around it by a share of a turn."""
+    sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
+    a, b = sine * math.cos(2.0 * math.pi * turn), sine * math.sin(2.0 * math.pi * turn)
+    if abs(nz) < 0.9:
+        per = 1.0 / math.sqrt(nx * nx + ny * ny)
+        ux, uy, uz = -ny * per, nx * per, 0.0
+    else:
+        per = 1.0 / math.sqrt(nx * nx + nz * nz)
+        ux, uy, uz = nz * per, 0.0, -nx * per
+    vx, vy, vz = ny * uz - nz * uy, nz * ux - nx * uz, nx * uy - ny * ux
+    return cosine * nx + a * ux + b * vx, cosine * ny + a * uy + b * vy, cosine * nz + a * uz + b * vz

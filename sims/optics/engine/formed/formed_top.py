@@ -1,0 +1,241 @@
+# mypy: no-warn-return-any
+r"""The top of a disc or crowned pad under one press, in the frame of the press, and where rays leave through it.
+
+Model
+-----
+The frame stands on the untouched top where the tip goes in, its third axis along the normal (`PadForm.press_frame`).
+There the top is
+
+    z = -c(x, y) + d(r) + F(x, y),     c: the crown's fall below its tangent plane,  r² = x² + y²
+
+with d the press's height above the untouched crown. In the contact of a hemisphere of radius a at depth p,
+d = a - p - √(a² - r²) + m(r), with m the fall of the mean crown: of a sphere c itself, so that the top is the tip; of a
+cylinder that of a sphere of twice its radius. Beyond, d is a C1 cubic through the press's points as in
+`sims.optics.surface.curves`, and ends in a tail.
+
+Rays march. The height of a ray above the crown, u = z + c, must reach d >= -p: while it lies below -p, a step of
+(-p - u) / (largest growth of u) is safe. Above, steps are `STEP_MM` at most: a chord through a tip of radius a that is
+shorter is cut off by STEP_MM² / 8a, 4 µm of 3 mm. A sign found is bisected.
+
+Left out: the second height where the curve folds, several tips.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from sims.optics.scene.optical_scene import FloatArray
+from sims.optics.surface.radial import height_and_turn, inlined, kernel
+
+NEVER = 1e30
+STEP_MM = 0.3
+"""Longest step of a march near the dimple."""
+FLAT, SPHERE, CYLINDER = 0.0, 1.0, 2.0
+# numbers of a top
+KIND, RADIUS, MEAN, DEPTH, OUTER, CONTACT_EDGE, LOWEST_D = range(7)
+NUMBERS = 7
+
+
+class FormedTop(NamedTuple):
+    """One state's top as kernels read it.
+
+    Attributes
+    ----------
+    origin, axes : (3,), (3, 3) of the frame, an axis a row
+    numbers : (7,) kind of crown, its radius, that of the mean crown [mm] (0: none); depth of the press, radius beyond
+        which d is 0, contact radius, lowest d (-depth; 0 untouched) [mm]
+    rows : (1, n) radial table of d (`sims.optics.surface.curves`), heights from 0; a single 0 where untouched
+    """
+
+    origin: FloatArray
+    axes: FloatArray
+    numbers: FloatArray
+    rows: FloatArray
+
+
+@inlined
+def into(top: FormedTop, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """A place of the cavity in the frame."""
+    return turn(top, x - top.origin[0], y - top.origin[1], z - top.origin[2])
+
+
+@inlined
+def turn(top: FormedTop, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """A vector of the cavity in the frame."""
+    a = top.axes
+    return (
+        a[0, 0] * x + a[0, 1] * y + a[0, 2] * z,
+        a[1, 0] * x + a[1, 1] * y + a[1, 2] * z,
+        a[2, 0] * x + a[2, 1] * y + a[2, 2] * z,
+    )
+
+
+@inlined
+def out_of(top: FormedTop, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """A vector of the frame in the cavity."""
+    a = top.axes
+    return (
+        a[0, 0] * x + a[1, 0] * y + a[2, 0] * z,
+        a[0, 1] * x + a[1, 1] * y + a[2, 1] * z,
+        a[0, 2] * x + a[1, 2] * y + a[2, 2] * z,
+    )
+
+
+@inlined
+def fall(top: FormedTop, x: float, y: float) -> float:
+    """How far the untouched crown lies below its tangent plane, in the frame; far beyond it, steep and growing."""
+    kind = top.numbers[KIND]
+    if kind == FLAT:
+        return 0.0
+    radius = top.numbers[RADIUS]
+    reach = y * y if kind == CYLINDER else x * x + y * y
+    return reach / (radius + math.sqrt(max(radius * radius - reach, 1e-12)))
+
+
+@inlined
+def crown_slopes(top: FormedTop, x: float, y: float) -> tuple[float, float]:
+    """Slopes of the crown's fall."""
+    kind = top.numbers[KIND]
+    if kind == FLAT:
+        return 0.0, 0.0
+    radius = top.numbers[RADIUS]
+    reach = y * y if kind == CYLINDER else x * x + y * y
+    per = 1.0 / math.sqrt(max(radius * radius - reach, 1e-12))
+    return (0.0 if kind == CYLINDER else x * per), y * per
+
+
+@inlined
+def rise(top: FormedTop, r2: float) -> tuple[float, float]:
+    """d at a squared radius, and its slope over the radius."""
+    if r2 >= top.numbers[OUTER] * top.numbers[OUTER]:
+        return 0.0, 0.0
+    value, turned = height_and_turn(r2, 0, top.rows)
+    edge = top.numbers[CONTACT_EDGE]
+    mean = top.numbers[MEAN]
+    if r2 <= edge * edge and mean > 0.0:
+        root = math.sqrt(max(mean * mean - r2, 1e-12))
+        value += r2 / (mean + root)
+        turned += 1.0 / root
+    return value, turned
+
+
+@kernel
+def crown_exit(top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float) -> float:
+    """Distance at which a ray from inside leaves the untouched crown, all in the frame; NEVER if never."""
+    kind = top.numbers[KIND]
+    if kind == FLAT:
+        return max(-z / dz, 0.0) if dz > 0.0 else NEVER
+    radius = top.numbers[RADIUS]
+    pz = z + radius
+    if kind == CYLINDER:
+        a, b, c = dy * dy + dz * dz, y * dy + pz * dz, y * y + pz * pz - radius * radius
+    else:
+        a, b, c = (
+            dx * dx + dy * dy + dz * dz,
+            x * dx + y * dy + pz * dz,
+            x * x + y * y + pz * pz - radius * radius,
+        )
+    gap = b * b - a * c
+    if a < 1e-14 or gap < 0.0:
+        return NEVER
+    t = (-b + math.sqrt(gap)) / a
+    if t < 0.0 or pz + t * dz <= 0.0:
+        return NEVER
+    return t
+
+
+@inlined
+def above(top: FormedTop, x: float, y: float, z: float) -> float:
+    """How far a place of the frame lies above the top (negative: in the elastomer)."""
+    return z + fall(top, x, y) - rise(top, x * x + y * y)[0]
+
+
+@kernel
+def top_hit(
+    top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float
+) -> float:
+    """Distance at which a ray from inside first leaves through the top, nearer than limit; NEVER if it does not.
+
+    x, y, z, dx, dy, dz : start and unit direction in the frame
+    """
+    leaves = crown_exit(top, x, y, z, dx, dy, dz)
+    outer, lowest = top.numbers[OUTER], top.numbers[LOWEST_D]
+    if outer > 0.0:
+        a, b, c = dx * dx + dy * dy, x * dx + y * dy, x * x + y * y - outer * outer
+        first, last = 0.0, -1.0
+        if a < 1e-14:
+            last = NEVER if c < 0.0 else -1.0
+        else:
+            gap = b * b - a * c
+            if gap > 0.0:
+                root = math.sqrt(gap)
+                first, last = max((-b - root) / a, 0.0), (-b + root) / a
+        if last > first and leaves > first:
+            stop = min(last, limit)
+            grows = abs(dz) + math.sqrt(a) * _steepest(top, x, y, dx, dy, first, stop) + 1e-9
+            t = first
+            while t < stop:
+                px, py, pz = x + t * dx, y + t * dy, z + t * dz
+                u = pz + fall(top, px, py)
+                clear = rise(top, px * px + py * py)[0] - u
+                if clear < 0.0 and t > 1e-9:
+                    return _between(top, x, y, z, dx, dy, dz, max(t - STEP_MM, first), t)
+                step = max((lowest - u) / grows, min(STEP_MM, max(0.5 * clear, 0.06)))
+                if t + step >= stop:
+                    px, py, pz = x + stop * dx, y + stop * dy, z + stop * dz
+                    if above(top, px, py, pz) > 0.0:
+                        return _between(top, x, y, z, dx, dy, dz, t, stop)
+                    break
+                t += step
+            if limit <= last:
+                return NEVER  # within the dimple's circle the crown is no border
+    return leaves if leaves < limit else NEVER
+
+
+@inlined
+def _steepest(top: FormedTop, x: float, y: float, dx: float, dy: float, first: float, last: float) -> float:
+    """Largest slope of the crown along a part of a ray: at one of its ends."""
+    ax, ay = crown_slopes(top, x + first * dx, y + first * dy)
+    bx, by = crown_slopes(top, x + last * dx, y + last * dy)
+    return math.sqrt(max(ax * ax + ay * ay, bx * bx + by * by))
+
+
+@kernel
+def _between(
+    top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float, low: float, high: float
+) -> float:
+    """Where a ray comes through between a place inside and one outside."""
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        if above(top, x + middle * dx, y + middle * dy, z + middle * dz) > 0.0:
+            high = middle
+        else:
+            low = middle
+        if high - low < 1e-10:
+            break
+    return low
+
+
+@inlined
+def normal_at(top: FormedTop, x: float, y: float) -> tuple[float, float, float]:
+    """Unit normal out of the elastomer at a place in the frame's plan."""
+    sx, sy = crown_slopes(top, x, y)
+    turned = rise(top, x * x + y * y)[1]
+    nx, ny = sx - turned * x, sy - turned * y
+    per = 1.0 / math.sqrt(1.0 + nx * nx + ny * ny)
+    return nx * per, ny * per, per
+
+
+@inlined
+def is_contact(top: FormedTop, x: float, y: float) -> bool:
+    """Whether the top there is the tip."""
+    edge = top.numbers[CONTACT_EDGE]
+    return x * x + y * y < edge * edge
+
+
+def empty_rows() -> FloatArray:
+    """Rows of an untouched top."""
+    return np.zeros((1, 1))

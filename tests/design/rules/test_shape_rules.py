@@ -1,0 +1,243 @@
+"""Discs and crowned pads that must be refused, each in words that name the field and the way out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from design.errors import DesignError
+from design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
+from design.rules.check import check, require_valid
+from design.rules.contact_scope import require_flat_rectangle
+from design.spec import SensorDesign
+
+DISC, CROWNED, DOME, FLAT = "levi2013-disc", "crowned-40x25", "fingertip-dome", "piacenza2017-pad"
+RING = {"pattern": "disc_ring", "count": 4}
+BY_WALL = {"pattern": "alternating_ring", "parts_per_side": 4}
+ABSENT = object()
+
+BAD: dict[str, tuple[str, dict[str, Any], tuple[str, ...]]] = {
+    "a crown smaller than its disc": (
+        DOME,
+        {"crown.radius_mm": 10.0},
+        ("crown.radius_mm", "does not span the pad", "10 mm", "12.70 mm"),
+    ),
+    "a crown that is a hemisphere": (
+        DOME,
+        {"crown.radius_mm": 11.2},
+        ("crown.radius_mm", "too steep at the rim", "60 degrees"),
+    ),
+    "a cylinder narrower than its rectangle": (
+        CROWNED,
+        {"crown.radius_mm": 12.0},
+        ("crown.radius_mm", "does not span the pad", "12.50 mm"),
+    ),
+    "a cylinder across the longer side": (
+        CROWNED,
+        {"crown.axis": "y", "crown.radius_mm": 21.0},
+        ("crown.radius_mm", "too steep", "23.09 mm"),
+    ),
+    "a sphere that ends before a rectangle's corners": (
+        CROWNED,
+        {"crown": {"shape": "sphere", "radius_mm": 22.0}},
+        ("crown.radius_mm", "does not span", "23.58 mm"),
+    ),
+    "a rim without silicone": (
+        DOME,
+        {"cavity.clear_thickness_mm": 4.0},
+        ("cavity.clear_thickness_mm", "too thin at the rim", "0.25 mm", "1.00 mm"),
+    ),
+    "a rim of no thickness at all": (
+        DOME,
+        {"cavity.clear_thickness_mm": 3.0},
+        ("cavity.clear_thickness_mm", "too thin at the rim", "-0.75 mm"),
+    ),
+    "an infinite crown": (
+        FLAT,
+        {"crown": {"shape": "sphere", "radius_mm": 1e9}},
+        ("crown.radius_mm", "100000"),
+    ),
+    "a concave crown": (
+        FLAT,
+        {"crown": {"shape": "sphere", "radius_mm": -40.0}},
+        ("crown.radius_mm", "-40.0"),
+    ),
+    "a crown without a radius": (FLAT, {"crown": {"shape": "sphere"}}, ("crown.radius_mm", "missing")),
+    "a crown without a shape": (FLAT, {"crown": {"radius_mm": 60.0}}, ("crown.shape", "missing")),
+    "a crown of an unknown shape": (
+        FLAT,
+        {"crown": {"shape": "dome", "radius_mm": 60.0}},
+        ("crown.shape", "dome", "sphere"),
+    ),
+    "a cylinder without an axis": (
+        FLAT,
+        {"crown": {"shape": "cylinder", "radius_mm": 60.0}},
+        ("crown", "axis is missing", "'x' or 'y'"),
+    ),
+    "a sphere with an axis": (
+        FLAT,
+        {"crown": {"shape": "sphere", "radius_mm": 60.0, "axis": "x"}},
+        ("crown", "axis = 'x' is of a cylinder"),
+    ),
+    "a disc with wall patterns": (
+        DISC,
+        {"layout": [BY_WALL]},
+        ("layout.0.pattern", "alternating_ring", "no straight walls", "disc_ring"),
+    ),
+    "a disc with a wall pattern among others": (
+        DISC,
+        {"layout": [RING, {"pattern": "single", "kind": "emitter", "wall": "north", "along_mm": 3.0}]},
+        ("layout.1.pattern", "single", "at_angles"),
+    ),
+    "a rectangle with angles": (
+        FLAT,
+        {"layout": [RING]},
+        ("layout.0.pattern", "disc_ring", "no angles", "per_side"),
+    ),
+    "a disc with a length": (DISC, {"cavity.length_mm": 55.0}, ("cavity", "diameter_mm", "no length_mm")),
+    "a disc without a diameter": (DISC, {"cavity.diameter_mm": ABSENT}, ("cavity", "diameter_mm is missing")),
+    "a rectangle with a diameter": (
+        FLAT,
+        {"cavity.diameter_mm": 32.0},
+        ("cavity", "is of a disc", "outline"),
+    ),
+    "an unknown outline": (FLAT, {"cavity.outline": "oval"}, ("cavity.outline", "oval", "disc")),
+    "a disc in a block": (
+        DISC,
+        {"mold.outer_diameter_mm": ABSENT, "mold.outer_length_mm": 72.0, "mold.outer_width_mm": 72.0},
+        ("mold.outer_diameter_mm", "disc's mold is round"),
+    ),
+    "a round mold of a rectangle": (
+        FLAT,
+        {"mold.outer_length_mm": ABSENT, "mold.outer_width_mm": ABSENT, "mold.outer_diameter_mm": 60.0},
+        ("mold.outer_diameter_mm", "is of a disc"),
+    ),
+    "both sizes of a mold": (DISC, {"mold.outer_length_mm": 72.0}, ("mold", "outer_diameter_mm stands for")),
+    "a part above the rim of a dome": (
+        DOME,
+        {"receivers.height_mm": 4.6},
+        ("receivers.height_mm", "above the undisturbed surface", "4.31 mm that the crown leaves over it"),
+    ),
+    "a body under the lid": (
+        DOME,
+        {"receivers.height_mm": 3.5},
+        ("receivers.height_mm", "lid that shapes the crown would lie on the bodies", "0.18 mm above the rim"),
+    ),
+    "a crown without fixing holes": (
+        DOME,
+        {"mold.fixing_hole_diameter_mm": 0.0},
+        ("mold.fixing_hole_diameter_mm", "nothing holds the lid"),
+    ),
+    "a glass cover on a disc": (
+        DISC,
+        {"mold.cover_ledge_mm": 2.0},
+        ("mold.cover_ledge_mm", "flat rectangles"),
+    ),
+    "a parted crowned mold": (CROWNED, {"mold.pieces": "frame_and_base"}, ("mold.pieces", "set it to 'one'")),
+    "a disc too small for its parts": (
+        DISC,
+        {"cavity.diameter_mm": 9.0},
+        ("facet of osram-sfh206k is too wide", "5.40 mm", "4.50 mm"),
+    ),
+    "parts side by side that overlap": (
+        DISC,
+        {"layout.0.count": 20},
+        ("layout.0", "the web between the sockets of", "-0.03 mm", "place fewer parts"),
+    ),
+    "two parts at one angle": (
+        DISC,
+        {"layout": [RING, {"pattern": "at_angles", "kind": "emitter", "angles_deg": [45.0]}]},
+        ("layout.1", "the bodies of", "overlap"),
+    ),
+    "an angle beyond a turn": (
+        DISC,
+        {"layout": [{"pattern": "at_angles", "kind": "emitter", "angles_deg": [400.0]}]},
+        ("layout.0.angles_deg.0", "400.0", "360"),
+    ),
+    "no angle at all": (
+        DISC,
+        {"layout": [{"pattern": "at_angles", "kind": "emitter", "angles_deg": []}]},
+        ("layout.0.angles_deg", "at least 1"),
+    ),
+    "a wall too thin around a disc": (
+        DISC,
+        {"mold.outer_diameter_mm": 60.0},
+        ("mold.outer_diameter_mm", "the wall behind the socket", "too thin"),
+    ),
+    "no room to fill a crowned pad": (
+        "small crown",
+        {},
+        ("cavity.width_mm", "no room for sprue and vents"),
+    ),
+    "a press through the rim of a dome": (
+        DOME,
+        {"operating.max_depth_mm": 7.0, "indenter.tip_radius_mm": 4.5, "operating.workspace_margin_mm": 0.5},
+        ("operating.max_depth_mm", "border of the workspace", "7 mm"),
+    ),
+}
+
+
+def small_crown() -> SensorDesign:
+    """A pad of 8 mm with a crown, of two small parts."""
+    parts = [
+        {"pattern": "single", "kind": kind, "wall": wall, "along_mm": 4.0}
+        for kind, wall in (("emitter", "west"), ("receiver", "east"))
+    ]
+    size = {"cavity.length_mm": 8.0, "cavity.width_mm": 7.5, "crown.radius_mm": 60.0}
+    return preset(CROWNED).with_(**size, layout=parts, **{"layout.0.along_mm": 3.7})
+
+
+def refusal(base: str, changes: dict[str, Any]) -> str:
+    """Everything that is wrong with a preset with some fields changed or taken away."""
+    design = small_crown() if base == "small crown" else preset(base)
+    document = design.model_dump(mode="json")
+    for path, value in changes.items():
+        *tables, last = path.split(".")
+        place: Any = document
+        for name in tables:
+            place = place[int(name)] if isinstance(place, list) else place[name]
+        if value is ABSENT:
+            del place[last]
+        else:
+            place[last] = value
+    try:
+        found = SensorDesign.from_document(document, where="bad")
+    except DesignError as err:
+        return str(err)
+    return "\n".join(str(one) for one in check(found) if one.severity == "error")
+
+
+@pytest.mark.parametrize("what", BAD)
+def test_a_bad_shape_is_refused_with_field_value_and_way_out(what: str) -> None:
+    said = refusal(*BAD[what][:2])
+    for words in BAD[what][2]:
+        assert words in said
+    assert "nan" not in said.lower()
+
+
+def test_there_are_enough_of_them() -> None:
+    assert len(BAD) >= 25
+
+
+@pytest.mark.parametrize("name", SHAPED_PRESETS)
+def test_a_shaped_preset_has_no_finding_and_is_refused_by_what_does_not_compute_it(name: str) -> None:
+    assert check(preset(name)) == ()
+    require_valid(preset(name), any_shape=True)
+    with pytest.raises(
+        DesignError, match="`optopad check`, `optopad build` and `optopad driver config` take"
+    ):
+        require_valid(preset(name))
+
+
+@pytest.mark.parametrize("name", FLAT_PRESETS)
+def test_a_flat_rectangle_passes(name: str) -> None:
+    require_flat_rectangle(preset(name))
+
+
+def test_a_tip_that_is_blunt_beside_the_crown_is_told() -> None:
+    wide = preset(DOME).with_(**{"indenter.tip_radius_mm": 5.0, "operating.workspace_margin_mm": 2.4})
+    said = [str(one) for one in check(wide) if one.severity == "warning"]
+    assert any(
+        "more curved than the contact model covers" in one and "5 mm on a crown of 18" in one for one in said
+    )

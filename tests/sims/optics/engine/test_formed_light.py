@@ -1,0 +1,115 @@
+"""Light of discs and crowned pads: against the flat engine where both apply, against the oracle, and by symmetry."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from design.errors import InputError, ModelScopeError
+from design.preset import preset
+from sims.contact.indentation import indent
+from sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
+from sims.optics.oracle.tracer import trace_oracle
+from sims.optics.scene.lower import scene_of
+from sims.optics.scene.optical_scene import FloatArray, OpticalScene
+from tests.sims.optics.oracle.form_scenes import (
+    crown_press,
+    disc_scene,
+    rectangle_form,
+    vault_scene,
+)
+
+PAIR = preset("piacenza2017-pair")
+FLAT = scene_of(PAIR)
+FORMED = replace(FLAT, form=rectangle_form(FLAT.length_mm, FLAT.width_mm))
+CENTRES = np.array([[10.0, 10.0], [11.0, 8.5]])
+PRESSES = (None, indent(PAIR, 2.0))
+
+
+def light(scene: OpticalScene, accuracy: str = "score", **changes: object) -> tuple[FloatArray, FloatArray]:
+    """(class, state, e, r) flux and (state, e, r) standard error, untouched and pressed."""
+    found = trace_scene(scene, CENTRES, PRESSES, accuracy=accuracy, **changes)  # type: ignore[arg-type]
+    return found.flux, found.standard_error
+
+
+def test_a_flat_rectangle_as_a_form_has_the_flat_engine_s_light() -> None:
+    known, _ = light(FLAT, "fine")
+    found, _ = light(FORMED, "standard")
+    scale = known[:, 0].sum(axis=0)
+    assert np.abs(found[0] - known[0]).max() < 4e-4 * scale.max()  # straight light
+    off = (found.sum(axis=0) - known.sum(axis=0)) / scale
+    assert np.sqrt((off[0] ** 2).mean()) < 0.004
+    change = off[1] - off[0]
+    assert np.sqrt((change**2).mean()) < 0.01
+    assert np.abs(change).max() < 0.02
+
+
+def test_a_crown_of_ten_metres_is_nearly_flat() -> None:
+    crowned = replace(FLAT, form=rectangle_form(FLAT.length_mm, FLAT.width_mm, 10_000.0))
+    known, _ = light(FORMED)
+    found, _ = light(crowned)
+    off = (found.sum(axis=0) - known.sum(axis=0)) / known[:, 0].sum(axis=0)
+    assert (
+        np.abs(off).max() < 0.02
+    )  # a mirror of that radius gathers light by 2 x 20 mm / 10 m over the cosine
+
+
+@pytest.mark.parametrize("scene", [disc_scene(6, 40.0), vault_scene("x")], ids=["dome", "vault"])
+def test_untouched_light_is_the_oracle_s(scene: OpticalScene) -> None:
+    found = trace_scene(scene, np.zeros((1, 2)), [None], accuracy="score")
+    known = trace_oracle(scene, np.zeros((1, 2)), [None], rays=60_000, seed=4)
+    for k, name in enumerate(CLASS_NAMES):
+        other, error = known.flux[k, 0], known.class_standard_error[k, 0]
+        seen = error > 0.0
+        assert name != "wall" or not seen.any()
+        off = (found.flux[k, 0] - other)[seen] / error[seen]
+        assert np.abs(off).max(initial=0.0) < 4.0
+        assert (found.flux[k, 0][~seen] < 1e-4).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("place", [(12.0, 12.0), (9.5, 13.5), (14.0, 15.0)])
+def test_light_of_a_pressed_dome_is_the_oracle_s(place: tuple[float, float]) -> None:
+    scene, press = disc_scene(6, 40.0, tip_reflectance=0.2), crown_press(2.5, 40.0)
+    found = trace_scene(scene, np.array([place]), [press], accuracy="standard")
+    known = trace_oracle(scene, np.array([place]), [press], rays=400_000, seed=4)
+    total = known.flux[: len(CLASS_NAMES), 0].sum(axis=0)
+    off = (found.flux.sum(axis=0)[0] - total) / np.hypot(known.standard_error[0], found.standard_error[0])
+    assert np.abs(off).max() < 4.0
+    assert np.sqrt((off**2).mean()) < 1.6
+
+
+def test_the_same_seed_gives_the_same_bits_and_pairs_left_out_are_dark() -> None:
+    every = np.ones((3, 3), dtype=np.bool_)
+    some = every.copy()
+    some[0, 1] = False
+    first, error = light(FORMED, seed=3)
+    again, _ = light(FORMED, seed=3, pairs=some)
+    assert (again[:, :, 0, 1] == 0.0).all()
+    assert np.array_equal(first[:, :, some], again[:, :, some])
+    assert (error[1] > 0.0).all()
+    assert not np.array_equal(first, light(FORMED, seed=4)[0])
+
+
+def test_a_dome_turned_by_its_facets_has_the_same_light() -> None:
+    scene, press = disc_scene(6, 40.0), crown_press(1.5, 40.0)
+    third = 2.0 * np.pi / 3.0
+    turn = np.array([[np.cos(third), -np.sin(third)], [np.sin(third), np.cos(third)]])
+    place = np.array([2.5, 1.0])
+    centres = 12.0 + np.array([place, turn @ place])
+    one, other = trace_scene(scene, centres, [press, press], accuracy="standard").flux.sum(axis=0)
+    moved = np.roll(np.roll(one, 1, axis=0), 1, axis=1)
+    assert np.abs(moved - other).max() < 0.03 * one.max()
+
+
+def test_what_is_not_traced_is_refused_in_words() -> None:
+    press = crown_press(1.0, 40.0)
+    dome = disc_scene(6, 40.0)
+    with pytest.raises(ModelScopeError, match="one tip alone"):
+        trace_scene(dome, np.zeros((1, 2, 2)), [[press, press]])
+    with pytest.raises(InputError, match="wall_index: smooth walls"):
+        trace_scene(replace(dome, wall_index=1.0), np.zeros((1, 2)), [None])
+    with pytest.raises(InputError, match="traced by a name"):
+        trace_scene(dome, np.zeros((1, 2)), [None], accuracy=0.001)
