@@ -89,7 +89,9 @@ def path_findings(cavity: CavityGeometry) -> Iterator[Finding]:
             "no pair has a direct path: every emitter and every receiver is in the same wall",
             value=f"all on the {walls['emitter'][0]} wall",
             limit="emitters and receivers in different walls",
-            way_out="place receivers on another wall, for example with pattern = 'facing_rows'",
+            way_out="place receivers at other angles, for example with pattern = 'disc_ring'"
+            if cavity.plan.is_disc
+            else "place receivers on another wall, for example with pattern = 'facing_rows'",
         )
     elif not is_facing_rows(cavity):
         for kind in KINDS:

@@ -116,7 +116,8 @@ WORDS = {
 
 def web_findings(design: SensorDesign) -> Iterator[Finding]:
     """Everything that keeps the mold from being printed, and what will be in the blade's way."""
-    for finding, found in ((error, clearances(design)), (warning, rim_clearances(design))):
+    above_rim = rim_clearances(design) if design.crown is None else ()  # a lid has a rule of its own
+    for finding, found in ((error, clearances(design)), (warning, above_rim)):
         for group in _groups([one for one in found if not one.is_kept]):
             worst, more = min(group, key=lambda one: one.spare_mm), len(group) - 1
             said, fill = WORDS[worst.name], _filling(worst, design)

@@ -42,7 +42,10 @@ class Cavity(Model):
             return given
         extra = [name for name in ("length_mm", "width_mm") if name in given]
         if extra:
-            raise ValueError(f"a disc has diameter_mm, no {' and no '.join(extra)}: remove what it has not")
+            raise ValueError(
+                f"a disc has diameter_mm, no {' and no '.join(extra)}: remove what it has not, or start from "
+                "`optopad new --preset levi2013-disc`"
+            )
         if given.get("diameter_mm") is None:
             raise ValueError("diameter_mm is missing: outline = 'disc' needs it; add it")
         return {**given, "length_mm": given["diameter_mm"], "width_mm": given["diameter_mm"]}

@@ -246,12 +246,14 @@ def _cast(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
 def _crowned_steps(design: SensorDesign, cavity: CavityGeometry) -> list[str]:
     """The order of a crowned pad, which is filled upside down through its floor (`design.geometry.filling`)."""
     clear, *black = pours(design)
-    gap = number(cavity.black_mm) if black else "0"
+    where = f"{number(cavity.black_mm)} below the floor" if black else "in all narrow holes"
     steps = [
+        "Tack every body in its socket with a drop of silicone, let it cure, and see that none moves when the mold is "
+        "turned over: nothing else holds them at their heights.",
         "Set the mold on its lid, pins in the fixing holes, floor up; clamp, and seal the seam from outside.",
         f"Clear layer: mix {clear.base_g:.2f} g base and {clear.agent_g:.2f} g curing agent; degas {_degassing()}.",
-        f"Inject {clear.net_g:.2f} g through the wide hole of the floor, on a scale, slowly: it then stands {gap} "
-        "below the floor. Degas again, tilt so that bubbles leave by the narrow holes, cure level (below).",
+        f"Inject {clear.net_g:.2f} g through the wide hole of the floor, on a scale, slowly: it then stands "
+        f"{where}. Degas again, tilt so that bubbles leave by the narrow holes, cure level (below).",
     ]
     for pour in black:
         steps.append(
@@ -332,9 +334,12 @@ def _leveling(design: SensorDesign) -> str:
             f"{' '.join(above)} stand above the rim, in the leveling blade's way: level between them by hand, "
             "or raise `mold.rim_mm`."
         )
-    return (
-        "Rest the leveling blade on the rim and draw it once along the longer side; wipe off what it takes."
+    way = (
+        "turn it half around its middle"
+        if design.cavity.outline == "disc"
+        else "draw it once along the longer side"
     )
+    return f"Rest the leveling blade on the rim and {way}; wipe off what it takes."
 
 
 def _cure(design: SensorDesign) -> Iterator[str]:
@@ -362,8 +367,13 @@ def _cure(design: SensorDesign) -> Iterator[str]:
 def _measure_after(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
     yield "## Measure after fitting, and tell the design"
     yield ""
-    yield "The verdict hangs on the heights of the active areas. Before the clear layer is poured, with what is below"
-    yield "it cured, measure from its surface to the middle of each active area with a depth gauge or on a level"
+    if design.crown is None:
+        yield "The verdict hangs on the heights of the active areas. Before the clear layer is poured, with what is"
+        yield "below it cured, measure from its surface to the middle of each area with a depth gauge or on a level"
+    else:
+        black = f", less {number(cavity.black_mm)} for the black layer" if cavity.black_mm > 0 else ""
+        yield "Light hangs on the heights of the active areas. Before the lid goes on, measure from the cavity's floor"
+        yield f"to the middle of each active area{black}, with a depth gauge or on a level"
     yield "photograph. Put the mean into the design and its path into `measured`, so that the verdict no longer"
     yield "carries their band of doubt:"
     yield ""

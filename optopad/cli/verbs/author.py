@@ -32,6 +32,7 @@ def new(
     from design.fields.base import NAME_PATTERN
     from design.io import write_text_atomically
     from design.preset import preset_text, renamed_text
+    from design.rules.contact_scope import is_flat_rectangle
     from design.spec import SensorDesign
 
     if file.suffix != ".toml":
@@ -52,7 +53,8 @@ def new(
     if as_json:
         print_json({"file": str(file), "preset": preset, "digest": design.digest})
     else:
-        say(f"{file} written from {preset}. Next: optopad check {file}, then optopad run {file}")
+        onward = "run" if is_flat_rectangle(design) else "build"
+        say(f"{file} written from {preset}. Next: optopad check {file}, then optopad {onward} {file}")
 
 
 def check(

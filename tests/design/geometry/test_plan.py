@@ -48,9 +48,9 @@ def test_a_facet_is_a_chord_of_its_disc(angle_deg: float, half_mm: float) -> Non
         assert math.hypot(x - 11.0, y - 11.0) == pytest.approx(11.0)
     x, y = wall.point(wall.length_mm / 2)
     assert math.hypot(x - 11.0, y - 11.0) == pytest.approx(math.sqrt(121.0 - half_mm**2))
-    assert math.atan2(y - 11.0, x - 11.0) == pytest.approx(
-        math.radians((angle_deg + 180) % 360 - 180), abs=1e-9
-    )
+    stands = math.sqrt(121.0 - half_mm**2)
+    turn = math.radians(angle_deg)
+    assert (x - 11.0, y - 11.0) == pytest.approx((stands * math.cos(turn), stands * math.sin(turn)), abs=1e-9)
     assert wall.along_and_outward_mm(*wall.point(0.3, 2.0)) == pytest.approx((0.3, 2.0))
 
 
