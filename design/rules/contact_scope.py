@@ -7,6 +7,7 @@ Layers beyond it are solved live, take minutes and were compared with nothing; l
 from __future__ import annotations
 
 from design.errors import DesignError
+from design.geometry.plan import plan_of
 from design.spec import SensorDesign
 
 LIBRARY_LAYER_RANGE = (1.3, 6.0)
@@ -25,7 +26,7 @@ LARGEST_CROWN = 0.25
 
 def is_flat_rectangle(design: SensorDesign) -> bool:
     """Whether contact and light are computed for a pad of this shape."""
-    return design.cavity.outline == "rectangle" and design.crown is None
+    return plan_of(design).is_flat_rectangle
 
 
 def require_flat_rectangle(design: SensorDesign) -> None:

@@ -148,12 +148,26 @@ _Lowered = tuple[FloatArray, RadialTable, float]
 
 
 def _lower(indentation: Indentation, top_mm: float) -> _Lowered:
-    _check_curve(indentation, top_mm)
+    check_curve(indentation, top_mm)
+    return lower_curve(indentation, top_mm)
+
+
+def lower_curve(indentation: Indentation, top_mm: float, mean_mm: float = 0.0) -> _Lowered:
+    """A press's row of numbers (`COLUMNS`), its radial table, and how far a point was moved [mm].
+
+    Parameters
+    ----------
+    top_mm : height of the undisturbed top, which the curve runs out to
+    mean_mm : radius of the crown above which the curve's heights are, 0 for a flat top: in the contact they are those
+        of the tip above that crown
+    """
     depth = indentation.depth_mm
     tip, start = _sphere(indentation)
     centre_z = top_mm - depth + tip
-    radius, height, given, moved, contact = _single_valued(indentation, tip, start)
+    radius, height, given, moved, contact = _single_valued(indentation, tip, start, mean_mm)
     given[0] = start / np.sqrt(tip**2 - start**2)
+    if mean_mm > 0.0:
+        given[0] += start / np.sqrt(mean_mm**2 - start**2)
     radius, height, slope = _with_tail(radius, height, given)
     table = radial_table(radius, height, slope, top_mm=top_mm, lowest_mm=top_mm - depth)
     skirt = table.radius[np.abs(table.slope) >= SKIRT_SLOPE]
@@ -198,7 +212,8 @@ def _contact_parts_mm2(
     return np.pi * float(area[-1]), parts
 
 
-def _check_curve(indentation: Indentation, top_mm: float) -> None:
+def check_curve(indentation: Indentation, top_mm: float) -> None:
+    """Refuse a curve that is no press into a layer of this thickness [mm]."""
     radius, height = np.asarray(indentation.radius_mm), np.asarray(indentation.height_mm)
     if radius.ndim != 1 or radius.shape != height.shape or radius.size < 4:
         raise InputError(
@@ -215,8 +230,13 @@ def _check_curve(indentation: Indentation, top_mm: float) -> None:
         )
 
 
+def _fall(radius: float, mean_mm: float) -> float:
+    """How far a crown lies below its tangent plane; 0 for a flat top."""
+    return radius**2 / (mean_mm + float(np.sqrt(mean_mm**2 - radius**2))) if mean_mm > 0.0 else 0.0
+
+
 def _single_valued(
-    indentation: Indentation, tip: float, start: float
+    indentation: Indentation, tip: float, start: float, mean_mm: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, float, float]:
     """Radius, relative height and slope (NaN: unknown) from the sphere's end outward, largest move, contact radius."""
     depth = indentation.depth_mm
@@ -230,10 +250,11 @@ def _single_valued(
     )
     touched = indentation.contact_radius_mm * (1.0 + TOUCHING)
     contact = start
-    knots_r, knots_h, slopes = [start], [-depth + tip - float(np.sqrt(tip**2 - start**2))], [np.nan]
+    first = -depth + tip - float(np.sqrt(tip**2 - start**2)) + _fall(start, mean_mm)
+    knots_r, knots_h, slopes = [start], [first], [np.nan]
     for r, h, slope in zip(radius[is_new], height[is_new], _slopes(indentation)[is_new], strict=True):
         if indentation.is_hemisphere and r < tip:
-            h = min(h, -depth + tip - np.sqrt(max(tip**2 - r**2, 0.0)))
+            h = min(h, -depth + tip - np.sqrt(max(tip**2 - r**2, 0.0)) + _fall(r, mean_mm))
         placed = max(r, knots_r[-1] + MIN_KNOT_STEP_MM, knots_r[-1] + abs(h - knots_h[-1]) / MAX_SLOPE)
         moved = max(moved, placed - r)
         knots_r.append(placed)

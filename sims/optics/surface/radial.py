@@ -128,16 +128,21 @@ def radiance(patch: FloatArray, cosine: float) -> float:
 
     For a receiver pi times this is the share that it counts of light from there.
     """
-    order = patch[5]
+    return lobe_at(patch[5], patch, PATCH_TABLE, cosine)
+
+
+@inlined
+def lobe_at(order: float, row: FloatArray, first: int, cosine: float) -> float:
+    """Radiance over power and area at a cosine, by a Lambertian order or, below 0, the table from a row's column on."""
     if order == 1.0:
         return 1.0 / math.pi
     if order >= 0.0:
         return (order + 1.0) / (2.0 * math.pi) * cosine ** (order - 1.0)
-    last = patch.shape[0] - PATCH_TABLE - 1
+    last = row.shape[0] - first - 1
     x = min(max(cosine, 0.0), 1.0) * last
     k = min(int(x), last - 1)
-    low = patch[PATCH_TABLE + k]
-    return low + (x - k) * (patch[PATCH_TABLE + k + 1] - low)
+    low = row[first + k]
+    return low + (x - k) * (row[first + k + 1] - low)
 
 
 @inlined

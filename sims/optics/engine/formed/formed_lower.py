@@ -4,27 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from design.errors import InputError
 from sims.optics.engine.formed.formed_top import CYLINDER, FLAT, NUMBERS, SPHERE, FormedTop, empty_rows
 from sims.optics.scene.optical_scene import FloatArray, OpticalScene
 from sims.optics.scene.pad_form import PadForm
 from sims.optics.surface.curves import (
-    APEX_MM,
-    COLUMNS,
-    FIELD_COLUMNS,
-    MAX_SLOPE,
-    MIN_KNOT_STEP_MM,
-    OFFSET,
-    OUTER_2,
+    CONTACT_R,
+    OUTER_R,
+    PIECES,
+    REACH,
     ROW,
-    SCALE,
-    SPHERE_2,
-    SPHERE_Z,
-    START,
-    TIP_2,
-    _with_tail,
+    SKIRT_R,
+    check_curve,
+    lower_curve,
 )
-from sims.optics.surface.radial_table import LEVELS, radial_table
 from sims.press.indentation import Indentation
 
 
@@ -83,8 +75,8 @@ def formed_top(scene: OpticalScene, centre_mm: FloatArray, press: Indentation | 
     numbers[:3] = kind, radius, mean
     rows = empty_rows()
     if press is not None:
-        rows, outer, contact = _lowered(press, mean)
-        numbers[3:] = press.depth_mm, outer, contact, -press.depth_mm
+        rows, radii = _lowered(press, mean, scene.height_mm)
+        numbers[3:] = press.depth_mm, *radii
     return FormedTop(origin, np.ascontiguousarray(axes), numbers, rows)
 
 
@@ -95,41 +87,12 @@ def _crown_numbers(form: PadForm) -> tuple[float, float, float]:
     return (SPHERE, radius, radius) if form.crown_axis == "none" else (CYLINDER, radius, 2.0 * radius)
 
 
-def _lowered(press: Indentation, mean_mm: float) -> tuple[FloatArray, float, float]:
-    """(1, n) row of the radial table of d, its outer radius, and the contact radius."""
-    radius = np.asarray(press.radius_mm, dtype=np.float64)
-    height = np.asarray(press.height_mm, dtype=np.float64)
-    if not press.is_hemisphere:
-        raise InputError("indentation: on a disc or a crown a hemisphere alone is traced")
-    tip = press.tip_radius_mm
-    start = float(min(press.contact_radius_mm, tip * MAX_SLOPE / np.hypot(1.0, MAX_SLOPE)))
-    start = max(start, APEX_MM)
-
-    def mean_fall(r: float) -> float:
-        return 0.0 if mean_mm == 0.0 else r * r / (mean_mm + np.sqrt(mean_mm**2 - r * r))
-
-    def tip_rise(r: float) -> float:
-        return -press.depth_mm + tip - float(np.sqrt(max(tip**2 - r * r, 0.0))) + mean_fall(r)
-
-    slope = start / np.sqrt(tip**2 - start**2)
-    if mean_mm > 0.0:
-        slope += start / np.sqrt(mean_mm**2 - start**2)
-    knots_r, knots_h, given = [start], [tip_rise(start)], [slope]
-    for r, h in zip(radius, height, strict=True):
-        if r <= start + MIN_KNOT_STEP_MM:
-            continue
-        if r < tip:
-            h = min(h, tip_rise(float(r)))
-        placed = max(r, knots_r[-1] + MIN_KNOT_STEP_MM, knots_r[-1] + abs(h - knots_h[-1]) / MAX_SLOPE)
-        knots_r.append(float(placed))
-        knots_h.append(float(h))
-        given.append(np.nan)
-    knots, heights, slopes = _with_tail(np.array(knots_r), np.array(knots_h), np.array(given))
-    table = radial_table(knots, heights, slopes, top_mm=0.0, lowest_mm=-press.depth_mm)
+def _lowered(press: Indentation, mean_mm: float, clear_mm: float) -> tuple[FloatArray, tuple[float, ...]]:
+    """(1, n) row of the radial table of d; outer, contact and skirt radius [mm]."""
+    check_curve(press, clear_mm)
+    numbers, table, _ = lower_curve(press, 0.0, mean_mm)
     row = np.zeros(ROW)
-    row[SPHERE_Z], row[SPHERE_2], row[TIP_2] = tip - press.depth_mm, start**2, tip**2
-    row[OUTER_2], row[SCALE], row[OFFSET], row[START] = knots[-1] ** 2, table.scale, table.offset, table.start
-    begin = COLUMNS + FIELD_COLUMNS
-    row[begin : begin + LEVELS] = table.reach2
-    row[begin + LEVELS :] = table.pieces.ravel()
-    return row[None], float(knots[-1]), start
+    row[: len(numbers)] = numbers
+    row[REACH:PIECES] = table.reach2
+    row[PIECES:] = table.pieces.ravel()
+    return row[None], (numbers[OUTER_R], numbers[CONTACT_R], numbers[SKIRT_R])

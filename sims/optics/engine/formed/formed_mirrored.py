@@ -47,6 +47,7 @@ from sims.optics.engine.formed.formed_top import (
     fall,
     into,
     is_contact,
+    is_skirt,
     normal_at,
     out_of,
     rise,
@@ -59,7 +60,6 @@ from sims.optics.surface.radial import fresnel, kernel
 MOST = 24
 FAINT = 1e-9
 """Share of the emitter's power below which a pencil is followed no further."""
-SKIRT_SLOPE = 0.1
 NEAR = 0.25
 """Rays beside the middle of a part leave this share of its half size from it."""
 # columns of a point of the top
@@ -160,8 +160,7 @@ def _follow(
         qx, qy, _ = into(top, x, y, z)
         if is_contact(top, qx, qy):
             return
-        slope = rise(top, qx * qx + qy * qy)[1] * math.sqrt(qx * qx + qy * qy)
-        if abs(slope) > SKIRT_SLOPE:
+        if is_skirt(top, qx, qy):
             row = 1
         nx, ny, nz = normal_at(top, qx, qy)
         nx, ny, nz = out_of(top, nx, ny, nz)
@@ -281,7 +280,6 @@ def top_points(at: FloatArray, element: FloatArray, top: FormedTop, out: FloatAr
         out[n, PX], out[n, PY], out[n, PZ] = px + top.origin[0], py + top.origin[1], pz + top.origin[2]
         out[n, MX], out[n, MY], out[n, MZ] = out_of(top, nx, ny, nz)
         out[n, DA] = element[n] / nz
-        r = math.sqrt(x * x + y * y)
-        out[n, SKIRT] = 1.0 if abs(rise(top, r * r)[1] * r) > SKIRT_SLOPE else 0.0
+        out[n, SKIRT] = 1.0 if is_skirt(top, x, y) else 0.0
         if is_contact(top, x, y):
             out[n, DA] = 0.0

@@ -12,7 +12,7 @@ import math
 
 from sims.optics.engine.formed.formed_top import FormedTop, into, top_hit, turn
 from sims.optics.scene.optical_scene import FloatArray
-from sims.optics.surface.radial import inlined, kernel
+from sims.optics.surface.radial import inlined, kernel, lobe_at
 
 NEVER = 1e30
 BOTTOM, ROUND, TOP = -1, -2, -3
@@ -96,13 +96,4 @@ def lobe(window: FloatArray, cosine: float) -> float:
     """Radiance over power and area that a window sends at a cosine to its normal; of a receiver the share it counts
     over pi [1/sr].
     """
-    order = window[ORDER]
-    if order == 1.0:
-        return 1.0 / math.pi
-    if order >= 0.0:
-        return (order + 1.0) / (2.0 * math.pi) * cosine ** (order - 1.0)
-    last = window.shape[0] - TABLE - 1
-    x = min(max(cosine, 0.0), 1.0) * last
-    k = min(int(x), last - 1)
-    low = window[TABLE + k]
-    return low + (x - k) * (window[TABLE + k + 1] - low)
+    return lobe_at(window[ORDER], window, TABLE, cosine)

@@ -28,6 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sims.optics.scene.optical_scene import FloatArray
+from sims.optics.surface.curves import SPHERE_2
 from sims.optics.surface.radial import height_and_turn, inlined, kernel
 
 NEVER = 1e30
@@ -35,7 +36,7 @@ STEP_MM = 0.3
 """Longest step of a march near the dimple."""
 FLAT, SPHERE, CYLINDER = 0.0, 1.0, 2.0
 # numbers of a top
-KIND, RADIUS, MEAN, DEPTH, OUTER, CONTACT_EDGE, LOWEST_D = range(7)
+KIND, RADIUS, MEAN, DEPTH, OUTER, CONTACT_EDGE, SKIRT_EDGE = range(7)
 NUMBERS = 7
 
 
@@ -46,7 +47,7 @@ class FormedTop(NamedTuple):
     ----------
     origin, axes : (3,), (3, 3) of the frame, an axis a row
     numbers : (7,) kind of crown, its radius, that of the mean crown [mm] (0: none); depth of the press, radius beyond
-        which d is 0, contact radius, lowest d (-depth; 0 untouched) [mm]
+        which d is 0, of the contact, and of the skirt, within which a mirror counts as the skirt's [mm]; 0 untouched
     rows : (1, n) radial table of d (`sims.optics.surface.curves`), heights from 0; a single 0 where untouched
     """
 
@@ -113,9 +114,8 @@ def rise(top: FormedTop, r2: float) -> tuple[float, float]:
     if r2 >= top.numbers[OUTER] * top.numbers[OUTER]:
         return 0.0, 0.0
     value, turned = height_and_turn(r2, 0, top.rows)
-    edge = top.numbers[CONTACT_EDGE]
     mean = top.numbers[MEAN]
-    if r2 <= edge * edge and mean > 0.0:
+    if r2 <= top.rows[0, SPHERE_2] and mean > 0.0:
         root = math.sqrt(max(mean * mean - r2, 1e-12))
         value += r2 / (mean + root)
         turned += 1.0 / root
@@ -162,7 +162,7 @@ def top_hit(
     x, y, z, dx, dy, dz : start and unit direction in the frame
     """
     leaves = crown_exit(top, x, y, z, dx, dy, dz)
-    outer, lowest = top.numbers[OUTER], top.numbers[LOWEST_D]
+    outer, lowest = top.numbers[OUTER], -top.numbers[DEPTH]
     if outer > 0.0:
         a, b, c = dx * dx + dy * dy, x * dx + y * dy, x * x + y * y - outer * outer
         first, last = 0.0, -1.0
@@ -233,6 +233,13 @@ def normal_at(top: FormedTop, x: float, y: float) -> tuple[float, float, float]:
 def is_contact(top: FormedTop, x: float, y: float) -> bool:
     """Whether the top there is the tip."""
     edge = top.numbers[CONTACT_EDGE]
+    return x * x + y * y < edge * edge
+
+
+@inlined
+def is_skirt(top: FormedTop, x: float, y: float) -> bool:
+    """Whether the top there lies within the outermost radius where the press is steep."""
+    edge = top.numbers[SKIRT_EDGE]
     return x * x + y * y < edge * edge
 
 

@@ -16,6 +16,7 @@ Left out: smooth walls, several tips, fields, folds; `sims.optics.oracle` has al
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -28,7 +29,7 @@ from sims.optics.accuracy import Accuracy
 from sims.optics.engine.formed.formed_lower import formed_top, walls_of, windows_of
 from sims.optics.engine.formed.formed_patches import PatchLayout, is_in_plan, patch_layout
 from sims.optics.engine.formed.formed_scattered import DIMENSIONS
-from sims.optics.engine.formed.formed_top import CONTACT_EDGE, DEPTH, LOWEST_D, OUTER, FormedTop, empty_rows
+from sims.optics.engine.formed.formed_top import CONTACT_EDGE, DEPTH, OUTER, SKIRT_EDGE, FormedTop, empty_rows
 from sims.optics.engine.threads import run_each
 from sims.optics.scene.optical_scene import FloatArray, OpticalScene
 from sims.press.indentation import Indentation
@@ -50,7 +51,7 @@ class FormedPad:
     ----------
     emitters, receivers : window rows; walls, round_wall : as kernels read them
     patches : layout of patches, and their weights rho / A [1/mm2]
-    direct, mirrored, diffuse : untouched light: (e, r), (replicate, 2, e, r), (e, r)
+    direct, mirrored, diffuse : untouched light: (e, r), (replicate, 2, e, r), (replicate, e, r)
     """
 
     scene: OpticalScene
@@ -98,17 +99,20 @@ def trace_formed(
     presses = [_single(press) for press in indentations]
     pad = formed_pad(scene, settings, seed)
     out = np.zeros((len(presses), settings.replicates, CLASSES, *wanted.shape[1:]))
-    done = [0]
+    done, told = [0], threading.Lock()
 
     def trace_one(state: int) -> None:
         press = presses[state]
         if press is not None and press.depth_mm > 0.0:
-            out[state] = _pressed(pad, np.asarray(centres_mm[state]), press, settings, seed, wanted[state])
+            out[state] = _pressed(
+                pad, np.asarray(centres_mm[state]).reshape(2), press, settings, seed, wanted[state]
+            )
         else:
             out[state] = _untouched(pad)
-        done[0] += 1
-        if on_step is not None:
-            on_step(done[0], len(presses))
+        with told:
+            done[0] += 1
+            if on_step is not None:
+                on_step(done[0], len(presses))
 
     run_each(trace_one, len(presses))
     untouched = _untouched(pad).mean(axis=0).sum(axis=0)
@@ -174,15 +178,15 @@ def _remembered(key: _Key, replicates: int, seed: int) -> FormedPad:
         )  # fmt: skip
 
     run_each(one, replicates)
-    halves = np.zeros((2, len(emitters), len(receivers)))
+    diffuse = np.zeros((replicates, len(emitters), len(receivers)))
 
     def scatter(number: int) -> None:
-        halves[number] = scattered_matrix(
-            emitters, receivers, REFERENCE_RAYS // 2, sequence_steps(), shifts[0] + 0.5 * number,
+        diffuse[number] = scattered_matrix(
+            emitters, receivers, REFERENCE_RAYS // replicates, sequence_steps(), shifts[number],
             scene.absorption_per_mm, scene.refractive_index, _reflectances(scene), walls, round_wall, *top,
         )  # fmt: skip
 
-    run_each(scatter, 2)
+    run_each(scatter, replicates)
     return FormedPad(
         scene=scene,
         emitters=emitters,
@@ -194,7 +198,7 @@ def _remembered(key: _Key, replicates: int, seed: int) -> FormedPad:
             emitters, receivers, every, scene.absorption_per_mm, *top, *_straight_rules(6, 6, 6)
         ),
         mirrored=mirrored,
-        diffuse=halves.mean(axis=0),
+        diffuse=diffuse,
     )
 
 
@@ -289,7 +293,7 @@ def _scattered_ratio(pad: FormedPad, top: FormedTop, flat: FormedTop, shift: Flo
 def _without_press(top: FormedTop) -> FormedTop:
     """The untouched top in the frame of a press."""
     numbers = top.numbers.copy()
-    numbers[[DEPTH, OUTER, CONTACT_EDGE, LOWEST_D]] = 0.0
+    numbers[[DEPTH, OUTER, CONTACT_EDGE, SKIRT_EDGE]] = 0.0
     return top._replace(numbers=numbers, rows=empty_rows())
 
 
