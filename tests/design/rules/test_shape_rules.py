@@ -9,7 +9,7 @@ import pytest
 from design.errors import DesignError
 from design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
 from design.rules.check import check, require_valid
-from design.rules.contact_scope import require_flat_rectangle
+from design.rules.contact_scope import is_flat_rectangle, require_flat_rectangle
 from design.spec import SensorDesign
 
 DISC, CROWNED, DOME, FLAT = "levi2013-disc", "crowned-40x25", "fingertip-dome", "piacenza2017-pad"
@@ -233,6 +233,7 @@ def test_a_shaped_preset_has_no_finding_and_is_refused_by_what_does_not_compute_
 @pytest.mark.parametrize("name", FLAT_PRESETS)
 def test_a_flat_rectangle_passes(name: str) -> None:
     require_flat_rectangle(preset(name))
+    assert is_flat_rectangle(preset(name))
 
 
 def test_a_tip_that_is_blunt_beside_the_crown_is_told() -> None:
