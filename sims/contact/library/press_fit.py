@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator, make_lsq_spline
 
 from sims.contact.library.profiles import UnitPress
-from sims.contact.library.smooth_press import LOAD_SHARES, FitResidual, SmoothPress, StateValues, sample_arcs
+from sims.contact.library.smooth_press import (
+    LOAD_SHARES,
+    FitResidual,
+    SmoothPress,
+    StateValues,
+    off_crown,
+    sample_arcs,
+)
 from sims.contact.library.surface_curve import contact_tolerance, free_surface
 from sims.contact.tip import tip_coordinate, tip_outline
 
@@ -71,10 +78,11 @@ def _state(unit: UnitPress, index: int) -> StateValues:
         radius, height, depth, spacing=unit.mesh_size, tolerance=tolerance, tip=unit.tip, crown=unit.crown
     )
     start = np.stack(tip_outline(np.array(edge), depth, unit.tip))
+    dense = off_crown(np.concatenate([start[None], free]), unit.wall_radius, unit.crown)
     return StateValues(
         log_force=float(np.log(unit.force[index])),
         log_edge=float(np.log(edge)),
-        free=_resampled(np.concatenate([start[None], free]), unit.wall_radius) - start,
+        free=_resampled(dense, unit.wall_radius) - dense[0],
         load=_load_inside(
             unit.normal_force[index], radius, height, tip_coordinate(radius, height, depth, unit.tip), edge
         ),

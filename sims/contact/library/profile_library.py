@@ -10,12 +10,20 @@ What another wall changes is solved at the fewer `WALL_LAYERS`, at each of `PAD_
 change is a cubic spline in 1/radius (zero at `WALL_RADIUS`), and between the layers a straight line in 1/depth for thin
 ones, a parabola for thick ones. Outside the entries nothing is extrapolated.
 
+What a spherical crown changes, pressed at its apex, is added too. Every coefficient's change is a crown + b crown², the
+crown being tip radius over crown radius; heights of the surface are those above the untouched top. Both factors follow
+from two crowns in one pad, the centre of the crowned ones (`CROWN_CENTRE`); b is taken from there. The slope a follows
+from the largest crown of the other `CROWN_LAYERS` in that wall, and of that layer in the other of the `CROWN_RADII`.
+What another wall changes of it is taken to be the same in every layer. It is a parabola in 1/depth and a straight line
+in 1/radius, which is continued to the largest pad (contact-interpolation.md measures a press there).
+
 `optopad contact build` makes the file anew; docs/validation/contact.md has the error of the solver,
 contact-interpolation.md that of the interpolation.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib import resources
@@ -24,15 +32,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from design.rules.contact_scope import DEEPEST_PRESS, LARGEST_SHARE_OF_LAYER
+from design.errors import InputError, ModelScopeError
+from design.rules.contact_scope import DEEPEST_PRESS, LARGEST_CROWN, LARGEST_SHARE_OF_LAYER
 from sims.contact.library.smooth_press import VALUES, FitResidual, SmoothPress
-from sims.contact.scope import HALF_WIDTH, WALL_RADIUS_RANGE, round_radius
+from sims.contact.scope import HALF_WIDTH, WALL_RADIUS, WALL_RADIUS_RANGE, round_radius
+from sims.contact.solver.crown import LEAST_RIM_SHARE, require_rim
 
 FloatArray = NDArray[np.float64]
 
 FILE = "profiles.npz"
 """Name of the file in the package's data folder."""
-FORMAT = 2
+FORMAT = 3
 """Version of the file's layout."""
 CORNER = DEEPEST_PRESS / LARGEST_SHARE_OF_LAYER
 """Layer at which the two limits of the press meet [tip radii]: 2.125."""
@@ -46,12 +56,81 @@ PAD_RADII = (
     WALL_RADIUS_RANGE[1],
 )
 """Radii of the other round pads [tip radii]: those of the presets' areas, and the largest."""
+CROWN_LAYERS = (CORNER, 3.0, 6.0)
+"""Elastic depths at which crowns are solved [tip radii]; entries too."""
+CROWN_RADII = (WALL_RADIUS_RANGE[0], WALL_RADIUS)
+"""Radii of the pads in which crowns are solved [tip radii]; flat ones are solved in them too."""
+CROWN_CENTRE = (3.0, WALL_RADIUS)
+"""Layer and pad of which both, the other layers and the other pads, are solved under crowns [tip radii]."""
+LARGEST_REACH = 0.8
+"""Radius of the wall over that of the crown, at most [-]: the top then falls by 53 degrees at the wall."""
 _JOIN = 1e-9
 
 
 def deepest_press(layer: float) -> float:
     """Deepest press of a layer that the library holds; both in tip radii."""
     return min(LARGEST_SHARE_OF_LAYER * layer, DEEPEST_PRESS)
+
+
+def largest_crown(layer: float, wall_radius: float) -> float:
+    """The largest crown [-] that `require_crown` lets pass, in steps of 0.0001.
+
+    Parameters
+    ----------
+    layer, wall_radius : elastic depth at the apex, radius of the wall [tip radii]
+    """
+    fall = min((1.0 - LEAST_RIM_SHARE) * layer, wall_radius)
+    at_the_rim = 2.0 * fall / (fall**2 + wall_radius**2)
+    return math.floor(1e4 * min(at_the_rim, LARGEST_REACH / wall_radius, LARGEST_CROWN)) / 1e4
+
+
+def solved_crowns(layer: float, wall_radius: float) -> tuple[float, ...]:
+    """The crowns that are solved in a pad [-], the largest last; at the centre half of that too.
+
+    Parameters
+    ----------
+    layer, wall_radius : elastic depth at the apex, radius of the wall [tip radii]
+    """
+    largest = largest_crown(layer, wall_radius)
+    return (round(0.5 * largest, 9), largest) if (layer, wall_radius) == CROWN_CENTRE else (largest,)
+
+
+def require_crown(layer: float, wall_radius: float, crown: float) -> None:
+    """Refuse crowns that the library does not cover.
+
+    Parameters
+    ----------
+    layer, wall_radius : elastic depth at the apex, radius of the wall [tip radii]
+    crown : tip radius over the crown's radius [-]
+
+    Raises
+    ------
+    InputError : a crown that is no number from 0 on
+    ModelScopeError : too curved a crown, too thin or too thick a layer, too steep or too thin a rim
+    """
+    if not (math.isfinite(crown) and crown >= 0.0):
+        raise InputError(f"crown: {crown:g} must be 0 (flat) or more")
+    if crown == 0.0:
+        return
+    if crown > LARGEST_CROWN + _JOIN:
+        raise ModelScopeError(
+            f"crown: a radius of {1.0 / crown:.3f} tip radii, and the library has {1.0 / LARGEST_CROWN:g} or more; "
+            "take a larger crown radius or a smaller tip"
+        )
+    low, high = CROWN_LAYERS[0], CROWN_LAYERS[-1]
+    if not low - _JOIN <= layer <= high + _JOIN:
+        raise ModelScopeError(
+            f"layer: {layer:.3f} tip radii under a crown, and the library has {low:g} to {high:g}; "
+            f"take {'a thicker layer or a smaller tip' if layer < low else 'a thinner layer or a larger tip'}"
+        )
+    reach = crown * wall_radius
+    if reach > LARGEST_REACH + _JOIN:
+        raise ModelScopeError(
+            f"crown: the wall at {wall_radius:.3f} tip radii lies at {reach:.3f} of the crown's radius, and the "
+            f"library has {LARGEST_REACH:g} at most; take a larger crown radius, a smaller pad, or, where the pad is "
+            f"under {CROWN_RADII[0]:.2f} tip radii and taken for that, a smaller tip"
+        )
+    require_rim(layer, wall_radius, crown)
 
 
 Chart = tuple[slice, CubicSpline]
@@ -69,6 +148,45 @@ def _charts(layers: FloatArray) -> tuple[Chart, Chart]:
 
 
 @dataclass(frozen=True, kw_only=True)
+class CrownChanges:
+    """What crowns change of the coefficients of flat pads; lengths in tip radii.
+
+    Attributes
+    ----------
+    layers : (layer,) increasing elastic depths
+    radii : (pad,) increasing radii of the wall
+    slopes : (layer, pad, coefficient, VALUES) factors of the crown
+    bow : (coefficient, VALUES) factor of its square
+    """
+
+    layers: FloatArray
+    radii: FloatArray
+    slopes: FloatArray
+    bow: FloatArray
+
+    @cached_property
+    def _charts(self) -> tuple[CubicSpline, CubicSpline]:
+        """1/layer and 1/radius -> weights of `layers` and of `radii`."""
+        layers, pads = (
+            CubicSpline(1.0 / places[::-1], np.eye(len(places))[::-1]) for places in (self.layers, self.radii)
+        )
+        return layers, pads
+
+    def at(self, layer: float, wall_radius: float, crown: float) -> FloatArray:
+        """(coefficient, VALUES) that a crown adds.
+
+        Parameters
+        ----------
+        layer, wall_radius : a layer within the solved ones, a wall [tip radii]
+        crown : tip radius over the crown's radius [-]
+        """
+        of_layer, of_pad = self._charts
+        pads = np.tensordot(of_layer(1.0 / layer), self.slopes, axes=1)
+        slope = np.tensordot(of_pad(1.0 / wall_radius), pads, axes=1)
+        return np.asarray(crown * slope + crown**2 * self.bow, dtype=np.float64)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Library:
     """Solved presses of several layers; lengths in tip radii, forces in E R².
 
@@ -82,6 +200,7 @@ class Library:
     wall_layers : (wall layer,) increasing elastic depths of which other walls are known, `CORNER` among them
     pad_radii : (pad,) increasing radii of other walls
     wall_changes : (wall layer, pad, coefficient, VALUES) coefficients less those of the entry
+    crowned : what crowns change
     residual : (layer, 6) of the fits, in the order of `FitResidual`
     recipe : version of the solver that made it
     versions : names and versions of the programs that made it
@@ -96,6 +215,7 @@ class Library:
     wall_layers: FloatArray
     pad_radii: FloatArray
     wall_changes: FloatArray
+    crowned: CrownChanges
     residual: FloatArray
     recipe: int
     versions: tuple[str, ...]
@@ -120,28 +240,38 @@ class Library:
         weights = np.insert(np.eye(len(self.pad_radii)), before, 0.0, axis=0)
         return CubicSpline(1.0 / radii[::-1], weights[::-1])
 
-    def press(self, layer: float, wall_radius: float | None = None) -> SmoothPress:
+    def press(self, layer: float, wall_radius: float | None = None, crown: float = 0.0) -> SmoothPress:
         """The presses of a layer between the entries, in a round pad.
 
         Parameters
         ----------
-        layer : elastic depth, which `covers` accepts [tip radii]
+        layer : elastic depth, under a crown that at its apex, which `covers` accepts [tip radii]
         wall_radius : of the bonded wall, moved into the solved range [tip radii]; None is that of the entries
+        crown : tip radius over the radius of the top, pressed at its apex; 0 is flat [-]
+
+        Raises
+        ------
+        InputError, ModelScopeError : a crown that is not covered, see `require_crown`
         """
+        asked = self.wall_radius if wall_radius is None else wall_radius
+        radius = float(np.clip(asked, self.pad_radii[0], self.pad_radii[-1]))
+        require_crown(layer, max(asked, radius), crown)
         layer = float(np.clip(layer, self.layers[0], self.layers[-1]))
-        radius = self.wall_radius if wall_radius is None else wall_radius
-        radius = float(np.clip(radius, self.pad_radii[0], self.pad_radii[-1]))
         part, weights = self._layer_charts[int(layer > CORNER)]
         share = weights(1.0 / layer)
         nearest = int(np.argmin(np.abs(self.layers - layer)))
+        coefficients = np.tensordot(share, self.coefficients[part], axes=1) + self._change(layer, radius)
+        if crown:
+            coefficients = coefficients + self.crowned.at(layer, radius, crown)
         return SmoothPress(
             layer_depth=layer,
             wall_radius=radius,
+            crown=crown,
             mesh_size=self.mesh_size,
             first=float(share @ self.first[part]),
             deepest=deepest_press(layer),
             knots=self.knots,
-            coefficients=np.tensordot(share, self.coefficients[part], axes=1) + self._change(layer, radius),
+            coefficients=coefficients,
             residual=FitResidual.from_array(self.residual[nearest]),
             versions=self.versions,
         )
@@ -169,6 +299,10 @@ def pack(library: Library) -> dict[str, NDArray[np.generic]]:
         "wall_layers": library.wall_layers,
         "pad_radii": library.pad_radii,
         "wall_changes": library.wall_changes.astype(np.float32),
+        "crown_layers": library.crowned.layers,
+        "crown_radii": library.crowned.radii,
+        "crown_slopes": library.crowned.slopes.astype(np.float32),
+        "crown_bow": library.crowned.bow.astype(np.float32),
         "residual": library.residual,
         "versions": np.array(library.versions),
     }
@@ -191,6 +325,12 @@ def shipped_library() -> Library:
         wall_layers=held["wall_layers"],
         pad_radii=held["pad_radii"],
         wall_changes=held["wall_changes"].astype(np.float64),
+        crowned=CrownChanges(
+            layers=held["crown_layers"],
+            radii=held["crown_radii"],
+            slopes=held["crown_slopes"].astype(np.float64),
+            bow=held["crown_bow"].astype(np.float64),
+        ),
         residual=held["residual"],
         recipe=int(held["recipe"]),
         versions=tuple(str(text) for text in held["versions"]),
@@ -206,10 +346,16 @@ def library_differences(left: Library, right: Library) -> tuple[float, float]:
     surface : largest difference of a sample of the free surface [tip radii]
     """
     force = surface = 0.0
-    pads = [(layer, right.wall_radius) for layer in right.layers]
-    pads += [(layer, radius) for layer in right.wall_layers for radius in right.pad_radii]
-    for layer, radius in pads:
-        first, second = (library.press(float(layer), float(radius)) for library in (left, right))
+    pads = [(layer, right.wall_radius, 0.0) for layer in right.layers]
+    pads += [(layer, radius, 0.0) for layer in right.wall_layers for radius in right.pad_radii]
+    pads += [
+        (layer, radius, crown)
+        for layer in right.crowned.layers
+        for radius in right.crowned.radii
+        for crown in (0.5 * largest_crown(layer, radius), largest_crown(layer, radius))
+    ]
+    for pad in pads:
+        first, second = (library.press(*map(float, pad)) for library in (left, right))
         for depth in np.linspace(0.02, 1.0, 25) * second.deepest:
             here, there = first.values_at(float(depth)), second.values_at(float(depth))
             force = max(force, abs(float(np.expm1(here.log_force - there.log_force))))

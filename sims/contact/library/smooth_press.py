@@ -2,7 +2,8 @@
 
 A press is described by numbers that change smoothly with depth: ln of the force, ln of the outline
 coordinate t of the contact edge, the free surface from that edge to the wall at fixed places along its arc
-(`sample_arcs`; relative to the edge), and the share of the load inside fixed shares of t. Each is a cubic
+(`sample_arcs`; relative to the edge), and the share of the load inside fixed shares of t. On a crown the surface is
+that of heights above the untouched top, its arc too, so that crowns can be interpolated. Each number is a cubic
 spline in ln(depth / deepest), in which force and edge are nearly straight lines (powers of the depth:
 Hertz' 3/2 and 1/2). All are linear in the coefficients, so that layers can be interpolated.
 
@@ -108,9 +109,32 @@ def on_crown(curve: TopCurve, crown: float) -> TopCurve:
     return above_crown(curve, -crown)
 
 
+def off_crown(points: FloatArray, wall_radius: float, crown: float) -> FloatArray:
+    """(n, 2) points with heights above the untouched crown instead of above its apex [tip radii].
+
+    Parameters
+    ----------
+    points : (n, 2) radius and height; a fitted radius may lie a little beyond the wall [tip radii]
+    wall_radius : where the crown ends [tip radii]
+    crown : tip radius over the radius of the untouched top; negative is the inverse [-]
+    """
+    if crown == 0.0:
+        return points
+    drop = crown_drop(np.minimum(points[:, 0], wall_radius), crown)
+    return np.stack([points[:, 0], points[:, 1] + drop], axis=1)
+
+
 @dataclass(frozen=True, kw_only=True)
 class StateValues:
-    """One state in the numbers that splines are made of; see the module for their meaning."""
+    """One state in the numbers that splines are made of; see the module for their meaning.
+
+    Attributes
+    ----------
+    log_force, log_edge : ln of the force [E R²], ln of the edge's outline coordinate [tip radii]
+    free : (SAMPLES, 2) radius and height of the free surface less those of its first point, the contact edge; heights
+        are above the untouched top (`off_crown`) [tip radii]
+    load : (share,) part of the load inside `LOAD_SHARES` of the contact [-]
+    """
 
     log_force: float
     log_edge: float
@@ -261,8 +285,8 @@ class SmoothPress:
 
         Fitting edge and surface one by one moves the end by a micrometre or so; that is shared out along the arc.
         """
-        free = np.stack(tip_outline(np.array(edge), depth, self.tip)) + relative
-        rim = 0.0 - float(crown_drop(np.array(self.wall_radius), self.crown))
-        miss = np.array([self.wall_radius, rim]) - free[-1]
+        start = np.stack(tip_outline(np.array(edge), depth, self.tip))
+        above = off_crown(start[None], self.wall_radius, self.crown) + relative
+        miss = np.array([self.wall_radius, 0.0]) - above[-1]
         shares = sample_arcs(1.0, self.wall_radius)
-        return np.asarray(free + shares[:, None] * miss, dtype=np.float64)[1:]
+        return off_crown(above + shares[:, None] * miss, self.wall_radius, -self.crown)[1:]

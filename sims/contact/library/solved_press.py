@@ -10,7 +10,7 @@ from design.errors import ModelScopeError
 from sims.contact.library.placed_press import PlacedPress
 from sims.contact.library.profiles import UnitPress
 from sims.contact.library.run_out import run_out
-from sims.contact.library.smooth_press import SmoothPress
+from sims.contact.library.smooth_press import SmoothPress, above_crown
 from sims.contact.library.surface_curve import TopCurve
 from sims.contact.scope import half_width_of
 from sims.contact.tip import HEMISPHERE
@@ -27,6 +27,7 @@ class SolvedPress:
     tip_radius_mm : radius of the hemispherical tip [mm]
     youngs_modulus_mpa : modulus of the layer [MPa]; it scales the force only
     placed : the presses at a place of the pad; None: those of the round pad
+    is_round : whether the pad is itself round, so that its surface ends at the round pad's wall
     unit : the solver's states, where the press was solved live; None from the library
     notes : what the user should know about this solution
     """
@@ -35,6 +36,7 @@ class SolvedPress:
     tip_radius_mm: float
     youngs_modulus_mpa: float
     placed: PlacedPress | None = None
+    is_round: bool = False
     unit: UnitPress | None = None
     notes: tuple[str, ...] = ()
 
@@ -76,11 +78,17 @@ class SolvedPress:
     def at(self, depth_mm: float) -> Indentation:
         """The press at a depth [mm], its surface run out beyond the half width of the pad; 0 or less is untouched.
 
+        Heights are above the untouched top, along its normal: under a crown no sphere, even inside the contact.
+
         Raises
         ------
         ModelScopeError : deeper than solved, or walls that change the press too much
         """
-        curve = (self.placed or self.smooth).curve_at(self.scaled_depth(depth_mm))
+        curve = above_crown(
+            (self.placed or self.smooth).curve_at(self.scaled_depth(depth_mm)), self.smooth.crown
+        )
+        if self.is_round:
+            return self._indentation(curve, depth_mm)
         return self._indentation(run_out(curve, half_width_of(self.smooth.wall_radius)), depth_mm)
 
     def near_at(self, depth_mm: float) -> Indentation:
@@ -97,7 +105,8 @@ class SolvedPress:
     def round_pad_at(self, depth_mm: float) -> Indentation:
         """The press at a depth [mm] in the round pad: its surface out to its wall, and its force; errors of `at`."""
         plain = replace(self, placed=None)
-        return plain._indentation(self.smooth.curve_at(self.scaled_depth(depth_mm)), depth_mm)
+        curve = self.smooth.curve_at(self.scaled_depth(depth_mm))
+        return plain._indentation(above_crown(curve, self.smooth.crown), depth_mm)
 
     def _indentation(self, curve: TopCurve, depth_mm: float) -> Indentation:
         """A curve in tip radii and the force of its depth."""
@@ -109,5 +118,5 @@ class SolvedPress:
             inclination_deg=np.degrees(curve.inclination),
             contact_radius_mm=curve.contact_radius * self.tip_radius_mm,
             force_n=self.force_n(depth_mm),
-            is_hemisphere=self.smooth.tip == HEMISPHERE,
+            is_hemisphere=self.smooth.tip == HEMISPHERE and self.smooth.crown == 0.0,
         )

@@ -13,7 +13,14 @@ from design.errors import OutputError
 from design.spec import SensorDesign
 from sims.contact.indentation import solved_press
 from sims.contact.library import stored_press
-from sims.contact.library.build import assembled, entry_inputs, entry_press, library_depths, write_library
+from sims.contact.library.build import (
+    assembled,
+    crown_changes,
+    entry_inputs,
+    entry_press,
+    library_depths,
+    write_library,
+)
 from sims.contact.library.incompressible import POISSON_RATIOS, nearly_incompressible
 from sims.contact.library.press_fit import fit_press
 from sims.contact.library.profile_library import (
@@ -147,10 +154,16 @@ def test_finished_solves_are_not_repeated(
     again = [entry_press(layer) for layer in LAYERS[:3]]
     assert solved == [(layer, ratio) for layer in LAYERS[:3] for ratio in POISSON_RATIOS]
     np.testing.assert_array_equal(first[1].coefficients, again[1].coefficients)
-    library = assembled(again, [[replace(press, wall_radius=6.0) for press in again[:1]]])
+    pad = (LAYERS[0], again[0].wall_radius)
+    crowns = [replace(again[0], crown=0.1), replace(again[0], crown=0.2)]
+    changes = crown_changes({pad: again[0]}, {pad: crowns}, pad)
+    library = assembled(again, [[replace(again[0], wall_radius=6.0)]], changes)
     assert library.coefficients.shape[0] == 3
     assert (library.wall_layers.tolist(), library.pad_radii.tolist()) == ([LAYERS[0]], [6.0])
     np.testing.assert_array_equal(library.wall_changes, 0.0)
+    assert (library.crowned.layers.tolist(), library.crowned.radii.tolist()) == ([pad[0]], [pad[1]])
+    np.testing.assert_array_equal(library.crowned.slopes, 0.0)
+    np.testing.assert_array_equal(library.crowned.bow, 0.0)
 
 
 def test_compressibility_is_extrapolated_in_a_straight_line(library: Library) -> None:
