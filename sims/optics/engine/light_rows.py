@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from sims.cache.fingerprint import folder_fingerprint
 from sims.optics.accuracy import Accuracy
 from sims.optics.scene.optical_scene import OpticalScene
-from sims.optics.surface.tops import TopStack
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -40,9 +39,26 @@ class KeptRows(Protocol):
         """Keep rows."""
 
 
+class Tops(Protocol):
+    """Tops of states as arrays: all that light depends on.
+
+    Attributes
+    ----------
+    rows : (state, ...) numbers and tables of the presses; field : (state, ...) nodes of smooth fields
+    """
+
+    @property
+    def rows(self) -> FloatArray:
+        """Numbers and tables of the presses."""
+
+    @property
+    def field(self) -> FloatArray:
+        """Nodes of smooth fields."""
+
+
 def row_names(
     scene: OpticalScene,
-    tops: TopStack,
+    tops: Tops,
     states: NDArray[np.int64],
     asked: BoolArray,
     settings: Accuracy,

@@ -49,8 +49,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from design.errors import InputError
 from sims.optics.accuracy import ACCURACIES, LADDER, Accuracy, accuracy_of, checked_target
+from sims.optics.engine.formed.formed_lower import FormedStack, check_formed, stack_formed
 from sims.optics.engine.formed.trace_formed import trace_formed
 from sims.optics.engine.light_rows import KeptRows, content_of, row_names, row_of
 from sims.optics.engine.threads import run_each
@@ -133,16 +133,18 @@ def trace_scene(
     check_scene(scene)
     centres = np.asarray(centres_mm, dtype=np.float64)
     if scene.form is not None:
-        if fields is not None and any(field is not None for field in fields):
-            raise InputError("fields: on a disc or a crown none is traced; leave them out")
-        return _of_form(scene, centres, indentations, accuracy, seed, pairs, on_step)
+        check_formed(scene, indentations, fields)
     if classes is None:
         classes = _classes(scene, centres, indentations, fields)
         centres, indentations = centres[classes.first], [indentations[state] for state in classes.first]
         fields = None if fields is None else [fields[state] for state in classes.first]
     states = len(classes.member)
     wanted = wanted_pairs(pairs, states, len(scene.emitter_wall), len(scene.receiver_wall))
-    tops = stack_tops(indentations, centres, scene, fields)
+    tops: TopStack | FormedStack
+    if scene.form is None:
+        tops = stack_tops(indentations, centres, scene, fields)
+    else:
+        tops = stack_formed(scene, centres, indentations)
     asked = _class_pairs(wanted, classes)
     if isinstance(accuracy, (str, Accuracy)):
         target, ladder = np.inf, [accuracy_of(accuracy)]
@@ -172,39 +174,17 @@ def trace_scene(
     return RawLight(
         flux=np.where(wanted, lines[OF_CLASSES][:, member, *there], 0.0),
         standard_error=np.where(wanted, lines[ERROR][member, *there], 0.0),
-        skirt_radius_mm=tops.rows[:, :, SKIRT_R].max(axis=1, initial=0.0)[classes.member],
+        skirt_radius_mm=_skirt_mm(tops)[classes.member],
         relative_error=relative[classes.member],
         is_met=relative[classes.member] <= target,
     )
 
 
-def _of_form(
-    scene: OpticalScene,
-    centres_mm: FloatArray,
-    indentations: Presses,
-    accuracy: str | float | Accuracy,
-    seed: int,
-    pairs: NDArray[np.bool_] | None,
-    on_step: Callable[[int, int], None] | None,
-) -> RawLight:
-    """Light of a disc or a crowned pad; its states are traced one by one and not kept."""
-    if not isinstance(accuracy, (str, Accuracy)):
-        raise InputError(
-            f"accuracy: {accuracy:g}, but a disc or crowned pad is traced by a name, as 'standard'"
-        )
-    emitters, receivers = len(scene.emitter_wall), len(scene.receiver_wall)
-    wanted = wanted_pairs(pairs, len(indentations), emitters, receivers)
-    values, scale = trace_formed(
-        scene, centres_mm, indentations, accuracy_of(accuracy), seed, wanted, on_step
-    )
-    error = values.sum(axis=2).std(axis=1, ddof=1) / np.sqrt(values.shape[1])
-    return RawLight(
-        flux=values.mean(axis=1).transpose(1, 0, 2, 3),
-        standard_error=error,
-        skirt_radius_mm=np.zeros(len(indentations)),
-        relative_error=_pooled(error / scale, wanted),
-        is_met=np.ones(len(indentations), dtype=np.bool_),
-    )
+def _skirt_mm(tops: TopStack | FormedStack) -> FloatArray:
+    """(state,) border between top and skirt, of the widest tip; 0 where untouched."""
+    if isinstance(tops, FormedStack):
+        return tops.skirt_mm
+    return np.asarray(tops.rows[:, :, SKIRT_R].max(axis=1, initial=0.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -218,7 +198,7 @@ class _Work:
     """
 
     scene: OpticalScene
-    tops: TopStack
+    tops: TopStack | FormedStack
     states: NDArray[np.int64]
     asked: NDArray[np.bool_]
     settings: Accuracy
@@ -263,10 +243,15 @@ def _read(
 
 def _traced_rows(work: _Work, part: NDArray[np.int64], wanted: NDArray[np.bool_]) -> FloatArray:
     """(n, emitter, line, receiver) rows of some states."""
+    rows = np.empty((*wanted.shape[:2], ROW, wanted.shape[2]))
+    if isinstance(work.tops, FormedStack):
+        light = trace_formed(work.scene, work.tops, work.states[part], work.settings, work.seed, wanted)
+        rows[:, :, OF_CLASSES] = light.flux.transpose(0, 2, 1, 3)
+        rows[:, :, ERROR], rows[:, :, SCALE] = light.standard_error, light.scale
+        return rows
     fixed = untouched_pad(work.scene, work.settings, work.seed)
     values = _trace_batch(wanted, work.tops, work.states[part], fixed, work.settings)
     flux = values.mean(axis=1)
-    rows = np.empty((*wanted.shape[:2], ROW, wanted.shape[2]))
     rows[:, :, OF_CLASSES] = flux.transpose(0, 2, 1, 3)
     rows[:, :, ERROR] = _with_rules(_standard_error(values), flux.sum(axis=1), fixed)
     rows[:, :, SCALE] = fixed.scale

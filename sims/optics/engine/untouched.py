@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from sims.optics.accuracy import Accuracy
 from sims.optics.scene.optical_scene import OpticalScene
+from sims.optics.scene.pad_form import PadForm
 
 FloatArray = NDArray[np.float64]
 Orders = tuple[NDArray[np.int64], FloatArray, FloatArray]
@@ -87,10 +88,7 @@ _UNTOUCHED: dict[str, Untouched] = {}
 
 def untouched_pad(scene: OpticalScene, settings: Accuracy, seed: int) -> Untouched:
     """The untouched pad of a scene, remembered within this process; settings and seeds share what they can."""
-    fields = (getattr(scene, field.name) for field in dataclass_fields(scene))
-    content = "|".join(
-        "none" if value is None else np.asarray(value, dtype=np.float64).tobytes().hex() for value in fields
-    )
+    content = "|".join(_content_of(getattr(scene, field.name)) for field in dataclass_fields(scene))
 
     def unshifted() -> UnshiftedPad:
         rays = _most_rays(scene, settings)
@@ -100,6 +98,13 @@ def untouched_pad(scene: OpticalScene, settings: Accuracy, seed: int) -> Untouch
     return _remembered(
         _UNTOUCHED, f"{content}|{settings}|{seed}", lambda: _shifted(scene, unshifted(), settings, seed)
     )
+
+
+def _content_of(value: object) -> str:
+    """A field of a scene as text: another value, another text. A form tells every number of its own."""
+    if value is None or isinstance(value, PadForm):
+        return repr(value)
+    return np.asarray(value, dtype=np.float64).tobytes().hex()
 
 
 def _remembered(store: dict[str, Kept], key: str, made: Callable[[], Kept]) -> Kept:
@@ -311,11 +316,11 @@ def _shifted(scene: OpticalScene, pad: UnshiftedPad, settings: Accuracy, seed: i
         shifts=shifts,
         wall=wall,
         rays=rays,
-        scale=_above_zero(total),
+        scale=above_zero(total),
     )
 
 
-def _above_zero(flux: FloatArray) -> FloatArray:
+def above_zero(flux: FloatArray) -> FloatArray:
     """(emitter, receiver) flux, in place of 0 the mean of what the emitter's other pairs get; no other emitter's."""
     lit = flux > 0
     mean = flux.sum(axis=1) / np.maximum(lit.sum(axis=1), 1)

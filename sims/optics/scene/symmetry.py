@@ -1,8 +1,11 @@
 """Rotations and mirrors that carry a scene onto itself, and the states that they make one.
 
-A rectangle has four motions (identity, half turn, two mirrors), a square four more. One is a symmetry of the scene
-when every emitter comes to lie on an emitter and every receiver on a receiver that are the same in all but place. A
-press and its image then have the same light, with emitters and receivers renumbered: only one of them is traced.
+A rectangle has four motions (identity, half turn, two mirrors), a square four more. A disc has any turn about its
+axis and any mirror through it; those come into question that carry its first emitter to the direction of one. A motion
+is a symmetry of the scene when every emitter comes to lie on an emitter and every receiver on a receiver that are the
+same in all but place, and, of a disc or a crowned pad, when it keeps the form: every flat wall comes to lie on one, and
+apex and straight direction of the crown stay. A press and its image then have the same light, with emitters and
+receivers renumbered: only one of them is traced.
 """
 
 from __future__ import annotations
@@ -14,12 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sims.optics.scene.optical_scene import OpticalScene
+from sims.optics.scene.pad_form import PadForm
 from sims.press.indentation import Indentation
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 SAME_PLACE_MM = 1e-6
 """Two places are one when they agree to this: patterns make them agree to round-off."""
+SAME_WAY = 1e-9
+"""Two unit vectors are one when they agree to this: round-off."""
 Key = tuple[tuple[int, int, float], ...]
 Presses = Sequence[Sequence[float | None]]
 
@@ -65,7 +71,7 @@ class StateClasses:
 def symmetries_of(scene: OpticalScene) -> tuple[SceneSymmetry, ...]:
     """All symmetries of a scene, the identity first."""
     found = []
-    for matrix, offset in _motions(scene.length_mm, scene.width_mm):
+    for matrix, offset in _motions_of(scene):
         emitters = _permutation(
             scene, scene.emitter_wall, scene.emitter_patch, _traits(scene.emitter_order, scene.emitter_pattern),
             matrix, offset,
@@ -137,6 +143,60 @@ def _key(places_mm: FloatArray, tips: Sequence[float | None]) -> Key:
     )
 
 
+def _motions_of(scene: OpticalScene) -> list[tuple[FloatArray, FloatArray]]:
+    """Motions of the plan that come into question, the identity first; of a form those that keep it."""
+    form = scene.form
+    if form is None:
+        return _motions(scene.length_mm, scene.width_mm)
+    if form.round_wall[2] > 0.0:
+        motions = _turns_and_mirrors(scene, np.asarray(form.round_wall[:2]))
+    else:
+        motions = _motions(scene.length_mm, scene.width_mm)
+    return [motion for motion in motions if _keeps(form, *motion)]
+
+
+def _turns_and_mirrors(scene: OpticalScene, centre_mm: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
+    """Turns about the axis of a disc, then mirrors through it, that carry its first emitter's direction to one's."""
+    away = _places(scene, scene.emitter_wall, scene.emitter_patch) - centre_mm
+    angles = np.arctan2(away[:, 1], away[:, 0])
+    turns = _distinct(angles - angles[0])
+    mirrors = _distinct(angles + angles[0])
+    matrices = [np.array([[c, -s], [s, c]]) for c, s in zip(np.cos(turns), np.sin(turns), strict=True)]
+    matrices += [np.array([[c, s], [s, -c]]) for c, s in zip(np.cos(mirrors), np.sin(mirrors), strict=True)]
+    return [(matrix, centre_mm - matrix @ centre_mm) for matrix in matrices]
+
+
+def _distinct(angles: FloatArray) -> FloatArray:
+    """Angles that differ by more than whole turns, the first first."""
+    kept: list[float] = []
+    for angle in angles:
+        if all(abs(np.exp(1j * angle) - np.exp(1j * one)) > SAME_WAY for one in kept):
+            kept.append(float(angle))
+    return np.array(kept)
+
+
+def _keeps(form: PadForm, matrix: FloatArray, offset_mm: FloatArray) -> bool:
+    """Whether a motion carries every flat wall onto one, and leaves apex and straight direction."""
+    walls = np.asarray(form.walls, dtype=np.float64).reshape(-1, 6)
+    places, normals = walls[:, :2], walls[:, 4:6]
+    moved = normals @ matrix.T
+    levels = np.sum(places * normals, axis=1)
+    moved_levels = np.sum((places @ matrix.T + offset_mm) * moved, axis=1)
+    near = (np.abs(moved[:, None] - normals).max(axis=2) <= SAME_WAY) & (
+        np.abs(moved_levels[:, None] - levels) <= SAME_PLACE_MM
+    )
+    apex = np.asarray(form.apex_mm, dtype=np.float64)
+    stays = np.abs(matrix @ apex + offset_mm - apex)
+    if form.is_crowned and form.crown_axis != "none":
+        straight = np.array([1.0, 0.0] if form.crown_axis == "x" else [0.0, 1.0])
+        if 1.0 - abs(straight @ matrix @ straight) > SAME_WAY:
+            return False
+        stays = stays * (1.0 - straight)
+    if form.is_crowned and stays.max() > SAME_PLACE_MM:
+        return False
+    return bool(near.any(axis=1).all())
+
+
 def _motions(length_mm: float, width_mm: float) -> list[tuple[FloatArray, FloatArray]]:
     signs = [(1, 1), (-1, -1), (-1, 1), (1, -1)]
     motions = [
@@ -180,6 +240,9 @@ def _permutation(
 def _places(scene: OpticalScene, walls: IntArray, patches: FloatArray) -> FloatArray:
     """(part, 2) places of patches in plan [mm]; a place on an edge tells its wall, too."""
     along = patches[:, 0]
+    if scene.form is not None:
+        wall = np.asarray(scene.form.walls)[walls]
+        return np.asarray(wall[:, :2] + along[:, None] * wall[:, 2:4])
     x = np.select(
         [walls == 1, walls == 3], [np.full(len(walls), scene.length_mm), np.zeros(len(walls))], along
     )

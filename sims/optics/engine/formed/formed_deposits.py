@@ -9,7 +9,10 @@ A press changes scattered light as it changes what is scattered once:
 
 with S_0 the untouched pad's light of all orders (`formed_scattered`), G_p what the emitter gives to patch p, straight
 or by the top's mirror, and T_p what the receiver would give to it, for light goes either way alike. Bottom patches are
-squares of the plan, wall patches bins of direction from the middle and of height.
+squares of the plan, wall patches bins of direction from the middle and of height; the contact's are `TIP_RINGS` rings
+of equal area, each in `TIP_TURNS` parts.
+
+A window's rays go by batches, each of every n-th ray, which tell the rays' error.
 
 Left out: how the press stands in the way of light that is scattered more than once.
 """
@@ -32,9 +35,13 @@ from sims.optics.engine.formed.formed_rays import (
 from sims.optics.engine.formed.formed_scattered import FAINT, about, number, window_at
 from sims.optics.engine.formed.formed_top import FormedTop, into, is_contact, normal_at, out_of
 from sims.optics.scene.optical_scene import FloatArray
+from sims.optics.surface.curves import CONTACT, CONTACT_PARTS
 from sims.optics.surface.radial import fresnel, kernel
 
 MOST_MIRRORS = 24
+RAY_BATCHES = 4
+TIP_RINGS, TIP_TURNS = 6, 12
+TIP_PATCHES = TIP_RINGS * TIP_TURNS
 # numbers of a patch layout
 MIDDLE_X, MIDDLE_Y, PER_MM, COLUMNS, ROWS, TURNS, LEVELS, PER_LEVEL = range(8)
 
@@ -44,7 +51,7 @@ def deposits(
     window: FloatArray, receivers: FloatArray, rays: int, steps: FloatArray, shift: FloatArray, absorbs: float,
     index: float, walls: FloatArray, round_wall: FloatArray, top: FormedTop, layout: FloatArray, out: FloatArray,
 ) -> None:  # fmt: skip
-    """Add to out (patch,) what the rays of a window bring to each patch; the last one is the tip."""
+    """Add to out (batch, patch) what the rays of a window bring to each patch; the last ones are the tip's."""
     unit = 4.0 * window[HALF_U] * window[HALF_V] / window[10] / rays
     for n in range(rays):
         x, y, z = window_point(
@@ -59,11 +66,12 @@ def deposits(
             x, y, z = x + t * dx, y + t * dy, z + t * dz
             if what != TOP:
                 if window_at(what, x, y, z, receivers) < 0:
-                    out[patch_of(what, x, y, z, layout)] += weight
+                    out[n % RAY_BATCHES, patch_of(what, x, y, z, layout)] += weight
                 break
             qx, qy, _ = into(top, x, y, z)
             if is_contact(top, qx, qy):
-                out[out.shape[0] - 1] += weight
+                patch = out.shape[1] - TIP_PATCHES + tip_patch(top, qx, qy)
+                out[n % RAY_BATCHES, patch] += weight
                 break
             nx, ny, nz = normal_at(top, qx, qy)
             nx, ny, nz = out_of(top, nx, ny, nz)
@@ -90,3 +98,14 @@ def patch_of(what: int, x: float, y: float, z: float, layout: FloatArray) -> int
     k = min(max(int(turn * turns), 0), turns - 1)
     m = min(max(int(z * layout[PER_LEVEL]), 0), levels - 1)
     return columns * rows + k * levels + m
+
+
+@kernel
+def tip_patch(top: FormedTop, x: float, y: float) -> int:
+    """Number among the contact's patches of a place of it, in the frame's plan."""
+    r2, ring = x * x + y * y, 0
+    for k in range(1, TIP_RINGS):
+        if r2 >= top.rows[0, CONTACT + k * CONTACT_PARTS // TIP_RINGS]:
+            ring = k
+    turn = math.atan2(y, x) / (2.0 * math.pi) + 0.5
+    return ring * TIP_TURNS + min(int(turn * TIP_TURNS), TIP_TURNS - 1)

@@ -10,6 +10,7 @@ from numba import njit
 
 from sims.cache.fingerprint import source_fingerprint
 from sims.optics.engine.formed import (
+    formed_cuts,
     formed_deposits,
     formed_direct,
     formed_mirrored,
@@ -17,9 +18,14 @@ from sims.optics.engine.formed import (
     formed_scattered,
     formed_top,
 )
-from sims.optics.engine.formed.formed_deposits import deposits
+from sims.optics.engine.formed.formed_cuts import POINT_COLUMNS
+from sims.optics.engine.formed.formed_deposits import RAY_BATCHES, deposits
 from sims.optics.engine.formed.formed_direct import straight_flux
-from sims.optics.engine.formed.formed_mirrored import mirrored_flux, top_points
+from sims.optics.engine.formed.formed_mirrored import (
+    BATCHES,
+    mirrored_flux,
+    top_points,
+)
 from sims.optics.engine.formed.formed_scattered import scattered_flux
 from sims.optics.engine.formed.formed_top import FormedTop
 from sims.optics.scene.optical_scene import BoolArray, FloatArray
@@ -32,6 +38,7 @@ KERNEL_MODULES = (
     formed_top,
     formed_rays,
     formed_direct,
+    formed_cuts,
     formed_mirrored,
     formed_scattered,
     formed_deposits,
@@ -60,45 +67,31 @@ def _compile(fingerprint: int) -> tuple[Any, ...]:
 
     @njit(cache=True, error_model="numpy", nogil=True)
     def points_on(
-        at: FloatArray,
-        element: FloatArray,
-        origin: FloatArray,
-        axes: FloatArray,
-        numbers: FloatArray,
-        rows: FloatArray,
+        at: FloatArray, origin: FloatArray, axes: FloatArray, numbers: FloatArray, rows: FloatArray
     ) -> FloatArray:
-        """(n, 8) points of the top at places of its frame's plan."""
-        out = np.zeros((at.shape[0], 8))
+        """(n, 9) points of the top at places of its frame's plan."""
+        out = np.zeros((at.shape[0], POINT_COLUMNS))
         if fingerprint >= 0:
-            top_points(at, element, FormedTop(origin, axes, numbers, rows), out)
+            top_points(at, FormedTop(origin, axes, numbers, rows), out)
         return out
 
     @njit(cache=True, error_model="numpy", nogil=True)
     def mirrored_matrix(
-        emitters: FloatArray, receivers: FloatArray, wanted: BoolArray, points: FloatArray, parts: int, absorbs: float,
-        index: float, walls: FloatArray, round_wall: FloatArray, origin: FloatArray, axes: FloatArray,
-        numbers: FloatArray, rows: FloatArray,
+        emitters: FloatArray, receivers: FloatArray, wanted: BoolArray, points: FloatArray, share: float,
+        absorbs: float, index: float, walls: FloatArray, round_wall: FloatArray, origin: FloatArray,
+        axes: FloatArray, numbers: FloatArray, rows: FloatArray,
     ) -> FloatArray:  # fmt: skip
-        """(2, emitter, receiver) light mirrored by the top, smooth and by the skirt."""
+        """(2, batch, emitter, receiver) light mirrored by the top, smooth and by the skirt."""
         top = FormedTop(origin, axes, numbers, rows)
-        out = np.zeros((emitters.shape[0], 2, receivers.shape[0]))
-        work = np.zeros(40)
+        out = np.zeros((emitters.shape[0], 2, BATCHES, receivers.shape[0]))
+        work = np.zeros(44)
         for i in range(emitters.shape[0] if fingerprint >= 0 else 0):
             if wanted[i].any():
                 mirrored_flux(
-                    emitters[i],
-                    receivers,
-                    points,
-                    parts,
-                    absorbs,
-                    index,
-                    walls,
-                    round_wall,
-                    top,
-                    out[i],
+                    emitters[i], receivers, wanted[i], points, share, absorbs, index, walls, round_wall, top, out[i],
                     work,
-                )
-        return out.transpose(1, 0, 2).copy()
+                )  # fmt: skip
+        return out.transpose(1, 2, 0, 3).copy()
 
     @njit(cache=True, error_model="numpy", nogil=True)
     def scattered_matrix(
@@ -106,9 +99,9 @@ def _compile(fingerprint: int) -> tuple[Any, ...]:
         index: float, reflectances: FloatArray, walls: FloatArray, round_wall: FloatArray, origin: FloatArray,
         axes: FloatArray, numbers: FloatArray, rows: FloatArray,
     ) -> FloatArray:  # fmt: skip
-        """(emitter, receiver) scattered light of all orders."""
+        """(2, emitter, receiver) light scattered once, and more often."""
         top = FormedTop(origin, axes, numbers, rows)
-        out = np.zeros((emitters.shape[0], receivers.shape[0]))
+        out = np.zeros((emitters.shape[0], 2, receivers.shape[0]))
         for i in range(emitters.shape[0] if fingerprint >= 0 else 0):
             moved = shift + GOLDEN * (i + 1.0) * np.arange(1, shift.shape[0] + 1)
             scattered_flux(
@@ -125,34 +118,35 @@ def _compile(fingerprint: int) -> tuple[Any, ...]:
                 top,
                 out[i],
             )
-        return out
+        return out.transpose(1, 0, 2).copy()
 
     @njit(cache=True, error_model="numpy", nogil=True)
     def deposit_matrix(
-        windows: FloatArray, receivers: FloatArray, rays: int, steps: FloatArray, shift: FloatArray, absorbs: float,
-        index: float, walls: FloatArray, round_wall: FloatArray, origin: FloatArray, axes: FloatArray,
-        numbers: FloatArray, rows: FloatArray, layout: FloatArray, patches: int,
+        windows: FloatArray, wanted: BoolArray, receivers: FloatArray, rays: int, steps: FloatArray,
+        shift: FloatArray, absorbs: float, index: float, walls: FloatArray, round_wall: FloatArray,
+        origin: FloatArray, axes: FloatArray, numbers: FloatArray, rows: FloatArray, layout: FloatArray, patches: int,
     ) -> FloatArray:  # fmt: skip
-        """(window, patch) what windows give to patches."""
+        """(batch, window, patch) what the wanted windows give to patches."""
         top = FormedTop(origin, axes, numbers, rows)
-        out = np.zeros((windows.shape[0], patches))
+        out = np.zeros((windows.shape[0], RAY_BATCHES, patches))
         for i in range(windows.shape[0] if fingerprint >= 0 else 0):
-            moved = shift + GOLDEN * (i + 1.0) * np.arange(1, shift.shape[0] + 1)
-            deposits(
-                windows[i],
-                receivers,
-                rays,
-                steps,
-                moved,
-                absorbs,
-                index,
-                walls,
-                round_wall,
-                top,
-                layout,
-                out[i],
-            )
-        return out
+            if wanted[i]:
+                moved = shift + GOLDEN * (i + 1.0) * np.arange(1, shift.shape[0] + 1)
+                deposits(
+                    windows[i],
+                    receivers,
+                    rays,
+                    steps,
+                    moved,
+                    absorbs,
+                    index,
+                    walls,
+                    round_wall,
+                    top,
+                    layout,
+                    out[i],
+                )
+        return out.transpose(1, 0, 2).copy()
 
     return straight_matrix, points_on, mirrored_matrix, scattered_matrix, deposit_matrix
 

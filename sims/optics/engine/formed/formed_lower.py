@@ -2,9 +2,25 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
-from sims.optics.engine.formed.formed_top import CYLINDER, FLAT, NUMBERS, SPHERE, FormedTop, empty_rows
+from design.errors import InputError, ModelScopeError
+from sims.optics.engine.formed.formed_top import (
+    CYLINDER,
+    FLAT,
+    FORMED_ROW,
+    LOWS,
+    NUMBERS,
+    OUTER,
+    SKIRT_EDGE,
+    SPHERE,
+    FormedTop,
+    empty_rows,
+)
 from sims.optics.scene.optical_scene import FloatArray, OpticalScene
 from sims.optics.scene.pad_form import PadForm
 from sims.optics.surface.curves import (
@@ -12,12 +28,157 @@ from sims.optics.surface.curves import (
     OUTER_R,
     PIECES,
     REACH,
-    ROW,
     SKIRT_R,
     check_curve,
     lower_curve,
 )
+from sims.optics.surface.radial_table import lowest_of_pieces_mm
 from sims.press.indentation import Indentation
+
+REACH_SHARE = 0.97
+"""Farthest place from the axis of a press, over the crown's radius: beyond, its frame sees the top too steep."""
+OUTLINE_PLACES = 1440
+FRAME = 12
+"""Numbers of a frame: origin and axes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FormedStack:
+    """Tops of states of a pad with a form.
+
+    Attributes
+    ----------
+    rows : (state, n) origin and axes of the frame, numbers of the top, then the table of d
+    """
+
+    rows: FloatArray
+
+    @property
+    def field(self) -> FloatArray:
+        """(state, 0): no smooth fields."""
+        return np.zeros((len(self.rows), 0))
+
+    @property
+    def skirt_mm(self) -> FloatArray:
+        """(state,) radius within which a mirror counts as the skirt's; 0 where untouched."""
+        return np.asarray(self.rows[:, FRAME + SKIRT_EDGE])
+
+    def top(self, state: int) -> FormedTop:
+        """One state's top."""
+        row = self.rows[state]
+        numbers = row[FRAME : FRAME + NUMBERS]
+        table = row[None, FRAME + NUMBERS :].copy() if numbers[OUTER] > 0.0 else empty_rows()
+        return FormedTop(row[:3].copy(), row[3:FRAME].reshape(3, 3).copy(), numbers.copy(), table)
+
+
+def check_formed(scene: OpticalScene, presses: Sequence[object], fields: Sequence[object] | None) -> None:
+    """Refuse what is not traced on discs and crowned pads.
+
+    Raises
+    ------
+    InputError : fields, or smooth walls.
+    ModelScopeError : a press that is not a single tip.
+    """
+    if fields is not None and any(field is not None for field in fields):
+        raise InputError("fields: on a disc or a crown none is traced; leave them out")
+    if scene.wall_index is not None:
+        raise InputError("wall_index: smooth walls of discs and crowned pads are traced by the oracle alone")
+    for press in presses:
+        single_press(press)
+
+
+def single_press(press: object) -> Indentation | None:
+    """A state's one press, alone or in a list; None where the pad is untouched."""
+    listed = list(press) if isinstance(press, Sequence) else [press]
+    if len(listed) != 1 or not (listed[0] is None or isinstance(listed[0], Indentation)):
+        raise ModelScopeError("indentations: on a disc or a crown one tip alone is traced; press with one")
+    one = listed[0]
+    return None if one is None or one.depth_mm <= 0.0 else one
+
+
+def stack_formed(scene: OpticalScene, centres_mm: FloatArray, presses: Sequence[object]) -> FormedStack:
+    """Lower one press, or None, a state.
+
+    Parameters
+    ----------
+    centres_mm : (state, 2) or (state, 1, 2) where the tip goes in, in plan [mm]; not read where untouched
+    presses : heights above the untouched top, along its normal
+
+    Raises
+    ------
+    InputError : a press outside the pad, or a bad curve.
+    ModelScopeError : a press through the clear layer, a tip that overlaps a wall, or a press from which the crown
+        falls away too steeply.
+    """
+    centres = np.asarray(centres_mm, dtype=np.float64).reshape(-1, 2)
+    if len(centres) != len(presses):
+        raise InputError(f"centres_mm: shape {np.shape(centres_mm)}, needs ({len(presses)}, 2)")
+    rows = np.zeros((len(presses), FRAME + NUMBERS + FORMED_ROW))
+    for state, (centre, given) in enumerate(zip(centres, presses, strict=True)):
+        press = single_press(given)
+        if press is not None:
+            check_place(scene, state, centre, press)
+        top = formed_top(scene, centre, press)
+        packed = np.concatenate([top.origin, top.axes.ravel(), top.numbers, top.rows.ravel()])
+        rows[state, : len(packed)] = packed
+    return FormedStack(rows=rows)
+
+
+def check_place(scene: OpticalScene, state: int, centre_mm: FloatArray, press: Indentation) -> None:
+    """Refuse a press at a place where it is not modelled.
+
+    Raises
+    ------
+    InputError, ModelScopeError : see `stack_formed`
+    """
+    form = scene.form
+    assert form is not None
+    x, y = (float(value) for value in centre_mm)
+    walls, (cx, cy, radius) = walls_of(scene)
+    gaps = [level - nx * x - ny * y for nx, ny, level in walls]
+    if radius > 0.0:
+        gaps.append(radius - math.hypot(x - cx, y - cy))
+    room = min(gaps) if math.isfinite(x) and math.isfinite(y) else -math.inf
+    if room <= 0.0:
+        raise InputError(f"state {state}: press at ({x:g}, {y:g}) mm is outside the pad; move it inside")
+    if room <= press.contact_radius_mm:
+        raise ModelScopeError(
+            f"state {state}: contact radius {press.contact_radius_mm:.2f} mm but only {room:.2f} mm to the wall; "
+            "the surface model is axisymmetric: press further inside"
+        )
+    if not form.is_crowned:
+        return
+    reach, limit = _reach_mm(scene, form, x, y), REACH_SHARE * form.crown_radius_mm
+    if reach > limit:
+        raise ModelScopeError(
+            f"state {state}: seen along the press the pad reaches {reach:g} mm from its axis, and a crown of radius "
+            f"{form.crown_radius_mm:g} mm is traced to {limit:g} mm; press nearer to the apex or flatten the crown"
+        )
+
+
+def _reach_mm(scene: OpticalScene, form: PadForm, x_mm: float, y_mm: float) -> float:
+    """Farthest place of bottom or untouched top from the axis of a press, for a cylinder across it [mm]."""
+    walls, (cx, cy, radius) = walls_of(scene)
+    middle = np.array([cx, cy]) if radius > 0.0 else np.array([scene.length_mm, scene.width_mm]) / 2.0
+    corners = [
+        np.arctan2(y - middle[1], x - middle[0])
+        for x in (0.0, scene.length_mm)
+        for y in (0.0, scene.width_mm)
+    ]
+    angle = np.concatenate([np.linspace(0.0, 2.0 * np.pi, OUTLINE_PLACES), corners])
+    way = np.column_stack([np.cos(angle), np.sin(angle)])
+    far = np.full(len(way), radius if radius > 0.0 else np.inf)
+    for nx, ny, level in walls:
+        toward = way @ (nx, ny)
+        gap = np.full(len(way), level - middle @ (nx, ny))
+        far = np.minimum(far, np.divide(gap, toward, out=np.full(len(way), np.inf), where=toward > 1e-9))
+    outline = middle + far[:, None] * way
+    top = form.top_mm(outline[:, 0], outline[:, 1], scene.height_mm)
+    ends = np.vstack([np.column_stack([outline, height]) for height in (np.zeros(len(top)), top)])
+    origin, axes = form.press_frame(x_mm, y_mm, scene.height_mm)
+    along, across = ((ends - origin) @ axes[:2].T).T
+    reach = np.abs(across) if form.crown_axis != "none" else np.hypot(along, across)
+    return float(np.nanmax(reach))
 
 
 def windows_of(scene: OpticalScene, kind: str) -> FloatArray:
@@ -91,8 +252,10 @@ def _lowered(press: Indentation, mean_mm: float, clear_mm: float) -> tuple[Float
     """(1, n) row of the radial table of d; outer, contact and skirt radius [mm]."""
     check_curve(press, clear_mm)
     numbers, table, _ = lower_curve(press, 0.0, mean_mm)
-    row = np.zeros(ROW)
+    row = np.zeros(FORMED_ROW)
     row[: len(numbers)] = numbers
     row[REACH:PIECES] = table.reach2
-    row[PIECES:] = table.pieces.ravel()
+    row[PIECES:LOWS] = table.pieces.ravel()
+    lowest = np.minimum(lowest_of_pieces_mm(table.pieces), 0.0)
+    row[LOWS:] = np.minimum.accumulate(lowest[::-1])[::-1]
     return row[None], (numbers[OUTER_R], numbers[CONTACT_R], numbers[SKIRT_R])

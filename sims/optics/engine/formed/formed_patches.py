@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sims.optics.engine.formed.formed_deposits import TIP_PATCHES
 from sims.optics.scene.optical_scene import FloatArray, OpticalScene
 
 PATCH_MM = 2.0
@@ -23,29 +24,32 @@ class PatchLayout:
     ----------
     numbers : (8,) middle x, y of the plan [mm], bottom patches per mm, their columns and rows, wall bins of direction,
         levels of height, levels per mm
-    weight : (patch + 1,) reflectance over area [1/mm2]: bottom, walls, and the tip, which changes with the press
+    weight : (patch,) reflectance over area [1/mm2]: bottom, walls, and the contact's, which change with the press (0)
     """
 
     numbers: FloatArray
     weight: FloatArray
 
 
-def patch_layout(scene: OpticalScene, walls: FloatArray, round_wall: FloatArray) -> PatchLayout:
+def patch_layout(
+    scene: OpticalScene, walls: FloatArray, round_wall: FloatArray, patch_mm: float = PATCH_MM
+) -> PatchLayout:
     """The patches of a scene with a form."""
     form = scene.form
     assert form is not None
-    columns, rows = (max(int(np.ceil(size / PATCH_MM)), 1) for size in (scene.length_mm, scene.width_mm))
-    turns = max(LEAST_TURNS, int(np.pi * (scene.length_mm + scene.width_mm) / 2.0 / PATCH_MM))
-    levels = max(int(np.ceil(scene.height_mm / PATCH_MM)), 1)
+    columns, rows = (max(int(np.ceil(size / patch_mm)), 1) for size in (scene.length_mm, scene.width_mm))
+    turns = max(LEAST_TURNS, int(np.pi * (scene.length_mm + scene.width_mm) / 2.0 / patch_mm))
+    levels = max(int(np.ceil(scene.height_mm / patch_mm)), 1)
     middle = np.array([scene.length_mm / 2.0, scene.width_mm / 2.0])
-    bottom = _bottom_areas(columns, rows, walls, round_wall)
+    bottom = _bottom_areas(columns, rows, patch_mm, walls, round_wall)
     side = _wall_areas(scene, walls, round_wall, middle, turns, levels)
-    with np.errstate(divide="ignore"):
-        weight = np.concatenate(
-            [scene.bottom_reflectance / bottom.ravel(), scene.wall_reflectance / side.ravel(), [0.0]]
-        )
-    numbers = np.array([*middle, 1.0 / PATCH_MM, columns, rows, turns, levels, levels / scene.height_mm])
-    return PatchLayout(numbers=numbers, weight=np.where(np.isfinite(weight), weight, 0.0))
+    reflectance = np.concatenate(
+        [np.full(bottom.size, scene.bottom_reflectance), np.full(side.size, scene.wall_reflectance)]
+    )
+    area = np.concatenate([bottom.ravel(), side.ravel()])
+    weight = np.divide(reflectance, area, out=np.zeros(len(area)), where=area > 0.0)
+    numbers = np.array([*middle, 1.0 / patch_mm, columns, rows, turns, levels, levels / scene.height_mm])
+    return PatchLayout(numbers=numbers, weight=np.concatenate([weight, np.zeros(TIP_PATCHES)]))
 
 
 def is_in_plan(x: FloatArray, y: FloatArray, walls: FloatArray, round_wall: FloatArray) -> NDArray[np.bool_]:
@@ -58,13 +62,15 @@ def is_in_plan(x: FloatArray, y: FloatArray, walls: FloatArray, round_wall: Floa
     return inside
 
 
-def _bottom_areas(columns: int, rows: int, walls: FloatArray, round_wall: FloatArray) -> FloatArray:
+def _bottom_areas(
+    columns: int, rows: int, patch_mm: float, walls: FloatArray, round_wall: FloatArray
+) -> FloatArray:
     """(columns, rows) areas within the plan [mm2]."""
-    fine = (np.arange(max(columns, rows) * SAMPLES) + 0.5) * PATCH_MM / SAMPLES
+    fine = (np.arange(max(columns, rows) * SAMPLES) + 0.5) * patch_mm / SAMPLES
     x, y = fine[: columns * SAMPLES, None], fine[None, : rows * SAMPLES]
     shape = (columns * SAMPLES, rows * SAMPLES)
     inside = is_in_plan(np.broadcast_to(x, shape), np.broadcast_to(y, shape), walls, round_wall)
-    return np.asarray(inside.reshape(columns, SAMPLES, rows, SAMPLES).mean(axis=(1, 3)) * PATCH_MM**2)
+    return np.asarray(inside.reshape(columns, SAMPLES, rows, SAMPLES).mean(axis=(1, 3)) * patch_mm**2)
 
 
 def _wall_areas(

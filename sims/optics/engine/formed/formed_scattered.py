@@ -54,7 +54,7 @@ def scattered_flux(
     e: FloatArray, receivers: FloatArray, rays: int, steps: FloatArray, shift: FloatArray, absorbs: float,
     index: float, reflectances: FloatArray, walls: FloatArray, round_wall: FloatArray, top: FormedTop, out: FloatArray,
 ) -> None:  # fmt: skip
-    """Add to out (receiver,) the scattered light of an emitter, over its power.
+    """Add to out (2, receiver) the light of an emitter that is scattered once, and more often, over its power.
 
     rays : how many; steps, shift : (DIMENSIONS,) of the sequence; reflectances : of walls, bottom and tip
     """
@@ -104,7 +104,9 @@ def _walk(
             j = window_at(what, x, y, z, receivers)
             if j >= 0:
                 if times > 0 and is_mirrored:
-                    out[j] += weight * math.pi * lobe(receivers[j], -(dx * nx + dy * ny + dz * nz))
+                    out[min(times, 2) - 1, j] += (
+                        weight * math.pi * lobe(receivers[j], -(dx * nx + dy * ny + dz * nz))
+                    )
                 return
             weight *= reflectances[1] if what == BOTTOM else reflectances[0]
         if weight < faint or times == MOST_SCATTERED:
@@ -113,7 +115,7 @@ def _walk(
         first = FIRST + PER_SCATTER * times
         u = 2.0 * number(n, first + 2, steps, shift) - 1.0
         v = 2.0 * number(n, first + 3, steps, shift) - 1.0
-        _look(x, y, z, nx, ny, nz, weight, u, v, receivers, absorbs, top, out)
+        _look(x, y, z, nx, ny, nz, weight, u, v, receivers, absorbs, top, out[min(times, 1)])
         cosine = math.sqrt(number(n, first, steps, shift))
         dx, dy, dz = about(nx, ny, nz, cosine, number(n, first + 1, steps, shift))
         times, is_mirrored = times + 1, False

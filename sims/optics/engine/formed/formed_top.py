@@ -13,9 +13,12 @@ d = a - p - √(a² - r²) + m(r), with m the fall of the mean crown: of a spher
 cylinder that of a sphere of twice its radius. Beyond, d is a C1 cubic through the press's points as in
 `sims.optics.surface.curves`, and ends in a tail.
 
-Rays march. The height of a ray above the crown, u = z + c, must reach d >= -p: while it lies below -p, a step of
-(-p - u) / (largest growth of u) is safe. Above, steps are `STEP_MM` at most: a chord through a tip of radius a that is
-shorter is cut off by STEP_MM² / 8a, 4 µm of 3 mm. A sign found is bisected.
+Rays march. The height of a ray above the crown, u = z + c, is convex along it, so that in a step it is nowhere above
+both ends. With s the step's nearest radius, d is nowhere below its lowest value from s outward, and it falls nowhere
+faster than its largest slope from s outward: a step is clear when u stays below the one, or when the gap at one of its
+ends does not close so fast. Steps are halved until they are clear; at `STEP_MM`, less where the gap is small, the ends
+decide: a chord through a tip of radius a that is shorter is cut off by STEP_MM² / 8a, 4 µm of 3 mm. A sign found is
+bisected.
 
 Left out: the second height where the curve folds, several tips.
 """
@@ -28,12 +31,18 @@ from typing import NamedTuple
 import numpy as np
 
 from sims.optics.scene.optical_scene import FloatArray
-from sims.optics.surface.curves import SPHERE_2
+from sims.optics.surface.curves import OFFSET, PIECES, ROW, SCALE, SPHERE_2, START
 from sims.optics.surface.radial import height_and_turn, inlined, kernel
+from sims.optics.surface.radial_table import CELLS, PIECE_COLUMNS, STEEP
 
 NEVER = 1e30
-STEP_MM = 0.3
-"""Longest step of a march near the dimple."""
+STEP_MM, LEAST_STEP_MM = 0.3, 0.06
+"""Steps of a march near the dimple in which only the ends are looked at: longest and shortest."""
+AT_TOP_MM = 1e-10
+"""A place so near to the top lies on it."""
+LOWS = ROW
+"""First column of the lowest heights: from each piece outward. They stand behind a press's row."""
+FORMED_ROW = LOWS + CELLS
 FLAT, SPHERE, CYLINDER = 0.0, 1.0, 2.0
 # numbers of a top
 KIND, RADIUS, MEAN, DEPTH, OUTER, CONTACT_EDGE, SKIRT_EDGE = range(7)
@@ -48,7 +57,8 @@ class FormedTop(NamedTuple):
     origin, axes : (3,), (3, 3) of the frame, an axis a row
     numbers : (7,) kind of crown, its radius, that of the mean crown [mm] (0: none); depth of the press, radius beyond
         which d is 0, of the contact, and of the skirt, within which a mirror counts as the skirt's [mm]; 0 untouched
-    rows : (1, n) radial table of d (`sims.optics.surface.curves`), heights from 0; a single 0 where untouched
+    rows : (1, `FORMED_ROW`) radial table of d (`sims.optics.surface.curves`), heights from 0, and its lowest heights; a
+        single 0 where untouched
     """
 
     origin: FloatArray
@@ -162,7 +172,7 @@ def top_hit(
     x, y, z, dx, dy, dz : start and unit direction in the frame
     """
     leaves = crown_exit(top, x, y, z, dx, dy, dz)
-    outer, lowest = top.numbers[OUTER], -top.numbers[DEPTH]
+    outer = top.numbers[OUTER]
     if outer > 0.0:
         a, b, c = dx * dx + dy * dy, x * dx + y * dy, x * x + y * y - outer * outer
         first, last = 0.0, -1.0
@@ -174,48 +184,89 @@ def top_hit(
                 root = math.sqrt(gap)
                 first, last = max((-b - root) / a, 0.0), (-b + root) / a
         if last > first and leaves > first:
-            stop = min(last, limit)
-            grows = abs(dz) + math.sqrt(a) * _steepest(top, x, y, dx, dy, first, stop) + 1e-9
-            t = first
-            while t < stop:
-                px, py, pz = x + t * dx, y + t * dy, z + t * dz
-                u = pz + fall(top, px, py)
-                clear = rise(top, px * px + py * py)[0] - u
-                if clear < 0.0 and t > 1e-9:
-                    return _between(top, x, y, z, dx, dy, dz, max(t - STEP_MM, first), t)
-                step = max((lowest - u) / grows, min(STEP_MM, max(0.5 * clear, 0.06)))
-                if t + step >= stop:
-                    px, py, pz = x + stop * dx, y + stop * dy, z + stop * dz
-                    if above(top, px, py, pz) > 0.0:
-                        return _between(top, x, y, z, dx, dy, dz, t, stop)
-                    break
-                t += step
+            t = _march(top, x, y, z, dx, dy, dz, a, b, first, min(last, limit))
+            if t < NEVER:
+                return t
             if limit <= last:
                 return NEVER  # within the dimple's circle the crown is no border
     return leaves if leaves < limit else NEVER
 
 
+@kernel
+def _march(
+    top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float, a: float, b: float, first: float,
+    stop: float,
+) -> float:  # fmt: skip
+    """Distance from first to stop, all within the dimple's circle, at which a ray leaves; NEVER if it does not.
+
+    a, b : squared length of the direction in the frame's plan, and its product with the start [mm]
+    """
+    across = math.sqrt(a)
+    t = first
+    px, py = x + t * dx, y + t * dy
+    u = z + t * dz + fall(top, px, py)
+    clear = rise(top, px * px + py * py)[0] - u
+    if clear < 0.0 and t > 1e-9:
+        return t
+    step = stop - t
+    while stop - t > 1e-9:
+        step = min(step, stop - t)
+        end = t + step
+        px, py = x + end * dx, y + end * dy
+        end_u = z + end * dz + fall(top, px, py)
+        end_clear = rise(top, px * px + py * py)[0] - end_u
+        turn_at = min(max(-b / a, t), end) if a > 1e-14 else t
+        qx, qy = x + turn_at * dx, y + turn_at * dy
+        low, steep = _bounds(top, qx * qx + qy * qy)
+        closes = steep * across * step
+        if not (
+            max(u, end_u) < low
+            or (clear >= 0.0 and clear - (end_u - u) > closes)
+            or (end_clear >= 0.0 and end_clear + (end_u - u) > closes)
+        ):
+            if step > min(STEP_MM, max(0.5 * min(clear, end_clear), LEAST_STEP_MM)):
+                step *= 0.5
+                continue
+            if end_clear < 0.0:
+                return _between(top, x, y, z, dx, dy, dz, t, end)
+        t, u, clear = end, end_u, end_clear
+        step *= 2.0
+    return NEVER
+
+
 @inlined
-def _steepest(top: FormedTop, x: float, y: float, dx: float, dy: float, first: float, last: float) -> float:
-    """Largest slope of the crown along a part of a ray: at one of its ends."""
-    ax, ay = crown_slopes(top, x + first * dx, y + first * dy)
-    bx, by = crown_slopes(top, x + last * dx, y + last * dy)
-    return math.sqrt(max(ax * ax + ay * ay, bx * bx + by * by))
+def _bounds(top: FormedTop, r2: float) -> tuple[float, float]:
+    """Lowest d, and largest slope of it, from a squared radius outward."""
+    rows = top.rows
+    if r2 >= top.numbers[OUTER] * top.numbers[OUTER]:
+        return 0.0, 0.0
+    if r2 <= rows[0, SPHERE_2]:
+        return -top.numbers[DEPTH], NEVER
+    k = min(int(math.sqrt(rows[0, SCALE] * r2 + rows[0, OFFSET]) - rows[0, START]), CELLS - 1)
+    return rows[0, LOWS + k], rows[0, PIECES + PIECE_COLUMNS * k + STEEP]
 
 
 @kernel
 def _between(
     top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float, low: float, high: float
 ) -> float:
-    """Where a ray comes through between a place inside and one outside."""
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        if above(top, x + middle * dx, y + middle * dy, z + middle * dz) > 0.0:
-            high = middle
+    """Where a ray comes through between a place inside and one outside: the Illinois rule, to `AT_TOP_MM`."""
+    inside = above(top, x + low * dx, y + low * dy, z + low * dz)
+    outside = above(top, x + high * dx, y + high * dy, z + high * dz)
+    side = 0
+    for _ in range(60):
+        t = high - outside * (high - low) / (outside - inside)
+        value = above(top, x + t * dx, y + t * dy, z + t * dz)
+        if abs(value) < AT_TOP_MM or high - low < AT_TOP_MM:
+            return t
+        if value > 0.0:
+            high, outside = t, value
+            inside = 0.5 * inside if side == 1 else inside
+            side = 1
         else:
-            low = middle
-        if high - low < 1e-10:
-            break
+            low, inside = t, value
+            outside = 0.5 * outside if side == -1 else outside
+            side = -1
     return low
 
 
@@ -246,3 +297,14 @@ def is_skirt(top: FormedTop, x: float, y: float) -> bool:
 def empty_rows() -> FloatArray:
     """Rows of an untouched top."""
     return np.zeros((1, 1))
+
+
+def out_of_frame(top: FormedTop, at_mm: FloatArray) -> FloatArray:
+    """(n, 3) places of the cavity on the untouched top at (n, 2) places of the frame's plan [mm]."""
+    x, y = at_mm.T
+    kind, radius = top.numbers[KIND], top.numbers[RADIUS]
+    fallen = np.zeros(len(x))
+    if kind != FLAT:
+        reach = y * y if kind == CYLINDER else x * x + y * y
+        fallen = reach / (radius + np.sqrt(np.maximum(radius * radius - reach, 1e-12)))
+    return np.asarray(np.column_stack([x, y, -fallen]) @ top.axes + top.origin)

@@ -9,11 +9,11 @@ import pytest
 
 from design.errors import InputError, ModelScopeError
 from design.preset import preset
-from sims.contact.indentation import indent
 from sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
 from sims.optics.oracle.tracer import trace_oracle
 from sims.optics.scene.lower import scene_of
 from sims.optics.scene.optical_scene import FloatArray, OpticalScene
+from sims.optics.surface.analytic import compact_dimple
 from tests.sims.optics.oracle.form_scenes import (
     crown_press,
     disc_scene,
@@ -25,7 +25,7 @@ PAIR = preset("piacenza2017-pair")
 FLAT = scene_of(PAIR)
 FORMED = replace(FLAT, form=rectangle_form(FLAT.length_mm, FLAT.width_mm))
 CENTRES = np.array([[10.0, 10.0], [11.0, 8.5]])
-PRESSES = (None, indent(PAIR, 2.0))
+PRESSES = (None, compact_dimple(2.0))
 
 
 def light(scene: OpticalScene, accuracy: str = "score", **changes: object) -> tuple[FloatArray, FloatArray]:
@@ -111,5 +111,38 @@ def test_what_is_not_traced_is_refused_in_words() -> None:
         trace_scene(dome, np.zeros((1, 2, 2)), [[press, press]])
     with pytest.raises(InputError, match="wall_index: smooth walls"):
         trace_scene(replace(dome, wall_index=1.0), np.zeros((1, 2)), [None])
-    with pytest.raises(InputError, match="traced by a name"):
-        trace_scene(dome, np.zeros((1, 2)), [None], accuracy=0.001)
+
+
+def test_a_press_beside_the_pad_or_on_too_steep_a_crown_is_refused() -> None:
+    press, steep = crown_press(1.0, 12.5), disc_scene(6, 12.5, height_mm=10.0)
+    with pytest.raises(InputError, match="state 0: press at \\(1, 1\\) mm is outside the pad"):
+        trace_scene(disc_scene(6, 40.0), np.array([[1.0, 1.0]]), [crown_press(1.0, 40.0)])
+    with pytest.raises(ModelScopeError, match="seen along the press the pad reaches"):
+        trace_scene(steep, np.array([[15.0, 12.0]]), [press])
+    with pytest.raises(ModelScopeError, match="seen along the press the pad reaches"):
+        trace_oracle(steep, np.array([[15.0, 12.0]]), [press], rays=10)
+    with pytest.raises(ModelScopeError, match="mm to the wall"):
+        trace_scene(disc_scene(6, 40.0), np.array([[23.0, 12.0]]), [crown_press(2.5, 40.0)])
+
+
+def test_between_black_walls_the_tip_still_scatters() -> None:
+    black = {"wall_reflectance": 0.0, "bottom_reflectance": 0.0}
+    scene = disc_scene(6, 40.0, tip_reflectance=0.3, **black)
+    centre, press = np.array([[12.5, 11.0]]), crown_press(2.0, 40.0)
+    found = trace_scene(scene, centre, [press], accuracy="draft").flux[4, 0]
+    known = trace_oracle(scene, centre, [press], rays=200_000, seed=5)
+    error = known.class_standard_error[4, 0]
+    assert found.sum() > 0.0
+    assert np.abs(found - known.flux[4, 0])[error > 0.0].max() < 4.0 * error.max()
+    assert found.sum() == pytest.approx(known.flux[4, 0].sum(), abs=4.0 * float(np.sqrt((error**2).sum())))
+
+
+def test_a_wanted_error_is_met_or_said_to_be_missed() -> None:
+    scene, press = disc_scene(6, 40.0), crown_press(1.0, 40.0)
+    centre = np.array([[12.5, 11.0]])
+    easy = trace_scene(scene, centre, [press], accuracy=0.2)
+    assert easy.is_met.all()
+    assert easy.relative_error.max() <= 0.2
+    hard = trace_scene(scene, centre, [press], accuracy=1e-7)
+    assert not hard.is_met.any()
+    assert hard.relative_error.max() > 1e-7

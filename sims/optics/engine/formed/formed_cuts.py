@@ -1,0 +1,121 @@
+# mypy: no-warn-return-any
+"""What of an emitter's part a mirror of the top sends through a window: polygons, and means over them.
+
+A part is the square from -1 to 1 of two shares of its half sizes. Sides of a window are lines g + u gu + v gv = 0 in
+it, which keep what is above 0; what all of them keep is a convex polygon.
+"""
+
+from __future__ import annotations
+
+import math
+
+from sims.optics.engine.formed.formed_rays import NX, NY, UX, UY, lobe
+from sims.optics.scene.optical_scene import FloatArray
+from sims.optics.surface.radial import fresnel, inlined, kernel
+
+GAUSS = 0.5773502691896258
+"""Places of Gauss' rule with two, from -1 to 1."""
+# columns of a point of the top
+PX, PY, PZ, MX, MY, MZ, DA, SKIRT, BATCH = range(9)
+POINT_COLUMNS = 9
+
+
+@inlined
+def sent(x: float, y: float, z: float, p: FloatArray, e: FloatArray, absorbs: float, index: float) -> float:
+    """What a place of the emitter sends by a mirror of the top, over both elements of area [1/mm2]."""
+    dx, dy, dz = p[PX] - x, p[PY] - y, p[PZ] - z
+    s2 = dx * dx + dy * dy + dz * dz
+    s = math.sqrt(s2)
+    leaves = -(dx * e[NX] + dy * e[NY]) / s
+    meets = (dx * p[MX] + dy * p[MY] + dz * p[MZ]) / s
+    if leaves <= 0.0 or meets <= 0.0:
+        return 0.0
+    return lobe(e, leaves) * leaves * meets / s2 * fresnel(meets, index) * math.exp(-absorbs * s)
+
+
+@kernel
+def sent_by_part(
+    x0: float, y0: float, z0: float, size_u: float, size_v: float, p: FloatArray, e: FloatArray, absorbs: float,
+    index: float, count: int, start: int, work: FloatArray,
+) -> float:  # fmt: skip
+    """Mean of what a part sends: the whole by Gauss' rule of four places, a polygon (count > 0 corners in work from
+    start on, from -1 to 1) by the middles of the sides of its triangles.
+    """
+    total, whole = 0.0, 0.0
+    if count == 0:
+        for k in range(4):
+            a, b = (GAUSS if k % 2 == 0 else -GAUSS) * size_u, (GAUSS if k < 2 else -GAUSS) * size_v
+            total += sent(x0 + a * e[UX], y0 + a * e[UY], z0 + b, p, e, absorbs, index)
+        return 0.25 * total
+    for k in range(1, count - 1):
+        i, m = start + 2 * k, start + 2 * k + 2
+        area = abs(
+            (work[i] - work[start]) * (work[m + 1] - work[start + 1])
+            - (work[m] - work[start]) * (work[i + 1] - work[start + 1])
+        )
+        for side in range(3):
+            one, other = (start, i) if side == 0 else ((i, m) if side == 1 else (m, start))
+            a, b = 0.5 * (work[one] + work[other]) * size_u, 0.5 * (work[one + 1] + work[other + 1]) * size_v
+            total += area / 3.0 * sent(x0 + a * e[UX], y0 + a * e[UY], z0 + b, p, e, absorbs, index)
+        whole += area
+    return total / whole if whole > 0.0 else 0.0
+
+
+@inlined
+def lines(
+    a0: float, au: float, av: float, b0: float, bu: float, bv: float, first: int, work: FloatArray
+) -> None:
+    """Put two lines, which keep what is above 0, into work."""
+    work[first], work[first + 1], work[first + 2] = a0, au, av
+    work[first + 3], work[first + 4], work[first + 5] = b0, bu, bv
+
+
+@kernel
+def cut(work: FloatArray) -> tuple[float, float, float, int, int]:
+    """Share of the square from -1 to 1 that four lines keep.
+
+    work : (44,) the lines in the first 12; then room for two polygons
+
+    Returns
+    -------
+    share, its middle, number of corners (0: the whole square), and where they begin in work
+    """
+    is_cut = False
+    for k in range(4):
+        most, spread = work[3 * k], abs(work[3 * k + 1]) + abs(work[3 * k + 2])
+        if most + spread <= 0.0:
+            return 0.0, 0.0, 0.0, 0, 0
+        is_cut = is_cut or most < spread
+    if not is_cut:
+        return 1.0, 0.0, 0.0, 0, 0
+    first, other, count = 12, 28, 4
+    work[12], work[13], work[14], work[15] = -1.0, -1.0, 1.0, -1.0
+    work[16], work[17], work[18], work[19] = 1.0, 1.0, -1.0, 1.0
+    for k in range(4):
+        g, gu, gv = work[3 * k], work[3 * k + 1], work[3 * k + 2]
+        if g >= abs(gu) + abs(gv):
+            continue
+        kept = 0
+        for i in range(count):
+            m = first + 2 * (i + 1 if i + 1 < count else 0)
+            p0, p1, q0, q1 = work[first + 2 * i], work[first + 2 * i + 1], work[m], work[m + 1]
+            in_p, in_q = g + gu * p0 + gv * p1, g + gu * q0 + gv * q1
+            if in_p >= 0.0:
+                work[other + 2 * kept], work[other + 2 * kept + 1] = p0, p1
+                kept += 1
+            if (in_p >= 0.0) != (in_q >= 0.0):
+                s = in_p / (in_p - in_q)
+                work[other + 2 * kept], work[other + 2 * kept + 1] = p0 + s * (q0 - p0), p1 + s * (q1 - p1)
+                kept += 1
+        count, first, other = kept, other, first
+        if count < 3:
+            return 0.0, 0.0, 0.0, 0, 0
+    twice, sum_u, sum_v = 0.0, 0.0, 0.0
+    for i in range(count):
+        m = first + 2 * (i + 1 if i + 1 < count else 0)
+        p0, p1, q0, q1 = work[first + 2 * i], work[first + 2 * i + 1], work[m], work[m + 1]
+        cross = p0 * q1 - q0 * p1
+        twice, sum_u, sum_v = twice + cross, sum_u + cross * (p0 + q0), sum_v + cross * (p1 + q1)
+    if twice < 1e-14:
+        return 0.0, 0.0, 0.0, 0, 0
+    return twice / 8.0, sum_u / (3.0 * twice), sum_v / (3.0 * twice), count, first

@@ -1,0 +1,304 @@
+"""What every state of a disc or crowned pad shares: the untouched light, and what settings and a seed fix.
+
+The untouched pad is traced once, finely, whatever the settings. A press changes its light by what the same points and
+rays bring with and without it; what they bring without is here, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from dataclasses import fields as dataclass_fields
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from sims.optics.accuracy import Accuracy
+from sims.optics.engine.formed.formed_lower import formed_top, walls_of, windows_of
+from sims.optics.engine.formed.formed_patches import PatchLayout, patch_layout
+from sims.optics.engine.formed.formed_points import GridPoints, TopGrid, pitch_of, points_of, top_grid
+from sims.optics.engine.formed.formed_rays import AREA
+from sims.optics.engine.formed.formed_scattered import DIMENSIONS
+from sims.optics.engine.formed.formed_top import FLAT, KIND, FormedTop
+from sims.optics.engine.threads import run_each
+from sims.optics.engine.untouched import above_zero
+from sims.optics.scene.optical_scene import BoolArray, FloatArray, OpticalScene
+
+CLASSES = 5
+REFERENCE = Accuracy(image_step=0.06)
+REFERENCE_GRIDS = 2
+"""Grid of the untouched pad, and how many with other offsets."""
+REFERENCE_PATCH_MM, PATCHES_ERROR = 0.5, 3e-3
+"""Patches of the untouched pad's light that is scattered once [mm], and the error that comes with them [-]."""
+REFERENCE_RAYS, REFERENCE_WALKS = 32768, 8
+"""Rays of the untouched pad's scattered light an emitter, and in how many parts with other offsets."""
+DEPOSIT_RAYS = 2048
+PART_SHARE, CROWNED_PART_SHARE = 0.3, 0.15
+"""Largest size of an emitter's part over its distance from a point of the top; under a crown, with its chains, less."""
+CHAINS_ERROR = 5e-3
+"""Error of what an untouched crown mirrors, often, over it [-]: what smaller parts of emitters still change."""
+FINER_LATTICE = 2.0**-1.5
+"""Error of a lattice over that of one with every other point, of a function with jumps."""
+STRAIGHT_NODES, LEAST_NODES = 12, (5, 24, 4)
+"""Nodes of straight light in the untouched pad; of emitter, columns and heights under a press, at least."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FormedPad:
+    """The untouched pad.
+
+    Attributes
+    ----------
+    emitters, receivers : window rows; walls, round_wall : as kernels read them; top : untouched
+    flux : (class, emitter, receiver) [-]
+    error : (emitter, receiver) standard error of its sum [-]
+    """
+
+    scene: OpticalScene
+    emitters: FloatArray
+    receivers: FloatArray
+    walls: FloatArray
+    round_wall: FloatArray
+    top: FormedTop
+    patches: PatchLayout
+    flux: FloatArray
+    error: FloatArray
+
+    @cached_property
+    def scale(self) -> FloatArray:
+        """(emitter, receiver) flux of all classes, above 0 [-]."""
+        return above_zero(np.asarray(self.flux.sum(axis=0)))
+
+    @property
+    def every(self) -> BoolArray:
+        """(emitter, receiver) all pairs."""
+        return np.ones((len(self.emitters), len(self.receivers)), dtype=np.bool_)
+
+    def straight(self, top: FormedTop, wanted: BoolArray, rules: tuple[FloatArray, ...]) -> FloatArray:
+        """(emitter, receiver) straight light."""
+        from sims.optics.engine.formed.formed_kernels import straight_matrix
+
+        absorbs = self.scene.absorption_per_mm
+        return np.asarray(straight_matrix(self.emitters, self.receivers, wanted, absorbs, *top, *rules))
+
+    def mirrored(self, top: FormedTop, wanted: BoolArray, at: FloatArray) -> FloatArray:
+        """(2, batch, emitter, receiver) light mirrored through points (n, 4) of the plan of the top's frame."""
+        from sims.optics.engine.formed.formed_kernels import mirrored_matrix, points_on
+
+        scene = self.scene
+        share = CROWNED_PART_SHARE if top.numbers[KIND] != FLAT else PART_SHARE
+        brought = mirrored_matrix(
+            self.emitters, self.receivers, wanted, points_on(np.ascontiguousarray(at), *top), share,
+            scene.absorption_per_mm, scene.refractive_index, self.walls, self.round_wall, *top,
+        )  # fmt: skip
+        return np.asarray(brought)
+
+    def deposits(
+        self,
+        top: FormedTop,
+        wanted: BoolArray,
+        shift: FloatArray,
+        patches: PatchLayout | None = None,
+        rays: int = DEPOSIT_RAYS,
+    ) -> tuple[FloatArray, FloatArray]:
+        """(batch, emitter, patch) and (batch, receiver, patch) what windows of wanted pairs give to patches."""
+        from sims.optics.engine.formed.formed_kernels import deposit_matrix
+
+        scene, layout = self.scene, patches or self.patches
+        given, taken = (
+            deposit_matrix(
+                windows, asked, self.receivers, rays, sequence_steps(), shift + 0.25 * k,
+                scene.absorption_per_mm, scene.refractive_index, self.walls, self.round_wall, *top,
+                layout.numbers, len(layout.weight),
+            )
+            for k, (windows, asked) in enumerate(
+                ((self.emitters, wanted.any(axis=1)), (self.receivers, wanted.any(axis=0)))
+            )
+        )  # fmt: skip
+        return given, taken
+
+
+@dataclass(frozen=True, kw_only=True)
+class FormedWays:
+    """What settings and a seed fix for all states of a pad.
+
+    Attributes
+    ----------
+    grid : cells of the top; points : one of each per replicate
+    shifts : (replicate, 2) of points in their cells
+    mirrored : (replicate, 2, batch, emitter, receiver) what the points bring in the untouched pad
+    rays : (replicate, n) offsets of rays; deposits : per replicate, what they bring to patches in the untouched pad
+    rules : of straight light; straight : (emitter, receiver) by these in the untouched pad
+    """
+
+    pad: FormedPad
+    settings: Accuracy
+    grid: TopGrid
+    points: tuple[GridPoints, ...]
+    shifts: FloatArray
+    mirrored: FloatArray
+    rays: FloatArray
+    deposits: tuple[tuple[FloatArray, FloatArray], ...]
+    rules: tuple[FloatArray, ...]
+    straight: FloatArray
+
+
+class _Key:
+    """A scene as a key: equal content, equal key."""
+
+    def __init__(self, scene: OpticalScene) -> None:
+        self.scene = scene
+        values = [getattr(scene, field.name) for field in dataclass_fields(scene)]
+        self._text = repr([one.tolist() if isinstance(one, np.ndarray) else one for one in values])
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Key) and self._text == other._text
+
+    def __hash__(self) -> int:
+        return hash(self._text)
+
+
+def formed_ways(scene: OpticalScene, settings: Accuracy, seed: int) -> FormedWays:
+    """The untouched light of a scene and what settings and a seed fix, remembered within this process."""
+    return _remembered_ways(_Key(scene), settings, seed)
+
+
+@lru_cache(maxsize=8)
+def _remembered_ways(key: _Key, settings: Accuracy, seed: int) -> FormedWays:
+    pad, scene = _remembered_pad(key, seed), key.scene
+    windows = _all_windows(pad)
+    grid = top_grid(scene, windows, pitch_of(settings, windows))
+    count = settings.replicates
+    random = np.random.default_rng((seed, 1))
+    shifts = np.asarray((random.random(2) + np.arange(count)[:, None] / count) % 1.0)
+    points = tuple(points_of(grid, scene, pad.walls, pad.round_wall, shift) for shift in shifts)
+    mirrored = np.zeros((count, 2, 4, *pad.every.shape))
+    rays = random.random((count, DIMENSIONS))
+    deposits: list[tuple[FloatArray, FloatArray]] = [(np.empty(0), np.empty(0))] * count
+
+    def one(number: int) -> None:
+        mirrored[number] = pad.mirrored(pad.top, pad.every, points[number].in_frame(pad.top))
+        deposits[number] = pad.deposits(pad.top, pad.every, rays[number])
+
+    run_each(one, count)
+    nodes = (settings.nodes_emitter, settings.nodes_column, settings.nodes_height)
+    rules = straight_rules(*(max(count, least) for count, least in zip(nodes, LEAST_NODES, strict=True)))
+    return FormedWays(
+        pad=pad, settings=settings, grid=grid, points=points, shifts=shifts, mirrored=mirrored, rays=rays,
+        deposits=tuple(deposits), rules=rules, straight=pad.straight(pad.top, pad.every, rules),
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=4)
+def _remembered_pad(key: _Key, seed: int) -> FormedPad:
+    scene = key.scene
+    walls, round_wall = walls_of(scene)
+    emitters, receivers = windows_of(scene, "emitter"), windows_of(scene, "receiver")
+    dark = np.zeros((CLASSES, len(emitters), len(receivers)))
+    pad = FormedPad(
+        scene=scene, emitters=emitters, receivers=receivers, walls=walls, round_wall=round_wall,
+        top=formed_top(scene, np.zeros(2), None), patches=patch_layout(scene, walls, round_wall), flux=dark,
+        error=dark[0],
+    )  # fmt: skip
+    random = np.random.default_rng((seed, 0))
+    mirrored = _untouched_mirrored(pad, random.random(2))
+    shifts = random.random((REFERENCE_WALKS, DIMENSIONS))
+    once, walks = _untouched_once(pad, shifts[0]), _untouched_more(pad, shifts)
+    direct = pad.straight(pad.top, pad.every, straight_rules(STRAIGHT_NODES, STRAIGHT_NODES, STRAIGHT_NODES))
+    flux = dark.copy()
+    flux[0], flux[1:3], flux[4] = direct, mirrored.sum(axis=2).mean(axis=0), once[0] + walks.mean(axis=0)
+    walked = walks.std(axis=0, ddof=1) / np.sqrt(REFERENCE_WALKS)
+    chains = CHAINS_ERROR * (pad.top.numbers[KIND] != FLAT) * flux[1]
+    error = np.sqrt(lattice_error(mirrored) ** 2 + once[1] ** 2 + walked**2 + chains**2)
+    given = {field.name: getattr(pad, field.name) for field in dataclass_fields(pad)}
+    return FormedPad(**(given | {"flux": flux, "error": error}))
+
+
+def _untouched_mirrored(pad: FormedPad, shift: FloatArray) -> FloatArray:
+    """(grid, 2, batch, emitter, receiver) light that the untouched top mirrors."""
+    windows = _all_windows(pad)
+    grid = top_grid(pad.scene, windows, pitch_of(REFERENCE, windows))
+    out = np.zeros((REFERENCE_GRIDS, 2, 4, *pad.every.shape))
+
+    def one(number: int) -> None:
+        moved = (shift + number / REFERENCE_GRIDS) % 1.0
+        points = points_of(grid, pad.scene, pad.walls, pad.round_wall, moved)
+        out[number] = pad.mirrored(pad.top, pad.every, points.in_frame(pad.top))
+
+    run_each(one, REFERENCE_GRIDS)
+    return out
+
+
+def _untouched_once(pad: FormedPad, shift: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(emitter, receiver) light scattered once, joined on fine patches, and its standard error."""
+    patches = patch_layout(pad.scene, pad.walls, pad.round_wall, REFERENCE_PATCH_MM)
+    found, error = jackknifed(
+        pad.deposits(pad.top, pad.every, shift, patches, REFERENCE_RAYS),
+        lambda given, taken: (given * patches.weight) @ taken.T * pad.receivers[:, AREA],
+    )
+    return found, np.hypot(error, PATCHES_ERROR * found)
+
+
+def _untouched_more(pad: FormedPad, shifts: FloatArray) -> FloatArray:
+    """(walk, emitter, receiver) light scattered more than once."""
+    from sims.optics.engine.formed.formed_kernels import scattered_matrix
+
+    scene = pad.scene
+    out = np.zeros((len(shifts), *pad.every.shape))
+    reflectances = np.array([scene.wall_reflectance, scene.bottom_reflectance, scene.tip_reflectance])
+
+    def one(number: int) -> None:
+        out[number] = scattered_matrix(
+            pad.emitters, pad.receivers, REFERENCE_RAYS // len(shifts), sequence_steps(), shifts[number],
+            scene.absorption_per_mm, scene.refractive_index, reflectances, pad.walls, pad.round_wall, *pad.top,
+        )[1]  # fmt: skip
+
+    run_each(one, len(shifts))
+    return out
+
+
+def jackknifed(
+    deposits: tuple[FloatArray, FloatArray], joined: Callable[[FloatArray, FloatArray], FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """What a function makes of all rays' deposits (window, patch), and its standard error by leaving out each batch."""
+    given, taken = deposits
+    count = len(given)
+    more = count / (count - 1.0)
+    whole = [given.sum(axis=0), taken.sum(axis=0)]
+    less = [
+        joined((whole[0] - one) * more, (whole[1] - other) * more)
+        for one, other in zip(given, taken, strict=True)
+    ]
+    return joined(*whole), np.asarray(np.sqrt(np.var(less, axis=0) * (count - 1.0)))
+
+
+def lattice_error(mirrored: FloatArray) -> FloatArray:
+    """(emitter, receiver) standard error of the mean over lattices of (lattice, row, batch, emitter, receiver).
+
+    Each batch is a lattice with every other point, whose error times `FINER_LATTICE` bounds that of all batches
+    together; where lattices differ by more, their spread.
+    """
+    count, batches = mirrored.shape[0], mirrored.shape[2]
+    alone = mirrored.sum(axis=1) * batches
+    within = np.sqrt(alone.var(axis=1, ddof=1).mean(axis=0)) * FINER_LATTICE
+    between = alone.mean(axis=1).std(axis=0, ddof=1)
+    return np.asarray(np.maximum(within, between) / np.sqrt(count))
+
+
+def straight_rules(emitter: int, column: int, height: int) -> tuple[FloatArray, ...]:
+    """Gauss nodes and weights of the emitter, the receiver's columns and their heights."""
+    rules = [np.polynomial.legendre.leggauss(count) for count in (emitter, column, height)]
+    return tuple(part for rule in rules for part in rule)
+
+
+def sequence_steps() -> FloatArray:
+    """(DIMENSIONS,) steps of Roberts' additive sequence: powers of the root of x^(d + 1) = x + 1."""
+    root = 2.0
+    for _ in range(64):
+        root = (1.0 + root) ** (1.0 / (DIMENSIONS + 1))
+    return np.asarray((1.0 / root) ** np.arange(1, DIMENSIONS + 1))
+
+
+def _all_windows(pad: FormedPad) -> FloatArray:
+    """(n, 12) windows of emitters and receivers."""
+    return np.vstack([pad.emitters[:, :12], pad.receivers[:, :12]])

@@ -1,0 +1,179 @@
+"""Points of the top of a disc or crowned pad through which mirrored light is followed.
+
+A grid covers the untouched top. Its cells are divided by four where a window is near: while they are larger than
+`GRADE` of their distance from it. Around a press, where the top bends within a cell, rings take the grid's place; cells
+that a window has had divided stay, but for the steep part of the press. Every cell has one point, at the same place in
+each, and belongs to one of four batches, as the squares of a chequered board of four colours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sims.optics.accuracy import Accuracy
+from sims.optics.engine.formed.formed_patches import is_in_plan
+from sims.optics.engine.formed.formed_rays import CX, CY, CZ, HALF_U, HALF_V, NX, NY, UX, UY
+from sims.optics.engine.formed.formed_top import CONTACT_EDGE, OUTER, SKIRT_EDGE, FormedTop
+from sims.optics.scene.optical_scene import FloatArray, OpticalScene
+
+GRADE = 0.35
+"""Largest size of a cell over its distance from a window."""
+PITCH = 0.4
+"""Size of cells over that of the narrowest window, at an image step of 1."""
+DIVISIONS = 4
+"""A cell of the grid is divided so often, at most."""
+RINGS_TO_SKIRT, RINGS_TO_CONTACT = 1.3, 2.0
+"""Rings reach to so many radii of the skirt, and of the contact, whichever is more."""
+GOLDEN = 0.6180339887498949
+
+
+@dataclass(frozen=True, kw_only=True)
+class TopGrid:
+    """Cells of the untouched top.
+
+    Attributes
+    ----------
+    pitch_mm : size of cells that are not divided
+    corner : (n, 2) least x and y [mm]; size : (n,) [mm]; batch : (n,)
+    divided : (columns, rows) which cells of the undivided grid are
+    """
+
+    pitch_mm: float
+    corner: FloatArray
+    size: FloatArray
+    batch: FloatArray
+    divided: NDArray[np.bool_]
+
+    @cached_property
+    def is_part(self) -> NDArray[np.bool_]:
+        """(n,) whether a cell is part of a divided one."""
+        return np.asarray(self.size < 0.75 * self.pitch_mm)
+
+    def is_divided(self, x_mm: FloatArray, y_mm: FloatArray) -> NDArray[np.bool_]:
+        """Whether places of the plan lie in a divided cell."""
+        columns, rows = self.divided.shape
+        i = np.clip((x_mm / self.pitch_mm).astype(np.int64), 0, columns - 1)
+        j = np.clip((y_mm / self.pitch_mm).astype(np.int64), 0, rows - 1)
+        return np.asarray(self.divided[i, j])
+
+
+@dataclass(frozen=True, kw_only=True)
+class GridPoints:
+    """A point in each cell of a grid, on the untouched top.
+
+    Attributes
+    ----------
+    place : (n, 3) [mm]; normal : (n, 3) out of the elastomer [-]; area : (n,) in plan [mm2]; batch : (n,)
+    is_part : (n,) whether the cell is part of a divided one
+    """
+
+    place: FloatArray
+    normal: FloatArray
+    area: FloatArray
+    batch: FloatArray
+    is_part: NDArray[np.bool_]
+
+    def in_frame(self, top: FormedTop) -> FloatArray:
+        """(n, 4) places in the plan of a frame, elements of that plan [mm2], batch."""
+        at = (self.place - top.origin) @ top.axes[:2].T
+        element = self.area * (self.normal @ top.axes[2]) / self.normal[:, 2]
+        return np.column_stack([at, element, self.batch])
+
+
+def pitch_of(settings: Accuracy, windows: FloatArray) -> float:
+    """Size of the grid's cells [mm]: small against the narrowest window (n, 12 or more), as images are of its size."""
+    narrowest = 2.0 * float(windows[:, [HALF_U, HALF_V]].min())
+    return float(PITCH * np.sqrt(settings.image_step) * narrowest)
+
+
+def top_grid(scene: OpticalScene, windows: FloatArray, pitch_mm: float) -> TopGrid:
+    """Cells that cover the plan's box, smaller beside windows (n, 12 or more)."""
+    form = scene.form
+    assert form is not None
+    columns, rows = (int(np.ceil(side / pitch_mm)) for side in (scene.length_mm, scene.width_mm))
+    index = np.stack(np.meshgrid(np.arange(columns), np.arange(rows), indexing="ij"), axis=-1).reshape(-1, 2)
+    size, kept = pitch_mm, []
+    divided = np.zeros((columns, rows), dtype=np.bool_)
+    for level in range(DIVISIONS + 1):
+        middle = (index + 0.5) * size
+        height = form.top_mm(middle[:, 0], middle[:, 1], scene.height_mm)
+        height = np.where(np.isfinite(height), height, 0.0)
+        near = _distance_mm(np.column_stack([middle, height]), windows)
+        is_large = (size > GRADE * near) & (level < DIVISIONS)
+        if level == 0:
+            divided[:] = is_large.reshape(columns, rows)
+        whole = index[~is_large]
+        batch = (whole[:, 0] % 2 + 2 * (whole[:, 1] % 2)).astype(np.float64)
+        kept.append((whole * size, np.full(len(whole), size), batch))
+        quarters = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
+        index, size = (2 * index[is_large][:, None] + quarters).reshape(-1, 2), size / 2.0
+    corner, sizes, batches = (np.concatenate(parts) for parts in zip(*kept, strict=True))
+    return TopGrid(pitch_mm=pitch_mm, corner=corner, size=sizes, batch=batches, divided=divided)
+
+
+def _distance_mm(places: FloatArray, windows: FloatArray) -> FloatArray:
+    """(n,) distance of (n, 3) places from the nearest window."""
+    nearest = np.full(len(places), np.inf)
+    for w in windows:
+        off = places - w[[CX, CY, CZ]]
+        along = np.maximum(np.abs(off[:, 0] * w[UX] + off[:, 1] * w[UY]) - w[HALF_U], 0.0)
+        above = np.maximum(np.abs(off[:, 2]) - w[HALF_V], 0.0)
+        away = off[:, 0] * w[NX] + off[:, 1] * w[NY]
+        nearest = np.minimum(nearest, np.sqrt(along**2 + above**2 + away**2))
+    return nearest
+
+
+def points_of(
+    grid: TopGrid, scene: OpticalScene, walls: FloatArray, round_wall: FloatArray, shift: FloatArray
+) -> GridPoints:
+    """The points of a grid that lie in the pad, shifted within their cells by a share of these."""
+    form = scene.form
+    assert form is not None
+    x, y = (grid.corner + np.asarray(shift) * grid.size[:, None]).T
+    inside = is_in_plan(x, y, walls, round_wall)
+    x, y, size = x[inside], y[inside], grid.size[inside]
+    return GridPoints(
+        place=np.column_stack([x, y, form.top_mm(x, y, scene.height_mm)]),
+        normal=np.asarray(form.normal(x, y)) if form.is_crowned else np.tile([0.0, 0.0, 1.0], (len(x), 1)),
+        area=size**2,
+        batch=grid.batch[inside],
+        is_part=grid.is_part[inside],
+    )
+
+
+def ring_zone_mm(top: FormedTop) -> tuple[float, float]:
+    """Radii up to which rings take the grid's place: of divided cells, and of others."""
+    steep = float(top.numbers[SKIRT_EDGE])
+    wide = max(RINGS_TO_SKIRT * steep, RINGS_TO_CONTACT * float(top.numbers[CONTACT_EDGE]))
+    return steep, min(wide, float(top.numbers[OUTER]))
+
+
+def ring_points(
+    top: FormedTop, outer_mm: float, pitch_mm: float, settings: Accuracy, shift: FloatArray
+) -> FloatArray:
+    """(n, 4) places on rings around the press, closer beside the contact; elements [mm2], batch."""
+    contact = float(top.numbers[CONTACT_EDGE])
+    within = max(settings.rings // 3, 4)
+    beyond = max(settings.rings, int(1.5 * (outer_mm - contact) / pitch_mm))
+    share = np.arange(beyond + 1) / beyond
+    edges = np.concatenate(
+        [
+            contact * np.sqrt(np.arange(within) / within),
+            contact + (outer_mm - contact) * (0.25 * share + 0.75 * share**2),
+        ]
+    )
+    parts = []
+    for ring, (low, high) in enumerate(pairwise(edges)):
+        count = max(settings.columns // 2, 2 * int(np.pi * high / pitch_mm))
+        radius = np.sqrt(low**2 + shift[0] * (high**2 - low**2))
+        column = np.arange(count)
+        turn = 2.0 * np.pi * (column + shift[1] + GOLDEN * ring) / count
+        element = np.full(count, np.pi * (high**2 - low**2) / count)
+        batch = ring % 2 + 2.0 * (column % 2)
+        parts.append(np.column_stack([radius * np.cos(turn), radius * np.sin(turn), element, batch]))
+    return np.concatenate(parts)

@@ -1,0 +1,154 @@
+"""Light of discs and crowned pads against the oracle, pair by pair: `python -m tests.validation.light.shapes_table`.
+
+Every preset of another shape, untouched and under four presses, by the engine's settings for maps, near contact and
+"standard". The oracle runs in batches, whose rays are the same with and without a press: what the two differ by is far
+better known than either, and how batches differ tells how well. Batches are kept in `FOLDER`; interrupted, it goes on.
+
+Columns of the table
+--------------------
+- worst: the pair that is off most, in joint standard errors of the engine and of the oracle
+- change: root mean square over pairs of how far the press's change is off, over the untouched signal, the oracle's own
+  variance taken off; noise: the root of that variance
+- pairs: those with at least `DIM` of the brightest one's untouched signal; dimmer ones the oracle does not tell. All
+  pairs that the oracle has seen count for the worst
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import optopad
+from design.spec import SensorDesign
+from sims.optics.accuracy import ACCURACIES, MIRRORED_FINER, Accuracy
+from sims.optics.engine.trace_states import trace_scene
+from sims.optics.oracle.tracer import trace_oracle
+from sims.optics.oracle.walk import CROSSING
+from sims.optics.scene.lower import scene_of
+from sims.optics.tracing import pressed_tops
+
+FloatArray = NDArray[np.float64]
+PRESETS = ("levi2013-disc", "crowned-40x25", "fingertip-dome")
+SETTINGS: dict[str, Accuracy] = {
+    "score": ACCURACIES["score"],
+    "near contact": MIRRORED_FINER,
+    "standard": ACCURACIES["standard"],
+}
+RAYS, BATCHES = 100_000, 8
+DIM = 0.02
+FOLDER = Path("build/validation/shapes")
+TABLE = Path(__file__).with_name("shapes_table.md")
+HEAD = """# Light of discs and crowned pads against the oracle
+
+Made by `python -m tests.validation.light.shapes_table`, which says what the columns are. In % of the untouched signal.
+
+| pad | settings | press [mm] | worst [joint standard errors] | rms of these | change | noise | stated error |
+|---|---|---|---|---|---|---|---|
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compared:
+    """One state's comparison; shares of the untouched signal.
+
+    Attributes
+    ----------
+    worst, spread : largest, and root mean square of, differences in joint standard errors
+    change, noise, stated : root mean squares over pairs that are not dim
+    """
+
+    worst: float
+    spread: float
+    change: float
+    noise: float
+    stated: float
+
+
+def presses_of(design: SensorDesign) -> FloatArray:
+    """(5, 3) x, y, depth [mm]: untouched, the middle, and two depths and the deepest beside it."""
+    scene = scene_of(design)
+    x, y = scene.length_mm / 2.0, scene.width_mm / 2.0
+    away = 0.3 * min(scene.length_mm, scene.width_mm) / 2.0
+    deepest = design.operating.max_depth_mm
+    one, other = (x + away, y + 0.6 * away), (x - 1.2 * away, y + 0.7 * away)
+    return np.array([[x, y, 0.0], [x, y, 1.0], [*one, 0.5], [*one, 2.0], [*other, deepest]])
+
+
+def compared(engine: FloatArray, error: FloatArray, batches: FloatArray, state: int, rays: int) -> Compared:
+    """One state of (state, e, r) flux and standard error of the engine and (batch, state, e, r) of the oracle."""
+    count = len(batches)
+    known, untouched = batches.mean(axis=0), engine[0]
+    seen = known[state] > 0.0
+    # rays that are counted: by the larger of both, as few counts that happen to be low would seem too certain
+    counted = np.sqrt(np.maximum(known[state], engine[state]) / (rays * count))
+    off = ((engine - known)[state] / np.hypot(error[state], counted))[seen]
+    bright = untouched >= DIM * untouched.max()
+    changes = batches[:, state] - batches[:, 0]
+    change = (engine[state] - engine[0] - changes.mean(axis=0))[bright] / untouched[bright]
+    noise = float(np.mean(changes.var(axis=0, ddof=1)[bright] / count / untouched[bright] ** 2))
+    return Compared(
+        worst=float(np.abs(off).max()),
+        spread=float(np.sqrt(np.mean(off**2))),
+        change=float(np.sqrt(max(np.mean(change**2) - noise, 0.0))),
+        noise=float(np.sqrt(noise)),
+        stated=float(np.sqrt(np.mean((error[state][bright] / untouched[bright]) ** 2))),
+    )
+
+
+def oracle_batches(name: str, design: SensorDesign, rays: int, count: int) -> FloatArray:
+    """(batch, state, e, r) light of the oracle that never left the elastomer; kept batches are read."""
+    presses = presses_of(design)
+    tops, scene = pressed_tops(design, presses, by_symmetry=False).near, scene_of(design)
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    found = []
+    for batch in range(count):
+        file = FOLDER / f"{name}-{design.digest[:8]}-{rays}-{batch}.npy"
+        if not file.exists():
+            # each state alone, so that its rays are those of every other state
+            each = [
+                trace_oracle(scene, [place[:2]], [near], rays=rays, seed=batch + 1)
+                .flux[:CROSSING, 0]
+                .sum(axis=0)
+                for place, near in zip(presses, tops, strict=True)
+            ]
+            np.save(file, np.array(each))
+        found.append(np.load(file))
+    return np.array(found)
+
+
+def table(names: tuple[str, ...] = PRESETS, rays: int = RAYS, count: int = BATCHES) -> str:
+    """The table as Markdown."""
+    lines = []
+    for name in names:
+        design = optopad.load(name)
+        presses, scene = presses_of(design), scene_of(design)
+        batches = oracle_batches(name, design, rays, count)
+        tops = pressed_tops(design, presses, by_symmetry=False).near
+        for title, settings in SETTINGS.items():
+            light = trace_scene(scene, presses[:, :2], tops, accuracy=settings)
+            for state, (x, y, depth) in enumerate(presses):
+                row = compared(light.flux.sum(axis=0), light.standard_error, batches, state, rays)
+                place = f"{depth:g} at {x:.1f}, {y:.1f}" if state else "untouched"
+                shares = (row.change, row.noise, row.stated)
+                lines.append(
+                    f"| {name} | {title} | {place} | {row.worst:.1f} | {row.spread:.2f} | "
+                    + " | ".join(f"{100.0 * share:.2f}" for share in shares)
+                    + " |"
+                )
+    return HEAD + "\n".join(lines) + "\n"
+
+
+def main(names: list[str]) -> None:
+    """Write the table beside this file; of the named presets only, print it."""
+    if names:
+        sys.stdout.write(table(tuple(names)))
+    else:
+        TABLE.write_text(table(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
