@@ -114,7 +114,7 @@ def write_report(
     found = Found(
         checks=checks,
         drawings=drawings,
-        pictures=pictures_of(folder),
+        pictures=pictures_of(design, folder),
         sheets=sheets_of(folder),
         files=tuple(bundle_files(folder)),
         mold=mold_scene(design, folder),
@@ -156,7 +156,7 @@ def report_html(
         "build": build_section(found.sheets, found.pictures),
         "mold": checks_section(found.checks),
         "warnings": warnings_section(score),
-        "limits": limits_section(),
+        "limits": limits_section(design),
         "files": files_section(found.files),
         "origin": origin_section(design, score, seed, made_with),
     }

@@ -1,7 +1,8 @@
 """Maps of what a pad can tell: bounds of place and depth at each depth of the grid, and the lightest press felt.
 
 A cell stands for the voxel at its centre; nothing is interpolated. All depths share one logarithmic scale, so that they
-compare; blind voxels are hatched. Numbers in the cells are micrometres, or newtons for the press.
+compare; blind voxels are hatched, and where the workspace has no place there is no cell. Numbers in the cells are
+micrometres, or newtons for the press.
 """
 
 from __future__ import annotations
@@ -13,12 +14,13 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Colormap, LinearSegmentedColormap, LogNorm
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Patch, Rectangle
 from numpy.typing import NDArray
 
 from design.geometry.cavity import CavityGeometry
 from sims.bounds.felt import FeltForce
 from sims.bounds.observability import PadBounds
+from sims.plots.shapes.pad_outline import clip_to_pad, outline_patch
 from sims.plots.style import BLUE, INK, MUTED, WIDTH_IN, axes_or_new
 
 FloatArray = NDArray[np.float64]
@@ -115,17 +117,21 @@ def _draw_cells(
 ) -> None:
     x_edges, y_edges = _edges_mm(x_mm, cavity.length_mm), _edges_mm(y_mm, cavity.width_mm)
     known = np.ma.masked_invalid(values)
-    ax.pcolormesh(x_edges, y_edges, known, cmap=BOUND_COLOURS, norm=norm, edgecolor="white", linewidth=0.5)
+    mesh = ax.pcolormesh(
+        x_edges, y_edges, known, cmap=BOUND_COLOURS, norm=norm, edgecolor="white", linewidth=0.5
+    )
+    clip_to_pad(mesh, ax, cavity)
     for (row, column), value in np.ndenumerate(values):
-        if not np.isfinite(value):
-            _hatch(ax, x_edges[column : column + 2], y_edges[row : row + 2])
+        if np.isinf(value):
+            blind = _hatch(ax, x_edges[column : column + 2], y_edges[row : row + 2])
+            clip_to_pad(blind, ax, cavity)
     if max(values.shape) <= MOST_NUMBERED:
         _write_numbers(ax, x_mm, y_mm, values, norm)
     _draw_outline(ax, cavity)
 
 
-def _hatch(ax: Axes, x_mm: FloatArray, y_mm: FloatArray) -> None:
-    ax.add_patch(
+def _hatch(ax: Axes, x_mm: FloatArray, y_mm: FloatArray) -> Patch:
+    return ax.add_patch(
         Rectangle(
             (x_mm[0], y_mm[0]),
             x_mm[1] - x_mm[0],
@@ -171,7 +177,7 @@ def _ink_on(colours: Colormap, share: float) -> str:
 
 
 def _draw_outline(ax: Axes, cavity: CavityGeometry) -> None:
-    ax.add_patch(Rectangle((0.0, 0.0), cavity.length_mm, cavity.width_mm, fill=False, edgecolor=MUTED))
+    ax.add_patch(outline_patch(cavity.plan, fill=False, edgecolor=MUTED))
     ax.set_xlim(-0.5, cavity.length_mm + 0.5)
     ax.set_ylim(-0.5, cavity.width_mm + 0.5)
     ax.set_aspect("equal")

@@ -42,17 +42,29 @@ POINT: dict[str, Any] = {
 DEPTH_LABEL = "depth of the press [mm]"
 
 
-def plot_profile(press: Indentation, tip_mm: tuple[FloatArray, FloatArray], ax: Axes | None = None) -> Axes:
+def plot_profile(
+    press: Indentation,
+    tip_mm: tuple[FloatArray, FloatArray],
+    ax: Axes | None = None,
+    *,
+    crown_radius_mm: float | None = None,
+) -> Axes:
     """Section through tip and pad: height [mm] against distance from the axis [mm], to one scale.
 
     Parameters
     ----------
     press : the deformed surface
     tip_mm : radius and height above its apex of the tip's outline, from the apex up the shank [mm]
+    crown_radius_mm : radius of the sphere with a crowned top's mean curvature, which the press is over; None: flat
     """
+    untouched = np.zeros_like(press.radius_mm)
+    if crown_radius_mm is not None:
+        untouched = -(press.radius_mm**2) / (
+            crown_radius_mm + np.sqrt(crown_radius_mm**2 - press.radius_mm**2)
+        )
     ax = axes_or_new(ax, PROFILE_HEIGHT_IN)
     half_width = SHOWN_RADII * press.tip_radius_mm
-    radius, height = _mirrored(press.radius_mm, press.height_mm)
+    radius, height = _mirrored(press.radius_mm, press.height_mm + untouched)
     tip_radius, tip_height = _mirrored(tip_mm[0], tip_mm[1] - press.depth_mm)
     floor, ceiling = -press.depth_mm - 0.5 * press.tip_radius_mm, 0.7 * press.tip_radius_mm
     # a polygon, because the surface may run back beside the shank
@@ -68,8 +80,12 @@ def plot_profile(press: Indentation, tip_mm: tuple[FloatArray, FloatArray], ax: 
         linewidth=2,
         label=f"surface at {press.depth_mm:g} mm, {press.force_n:.3g} N",
     )
-    ax.axhline(0.0, color=MUTED, linewidth=1.0, linestyle=(0, (4, 3)), label="undisturbed surface")
-    _mark_contact_edge(ax, press)
+    look: dict[str, Any] = {"color": MUTED, "linewidth": 1.0, "linestyle": (0, (4, 3))}
+    if crown_radius_mm is None:
+        ax.axhline(0.0, label="undisturbed surface", **look)
+    else:
+        ax.plot(*_mirrored(press.radius_mm, untouched), label="undisturbed surface", **look)
+    _mark_contact_edge(ax, press, untouched)
     for height_mm, name in ((0.4 * press.tip_radius_mm, "tip"), (0.5 * (floor - press.depth_mm), "pad")):
         box = {"facecolor": "white" if name == "tip" else "none", "edgecolor": "none", "pad": 2.0}
         ax.text(0.0, height_mm, name, ha="center", va="center", color=INK, bbox=box)
@@ -87,11 +103,11 @@ def _mirrored(radius: FloatArray, height: FloatArray) -> tuple[FloatArray, Float
     return np.concatenate([-radius[::-1], radius]), np.concatenate([height[::-1], height])
 
 
-def _mark_contact_edge(ax: Axes, press: Indentation) -> None:
+def _mark_contact_edge(ax: Axes, press: Indentation, untouched: FloatArray) -> None:
     if press.contact_radius_mm <= 0.0:
         return
     edge = int(np.argmax(press.radius_mm >= press.contact_radius_mm - 1e-9))
-    height_mm = press.height_mm[edge]
+    height_mm = press.height_mm[edge] + untouched[edge]
     ax.plot(
         [-press.contact_radius_mm, press.contact_radius_mm],
         [height_mm, height_mm],

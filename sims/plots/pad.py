@@ -1,7 +1,7 @@
 """Maps over the pad: deadband, and margin to one, at each place of the workspace.
 
 A cell stands for the press at its centre; nothing is interpolated between places. Cells at the border
-reach half a pitch beyond the workspace, which is drawn dashed.
+reach half a pitch beyond the workspace, which is drawn dashed; where the workspace has no place there is no cell.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from design.geometry.cavity import CavityGeometry, PlacedPart
+from sims.plots.shapes.pad_outline import clip_to_pad, outline_patch, workspace_patch
 from sims.plots.style import BLUE, INK, MUTED, VERMILLION, WIDTH_IN, axes_or_new
 from sims.verdict.pad_map import PadMap, Place
 
@@ -28,7 +29,7 @@ def plot_deadband_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None =
     """Summed deadband at each place [mm], with the worst place framed if there is any deadband."""
     ax = axes_or_new(ax, _height_in(cavity))
     dead_mm = pad_map.deadband_grid_mm()
-    deepest = max(float(dead_mm.max()), 1e-9)
+    deepest = max(float(np.nanmax(dead_mm)), 1e-9)
     _draw_cells(ax, pad_map, cavity, dead_mm, DEAD_COLOURS, (0.0, deepest), "deadband at this place [mm]")
     _draw_pad(ax, cavity)
     if pad_map.worst.deadbands_mm:
@@ -46,11 +47,10 @@ def plot_margin_map(
     most : end of the colours [noise units]; None for the largest margin
     """
     ax = axes_or_new(ax, _height_in(cavity))
-    margin = np.array([place.margin for place in pad_map.places]).reshape(
-        len(pad_map.y_mm), len(pad_map.x_mm)
-    )
+    margin = pad_map.grid([place.margin for place in pad_map.places])
     label = "frames apart over the least told 0.3 mm [noise units]"
-    _draw_cells(ax, pad_map, cavity, margin, CHANGE_COLOURS, (0.0, most or float(margin.max()) or 1.0), label)
+    high = most or float(np.nanmax(margin)) or 1.0
+    _draw_cells(ax, pad_map, cavity, margin, CHANGE_COLOURS, (0.0, high), label)
     _draw_pad(ax, cavity)
     _mark(ax, pad_map.weakest, pad_map, cavity)
     return ax
@@ -60,9 +60,8 @@ def plot_usable_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None = N
     """Depth to which each place tells depth [mm]; the weakest place framed."""
     ax = axes_or_new(ax, _height_in(cavity))
     usable = pad_map.usable_grid_mm()
-    _draw_cells(
-        ax, pad_map, cavity, usable, CHANGE_COLOURS, (0.0, float(usable.max()) or 1.0), "usable depth [mm]"
-    )
+    high = float(np.nanmax(usable)) or 1.0
+    _draw_cells(ax, pad_map, cavity, usable, CHANGE_COLOURS, (0.0, high), "usable depth [mm]")
     _draw_pad(ax, cavity)
     _mark(ax, pad_map.weakest, pad_map, cavity)
     return ax
@@ -91,10 +90,12 @@ def _draw_cells(
         edgecolor="white",
         linewidth=0.5,
     )
+    clip_to_pad(mesh, ax, cavity)
     assert ax.figure is not None
     ax.figure.colorbar(mesh, ax=ax, label=label, shrink=0.75, aspect=24, pad=0.02)
     size = 8.0 if max(len(pad_map.x_mm), len(pad_map.y_mm)) <= 7 else 5.5
-    for (row, column), value in np.ndenumerate(values):
+    for row, column in pad_map.cells:
+        value = values[row, column]
         share = (float(value) - span[0]) / (span[1] - span[0])
         ax.text(
             pad_map.x_mm[column],
@@ -133,12 +134,9 @@ def _edges_mm(lines: tuple[float, ...], pitch_mm: float, side_mm: float) -> Floa
 
 def _draw_pad(ax: Axes, cavity: CavityGeometry) -> None:
     space = cavity.workspace
-    ax.add_patch(
-        Rectangle((0, 0), cavity.length_mm, cavity.width_mm, fill=False, edgecolor=INK, linewidth=1.2)
-    )
-    corner, size = (space.x0_mm, space.y0_mm), (space.x1_mm - space.x0_mm, space.y1_mm - space.y0_mm)
-    ax.add_patch(Rectangle(corner, *size, fill=False, edgecolor="white", linewidth=1.6))
-    inner = Rectangle(corner, *size, fill=False, edgecolor=INK, linewidth=0.8, linestyle=(0, (4, 3)))
+    ax.add_patch(outline_patch(cavity.plan, fill=False, edgecolor=INK, linewidth=1.2))
+    ax.add_patch(workspace_patch(space, fill=False, edgecolor="white", linewidth=1.6))
+    inner = workspace_patch(space, fill=False, edgecolor=INK, linewidth=0.8, linestyle=(0, (4, 3)))
     inner.set_gid("workspace")
     ax.add_patch(inner)
     for part in cavity.parts:
@@ -178,7 +176,7 @@ def _mark(ax: Axes, place: Place, pad_map: PadMap, cavity: CavityGeometry) -> No
     pitch = _pitch_mm(pad_map, cavity)
     x_mm = _edges_mm(pad_map.x_mm, pitch, cavity.length_mm)
     y_mm = _edges_mm(pad_map.y_mm, pitch, cavity.width_mm)
-    column, row = pad_map.x_mm.index(place.x_mm), pad_map.y_mm.index(place.y_mm)
+    row, column = pad_map.cells[pad_map.places.index(place)]
     corner, size = (x_mm[column], y_mm[row]), (np.diff(x_mm)[column], np.diff(y_mm)[row])
     frame = Rectangle(corner, *size, fill=False, edgecolor=INK, linewidth=2.2, zorder=4)
     frame.set_gid("marked")

@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.geometry.cavity import CavityGeometry, PlacedPart
+from sims.plots.shapes.pad_outline import outline_mm, wall_reached_mm
 
 FloatArray = NDArray[np.float64]
+SILHOUETTE_POINTS = 60
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,13 +40,25 @@ class Cut:
 
     def reach_mm(self, cavity: CavityGeometry) -> tuple[float, float]:
         """Ends of the whole block as seen from the side, along the line [mm]."""
-        corners = np.array([(x, y) for x in (0.0, cavity.length_mm) for y in (0.0, cavity.width_mm)])
-        along = self.along_mm(corners)
+        along = self.along_mm(outline_mm(cavity.plan))
         return float(along.min()), float(along.max())
 
     def along_mm(self, places_mm: FloatArray) -> FloatArray:
         """(...,) distance from the start along the line of (..., 2 or 3) places [mm]."""
         return np.asarray((places_mm[..., :2] - np.array(self.start_mm)) @ self.direction)
+
+    def silhouette_mm(self, cavity: CavityGeometry, reach: tuple[float, float]) -> FloatArray:
+        """(n, 2) distance and height of the clear layer's outline as seen from the side [mm]."""
+        along = np.linspace(*reach, SILHOUETTE_POINTS)
+        size = cavity.plan.radius_mm
+        aside = np.linspace(-2.0 * size, 2.0 * size, 4 * SILHOUETTE_POINTS)
+        across = self.direction[::-1] * [-1.0, 1.0]
+        tops = []
+        for distance in along:
+            places = np.array(self.start_mm) + distance * self.direction + aside[:, None] * across
+            inside = [(x, y) for x, y in places.tolist() if cavity.plan.contains(x, y)]
+            tops.append(max((cavity.plan.top_mm(x, y) for x, y in inside), default=0.0))
+        return np.column_stack([[reach[0], *along, reach[1]], [0.0, *tops, 0.0]])
 
     def beside_mm(self, place_mm: tuple[float, float]) -> float:
         """Distance of a place from the line [mm]."""
@@ -62,12 +76,19 @@ def cut_of_pair(cavity: CavityGeometry, pair: tuple[int, int]) -> Cut:
 def cut_across(cavity: CavityGeometry, part: PlacedPart) -> Cut:
     """The line from a part straight across to the opposite wall."""
     x, y, _ = part.position_mm
-    far = (cavity.length_mm - x, y) if part.wall in ("east", "west") else (x, cavity.width_mm - y)
+    if cavity.plan.is_disc:
+        right, up = part.line.outward
+        far = wall_reached_mm(cavity.plan, (x, y), (-right, -up))
+    else:
+        far = (cavity.length_mm - x, y) if part.wall in ("east", "west") else (x, cavity.width_mm - y)
     return Cut(start_mm=(x, y), end_mm=far, name=f"from {part.name} straight across")
 
 
 def cut_through(cavity: CavityGeometry, x_mm: float, y_mm: float) -> Cut:
-    """The line through a place along the longer side."""
+    """The line through a place along the longer side; of a disc along x."""
+    if cavity.plan.is_disc:
+        ends = [wall_reached_mm(cavity.plan, (x_mm, y_mm), (way, 0.0)) for way in (-1.0, 1.0)]
+        return Cut(start_mm=ends[0], end_mm=ends[1], name=f"along x at y = {y_mm:g} mm")
     if cavity.length_mm >= cavity.width_mm:
         return Cut(start_mm=(0.0, y_mm), end_mm=(cavity.length_mm, y_mm), name=f"along x at y = {y_mm:g} mm")
     return Cut(start_mm=(x_mm, 0.0), end_mm=(x_mm, cavity.width_mm), name=f"along y at x = {x_mm:g} mm")

@@ -3,7 +3,8 @@
 The section is cut along a line between two walls, for a pair its chord. Paths are projected onto it straight
 from the side, so a path that leaves the section's plane may seem to end at a wall that it does not touch; the
 plan beside it shows where it goes. The press is cut where the plane meets it; when its axis is not in the
-plane, its outline through the axis is drawn dashed.
+plane, its outline through the axis is drawn dashed. On a crowned pad the press goes along the normal of its place, and
+the section cuts it and the pressed top as they stand in space (`shapes.pressed_top`).
 
 Lines are samples, `sims.rays.ray_states` says of what; powers stand in the legend and come from the light model.
 """
@@ -17,7 +18,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
-from matplotlib.patches import Circle, Polygon, Rectangle
+from matplotlib.patches import Circle, Patch, Polygon, Rectangle
 from numpy.typing import NDArray
 
 from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
@@ -25,6 +26,15 @@ from design.spec import SensorDesign
 from sims.contact.tip import tip_of
 from sims.optics.oracle.paths import LightPath
 from sims.plots.ray_cut import Cut
+from sims.plots.shapes.pad_outline import outline_patch
+from sims.plots.shapes.pressed_top import (
+    CutPlane,
+    PressFrame,
+    cut_tip_mm,
+    cut_top_mm,
+    press_frame,
+    seen_tip_mm,
+)
 from sims.plots.style import GREY, INK, MUTED, PALE_BLUE, axes_or_new
 from sims.rays.light_kinds import KINDS, LOST, LightKind, kind_of
 from sims.rays.ray_states import RayState
@@ -49,6 +59,7 @@ CUT_FACE_MM = 0.15
 """Half the drawn thickness of a face that the section cuts [mm]."""
 NAME_POINTS = 5
 """Distance of a part's name from its mark [points]."""
+RING_POINTS = 72
 MOST_LABELS, MOST_LABELS_IN_SECTION = 32, 2
 """Parts with their names beside them; more would overlap."""
 
@@ -100,9 +111,9 @@ def plot_ray_plan(
     ax = axes_or_new(ax, PLAN_IN[1], PLAN_IN[0])
     cavity = cavity_of(design)
     size = cavity.length_mm, cavity.width_mm
-    ax.add_patch(Rectangle((0.0, 0.0), *size, facecolor=PALE_BLUE, alpha=0.45, linewidth=0))
-    ax.add_patch(Rectangle((0.0, 0.0), *size, fill=False, edgecolor=INK, linewidth=1.2, zorder=4))
-    _draw_dimple(ax, state)
+    ax.add_patch(outline_patch(cavity.plan, facecolor=PALE_BLUE, alpha=0.45, linewidth=0))
+    ax.add_patch(outline_patch(cavity.plan, fill=False, edgecolor=INK, linewidth=1.2, zorder=4))
+    _draw_dimple(ax, state, design)
     if cut is not None:
         ends = np.array([cut.start_mm, cut.end_mm]).T
         ax.plot(*ends, color=MUTED, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1.5)
@@ -127,8 +138,11 @@ def _draw_block(ax: Axes, cavity: CavityGeometry, cut: Cut, reach: tuple[float, 
     for (start, end), alpha in ((reach, 0.25), ((0.0, cut.length_mm), 0.45)):
         corner = (start, -cavity.black_mm)
         ax.add_patch(Rectangle(corner, end - start, cavity.black_mm, color=BLACK, alpha=alpha + 0.4, lw=0))
+    look: dict[str, Any] = {"color": PALE_BLUE, "alpha": 0.25, "lw": 0}
     ax.add_patch(
-        Rectangle((reach[0], 0.0), reach[1] - reach[0], cavity.clear_mm, color=PALE_BLUE, alpha=0.25, lw=0)
+        Rectangle((reach[0], 0.0), reach[1] - reach[0], cavity.clear_mm, **look)
+        if cavity.plan.crown is None
+        else Polygon(cut.silhouette_mm(cavity, reach), **look)
     )
     ax.text(
         cut.length_mm / 2,
@@ -139,14 +153,17 @@ def _draw_block(ax: Axes, cavity: CavityGeometry, cut: Cut, reach: tuple[float, 
         color="white",
         fontsize=6,
     )
-    for along in (0.0, cut.length_mm):
-        ax.plot([along, along], [-cavity.black_mm, cavity.clear_mm], color=INK, linewidth=1.2)
+    for along, place in ((0.0, cut.start_mm), (cut.length_mm, cut.end_mm)):
+        ax.plot([along, along], [-cavity.black_mm, cavity.plan.top_mm(*place)], color=INK, linewidth=1.2)
 
 
 def _draw_press(
     ax: Axes, state: RayState, design: SensorDesign, cut: Cut, reach: tuple[float, float]
 ) -> None:
     """The clear layer under its deformed top, and the tip, where the section cuts them."""
+    if design.crown is not None:
+        _draw_surface(ax, cut, *_crowned_press(ax, state, design, cut).T)
+        return
     top = design.cavity.clear_thickness_mm
     ends = 0.0, cut.length_mm
     press = state.indentation
@@ -161,11 +178,38 @@ def _draw_press(
         height = top + np.concatenate([[0.0], relative, [0.0]])
         _draw_tip(ax, state, design, axis, aside)
         ax.plot(reach, [top, top], color=MUTED, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1.5)
-    along, height = _clipped(along, height, *ends)
-    outline = np.column_stack([[ends[0], *along, ends[1]], [0.0, *height, 0.0]])
+    _draw_surface(ax, cut, *_clipped(along, height, *ends))
+
+
+def _draw_surface(ax: Axes, cut: Cut, along: FloatArray, height: FloatArray) -> None:
+    """The clear layer that the section cuts, under its top."""
+    outline = np.column_stack([[0.0, *along, cut.length_mm], [0.0, *height, 0.0]])
     ax.add_patch(Polygon(outline, facecolor=PALE_BLUE, alpha=0.6, linewidth=0, zorder=0.9))
     (surface,) = ax.plot(along, height, color=INK, linewidth=1.4, zorder=2.6)
     surface.set_gid("surface")
+
+
+def _crowned_press(ax: Axes, state: RayState, design: SensorDesign, cut: Cut) -> FloatArray:
+    """(n, 2) distance and height of a crowned pad's top; its tip and its untouched top are drawn."""
+    plan, (right, up) = cavity_of(design).plan, cut.direction.tolist()
+    plane = CutPlane(
+        start_mm=cut.start_mm,
+        direction=(right, up),
+        reach_mm=(0.0, cut.length_mm),
+        ceiling_mm=plan.clear_mm + HEAD_ROOM * design.indenter.tip_radius_mm,
+    )
+    untouched, press = plane.untouched_mm(plan), state.indentation
+    if press is None:
+        return untouched
+    frame = press_frame(design, state.press_mm[:2])
+    ax.plot(*untouched.T, color=MUTED, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1.5)
+    outline = cut_tip_mm(design, frame, press.depth_mm, plane)
+    if len(outline):
+        _add_tip(ax, outline)
+    if cut.beside_mm(state.press_mm[:2]) > ON_AXIS_MM:
+        beside = seen_tip_mm(design, frame, press.depth_mm, plane)
+        ax.plot(*beside.T, color=MUTED, linewidth=0.8, linestyle=(0, (1, 1.5)), zorder=1.4)
+    return cut_top_mm(frame, press, plane)
 
 
 def _clipped(along: FloatArray, height: FloatArray, low: float, high: float) -> tuple[FloatArray, FloatArray]:
@@ -186,16 +230,19 @@ def _draw_tip(ax: Axes, state: RayState, design: SensorDesign, axis_mm: float, a
     radius, height = tip_of(design.indenter).points(np.linspace(0.0, TIP_LENGTH, TIP_POINTS))
     if aside_mm < press.tip_radius_mm:
         across, up = _cut_curve(radius * press.tip_radius_mm, height * press.tip_radius_mm, aside_mm)
-        outline = np.column_stack([axis_mm + across, apex + up])
-        tip = Polygon(
-            outline, closed=False, facecolor="white", edgecolor=GREY, hatch="////", linewidth=0, zorder=1.2
-        )
-        tip.set_gid("tip")
-        ax.add_patch(tip)
-        ax.plot(*outline.T, color=MUTED, linewidth=1.0, zorder=1.3)
+        _add_tip(ax, np.column_stack([axis_mm + across, apex + up]))
     if aside_mm > ON_AXIS_MM:
         across, up = _cut_curve(radius * press.tip_radius_mm, height * press.tip_radius_mm, 0.0)
         ax.plot(axis_mm + across, apex + up, color=MUTED, linewidth=0.8, linestyle=(0, (1, 1.5)), zorder=1.4)
+
+
+def _add_tip(ax: Axes, outline: FloatArray) -> None:
+    tip = Polygon(
+        outline, closed=False, facecolor="white", edgecolor=GREY, hatch="////", linewidth=0, zorder=1.2
+    )
+    tip.set_gid("tip")
+    ax.add_patch(tip)
+    ax.plot(*outline.T, color=MUTED, linewidth=1.0, zorder=1.3)
 
 
 def _cut_curve(radius: FloatArray, height: FloatArray, aside: float) -> tuple[FloatArray, FloatArray]:
@@ -310,7 +357,7 @@ def _draw_faces(ax: Axes, state: RayState, cavity: CavityGeometry, cut: Cut) -> 
         x, y, height = part.position_mm
         along = float(cut.along_mm(np.array([x, y])))
         is_cut = min(np.hypot(x - end[0], y - end[1]) for end in (cut.start_mm, cut.end_mm)) < ON_AXIS_MM
-        wall = np.array([1.0, 0.0]) if part.wall in ("south", "north") else np.array([0.0, 1.0])
+        wall = np.array(part.line.tangent)
         half = CUT_FACE_MM if is_cut else part.half_width_mm * abs(float(wall @ cut.direction))
         face = Rectangle(
             (along - half, height - part.half_height_mm), 2 * half, 2 * part.half_height_mm, edgecolor=INK
@@ -339,21 +386,29 @@ def _name_face(ax: Axes, name: str, along: float, half: float, height: float, cu
     )
 
 
-def _draw_dimple(ax: Axes, state: RayState) -> None:
+def _draw_dimple(ax: Axes, state: RayState, design: SensorDesign) -> None:
     press = state.indentation
     if press is None:
         return
-    centre = state.press_mm[:2]
-    tip = Circle(
-        centre, press.tip_radius_mm, facecolor="white", alpha=0.7, edgecolor=MUTED, linestyle=(0, (3, 2))
-    )
+    frame = None if design.crown is None else press_frame(design, state.press_mm[:2])
+    heights = press.tip_radius_mm - press.depth_mm, 0.0
+    look: dict[str, Any] = {"facecolor": "white", "alpha": 0.7, "edgecolor": MUTED, "linestyle": (0, (3, 2))}
+    tip = _ring(state, frame, press.tip_radius_mm, heights[0], **look)
     tip.set_linewidth(0.8)
     ax.add_patch(tip)
-    contact = Circle(
-        centre, press.contact_radius_mm, facecolor="none", edgecolor=GREY, hatch="////", linewidth=0.8
-    )
+    look = {"facecolor": "none", "edgecolor": GREY, "hatch": "////", "linewidth": 0.8}
+    contact = _ring(state, frame, press.contact_radius_mm, heights[1], **look)
     contact.set_gid("contact")
     ax.add_patch(contact)
+
+
+def _ring(state: RayState, frame: PressFrame | None, radius_mm: float, over_mm: float, **look: Any) -> Patch:
+    """A circle about the press from above: beside a crown's top tilted, hence an ellipse."""
+    if frame is None:
+        return Circle(state.press_mm[:2], radius_mm, **look)
+    turn = np.linspace(0.0, 2.0 * np.pi, RING_POINTS)
+    across, aside = radius_mm * np.cos(turn), radius_mm * np.sin(turn)
+    return Polygon(frame.places_mm(across, aside, np.full_like(turn, over_mm))[:, :2], **look)
 
 
 def _draw_part(ax: Axes, part: PlacedPart, cavity: CavityGeometry, is_shown: bool) -> None:
@@ -370,14 +425,14 @@ def _draw_part(ax: Axes, part: PlacedPart, cavity: CavityGeometry, is_shown: boo
         zorder=5,
     )
     if is_shown or len(cavity.parts) <= MOST_LABELS:
-        right, up = {"south": (0, -1), "east": (1, 0), "north": (0, 1), "west": (-1, 0)}[part.wall]
+        right, up = part.line.outward
         ax.annotate(
             part.name,
             (x, y),
             xytext=(NAME_POINTS * right, NAME_POINTS * up),
             textcoords="offset points",
-            ha={1: "left", 0: "center", -1: "right"}[right],
-            va={1: "bottom", 0: "center", -1: "top"}[up],
+            ha=("center", "left", "right")[round(right)],
+            va=("center", "bottom", "top")[round(up)],
             fontsize=7,
             color=colour,
         )

@@ -8,7 +8,7 @@ const slider = box.querySelector("input[type=range]"), map = box.querySelector("
 const profile = box.querySelector("[data-profile]"), reading = box.querySelector("[data-reading]"), shown = box.querySelector("output");
 const about = box.querySelector("[data-about]"), summary = box.querySelector("[data-summary]");
 const NS = map.namespaceURI;
-const COLUMNS = data.x.length, ROWS = data.y.length;
+const xOf = (p) => data.x[data.cells[p][1]], yOf = (p) => data.y[data.cells[p][0]];
 let which = 0, depth = 0, place = data.first;
 let current = data.maps[0];
 
@@ -63,31 +63,33 @@ const edges = (lines, limit) => {
 };
 const EX = edges(data.x, data.plan.length), EY = edges(data.y, data.plan.width);
 const up = (y) => data.plan.width - y;
+function areaOf(p) {
+  const [row, column] = data.cells[p];
+  return {x: round(EX[column]), y: round(up(EY[row + 1])), width: round(EX[column + 1] - EX[column]), height: round(EY[row + 1] - EY[row])};
+}
 
 function drawMap() {
-  const {length, width, parts, space} = data.plan, size = Math.max(length, width), room = 0.09 * size;
+  const {length, width, parts, outline} = data.plan, size = Math.max(length, width), room = 0.09 * size;
   map.replaceChildren();
   map.setAttribute("viewBox", `${-room} ${-room} ${length + 2 * room} ${width + 2 * room}`);
   drawn(map, "title", {}, `${current.title} over the pad${atDepth()}`);
   const pattern = drawn(drawn(map, "defs", {}), "pattern", {id: "maps-hatch", width: 0.03 * size, height: 0.03 * size, patternUnits: "userSpaceOnUse", patternTransform: "rotate(45)"});
-  drawn(pattern, "line", {class: "hatch", x1: 0, x2: 0, y1: 0, y2: 0.03 * size, "stroke-width": 0.012 * size});
-  drawn(map, "rect", {class: "pad", x: 0, y: 0, width: length, height: width});
+  drawn(pattern, "line", {class: "hatch", x1: 0, x2: 0, y1: 0, y2: 0.03 * size, style: `stroke-width:${0.012 * size}px`});
+  const plan = optopadPlan(data.plan, (tag, attributes) => drawn(map, tag, attributes)).outline({class: "pad"});
+  if (outline) optopadPlan(data.plan, (tag, attributes) => drawn(drawn(map, "clipPath", {id: "maps-disc"}), tag, attributes)).outline({});
+  const cells = drawn(map, "g", outline ? {"clip-path": "url(#maps-disc)"} : {});
   const tall = Math.min(...EY.slice(1).map((value, k) => value - EY[k])), wide = Math.min(...EX.slice(1).map((value, k) => value - EX[k]));
   const font = Math.min(0.34 * tall, 0.25 * wide);
-  for (let row = 0; row < ROWS; row += 1) {
-    for (let column = 0; column < COLUMNS; column += 1) {
-      const p = row * COLUMNS + column, value = valueAt(depth, p);
-      const area = {x: round(EX[column]), y: round(up(EY[row + 1])), width: round(EX[column + 1] - EX[column]), height: round(EY[row + 1] - EY[row])};
-      const colour = value === null ? null : colourOf(shareOf(value));
-      drawn(map, "rect", {class: value === null ? "cell absent" : "cell", "data-place": p, ...area, ...(colour ? {fill: `rgb(${colour})`} : {})});
-      if (value === null || isDead(depth, p)) drawn(map, "rect", {class: "dead-cell", fill: "url(#maps-hatch)", ...area});
-    }
-  }
-  drawn(map, "rect", {class: "space", x: space[0], y: up(space[3]), width: space[1] - space[0], height: space[3] - space[2]});
-  if (!current.names && ROWS * COLUMNS <= 130) {
+  data.cells.forEach((_, p) => {
+    const value = valueAt(depth, p), colour = value === null ? null : colourOf(shareOf(value));
+    drawn(cells, "rect", {class: value === null ? "cell absent" : "cell", "data-place": p, ...areaOf(p), ...(colour ? {fill: `rgb(${colour})`} : {})});
+    if (value === null || isDead(depth, p)) drawn(cells, "rect", {class: "dead-cell", fill: "url(#maps-hatch)", ...areaOf(p)});
+  });
+  plan.workspace({class: "space"});
+  if (!current.names && data.cells.length <= 130) {
     current.values[depth].forEach((value, p) => {
       if (value === null) return;
-      const place = {x: data.x[p % COLUMNS], y: up(data.y[Math.floor(p / COLUMNS)])};
+      const place = {x: xOf(p), y: up(yOf(p))};
       const tone = isDeep(colourOf(shareOf(value))) ? "on-deep" : "on-pale";
       drawn(map, "text", {class: tone, ...place, "font-size": round(font), "text-anchor": "middle", "dominant-baseline": "central"}, value >= 10 ? value.toFixed(0) : value.toPrecision(2));
     });
@@ -97,8 +99,7 @@ function drawMap() {
     if (kind === "emitter") drawn(map, "circle", {class: "part emitter", cx: x, cy: up(y), r: half});
     else drawn(map, "rect", {class: "part receiver", x: x - half, y: up(y) - half, width: 2 * half, height: 2 * half});
   }
-  const column = place % COLUMNS, row = (place - column) / COLUMNS;
-  drawn(map, "rect", {class: "chosen", x: round(EX[column]), y: round(up(EY[row + 1])), width: round(EX[column + 1] - EX[column]), height: round(EY[row + 1] - EY[row])});
+  drawn(map, "rect", {class: "chosen", ...areaOf(place)});
 }
 
 function drawScale() {
@@ -137,7 +138,7 @@ function drawProfile() {
   const flat = log ? Math.log : Number;
   const x = (mm) => left + (right - left) * mm / deepest;
   const y = (value) => bottom - (bottom - top) * (flat(value) - flat(low)) / ((flat(high) - flat(low)) || 1);
-  drawn(profile, "title", {}, `${title} against depth at x ${data.x[place % COLUMNS]}, y ${data.y[Math.floor(place / COLUMNS)]} mm`);
+  drawn(profile, "title", {}, `${title} against depth at x ${xOf(place)}, y ${yOf(place)} mm`);
   for (const [from, to] of data.bands[place]) drawn(profile, "rect", {class: "band dead-band", x: round(x(from)), y: top, width: round(Math.max(1, x(to) - x(from))), height: bottom - top});
   const levels = names ? names.map((_, k) => k) : log
     ? Array.from({length: 13}, (_, k) => 10 ** (k - 6)).filter((value) => value >= low * 0.999 && value <= high * 1.001)
@@ -164,7 +165,7 @@ function drawProfile() {
 }
 
 function tell() {
-  const x = data.x[place % COLUMNS], y = data.y[Math.floor(place / COLUMNS)], {title, tells} = current;
+  const x = xOf(place), y = yOf(place), {title, tells} = current;
   const mm = isFlat() ? "" : current.depth[depth].toFixed(2);
   shown.textContent = isFlat() ? "any depth" : `${mm} mm`;
   slider.setAttribute("aria-valuetext", shown.textContent);
@@ -211,11 +212,21 @@ map.addEventListener("keydown", (event) => {
   const move = MOVES[event.key];
   if (!move || event.altKey || event.ctrlKey || event.metaKey) return;
   event.preventDefault();
-  const column = Math.min(COLUMNS - 1, Math.max(0, place % COLUMNS + move[0]));
-  const row = Math.min(ROWS - 1, Math.max(0, Math.floor(place / COLUMNS) + move[1]));
-  place = row * COLUMNS + column;
+  place = nextPlace(...move);
   show();
 });
+// the nearest place ahead, no more aside than ahead; the same place where there is none
+function nextPlace(right, upward) {
+  const [row, column] = data.cells[place];
+  let found = place, nearest = Infinity;
+  data.cells.forEach(([r, c], p) => {
+    const ahead = (c - column) * right + (r - row) * upward, aside = Math.abs((c - column) * upward) + Math.abs((r - row) * right);
+    if (ahead <= 0 || aside > ahead || Math.hypot(ahead, aside) >= nearest) return;
+    found = p;
+    nearest = Math.hypot(ahead, aside);
+  });
+  return found;
+}
 let playing = null;
 box.addEventListener("click", (event) => {
   const button = event.target.closest("button[data-play]");

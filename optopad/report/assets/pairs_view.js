@@ -113,24 +113,23 @@ function moveCursor(pair) {
 }
 
 function drawPlan(pair) {
-  const {length, width, parts, space} = data.plan, room = 0.1 * Math.max(length, width);
+  const {length, width, parts} = data.plan, room = 0.1 * Math.max(length, width);
   plan.replaceChildren();
   plan.setAttribute("viewBox", `${-room} ${-room} ${length + 2 * room} ${width + 2 * room}`);
   const size = Math.max(length, width), up = (y) => width - y;
   drawn(plan, "title", {}, `${pair.name} in the pad, seen from above; the press is at x ${pair.press[0]}, y ${pair.press[1]} mm`);
-  drawn(plan, "rect", {class: "pad", x: 0, y: 0, width: length, height: width});
-  drawn(plan, "rect", {class: "space", x: space[0], y: up(space[3]), width: space[1] - space[0], height: space[3] - space[2]});
+  optopadPlan(data.plan, (tag, attributes) => drawn(plan, tag, attributes)).outline({class: "pad"}).workspace({class: "space"});
   const ends = pair.name.split("-"), place = Object.fromEntries(parts.map(([name, , x, y]) => [name, [x, y]]));
   const [from, to] = ends.map((name) => place[name]);
   drawn(plan, "line", {class: "chord", x1: from[0], y1: up(from[1]), x2: to[0], y2: up(to[1])});
   drawn(plan, "circle", {class: "tip", cx: pair.press[0], cy: up(pair.press[1]), r: data.plan.tip});
-  for (const [name, kind, x, y] of parts) {
+  for (const [name, kind, x, y, ox, oy] of parts) {
     const active = ends.includes(name), half = (active ? 0.024 : 0.014) * size;
     if (kind === "emitter") drawn(plan, "circle", {class: `part emitter${active ? "" : " idle"}`, cx: x, cy: up(y), r: half});
     else drawn(plan, "rect", {class: `part receiver${active ? "" : " idle"}`, x: x - half, y: up(y) - half, width: 2 * half, height: 2 * half});
     if (active) {
-      const out = 0.055 * size, dx = x === 0 ? -1 : x === length ? 1 : 0, dy = y === 0 ? 1 : y === width ? -1 : 0;
-      drawn(plan, "text", {x: x + dx * out, y: up(y) + dy * out, "text-anchor": "middle", "dominant-baseline": "central", "font-size": 0.05 * size}, name);
+      const out = 0.055 * size;
+      drawn(plan, "text", {x: x + ox * out, y: up(y) - oy * out, "text-anchor": "middle", "dominant-baseline": "central", "font-size": 0.05 * size}, name);
     }
   }
 }

@@ -11,9 +11,9 @@ const pen = canvas.getContext("2d");
 if (!pen) return;
 const moldData = document.getElementById("mold-data");
 const mold = moldData ? JSON.parse(moldData.textContent) : null;
-const solid = mold ? optopadSolid(mold) : null;
+const solid = mold ? optopadSolid(mold) : null, closed = mold && mold.lid ? optopadSolid(mold, mold.lid) : null;
 const START = {yaw: -32, pitch: 24, zoom: 1};
-const TURN = 6, ZOOM = 1.15, SECTORS = 40, MARK = 2.2;
+const TURN = 6, ZOOM = 1.15, MARK = 2.2;
 // lines of a pair and kind when all pairs are shown
 const FEW = Math.max(4, Math.round(36 / data.pairs.length));
 const [LENGTH, WIDTH, TOP, BLACK] = data.box;
@@ -22,6 +22,9 @@ const TIP_TOP = data.tip[data.tip.length - 1][1];
 const HEAD = Math.max(0.9 * data.tip[data.tip.length - 1][0], 1);
 // walls stay where they are seen from so steep that they hide nothing
 const STEEP = 76, SHARP_AFTER_MS = 160;
+// a round mold is cut through its middle, in as many directions
+const CUT_TURN = Math.PI / 12;
+const {walls: WALLS, edge: EDGE, axes: AXES, meshes, tip: TIP, hull} = optopadPad(data);
 let show = mold ? "cut" : "none", resting = null;
 let view = {...START}, state = 0, pair = 0, hidden = new Set(), printing = false, waiting = false;
 let look = {}, size = [1, 1], scale = 1, turn = {};
@@ -36,8 +39,8 @@ function colours() {
   look.clear = night ? "#9cc9e6" : "#4a90c0";
   look.tip = night ? "#c3cad2" : "#5b6672";
   look.solid = night
-    ? {body: [[98, 108, 121], [214, 111, 44], [58, 128, 184]], section: [[52, 59, 68], [122, 58, 18], [26, 66, 100]], edge: [[24, 28, 33], [60, 28, 8], [12, 32, 50]]}
-    : {body: [[176, 187, 201], [230, 126, 60], [88, 158, 214]], section: [[128, 138, 152], [178, 84, 26], [42, 104, 156]], edge: [[74, 83, 95], [110, 50, 12], [22, 62, 96]]};
+    ? {body: [[98, 108, 121], [214, 111, 44], [58, 128, 184], [120, 134, 112]], section: [[52, 59, 68], [122, 58, 18], [26, 66, 100], [64, 76, 58]], edge: [[24, 28, 33], [60, 28, 8], [12, 32, 50], [28, 34, 26]]}
+    : {body: [[176, 187, 201], [230, 126, 60], [88, 158, 214], [196, 206, 184]], section: [[128, 138, 152], [178, 84, 26], [42, 104, 156], [150, 162, 136]], edge: [[74, 83, 95], [110, 50, 12], [22, 62, 96], [86, 96, 76]]};
 }
 
 // place in millimetres to [x, y] in pixels and the distance away from the onlooker
@@ -48,13 +51,15 @@ function seen(x, y, z) {
   return [size[0] / 2 + scale * across, size[1] / 2 - scale * (up - turn.lift), away * turn.level - (z - CENTRE[2]) * turn.tilt];
 }
 
+const hasLid = () => show === "lid";
+
 function frame() {
   const degree = Math.PI / 180;
   turn = {c: Math.cos(view.yaw * degree), s: Math.sin(view.yaw * degree),
     level: Math.cos(view.pitch * degree), tilt: Math.sin(view.pitch * degree)};
   const [low, high] = show === "none" ? [[0, 0, -BLACK], [LENGTH, WIDTH, TOP]] : mold.outer;
   const flat = Math.hypot(high[0] - low[0], high[1] - low[1]) * (show === "none" ? 1.12 : 1.02);
-  const above = Math.max(TOP + HEAD, high[2]);
+  const above = Math.max(TOP + HEAD, high[2], hasLid() ? mold.lid.outer[1][2] : -Infinity);
   turn.lift = (0.5 * (above + low[2]) - CENTRE[2]) * turn.level;
   const tall = flat * turn.tilt + (above - low[2]) * turn.level + 1;
   scale = view.zoom * Math.min(size[0] / flat, size[1] / tall);
@@ -68,26 +73,38 @@ function polygon(corners, fill, stroke, width) {
   if (stroke) { pen.strokeStyle = stroke; pen.lineWidth = width || 1; pen.stroke(); }
 }
 
-// walls by name: the two ends of each, and how far its outward normal points at the onlooker
-const WALLS = {south: [[0, 0], [LENGTH, 0]], east: [[LENGTH, 0], [LENGTH, WIDTH]],
-  north: [[0, WIDTH], [LENGTH, WIDTH]], west: [[0, 0], [0, WIDTH]]};
-const OUTWARD = {south: [0, -1], east: [1, 0], north: [0, 1], west: [-1, 0]};
-const faces = (wall) => -(turn.s * OUTWARD[wall][0] + turn.c * OUTWARD[wall][1]) > 0;
+const facing = ([x, y]) => -(turn.s * x + turn.c * y) > 0;
 
-// the planes that the cut leaves the far side of: axis, place, and the sign of the side that stays
+// the walls that face the onlooker, or the others, in runs of neighbours
+function runs(front) {
+  const chosen = WALLS.map(({outward}) => facing(outward) === front), found = [];
+  const start = chosen.findIndex((is, k) => is && !chosen[(k + chosen.length - 1) % chosen.length]);
+  if (start < 0) return chosen[0] ? [WALLS] : [];
+  for (let n = 0; n < WALLS.length; n += 1) {
+    const k = (start + n) % WALLS.length;
+    if (!chosen[k]) continue;
+    if (!chosen[(k + WALLS.length - 1) % WALLS.length]) found.push([]);
+    found[found.length - 1].push(WALLS[k]);
+  }
+  return found;
+}
+
+// the planes that the cut leaves the far side of: normal x and y, and limit
 function planes() {
-  if (show !== "cut" || view.pitch > STEEP) return [];
-  return Object.entries(WALLS).filter(([wall]) => faces(wall)).map(([wall]) => {
-    const [ox, oy] = OUTWARD[wall], axis = ox ? 0 : 1, sign = -(ox || oy);
-    return [axis, sign > 0 ? 0 : (axis ? WIDTH : LENGTH), sign];
-  });
+  if (!hasLid() && (show !== "cut" || view.pitch > STEEP)) return [];
+  if (data.round) {
+    const yaw = CUT_TURN * Math.round(view.yaw * Math.PI / 180 / CUT_TURN), x = Math.sin(yaw), y = Math.cos(yaw);
+    return [[x, y, x * CENTRE[0] + y * CENTRE[1]]];
+  }
+  const sides = [[0, 1, 0], [-1, 0, -LENGTH], [0, -1, -WIDTH], [1, 0, 0]];
+  return sides.filter(([x, y]) => facing([-x, -y]));
 }
 
 // the mold at once in the pixels of the screen while it turns, smooth when it rests
 function drawSolid() {
   const ratio = window.devicePixelRatio || 1, sharp = Math.min(3, 2 * ratio);
   const told = {seen, turn, planes: planes(), floor: -BLACK, looks: look.solid, width: size[0], height: size[1]};
-  const picture = solid({...told, ratio: resting === "rest" ? sharp : Math.min(ratio, 1.5)});
+  const picture = (hasLid() ? closed : solid)({...told, ratio: resting === "rest" ? sharp : Math.min(ratio, 1.5)});
   pen.imageSmoothingQuality = "high";
   pen.drawImage(picture, 0, 0, ...size);
 }
@@ -95,51 +112,65 @@ function drawSolid() {
 // what is in the cavity is seen through the mouth of a whole mold only; the tip above the rim is in front of it
 function throughMouth(paint) {
   if (show === "none" || planes().length) { paint(-Infinity, Infinity); return; }
-  const [x0, x1, y0, y1, z] = mold.mouth;
+  const z = Math.max(mold.mouth.z, TOP), rim = mold.mouth.ring.map(([x, y]) => [x, y, mold.mouth.z]);
   pen.save();
   pen.beginPath();
-  [[x0, y0], [x1, y0], [x1, y1], [x0, y1]].forEach(([x, y], k) => { const [a, b] = seen(x, y, z); if (k) pen.lineTo(a, b); else pen.moveTo(a, b); });
+  hull([...rim, ...crown(mold.mouth.z)].map((place) => seen(...place))).forEach(([x, y], k) => k ? pen.lineTo(x, y) : pen.moveTo(x, y));
   pen.clip();
   paint(-Infinity, z);
   pen.restore();
   drawTip(z, Infinity);
 }
 
+// places of the untouched top above a level: a crown stands out of its mold
+const crown = (level) => data.press.crown ? meshes[0].flatMap(({corners}) => corners.filter((place) => place[2] > level)) : [];
+
 function drawTip(low, high) {
-  const {depth} = data.states[state], lift = TOP - depth;
-  if (depth <= 0) return;
-  drawMesh(TIP.filter(({corners}) => { const middle = lift + corners.reduce((sum, place) => sum + place[2], 0) / 4; return low <= middle && middle < high; }), lift, look.tip, 0.42, 0.4);
+  const {depth} = data.states[state];
+  if (depth <= 0 || hasLid()) return;
+  const lift = AXES[2].map((value) => -depth * value);
+  drawMesh(TIP.filter(({corners}) => { const middle = lift[2] + corners.reduce((sum, place) => sum + place[2], 0) / 4; return low <= middle && middle < high; }), lift, look.tip, 0.42, 0.4);
+}
+
+const level = (run, z) => [run[0].a, ...run.map(({b}) => b)].map(([x, y]) => seen(x, y, z));
+const topOf = (run) => [run[0].a, ...run.map(({b}) => b)].map((place) => seen(...place));
+function stroke(places, colour, width) {
+  pen.beginPath();
+  places.forEach(([x, y], k) => k ? pen.lineTo(x, y) : pen.moveTo(x, y));
+  pen.strokeStyle = colour;
+  pen.lineWidth = width;
+  pen.stroke();
+}
+// upright lines of a run of walls: at its ends and at the outline's edges
+function uprights(run, low, high) {
+  const last = run[run.length - 1].b, places = [...run.filter(({isEdge}, k) => isEdge || k === 0).map(({a}) => a), last];
+  for (const [x, y, z] of places) stroke([seen(x, y, low), seen(x, y, high === null ? z : high)], look.muted, 0.75);
 }
 
 function drawFloor() {
-  const floor = [[0, 0], [LENGTH, 0], [LENGTH, WIDTH], [0, WIDTH]];
-  polygon(floor.map(([x, y]) => seen(x, y, 0)), look.floor, look.muted, 0.75);
-  for (const [wall, [a, b]] of Object.entries(WALLS)) {
-    if (faces(wall)) {
-      polygon([seen(...a, 0), seen(...b, 0), seen(...b, -BLACK), seen(...a, -BLACK)], look.black, look.muted, 0.75);
-    }
+  polygon(EDGE.map(([x, y]) => seen(x, y, 0)), look.floor, look.muted, 0.75);
+  for (const run of runs(true)) {
+    polygon([...level(run, 0), ...level(run, -BLACK).reverse()], look.black, look.muted, 0.75);
+    uprights(run, -BLACK, 0);
   }
 }
 
 function drawWalls(front) {
-  for (const [wall, [a, b]] of Object.entries(WALLS)) {
-    if (faces(wall) !== front) continue;
+  for (const run of runs(front)) {
+    const low = level(run, 0), high = topOf(run);
     pen.globalAlpha = front ? 0.05 : 0.12;
-    polygon([seen(...a, 0), seen(...b, 0), seen(...b, TOP), seen(...a, TOP)], look.clear);
+    polygon([...low, ...high.slice().reverse()], look.clear);
     pen.globalAlpha = front ? 0.5 : 0.8;
-    polygon([seen(...a, 0), seen(...b, 0), seen(...b, TOP), seen(...a, TOP)], null, look.muted, 0.75);
+    stroke(low, look.muted, 0.75);
+    stroke(high, look.muted, 0.75);
+    uprights(run, 0, null);
     pen.globalAlpha = 1;
-    for (const part of data.parts) if (part[2] === wall) drawPart(part, front);
   }
+  for (const part of data.parts) if (facing(part.outward) === front) drawPart(part, front);
 }
 
-function onWall(wall, along, z) {
-  return wall === "south" ? [along, 0, z] : wall === "north" ? [along, WIDTH, z]
-    : wall === "west" ? [0, along, z] : [LENGTH, along, z];
-}
-
-function drawPart([name, kind, wall, along, height, half, tall], front) {
-  const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([u, v]) => seen(...onWall(wall, along + u * half, height + v * tall)));
+function drawPart({name, kind, at, half, along}, front) {
+  const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([u, v]) => seen(at[0] + u * half[0] * along[0], at[1] + u * half[0] * along[1], at[2] + v * half[1]));
   const active = pair === 0 ? data.pairs.some((text) => text.split("-").includes(name)) : data.pairs[pair - 1].split("-").includes(name);
   pen.globalAlpha = (front ? 0.55 : 0.9) * (active ? 1 : 0.45);
   polygon(corners, kind === "emitter" ? look.ink : look.sheet, look.ink, 1);
@@ -153,9 +184,8 @@ function drawNames() {
   pen.textAlign = "center";
   pen.textBaseline = "middle";
   pen.lineJoin = "round";
-  for (const [name, , wall, along, height] of data.parts) {
+  for (const {name, at: [x, y, z], outward: [ox, oy]} of data.parts) {
     if ((busy || size[0] < 600) && !active.has(name)) continue;
-    const [x, y, z] = onWall(wall, along, height), [ox, oy] = OUTWARD[wall];
     const reach = 0.045 * Math.max(LENGTH, WIDTH);
     const [left, up] = seen(x + ox * reach, y + oy * reach, z);
     pen.globalAlpha = active.has(name) ? 1 : 0.55;
@@ -212,58 +242,9 @@ function drawMarks(mark, places) {
   pen.setLineDash(dash);
 }
 
-// directions of the mesh around the press: even ones, and those of the corners, so that the rim is the block's
-const [PX, PY] = data.place;
-const DIRECTIONS = (() => {
-  const even = Array.from({length: SECTORS}, (_, k) => 2 * Math.PI * k / SECTORS - Math.PI);
-  const corners = [[0, 0], [LENGTH, 0], [LENGTH, WIDTH], [0, WIDTH]].map(([x, y]) => Math.atan2(y - PY, x - PX));
-  return [...even, ...corners].sort((a, b) => a - b);
-})();
-function toRim(angle) {
-  const c = Math.cos(angle), s = Math.sin(angle), free = Infinity;
-  const x = c > 1e-12 ? (LENGTH - PX) / c : c < -1e-12 ? -PX / c : free;
-  const y = s > 1e-12 ? (WIDTH - PY) / s : s < -1e-12 ? -PY / s : free;
-  return Math.min(x, y);
-}
-
-function heightAt(curve, radius) {
-  for (let k = curve.length - 1; k > 0; k -= 1) {
-    const [r0, z0] = curve[k - 1], [r1, z1] = curve[k];
-    if (r0 <= radius && radius <= r1) return r1 > r0 ? z0 + (z1 - z0) * (radius - r0) / (r1 - r0) : z1;
-  }
-  return 0;
-}
-
-// four-cornered pieces of the top: each its corners in the block's frame
-const meshes = data.states.map(({curve}) => {
-  const reach = Math.max(...DIRECTIONS.map(toRim)), rings = curve.length ? curve.slice() : [[0, 0]];
-  for (let last = rings[rings.length - 1][0]; last < reach;) { last += reach / 10; rings.push([last, 0]); }
-  const spokes = DIRECTIONS.map((angle) => {
-    const rim = toRim(angle), c = Math.cos(angle), s = Math.sin(angle);
-    return rings.map(([r, z]) => r <= rim ? [PX + r * c, PY + r * s, TOP + z] : [PX + rim * c, PY + rim * s, TOP + heightAt(curve, rim)]);
-  });
-  return pieces(spokes);
-});
-const TIP = pieces(Array.from({length: 28}, (_, k) => data.tip.map(([r, z]) => [PX + r * Math.cos(2 * Math.PI * k / 28), PY + r * Math.sin(2 * Math.PI * k / 28), z])));
-
-function pieces(spokes) {
-  const found = [];
-  spokes.forEach((spoke, k) => {
-    const next = spokes[(k + 1) % spokes.length];
-    for (let n = 1; n < spoke.length; n += 1) {
-      const corners = [spoke[n - 1], spoke[n], next[n], next[n - 1]];
-      const u = corners[2].map((value, axis) => value - corners[0][axis]), v = corners[3].map((value, axis) => value - corners[1][axis]);
-      const normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-      const length = Math.hypot(...normal);
-      if (length > 1e-9) found.push({corners, normal: normal.map((value) => value / length)});
-    }
-  });
-  return found;
-}
-
 function drawMesh(mesh, lift, colour, alpha, edge) {
   const seenPieces = mesh.map(({corners, normal}) => {
-    const flat = corners.map(([x, y, z]) => seen(x, y, z + lift));
+    const flat = corners.map(([x, y, z]) => seen(x + lift[0], y + lift[1], z + lift[2]));
     return {flat, normal, far: flat.reduce((sum, place) => sum + place[2], 0)};
   }).sort((a, b) => b.far - a.far);
   for (const {flat, normal} of seenPieces) {
@@ -291,8 +272,8 @@ function draw() {
     drawFloor();
     drawWalls(false);
     drawTip(low, high);
-    drawRays();
-    drawMesh(meshes[state], 0, look.clear, 0.16, 0.3);
+    if (!hasLid()) drawRays();
+    drawMesh(meshes[hasLid() ? 0 : state], [0, 0, 0], look.clear, 0.16, 0.3);
     drawWalls(true);
   });
   drawNames();

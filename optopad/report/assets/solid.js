@@ -10,8 +10,8 @@ function numbers(text, Kind) {
   return new Kind(bytes.buffer);
 }
 
-function boxOf([x0, y0, z0], [x1, y1, z1]) {
-  const p = [[x0, y0, z0], [x1, y0, z0], [x1, y1, z0], [x0, y1, z0], [x0, y0, z1], [x1, y0, z1], [x1, y1, z1], [x0, y1, z1]];
+// p: the eight corners, base before top, each counter-clockwise from above
+function boxOf(p) {
   const quads = [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]];
   const edges = [[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]];
   return {
@@ -20,16 +20,21 @@ function boxOf([x0, y0, z0], [x1, y1, z1]) {
   };
 }
 
-// faces and edges of everything, each with the number of its material: 0 mold, 1 emitter, 2 receiver
-function gathered(data) {
-  const points = numbers(data.points, Uint16Array), triangles = numbers(data.triangles, Uint32Array);
-  const creases = numbers(data.creases, Uint32Array);
-  const place = (k) => [0, 1, 2].map((axis) => data.low[axis] + data.step * points[3 * k + axis]);
+function addMesh(mesh, material, faces, edges) {
+  const points = numbers(mesh.points, Uint16Array), triangles = numbers(mesh.triangles, Uint32Array);
+  const creases = numbers(mesh.creases, Uint32Array);
+  const place = (k) => [0, 1, 2].map((axis) => mesh.low[axis] + mesh.step * points[3 * k + axis]);
+  for (let k = 0; k < triangles.length; k += 3) faces.push([[0, 1, 2].map((n) => place(triangles[k + n])), material]);
+  for (let k = 0; k < creases.length; k += 2) edges.push([[place(creases[k]), place(creases[k + 1])], material]);
+}
+
+// faces and edges of everything, each with the number of its material: 0 mold, 1 emitter, 2 receiver, 3 lid
+function gathered(data, lid) {
   const faces = [], edges = [];
-  for (let k = 0; k < triangles.length; k += 3) faces.push([[0, 1, 2].map((n) => place(triangles[k + n])), 0]);
-  for (let k = 0; k < creases.length; k += 2) edges.push([[place(creases[k]), place(creases[k + 1])], 0]);
-  for (const [kind, low, high] of data.bodies) {
-    const box = boxOf(low, high), material = kind === "emitter" ? 1 : 2;
+  addMesh(data, 0, faces, edges);
+  if (lid) addMesh(lid, 3, faces, edges);
+  for (const [kind, corners] of data.bodies) {
+    const box = boxOf(corners), material = kind === "emitter" ? 1 : 2;
     for (const face of box.faces) faces.push([face, material]);
     for (const edge of box.edges) edges.push([edge, material]);
   }
@@ -43,13 +48,13 @@ function normalOf([a, b, c]) {
   return n.map((value) => value / length);
 }
 
-// the part of a polygon or line where sign * (place[axis] - limit) >= 0
-function halfOf(corners, axis, limit, sign) {
-  const found = [], closed = corners.length > 2;
+// the part of a polygon or line where a place, by its weights, is beyond a limit
+function halfOf(corners, [wx, wy, wz], limit) {
+  const found = [], closed = corners.length > 2, beyond = ([x, y, z]) => wx * x + wy * y + wz * z - limit;
   corners.forEach((corner, k) => {
-    if (!closed && k === corners.length - 1) { if (sign * (corner[axis] - limit) >= 0) found.push(corner); return; }
+    if (!closed && k === corners.length - 1) { if (beyond(corner) >= 0) found.push(corner); return; }
     const next = corners[(k + 1) % corners.length];
-    const here = sign * (corner[axis] - limit), there = sign * (next[axis] - limit);
+    const here = beyond(corner), there = beyond(next);
     if (here >= 0) found.push(corner);
     if ((here > 0 && there < 0) || (here < 0 && there > 0)) {
       const share = here / (here - there);
@@ -59,15 +64,15 @@ function halfOf(corners, axis, limit, sign) {
   return found;
 }
 
-// what is left of a polygon when everything beyond the planes and above a floor is taken away
+// what is left of a polygon when everything before the upright planes (normal x, y, and limit) and above a floor is gone
 function cutBy(corners, planes, floor) {
-  const low = halfOf(corners, 2, floor, -1);
-  const high = planes.reduce((rest, [axis, limit, sign]) => rest.length ? halfOf(rest, axis, limit, sign) : rest, halfOf(corners, 2, floor, 1));
+  const low = halfOf(corners, [0, 0, -1], -floor);
+  const high = planes.reduce((rest, [x, y, limit]) => rest.length ? halfOf(rest, [x, y, 0], limit) : rest, halfOf(corners, [0, 0, 1], floor));
   return [low, high].filter((part) => part.length > 1);
 }
 
-return (data) => {
-  const whole = gathered(data), cuts = new Map();
+return (data, lid) => {
+  const whole = gathered(data, lid), cuts = new Map();
   const canvas = document.createElement("canvas"), pen = canvas.getContext("2d");
   let image = null, pixels = null, far = null;
 

@@ -1,7 +1,8 @@
 """Why depth is not told, as a picture: the section through a pair under the press, and which of its light is missing.
 
 The section runs along the chord of the cause's typical pair. Solid: the tip where the blind interval begins; dashed:
-where it ends. Between them no reading changes enough.
+where it ends. Between them no reading changes enough. On a crowned pad the tip comes along the normal of the untouched
+top at its place, and the section cuts it and the pressed top as they stand in space.
 """
 
 from __future__ import annotations
@@ -19,11 +20,14 @@ from design.spec import SensorDesign
 from optopad.report.scenes.layout_drawing import BLACK
 from sims.contact.indentation import indent
 from sims.contact.tip import tip_of
+from sims.plots.shapes.pressed_top import CutPlane, cut_tip_mm, cut_top_mm, press_frame
 from sims.plots.style import BLUE, GREEN, INK, MUTED, PALE_BLUE, VERMILLION, WIDTH_IN, axes_or_new
 from sims.verdict.causes import GONE, WHOLE, Cause, Witness
 
 FloatArray = NDArray[np.float64]
 SMALL = 7.5
+WORDS = 0.3
+"""Share of the section that words take."""
 SHANK = 1.5
 """Height of the tip that is drawn [tip radii]."""
 
@@ -34,14 +38,25 @@ class _Cut:
 
     Attributes
     ----------
+    direction : (x, y) unit vector of the chord, from emitter to receiver [-]
     along_mm, aside_mm : of the press's axis: along the chord from the emitter, and its distance from the plane
     """
 
     emitter: PlacedPart
     receiver: PlacedPart
     length_mm: float
+    direction: tuple[float, float]
     along_mm: float
     aside_mm: float
+
+    def plane(self, ceiling_mm: float) -> CutPlane:
+        """The plane between the parts, up to a height [mm]."""
+        return CutPlane(
+            start_mm=self.emitter.position_mm[:2],
+            direction=self.direction,
+            reach_mm=(0.0, self.length_mm),
+            ceiling_mm=ceiling_mm,
+        )
 
     def sides(self, radius_mm: FloatArray, height_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Where the plane cuts a body of revolution about the axis: along and height, from one end to the other."""
@@ -62,9 +77,9 @@ def plot_cause(design: SensorDesign, cause: Cause, ax: Axes | None = None) -> Ax
     ax = axes_or_new(ax, WIDTH_IN * min(max(tall / cut.length_mm, 0.3), 0.9) + 0.25)
     ax.set_aspect("equal")
     ax.set_axis_off()
-    _draw_layers(ax, design, cavity, cut, cause.depth_mm[0])
+    _draw_layers(ax, cavity, cut, _pressed_top(design, cavity, cut, cause))
     for depth_mm, is_first in zip(cause.depth_mm, (True, False), strict=True):
-        _draw_tip(ax, design, cavity, cut, depth_mm, is_first=is_first)
+        _draw_tip(ax, design, cavity, cut, cause.place_mm, depth_mm, is_first=is_first)
     _draw_light(ax, cavity, cut, witness)
     margin = 0.06 * cut.length_mm
     ax.set_xlim(-margin, cut.length_mm + margin)
@@ -86,15 +101,21 @@ def _cut(cavity: CavityGeometry, pair: str, place_mm: tuple[float, float]) -> _C
         emitter=emitter,
         receiver=receiver,
         length_mm=length,
+        direction=(float(chord[0]) / length, float(chord[1]) / length),
         along_mm=float(to_press @ chord) / length,
         aside_mm=abs(float(chord[0] * to_press[1] - chord[1] * to_press[0])) / length,
     )
 
 
-def _draw_layers(ax: Axes, design: SensorDesign, cavity: CavityGeometry, cut: _Cut, depth_mm: float) -> None:
-    ax.add_patch(
-        Rectangle((0.0, -cavity.black_mm), cut.length_mm, cavity.black_mm, facecolor=BLACK, linewidth=0)
-    )
+def _pressed_top(
+    design: SensorDesign, cavity: CavityGeometry, cut: _Cut, cause: Cause
+) -> list[tuple[float, float]]:
+    """Places along the chord and heights of the top where the blind interval begins, from part to part [mm]."""
+    depth_mm = cause.depth_mm[0]
+    if cavity.plan.crown is not None:
+        frame, press = press_frame(design, cause.place_mm), indent(design, depth_mm, cause.place_mm)
+        line = cut_top_mm(frame, press, cut.plane(cavity.clear_mm + design.indenter.tip_radius_mm))
+        return [(float(along), float(height)) for along, height in line]
     press = indent(design, depth_mm)
     along, height = cut.sides(press.radius_mm, cavity.clear_mm + press.height_mm)
     inside = (along >= 0.0) & (along <= cut.length_mm)
@@ -102,14 +123,24 @@ def _draw_layers(ax: Axes, design: SensorDesign, cavity: CavityGeometry, cut: _C
         np.concatenate([[0.0], along[inside], [cut.length_mm]]),
         np.concatenate([[cavity.clear_mm], height[inside], [cavity.clear_mm]]),
     )
-    outline = [(0.0, 0.0), *zip(along, height, strict=True), (cut.length_mm, 0.0)]
+    return list(zip(along.tolist(), height.tolist(), strict=True))
+
+
+def _draw_layers(ax: Axes, cavity: CavityGeometry, cut: _Cut, pressed_top: list[tuple[float, float]]) -> None:
+    ax.add_patch(
+        Rectangle((0.0, -cavity.black_mm), cut.length_mm, cavity.black_mm, facecolor=BLACK, linewidth=0)
+    )
+    if cavity.plan.crown is not None:
+        untouched = cut.plane(cavity.clear_mm).untouched_mm(cavity.plan)
+        ax.plot(*untouched.T, color=MUTED, linewidth=0.7, linestyle=(0, (1, 1.5)))
+    outline = [(0.0, 0.0), *pressed_top, (cut.length_mm, 0.0)]
     ax.add_patch(Polygon(outline, facecolor=PALE_BLUE, edgecolor=INK, linewidth=0.8))
     for part, x, side, colour in (
         (cut.emitter, 0.0, "right", VERMILLION),
         (cut.receiver, cut.length_mm, "left", BLUE),
     ):
         low, high = part.height_mm - part.half_height_mm, part.height_mm + part.half_height_mm
-        ax.plot((x, x), (low, min(high, cavity.clear_mm)), color=colour, linewidth=4.0, solid_capstyle="butt")
+        ax.plot((x, x), (low, min(high, part.clear_mm)), color=colour, linewidth=4.0, solid_capstyle="butt")
         shift = -0.015 if side == "right" else 0.015
         ax.text(
             x + shift * cut.length_mm,
@@ -127,15 +158,20 @@ def _draw_tip(
     design: SensorDesign,
     cavity: CavityGeometry,
     cut: _Cut,
+    place_mm: tuple[float, float],
     depth_mm: float,
     *,
     is_first: bool,
 ) -> None:
     scale = design.indenter.tip_radius_mm
-    radius, tall = tip_of(design.indenter).points(np.linspace(0.0, 2.0 + SHANK + depth_mm / scale, 240))
-    low = cavity.clear_mm - depth_mm
-    keep = low + scale * tall <= cavity.clear_mm + SHANK * scale
-    along, height = cut.sides(scale * radius[keep], low + scale * tall[keep])
+    if cavity.plan.crown is not None:
+        plane = cut.plane(cavity.clear_mm + SHANK * scale)
+        along, height = cut_tip_mm(design, press_frame(design, place_mm), depth_mm, plane).T
+    else:
+        radius, tall = tip_of(design.indenter).points(np.linspace(0.0, 2.0 + SHANK + depth_mm / scale, 240))
+        low = cavity.clear_mm - depth_mm
+        keep = low + scale * tall <= cavity.clear_mm + SHANK * scale
+        along, height = cut.sides(scale * radius[keep], low + scale * tall[keep])
     ax.plot(along, height, color=INK, linewidth=1.0, linestyle="-" if is_first else (0, (3, 2)))
     if is_first and len(along):
         ax.text(
@@ -149,16 +185,39 @@ def _draw_tip(
         )
 
 
-def _draw_light(ax: Axes, cavity: CavityGeometry, cut: _Cut, witness: Witness) -> None:
+def _mirror_place(cavity: CavityGeometry, cut: _Cut) -> tuple[float, float]:
+    """Along the chord and in height, where the untouched top mirrors emitter to receiver within the section [mm]."""
     low, high = cut.emitter.height_mm, cut.receiver.height_mm
     below = cavity.clear_mm - low, cavity.clear_mm - high
     turn = cut.length_mm * below[0] / (below[0] + below[1]) if sum(below) > 0.0 else 0.5 * cut.length_mm
+    if cavity.plan.crown is None:
+        return turn, cavity.clear_mm
+    along, height = cut.plane(cavity.clear_mm).untouched_mm(cavity.plan).T
+    way = np.hypot(along, height - low) + np.hypot(cut.length_mm - along, height - high)
+    level = np.flatnonzero(np.diff(np.sign(np.diff(way)))) + 1  # light goes where its way is stationary
+    if not len(level):
+        return turn, float(np.interp(turn, along, height))
+    nearest = level[np.abs(along[level] - turn).argmin()]
+    return float(along[nearest]), float(height[nearest])
+
+
+def _over_words_mm(cavity: CavityGeometry, cut: _Cut) -> float:
+    """Height of the untouched top where words stand over it, at the emitter's side [mm]."""
+    if cavity.plan.crown is None:
+        return cavity.clear_mm
+    along, height = cut.plane(cavity.clear_mm).untouched_mm(cavity.plan).T
+    return float(height[along <= WORDS * cut.length_mm].max())
+
+
+def _draw_light(ax: Axes, cavity: CavityGeometry, cut: _Cut, witness: Witness) -> None:
+    low, high = cut.emitter.height_mm, cut.receiver.height_mm
+    turn, mirror = _mirror_place(cavity, cut)
     for words, share, path, colour in (
         ("straight", witness.straight, [(0.0, low), (cut.length_mm, high)], BLUE),
         (
             "mirrored",
             witness.mirrored,
-            [(0.0, low), (turn, cavity.clear_mm), (cut.length_mm, high)],
+            [(0.0, low), (turn, mirror), (cut.length_mm, high)],
             GREEN,
         ),
     ):
@@ -167,7 +226,7 @@ def _draw_light(ax: Axes, cavity: CavityGeometry, cut: _Cut, witness: Witness) -
         ax.plot(x, z, color=colour, linewidth=1.4, linestyle=line)
         is_straight = words == "straight"
         at = 0.16 * cut.length_mm if is_straight else 0.02 * cut.length_mm
-        level = float(np.interp(at, x, z)) if is_straight else cavity.clear_mm
+        level = float(np.interp(at, x, z)) if is_straight else _over_words_mm(cavity, cut)
         shift = 0.02 * cut.length_mm
         ax.text(
             at,

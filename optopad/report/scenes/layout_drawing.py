@@ -1,31 +1,43 @@
 """The layout with its dimensions: the mold from above, and cut open, to one scale.
 
-Kinds of parts that stand at several heights are shown once each; in the section they are turned into its plane.
+Kinds of parts that stand at several heights are shown once each; in the section they are turned into its plane. It runs
+along x, under a crown that is straight along x across it.
 """
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Polygon, Rectangle
+from matplotlib.patches import Circle, Patch, Polygon, Rectangle
+from numpy.typing import NDArray
 
 from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
 from design.geometry.mold_outline import MoldOutline, outline_of
 from design.spec import SensorDesign
 from sims.contact.tip import tip_of
+from sims.plots.shapes.pad_outline import outline_patch, workspace_patch
 from sims.plots.style import BLUE, GRID, INK, MUTED, PALE_BLUE, VERMILLION, WIDTH_IN
+
+FloatArray = NDArray[np.float64]
 
 BLACK = "#33383f"
 """Colour of the black layer."""
-OUTWARD = {"south": (0.0, -1.0), "east": (1.0, 0.0), "north": (0.0, 1.0), "west": (-1.0, 0.0)}
 SMALL, MEDIUM = 7.0, 8.5
 LINE: dict[str, Any] = {"color": MUTED, "linewidth": 0.7, "solid_capstyle": "butt"}
 MOST_NUMBERS = 40
 """Parts with their places along the wall written beside them; more would overlap."""
 
+DIAMETER = "\N{LATIN CAPITAL LETTER O WITH STROKE}"
+CROWN_POINTS = 81
+ROUND_GAP = 2.8
+"""Of a name from its part's face on a round wall, over that on a straight one: the name is centred there."""
+LEVEL = 0.2
+"""Sine below which a direction counts as level or upright, where words are put beside it."""
 NEAR_CORNER = 0.12
 """Share of a wall within which a part's name goes towards the wall's middle."""
 
@@ -35,9 +47,10 @@ def plot_layout(design: SensorDesign) -> Axes:
     cavity, outline = cavity_of(design), outline_of(design)
     room = 0.21 * max(outline.outer_length_mm, outline.outer_width_mm)
     across = outline.outer_length_mm + 2 * room
+    over_rim = max(cavity.clear_mm - outline.top_mm, 0.0)
     heights = (
         outline.outer_width_mm + 1.67 * room,
-        outline.height_mm + design.indenter.tip_radius_mm + 1.1 * room,
+        outline.height_mm + over_rim + design.indenter.tip_radius_mm + 1.1 * room,
     )
     figure = Figure(figsize=(WIDTH_IN, WIDTH_IN * sum(heights) / across))
     total = sum(heights)
@@ -48,9 +61,14 @@ def plot_layout(design: SensorDesign) -> Axes:
         ax.set_axis_off()
         ax.set_xlim(-outline.wall_x_mm - room, cavity.length_mm + outline.wall_x_mm + room)
     plan.set_ylim(-outline.wall_y_mm - 0.95 * room, cavity.width_mm + outline.wall_y_mm + 0.72 * room)
-    cut.set_ylim(outline.bottom_mm - 0.5 * room, outline.top_mm + design.indenter.tip_radius_mm + 0.6 * room)
+    ceiling = outline.top_mm + over_rim + design.indenter.tip_radius_mm + 0.6 * room
+    cut.set_ylim(outline.bottom_mm - 0.5 * room, ceiling)
+    section = _section_of(cavity, outline)
+    if section.is_across:
+        shift = (cavity.length_mm - cavity.width_mm) / 2
+        cut.set_xlim(*(end - shift for end in cut.get_xlim()))
     _draw_plan(plan, design, cavity, outline, room)
-    _draw_section(cut, design, cavity, outline, room)
+    _draw_section(cut, design, section, room)
     return plan
 
 
@@ -59,25 +77,22 @@ def _draw_plan(
 ) -> None:
     left, low = -outline.wall_x_mm, -outline.wall_y_mm
     size = outline.outer_length_mm, outline.outer_width_mm
-    ax.add_patch(Rectangle((left, low), *size, facecolor=GRID, edgecolor=INK, linewidth=1.0))
+    mold: dict[str, Any] = {"facecolor": GRID, "edgecolor": INK, "linewidth": 1.0}
+    is_disc = cavity.plan.is_disc
     ax.add_patch(
-        Rectangle(
-            (0, 0), cavity.length_mm, cavity.width_mm, facecolor=PALE_BLUE, edgecolor=INK, linewidth=1.0
-        )
+        Circle(cavity.plan.centre_mm, outline.outer_radius_mm, **mold)
+        if is_disc
+        else Rectangle((left, low), *size, **mold)
     )
+    ax.add_patch(outline_patch(cavity.plan, facecolor=PALE_BLUE, edgecolor=INK, linewidth=1.0))
     for hole in outline.fixing_holes:
         ax.add_patch(Circle((hole.x, hole.y), hole.radius, fill=False, edgecolor=MUTED, linewidth=0.7))
+    for hole in outline.filling:
+        ax.add_patch(
+            Circle((hole.x, hole.y), hole.radius, fill=False, edgecolor=MUTED, linestyle=(0, (1, 1)))
+        )
     space = cavity.workspace
-    inner = Rectangle(
-        (space.x0_mm, space.y0_mm),
-        space.x1_mm - space.x0_mm,
-        space.y1_mm - space.y0_mm,
-        fill=False,
-        edgecolor=MUTED,
-        linewidth=0.8,
-        linestyle=(0, (4, 3)),
-    )
-    ax.add_patch(inner)
+    ax.add_patch(workspace_patch(space, fill=False, edgecolor=MUTED, linewidth=0.8, linestyle=(0, (4, 3))))
     middle = (space.x0_mm + space.x1_mm) / 2, (space.y0_mm + space.y1_mm) / 2
     radius = design.indenter.tip_radius_mm
     ax.add_patch(Circle(middle, radius, fill=False, edgecolor=INK, linewidth=0.8))
@@ -85,10 +100,15 @@ def _draw_plan(
     ax.text(*below, f"tip R{radius:g}", ha="center", va="top", fontsize=SMALL, color=INK)
     for part in cavity.parts:
         _draw_part(ax, part, cavity, outline, written=len(cavity.parts) <= MOST_NUMBERS)
-    _across(ax, 0.0, cavity.length_mm, low - 0.48 * room, f"cavity {cavity.length_mm:g}", from_mm=0.0)
-    _across(ax, left, left + size[0], low - 0.80 * room, f"outside {size[0]:g}", from_mm=low)
-    _upright(ax, 0.0, cavity.width_mm, left - 0.55 * room, f"cavity {cavity.width_mm:g}", from_mm=0.0)
-    _upright(ax, low, low + size[1], left - 0.84 * room, f"outside {size[1]:g}", from_mm=left)
+    sign, from_mm = (DIAMETER, cavity.width_mm / 2) if is_disc else ("", low)
+    inner_mm = from_mm if is_disc else 0.0
+    _across(
+        ax, 0.0, cavity.length_mm, low - 0.48 * room, f"cavity {sign}{cavity.length_mm:g}", from_mm=inner_mm
+    )
+    _across(ax, left, left + size[0], low - 0.80 * room, f"outside {sign}{size[0]:g}", from_mm=from_mm)
+    if not is_disc:
+        _upright(ax, 0.0, cavity.width_mm, left - 0.55 * room, f"cavity {cavity.width_mm:g}", from_mm=0.0)
+        _upright(ax, low, low + size[1], left - 0.84 * room, f"outside {size[1]:g}", from_mm=left)
     ax.text(left + size[0] / 2, low + size[1] + 0.5 * room, "from above", **_title())
 
 
@@ -96,91 +116,164 @@ def _draw_part(
     ax: Axes, part: PlacedPart, cavity: CavityGeometry, outline: MoldOutline, *, written: bool
 ) -> None:
     x, y, _ = part.position_mm
-    right, up = OUTWARD[part.wall]
-    wide, deep = part.part.body_width_mm.value, part.part.body_depth_mm.value
-    size = (wide, deep) if part.wall in ("south", "north") else (deep, wide)
-    corner = x + right * deep / 2 - size[0] / 2, y + up * deep / 2 - size[1] / 2
+    right, up = part.line.outward
     colour = VERMILLION if part.kind == "emitter" else BLUE
-    ax.add_patch(Rectangle(corner, *size, facecolor=colour, alpha=0.25, edgecolor=colour, linewidth=0.7))
+    ax.add_patch(_body(part, facecolor=colour, alpha=0.25, edgecolor=colour, linewidth=0.7))
     marker = "o" if part.kind == "emitter" else "s"
     ax.plot(x, y, marker=marker, markersize=3.5, color=colour, markeredgecolor="white", markeredgewidth=0.5)
     if not written:
         return
     gap = 0.02 * max(cavity.length_mm, cavity.width_mm)
-    aside = {"west": "left", "east": "right"}.get(part.wall, "center")
-    share = y / cavity.width_mm  # beside a corner, out of the way of the other wall's names
-    level = "bottom" if share <= NEAR_CORNER else "top" if share >= 1.0 - NEAR_CORNER else "center"
+    aside, level = "center", "center"
+    if cavity.plan.is_disc:
+        gap *= ROUND_GAP
+    else:  # beside a corner, out of the way of the other wall's names
+        aside, share = {"west": "left", "east": "right"}.get(part.wall, "center"), y / cavity.width_mm
+        level = "bottom" if share <= NEAR_CORNER else "top" if share >= 1.0 - NEAR_CORNER else "center"
     look: dict[str, Any] = {"ha": aside, "va": level, "fontsize": SMALL, "color": INK}
     ax.text(x - right * gap, y - up * gap, part.name, **look)
     _write_place(ax, part, cavity, outline)
 
 
+def _body(part: PlacedPart, **look: Any) -> Patch:
+    """A part's body from above, its face on its wall."""
+    wide, deep = part.part.body_width_mm.value, part.part.body_depth_mm.value
+    if part.wall not in ("south", "east", "north", "west"):
+        half = wide / 2
+        corners = ((-half, 0.0), (half, 0.0), (half, deep), (-half, deep))
+        return Polygon([part.line.point(part.along_mm + along, out) for along, out in corners], **look)
+    (x, y, _), (right, up) = part.position_mm, part.line.outward
+    size = (wide, deep) if part.wall in ("south", "north") else (deep, wide)
+    corner = x + right * deep / 2 - size[0] / 2, y + up * deep / 2 - size[1] / 2
+    return Rectangle(corner, *size, **look)
+
+
 def _write_place(ax: Axes, part: PlacedPart, cavity: CavityGeometry, outline: MoldOutline) -> None:
-    """How far along its wall a part is, outside the mold."""
+    """How far along its wall a part is, of a disc its direction from the middle, outside the mold."""
     x, y, _ = part.position_mm
-    right, up = OUTWARD[part.wall]
-    wall = outline.wall_y_mm if part.wall in ("south", "north") else outline.wall_x_mm
+    right, up = part.line.outward
+    words, wall = f"{round(part.along_mm, 2):g}", outline.wall_x_mm
+    aside = {"west": "right", "east": "left"}.get(part.wall, "center")
+    level = {"south": "top", "north": "bottom"}.get(part.wall, "center")
+    if cavity.plan.is_disc:
+        words = f"{round(math.degrees(math.atan2(up, right)) % 360.0, 2):g}\N{DEGREE SIGN}"
+        wall = outline.outer_radius_mm - cavity.plan.stands_mm(part.line)
+        aside = "center" if abs(right) < LEVEL else "left" if right > 0 else "right"
+        level = "center" if abs(up) < LEVEL else "bottom" if up > 0 else "top"
+    elif part.wall in ("south", "north"):
+        wall = outline.wall_y_mm
     tick = 0.012 * max(cavity.length_mm, cavity.width_mm)
     out = [(wall + share * tick) for share in (0.0, 1.0, 1.6)]
     ax.plot((x + right * out[0], x + right * out[1]), (y + up * out[0], y + up * out[1]), **LINE)
-    ax.text(
-        x + right * out[2],
-        y + up * out[2],
-        f"{round(part.along_mm, 2):g}",
-        ha={"west": "right", "east": "left"}.get(part.wall, "center"),
-        va={"south": "top", "north": "bottom"}.get(part.wall, "center"),
-        fontsize=SMALL,
-        color=MUTED,
+    place = x + right * out[2], y + up * out[2]
+    ax.text(*place, words, ha=aside, va=level, fontsize=SMALL, color=MUTED)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Section:
+    """A vertical plane through the middle of the mold.
+
+    Attributes
+    ----------
+    is_across : whether it runs along y
+    start_mm, end_mm : where the faces of an emitter and of a receiver are, turned into it
+    length_mm, wall_mm : inner length of the cavity, and thickness of the mold's wall
+    """
+
+    cavity: CavityGeometry
+    outline: MoldOutline
+    is_across: bool
+    start_mm: float
+    end_mm: float
+    length_mm: float
+    wall_mm: float
+
+    def top_mm(self) -> FloatArray:
+        """(n, 2) place along the section and height of the untouched top [mm]."""
+        plan = self.cavity.plan
+        along = np.linspace(self.start_mm, self.end_mm, 2 if plan.crown is None else CROWN_POINTS)
+        x, y = plan.centre_mm
+        places = [(x, float(t)) if self.is_across else (float(t), y) for t in along]
+        return np.column_stack([along, [plan.top_mm(*place) for place in places]])
+
+
+def _section_of(cavity: CavityGeometry, outline: MoldOutline) -> _Section:
+    plan = cavity.plan
+    is_across = plan.crown is not None and plan.crown.axis == "x"
+    length = cavity.width_mm if is_across else cavity.length_mm
+    inset = [0.0, 0.0]
+    if plan.is_disc:
+        inset = [plan.radius_mm - plan.stands_mm(row[0].line) for row in (cavity.emitters, cavity.receivers)]
+    return _Section(
+        cavity=cavity,
+        outline=outline,
+        is_across=is_across,
+        start_mm=inset[0],
+        end_mm=length - inset[1],
+        length_mm=length,
+        wall_mm=outline.wall_y_mm if is_across else outline.wall_x_mm,
     )
 
 
-def _draw_section(
-    ax: Axes, design: SensorDesign, cavity: CavityGeometry, outline: MoldOutline, room: float
-) -> None:
-    length, left = cavity.length_mm, -outline.wall_x_mm
-    right, low, high = length + outline.wall_x_mm, outline.bottom_mm, outline.top_mm
-    lip = outline.lip_mm
+def _draw_section(ax: Axes, design: SensorDesign, section: _Section, room: float) -> None:
+    cavity, outline = section.cavity, section.outline
+    start, end = section.start_mm, section.end_mm
+    left, right = -section.wall_mm, section.length_mm + section.wall_mm
+    low, high, lip = outline.bottom_mm, outline.top_mm, outline.lip_mm
     shell = [
         (left, low),
         (right, low),
         (right, high),
-        (length + lip, high),
-        (length, high - lip),
-        (length, -cavity.black_mm),
-        (0.0, -cavity.black_mm),
-        (0.0, high - lip),
-        (-lip, high),
+        (end + lip, high),
+        (end, high - lip),
+        (end, -cavity.black_mm),
+        (start, -cavity.black_mm),
+        (start, high - lip),
+        (start - lip, high),
         (left, high),
     ]
     ax.add_patch(Polygon(shell, facecolor=GRID, edgecolor=INK, linewidth=1.0))
-    ax.add_patch(Rectangle((0, -cavity.black_mm), length, cavity.black_mm, facecolor=BLACK, linewidth=0))
     ax.add_patch(
-        Rectangle((0, 0), length, cavity.clear_mm, facecolor=PALE_BLUE, edgecolor=INK, linewidth=0.7)
+        Rectangle((start, -cavity.black_mm), end - start, cavity.black_mm, facecolor=BLACK, linewidth=0)
     )
-    _draw_tip(ax, design, cavity)
+    look: dict[str, Any] = {"facecolor": PALE_BLUE, "edgecolor": INK, "linewidth": 0.7}
+    top = section.top_mm()
+    ax.add_patch(
+        Rectangle((start, 0), end - start, cavity.clear_mm, **look)
+        if cavity.plan.crown is None
+        else Polygon([(start, 0.0), *top, (end, 0.0)], **look)
+    )
+    _draw_tip(ax, design, cavity, section.length_mm / 2)
     for part, side in ((cavity.emitters[0], -1), (cavity.receivers[0], 1)):
-        _draw_body(ax, part, 0.0 if side < 0 else length, side)
-    _heights(ax, cavity.emitters[0], 0.10 * length, VERMILLION)
-    _heights(ax, cavity.receivers[0], 0.62 * length, BLUE)
+        _draw_body(ax, part, start if side < 0 else end, side)
+    _heights(ax, cavity.emitters[0], 0.10 * section.length_mm, VERMILLION)
+    _heights(ax, cavity.receivers[0], 0.62 * section.length_mm, BLUE)
     first, second = right + 0.30 * room, right + 0.72 * room
-    _upright(ax, 0.0, cavity.clear_mm, first, f"clear {cavity.clear_mm:g}", from_mm=length)
+    apex = end if cavity.plan.crown is None else section.length_mm / 2
+    _upright(ax, 0.0, cavity.clear_mm, first, f"clear {cavity.clear_mm:g}", from_mm=apex)
     _upright(ax, low, high, second, f"mold {outline.height_mm:.4g}", from_mm=right)
-    _upright(ax, cavity.clear_mm, high, left - 0.30 * room, f"rim {high - cavity.clear_mm:.3g}", from_mm=left)
+    fill, beside = outline.fill_mm, left - 0.30 * room
+    if cavity.plan.crown is not None:
+        edge_low, edge_high = (f"{edge:.3g}" for edge in cavity.plan.rim_mm)
+        words = f"edge {edge_high}" if edge_low == edge_high else f"edge {edge_low} to {edge_high}"
+        _upright(ax, 0.0, float(top[0, 1]), beside, words, from_mm=start)
+    if cavity.plan.crown is None or high > fill:
+        _upright(ax, fill, high, beside, f"rim {high - fill:.3g}", from_mm=left)
     if cavity.black_mm > 0:
-        below = length / 2, -cavity.black_mm - 0.05 * room
+        below = section.length_mm / 2, -cavity.black_mm - 0.05 * room
         ax.text(*below, f"black {cavity.black_mm:g}", ha="center", va="top", fontsize=SMALL, color=INK)
     ax.text(
         (left + right) / 2,
         low - 0.35 * room,
-        "cut open, one part of each kind turned into the cut",
+        f"cut open{' across' if section.is_across else ''}, one part of each kind turned into the cut",
         **_title(),
     )
 
 
-def _draw_tip(ax: Axes, design: SensorDesign, cavity: CavityGeometry) -> None:
+def _draw_tip(ax: Axes, design: SensorDesign, cavity: CavityGeometry, middle: float) -> None:
     """The tip as it touches the undisturbed top."""
     radius, tall = tip_of(design.indenter).points(np.linspace(0.0, 2.0, 80))
-    scale, middle = design.indenter.tip_radius_mm, cavity.length_mm / 2
+    scale = design.indenter.tip_radius_mm
     top = cavity.clear_mm + 1.25 * scale
     keep = cavity.clear_mm + scale * tall <= top
     side = np.column_stack([radius[keep] * scale, cavity.clear_mm + scale * tall[keep]])

@@ -109,7 +109,7 @@ class MapScene:
         return _pitch_mm(self.pad_map)
 
     def data(self) -> dict[str, Any]:
-        """For the page's script."""
+        """For the page's script; `cells` are row and column of each place."""
         pad, deepest = self.pad_map, float(self.profile.depth_mm[-1])
         weakest = pad.places.index(pad.weakest)
         dead = pad.weakest.deadbands_mm
@@ -117,6 +117,7 @@ class MapScene:
         return {
             "x": [round(value, 4) for value in pad.x_mm],
             "y": [round(value, 4) for value in pad.y_mm],
+            "cells": [list(cell) for cell in pad.cells],
             "pitch": self.pitch_mm,
             "deepest": deepest,
             "first": weakest,

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
 from optopad.report.scenes.map_scene import DepthMap, MapScene
+from sims.plots.shapes.pad_outline import clip_to_pad, outline_patch
 from sims.plots.style import INK, MUTED, WIDTH_IN
 
 COLUMNS, MOST = 3, 6
@@ -73,16 +74,18 @@ def _draw(
         _edges(lines, scene.pitch_mm, side)
         for lines, side in ((pad.x_mm, cavity.length_mm), (pad.y_mm, cavity.width_mm))
     )
-    for number, value in enumerate(one.values[layer]):
-        row, column = divmod(number, len(pad.x_mm))
+    for number, (value, (row, column)) in enumerate(zip(one.values[layer], pad.cells, strict=True)):
         corner, size = (x[column], y[row]), (x[column + 1] - x[column], y[row + 1] - y[row])
         known = bool(np.isfinite(value))
         colour = colours(float(scale(min(max(float(value), one.low), one.high)))) if known else NONE
-        ax.add_patch(Rectangle(corner, *size, facecolor=colour, edgecolor="white", linewidth=0.4))
+        drawn = [Rectangle(corner, *size, facecolor=colour, edgecolor="white", linewidth=0.4)]
         if one.is_hatched[layer][number] or not known:
-            ax.add_patch(Rectangle(corner, *size, facecolor="none", edgecolor=INK, hatch=HATCH, linewidth=0))
+            drawn.append(Rectangle(corner, *size, facecolor="none", edgecolor=INK, hatch=HATCH, linewidth=0))
+        for cell in drawn:
+            ax.add_patch(cell)
+            clip_to_pad(cell, ax, cavity)
     side = cavity.length_mm, cavity.width_mm
-    ax.add_patch(Rectangle((0, 0), *side, fill=False, edgecolor=MUTED, linewidth=0.8))
+    ax.add_patch(outline_patch(cavity.plan, fill=False, edgecolor=MUTED, linewidth=0.8))
     ax.set_xlim(-0.5, side[0] + 0.5)
     ax.set_ylim(-0.5, side[1] + 0.5)
     ax.set_aspect("equal")

@@ -2,25 +2,33 @@
 
 The mesh is the one that is printed, moved back into the cavity frame. Places are whole steps of a box's
 longest side over 32 000, that is 2 µm for a mold of 66 mm: finer than the mesh itself. Triangles and creases
-are vertex numbers. Arrays are little-endian and written in base 64.
+are vertex numbers. Arrays are little-endian and written in base 64. The lid of a crowned pad is turned back from its
+file onto the mold.
 """
 
 from __future__ import annotations
 
 import base64
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
-from design.geometry.mold_outline import bed_lift_mm, outline_of
+from design.geometry.cavity import PlacedPart, cavity_of
+from design.geometry.mold_outline import MoldOutline, bed_lift_mm, outline_of
 from design.spec import SensorDesign
+from sims.plots.shapes.pad_outline import outline_mm
+
+if TYPE_CHECKING:
+    from cad.mesh import Mesh
+
+FloatArray = NDArray[np.float64]
 
 STEPS = 32_000
 """Steps that the longest side of the mesh is divided into."""
-MOLD_STL = "cad/mold.stl"
+MOLD_STL, LID_STL = "cad/mold.stl", "cad/lid.stl"
 
 
 def mold_scene(design: SensorDesign, folder: Path) -> dict[str, Any] | None:
@@ -29,43 +37,73 @@ def mold_scene(design: SensorDesign, folder: Path) -> dict[str, Any] | None:
     Returns
     -------
     step [mm], low (3) [mm], points (n, 3) in steps above low, triangles (m, 3) and creases (k, 2) as vertex numbers;
-    bodies: kind, low corner, high corner [mm]; mouth: the opening at the rim, low and high x, y and its z [mm];
-    outer: low and high corner of the mold [mm]
+    outer: low and high corner of the mold [mm]; bodies: kind and eight corners [mm]; mouth: corners of the opening at
+    the rim, and its z [mm]; lid: the same as of the mold, as it lies on it, None without one
     """
     stl = folder / MOLD_STL
     if not stl.is_file():
         return None
     from cad.mesh import read_stl
-    from cad.picture import creases
 
     mesh = read_stl(stl.read_bytes())
     places = mesh.vertices.astype(np.float64) - np.array([0.0, 0.0, bed_lift_mm(design)])
-    low, high = places.min(axis=0), places.max(axis=0)
+    outline = outline_of(design)
+    return {
+        **_solid(mesh, places),
+        "bodies": [[part.kind, body_corners_mm(part).tolist()] for part in cavity_of(design).parts],
+        "mouth": {"ring": _mouth_mm(outline), "z": outline.top_mm},
+        "lid": _lid(design, folder / LID_STL),
+    }
+
+
+def _solid(mesh: Mesh, places_mm: FloatArray) -> dict[str, Any]:
+    from cad.picture import creases
+
+    low, high = places_mm.min(axis=0), places_mm.max(axis=0)
     step = float((high - low).max()) / STEPS
-    mouth = outline_of(design).mouth
-    cavity = cavity_of(design)
     return {
         "step": step,
         "low": low.tolist(),
-        "points": _packed(np.rint((places - low) / step), "<u2"),
+        "points": _packed(np.rint((places_mm - low) / step), "<u2"),
         "triangles": _packed(mesh.triangles, "<u4"),
         "creases": _packed(creases(mesh), "<u4"),
-        "bodies": [[part.kind, *body_mm(part, cavity)] for part in cavity.parts],
-        "mouth": [mouth.x0, mouth.x1, mouth.y0, mouth.y1, mouth.z1],
         "outer": [low.tolist(), high.tolist()],
     }
+
+
+def _lid(design: SensorDesign, stl: Path) -> dict[str, Any] | None:
+    """The lid as it lies on the mold; None where there is none."""
+    if design.crown is None or not stl.is_file():
+        return None
+    from cad.lid import lid_size, turned_over
+    from cad.mesh import read_stl
+
+    size = lid_size(design)
+    assert size is not None  # a crowned pad has a lid
+    mesh = turned_over(read_stl(stl.read_bytes()), design, size)
+    return _solid(mesh, mesh.vertices.astype(np.float64))
+
+
+def _mouth_mm(outline: MoldOutline) -> list[list[float]]:
+    """Corners of the opening at the rim [mm]."""
+    plan, box, out = outline.plan, outline.mouth, outline.mouth_out_mm
+    if not plan.is_disc:
+        return [[box.x0, box.y0], [box.x1, box.y0], [box.x1, box.y1], [box.x0, box.y1]]
+    ring = outline_mm(plan if out == 0.0 else replace(plan, walls=()))
+    middle = np.array(plan.centre_mm)
+    opened: list[list[float]] = (middle + (ring - middle) * (1.0 + out / plan.radius_mm)).tolist()
+    return opened
 
 
 def _packed(numbers: NDArray[Any], kind: str) -> str:
     return base64.b64encode(np.ascontiguousarray(numbers).astype(kind).tobytes()).decode("ascii")
 
 
-def body_mm(part: PlacedPart, cavity: CavityGeometry) -> tuple[list[float], list[float]]:
-    """Low and high corner of a part's body; its face lies in the wall's inner plane [mm]."""
+def body_corners_mm(part: PlacedPart) -> FloatArray:
+    """(8, 3) corners of a part's body, its face on its wall: base, then top, counter-clockwise from above [mm]."""
     half, deep = part.part.body_width_mm.value / 2, part.part.body_depth_mm.value
-    inner = {"south": 0.0, "west": 0.0, "north": cavity.width_mm, "east": cavity.length_mm}[part.wall]
-    outer = inner - deep if part.wall in ("south", "west") else inner + deep
-    along = [part.along_mm - half, part.along_mm + half]
-    across = sorted((inner, outer))
-    x, y = (along, across) if part.wall in ("south", "north") else (across, along)
-    return [x[0], y[0], part.body_base_mm], [x[1], y[1], part.body_top_mm]
+    (tx, ty), (nx, ny) = part.line.tangent, part.line.outward
+    first = half if tx * ny - ty * nx < 0.0 else -half
+    corners = ((first, 0.0), (-first, 0.0), (-first, deep), (first, deep))
+    places = [part.line.point(part.along_mm + along, out) for along, out in corners]
+    return np.array([(x, y, z) for z in (part.body_base_mm, part.body_top_mm) for x, y in places])

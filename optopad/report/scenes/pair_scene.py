@@ -11,6 +11,7 @@ from design.geometry.cavity import CavityGeometry, cavity_of
 from design.spec import SensorDesign
 from optopad.report.text.words import governing, reading
 from sims.continuity.result import ContinuityScore, JudgedPair
+from sims.plots.shapes.pad_outline import outline_mm
 from sims.verdict.boundary_forces import Load
 
 FloatArray = NDArray[np.float64]
@@ -32,18 +33,25 @@ def pair_scene(design: SensorDesign, score: ContinuityScore) -> dict[str, Any]:
 
 
 def plan_of(cavity: CavityGeometry, tip_mm: float) -> dict[str, Any]:
-    """The pad from above: sides, parts (name, kind, x, y), workspace (x0, x1, y0, y1), tip radius [mm]."""
-    space = cavity.workspace
+    """The pad from above.
+
+    Returns
+    -------
+    length, width of the pad, or of the square around a disc; tip radius; workspace (x0, x1, y0, y1), of a disc the
+    circle within; parts: name, kind, x, y, and their walls' outward normal; outline: corners of a disc, else None [mm]
+    """
+    space, plan = cavity.workspace, cavity.plan
     return {
         "length": cavity.length_mm,
         "width": cavity.width_mm,
         "tip": tip_mm,
+        "outline": outline_mm(plan).round(3).tolist() if plan.is_disc else None,
         "space": [space.x0_mm, space.x1_mm, space.y0_mm, space.y1_mm],
         "parts": [
             [
                 part.name,
                 part.kind,
-                *(round(v, 3) for v in part.position_mm[:2]),
+                *(round(v, 3) for v in (*part.position_mm[:2], *part.line.outward)),
             ]
             for part in cavity.parts
         ],

@@ -19,6 +19,8 @@ from optopad.report.text.words import governing
 from sims.contact.tip import tip_of
 from sims.continuity.result import ContinuityScore
 from sims.optics.oracle.paths import LightPath
+from sims.plots.shapes.pad_outline import edge_mm
+from sims.plots.shapes.pressed_top import press_frame
 from sims.rays.light_kinds import KINDS, LOST, LightKind, kind_of
 from sims.rays.ray_states import Pair, Press, RayChoice, RayState, ray_states
 
@@ -164,17 +166,18 @@ def scene_json(scene: RayScene) -> dict[str, Any]:
     keys = [kind.key for kind in kinds]
     return {
         "box": [cavity.length_mm, cavity.width_mm, cavity.clear_mm, cavity.black_mm],
-        "place": list(scene.place_mm),
+        "round": cavity.plan.is_disc,
+        "edge": edge_mm(cavity.plan).round(3).tolist(),
+        "press": _frame(scene),
         "parts": [
-            [
-                part.name,
-                part.kind,
-                part.wall,
-                part.along_mm,
-                part.height_mm,
-                part.half_width_mm,
-                part.half_height_mm,
-            ]
+            {
+                "name": part.name,
+                "kind": part.kind,
+                "at": list(part.position_mm),
+                "half": [part.half_width_mm, part.half_height_mm],
+                "along": list(part.line.tangent),
+                "outward": list(part.line.outward),
+            }
             for part in cavity.parts
         ],
         "kinds": [
@@ -200,6 +203,18 @@ def scene_json(scene: RayScene) -> dict[str, Any]:
             }
             for number, (label, state) in enumerate(zip(scene.labels, scene.states, strict=True))
         ],
+    }
+
+
+def _frame(scene: RayScene) -> dict[str, Any]:
+    """Where the presses go in and along what, and the crown that they meet; its radius is None for a flat top."""
+    frame = press_frame(scene.design, scene.place_mm)
+    is_crowned = bool(np.isfinite(frame.crown_radius_mm))
+    return {
+        "origin": frame.origin_mm.tolist(),
+        "axes": frame.axes.tolist(),
+        "crown": frame.crown_radius_mm if is_crowned else None,
+        "along": frame.along,
     }
 
 
@@ -232,7 +247,7 @@ def _ray(path: LightPath, kind: int, pair: int) -> list[Any]:
 
 
 def _curve(state: RayState) -> list[list[float]]:
-    """The surface, radius and relative height, from the axis outward; empty where untouched [mm]."""
+    """The surface, radius and height over the untouched top, from the axis outward; empty where untouched [mm]."""
     press = state.indentation
     if press is None:
         return []

@@ -5,9 +5,13 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
+import numpy as np
+
 from optopad.report.scenes.ray_scene import RayScene
 from optopad.report.text.markup import Html, element
 from sims.optics.oracle.paths import LightPath
+from sims.plots.shapes.pad_outline import edge_mm
+from sims.plots.shapes.pressed_top import PressFrame, press_frame
 from sims.rays.light_kinds import LOST, LightKind, kind_of
 from sims.rays.ray_states import RayState
 
@@ -87,19 +91,43 @@ class _Eye:
 
 def _block(eye: _Eye, scene: RayScene) -> list[Html]:
     cavity = scene.cavity
-    rim = [(0.0, 0.0), (cavity.length_mm, 0.0), (cavity.length_mm, cavity.width_mm), (0.0, cavity.width_mm)]
+    edge = [(x, y, z) for x, y, z in edge_mm(cavity.plan).tolist()]
+    rim = [(x, y) for x, y, _ in edge]
+    seam = BLACK if cavity.plan.is_disc else "none"
     found = [_polygon(eye, [(x, y, -cavity.black_mm) for x, y in rim], BLACK)]
     found += [
-        _polygon(eye, [(*a, 0.0), (*b, 0.0), (*b, -cavity.black_mm), (*a, -cavity.black_mm)], BLACK)
+        _polygon(eye, [(*a, 0.0), (*b, 0.0), (*b, -cavity.black_mm), (*a, -cavity.black_mm)], BLACK, seam)
         for a, b in pairwise([*rim, rim[0]])
     ]
     found.append(_polygon(eye, [(x, y, 0.0) for x, y in rim], CLEAR, MUTED))
-    found.append(_polygon(eye, [(x, y, cavity.clear_mm) for x, y in rim], "none", MUTED))
+    found.append(_polygon(eye, edge, "none", MUTED))
     found += [
-        element("polyline", points=eye.points([(*a, 0.0), (*a, cavity.clear_mm)]), stroke=MUTED, fill="none")
-        for a in rim
+        element("polyline", points=eye.points([(x, y, 0.0), (x, y, z)]), stroke=MUTED, fill="none")
+        for x, y, z in _uprights(eye, scene, edge)
     ]
-    return found
+    return found + [_outline(eye, line, MUTED, 0.6) for line in _crown_lines(scene)]
+
+
+def _uprights(eye: _Eye, scene: RayScene, edge: list[Place]) -> list[Place]:
+    """Corners of a rectangle's top; of a round wall where it turns out of sight."""
+    if scene.cavity.plan.is_disc:
+        across = [eye.seen(place)[0] for place in edge]
+        return [edge[pick(range(len(edge)), key=across.__getitem__)] for pick in (min, max)]
+    return edge[:: len(edge) // 4]
+
+
+def _crown_lines(scene: RayScene) -> list[list[Place]]:
+    """Lines over an untouched crown, along x and along y through the middle."""
+    plan = scene.cavity.plan
+    if plan.crown is None:
+        return []
+    x, y = plan.centre_mm
+    shares = [k / RINGS for k in range(RINGS + 1)]
+    along = (
+        [(share * plan.length_mm, y) for share in shares],
+        [(x, share * plan.width_mm) for share in shares],
+    )
+    return [[(*place, plan.top_mm(*place)) for place in line if plan.contains(*place)] for line in along]
 
 
 def _polygon(eye: _Eye, places: list[Place], fill: str, stroke: str = "none") -> Html:
@@ -123,33 +151,41 @@ def _press(eye: _Eye, scene: RayScene, state: RayState) -> list[Html]:
     press = state.indentation
     if press is None:
         return []
-    top, tip = scene.cavity.clear_mm, press.tip_radius_mm
+    frame, tip = press_frame(scene.design, scene.place_mm), press.tip_radius_mm
     radii = [share * tip for share in (0.33, 0.66, 1.0, 1.5, 2.2)]
-    heights = [top + float(press.height_mm[int((press.radius_mm >= radius).argmax())]) for radius in radii]
-    rings = [_ring(scene, radius, height) for radius, height in zip(radii, heights, strict=True)]
-    equator, end = top - press.depth_mm + tip, top - press.depth_mm + SHANK * tip
-    shank = [_ring(scene, tip, end), *_sides(scene, tip, equator, end)]
+    heights = [float(press.height_mm[int((press.radius_mm >= radius).argmax())]) for radius in radii]
+    rings = [
+        _ring(frame, radius, height, on_crown=True) for radius, height in zip(radii, heights, strict=True)
+    ]
+    equator, end = tip - press.depth_mm, SHANK * tip - press.depth_mm
+    shank = [_ring(frame, tip, end, on_crown=False), *_sides(frame, tip, equator, end)]
     inside = [ring for ring in rings if all(_is_inside(scene, place) for place in ring)]
     return [_outline(eye, places, INK, 0.9) for places in inside] + [
         _outline(eye, places, MUTED, 1.3) for places in shank
     ]
 
 
-def _ring(scene: RayScene, radius: float, height: float) -> list[Place]:
-    x, y = scene.place_mm
+def _ring(frame: PressFrame, radius: float, height: float, *, on_crown: bool) -> list[Place]:
+    """A circle about the press at a height over its frame's plane, or over the untouched top."""
     angles = [2 * math.pi * k / RINGS for k in range(RINGS + 1)]
-    return [(x + radius * math.cos(angle), y + radius * math.sin(angle), height) for angle in angles]
+    across, aside = (np.array([radius * turn(angle) for angle in angles]) for turn in (math.cos, math.sin))
+    over = height - frame.fall_mm(across, aside) if on_crown else np.full(len(angles), height)
+    return [(x, y, z) for x, y, z in frame.places_mm(across, aside, over).tolist()]
 
 
-def _sides(scene: RayScene, radius: float, low: float, high: float) -> list[list[Place]]:
-    """The two sides of a cylinder as they are seen."""
-    x, y = scene.place_mm
-    across = math.cos(math.radians(YAW_DEG)) * radius, -math.sin(math.radians(YAW_DEG)) * radius
-    return [[(x + s * across[0], y + s * across[1], z) for z in (low, high)] for s in (-1, 1)]
+def _sides(frame: PressFrame, radius: float, low: float, high: float) -> list[list[Place]]:
+    """The two sides of a cylinder about the press as they are seen."""
+    yaw, pitch = math.radians(YAW_DEG), math.radians(PITCH_DEG)
+    away = math.sin(yaw) * math.cos(pitch), math.cos(yaw) * math.cos(pitch), -math.sin(pitch)
+    upward = frame.axes[2]
+    across = np.cross(np.array(away), upward)
+    across *= radius / np.linalg.norm(across)
+    ends = [frame.origin_mm + level * upward for level in (low, high)]
+    return [[tuple((end + side * across).tolist()) for end in ends] for side in (-1, 1)]
 
 
 def _is_inside(scene: RayScene, place: Place) -> bool:
-    return 0 <= place[0] <= scene.cavity.length_mm and 0 <= place[1] <= scene.cavity.width_mm
+    return scene.cavity.plan.contains(place[0], place[1])
 
 
 def _outline(eye: _Eye, places: list[Place], colour: str, width: float) -> Html:
@@ -167,7 +203,7 @@ def _faces(eye: _Eye, scene: RayScene) -> list[Html]:
     cavity, shown, found = scene.cavity, _shown(scene), []
     for part in cavity.parts:
         x, y, z = part.position_mm
-        along = (part.half_width_mm, 0.0) if part.wall in ("south", "north") else (0.0, part.half_width_mm)
+        along = [part.half_width_mm * way for way in part.line.tangent]
         corners = [
             (x + u * along[0], y + u * along[1], z + v * part.half_height_mm)
             for u, v in ((-1, -1), (1, -1), (1, 1), (-1, 1))
@@ -180,13 +216,13 @@ def _faces(eye: _Eye, scene: RayScene) -> list[Html]:
 def _names(eye: _Eye, scene: RayScene) -> list[Html]:
     """Names of the parts, a little outward of them."""
     cavity, shown, found = scene.cavity, _shown(scene), []
-    outward = {"south": (0.0, -1.0), "east": (1.0, 0.0), "north": (0.0, 1.0), "west": (-1.0, 0.0)}
     reach = 0.06 * max(cavity.length_mm, cavity.width_mm)
     for part in cavity.parts:
         if part.name not in shown and len(cavity.parts) > MOST_NAMES:
             continue
         x, y, z = part.position_mm
-        left, up = eye.seen((x + outward[part.wall][0] * reach, y + outward[part.wall][1] * reach, z))
+        ahead, aside = part.line.outward
+        left, up = eye.seen((x + ahead * reach, y + aside * reach, z))
         found.append(
             element(
                 "text",

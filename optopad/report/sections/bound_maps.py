@@ -76,7 +76,7 @@ def _bound(
     found: tuple[FloatArray, FloatArray],
     limit_mm: float,
 ) -> DepthMap:
-    values, errors = (_by_depth(values) for values in found)
+    values, errors = (values[bounds.inside].T for values in found)
     finite = values[np.isfinite(values)]
     low = float(finite.min()) if finite.size else 0.1 * limit_mm
     moved = BAND * np.where(np.isfinite(values), errors, np.nan)
@@ -101,13 +101,9 @@ def _bound(
     )
 
 
-def _by_depth(values: FloatArray) -> FloatArray:
-    """(y, x, depth) as (depth, place)."""
-    return np.moveaxis(values, -1, 0).reshape(values.shape[-1], -1)
-
-
 def _felt(felt: FeltForce) -> DepthMap:
-    force = felt.force_n.reshape(1, -1)
+    inside = ~np.isnan(felt.depth_mm)
+    force = felt.force_n[inside][None]
     finite = force[np.isfinite(force)]
     high = float(finite.max()) if finite.size else 1.0
     return DepthMap(
@@ -127,7 +123,7 @@ def _felt(felt: FeltForce) -> DepthMap:
         low=0.0,
         high=high,
         digits=3,
-        ends=np.stack([felt.low_n.reshape(1, -1), felt.high_n.reshape(1, -1)], axis=-1),
+        ends=np.stack([felt.low_n[inside], felt.high_n[inside]], axis=-1)[None],
         ends_of="N over the band of the modulus",
     )
 

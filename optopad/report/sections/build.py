@@ -9,6 +9,7 @@ from pathlib import Path
 
 from optopad.report.sections.sensor import (
     Pictures,
+    lid_figure,
     mold_figure,
     orientation_figure,
     schematic_figure,
@@ -55,6 +56,7 @@ def build_section(sheets: Sheets, pictures: Pictures) -> Html:
     """The build sheet, its bill and its wiring; nothing where the bundle has no sheets."""
     parts = [
         mold_figure(pictures),
+        lid_figure(pictures),
         orientation_figure(pictures),
         _folded("Casting, step by step", html_of(sheets.casting), CASTING) if sheets.casting else Html(""),
         _folded(*_bill(sheets.bill), BILL) if sheets.bill else Html(""),

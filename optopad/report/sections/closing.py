@@ -5,15 +5,25 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from design.geometry.plan import plan_of
 from design.spec import SensorDesign
 from optopad.report.text.markup import Html, bullets, element, facts, section
 from sims.continuity.result import ContinuityScore
 
+WALLS = (
+    "What the pad's own walls change of a press is one linear layer of the pad's size on top of it: single pairs err "
+    "by 0.5 % rms to 3 mm of depth, by 1.2 % at 4.5 mm, most near a wall."
+)
+SHAPED_WALLS = (
+    "A press is that in the middle of a round pad as thick as this one is there, on a sphere of the top's mean "
+    "curvature: that a wall is nearer on one side, that the layer thins towards the rim, and the difference of a "
+    "cylinder's two curvatures are left out."
+)
+"""For discs and crowned pads."""
 LEFT_OUT = (
     "Contact is static, axisymmetric and frictionless: no sliding, no adhesion, no slow bonding and unbonding at "
     "the walls. Hysteresis of the load is an option for one protocol and never enters the light.",
-    "What the pad's own walls change of a press is one linear layer of the pad's size on top of it: single pairs err "
-    "by 0.5 % rms to 3 mm of depth, by 1.2 % at 4.5 mm, most near a wall.",
+    WALLS,
     "One tip, a rigid body of revolution with a straight shank. Several touches at once are not modelled.",
     "Light that leaves through the top is lost: none comes back in across the crater.",
     "Receivers are bare active areas, without package, lens or filter. Emitters are flat and even, with intensity "
@@ -36,6 +46,7 @@ KNOWN_FILES = {
     "cad/mold.3mf": "the mold, with units",
     "cad/mold_frame.stl": "the mold's walls, to slice",
     "cad/mold_base.stl": "the mold's floor, to slice",
+    "cad/lid.stl": "the lid, which casts the crowned top",
     "cad/leveling_blade.stl": "levels the black layer",
     "cad/pour_gauge.stl": "tells when the clear layer is full",
     "cad/solder_jig.stl": "holds parts while wires are soldered",
@@ -73,9 +84,11 @@ def warnings_section(score: ContinuityScore) -> Html:
     return section("warnings", "Warnings", body)
 
 
-def limits_section() -> Html:
+def limits_section(design: SensorDesign) -> Html:
     """What no figure on the page includes."""
-    return section("limits", "What the models leave out", bullets(LEFT_OUT))
+    is_plain = plan_of(design).is_flat_rectangle
+    said = [SHAPED_WALLS if words is WALLS and not is_plain else words for words in LEFT_OUT]
+    return section("limits", "What the models leave out", bullets(said))
 
 
 def bundle_files(folder: Path) -> list[str]:

@@ -51,7 +51,7 @@ def rays_section(scene: RayScene | str | None, mold: dict[str, Any] | None = Non
         "rays",
         TITLE,
         element("p", _lead(scene)),
-        _view(scene, mold is not None),
+        _view(scene, mold),
         element("div", element("div", *_stills(scene), class_="grid"), _legend(scene), id="rays-still"),
         element("p", CAPTION, class_="note"),
         _table(scene),
@@ -63,17 +63,18 @@ def rays_section(scene: RayScene | str | None, mold: dict[str, Any] | None = Non
 def _lead(scene: RayScene) -> str:
     x_mm, y_mm = scene.place_mm
     where = "the middle of the middle facing pair" if scene.is_middle else "the pad's weakest place"
+    along = "" if scene.design.crown is None else ", along the normal of the top there"
     count = len(scene.pairs)
     which = (
         "of the facing pairs" if scene.is_middle else f"of the {count} judged pairs that pass nearest to it"
     )
     return (
-        f"The pad under presses at {where}, x = {x_mm:g}, y = {y_mm:g} mm, and the light {which}: straight (mode 2), "
-        "mirrored by the top (mode 1), scattered, and what the press takes away."
+        f"The pad under presses at {where}, x = {x_mm:g}, y = {y_mm:g} mm{along}, and the light {which}: straight "
+        "(mode 2), mirrored by the top (mode 1), scattered, and what the press takes away."
     )
 
 
-def _view(scene: RayScene, has_mold: bool) -> Html:
+def _view(scene: RayScene, mold: dict[str, Any] | None) -> Html:
     name = "The sensor in three dimensions. Arrow keys turn it, plus and minus change its size, 0 goes back."
     return element(
         "div",
@@ -82,7 +83,7 @@ def _view(scene: RayScene, has_mold: bool) -> Html:
             element(
                 "fieldset", element("legend", "Press"), *radios("rays-press", scene.labels), class_="choices"
             ),
-            *([_molds()] if has_mold else []),
+            *([] if mold is None else [_molds(mold)]),
             class_="rows",
         ),
         element("canvas", tabindex="0", role="img", aria_label=name, aria_describedby="rays-total"),
@@ -104,18 +105,17 @@ def _view(scene: RayScene, has_mold: bool) -> Html:
     )
 
 
-def _molds() -> Html:
+def _molds(mold: dict[str, Any]) -> Html:
+    looks = [("cut", "cut open", ""), ("whole", "whole", None)]
+    if mold["lid"] is not None:
+        looks.append(("lid", "with its lid, cut open", None))
     choices = (
         element(
             "label",
             element("input", type="radio", name="rays-mold", value=value, checked=checked),
             f" {words}",
         )
-        for value, words, checked in (
-            ("cut", "cut open", ""),
-            ("whole", "whole", None),
-            ("none", "hidden", None),
-        )
+        for value, words, checked in (*looks, ("none", "hidden", None))
     )
     return element("fieldset", element("legend", "Mold"), *choices, class_="choices")
 

@@ -14,7 +14,7 @@ from typing import Any
 from optopad.report.text.assets import asset
 from optopad.report.text.markup import Html, element
 
-PARTS = ("theme.js", "solid.js", "rays_view.js", "pairs_view.js", "maps_view.js")
+PARTS = ("theme.js", "plan.js", "pad.js", "solid.js", "rays_view.js", "pairs_view.js", "maps_view.js")
 
 
 def script_text() -> str:

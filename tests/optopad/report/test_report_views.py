@@ -62,7 +62,8 @@ def test_bodies_stand_behind_their_walls_and_reach_to_their_inner_faces(tmp_path
     scene = mold_scene(PAIR, tmp_path)
     assert scene is not None
     cavity, outline = cavity_of(PAIR), outline_of(PAIR)
-    for kind, low, high in scene["bodies"]:
+    for kind, corners in scene["bodies"]:
+        low, high = np.min(corners, axis=0), np.max(corners, axis=0)
         inner = 0.0 if kind == "emitter" else cavity.length_mm  # west and east walls
         assert inner in (low[0], high[0])
         assert not 0.0 < (low[0] + high[0]) / 2 < cavity.length_mm

@@ -1,0 +1,161 @@
+"""The top of a crowned pad under a press, in space and where a vertical plane cuts it.
+
+A press goes along the normal of the untouched top. In its frame (`sims.optics.scene.pad_form`) the top is the crown
+less its fall, and the height of the press over it, a curve around the axis; where the curve runs back beside the
+shank its lowest height is taken, as in `sims.contact.pad_surface`. The tip is its outline turned about the axis.
+A vertical plane does not hold the axis, so that its cut is found as the line along which a point is neither in nor out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from design.geometry.plan import Plan
+from design.spec import SensorDesign
+from sims.contact.pad_surface import curve_height_mm
+from sims.contact.tip import tip_of
+from sims.optics.scene.lower import scene_of
+from sims.press.indentation import Indentation
+
+FloatArray = NDArray[np.float64]
+Place = tuple[float, float]
+
+CUT_POINTS = 500
+"""Places along and up a cut that its line is found from."""
+TIP_POINTS, TIP_LENGTH = 400, 6.0
+"""Points of the tip's outline and its length [tip radii]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PressFrame:
+    """Where a press goes in, and along what.
+
+    Attributes
+    ----------
+    origin_mm : (3,) on the untouched top [mm]
+    axes : (3, 3) a row each, the third along the press, upward [-]
+    crown_radius_mm : radius of the crown [mm]; infinite for a flat top
+    along : 1 for a sphere; 0 for a cylinder, which is straight along the first axis
+    """
+
+    origin_mm: FloatArray
+    axes: FloatArray
+    crown_radius_mm: float
+    along: float
+
+    def places_mm(self, across_mm: FloatArray, aside_mm: FloatArray, over_mm: FloatArray) -> FloatArray:
+        """(..., 3) places in the cavity frame, of (...,) first and second axis and height along the third [mm]."""
+        return np.asarray(self.origin_mm + np.stack([across_mm, aside_mm, over_mm], axis=-1) @ self.axes)
+
+    def seen_from_it(self, places_mm: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The way back from `places_mm`."""
+        along = (places_mm - self.origin_mm) @ self.axes.T
+        return along[..., 0], along[..., 1], along[..., 2]
+
+    def fall_mm(self, across_mm: FloatArray, aside_mm: FloatArray) -> FloatArray:
+        """(...,) how far the untouched top lies below the frame's plane [mm]."""
+        if not np.isfinite(self.crown_radius_mm):
+            return np.zeros(np.broadcast_shapes(np.shape(across_mm), np.shape(aside_mm)))
+        radius = self.crown_radius_mm
+        square = np.minimum(self.along * across_mm**2 + aside_mm**2, radius**2)
+        return np.asarray(square / (radius + np.sqrt(radius**2 - square)))
+
+    def top_mm(self, press: Indentation | None, across_mm: FloatArray, aside_mm: FloatArray) -> FloatArray:
+        """(...,) height of the pressed top along the third axis [mm]; None: untouched."""
+        fall = self.fall_mm(across_mm, aside_mm)
+        return -fall if press is None else curve_height_mm(press, np.hypot(across_mm, aside_mm)) - fall
+
+
+def press_frame(design: SensorDesign, at_mm: Place) -> PressFrame:
+    """The frame of a press at a place; upright on a flat top."""
+    scene = scene_of(design)
+    form = scene.form
+    if form is None:
+        origin = np.array([*at_mm, scene.height_mm])
+        return PressFrame(origin_mm=origin, axes=np.eye(3), crown_radius_mm=np.inf, along=1.0)
+    origin, axes = form.press_frame(*at_mm, scene.height_mm)
+    along = 1.0 if form.crown_axis == "none" else 0.0
+    return PressFrame(origin_mm=origin, axes=axes, crown_radius_mm=float(form.crown_radius_mm), along=along)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CutPlane:
+    """A vertical plane through a pad.
+
+    Attributes
+    ----------
+    start_mm : (x, y) where its distances begin [mm]
+    direction : (x, y) unit vector along it [-]
+    reach_mm : least and greatest distance that is drawn [mm]
+    ceiling_mm : height up to which is drawn [mm]
+    """
+
+    start_mm: Place
+    direction: Place
+    reach_mm: tuple[float, float]
+    ceiling_mm: float
+
+    def places_mm(self, along_mm: FloatArray, height_mm: FloatArray) -> FloatArray:
+        """(..., 3) places of the plane [mm]."""
+        (x, y), (dx, dy) = self.start_mm, self.direction
+        return np.stack([x + along_mm * dx, y + along_mm * dy, height_mm], axis=-1)
+
+    def untouched_mm(self, plan: Plan) -> FloatArray:
+        """(n, 2) distance and height of the untouched top [mm]."""
+        along = np.linspace(*self.reach_mm, CUT_POINTS)
+        places = self.places_mm(along, np.zeros_like(along))
+        return np.column_stack([along, [plan.top_mm(float(x), float(y)) for x, y, _ in places]])
+
+    def line_mm(self, beyond_mm: Callable[[FloatArray], FloatArray], lowest_mm: float) -> FloatArray:
+        """(n, 2) distance and height of the longest line along which a field of places is zero; empty without one."""
+        along = np.linspace(*self.reach_mm, CUT_POINTS)
+        height = np.linspace(lowest_mm, self.ceiling_mm, CUT_POINTS)
+        field = beyond_mm(self.places_mm(*np.meshgrid(along, height)))
+        if not field.min() < 0.0 < field.max():
+            return np.empty((0, 2))
+        (lines,) = Figure().add_subplot().contour(along, height, field, levels=[0.0]).allsegs
+        longest = np.asarray(max(lines, key=lambda line: float(np.ptp(line[:, 0]))))
+        return longest if longest[0, 0] <= longest[-1, 0] else longest[::-1]
+
+
+def cut_top_mm(frame: PressFrame, press: Indentation, plane: CutPlane) -> FloatArray:
+    """(n, 2) distance and height where a vertical plane cuts the pressed top [mm]."""
+
+    def beyond(places: FloatArray) -> FloatArray:
+        across, aside, over = frame.seen_from_it(places)
+        return np.asarray(over - frame.top_mm(press, across, aside))
+
+    return plane.line_mm(beyond, 0.0)
+
+
+def seen_tip_mm(design: SensorDesign, frame: PressFrame, depth_mm: float, plane: CutPlane) -> FloatArray:
+    """(n, 2) distance and height of the tip's outline through its axis, as seen square to a vertical plane [mm]."""
+    size = design.indenter.tip_radius_mm
+    radius, tall = tip_of(design.indenter).points(np.linspace(0.0, TIP_LENGTH, TIP_POINTS))
+    (right, up), upward = plane.direction, frame.axes[2]
+    sideways = np.cross(np.array([-up, right, 0.0]), upward)
+    sideways /= np.linalg.norm(sideways)
+    across = size * np.concatenate([-radius[::-1], radius])
+    over = size * np.concatenate([tall[::-1], tall]) - depth_mm
+    places = frame.origin_mm + across[:, None] * sideways + over[:, None] * upward
+    along = (places[:, :2] - np.array(plane.start_mm)) @ np.array(plane.direction)
+    return np.column_stack([along, places[:, 2]])
+
+
+def cut_tip_mm(design: SensorDesign, frame: PressFrame, depth_mm: float, plane: CutPlane) -> FloatArray:
+    """(n, 2) distance and height where a vertical plane cuts the tip [mm]; empty where it misses it."""
+    size = design.indenter.tip_radius_mm
+    radius, tall = tip_of(design.indenter).points(np.linspace(0.0, TIP_LENGTH, TIP_POINTS))
+
+    def beyond(places: FloatArray) -> FloatArray:
+        across, aside, over = frame.seen_from_it(places)
+        high = over + depth_mm
+        half = np.interp(high, size * tall, size * radius)
+        return np.asarray(np.hypot(across, aside) - np.where(high < 0.0, high, half))
+
+    return plane.line_mm(beyond, 0.0)
