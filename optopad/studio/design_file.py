@@ -13,7 +13,6 @@ from tomlkit.exceptions import TOMLKitError
 from design.errors import DesignError, InputError, OutputError
 from design.io import load_design
 from design.preset import PRESETS, preset, preset_text
-from design.rules.contact_scope import require_flat_rectangle
 from design.spec import SensorDesign
 from optopad.studio.design_text import edited_text, standalone_text
 
@@ -51,7 +50,6 @@ class DesignFile:
             self.saved = load_design(path)
             self.path = path
             self._text = _read(path)
-        require_flat_rectangle(self.saved)
         self._seen = self._state()
 
     @property
@@ -75,7 +73,6 @@ class DesignFile:
         if state is None:
             raise DesignError(f"{self.path}: is gone; your edits are kept, Save writes it again")
         found = load_design(self.path)
-        require_flat_rectangle(found)
         text = _read(self.path)
         former, self.saved, self._text, self.is_in_step = self.saved, found, text, True
         return None if found.digest == former.digest else found

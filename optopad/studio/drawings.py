@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.geometry.cavity import CavityGeometry, PlacedPart
+from optopad.studio.pad_mesh import outline_mm
 from optopad.studio.session import Press
 from sims.continuity.draft import PlaceCurves
 from sims.continuity.result import ContinuityScore, JudgedPair
@@ -225,7 +226,8 @@ def _middle(values: FloatArray) -> float:
 
 
 def map_svg(cavity: CavityGeometry, shown: Quantity | None, press: Press, bad: Sequence[str] = ()) -> str:
-    """The pad from above: a quantity place by place, parts with their names, the tip.
+    """The pad from above: a quantity place by place, parts with their names, the tip; on a disc what lies in the
+    workspace.
 
     Parameters
     ----------
@@ -243,12 +245,17 @@ def map_svg(cavity: CavityGeometry, shown: Quantity | None, press: Press, bad: S
         return edge + high - scale * at_mm
 
     body = [_HATCH]
-    if shown is not None:
-        body += _cells(cavity, shown, x, y, scale)
-    body.append(
-        f'<rect x="{x(0):.1f}" y="{edge}" width="{scale * cavity.length_mm:.1f}" height="{high:.1f}" fill="none" '
-        'stroke="currentColor"/>'
-    )
+    cells = [] if shown is None else _cells(cavity, shown, x, y, scale)
+    if cavity.plan.is_disc:
+        corners = " ".join(f"{x(at_x):.1f},{y(at_y):.1f}" for at_x, at_y in outline_mm(cavity.plan))
+        body.append(f'<clipPath id="pad"><polygon points="{corners}"/></clipPath><g clip-path="url(#pad)">')
+        body += [*cells, f'</g><polygon points="{corners}" fill="none" stroke="currentColor"/>']
+    else:
+        body += cells
+        body.append(
+            f'<rect x="{x(0):.1f}" y="{edge}" width="{scale * cavity.length_mm:.1f}" height="{high:.1f}" fill="none" '
+            'stroke="currentColor"/>'
+        )
     body += [_part(part, x, y, is_bad=part.name in bad) for part in cavity.parts]
     radius = scale * cavity.tip_radius_mm
     body.append(
@@ -268,6 +275,8 @@ def _cells(cavity: CavityGeometry, shown: Quantity, x: Place, y: Place, scale: f
     wide, tall = _pitch(shown.x_mm, cavity.length_mm), _pitch(shown.y_mm, cavity.width_mm)
     for row, at_y in enumerate(shown.y_mm):
         for column, at_x in enumerate(shown.x_mm):
+            if cavity.workspace.is_disc and not cavity.workspace.contains(at_x, at_y, 1e-6):
+                continue
             value = float(shown.values[row, column])
             is_known = bool(np.isfinite(value))
             span = shown.good - shown.bad
@@ -313,12 +322,12 @@ def _shade(good: float) -> str:
 
 def _part(part: PlacedPart, x: Place, y: Place, *, is_bad: bool) -> str:
     at_x, at_y, _ = part.position_mm
-    out = {"south": (0, 1), "north": (0, -1), "west": (-1, 0), "east": (1, 0)}[part.wall]
+    right, up = part.line.outward
     cx, cy = x(at_x), y(at_y)
     colour = DEAD if is_bad else EMITTER if part.kind == "emitter" else RECEIVER
     return (
         f'<circle cx="{cx:.1f}" cy="{cy:.1f}" r="3.4" fill="{colour}"/>'
-        f'<text x="{cx + 14 * out[0]:.1f}" y="{cy + 13 * out[1] + 3:.1f}" text-anchor="middle">'
+        f'<text x="{cx + 14 * right:.1f}" y="{cy - 13 * up + 3:.1f}" text-anchor="middle">'
         f"{escape(part.name)}</text>"
     )
 

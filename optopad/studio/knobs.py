@@ -7,17 +7,28 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal
 
-from design.fields.paths import get_at
+from design.fields.paths import get_at, is_value
 from design.spec import SensorDesign
-from design.spec.layout import WALLS, AlternatingRing, FacingRows, PerSide, wall_length_mm
+from design.spec.layout import (
+    WALLS,
+    AlternatingRing,
+    DiscRing,
+    FacingRows,
+    PerSide,
+    expand,
+    wall_length_mm,
+)
 from design.spec.properties import entries_of
 from optopad.report.text.answer import unit_of
 
 Kind = Literal["number", "whole", "choice"]
 BY_HAND = "by hand"
 MOST_ON_A_WALL = 32
+SIZES = ("cavity.length_mm", "cavity.width_mm", "cavity.diameter_mm")
+ANGLES_DEG = (-360.0, 360.0)
 PATTERNS = ("alternating ring", "facing rows", "by side", BY_HAND)
-"""Of a whole layout; `by hand` is anything else."""
+DISC_PATTERNS = ("disc ring", BY_HAND)
+"""Of a whole layout, of a rectangle and of a disc; `by hand` is anything else."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +64,8 @@ _FIXED = (
     ("Pad", "cavity.clear_thickness_mm", "clear layer", 0.25, "Layer that light uses: the main lever."),
     ("Pad", "cavity.length_mm", "length", 1.0, "Inner length along x; the mold grows with it."),
     ("Pad", "cavity.width_mm", "width", 1.0, "Inner width along y; the mold grows with it."),
+    ("Pad", "cavity.diameter_mm", "diameter", 1.0, "Inner diameter; the mold grows with it."),
+    ("Pad", "crown.radius_mm", "crown radius", 1.0, "Radius of curvature of the top: smaller is rounder."),
     ("Pad", "cavity.black_thickness_mm", "black layer", 0.25, "Absorbing layer below the clear one."),
     ("Parts", "emitters.height_mm", "emitters' height", 0.1, "Centre of the emitting area over the layer's bottom."),
     ("Parts", "receivers.height_mm", "receivers' height", 0.1, "Centre of the chip over the clear layer's bottom."),
@@ -81,10 +94,11 @@ def changes_of(design: SensorDesign, path: str, value: Any) -> dict[str, Any]:
     """
     if path == "layout":
         return {} if value == pattern_of(design) else {"layout": relaid(design, str(value))}
-    if path in ("cavity.length_mm", "cavity.width_mm") and isinstance(value, int | float):
+    if path in SIZES and isinstance(value, int | float):
         side = path.removeprefix("cavity.")
-        outer = getattr(design.mold, f"outer_{side}") + value - getattr(design.cavity, side)
-        return {path: value, f"mold.outer_{side}": round(outer, 6)}
+        inner, outer = getattr(design.cavity, side), getattr(design.mold, f"outer_{side}")
+        if inner is not None and outer is not None:  # a rectangle has no diameter
+            return {path: value, f"mold.outer_{side}": round(outer + value - inner, 6)}
     if ".parts_per_side." in path and isinstance(value, int):
         return {path: value} | _opposite_too(design, path, value)
     return {path: value}
@@ -107,6 +121,8 @@ def relaid(design: SensorDesign, pattern: str) -> list[dict[str, Any]]:
     from optopad.studio.moves import placed_singles
 
     emitters = _count(design, "emitter")
+    if pattern == "disc ring":
+        return [_disc_ring(design)]
     if pattern == "alternating ring":
         return [{"pattern": "alternating_ring", "parts_per_side": max(round(_count(design) / 4), 1)}]
     if pattern == "facing rows":
@@ -122,7 +138,9 @@ def relaid(design: SensorDesign, pattern: str) -> list[dict[str, Any]]:
 
 def pattern_of(design: SensorDesign) -> str:
     """The name of a whole layout's pattern, of `PATTERNS`."""
-    kinds = {type(one) for one in design.layout}
+    kinds: set[type] = {type(one) for one in design.layout}
+    if len(design.layout) == 1 and kinds == {DiscRing}:
+        return "disc ring"
     if len(design.layout) == 1 and kinds == {AlternatingRing}:
         return "alternating ring"
     if len(design.layout) == 1 and kinds == {FacingRows}:
@@ -130,9 +148,15 @@ def pattern_of(design: SensorDesign) -> str:
     return "by side" if kinds == {PerSide} else BY_HAND
 
 
-def _count(design: SensorDesign, kind: str | None = None) -> int:
-    from design.spec.layout import expand
+def _disc_ring(design: SensorDesign) -> dict[str, Any]:
+    """As many emitters as there are, or receivers where these are more, from the first emitter's direction on."""
+    count = max(_count(design, "emitter"), _count(design, "receiver"))
+    places = expand(design.layout, design.cavity.length_mm, design.cavity.width_mm)
+    first = next((one.angle_deg for one in places if one.kind == "emitter"), None) or 0.0
+    return {"pattern": "disc_ring", "count": min(count, MOST_ON_A_WALL), "first_angle_deg": first}
 
+
+def _count(design: SensorDesign, kind: str | None = None) -> int:
     places = expand(design.layout, design.cavity.length_mm, design.cavity.width_mm)
     return sum(kind in (None, place.kind) for place in places)
 
@@ -140,9 +164,11 @@ def _count(design: SensorDesign, kind: str | None = None) -> int:
 def _numbers(design: SensorDesign) -> Iterator[Knob]:
     document = design.model_dump(mode="json")
     for group, path, label, step, tells in _FIXED:
-        low, high = limits_of(path)
+        if not is_value(document, path):  # of another outline, or of no crown
+            continue
         if path == "gain.target_counts" and not isinstance(design.gain.feedback_ohm, str):
             continue
+        low, high = limits_of(path)
         yield Knob(
             path=path,
             group=group,
@@ -190,7 +216,8 @@ def _choices(design: SensorDesign) -> Iterator[Knob]:
         tells = "each: every receiver has its own gain; common: one gain for all."
         yield choice("Signal", "gain.feedback_ohm", "gain", rule, ("each", "common"), tells)
     tells = "Where parts sit. By hand: every part by itself, as dragging one makes it."
-    yield choice("Layout", "layout", "pattern", pattern_of(design), PATTERNS, tells)
+    patterns = DISC_PATTERNS if design.cavity.outline == "disc" else PATTERNS
+    yield choice("Layout", "layout", "pattern", pattern_of(design), patterns, tells)
 
 
 def _layout(design: SensorDesign) -> Iterator[Knob]:
@@ -199,6 +226,10 @@ def _layout(design: SensorDesign) -> Iterator[Knob]:
         match pattern:
             case AlternatingRing():
                 yield from _ring(design, pattern, at)
+            case DiscRing():
+                tells = "Emitters, and as many receivers, in turn."
+                yield _whole(at, "count", "pairs", pattern.count, MOST_ON_A_WALL, tells)
+                yield _first_angle(at, pattern.first_angle_deg)
             case FacingRows():
                 yield _whole(
                     at,
@@ -267,6 +298,22 @@ def _whole(at: str, name: str, label: str, value: int, high: int, tells: str) ->
     )
 
 
+def _first_angle(at: str, value: float) -> Knob:
+    low, high = ANGLES_DEG
+    return Knob(
+        path=f"{at}.first_angle_deg",
+        group="Layout",
+        label="first part at",
+        unit="°",
+        kind="number",
+        value=value,
+        low=low,
+        high=high,
+        step=1.0,
+        tells="Direction of the first part from the centre, 0 along x, 90 along y: turns the whole ring.",
+    )
+
+
 def _pitch(at: str, given_mm: float | None, even_mm: float) -> Knob:
     """The pitch, or what it is where none is given."""
     value = round(even_mm, 3) if given_mm is None else given_mm
@@ -303,6 +350,7 @@ def limits_of(path: str) -> tuple[float | None, float | None]:
         )
         if reference:
             found = schema["$defs"][reference.rsplit("/", 1)[-1]]
+    found = next((one for one in found.get("anyOf", ()) if one.get("type") in ("number", "integer")), found)
     low = found.get("minimum", found.get("exclusiveMinimum"))
     high = found.get("maximum", found.get("exclusiveMaximum"))
     return (None if low is None else float(low), None if high is None else float(high))

@@ -3,6 +3,9 @@
 Along its wall a part of a pattern leaves the pattern, whose parts then stand one by one where they stood; their names
 and order stay. With its whole row, the pattern's pitch or shift changes. In height a part takes all of its kind with
 it, unless it has a height of its own.
+
+On a disc a part goes by its direction from the centre: out of a ring, whose parts then have an angle each, or with the
+whole ring. Parts that were given by angles share their height with the others of their entry.
 """
 
 from __future__ import annotations
@@ -18,6 +21,8 @@ from design.spec.layout import AtAngles, DiscRing, FacingRows, PerSide, Single, 
 
 STEP_MM = 0.05
 """What a dragged place is rounded to [mm]: finer than any mold is printed."""
+STEP_DEG = 0.1
+"""The same of a direction [degrees]: 0.05 mm on a disc of 57 mm."""
 LEAST_MM = 0.01
 
 
@@ -40,6 +45,7 @@ def moved(
     name: str,
     *,
     along_mm: float | None = None,
+    angle_deg: float | None = None,
     height_mm: float | None = None,
     with_row: bool = False,
 ) -> dict[str, Any]:
@@ -47,7 +53,8 @@ def moved(
 
     Parameters
     ----------
-    along_mm : from the wall's low corner [mm]; None: as it is
+    along_mm : of a rectangle, from the wall's low corner [mm]; None: as it is
+    angle_deg : of a disc, direction from the centre [degrees]; None: as it is
     height_mm : above the clear layer's bottom [mm]; None: as it is
     with_row : move the whole row of its pattern along, too
 
@@ -57,11 +64,14 @@ def moved(
 
     Raises
     ------
-    InputError : no such part, a place that is no number.
+    InputError : no such part, a place that is no number, or of the other outline.
     DesignError : a place that the layout does not take.
     """
     part = part_named(design, name)
+    _require_outline(design, name, along_mm, angle_deg)
     changes: dict[str, Any] = {}
+    if angle_deg is not None:
+        changes |= _turned(design, part, angle_deg, with_row=with_row)
     along = _place(along_mm, part.along_mm, f"{name}: along_mm")
     height = _place(height_mm, part.height_mm, f"{name}: height_mm")
     if along is not None:
@@ -72,14 +82,36 @@ def moved(
     return changes
 
 
+def _require_outline(
+    design: SensorDesign, name: str, along_mm: float | None, angle_deg: float | None
+) -> None:
+    is_disc = design.cavity.outline == "disc"
+    if is_disc and along_mm is not None:
+        raise InputError(f"{name}: along_mm: a disc has no straight walls; give angle_deg")
+    if not is_disc and angle_deg is not None:
+        raise InputError(f"{name}: angle_deg: a rectangle has no angles; give along_mm")
+
+
+def angle_of(design: SensorDesign, part: PlacedPart) -> float:
+    """Direction of a disc's part from the centre, as the layout has it [degrees]."""
+    places = expand(design.layout, design.cavity.length_mm, design.cavity.width_mm)
+    return next(place.angle_deg or 0.0 for place in places if place.name == part.name)
+
+
 def placed_singles(design: SensorDesign, numbers: Iterable[int]) -> list[dict[str, Any]]:
-    """The layout with some of its patterns taken apart into single parts at the same places."""
+    """The layout with some of its patterns taken apart into parts by themselves at the same places.
+
+    On a rectangle one entry a part; on a disc one of each kind, with an angle a part.
+    """
     document = design.model_dump(mode="json")["layout"]
     apart = set(numbers)
     found: list[dict[str, Any]] = []
     for number, pattern in enumerate(document):
-        if number not in apart or pattern["pattern"] == "single":
+        if number not in apart or pattern["pattern"] in ("single", "at_angles"):
             found.append(pattern)
+            continue
+        if pattern["pattern"] == "disc_ring":
+            found += _angles_of(design, number)
             continue
         for place in expand((design.layout[number],), design.cavity.length_mm, design.cavity.width_mm):
             single = {
@@ -92,6 +124,59 @@ def placed_singles(design: SensorDesign, numbers: Iterable[int]) -> list[dict[st
     return found
 
 
+def _angles_of(design: SensorDesign, number: int) -> list[dict[str, Any]]:
+    """Entries by angle with the parts of a ring, emitters first."""
+    places = expand((design.layout[number],), design.cavity.length_mm, design.cavity.width_mm)
+    return [
+        {
+            "pattern": "at_angles",
+            "kind": kind,
+            "angles_deg": [_plain(place.angle_deg or 0.0) for place in places if place.kind == kind],
+        }
+        for kind in ("emitter", "receiver")
+    ]
+
+
+def _turned(design: SensorDesign, part: PlacedPart, angle_deg: float, *, with_row: bool) -> dict[str, Any]:
+    """A part of a disc, or its whole pattern, in another direction."""
+    if not math.isfinite(angle_deg):
+        raise InputError(f"{part.name}: angle_deg: {angle_deg} is refused: must be a finite number")
+    turn = _around(angle_deg - angle_of(design, part))
+    if abs(turn) < STEP_DEG / 2:
+        return {}
+    number = int(part.origin.split(".")[1])
+    pattern = design.layout[number]
+    if with_row:
+        turn = _whole_steps(turn)
+        if isinstance(pattern, AtAngles):
+            angles = [_direction(angle + turn) for angle in pattern.angles_deg]
+            return {f"{part.origin}.angles_deg": angles}
+        assert isinstance(pattern, DiscRing)
+        return {f"{part.origin}.first_angle_deg": _direction(pattern.first_angle_deg + turn)}
+    wanted = _direction(_whole_steps(angle_deg))
+    before = expand(design.layout[:number], design.cavity.length_mm, design.cavity.width_mm)
+    rank = _rank(design, part) - sum(place.kind == part.kind for place in before)
+    if isinstance(pattern, AtAngles):
+        return {f"{part.origin}.angles_deg.{rank}": wanted}
+    layout = placed_singles(design, [number])
+    layout[number + (part.kind == "receiver")]["angles_deg"][rank] = wanted
+    return {"layout": layout}
+
+
+def _around(angle_deg: float) -> float:
+    """The same direction, from -180 to 180 [degrees]."""
+    return (angle_deg + 180.0) % 360.0 - 180.0
+
+
+def _direction(angle_deg: float) -> float:
+    """The same direction, from 0 on and below 360 [degrees]."""
+    return _plain(angle_deg % 360.0) % 360.0
+
+
+def _whole_steps(angle_deg: float) -> float:
+    return round(angle_deg / STEP_DEG) * STEP_DEG
+
+
 def _own(place: Any) -> dict[str, Any]:
     return {"part": place.part, "height_mm": place.height_mm}
 
@@ -99,8 +184,6 @@ def _own(place: Any) -> dict[str, Any]:
 def _along(design: SensorDesign, part: PlacedPart, along_mm: float, *, with_row: bool) -> dict[str, Any]:
     number = int(part.origin.split(".")[1])
     pattern = design.layout[number]
-    if isinstance(pattern, DiscRing | AtAngles):
-        return {}
     if isinstance(pattern, Single):
         return {f"{part.origin}.along_mm": along_mm}
     if with_row:

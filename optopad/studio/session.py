@@ -24,7 +24,7 @@ from design.spec import SensorDesign
 from optopad.report.text.answer import changes_words
 from optopad.studio.design_file import DesignFile
 from optopad.studio.knobs import changes_of
-from optopad.studio.moves import moved, part_named
+from optopad.studio.moves import angle_of, moved, part_named
 
 MERGE_S = 1.5
 """Edits of one thing that follow each other so soon are one step of the history [s]."""
@@ -141,12 +141,16 @@ class Session:
         name: str,
         *,
         along_mm: float | None = None,
+        angle_deg: float | None = None,
         height_mm: float | None = None,
         with_row: bool = False,
     ) -> bool:
-        """Bring a part to a place on its wall; False where it was refused, which is then said."""
+        """Bring a part to a place on its wall, on a disc by its direction; False where it was refused, which is then
+        said.
+        """
+        where = {"along_mm": along_mm, "angle_deg": angle_deg, "height_mm": height_mm}
         return self._edit(
-            lambda: moved(self.design, name, along_mm=along_mm, height_mm=height_mm, with_row=with_row),
+            lambda: moved(self.design, name, **where, with_row=with_row),
             merge=f"move {name}",
             words=lambda design: _place_words(design, name),
         )
@@ -299,7 +303,9 @@ class Session:
         """The nearest press of the workspace; of a pad that has none, the nearest in the pad."""
         size, space = self.design.cavity, workspace_of(self.design)
         if space.is_empty:
-            space = Workspace(x0_mm=0.0, x1_mm=size.length_mm, y0_mm=0.0, y1_mm=size.width_mm)
+            space = Workspace(
+                x0_mm=0.0, x1_mm=size.length_mm, y0_mm=0.0, y1_mm=size.width_mm, is_disc=space.is_disc
+            )
         x_mm, y_mm = space.clamped(*wanted.place_mm)
         deepest = self.design.operating.max_depth_mm
         return Press(x_mm=x_mm, y_mm=y_mm, depth_mm=min(max(wanted.depth_mm, 0.0), deepest))
@@ -339,6 +345,8 @@ def _words(design: SensorDesign, wanted: dict[str, Any]) -> str:
 def _place_words(design: SensorDesign, name: str) -> str:
     """Where a part sits."""
     part = part_named(design, name)
+    if design.cavity.outline == "disc":
+        return f"{name}: at {angle_of(design, part):g}°, {part.height_mm:g} mm high"
     return f"{name}: {part.along_mm:g} mm along the {part.wall} wall, {part.height_mm:g} mm high"
 
 

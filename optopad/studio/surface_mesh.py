@@ -1,4 +1,8 @@
-"""The pressed top as a mesh for a picture: rings around the press axis, drawn out to the pad's own outline."""
+"""The pressed top as a mesh for a picture: rings around the press axis, drawn out to the pad's own outline.
+
+On a crown the rings lie on the untouched top, each point raised along the normal of the place that is pressed, by the
+press's height at its distance from the axis.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +11,18 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from design.geometry.cavity import cavity_of
+from design.geometry.plan import Plan
 from design.spec import SensorDesign
+from optopad.studio.pad_mesh import outline_mm, ring_triangles, top_mm
 from sims.contact.pad_surface import PadSurface, curve_height_mm, pad_surface
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 SPOKES, RINGS = 72, 28
+BORDER_STEPS = 6
+"""Steps that bring a raised point of the border back into its wall, each some ten times nearer."""
 REST_MM = 0.5
 """Nodes of the smooth rest of the height: straight between them it is off by 0.01 mm at most, near the contact."""
 
@@ -27,23 +36,52 @@ def pressed_top(
     ------
     ModelScopeError : a press that the contact model does not cover.
     """
-    size = (design.cavity.length_mm, design.cavity.width_mm)
-    angles = _angles(size, place_mm)
-    reach = _reach(size, place_mm, angles)
+    plan = cavity_of(design).plan
+    outline = outline_mm(plan)
+    angles = _angles(outline, place_mm)
+    reach = _reach(outline, place_mm, angles)
     surface = pad_surface(design, depth_mm, place_mm) if depth_mm > 0 else None
     tip = design.indenter.tip_radius_mm
     radii = _radii(surface, tip, float(reach.max()))
     at = np.minimum(radii[:, None], reach[None, :])
-    x = np.clip(place_mm[0] + at * np.cos(angles), 0.0, size[0])
-    y = np.clip(place_mm[1] + at * np.sin(angles), 0.0, size[1])
-    height = np.zeros_like(x) if surface is None else _height(surface, at, x, y)
-    points = np.stack([x, y, design.cavity.clear_thickness_mm + height], axis=-1).reshape(-1, 3)
-    return points, _triangles(len(radii), len(angles)), surface
+    x = np.clip(place_mm[0] + at * np.cos(angles), 0.0, plan.length_mm)
+    y = np.clip(place_mm[1] + at * np.sin(angles), 0.0, plan.width_mm)
+    points = np.stack([x, y, top_mm(plan, x, y)], axis=-1).reshape(-1, 3)
+    if surface is not None and plan.crown is not None:
+        points = _pressed_crown(plan, surface, points, (at >= reach).ravel())
+    elif surface is not None:
+        points[:, 2] += _height(surface, at, x, y, is_rectangle=not plan.is_disc).ravel()
+    return points, ring_triangles(len(radii), len(angles)), surface
 
 
-def _height(surface: PadSurface, radius: FloatArray, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-    """The curve around the axis, and outside the contact the smooth rest between its own nodes."""
+def _pressed_crown(
+    plan: Plan, surface: PadSurface, points: FloatArray, is_border: NDArray[np.bool_]
+) -> FloatArray:
+    """(n, 3) the pressed top over points (n, 3) of the untouched one; border points stay in their walls [mm]."""
+    normal = np.array(plan.normal(*surface.at_mm))
+    foot = np.array([*surface.at_mm, plan.top_mm(*surface.at_mm)])
+
+    def raised(start: FloatArray) -> FloatArray:
+        away = start - foot
+        axial = away @ normal
+        radius = np.sqrt(np.maximum((away**2).sum(axis=1) - axial**2, 0.0))
+        return np.asarray(start + curve_height_mm(surface.near, radius)[:, None] * normal)
+
+    found, border, start = raised(points), points[is_border], points[is_border]
+    for _ in range(BORDER_STEPS):
+        x, y = (start + border - raised(start))[:, :2].T
+        start = np.column_stack([x, y, top_mm(plan, x, y)])
+    found[is_border] = np.column_stack([border[:, :2], raised(start)[:, 2]])
+    return found
+
+
+def _height(
+    surface: PadSurface, radius: FloatArray, x_mm: FloatArray, y_mm: FloatArray, *, is_rectangle: bool
+) -> FloatArray:
+    """The curve around the axis, and outside the contact of a rectangle the smooth rest between its own nodes."""
     near = curve_height_mm(surface.near, radius)
+    if not is_rectangle:
+        return near
     lines = [np.linspace(0.0, size, math.ceil(size / REST_MM) + 1) for size in surface.size_mm]
     rest = surface.beside_mm(*lines)
     cells = [len(line) - 1 for line in lines]
@@ -60,28 +98,21 @@ def _height(surface: PadSurface, radius: FloatArray, x_mm: FloatArray, y_mm: Flo
     return near + np.where(radius <= surface.near.contact_radius_mm, 0.0, beside)
 
 
-def _angles(size_mm: tuple[float, float], place_mm: tuple[float, float]) -> FloatArray:
-    """Even angles, with those of the corners among them."""
-    corners = [
-        np.arctan2(y - place_mm[1], x - place_mm[0]) for x in (0.0, size_mm[0]) for y in (0.0, size_mm[1])
-    ]
+def _angles(outline: FloatArray, place_mm: tuple[float, float]) -> FloatArray:
+    """Even angles, with those of the outline's corners among them."""
+    corners = np.arctan2(outline[:, 1] - place_mm[1], outline[:, 0] - place_mm[0])
     even = np.linspace(-np.pi, np.pi, SPOKES, endpoint=False)
     return np.unique(np.round(np.concatenate([even, corners]), 9))
 
 
-def _reach(size_mm: tuple[float, float], place_mm: tuple[float, float], angles: FloatArray) -> FloatArray:
-    """(angle,) distance from the press axis to the pad's side [mm]."""
-    cos, sin = np.cos(angles), np.sin(angles)
-    with np.errstate(divide="ignore"):
-        along = np.where(
-            cos > 0, (size_mm[0] - place_mm[0]) / cos, -place_mm[0] / np.where(cos == 0, 1.0, cos)
-        )
-        across = np.where(
-            sin > 0, (size_mm[1] - place_mm[1]) / sin, -place_mm[1] / np.where(sin == 0, 1.0, sin)
-        )
-    along = np.where(np.abs(cos) < 1e-12, np.inf, along)
-    across = np.where(np.abs(sin) < 1e-12, np.inf, across)
-    return np.asarray(np.minimum(along, across), dtype=np.float64)
+def _reach(outline: FloatArray, place_mm: tuple[float, float], angles: FloatArray) -> FloatArray:
+    """(angle,) distance from the press axis to the nearest side of the convex outline [mm]."""
+    side = np.roll(outline, -1, axis=0) - outline
+    outward = np.column_stack([side[:, 1], -side[:, 0]])
+    gap = ((outline - place_mm) * outward).sum(axis=1)
+    towards = outward @ np.stack([np.cos(angles), np.sin(angles)])
+    meets = towards > 1e-12 * np.linalg.norm(outward, axis=1)[:, None]
+    return np.asarray(np.where(meets, gap[:, None] / np.where(meets, towards, 1.0), np.inf).min(axis=0))
 
 
 def _radii(surface: PadSurface | None, tip_mm: float, farthest_mm: float) -> FloatArray:
@@ -91,12 +122,3 @@ def _radii(surface: PadSurface | None, tip_mm: float, farthest_mm: float) -> Flo
     beside = edge + np.linspace(0.0, 2.0 * tip_mm, RINGS // 2)[1:]
     beyond = np.linspace(beside[-1], max(farthest_mm, beside[-1] + tip_mm), RINGS // 4)[1:]
     return np.concatenate([near, beside, beyond])
-
-
-def _triangles(rings: int, spokes: int) -> IntArray:
-    """Two triangles for every cell between rings and spokes, seen from above counter-clockwise."""
-    ring, spoke = (a.ravel() for a in np.meshgrid(np.arange(rings - 1), np.arange(spokes), indexing="ij"))
-    after = (spoke + 1) % spokes
-    a, b = ring * spokes + spoke, ring * spokes + after
-    c, d = (ring + 1) * spokes + spoke, (ring + 1) * spokes + after
-    return np.concatenate([np.stack([a, c, d], axis=1), np.stack([a, d, b], axis=1)]).astype(np.int64)

@@ -51,7 +51,7 @@ OF_ANSWER: dict[type, tuple[str, ...]] = {
     Readings: (),
     Judged: ("map", "words"),
     found_by_work.Doing: ("words",),
-    Failed: ("words",),
+    Failed: ("press", "words"),
 }
 """What is drawn anew when an answer comes."""
 
@@ -289,10 +289,12 @@ class Page:
                 now.design, (*bad_parts(now, cavity.parts), *self._faulty), is_bad=bool(now.errors)
             )
         self._scene.draw_tip(now.design, self.session.press)
-        if now.errors:
-            self._scene.draw_flat_top(now.design)
-        elif isinstance(look, Look):
+        failed, digest = answers.get(Failed), now.design.digest
+        has_none = isinstance(failed, Failed) and failed.digest == digest
+        if isinstance(look, Look) and not now.errors and (look.digest == digest or not has_none):
             self._scene.draw_top(look)
+        else:
+            self._scene.draw_untouched_top(now.design, is_bad=bool(now.errors))
 
     def _draw_rays(self, answers: dict[type, Answer]) -> None:
         rays, shown = answers.get(Rays), self._controls.shows_rays
@@ -324,7 +326,7 @@ class Page:
             self._mark("design")
         self._panel.draw_sensor(view, answers, faulty)
         touch = view.touch
-        self._scene.draw_touch(touch, self.session.design.cavity.clear_thickness_mm)
+        self._scene.draw_touch(touch)
         if (
             touch is not None
             and touch.is_touched

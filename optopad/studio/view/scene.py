@@ -1,7 +1,7 @@
 """The picture in three dimensions: layers, parts, mold, tip, pressed top, rays, ghosts; lengths in mm.
 
-Parts and tip are dragged: the pointer's ray is cut with the plane that the thing moves in, the wall's inner face for a
-part (along it or in height, not both), the level of its apex for the tip (with shift: upright, which is depth).
+Parts and tip are dragged: the pointer's ray is cut with what the thing moves in, the wall's inner face for a part
+(along it or in height, not both), a plane of one height for the tip (with shift: along the normal, which is depth).
 """
 
 from __future__ import annotations
@@ -14,19 +14,32 @@ from numpy.typing import NDArray
 
 from cad.mesh import Mesh
 from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
-from design.geometry.mold_outline import outline_of
+from design.geometry.plan import Plan
 from design.spec import SensorDesign
 from fabrication.driver.touch_reader import Touch
-from optopad.report.scenes.mold_scene import body_mm
 from optopad.studio.actions import Ghost
 from optopad.studio.answers import Look, Rays
 from optopad.studio.cut_mesh import cut_open
+from optopad.studio.moves import angle_of
+from optopad.studio.pad_mesh import side_walls, slab, struck_place, untouched_top
 from optopad.studio.session import Press, Session
-from sims.contact.tip import tip_of
+from optopad.studio.view.shapes import (
+    along_normal,
+    along_one_way,
+    body_box,
+    facing,
+    mold_edges,
+    plane_cut,
+    round_cut,
+    tip_apex_mm,
+    tip_body,
+    turn_deg,
+)
 from sims.rays.light_kinds import KINDS, LOST
 
 FloatArray = NDArray[np.float64]
 Colour = tuple[int, int, int]
+PartDrag = viser.SceneNodeDragEvent[viser.BoxHandle]
 
 CLEAR, BLACK, MOLD, TIP, BAD, GHOST = (
     (120, 180, 235),
@@ -37,9 +50,6 @@ CLEAR, BLACK, MOLD, TIP, BAD, GHOST = (
     (0, 158, 115),
 )
 PART_COLOURS = {"emitter": (230, 159, 0), "receiver": (0, 114, 178)}
-NO_TURN = (1.0, 0.0, 0.0, 0.0)
-TIP_LENGTH = 3.0
-"""Length of the drawn tip [tip radii]."""
 FACE_MM = 0.25
 """How far a part's active face is drawn out of its wall [mm]."""
 
@@ -102,20 +112,23 @@ class Scene:
         ]:
             self._parts.pop(name)[1].remove()
         for part in cavity.parts:
-            self._draw_part(part, cavity, is_bad=part.name in bad)
+            self._draw_part(part, is_bad=part.name in bad)
 
     def _draw_layers(self, cavity: CavityGeometry, *, is_bad: bool) -> None:
         length, width = cavity.length_mm, cavity.width_mm
-        if cavity.black_mm > 0:
+        if cavity.black_mm <= 0:
+            self._scene.remove_by_name("/pad/black")
+        elif cavity.plan.is_disc:
+            points, triangles = slab(cavity.plan, cavity.black_mm)
+            self._scene.add_mesh_simple("/pad/black", points, triangles, color=BLACK, flat_shading=True)
+        else:
             self._scene.add_box(
                 "/pad/black",
                 color=BLACK,
                 dimensions=(length, width, cavity.black_mm),
                 position=(length / 2, width / 2, -cavity.black_mm / 2),
             )
-        else:
-            self._scene.remove_by_name("/pad/black")
-        points, triangles = _side_walls(length, width, cavity.clear_mm)
+        points, triangles = side_walls(cavity.plan)
         self._scene.add_mesh_simple(
             "/pad/sides",
             points,
@@ -126,35 +139,26 @@ class Scene:
             cast_shadow=False,
         )
 
-    def _draw_part(self, part: PlacedPart, cavity: CavityGeometry, *, is_bad: bool) -> None:
-        place = part.position_mm
+    def _draw_part(self, part: PlacedPart, *, is_bad: bool) -> None:
         colour = BAD if is_bad else PART_COLOURS[part.kind]
         if part.name not in self._parts:
-            self._parts[part.name] = self._new_part(part, cavity, place)
+            self._parts[part.name] = self._new_part(part)
         _, frame, body, face = self._parts[part.name]
-        frame.position = place
+        frame.position, frame.wxyz = part.position_mm, facing(part)
         body.color = colour
         face.color = colour
 
-    def _new_part(
-        self, part: PlacedPart, cavity: CavityGeometry, place: tuple[float, float, float]
-    ) -> tuple[str, viser.FrameHandle, viser.BoxHandle, viser.BoxHandle]:
+    def _new_part(self, part: PlacedPart) -> tuple[str, viser.FrameHandle, viser.BoxHandle, viser.BoxHandle]:
+        """A part in the frame of its face: x outward, y along its wall."""
         at = f"/parts/{part.name}"
-        frame = self._scene.add_frame(at, show_axes=False, position=place)
-        low, high = (np.array(corner) - place for corner in body_mm(part, cavity))
-        body = self._scene.add_box(
-            f"{at}/body", dimensions=tuple(high - low), position=tuple((low + high) / 2)
+        frame = self._scene.add_frame(at, show_axes=False)
+        size, middle = body_box(part)
+        body = self._scene.add_box(f"{at}/body", dimensions=size, position=middle)
+        face = self._scene.add_box(
+            f"{at}/face", dimensions=(FACE_MM, 2 * part.half_width_mm, 2 * part.half_height_mm)
         )
-        across = part.wall in ("south", "north")
-        size = (
-            (2 * part.half_width_mm, FACE_MM, 2 * part.half_height_mm)
-            if across
-            else (FACE_MM, 2 * part.half_width_mm, 2 * part.half_height_mm)
-        )
-        face = self._scene.add_box(f"{at}/face", dimensions=size)
-        self._scene.add_label(
-            f"{at}/name", part.name, position=(0.0, 0.0, float(high[2]) + 0.8), anchor="bottom-center"
-        )
+        above = float(middle[2] + size[2] / 2) + 0.8
+        self._scene.add_label(f"{at}/name", part.name, position=(0.0, 0.0, above), anchor="bottom-center")
         for node in (body, face):
             self._drag_part(node, part.name)
         return _key(part), frame, body, face
@@ -165,22 +169,44 @@ class Scene:
             part = next((one for one in cavity.parts if one.name == name), None)
             if part is None:
                 return
-            axis = 1 if part.wall in ("south", "north") else 0
-            level = {"south": 0.0, "west": 0.0, "north": cavity.width_mm, "east": cavity.length_mm}[part.wall]
-            here = np.array(part.position_mm)
-            if event.phase == "start":
-                self._grabs[name] = _cut(event, np.array(event.start_position), axis, level)
-                self._grabs[f"{name} from"] = here
-            start = self._grabs.get(f"{name} from", here)
-            way = _cut(event, np.array(event.end_position), axis, level) - self._grabs.get(name, here)
-            along, height = _along_one_axis(float(way[1 - axis]), float(way[2]))
-            place, row = (float(start[1 - axis]) + along, float(start[2]) + height), self._with_row()
-            self._later(
-                f"move {name}",
-                lambda: self._session.move_part(name, along_mm=place[0], height_mm=place[1], with_row=row),
-            )
+            drag = self._drag_round if cavity.plan.is_disc else self._drag_straight
+            where = drag(event, part, cavity)
+            row = self._with_row()
+            self._later(f"move {name}", lambda: self._session.move_part(name, **where, with_row=row))
 
         node.on_drag("left")(dragged)
+
+    def _drag_straight(self, event: PartDrag, part: PlacedPart, cavity: CavityGeometry) -> dict[str, float]:
+        """Where on its straight wall a part is dragged [mm]."""
+        axis = 1 if part.wall in ("south", "north") else 0
+        level = {"south": 0.0, "west": 0.0, "north": cavity.width_mm, "east": cavity.length_mm}[part.wall]
+        here, eye = np.array(part.position_mm), np.array(event.client.camera.position)
+        if event.phase == "start":
+            self._grabs[part.name] = plane_cut(eye, np.array(event.start_position), axis, level)
+            self._grabs[f"{part.name} from"] = here
+        start = self._grabs.get(f"{part.name} from", here)
+        at = plane_cut(eye, np.array(event.end_position), axis, level)
+        way = at - self._grabs.get(part.name, here)
+        is_along, is_up = along_one_way(float(way[1 - axis]), float(way[2]))
+        return {
+            "along_mm": float(start[1 - axis] + is_along * way[1 - axis]),
+            "height_mm": float(start[2] + is_up * way[2]),
+        }
+
+    def _drag_round(self, event: PartDrag, part: PlacedPart, cavity: CavityGeometry) -> dict[str, float]:
+        """In what direction of a disc, and how high [mm], a part is dragged."""
+        plan, here = cavity.plan, np.array(part.position_mm)
+        eye, angle = np.array(event.client.camera.position), angle_of(self._session.design, part)
+        if event.phase == "start":
+            self._grabs[part.name] = np.array(event.start_position)
+            self._grabs[f"{part.name} from"] = np.array([angle, here[2]])
+        from_deg, from_mm = self._grabs.get(f"{part.name} from", np.array([angle, here[2]])).tolist()
+        grab = self._grabs.get(part.name, here)
+        radius = float(np.linalg.norm(grab[:2] - plan.centre_mm))
+        at = round_cut(eye, np.array(event.end_position), plan, radius, here)
+        turn, rise = turn_deg(plan, grab, at), float(at[2] - grab[2])
+        is_along, is_up = along_one_way(np.radians(turn) * plan.radius_mm, rise)
+        return {"angle_deg": from_deg + is_along * turn, "height_mm": from_mm + is_up * rise}
 
     def draw_top(self, look: Look) -> None:
         """The pressed top."""
@@ -194,63 +220,69 @@ class Scene:
             cast_shadow=False,
         )
 
-    def draw_flat_top(self, design: SensorDesign) -> None:
-        """The untouched top of a design that is not worked at."""
-        cavity = design.cavity
-        points, triangles = _plane(cavity.length_mm, cavity.width_mm, cavity.clear_thickness_mm)
+    def draw_untouched_top(self, design: SensorDesign, *, is_bad: bool) -> None:
+        """The untouched top of a design that is not worked at, or not yet."""
+        points, triangles = untouched_top(cavity_of(design).plan)
         self._scene.add_mesh_simple(
-            "/pad/top", points, triangles, color=BAD, opacity=0.3, side="double", cast_shadow=False
+            "/pad/top",
+            points,
+            triangles,
+            color=BAD if is_bad else CLEAR,
+            opacity=0.3 if is_bad else 0.55,
+            side="double",
+            cast_shadow=False,
         )
 
     def draw_tip(self, design: SensorDesign, press: Press) -> None:
-        """The tip where it presses."""
+        """The tip where it presses, along the normal of the untouched top there."""
         shape = design.indenter.model_dump_json()
         if self._tip is None or shape != self._tip_shape:
             self._tip = self._new_tip(design)
             self._tip_shape = shape
-        self._tip.position = (press.x_mm, press.y_mm, design.cavity.clear_thickness_mm - press.depth_mm)
+        plan = cavity_of(design).plan
+        self._tip.position = tip_apex_mm(plan, press.place_mm, press.depth_mm)
+        self._tip.wxyz = along_normal(plan.normal(*press.place_mm))
 
     def _new_tip(self, design: SensorDesign) -> viser.FrameHandle:
         frame = self._scene.add_frame("/tip", show_axes=False)
-        points, triangles = _turned_outline(design)
+        points, triangles = tip_body(design)
         body = self._scene.add_mesh_simple(
             "/tip/body", points, triangles, color=TIP, opacity=0.75, side="double", cast_shadow=False
         )
 
         async def moved(event: viser.SceneNodeDragEvent[viser.MeshHandle]) -> None:
-            now, clear = self._session.press, self._session.design.cavity.clear_thickness_mm
-            apex = np.array([now.x_mm, now.y_mm, clear - now.depth_mm])
+            now = self._session.press
             if event.phase == "start":
                 self._grabs["tip"] = np.array(event.start_position)
-                self._grabs["tip offset"] = apex - self._grabs["tip"]
-            at = (
-                _cut(event, np.array(event.end_position), 2, float(self._grabs["tip"][2]))
-                + self._grabs["tip offset"]
-            )
+                self._grabs["tip offset"] = np.array(now.place_mm) - self._grabs["tip"][:2]
+            eye, level = np.array(event.client.camera.position), float(self._grabs["tip"][2])
+            at = plane_cut(eye, np.array(event.end_position), 2, level)[:2] + self._grabs["tip offset"]
             x, y = float(at[0]), float(at[1])
             self._later("tip", lambda: self._session.move_tip(x_mm=x, y_mm=y))
 
         async def pushed(event: viser.SceneNodeDragEvent[viser.MeshHandle]) -> None:
+            normal = np.array(self._plan.normal(*self._session.press.place_mm))
             if event.phase == "start":
-                self._grabs["push"] = np.array([event.start_position[2], self._session.press.depth_mm, 0.0])
-            grab = self._grabs["push"]
-            depth = float(grab[1] + grab[0] - event.end_position[2])
+                self._grabs["push"] = np.array(event.start_position)
+                self._grabs["push from"] = np.array([self._session.press.depth_mm])
+            way = self._grabs["push"] - np.array(event.end_position)
+            depth = float(self._grabs["push from"][0] + way @ normal)
             self._later("depth", lambda: self._session.move_tip(depth_mm=depth))
 
         body.on_drag("left")(moved)
         body.on_drag("left", modifier="shift")(pushed)
         return frame
 
+    @property
+    def _plan(self) -> Plan:
+        return cavity_of(self._session.design).plan
+
     def _listen_to_clicks(self) -> None:
         @self._scene.on_click()
         def _(event: viser.SceneClickEvent) -> None:
-            way, clear = np.array(event.ray_direction), self._session.design.cavity.clear_thickness_mm
-            if abs(way[2]) < 1e-9:
-                return
-            at = np.array(event.ray_origin) + way * (clear - event.ray_origin[2]) / way[2]
-            cavity = cavity_of(self._session.design)
-            if 0.0 <= at[0] <= cavity.length_mm and 0.0 <= at[1] <= cavity.width_mm:
-                x, y = float(at[0]), float(at[1])
+            place = struck_place(self._plan, np.array(event.ray_origin), np.array(event.ray_direction))
+            if place is not None:
+                x, y = place
                 self._later("tip", lambda: self._session.move_tip(x_mm=x, y_mm=y))
 
     def draw_rays(self, rays: Rays | None, *, is_dark: bool) -> None:
@@ -282,7 +314,7 @@ class Scene:
             return
         if self._mold is None or self._mold[0] != design.digest:
             self._scene.add_line_segments(
-                "/mold/outline", _outline(design), MOLD, thickness=1.0, thickness_units="screen"
+                "/mold/outline", mold_edges(design), MOLD, thickness=1.0, thickness_units="screen"
             )
             return
         mesh = self._mold[1]
@@ -302,10 +334,9 @@ class Scene:
             frame = self._scene.add_frame(f"/ghosts/{number}", show_axes=False)
             self._ghosts.append(frame)
             cavity = cavity_of(ghost.design)
-            level = cavity.clear_mm
             top = self._scene.add_mesh_simple(
                 f"/ghosts/{number}/top",
-                *_plane(cavity.length_mm, cavity.width_mm, level),
+                *untouched_top(cavity.plan),
                 color=GHOST,
                 opacity=0.12,
                 side="double",
@@ -313,20 +344,19 @@ class Scene:
             )
             self._click_ghost(top, ghost)
             for part in cavity.parts:
-                size = (2 * part.half_width_mm + 0.4, 0.6, 2 * part.half_height_mm + 0.4)
-                turned = size if part.wall in ("south", "north") else (size[1], size[0], size[2])
                 node = self._scene.add_box(
                     f"/ghosts/{number}/{part.name}",
                     color=GHOST,
                     opacity=0.45,
-                    dimensions=turned,
+                    dimensions=(0.6, 2 * part.half_width_mm + 0.4, 2 * part.half_height_mm + 0.4),
                     position=part.position_mm,
+                    wxyz=facing(part),
                 )
                 self._click_ghost(node, ghost)
             self._scene.add_label(
                 f"/ghosts/{number}/kind",
                 f"{number + 1}: {ghost.kind}",
-                position=(cavity.length_mm, cavity.width_mm * (0.25 + 0.25 * number), level),
+                position=(cavity.length_mm, cavity.width_mm * (0.25 + 0.25 * number), cavity.clear_mm),
                 anchor="center-left",
             )
 
@@ -336,7 +366,7 @@ class Scene:
 
         node.on_click(clicked)
 
-    def draw_touch(self, touch: Touch | None, clear_mm: float) -> None:
+    def draw_touch(self, touch: Touch | None) -> None:
         """The sensor's touch with its uncertainty, two standard deviations wide; None or no touch: nothing."""
         if touch is None or not touch.is_touched or not np.isfinite(touch.press_mm).all():
             self._scene.remove_by_name("/touch")
@@ -348,74 +378,14 @@ class Scene:
             radius=1.0,
             scale=(max(2 * sigma[0], 0.15), max(2 * sigma[1], 0.15), max(2 * sigma[2], 0.15)),
             color=(209, 36, 47),
-            position=(x, y, clear_mm - depth),
+            position=tip_apex_mm(self._plan, (x, y), depth),
             cast_shadow=False,
         )
 
 
 def _key(part: PlacedPart) -> str:
     """What a part's picture depends on, but its place."""
-    return f"{part.kind} {part.wall} {part.part_id} {part.half_width_mm} {part.half_height_mm}"
-
-
-def _cut(event: viser.SceneNodeDragEvent, point: FloatArray, axis: int, level: float) -> FloatArray:  # type: ignore[type-arg]
-    """Where the ray from the eye through a point meets the plane of one coordinate."""
-    eye = np.array(event.client.camera.position)
-    way = point - eye
-    if abs(way[axis]) < 1e-9:
-        return point
-    return np.asarray(eye + way * (level - eye[axis]) / way[axis], dtype=np.float64)
-
-
-def _along_one_axis(along: float, height: float) -> tuple[float, float]:
-    """A drag goes along the wall or in height, whichever it does more: a hand's wobble is not a second change."""
-    return (along, 0.0) if abs(along) >= abs(height) else (0.0, height)
-
-
-def _side_walls(length: float, width: float, height: float) -> tuple[FloatArray, NDArray[np.int64]]:
-    corners = [(0, 0), (length, 0), (length, width), (0, width)]
-    points = np.array([(x, y, z) for z in (0.0, height) for x, y in corners], dtype=np.float64)
-    faces = [
-        face for k in range(4) for face in ((k, (k + 1) % 4, k + 4), ((k + 1) % 4, (k + 1) % 4 + 4, k + 4))
-    ]
-    return points, np.array(faces)
-
-
-def _plane(length: float, width: float, level: float) -> tuple[FloatArray, NDArray[np.int64]]:
-    points = np.array(
-        [(0, 0, level), (length, 0, level), (length, width, level), (0, width, level)], dtype=np.float64
-    )
-    return points, np.array([(0, 1, 2), (0, 2, 3)])
-
-
-def _turned_outline(design: SensorDesign) -> tuple[FloatArray, NDArray[np.int64]]:
-    """The tip as a body of revolution, its apex at the origin."""
-    radius, height = tip_of(design.indenter).points(np.linspace(0.0, TIP_LENGTH, 40))
-    outline = np.column_stack([radius, height]) * design.indenter.tip_radius_mm
-    turns = np.linspace(0.0, 2 * np.pi, 40, endpoint=False)
-    points = np.stack(
-        [
-            outline[:, None, 0] * np.cos(turns),
-            outline[:, None, 0] * np.sin(turns),
-            np.broadcast_to(outline[:, None, 1], (len(outline), len(turns))),
-        ],
-        axis=-1,
-    ).reshape(-1, 3)
-    ring, turn = (a.ravel() for a in np.meshgrid(np.arange(len(outline) - 1), np.arange(40), indexing="ij"))
-    a, b = ring * 40 + turn, ring * 40 + (turn + 1) % 40
-    triangles = np.concatenate([np.stack([a, b, b + 40], axis=1), np.stack([a, b + 40, a + 40], axis=1)])
-    return points, triangles
-
-
-def _outline(design: SensorDesign) -> FloatArray:
-    """(edge, 2, 3) edges of the mold's outer box [mm]."""
-    found = outline_of(design)
-    x = (-found.wall_x_mm, found.length_mm + found.wall_x_mm)
-    y = (-found.wall_y_mm, found.width_mm + found.wall_y_mm)
-    z = (found.bottom_mm, found.top_mm)
-    corners = np.array([(a, b, c) for a in x for b in y for c in z], dtype=np.float64)
-    edges = [(i, j) for i in range(8) for j in range(i + 1, 8) if (corners[i] != corners[j]).sum() == 1]
-    return np.array([(corners[i], corners[j]) for i, j in edges])
+    return f"{part.kind} {part.part_id} {part.half_width_mm} {part.half_height_mm}"
 
 
 def _rgb(colour: str) -> Colour:

@@ -17,15 +17,17 @@ from hypothesis import strategies as st
 from design.errors import DesignError, InputError, OptopadError, OutputError
 from design.geometry.cavity import cavity_of
 from design.io import load_design, save_design
-from design.preset import FLAT_PRESETS, preset, preset_text
+from design.preset import FLAT_PRESETS, PRESETS, SHAPED_PRESETS, preset, preset_text
 from design.spec import SensorDesign
 from optopad.studio.design_file import DesignFile
 from optopad.studio.design_text import comments_of, edited_text
 from optopad.studio.knobs import changes_of, knobs_of
-from optopad.studio.moves import moved
+from optopad.studio.moves import angle_of, moved
 from tests.design.parts.own_parts import own_part
 
 PAD, PAIR = "piacenza2017-pad", "piacenza2017-pair"
+DISC, CROWNED, DOME = SHAPED_PRESETS
+RECTANGLES = (*FLAT_PRESETS, CROWNED)
 OWN_PARTS = tomlkit.dumps({"parts": {"mine": own_part("receiver")}})
 FIELDS: dict[str, dict[str, Any]] = {
     "thickness": {"cavity.clear_thickness_mm": 9.25},
@@ -38,6 +40,10 @@ FIELDS: dict[str, dict[str, Any]] = {
     "list": {"measured": ["cavity.clear_thickness_mm"]},
     "many": {"cavity.length_mm": 34.0, "mold.outer_length_mm": 47.0, "noise.read_noise_counts": 1e-05},
 }
+OF_DISCS: dict[str, dict[str, Any]] = {
+    "pitch": {"layout.0.first_angle_deg": 7.5},
+    "many": {"cavity.diameter_mm": 34.0, "mold.outer_diameter_mm": 47.0, "layout.0.count": 5},
+}
 
 
 def copy_of(name: str, folder: Path, text: str | None = None) -> Path:
@@ -49,6 +55,8 @@ def copy_of(name: str, folder: Path, text: str | None = None) -> Path:
 def dragged(design: SensorDesign, number: int = 0, by_mm: float = 0.5) -> SensorDesign:
     """A design with one part dragged along its wall."""
     part = cavity_of(design).parts[number]
+    if design.cavity.outline == "disc":
+        return design.with_(**moved(design, part.name, angle_deg=angle_of(design, part) + 4.0 * by_mm))
     return design.with_(**moved(design, part.name, along_mm=part.along_mm + by_mm))
 
 
@@ -68,11 +76,12 @@ def changed_lines(before: str, after: str) -> tuple[list[str], list[str]]:
     return sorted((was - now).elements()), sorted((now - was).elements())
 
 
-@pytest.mark.parametrize("name", FLAT_PRESETS)
-@pytest.mark.parametrize("changes", FIELDS.values(), ids=FIELDS.keys())
+@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("kind", FIELDS)
 def test_a_saved_edit_is_the_design_and_every_other_line_is_as_it_was(
-    name: str, changes: dict[str, Any], tmp_path: Path
+    name: str, kind: str, tmp_path: Path
 ) -> None:
+    changes = FIELDS[kind] if name in RECTANGLES else (FIELDS | OF_DISCS)[kind]
     path = copy_of(name, tmp_path)
     file = DesignFile(str(path))
     design = file.saved.with_(**changes)
@@ -87,7 +96,7 @@ def test_a_saved_edit_is_the_design_and_every_other_line_is_as_it_was(
     assert os.listdir(tmp_path) == ["pad.toml"]
 
 
-@pytest.mark.parametrize("name", FLAT_PRESETS)
+@pytest.mark.parametrize("name", RECTANGLES)
 @pytest.mark.parametrize("number", [0, -1])
 def test_a_part_dragged_out_of_its_pattern_keeps_every_comment_and_every_other_line(
     name: str, number: int, tmp_path: Path
@@ -152,7 +161,7 @@ def test_other_patterns_of_a_layout_keep_their_text_when_one_is_taken_apart(tmp_
     assert "east = 4  # on the east\nshift_mm = 0.5\n\n[indenter]" in path.read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("name", FLAT_PRESETS)
+@pytest.mark.parametrize("name", PRESETS)
 def test_an_optional_field_set_and_unset_leaves_the_file_as_it_was(name: str, tmp_path: Path) -> None:
     path = copy_of(name, tmp_path)
     file = DesignFile(str(path))
@@ -167,7 +176,7 @@ def test_an_optional_field_set_and_unset_leaves_the_file_as_it_was(name: str, tm
         assert path.read_text(encoding="utf-8") == preset_text(name)
 
 
-@pytest.mark.parametrize("name", FLAT_PRESETS)
+@pytest.mark.parametrize("name", RECTANGLES)
 def test_a_pitch_set_and_unset_keeps_the_comment_of_its_line(name: str, tmp_path: Path) -> None:
     path = copy_of(name, tmp_path)
     file = DesignFile(str(path))
@@ -181,7 +190,7 @@ def test_a_pitch_set_and_unset_keeps_the_comment_of_its_line(name: str, tmp_path
     assert ("# pitch_mm = 6.35             # room for" in text) == (name == PAIR)
 
 
-@pytest.mark.parametrize("name", FLAT_PRESETS)
+@pytest.mark.parametrize("name", PRESETS)
 def test_saving_twice_is_saving_once(name: str, tmp_path: Path) -> None:
     path = copy_of(name, tmp_path)
     file = DesignFile(str(path))
@@ -473,14 +482,23 @@ def test_comments_are_found_where_toml_has_them() -> None:
 
 
 def test_text_of_the_same_design_is_the_same_text() -> None:
-    for name in FLAT_PRESETS:
+    for name in PRESETS:
         assert edited_text(preset_text(name), preset(name), preset(name)) == preset_text(name)
 
 
 @st.composite
 def edited(draw: st.DrawFn, design: SensorDesign) -> SensorDesign:
     """A design after one edit that the studio offers; as it was where the fields refuse it."""
-    if draw(st.integers(0, 2)) == 0:
+    if draw(st.integers(0, 2)) == 0 and design.cavity.outline == "disc":
+        part = draw(st.sampled_from(cavity_of(design).parts))
+        changes = moved(
+            design,
+            part.name,
+            angle_deg=draw(st.none() | st.floats(-400.0, 400.0)),
+            height_mm=draw(st.none() | st.floats(0.1, 9.0)),
+            with_row=draw(st.booleans()),
+        )
+    elif design.cavity.outline != "disc" and draw(st.integers(0, 2)) == 0:
         part = draw(st.sampled_from(cavity_of(design).parts))
         changes = moved(
             design,
@@ -508,7 +526,7 @@ def edited(draw: st.DrawFn, design: SensorDesign) -> SensorDesign:
 @given(st.data())
 @settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 def test_edits_saved_on_the_way_load_as_the_design_on_the_table(data: st.DataObject) -> None:
-    name = data.draw(st.sampled_from(FLAT_PRESETS))
+    name = data.draw(st.sampled_from(PRESETS))
     with tempfile.TemporaryDirectory() as folder:
         path = copy_of(name, Path(folder))
         file = DesignFile(str(path))
@@ -525,14 +543,48 @@ def test_edits_saved_on_the_way_load_as_the_design_on_the_table(data: st.DataObj
         assert DesignFile(str(path.with_name("copy.toml"))).saved.digest == design.digest
 
 
-def test_a_crowned_pad_is_refused_when_it_is_opened_and_when_its_file_becomes_one(tmp_path: Path) -> None:
-    with pytest.raises(DesignError, match="crown: contact and light are computed for flat rectangles alone"):
-        DesignFile("fingertip-dome")
-    path = tmp_path / "pad.toml"
-    path.write_text(preset_text("piacenza2017-pair"), encoding="utf-8")
+def test_a_pad_that_is_crowned_in_an_editor_is_taken_up(tmp_path: Path) -> None:
+    path = copy_of(PAIR, tmp_path)
     opened = DesignFile(str(path))
     crown = '\n[crown]\nshape = "sphere"\nradius_mm = 60.0\n'
-    path.write_text(preset_text("piacenza2017-pair") + crown, encoding="utf-8")
-    with pytest.raises(DesignError, match="crown: contact and light"):
-        opened.changed_outside()
-    assert opened.saved.crown is None
+    path.write_text(preset_text(PAIR) + crown, encoding="utf-8")
+    found = opened.changed_outside()
+    assert found is not None
+    assert found.crown is not None
+    opened.save(found.with_(**{"crown.radius_mm": 55.0}))
+    assert path.read_text(encoding="utf-8") == preset_text(PAIR) + crown.replace("60.0", "55.0")
+
+
+@pytest.mark.parametrize("name", [DISC, DOME])
+@pytest.mark.parametrize("number", [0, -1])
+def test_a_part_turned_out_of_its_ring_keeps_every_comment_and_every_other_line(
+    name: str, number: int, tmp_path: Path
+) -> None:
+    path = copy_of(name, tmp_path)
+    file = DesignFile(str(path))
+    design = dragged(file.saved, number)
+    file.save(design)
+    text = path.read_text(encoding="utf-8")
+    assert load_design(path).digest == design.digest
+    require_kept(preset_text(name), text)
+    gone, new = changed_lines(preset_text(name), text)
+    assert {line.split(" = ")[0] for line in gone} == {"pattern", "count"} | (
+        {"first_angle_deg"} if name == DISC else set()
+    )
+    kinds = {line.split(" = ")[0] for line in new if not line.startswith("#")}
+    assert kinds == {"[[layout]]\n", "\n", "pattern", "kind", "angles_deg"}
+    file.save(dragged(design, number))
+    gone, new = changed_lines(text, path.read_text(encoding="utf-8"))
+    assert [line.split(" = ")[0] for line in (*gone, *new)] == ["angles_deg", "angles_deg"]
+
+
+@pytest.mark.parametrize("name", SHAPED_PRESETS)
+def test_every_field_of_a_disc_or_crown_is_saved_with_its_comments(name: str, tmp_path: Path) -> None:
+    path = copy_of(name, tmp_path)
+    file = DesignFile(str(path))
+    for knob in knobs_of(preset(name)):
+        value = knob.choices[-1] if isinstance(knob.value, str) else knob.value + knob.step
+        design = preset(name).with_(**changes_of(preset(name), knob.path, value))
+        file.save(design)
+        assert load_design(path).digest == design.digest
+        require_kept(preset_text(name), path.read_text(encoding="utf-8"))

@@ -14,7 +14,7 @@ import pytest
 from design.errors import ModelScopeError
 from design.fields.finding import error
 from design.geometry.cavity import CavityGeometry, cavity_of, workspace_of
-from design.preset import FLAT_PRESETS, preset
+from design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
 from design.rules.check import check
 from design.spec import SensorDesign
 from fabrication.driver.pattern import Problem
@@ -28,6 +28,7 @@ from optopad.studio.surface_mesh import pressed_top
 from sims.continuity.draft import PlaceCurves
 from sims.continuity.result import ContinuityScore, JudgedPair
 from sims.readings.readout import Readout
+from sims.verdict.pad_map import PadMap, Place, grid_places_mm, map_grid_mm
 from tests.optopad.report.bounded_score import bounded_score
 from tests.sims.made_up_scores import dead_score, made_up_depths, made_up_pair, out_of_scope_score
 
@@ -191,6 +192,26 @@ def test_a_map_that_is_the_same_everywhere_is_drawn(name: str) -> None:
     )
     root = drawn(map_svg(cavity_of(preset(PAD)), quantity(name, flat), PRESS))
     assert len(titled(root, "rect")) == 25
+
+
+@pytest.mark.parametrize("name", SHAPED_PRESETS)
+def test_a_map_has_a_cell_for_each_place_of_the_workspace_and_none_beside_it(name: str) -> None:
+    design = preset(name)
+    cavity = cavity_of(design)
+    x_mm, y_mm = map_grid_mm(cavity, 5)
+    places = [
+        Place(x_mm=x, y_mm=y, depths=made_up_depths(usable_mm=2.0, margin=4.0), answering_pairs=1)
+        for x, y in grid_places_mm(cavity.workspace, x_mm, y_mm).tolist()
+    ]
+    pad = PadMap(x_mm=tuple(x_mm), y_mm=tuple(y_mm), places=tuple(places))
+    for shown in ("deadband", "usable depth", "margin"):
+        root = drawn(map_svg(cavity, quantity(shown, replace(DEAD, pad_map=pad)), PRESS))
+        cells = titled(root, "rect")
+        assert len(cells) == len(places)
+        assert all(cell.attrib["fill"] != "url(#dead)" for cell, _ in cells)
+        assert len(list(root.iter("polygon"))) == (2 if cavity.plan.is_disc else 0)
+    if cavity.plan.is_disc:
+        assert len(places) < len(x_mm) * len(y_mm)
 
 
 @pytest.mark.parametrize("name", QUANTITIES)

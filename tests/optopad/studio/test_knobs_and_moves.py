@@ -11,12 +11,22 @@ from design.errors import DesignError, InputError
 from design.fields.paths import get_at
 from design.geometry.cavity import PlacedPart, cavity_of
 from design.io import file_schema
-from design.preset import FLAT_PRESETS, preset
+from design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
 from design.spec import SensorDesign
-from optopad.studio.knobs import BY_HAND, PATTERNS, Knob, changes_of, knobs_of, limits_of, pattern_of
+from optopad.studio.knobs import (
+    BY_HAND,
+    DISC_PATTERNS,
+    PATTERNS,
+    Knob,
+    changes_of,
+    knobs_of,
+    limits_of,
+    pattern_of,
+)
 from optopad.studio.moves import STEP_MM, moved, part_named, placed_singles
 
 PAD, PAIR, OBLONG = "piacenza2017-pad", "piacenza2017-pair", "oblong-60x40"
+DISC, CROWNED, DOME = SHAPED_PRESETS
 ROUNDING_MM = STEP_MM / 2 + 1e-9
 SIDES = [
     {"pattern": "per_side", "kind": "emitter", "south": 2, "west": 2, "part": "generic-emitter", "height_mm": 4.4},
@@ -30,8 +40,11 @@ def by_side() -> SensorDesign:
     return preset(PAD).with_(layout=SIDES)
 
 
-DESIGNS = {name: preset(name) for name in FLAT_PRESETS} | {"by side": by_side()}
-KNOBS = [(where, knob) for where, design in DESIGNS.items() for knob in knobs_of(design)]
+DESIGNS = {name: preset(name) for name in (*FLAT_PRESETS, CROWNED)} | {"by side": by_side()}
+"""Rectangles."""
+DISCS = {name: preset(name) for name in (DISC, DOME)}
+ALL = DESIGNS | DISCS
+KNOBS = [(where, knob) for where, design in ALL.items() for knob in knobs_of(design)]
 
 
 def knob_id(one: object) -> str:
@@ -81,7 +94,7 @@ def field_schema(path: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize(("where", "knob"), KNOBS, ids=knob_id)
 def test_a_field_shows_what_the_design_has(where: str, knob: Knob) -> None:
-    design = DESIGNS[where]
+    design = ALL[where]
     if knob.path == "layout":
         assert knob.value == pattern_of(design)
         return
@@ -97,7 +110,7 @@ def test_a_field_shows_what_the_design_has(where: str, knob: Knob) -> None:
 @pytest.mark.parametrize(("where", "knob"), [one for one in KNOBS if one[1].kind != "choice"], ids=knob_id)
 def test_limits_are_those_of_the_specification(where: str, knob: Knob) -> None:
     schema = field_schema(knob.path)
-    pattern = get_at(DESIGNS[where].model_dump(mode="json"), knob.path.rpartition(".")[0])
+    pattern = get_at(ALL[where].model_dump(mode="json"), knob.path.rpartition(".")[0])
     if isinstance(pattern, dict) and pattern.get("pattern") == "facing_rows" and knob.path.endswith("count"):
         schema = {"minimum": 1, "maximum": 32, "type": "integer"}
     assert knob.low == schema.get("minimum", schema.get("exclusiveMinimum"))
@@ -120,7 +133,7 @@ def allowed(knob: Knob) -> list[Any]:
 
 @pytest.mark.parametrize(("where", "knob"), KNOBS, ids=knob_id)
 def test_every_allowed_value_is_taken_and_shown(where: str, knob: Knob) -> None:
-    design = DESIGNS[where]
+    design = ALL[where]
     for value in allowed(knob):
         changes = changes_of(design, knob.path, value)
         found = design.with_(**changes)
@@ -131,7 +144,7 @@ def test_every_allowed_value_is_taken_and_shown(where: str, knob: Knob) -> None:
 
 @pytest.mark.parametrize(("where", "knob"), [one for one in KNOBS if one[1].kind != "choice"], ids=knob_id)
 def test_a_value_beyond_a_limit_is_refused_by_name(where: str, knob: Knob) -> None:
-    design = DESIGNS[where]
+    design = ALL[where]
     beyond = [
         *([] if knob.low is None else [knob.low - 1]),
         *([] if knob.high is None else [knob.high + 1]),
@@ -141,12 +154,12 @@ def test_a_value_beyond_a_limit_is_refused_by_name(where: str, knob: Knob) -> No
     if knob.path.endswith("pitch_mm"):
         beyond.remove(None)  # no pitch of its own: even
     for value in beyond:
-        with pytest.raises(DesignError, match=knob.path.replace(".", r"\.")):
+        with pytest.raises(DesignError, match=knob.path.replace(".", r"(\.|: )")):
             design.with_(**changes_of(design, knob.path, value))
 
 
 def test_fields_stand_group_by_group_and_none_twice() -> None:
-    for design in DESIGNS.values():
+    for design in ALL.values():
         groups = [knob.group for knob in knobs_of(design)]
         assert list(dict.fromkeys(groups)) == ["Pad", "Layout", "Parts", "Press", "Material", "Signal"]
         assert groups == sorted(groups, key=list(dict.fromkeys(groups)).index)
@@ -174,8 +187,43 @@ def test_a_gain_in_ohms_has_no_target_and_no_rule() -> None:
     assert {"gain.target_counts", "gain.feedback_ohm"} & {knob.path for knob in knobs_of(ohms)} == set()
 
 
+def test_a_design_has_the_fields_of_its_outline_and_top() -> None:
+    sides, round_ones = {"cavity.length_mm", "cavity.width_mm"}, {"cavity.diameter_mm"}
+    for design in ALL.values():
+        paths = {knob.path for knob in knobs_of(design)}
+        is_disc = design.cavity.outline == "disc"
+        assert paths & (sides | round_ones) == (round_ones if is_disc else sides)
+        assert ("crown.radius_mm" in paths) == (design.crown is not None)
+        assert ("layout.0.first_angle_deg" in paths) == is_disc
+
+
+@pytest.mark.parametrize("name", [DISC, DOME])
+def test_a_round_mold_follows_the_disc_in_it(name: str) -> None:
+    design = preset(name)
+    assert design.mold.outer_diameter_mm is not None
+    walls = design.mold.outer_diameter_mm - design.cavity.length_mm
+    for value in (40.0, 23.7):
+        found = design.with_(**changes_of(design, "cavity.diameter_mm", value))
+        assert found.cavity.diameter_mm == value
+        assert found.mold.outer_diameter_mm == pytest.approx(value + walls, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("where", "path", "words"),
+    [
+        (DISC, "cavity.length_mm", "a disc has diameter_mm, no length_mm"),
+        (PAD, "cavity.diameter_mm", "diameter_mm is of a disc"),
+        (DISC, "layout.0.pitch_mm", "layout.0.pitch_mm: is not a field"),
+        (PAD, "crown.radius_mm", "crown.shape: is missing"),
+    ],
+)
+def test_a_field_that_a_design_has_not_is_refused_in_words(where: str, path: str, words: str) -> None:
+    with pytest.raises(DesignError, match=words):
+        ALL[where].with_(**changes_of(ALL[where], path, 20.0))
+
+
 @pytest.mark.parametrize("side", ["length", "width"])
-@pytest.mark.parametrize("name", FLAT_PRESETS)
+@pytest.mark.parametrize("name", [*FLAT_PRESETS, CROWNED])
 def test_the_mold_s_outside_follows_the_pad_s_inside(name: str, side: str) -> None:
     design = preset(name)
     inner = getattr(design.cavity, f"{side}_mm")
@@ -217,8 +265,19 @@ def test_another_pattern_is_that_pattern_and_has_both_kinds(where: str, pattern:
         assert list(places(found)) == list(places(design))
 
 
+@pytest.mark.parametrize("where", DISCS)
+def test_a_ring_taken_apart_and_made_again_is_the_same_ring(where: str) -> None:
+    design = DISCS[where].with_(**{"layout.0.first_angle_deg": 12.5})
+    assert pattern_of(design) == DISC_PATTERNS[0]
+    apart = design.with_(**changes_of(design, "layout", BY_HAND))
+    assert pattern_of(apart) == BY_HAND
+    assert {one.pattern for one in apart.layout} == {"at_angles"}
+    assert places(apart) == places(design)
+    assert apart.with_(**changes_of(apart, "layout", DISC_PATTERNS[0])).digest == design.digest
+
+
 def test_a_layout_of_the_pattern_that_it_has_is_no_change() -> None:
-    for design in DESIGNS.values():
+    for design in ALL.values():
         assert changes_of(design, "layout", pattern_of(design)) == {}
 
 
@@ -239,9 +298,9 @@ def test_a_part_moved_along_is_the_only_one_that_moves(where: str) -> None:
         assert [one[3:] for one in now.values()] == [pytest.approx(one[3:], abs=1e-6) for one in was.values()]
 
 
-@pytest.mark.parametrize("where", DESIGNS)
+@pytest.mark.parametrize("where", ALL)
 def test_a_part_moved_up_takes_all_of_its_kind_along_but_those_with_a_height_of_their_own(where: str) -> None:
-    design = DESIGNS[where]
+    design = ALL[where]
     for name in places(design):
         was = {part.name: part for part in cavity_of(design).parts}
         found = after(design, name, height_mm=was[name].height_mm + 0.3)

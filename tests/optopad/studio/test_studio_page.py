@@ -5,14 +5,15 @@ from __future__ import annotations
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from design.geometry.cavity import cavity_of
 from design.io import load_design
-from design.preset import preset_text
+from design.preset import SHAPED_PRESETS, preset_text
 from optopad.report.text.answer import answer_of
 from optopad.studio.design_file import DesignFile
-from optopad.studio.moves import part_named
+from optopad.studio.moves import angle_of, part_named
 from optopad.studio.session import Session
 from optopad.studio.view.page import Page
 from sims.continuity.scoring import score
@@ -80,6 +81,51 @@ def test_a_layer_made_thicker_tells_the_words_of_its_score_and_a_dragged_part_is
         text = file.read_text(encoding="utf-8")
         assert load_design(file).digest == thick.digest
         assert "the main lever" in text
+        assert browser.errors == []
+
+
+@pytest.mark.parametrize("name", SHAPED_PRESETS)
+def test_a_shaped_pad_is_pressed_by_a_click_and_a_disc_s_part_is_turned_undone_and_saved(
+    tmp_path: Path, name: str
+) -> None:
+    with (
+        studio(tmp_path, name) as (page, file),
+        chromium_page(f"{page.url}?fixedDpr=1", 1300, 800) as browser,
+    ):
+        browser.wait_for_text("clear layer [mm]")
+        browser.settle()
+        browser.close_notes()
+        session, before = page.session, page.session.design
+        plan, canvas = cavity_of(before).plan, browser.box("canvas")
+        camera = next(iter(page.server.get_clients().values())).camera
+        place = (0.4 * plan.length_mm, 0.45 * plan.width_mm)
+        browser.click_at(*screen_place(camera, (*place, plan.top_mm(*place)), canvas))
+        browser.wait_for("new Promise((done) => setTimeout(() => done(true), 500))")
+        assert session.press.place_mm == pytest.approx(place, abs=0.02 * plan.length_mm)  # a few pixels
+
+        if plan.is_disc:
+            part = cavity_of(before).receivers[-2]
+            middle, angle = np.array(plan.centre_mm), angle_of(before, part)
+            out_mm = plan.stands_mm(part.line) + part.part.body_depth_mm.value
+
+            def on_back(at_deg: float) -> tuple[float, float, float]:
+                turn = np.radians(at_deg)
+                x, y = middle + out_mm * np.array([np.cos(turn), np.sin(turn)])
+                return float(x), float(y), part.height_mm
+
+            start, end = (screen_place(camera, on_back(at), canvas) for at in (angle, angle + 6.0))
+            browser.drag(start, end)
+            browser.wait_for_text(f"{part.name}: at ", 10)
+            browser.settle()
+            found = part_named(session.design, part.name)
+            assert angle_of(session.design, found) - angle == pytest.approx(6.0, abs=1.5)
+            assert found.height_mm == part.height_mm
+            while session.design.digest != before.digest:
+                browser.click_text("Undo")
+                browser.settle()
+            browser.click_text("Save")
+            browser.wait_for_text(f"saved: {file}", 10)
+            assert file.read_text(encoding="utf-8") == preset_text(name)
         assert browser.errors == []
 
 

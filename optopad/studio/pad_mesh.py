@@ -1,0 +1,115 @@
+"""The untouched pad as meshes for a picture: its outline in plan, walls, layers and top; lengths in mm.
+
+The outline is a polygon with the plan's corners among its own. Along a round wall its sides turn by `TURN_DEG` at
+most; under a crown straight walls are divided, so that their upper edge follows it.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.geometry.plan import Plan
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+TURN_DEG = 7.5
+PIECES, RINGS = 16, 14
+"""Pieces of a straight wall under a crown, and rings from the middle of a crown to its edge."""
+LOOKS = 400
+"""Heights at which a ray is compared with a crown."""
+
+
+def outline_mm(plan: Plan) -> FloatArray:
+    """(n, 2) corners of the pad in plan, counter-clockwise."""
+    return _round_outline(plan) if plan.is_disc else _straight_outline(plan)
+
+
+def _straight_outline(plan: Plan) -> FloatArray:
+    length, width = plan.length_mm, plan.width_mm
+    corners = [(0.0, 0.0), (length, 0.0), (length, width), (0.0, width), (0.0, 0.0)]
+    pieces = 1 if plan.crown is None else PIECES
+    sides = [np.linspace(start, end, pieces, endpoint=False) for start, end in pairwise(corners)]
+    return np.concatenate(sides)
+
+
+def _round_outline(plan: Plan) -> FloatArray:
+    """Even angles and both ends of each facet; the distance is that of the nearest wall in each direction."""
+    radius = plan.radius_mm
+    facing = np.array([math.atan2(*wall.outward[::-1]) for wall in plan.walls])
+    stands = np.array([plan.stands_mm(wall) for wall in plan.walls])
+    half = np.arccos(np.minimum(stands / radius, 1.0))
+    even = np.radians(np.arange(0.0, 360.0, TURN_DEG))
+    turns = np.concatenate([even, facing - half, facing + half]) % (2.0 * np.pi)
+    turns = np.unique(np.round(turns, 9))
+    cosine = np.cos(turns[:, None] - facing[None, :])
+    to_facet = np.where(cosine > 1e-9, stands / np.maximum(cosine, 1e-9), np.inf)
+    away = np.minimum(radius, to_facet.min(axis=1, initial=np.inf))
+    ring = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    return np.asarray(np.array(plan.centre_mm) + away[:, None] * ring, dtype=np.float64)
+
+
+def top_mm(plan: Plan, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
+    """(...,) height of the untouched top at (...,) places [mm]; 0 where a crown that is too tight has none."""
+    if plan.crown is None:
+        return np.full(np.shape(x_mm), plan.clear_mm)
+    heights = [plan.top_mm(x, y) for x, y in zip(np.ravel(x_mm), np.ravel(y_mm), strict=True)]
+    return np.asarray(np.nan_to_num(np.reshape(heights, np.shape(x_mm)), nan=0.0), dtype=np.float64)
+
+
+def untouched_top(plan: Plan) -> tuple[FloatArray, IntArray]:
+    """Points (n, 3) [mm] and triangles (m, 3) of the untouched top: rings from its middle to its edge."""
+    edge, middle = outline_mm(plan), np.array(plan.centre_mm)
+    shares = np.linspace(0.0, 1.0, 2 if plan.crown is None else RINGS)
+    places = middle + shares[:, None, None] * (edge - middle)
+    heights = top_mm(plan, places[..., 0], places[..., 1])
+    points = np.concatenate([places, heights[..., None]], axis=-1).reshape(-1, 3)
+    return points, ring_triangles(len(shares), len(edge))
+
+
+def side_walls(plan: Plan) -> tuple[FloatArray, IntArray]:
+    """The walls from the bottom of the clear layer to the untouched top's edge."""
+    edge = outline_mm(plan)
+    low = np.column_stack([edge, np.zeros(len(edge))])
+    high = np.column_stack([edge, top_mm(plan, edge[:, 0], edge[:, 1])])
+    return np.concatenate([low, high]), ring_triangles(2, len(edge))
+
+
+def slab(plan: Plan, thickness_mm: float) -> tuple[FloatArray, IntArray]:
+    """A layer below the clear one, closed all around, its triangles counter-clockwise from outside."""
+    edge = outline_mm(plan)
+    rings = [
+        np.column_stack([plan.centre_mm + share * (edge - plan.centre_mm), np.full(len(edge), level)])
+        for share, level in ((0.0, 0.0), (1.0, 0.0), (1.0, -thickness_mm), (0.0, -thickness_mm))
+    ]
+    return np.concatenate(rings), ring_triangles(4, len(edge))
+
+
+def ring_triangles(rings: int, spokes: int) -> IntArray:
+    """Two triangles for every cell between rings and spokes, seen from above counter-clockwise."""
+    ring, spoke = (a.ravel() for a in np.meshgrid(np.arange(rings - 1), np.arange(spokes), indexing="ij"))
+    after = (spoke + 1) % spokes
+    a, b = ring * spokes + spoke, ring * spokes + after
+    c, d = (ring + 1) * spokes + spoke, (ring + 1) * spokes + after
+    return np.concatenate([np.stack([a, c, d], axis=1), np.stack([a, d, b], axis=1)]).astype(np.int64)
+
+
+def struck_place(plan: Plan, eye_mm: FloatArray, way: FloatArray) -> tuple[float, float] | None:
+    """Where a ray from above first lies under the untouched top (x, y) [mm]; None where it misses the pad.
+
+    Parameters
+    ----------
+    eye_mm, way : (3,) start and direction of the ray
+    """
+    if abs(way[2]) < 1e-9:
+        return None
+    low = plan.clear_mm if plan.crown is None else max(np.nan_to_num(plan.rim_mm[0], nan=0.0), 0.0)
+    for height in np.linspace(plan.clear_mm, low, 1 if plan.crown is None else LOOKS).tolist():
+        x, y, _ = (eye_mm + way * (height - eye_mm[2]) / way[2]).tolist()
+        if height <= plan.top_mm(x, y) and plan.contains(x, y):
+            return x, y
+    return None

@@ -1,0 +1,121 @@
+"""Bodies, turns and cuts of the picture in three dimensions, as plain numbers; lengths in mm."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.geometry.cavity import PlacedPart
+from design.geometry.mold_outline import outline_of
+from design.geometry.plan import Plan
+from design.spec import SensorDesign
+from optopad.studio.pad_mesh import IntArray, ring_triangles
+from sims.contact.tip import tip_of
+
+FloatArray = NDArray[np.float64]
+Quaternion = tuple[float, float, float, float]
+Box = tuple[FloatArray, FloatArray]
+
+TIP_LENGTH = 3.0
+"""Length of the drawn tip [tip radii]."""
+TIP_TURNS, MOLD_TURNS = 40, 72
+
+
+def facing(part: PlacedPart) -> Quaternion:
+    """The turn about z that brings x to the outward direction of a part's wall, and y along the wall."""
+    half = math.atan2(*part.line.outward[::-1]) / 2.0
+    return math.cos(half), 0.0, 0.0, math.sin(half)
+
+
+def along_normal(normal: tuple[float, float, float]) -> Quaternion:
+    """The least turn that brings z to a unit vector that points upward."""
+    x, y, z = normal
+    real = math.sqrt((1.0 + z) / 2.0)
+    return real, -y / (2.0 * real), x / (2.0 * real), 0.0
+
+
+def body_box(part: PlacedPart) -> Box:
+    """Size and middle (3,) of a part's body, from the centre of its face: outward, along its wall, up."""
+    entry = part.part
+    size = np.array([entry.body_depth_mm.value, entry.body_width_mm.value, entry.body_height_mm.value])
+    middle = (part.body_base_mm + part.body_top_mm) / 2 - part.height_mm
+    return size, np.array([size[0] / 2, 0.0, middle])
+
+
+def tip_apex_mm(plan: Plan, place_mm: tuple[float, float], depth_mm: float) -> FloatArray:
+    """(3,) apex of the tip: as deep below the untouched top at its place, along the normal there."""
+    foot = np.array([*place_mm, np.nan_to_num(plan.top_mm(*place_mm), nan=0.0)])
+    return np.asarray(foot - depth_mm * np.array(plan.normal(*place_mm)), dtype=np.float64)
+
+
+def tip_body(design: SensorDesign) -> tuple[FloatArray, IntArray]:
+    """The tip as a body of revolution about z, its apex at the origin."""
+    radius, height = tip_of(design.indenter).points(np.linspace(0.0, TIP_LENGTH, 40))
+    outline = np.column_stack([radius, height]) * design.indenter.tip_radius_mm
+    turns = np.linspace(0.0, 2 * np.pi, TIP_TURNS, endpoint=False)
+    points = np.stack(
+        [
+            outline[:, None, 0] * np.cos(turns),
+            outline[:, None, 0] * np.sin(turns),
+            np.broadcast_to(outline[:, None, 1], (len(outline), len(turns))),
+        ],
+        axis=-1,
+    ).reshape(-1, 3)
+    return points, ring_triangles(len(outline), TIP_TURNS)
+
+
+def mold_edges(design: SensorDesign) -> FloatArray:
+    """(edge, 2, 3) edges of the mold's outer box, or of the cylinder around a disc."""
+    found = outline_of(design)
+    levels = (found.bottom_mm, found.top_mm)
+    if found.outer_radius_mm > 0:
+        turns = np.linspace(0.0, 2 * np.pi, MOLD_TURNS, endpoint=False)
+        circle = found.plan.centre_mm + found.outer_radius_mm * np.stack(
+            [np.cos(turns), np.sin(turns)], axis=1
+        )
+        low, high = (np.column_stack([circle, np.full(MOLD_TURNS, level)]) for level in levels)
+        around = [np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in (low, high)]
+        return np.concatenate([*around, np.stack([low, high], axis=1)[:: MOLD_TURNS // 4]])
+    x = (-found.wall_x_mm, found.length_mm + found.wall_x_mm)
+    y = (-found.wall_y_mm, found.width_mm + found.wall_y_mm)
+    corners = np.array([(a, b, c) for a in x for b in y for c in levels], dtype=np.float64)
+    edges = [(i, j) for i in range(8) for j in range(i + 1, 8) if (corners[i] != corners[j]).sum() == 1]
+    return np.array([(corners[i], corners[j]) for i, j in edges])
+
+
+def plane_cut(eye_mm: FloatArray, point_mm: FloatArray, axis: int, level_mm: float) -> FloatArray:
+    """(3,) where the ray from the eye through a point meets the plane of one coordinate."""
+    way = point_mm - eye_mm
+    if abs(way[axis]) < 1e-9:
+        return point_mm
+    return np.asarray(eye_mm + way * (level_mm - eye_mm[axis]) / way[axis], dtype=np.float64)
+
+
+def round_cut(
+    eye_mm: FloatArray, point_mm: FloatArray, plan: Plan, radius_mm: float, near_mm: FloatArray
+) -> FloatArray:
+    """(3,) where the ray from the eye through a point meets a cylinder about a disc's middle, on the side of a place.
+
+    A ray that passes beside the cylinder is taken where it is nearest to the middle.
+    """
+    way, start = point_mm - eye_mm, eye_mm[:2] - plan.centre_mm
+    square, half = float(way[:2] @ way[:2]), float(start @ way[:2])
+    if square < 1e-12:
+        return point_mm
+    root = math.sqrt(max(half**2 - square * (float(start @ start) - radius_mm**2), 0.0))
+    meets = [eye_mm + way * share for share in ((-half - root) / square, (-half + root) / square)]
+    return min(meets, key=lambda one: float(np.hypot(*(one - near_mm)[:2])))
+
+
+def turn_deg(plan: Plan, start_mm: FloatArray, end_mm: FloatArray) -> float:
+    """The turn about a disc's middle from one place to another, from -180 to 180 [degrees]."""
+    (x0, y0), (x1, y1) = (one[:2] - plan.centre_mm for one in (start_mm, end_mm))
+    return math.degrees(math.atan2(x0 * y1 - y0 * x1, x0 * x1 + y0 * y1))
+
+
+def along_one_way(along_mm: float, height_mm: float) -> tuple[bool, bool]:
+    """Whether a drag goes along the wall or in height, whichever it does more: a hand's wobble is no second change."""
+    is_along = abs(along_mm) >= abs(height_mm)
+    return is_along, not is_along

@@ -1,0 +1,73 @@
+"""The scene of every preset as the page sends it to a browser: drawn without one, and looked at node by node."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+import viser
+
+from design.geometry.cavity import cavity_of
+from design.preset import PRESETS, SHAPED_PRESETS
+from optopad.studio.design_file import DesignFile
+from optopad.studio.session import Session
+from optopad.studio.view.local_server import local_server
+from optopad.studio.view.scene import Scene
+from optopad.studio.view.shapes import facing, tip_apex_mm
+
+
+@contextmanager
+def scene_of(name: str) -> Iterator[tuple[Scene, Session, viser.ViserServer]]:
+    """A scene on a preset, with a server that nobody visits."""
+    session, server = Session(DesignFile(name)), local_server(0)
+    try:
+        scene = Scene(server, session, later=lambda _name, do: do(), with_row=lambda: False)
+        yield scene, session, server
+    finally:
+        server.stop()
+
+
+def nodes(server: viser.ViserServer, kind: type) -> dict[str, object]:
+    """Handles of what is drawn, by name, of one kind."""
+    found = server.scene._handle_from_node_name
+    return {name: handle for name, handle in found.items() if isinstance(handle, kind)}
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_preset_is_drawn_with_its_parts_turned_to_their_walls_and_its_tip_along_the_normal(
+    name: str,
+) -> None:
+    with scene_of(name) as (scene, session, server):
+        design = session.design
+        cavity = cavity_of(design)
+        scene.draw_design(design, (cavity.parts[0].name,), is_bad=False)
+        scene.draw_untouched_top(design, is_bad=False)
+        scene.draw_tip(design, session.press)
+        scene.draw_mold(design, "whole")
+        frames, meshes = nodes(server, viser.FrameHandle), nodes(server, viser.MeshHandle)
+        for part in cavity.parts:
+            frame = frames[f"/parts/{part.name}"]
+            assert tuple(frame.position) == pytest.approx(part.position_mm)
+            assert tuple(frame.wxyz) == pytest.approx(facing(part))
+        apex = tip_apex_mm(cavity.plan, session.press.place_mm, session.press.depth_mm)
+        assert np.asarray(frames["/tip"].position) == pytest.approx(apex)
+        top = np.asarray(meshes["/pad/top"].vertices)
+        assert top[:, 2] == pytest.approx([cavity.plan.top_mm(x, y) for x, y in top[:, :2]], abs=1e-5)
+        assert ("/pad/black" in meshes) == cavity.plan.is_disc
+
+
+@pytest.mark.parametrize("name", SHAPED_PRESETS)
+def test_a_part_that_is_moved_keeps_its_node_so_that_a_drag_goes_on(name: str) -> None:
+    with scene_of(name) as (scene, session, server):
+        scene.draw_design(session.design, (), is_bad=False)
+        before = nodes(server, viser.FrameHandle)["/parts/E1"]
+        where = {"angle_deg": 4.0} if cavity_of(session.design).plan.is_disc else {"along_mm": 4.0}
+        assert session.move_part("E1", **where)
+        scene.draw_design(session.design, (), is_bad=False)
+        now = nodes(server, viser.FrameHandle)["/parts/E1"]
+        assert now is before
+        part = next(one for one in cavity_of(session.design).parts if one.name == "E1")
+        assert tuple(now.position) == pytest.approx(part.position_mm)
+        assert tuple(now.wxyz) == pytest.approx(facing(part))
