@@ -63,7 +63,7 @@ def build_mold(design: SensorDesign) -> cq.Workplane:
     ------
     DesignError : the design breaks a rule, such as a web that is too thin; nothing has been built.
     """
-    require_valid(design, any_shape=True)
+    require_valid(design)
     outline = outline_of(design)
     cutters = _mouth(outline)
     for socket in outline.sockets:

@@ -19,6 +19,7 @@ from design.circuit import timing
 from design.circuit.pins import board_of
 from design.circuit.transimpedance import feedbacks_of
 from design.geometry.cavity import workspace_of
+from design.geometry.plan import plan_of
 from design.parts.assumptions import assumption
 from design.parts.catalog import Board
 from design.spec import SensorDesign
@@ -43,7 +44,8 @@ TABLE_COMMENTS = {
     "board": "full scale of the converter is the board's supply; baud_error is made_baud / baud - 1",
     "frame": "readings are packed bit by bit, state by state and within a state receiver by receiver",
     "timing": "a plain sum: settle and convert state by state, then send",
-    "workspace": "press centres that the verdict is about",
+    "workspace": "press centres that the verdict is about, in plan; outline disc: within the four sides",
+    "surface": "the untouched top, by its highest place; a press goes against its normal",
     "ambient": "subtract this state's readings from those of every other state",
     "gain": "counts for all of an emitter's power on one receiver (median; each); absent if not simulated",
     "states": "in order: each emitter alone, then all off",
@@ -82,6 +84,7 @@ def driver_config(
         "frame": _frame(board, *counts),
         "timing": _timing(design, board, *counts),
         "workspace": _workspace(design),
+        "surface": _surface(design),
         "ambient": {"subtract_state": counts[0]},
         "gain": _gain(design, counts_per_flux, counts[1]),
         "states": _states(connections),
@@ -175,7 +178,17 @@ def _timing(design: SensorDesign, board: Board, emitter_count: int, receiver_cou
     }
 
 
-def _workspace(design: SensorDesign) -> dict[str, float]:
+def _surface(design: SensorDesign) -> dict[str, Any]:
+    plan, crown = plan_of(design), design.crown
+    return {
+        "top_mm": [*plan.centre_mm, plan.clear_mm],
+        "crown": "none" if crown is None else crown.shape,
+        **({} if crown is None else {"radius_mm": crown.radius_mm}),
+        **({} if crown is None or crown.axis is None else {"axis": crown.axis}),
+    }
+
+
+def _workspace(design: SensorDesign) -> dict[str, Any]:
     area = workspace_of(design)
     return {
         "x0_mm": area.x0_mm,
@@ -183,6 +196,7 @@ def _workspace(design: SensorDesign) -> dict[str, float]:
         "y0_mm": area.y0_mm,
         "y1_mm": area.y1_mm,
         "max_depth_mm": design.operating.max_depth_mm,
+        **({"outline": "disc"} if area.is_disc else {}),
     }
 
 

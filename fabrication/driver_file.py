@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 import re
 from dataclasses import dataclass
@@ -25,6 +26,7 @@ MOST_BYTES = 1_000_000
 CHECKSUM = "content_sha256"
 DESIGN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,62}")
 """As `design.spec.DesignName`; recordings are named after it."""
+Point = tuple[float, float, float]
 WAY_OUT = "write it anew with `optopad driver config DESIGN`"
 
 
@@ -162,13 +164,58 @@ class TimingBudget:
 
 @dataclass(frozen=True, kw_only=True)
 class WorkspaceLimits:
-    """Press centres that the verdict is about, in the cavity frame, and the deepest press."""
+    """Press centres that the verdict is about, in the cavity frame, and the deepest press.
+
+    Attributes
+    ----------
+    outline : "disc" where only the disc counts that touches the sides; None for the rectangle
+    """
 
     x0_mm: float
     x1_mm: float
     y0_mm: float
     y1_mm: float
     max_depth_mm: float
+    outline: str | None = None
+
+    @property
+    def is_disc(self) -> bool:
+        """Whether only the disc counts."""
+        return self.outline == "disc"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SurfaceEntry:
+    """The untouched top: flat, or convex with its highest place over the middle of the pad.
+
+    Attributes
+    ----------
+    top_mm : (x, y, z) of the highest place, or of the middle of a flat top, in the cavity frame [mm]
+    crown : "none", "sphere" or "cylinder"
+    radius_mm : of curvature; None for a flat top
+    axis : "x" or "y", along which a cylinder is straight; None for others
+    """
+
+    top_mm: tuple[float, float, float]
+    crown: str
+    radius_mm: float | None = None
+    axis: str | None = None
+
+    def point_and_normal(self, x_mm: float, y_mm: float) -> tuple[Point, Point]:
+        """Where a press at x, y in plan touches first [mm], and the unit normal out of the pad there [-].
+
+        A press goes against the normal. Beyond the crown's reach the nearest place that it has.
+        """
+        x, y, z = self.top_mm
+        if self.radius_mm is None:
+            return (x_mm, y_mm, z), (0.0, 0.0, 1.0)
+        away = [0.0 if self.axis == "x" else x_mm - x, 0.0 if self.axis == "y" else y_mm - y]
+        most = 0.999 * self.radius_mm
+        shrunk = min(1.0, most / max(math.hypot(*away), 1e-12))
+        away = [shrunk * one for one in away]
+        up = math.sqrt(self.radius_mm**2 - away[0] ** 2 - away[1] ** 2)
+        normal = away[0] / self.radius_mm, away[1] / self.radius_mm, up / self.radius_mm
+        return (x_mm, y_mm, z - self.radius_mm + up), normal
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -233,6 +280,7 @@ class DriverConfig:
     emitters: tuple[EmitterEntry, ...]
     receivers: tuple[ReceiverEntry, ...]
     expected: ExpectedPattern | None = None
+    surface: SurfaceEntry | None = None
 
 
 def load_driver_config(path: str | os.PathLike[str], *, digest: str | None = None) -> DriverConfig:

@@ -17,6 +17,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from design.errors import DesignError
 from design.geometry.fits import clearance_mm
 from design.geometry.plan import Plan, WallLine, facet, plan_of, rectangle_walls
@@ -24,6 +27,8 @@ from design.parts.catalog import Part
 from design.spec import SensorDesign
 from design.spec.layout import Kind, Placement, expand, wall_length_mm
 from design.spec.properties import part_of
+
+FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,6 +123,23 @@ class Workspace:
             share = radius / away if away > radius else 1.0
             return x + share * (x_mm - x), y + share * (y_mm - y)
         return min(max(x_mm, self.x0_mm), self.x1_mm), min(max(y_mm, self.y0_mm), self.y1_mm)
+
+    def spread(self, shares: FloatArray) -> FloatArray:
+        """(n, 2) places [mm] from (n, 2) shares of 0 to 1: evenly spread shares give evenly spread places."""
+        low, high = np.array([self.x0_mm, self.y0_mm]), np.array([self.x1_mm, self.y1_mm])
+        if not self.is_disc:
+            return np.asarray(low + shares * (high - low))
+        away, turn = np.sqrt(shares[:, 0]), 2.0 * np.pi * shares[:, 1]
+        around = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        return np.asarray((low + high) / 2 + (high - low) / 2 * away[:, None] * around)
+
+    @property
+    def words(self) -> str:
+        """Where it lies, for messages: `x 6 to 26 and y 6 to 26 mm`."""
+        if self.is_disc:
+            (x, y), radius = self._centre_mm, (self.x1_mm - self.x0_mm) / 2
+            return f"within {radius:g} mm of x {x:g}, y {y:g} mm"
+        return f"x {self.x0_mm:g} to {self.x1_mm:g} and y {self.y0_mm:g} to {self.y1_mm:g} mm"
 
     def contains(self, x_mm: float, y_mm: float, slack_mm: float = 1e-9) -> bool:
         """Whether a press centre lies in the workspace."""

@@ -238,11 +238,10 @@ class PressProtocol(Model):
         if self.workspace_mm is None:
             return whole
         x0, y0, x1, y1 = self.workspace_mm
-        if not (whole.contains(x0, y0) and whole.contains(x1, y1)):
+        if not all(whole.contains(x, y) for x in (x0, x1) for y in (y0, y1)):
             raise ModelScopeError(
                 f"protocol {self.name}: workspace_mm {list(self.workspace_mm)} leaves the design's, "
-                f"x {whole.x0_mm:g} to {whole.x1_mm:g} and y {whole.y0_mm:g} to {whole.y1_mm:g} mm; narrow it, or "
-                "lower operating.workspace_margin_mm"
+                f"{whole.words}; narrow it, or lower operating.workspace_margin_mm"
             )
         return Workspace(x0_mm=x0, x1_mm=x1, y0_mm=y0, y1_mm=y1)
 
@@ -287,10 +286,9 @@ def _places_mm(one: PressSet, number: int, space: Workspace) -> FloatArray:
                 f"sets.{number}.grid_mm: {one.grid_mm:g} makes {len(x_mm) * len(y_mm)} places, at most {MOST_PLACES}; "
                 "widen it"
             )
-        return np.array([(x, y) for x in x_mm for y in y_mm])
+        return np.array([(x, y) for x in x_mm for y in y_mm if space.contains(x, y, 10.0**-ROUND_DIGITS)])
     rng = np.random.default_rng(one.place_seed)
-    low, high = (space.x0_mm, space.y0_mm), (space.x1_mm, space.y1_mm)
-    return np.round(rng.uniform(low, high, (one.random_places or 0, 2)), ROUND_DIGITS)
+    return np.round(space.spread(rng.random((one.random_places or 0, 2))), ROUND_DIGITS)
 
 
 def _grid_line_mm(low_mm: float, high_mm: float, step_mm: float) -> FloatArray:

@@ -16,7 +16,6 @@ from design.fields.paths import leaves
 from design.geometry.cavity import CavityGeometry, cavity_of
 from design.geometry.mold_label import label_findings
 from design.rules.board import board_findings
-from design.rules.contact_scope import require_flat_rectangle
 from design.rules.finish import angle_findings, finish_findings
 from design.rules.light import (
     area_findings,
@@ -69,17 +68,13 @@ def check(design: SensorDesign) -> tuple[Finding, ...]:
     return tuple(sorted(found, key=lambda finding: finding.severity != "error"))
 
 
-def require_valid(design: SensorDesign, *, any_shape: bool = False) -> None:
+def require_valid(design: SensorDesign) -> None:
     """Refuse a design that has errors; warnings pass.
-
-    any_shape : whether discs and crowned pads pass
 
     Raises
     ------
     DesignError : all errors, one a line.
     """
-    if not any_shape:
-        require_flat_rectangle(design)
     errors = [str(finding) for finding in check(design) if finding.severity == "error"]
     if errors:
         raise DesignError(f"{design.name}: not a usable design\n" + "\n".join(f"  {line}" for line in errors))

@@ -6,39 +6,39 @@ Layers beyond it are solved live, take minutes and were compared with nothing; l
 
 from __future__ import annotations
 
-from design.errors import DesignError
+from design.geometry.cavity import workspace_of
 from design.geometry.plan import plan_of
 from design.spec import SensorDesign
 
-LIBRARY_LAYER_RANGE = (1.3, 6.0)
-"""Elastic depths (clear + black layer) of the shipped library [tip radii]."""
-LAYER_DEPTH_RANGE = (1.0, 10.0)
-"""Elastic depths that are modelled at all [tip radii]."""
 LARGEST_SHARE_OF_LAYER = 0.8
 """Deepest press as a share of the elastic depth [-]."""
 DEEPEST_PRESS = 1.7
 """Deepest press [tip radii]."""
+LIBRARY_LAYER_RANGE = (1.3, 6.0)
+"""Elastic depths (clear + black layer) of the shipped library [tip radii]."""
+CROWNED_LAYER_RANGE = (DEEPEST_PRESS / LARGEST_SHARE_OF_LAYER, 6.0)
+"""Elastic depths under a crown, wherever it is pressed, of which presses are known at all [tip radii]."""
+LAYER_DEPTH_RANGE = (1.0, 10.0)
+"""Elastic depths that are modelled at all [tip radii]."""
 NEAREST_WALL = 1.5
 """Nearest wall to the axis of a press [tip radii]: the loads that stand for the press reach so far."""
 LARGEST_CROWN = 0.25
 """Tip radius over the radius of a crown, at most [-]."""
 
 
-def is_flat_rectangle(design: SensorDesign) -> bool:
-    """Whether contact and light are computed for a pad of this shape."""
-    return plan_of(design).is_flat_rectangle
+def thinnest_elastic_mm(design: SensorDesign) -> float:
+    """Clear and black layer together where the workspace is thinnest: under a crown, at its border [mm]."""
+    elastic = design.cavity.clear_thickness_mm + design.cavity.black_thickness_mm
+    if design.crown is None:
+        return elastic
+    plan, space = plan_of(design), workspace_of(design)
+    y = plan.centre_mm[1]
+    border = (space.x0_mm, y if space.is_disc else space.y0_mm)
+    return elastic if space.is_empty else elastic - plan.sag_mm(*border)
 
 
-def require_flat_rectangle(design: SensorDesign) -> None:
-    """Refuse what contact, light and all that follows do not compute.
-
-    Raises
-    ------
-    DesignError : a disc or a crowned pad.
-    """
-    if not is_flat_rectangle(design):
-        field = "crown" if design.crown is not None else "cavity.outline"
-        raise DesignError(
-            f"{field}: contact and light are computed for flat rectangles alone; `optopad check`, `optopad build` and "
-            "`optopad driver config` take discs and crowned pads"
-        )
+def deepest_modelled_mm(design: SensorDesign) -> float:
+    """Deepest press that the contact model covers [mm]."""
+    return min(
+        LARGEST_SHARE_OF_LAYER * thinnest_elastic_mm(design), DEEPEST_PRESS * design.indenter.tip_radius_mm
+    )

@@ -15,11 +15,14 @@ from design.fields.units import ROUNDING_MM
 from design.geometry.cavity import CavityGeometry, PlacedPart
 from design.geometry.pairs import direct_path_pairs, facing_pairs, is_facing_rows, pair_name
 from design.rules.contact_scope import (
+    CROWNED_LAYER_RANGE,
     DEEPEST_PRESS,
     LARGEST_SHARE_OF_LAYER,
     LAYER_DEPTH_RANGE,
     LIBRARY_LAYER_RANGE,
     NEAREST_WALL,
+    deepest_modelled_mm,
+    thinnest_elastic_mm,
 )
 from design.spec import SensorDesign, properties
 from design.spec.layout import MAX_PER_KIND, Kind
@@ -27,12 +30,6 @@ from design.spec.layout import MAX_PER_KIND, Kind
 SURROUND_MM = 0.1
 """How far beside a place the verdict presses too, to tell places apart [mm]."""
 KINDS: tuple[Kind, Kind] = ("emitter", "receiver")
-
-
-def deepest_modelled_mm(design: SensorDesign) -> float:
-    """Deepest press that the contact model covers [mm]."""
-    elastic = design.cavity.clear_thickness_mm + design.cavity.black_thickness_mm
-    return min(LARGEST_SHARE_OF_LAYER * elastic, DEEPEST_PRESS * design.indenter.tip_radius_mm)
 
 
 def count_findings(emitter_count: int, receiver_count: int) -> Iterator[Finding]:
@@ -142,8 +139,29 @@ def workspace_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator
 
 def depth_findings(design: SensorDesign) -> Iterator[Finding]:
     """A layer that the contact model does not hold; a press deeper than the clear layer, or than the model holds."""
-    depth, clear = design.operating.max_depth_mm, design.cavity.clear_thickness_mm
-    elastic, tip = clear + design.cavity.black_thickness_mm, design.indenter.tip_radius_mm
+    yield from _layer_findings(design) if design.crown is None else _crowned_layer_findings(design)
+    yield from _press_findings(design)
+
+
+def _crowned_layer_findings(design: SensorDesign) -> Iterator[Finding]:
+    tip, crown = design.indenter.tip_radius_mm, design.crown
+    assert crown is not None
+    thickest = design.cavity.clear_thickness_mm + design.cavity.black_thickness_mm
+    low, high = (radii * tip for radii in CROWNED_LAYER_RANGE)
+    thinnest = thinnest_elastic_mm(design)
+    if not (low - ROUNDING_MM <= thinnest and thickest <= high + ROUNDING_MM):
+        yield warning(
+            "cavity.clear_thickness_mm",
+            "both layers together are outside the contact model of crowned pads, so the verdict will be "
+            "OUT_OF_MODEL_SCOPE",
+            value=f"{mm(thinnest)} at the border of the workspace, {mm(thickest)} at the highest place",
+            limit=f"{mm(low)} to {mm(high)}: {CROWNED_LAYER_RANGE[0]:.3g} to {CROWNED_LAYER_RANGE[1]:g} tip radii",
+            way_out="change it, cavity.black_thickness_mm or indenter.tip_radius_mm, or raise crown.radius_mm",
+        )
+
+
+def _layer_findings(design: SensorDesign) -> Iterator[Finding]:
+    elastic, tip = thinnest_elastic_mm(design), design.indenter.tip_radius_mm
     thinnest, thickest = (radii * tip for radii in LAYER_DEPTH_RANGE)
     if not thinnest - ROUNDING_MM <= elastic <= thickest + ROUNDING_MM:
         yield warning(
@@ -166,6 +184,10 @@ def depth_findings(design: SensorDesign) -> Iterator[Finding]:
             limit=f"{mm(low * tip)} to {mm(high * tip)}: {low:g} to {high:g} tip radii",
             way_out="change it, cavity.black_thickness_mm or indenter.tip_radius_mm, or check the force on the build",
         )
+
+
+def _press_findings(design: SensorDesign) -> Iterator[Finding]:
+    depth, clear = design.operating.max_depth_mm, design.cavity.clear_thickness_mm
     scope = deepest_modelled_mm(design)
     if depth > clear + ROUNDING_MM:
         yield error(

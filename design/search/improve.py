@@ -110,12 +110,12 @@ def improvement_space(
 def _usual_fields(design: SensorDesign, *, more_parts: bool) -> list[dict[str, Any]]:
     found = [_field(design, path, None) for path in cheap_fields(design)]
     for number, pattern in enumerate(design.layout):
-        if pattern.pattern == "alternating_ring":
+        if pattern.pattern in ("alternating_ring", "disc_ring"):
             found.append({"path": f"layout.{number}.first", "choices": ["emitter", "receiver"]})
-            if more_parts and isinstance(pattern.parts_per_side, int):
-                counts = [pattern.parts_per_side + more for more in (0, 1, 2, 3)]
-                found.append({"path": f"layout.{number}.parts_per_side", "choices": counts})
-        if pattern.pattern == "facing_rows" and more_parts:
+        if pattern.pattern == "alternating_ring" and more_parts and isinstance(pattern.parts_per_side, int):
+            counts = [pattern.parts_per_side + more for more in (0, 1, 2, 3)]
+            found.append({"path": f"layout.{number}.parts_per_side", "choices": counts})
+        if pattern.pattern in ("facing_rows", "disc_ring") and more_parts:
             found.append(
                 {"path": f"layout.{number}.count", "choices": [pattern.count + more for more in (0, 1, 2)]}
             )

@@ -44,11 +44,10 @@ from design.fields.packaged import packaged_or_own
 from design.fields.paths import get_at, known_paths, nearest, set_at, unknown_path
 from design.fields.validation import design_error
 from design.io import load_design, read_toml
-from design.preset import FLAT_PRESETS, PRESETS, preset
-from design.rules.contact_scope import require_flat_rectangle
+from design.preset import PRESETS, preset
 from design.search.figures import FIGURES, NO_OBJECTIVE_ALONE, Direction
 from design.spec import SensorDesign, canonical_json
-from design.spec.layout import AlternatingRing, FacingRows, PerSide, Single
+from design.spec.layout import AlternatingRing, AtAngles, DiscRing, FacingRows, PerSide, Single
 
 Sampler = Literal["tpe", "nsga2", "gp", "grid", "qmc", "random"]
 Value = bool | int | float | str
@@ -64,6 +63,8 @@ _PATTERNS = {
     "facing_rows": tuple(FacingRows.model_fields),
     "per_side": tuple(PerSide.model_fields),
     "single": tuple(Single.model_fields),
+    "disc_ring": tuple(DiscRing.model_fields),
+    "at_angles": tuple(AtAngles.model_fields),
 }
 _FIXED = frozenset({"schema_version", "name", "description", "measured", "catalog", "part_measurements"})
 
@@ -312,7 +313,7 @@ def load_space(path: str | Path) -> SearchSpace:
     base = document.get("base")
     if not isinstance(base, str):
         raise DesignError(
-            f"{file}: base: {base!r} is refused: name a preset ({', '.join(FLAT_PRESETS)}) or a design file"
+            f"{file}: base: {base!r} is refused: name a preset ({', '.join(PRESETS)}) or a design file"
         )
     return space_from(document | {"base": _base(base, file).model_dump(mode="json")}, where=str(file))
 
@@ -341,20 +342,12 @@ def _base(name: str, file: Path) -> SensorDesign:
     except OSError as err:  # too long, or in a folder that may not be read
         raise DesignError(f"{file}: base: {shown(name)}: {err.strerror}; correct the name") from None
     if name in PRESETS and not is_file:
-        return _flat(preset(name), file)
+        return preset(name)
     if not is_file:
-        near = nearest(name, FLAT_PRESETS)
-        hint = f"did you mean {near[0]}?" if near else f"presets: {', '.join(FLAT_PRESETS)}"
+        near = nearest(name, PRESETS)
+        hint = f"did you mean {near[0]}?" if near else f"presets: {', '.join(PRESETS)}"
         raise DesignError(f"{file}: base: {name!r} is neither a preset nor a design file beside it; {hint}")
-    return _flat(load_design(beside), file)
-
-
-def _flat(design: SensorDesign, file: Path) -> SensorDesign:
-    try:
-        require_flat_rectangle(design)
-    except DesignError as err:
-        raise DesignError(f"{file}: base: {err}") from None
-    return design
+    return load_design(beside)
 
 
 def _require_figure(name: str, known: tuple[str, ...]) -> None:

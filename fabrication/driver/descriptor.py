@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fabrication.driver_file import DriverConfig, EmitterEntry, ReceiverEntry, WorkspaceLimits
+from fabrication.driver_file import DriverConfig, EmitterEntry, ReceiverEntry, SurfaceEntry, WorkspaceLimits
 
 FloatArray = NDArray[np.float64]
 OFF = "off"
@@ -43,6 +43,7 @@ class Descriptor:
     full_scale : largest reading [counts]
     wanted_rate_hz : the design's frame rate; the measured one is the stream's to tell
     possible_rate_hz : by the plain sum of the timing budget; the firmware is somewhat faster
+    surface : the untouched top; None in a configuration from before it was told
     expected_counts : (emitter, receiver) untouched by simulation [counts]; None where it was not simulated
     config_crc : what a self-test of this design's firmware answers for its configuration; None where that is not known
     """
@@ -53,6 +54,7 @@ class Descriptor:
     emitters: PartArray
     receivers: PartArray
     workspace: WorkspaceLimits
+    surface: SurfaceEntry | None
     full_scale: int
     wanted_rate_hz: float
     possible_rate_hz: float
@@ -81,6 +83,7 @@ def descriptor_of(config: DriverConfig) -> Descriptor:
         emitters=_parts(config.emitters, [f"D{entry.pin}" for entry in config.emitters]),
         receivers=_parts(config.receivers, [entry.channel for entry in config.receivers]),
         workspace=config.workspace,
+        surface=config.surface,
         full_scale=(1 << config.frame.bits_per_reading) - 1,
         wanted_rate_hz=config.timing.wanted_hz,
         possible_rate_hz=config.timing.possible_hz,

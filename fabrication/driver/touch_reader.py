@@ -44,7 +44,9 @@ class Touch:
     frame : the frame
     is_touched : the model's decision; a change that is one of gains is no touch
     touch_score : what the decision rests on: above 0 touched, the further the surer [-]
-    press_mm : (3,) x, y, depth, meaningful where touched [mm]
+    press_mm : (3,) x, y in plan, depth along the normal; meaningful where touched [mm]
+    point_mm, normal : (3,) where the press touched first, and the unit normal out of the pad there, in the cavity frame
+        [mm, -]; NaN where the driver configuration does not know the top
     sigma_mm : (3,) standard deviations; NaN where the model does not know them [mm]
     force_n : by the model's force curve, 0 where untouched [N]; None where the model has none
     force_sigma_n : its standard deviation by the depth's alone; NaN where that is not known or nothing touches. How
@@ -57,6 +59,8 @@ class Touch:
     is_touched: bool
     touch_score: float
     press_mm: FloatArray
+    point_mm: FloatArray
+    normal: FloatArray
     sigma_mm: FloatArray
     force_n: float | None
     force_sigma_n: float
@@ -163,17 +167,28 @@ class TouchReader:
         says_touch = bool(found.is_touched[k])
         state = tracker.follow(frame.device_us / US_PER_S, signals, says_touch)
         is_touched = says_touch and not state.is_gain_like
+        point_mm, normal = self._on_top(found.press_mm[k])
         return Touch(
             frame=frame,
             is_touched=is_touched,
             touch_score=float(found.touch_score[k]),
             press_mm=found.press_mm[k],
+            point_mm=point_mm,
+            normal=normal,
             sigma_mm=found.sigma_mm[k],
             force_n=None if found.force_n is None else float(found.force_n[k]) * is_touched,
             force_sigma_n=self._force_sigma_n(found, k) if is_touched else math.nan,
             drift=state,
             latency_ms=1e3 * (time.time() - frame.host_s),
         )
+
+    def _on_top(self, press_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Point of the untouched top and normal of a press."""
+        surface = self.sensor.descriptor.surface
+        if surface is None or not np.isfinite(press_mm).all():
+            return np.full(3, np.nan), np.full(3, np.nan)
+        point, normal = surface.point_and_normal(float(press_mm[0]), float(press_mm[1]))
+        return np.array(point), np.array(normal)
 
     def _force_sigma_n(self, found: Prediction, k: int) -> float:
         """Half the difference of the forces one standard deviation deeper and less deep [N]."""

@@ -96,7 +96,7 @@ def firmware_settings(design: SensorDesign) -> FirmwareSettings:
     ------
     DesignError : the design breaks a rule, or its board's entry does not say enough to program it.
     """
-    require_valid(design, any_shape=True)
+    require_valid(design)
     gaps = firmware_gaps(design)
     board, use = board_of(design), design.board
     if gaps or board.firmware is None:

@@ -26,13 +26,19 @@ LIMIT_SLACK_MM = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class StageLimits:
-    """Where the tip may go: the design's press centres and depth; above the pad up to 60 mm [mm]."""
+    """Where the tip may go: the design's press centres and depth; above the pad up to 60 mm [mm].
+
+    Attributes
+    ----------
+    is_disc : whether the press centres are those of the disc that touches the sides
+    """
 
     x0_mm: float
     x1_mm: float
     y0_mm: float
     y1_mm: float
     deepest_mm: float
+    is_disc: bool = False
 
     def require(self, x_mm: float, y_mm: float, depth_mm: float) -> None:
         """Refuse a position outside.
@@ -51,6 +57,15 @@ class StageLimits:
                 raise InputError(
                     f"stage: {name} {value:g} mm is outside of {low:g} to {high:g} mm; nothing moves"
                 )
+        middle, radius = (
+            ((self.x0_mm + self.x1_mm) / 2, (self.y0_mm + self.y1_mm) / 2),
+            (self.x1_mm - self.x0_mm) / 2,
+        )
+        if self.is_disc and math.dist((x_mm, y_mm), middle) > radius + LIMIT_SLACK_MM:
+            raise InputError(
+                f"stage: x {x_mm:g}, y {y_mm:g} mm is not within {radius:g} mm of x {middle[0]:g}, y {middle[1]:g} mm; "
+                "nothing moves"
+            )
 
 
 def limits_of(workspace: WorkspaceLimits) -> StageLimits:
@@ -61,6 +76,7 @@ def limits_of(workspace: WorkspaceLimits) -> StageLimits:
         y0_mm=workspace.y0_mm,
         y1_mm=workspace.y1_mm,
         deepest_mm=workspace.max_depth_mm,
+        is_disc=workspace.is_disc,
     )
 
 

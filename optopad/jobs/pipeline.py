@@ -90,7 +90,7 @@ def write_parts(
     """
     from cad.export import export_parts
 
-    require_valid(design, any_shape=True)
+    require_valid(design)
     on_step("mold", 0.0)
     with bundle(design, out, seed=seed) as folder:
         (folder / "cad").mkdir(exist_ok=True)
@@ -159,7 +159,7 @@ def write_signals(
 
 def write_driver_config(design: SensorDesign, out: Path, *, seed: int) -> Path:
     """Driver configuration, wiring and bill of materials into the bundle; returns the bundle."""
-    require_valid(design, any_shape=True)
+    require_valid(design)
     with bundle(design, out, seed=seed) as folder:
         _write_fabrication(design, folder, _known_gain(folder))
     return out / bundle_name(design)

@@ -24,7 +24,7 @@ from sims.contact.indentation import indent, solved_press
 from sims.contact.load_protocol import LoadHistory, load_history
 from sims.contact.press_notes import contact_notes
 from sims.contact.pressure import ContactPressure, contact_pressure
-from sims.contact.scope import require_depth
+from sims.contact.scope import mean_crown, require_depth
 from sims.contact.tip import tip_of
 from sims.contact.viscoelastic import solid_of
 from sims.press.depths import depth_schedule_mm
@@ -274,8 +274,10 @@ def view_plots(view: PressView) -> dict[str, Axes]:
     )
 
     measured = [] if view.comparison is None else [view.comparison.stated.point]
+    bend = mean_crown(view.design)
+    crown_mm = view.press.tip_radius_mm / bend if bend else None
     plots = {
-        "profile": plot_profile(view.press, view.tip_mm),
+        "profile": plot_profile(view.press, view.tip_mm, crown_radius_mm=crown_mm),
         "force": plot_force(view.force, view.young, measured=measured),
         "pressure": plot_pressure(view.pressure),
     }

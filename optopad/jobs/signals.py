@@ -78,8 +78,8 @@ def require_presses(design: SensorDesign, states: FloatArray) -> None:
         require_depth(design, float(depth_mm), "--press")
         if not space.contains(float(x_mm), float(y_mm)):
             raise ModelScopeError(
-                f"--press: ({x_mm:g}, {y_mm:g}) mm is outside the workspace, x {space.x0_mm:g} to {space.x1_mm:g} and "
-                f"y {space.y0_mm:g} to {space.y1_mm:g} mm; press inside, or lower operating.workspace_margin_mm"
+                f"--press: ({x_mm:g}, {y_mm:g}) mm is outside the workspace, {space.words}; press inside, or lower "
+                "operating.workspace_margin_mm"
             )
 
 

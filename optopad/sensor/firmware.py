@@ -41,7 +41,7 @@ def write_firmware(design: SensorDesign, out: Path, *, seed: int) -> FirmwareFil
     DesignError : the design breaks a rule, or its board's entry does not say enough to program it.
     OutputError : the folder cannot be written.
     """
-    require_valid(design, any_shape=True)
+    require_valid(design)
     image, reason = _image(design)
     with bundle(design, out, seed=seed) as folder:
         write_sketch(design, folder / FIRMWARE)

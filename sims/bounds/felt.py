@@ -29,7 +29,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class FeltForce:
-    """The lightest press that is felt; infinite where none within the range of use is.
+    """The lightest press that is felt; infinite where none within the range of use is, NaN outside the workspace.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class FeltForce:
     @property
     def worst(self) -> tuple[int, int]:
         """(row, column) of the place that needs the heaviest press."""
-        row, column = np.unravel_index(int(np.argmax(self.depth_mm)), self.depth_mm.shape)
+        row, column = np.unravel_index(int(np.nanargmax(self.depth_mm)), self.depth_mm.shape)
         return int(row), int(column)
 
 
@@ -75,7 +75,8 @@ def felt_force(
 
     Parameters
     ----------
-    flux, standard_error : (ny, nx, nd, pair) light over emitted power; the first depth untouched [-]
+    flux, standard_error : (ny, nx, nd, pair) light over emitted power; the first depth untouched; NaN outside the
+        workspace [-]
     x_mm : (nx,), y_mm : (ny,), depth_mm : (nd,) lines of the map
     readout : gains of the receivers
     threshold : change that counts as felt [noise units]
@@ -121,14 +122,15 @@ def _first_reached_mm(depth_mm: FloatArray, change: FloatArray, threshold: float
     rise = after_value - before_value
     share = np.divide(threshold - before_value, rise, out=np.zeros_like(rise), where=rise > 0.0)
     found = depth_mm[before] + np.clip(share, 0.0, 1.0) * (depth_mm[first] - depth_mm[before])
-    return np.where(is_above.any(axis=-1), found, np.inf)
+    found = np.where(is_above.any(axis=-1), found, np.inf)
+    return np.where(np.isnan(change[:, :, 0]), np.nan, found)
 
 
 def _forces_n(
     design: SensorDesign, x_mm: tuple[float, ...], y_mm: tuple[float, ...], depth_mm: FloatArray
 ) -> FloatArray:
     """(ny, nx) load at each place's depth [N]; infinite where the depth is."""
-    force = np.full(depth_mm.shape, np.inf)
+    force = np.where(np.isnan(depth_mm), np.nan, np.inf)
     for (row, column), depth in np.ndenumerate(depth_mm):
         if np.isfinite(depth):
             press = solved_press(design, at_mm=(x_mm[column], y_mm[row]))

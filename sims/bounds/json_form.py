@@ -79,5 +79,5 @@ def _felt_json(felt: FeltForce) -> dict[str, Any]:
         "threshold_noise_units": felt.threshold,
         "worst_place_mm": [felt.x_mm[column], felt.y_mm[row]],
         "worst_force_n": _number(float(felt.force_n[row, column])),
-        "median_force_n": _number(float(np.median(felt.force_n))),
+        "median_force_n": _number(float(np.nanmedian(felt.force_n))),
     } | {name: [[_number(value) for value in values] for values in getattr(felt, name)] for name in maps}

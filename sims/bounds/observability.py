@@ -37,7 +37,7 @@ from sims.bounds.pad_answers import pad_answers
 from sims.bounds.stencil import Steps
 from sims.optics.accuracy import MIRRORED_FINER, Accuracy
 from sims.readings.readout import Readout, readout_of
-from sims.verdict.pad_map import grid_places_mm, map_grid_mm
+from sims.verdict.pad_map import grid_inside, grid_places_mm, map_grid_mm, on_grid
 from sims.verdict.presses import untouched_flux
 
 FloatArray = NDArray[np.float64]
@@ -76,7 +76,8 @@ class Voxel:
 class PadBounds:
     """Cramér-Rao bounds over the workspace, and what follows from them.
 
-    Arrays have the axes (y, x, depth); a bound is infinite, and its error too, where the pad is blind.
+    Arrays have the axes (y, x, depth); a bound is infinite, and its error too, where the pad is blind, and NaN outside
+    the workspace.
 
     Attributes
     ----------
@@ -117,15 +118,19 @@ class PadBounds:
     @property
     def is_blind(self) -> BoolArray:
         """(ny, nx, nd) whether some direction of (x, y, depth) cannot be told."""
-        return ~np.isfinite(self.location_mm)
+        return np.isinf(self.location_mm)
 
     @property
     def weight(self) -> FloatArray:
         """(ny, nx, nd) share of the workspace's volume that each voxel stands for; sums to 1."""
-        return np.broadcast_to(
-            depth_weights(self.depth_mm, self.max_depth_mm) / (len(self.x_mm) * len(self.y_mm)),
-            self.location_mm.shape,
-        )
+        inside = self.inside
+        shares = depth_weights(self.depth_mm, self.max_depth_mm) / inside.sum()
+        return np.where(inside[:, :, None], shares, 0.0)
+
+    @property
+    def inside(self) -> BoolArray:
+        """(ny, nx) which places of the grid lie in the workspace."""
+        return ~np.isnan(self.location_mm[:, :, 0])
 
     @property
     def bounds(self) -> Bounds:
@@ -179,7 +184,7 @@ class PadBounds:
     @property
     def worst(self) -> Voxel:
         """The voxel with the largest location bound, blind ones first; among blind ones the deepest."""
-        rank = np.where(self.is_blind, np.inf, self.location_mm)
+        rank = np.where(np.isnan(self.location_mm), -np.inf, self.location_mm)
         deepest_first = np.broadcast_to(np.arange(len(self.depth_mm)), rank.shape)
         order = np.lexsort((-deepest_first.ravel(), -rank.ravel()))
         return self.voxel(*(int(k) for k in np.unravel_index(order[0], rank.shape)))
@@ -264,9 +269,8 @@ def pad_bounds(
         steps=steps,
         on_step=on_step,
     )
-    found = bounds_of(answers)
-    shape = (len(y_mm), len(x_mm), len(depth_mm))
-    columns = len(y_mm) * len(x_mm)
+    found, inside = bounds_of(answers), grid_inside(cavity.workspace, x_mm, y_mm)
+    columns = int(inside.sum())
     weight = (
         np.tile(depth_weights(depth_mm, max_depth_mm), columns).reshape(found.location_mm.shape) / columns
     )
@@ -277,12 +281,12 @@ def pad_bounds(
         y_mm=tuple(float(y) for y in y_mm),
         depth_mm=tuple(float(depth) for depth in depth_mm),
         max_depth_mm=max_depth_mm,
-        location_mm=found.location_mm.reshape(shape),
-        location_error_mm=found.location_error_mm.reshape(shape),
-        depth_bound_mm=found.depth_mm.reshape(shape),
-        depth_error_mm=found.depth_error_mm.reshape(shape),
-        depth_alone_mm=found.depth_alone_mm.reshape(shape),
-        depth_alone_error_mm=found.depth_alone_error_mm.reshape(shape),
+        location_mm=on_grid(found.location_mm, inside),
+        location_error_mm=on_grid(found.location_error_mm, inside),
+        depth_bound_mm=on_grid(found.depth_mm, inside),
+        depth_error_mm=on_grid(found.depth_error_mm, inside),
+        depth_alone_mm=on_grid(found.depth_alone_mm, inside),
+        depth_alone_error_mm=on_grid(found.depth_alone_error_mm, inside),
         losses=losses,
         felt=felt,
         limits=limits,

@@ -3,7 +3,8 @@
 A press belongs to one elastic depth over tip radius. It is taken from the shipped library (or solved live, where
 a mesh is asked for) and scaled: lengths with the tip radius R, force with E R² (a frictionless neo-Hookean
 layer has no other length or force). A rectangular pad is taken for the round one of its area (`scope.round_radius`),
-and then what its own walls change is added, for every place (`library.placed_press`).
+and then what its own walls change is added, for every place (`library.placed_press`). Discs and crowned pads have a
+model of their own (`shaped_press`).
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from dataclasses import replace
 from functools import lru_cache
 
 from design.errors import DesignError, InputError, ModelScopeError
+from design.geometry.plan import plan_of
 from design.spec import SensorDesign
 from design.spec.properties import youngs_modulus_mpa
 from sims.contact.library.live_press import live_note, live_press, mesh_size
@@ -31,6 +33,7 @@ from sims.contact.scope import (
     tip_radius_mm,
     wall_radius,
 )
+from sims.contact.shaped_press import crowned_press, require_place
 from sims.contact.tip import HEMISPHERE, tip_of
 from sims.press.indentation import Indentation
 
@@ -91,7 +94,11 @@ def solved_press(
     DesignError, InputError : a value that is no positive number
     ModelScopeError : a layer, depth or (with `at_mm`) place outside the model
     """
-    press = round_press(design, max_depth_mm, mesh_mm, on_step)
+    press = round_press(design, max_depth_mm, mesh_mm, on_step, at_mm=at_mm)
+    if not plan_of(design).is_flat_rectangle:
+        if at_mm is not None:
+            require_place(design, at_mm)
+        return press
     placed, told = _placed(design, press.smooth, at_mm, _deepest(design, max_depth_mm) / press.tip_radius_mm)
     return replace(press, placed=placed, notes=press.notes + told)
 
@@ -101,22 +108,32 @@ def round_press(
     max_depth_mm: float | None = None,
     mesh_mm: float | None = None,
     on_step: Callable[[float], None] | None = None,
+    *,
+    at_mm: tuple[float, float] | None = None,
 ) -> SolvedPress:
     """The press in the round pad of the same area: what `solved_press` is without its own walls, and sooner.
 
-    Parameters and errors are those of `solved_press`.
+    Parameters and errors are those of `solved_press`; the place matters under a crown alone.
     """
     radius, layer, modulus = tip_radius_mm(design), round(layer_depth(design), 9), modulus_mpa(design)
     deepest = _deepest(design, max_depth_mm) / radius
     notes: tuple[str, ...] = ()
     unit: UnitPress | None = None
-    if mesh_mm is None and is_in_library(design):
+    if design.crown is not None:
+        smooth = crowned_press(design, at_mm)
+    elif mesh_mm is None and is_in_library(design):
         smooth = _library_press(layer, round(wall_radius(design), 9))
     else:
         unit, smooth, told = live_press(design, mesh_size(design, mesh_mm), deepest, on_step)
         notes = (live_note(design, mesh_mm), *told)
     return SolvedPress(
-        smooth=smooth, unit=unit, tip_radius_mm=radius, youngs_modulus_mpa=modulus, placed=None, notes=notes
+        smooth=smooth,
+        unit=unit,
+        tip_radius_mm=radius,
+        youngs_modulus_mpa=modulus,
+        placed=None,
+        is_round=design.cavity.outline == "disc",
+        notes=notes,
     )
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from design.geometry.plan import plan_of
 from design.spec import SensorDesign
 from sims.contact.indentation import solved_press
 from sims.contact.library.placed_press import PlacedPress
@@ -96,8 +97,12 @@ def pad_surfaces(design: SensorDesign, presses_mm: FloatArray) -> Iterator[PadSu
     """The tops of many presses (n, 3) of x, y, depth > 0 [mm]; errors of `pad_surface`."""
     deepest = float(max(presses_mm[:, 2].max(initial=0.0), design.operating.max_depth_mm))
     middle, size = solved_press(design, deepest), (design.cavity.length_mm, design.cavity.width_mm)
-    tip = middle.tip_radius_mm
+    tip, has_shape = middle.tip_radius_mm, not plan_of(design).is_flat_rectangle
     for x, y, depth_mm in presses_mm.tolist():
+        if has_shape:
+            solved = solved_press(design, deepest, at_mm=(x, y))
+            yield PadSurface(near=solved.near_at(depth_mm), solved=solved, at_mm=(x, y), size_mm=size)
+            continue
         placed = PlacedPress(smooth=middle.smooth, size=(size[0] / tip, size[1] / tip), at=(x / tip, y / tip))
         solved = replace(middle, placed=placed)
         yield PadSurface(near=solved.near_at(depth_mm), solved=solved, at_mm=(x, y), size_mm=size)

@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import DesignError, InputError, ModelScopeError
+from design.geometry.plan import plan_of
 from design.rules.contact_scope import (
     DEEPEST_PRESS,
     LARGEST_SHARE_OF_LAYER,
     LAYER_DEPTH_RANGE,
-    require_flat_rectangle,
+    deepest_modelled_mm,
 )
 
 if TYPE_CHECKING:
@@ -56,19 +57,26 @@ def elastic_depth_mm(design: SensorDesign) -> float:
     )
 
 
-def layer_depth(design: SensorDesign) -> float:
+def layer_depth(design: SensorDesign, at_mm: tuple[float, float] | None = None) -> float:
     """Elastic depth over tip radius [-].
+
+    at_mm : (x, y) in the cavity frame; under a crown the depth is that along the normal there. None is its highest
+        place [mm]
 
     Raises
     ------
     ModelScopeError : outside the modelled range
     """
     radius = tip_radius_mm(design)
-    ratio = elastic_depth_mm(design) / radius
+    depth = elastic_depth_mm(design)
+    if at_mm is not None:
+        plan = plan_of(design)
+        depth = (depth - plan.sag_mm(*at_mm)) / plan.normal(*at_mm)[2]
+    ratio = depth / radius
     low, high = LAYER_DEPTH_RANGE
     if not low - 1e-9 <= ratio <= high + 1e-9:
         raise ModelScopeError(
-            f"cavity.clear_thickness_mm + black_thickness_mm: elastic depth {ratio * radius:g} mm is {ratio:.2f} "
+            f"cavity.clear_thickness_mm + black_thickness_mm: elastic depth {ratio * radius:.4g} mm is {ratio:.2f} "
             f"tip radii; the contact model covers {low} to {high}, here {low * radius:g} to {high * radius:g} mm"
         )
     return ratio
@@ -95,22 +103,28 @@ From 6.0 to 7.5 the force at 1 tip radius falls by 1 %."""
 
 
 def wall_radius(design: SensorDesign) -> float:
-    """Radius of the round pad that stands for the design's [tip radii], moved into `WALL_RADIUS_RANGE`.
-
-    Raises
-    ------
-    DesignError : a disc or a crowned pad.
-    """
-    require_flat_rectangle(design)
+    """Radius of the round pad that stands for the design's [tip radii], moved into `WALL_RADIUS_RANGE`."""
     cavity = design.cavity
-    radius = round_radius(cavity.length_mm, cavity.width_mm) / tip_radius_mm(design)
+    if cavity.outline == "disc":
+        radius = 0.5 * cavity.length_mm / tip_radius_mm(design)
+    else:
+        radius = round_radius(cavity.length_mm, cavity.width_mm) / tip_radius_mm(design)
     low, high = WALL_RADIUS_RANGE
     return min(max(radius, low), high)
 
 
+def mean_crown(design: SensorDesign) -> float:
+    """Tip radius times the mean curvature of the untouched top [-]; 0 for a flat one."""
+    crown = design.crown
+    if crown is None:
+        return 0.0
+    return tip_radius_mm(design) / (crown.radius_mm if crown.axis is None else 2.0 * crown.radius_mm)
+
+
 def depth_limit_mm(design: SensorDesign) -> float:
-    """Deepest press that the contact model covers [mm]."""
-    return min(LARGEST_SHARE_OF_LAYER * elastic_depth_mm(design), DEEPEST_PRESS * tip_radius_mm(design))
+    """Deepest press that the contact model covers, wherever the design is pressed [mm]."""
+    tip_radius_mm(design), elastic_depth_mm(design)  # refuse what is no number
+    return deepest_modelled_mm(design)
 
 
 def require_depth(design: SensorDesign, depth_mm: float, name: str) -> float:

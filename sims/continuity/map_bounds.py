@@ -49,9 +49,9 @@ def map_bounds(
 
 def map_felt(design: SensorDesign, pad_map: PadMap, pad_signals: LightSignals, readout: Readout) -> FeltForce:
     """The lightest press felt at a map's places, by the map's light."""
-    grid = (len(pad_map.y_mm), len(pad_map.x_mm))
     depth_mm = pad_signals.presses[: len(pad_signals.presses) // len(pad_map.places), 2]
     flux, error = (
-        light.reshape(*grid, len(depth_mm), -1) for light in (pad_signals.flux, pad_signals.standard_error)
+        pad_map.grid(light.reshape(len(pad_map.places), len(depth_mm), -1))
+        for light in (pad_signals.flux, pad_signals.standard_error)
     )
     return felt_force(design, flux, error, pad_map.x_mm, pad_map.y_mm, depth_mm, readout)

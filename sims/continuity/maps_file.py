@@ -1,7 +1,8 @@
 """Maps of a pad as an xarray data set with units and provenance: what ``sims/maps.nc`` of a bundle holds.
 
 Open one with a line: ``xarray.open_dataset("sims/maps.nc")``. Bounds have the axes ``y``, ``x``, ``depth``; readings
-have ``y``, ``x``, ``press_depth``, ``pair``, for they are traced at more depths. Infinite is blind, or not felt.
+have ``y``, ``x``, ``press_depth``, ``pair``, for they are traced at more depths. Infinite is blind, or not felt; NaN
+lies outside the workspace of a disc.
 """
 
 from __future__ import annotations
@@ -96,12 +97,12 @@ def _map_part(score: ContinuityScore) -> xr.Dataset:
     assert pad_map is not None
     assert light is not None
     assert readout is not None
-    shape = (len(pad_map.y_mm), len(pad_map.x_mm))
-    depth_mm = light.presses[: len(light.presses) // (shape[0] * shape[1]), 2]
-    counts = readout.counts(light.flux).reshape(*shape, len(depth_mm), -1)
-    error = (light.standard_error * readout.gains).reshape(counts.shape)
+    depth_mm = light.presses[: len(light.presses) // len(pad_map.places), 2]
+    shape = (len(pad_map.places), len(depth_mm), -1)
+    counts = pad_map.grid(readout.counts(light.flux).reshape(shape))
+    error = pad_map.grid((light.standard_error * readout.gains).reshape(shape))
     axes = ("y", "x")
-    margin = np.array([place.margin for place in pad_map.places]).reshape(shape)
+    margin = pad_map.grid([place.margin for place in pad_map.places])
     return xr.Dataset(
         {
             "counts": ((*axes, "press_depth", "pair"), counts, _of("reading at the common gain, clipped", "counts")),

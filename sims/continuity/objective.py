@@ -358,9 +358,10 @@ def judged_alone(
 
 def _is_further(cavity: CavityGeometry, places_mm: FloatArray, place_mm: tuple[float, float]) -> bool:
     """Whether a place is in this design's workspace, and not among those already."""
-    space, (x_mm, y_mm) = cavity.workspace, place_mm
-    is_inside = space.x0_mm <= x_mm <= space.x1_mm and space.y0_mm <= y_mm <= space.y1_mm
-    return is_inside and not (np.abs(places_mm - place_mm).max(axis=1) < 1e-9).any()
+    return (
+        cavity.workspace.contains(*place_mm, 0.0)
+        and not (np.abs(places_mm - place_mm).max(axis=1) < 1e-9).any()
+    )
 
 
 def price_of(cavity: CavityGeometry) -> float:

@@ -211,16 +211,23 @@ def _map_json(pad_map: PadMap) -> dict[str, Any]:
     return {
         "x_mm": list(pad_map.x_mm),
         "y_mm": list(pad_map.y_mm),
-        "deadband_mm": pad_map.deadband_grid_mm().round(4).tolist(),
+        "deadband_mm": _rows(pad_map.deadband_grid_mm().round(4)),
         "dead_share": _rounded(pad_map.dead_share),
-        "usable_mm": pad_map.usable_grid_mm().round(4).tolist(),
-        "margin_noise_units": [round(place.margin, 3) for place in pad_map.places],
-        "trace_error_noise_units": [round(place.depths.margin_error, 3) for place in pad_map.places],
+        "usable_mm": _rows(pad_map.usable_grid_mm().round(4)),
+        "margin_noise_units": _in_a_row(pad_map, [place.margin for place in pad_map.places]),
+        "trace_error_noise_units": _in_a_row(
+            pad_map, [place.depths.margin_error for place in pad_map.places]
+        ),
         "weakest_place_mm": [_rounded(pad_map.weakest.x_mm), _rounded(pad_map.weakest.y_mm)],
         "worst_place_mm": [_rounded(pad_map.worst.x_mm), _rounded(pad_map.worst.y_mm)]
         if pad_map.worst.deadbands_mm
         else None,
     }
+
+
+def _in_a_row(pad_map: PadMap, of_places: list[float]) -> list[float | None]:
+    """One row after another, to three digits; None outside the workspace."""
+    return [value for row in _rows(pad_map.grid([round(one, 3) for one in of_places])) for value in row]
 
 
 def _force_json(force: ForceCurve) -> dict[str, list[float]]:

@@ -191,9 +191,7 @@ def bounds_by_depth(
     """
     space = workspace_of(design)
     share = np.outer(np.arange(1, places + 1), EVENLY) % 1.0
-    x_mm = space.x0_mm + share[:, 0] * (space.x1_mm - space.x0_mm)
-    y_mm = space.y0_mm + share[:, 1] * (space.y1_mm - space.y0_mm)
-    press_mm = np.array([[x, y, depth] for depth in depths_mm for x, y in zip(x_mm, y_mm, strict=True)])
+    press_mm = np.array([[x, y, depth] for depth in depths_mm for x, y in space.spread(share).tolist()])
     found = chain_bounds(design, press_mm, gains, noise, accuracy=accuracy, seed=seed, on_step=on_step)
     shape = (len(depths_mm), places)
     location, depth = (np.median(one.reshape(shape), axis=1) for one in (found.location_mm, found.depth_mm))

@@ -136,20 +136,20 @@ def pressed_tops(design: SensorDesign, presses: FloatArray, *, by_symmetry: bool
     for of_state in traced:
         found = [known[tuple(row.tolist())] if row[2] > 0 else None for row in of_state]
         near.append([None if one is None else one[0] for one in found])
-        touching = [one[1] for one in found if one is not None]
+        touching = [one[1] for one in found if one is not None and one[1] is not None]
         fields.append(sum_of_fields(touching) if touching else None)
     return PressedTops(classes=classes, near=near, fields=fields)
 
 
 def _tops(
     design: SensorDesign, scene: OpticalScene, presses: FloatArray
-) -> Iterator[tuple[Indentation, SmoothField]]:
+) -> Iterator[tuple[Indentation, SmoothField | None]]:
     from sims.contact.pad_surface import pad_surfaces
 
     if len(presses) == 0:
         return
     for surface in pad_surfaces(design, presses):
-        yield surface.near, _smooth_part(surface, scene)
+        yield surface.near, None if scene.form is not None else _smooth_part(surface, scene)
 
 
 def _smooth_part(surface: PadSurface, scene: OpticalScene) -> SmoothField:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -61,12 +61,12 @@ class Place:
 
 @dataclass(frozen=True, kw_only=True)
 class PadMap:
-    """All places of a rectangular grid over the workspace.
+    """All places of a rectangular grid that lie in the workspace.
 
     Attributes
     ----------
     x_mm : (nx,) and y_mm : (ny,) grid lines [mm]
-    places : ny rows of nx places, y outermost
+    places : those of the grid in the workspace, y outermost; in a rectangle ny rows of nx
     """
 
     x_mm: tuple[float, ...]
@@ -124,9 +124,19 @@ class PadMap:
         """Share of places with a deadband [-]."""
         return sum(bool(place.deadbands_mm) for place in self.places) / len(self.places)
 
-    def grid(self, of_places: list[float]) -> FloatArray:
-        """(ny, nx) a figure of every place."""
-        return np.array(of_places, dtype=np.float64).reshape(len(self.y_mm), len(self.x_mm))
+    @property
+    def cells(self) -> tuple[tuple[int, int], ...]:
+        """Row and column of each place in the grid."""
+        return tuple(
+            (_nearest(self.y_mm, place.y_mm), _nearest(self.x_mm, place.x_mm)) for place in self.places
+        )
+
+    def grid(self, of_places: Sequence[float] | FloatArray) -> FloatArray:
+        """(ny, nx, ...) what is known of every place, (place, ...); NaN outside the workspace."""
+        values = np.asarray(of_places, dtype=np.float64)
+        inside = np.zeros((len(self.y_mm), len(self.x_mm)), dtype=np.bool_)
+        inside[tuple(np.array(self.cells).T)] = True
+        return on_grid(values, inside)
 
     def deadband_grid_mm(self) -> FloatArray:
         """(ny, nx) summed deadband at each place [mm]."""
@@ -148,9 +158,26 @@ def map_grid_mm(cavity: CavityGeometry, places: int) -> tuple[FloatArray, FloatA
     )
 
 
+def grid_inside(workspace: Workspace, x_mm: FloatArray, y_mm: FloatArray) -> NDArray[np.bool_]:
+    """(ny, nx) which crossings of a grid's lines are press centres; round-off counts as inside."""
+    return np.array([[workspace.contains(float(x), float(y), 1e-6) for x in x_mm] for y in y_mm])
+
+
 def grid_places_mm(workspace: Workspace, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-    """(ny*nx, 2) press centres of a grid, y outermost, clamped to the workspace against round-off [mm]."""
-    return np.array([workspace.clamped(float(x), float(y)) for y in y_mm for x in x_mm])
+    """(place, 2) press centres of a grid, y outermost, clamped to the workspace against round-off [mm]."""
+    inside = grid_inside(workspace, x_mm, y_mm)
+    return np.array([workspace.clamped(float(x_mm[k]), float(y_mm[n])) for n, k in np.argwhere(inside)])
+
+
+def on_grid(of_places: FloatArray, inside: NDArray[np.bool_]) -> FloatArray:
+    """(ny, nx, ...) from (place, ...) in the order of `grid_places_mm`; NaN outside."""
+    found = np.full((*inside.shape, *of_places.shape[1:]), np.nan)
+    found[inside] = of_places
+    return found
+
+
+def _nearest(lines: tuple[float, ...], value: float) -> int:
+    return min(range(len(lines)), key=lambda number: abs(lines[number] - value))
 
 
 def _lines(start_mm: float, span_mm: float, pitch_mm: float) -> FloatArray:

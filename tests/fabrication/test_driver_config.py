@@ -169,6 +169,8 @@ def test_the_file_says_what_the_configuration_says(name: str, tmp_path: Path) ->
     config = load_driver_config(file, digest=design.digest)
     plain = json.loads(json.dumps(asdict(config)))
     assert plain.pop("expected") is None
+    for table in ("workspace", "surface"):  # what a design has not is left out of the file
+        plain[table] = {name: value for name, value in plain[table].items() if value is not None}
     assert plain == driver_config(design, 12345.678)
     assert (config.design, config.digest) == (design.name, design.digest)
     assert config.gain.counts_per_flux == 12345.678
@@ -314,3 +316,24 @@ def test_the_reader_needs_the_standard_library_only() -> None:
         [sys.executable, "-c", program], cwd=root, capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_press_has_its_point_and_normal_on_the_untouched_top(name: str) -> None:
+    design = preset(name)
+    surface, plan, space = config_of(design).surface, cavity_of(design).plan, config_of(design).workspace
+    assert surface is not None
+    assert space.is_disc is plan.is_disc
+    x, y = 0.3 * space.x0_mm + 0.7 * space.x1_mm, 0.6 * space.y0_mm + 0.4 * space.y1_mm
+    point, normal = surface.point_and_normal(x, y)
+    assert point == pytest.approx((x, y, plan.top_mm(x, y)), abs=1e-9)
+    assert normal == pytest.approx(plan.normal(x, y), abs=1e-9)
+
+
+def test_beyond_a_crown_s_reach_the_normal_is_that_of_its_border() -> None:
+    surface = config_of(preset("fingertip-dome")).surface
+    assert surface is not None
+    point, normal = surface.point_and_normal(11.0 + 40.0, 11.0)
+    assert np.isfinite(point).all()
+    assert normal[0] == pytest.approx(0.999)
+    assert np.hypot(*normal[::2]) == pytest.approx(1.0)

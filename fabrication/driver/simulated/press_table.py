@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 FloatArray = NDArray[np.float64]
+SAME_MM = 1e-6
+"""Two lines of a grid are one when they agree to this [mm]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,18 +90,21 @@ def untouched_table(config: DriverConfig) -> PressTable:
     return PressTable(x_mm=zero, y_mm=zero, depth_mm=zero, counts=counts)
 
 
-def table_of(presses: FloatArray, counts: FloatArray) -> PressTable:
+def table_of(presses: FloatArray, counts: FloatArray, *, is_disc: bool = False) -> PressTable:
     """A table from states that form a full grid, in whatever order.
 
     Parameters
     ----------
     presses : (state, 3) x, y, depth; the least depth must be 0 [mm]
     counts : (state, emitter, receiver) signals [counts]
+    is_disc : whether places of the grid may be absent; the nearest one's signals stand for them
 
     Raises
     ------
     InputError : the states are no full grid.
     """
+    if is_disc:
+        presses, counts = _squared(presses, counts)
     lines = [np.unique(presses[:, k]) for k in range(3)]
     shape = tuple(len(line) for line in lines)
     if (
@@ -113,6 +118,20 @@ def table_of(presses: FloatArray, counts: FloatArray) -> PressTable:
     order = np.lexsort(presses.T[::-1])
     grid = counts[order].reshape(*shape, *counts.shape[1:])
     return PressTable(x_mm=lines[0], y_mm=lines[1], depth_mm=lines[2], counts=grid)
+
+
+def _squared(presses: FloatArray, counts: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The same states, and those that lack to a full grid of places, from the nearest place."""
+    there = np.unique(presses[:, :2], axis=0)
+    every = np.array([(x, y) for x in np.unique(presses[:, 0]) for y in np.unique(presses[:, 1])])
+    absent = [place for place in every if not (np.abs(there - place).max(axis=1) < SAME_MM).any()]
+    found, signals = [presses], [counts]
+    for place in absent:
+        nearest = there[np.argmin(((there - place) ** 2).sum(axis=1))]
+        rows = np.flatnonzero((presses[:, :2] == nearest).all(axis=1))
+        found.append(np.column_stack([np.tile(place, (len(rows), 1)), presses[rows, 2]]))
+        signals.append(counts[rows])
+    return np.concatenate(found), np.concatenate(signals)
 
 
 def table_from_signals(file: Path, config: DriverConfig) -> PressTable:
@@ -143,7 +162,7 @@ def table_from_signals(file: Path, config: DriverConfig) -> PressTable:
         raise InputError(
             f"{file}: flux of the shape {flux.shape}, needs (state, emitter, {len(gains)}); run `optopad score` again"
         )
-    return table_of(presses, flux * gains)
+    return table_of(presses, flux * gains, is_disc=config.workspace.is_disc)
 
 
 def _numbers(array: xr.DataArray) -> FloatArray:

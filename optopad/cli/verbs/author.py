@@ -32,7 +32,6 @@ def new(
     from design.fields.base import NAME_PATTERN
     from design.io import write_text_atomically
     from design.preset import preset_text, renamed_text
-    from design.rules.contact_scope import is_flat_rectangle
     from design.spec import SensorDesign
 
     if file.suffix != ".toml":
@@ -53,8 +52,7 @@ def new(
     if as_json:
         print_json({"file": str(file), "preset": preset, "digest": design.digest})
     else:
-        onward = "run" if is_flat_rectangle(design) else "build"
-        say(f"{file} written from {preset}. Next: optopad check {file}, then optopad {onward} {file}")
+        say(f"{file} written from {preset}. Next: optopad check {file}, then optopad run {file}")
 
 
 def check(
@@ -67,12 +65,11 @@ def check(
     from dataclasses import asdict
 
     from design.rules.check import check as findings_of
-    from design.rules.contact_scope import is_flat_rectangle
     from optopad.report.text.numbers import counted
     from optopad.screen.one_screen import as_typed, findings_screen
 
     read = read_design(design, set_)
-    findings, verb = findings_of(read), "score" if is_flat_rectangle(read) else "build"
+    findings = findings_of(read)
     errors = [finding for finding in findings if finding.severity == "error"]
     total = f"{read.name}: {counted(len(errors), 'error')}, {counted(len(findings) - len(errors), 'warning')}"
     tell(
@@ -81,7 +78,7 @@ def check(
         lambda: (
             [*map(str, findings), total]
             if details
-            else findings_screen(read.name, findings, command=f"{verb} {as_typed(design, set_)}")
+            else findings_screen(read.name, findings, command=f"score {as_typed(design, set_)}")
         ),
     )
     if errors:

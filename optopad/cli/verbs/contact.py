@@ -55,7 +55,7 @@ def build(
     ] = None,
     as_json: options.Json = False,
 ) -> None:
-    """Solve the library of presses anew (an hour or two on two cores); interrupted, it goes on where it stopped."""
+    """Solve the library of presses anew (two hours or more on two cores); interrupted, it goes on where it stopped."""
     import os
 
     from sims.contact.library.build import build_library, require_writable, write_library

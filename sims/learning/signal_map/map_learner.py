@@ -334,8 +334,11 @@ def _trust(model: SignalMapModel, found: SignalMap, noise: ReadingNoise, seed: i
 
 
 def _box(found: SignalMap) -> Box:
-    low, high = found.workspace_mm
-    return Box(low=np.array([*low, 0.0]), high=np.array([*high, found.root_depth[-1] ** 2]))
+    space = found.workspace
+    return Box(
+        low=np.array([space.x0_mm, space.y0_mm, 0.0]),
+        high=np.array([space.x1_mm, space.y1_mm, found.root_depth[-1] ** 2]),
+    )
 
 
 def _sensor_noise(

@@ -1,6 +1,7 @@
 """Signals of a design over its whole workspace: traced on a grid of places and depths, smooth in between.
 
-    places   a grid that reaches a little beyond the workspace, 1 mm apart at most
+    places   a grid that reaches a little beyond the workspace, 1 mm apart at most; what lies outside a round one is
+             mirrored at its border, f(outside) = 2 f(border) - f(inside), so that the spline is smooth there
     depths   equal steps of √depth, 0 (the untouched pad) to the deepest press
     between  a tensor cubic spline of √(light / untouched light), pair by pair (`inference.tensor_spline`)
 
@@ -24,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import InputError
-from design.geometry.cavity import cavity_of
+from design.geometry.cavity import Workspace, cavity_of
 from design.rules.contact_scope import NEAREST_WALL
 from design.spec import SensorDesign
 from sims.contact.scope import depth_limit_mm
@@ -33,6 +34,7 @@ from sims.optics.accuracy import Accuracy
 from sims.optics.tracing import trace
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 OnStep = Callable[[str, float], None]
 
 PITCH_MM = 1.0
@@ -59,7 +61,7 @@ class SignalMap:
     ----------
     x_mm : (nx,), y_mm : (ny,), root_depth : (ns,) nodes at equal steps [mm, mm, √mm]; the first depth is 0
     flux : (nx, ny, ns, emitter, receiver) light over emitted power [-]
-    workspace_mm : (2, 2) lowest and highest x, y of the workspace
+    workspace : press centres that it is for
     digest, accuracy, seed : of what design, how finely traced
     error : (pair,) RMS error of the ratio to the untouched light at random presses [-]; None where not measured
     checked : those presses and their light; None where not measured
@@ -69,7 +71,7 @@ class SignalMap:
     y_mm: FloatArray
     root_depth: FloatArray
     flux: FloatArray
-    workspace_mm: FloatArray
+    workspace: Workspace
     digest: str
     accuracy: str
     seed: int
@@ -128,6 +130,48 @@ def _line(low: float, high: float, pitch: float) -> FloatArray:
     return np.linspace(low, high, max(int(np.ceil((high - low) / pitch - 1e-9)) + 1, 5))
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Nodes:
+    """Where a map is traced, and how its nodes follow.
+
+    Attributes
+    ----------
+    traced_mm : (place, 2) [mm]
+    border, inner : (node,) places whose light makes a node's, 2 border - inner; one and the same where it was traced
+    """
+
+    traced_mm: FloatArray
+    border: IntArray
+    inner: IntArray
+
+    def filled(self, at_places: FloatArray, untouched: FloatArray) -> FloatArray:
+        """(node, ...) light from (place, ...): the root of the ratio to the untouched light is what is mirrored."""
+        root = np.sqrt(at_places / np.where(untouched > 0.0, untouched, 1.0))
+        mirrored = np.maximum(2.0 * root[self.border] - root[self.inner], 0.0) ** 2 * untouched
+        is_own = (self.border == self.inner).reshape(-1, *(1,) * (at_places.ndim - 1))
+        return np.where(is_own, at_places[self.border], mirrored)
+
+
+def _nodes_of(space: Workspace, x_mm: FloatArray, y_mm: FloatArray) -> _Nodes:
+    """The nodes of a grid, x outermost; those outside a round one from two places each."""
+    nodes = np.stack([axis.ravel() for axis in np.meshgrid(x_mm, y_mm, indexing="ij")], axis=1)
+    every = np.arange(len(nodes))
+    if not space.is_disc:
+        return _Nodes(traced_mm=nodes, border=every, inner=every)
+    middle, radius = np.array([x_mm.mean(), y_mm.mean()]), 0.5 * (x_mm[-1] - x_mm[0])
+    away = np.hypot(*(nodes - middle).T)
+    outside = np.flatnonzero(away > radius + 1e-9)
+    toward = (nodes[outside] - middle) / away[outside, None]
+    own = np.setdiff1d(every, outside)
+    border, inner = np.zeros(len(nodes), dtype=np.int64), np.zeros(len(nodes), dtype=np.int64)
+    border[own] = inner[own] = np.arange(len(own))
+    border[outside] = len(own) + np.arange(len(outside))
+    inner[outside] = border[outside] + len(outside)
+    mirrored = (2.0 * radius - away[outside])[:, None] * toward
+    places = np.concatenate([nodes[own], middle + radius * toward, middle + mirrored])
+    return _Nodes(traced_mm=places, border=border, inner=inner)
+
+
 def traced_map(
     design: SensorDesign,
     *,
@@ -152,8 +196,10 @@ def traced_map(
     """
     x_mm, y_mm, root = map_nodes(design, pitch_mm, depth_nodes)
     depths = root[1:] ** 2
-    x, y, depth = np.meshgrid(x_mm, y_mm, depths, indexing="ij")
-    presses = np.stack([x.ravel(), y.ravel(), depth.ravel()], axis=1)
+    nodes = _nodes_of(cavity_of(design).workspace, x_mm, y_mm)
+    presses = np.column_stack(
+        [np.repeat(nodes.traced_mm, len(depths), axis=0), np.tile(depths, len(nodes.traced_mm))]
+    )
     tell = on_step or (lambda _stage, _share: None)
     light = trace(
         design,
@@ -163,7 +209,8 @@ def traced_map(
         on_step=lambda done, total: tell("map", done / total),
     )
     parts = light.flux.shape[1:]
-    pressed = light.flux[1:].reshape(len(x_mm), len(y_mm), len(depths), *parts)
+    at_places = light.flux[1:].reshape(len(nodes.traced_mm), len(depths), *parts)
+    pressed = nodes.filled(at_places, light.flux[0]).reshape(len(x_mm), len(y_mm), len(depths), *parts)
     flat = np.broadcast_to(light.flux[0], (len(x_mm), len(y_mm), 1, *parts))
     space = cavity_of(design).workspace
     return SignalMap(
@@ -171,7 +218,7 @@ def traced_map(
         y_mm=y_mm,
         root_depth=root,
         flux=np.concatenate([flat, pressed], axis=2),
-        workspace_mm=np.array([[space.x0_mm, space.y0_mm], [space.x1_mm, space.y1_mm]]),
+        workspace=space,
         digest=design.digest,
         accuracy=accuracy if isinstance(accuracy, str) else "own settings",
         seed=seed,
@@ -209,9 +256,8 @@ def measured_error(
     """Compare a map with presses at random places of the workspace, √depth uniform, traced with another seed."""
     seed = found.seed + ERROR_SEED_GAP
     chance = np.random.default_rng(seed).uniform(size=(presses, 3))
-    low, high = found.workspace_mm
     press_mm = np.column_stack(
-        [low + chance[:, :2] * (high - low), (chance[:, 2] * found.root_depth[-1]) ** 2]
+        [found.workspace.spread(chance[:, :2]), (chance[:, 2] * found.root_depth[-1]) ** 2]
     )
     tell = on_step or (lambda _stage, _share: None)
     light = trace(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from design.geometry.cavity import Workspace
 from sims.learning.inference.header import ForceCurve, ModelHeader
 from sims.learning.inference.signal_map.press_search import Box
 from sims.learning.inference.signal_map.reading_noise import ReadingNoise
@@ -24,7 +25,7 @@ EMITTER_MM = np.concatenate(
 )
 EMITTER_MM += np.repeat([[0.0, 0.0], [32.0, 0.0], [32.0, 32.0], [0.0, 32.0]], 2, axis=0)
 RECEIVER_MM = SIDE_MM - EMITTER_MM[:, ::-1]
-WORKSPACE_MM = np.array([[6.0, 6.0], [26.0, 26.0]])
+WORKSPACE = Workspace(x0_mm=6.0, x1_mm=26.0, y0_mm=6.0, y1_mm=26.0)
 DEEPEST_MM = 5.0
 PAIRS = COUNT * COUNT
 
@@ -55,7 +56,7 @@ def made_up_signal_map(pitch_mm: float = 1.0, depths: int = 13) -> SignalMap:
         y_mm=x_mm,
         root_depth=root,
         flux=flux.reshape(*x.shape, COUNT, COUNT),
-        workspace_mm=WORKSPACE_MM,
+        workspace=WORKSPACE,
         digest="cd" * 32,
         accuracy="draft",
         seed=0,
