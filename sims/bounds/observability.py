@@ -305,10 +305,10 @@ def _name_of(accuracy: str | Accuracy) -> str:
     return "score, mirrored light as standard" if accuracy == MIRRORED_FINER else "own settings"
 
 
-def own_readout(design: SensorDesign, *, seed: int) -> Readout:
+def own_readout(design: SensorDesign, *, seed: int, accuracy: str | Accuracy = "standard") -> Readout:
     """The gain that goes with a design, set on its untouched pad."""
     cavity = cavity_of(design)
-    flat = untouched_flux(design, cavity, seed=seed)
+    flat = untouched_flux(design, cavity, seed=seed, accuracy=accuracy)
     return readout_of(design, flat, mask_of(judged_pairs(cavity), cavity))
 
 

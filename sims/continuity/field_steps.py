@@ -28,7 +28,7 @@ from sims.bounds.stencil import Steps, sensitivity
 from sims.continuity.build_tolerance import governing_judge
 from sims.continuity.result import ContinuityScore
 from sims.verdict.build_judge import Judge
-from sims.verdict.builds import ACCURACY
+from sims.verdict.builds import ACCURACY, accuracy_of_builds
 from sims.verdict.field_effects import Effect, FieldStep, FieldSteps
 
 OnStep = Callable[[str, float], None]
@@ -116,9 +116,11 @@ def _bounds_mm(
     build: SensorDesign, place_mm: tuple[float, float], seed: int, *, is_facing: bool
 ) -> tuple[float | None, float | None]:
     """Bounds of place and depth at half the deepest press [mm], None where blind; of facing rows the depth's alone."""
-    readout = own_readout(build, seed=seed)
+    settings = accuracy_of_builds(build)
+    # the untouched pad of a disc or crown is the dear part, and traced with these settings already
+    readout = own_readout(build, seed=seed, accuracy="standard" if settings == ACCURACY else settings)
     voxel = np.array([[*place_mm, 0.5 * build.operating.max_depth_mm]])
-    found = bounds_of(sensitivity(build, voxel, readout, accuracy=ACCURACY, seed=seed, steps=Steps()))
+    found = bounds_of(sensitivity(build, voxel, readout, accuracy=settings, seed=seed, steps=Steps()))
     told = (np.inf, found.depth_alone_mm[0]) if is_facing else (found.location_mm[0], found.depth_mm[0])
     location_mm, depth_mm = (float(value) if np.isfinite(value) else None for value in told)
     return location_mm, depth_mm

@@ -52,6 +52,6 @@ def map_felt(design: SensorDesign, pad_map: PadMap, pad_signals: LightSignals, r
     depth_mm = pad_signals.presses[: len(pad_signals.presses) // len(pad_map.places), 2]
     flux, error = (
         pad_map.grid(light.reshape(len(pad_map.places), len(depth_mm), -1))
-        for light in (pad_signals.flux, pad_signals.standard_error)
+        for light in (pad_signals.flux, pad_signals.error_of_changes)
     )
     return felt_force(design, flux, error, pad_map.x_mm, pad_map.y_mm, depth_mm, readout)

@@ -143,7 +143,7 @@ class MapFrames:
         shape = (len(places_mm), len(depth_mm), -1)
         counts, errors = (
             (values[:, mask] * readout.of_mask(mask)).reshape(shape)
-            for values in (light.flux, light.standard_error)
+            for values in (light.flux, light.error_of_changes)
         )
         return cls(
             mask=mask,

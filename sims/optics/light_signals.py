@@ -21,6 +21,7 @@ class LightSignals:
     by_class : path class (direct, top, skirt, wall, diffuse) to (state, emitter, receiver) [-];
         light mirrored by the top is top + skirt
     standard_error : (state, emitter, receiver) of flux; what it covers is said in `sims.optics.engine.trace_states` [-]
+    change_error : same shape, the part of it that states do not share, for what two of them differ by; None: all of it
     presses : (state, 3) x, y, depth of the press, or (state, tip, 3) where some state has several tips;
         depth 0 or less is untouched [mm]
     digest : of the design
@@ -37,3 +38,9 @@ class LightSignals:
     seed: int
     relative_error: FloatArray | None = None
     is_met: NDArray[np.bool_] | None = None
+    change_error: FloatArray | None = None
+
+    @property
+    def error_of_changes(self) -> FloatArray:
+        """(state, emitter, receiver) error of a state where it is compared with others of the same trace [-]."""
+        return self.standard_error if self.change_error is None else self.change_error

@@ -102,6 +102,7 @@ def trace(
         flux=raw.flux.sum(axis=0),
         by_class={name: raw.flux[k] for k, name in enumerate(CLASS_NAMES)},
         standard_error=raw.standard_error,
+        change_error=raw.change_error,
         presses=tips[:, 0] if tips.shape[1] == 1 else tips,
         digest=design.digest,
         seed=seed,

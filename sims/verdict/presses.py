@@ -79,10 +79,12 @@ class PairCurves:
     standard_error: FloatArray
 
 
-def untouched_flux(design: SensorDesign, cavity: CavityGeometry, *, seed: int) -> FloatArray:
+def untouched_flux(
+    design: SensorDesign, cavity: CavityGeometry, *, seed: int, accuracy: str | Accuracy = "standard"
+) -> FloatArray:
     """(emitter, receiver) flux of the untouched pad [-]."""
     presses = np.array([[cavity.length_mm / 2, cavity.width_mm / 2, 0.0]])
-    light = trace(design, presses, seed=seed)
+    light = trace(design, presses, seed=seed, accuracy=accuracy)
     return np.asarray(light.flux[0])
 
 
@@ -178,6 +180,7 @@ def _joined(parts: Sequence[LightSignals], places: int) -> LightSignals:
         flux=whole([part.flux for part in parts]),
         by_class={name: whole([part.by_class[name] for part in parts]) for name in parts[0].by_class},
         standard_error=whole([part.standard_error for part in parts]),
+        change_error=whole([part.error_of_changes for part in parts]),
         presses=whole([part.presses for part in parts]),
         digest=parts[0].digest,
         seed=parts[0].seed,

@@ -71,9 +71,11 @@ LATTICE_CLASSES = ("top", "skirt")
 RULES_ERROR = 1e-4
 """Median error of pairs whose replicates agree: docs/validation/light.md [-]."""
 BATCH_STATES = 32
-OF_CLASSES, ERROR, SCALE = slice(0, len(CLASS_NAMES)), len(CLASS_NAMES), len(CLASS_NAMES) + 1
-ROW = len(CLASS_NAMES) + 2
-"""Lines of a row, each over receivers: flux of each class, standard error, untouched flux (above 0)."""
+OF_CLASSES = slice(0, len(CLASS_NAMES))
+ERROR, SCALE, CHANGE_ERROR = range(len(CLASS_NAMES), len(CLASS_NAMES) + 3)
+ROW = len(CLASS_NAMES) + 3
+"""Lines of a row, each over receivers: flux of each class, standard error, untouched flux (above 0), and the part of
+the error that states do not share."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,6 +86,7 @@ class RawLight:
     ----------
     flux : (class, state, emitter, receiver), classes in the order of `CLASS_NAMES` [-]
     standard_error : (state, emitter, receiver) of the sum over classes [-]
+    change_error : same shape, the part of it that states do not share [-]
     skirt_radius_mm : (state,) border between top and skirt, of the widest tip; 0 where untouched
     relative_error : (state,) root mean square over the wanted pairs of the standard error over the untouched flux [-]
     is_met : (state,) whether that is within the wanted relative error; True where none was wanted
@@ -91,6 +94,7 @@ class RawLight:
 
     flux: FloatArray
     standard_error: FloatArray
+    change_error: FloatArray
     skirt_radius_mm: FloatArray
     relative_error: FloatArray
     is_met: NDArray[np.bool_]
@@ -174,6 +178,7 @@ def trace_scene(
     return RawLight(
         flux=np.where(wanted, lines[OF_CLASSES][:, member, *there], 0.0),
         standard_error=np.where(wanted, lines[ERROR][member, *there], 0.0),
+        change_error=np.where(wanted, lines[CHANGE_ERROR][member, *there], 0.0),
         skirt_radius_mm=_skirt_mm(tops)[classes.member],
         relative_error=relative[classes.member],
         is_met=relative[classes.member] <= target,
@@ -248,13 +253,14 @@ def _traced_rows(work: _Work, part: NDArray[np.int64], wanted: NDArray[np.bool_]
         light = trace_formed(work.scene, work.tops, work.states[part], work.settings, work.seed, wanted)
         rows[:, :, OF_CLASSES] = light.flux.transpose(0, 2, 1, 3)
         rows[:, :, ERROR], rows[:, :, SCALE] = light.standard_error, light.scale
+        rows[:, :, CHANGE_ERROR] = light.change_error
         return rows
     fixed = untouched_pad(work.scene, work.settings, work.seed)
     values = _trace_batch(wanted, work.tops, work.states[part], fixed, work.settings)
     flux = values.mean(axis=1)
     rows[:, :, OF_CLASSES] = flux.transpose(0, 2, 1, 3)
     rows[:, :, ERROR] = _with_rules(_standard_error(values), flux.sum(axis=1), fixed)
-    rows[:, :, SCALE] = fixed.scale
+    rows[:, :, SCALE], rows[:, :, CHANGE_ERROR] = fixed.scale, rows[:, :, ERROR]
     return rows
 
 

@@ -27,6 +27,7 @@ def asked(monkeypatch):
         return RawLight(
             flux=flux,
             standard_error=flux[0],
+            change_error=flux[0],
             skirt_radius_mm=zeros,
             relative_error=zeros,
             is_met=zeros == 0.0,

@@ -1,13 +1,13 @@
 """What every state of a disc or crowned pad shares: the untouched light, and what settings and a seed fix.
 
-The untouched pad is traced once, finely, whatever the settings. A press changes its light by what the same points and
-rays bring with and without it; what they bring without is here, too.
+The untouched pad is traced once, finer than any press. A press changes its light by what the same points and rays bring
+with and without it; what they bring without is here, too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from dataclasses import fields as dataclass_fields
 from functools import cached_property, lru_cache
 
@@ -31,7 +31,8 @@ REFERENCE_GRIDS = 2
 REFERENCE_PATCH_MM, PATCHES_ERROR = 0.5, 3e-3
 """Patches of the untouched pad's light that is scattered once [mm], and the error that comes with them [-]."""
 REFERENCE_RAYS, REFERENCE_WALKS = 32768, 8
-"""Rays of the untouched pad's scattered light an emitter, and in how many parts with other offsets."""
+"""Rays of the untouched pad's scattered light an emitter, and in how many parts with other offsets. Settings with fewer
+rays of their own have fewer here, and cells of the grid larger by the root."""
 DEPOSIT_RAYS = 2048
 PART_SHARE, CROWNED_PART_SHARE = 0.3, 0.15
 """Largest size of an emitter's part over its distance from a point of the top; under a crown, with its chains, less."""
@@ -165,7 +166,7 @@ def formed_ways(scene: OpticalScene, settings: Accuracy, seed: int) -> FormedWay
 
 @lru_cache(maxsize=8)
 def _remembered_ways(key: _Key, settings: Accuracy, seed: int) -> FormedWays:
-    pad, scene = _remembered_pad(key, seed), key.scene
+    pad, scene = _remembered_pad(key, seed, min(settings.reference_rays // 2, REFERENCE_RAYS)), key.scene
     windows = _all_windows(pad)
     grid = top_grid(scene, windows, pitch_of(settings, windows))
     count = settings.replicates
@@ -190,7 +191,7 @@ def _remembered_ways(key: _Key, settings: Accuracy, seed: int) -> FormedWays:
 
 
 @lru_cache(maxsize=4)
-def _remembered_pad(key: _Key, seed: int) -> FormedPad:
+def _remembered_pad(key: _Key, seed: int, rays: int) -> FormedPad:
     scene = key.scene
     walls, round_wall = walls_of(scene)
     emitters, receivers = windows_of(scene, "emitter"), windows_of(scene, "receiver")
@@ -201,9 +202,10 @@ def _remembered_pad(key: _Key, seed: int) -> FormedPad:
         error=dark[0],
     )  # fmt: skip
     random = np.random.default_rng((seed, 0))
-    mirrored = _untouched_mirrored(pad, random.random(2))
+    step = REFERENCE.image_step * np.sqrt(REFERENCE_RAYS / rays)
+    mirrored = _untouched_mirrored(pad, random.random(2), replace(REFERENCE, image_step=step))
     shifts = random.random((REFERENCE_WALKS, DIMENSIONS))
-    once, walks = _untouched_once(pad, shifts[0]), _untouched_more(pad, shifts)
+    once, walks = _untouched_once(pad, shifts[0], rays), _untouched_more(pad, shifts, rays)
     direct = pad.straight(pad.top, pad.every, straight_rules(STRAIGHT_NODES, STRAIGHT_NODES, STRAIGHT_NODES))
     flux = dark.copy()
     flux[0], flux[1:3], flux[4] = direct, mirrored.sum(axis=2).mean(axis=0), once[0] + walks.mean(axis=0)
@@ -214,10 +216,10 @@ def _remembered_pad(key: _Key, seed: int) -> FormedPad:
     return FormedPad(**(given | {"flux": flux, "error": error}))
 
 
-def _untouched_mirrored(pad: FormedPad, shift: FloatArray) -> FloatArray:
+def _untouched_mirrored(pad: FormedPad, shift: FloatArray, settings: Accuracy) -> FloatArray:
     """(grid, 2, batch, emitter, receiver) light that the untouched top mirrors."""
     windows = _all_windows(pad)
-    grid = top_grid(pad.scene, windows, pitch_of(REFERENCE, windows))
+    grid = top_grid(pad.scene, windows, pitch_of(settings, windows))
     out = np.zeros((REFERENCE_GRIDS, 2, 4, *pad.every.shape))
 
     def one(number: int) -> None:
@@ -229,17 +231,17 @@ def _untouched_mirrored(pad: FormedPad, shift: FloatArray) -> FloatArray:
     return out
 
 
-def _untouched_once(pad: FormedPad, shift: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _untouched_once(pad: FormedPad, shift: FloatArray, rays: int) -> tuple[FloatArray, FloatArray]:
     """(emitter, receiver) light scattered once, joined on fine patches, and its standard error."""
     patches = patch_layout(pad.scene, pad.walls, pad.round_wall, REFERENCE_PATCH_MM)
     found, error = jackknifed(
-        pad.deposits(pad.top, pad.every, shift, patches, REFERENCE_RAYS),
+        pad.deposits(pad.top, pad.every, shift, patches, rays),
         lambda given, taken: (given * patches.weight) @ taken.T * pad.receivers[:, AREA],
     )
     return found, np.hypot(error, PATCHES_ERROR * found)
 
 
-def _untouched_more(pad: FormedPad, shifts: FloatArray) -> FloatArray:
+def _untouched_more(pad: FormedPad, shifts: FloatArray, rays: int) -> FloatArray:
     """(walk, emitter, receiver) light scattered more than once."""
     from sims.optics.engine.formed.formed_kernels import scattered_matrix
 
@@ -249,7 +251,7 @@ def _untouched_more(pad: FormedPad, shifts: FloatArray) -> FloatArray:
 
     def one(number: int) -> None:
         out[number] = scattered_matrix(
-            pad.emitters, pad.receivers, REFERENCE_RAYS // len(shifts), sequence_steps(), shifts[number],
+            pad.emitters, pad.receivers, rays // len(shifts), sequence_steps(), shifts[number],
             scene.absorption_per_mm, scene.refractive_index, reflectances, pad.walls, pad.round_wall, *pad.top,
         )[1]  # fmt: skip
 

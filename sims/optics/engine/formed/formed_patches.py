@@ -13,7 +13,7 @@ from sims.optics.scene.optical_scene import FloatArray, OpticalScene
 PATCH_MM = 2.0
 LEAST_TURNS = 24
 SAMPLES = 50
-"""Places of the outline, or of a bottom patch's side, that areas are summed over, a bin."""
+"""Slices of a bottom patch, and of a bin of directions, that areas are summed over."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,12 +65,22 @@ def is_in_plan(x: FloatArray, y: FloatArray, walls: FloatArray, round_wall: Floa
 def _bottom_areas(
     columns: int, rows: int, patch_mm: float, walls: FloatArray, round_wall: FloatArray
 ) -> FloatArray:
-    """(columns, rows) areas within the plan [mm2]."""
-    fine = (np.arange(max(columns, rows) * SAMPLES) + 0.5) * patch_mm / SAMPLES
-    x, y = fine[: columns * SAMPLES, None], fine[None, : rows * SAMPLES]
-    shape = (columns * SAMPLES, rows * SAMPLES)
-    inside = is_in_plan(np.broadcast_to(x, shape), np.broadcast_to(y, shape), walls, round_wall)
-    return np.asarray(inside.reshape(columns, SAMPLES, rows, SAMPLES).mean(axis=(1, 3)) * patch_mm**2)
+    """(columns, rows) areas within the plan [mm2]: slices across x, each cut where it leaves the convex plan."""
+    x = (np.arange(columns * SAMPLES) + 0.5) * patch_mm / SAMPLES
+    low, high = np.zeros(len(x)), np.full(len(x), rows * patch_mm)
+    for nx, ny, level in walls:
+        if abs(ny) < 1e-9:
+            high = np.where(nx * x > level, low, high)
+        elif ny > 0.0:
+            high = np.minimum(high, (level - nx * x) / ny)
+        else:
+            low = np.maximum(low, (level - nx * x) / ny)
+    if round_wall[2] > 0.0:
+        half = np.sqrt(np.maximum(round_wall[2] ** 2 - (x - round_wall[0]) ** 2, 0.0))
+        low, high = np.maximum(low, round_wall[1] - half), np.minimum(high, round_wall[1] + half)
+    edges = np.arange(rows + 1) * patch_mm
+    below = np.minimum(np.maximum(edges, low[:, None]), np.maximum(high, low)[:, None])
+    return np.asarray(np.diff(below, axis=1).reshape(columns, SAMPLES, rows).sum(axis=1) * patch_mm / SAMPLES)
 
 
 def _wall_areas(

@@ -29,6 +29,8 @@ DIVISIONS = 4
 """A cell of the grid is divided so often, at most."""
 RINGS_TO_SKIRT, RINGS_TO_CONTACT = 1.3, 2.0
 """Rings reach to so many radii of the skirt, and of the contact, whichever is more."""
+MOST_RINGS_TO_CONTACT = 4.0
+"""They reach no further: a dome's top is steep again at its wall, where the grid serves as well by fewer points."""
 GOLDEN = 0.6180339887498949
 
 
@@ -148,9 +150,10 @@ def points_of(
 
 def ring_zone_mm(top: FormedTop) -> tuple[float, float]:
     """Radii up to which rings take the grid's place: of divided cells, and of others."""
-    steep = float(top.numbers[SKIRT_EDGE])
-    wide = max(RINGS_TO_SKIRT * steep, RINGS_TO_CONTACT * float(top.numbers[CONTACT_EDGE]))
-    return steep, min(wide, float(top.numbers[OUTER]))
+    steep, contact = float(top.numbers[SKIRT_EDGE]), float(top.numbers[CONTACT_EDGE])
+    most = min(MOST_RINGS_TO_CONTACT * contact, float(top.numbers[OUTER]))
+    wide = max(RINGS_TO_SKIRT * steep, RINGS_TO_CONTACT * contact)
+    return min(steep, most), min(wide, most)
 
 
 def ring_points(

@@ -14,8 +14,9 @@ Standard error
 --------------
 Of mirrored light from lattices with every other point; of scattered light by leaving out every fourth ray in turn; of
 whatever fixed rules have in common, `RULES_ERROR` of the untouched flux, `HORIZON_ERROR` of what the press takes away
-of straight light and, under a crown, `CHAINS_ERROR` of what it changes of mirrored light. Each pair by itself. It does
-not cover how the dimple stands in the way of light scattered more than once.
+of straight light and, under a crown, `CHAINS_ERROR` of what it changes of mirrored light. Each pair by itself. States
+share the untouched pad's error, and rules err by the same share of like changes: `change_error` leaves both out. Not
+covered is how the dimple stands in the way of light scattered more than once.
 
 Left out: smooth walls, several tips, fields, folds; `sims.optics.oracle` has all of these.
 """
@@ -67,11 +68,13 @@ class FormedLight:
     ----------
     flux : (state, class, emitter, receiver) [-]
     standard_error : (state, emitter, receiver) of the sum over classes [-]
+    change_error : same shape, of lattices and rays of the press alone [-]
     scale : (emitter, receiver) untouched flux of all classes, above 0 [-]
     """
 
     flux: FloatArray
     standard_error: FloatArray
+    change_error: FloatArray
     scale: FloatArray
 
 
@@ -93,12 +96,12 @@ def trace_formed(
     """
     ways = formed_ways(scene, settings, seed)
     flux = np.zeros((len(states), CLASSES, *wanted.shape[1:]))
-    error = np.zeros(wanted.shape)
+    error, change_error = np.zeros(wanted.shape), np.zeros(wanted.shape)
 
     def trace_one(number: int) -> None:
         top = tops.top(int(states[number]))
         if top.numbers[OUTER] > 0.0:
-            flux[number], error[number] = _pressed(ways, top, wanted[number])
+            flux[number], error[number], change_error[number] = _pressed(ways, top, wanted[number])
         else:
             flux[number], error[number] = ways.pad.flux, ways.pad.error
 
@@ -106,12 +109,15 @@ def trace_formed(
     return FormedLight(
         flux=np.where(wanted[:, None], flux, 0.0),
         standard_error=np.where(wanted, error, 0.0),
+        change_error=np.where(wanted, change_error, 0.0),
         scale=ways.pad.scale,
     )
 
 
-def _pressed(ways: FormedWays, top: FormedTop, wanted: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """(class, emitter, receiver) light of one state, and (emitter, receiver) its standard error."""
+def _pressed(
+    ways: FormedWays, top: FormedTop, wanted: BoolArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(class, emitter, receiver) light of one state, (emitter, receiver) its standard error and that of its change."""
     pad = ways.pad
     flux = pad.flux.copy()
     straight = pad.straight(top, wanted, ways.rules) - ways.straight
@@ -124,8 +130,9 @@ def _pressed(ways: FormedWays, top: FormedTop, wanted: BoolArray) -> tuple[Float
     is_changed = np.abs(change) > 1e-9 * pad.scale
     chains = CHAINS_ERROR * (top.numbers[KIND] != FLAT) * mirrored.sum(axis=(1, 2)).mean(axis=0)
     rules = np.sqrt((RULES_ERROR * pad.scale * is_changed) ** 2 + (HORIZON_ERROR * straight) ** 2 + chains**2)
-    error = np.sqrt(pad.error**2 + lattice_error(mirrored) ** 2 + scattered_error**2 + rules**2)
-    return np.maximum(flux, 0.0), np.asarray(error)
+    change_error = np.hypot(lattice_error(mirrored), scattered_error)
+    error = np.sqrt(pad.error**2 + change_error**2 + rules**2)
+    return np.maximum(flux, 0.0), np.asarray(error), np.asarray(change_error)
 
 
 def _mirrored_change(ways: FormedWays, number: int, top: FormedTop, wanted: BoolArray) -> FloatArray:
