@@ -42,7 +42,7 @@ from sims.verdict.pad_map import PadMap, grid_places_mm, map_grid_mm
 from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
 from sims.verdict.presses import (
     DOUBT_ACCURACIES,
-    PAIR_ACCURACY,
+    accuracy_of_pairs,
     curves_of,
     pad_light,
     pair_curves,
@@ -130,7 +130,7 @@ def curves_under(
         design,
         states_of(np.array([place_mm]), depth_mm),
         profile=None if press is None else [press.at(depth) for depth in depth_mm.tolist()],
-        accuracy=settings.pairs if is_draft else PAIR_ACCURACY,
+        accuracy=settings.pairs if is_draft else accuracy_of_pairs(design),
         seed=seed,
         pairs=mask_of(pairs, cavity),
         on_step=None if on_step is None else lambda done, total: on_step("curves", done / total),

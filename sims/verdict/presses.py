@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from design.geometry.cavity import CavityGeometry
 from design.geometry.pairs import chord_midpoint_mm
+from design.geometry.plan import plan_of
 from design.spec import SensorDesign
 from sims.optics.accuracy import ACCURACIES, MIRRORED_FINER, Accuracy
 from sims.optics.light_signals import LightSignals
@@ -37,6 +38,10 @@ from depth to depth must stay well below one unit."""
 MAP_ACCURACY = ACCURACIES["score"]
 """Settings of the quick map. Below 0.3 % rms of the untouched signal (docs/validation/light.md); on the paper's pad the
 margins of places then differ between seeds as much as they do at "standard", 0.9 noise units rms."""
+
+FORMED_PAIR_STEP = 0.2
+"""Least image step of single pairs in discs and crowned pads, whose lattices are closer: 0.2 % rms of the untouched
+signal, under a noise unit, from depth to depth less."""
 
 NEAR_MM = 0.4
 """Signals begin within this depth where a layout is any good [mm]; there a map has more depths and finer light."""
@@ -88,6 +93,13 @@ def untouched_flux(
     return np.asarray(light.flux[0])
 
 
+def accuracy_of_pairs(design: SensorDesign, accuracy: str | Accuracy = PAIR_ACCURACY) -> str | Accuracy:
+    """Settings of a design's single pairs, of those asked for."""
+    if isinstance(accuracy, str) or plan_of(design).is_flat_rectangle:
+        return accuracy
+    return replace(accuracy, image_step=max(accuracy.image_step, FORMED_PAIR_STEP))
+
+
 def pair_curves(
     design: SensorDesign,
     cavity: CavityGeometry,
@@ -106,7 +118,8 @@ def pair_curves(
     masks = np.zeros((len(states), len(cavity.emitters), len(cavity.receivers)), dtype=np.bool_)
     for pair, of_pair in zip(pairs, rows, strict=True):
         masks[of_pair, pair[0], pair[1]] = True
-    light = trace(design, states, accuracy=accuracy, seed=seed, pairs=masks, on_step=_as_share(on_step))
+    settings = accuracy_of_pairs(design, accuracy)
+    light = trace(design, states, accuracy=settings, seed=seed, pairs=masks, on_step=_as_share(on_step))
     return tuple(
         curves_of(light, pair, place, of_pair, depth_mm)
         for pair, place, of_pair in zip(pairs, places, rows, strict=True)

@@ -19,7 +19,7 @@ from sims.optics.engine.formed.formed_patches import PatchLayout, patch_layout
 from sims.optics.engine.formed.formed_points import GridPoints, TopGrid, pitch_of, points_of, top_grid
 from sims.optics.engine.formed.formed_rays import AREA
 from sims.optics.engine.formed.formed_scattered import DIMENSIONS
-from sims.optics.engine.formed.formed_top import FLAT, KIND, FormedTop
+from sims.optics.engine.formed.formed_top import FLAT, KIND, SPHERE, FormedTop
 from sims.optics.engine.threads import run_each
 from sims.optics.engine.untouched import above_zero
 from sims.optics.scene.optical_scene import BoolArray, FloatArray, OpticalScene
@@ -34,8 +34,9 @@ REFERENCE_RAYS, REFERENCE_WALKS = 32768, 8
 """Rays of the untouched pad's scattered light an emitter, and in how many parts with other offsets. Settings with fewer
 rays of their own have fewer here, and cells of the grid larger by the root."""
 DEPOSIT_RAYS = 2048
-PART_SHARE, CROWNED_PART_SHARE = 0.3, 0.15
-"""Largest size of an emitter's part over its distance from a point of the top; under a crown, with its chains, less."""
+PART_SHARE, SPHERE_PART_SHARE = 0.3, 0.1
+"""Largest size of an emitter's part over its distance from a point of the top; under a sphere, whose chains of mirrors
+focus both ways, less."""
 CHAINS_ERROR = 5e-3
 """Error of what an untouched crown mirrors, often, over it [-]: what smaller parts of emitters still change."""
 FINER_LATTICE = 2.0**-1.5
@@ -87,7 +88,7 @@ class FormedPad:
         from sims.optics.engine.formed.formed_kernels import mirrored_matrix, points_on
 
         scene = self.scene
-        share = CROWNED_PART_SHARE if top.numbers[KIND] != FLAT else PART_SHARE
+        share = SPHERE_PART_SHARE if top.numbers[KIND] == SPHERE else PART_SHARE
         brought = mirrored_matrix(
             self.emitters, self.receivers, wanted, points_on(np.ascontiguousarray(at), *top), share,
             scene.absorption_per_mm, scene.refractive_index, self.walls, self.round_wall, *top,
