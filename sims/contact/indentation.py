@@ -33,7 +33,7 @@ from sims.contact.scope import (
     tip_radius_mm,
     wall_radius,
 )
-from sims.contact.shaped_press import crowned_press, require_place
+from sims.contact.shaped_press import crowned_press, disc_walls_mm, require_place
 from sims.contact.tip import HEMISPHERE, tip_of
 from sims.press.indentation import Indentation
 
@@ -113,7 +113,7 @@ def round_press(
 ) -> SolvedPress:
     """The press in the round pad of the same area: what `solved_press` is without its own walls, and sooner.
 
-    Parameters and errors are those of `solved_press`; the place matters under a crown alone.
+    Parameters and errors are those of `solved_press`; the place matters on discs and under crowns alone.
     """
     radius, layer, modulus = tip_radius_mm(design), round(layer_depth(design), 9), modulus_mpa(design)
     deepest = _deepest(design, max_depth_mm) / radius
@@ -132,7 +132,7 @@ def round_press(
         tip_radius_mm=radius,
         youngs_modulus_mpa=modulus,
         placed=None,
-        is_round=design.cavity.outline == "disc",
+        walls_mm=disc_walls_mm(design, at_mm),
         notes=notes,
     )
 

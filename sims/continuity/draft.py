@@ -125,7 +125,7 @@ def curves_under(
     )
     readout = readout_of(design, flux, mask_of(judged_pairs(cavity), cavity))
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm, settings.step_mm if is_draft else STEP_MM)
-    press = round_press(design) if is_draft else None
+    press = round_press(design, at_mm=place_mm) if is_draft else None
     light = trace(
         design,
         states_of(np.array([place_mm]), depth_mm),

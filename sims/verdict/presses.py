@@ -71,7 +71,8 @@ class PairCurves:
     ----------
     pair : emitter and receiver number
     press_mm : (x, y) of the press
-    depth_mm, direct, top, diffuse, total, standard_error : (n,) each; top holds all specular light
+    depth_mm, direct, top, diffuse, total, standard_error : (n,) each; top holds all specular light; errors of presses
+        are those of what they differ by
     """
 
     pair: Pair
@@ -226,5 +227,5 @@ def curves_of(
         top=np.sum([light.by_class[name][at] for name in SPECULAR_CLASSES], axis=0),
         diffuse=light.by_class["diffuse"][at],
         total=light.flux[at],
-        standard_error=light.standard_error[at],
+        standard_error=np.where(depth_mm > 0.0, light.error_of_changes[at], light.standard_error[at]),
     )

@@ -5,6 +5,8 @@ axis, so its surface is still raised at half the width. Beyond lie the corners o
 undisturbed height in a cubic that never crosses it. An independent solution in three dimensions tells the error
 (docs/validation/walls.md): it is largest in the strip beside the walls, where the square pad is held down.
 
+Beside the middle of a disc the curve is followed to the nearest wall, and runs out to the farthest one.
+
 All lengths in tip radii.
 """
 
@@ -23,13 +25,14 @@ POINTS = 16
 """Points of the stretch."""
 
 
-def run_out(curve: TopCurve, half_width: float) -> TopCurve:
+def run_out(curve: TopCurve, half_width: float, length: float | None = None) -> TopCurve:
     """The curve to half the width of a square pad, then run out; as it is where it ends before.
 
     Parameters
     ----------
     curve : the top of a round pad
-    half_width : of the square pad
+    half_width : of the square pad, or where else its own curve ends
+    length : longest stretch over which it runs out; None: to the corner of the square
     """
     beyond = np.flatnonzero(curve.radius >= half_width)
     if beyond.size == 0:
@@ -38,7 +41,7 @@ def run_out(curve: TopCurve, half_width: float) -> TopCurve:
     around = slice(first - 1, first + 1)
     piece = CubicHermiteSpline(curve.radius[around], curve.height[around], np.tan(curve.inclination[around]))
     height, slope = float(piece(half_width)), float(piece(half_width, 1))
-    length = LONGEST * half_width
+    length = LONGEST * half_width if length is None else length
     if height * slope < 0.0:
         length = min(length, -3.0 * height / slope)  # a longer cubic would cross the undisturbed height
     tail = CubicHermiteSpline([half_width, half_width + length], [height, 0.0], [slope, 0.0])

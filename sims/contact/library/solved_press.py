@@ -16,6 +16,9 @@ from sims.contact.scope import half_width_of
 from sims.contact.tip import HEMISPHERE
 from sims.press.indentation import Indentation
 
+LEAST_RUN_OUT = 0.02
+"""So near to the middle of a disc, over its radius, the curve ends at the wall all around [-]."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class SolvedPress:
@@ -27,7 +30,7 @@ class SolvedPress:
     tip_radius_mm : radius of the hemispherical tip [mm]
     youngs_modulus_mpa : modulus of the layer [MPa]; it scales the force only
     placed : the presses at a place of the pad; None: those of the round pad
-    is_round : whether the pad is itself round, so that its surface ends at the round pad's wall
+    walls_mm : of a disc, its nearest and farthest wall from the press axis; None: the pad is a rectangle [mm]
     unit : the solver's states, where the press was solved live; None from the library
     notes : what the user should know about this solution
     """
@@ -36,7 +39,7 @@ class SolvedPress:
     tip_radius_mm: float
     youngs_modulus_mpa: float
     placed: PlacedPress | None = None
-    is_round: bool = False
+    walls_mm: tuple[float, float] | None = None
     unit: UnitPress | None = None
     notes: tuple[str, ...] = ()
 
@@ -76,7 +79,7 @@ class SolvedPress:
         return unit_n * (self.placed or self.smooth).force_at(depth)
 
     def at(self, depth_mm: float) -> Indentation:
-        """The press at a depth [mm], its surface run out beyond the half width of the pad; 0 or less is untouched.
+        """The press at a depth [mm], its surface run out to the pad's farthest walls; 0 or less is untouched.
 
         Heights are above the untouched top, along its normal: under a crown no sphere, even inside the contact.
 
@@ -87,9 +90,14 @@ class SolvedPress:
         curve = above_crown(
             (self.placed or self.smooth).curve_at(self.scaled_depth(depth_mm)), self.smooth.crown
         )
-        if self.is_round:
-            return self._indentation(curve, depth_mm)
-        return self._indentation(run_out(curve, half_width_of(self.smooth.wall_radius)), depth_mm)
+        if self.walls_mm is None:
+            return self._indentation(run_out(curve, half_width_of(self.smooth.wall_radius)), depth_mm)
+        nearest, farthest = (wall / self.tip_radius_mm for wall in self.walls_mm)
+        if self.smooth.wall_radius < 0.5 * (nearest + farthest) - 1e-9:  # a wall that the disc does not have
+            nearest = min(nearest, half_width_of(self.smooth.wall_radius))
+        if farthest - nearest > LEAST_RUN_OUT * nearest:
+            curve = run_out(curve, nearest, farthest - nearest)
+        return self._indentation(curve, depth_mm)
 
     def near_at(self, depth_mm: float) -> Indentation:
         """The part of the press at a depth [mm] that is a curve around its axis (`PlacedPress.near_at`).

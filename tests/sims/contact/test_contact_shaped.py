@@ -34,8 +34,27 @@ def test_a_flat_disc_is_the_round_pad_itself() -> None:
     assert press.force_n(3.0) == press.youngs_modulus_mpa * 9.0 * library.force_at(1.0)
     surface = press.at(3.0)
     assert surface.is_hemisphere
-    assert surface.radius_mm[-1] == pytest.approx(3.0 * library.wall_radius)
+    assert surface.radius_mm[-1] == pytest.approx(27.5)  # farther than any wall of the library
+    assert surface.height_mm[-1] == pytest.approx(0.0, abs=1e-9)
+    small = solved_press(DISC.with_(**{"cavity.diameter_mm": 40.0}), 3.0)
+    surface, whole = small.at(3.0), small.round_pad_at(3.0)
+    assert np.array_equal(surface.height_mm, whole.height_mm)
+    assert surface.radius_mm[-1] == pytest.approx(20.0)
     assert surface.height_mm[-1] == pytest.approx(0.0, abs=2e-3)  # bonded at the wall
+
+
+def test_beside_the_middle_of_a_disc_a_press_is_followed_to_the_nearest_wall_and_runs_out_to_the_farthest() -> (
+    None
+):
+    press = solved_press(DOME, at_mm=(15.0, 11.0))
+    surface, whole = press.at(2.0), press.round_pad_at(2.0)
+    radius = np.linspace(0.0, 6.5, 200)
+    assert np.interp(radius, surface.radius_mm, surface.height_mm) == pytest.approx(
+        np.interp(radius, whole.radius_mm, whole.height_mm), abs=1e-6
+    )
+    assert surface.radius_mm[-1] == pytest.approx(15.0)
+    assert (surface.height_mm[-1], surface.inclination_deg[-1]) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert surface.height_mm[surface.radius_mm > 7.0].min() > -1e-9
 
 
 @pytest.mark.parametrize("design", [DOME, RIDGE], ids=["sphere", "cylinder"])

@@ -16,6 +16,7 @@ Columns of the table
 from __future__ import annotations
 
 import sys
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -104,9 +105,10 @@ def oracle_batches(name: str, design: SensorDesign, rays: int, count: int) -> Fl
     presses = presses_of(design)
     tops, scene = pressed_tops(design, presses, by_symmetry=False).near, scene_of(design)
     FOLDER.mkdir(parents=True, exist_ok=True)
-    found = []
+    heights = np.concatenate([np.ravel(one.height_mm) for top in tops for one in top if one is not None])
+    surfaces, found = f"{zlib.crc32(heights.tobytes()):08x}", []
     for batch in range(count):
-        file = FOLDER / f"{name}-{design.digest[:8]}-{rays}-{batch}.npy"
+        file = FOLDER / f"{name}-{design.digest[:8]}-{surfaces}-{rays}-{batch}.npy"
         if not file.exists():
             # each state alone, so that its rays are those of every other state
             each = [
