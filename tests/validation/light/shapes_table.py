@@ -9,6 +9,8 @@ Columns of the table
 - worst: the pair that is off most, in joint standard errors of the engine and of the oracle
 - change: root mean square over pairs of how far the press's change is off, over the untouched signal, the oracle's own
   variance taken off; noise: the root of that variance
+- finer: the same against the engine's own changes with much finer cells, another seed, and `FINER_PARTS` for parts of
+  emitters, which no setting changes
 - pairs: those with at least `DIM` of the brightest one's untouched signal; dimmer ones the oracle does not tell. All
   pairs that the oracle has seen count for the worst
 """
@@ -17,7 +19,7 @@ from __future__ import annotations
 
 import sys
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,10 +28,13 @@ from numpy.typing import NDArray
 import optopad
 from design.spec import SensorDesign
 from sims.optics.accuracy import ACCURACIES, MIRRORED_FINER, Accuracy
+from sims.optics.engine.formed import formed_pad
 from sims.optics.engine.trace_states import trace_scene
 from sims.optics.oracle.tracer import trace_oracle
 from sims.optics.oracle.walk import CROSSING
 from sims.optics.scene.lower import scene_of
+from sims.optics.scene.optical_scene import OpticalScene
+from sims.optics.surface.tops import Presses
 from sims.optics.tracing import pressed_tops
 
 FloatArray = NDArray[np.float64]
@@ -39,6 +44,8 @@ SETTINGS: dict[str, Accuracy] = {
     "near contact": MIRRORED_FINER,
     "standard": ACCURACIES["standard"],
 }
+FINEST = replace(ACCURACIES["fine"], image_step=0.06)
+FINER_PARTS = 0.04
 RAYS, BATCHES = 100_000, 8
 DIM = 0.02
 FOLDER = Path("build/validation/shapes")
@@ -47,8 +54,8 @@ HEAD = """# Light of discs and crowned pads against the oracle
 
 Made by `python -m tests.validation.light.shapes_table`, which says what the columns are. In % of the untouched signal.
 
-| pad | settings | press [mm] | worst [joint standard errors] | rms of these | change | noise | stated error |
-|---|---|---|---|---|---|---|---|
+| pad | settings | press [mm] | worst [joint standard errors] | rms of these | change | noise | finer | stated error |
+|---|---|---|---|---|---|---|---|---|
 """
 
 
@@ -59,13 +66,14 @@ class Compared:
     Attributes
     ----------
     worst, spread : largest, and root mean square of, differences in joint standard errors
-    change, noise, stated : root mean squares over pairs that are not dim
+    change, noise, finer, stated : root mean squares over pairs that are not dim
     """
 
     worst: float
     spread: float
     change: float
     noise: float
+    finer: float
     stated: float
 
 
@@ -79,8 +87,10 @@ def presses_of(design: SensorDesign) -> FloatArray:
     return np.array([[x, y, 0.0], [x, y, 1.0], [*one, 0.5], [*one, 2.0], [*other, deepest]])
 
 
-def compared(engine: FloatArray, error: FloatArray, batches: FloatArray, state: int, rays: int) -> Compared:
-    """One state of (state, e, r) flux and standard error of the engine and (batch, state, e, r) of the oracle."""
+def compared(
+    engine: FloatArray, error: FloatArray, finest: FloatArray, batches: FloatArray, state: int, rays: int
+) -> Compared:
+    """One state of (state, e, r) flux and error of the engine, finest flux, and (batch, state, e, r) of the oracle."""
     count = len(batches)
     known, untouched = batches.mean(axis=0), engine[0]
     seen = known[state] > 0.0
@@ -90,12 +100,14 @@ def compared(engine: FloatArray, error: FloatArray, batches: FloatArray, state: 
     bright = untouched >= DIM * untouched.max()
     changes = batches[:, state] - batches[:, 0]
     change = (engine[state] - engine[0] - changes.mean(axis=0))[bright] / untouched[bright]
+    finer = (engine[state] - engine[0] - finest[state] + finest[0])[bright] / untouched[bright]
     noise = float(np.mean(changes.var(axis=0, ddof=1)[bright] / count / untouched[bright] ** 2))
     return Compared(
         worst=float(np.abs(off).max()),
         spread=float(np.sqrt(np.mean(off**2))),
         change=float(np.sqrt(max(np.mean(change**2) - noise, 0.0))),
         noise=float(np.sqrt(noise)),
+        finer=float(np.sqrt(np.mean(finer**2))),
         stated=float(np.sqrt(np.mean((error[state][bright] / untouched[bright]) ** 2))),
     )
 
@@ -122,6 +134,16 @@ def oracle_batches(name: str, design: SensorDesign, rays: int, count: int) -> Fl
     return np.array(found)
 
 
+def finest_flux(scene: OpticalScene, presses: FloatArray, tops: Presses) -> FloatArray:
+    """(state, e, r) light by the engine as fine as it goes."""
+    usual = formed_pad.PART_SHARE, formed_pad.SPHERE_PART_SHARE
+    formed_pad.PART_SHARE, formed_pad.SPHERE_PART_SHARE = FINER_PARTS, FINER_PARTS
+    try:
+        return trace_scene(scene, presses[:, :2], tops, accuracy=FINEST, seed=1).flux.sum(axis=0)
+    finally:
+        formed_pad.PART_SHARE, formed_pad.SPHERE_PART_SHARE = usual
+
+
 def table(names: tuple[str, ...] = PRESETS, rays: int = RAYS, count: int = BATCHES) -> str:
     """The table as Markdown."""
     lines = []
@@ -130,12 +152,13 @@ def table(names: tuple[str, ...] = PRESETS, rays: int = RAYS, count: int = BATCH
         presses, scene = presses_of(design), scene_of(design)
         batches = oracle_batches(name, design, rays, count)
         tops = pressed_tops(design, presses, by_symmetry=False).near
+        finest = finest_flux(scene, presses, tops)
         for title, settings in SETTINGS.items():
             light = trace_scene(scene, presses[:, :2], tops, accuracy=settings)
             for state, (x, y, depth) in enumerate(presses):
-                row = compared(light.flux.sum(axis=0), light.standard_error, batches, state, rays)
+                row = compared(light.flux.sum(axis=0), light.standard_error, finest, batches, state, rays)
                 place = f"{depth:g} at {x:.1f}, {y:.1f}" if state else "untouched"
-                shares = (row.change, row.noise, row.stated)
+                shares = (row.change, row.noise, row.finer, row.stated)
                 lines.append(
                     f"| {name} | {title} | {place} | {row.worst:.1f} | {row.spread:.2f} | "
                     + " | ".join(f"{100.0 * share:.2f}" for share in shares)

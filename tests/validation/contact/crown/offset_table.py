@@ -8,7 +8,7 @@ holds too. The oracle's solutions are those of `offset_oracle`.
 
 The model takes a press beside the apex for one at the apex of a pad of the same crown and wall, as thick there as this
 one is at the place (`thicknesses_mm`), and lays that surface around the axis of the press. Heights are those above the
-untouched top along that axis; beyond the model's wall they are 0.
+untouched top along that axis, followed to the nearest wall and run out to the farthest one (`run_out`).
 
 Errors are the model's surface less the oracle's, along the normal of the oracle's, as means over its rest area. They
 count from 0.3 mm outside the model's contact, to 3 tip radii from the axis or to the wall. A side is the quarter turn
@@ -18,7 +18,7 @@ about its direction, within 3 tip radii.
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -28,7 +28,9 @@ from numpy.typing import NDArray
 
 from sims.contact.library.crowned_press import CrownedPad, CrownedPress, crowned_press
 from sims.contact.library.profile_library import shipped_library
+from sims.contact.library.run_out import run_out
 from sims.contact.library.store import CACHE_VARIABLE
+from sims.contact.library.surface_curve import TopCurve
 from sims.contact.scope import WALL_RADIUS_RANGE
 from tests.validation.contact.contact_reference import BUILD
 from tests.validation.contact.contact_table import markdown_table
@@ -172,6 +174,21 @@ def _points_mm(pad: OffsetPad, flat: FloatArray, moved_mm: FloatArray) -> FloatA
     return pad.tip_mm * pad.chart.in_press(rest + moved_mm / pad.tip_mm)
 
 
+def run_out_to_walls(pad: OffsetPad, press: ModelPress) -> ModelPress:
+    """The press as light sees it: followed to the nearest wall, run out to the farthest one."""
+    is_further = np.diff(np.maximum.accumulate(press.radius_mm), prepend=-1.0) > 1e-9
+    radius, height = press.radius_mm[is_further], press.height_mm[is_further]
+    curve = TopCurve(
+        radius=radius,
+        height=height,
+        inclination=np.arctan(np.gradient(height, radius)),
+        contact_radius=press.contact_radius_mm,
+    )
+    if pad.offset_mm > 0.0:
+        curve = run_out(curve, pad.wall_mm - pad.offset_mm, 2.0 * pad.offset_mm)
+    return replace(press, radius_mm=curve.radius, height_mm=curve.height)
+
+
 def surface(pad: OffsetPad, state: StoredState) -> tuple[Surface, FloatArray]:
     """The oracle's top between its nodes, and its points (n, 3) in the block."""
     nodes = state.flat.T
@@ -231,7 +248,7 @@ def errors(name: str, depth_mm: float) -> dict[str, OffsetError]:
     pad, fine, half = PADS[name], offset_state(name, depth_mm), offset_state(name, depth_mm, half=True)
     top, _ = surface(pad, fine)
     force_n = float(fine.force_n[2])
-    presses = {kind: model_press(name, kind, depth_mm) for kind in thicknesses_mm(pad)}
+    presses = {kind: run_out_to_walls(pad, model_press(name, kind, depth_mm)) for kind in thicknesses_mm(pad)}
     found = {
         kind: error_of(
             pad, top, model_difference_um(pad, top, one), one.force_n / force_n, one.contact_radius_mm
