@@ -85,7 +85,7 @@ def curves_title(
     place_mm: tuple[float, float], *, is_draft: bool, force_n: float | None, depth_mm: float, is_old: bool
 ) -> str:
     """Over the curves: where, how finely, and the load of the press shown."""
-    how = "draft: the centred surface" if is_draft else "as finely as a score"
+    how = "draft: coarse light" if is_draft else "as finely as a score"
     how = "of the design before" if is_old else how
     load = "" if force_n is None else f"; at {depth_mm:.2f} mm {force_n:.2f} N"
     return _wrapped(
