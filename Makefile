@@ -3,6 +3,8 @@
 
 VENV := .venv
 BIN := $(VENV)/bin
+# what a run needs; what development needs besides
+RUNS := $(VENV)/.runs
 READY := $(VENV)/.ready
 PYTHON ?=
 CANDIDATES = $(if $(PYTHON),$(PYTHON),python3.13 python3.12 python3.11 python3)
@@ -11,26 +13,37 @@ DEMO := piacenza2017-pad
 # Files of tests side by side; 1 for one after another.
 WORKERS ?= 2
 SIDE_BY_SIDE = $(if $(filter 1,$(WORKERS)),,-n $(WORKERS) --dist loadfile)
+# seconds of every test go to build/; `make durations` shows the costliest files
+PYTEST = $(BIN)/python -m pytest -q --durations-file build/durations-$@.txt
+DURATIONS = $(wildcard build/durations-*.txt)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo studio test test-slow lint docs bench bench-smoke validate pins clean
+.PHONY: help setup demo studio test test-slow test-full test-all durations lint docs bench bench-smoke validate pins clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1|/p' Makefile | awk -F'|' '{printf "  make %-11s %s\n", $$1, $$2}'
 
 setup: $(READY) ## create .venv and install optopad with everything it needs
 
-demo: setup ## the main job on the published pad: outputs/piacenza2017-pad-<digest8>/
+demo: $(RUNS) ## the main job on the published pad: outputs/piacenza2017-pad-<digest8>/
 	$(BIN)/optopad run $(DEMO)
 
 studio: setup ## the published pad live in a browser, on this machine alone
 	$(BIN)/optopad studio $(DEMO)
 
-test: setup ## tests of a few minutes: all but the slow ones and the benchmarks
-	$(BIN)/python -m pytest -m "not slow" --benchmark-skip --durations=10 $(SIDE_BY_SIDE)
+test: setup ## what a change breaks first; three minutes
+	$(PYTEST) -m "not slow and not full" --benchmark-skip $(SIDE_BY_SIDE)
 
-test-slow: setup ## the tests marked slow
-	$(BIN)/python -m pytest -m slow --benchmark-skip --durations=20 $(SIDE_BY_SIDE)
+test-slow: setup ## tests that take longer, in every CI run; ten minutes
+	$(PYTEST) -m "slow and not full" --benchmark-skip $(SIDE_BY_SIDE)
+
+test-full: setup ## databases, clusters, the full fuzz, all pages of docs run whole, reduced validation
+	$(PYTEST) -m full --benchmark-skip $(SIDE_BY_SIDE)
+
+test-all: test test-slow test-full bench-smoke ## all of these and every benchmark once; before a release; within an hour
+
+durations: ## the costliest test files of the last runs
+	@$(if $(DURATIONS),$(BIN)/python -m tests.durations $(DURATIONS),echo "no durations yet: run make test")
 
 lint: setup ## style, format, types, and the arrows between the rooms
 	$(BIN)/ruff check .
@@ -108,17 +121,26 @@ fi
 endef
 
 # An environment that still runs is kept and brought up to date; a broken one (its Python was removed) is made anew.
+# Compiling all that is installed takes longer than compiling what is imported when it is.
+define install
+@$(call find_python,$(CANDIDATES)); \
+if ! $(BIN)/python -c '$(SUITABLE)' >/dev/null 2>&1 || ! $(BIN)/python -m pip --version >/dev/null 2>&1; then \
+  echo "Creating $(VENV) with $$("$$python" --version)"; \
+  "$$python" -m venv --clear $(VENV) || { echo "Could not create $(VENV); is the disk full or the folder read-only?" >&2; exit 1; }; \
+fi; \
+$(BIN)/python -m pip install --quiet --no-compile -c constraints.txt -e "$(1)" || { \
+  echo "pip could not install the dependencies; its lines above name the one. Usual causes:" >&2; \
+  echo "  no package index in reach  set PIP_INDEX_URL or HTTPS_PROXY" >&2; \
+  echo "  no wheel for this machine  optopad needs 64-bit Linux (glibc 2.31) or macOS; or try PYTHON=python3.12" >&2; \
+  echo "  disk full                  .venv takes 2.5 GB" >&2; \
+  exit 1; \
+}
+endef
+
+$(RUNS): pyproject.toml constraints.txt
+	$(call install,.)
+	@touch $@
+
 $(READY): pyproject.toml constraints.txt
-	@$(call find_python,$(CANDIDATES)); \
-	if ! $(BIN)/python -c '$(SUITABLE)' >/dev/null 2>&1 || ! $(BIN)/python -m pip --version >/dev/null 2>&1; then \
-	  echo "Creating $(VENV) with $$("$$python" --version)"; \
-	  "$$python" -m venv --clear $(VENV) || { echo "Could not create $(VENV); is the disk full or the folder read-only?" >&2; exit 1; }; \
-	fi; \
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e ".[dev]" || { \
-	  echo "pip could not install the dependencies; its lines above name the one. Usual causes:" >&2; \
-	  echo "  no package index in reach  set PIP_INDEX_URL or HTTPS_PROXY" >&2; \
-	  echo "  no wheel for this machine  optopad needs 64-bit Linux (glibc 2.31) or macOS; or try PYTHON=python3.12" >&2; \
-	  echo "  disk full                  .venv takes 2.5 GB" >&2; \
-	  exit 1; \
-	}; \
-	touch $@
+	$(call install,.[dev])
+	@touch $(RUNS) $@

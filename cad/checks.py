@@ -3,7 +3,7 @@
 Checked on the STL as written, not on the solid: one closed body with consistent winding (trimesh
 finds open seams that CAD kernels pass), a manifold by manifold3d, volume against the formula and
 against the solid, size, faces that overhang, the cavity and a lid's dish against the optical model. Walls and webs
-come from the parameters (`design.geometry.webs`, `cad.lid`).
+come from the parameters (`design.geometry.webs`, `cad.lid_size`).
 Left out: slicing, warping, how a given printer renders a thin wall.
 """
 
@@ -19,7 +19,7 @@ import manifold3d
 import numpy as np
 import trimesh
 
-from cad.lid import lid_clearances
+from cad.lid_size import lid_clearances
 from cad.mesh import CHORD_LIMIT_MM, Mesh, read_stl, unit_normals
 from cad.optical import cavity_agreement, dish_agreement
 from cad.slicer import EXTRUDED_HIGH, EXTRUDED_LOW, Sliced, require_slicer, sliced

@@ -22,7 +22,8 @@ import cadquery as cq
 from cad.checks import Checks, PartFile, check_parts, with_slices
 from cad.indenter_tip import indenter_tip, indenter_tip_volume_mm3
 from cad.leveling_blade import blade_size, leveling_blade
-from cad.lid import lid, lid_size, turned_over
+from cad.lid import lid
+from cad.lid_size import lid_size, turned_over
 from cad.mesh import CHORD_MM, Mesh, mesh_of, stl_bytes, threemf_bytes
 from cad.mold import build_mold, part_mold
 from cad.pour_gauge import gauge_size, pour_gauge

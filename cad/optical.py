@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cad.lid import lid_size, turned_over
+from cad.lid_size import lid_size, turned_over
 from cad.mesh import Mesh
 from design.geometry.mold_outline import MoldOutline, bed_lift_mm, outline_of
 from design.geometry.plan import WallLine

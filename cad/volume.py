@@ -35,7 +35,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from cad.lid import Plug, lid_size, pin_chamfer_mm
+from cad.lid_size import Plug, lid_size, pin_chamfer_mm
 from design.geometry.mold_outline import MoldOutline, outline_of
 from design.geometry.raised_sockets import Collar
 from design.geometry.sockets import Cut, Hole, WallFrame

@@ -17,14 +17,11 @@ import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
 
-from platformdirs import user_cache_path
-
 from design.errors import InputError
-from sims.cache.folder import CACHE_VARIABLE, cache_folder
+from sims.cache.folder import CACHE_VARIABLE, cache_folder, kernel_folder
 
 State = Literal["ok", "missing", "warning"]
 
@@ -144,7 +141,7 @@ def examine(outputs: Path = Path("outputs")) -> list[Finding]:
         cpu_finding(),
         memory_finding(),
         *package_findings(),
-        numba_cache_finding(),
+        kernel_finding(),
         folder_finding("cache folder", cache_folder(), f"set {CACHE_VARIABLE} to a folder you can write to"),
         light_finding(),
         folder_finding("outputs folder", outputs, "run from a folder you can write to, or pass --out FOLDER"),
@@ -345,28 +342,13 @@ def light_finding() -> Finding:
     )
 
 
-def numba_cache_folders() -> list[Path]:
-    """Where numba keeps kernels, in its order: NUMBA_CACHE_DIR, beside the sources, the user's folder."""
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    if chosen:
-        return [Path(chosen)]
-    sources = find_spec("sims")
-    beside = (
-        [Path(place) / "__pycache__" for place in (sources.submodule_search_locations or [])]
-        if sources
-        else []
-    )
-    return [*beside, user_cache_path("numba")]
-
-
-def numba_cache_finding() -> Finding:
+def kernel_finding() -> Finding:
     """Whether compiled kernels survive the process."""
-    folders = numba_cache_folders()
-    for folder in folders:
-        if is_writable(folder):
-            return Finding("kernel cache", "ok", str(folder))
-    way_out = "set NUMBA_CACHE_DIR to a folder you can write to; else every run compiles the kernels again"
-    return Finding("kernel cache", "warning", f"{folders[0]} cannot be written to", way_out)
+    folder = kernel_folder()
+    if is_writable(folder):
+        return Finding("kernel cache", "ok", str(folder))
+    way_out = f"set {CACHE_VARIABLE} to a folder you can write to; else every run compiles the kernels again"
+    return Finding("kernel cache", "warning", f"{folder} cannot be written to", way_out)
 
 
 def tool_finding(tool: Tool) -> Finding:

@@ -355,6 +355,8 @@ def parse_entries(mapping: Mapping[str, Any], where: str) -> CatalogEntries:
 
 def merged(base: CatalogEntries, extra: CatalogEntries) -> CatalogEntries:
     """Both sets of entries; where an identifier is in both, `extra` holds."""
+    if not (extra.parts or extra.elastomers or extra.mold_materials or extra.boards):
+        return base
     return CatalogEntries(
         parts={**base.parts, **extra.parts},
         elastomers={**base.elastomers, **extra.elastomers},

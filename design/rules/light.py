@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from design.errors import DesignError
 from design.fields.finding import Finding, error, mm, warning
 from design.fields.units import ROUNDING_MM
 from design.geometry.cavity import CavityGeometry, PlacedPart
-from design.geometry.pairs import direct_path_pairs, facing_pairs, is_facing_rows, pair_name
+from design.geometry.pairs import beside_chord, direct_path_pairs, facing_pairs, is_facing_rows, pair_name
 from design.rules.contact_scope import (
     CROWNED_LAYER_RANGE,
     DEEPEST_PRESS,
@@ -135,6 +137,7 @@ def workspace_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator
             way_out="raise it, or use a smaller indenter.tip_radius_mm",
         )
     yield from _off_chord_findings(cavity)
+    yield from _middle_findings(cavity)
 
 
 def depth_findings(design: SensorDesign) -> Iterator[Finding]:
@@ -299,6 +302,22 @@ def _off_chord_findings(cavity: CavityGeometry) -> Iterator[Finding]:
             value=f"{mm(max(shift for shift, _ in beside))} beside",
             limit="a press on the chord",
             way_out="lower the margin, lower layout pitch_mm, or judge by the other pairs",
+        )
+
+
+def _middle_findings(cavity: CavityGeometry) -> Iterator[Finding]:
+    """A pad whose middle no pair looks across: a ring in turn with an even count has an emitter opposite an emitter."""
+    pairs = [(int(e), int(r)) for e, r in np.argwhere(direct_path_pairs(cavity))]
+    if not pairs or is_facing_rows(cavity):
+        return
+    nearest = min(beside_chord(cavity, pair, cavity.plan.centre_mm)[0] for pair in pairs)
+    if nearest > cavity.tip_radius_mm + ROUNDING_MM:
+        yield warning(
+            "layout",
+            "no pair looks across the middle of the pad, so a light touch there is detected late",
+            value=f"the nearest line from an emitter to a receiver is {mm(nearest)} from the middle",
+            limit=f"at most the tip's radius, {mm(cavity.tip_radius_mm)}",
+            way_out="use an odd count in a ring, or place a receiver opposite an emitter",
         )
 
 

@@ -240,7 +240,7 @@ def _scored(
     for kind in ("svg", "png"):  # those of an earlier score: a bundle tells one verdict
         (sims / f"builds.{kind}").unlink(missing_ok=True)
     score = judge(design, fine=fine, full=full, seed=seed, tolerance=False, on_step=on_step)
-    with beside(lambda: _without_tolerance(design, score, sims, with_page=with_page)) as drawn:
+    with beside(lambda: _without_tolerance(design, score, sims, seed, with_page=with_page)) as drawn:
         if study is None:
             found = with_tolerance(design, score, seed=seed, on_step=on_step)
         else:
@@ -253,7 +253,7 @@ def _scored(
 
 
 def _without_tolerance(
-    design: SensorDesign, score: ContinuityScore, sims: Path, *, with_page: bool
+    design: SensorDesign, score: ContinuityScore, sims: Path, seed: int, *, with_page: bool
 ) -> EarlyDrawings | None:
     """Write signals, maps and their plots; draw what a page shows of them."""
     from design.geometry.cavity import cavity_of
@@ -270,7 +270,7 @@ def _without_tolerance(
         save_dataset(maps_dataset(design, score), sims / "maps.nc")
     if score.bounds is not None:
         write_bound_plots(design, score.bounds, sims)
-    return early_drawings(design, score) if with_page else None
+    return early_drawings(design, score, seed=seed) if with_page else None
 
 
 def _with_builds(

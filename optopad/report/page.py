@@ -14,13 +14,12 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from design.errors import InputError, ModelScopeError
 from design.io import write_text_atomically
 from design.spec import SensorDesign
 from fabrication.bundle import versions
 from optopad.report.scenes.map_scene import MapScene
 from optopad.report.scenes.mold_scene import mold_scene
-from optopad.report.scenes.ray_scene import RayScene, ray_scene
+from optopad.report.scenes.ray_scene import RayScene
 from optopad.report.sections.build import Sheets, build_section, sheets_of
 from optopad.report.sections.closing import (
     bundle_files,
@@ -108,7 +107,7 @@ def write_report(
     checks : the mold's checks, as in ``cad/checks.json``
     early : what was drawn of this score before; None draws it now
     """
-    early = early or early_drawings(design, score)
+    early = early or early_drawings(design, score, seed=seed)
     drawings = early.drawings | tolerance_drawings(score)
     _write_drawings(folder / "sims", drawings)
     found = Found(
@@ -118,20 +117,12 @@ def write_report(
         sheets=sheets_of(folder),
         files=tuple(bundle_files(folder)),
         mold=mold_scene(design, folder),
-        light=_light(design, score, seed),
+        light=early.light,
         maps=early.maps,
     )
     page = report_html(design, score, found, versions(), seed=seed)
     write_text_atomically(folder / PAGE, page)
     return folder / PAGE
-
-
-def _light(design: SensorDesign, score: ContinuityScore, seed: int) -> RayScene | str | None:
-    """The view of the light, or why there is none although there is a verdict: a page without it is still a page."""
-    try:
-        return ray_scene(design, score, seed=seed)
-    except (InputError, ModelScopeError) as err:
-        return f"No picture: the ray tracer refuses this design. {err}"
 
 
 def _write_drawings(sims: Path, drawings: dict[str, Drawing]) -> None:

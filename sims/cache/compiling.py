@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-LAST = ("trace_state", "trace_emitter", "next_path")
+LAST = ("trace_further", "trace_emitter", "next_path")
 """Entry points that take most of the time, and are called after the small ones."""
 
 _ASKED: list[_Word] = []

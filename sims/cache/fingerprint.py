@@ -7,6 +7,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from types import ModuleType
 
+SUFFIXES = {".py", ".toml", ".npz"}
+
 
 def source_fingerprint(modules: Iterable[ModuleType]) -> int:
     """63-bit hash of the modules' source files, in their order."""
@@ -14,8 +16,9 @@ def source_fingerprint(modules: Iterable[ModuleType]) -> int:
 
 
 def folder_fingerprint(*folders: Path) -> int:
-    """63-bit hash of every Python file in the folders and below them."""
-    return _hash_of_files(path for folder in folders for path in sorted(folder.rglob("*.py")))
+    """63-bit hash of every source and data file in the folders and below them."""
+    files = (path for folder in folders for path in sorted(folder.rglob("*")))
+    return _hash_of_files(path for path in files if path.suffix in SUFFIXES)
 
 
 def _hash_of_files(paths: Iterable[Path]) -> int:

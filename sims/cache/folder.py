@@ -15,3 +15,9 @@ def cache_folder() -> Path:
     """The folder that `OPTOPAD_CACHE` names, else the system's cache folder for optopad; it need not exist."""
     chosen = os.environ.get(CACHE_VARIABLE)
     return Path(chosen) if chosen else user_cache_path("optopad")
+
+
+def kernel_folder() -> Path:
+    """Where compiled kernels are kept: `NUMBA_CACHE_DIR`, else in the cache folder; it need not exist."""
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    return Path(chosen) if chosen else cache_folder() / "kernels"

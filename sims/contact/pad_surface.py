@@ -22,9 +22,13 @@ from sims.press.indentation import Indentation
 
 FloatArray = NDArray[np.float64]
 _STEP = 1e-6
+MOST_SURFACES = 1024
+"""Surfaces that are remembered: 30 kB each."""
+_SURFACES: dict[tuple[object, ...], PadSurface] = {}
+"""The last surfaces of this process. A key holds the identity of their presses, which the surface keeps alive."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class PadSurface:
     """The top of a pad under one press.
 
@@ -101,8 +105,24 @@ def pad_surfaces(design: SensorDesign, presses_mm: FloatArray) -> Iterator[PadSu
     for x, y, depth_mm in presses_mm.tolist():
         if has_shape:
             solved = solved_press(design, deepest, at_mm=(x, y))
-            yield PadSurface(near=solved.near_at(depth_mm), solved=solved, at_mm=(x, y), size_mm=size)
-            continue
-        placed = PlacedPress(smooth=middle.smooth, size=(size[0] / tip, size[1] / tip), at=(x / tip, y / tip))
-        solved = replace(middle, placed=placed)
-        yield PadSurface(near=solved.near_at(depth_mm), solved=solved, at_mm=(x, y), size_mm=size)
+        else:
+            placed = PlacedPress(
+                smooth=middle.smooth, size=(size[0] / tip, size[1] / tip), at=(x / tip, y / tip)
+            )
+            solved = replace(middle, placed=placed)
+        yield _remembered(solved, depth_mm, (x, y), size)
+
+
+def _remembered(
+    solved: SolvedPress, depth_mm: float, at_mm: tuple[float, float], size_mm: tuple[float, float]
+) -> PadSurface:
+    """The surface of a press at a place: designs that differ elsewhere share it, one object as long as it is known."""
+    press = (id(solved.smooth), solved.tip_radius_mm, solved.youngs_modulus_mpa, solved.walls_mm)
+    key = (*press, solved.placed is None, depth_mm, *at_mm, *size_mm)
+    found = _SURFACES.get(key)
+    if found is None:
+        found = PadSurface(near=solved.near_at(depth_mm), solved=solved, at_mm=at_mm, size_mm=size_mm)
+        if len(_SURFACES) >= MOST_SURFACES:
+            _SURFACES.clear()
+        _SURFACES[key] = found
+    return found

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import InputError
 from design.spec import SensorDesign
+from sims.cache.fingerprint import folder_fingerprint
 from sims.cache.light_store import light_store
-from sims.optics.engine.trace_states import CLASS_NAMES, Accuracy, trace_scene
+from sims.optics.engine.trace_states import CLASS_NAMES, Accuracy, Tops, trace_scene, trace_tops
 from sims.optics.light_signals import LightSignals
 from sims.optics.scene.lower import scene_of
 from sims.optics.scene.optical_scene import OpticalScene
@@ -26,6 +32,8 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 Profile = Indentation | Sequence[Indentation | Sequence[Indentation | None] | None]
 Tips = list[list[Indentation | None]]
+_SMOOTH_PARTS: WeakKeyDictionary[PadSurface, SmoothField] = WeakKeyDictionary()
+"""Of the surfaces that the contact model remembers."""
 
 FIELD_STEP = 1.0 / 3.0
 """Nodes of the smooth part of a pad's surface at most so far apart [tip radii]: on the paper's pad their field is
@@ -78,26 +86,19 @@ def trace(
     InputError : presses of a wrong shape or outside the block; a bad profile.
     ModelScopeError : tips whose dimples overlap; a press that contact or surface model does not cover.
     """
-    tips = _tips(presses)
-    classes: StateClasses | None = None
-    places = tips
+    tips, scene = _tips(presses), scene_of(design)
+    wanted: dict[str, Any] = {
+        "accuracy": accuracy,
+        "seed": seed,
+        "pairs": pairs,
+        "on_step": on_step,
+        "kept": light_store(),
+    }
     if profile is None:
-        tops = pressed_tops(design, tips)
-        places, near, fields, classes = tips[tops.classes.first], tops.near, tops.fields, tops.classes
+        classes = _classes(scene, tips)
+        raw = trace_tops(_tops_of_presses(design, scene, tips, classes), classes, **wanted)
     else:
-        near = _given_indentations(tips, profile)
-    raw = trace_scene(
-        scene_of(design),
-        places[:, :, :2],
-        near,
-        fields=fields,
-        classes=classes,
-        accuracy=accuracy,
-        seed=seed,
-        pairs=pairs,
-        on_step=on_step,
-        kept=light_store(),
-    )
+        raw = trace_scene(scene, tips[:, :, :2], _given_indentations(tips, profile), fields=fields, **wanted)
     return LightSignals(
         flux=raw.flux.sum(axis=0),
         by_class={name: raw.flux[k] for k, name in enumerate(CLASS_NAMES)},
@@ -126,10 +127,41 @@ def pressed_tops(design: SensorDesign, presses: FloatArray, *, by_symmetry: bool
     ModelScopeError : a press that the contact model does not cover.
     """
     tips, scene = _tips(presses), scene_of(design)
-    depths = [[float(depth) if depth > 0 else None for depth in of_state] for of_state in tips[:, :, 2]]
-    every = each_its_own(scene, len(tips))
-    classes = state_classes(scene, tips[:, :, :2], depths) if by_symmetry else every
+    classes = _classes(scene, tips) if by_symmetry else each_its_own(scene, len(tips))
     traced = tips[classes.first]
+    near, fields = _made(design, scene, traced)
+    return PressedTops(classes=classes, near=near, fields=fields)
+
+
+def _classes(scene: OpticalScene, tips: FloatArray) -> StateClasses:
+    """Presses that a symmetry of the layout carries onto each other."""
+    depths = [[float(depth) if depth > 0 else None for depth in of_state] for of_state in tips[:, :, 2]]
+    return state_classes(scene, tips[:, :, :2], depths)
+
+
+def _tops_of_presses(
+    design: SensorDesign, scene: OpticalScene, tips: FloatArray, classes: StateClasses
+) -> Tops:
+    """The surfaces of classes of presses, made when their light is not known."""
+    traced = tips[classes.first]
+    source = hashlib.blake2b(f"{_contact_sources()} {design.digest} {tips.shape}".encode() + traced.tobytes())
+    return Tops(scene, lambda: (traced[:, :, :2], *_made(design, scene, traced)), source.digest())
+
+
+@cache
+def _contact_sources() -> str:
+    """What turns a design and a press into a top: sources, data, and the solver."""
+    import scipy
+
+    root = Path(__file__).parents[2]
+    folders = (root / "design", root / "sims" / "contact", root / "sims" / "press", root / "sims" / "optics")
+    return f"{folder_fingerprint(*folders)} {scipy.__version__} {version('mujoco')}"
+
+
+def _made(
+    design: SensorDesign, scene: OpticalScene, traced: FloatArray
+) -> tuple[Tips, list[SmoothField | None]]:
+    """Per state and tip the curve around its axis, and per state what is added to the curves."""
     pressed = np.unique(traced[traced[:, :, 2] > 0], axis=0)
     known = dict(zip(map(tuple, pressed.tolist()), _tops(design, scene, pressed), strict=True))
     near: Tips = []
@@ -139,7 +171,7 @@ def pressed_tops(design: SensorDesign, presses: FloatArray, *, by_symmetry: bool
         near.append([None if one is None else one[0] for one in found])
         touching = [one[1] for one in found if one is not None and one[1] is not None]
         fields.append(sum_of_fields(touching) if touching else None)
-    return PressedTops(classes=classes, near=near, fields=fields)
+    return near, fields
 
 
 def _tops(
@@ -154,12 +186,15 @@ def _tops(
 
 
 def _smooth_part(surface: PadSurface, scene: OpticalScene) -> SmoothField:
-    return smooth_field(
-        lambda along, across: surface.beside_mm(along[:, 0], across[0]),
-        scene.length_mm,
-        scene.width_mm,
-        FIELD_STEP * surface.near.tip_radius_mm,
-    )
+    found = _SMOOTH_PARTS.get(surface)
+    if found is None:
+        found = _SMOOTH_PARTS[surface] = smooth_field(
+            lambda along, across: surface.beside_mm(along[:, 0], across[0]),
+            scene.length_mm,
+            scene.width_mm,
+            FIELD_STEP * surface.near.tip_radius_mm,
+        )
+    return found
 
 
 def _tips(presses: FloatArray) -> FloatArray:

@@ -13,7 +13,8 @@ from cad.checks import design_findings
 from cad.export import export_parts, part_files
 from cad.leveling_blade import PLAY_MM as BLADE_PLAY_MM
 from cad.leveling_blade import blade_size, leveling_blade
-from cad.lid import DRAFT_DEG, OVER_CROWN_MM, lid, lid_size, turned_over
+from cad.lid import lid
+from cad.lid_size import DRAFT_DEG, OVER_CROWN_MM, lid_size, turned_over
 from cad.mesh import CHORD_LIMIT_MM, CHORD_MM, mesh_of, read_stl
 from cad.mold import build_mold
 from cad.optical import cavity_agreement, dish_agreement, first_hits_mm

@@ -19,17 +19,17 @@ LINE = "compiling the light kernels, once on this machine: a minute or two"
 def kernel_under(name: str):
     """A kernel nobody has compiled yet, under the name of an entry point."""
 
-    def trace_state(x):
+    def trace_further(x):
         return x + 1
 
-    trace_state.__name__ = name
-    return njit(trace_state)
+    trace_further.__name__ = name
+    return njit(trace_further)
 
 
 def test_compiling_is_told_when_it_begins_and_when_the_last_entry_point_is_done() -> None:
     listen_to_numba()
     told: list[float] = []
-    small, last = kernel_under("flat_matrix"), kernel_under("trace_state")
+    small, last = kernel_under("flat_matrix"), kernel_under("trace_further")
     with compiling_told(told.append):
         small(1)
         assert told == [0.0]
@@ -38,7 +38,7 @@ def test_compiling_is_told_when_it_begins_and_when_the_last_entry_point_is_done(
         last(2)
         small(3)
     assert told == [0.0, 1.0]
-    kernel_under("trace_state")(1)
+    kernel_under("trace_further")(1)
     assert told == [0.0, 1.0]
 
 
@@ -62,7 +62,7 @@ def test_a_line_appears_before_the_compiler_is_done(capsys: pytest.CaptureFixtur
         step("contact", 1.0)
         kernel_under("flat_matrix")(1)
         assert capsys.readouterr().err.splitlines()[-1] == LINE
-        kernel_under("trace_state")(1)
+        kernel_under("trace_further")(1)
     end = capsys.readouterr().err.split()
     assert end[:3] == ["light", "kernels", "compiled"]
     assert end[-1] == "s"
@@ -71,7 +71,7 @@ def test_a_line_appears_before_the_compiler_is_done(capsys: pytest.CaptureFixtur
 def test_machines_read_nothing_of_it(capsys: pytest.CaptureFixture[str]) -> None:
     listen_to_numba()
     with progress(quiet=True):
-        kernel_under("trace_state")(1)
+        kernel_under("trace_further")(1)
     captured = capsys.readouterr()
     assert (captured.out, captured.err) == ("", "")
 

@@ -201,9 +201,10 @@ def test_the_cache_folder_can_be_chosen(tmp_path: Path, monkeypatch: pytest.Monk
 def test_an_unwritable_kernel_cache_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file" / "cache"))
-    assert doctor.numba_cache_finding().state == "warning"
+    assert doctor.kernel_finding().state == "warning"
     monkeypatch.delenv("NUMBA_CACHE_DIR")
-    assert doctor.numba_cache_folders()[0] == ROOT / "sims" / "__pycache__"
+    monkeypatch.setenv("OPTOPAD_CACHE", str(tmp_path))
+    assert doctor.kernel_finding().detail == str(tmp_path / "kernels")
 
 
 def test_a_container_limit_below_the_machine_counts(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from optopad.cli.output import print_json, say
 from optopad.work.designs import read_design
 
 driver = typer.Typer(
+    name="driver",
     help="The built sensor: its configuration, firmware, readings.",
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},

@@ -12,7 +12,7 @@ from optopad.cli.output import print_json, say, tell
 from optopad.cli.progress import progress
 from optopad.work.designs import read_design
 
-contact = typer.Typer(help="The contact model: press, surface, force.", no_args_is_help=True)
+contact = typer.Typer(name="contact", help="The contact model: press, surface, force.", no_args_is_help=True)
 
 
 @contact.command()

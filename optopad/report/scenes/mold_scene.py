@@ -75,7 +75,7 @@ def _lid(design: SensorDesign, stl: Path) -> dict[str, Any] | None:
     """The lid as it lies on the mold; None where there is none."""
     if design.crown is None or not stl.is_file():
         return None
-    from cad.lid import lid_size, turned_over
+    from cad.lid_size import lid_size, turned_over
     from cad.mesh import read_stl
 
     size = lid_size(design)

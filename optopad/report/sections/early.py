@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from design.errors import InputError, ModelScopeError
 from design.spec import SensorDesign
 from optopad.report.scenes.map_scene import MapScene
+from optopad.report.scenes.ray_scene import RayScene, ray_scene
 from optopad.report.sections.drawings import Drawing, drawings_without_tolerance
 from optopad.report.sections.maps import map_scene
 from sims.continuity.result import ContinuityScore
@@ -13,13 +15,36 @@ from sims.continuity.result import ContinuityScore
 
 @dataclass(frozen=True, kw_only=True)
 class EarlyDrawings:
-    """Plots by stem without the prefix, and the maps by depth; None without a map."""
+    """What is drawn of a score.
+
+    Attributes
+    ----------
+    drawings : plots by stem without the prefix
+    maps : by depth; None without a map
+    light : paths of light; why there are none; or None without a verdict
+    """
 
     drawings: dict[str, Drawing]
     maps: MapScene | None
+    light: RayScene | str | None
 
 
-def early_drawings(design: SensorDesign, score: ContinuityScore) -> EarlyDrawings:
-    """All plots that a score has data for, but those of its tolerance."""
+def early_drawings(design: SensorDesign, score: ContinuityScore, *, seed: int) -> EarlyDrawings:
+    """All that a score has data for, but plots of its tolerance.
+
+    Parameters
+    ----------
+    seed : of the random paths of light
+    """
     maps = map_scene(design, score)
-    return EarlyDrawings(drawings=drawings_without_tolerance(design, score, maps), maps=maps)
+    return EarlyDrawings(
+        drawings=drawings_without_tolerance(design, score, maps), maps=maps, light=_light(design, score, seed)
+    )
+
+
+def _light(design: SensorDesign, score: ContinuityScore, seed: int) -> RayScene | str | None:
+    """The view of the light, or why there is none although there is a verdict: a page without it is still a page."""
+    try:
+        return ray_scene(design, score, seed=seed)
+    except (InputError, ModelScopeError) as err:
+        return f"No picture: the ray tracer refuses this design. {err}"

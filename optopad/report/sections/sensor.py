@@ -65,7 +65,7 @@ def _lid_address(design: SensorDesign, folder: Path) -> str | None:
     lid, mold = folder / LID_STL, folder / MOLD_STL
     if design.crown is None or not (lid.is_file() and mold.is_file()):
         return None
-    from cad.lid import lid_size, turned_over
+    from cad.lid_size import lid_size, turned_over
     from cad.mesh import Mesh, read_stl
     from cad.picture import section_picture
 

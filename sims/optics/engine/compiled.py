@@ -1,19 +1,15 @@
 # mypy: no-warn-return-any
-"""The compiled entry points, cached on disk; everything below them is compiled into them.
-
-A cache on disk notices a change of its own file only. Each entry point therefore closes over a fingerprint
-of all kernel sources, which is part of its cache key: a changed kernel is never answered from an old cache.
-"""
+"""The compiled entry points, kept on disk; everything below them is compiled into them."""
 
 from __future__ import annotations
 
-from typing import Any
+import sys
 
 import numpy as np
 from numba import njit
 
 from sims.cache.compiling import listen_to_numba
-from sims.cache.fingerprint import source_fingerprint
+from sims.cache.kernels import entry_points
 from sims.optics.engine import states
 from sims.optics.engine.mirrored import image_cells, images, mirror_paths, pinhole
 from sims.optics.engine.scattered import diffuse, landing, orders, repeated, repeated_cells, top_light
@@ -49,112 +45,122 @@ KERNEL_MODULES = (
     repeated_cells,
     repeated,
     states,
+    sys.modules[__name__],
 )
+kernel = entry_points(KERNEL_MODULES, error_model="numpy", nogil=True)
+# put into their entry points as they are: compiled alone, all below them would be optimised twice
+put_once = njit(inline="always", error_model="numpy")(states.reflected_once.py_func)
+put_further = njit(inline="always", error_model="numpy")(states.reflected_further.py_func)
 
 
-whole_state = njit(inline="always", error_model="numpy")(states.one_state.py_func)
-"""The kernel of a state, put into its entry point as it is: compiled alone, all below it would be optimised twice."""
+@kernel
+def flat_matrix(
+    emitters: FloatArray, receivers: FloatArray, box: FloatArray, nodes: FloatArray, weights: FloatArray
+) -> FloatArray:
+    """(2, emitter, receiver) straight and mirrored flux under a flat top."""
+    out = np.zeros((2, emitters.shape[0], receivers.shape[0]))
+    for i in range(emitters.shape[0]):
+        for j in range(receivers.shape[0]):
+            if emitters[i, 0] != receivers[j, 0]:
+                for mirrored in range(2):
+                    out[mirrored, i, j] = flat_flux(
+                        emitters[i], receivers[j], box, mirrored == 1, nodes, weights
+                    )
+    return out
 
 
-def _compile(fingerprint: int) -> tuple[Any, ...]:
-    @njit(cache=True, error_model="numpy", nogil=True)
-    def flat_matrix(
-        emitters: FloatArray, receivers: FloatArray, box: FloatArray, nodes: FloatArray, weights: FloatArray
-    ) -> FloatArray:
-        """(2, emitter, receiver) straight and mirrored flux under a flat top."""
-        out = np.zeros((2, emitters.shape[0], receivers.shape[0]))
-        for i in range(emitters.shape[0] if fingerprint >= 0 else 0):
-            for j in range(receivers.shape[0]):
-                if emitters[i, 0] != receivers[j, 0]:
-                    for mirrored in range(2):
-                        out[mirrored, i, j] = flat_flux(
-                            emitters[i], receivers[j], box, mirrored == 1, nodes, weights
-                        )
-        return out
+@kernel
+def untouched_deposits(
+    sources: FloatArray, gathers: bool, receivers: FloatArray, box: FloatArray, top: Top, points: FloatArray,
+    count: int, shift: FloatArray, first: float, layout: IntArray,
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    """(source, patch) deposits under the untouched top; (source, receiver) what smooth walls mirror there."""
+    out = np.zeros((sources.shape[0], layout[5, 2] + layout[5, 0] * layout[5, 1]))
+    seen = np.zeros((sources.shape[0], receivers.shape[0]))
+    for i in range(sources.shape[0]):
+        moved = golden_shift(i + first) + shift
+        deposit(sources[i], gathers, receivers, box, top, points, count, moved, layout, out[i], seen[i])
+    return out, seen
 
-    @njit(cache=True, error_model="numpy", nogil=True)
-    def untouched_deposits(
-        sources: FloatArray, gathers: bool, receivers: FloatArray, box: FloatArray, top: Top, points: FloatArray,
-        count: int, shift: FloatArray, first: float, layout: IntArray,
-    ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-        """(source, patch) deposits under the untouched top; (source, receiver) what smooth walls mirror there."""
-        out = np.zeros((sources.shape[0], layout[5, 2] + layout[5, 0] * layout[5, 1]))
-        seen = np.zeros((sources.shape[0], receivers.shape[0]))
-        for i in range(sources.shape[0] if fingerprint >= 0 else 0):
-            moved = golden_shift(i + first) + shift
-            deposit(sources[i], gathers, receivers, box, top, points, count, moved, layout, out[i], seen[i])
-        return out, seen
 
-    @njit(cache=True, error_model="numpy", nogil=True)
-    def joined(
-        given: FloatArray, taken: FloatArray, receivers: FloatArray, areas: FloatArray, layout: IntArray,
-        reflectances: FloatArray,
-    ) -> FloatArray:  # fmt: skip
-        """(emitter, receiver) once-scattered flux from deposits."""
-        out = np.zeros((given.shape[0], taken.shape[0]))
-        for i in range(given.shape[0] if fingerprint >= 0 else 0):
-            for j in range(taken.shape[0]):
-                area = 4.0 * receivers[j, 3] * receivers[j, 4]
-                out[i, j] = join(given[i], taken[j], area, areas, layout, reflectances)
-        return out
+@kernel
+def joined(
+    given: FloatArray, taken: FloatArray, receivers: FloatArray, areas: FloatArray, layout: IntArray,
+    reflectances: FloatArray,
+) -> FloatArray:  # fmt: skip
+    """(emitter, receiver) once-scattered flux from deposits."""
+    out = np.zeros((given.shape[0], taken.shape[0]))
+    for i in range(given.shape[0]):
+        for j in range(taken.shape[0]):
+            area = 4.0 * receivers[j, 3] * receivers[j, 4]
+            out[i, j] = join(given[i], taken[j], area, areas, layout, reflectances)
+    return out
 
-    @njit(cache=True, error_model="numpy", nogil=True)
-    def scattered(
-        given: FloatArray, taken: FloatArray, receivers: FloatArray, patches: Patches, reflectances: FloatArray,
-        orders: Orders, box: FloatArray, top: Top,
-    ) -> FloatArray:  # fmt: skip
-        """(emitter, receiver) scattered flux of all orders from deposits."""
-        if fingerprint < 0:
-            return np.zeros((0, 0))
-        none = np.zeros((0, 0))
-        return all_orders(given, taken, receivers, patches, reflectances, orders, none, box, top)[0]
 
-    @njit(cache=True, error_model="numpy", nogil=True)
-    def bounce_matrix(
-        layout: IntArray, receivers: FloatArray, box: FloatArray, top: Top, points: FloatArray, count: int
-    ) -> FloatArray:
-        """(patch, patch) share of one patch's scattered light that lands on another, untouched top."""
-        if fingerprint < 0:
-            return np.zeros((0, 0))
-        return bounces(layout, receivers, box, top, points, count)
+@kernel
+def scattered(
+    given: FloatArray, taken: FloatArray, receivers: FloatArray, patches: Patches, reflectances: FloatArray,
+    orders: Orders, box: FloatArray, top: Top,
+) -> FloatArray:  # fmt: skip
+    """(emitter, receiver) scattered flux of all orders from deposits."""
+    none = np.zeros((0, 0))
+    return all_orders(given, taken, receivers, patches, reflectances, orders, none, box, top)[0]
 
-    @njit(cache=True, error_model="numpy", nogil=True)
-    def trace_state(
-        out: FloatArray, wanted: BoolArray, emitters: FloatArray, receivers: FloatArray, box: FloatArray,
-        rows: FloatArray, field: FloatArray, flat: UntouchedLight, scale: FloatArray, rules: StraightRules,
-        image_rules: ImageRules, points: FloatArray, shifts: FloatArray, patches: Patches, reflectances: FloatArray,
-        orders: Orders, settings: FloatArray, flat_rays: UntouchedRays,
-    ) -> None:  # fmt: skip
-        """Fill (replicate, class, emitter, receiver) with flux over emitted power."""
-        if fingerprint >= 0:
-            whole_state(
-                out, wanted, emitters, receivers, box, Top(rows, field), flat, scale, rules, image_rules, points,
-                shifts, patches, reflectances, orders, settings, flat_rays,
-            )  # fmt: skip
 
-    @njit(cache=True, error_model="numpy", nogil=True)
-    def patch_layout(box: FloatArray, size: float) -> IntArray:
-        """(6, 3) columns, rows, first index of the patches on walls 0-3, bottom and tip."""
-        return layout_of(box, size if fingerprint >= 0 else 1.0)
+@kernel
+def bounce_matrix(
+    layout: IntArray, receivers: FloatArray, box: FloatArray, top: Top, points: FloatArray, count: int
+) -> FloatArray:
+    """(patch, patch) share of one patch's scattered light that lands on another, untouched top."""
+    return bounces(layout, receivers, box, top, points, count)
 
-    @njit(cache=True, error_model="numpy", nogil=True)
-    def patch_areas(layout: IntArray, receivers: FloatArray, box: FloatArray) -> FloatArray:
-        """(patch,) area without receiver faces; 0 for the tip's, which change with the press."""
-        return areas_of(layout, receivers, box) if fingerprint >= 0 else np.zeros(0)
 
-    return (
-        flat_matrix,
-        untouched_deposits,
-        joined,
-        scattered,
-        bounce_matrix,
-        trace_state,
-        patch_layout,
-        patch_areas,
+@kernel
+def trace_once(
+    out: FloatArray, wanted: BoolArray, emitters: FloatArray, receivers: FloatArray, box: FloatArray, rows: FloatArray,
+    field: FloatArray, flat: UntouchedLight, scale: FloatArray, rules: StraightRules, image_rules: ImageRules,
+    shifts: FloatArray, settings: FloatArray,
+) -> None:  # fmt: skip
+    """Fill (replicate, class, emitter, receiver) with straight flux over emitted power, and what is mirrored once."""
+    put_once(
+        out,
+        wanted,
+        emitters,
+        receivers,
+        box,
+        Top(rows, field),
+        flat,
+        scale,
+        rules,
+        image_rules,
+        shifts,
+        settings,
     )
 
 
-flat_matrix, untouched_deposits, joined, scattered, bounce_matrix, trace_state, patch_layout, patch_areas = (
-    _compile(source_fingerprint(KERNEL_MODULES))
-)
+@kernel
+def trace_further(
+    out: FloatArray, wanted: BoolArray, emitters: FloatArray, receivers: FloatArray, box: FloatArray, rows: FloatArray,
+    field: FloatArray, flat: UntouchedLight, scale: FloatArray, points: FloatArray, shifts: FloatArray,
+    patches: Patches, reflectances: FloatArray, orders: Orders, settings: FloatArray, flat_rays: UntouchedRays,
+) -> None:  # fmt: skip
+    """Add flux that the top mirrors several times, that walls mirror, and that is scattered."""
+    put_further(
+        out, wanted, emitters, receivers, box, Top(rows, field), flat, scale, points, shifts, patches, reflectances,
+        orders, settings, flat_rays,
+    )  # fmt: skip
+
+
+@kernel
+def patch_layout(box: FloatArray, size: float) -> IntArray:
+    """(6, 3) columns, rows, first index of the patches on walls 0-3, bottom and tip."""
+    return layout_of(box, size)
+
+
+@kernel
+def patch_areas(layout: IntArray, receivers: FloatArray, box: FloatArray) -> FloatArray:
+    """(patch,) area without receiver faces; 0 for the tip's, which change with the press."""
+    return areas_of(layout, receivers, box)
+
+
 listen_to_numba()

@@ -4,6 +4,9 @@ A row depends on: the block and its materials; all receivers (their faces absorb
 picks its points); the top of this state; the pairs asked for (several reflections are sampled for them); settings and
 seed; the sources of the light model, the libraries below them, and the processor that they are compiled for. It
 depends on no other emitter and no other state, and neither is in its name.
+
+To name a row its top has to be made. Where tops come from presses of a design, the names are kept too, under one name
+of all that they come from: the same presses again are answered without a single top.
 """
 
 from __future__ import annotations
@@ -82,6 +85,24 @@ def row_names(
         state.update(_bytes_of(row) + _bytes_of(nodes))
         names.append([_named(state, own, wanted) for own, wanted in zip(emitters, of_state, strict=True)])
     return names
+
+
+def names_of(content: bytes | None, states: int, emitters: int) -> list[list[bytes]] | None:
+    """Kept names of rows, per state and emitter; None where they are not so many."""
+    if content is None or len(content) != NAME_BYTES * states * emitters:
+        return None
+    each = [content[start : start + NAME_BYTES] for start in range(0, len(content), NAME_BYTES)]
+    return [each[start : start + emitters] for start in range(0, len(each), emitters)]
+
+
+def name_of_names(source: bytes, asked: BoolArray, settings: Accuracy, seed: int) -> bytes:
+    """Name under which the names of the rows of many states are kept.
+
+    Parameters
+    ----------
+    source : says where the tops of all states come from; what it stands for never changes
+    """
+    return _hash_of(FORMAT, _origin(), source, asked, settings, seed).digest()
 
 
 def row_of(content: bytes, shape: tuple[int, ...]) -> FloatArray | None:

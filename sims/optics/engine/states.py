@@ -306,25 +306,37 @@ def repeat_first(result: FloatArray) -> None:
 
 
 @array_kernel
-def one_state(
+def reflected_once(
     result: FloatArray, wanted: BoolArray, emitters: FloatArray, receivers: FloatArray, box: FloatArray, top: Top,
-    flat: UntouchedLight, scale: FloatArray, rules: StraightRules, image_rules: ImageRules, points: FloatArray,
-    shifts: FloatArray, patches: Patches, reflectances: FloatArray, orders: Orders, settings: FloatArray,
-    flat_rays: UntouchedRays,
+    flat: UntouchedLight, scale: FloatArray, rules: StraightRules, image_rules: ImageRules, shifts: FloatArray,
+    settings: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill (replicate, class, emitter, receiver) with flux over emitted power."""
-    flat_straight, flat_diffuse, flat_wall, given, taken, flat_join = flat
+    """Fill (replicate, class, emitter, receiver) with straight flux over emitted power, and what the top mirrors once;
+    of an untouched state with all flux.
+    """
+    flat_straight, flat_diffuse, flat_wall, _, _, _ = flat
     if not is_touched(top):
         unpressed(result, wanted, flat_straight, flat_diffuse, flat_wall)
         return
     keeps = np.zeros(wanted.shape, np.bool_)
     straight(result[0], keeps, wanted, emitters, receivers, flat_straight, box, top, rules)
     repeat_first(result)
-    sectors = sectors_of(top, box)
     mirrored_once(
-        result, keeps, wanted, emitters, receivers, scale, sectors, box, top, image_rules, shifts, settings
-    )
-    beyond_one(
-        result, wanted, emitters, receivers, (flat_diffuse, flat_wall, given, taken, flat_join), scale, sectors, box,
-        top, points, shifts, patches, reflectances, orders, settings, flat_rays,
+        result, keeps, wanted, emitters, receivers, scale, sectors_of(top, box), box, top, image_rules, shifts,
+        settings,
     )  # fmt: skip
+
+
+@array_kernel
+def reflected_further(
+    result: FloatArray, wanted: BoolArray, emitters: FloatArray, receivers: FloatArray, box: FloatArray, top: Top,
+    flat: UntouchedLight, scale: FloatArray, points: FloatArray, shifts: FloatArray, patches: Patches,
+    reflectances: FloatArray, orders: Orders, settings: FloatArray, flat_rays: UntouchedRays,
+) -> None:  # fmt: skip
+    """Add all other flux of a pressed state."""
+    _, flat_diffuse, flat_wall, given, taken, flat_join = flat
+    if is_touched(top):
+        beyond_one(
+            result, wanted, emitters, receivers, (flat_diffuse, flat_wall, given, taken, flat_join), scale,
+            sectors_of(top, box), box, top, points, shifts, patches, reflectances, orders, settings, flat_rays,
+        )  # fmt: skip

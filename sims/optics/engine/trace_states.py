@@ -45,6 +45,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,14 +53,13 @@ from numpy.typing import NDArray
 from sims.optics.accuracy import ACCURACIES, LADDER, Accuracy, accuracy_of, checked_target
 from sims.optics.engine.formed.formed_lower import FormedStack, check_formed, stack_formed
 from sims.optics.engine.formed.trace_formed import trace_formed
-from sims.optics.engine.light_rows import KeptRows, content_of, row_names, row_of
+from sims.optics.engine.light_rows import KeptRows, content_of, name_of_names, names_of, row_names, row_of
 from sims.optics.engine.threads import run_each
 from sims.optics.engine.untouched import Untouched, gauss, untouched_pad
 from sims.optics.scene.checks import check_scene, wanted_pairs
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.scene.smooth_field import SmoothField
 from sims.optics.scene.symmetry import StateClasses, each_its_own, press_keys, state_classes
-from sims.optics.surface.curves import SKIRT_R
 from sims.optics.surface.tops import Presses, TopStack, stack_tops
 from sims.press.indentation import Indentation
 
@@ -87,7 +87,6 @@ class RawLight:
     flux : (class, state, emitter, receiver), classes in the order of `CLASS_NAMES` [-]
     standard_error : (state, emitter, receiver) of the sum over classes [-]
     change_error : same shape, the part of it that states do not share [-]
-    skirt_radius_mm : (state,) border between top and skirt, of the widest tip; 0 where untouched
     relative_error : (state,) root mean square over the wanted pairs of the standard error over the untouched flux [-]
     is_met : (state,) whether that is within the wanted relative error; True where none was wanted
     """
@@ -95,7 +94,6 @@ class RawLight:
     flux: FloatArray
     standard_error: FloatArray
     change_error: FloatArray
-    skirt_radius_mm: FloatArray
     relative_error: FloatArray
     is_met: NDArray[np.bool_]
 
@@ -142,13 +140,52 @@ def trace_scene(
         classes = _classes(scene, centres, indentations, fields)
         centres, indentations = centres[classes.first], [indentations[state] for state in classes.first]
         fields = None if fields is None else [fields[state] for state in classes.first]
+    tops = Tops(scene, lambda: (centres, indentations, fields))
+    return trace_tops(tops, classes, accuracy=accuracy, seed=seed, pairs=pairs, on_step=on_step, kept=kept)
+
+
+@dataclass(frozen=True)
+class Tops:
+    """Tops of classes of states, lowered when they are needed.
+
+    Attributes
+    ----------
+    scene : under which they lie
+    made : gives centres, indentations and fields of the classes, as `trace_scene` takes them
+    source : says where they come from; the same bytes, the same tops. None: the tops alone say what they are
+    """
+
+    scene: OpticalScene
+    made: Callable[[], tuple[FloatArray, Presses, Sequence[SmoothField | None] | None]]
+    source: bytes | None = None
+
+    @cached_property
+    def stack(self) -> TopStack | FormedStack:
+        """As kernels read them."""
+        centres, indentations, fields = self.made()
+        if self.scene.form is None:
+            return stack_tops(indentations, centres, self.scene, fields)
+        check_formed(self.scene, indentations, fields)
+        return stack_formed(self.scene, centres, indentations)
+
+
+def trace_tops(
+    tops: Tops,
+    classes: StateClasses,
+    *,
+    accuracy: str | float | Accuracy = "standard",
+    seed: int = 0,
+    pairs: NDArray[np.bool_] | None = None,
+    on_step: Callable[[int, int], None] | None = None,
+    kept: KeptRows | None = None,
+) -> RawLight:
+    """Trace the tops of classes of states; parameters, result and errors are those of `trace_scene`."""
+    scene = tops.scene
+    check_scene(scene)
     states = len(classes.member)
     wanted = wanted_pairs(pairs, states, len(scene.emitter_wall), len(scene.receiver_wall))
-    tops: TopStack | FormedStack
-    if scene.form is None:
-        tops = stack_tops(indentations, centres, scene, fields)
-    else:
-        tops = stack_formed(scene, centres, indentations)
+    if kept is None or tops.source is None:
+        tops.stack  # noqa: B018 (refuses what cannot be lowered, before any light)
     asked = _class_pairs(wanted, classes)
     if isinstance(accuracy, (str, Accuracy)):
         target, ladder = np.inf, [accuracy_of(accuracy)]
@@ -161,7 +198,6 @@ def trace_scene(
         if left.size == 0:
             break
         work = _Work(
-            scene=scene,
             tops=tops,
             states=left,
             asked=asked[left],
@@ -179,17 +215,9 @@ def trace_scene(
         flux=np.where(wanted, lines[OF_CLASSES][:, member, *there], 0.0),
         standard_error=np.where(wanted, lines[ERROR][member, *there], 0.0),
         change_error=np.where(wanted, lines[CHANGE_ERROR][member, *there], 0.0),
-        skirt_radius_mm=_skirt_mm(tops)[classes.member],
         relative_error=relative[classes.member],
         is_met=relative[classes.member] <= target,
     )
-
-
-def _skirt_mm(tops: TopStack | FormedStack) -> FloatArray:
-    """(state,) border between top and skirt, of the widest tip; 0 where untouched."""
-    if isinstance(tops, FormedStack):
-        return tops.skirt_mm
-    return np.asarray(tops.rows[:, :, SKIRT_R].max(axis=1, initial=0.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,8 +230,7 @@ class _Work:
     asked : (n, emitter, receiver) pairs to trace
     """
 
-    scene: OpticalScene
-    tops: TopStack | FormedStack
+    tops: Tops
     states: NDArray[np.int64]
     asked: NDArray[np.bool_]
     settings: Accuracy
@@ -217,7 +244,7 @@ def _rows_of(work: _Work, kept: KeptRows | None, on_done: Callable[[int], None])
     missing = np.asarray(work.asked.any(axis=2))
     names: list[list[bytes]] = []
     if kept is not None:
-        names = row_names(work.scene, work.tops, work.states, work.asked, work.settings, work.seed)
+        names = _names(work, kept)
         missing &= ~_read(rows, missing, names, kept)
     todo = np.flatnonzero(missing.any(axis=1))
     on_done(len(todo))
@@ -230,6 +257,19 @@ def _rows_of(work: _Work, kept: KeptRows | None, on_done: Callable[[int], None])
             kept.write({names[k][i]: content_of(rows[k, i]) for k, i in zip(part[at], emitters, strict=True)})
         on_done(len(todo) - start - len(part))
     return rows
+
+
+def _names(work: _Work, kept: KeptRows) -> list[list[bytes]]:
+    """Per state and emitter, the name of its row: as it is kept, else made of the tops."""
+    source = work.tops.source
+    if source is None:
+        return row_names(work.tops.scene, work.tops.stack, work.states, work.asked, work.settings, work.seed)
+    name = name_of_names(source + work.states.tobytes(), work.asked, work.settings, work.seed)
+    names = names_of(kept.read([name]).get(name), *work.asked.shape[:2])
+    if names is None:
+        names = row_names(work.tops.scene, work.tops.stack, work.states, work.asked, work.settings, work.seed)
+        kept.write({name: b"".join(b"".join(of_state) for of_state in names)})
+    return names
 
 
 def _read(
@@ -249,14 +289,15 @@ def _read(
 def _traced_rows(work: _Work, part: NDArray[np.int64], wanted: NDArray[np.bool_]) -> FloatArray:
     """(n, emitter, line, receiver) rows of some states."""
     rows = np.empty((*wanted.shape[:2], ROW, wanted.shape[2]))
-    if isinstance(work.tops, FormedStack):
-        light = trace_formed(work.scene, work.tops, work.states[part], work.settings, work.seed, wanted)
+    scene, stack = work.tops.scene, work.tops.stack
+    if isinstance(stack, FormedStack):
+        light = trace_formed(scene, stack, work.states[part], work.settings, work.seed, wanted)
         rows[:, :, OF_CLASSES] = light.flux.transpose(0, 2, 1, 3)
         rows[:, :, ERROR], rows[:, :, SCALE] = light.standard_error, light.scale
         rows[:, :, CHANGE_ERROR] = light.change_error
         return rows
-    fixed = untouched_pad(work.scene, work.settings, work.seed)
-    values = _trace_batch(wanted, work.tops, work.states[part], fixed, work.settings)
+    fixed = untouched_pad(scene, work.settings, work.seed)
+    values = _trace_batch(wanted, stack, work.states[part], fixed, work.settings)
     flux = values.mean(axis=1)
     rows[:, :, OF_CLASSES] = flux.transpose(0, 2, 1, 3)
     rows[:, :, ERROR] = _with_rules(_standard_error(values), flux.sum(axis=1), fixed)
@@ -326,7 +367,7 @@ def _pooled(share: FloatArray, asked: NDArray[np.bool_]) -> FloatArray:
 def _trace_batch(
     wanted: NDArray[np.bool_], tops: TopStack, part: NDArray[np.int64], fixed: Untouched, settings: Accuracy
 ) -> FloatArray:
-    from sims.optics.engine.compiled import trace_state
+    from sims.optics.engine.compiled import trace_further, trace_once
     from sims.optics.engine.states import CLASSES
 
     rules = (
@@ -354,10 +395,19 @@ def _trace_batch(
     out = np.zeros((len(part), len(fixed.shifts), CLASSES, *wanted.shape[1:]))
 
     def trace_one(state: int) -> None:
-        trace_state(
-            out[state], wanted[state], fixed.emitters, fixed.receivers, fixed.box, rows[state], field[state], flat,
-            fixed.scale, rules, image_rules, fixed.points, fixed.shifts, patches,
-            fixed.reflectances, fixed.orders, numbers, fixed.rays,
+        given = (
+            out[state],
+            wanted[state],
+            fixed.emitters,
+            fixed.receivers,
+            fixed.box,
+            rows[state],
+            field[state],
+        )
+        trace_once(*given, flat, fixed.scale, rules, image_rules, fixed.shifts, numbers)
+        trace_further(
+            *given, flat, fixed.scale, fixed.points, fixed.shifts, patches, fixed.reflectances, fixed.orders, numbers,
+            fixed.rays,
         )  # fmt: skip
 
     run_each(trace_one, len(part))

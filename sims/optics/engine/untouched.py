@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from dataclasses import fields as dataclass_fields
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 from sims.optics.accuracy import Accuracy
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.scene.pad_form import PadForm
+
+if TYPE_CHECKING:
+    from sims.optics.surface.top import Top
 
 FloatArray = NDArray[np.float64]
 Orders = tuple[NDArray[np.int64], FloatArray, FloatArray]
@@ -158,7 +161,7 @@ def _with_table(rows: FloatArray, table: FloatArray | None) -> FloatArray:
     return np.hstack([rows, np.where(given[:, None], table, 0.0)])
 
 
-def _no_press(box: FloatArray) -> object:
+def _no_press(box: FloatArray) -> Top:
     from sims.optics.surface.curves import HIGHEST, LOWEST, ROW, TOP
     from sims.optics.surface.top import Top
 
@@ -264,8 +267,10 @@ def _wall_reference_rays(settings: Accuracy) -> int:
 def _solved(scene: OpticalScene, settings: Accuracy, rays: int) -> UnshiftedPad:
     from scipy.stats import qmc
 
+    from sims.optics.compiling import compile_beside
     from sims.optics.engine import compiled
 
+    compile_beside()
     box, emitters, receivers = packed(scene)
     points = qmc.Sobol(4, scramble=True, rng=POINT_SEED).random(rays)
     reflectances = np.array([scene.wall_reflectance] * 4 + [scene.bottom_reflectance, scene.tip_reflectance])

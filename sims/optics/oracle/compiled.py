@@ -1,19 +1,17 @@
-"""The oracle's two compiled entry points, cached on disk; everything below them is compiled into them.
+"""The oracle's two compiled entry points, kept on disk; everything below them is compiled into them.
 
-A cache on disk notices a change of its own file only. Each entry point therefore closes over a fingerprint of all
-the oracle's sources, which is part of its cache key: a changed kernel is never answered from an old cache.
 What every flight goes through is forced inline: calls that hand over a scene of arrays cost a third of the speed.
 """
 
 from __future__ import annotations
 
-from typing import Any
+import sys
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 
 from sims.cache.compiling import listen_to_numba
-from sims.cache.fingerprint import source_fingerprint
+from sims.cache.kernels import entry_points
 from sims.optics.oracle import (
     air,
     border,
@@ -47,49 +45,47 @@ MODULES = (
     surface,
     top,
     walk_file,
+    sys.modules[__name__],
 )
 CLASS_COUNT, FATE_COUNT = CROSSING + 1, len(FATES)
 BATCHES = 256
 """Parts in which the rays of one emitter are summed; fixed, so that threads never change an answer."""
 
 
-def _compile(fingerprint: int) -> tuple[Any, ...]:
-    @njit(cache=True, parallel=True)
-    def trace_emitter(
-        scene: Scene, top: Top, seed: int, state: int, emitter: int, rays: int
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Sums over rays in each batch: received weight and its square by class, and the ledger."""
-        receivers = scene.receiver_wall.shape[0]
-        flux = np.zeros((BATCHES, CLASS_COUNT, receivers))
-        square = np.zeros((BATCHES, CLASS_COUNT, receivers))
-        ledger = np.zeros((BATCHES, FATE_COUNT))
-        for batch in prange(BATCHES if fingerprint >= 0 else 0):
-            vertices = np.empty((0, 3))
-            for ray in range(batch * rays // BATCHES, (batch + 1) * rays // BATCHES):
-                stream = ray_stream(seed, state, emitter, ray)
-                fate, receiver, weight, _ = walk(scene, top, emitter, stream, vertices)
-                ledger[batch, fate] += weight
-                ledger[batch, VOLUME] += 1.0 - weight
-                if receiver >= 0:
-                    flux[batch, fate, receiver] += weight
-                    square[batch, fate, receiver] += weight * weight
-        return flux, square, ledger
-
-    @njit(cache=True, nogil=True)
-    def next_path(
-        scene: Scene, top: Top, emitter: int, wanted: BoolArray, seed: int, ray: int, tries: int, places: int
-    ) -> tuple[int, int, int, FloatArray]:
-        """Number, fate, receiver and places of the next ray that ends where it is wanted."""
-        vertices = np.empty((places, 3))
-        for number in range(ray, ray + tries if fingerprint >= 0 else 0):
-            stream = ray_stream(seed, 0, emitter, number)
-            fate, receiver, _, count = walk(scene, top, emitter, stream, vertices)
-            if fate != UNSUBMERGED and count <= places and wanted[receiver]:  # -1, lost, is the last
-                return number, fate, receiver, vertices[:count].copy()
-        return ray + tries, -1, -1, vertices[:0].copy()
-
-    return trace_emitter, next_path
+@entry_points(MODULES, parallel=True)
+def trace_emitter(
+    scene: Scene, top: Top, seed: int, state: int, emitter: int, rays: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Sums over rays in each batch: received weight and its square by class, and the ledger."""
+    receivers = scene.receiver_wall.shape[0]
+    flux = np.zeros((BATCHES, CLASS_COUNT, receivers))
+    square = np.zeros((BATCHES, CLASS_COUNT, receivers))
+    ledger = np.zeros((BATCHES, FATE_COUNT))
+    for batch in prange(BATCHES):
+        vertices = np.empty((0, 3))
+        for ray in range(batch * rays // BATCHES, (batch + 1) * rays // BATCHES):
+            stream = ray_stream(seed, state, emitter, ray)
+            fate, receiver, weight, _ = walk(scene, top, emitter, stream, vertices)
+            ledger[batch, fate] += weight
+            ledger[batch, VOLUME] += 1.0 - weight
+            if receiver >= 0:
+                flux[batch, fate, receiver] += weight
+                square[batch, fate, receiver] += weight * weight
+    return flux, square, ledger
 
 
-trace_emitter, next_path = _compile(source_fingerprint(MODULES))
+@entry_points(MODULES, nogil=True)
+def next_path(
+    scene: Scene, top: Top, emitter: int, wanted: BoolArray, seed: int, ray: int, tries: int, places: int
+) -> tuple[int, int, int, FloatArray]:
+    """Number, fate, receiver and places of the next ray that ends where it is wanted."""
+    vertices = np.empty((places, 3))
+    for number in range(ray, ray + tries):
+        stream = ray_stream(seed, 0, emitter, number)
+        fate, receiver, _, count = walk(scene, top, emitter, stream, vertices)
+        if fate != UNSUBMERGED and count <= places and wanted[receiver]:  # -1, lost, is the last
+            return number, fate, receiver, vertices[:count].copy()
+    return ray + tries, -1, -1, vertices[:0].copy()
+
+
 listen_to_numba()

@@ -24,7 +24,7 @@ MIN_CELLS = 4
 MAX_NODES = 1_000_000
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class SmoothField:
     """A height added to the top, on a regular grid.
 
@@ -113,7 +113,7 @@ def smooth_field(
 
 
 def sum_of_fields(fields: Sequence[SmoothField]) -> SmoothField:
-    """The sum of one or more fields on the same grid.
+    """The sum of one or more fields on the same grid; of one, that field itself.
 
     Raises
     ------
@@ -124,6 +124,8 @@ def sum_of_fields(fields: Sequence[SmoothField]) -> SmoothField:
         raise InputError(
             f"fields: {len(fields)} on {len(grids)} different grids; give one or more on one grid"
         )
+    if len(fields) == 1:
+        return fields[0]
     nodes = np.sum([field.nodes for field in fields], axis=0)
     return SmoothField(origin_mm=fields[0].origin_mm, step_mm=fields[0].step_mm, nodes=nodes)
 

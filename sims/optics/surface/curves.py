@@ -29,8 +29,10 @@ Left out: anything not axisymmetric (`sims.optics.surface.tops` adds several tip
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,7 +99,7 @@ def stack_surfaces(
 
     Parameters
     ----------
-    indentations : one per state; the same object may occur often and is lowered once
+    indentations : one per state; the same object is lowered once
     centres_mm : (state, 2) x and y of the press axis [mm]
     scene : the block of clear material
 
@@ -115,14 +117,10 @@ def stack_surfaces(
     reach2 = np.zeros((count, LEVELS))
     pieces = np.zeros((count, CELLS, PIECE_COLUMNS))
     moved = np.zeros(count)
-    lowered: dict[int, _Lowered] = {}
     for state, indentation in enumerate(indentations):
         if indentation is None or indentation.depth_mm <= 0:
             continue
-        key = id(indentation)
-        if key not in lowered:
-            lowered[key] = _lower(indentation, scene.height_mm)
-        press[state], table, moved[state] = lowered[key]
+        press[state], table, moved[state] = _lower(indentation, scene.height_mm)
         reach2[state], pieces[state] = table.reach2, table.pieces
         press[state, X:ACTIVE] = centres[state]
         _check_place(state, centres[state], press[state, CONTACT_R], scene)
@@ -145,11 +143,17 @@ def _check_place(state: int, centre: FloatArray, contact_radius: float, scene: O
 
 
 _Lowered = tuple[FloatArray, RadialTable, float]
+_LOWERED: WeakKeyDictionary[Indentation, tuple[float, _Lowered]] = WeakKeyDictionary()
+"""Under a top of which height, and what a press was lowered to, as long as somebody holds that press."""
 
 
 def _lower(indentation: Indentation, top_mm: float) -> _Lowered:
-    check_curve(indentation, top_mm)
-    return lower_curve(indentation, top_mm)
+    height_mm, lowered = _LOWERED.get(indentation, (math.nan, None))
+    if lowered is None or height_mm != top_mm:
+        check_curve(indentation, top_mm)
+        lowered = lower_curve(indentation, top_mm)
+        _LOWERED[indentation] = top_mm, lowered
+    return lowered
 
 
 def lower_curve(indentation: Indentation, top_mm: float, mean_mm: float = 0.0) -> _Lowered:

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,8 @@ FloatArray = NDArray[np.float64]
 Presses = Sequence[Indentation | Sequence[Indentation | None] | None]
 SUBDIVISION = 2
 SLOPE_RESERVE, BEND_RESERVE = 1.1, 1.2
+_KNOWN: WeakKeyDictionary[SmoothField, FloatArray] = WeakKeyDictionary()
+"""Bounds of fields that somebody holds."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,6 +217,8 @@ def _cells(nodes: FloatArray, step: FloatArray) -> FloatArray:
 
 def _known_of(field: SmoothField) -> FloatArray:
     """Origin, cells per mm and bounds of a field; bounds from `SUBDIVISION` points a cell along each side."""
+    if field in _KNOWN:
+        return _KNOWN[field]
     value, slope_x, slope_y, bend = _sampled(field)
     row = np.zeros(FIELD_COLUMNS)
     row[:5] = 1.0, *field.origin_mm, *(1.0 / field.step_mm)
@@ -221,6 +226,7 @@ def _known_of(field: SmoothField) -> FloatArray:
     row[FIELD_SLOPE - FIELD_ON] = SLOPE_RESERVE * float(np.hypot(slope_x, slope_y).max())
     row[FIELD_BEND - FIELD_ON] = BEND_RESERVE * max(float(bend.max()), 0.0)
     row[SLACK - FIELD_ON] = -row[FIELD_LOWEST - FIELD_ON]
+    _KNOWN[field] = row
     return row
 
 

@@ -155,7 +155,7 @@ def test_a_design_that_the_ray_tracer_refuses_still_has_a_page(tmp_path, monkeyp
     def refuse(*_, **__):
         raise ModelScopeError("made-up <limit>")
 
-    monkeypatch.setattr("optopad.report.page.ray_scene", refuse)
+    monkeypatch.setattr("optopad.report.sections.early.ray_scene", refuse)
     page = write_report(PAIR, tmp_path, dead_score(PAIR), CHECKS, seed=7).read_text(encoding="utf-8")
     assert "No picture: the ray tracer refuses this design. made-up &lt;limit&gt;" in page
     assert 'id="rays-data"' not in page

@@ -160,7 +160,7 @@ def test_words_say_what_the_pad_is():
 def test_in_a_browser_a_dome_s_views_work_and_keys_stay_in_its_workspace(
     made_up_contact, monkeypatch, tmp_path: Path
 ):
-    monkeypatch.setattr("optopad.report.page.ray_scene", lambda *_, **__: made_up_light(DOME))
+    monkeypatch.setattr("optopad.report.sections.early.ray_scene", lambda *_, **__: made_up_light(DOME))
     folder = tmp_path / "bundle"
     (folder / "cad").mkdir(parents=True)
     (folder / "cad" / "mold.stl").write_bytes(shell_stl(DOME))

@@ -28,7 +28,6 @@ def asked(monkeypatch):
             flux=flux,
             standard_error=flux[0],
             change_error=flux[0],
-            skirt_radius_mm=zeros,
             relative_error=zeros,
             is_met=zeros == 0.0,
         )

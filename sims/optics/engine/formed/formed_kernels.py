@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+import sys
 
 import numpy as np
-from numba import njit
 
-from sims.cache.fingerprint import source_fingerprint
+from sims.cache.kernels import entry_points
 from sims.optics.engine.formed import (
     formed_cuts,
     formed_deposits,
@@ -42,115 +41,112 @@ KERNEL_MODULES = (
     formed_mirrored,
     formed_scattered,
     formed_deposits,
+    sys.modules[__name__],
 )
+kernel = entry_points(KERNEL_MODULES, error_model="numpy", nogil=True)
 GOLDEN = 0.6180339887498949
 
 
-def _compile(fingerprint: int) -> tuple[Any, ...]:
-    @njit(cache=True, error_model="numpy", nogil=True)
-    def straight_matrix(
-        emitters: FloatArray, receivers: FloatArray, wanted: BoolArray, absorbs: float, origin: FloatArray,
-        axes: FloatArray, numbers: FloatArray, rows: FloatArray, nodes_e: FloatArray, weights_e: FloatArray,
-        nodes_u: FloatArray, weights_u: FloatArray, nodes_v: FloatArray, weights_v: FloatArray,
-    ) -> FloatArray:  # fmt: skip
-        """(emitter, receiver) straight light."""
-        top = FormedTop(origin, axes, numbers, rows)
-        out = np.zeros((emitters.shape[0], receivers.shape[0]))
-        for i in range(emitters.shape[0] if fingerprint >= 0 else 0):
-            for j in range(receivers.shape[0]):
-                if wanted[i, j]:
-                    out[i, j] = straight_flux(
-                        emitters[i], receivers[j], absorbs, top, nodes_e, weights_e, nodes_u, weights_u, nodes_v,
-                        weights_v,
-                    )  # fmt: skip
-        return out
-
-    @njit(cache=True, error_model="numpy", nogil=True)
-    def points_on(
-        at: FloatArray, origin: FloatArray, axes: FloatArray, numbers: FloatArray, rows: FloatArray
-    ) -> FloatArray:
-        """(n, 9) points of the top at places of its frame's plan."""
-        out = np.zeros((at.shape[0], POINT_COLUMNS))
-        if fingerprint >= 0:
-            top_points(at, FormedTop(origin, axes, numbers, rows), out)
-        return out
-
-    @njit(cache=True, error_model="numpy", nogil=True)
-    def mirrored_matrix(
-        emitters: FloatArray, receivers: FloatArray, wanted: BoolArray, points: FloatArray, share: float,
-        absorbs: float, index: float, walls: FloatArray, round_wall: FloatArray, origin: FloatArray,
-        axes: FloatArray, numbers: FloatArray, rows: FloatArray,
-    ) -> FloatArray:  # fmt: skip
-        """(2, batch, emitter, receiver) light mirrored by the top, smooth and by the skirt."""
-        top = FormedTop(origin, axes, numbers, rows)
-        out = np.zeros((emitters.shape[0], 2, BATCHES, receivers.shape[0]))
-        work = np.zeros(44)
-        for i in range(emitters.shape[0] if fingerprint >= 0 else 0):
-            if wanted[i].any():
-                mirrored_flux(
-                    emitters[i], receivers, wanted[i], points, share, absorbs, index, walls, round_wall, top, out[i],
-                    work,
+@kernel
+def straight_matrix(
+    emitters: FloatArray, receivers: FloatArray, wanted: BoolArray, absorbs: float, origin: FloatArray,
+    axes: FloatArray, numbers: FloatArray, rows: FloatArray, nodes_e: FloatArray, weights_e: FloatArray,
+    nodes_u: FloatArray, weights_u: FloatArray, nodes_v: FloatArray, weights_v: FloatArray,
+) -> FloatArray:  # fmt: skip
+    """(emitter, receiver) straight light."""
+    top = FormedTop(origin, axes, numbers, rows)
+    out = np.zeros((emitters.shape[0], receivers.shape[0]))
+    for i in range(emitters.shape[0]):
+        for j in range(receivers.shape[0]):
+            if wanted[i, j]:
+                out[i, j] = straight_flux(
+                    emitters[i], receivers[j], absorbs, top, nodes_e, weights_e, nodes_u, weights_u, nodes_v,
+                    weights_v,
                 )  # fmt: skip
-        return out.transpose(1, 2, 0, 3).copy()
+    return out
 
-    @njit(cache=True, error_model="numpy", nogil=True)
-    def scattered_matrix(
-        emitters: FloatArray, receivers: FloatArray, rays: int, steps: FloatArray, shift: FloatArray, absorbs: float,
-        index: float, reflectances: FloatArray, walls: FloatArray, round_wall: FloatArray, origin: FloatArray,
-        axes: FloatArray, numbers: FloatArray, rows: FloatArray,
-    ) -> FloatArray:  # fmt: skip
-        """(2, emitter, receiver) light scattered once, and more often."""
-        top = FormedTop(origin, axes, numbers, rows)
-        out = np.zeros((emitters.shape[0], 2, receivers.shape[0]))
-        for i in range(emitters.shape[0] if fingerprint >= 0 else 0):
+
+@kernel
+def points_on(
+    at: FloatArray, origin: FloatArray, axes: FloatArray, numbers: FloatArray, rows: FloatArray
+) -> FloatArray:
+    """(n, 9) points of the top at places of its frame's plan."""
+    out = np.zeros((at.shape[0], POINT_COLUMNS))
+    top_points(at, FormedTop(origin, axes, numbers, rows), out)
+    return out
+
+
+@kernel
+def mirrored_matrix(
+    emitters: FloatArray, receivers: FloatArray, wanted: BoolArray, points: FloatArray, share: float,
+    absorbs: float, index: float, walls: FloatArray, round_wall: FloatArray, origin: FloatArray,
+    axes: FloatArray, numbers: FloatArray, rows: FloatArray,
+) -> FloatArray:  # fmt: skip
+    """(2, batch, emitter, receiver) light mirrored by the top, smooth and by the skirt."""
+    top = FormedTop(origin, axes, numbers, rows)
+    out = np.zeros((emitters.shape[0], 2, BATCHES, receivers.shape[0]))
+    work = np.zeros(44)
+    for i in range(emitters.shape[0]):
+        if wanted[i].any():
+            mirrored_flux(
+                emitters[i], receivers, wanted[i], points, share, absorbs, index, walls, round_wall, top, out[i],
+                work,
+            )  # fmt: skip
+    return out.transpose(1, 2, 0, 3).copy()
+
+
+@kernel
+def scattered_matrix(
+    emitters: FloatArray, receivers: FloatArray, rays: int, steps: FloatArray, shift: FloatArray, absorbs: float,
+    index: float, reflectances: FloatArray, walls: FloatArray, round_wall: FloatArray, origin: FloatArray,
+    axes: FloatArray, numbers: FloatArray, rows: FloatArray,
+) -> FloatArray:  # fmt: skip
+    """(2, emitter, receiver) light scattered once, and more often."""
+    top = FormedTop(origin, axes, numbers, rows)
+    out = np.zeros((emitters.shape[0], 2, receivers.shape[0]))
+    for i in range(emitters.shape[0]):
+        moved = shift + GOLDEN * (i + 1.0) * np.arange(1, shift.shape[0] + 1)
+        scattered_flux(
+            emitters[i],
+            receivers,
+            rays,
+            steps,
+            moved,
+            absorbs,
+            index,
+            reflectances,
+            walls,
+            round_wall,
+            top,
+            out[i],
+        )
+    return out.transpose(1, 0, 2).copy()
+
+
+@kernel
+def deposit_matrix(
+    windows: FloatArray, wanted: BoolArray, receivers: FloatArray, rays: int, steps: FloatArray,
+    shift: FloatArray, absorbs: float, index: float, walls: FloatArray, round_wall: FloatArray,
+    origin: FloatArray, axes: FloatArray, numbers: FloatArray, rows: FloatArray, layout: FloatArray, patches: int,
+) -> FloatArray:  # fmt: skip
+    """(batch, window, patch) what the wanted windows give to patches."""
+    top = FormedTop(origin, axes, numbers, rows)
+    out = np.zeros((windows.shape[0], RAY_BATCHES, patches))
+    for i in range(windows.shape[0]):
+        if wanted[i]:
             moved = shift + GOLDEN * (i + 1.0) * np.arange(1, shift.shape[0] + 1)
-            scattered_flux(
-                emitters[i],
+            deposits(
+                windows[i],
                 receivers,
                 rays,
                 steps,
                 moved,
                 absorbs,
                 index,
-                reflectances,
                 walls,
                 round_wall,
                 top,
+                layout,
                 out[i],
             )
-        return out.transpose(1, 0, 2).copy()
-
-    @njit(cache=True, error_model="numpy", nogil=True)
-    def deposit_matrix(
-        windows: FloatArray, wanted: BoolArray, receivers: FloatArray, rays: int, steps: FloatArray,
-        shift: FloatArray, absorbs: float, index: float, walls: FloatArray, round_wall: FloatArray,
-        origin: FloatArray, axes: FloatArray, numbers: FloatArray, rows: FloatArray, layout: FloatArray, patches: int,
-    ) -> FloatArray:  # fmt: skip
-        """(batch, window, patch) what the wanted windows give to patches."""
-        top = FormedTop(origin, axes, numbers, rows)
-        out = np.zeros((windows.shape[0], RAY_BATCHES, patches))
-        for i in range(windows.shape[0] if fingerprint >= 0 else 0):
-            if wanted[i]:
-                moved = shift + GOLDEN * (i + 1.0) * np.arange(1, shift.shape[0] + 1)
-                deposits(
-                    windows[i],
-                    receivers,
-                    rays,
-                    steps,
-                    moved,
-                    absorbs,
-                    index,
-                    walls,
-                    round_wall,
-                    top,
-                    layout,
-                    out[i],
-                )
-        return out.transpose(1, 0, 2).copy()
-
-    return straight_matrix, points_on, mirrored_matrix, scattered_matrix, deposit_matrix
-
-
-straight_matrix, points_on, mirrored_matrix, scattered_matrix, deposit_matrix = _compile(
-    source_fingerprint(KERNEL_MODULES)
-)
+    return out.transpose(1, 0, 2).copy()

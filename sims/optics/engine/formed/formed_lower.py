@@ -16,7 +16,6 @@ from sims.optics.engine.formed.formed_top import (
     LOWS,
     NUMBERS,
     OUTER,
-    SKIRT_EDGE,
     SPHERE,
     FormedTop,
     empty_rows,
@@ -57,11 +56,6 @@ class FormedStack:
     def field(self) -> FloatArray:
         """(state, 0): no smooth fields."""
         return np.zeros((len(self.rows), 0))
-
-    @property
-    def skirt_mm(self) -> FloatArray:
-        """(state,) radius within which a mirror counts as the skirt's; 0 where untouched."""
-        return np.asarray(self.rows[:, FRAME + SKIRT_EDGE])
 
     def top(self, state: int) -> FormedTop:
         """One state's top."""

@@ -114,7 +114,7 @@ class FormedPad:
                 layout.numbers, len(layout.weight),
             )
             for k, (windows, asked) in enumerate(
-                ((self.emitters, wanted.any(axis=1)), (self.receivers, wanted.any(axis=0)))
+                ((self.emitters, np.any(wanted, axis=1)), (self.receivers, np.any(wanted, axis=0)))
             )
         )  # fmt: skip
         return given, taken

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from sims.cache import fingerprint
+from sims.optics.compiling import signatures
 from sims.optics.engine import compiled
 from sims.optics.engine.threads import between_pieces, run_each
 from sims.optics.engine.trace_states import trace_scene
@@ -21,7 +22,8 @@ from tests.bench.measures.start_time import first_trace
 from tests.sims.optics.oracle.oracle_scenes import ring_scene
 
 ENTRY_POINTS = (
-    "flat_matrix", "untouched_deposits", "joined", "bounce_matrix", "trace_state", "patch_layout", "patch_areas",
+    "flat_matrix", "untouched_deposits", "joined", "scattered", "bounce_matrix", "trace_once", "trace_further",
+    "patch_layout", "patch_areas",
 )  # fmt: skip
 SCENE = ring_scene()
 DIMPLE = compact_dimple(1.5)
@@ -46,6 +48,8 @@ def test_one_compiled_version_serves_every_kind_of_scene():
     assert {name: len(getattr(compiled, name).signatures) for name in ENTRY_POINTS} == dict.fromkeys(
         ENTRY_POINTS, 1
     )
+    for name, types in signatures().items():  # else what is compiled beside would be compiled for nothing
+        assert getattr(compiled, name).signatures == [types]
 
 
 @pytest.mark.slow
