@@ -22,6 +22,7 @@ def write_plot(figure: Figure, stem: Path) -> tuple[Path, Path]:
     """Write ``<stem>.svg`` and ``<stem>.png``; call it inside `plain_style`. Returns both paths."""
     svg, png = (stem.with_name(f"{stem.name}.{kind}") for kind in ("svg", "png"))
     write_text_atomically(svg, svg_text(figure, stem.name))
+    figure.set_layout_engine("none")  # laid out for the SVG: all keeps its place
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=PNG_DPI, metadata={"Software": None})
     partial = png.with_name(f".{png.name}.partial")

@@ -14,7 +14,11 @@ from __future__ import annotations
 import fcntl
 import os
 import shutil
+import subprocess
+import sys
+import threading
 from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar
@@ -49,10 +53,26 @@ def entry_points(modules: Sequence[ModuleType], **options: Any) -> Callable[[Fun
     return entry_point
 
 
-def is_kept(entry_point: Any) -> bool:
-    """Whether some version of an entry point is on disk."""
+@cache
+def compile_beside(program: str, entry_point: Any) -> None:
+    """Start a program that compiles, once, unless an entry point is on disk; it ends with this process at the latest.
+
+    Parameters
+    ----------
+    program : name of a module that runs as a program, until it is done or its standard input ends
+    entry_point : one of those that it compiles
+    """
     files = entry_point._cache
-    return any(Path(files.cache_path).glob(f"{files._impl.filename_base}.nbi"))
+    if (Path(files.cache_path) / f"{files._impl.filename_base}.nbi").exists():
+        return
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-m", program],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    threading.Thread(target=process.wait, daemon=True).start()
 
 
 class _KernelFiles(FunctionCache):

@@ -1,39 +1,19 @@
 # mypy: allow-untyped-calls
-"""Half of the light kernels compiled in a process of its own, beside the one that needs them.
+"""`python -m sims.optics.compiling`: half of the light kernels, beside the process that needs them all.
 
 Compiling takes a minute of one core, once on a machine. The process that traces compiles what it calls, in the order in
-which it calls it; `python -m sims.optics.compiling` compiles what comes last in that order. Whoever comes second
-to a kernel waits for it (`sims.cache.kernels`).
+which it calls it; this one compiles what comes last in that order. Whoever comes second to a kernel waits for it
+(`sims.cache.kernels`).
 """
 
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 import threading
-from functools import cache
 from typing import Any
 
 import numpy as np
-
-
-@cache
-def compile_beside() -> None:
-    """Start that process, once, unless the kernels are there; it ends with this process at the latest."""
-    from sims.cache.kernels import is_kept
-    from sims.optics.engine import compiled
-
-    if is_kept(compiled.trace_further):
-        return
-    process = subprocess.Popen(
-        [sys.executable, "-P", "-m", __name__],
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
-        stdin=subprocess.PIPE,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    threading.Thread(target=process.wait, daemon=True).start()
 
 
 def main() -> None:

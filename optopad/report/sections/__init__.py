@@ -1,4 +1,4 @@
 """The sections of a page, one a file.
 
-Imports of ours: scenes, text and the rooms below.
+Imports of ours: scenes, text, optopad.work and the rooms below.
 """

@@ -10,6 +10,7 @@ from optopad.report.scenes.map_scene import MapScene
 from optopad.report.scenes.ray_scene import RayScene, ray_scene
 from optopad.report.sections.drawings import Drawing, drawings_without_tolerance
 from optopad.report.sections.maps import map_scene
+from optopad.work.beside import beside
 from sims.continuity.result import ContinuityScore
 
 
@@ -36,10 +37,10 @@ def early_drawings(design: SensorDesign, score: ContinuityScore, *, seed: int) -
     ----------
     seed : of the random paths of light
     """
-    maps = map_scene(design, score)
-    return EarlyDrawings(
-        drawings=drawings_without_tolerance(design, score, maps), maps=maps, light=_light(design, score, seed)
-    )
+    with beside(lambda: _light(design, score, seed)) as light:
+        maps = map_scene(design, score)
+        drawings = drawings_without_tolerance(design, score, maps)
+    return EarlyDrawings(drawings=drawings, maps=maps, light=light())
 
 
 def _light(design: SensorDesign, score: ContinuityScore, seed: int) -> RayScene | str | None:

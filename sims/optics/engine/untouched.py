@@ -267,10 +267,10 @@ def _wall_reference_rays(settings: Accuracy) -> int:
 def _solved(scene: OpticalScene, settings: Accuracy, rays: int) -> UnshiftedPad:
     from scipy.stats import qmc
 
-    from sims.optics.compiling import compile_beside
+    from sims.cache.kernels import compile_beside
     from sims.optics.engine import compiled
 
-    compile_beside()
+    compile_beside("sims.optics.compiling", compiled.trace_further)
     box, emitters, receivers = packed(scene)
     points = qmc.Sobol(4, scramble=True, rng=POINT_SEED).random(rays)
     reflectances = np.array([scene.wall_reflectance] * 4 + [scene.bottom_reflectance, scene.tip_reflectance])
