@@ -121,14 +121,17 @@ fi
 endef
 
 # An environment that still runs is kept and brought up to date; a broken one (its Python was removed) is made anew.
-# Compiling all that is installed takes longer than compiling what is imported when it is.
-define install
+define environment
 @$(call find_python,$(CANDIDATES)); \
 if ! $(BIN)/python -c '$(SUITABLE)' >/dev/null 2>&1 || ! $(BIN)/python -m pip --version >/dev/null 2>&1; then \
   echo "Creating $(VENV) with $$("$$python" --version)"; \
   "$$python" -m venv --clear $(VENV) || { echo "Could not create $(VENV); is the disk full or the folder read-only?" >&2; exit 1; }; \
-fi; \
-$(BIN)/python -m pip install --quiet --no-compile -c constraints.txt -e "$(1)" || { \
+fi
+endef
+
+# Compiling all that is installed takes longer than compiling what is imported, when it is.
+define install
+@$(BIN)/python -m pip install --quiet --no-compile -c constraints.txt $(1) || { \
   echo "pip could not install the dependencies; its lines above name the one. Usual causes:" >&2; \
   echo "  no package index in reach  set PIP_INDEX_URL or HTTPS_PROXY" >&2; \
   echo "  no wheel for this machine  optopad needs 64-bit Linux (glibc 2.31) or macOS; or try PYTHON=python3.12" >&2; \
@@ -137,10 +140,14 @@ $(BIN)/python -m pip install --quiet --no-compile -c constraints.txt -e "$(1)" |
 }
 endef
 
+# The light kernels compile beside the rest of the installation: a minute of one core, once on a machine.
 $(RUNS): pyproject.toml constraints.txt
-	$(call install,.)
+	$(environment)
+	$(call install,numba numpy platformdirs pydantic scipy tomlkit)
+	@PYTHONPATH=. $(BIN)/python -m sims.optics.compiling --alone </dev/null >/dev/null 2>&1 &
+	$(call install,-e .)
 	@touch $@
 
-$(READY): pyproject.toml constraints.txt
-	$(call install,.[dev])
-	@touch $(RUNS) $@
+$(READY): $(RUNS)
+	$(call install,-e ".[dev]")
+	@touch $@

@@ -1,9 +1,9 @@
 # mypy: allow-untyped-calls
-"""`python -m sims.optics.compiling`: half of the light kernels, beside the process that needs them all.
+"""`python -m sims.optics.compiling`: light kernels compiled beside the process that needs them.
 
 Compiling takes a minute of one core, once on a machine. The process that traces compiles what it calls, in the order in
-which it calls it; this one compiles what comes last in that order. Whoever comes second to a kernel waits for it
-(`sims.cache.kernels`).
+which it calls it; this one begins with what comes last in that order. Whoever comes second to a kernel waits for it
+(`sims.cache.kernels`). It ends with its standard input; with `--alone` it goes on until all is compiled.
 """
 
 from __future__ import annotations
@@ -15,19 +15,25 @@ from typing import Any
 
 import numpy as np
 
+BESIDE = ("untouched_deposits", "scattered", "trace_further")
 
-def main() -> None:
-    """Compile, in the order in which a tracing process needs the kernels."""
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+def main(arguments: list[str]) -> None:
+    """Compile, in the order in which a tracing process needs what it does not compile itself; then the rest."""
+    if arguments != ["--alone"]:
+        threading.Thread(target=_end_with_parent, daemon=True).start()
     from sims.optics.engine import compiled
 
-    for name, types in signatures().items():
-        getattr(compiled, name).compile(types)
+    types = signatures()
+    for name in BESIDE:
+        getattr(compiled, name).compile(types[name])
     _walk_one_ray()
+    for name in types:
+        getattr(compiled, name).compile(types[name])
 
 
 def signatures() -> dict[str, tuple[Any, ...]]:
-    """Types that the kernels which are compiled here are called with; every scene calls them with the same."""
+    """Types that the kernels are called with; every scene calls them with the same."""
     import numba
     from numba import types
 
@@ -39,21 +45,17 @@ def signatures() -> dict[str, tuple[Any, ...]]:
     patches, orders = types.Tuple((layout, one)), types.Tuple((layout, one, two))
     flat = types.Tuple((three, two, three, two, two, two))
     state = (four, wanted, two, two, one, two, three, flat, two)
+    flags, whole, real = types.boolean, types.int64, types.float64
     return {
-        "untouched_deposits": (
-            two,
-            types.boolean,
-            two,
-            one,
-            top,
-            two,
-            types.int64,
-            one,
-            types.float64,
-            layout,
-        ),
-        "scattered": (two, two, two, patches, one, orders, one, top),
+        "trace_once": (*state, types.UniTuple(one, 6), types.UniTuple(one, 8), two, one),
         "trace_further": (*state, two, two, patches, one, orders, one, types.UniTuple(three, 3)),
+        "untouched_deposits": (two, flags, two, one, top, two, whole, one, real, layout),
+        "scattered": (two, two, two, patches, one, orders, one, top),
+        "joined": (two, two, two, one, layout, one),
+        "bounce_matrix": (layout, two, one, top, two, whole),
+        "flat_matrix": (two, two, one, one, one),
+        "patch_areas": (layout, two, one),
+        "patch_layout": (one, real),
     }
 
 
@@ -74,4 +76,4 @@ def _end_with_parent() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

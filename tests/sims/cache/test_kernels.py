@@ -36,6 +36,23 @@ def twice(x):
 @entry_points([sys.modules[__name__]])
 def thrice(x):
     return 3.0 * x
+
+if __name__ == "__main__":
+    from rooms import module
+    module.thrice(1.0)
+"""
+BESIDE = """
+import time
+from pathlib import Path
+from rooms import module
+from sims.cache.kernels import compile_beside
+
+for _ in range(2):
+    compile_beside("rooms.module", module.thrice)
+began = time.monotonic()
+while not (there := list(Path({kept!r}).rglob("*thrice*.nbi"))) and time.monotonic() < began + {patience}:
+    time.sleep(0.005)
+print(len(there))
 """
 
 
@@ -52,14 +69,13 @@ class Sources:
             "NUMBA_CACHE_DIR": str(kept),
         }
 
-    def begin(self, function: str = "twice") -> subprocess.Popen[str]:
-        program = PROGRAM.format(name="rooms", function=function)
+    def begin(self, program: str = PROGRAM.format(name="rooms", function="twice")) -> subprocess.Popen[str]:
         return subprocess.Popen(
             [sys.executable, "-c", program], env=self.environment, stdout=subprocess.PIPE, text=True
         )
 
-    def run(self) -> list[str]:
-        return self.begin().communicate()[0].split()
+    def run(self, *program: str) -> list[str]:
+        return self.begin(*program).communicate()[0].split()
 
 
 def test_another_checkout_with_the_same_sources_compiles_nothing(tmp_path: Path) -> None:
@@ -74,6 +90,12 @@ def test_of_two_processes_one_compiles(tmp_path: Path) -> None:
     both = [sources.begin(), sources.begin()]
     said = sorted(one.communicate()[0].split() for one in both)
     assert said in ([["4.0"], ["compiled", "4.0"]],)
+
+
+def test_another_program_compiles_beside_what_is_not_there(tmp_path: Path) -> None:
+    sources = Sources(tmp_path / "one", tmp_path / "kept")
+    assert sources.run(BESIDE.format(kept=str(tmp_path / "kept"), patience=60.0)) == ["1"]
+    assert sources.run(PROGRAM.format(name="rooms", function="thrice")) == ["6.0"]
 
 
 def test_a_folder_that_cannot_be_written_costs_compiling_alone(tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sqlite3
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +12,7 @@ import pytest
 
 from design.preset import preset
 from sims.cache.light_store import SIZE_VARIABLE, LightStore
+from sims.optics import tracing
 from sims.optics.accuracy import ACCURACIES
 from sims.optics.engine import trace_states as engine
 from sims.optics.engine.light_rows import row_names
@@ -213,3 +216,41 @@ def test_another_gain_or_noise_traces_no_light_again(tmp_path, monkeypatch, rows
     monkeypatch.setenv(SIZE_VARIABLE, "0")
     trace(design, presses, accuracy="draft")
     assert rows_traced == [16, 16, 16]
+
+
+def test_known_light_of_presses_is_answered_without_a_single_surface(tmp_path, monkeypatch, rows_traced):
+    monkeypatch.setenv("OPTOPAD_CACHE", str(tmp_path))
+    monkeypatch.setenv(SIZE_VARIABLE, "50")
+    design = preset("piacenza2017-pad")
+    presses = np.array([[16.0, 12.0, 2.0], [16.0, 20.0, 2.0], [9.0, 9.0, 0.0]])
+    first = trace(design, presses, accuracy="draft")
+    made = []
+    real = tracing._made
+    monkeypatch.setattr(tracing, "_made", lambda *given: made.append(1) or real(*given))
+    again = trace(design, presses, accuracy="draft")
+    for name in ("flux", "standard_error", "change_error", "relative_error"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(first, name))
+    assert made == []
+    for other, seed, place in (
+        (design.with_(**{"indenter.tip_radius_mm": 3.1}), 0, 12.0),
+        (design.with_(**{"cavity.clear_thickness_mm": 8.1}), 0, 12.0),
+        (design, 1, 12.0),
+        (design, 0, 12.1),
+    ):
+        made.clear()
+        trace(other, presses + np.array([0.0, place - 12.0, 0.0]), accuracy="draft", seed=seed)
+        assert made == [1]
+    store = LightStore(tmp_path / "light" / "rows.sqlite", 50.0)
+    assert store.rows() > 0
+    made.clear()
+    rows = store.read(names_in(store))
+    store.write({name: b"damaged" for name, content in rows.items() if len(content) == 8 * 8 * 8})
+    damaged = trace(design, presses, accuracy="draft")
+    assert made == [1]
+    np.testing.assert_array_equal(damaged.flux, first.flux)
+
+
+def names_in(store: LightStore) -> list[bytes]:
+    """Names of all rows of a store."""
+    with closing(sqlite3.connect(store.path)) as file:
+        return [name for (name,) in file.execute("SELECT name FROM light")]
