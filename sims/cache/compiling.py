@@ -51,12 +51,17 @@ def listen_to_numba() -> None:
             _say(0.0)
 
         def on_end(self, event: Any) -> None:
-            if event.data["dispatcher"].py_func.__name__ in LAST:
-                _say(1.0)
+            is_there(event.data["dispatcher"].py_func.__name__)
 
     if not _LISTENERS:
         _LISTENERS.append(Listener())
         event.register("numba:compile", _LISTENERS[0])  # type: ignore[no-untyped-call]
+
+
+def is_there(entry_point: str) -> None:
+    """An entry point is compiled, by this process or by another one."""
+    if entry_point in LAST:
+        _say(1.0)
 
 
 def _say(share: float) -> None:

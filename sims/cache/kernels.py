@@ -26,6 +26,7 @@ from typing import Any, TypeVar
 from numba import njit
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 
+from sims.cache.compiling import is_there
 from sims.cache.fingerprint import source_fingerprint
 from sims.cache.folder import kernel_folder
 
@@ -97,6 +98,7 @@ class _KernelFiles(FunctionCache):
             found = None
         if found is not None:
             self._leave_lock()
+            is_there(self._py_func.__name__)
         return found
 
     def save_overload(self, sig: Any, data: Any) -> None:

@@ -10,7 +10,7 @@ import pytest
 from numba import njit
 
 from optopad.cli.progress import progress
-from sims.cache.compiling import compiling_told, listen_to_numba
+from sims.cache.compiling import compiling_told, is_there, listen_to_numba
 
 ROOT = Path(__file__).parents[2]
 LINE = "compiling the light kernels, once on this machine: a minute or two"
@@ -39,6 +39,17 @@ def test_compiling_is_told_when_it_begins_and_when_the_last_entry_point_is_done(
         small(3)
     assert told == [0.0, 1.0]
     kernel_under("trace_further")(1)
+    assert told == [0.0, 1.0]
+
+
+def test_a_kernel_that_another_process_compiled_is_the_end_of_it() -> None:
+    told: list[float] = []
+    with compiling_told(told.append):
+        is_there("flat_matrix")
+        is_there("trace_further")
+        assert told == []
+        kernel_under("flat_matrix")(1)
+        is_there("trace_further")
     assert told == [0.0, 1.0]
 
 
