@@ -31,7 +31,7 @@ from sims.cache.fingerprint import source_fingerprint
 from sims.cache.folder import kernel_folder
 
 Function = TypeVar("Function", bound=Callable[..., object])
-KEPT_FOLDERS = 12
+KEPT_FOLDERS = 24
 """Of sources whose kernels are kept; the ones used longest ago go when another is added."""
 
 

@@ -20,6 +20,7 @@ PRESS = compact_dimple(3.0)
 RAYS = 1_000_000
 
 
+@pytest.mark.slow
 def test_the_plain_walk_and_the_engine_hit_the_same_places():
     """The engine's table follows the formula within a micrometre; grazing rays stretch that."""
     lines = cosine_rays(benchmark_scene(), 20_000)

@@ -42,6 +42,7 @@ def reported(benchmark, bench_size, walked: Walked) -> Duel:
     return found
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("depth_mm", [1.0, 3.0])
 def test_the_plain_walk_agrees_with_the_oracle(depth_mm):
     """Two forward tracers: squared differences over their variances follow a chi-square law of 48 pairs."""
@@ -54,7 +55,7 @@ def test_the_plain_walk_agrees_with_the_oracle(depth_mm):
     assert abs(pulls.sum()) / np.sqrt(pulls.size) < 4.0
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_engine_is_a_thousand_times_as_fast_as_the_plain_walk(benchmark, bench_size):
     rays = bench_size.of(WALK_RAYS, 20_000)
     found = reported(benchmark, bench_size, benchmark.pedantic(plain_walk, args=(rays,), rounds=1))
@@ -62,7 +63,7 @@ def test_the_engine_is_a_thousand_times_as_fast_as_the_plain_walk(benchmark, ben
     assert found.ratio > bench_size.of(1000.0, 0.0)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_engine_is_a_thousand_times_as_fast_as_a_mitsuba_loop(benchmark, bench_size):
     try:
         walked = benchmark.pedantic(mitsuba_walk, rounds=1)

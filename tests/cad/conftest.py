@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
+import cadquery as cq
 import numpy as np
 import pytest
 
 from cad.export import part_files
 from cad.mesh import Mesh, read_stl
+from cad.mold import build_mold
 from design.errors import DesignError
-from design.preset import FLAT_PRESETS, preset
+from design.preset import FLAT_PRESETS, PRESETS, preset
 from design.rules.check import require_valid
 from design.spec import SensorDesign
+
+FAST = ("piacenza2017-pair", "levi2013-disc", "crowned-40x25")
+"""The preset of each kind that is built soonest: flat, a disc, crowned. The others are built in slow tests."""
+
+
+def presets(names: Sequence[str] = PRESETS) -> list[object]:
+    """Parameters of a test that builds the parts of presets."""
+    return [name if name in FAST else pytest.param(name, marks=pytest.mark.slow) for name in names]
 
 
 @dataclass(frozen=True)
@@ -27,6 +38,11 @@ class Built:
     def mold(self) -> Mesh:
         return read_stl(self.files["mold.stl"])
 
+    @cached_property
+    def solid(self) -> cq.Workplane:
+        """The mold, not yet a mesh."""
+        return build_mold(self.design)
+
 
 @cache
 def built_preset(name: str) -> Built:
@@ -34,7 +50,7 @@ def built_preset(name: str) -> Built:
     return Built(design, part_files(design))
 
 
-@pytest.fixture(params=FLAT_PRESETS)
+@pytest.fixture(params=presets(FLAT_PRESETS))
 def built(request: pytest.FixtureRequest) -> Built:
     return built_preset(request.param)
 
@@ -42,6 +58,11 @@ def built(request: pytest.FixtureRequest) -> Built:
 @pytest.fixture
 def pad() -> Built:
     return built_preset("piacenza2017-pad")
+
+
+@pytest.fixture
+def pair() -> Built:
+    return built_preset("piacenza2017-pair")
 
 
 @pytest.fixture

@@ -81,10 +81,10 @@ def test_a_part_larger_than_the_bed_is_a_warning():
     assert checks.is_ok
 
 
-def test_a_mold_that_is_not_the_designs_cavity_is_an_error(pad):
-    thicker = pad.design.with_(**{"cavity.length_mm": 31.5})
+def test_a_mold_that_is_not_the_designs_cavity_is_an_error(pair):
+    thicker = pair.design.with_(**{"cavity.length_mm": 31.5})
     volume = mold_volume_mm3(thicker)
-    part = PartFile(name="mold", stl=pad.files["mold.stl"], solid_mm3=volume, formula_mm3=volume)
+    part = PartFile(name="mold", stl=pair.files["mold.stl"], solid_mm3=volume, formula_mm3=volume)
     found = {finding.name: finding for finding in check_parts(thicker, (part,)).findings}
     assert found["mold: cavity walls against the optical model"].value >= 0.5
     assert found["mold: cavity walls against the optical model"].state == "error"
@@ -121,9 +121,9 @@ def pixels_of(png):
     return rows[:, 1:].reshape(height, width, 4)
 
 
-def test_picture_shows_the_part_on_a_transparent_ground(pad):
+def test_picture_shows_the_part_on_a_transparent_ground(pair):
     started = time.perf_counter()
-    pixels = pixels_of(mold_picture(pad.mold, width_px=450, height_px=320))
+    pixels = pixels_of(mold_picture(pair.mold, width_px=450, height_px=320))
     assert time.perf_counter() - started < 10.0  # 1.1 s at twice this size on an idle core
     assert pixels.shape == (320, 450, 4)
     opaque = pixels[..., 3] == 255
@@ -132,19 +132,20 @@ def test_picture_shows_the_part_on_a_transparent_ground(pad):
     assert len(np.unique(pixels[opaque][:, 0])) > 20
 
 
-def test_picture_is_the_same_from_a_file_and_from_the_mesh(pad, tmp_path):
-    (tmp_path / "mold.stl").write_bytes(pad.files["mold.stl"])
+@pytest.mark.slow
+def test_picture_is_the_same_from_a_file_and_from_the_mesh(pair, tmp_path):
+    (tmp_path / "mold.stl").write_bytes(pair.files["mold.stl"])
     small = {"width_px": 200, "height_px": 150}
-    assert mold_picture(tmp_path / "mold.stl", **small) == mold_picture(pad.mold, **small)
+    assert mold_picture(tmp_path / "mold.stl", **small) == mold_picture(pair.mold, **small)
 
 
-def test_a_hole_in_the_mold_is_an_error_not_a_crash(pad):
-    mesh = pad.mold
+def test_a_hole_in_the_mold_is_an_error_not_a_crash(pair):
+    mesh = pair.mold
     keep = ~((mesh.corners[:, :, 2].max(axis=1) < 3.001) & (mesh.corners[:, :, 2].min(axis=1) > 2.999))
     holed = Mesh(vertices=mesh.vertices, triangles=mesh.triangles[keep])
-    volume = mold_volume_mm3(pad.design)
+    volume = mold_volume_mm3(pair.design)
     part = PartFile(name="mold", stl=stl_bytes(holed), solid_mm3=volume, formula_mm3=volume)
-    checks = check_parts(pad.design, (part,))
+    checks = check_parts(pair.design, (part,))
     found = {finding.name: finding for finding in checks.findings}
     assert found["mold: watertight"].state == "error"
     assert found["mold: cavity walls against the optical model"].state == "error"

@@ -9,14 +9,17 @@ import pytest
 import trimesh
 
 from design.geometry.cavity import cavity_of
-from design.preset import PRESETS
+from design.preset import PRESETS, preset
 from tests.cad.golden_parts import RECORDED
 
 MM3 = 1e-3  # the record's own rounding, with room for another version of the kernel
 MM = 2e-3  # the same, for lengths
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=() if name == "piacenza2017-pair" else pytest.mark.slow) for name in PRESETS],
+)
 def test_volume_size_and_holes_are_those_on_record(name, built_of):
     files = built_of(name).files
     volumes = json.loads(files["checks.json"])["volumes_mm3"]
@@ -29,8 +32,8 @@ def test_volume_size_and_holes_are_those_on_record(name, built_of):
 
 
 @pytest.mark.parametrize("name", PRESETS)
-def test_a_mold_s_holes_are_its_fixing_lead_and_filling_holes(name, built_of):
-    design = built_of(name).design
+def test_a_mold_s_holes_are_its_fixing_lead_and_filling_holes(name):
+    design = preset(name)
     leads = sum(p.part.lead_count for p in cavity_of(design).parts if p.part.mounting == "radial")
     filling = 4 if design.crown is not None else 0
     assert RECORDED[name]["mold"][2] == 4 + leads + filling

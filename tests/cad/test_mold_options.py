@@ -142,6 +142,7 @@ def test_radial_leads_leave_in_a_channel_as_deep_as_the_floor_allows():
     assert channel(1.2).holes[0].z0 == pytest.approx(-1.0 - 1.2)
 
 
+@pytest.mark.slow
 def test_a_body_above_the_rim_gets_a_collar_to_its_top():
     low = PAD.with_(**{"mold.rim_mm": 0.5})
     outline, mold = outline_of(low), build_mold(low)
@@ -164,6 +165,7 @@ def test_neighbours_closer_than_three_webs_share_a_collar():
 COVERED = FINGER.with_(**{"mold.cover_ledge_mm": 1.0})
 
 
+@pytest.mark.slow
 def test_a_cover_lies_at_the_undisturbed_top_and_the_cavity_stays():
     outline, mold = outline_of(COVERED), build_mold(COVERED)
     assert (outline.mouth.z0, outline.mouth.x0, outline.lip_mm) == (5.0, -1.0, 0.0)
@@ -204,6 +206,7 @@ def test_names_of_a_parted_mold_lie_wholly_on_its_frame(name):
     assert min(stroke.y0 for one in outline_of(preset(name)).numbers for stroke in one.strokes) < low
 
 
+@pytest.mark.slow
 def test_frame_and_base_are_the_mold_parted_at_the_cavity_s_floor():
     parted = PAIR.with_(**{"mold.pieces": "frame_and_base", "mold.label": "8"})
     files = part_files(parted)

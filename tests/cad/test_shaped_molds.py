@@ -24,6 +24,7 @@ from cad.volume import lid_volume_mm3, mold_volume_mm3
 from design.geometry.cavity import cavity_of
 from design.geometry.mold_outline import bed_lift_mm, outline_of
 from design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
+from tests.cad.conftest import presets
 
 DISC, CROWNED, DOME = (preset(name) for name in SHAPED_PRESETS)
 CROWNS = ("crowned-40x25", "fingertip-dome")
@@ -57,6 +58,16 @@ PLAIN = {
         ]
     ),
 }
+FAST_OPTIONS = ("a sphere below the rim", "few parts off the axes")
+
+
+def options(designs):
+    """Parameters of a test that builds a design of each option."""
+    slow = pytest.mark.slow
+    return [
+        pytest.param(design, id=name, marks=() if name in FAST_OPTIONS else slow)
+        for name, design in designs.items()
+    ]
 
 
 def loaded(files, name):
@@ -68,7 +79,7 @@ def mold_of(name):
     return build_mold(preset(name))
 
 
-@pytest.mark.parametrize("name", SHAPED_PRESETS)
+@pytest.mark.parametrize("name", presets(SHAPED_PRESETS))
 def test_every_file_of_a_shaped_preset_is_one_watertight_body_that_passes_its_checks(name, built_of):
     files = built_of(name).files
     for part in (part for part in files if part.endswith(".stl")):
@@ -81,7 +92,7 @@ def test_every_file_of_a_shaped_preset_is_one_watertight_body_that_passes_its_ch
     assert checks["ok"], [row for row in checks["findings"] if row["state"] == "error"]
 
 
-@pytest.mark.parametrize("name", SHAPED_PRESETS)
+@pytest.mark.parametrize("name", presets(SHAPED_PRESETS))
 def test_a_shaped_mold_has_the_volume_of_the_formula(name, built_of):
     formula = mold_volume_mm3(preset(name))
     assert mold_of(name).val().Volume() == pytest.approx(formula, rel=ROUNDING)
@@ -116,7 +127,7 @@ def test_a_round_mold_s_volume_by_hand():
     assert mold_volume_mm3(bare) == pytest.approx(whole - removed, rel=1e-9)
 
 
-@pytest.mark.parametrize("name", CROWNS)
+@pytest.mark.parametrize("name", presets(CROWNS))
 def test_a_lid_has_the_volume_of_the_formula(name, built_of):
     formula = lid_volume_mm3(preset(name))
     assert lid(preset(name)).val().Volume(LID_ROUNDING) == pytest.approx(formula, rel=LID_ROUNDING)
@@ -138,7 +149,7 @@ def test_the_dome_s_lid_by_hand():
     assert lid_volume_mm3(DOME) == pytest.approx(by_hand, rel=1e-12)
 
 
-@pytest.mark.parametrize("name", SHAPED_PRESETS)
+@pytest.mark.parametrize("name", presets(SHAPED_PRESETS))
 def test_rays_from_inside_meet_the_flat_and_round_walls_that_light_meets(name, built_of):
     agreement = cavity_agreement(preset(name), built_of(name).mold, rays=600)
     assert agreement.compared > 200
@@ -156,7 +167,7 @@ def test_a_disc_half_a_millimetre_larger_all_around_is_told_from_the_printed_one
     assert agreement.worst_round_mm == pytest.approx(0.5 + 0.5 * math.sqrt(2), abs=0.05)
 
 
-@pytest.mark.parametrize("name", SHAPED_PRESETS)
+@pytest.mark.parametrize("name", presets(SHAPED_PRESETS))
 def test_pockets_open_onto_their_facet_as_deep_as_the_body(name, built_of):
     design, mesh = preset(name), built_of(name).mold
     for socket in outline_of(design).sockets:
@@ -171,7 +182,7 @@ def test_pockets_open_onto_their_facet_as_deep_as_the_body(name, built_of):
         assert float(way.min()) - 1.0 == pytest.approx(depth, abs=SINGLE_PRECISION_MM), part.name
 
 
-@pytest.mark.parametrize("name", CROWNS)
+@pytest.mark.parametrize("name", presets(CROWNS))
 def test_sprue_and_vents_go_through_the_floor(name, built_of):
     design, mesh = preset(name), built_of(name).mold
     holes = outline_of(design).filling
@@ -183,19 +194,21 @@ def test_sprue_and_vents_go_through_the_floor(name, built_of):
     assert first_hits_mm(mesh, outside, down) == pytest.approx(5.0 - design.mold.floor_mm, abs=1e-5)
 
 
-@pytest.mark.parametrize("name", CROWNS)
+@pytest.mark.parametrize("name", presets(CROWNS))
 def test_the_lid_s_dish_is_the_top_of_the_optical_model(name, built_of):
     agreement = dish_agreement(preset(name), read_stl(built_of(name).files["lid.stl"]))
     assert agreement.compared > 700
     assert agreement.worst_mm < CHORD_LIMIT_MM
 
 
+@pytest.mark.slow
 def test_a_lid_of_another_crown_is_told(built_of):
     flatter = DOME.with_(**{"crown.radius_mm": 18.5})
     assert dish_agreement(flatter, read_stl(built_of("fingertip-dome").files["lid.stl"])).worst_mm > 0.05
 
 
-@pytest.mark.parametrize("name", CROWNS)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", presets(CROWNS))
 def test_a_lid_lies_on_its_mold_with_its_pins_in_the_holes(name):
     design, size = preset(name), lid_size(preset(name))
     cover, mold = lid(design).val(), mold_of(name).val()
@@ -208,7 +221,7 @@ def test_a_lid_lies_on_its_mold_with_its_pins_in_the_holes(name):
         assert hole.z0 < pin.z0 < pin.z1 == size.seat_mm
 
 
-@pytest.mark.parametrize("name", CROWNS)
+@pytest.mark.parametrize("name", presets(CROWNS))
 def test_a_lid_forms_the_top_but_for_a_narrow_ring_at_the_walls(name):
     plan, size = outline_of(preset(name)).plan, lid_size(preset(name))
     spots = np.random.default_rng(0).uniform(size=(4000, 2)) * [plan.length_mm, plan.width_mm]
@@ -218,7 +231,7 @@ def test_a_lid_forms_the_top_but_for_a_narrow_ring_at_the_walls(name):
     assert 1 - ring < np.mean(formed) < 1.0
 
 
-@pytest.mark.parametrize("design", OPTIONS.values(), ids=OPTIONS)
+@pytest.mark.parametrize("design", options(OPTIONS))
 def test_a_lid_of_another_crown_outline_or_rim_keeps_its_formula_and_its_top(design):
     solid, formula, size = lid(design), lid_volume_mm3(design), lid_size(design)
     assert solid.val().isValid()
@@ -240,7 +253,7 @@ def test_a_plug_leaves_play_at_the_rim_and_comes_in_by_its_draft():
     assert lid_size(OPTIONS["an almost flat sphere"]).plug is None
 
 
-@pytest.mark.parametrize("design", PLAIN.values(), ids=PLAIN)
+@pytest.mark.parametrize("design", options(PLAIN))
 def test_options_of_a_round_mold_keep_its_formula(design):
     solid = build_mold(design).val()
     assert solid.isValid()
@@ -260,17 +273,20 @@ def test_names_stand_below_their_facets_wider_than_these_and_clear_of_each_other
             assert frame.thickness_mm - frame.thickness_at_mm(max(ends) + frame.length_mm / 2) < 0.25
 
 
-def test_lid_blade_and_gauge_are_there_where_they_are_of_use(built_of, tmp_path):
+def test_flat_presets_have_no_lid():
     for name in FLAT_PRESETS:
-        assert lid(preset(name)) is None
-        assert lid_volume_mm3(preset(name)) == 0.0
-    assert {"leveling_blade.stl", "pour_gauge.stl"} < set(built_of("levi2013-disc").files)
-    assert "lid.stl" not in built_of("levi2013-disc").files
-    for name in CROWNS:
+        assert lid(preset(name)) is None, name
+        assert lid_volume_mm3(preset(name)) == 0.0, name
+
+
+@pytest.mark.parametrize("name", presets(SHAPED_PRESETS))
+def test_lid_blade_and_gauge_are_there_where_they_are_of_use(name, built_of):
+    tools = {"leveling_blade.stl", "pour_gauge.stl"} & set(built_of(name).files)
+    assert ("lid.stl" in built_of(name).files) == (name in CROWNS)
+    assert len(tools) == (0 if name in CROWNS else 2)
+    if name in CROWNS:
         rimmed = preset(name).with_(**{"mold.rim_mm": 1.0})
         assert blade_size(rimmed) is leveling_blade(rimmed) is gauge_size(rimmed) is None
-        assert "lid.stl" in built_of(name).files
-        assert not {"leveling_blade.stl", "pour_gauge.stl"} & set(built_of(name).files)
 
 
 def test_the_notches_of_a_round_lid_lie_along_its_cylinder_which_its_pins_do_not_tell():
@@ -289,12 +305,12 @@ def test_the_blade_turns_within_the_facets_of_a_disc():
     assert size.span_mm == 72.0
 
 
-def test_the_finish_of_a_cast_top_is_told_for_crowned_pads_alone(built_of):
-    for name in SHAPED_PRESETS:
-        rows = json.loads(built_of(name).files["checks.json"])["findings"]
-        notes = [row["note"] for row in rows if row["name"].startswith("lid: steps of layers")]
-        assert len(notes) == (1 if name in CROWNS else 0)
-        assert all("haze" in note and "PET" in note and "cm3 clear" in note for note in notes)
+@pytest.mark.parametrize("name", presets(SHAPED_PRESETS))
+def test_the_finish_of_a_cast_top_is_told_for_crowned_pads_alone(name, built_of):
+    rows = json.loads(built_of(name).files["checks.json"])["findings"]
+    notes = [row["note"] for row in rows if row["name"].startswith("lid: steps of layers")]
+    assert len(notes) == (1 if name in CROWNS else 0)
+    assert all("haze" in note and "PET" in note and "cm3 clear" in note for note in notes)
 
 
 def test_a_lid_left_over_from_a_crowned_pad_is_removed(tmp_path, monkeypatch):
@@ -305,6 +321,7 @@ def test_a_lid_left_over_from_a_crowned_pad_is_removed(tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["mold.stl"]
 
 
+@pytest.mark.slow
 def test_a_mold_and_its_lid_are_shown_cut(built_of):
     files, size = built_of("fingertip-dome").files, lid_size(DOME)
     half = northern_half(read_stl(files["mold.stl"]), 11.0)
@@ -319,7 +336,7 @@ def test_a_mold_and_its_lid_are_shown_cut(built_of):
     assert section_picture(parts, 11.0, width_px=120, height_px=90).startswith(b"\x89PNG")
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("design", [*OPTIONS.values(), *PLAIN.values()], ids=[*OPTIONS, *PLAIN])
 def test_every_option_of_a_shaped_pad_passes_every_check(design):
     files = part_files(design)

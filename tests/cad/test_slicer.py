@@ -82,6 +82,7 @@ def test_the_smallest_preset_s_mold_slices_without_a_warning() -> None:
     assert 0.2 * volume / 1e3 * 1.04 < checks.prints["mold"]["filament_g"] < volume / 1e3 * 1.04
 
 
+@pytest.mark.slow
 def test_without_a_slicer_nothing_is_written(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(slicer, "COMMANDS", ("no-such-slicer",))
     with pytest.raises(InputError, match=r"--slice: PrusaSlicer is not installed; install it"):

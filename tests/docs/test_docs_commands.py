@@ -2,13 +2,19 @@
 
 import os
 import re
+from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer.main
+from typer.exceptions import TyperException
 
 from optopad.cli import main
+from optopad.cli.commands import app
 from sims.learning.inference.model_file import save_model
 from tests.docs.docs_board import started_board
 from tests.fabrication.driver.made_up_model import header, made_up_model
@@ -35,7 +41,29 @@ WITH_COMMANDS = (
     "docs/tutorials/design-to-bench.md",
 )
 """Pages that would not be what they are without commands."""
-QUICK_VERBS = {"new", "check", "schema", "migrate", "doctor", "driver firmware"}
+RUN_WHOLE = {"README.md", "docs/tutorials/design-to-bench.md"}
+"""Pages whose commands all run in every CI run; those of the others before a release."""
+QUICK_VERBS = {"new", "check", "schema", "migrate", "driver firmware"}
+RUN_ELSEWHERE = {
+    "calibrate": "optopad/jobs/test_calibrate.py",
+    "contact build": "optopad/jobs/test_contact_build.py",
+    "contact show": "optopad/jobs/test_contact_show.py",
+    "doctor": "optopad/test_doctor.py",
+    "driver collect": "optopad/cli/test_cli_collect.py",
+    "driver config": "optopad/cli/test_cli_firmware.py",
+    "driver export": "optopad/cli/test_cli_driver.py",
+    "driver flash": "optopad/cli/test_cli_firmware.py",
+    "driver record": "optopad/cli/test_cli_driver.py",
+    "evaluate": "optopad/cli/test_cli_train.py",
+    "explore": "optopad/cli/test_cli_explore.py",
+    "improve": "optopad/jobs/test_improve.py",
+    "migrate": "optopad/cli/test_cli_verbs.py",
+    "report": "optopad/jobs/test_run.py",
+    "simulate": "optopad/cli/test_cli_protocol.py",
+    "studio": "optopad/cli/test_studio.py",
+    "train": "optopad/cli/test_cli_train.py",
+}
+"""Where the verbs run that are on none of these pages."""
 NEEDS_COMPILER = {"driver flash"}
 """Uploads what avr-gcc made."""
 
@@ -100,8 +128,13 @@ def few_presses(design_file: Path, recording: Path) -> None:
     save_data(replace(data, design_digest=design.digest), recording)
 
 
-def prepare(page: Path) -> None:
-    """What a page says in prose: files that the reader has saved by then."""
+def prepare(page: Path, *, with_data: bool = False) -> None:
+    """What a page says in prose: files that the reader has saved by then.
+
+    Parameters
+    ----------
+    with_data : what no quick command reads, too: presses, recordings and models
+    """
     if page.name == "search-layouts.md":
         Path("my-search.toml").write_text(toml_blocks_of(page)[0], encoding="utf-8")
     if page.name in ("simulate-data-set.md", "predict-accuracy.md"):
@@ -111,8 +144,9 @@ def prepare(page: Path) -> None:
         assert main(["new", "my-pad.toml"]) == 0
         text = Path("my-pad.toml").read_text(encoding="utf-8")
         Path("my-pad.toml").write_text(f"{text}\n{exact}", encoding="utf-8")
-        few_presses(Path("my-pad.toml"), Path("presses.nc"))
-    if page.name == "train-learner.md":
+        if with_data:
+            few_presses(Path("my-pad.toml"), Path("presses.nc"))
+    if page.name == "train-learner.md" and with_data:
         from sims.readings.dataset import save_data
         from tests.sims.learning.pressed_pad import grid_mm, made_up_data
 
@@ -123,7 +157,7 @@ def prepare(page: Path) -> None:
             *(f"{depth / 10:.1f},{800 - 3 * max(depth, 0)}" for depth in range(-5, 51)),
         ]
         Path("press.csv").write_text("\n".join([heading, *rows]), encoding="utf-8")
-    if page.name in ("read-sensor.md", "collect-presses.md"):
+    if page.name in ("read-sensor.md", "collect-presses.md") and with_data:
         heading = "x_mm,y_mm,depth_mm"
         Path("presses.csv").write_text(f"{heading}\n14,14,-1\n14,14,1\n20,18,-1\n20,18,1\n", encoding="utf-8")
         save_model("pad.optomodel", replace(made_up_model(), header=header(design_digest=None)))
@@ -149,12 +183,84 @@ def test_quick_commands_of_every_page_succeed(page, in_empty_folder):
             assert main(command) == 0, " ".join(command)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("page", PAGES_WITH_COMMANDS, ids=name_of)
+@cache
+def verbs() -> dict[str, Any]:
+    """The parser of every verb, by its words."""
+
+    def below(node: Any, words: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
+        if not hasattr(node, "commands"):
+            yield " ".join(words), node
+        for name, inner in getattr(node, "commands", {}).items():
+            yield from below(inner, (*words, name))
+
+    return dict(below(typer.main.get_command(app), ()))
+
+
+def words_of(command: list[str]) -> str:
+    """The verb of a command, of one word or two; empty where there is no such verb."""
+    return next((words for words in (" ".join(command[:n]) for n in (1, 2)) if words in verbs()), "")
+
+
+def fault_of(command: list[str]) -> str:
+    """Why a command cannot be read; empty where it can."""
+    words = words_of(command)
+    if not words:
+        return "no such verb"
+    verb = verbs()[words]
+    context = verb.context_class(verb, info_name=words)
+    try:
+        given, left, _ = verb.make_parser(context).parse_args(args=command[len(words.split()) :])
+    except TyperException as err:
+        return str(err)
+    missing = [one.name for one in verb.params if one.required and not given.get(one.name)]
+    return " ".join([*(f"too much: {one}" for one in left), *(f"needs {one}" for one in missing)])
+
+
+def test_every_command_of_every_page_has_a_verb_with_its_options():
+    faults = {
+        f"{name_of(page)}: {' '.join(command)}": fault
+        for page in PAGES_WITH_COMMANDS
+        for command in commands_of(page)
+        if (fault := fault_of(command))
+    }
+    assert faults == {}
+
+
+def test_a_command_that_cannot_be_read_is_told():
+    assert fault_of(["scores", "x.toml"]) == "no such verb"
+    assert "--bad" in fault_of(["score", "x.toml", "--bad"])
+    assert "y" in fault_of(["check", "x.toml", "y"])
+    assert "requires" in fault_of(["score", "x.toml", "--seed"])
+    assert fault_of(["driver", "read"]).startswith("needs ")
+    assert fault_of(["driver", "read", "x.toml", "--frames", "3"]) == ""
+
+
+def test_every_verb_runs_on_a_page_that_runs_whole_or_in_a_test_of_its_own():
+    on_pages = {
+        words_of(command) for page in PAGES if name_of(page) in RUN_WHOLE for command in commands_of(page)
+    }
+    alone = set(verbs()) - on_pages
+    assert alone == set(RUN_ELSEWHERE)
+    for words, place in RUN_ELSEWHERE.items():
+        text = (REPOSITORY / "tests" / place).read_text(encoding="utf-8")
+        assert re.search(r",\s*".join(f'"{word}"' for word in words.split()), text), (
+            f"{words}: not in {place}"
+        )
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(
+            page, marks=pytest.mark.slow if name_of(page) in RUN_WHOLE else pytest.mark.full, id=name_of(page)
+        )
+        for page in PAGES_WITH_COMMANDS
+    ],
+)
 def test_all_commands_of_every_page_succeed(page, in_empty_folder, kept_light, monkeypatch):
     monkeypatch.setenv("OPTOPAD_CACHE", str(kept_light))
     monkeypatch.setenv("OPTOPAD_LIGHT_CACHE_MB", "500")
-    prepare(page)
+    prepare(page, with_data=True)
     with ExitStack() as boards:
         for command in filter(can_run, commands_of(page)):
             if verb_of(command) == "driver fake":

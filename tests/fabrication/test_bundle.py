@@ -264,6 +264,7 @@ with bundle(preset("piacenza2017-pad"), Path({out!r}), seed=7) as folder:
 """
 
 
+@pytest.mark.slow
 def test_a_command_keeps_what_another_has_finished_meanwhile(tmp_path: Path) -> None:
     with bundle(PAD, tmp_path, seed=0) as folder:
         for name in ("gone", "both", "kept"):

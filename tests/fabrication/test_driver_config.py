@@ -35,9 +35,23 @@ from fabrication.driver_file import (
 PAD = preset("piacenza2017-pad")
 
 
-def config_of(design: SensorDesign, counts_per_flux: float | None = None) -> DriverConfig:
-    text = dump_driver_config(design, counts_per_flux)
-    return config_from_document(tomllib.loads(text), where="driver.toml")
+_TEXTS: dict[str, str] = {}
+
+
+def text_of(design: SensorDesign) -> str:
+    """What is written for a design; made once, as most tests look at the same few."""
+    if design.digest not in _TEXTS:
+        _TEXTS[design.digest] = dump_driver_config(design)
+    return _TEXTS[design.digest]
+
+
+def config_of(design: SensorDesign) -> DriverConfig:
+    return config_from_document(tomllib.loads(text_of(design)), where="driver.toml")
+
+
+def document_of(design: SensorDesign) -> dict[str, Any]:
+    """A copy of one's own."""
+    return tomllib.loads(text_of(design))
 
 
 def resealed(document: dict[str, Any]) -> dict[str, Any]:
@@ -207,7 +221,7 @@ def test_the_same_design_gives_the_same_file() -> None:
 
 def test_the_configuration_of_another_design_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "driver.toml"
-    file.write_text(dump_driver_config(PAD), encoding="utf-8")
+    file.write_text(text_of(PAD), encoding="utf-8")
     other = PAD.with_(**{"cavity.clear_thickness_mm": 10.0})
     with pytest.raises(InputError, match=f"digest {PAD.digest[:8]}, needed {other.digest[:8]}"):
         load_driver_config(file, digest=other.digest)
@@ -236,12 +250,12 @@ def test_a_design_file_is_not_taken_for_a_configuration(tmp_path: Path) -> None:
 @pytest.mark.parametrize("version", [0, 1, 3, "2"])
 def test_another_format_version_is_refused(version: object) -> None:
     with pytest.raises(InputError, match="format_version"):
-        config_from_document(driver_config(PAD) | {"format_version": version}, where="driver.toml")
+        config_from_document(document_of(PAD) | {"format_version": version}, where="driver.toml")
 
 
 @pytest.mark.parametrize("share", [0.1, 0.3, 0.5, 0.7, 0.9, 0.99])
 def test_a_file_that_was_cut_short_is_refused(share: float, tmp_path: Path) -> None:
-    text = dump_driver_config(PAD)
+    text = text_of(PAD)
     file = tmp_path / "driver.toml"
     file.write_text(text[: int(len(text) * share)], encoding="utf-8")
     with pytest.raises(InputError, match=r"damaged|format_version"):
@@ -250,14 +264,14 @@ def test_a_file_that_was_cut_short_is_refused(share: float, tmp_path: Path) -> N
 
 def test_a_pin_changed_by_hand_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "driver.toml"
-    file.write_text(dump_driver_config(PAD).replace("pin = 22", "pin = 52"), encoding="utf-8")
+    file.write_text(text_of(PAD).replace("pin = 22", "pin = 52"), encoding="utf-8")
     with pytest.raises(InputError, match="checksum"):
         load_driver_config(file)
 
 
 def test_comments_and_line_ends_may_change(tmp_path: Path) -> None:
     file = tmp_path / "driver.toml"
-    text = dump_driver_config(PAD).replace("# Driver", "# My driver").replace("\n", "\r\n")
+    text = text_of(PAD).replace("# Driver", "# My driver").replace("\n", "\r\n")
     file.write_bytes(text.encode())
     assert load_driver_config(file).digest == PAD.digest
 
@@ -289,7 +303,7 @@ def test_comments_and_line_ends_may_change(tmp_path: Path) -> None:
     ],
 )
 def test_a_field_that_does_not_fit_is_named(path: tuple[str | int, ...], value: object, message: str) -> None:
-    document: Any = driver_config(PAD)
+    document: Any = document_of(PAD)
     table: Any = document
     for key in path[:-1]:
         table = table[key]
@@ -300,7 +314,7 @@ def test_a_field_that_does_not_fit_is_named(path: tuple[str | int, ...], value: 
 
 @pytest.mark.parametrize("field", ["digest", "board", "states", "gain"])
 def test_a_missing_field_is_named(field: str) -> None:
-    document = driver_config(PAD)
+    document = document_of(PAD)
     del document[field]
     with pytest.raises(InputError, match=f"damaged: {field}: is missing"):
         config_from_document(resealed(document), where="driver.toml")

@@ -73,6 +73,7 @@ def test_frames_of_the_firmware_reach_the_host_whole(board_harness, tmp_path, co
     assert (frames[0].signals == quantised(table)[:-1] - ambient).all()
 
 
+@pytest.mark.slow
 def test_firmware_of_another_design_is_refused_by_the_host(board_harness, tmp_path, config_of):
     table = random_table(firmware_settings(OTHER))
     with (
@@ -83,6 +84,7 @@ def test_firmware_of_another_design_is_refused_by_the_host(board_harness, tmp_pa
         pass
 
 
+@pytest.mark.slow
 def test_twelve_receivers_reach_the_host_in_their_columns(board_harness, tmp_path, config_of):
     design = preset("oblong-60x40")
     table = random_table(firmware_settings(design))

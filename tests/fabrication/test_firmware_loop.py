@@ -129,6 +129,7 @@ def test_hello_says_what_the_design_says(loop):
     assert hello.interval_us == 16_667
 
 
+@pytest.mark.slow
 def test_hello_comes_once_a_second_until_started_and_when_asked(loop):
     said = [(1_500_000.0, pack_command(Command.IDENTIFY)), (1_600_000.0, START[1])]
     run = loop(said, duration_us=1_650_000)
@@ -200,6 +201,7 @@ def test_odd_counts_of_receivers_are_packed_whole(loop):
     assert (run.frames.counts == quantised(random_table(settings))).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "number", "parts_per_side"), [("uno", 2, [3, 3, 3, 3]), ("nano", 3, [4, 4, 4, 4])]
 )

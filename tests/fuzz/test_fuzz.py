@@ -24,7 +24,7 @@ def test_forty_designs_and_eight_files_are_answered(tmp_path):
     require_readable([trial(job, tmp_path) for job in jobs(40, 8)])
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_two_thousand_designs_and_a_hundred_files_are_answered():
     require_readable(outcomes_of(jobs(2_000, 100), processes=2))
 
@@ -44,6 +44,7 @@ def test_the_trial_itself_sees_what_is_wrong():
     assert "\\x1b" in message_fault("a\x1b[31m")
 
 
+@pytest.mark.slow
 def test_a_process_that_dies_is_a_failure_and_the_next_job_is_done(monkeypatch):
     found = outcomes_of([("design", SEED, "x" * 3), ("design", SEED, 1)], processes=1)  # no number: it breaks
     assert not found[1].failure

@@ -37,6 +37,7 @@ def examined() -> tuple[list[Finding], float]:
     return findings, child_cpu_s() - before
 
 
+@pytest.mark.slow
 def test_every_finding_that_is_not_ok_has_a_way_out_and_it_takes_less_than_10_s(
     examined: tuple[list[Finding], float],
 ) -> None:
@@ -46,10 +47,21 @@ def test_every_finding_that_is_not_ok_has_a_way_out_and_it_takes_less_than_10_s(
     assert [finding for finding in findings if finding.state != "ok" and not finding.way_out] == []
 
 
-def test_doctor_speaks_json(
-    examined: tuple[list[Finding], float], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr("optopad.doctor.examine", lambda: examined[0])
+@pytest.fixture
+def without_imports(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every import is taken to succeed: trying them takes seconds."""
+    monkeypatch.setattr(doctor, "import_failures", lambda modules: [None] * len(modules))
+
+
+@pytest.mark.usefixtures("without_imports")
+def test_every_finding_has_a_name_of_its_own_and_a_way_out_where_it_is_not_ok() -> None:
+    findings = doctor.examine()
+    assert len({finding.name for finding in findings}) == len(findings)
+    assert [finding for finding in findings if finding.state != "ok" and not finding.way_out] == []
+
+
+@pytest.mark.usefixtures("without_imports")
+def test_doctor_speaks_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["doctor", "--json"]) == 0
     names = {finding["name"] for finding in json.loads(capsys.readouterr().out)["findings"]}
     assert {"python", "cadquery", "mujoco"} <= names

@@ -131,15 +131,17 @@ def command(before: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     [
         pytest.param(WHILE_VERBS_ARE_LOADED, id="while the verbs are loaded"),
         pytest.param(WHERE_PYTHON_DROPS_IT, id="in a destructor, where Python drops it"),
-        pytest.param(WHILE_A_PACKAGE_IS_LOADED, id="while a package is loaded"),
-        pytest.param(WITHOUT_IT, id="while a package is loaded that others do without"),
-        pytest.param(TOO_LONG, id="while a package is loaded that takes too long"),
-        pytest.param(WHERE_A_PACKAGE_CALLS_BACK, id="where a package calls back"),
+        pytest.param(WHILE_A_PACKAGE_IS_LOADED, id="while a package is loaded", marks=pytest.mark.slow),
+        pytest.param(
+            WITHOUT_IT, id="while a package is loaded that others do without", marks=pytest.mark.slow
+        ),
+        pytest.param(TOO_LONG, id="while a package is loaded that takes too long", marks=pytest.mark.slow),
+        pytest.param(WHERE_A_PACKAGE_CALLS_BACK, id="where a package calls back", marks=pytest.mark.slow),
         pytest.param(WHERE_NOBODY_READS_ANY_MORE, id="where nobody reads any more"),
         pytest.param(BY_KILL, id="by kill"),
-        pytest.param(BY_HANGING_UP, id="by hanging up"),
-        pytest.param(TWICE, id="twice"),
-        pytest.param(WHERE_TEXT_IS_EXECUTED, id="where text is executed"),
+        pytest.param(BY_HANGING_UP, id="by hanging up", marks=pytest.mark.slow),
+        pytest.param(TWICE, id="twice", marks=pytest.mark.slow),
+        pytest.param(WHERE_TEXT_IS_EXECUTED, id="where text is executed", marks=pytest.mark.slow),
     ],
 )
 def test_ctrl_c_ends_a_command_with_one_message(before: str) -> None:

@@ -61,7 +61,8 @@ def trace_emitter(
     flux = np.zeros((BATCHES, CLASS_COUNT, receivers))
     square = np.zeros((BATCHES, CLASS_COUNT, receivers))
     ledger = np.zeros((BATCHES, FATE_COUNT))
-    for batch in prange(BATCHES):
+    # numba fuses a loop over all batches with the arrays' and then does not compile it for a crowned top
+    for batch in prange(BATCHES if rays > 0 else 0):
         vertices = np.empty((0, 3))
         for ray in range(batch * rays // BATCHES, (batch + 1) * rays // BATCHES):
             stream = ray_stream(seed, state, emitter, ray)

@@ -221,9 +221,22 @@ def test_there_are_enough_of_them() -> None:
 
 
 @pytest.mark.parametrize("name", SHAPED_PRESETS)
-def test_a_shaped_preset_has_no_finding_and_is_refused_by_what_does_not_compute_it(name: str) -> None:
-    assert check(preset(name)) == ()
+def test_a_shaped_preset_has_no_finding_but_that_no_pair_of_an_even_ring_looks_across_its_middle(
+    name: str,
+) -> None:
+    is_even_ring = preset(name).layout[0].pattern == "disc_ring"
+    assert [one.field for one in check(preset(name))] == ["layout"] * is_even_ring
     require_valid(preset(name))
+
+
+def test_a_ring_whose_middle_no_pair_looks_across_is_told_with_the_nearest_line() -> None:
+    (finding,) = check(preset(DISC))
+    assert (finding.severity, finding.field) == ("warning", "layout")
+    assert "no pair looks across the middle of the pad" in finding.message
+    assert "5.35 mm from the middle" in finding.value
+    assert "the tip's radius, 3.00 mm" in finding.limit
+    assert "odd count" in finding.way_out
+    assert check(preset(DISC).with_(**{"layout.0.count": 7})) == ()
 
 
 @pytest.mark.parametrize("name", FLAT_PRESETS)

@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -42,11 +43,26 @@ HAS_TORCH = importlib.util.find_spec("torch") is not None
 GP = pytest.param("gp", marks=pytest.mark.skipif(not HAS_TORCH, reason="torch is not installed"))
 
 
-@pytest.mark.parametrize("sampler", ["tpe", "nsga2", "qmc", "random", GP])
-def test_the_same_seed_gives_the_same_designs(sampler, tmp_path):
-    found = [explore(cheap_space(sampler), bowl, url_in(folder), trials=14) for folder in two(tmp_path)]
-    assert len(found[0].tried) == 14
-    assert outcome(found[0]) == outcome(found[1])
+OTHERS = [pytest.param(name, marks=pytest.mark.slow) for name in ("nsga2", "qmc")]
+RANDOM = pytest.param("random", marks=pytest.mark.slow)
+
+
+@pytest.fixture(scope="module")
+def whole_of(tmp_path_factory):
+    """A search of 14 trials by a sampler, without a stop; made once."""
+
+    @cache
+    def whole(sampler: str = "tpe"):
+        return explore(cheap_space(sampler), bowl, url_in(tmp_path_factory.mktemp(sampler)), trials=14)
+
+    return whole
+
+
+@pytest.mark.parametrize("sampler", ["tpe", *OTHERS, RANDOM, GP])
+def test_the_same_seed_gives_the_same_designs(sampler, tmp_path, whole_of):
+    again = explore(cheap_space(sampler), bowl, url_in(tmp_path), trials=14)
+    assert len(again.tried) == 14
+    assert outcome(again) == outcome(whole_of(sampler))
 
 
 def two(folder: Path) -> tuple[Path, Path]:
@@ -55,20 +71,17 @@ def two(folder: Path) -> tuple[Path, Path]:
     return folder / "a", folder / "b"
 
 
-@pytest.mark.parametrize("sampler", ["tpe", "nsga2", "qmc", GP])
-def test_stopping_and_going_on_changes_nothing(sampler, tmp_path):
-    first, second = two(tmp_path)
-    whole = explore(cheap_space(sampler), bowl, url_in(first), trials=14)
+@pytest.mark.parametrize("sampler", ["tpe", *OTHERS, GP])
+def test_stopping_and_going_on_changes_nothing(sampler, tmp_path, whole_of):
+    whole = whole_of(sampler)
     for trials in (3, 6, 14):
-        parts = explore(cheap_space(sampler), bowl, url_in(second), trials=trials)
+        parts = explore(cheap_space(sampler), bowl, url_in(tmp_path), trials=trials)
     # 3 and 6 are no multiples of the batch: sizes of batches differ there, and with them what a sampler knew
     assert len(parts.tried) == len(whole.tried) == 14
     assert outcome(parts)[:3] == outcome(whole)[:3]
 
 
-def test_an_objective_that_breaks_loses_nothing_and_is_asked_again(tmp_path):
-    first, second = two(tmp_path)
-    whole = explore(cheap_space(), bowl, url_in(first), trials=14)
+def test_an_objective_that_breaks_loses_nothing_and_is_asked_again(tmp_path, whole_of):
     calls = []
 
     def breaks(design, limits):
@@ -78,9 +91,9 @@ def test_an_objective_that_breaks_loses_nothing_and_is_asked_again(tmp_path):
         return bowl(design, limits)
 
     with pytest.raises(RuntimeError, match="power cut"):
-        explore(cheap_space(), breaks, url_in(second), trials=14)
-    resumed = explore(cheap_space(), bowl, url_in(second), trials=14)
-    assert outcome(resumed) == outcome(whole)
+        explore(cheap_space(), breaks, url_in(tmp_path), trials=14)
+    resumed = explore(cheap_space(), bowl, url_in(tmp_path), trials=14)
+    assert outcome(resumed) == outcome(whole_of())
 
 
 def test_an_interrupt_ends_with_what_was_found(tmp_path):
@@ -94,7 +107,7 @@ def test_an_interrupt_ends_with_what_was_found(tmp_path):
     found = explore(cheap_space(), interrupts, url_in(tmp_path), trials=14)
     assert found.is_interrupted
     assert len(found.tried) == len(done) - 1  # the base design is judged first, and is no trial yet
-    assert len(explore(cheap_space(), bowl, url_in(tmp_path), trials=14).tried) == 14
+    assert len(explore(cheap_space(), bowl, url_in(tmp_path), trials=8).tried) == 8
 
 
 @pytest.mark.slow
@@ -143,6 +156,7 @@ def test_a_grid_tries_every_point_once(tmp_path):
     assert found.wanted == 9
 
 
+@pytest.mark.slow
 def test_tpe_finds_a_better_design_than_the_base(tmp_path):
     found = explore(cheap_space(), bowl, url_in(tmp_path), trials=40)
     best = max(one.judged.figures["evenness"] for one in found.front)
@@ -150,6 +164,7 @@ def test_tpe_finds_a_better_design_than_the_base(tmp_path):
     assert all(one.judged.figures["strength"] >= 0.5 for one in found.front)
 
 
+@pytest.mark.slow
 def test_the_front_is_that_of_optuna(tmp_path):
     found = explore(cheap_space(constraints=[]), bowl, url_in(tmp_path), trials=20)
     study = optuna.load_study(study_name="cheap", storage=url_in(tmp_path))

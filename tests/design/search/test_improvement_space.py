@@ -162,8 +162,14 @@ def test_the_search_begins_with_single_changes_that_bring_parts_and_surface_toge
     )
 
 
-def test_designs_that_differ_in_kind_are_picked(tmp_path):
-    space, found = found_around(THICK, tmp_path)
+@pytest.fixture(scope="module")
+def around_thick(tmp_path_factory):
+    """A whole search around the thick design, made once."""
+    return found_around(THICK, tmp_path_factory.mktemp("thick"))
+
+
+def test_designs_that_differ_in_kind_are_picked(around_thick):
+    space, found = around_thick
     wanted = picks(space, found.base, found.tried, "resolvable_steps")
     best = {kind: next(one.tried for one in wanted if one.kind == kind) for kind in KINDS}
     assert len(changes_of(space, best["fewest changes"].parameters)) == 1
@@ -179,12 +185,10 @@ def test_designs_that_differ_in_kind_are_picked(tmp_path):
     assert accurate["resolvable_steps"] >= robust["resolvable_steps"]
 
 
-def test_the_same_seed_finds_the_same_and_goes_on(tmp_path):
-    for name in "ab":
-        (tmp_path / name).mkdir()
-    _, whole = found_around(THICK, tmp_path / "a")
+def test_the_same_seed_finds_the_same_and_goes_on(tmp_path, around_thick):
+    _, whole = around_thick
     space = space_of(THICK)
-    url, first = f"sqlite:///{tmp_path / 'b' / 'study.db'}", first_points(space, sides=RAISED, short_mm=3.3)
+    url, first = f"sqlite:///{tmp_path / 'study.db'}", first_points(space, sides=RAISED, short_mm=3.3)
     explore(space, judge, url, trials=8, first=first)
     resumed = explore(space, judge, url, first=first)
     assert [one.parameters for one in resumed.tried] == [one.parameters for one in whole.tried]

@@ -78,7 +78,7 @@ def server() -> Iterator[str]:
             as_nobody(["pg_ctl", "-D", data, "-m", "immediate", "-w", "stop"], folder)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @needs_postgres
 def test_two_workers_share_a_study_on_postgresql_and_one_is_killed(server, tmp_path):
     """A grid is the same set of designs whoever judges them: nothing twice, nothing left out, one front."""
@@ -101,7 +101,7 @@ def test_two_workers_share_a_study_on_postgresql_and_one_is_killed(server, tmp_p
     assert {one.digest for one in found.front} == {one.digest for one in alone.front}
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @needs_postgres
 def test_a_study_of_another_space_is_refused_on_a_shared_server_as_well(server):
     explore(cheap.cheap_space(name="taken"), cheap.bowl, server, trials=2, is_shared=True)

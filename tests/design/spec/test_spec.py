@@ -16,6 +16,7 @@ from design.fields.paths import leaves, set_at
 from design.io import dump_design
 from design.spec import SensorDesign, Viscoelastic
 from tests.design.bad_designs import design_text
+from tests.design.for_each import for_each
 from tests.design.spec.spec_fields import (
     OF_A_DISC,
     NumericField,
@@ -70,7 +71,7 @@ def test_every_number_has_limits_but_those_that_the_board_limits() -> None:
     assert unlimited_fields() == ["board.adc_prescaler"]
 
 
-@pytest.mark.parametrize("field", LIMITED, ids=lambda field: field.path)
+@for_each(LIMITED)
 def test_a_value_just_below_its_limit_is_refused_with_field_value_and_limit(field: NumericField) -> None:
     below, _ = field.outside
     low, _ = field.shown_limits
@@ -81,7 +82,7 @@ def test_a_value_just_below_its_limit_is_refused_with_field_value_and_limit(fiel
     assert f"must be {'at least' if field.above is None else 'above'} {low}" in line
 
 
-@pytest.mark.parametrize("field", LIMITED, ids=lambda field: field.path)
+@for_each(LIMITED)
 def test_a_value_just_above_its_limit_is_refused_with_field_value_and_limit(field: NumericField) -> None:
     _, above = field.outside
     _, high = field.shown_limits
@@ -99,7 +100,7 @@ def attribute_at(design: Any, path: str) -> Any:
     return design
 
 
-@pytest.mark.parametrize("field", LIMITED, ids=lambda field: field.path)
+@for_each(LIMITED)
 def test_both_limits_themselves_are_accepted(field: NumericField) -> None:
     for value in field.bounds:
         assert attribute_at(changed(field.path, value), field.path) == value
@@ -283,13 +284,13 @@ def changed_leaf(path: str, value: Any) -> SensorDesign:
 LEAVES = [(path, value) for path, value in leaves(FULL_DOCUMENT) if path.split(".")[-1] not in FIXED]
 
 
-@pytest.mark.parametrize(("path", "value"), LEAVES, ids=[path for path, _ in LEAVES])
+@for_each(LEAVES)
 def test_a_digest_changes_with_every_field(path: str, value: Any) -> None:
     full = SensorDesign.from_document(FULL_DOCUMENT, where="full")
     assert changed_leaf(path, value).digest != full.digest
 
 
-@settings(max_examples=60)
+@settings(max_examples=25)
 @given(designs())
 def test_any_design_survives_its_text(design: SensorDesign) -> None:
     again = from_text(dump_design(design))
@@ -297,7 +298,7 @@ def test_any_design_survives_its_text(design: SensorDesign) -> None:
     assert again.digest == design.digest
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(designs(), st.randoms(use_true_random=False))
 def test_a_digest_does_not_depend_on_the_order_of_keys(design: SensorDesign, order: Any) -> None:
     def shuffled(document: Any) -> Any:

@@ -115,6 +115,7 @@ def test_a_port_that_another_program_holds_is_told() -> None:
         opened(port.name).__enter__()
 
 
+@pytest.mark.slow
 def test_a_device_that_talks_something_else_is_told_from_a_silent_one() -> None:
     with (
         talking(lambda: b"$GPGGA,1,2,3*00\r\n") as port,
@@ -134,6 +135,7 @@ def test_a_board_that_only_streams_and_never_says_who_it_is_is_refused() -> None
         opened(port).__enter__()
 
 
+@pytest.mark.slow
 def test_half_frames_for_ever_end_in_an_error_that_counts_them() -> None:
     (frame,) = pack_frames(FrameFormat(states=9, receivers=8, bits=10), [1], [1], np.full((1, 9, 8), 300))
     said = iter([HELLO])

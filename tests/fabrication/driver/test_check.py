@@ -50,6 +50,7 @@ def test_a_right_build_within_its_tolerances_has_no_error(seed: int) -> None:
     assert verdict.is_good
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", [EMITTERS, RECEIVERS], ids=["emitters", "receivers"])
 def test_every_exchange_of_two_wires_is_named(names: list[str]) -> None:
     for seed, (one, other) in enumerate(combinations(names, 2)):

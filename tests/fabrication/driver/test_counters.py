@@ -17,6 +17,7 @@ def chunks(total: int, size: int) -> list[tuple[int, int]]:
     return [(start, min(start + size, total)) for start in range(0, total, size)]
 
 
+@pytest.mark.slow
 def test_a_day_of_frames_across_the_wrap_of_the_sequence_loses_none() -> None:
     counter, start, seen = WrappingCounter(goes_back=True), 2**32 - DAY_FRAMES // 2, 0
     for first, end in chunks(DAY_FRAMES, 1_000_000):
@@ -29,6 +30,7 @@ def test_a_day_of_frames_across_the_wrap_of_the_sequence_loses_none() -> None:
     assert whole[-1] == start + DAY_FRAMES - 1  # beyond 2^32
 
 
+@pytest.mark.slow
 def test_a_day_of_device_time_wraps_twenty_times_and_never_goes_back() -> None:
     counter, wraps, last = WrappingCounter(goes_back=False), 0, -1
     for first, end in chunks(DAY_FRAMES, 1_000_000):

@@ -201,6 +201,7 @@ def test_an_untouched_pad_is_not_held_by_noise_nor_by_single_wrong_answers_of_th
     assert np.mean([state.excess for state in bench.states[100:]]) == pytest.approx(1.0, abs=0.25)
 
 
+@pytest.mark.slow
 def test_frames_that_come_late_and_in_bunches_do_not_hold_an_untouched_pad() -> None:
     bench = Bench()
     gaps_s = bench.rng.choice([0.01, 0.01, 0.01, 0.01, 0.12], 2000)
@@ -210,7 +211,14 @@ def test_frames_that_come_late_and_in_bunches_do_not_hold_an_untouched_pad() -> 
     assert np.mean([state.excess for state in bench.states]) == pytest.approx(1.0, abs=0.3)
 
 
-@pytest.mark.parametrize(("guard_s", "rate_hz"), [(0.0, 12.0), (0.02, 12.0), (0.5, 1.0)])
+@pytest.mark.parametrize(
+    ("guard_s", "rate_hz"),
+    [
+        pytest.param(0.0, 12.0, marks=pytest.mark.slow),
+        pytest.param(0.02, 12.0, marks=pytest.mark.slow),
+        (0.5, 1.0),
+    ],
+)
 def test_drift_is_followed_with_a_guard_shorter_than_a_frame(
     guard_s: float, rate_hz: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:

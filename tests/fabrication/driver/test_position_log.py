@@ -147,6 +147,7 @@ def test_frames_whose_position_nobody_knows_are_left_out_and_counted(recording: 
     assert len(kept_s) + found.left_out == len(read_recorded(recording).host_s)
 
 
+@pytest.mark.slow
 def test_sets_and_places_come_from_the_log_and_travel_belongs_to_none(
     recording: Path, tmp_path: Path
 ) -> None:
@@ -233,6 +234,7 @@ def test_a_log_that_is_not_there_is_named(tmp_path: Path) -> None:
         read_position_log(tmp_path / "none.csv")
 
 
+@pytest.mark.slow
 def test_export_tells_the_offset_that_it_found(
     recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -140,6 +140,7 @@ def test_a_disk_that_fills_up_keeps_the_frames_before_and_no_piece_of_the_next(
     assert read_records(file)[3] == 0
 
 
+@pytest.mark.slow
 def test_a_full_disk_stops_the_recording_and_not_the_stream(tmp_path: Path) -> None:
     with FakePort(board()) as port, Sensor(CONFIG, port.name, rate_hz=200, baseline_s=0) as sensor:
         file = tmp_path / "a.optorec"
@@ -167,6 +168,7 @@ class StallingDisk(io.FileIO):
         return super().write(piece) or 0
 
 
+@pytest.mark.slow
 def test_a_disk_that_stalls_costs_no_frame(tmp_path: Path) -> None:
     file = tmp_path / "a.optorec"
     with FakePort(board()) as port, Sensor(CONFIG, port.name, rate_hz=200, baseline_s=0) as sensor:
@@ -186,6 +188,7 @@ def test_closing_the_sensor_closes_its_recording(tmp_path: Path) -> None:
     assert read_recorded(tmp_path / "a.optorec").ended_cleanly
 
 
+@pytest.mark.slow
 def test_half_a_second_after_it_came_a_frame_is_in_the_file(tmp_path: Path) -> None:
     with FakePort(board()) as port, Sensor(CONFIG, port.name, rate_hz=100, baseline_s=0) as sensor:
         recorder = sensor.record(tmp_path / "a.optorec")
@@ -198,6 +201,7 @@ def test_half_a_second_after_it_came_a_frame_is_in_the_file(tmp_path: Path) -> N
         assert in_file >= received
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="needs signals")
 def test_a_recorder_that_was_killed_leaves_all_but_the_last_half_second(tmp_path: Path) -> None:
     file, config = tmp_path / "a.optorec", tmp_path / "driver.toml"
@@ -229,6 +233,7 @@ def made_up_toml() -> str:
     return dump_driver_config(preset("piacenza2017-pad"), [1e5] * 8, np.minimum(untouched(), 1023))
 
 
+@pytest.mark.slow
 def test_the_netcdf_is_one_that_compare_reads(tmp_path: Path) -> None:
     file = tmp_path / "a.optorec"
     with FakePort(board()) as port, Sensor(CONFIG, port.name, rate_hz=200, baseline_s=0) as sensor:

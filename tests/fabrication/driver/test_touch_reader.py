@@ -107,6 +107,7 @@ def test_uncertainty_is_told_where_the_model_knows_it(touches: list[tuple[float,
     assert touch_json(known)["sigma_mm"] == [0.21, 0.18, 0.05]
 
 
+@pytest.mark.slow
 def test_a_model_slower_than_the_frames_is_asked_for_many_at_once_and_keeps_up() -> None:
     asked: list[int] = []
 
@@ -151,6 +152,7 @@ def test_the_force_s_uncertainty_is_the_depth_s_by_the_slope_of_its_curve() -> N
     assert touch.force_sigma_n == pytest.approx(0.24)
 
 
+@pytest.mark.slow
 def test_a_change_of_gain_is_no_touch() -> None:
     dim, model = board(), made_up_model()
     with FakePort(dim) as port, Sensor(CONFIG, port.name, rate_hz=100.0, baseline_s=0.0) as sensor:

@@ -58,6 +58,7 @@ def test_every_position_is_pressed_and_read_and_the_signals_are_those_of_its_dep
     assert np.abs(data.signals() - light)[:, clear].max() < 6 * noise
 
 
+@pytest.mark.slow
 def test_a_collection_that_was_ended_early_goes_on_where_it_was(tmp_path: Path) -> None:
     out = tmp_path / "a.nc"
     with bench(has_board=True) as made:
@@ -78,6 +79,7 @@ def test_a_collection_that_was_ended_early_goes_on_where_it_was(tmp_path: Path) 
     assert not (tmp_path / "a.nc.parts").exists()
 
 
+@pytest.mark.slow
 def test_a_printer_that_fails_costs_no_press_that_was_whole(tmp_path: Path) -> None:
     out = tmp_path / "a.nc"
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+from contextlib import redirect_stdout
 from html.parser import HTMLParser
+from io import StringIO
 from pathlib import Path
 
 import pytest
@@ -47,6 +49,10 @@ trials = 12
 """
 
 
+NAMED = 'name = "cheap"'
+ATTACK = 'description = "<script>alert(1)</script>"'
+
+
 def bowl(design, limits, *, wanted, accuracy, also_mm):
     thickness = design.cavity.clear_thickness_mm
     if thickness > 10.0:
@@ -69,8 +75,19 @@ def explored(space: Path, out: Path, capsys, *more: str) -> dict:
     return json.loads(capsys.readouterr().out)
 
 
-def test_the_front_comes_as_tables_and_as_designs_that_load(space, tmp_path, capsys):
-    found = explored(space, tmp_path / "out", capsys)
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory) -> dict:
+    """What a search of all 12 trials says, made once; its space says something that a page must escape."""
+    folder = tmp_path_factory.mktemp("whole")
+    (folder / "space.toml").write_text(SPACE.replace(NAMED, f"{NAMED}\n{ATTACK}"))
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(StringIO()) as said:
+        patch.setattr("sims.continuity.objective.judge", bowl)
+        assert main(["explore", str(folder / "space.toml"), "--out", str(folder / "out"), "--json"]) == 0
+    return json.loads(said.getvalue())
+
+
+def test_the_front_comes_as_tables_and_as_designs_that_load(whole):
+    found = whole
     folder = Path(found["folder"])
     assert found["designs"] == found["wanted"] == 12
     rows = list(csv.DictReader((folder / "front.csv").read_text().splitlines()))
@@ -86,17 +103,16 @@ def test_the_front_comes_as_tables_and_as_designs_that_load(space, tmp_path, cap
     }
 
 
-def test_more_trials_go_on_and_the_seed_repeats(space, tmp_path, capsys):
+def test_more_trials_go_on_and_the_seed_repeats(space, tmp_path, capsys, whole):
     explored(space, tmp_path / "a", capsys, "--trials", "8")
     resumed = explored(space, tmp_path / "a", capsys, "--trials", "12")
-    whole = explored(space, tmp_path / "b", capsys, "--trials", "12")
     assert [one["digest"] for one in resumed["front"]] == [one["digest"] for one in whole["front"]]
     assert resumed["designs"] == 12
 
 
 def test_another_base_is_another_search(space, tmp_path, capsys):
-    plain = explored(space, tmp_path / "out", capsys)
-    changed = explored(space, tmp_path / "out", capsys, "--set", "gain.target_counts=500")
+    plain = explored(space, tmp_path / "out", capsys, "--trials", "1")
+    changed = explored(space, tmp_path / "out", capsys, "--trials", "1", "--set", "gain.target_counts=500")
     assert plain["digest"] != changed["digest"]
     assert plain["folder"] != changed["folder"]
 
@@ -119,6 +135,7 @@ def test_progress_says_the_best_so_far(space, tmp_path, capsys):
     assert "report    " in told.out
 
 
+@pytest.mark.slow
 def test_an_interrupt_leaves_tables_and_a_page_and_says_so(space, tmp_path, capsys, monkeypatch):
     calls = []
 
@@ -141,7 +158,7 @@ def test_an_interrupt_leaves_tables_and_a_page_and_says_so(space, tmp_path, caps
 def test_a_second_search_in_the_folder_is_kept_out(space, tmp_path, capsys):
     import fcntl
 
-    folder = Path(explored(space, tmp_path / "out", capsys)["folder"])
+    folder = Path(explored(space, tmp_path / "out", capsys, "--trials", "1")["folder"])
     with (folder / ".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         assert main(["explore", str(space), "--out", str(tmp_path / "out")]) == 2
@@ -243,11 +260,19 @@ class Page(HTMLParser):
         self.sources += [found[name] for name in ("src", "href") if name in found and tag != "a"]
 
 
-def test_the_page_is_self_contained_and_links_to_every_design(space, tmp_path, capsys):
-    found = explored(space, tmp_path / "out", capsys, "--trials", "24")
+def test_the_page_is_self_contained_and_links_to_every_design(whole):
+    require_whole_page(whole, plots=2)  # front, parallel coordinates
+
+
+@pytest.mark.slow
+def test_the_page_of_a_search_of_24_trials_has_the_importance_too(space, tmp_path, capsys):
+    require_whole_page(explored(space, tmp_path / "out", capsys, "--trials", "24"), plots=3)
+
+
+def require_whole_page(found: dict, *, plots: int) -> None:
     text = Path(found["report"]).read_text(encoding="utf-8")
     page = Page(text)
-    assert page.tags.count("svg") == 3  # front, parallel coordinates, importance
+    assert page.tags.count("svg") == plots
     assert not [source for source in page.sources if not source.startswith("#")]
     assert "script" not in page.tags
     for one in found["front"]:
@@ -257,14 +282,13 @@ def test_the_page_is_self_contained_and_links_to_every_design(space, tmp_path, c
     assert "too thick" in text
 
 
-def test_the_page_escapes_what_a_space_says(space, tmp_path, capsys):
-    space.write_text(
-        SPACE.replace('name = "cheap"', 'name = "cheap"\ndescription = "<script>alert(1)</script>"')
-    )
-    text = Path(explored(space, tmp_path / "out", capsys)["report"]).read_text(encoding="utf-8")
+def test_the_page_escapes_what_a_space_says(whole):
+    text = Path(whole["report"]).read_text(encoding="utf-8")
     assert "<script>" not in text
+    assert "&lt;script&gt;alert(1)" in text
 
 
+@pytest.mark.slow
 def test_importance_finds_the_field_that_matters(space, tmp_path, capsys):
     space.write_text(SPACE.replace("trials = 12", 'sampler = "random"'))
     shares = explored(space, tmp_path / "out", capsys, "--trials", "40")["importance"]["evenness"]

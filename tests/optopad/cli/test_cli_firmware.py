@@ -64,6 +64,13 @@ def refused(capsys, *arguments: str) -> str:
     return capsys.readouterr().err
 
 
+def test_config_leaves_driver_file_wiring_and_parts_in_the_bundle(capsys):
+    assert main(["driver", "config", DESIGN, "--json"]) == 0
+    json.loads(capsys.readouterr().out)
+    made = {path.name for path in FOLDER.parent.iterdir()}
+    assert {"driver.toml", "wiring.csv", "bom.csv"} <= made
+
+
 @needs_compiler
 def test_firmware_leaves_sketch_and_image_in_the_bundle(capsys):
     assert main(["driver", "firmware", DESIGN, "--json"]) == 0

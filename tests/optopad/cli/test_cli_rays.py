@@ -7,19 +7,37 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from matplotlib.figure import Figure
 
 from design.preset import preset
 from fabrication.bundle import altered_files, bundle_name
 from optopad.cli import main
+from optopad.jobs import ray_view
 
 PAIR = "piacenza2017-pair"
 ONE = ["--emitter", "E2", "--receiver", "R2", "--count", "6"]
 FOLDER = Path("outputs") / bundle_name(preset(PAIR))
 
 
+@pytest.fixture(scope="module")
+def kept_states():
+    """Paths that a test of this file traced are not traced again."""
+    kept, trace = {}, ray_view.ray_states
+
+    def traced(design, choice, presses, **options):
+        key = (design.digest, choice, tuple(presses))
+        if key not in kept:
+            kept[key] = trace(design, choice, presses, **options)
+        return kept[key]
+
+    return traced
+
+
 @pytest.fixture
-def drawn(tmp_path, monkeypatch, capsys):
+def pictured(tmp_path, monkeypatch, capsys, kept_states):
+    """The verb, in a folder of its own."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(ray_view, "ray_states", kept_states)
 
     def draw(*arguments: str) -> str:
         assert main(["rays", PAIR, *arguments]) == 0
@@ -28,8 +46,15 @@ def drawn(tmp_path, monkeypatch, capsys):
     return draw
 
 
-def test_a_pair_is_drawn_and_its_files_are_listed(drawn):
-    text = drawn(*ONE, "--press", "10,10,1")
+@pytest.fixture
+def drawn(pictured, monkeypatch):
+    """The verb with empty pictures, where numbers and names are what matters."""
+    monkeypatch.setattr(ray_view, "ray_sheet", lambda *_, **__: Figure(figsize=(1, 1)))
+    return pictured
+
+
+def test_a_pair_is_drawn_and_its_files_are_listed(pictured):
+    text = pictured(*ONE, "--press", "10,10,1")
     files = [line.split()[1] for line in text.splitlines() if line.startswith("file ")]
     sims = FOLDER / "sims"
     assert files == [str(sims / name) for name in ("rays-E2-R2.svg", "rays-E2-R2.png", "rays.json")]

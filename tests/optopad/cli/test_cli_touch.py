@@ -33,6 +33,20 @@ def files(tmp_path: Path) -> tuple[str, str]:
     return str(config), str(tmp_path / "pad.optomodel")
 
 
+def test_read_with_a_model_measures_the_untouched_pad_first_and_then_tells_each_frame(
+    files: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    config, model = files
+    with FakePort(board()) as port:
+        command = ["driver", "read", config, "--port", port.name, "--model", model, "--frames", "3"]
+        assert main(command) == 0
+        assert "untouched" in capsys.readouterr().err
+        assert main([*command, "--json"]) == 0
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [line["touched"] for line in lines] == [False] * 3
+
+
+@pytest.mark.slow
 def test_read_with_a_model_tells_touches_frame_by_frame(
     files: tuple[str, str], capsys: pytest.CaptureFixture[str]
 ) -> None:

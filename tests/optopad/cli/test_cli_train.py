@@ -133,3 +133,14 @@ def test_files_of_two_sensors_are_refused(data, folder, capsys):
 
 def test_a_folder_that_cannot_be_made_is_named(folder, capsys):
     assert "cannot be made" in refused(["train", "pad.nc", "--out", "pad.nc/models"], capsys)
+
+
+@pytest.mark.slow
+def test_a_trained_model_is_evaluated_on_presses_and_its_files_are_named(folder, capsys):
+    assert main(["train", "pad.nc", "--learner", "kernel-ridge", "--effort", "quick"]) == 0
+    capsys.readouterr()
+    command = ["evaluate", "pad.nc", "--model", "pad-kernel-ridge.optomodel", "--out", "found"]
+    assert main([*command, "--json"]) == 0
+    json.loads(capsys.readouterr().out)
+    names = {path.name for path in (folder / "found").iterdir()}
+    assert {"evaluation.json", "evaluation.html"} <= names

@@ -1,8 +1,6 @@
 """What the verbs print, write and return; the long verbs are tested on their bundle in test_run.py."""
 
 import json
-import subprocess
-import sys
 
 import pytest
 
@@ -204,17 +202,6 @@ def test_a_part_that_the_printer_has_no_room_for_is_told_with_units(folder, caps
         "warning   mold: print bed: 33 mm (limit 30 mm); 33.0 x 33.0 x 13.5 mm in a room of 30 x 30 x 30 mm"
         in out
     )
-
-
-def test_help_loads_no_heavy_library():
-    code = (
-        "import sys; from optopad.cli import main; main(['--help']); "
-        "heavy = {'cadquery', 'mujoco', 'numba', 'scipy', 'matplotlib', 'trimesh', 'xarray'} & set(sys.modules); "
-        "sys.exit(str(heavy) if heavy else 0)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "run" in done.stdout
 
 
 def test_a_verb_without_its_argument_exits_2(folder, capsys):

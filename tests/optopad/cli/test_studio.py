@@ -62,6 +62,7 @@ def test_without_viser_it_says_how_to_get_it(capsys, monkeypatch) -> None:
     assert "needs the package viser; install it" in refusal(capsys, "piacenza2017-pair", "--no-open")
 
 
+@pytest.mark.slow
 def test_it_serves_this_machine_alone_and_ctrl_c_ends_all_of_it(tmp_path: Path) -> None:
     process = subprocess.Popen(
         [

@@ -50,6 +50,13 @@ def test_an_interrupted_evaluation_leaves_the_earlier_one_as_it_was(tmp_path, mo
     def interrupted(*_):
         raise KeyboardInterrupt
 
+    def uninked(_figure, stem):
+        files = stem.with_suffix(".svg"), stem.with_suffix(".png")
+        for file in files:
+            file.write_text('<svg viewBox="0 0 1 1"></svg>', encoding="utf-8")
+        return files
+
+    monkeypatch.setattr("optopad.jobs.accuracy_files.write_plot", uninked)
     folder = tmp_path / "evaluation"
     write_accuracy(found_accuracy(), SPACE, folder, "evaluation")
     before = {path.name: path.read_bytes() for path in folder.iterdir()}

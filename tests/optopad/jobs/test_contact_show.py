@@ -76,6 +76,7 @@ def test_the_papers_load_lies_in_the_band_and_above_the_nominal_curve(shown):
     assert -0.20 < stated["miss"] < -0.10
 
 
+@pytest.mark.slow
 def test_another_pad_has_no_published_load(shown):
     arguments = (PAD, "--set", "cavity.clear_thickness_mm=7", "--set", "receivers.height_mm=5")
     assert json_of(shown(*arguments, "--json"))["stated"] is None
@@ -119,6 +120,7 @@ def test_pictures_go_into_the_bundle_and_tell_what_they_show(shown):
     assert altered_files(Path(found["files"][0]).parents[1]) == ()
 
 
+@pytest.mark.slow
 def test_pictures_are_the_same_each_time(shown):
     first = {file: Path(file).read_bytes() for file in json_of(shown(PAD, "--out", "a", "--json"))["files"]}
     again = {file: Path(file).read_bytes() for file in json_of(shown(PAD, "--out", "a", "--json"))["files"]}

@@ -83,7 +83,7 @@ def wait_for_workers(address: str, count: int) -> None:
             time.sleep(0.5)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 def test_a_search_on_two_workers_one_killed_finds_what_one_process_finds(cluster, tmp_path):
     address, workers = cluster
@@ -109,7 +109,7 @@ def test_a_search_on_two_workers_one_killed_finds_what_one_process_finds(cluster
     assert cheap.outcome(together) == cheap.outcome(alone)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 def test_the_real_pair_is_judged_the_same_on_the_cluster(cluster, tmp_path):
     from sims.continuity.objective import judge
@@ -131,7 +131,7 @@ def test_no_scheduler_is_said_in_one_line():
         pass
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 def test_a_scheduler_out_of_reach_is_said_in_one_line():
     with (

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+from contextlib import redirect_stdout
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 
 import pytest
@@ -24,10 +26,35 @@ from tests.sims.made_up_scores import contiguous_score, dead_score
 BAD_INPUT = 2
 
 
-@pytest.fixture
-def design_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+@pytest.fixture(scope="module")
+def thick_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The paper's pair under 10 mm of silicone, as a file with comments."""
+    file = tmp_path_factory.mktemp("improve") / "thick.toml"
+    text = preset_text("piacenza2017-pair")
+    assert "clear_thickness_mm = 8.0" in text
+    file.write_text(text.replace("clear_thickness_mm = 8.0", "clear_thickness_mm = 10.0"), encoding="utf-8")
+    return file
 
+
+@pytest.fixture
+def design_file(thick_file: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The thick pair, in its folder, under made-up physics; each test but those of `found` has an --out of its own."""
+    with_made_up_physics(monkeypatch)
+    monkeypatch.chdir(thick_file.parent)
+    return thick_file
+
+
+@pytest.fixture(scope="module")
+def found(thick_file: Path) -> dict:
+    """What `optopad improve` says of the thick pair; its files are in the folder of the file."""
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(StringIO()) as said:
+        with_made_up_physics(patch)
+        patch.chdir(thick_file.parent)
+        assert main(["improve", str(thick_file), "--json", "--budget", "0.5"]) == 0
+    return json.loads(said.getvalue())
+
+
+def with_made_up_physics(monkeypatch: pytest.MonkeyPatch) -> None:
     def scored(design, **_):
         if judge(design, ()).verdict == "CONTIGUOUS":
             return contiguous_score(design)
@@ -37,12 +64,6 @@ def design_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(improvement, "score", scored)
     for also in ("with_tolerance", "with_field_steps"):
         monkeypatch.setattr(improvement, also, lambda _design, found, **_: found)
-    monkeypatch.chdir(tmp_path)
-    file = tmp_path / "thick.toml"
-    text = preset_text("piacenza2017-pair")
-    assert "clear_thickness_mm = 8.0" in text
-    file.write_text(text.replace("clear_thickness_mm = 8.0", "clear_thickness_mm = 10.0"), encoding="utf-8")
-    return file
 
 
 def improved(file: Path, capsys: pytest.CaptureFixture[str], *options: str) -> dict:
@@ -50,8 +71,8 @@ def improved(file: Path, capsys: pytest.CaptureFixture[str], *options: str) -> d
     return json.loads(capsys.readouterr().out)
 
 
-def test_alternatives_are_files_with_comments_that_load_as_judged(design_file, capsys):
-    said = improved(design_file, capsys)
+def test_alternatives_are_files_with_comments_that_load_as_judged(design_file, found):
+    said = found
     assert said["before"]["verdict"] == "DEADBAND"
     kinds = [one["kind"] for one in said["alternatives"]]
     assert kinds[0] == "fewest changes"
@@ -67,15 +88,15 @@ def test_alternatives_are_files_with_comments_that_load_as_judged(design_file, c
     assert json.loads((Path(said["folder"]) / "improve.json").read_text()) == said
 
 
-def test_the_same_command_gives_the_same_files(design_file, capsys):
-    first = improved(design_file, capsys)
+def test_the_same_command_gives_the_same_files(design_file, capsys, found):
+    first = found
     texts = [Path(one["file"]).read_bytes() for one in first["alternatives"]]
     assert improved(design_file, capsys) == first
     assert [Path(one["file"]).read_bytes() for one in first["alternatives"]] == texts
 
 
-def test_an_interrupted_search_goes_on_to_the_same_files(design_file, capsys, monkeypatch):
-    whole = improved(design_file, capsys, "--out", "whole")
+def test_an_interrupted_search_goes_on_to_the_same_files(design_file, capsys, monkeypatch, found):
+    whole = found
     seen: list[str] = []
 
     def stopping(design, limits, **_):
@@ -93,13 +114,14 @@ def test_an_interrupted_search_goes_on_to_the_same_files(design_file, capsys, mo
     again = improved(design_file, capsys, "--out", "cut")
     one_batch = 4  # and the base before it: what was judged when it stopped is not judged again
     assert len(seen) == 6 + whole["designs"] - one_batch
-    assert json.dumps(again).replace("cut/", "whole/") == json.dumps(whole)
+    assert json.dumps(again).replace("cut/", "outputs/") == json.dumps(whole)
     for one, other in zip(again["alternatives"], whole["alternatives"], strict=True):
         assert Path(one["file"]).read_bytes() == Path(other["file"]).read_bytes()
 
 
+@pytest.mark.slow
 def test_an_interruption_leaves_what_an_earlier_run_found(design_file, capsys, monkeypatch):
-    first = improved(design_file, capsys)
+    first = improved(design_file, capsys, "--out", "own")
     folder = Path(first["folder"])
     own = folder / "1-mine.toml"
     own.write_text("mine")
@@ -109,15 +131,16 @@ def test_an_interruption_leaves_what_an_earlier_run_found(design_file, capsys, m
         raise KeyboardInterrupt
 
     monkeypatch.setattr(objective, "judge", stopping)
-    assert main(["improve", str(design_file), "--json", "--budget", "5"]) == INTERRUPTED
+    assert main(["improve", str(design_file), "--json", "--budget", "5", "--out", "own"]) == INTERRUPTED
     assert {file: file.read_bytes() for file in before} == before
     monkeypatch.setattr(objective, "judge", lambda design, limits, **_: judge(design, limits))
     capsys.readouterr()
-    again = improved(design_file, capsys, "--budget", "0.5")
+    again = improved(design_file, capsys, "--budget", "0.5", "--out", "own")
     named = {Path(one["file"]).name for one in again["alternatives"]}
     assert {file.name for file in folder.glob("[0-9]-*.toml")} == named | {"1-mine.toml"}
 
 
+@pytest.mark.slow
 def test_a_pad_is_searched_at_its_deciding_places_too(design_file, capsys, monkeypatch):
     asked: list[tuple] = []
 
@@ -136,6 +159,7 @@ def test_a_pad_is_searched_at_its_deciding_places_too(design_file, capsys, monke
     assert json.loads((Path(said["folder"]) / "places.json").read_text()) == [list(one) for one in asked[0]]
 
 
+@pytest.mark.slow
 def test_a_base_whose_deadband_a_quick_map_misses_is_mended_all_the_same(design_file, capsys, monkeypatch):
     """The score decides what the base is, not the search's coarse look at it."""
     thick = load_design(design_file).digest
@@ -149,13 +173,13 @@ def test_a_base_whose_deadband_a_quick_map_misses_is_mended_all_the_same(design_
         )
 
     monkeypatch.setattr(objective, "judge", hasty)
-    said = improved(design_file, capsys)
+    said = improved(design_file, capsys, "--out", "hasty")
     assert said["before"]["verdict"] == "DEADBAND"
     assert said["alternatives"][0]["kind"] == "fewest changes"
 
 
-def test_the_page_shows_before_and_after_side_by_side(design_file, capsys):
-    said = improved(design_file, capsys)
+def test_the_page_shows_before_and_after_side_by_side(design_file, found):
+    said = found
     text = (Path(said["folder"]) / "report.html").read_text()
     assert text.index('id="before-after"') < text.index('id="front"')
     for one in said["alternatives"]:
@@ -165,8 +189,9 @@ def test_the_page_shows_before_and_after_side_by_side(design_file, capsys):
     assert text.count("<figcaption>before</figcaption>") == 1
 
 
-def test_from_python_it_gives_designs(design_file, capsys, tmp_path):
-    said = improved(design_file, capsys)
+@pytest.mark.slow
+def test_from_python_it_gives_designs(design_file, tmp_path, found):
+    said = found
     found = optopad.improve(load_design(design_file), budget_min=0.5, out=tmp_path / "own")
     assert [one.digest for one in found.designs] == [one["digest"] for one in said["alternatives"]]
     assert [load_design(file).digest for file in found.files] == [one.digest for one in found.designs]
@@ -177,6 +202,7 @@ def test_from_python_it_gives_designs(design_file, capsys, tmp_path):
     assert found.page.is_file()
 
 
+@pytest.mark.usefixtures("found")
 def test_the_screen_names_what_changes_and_the_next_command(design_file, capsys):
     assert main(["improve", str(design_file), "--budget", "0.5"]) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -188,7 +214,7 @@ def test_the_screen_names_what_changes_and_the_next_command(design_file, capsys)
 
 
 def test_what_binds_is_named_where_nothing_mends_it(design_file, capsys):
-    options = ["--keep", "cavity.clear_thickness_mm", "--keep", "receivers.height_mm"]
+    options = ["--keep", "cavity.clear_thickness_mm", "--keep", "receivers.height_mm", "--out", "kept"]
     said = improved(design_file, capsys, *options)
     assert said["alternatives"] == []
     assert said["nearest"]["figures"]["deadband_mm"] > 0.0

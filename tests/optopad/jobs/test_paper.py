@@ -76,7 +76,7 @@ def test_the_pages_table_is_the_csv_beside_it(published):
         )
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("thickness_mm", [7.0, 8.0])
 def test_thin_pads_have_no_deadband(rows, thickness_mm):
     score = rows[thickness_mm].score
@@ -84,7 +84,7 @@ def test_thin_pads_have_no_deadband(rows, thickness_mm):
     assert score["deadband_mm"]["total"] == 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("thickness_mm", [10.0, 12.0])
 def test_thick_pads_have_a_deadband_of_a_millimetre_or_more(rows, thickness_mm):
     score = rows[thickness_mm].score
@@ -94,12 +94,12 @@ def test_thick_pads_have_a_deadband_of_a_millimetre_or_more(rows, thickness_mm):
     assert start < 1.0 < end
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_mode_2_is_open_at_12_mm(rows):
     assert rows[12.0].score["mode_gap_mm"] is None
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_page_holds_what_the_models_say_now(rows, published):
     for thickness, row in rows.items():
         pair, told = row.shown, published[thickness]
@@ -114,7 +114,7 @@ def test_the_page_holds_what_the_models_say_now(rows, published):
         assert float(told["shown_pair_deadband_mm"]) == pytest.approx(dead, abs=DEADBAND_MM)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_findings_of_the_reduced_copy_are_those_of_the_page(rows):
     found = findings(tuple(rows.values()))
     assert [one.answer for one in found] == ["agrees", "agrees", "agrees", "MISS", "open"]

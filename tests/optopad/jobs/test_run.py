@@ -1,4 +1,4 @@
-"""The main job on the pair preset, once: what the bundle holds, and that it is complete or absent."""
+"""The main job on the pair preset, once with made-up physics and once whole: its bundle is complete or absent."""
 
 import hashlib
 import json
@@ -14,7 +14,8 @@ from design.preset import preset
 from fabrication.bundle import altered_files, bundle_name
 from fabrication.driver_file import load_driver_config
 from optopad.cli import main
-from optopad.jobs.pipeline import _finished, _mold_beside, run
+from optopad.jobs.pipeline import run
+from tests.sims.made_up_scores import contiguous_score
 
 DESIGN = preset("piacenza2017-pair")
 
@@ -42,35 +43,70 @@ BUNDLE_FILES = {
     "fabrication/firmware/optopad/config.h",
 }
 
+OF_THE_LIGHT = {"sims/signals.nc", "sims/maps.nc", "sims/bounds-location.png"}
+"""Files of a bundle that need light which was traced, and bounds."""
+
 
 @pytest.fixture(scope="module")
 def out(tmp_path_factory) -> Path:
     return tmp_path_factory.mktemp("outputs")
 
 
+def no_step(_stage, _share) -> None:
+    pass
+
+
 @pytest.fixture(scope="module")
 def folder(out) -> Path:
-    return run(DESIGN, out, fine=False, seed=0, on_step=lambda _stage, _share: None).folder
+    """A whole run, with the models' own score."""
+    return run(DESIGN, out, fine=False, seed=0, on_step=no_step).folder
 
 
+@pytest.fixture(scope="module")
+def quick(tmp_path_factory) -> Path:
+    """A run with a made-up score and without pictures of light, from a folder with a module of a room's name."""
+    here = tmp_path_factory.mktemp("quick")
+    (here / "design.py").write_text("raise SystemExit(1)", encoding="utf-8")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(here)
+        patch.setattr("sims.continuity.scoring.score", lambda design, **_: contiguous_score(design))
+        for also in ("build_tolerance.with_tolerance", "field_steps.with_field_steps"):
+            patch.setattr(f"sims.continuity.{also}", lambda _design, found, **_: found)
+        patch.setattr("optopad.report.sections.early.ray_scene", lambda *_, **__: "no picture in this test")
+        patch.setattr("optopad.report.sections.drawings.svg_text", lambda *_: '<svg viewBox="0 0 1 1"></svg>')
+        return here / run(DESIGN, Path("outputs"), fine=False, seed=0, on_step=no_step).folder
+
+
+def names_in(folder: Path) -> set[str]:
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_a_bundle_of_a_made_up_score_holds_every_promised_file_but_those_of_its_light(quick):
+    assert BUNDLE_FILES - names_in(quick) == OF_THE_LIGHT
+    assert altered_files(quick) == ()
+
+
+@pytest.mark.slow
 def test_the_bundle_holds_every_promised_file(folder):
-    found = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
-    assert found >= BUNDLE_FILES
+    assert names_in(folder) >= BUNDLE_FILES
 
 
-def test_the_bundles_design_has_the_same_digest(folder):
+def test_the_bundles_design_has_the_same_digest(quick):
+    folder = quick
     assert load_design(folder / "design.toml").digest == DESIGN.digest
     assert folder.name == f"{DESIGN.name}-{DESIGN.digest[:8]}"
 
 
-def test_the_manifest_names_every_file_with_its_hash(folder):
+def test_the_manifest_names_every_file_with_its_hash(quick):
+    folder = quick
     files = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))["files"]
-    assert set(files) >= BUNDLE_FILES - {"manifest.json"}
+    assert set(files) >= BUNDLE_FILES - OF_THE_LIGHT - {"manifest.json"}
     for name, record in files.items():
         assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == record["sha256"], name
     assert altered_files(folder) == ()
 
 
+@pytest.mark.slow
 def test_the_maps_hold_bounds_and_readings_of_the_same_places(folder):
     with xr.open_dataset(folder / "sims" / "maps.nc") as maps:
         assert maps.counts.dims == ("y", "x", "press_depth", "pair")
@@ -83,6 +119,7 @@ def test_the_maps_hold_bounds_and_readings_of_the_same_places(folder):
     assert bounds["median_depth_place_known_mm"]["value"] == pytest.approx(0.0038, rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_pair_at_8_mm_is_contiguous_and_its_gap_positive(folder):
     score = json.loads((folder / "sims" / "score.json").read_text(encoding="utf-8"))
     assert score["verdict"] == "CONTIGUOUS"
@@ -94,6 +131,7 @@ def test_the_pair_at_8_mm_is_contiguous_and_its_gap_positive(folder):
     assert [pair["pair"] for pair in score["pairs"]] == ["E2-R2", "E1-R1", "E3-R3"]
 
 
+@pytest.mark.slow
 def test_the_photodiodes_height_turns_the_verdict(folder):
     # the feasibility study: the photodiode's height, off by 0.5 mm, flips the verdict at 8 mm
     tolerance = json.loads((folder / "sims" / "score.json").read_text(encoding="utf-8"))["tolerance"]
@@ -103,6 +141,7 @@ def test_the_photodiodes_height_turns_the_verdict(folder):
     assert row["deadband_mm"][1] == 0.0
 
 
+@pytest.mark.slow
 def test_signals_carry_units_axes_and_provenance(folder):
     with xr.open_dataset(folder / "sims" / "signals.nc", engine="h5netcdf") as signals:
         assert signals.flux.dims == ("state", "emitter", "receiver")
@@ -112,31 +151,30 @@ def test_signals_carry_units_axes_and_provenance(folder):
         assert float(abs(signals.flux_by_class.sum("path") - signals.flux).max()) < 1e-15
 
 
-def test_the_driver_config_is_of_this_design_and_knows_its_gain(folder):
-    config = load_driver_config(folder / "fabrication" / "driver.toml", digest=DESIGN.digest)
+def test_the_driver_config_is_of_this_design_and_knows_its_gain(quick):
+    config = load_driver_config(quick / "fabrication" / "driver.toml", digest=DESIGN.digest)
     assert len(config.emitters) == 3
     assert config.gain.counts_per_flux > 0
 
 
-def test_the_mold_is_watertight(folder):
-    assert trimesh.load_mesh(folder / "cad" / "mold.stl").is_watertight
+def test_the_mold_is_watertight(quick):
+    assert trimesh.load_mesh(quick / "cad" / "mold.stl").is_watertight
 
 
-def test_the_page_opens_without_a_network(folder):
-    page = (folder / "report.html").read_text(encoding="utf-8")
+def test_the_page_opens_without_a_network(quick):
+    page = (quick / "report.html").read_text(encoding="utf-8")
     assert "CONTIGUOUS" in page
     assert 'src="http' not in page
     assert 'href="http' not in page
 
 
-def test_the_molds_process_takes_no_module_from_the_current_folder(tmp_path, monkeypatch):
-    (tmp_path / "design.py").write_text("raise SystemExit(1)", encoding="utf-8")
-    monkeypatch.chdir(tmp_path)
-    with _mold_beside(DESIGN, tmp_path) as mold:
-        assert _finished(mold, tmp_path / "cad")["ok"]
+def test_the_molds_process_takes_no_module_from_the_current_folder(quick):
+    assert (quick.parents[1] / "design.py").is_file()
+    assert json.loads((quick / "cad" / "checks.json").read_text(encoding="utf-8"))["ok"]
 
 
-def test_a_run_that_fails_late_leaves_the_old_bundle_intact(folder, out, monkeypatch):
+def test_a_run_that_fails_late_leaves_the_old_bundle_intact(quick, monkeypatch):
+    folder, out = quick, quick.parent
     before = (folder / "manifest.json").read_bytes()
 
     def full_disk(*_args, **_kwargs):
@@ -144,13 +182,14 @@ def test_a_run_that_fails_late_leaves_the_old_bundle_intact(folder, out, monkeyp
 
     monkeypatch.setattr("optopad.jobs.pipeline._scored", full_disk)
     with pytest.raises((OutputError, OSError)):
-        run(DESIGN, out, fine=False, seed=0, on_step=lambda _stage, _share: None)
+        run(DESIGN, out, fine=False, seed=0, on_step=no_step)
     assert (folder / "manifest.json").read_bytes() == before
     assert altered_files(folder) == ()
     assert [path.name for path in out.iterdir()] == [bundle_name(DESIGN)]
 
 
-def test_report_finds_the_page_and_notices_a_changed_file(folder, capsys):
+def test_report_finds_the_page_and_notices_a_changed_file(quick, capsys):
+    folder = quick
     assert main(["report", str(folder), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["altered"] == []
     table = folder / "fabrication" / "bom.csv"
@@ -161,6 +200,6 @@ def test_report_finds_the_page_and_notices_a_changed_file(folder, capsys):
     table.write_bytes(original)
 
 
-def test_a_bundle_is_accepted_where_a_design_is(folder, capsys):
-    assert main(["check", str(folder), "--json"]) == 0
+def test_a_bundle_is_accepted_where_a_design_is(quick, capsys):
+    assert main(["check", str(quick), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["digest"] == DESIGN.digest

@@ -44,20 +44,20 @@ def swept(out, values, **options):
 
 
 def test_a_sweep_writes_table_and_figure_into_the_bundle(judged, tmp_path):
-    made = swept(tmp_path, [7.0, 9.0])
+    made = swept(tmp_path, [8.0, 10.0])
     names = {path.name for path in (made.folder / "sims").iterdir()}
     assert names == {f"sweep-{THICKNESS}.{kind}" for kind in ("json", "csv", "svg", "png")}
     assert made.folder == tmp_path / bundle_name(PAIR)
     assert altered_files(made.folder) == ()
     table = (made.folder / "sims" / f"sweep-{THICKNESS}.csv").read_text(encoding="utf-8")
     rows = list(csv.DictReader(table.splitlines()))
-    assert [row[THICKNESS] for row in rows] == ["7.0", "9.0"]
+    assert [row[THICKNESS] for row in rows] == ["8.0", "10.0"]
     assert [row["verdict"] for row in rows] == ["CONTIGUOUS", "DEADBAND"]
     assert list(tmp_path.iterdir()) == [made.folder]  # finished pieces are gone with the work
 
 
 def test_rows_hold_the_value_and_the_keys_of_a_score(judged, tmp_path):
-    document = swept(tmp_path, [7.0]).to_json()
+    document = swept(tmp_path, [8.0]).to_json()
     assert document["field"] == THICKNESS
     assert {"value", "verdict", "deadband_mm", "mode_gap_mm", "continuity", "evenness", "strength"} <= set(
         document["rows"][0]
@@ -83,9 +83,9 @@ def test_an_interrupted_sweep_goes_on_where_it_stopped(monkeypatch, tmp_path):
 
     monkeypatch.setattr(sweeping, "_judged", judge)
     with pytest.raises(KeyboardInterrupt):
-        swept(tmp_path, [7.0, 8.0, 9.0])
-    made = swept(tmp_path, [7.0, 8.0, 9.0])
-    assert asked == [7.0, 8.0, 8.0, 9.0]
+        swept(tmp_path, [8.0, 8.5, 10.0])
+    made = swept(tmp_path, [8.0, 8.5, 10.0])
+    assert asked == [8.0, 8.5, 8.5, 10.0]
     assert made.taken_up == 1
     assert "1 of 3 values were taken up" in sweep_lines(made)[-1]
 
@@ -93,9 +93,9 @@ def test_an_interrupted_sweep_goes_on_where_it_stopped(monkeypatch, tmp_path):
 @pytest.mark.parametrize("other", [{"seed": 1}, {"fine": True}])
 def test_another_sweep_never_takes_up_the_values_of_this_one(judged, tmp_path, monkeypatch, other):
     monkeypatch.setattr(FinishedWork, "forget", lambda self: None)
-    swept(tmp_path, [7.0])
-    swept(tmp_path, [7.0], **other)
-    assert judged == [7.0, 7.0]
+    swept(tmp_path, [8.0])
+    swept(tmp_path, [8.0], **other)
+    assert judged == [8.0, 8.0]
 
 
 def test_a_finished_piece_that_was_cut_short_is_worked_again(tmp_path):
@@ -171,7 +171,7 @@ def test_a_mold_of_a_set_carries_its_value_and_so_does_its_folder():
     assert design.name == "piacenza2017-pair-8.5"
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_softer_mix_moves_loads_and_no_depth(tmp_path, capsys):
     command = [
         "sweep",

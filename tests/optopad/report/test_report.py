@@ -71,6 +71,14 @@ def tetrahedron_stl() -> bytes:
     return bytes(80) + struct.pack("<I", len(rows)) + b"".join(rows)
 
 
+@pytest.fixture
+def pair_bundle(undrawn: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The pair's page without ink on its plots."""
+    folder = tmp_path_factory.mktemp("pair")
+    written(folder, PAIR, dead_score(PAIR))
+    return folder
+
+
 def test_the_page_says_verdict_design_digest_and_seed(text: str) -> None:
     said = Page(text).text
     assert "DEADBAND" in said
@@ -159,15 +167,26 @@ def test_plots_are_files_of_the_bundle_too(bundle: Path) -> None:
     }
 
 
-def test_equal_input_gives_equal_bytes(text: str, bundle: Path, tmp_path: Path) -> None:
+def require_equal_bytes(design: SensorDesign, bundle: Path, folder: Path) -> None:
     for part in ("cad", "fabrication"):
-        shutil.copytree(bundle / part, tmp_path / part)
-    (tmp_path / "report.html").write_text("an earlier page")
-    assert written(tmp_path, PAD, dead_score()) == text
+        if (bundle / part).is_dir():
+            shutil.copytree(bundle / part, folder / part)
+    (folder / "report.html").write_text("an earlier page")
+    assert written(folder, design, dead_score(design)) == (bundle / "report.html").read_text(encoding="utf-8")
     for plot in (bundle / "sims").iterdir():
-        assert (tmp_path / "sims" / plot.name).read_bytes() == plot.read_bytes()
+        assert (folder / "sims" / plot.name).read_bytes() == plot.read_bytes()
 
 
+@pytest.mark.slow
+def test_equal_input_gives_equal_bytes(bundle: Path, tmp_path: Path) -> None:
+    require_equal_bytes(PAD, bundle, tmp_path)
+
+
+def test_equal_input_gives_equal_words_and_tables(pair_bundle: Path, tmp_path: Path) -> None:
+    require_equal_bytes(PAIR, pair_bundle, tmp_path)
+
+
+@pytest.mark.usefixtures("undrawn")
 def test_what_a_design_says_stays_text(tmp_path: Path) -> None:
     attack = "<script>alert(1)</script> & \"quotes\" 'single' $style"
     design = PAD.with_(description=attack)
@@ -177,6 +196,7 @@ def test_what_a_design_says_stays_text(tmp_path: Path) -> None:
     assert attack in Page(page).text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_reasons_and_warnings_stay_text(tmp_path: Path) -> None:
     bad = "<img src=x onerror=alert(1)>"
     page = written(tmp_path / "a", PAD, replace(out_of_scope_score(), reason=bad))
@@ -206,16 +226,17 @@ def test_plots_of_an_earlier_verdict_do_not_stay(tmp_path: Path) -> None:
     assert sorted(path.name for path in (tmp_path / "sims").iterdir()) == ["plot-layout.svg", "signals.nc"]
 
 
-def test_facing_rows_show_every_facing_pair(tmp_path: Path) -> None:
+def test_facing_rows_show_every_facing_pair(pair_bundle: Path) -> None:
     score = dead_score(PAIR)
-    said = Page(written(tmp_path, PAIR, score)).text
+    said = Page((pair_bundle / "report.html").read_text(encoding="utf-8")).text
     assert [pair.name for pair in score.pairs] == ["E2-R2", "E1-R1", "E3-R3"]
     for pair in score.pairs:
-        assert (tmp_path / "sims" / f"plot-signal-{pair.name}.svg").is_file()
+        assert (pair_bundle / "sims" / f"plot-signal-{pair.name}.svg").is_file()
     start, end = score.pairs[0].score.deadbands_mm[0]
     assert f"E2-R2 does not tell depth from {start:.2f} to {end:.2f} mm; 2 more of 3 pairs neither." in said
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_contiguous_pad_says_so_and_has_no_deadband_map(tmp_path: Path) -> None:
     said = Page(written(tmp_path, PAD, contiguous_score())).text
     assert "One frame tells depth from contact to 5 mm at all 25 places." in said
@@ -259,6 +280,7 @@ def test_the_plots_of_a_pad_follow_its_governing_pair() -> None:
     }
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_tolerance_of_a_pad_says_that_it_is_of_one_place(tmp_path: Path) -> None:
     score = dead_score()
     assert score.tolerance is not None
@@ -271,6 +293,7 @@ def test_the_tolerance_of_a_pad_says_that_it_is_of_one_place(tmp_path: Path) -> 
     assert "the deadband of the pad at x 6, y 6 mm is" in line
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_tolerance_without_any_mode_gap_has_no_plot_of_it() -> None:
     score = dead_score(PAIR)
     assert score.tolerance is not None
@@ -321,6 +344,7 @@ def test_the_load_at_the_deepest_press_is_told_with_its_band(text: str) -> None:
     assert expected in Page(text).text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_press_and_retract_are_drawn_only_for_a_pad_whose_load_relaxes(text: str) -> None:
     assert "Press and retract have the same load: relaxation is off." in Page(text).text
     press_only = replace(dead_score(), pairs=(), pad_map=None, tolerance=None)
@@ -344,6 +368,7 @@ def test_mold_checks_are_listed_with_what_is_wrong_first(text: str) -> None:
     assert "The files can be printed. 3 checks, 0 errors, 1 warning" in said
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_mold_that_cannot_be_printed_says_so(tmp_path: Path) -> None:
     page = write_report(PAD, tmp_path, out_of_scope_score(), {"ok": False, "findings": []}, seed=0)
     assert "The files can NOT be printed as they are." in page.read_text(encoding="utf-8")
@@ -361,6 +386,7 @@ def test_a_tables_first_cells_are_headings() -> None:
     assert 'aria-label="numbers"' in made
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_pad_that_fades_says_to_what_depth_and_maps_it(tmp_path: Path) -> None:
     score = contiguous_score()
     first, *others = score.pad_map.places

@@ -19,6 +19,7 @@ from tests.optopad.report.page_reader import Page
 from tests.optopad.screen.test_one_screen import cause
 from tests.sims.made_up_scores import CHECKS, contiguous_score, dead_score
 
+pytestmark = pytest.mark.usefixtures("undrawn")
 PAD, PAIR = preset("piacenza2017-pad"), preset("piacenza2017-pair")
 BASE = Effect(usable_mm=5.0, deadband_mm=0.3, margin=2.0, location_mm=0.01, depth_mm=0.004)
 ASIDE_MM = 1.0

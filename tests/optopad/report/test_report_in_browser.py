@@ -77,6 +77,7 @@ def text_of(tab: Tab, query: str) -> str:
     return str(tab.run(f"document.querySelector({json.dumps(query)}).textContent"))
 
 
+@pytest.mark.slow
 def test_the_page_loads_nothing_but_itself_and_complains_of_nothing(shown, page):
     own = [address for address in shown.requests if not address.startswith("data:")]
     assert own == [page.resolve().as_uri()]
@@ -86,11 +87,13 @@ def test_the_page_loads_nothing_but_itself_and_complains_of_nothing(shown, page)
         assert told(shown, view)["ready"] == "yes"
 
 
+@pytest.mark.slow
 def test_the_views_stand_in_for_the_stills(shown):
     hidden = "['rays', 'pairs', 'maps'].map((n) => getComputedStyle(document.getElementById(n + '-still')).display)"
     assert shown.run(hidden) == ["none"] * 3
 
 
+@pytest.mark.slow
 def test_keys_turn_and_size_the_view(shown):
     start = told(shown, "rays-view")
     focus(shown, "#rays-view canvas")
@@ -118,6 +121,7 @@ def drag(tab: Tab, kind: str, moves: list[tuple[int, int]], *, pointer: int = 1)
     do(tab, f"(() => {{const canvas = document.querySelector('#rays-view canvas'); {steps}}})()")
 
 
+@pytest.mark.slow
 def test_a_mouse_turns_the_view_while_pressed(shown):
     start = told(shown, "rays-view")
     drag(shown, "mouse", [(300, 300), (350, 310), (350, 310)])
@@ -126,6 +130,7 @@ def test_a_mouse_turns_the_view_while_pressed(shown):
     assert float(turned["pitch"]) == pytest.approx(float(start["pitch"]) + 0.4 * 10)
 
 
+@pytest.mark.slow
 def test_two_fingers_size_the_view(shown):
     script = """(() => {
       const canvas = document.querySelector('#rays-view canvas');
@@ -146,6 +151,7 @@ INK = """(() => {
 })()"""
 
 
+@pytest.mark.slow
 def test_the_mold_is_drawn_cut_open_whole_or_not_at_all(shown):
     painted = {}
     for look in ("cut", "whole", "none"):
@@ -156,6 +162,7 @@ def test_the_mold_is_drawn_cut_open_whole_or_not_at_all(shown):
     assert painted["whole"] > painted["cut"]  # the walls that were cut away cover more of the ground
 
 
+@pytest.mark.slow
 def test_through_a_whole_mold_seen_from_the_side_no_light_is_drawn(shown):
     colour = """(() => {
       const canvas = document.querySelector('#rays-view canvas');
@@ -173,6 +180,7 @@ def test_through_a_whole_mold_seen_from_the_side_no_light_is_drawn(shown):
     assert names_only < 20
 
 
+@pytest.mark.slow
 def test_a_press_a_kind_and_a_pair_can_be_chosen(shown):
     choose(shown, "input[name=rays-press][value='3']")
     pressed = told(shown, "rays-view")
@@ -186,6 +194,7 @@ def test_a_press_a_kind_and_a_pair_can_be_chosen(shown):
     assert text_of(shown, "[data-total]").endswith("of its untouched light arrives")
 
 
+@pytest.mark.slow
 def test_the_picker_draws_each_pair_with_its_modes_and_deadband(shown):
     score = dead_score(PAIR)
     for _ in score.pairs:
@@ -200,6 +209,7 @@ def test_the_picker_draws_each_pair_with_its_modes_and_deadband(shown):
     assert told(shown, "pairs-view")["pair"] == score.pairs[0].name  # round again
 
 
+@pytest.mark.slow
 def test_the_depth_of_the_picker_reads_the_curves(shown):
     pair = dead_score(PAIR).pairs[0]
     focus(shown, "#pairs-depth")
@@ -211,11 +221,13 @@ def test_the_depth_of_the_picker_reads_the_curves(shown):
     assert told(shown, "pairs-view")["depth"] == "4.97"
 
 
+@pytest.mark.slow
 def test_a_pair_of_the_table_is_shown_by_its_link(shown):
     choose(shown, "a[data-pair='E3-R3']")
     assert told(shown, "pairs-view")["pair"] == "E3-R3"
 
 
+@pytest.mark.slow
 def test_the_slider_moves_the_map(shown):
     fills = (
         "[...document.querySelectorAll('[data-map] [data-place]')].map((c) => c.getAttribute('fill')).join()"
@@ -235,6 +247,7 @@ def test_the_slider_moves_the_map(shown):
     assert "10 of 25 places" in text_of(shown, "[data-summary]")
 
 
+@pytest.mark.slow
 def test_arrow_keys_move_from_place_to_place(shown):
     before = int(told(shown, "maps-view")["place"])
     focus(shown, "[data-map]")
@@ -245,6 +258,7 @@ def test_arrow_keys_move_from_place_to_place(shown):
     assert "x 8, y 8 mm" in text_of(shown, "#maps-view [data-reading]")
 
 
+@pytest.mark.slow
 def test_dark_follows_the_system_and_the_readers_choice(browser, page):
     ground = "getComputedStyle(document.body).backgroundColor"
     browser.open(page, dark=True)
@@ -307,12 +321,14 @@ CONTRAST = """(() => {
 })()"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dark", [False, True])
 def test_text_has_the_contrast_that_wcag_asks_for(browser, page, dark):
     browser.open(page, dark=dark)
     assert browser.run(CONTRAST) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dark", [False, True])
 def test_a_narrow_page_does_not_scroll_sideways(browser, page, dark):
     browser.open(page, width=NARROW, height=844, dark=dark)
@@ -320,6 +336,7 @@ def test_a_narrow_page_does_not_scroll_sideways(browser, page, dark):
     assert browser.complaints == []
 
 
+@pytest.mark.slow
 def test_tab_reaches_every_control_in_the_order_of_the_page(shown):
     order = """(() => {
       const kinds = 'a[href], button, select, input, canvas[tabindex], svg[tabindex], summary';
@@ -332,6 +349,7 @@ def test_tab_reaches_every_control_in_the_order_of_the_page(shown):
     assert shown.run("document.activeElement.className") == "skip"
 
 
+@pytest.mark.slow
 def test_every_control_has_a_name_and_every_table_its_heads(shown):
     nameless = """[...document.querySelectorAll('button, select, input, canvas, output')].filter((node) =>
       !(node.getAttribute('aria-label') || node.textContent.trim() || node.closest('label')
@@ -341,6 +359,7 @@ def test_every_control_has_a_name_and_every_table_its_heads(shown):
     assert shown.run(heads)
 
 
+@pytest.mark.slow
 def test_motion_waits_for_a_reader_who_wants_it(browser, page):
     browser.open(page)
     browser.prefer("light", reduced_motion=True)
@@ -354,6 +373,7 @@ def pages_of(pdf: bytes) -> int:
     return len(re.findall(rb"/Type\s*/Page[^s]", pdf))
 
 
+@pytest.mark.slow
 def test_the_page_prints_on_a_few_sheets_with_the_sheets_open(shown):
     pdf = shown.pdf()
     # verdict to build sheet of three pairs; 48 pairs take two sheets more

@@ -48,7 +48,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def text(folder: Path) -> str:
+def text(folder: Path, scene: RayScene) -> str:
+    """A page with the light of `scene`, and without ink on its plots."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("optopad.report.sections.drawings.svg_text", lambda *_: '<svg viewBox="0 0 1 1"></svg>')
+        patch.setattr("optopad.report.sections.early.ray_scene", lambda *_, **__: scene)
+        return written(folder)
+
+
+def written(folder: Path) -> str:
     return write_report(PAIR, folder, dead_score(PAIR), CHECKS, seed=7).read_text(encoding="utf-8")
 
 
@@ -126,6 +134,10 @@ def test_a_thinned_curve_stays_within_its_tolerance():
 
 def test_the_section_stays_small(scene):
     assert len(rays_section(scene).encode()) < LARGEST_SECTION
+
+
+@pytest.mark.slow
+def test_the_section_of_a_pad_stays_small():
     pad = ray_scene(PAD, dead_score(PAD), seed=0)
     assert pad is not None
     assert len(rays_section(pad).encode()) < LARGEST_SECTION
@@ -151,6 +163,7 @@ def test_data_cannot_end_its_own_element(scene):
     assert json.loads(found[1])["states"][1]["label"] == states[1]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_design_that_the_ray_tracer_refuses_still_has_a_page(tmp_path, monkeypatch):
     def refuse(*_, **__):
         raise ModelScopeError("made-up <limit>")

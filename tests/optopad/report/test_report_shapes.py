@@ -156,6 +156,7 @@ def test_words_say_what_the_pad_is():
     assert WALLS not in Page(limits_section(DOME)).text
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(browser_path() is None, reason="no browser")
 def test_in_a_browser_a_dome_s_views_work_and_keys_stay_in_its_workspace(
     made_up_contact, monkeypatch, tmp_path: Path

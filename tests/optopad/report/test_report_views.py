@@ -242,6 +242,7 @@ def study() -> BuildStudy:
     )
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_builds_are_told_with_their_interval_and_what_matters(tmp_path: Path) -> None:
     score = replace(dead_score(PAIR), builds=study())
     low, high = study().kept_interval

@@ -5,13 +5,12 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-import pytest
-
 from design.fields.finding import error, warning
 from design.preset import preset
 from optopad.report.text.answer import answer_of, cause_sentence, unit_of
 from optopad.screen.one_screen import LINES, WIDTH, as_typed, findings_screen, verdict_screen
 from sims.verdict.causes import Cause, Witness
+from tests.design.for_each import for_each
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 
 PAD, PAIR = preset("piacenza2017-pad"), preset("piacenza2017-pair")
@@ -44,11 +43,13 @@ def cause(lack):
     )
 
 
-@pytest.mark.parametrize("design", [PAD, PAIR])
-@pytest.mark.parametrize("made_up", [dead_score, contiguous_score, out_of_scope_score])
-@pytest.mark.parametrize("lack", LACKS)
-def test_a_verdict_fits_on_one_screen(design, made_up, lack):
-    score = made_up(design)
+SCORES = [
+    (one, made(one)) for one in (PAD, PAIR) for made in (dead_score, contiguous_score, out_of_scope_score)
+]
+
+
+@for_each((design, score, lack) for design, score in SCORES for lack in LACKS)
+def test_a_verdict_fits_on_one_screen(design, score, lack):
     if score.deadbands_mm:
         score = replace(score, causes=(cause(lack),))
     score = replace(score, warnings=tuple(f"a long warning {'of many words ' * 30}{n}" for n in range(20)))

@@ -81,7 +81,7 @@ def test_the_screen_of_a_pair_with_a_deadband():
     looked_at(*CASES["pair at 10 mm"])
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_screen_of_a_pad_with_a_deadband():
     looked_at(*CASES["pad at 11 mm"])
 

@@ -15,6 +15,7 @@ from design.spec import SensorDesign
 from optopad.studio.design_file import DesignFile
 from optopad.studio.moves import STEP_DEG, angle_of, moved, part_named
 from optopad.studio.session import Session
+from tests.design.for_each import for_each
 
 DISC, CROWNED, DOME = SHAPED_PRESETS
 BY_ANGLE = [
@@ -38,8 +39,7 @@ def after(design: SensorDesign, name: str, **where: Any) -> SensorDesign:
     return design.with_(**moved(design, name, **where))
 
 
-@pytest.mark.parametrize(("where", "name"), EACH)
-@pytest.mark.parametrize("turn_deg", [3.02, -371.2])
+@for_each((where, name, turn_deg) for where, name in EACH for turn_deg in (3.02, -371.2))
 def test_a_part_that_is_turned_is_the_only_one_that_moves(where: str, name: str, turn_deg: float) -> None:
     design = DESIGNS[where]
     was = directions(design)
@@ -53,7 +53,7 @@ def test_a_part_that_is_turned_is_the_only_one_that_moves(where: str, name: str,
     assert now == was
 
 
-@pytest.mark.parametrize(("where", "name"), EACH)
+@for_each(EACH)
 def test_with_its_whole_row_the_ring_turns(where: str, name: str) -> None:
     design = DESIGNS[where]
     found = after(design, name, angle_deg=angle_of(design, part_named(design, name)) + 7.0, with_row=True)
@@ -65,7 +65,7 @@ def test_with_its_whole_row_the_ring_turns(where: str, name: str) -> None:
         assert now[other] == (kind, part, pytest.approx((angle + turn) % 360.0, abs=1e-6), height)
 
 
-@pytest.mark.parametrize(("where", "name"), EACH)
+@for_each(EACH)
 def test_a_part_put_where_it_is_stays_in_its_ring(where: str, name: str) -> None:
     design = DESIGNS[where]
     angle = angle_of(design, part_named(design, name))

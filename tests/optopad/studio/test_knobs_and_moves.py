@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from itertools import product
 from typing import Any
 
 import pytest
@@ -24,6 +25,7 @@ from optopad.studio.knobs import (
     pattern_of,
 )
 from optopad.studio.moves import STEP_MM, moved, part_named, placed_singles
+from tests.design.for_each import for_each
 
 PAD, PAIR, OBLONG = "piacenza2017-pad", "piacenza2017-pair", "oblong-60x40"
 DISC, CROWNED, DOME = SHAPED_PRESETS
@@ -45,10 +47,7 @@ DESIGNS = {name: preset(name) for name in (*FLAT_PRESETS, CROWNED)} | {"by side"
 DISCS = {name: preset(name) for name in (DISC, DOME)}
 ALL = DESIGNS | DISCS
 KNOBS = [(where, knob) for where, design in ALL.items() for knob in knobs_of(design)]
-
-
-def knob_id(one: object) -> str:
-    return one.path if isinstance(one, Knob) else str(one)
+NUMBERS = [one for one in KNOBS if one[1].kind != "choice"]
 
 
 def after(design: SensorDesign, name: str, **where: Any) -> SensorDesign:
@@ -92,7 +91,7 @@ def field_schema(path: str) -> dict[str, Any]:
     return numbers[0]
 
 
-@pytest.mark.parametrize(("where", "knob"), KNOBS, ids=knob_id)
+@for_each(KNOBS)
 def test_a_field_shows_what_the_design_has(where: str, knob: Knob) -> None:
     design = ALL[where]
     if knob.path == "layout":
@@ -107,7 +106,7 @@ def test_a_field_shows_what_the_design_has(where: str, knob: Knob) -> None:
         assert knob.value == value
 
 
-@pytest.mark.parametrize(("where", "knob"), [one for one in KNOBS if one[1].kind != "choice"], ids=knob_id)
+@for_each(NUMBERS)
 def test_limits_are_those_of_the_specification(where: str, knob: Knob) -> None:
     schema = field_schema(knob.path)
     pattern = get_at(ALL[where].model_dump(mode="json"), knob.path.rpartition(".")[0])
@@ -131,7 +130,7 @@ def allowed(knob: Knob) -> list[Any]:
     return [round(one) for one in kept] if knob.kind == "whole" else [round(float(one), 6) for one in kept]
 
 
-@pytest.mark.parametrize(("where", "knob"), KNOBS, ids=knob_id)
+@for_each(KNOBS)
 def test_every_allowed_value_is_taken_and_shown(where: str, knob: Knob) -> None:
     design = ALL[where]
     for value in allowed(knob):
@@ -142,7 +141,7 @@ def test_every_allowed_value_is_taken_and_shown(where: str, knob: Knob) -> None:
         assert changes_of(found, knob.path, value).get(knob.path, value) == value
 
 
-@pytest.mark.parametrize(("where", "knob"), [one for one in KNOBS if one[1].kind != "choice"], ids=knob_id)
+@for_each(NUMBERS)
 def test_a_value_beyond_a_limit_is_refused_by_name(where: str, knob: Knob) -> None:
     design = ALL[where]
     beyond = [
@@ -197,7 +196,7 @@ def test_a_design_has_the_fields_of_its_outline_and_top() -> None:
         assert ("layout.0.first_angle_deg" in paths) == is_disc
 
 
-@pytest.mark.parametrize("name", [DISC, DOME])
+@for_each([DISC, DOME])
 def test_a_round_mold_follows_the_disc_in_it(name: str) -> None:
     design = preset(name)
     assert design.mold.outer_diameter_mm is not None
@@ -222,8 +221,7 @@ def test_a_field_that_a_design_has_not_is_refused_in_words(where: str, path: str
         ALL[where].with_(**changes_of(ALL[where], path, 20.0))
 
 
-@pytest.mark.parametrize("side", ["length", "width"])
-@pytest.mark.parametrize("name", [*FLAT_PRESETS, CROWNED])
+@for_each(product([*FLAT_PRESETS, CROWNED], ["length", "width"]))
 def test_the_mold_s_outside_follows_the_pad_s_inside(name: str, side: str) -> None:
     design = preset(name)
     inner = getattr(design.cavity, f"{side}_mm")
@@ -236,8 +234,7 @@ def test_the_mold_s_outside_follows_the_pad_s_inside(name: str, side: str) -> No
         assert getattr(found.mold, f"outer_{other}_mm") == getattr(design.mold, f"outer_{other}_mm")
 
 
-@pytest.mark.parametrize("wall", range(4))
-@pytest.mark.parametrize("change", [-1, 1, 2, -4])
+@for_each(product(range(4), [-1, 1, 2, -4]))
 def test_a_ring_counted_wall_by_wall_keeps_its_sum_even(wall: int, change: int) -> None:
     design = preset(OBLONG)
     counts = [7, 5, 7, 5]
@@ -253,8 +250,7 @@ def test_an_odd_step_at_the_end_of_the_range_takes_the_opposite_wall_the_other_w
     assert changes == {"layout.0.parts_per_side.0": 32, "layout.0.parts_per_side.2": 31}
 
 
-@pytest.mark.parametrize("pattern", PATTERNS)
-@pytest.mark.parametrize("where", DESIGNS)
+@for_each(product(DESIGNS, PATTERNS))
 def test_another_pattern_is_that_pattern_and_has_both_kinds(where: str, pattern: str) -> None:
     design = DESIGNS[where]
     found = design.with_(**changes_of(design, "layout", pattern))
@@ -265,7 +261,7 @@ def test_another_pattern_is_that_pattern_and_has_both_kinds(where: str, pattern:
         assert list(places(found)) == list(places(design))
 
 
-@pytest.mark.parametrize("where", DISCS)
+@for_each(DISCS)
 def test_a_ring_taken_apart_and_made_again_is_the_same_ring(where: str) -> None:
     design = DISCS[where].with_(**{"layout.0.first_angle_deg": 12.5})
     assert pattern_of(design) == DISC_PATTERNS[0]
@@ -281,7 +277,7 @@ def test_a_layout_of_the_pattern_that_it_has_is_no_change() -> None:
         assert changes_of(design, "layout", pattern_of(design)) == {}
 
 
-@pytest.mark.parametrize("where", DESIGNS)
+@for_each(DESIGNS)
 def test_a_part_moved_along_is_the_only_one_that_moves(where: str) -> None:
     design = DESIGNS[where]
     for name in places(design):
@@ -298,7 +294,7 @@ def test_a_part_moved_along_is_the_only_one_that_moves(where: str) -> None:
         assert [one[3:] for one in now.values()] == [pytest.approx(one[3:], abs=1e-6) for one in was.values()]
 
 
-@pytest.mark.parametrize("where", ALL)
+@for_each(ALL)
 def test_a_part_moved_up_takes_all_of_its_kind_along_but_those_with_a_height_of_their_own(where: str) -> None:
     design = ALL[where]
     for name in places(design):
@@ -360,7 +356,7 @@ def test_a_part_that_stands_alone_is_changed_in_its_own_entry() -> None:
     assert moved(design, "R5", along_mm=14.0) == {f"layout.{number}.along_mm": 14.0}
 
 
-@pytest.mark.parametrize("where", DESIGNS)
+@for_each(DESIGNS)
 def test_with_its_whole_row_the_pattern_stays(where: str) -> None:
     design = DESIGNS[where]
     for name in places(design):
@@ -397,7 +393,7 @@ def test_a_row_is_not_turned_round_by_a_drag_across_its_middle() -> None:
     assert moved(preset(PAIR), "R3", along_mm=4.0, with_row=True) == {"layout.0.pitch_mm": 0.5}
 
 
-@pytest.mark.parametrize("where", DESIGNS)
+@for_each(DESIGNS)
 def test_a_part_put_where_it_is_stays_in_its_pattern(where: str) -> None:
     design = DESIGNS[where]
     for name in places(design):
@@ -417,7 +413,7 @@ def test_an_unknown_part_and_a_place_that_is_no_number_are_refused() -> None:
             moved(preset(PAIR), "E1", along_mm=value)
 
 
-@pytest.mark.parametrize("where", DESIGNS)
+@for_each(DESIGNS)
 def test_a_layout_taken_apart_is_the_same_layout(where: str) -> None:
     design = DESIGNS[where]
     found = design.with_(layout=placed_singles(design, range(len(design.layout))))

@@ -1,4 +1,4 @@
-"""One coarse solve shared by the contact tests; nothing touches the user's cache."""
+"""Coarse presses shared by the contact tests, read from files; nothing touches the user's cache."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from design.preset import preset
 from design.spec import SensorDesign
 from sims.contact.indentation import solved_press
+from sims.contact.library import stored_press
 from sims.contact.library.solved_press import SolvedPress
-
-COARSE_MM = 0.45
+from tests.sims.contact import kept_presses
+from tests.sims.contact.kept_presses import COARSE_MM, kept_or_solved
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -20,25 +20,19 @@ def contact_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     folder = tmp_path_factory.mktemp("cache")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("OPTOPAD_CACHE", str(folder))
+        patch.setattr(stored_press, "_solve", kept_or_solved(stored_press._solve))
         yield folder
 
 
 @pytest.fixture(scope="session")
 def check_design() -> SensorDesign:
     """8 mm elastic depth, 3 mm tip, 1 MPa: the case of the study's check values."""
-    return preset("piacenza2017-pad").with_(
-        **{
-            "cavity.clear_thickness_mm": 7.0,
-            "cavity.black_thickness_mm": 1.0,
-            "indenter.tip_radius_mm": 3.0,
-            "elastomer.youngs_modulus_mpa": 1.0,
-            "operating.max_depth_mm": 3.0,
-        }
-    )
+    return kept_presses.check_design()
 
 
 @pytest.fixture(scope="session")
 def coarse_press(check_design: SensorDesign) -> SolvedPress:
+    """As it was solved when `kept_presses` was run; a slow test solves it live."""
     return solved_press(check_design, mesh_mm=COARSE_MM)
 
 

@@ -14,8 +14,13 @@ from design.errors import DesignError, InputError, ModelScopeError, OptopadError
 from design.spec import SensorDesign
 from sims.contact import indent
 from sims.contact.indentation import depth_limit_mm, modulus_mpa, solved_press
+from sims.contact.library import stored_press
 from sims.contact.library.solved_press import SolvedPress
 from sims.contact.scope import DEPTH_STEP, solved_depths, tip_radius_mm
+from tests.sims.contact.kept_presses import COARSE_MM
+
+SOLVE = stored_press._solve
+"""Before the tests of this folder read kept presses in its place."""
 
 
 def test_indent_is_the_solved_press_at_that_depth(
@@ -114,16 +119,47 @@ def test_solved_depths_end_at_the_limit_of_the_model(layer: float) -> None:
     assert np.diff(depths).max() <= DEPTH_STEP + 1e-9
 
 
-def test_progress_rises_to_one(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, check_design: SensorDesign
-) -> None:
-    monkeypatch.setenv("OPTOPAD_CACHE", str(tmp_path))
+@pytest.fixture(scope="module")
+def live(
+    check_design: SensorDesign, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[SolvedPress, list[float]]:
+    """The coarse press solved here and now, and its progress."""
     seen: list[float] = []
-    solved_press(check_design, 0.1, 0.45, on_step=seen.append)
-    # at least 0.4 mm deep, for a smooth description: 7 depths, at two Poisson's ratios, in either order
-    assert sorted(seen) == pytest.approx(np.arange(1, 15) / 14)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("OPTOPAD_CACHE", str(tmp_path_factory.mktemp("live")))
+        patch.setattr(stored_press, "_SOLVED", {})
+        patch.setattr(stored_press, "_solve", SOLVE)
+        return solved_press(check_design, mesh_mm=COARSE_MM, on_step=seen.append), seen
 
 
+@pytest.mark.slow
+def test_progress_rises_to_one(live: tuple[SolvedPress, list[float]]) -> None:
+    press, seen = live
+    # every depth at two Poisson's ratios, in either order
+    assert press.unit is not None
+    steps = 2 * press.unit.depths.size
+    assert sorted(seen) == pytest.approx(np.arange(1, steps + 1) / steps)
+
+
+@pytest.mark.slow
+def test_the_kept_press_is_what_the_solver_gives(
+    live: tuple[SolvedPress, list[float]], coarse_press: SolvedPress
+) -> None:
+    """Where this fails because results changed on purpose: `python -m tests.sims.contact.kept_presses`."""
+    found, kept = live[0].unit, coarse_press.unit
+    assert found is not None
+    assert kept is not None
+    np.testing.assert_array_equal(found.depths, kept.depths)
+    np.testing.assert_array_equal(found.rest_radii, kept.rest_radii)
+    # another processor rounds differently, and a state counts as settled where it moves by less than 1e-4 a step
+    np.testing.assert_allclose(found.heights, kept.heights, rtol=0.0, atol=1e-3)
+    np.testing.assert_allclose(found.radii, kept.radii, rtol=0.0, atol=1e-3)
+    np.testing.assert_allclose(found.force, kept.force, rtol=5e-3)
+    for depth_mm in (0.2, 1.0, 2.0, 3.0):
+        assert live[0].at(depth_mm).force_n == pytest.approx(coarse_press.at(depth_mm).force_n, rel=5e-3)
+
+
+@pytest.mark.slow
 def test_a_stored_press_is_read_without_loading_the_solver(
     contact_cache: Path, coarse_press: SolvedPress
 ) -> None:

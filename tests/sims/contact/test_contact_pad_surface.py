@@ -88,6 +88,7 @@ def test_in_the_middle_of_a_square_pad_the_press_is_that_of_the_round_pad_of_its
     )
 
 
+@pytest.mark.slow
 def test_walls_stiffen_a_press_beside_them_and_a_small_pad(pad: SensorDesign) -> None:
     middle, side, corner = (indent(pad, 2.0, at).force_n for at in (None, (6.0, 16.0), (6.0, 6.0)))
     assert middle < side < corner

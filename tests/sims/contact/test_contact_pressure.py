@@ -78,7 +78,7 @@ def test_point_forces_are_shared_by_the_lever_rule() -> None:
     assert shared_out(at, np.array([4.0, 2.0, 1.0]), nodes) == pytest.approx([3.0, 3.0, 1.0])
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_nodal_forces_add_up_to_the_press_force_and_a_shallow_press_has_hertz_pressure() -> None:
     depths = [0.02 / 3, 0.05 / 3, 0.1 / 3, 0.15 / 3, 0.2 / 3, TWELFTH, 0.1, 0.4 / 3, 0.5 / 3]
     unit = solve_unit_press(6.0, 0.1, depths, 0.49)

@@ -19,7 +19,7 @@ POISSON_RATIO = 0.49
 DEPTHS = (0.02 / 3, 0.05 / 3, 0.1 / 3, 0.2 / 3, 0.1, 0.4 / 3)
 WAVY = ((0.0, 0.0), (0.6, 0.02), (1.2, 0.5), (1.8, 0.55), (2.4, 1.2), (3.0, 1.3))
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.full
 
 
 def pressed(tip: TipOutline, depths: tuple[float, ...] = DEPTHS) -> WedgeSolution:

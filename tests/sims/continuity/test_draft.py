@@ -53,7 +53,7 @@ def test_the_outer_pairs_of_the_draft_mirror_each_other(pair_draft: ContinuitySc
     assert first == pytest.approx(last, abs=0.01)
 
 
-@pytest.mark.parametrize("seed", [0, 7])
+@pytest.mark.parametrize("seed", [0, pytest.param(7, marks=pytest.mark.slow)])
 def test_the_same_seed_gives_the_same_bits(seed: int, pair_draft: ContinuityScore) -> None:
     again = draft_score(preset(PAIR), seed=seed)
     assert same_bits(again, pair_draft) == (seed == 0)
@@ -87,7 +87,7 @@ def test_the_draft_of_the_pair_says_what_its_score_says(changes: dict[str, float
         ]
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize(("clear_mm", "verdict"), [(8.0, "CONTIGUOUS"), (10.0, "DEADBAND")])
 def test_the_draft_of_the_pad_says_what_its_score_says(clear_mm: float, verdict: str) -> None:
     design = preset(PAD).with_(**{CLEAR: clear_mm})
@@ -99,7 +99,7 @@ def test_the_draft_of_the_pad_says_what_its_score_says(clear_mm: float, verdict:
     assert (found.pad_map.x_mm, found.pad_map.y_mm) == (true.pad_map.x_mm, true.pad_map.y_mm)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_pairs_far_from_a_place_may_be_left_as_untouched(monkeypatch: pytest.MonkeyPatch) -> None:
     design = preset(PAD)
     found = draft_score(design).pad_map
@@ -116,7 +116,7 @@ def test_pairs_far_from_a_place_may_be_left_as_untouched(monkeypatch: pytest.Mon
     assert np.abs(np.diff(margins)).max() < 8.0
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_place_that_is_nearly_blind_is_judged_by_finer_light(monkeypatch: pytest.MonkeyPatch) -> None:
     design, stages = preset(PAD).with_(**{CLEAR: 10.0}), set[str]()
     found = draft_score(design, on_step=lambda stage, _share: stages.add(stage))
@@ -163,7 +163,8 @@ def test_bounds_are_added_to_a_pad_s_draft_and_leave_the_rest(pair_draft: Contin
     assert with_draft_bounds(preset(PAIR), pair_draft) is pair_draft
 
 
-@pytest.mark.parametrize("name", [PAIR, pytest.param(PAD, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [PAIR, PAD])
 def test_draft_curves_are_within_a_hundredth_of_the_untouched_signal_of_fine_ones(name: str) -> None:
     design = preset(name)
     coarse = curves_under(design, MIDDLE[name])
@@ -238,7 +239,9 @@ def test_what_the_models_do_not_cover_is_out_of_their_scope(
         curves_under(design, MIDDLE[name])
 
 
-@pytest.mark.parametrize("name", FLAT_PRESETS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(one, marks=() if one == PAIR else pytest.mark.slow) for one in FLAT_PRESETS]
+)
 def test_the_round_press_is_the_whole_one_without_its_own_walls(name: str) -> None:
     design: SensorDesign = preset(name)
     whole, bare = solved_press(design), round_press(design)

@@ -52,6 +52,7 @@ def test_too_little_light_ends_the_judging_before_any_press(traced):
     assert "evenness" not in judged.figures
 
 
+@pytest.mark.slow
 def test_the_other_pairs_are_not_traced_once_the_middle_one_has_a_deadband(monkeypatch):
     asked = []
     whole = objective.pair_curves
@@ -72,6 +73,7 @@ def test_the_other_pairs_are_not_traced_once_the_middle_one_has_a_deadband(monke
     assert asked == [1]
 
 
+@pytest.mark.slow
 def test_the_same_design_is_judged_the_same():
     assert judge(PAIR, (), wanted=("evenness",)) == judge(PAIR, (), wanted=("evenness",))
 
@@ -114,7 +116,7 @@ def test_quick_figures_of_the_pair_are_near_the_scores():
     assert quick.figures["evenness"] == pytest.approx(slow.figures["evenness"], abs=0.05)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_pad_of_five_a_side_beats_the_papers_in_bounds_evenness_and_light():
     """No. 45 of the search in docs/validation/search.md, at the search's own accuracy."""
     better = PAD.with_(
@@ -133,7 +135,7 @@ def test_a_pad_of_five_a_side_beats_the_papers_in_bounds_evenness_and_light():
     assert found.figures["strength"] > base.figures["strength"]
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_judged_as_the_score_does_a_pad_has_the_score_s_figures():
     design = preset("fingertip-16")
     judged = judge(design, (), wanted=("evenness", "location_bound_mm", "verdict"), accuracy="score")

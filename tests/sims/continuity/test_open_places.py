@@ -94,6 +94,7 @@ def test_a_second_trace_settles_a_few_places_at_the_depths_in_question(monkeypat
     assert np.allclose(signals.standard_error, 2e-3 * UNTOUCHED)
 
 
+@pytest.mark.slow
 def test_finer_light_is_traced_in_two_halves_while_places_stay_open(monkeypatch):
     found, _, calls = judged(monkeypatch, 3, 6e-3, 6e-3, 3e-4)
     assert [call[0] for call in calls[1:]] == [
@@ -107,6 +108,7 @@ def test_finer_light_is_traced_in_two_halves_while_places_stay_open(monkeypatch)
     assert "the verdict is open: at x" in words
 
 
+@pytest.mark.slow
 def test_no_more_than_so_many_places_are_traced_again(monkeypatch):
     _, _, calls = judged(monkeypatch, MOST_TRACED_AGAIN + 3, 2e-3, 1e-3, 1e-3)
     assert calls[1][2] == MOST_TRACED_AGAIN

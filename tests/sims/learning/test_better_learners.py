@@ -29,7 +29,10 @@ def test_set():
     return made_up_data(random_places_mm(40), seed=77, role="test", sets=2)
 
 
-@pytest.fixture(scope="module", params=BETTER)
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(name, marks=() if name == "extra-trees" else pytest.mark.slow) for name in BETTER],
+)
 def model(request):
     return LEARNERS[request.param](made_up_data(grid_mm(11), sets=2), seed=1, settings=SMALL)
 

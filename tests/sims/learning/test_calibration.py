@@ -60,6 +60,7 @@ def calibrated(
     return found, gains
 
 
+@pytest.mark.slow
 def test_parameters_gains_and_reference_depths_are_found_together():
     found, gains = calibrated()
     deviations = np.sqrt(np.diag(found.covariance))
@@ -71,6 +72,7 @@ def test_parameters_gains_and_reference_depths_are_found_together():
     assert found.rms[1] < 0.8 * found.rms[0]
 
 
+@pytest.mark.slow
 def test_the_covariance_tells_the_errors_of_many_builds():
     deviations = []
     for seed in range(12):
@@ -86,7 +88,7 @@ def test_what_the_light_does_not_show_keeps_its_doubt():
     assert found.covariance[2, 2] == pytest.approx(1.0, abs=1e-6)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 4))])
 def test_what_only_noise_shows_goes_to_the_middle_of_its_doubt(seed: int):
     found, _ = calibrated(names=3, seed=seed, start=-1.7, model=rough_light)
     # by the noise alone it went to an end of its doubt
@@ -94,7 +96,7 @@ def test_what_only_noise_shows_goes_to_the_middle_of_its_doubt(seed: int):
     assert found.covariance[2, 2] > 0.5
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 3))])
 def test_the_light_s_curvature_does_not_pass_for_information(seed: int):
     """Slopes by differences to one side do not cancel along a valley: their sum is the curvature."""
     found, _ = calibrated(names=3, seed=seed, model=valley_light)

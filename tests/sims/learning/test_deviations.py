@@ -89,6 +89,7 @@ def test_whitening_is_the_inverse_root_of_the_shared_covariance():
     assert np.allclose(root @ covariance @ root.T, np.eye(6), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_deviations_hold_where_symmetric_readings_share_the_light_models_error(
     monkeypatch: pytest.MonkeyPatch,
 ):
@@ -98,6 +99,7 @@ def test_deviations_hold_where_symmetric_readings_share_the_light_models_error(
     assert mean_square(light, MODEL_SHARE, 2) > 4.0
 
 
+@pytest.mark.slow
 def test_deviations_hold_where_light_bends_within_the_stages_error(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(problem, "MODEL_SHARE", 1e-6)
     assert 0.4 < mean_square(rippled, 0.0) < 2.0  # as above; 0.9 and 8

@@ -99,6 +99,7 @@ def drifted_sets(sets: int, seed: int):
     return replace(quiet, counts=counts, set_number=number, sets=names)
 
 
+@pytest.mark.slow
 def test_a_new_set_of_other_gains_alarms_seldom():
     design, header = preset("piacenza2017-pad"), made_up_map_model().header
     shares = []
@@ -119,6 +120,7 @@ def erring(press_mm: np.ndarray, seed: int) -> np.ndarray:
     )
 
 
+@pytest.mark.slow
 def test_deviations_grow_with_the_maps_own_error(tmp_path):
     data, gains = made_up_data(flux, 10, 1, np.zeros(10))
     checked_mm, new_mm = random_presses(60, 1, (0.3, 5.0)), random_presses(200, 2, (4.0, 5.0))

@@ -113,13 +113,14 @@ def assert_agreement(comparison, state, wanted):
     assert abs(comparison.sum_pull(state, wanted)) < 4.0
 
 
+@pytest.mark.slow
 def test_a_pressed_pad_agrees_with_the_oracle():
     names = ("one millimetre, off-centre",)
     for comparison in compared("dark", names, 300_000).values():
         assert_agreement(comparison, 0, ~same_wall())
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("state", STATES)
 @pytest.mark.parametrize("group", GROUPS)
@@ -128,7 +129,7 @@ def test_every_pair_and_class_agrees_with_the_oracle(scene, state, group):
     assert_agreement(comparison, list(STATES).index(state), ~same_wall())
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("state", STATES)
 def test_light_between_parts_on_one_wall_agrees_with_the_oracle(scene, state):
@@ -136,7 +137,7 @@ def test_light_between_parts_on_one_wall_agrees_with_the_oracle(scene, state):
     assert_agreement(comparison, list(STATES).index(state), same_wall())
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_mirrored_light_that_passes_the_rim_of_a_dimple_agrees_with_the_oracle():
     """Truth by sampling both rectangles and the analytic dimple, 2.4 million pairs: 1.4365(22)e-4."""
     scene, (emitter, receiver) = ring_scene(), HALF_HIDDEN

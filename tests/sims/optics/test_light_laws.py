@@ -93,7 +93,7 @@ def test_signals_of_an_oblong_pad_follow_a_half_turn():
     assert np.sqrt(np.mean(difference**2)) < 3.0 * pooled(here, there)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("depth_mm", [0.5, 2.0, 3.0])
 def test_with_receivers_all_over_the_walls_the_engine_counts_all_light_that_reaches_them(depth_mm):
     """One number against the oracle's ledger: what meets three walls, the rest being bottom, tip and what leaves."""

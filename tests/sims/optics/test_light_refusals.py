@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from design.errors import InputError, ModelScopeError
+from design.preset import preset
 from sims.optics.engine.trace_states import Accuracy, accuracy_of, trace_scene
 from sims.optics.surface.analytic import compact_dimple
 from sims.optics.tracing import trace
@@ -110,4 +111,4 @@ def test_a_relative_error_that_makes_no_sense_is_refused(wanted):
 
 def test_a_profile_per_state_must_match_the_states():
     with pytest.raises(InputError, match="1 indentations for 2 states"):
-        trace(None, np.zeros((2, 3)), profile=[None])
+        trace(preset("piacenza2017-pair"), np.zeros((2, 3)), profile=[None])

@@ -356,6 +356,7 @@ def test_svg_is_the_same_each_time_and_holds_text_but_no_date():
     assert "depth of the press [mm]" in {element.text for element in root.iter()}
 
 
+@pytest.mark.slow
 def test_no_display_and_no_global_figures_are_needed():
     modules = "sims.plots.pad, sims.plots.signal, sims.plots.contact, sims.plots.tolerance"
     program = f"import sys, {modules}; print('matplotlib.pyplot' in sys.modules)"

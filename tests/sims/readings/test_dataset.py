@@ -139,6 +139,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
+@pytest.mark.slow
 def test_after_a_kill_the_whole_presses_are_there_and_work_goes_on(tmp_path: Path) -> None:
     (tmp_path / "tests_of_data.py").write_text(Path(__file__).read_text(encoding="utf-8"))
     file, data = tmp_path / "set.nc", made_up()

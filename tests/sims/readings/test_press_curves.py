@@ -111,7 +111,7 @@ def test_places_of_a_wrong_shape_are_refused() -> None:
         traced_curves(preset("piacenza2017-pad"), np.zeros((3, 3)))
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_pads_curves_are_within_the_reading_noise_of_traced_light() -> None:
     """Two places of the paper's figures. Reading noise with rounding is 0.58 counts; the light's error is in it."""
     design = preset("piacenza2017-pad")

@@ -10,7 +10,6 @@ from sims.readings.readout import readout_of
 from sims.verdict.builds import score_curves
 from sims.verdict.presses import pair_curves, untouched_flux
 
-pytestmark = pytest.mark.slow
 BOUNDARY_MM = 0.05
 DEADBAND_MM = 0.15
 
@@ -23,6 +22,7 @@ def scores_of(design, *, seed, step_mm, pairs=None):
     return [score_curves(design, c, readout) for c in pair_curves(design, cavity, pairs, depth_mm, seed=seed)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("thickness_mm", [8.0, 9.0], ids=["contiguous", "deadband"])
 @pytest.mark.parametrize(("seed", "step_mm"), [(0, 0.2), (1, 0.1)], ids=["double step", "other seed"])
 def test_boundaries_and_deadbands_stay(thickness_mm, seed, step_mm):
@@ -30,6 +30,7 @@ def test_boundaries_and_deadbands_stay(thickness_mm, seed, step_mm):
     check_same(scores_of(design, seed=0, step_mm=0.1), scores_of(design, seed=seed, step_mm=step_mm))
 
 
+@pytest.mark.full
 def test_boundaries_and_deadbands_of_the_pad_stay():
     """The pairs of one emitter, of the two kinds that the ring's turns leave."""
     design = preset("piacenza2017-pad")
@@ -39,6 +40,7 @@ def test_boundaries_and_deadbands_of_the_pad_stay():
     check_same(before, scores_of(design, seed=1, step_mm=0.1, pairs=pairs))
 
 
+@pytest.mark.slow
 def test_boundaries_stay_where_mode_1_is_over_in_0_3_mm():
     """Boundaries only: the outer pairs are flat from 0.00 to 0.30 mm, just a deadband's least length, now and then."""
     design = preset("piacenza2017-pair").with_(**{"cavity.clear_thickness_mm": 12.0})

@@ -124,6 +124,7 @@ def test_a_place_without_a_pair_says_so():
     assert {cause.lack for cause in pad_causes(keep_pairs=False)} == {"none near"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clear_mm", [10.0, 12.0])
 def test_a_thick_pair_s_cause_is_seen_in_its_light(clear_mm):
     """The cause says what an independent look at the light of the middle pair shows."""

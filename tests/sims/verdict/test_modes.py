@@ -124,6 +124,7 @@ def test_boundaries_of_smooth_signals_do_not_depend_on_the_grid(step_mm):
     assert np.max(np.abs(boundaries(step_mm) - boundaries(step_mm / 2.0))) < 0.004
 
 
+@pytest.mark.slow
 def test_boundaries_converge_faster_than_the_square_of_the_step():
     rates = np.linspace(2.0, 4.0, 101)  # moves the boundary through all positions between samples
 

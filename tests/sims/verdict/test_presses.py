@@ -50,6 +50,7 @@ def test_a_map_s_light_has_one_entry_a_state_throughout():
     assert sorted(light.flux[1].ravel()) == sorted(light.flux[3].ravel())
 
 
+@pytest.mark.slow
 def test_a_map_is_finer_near_contact_and_keeps_the_order_of_its_states():
     places, depth_mm = np.array([[12.0, 9.0], [20.0, 11.0]]), np.array([0.0, 0.1, 0.5, 2.0])
     light = map_light(PAD, places, depth_mm, accuracy=MAP_ACCURACY, seed=0)

@@ -28,10 +28,12 @@ def found() -> list[Row]:
     return list(rows())
 
 
+@pytest.mark.slow
 def test_every_press_is_within_the_limits_of_acceptance(found: list[Row]) -> None:
     assert [text for row in found for text in exceeded(row)] == []
 
 
+@pytest.mark.slow
 def test_the_oracle_is_much_better_than_the_limits(found: list[Row]) -> None:
     """Its difference from the coarser mesh, of which a third remains, is below a tenth of each limit."""
     for row in found:
@@ -47,6 +49,7 @@ def test_limits_follow_the_depth() -> None:
     assert [limits(depth).surface_rms_um for depth in (0.2, 3.0, 4.0, 5.0)] == [10.0, 10.0, 30.0, 30.0]
 
 
+@pytest.mark.slow
 def test_an_error_above_its_limit_is_named_and_printed_bold(found: list[Row]) -> None:
     bad = replace(found[0], model=replace(found[0].model, force_ratio=1.07, slope_rms_deg=0.6))
     assert exceeded(bad) == [
@@ -56,12 +59,14 @@ def test_an_error_above_its_limit_is_named_and_printed_bold(found: list[Row]) ->
     assert "**7.00** (6)" in markdown([bad])
 
 
+@pytest.mark.slow
 def test_the_table_stands_between_its_marks(found: list[Row]) -> None:
     page = with_table(f"before\n{BEGIN}\nold\n{END}\nafter\n", "new")
     assert page == f"before\n{BEGIN}\n\nnew\n\n{END}\nafter\n"
     assert BEGIN in PAGE.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_published_figures_are_those_of_this_version(found: list[Row]) -> None:
     """Six digits are written; a thousandth leaves room for another version of NumPy and SciPy."""
     published = list(csv.DictReader(DATA.read_text(encoding="utf-8").splitlines()))

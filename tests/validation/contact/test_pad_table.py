@@ -28,6 +28,16 @@ from tests.validation.contact.pad_table import (
 )
 
 PRESSES = [(name, depth_mm) for name in PLACES for depth_mm in DEPTHS_MM]
+FAST = "pad middle"
+
+
+def marked(name: str) -> tuple[pytest.MarkDecorator, ...]:
+    """All places but one wait for the slow tests."""
+    return () if name == FAST else (pytest.mark.slow,)
+
+
+EVERY_PRESS = [pytest.param(name, depth_mm, marks=marked(name)) for name, depth_mm in PRESSES]
+EVERY_PLACE = [pytest.param(name, marks=marked(name)) for name in PLACES]
 
 
 def both(name: str, depth_mm: float) -> tuple[PadPress, PadPress]:
@@ -35,7 +45,7 @@ def both(name: str, depth_mm: float) -> tuple[PadPress, PadPress]:
     return pad_press(name, depth_mm), pad_press(name, depth_mm, half=True)
 
 
-@pytest.mark.parametrize(("name", "depth_mm"), PRESSES)
+@pytest.mark.parametrize(("name", "depth_mm"), EVERY_PRESS)
 def test_the_oracles_meshes_agree(name: str, depth_mm: float) -> None:
     """Elements of half the size: errors that fall with the square leave the finer mesh a third of these."""
     fine, coarse = both(name, depth_mm)
@@ -46,7 +56,7 @@ def test_the_oracles_meshes_agree(name: str, depth_mm: float) -> None:
     assert largest_mm < 70e-3 * depth_mm  # beside the contact
 
 
-@pytest.mark.parametrize(("name", "depth_mm"), PRESSES)
+@pytest.mark.parametrize(("name", "depth_mm"), EVERY_PRESS)
 def test_the_oracles_top_keeps_its_volume_and_its_walls(name: str, depth_mm: float) -> None:
     """Poisson's ratio 0.499 lets go force x layer / bulk modulus or a little more: 0.04 to 0.11 of 2.4 R³ at 1 R."""
     place, top = PLACES[name], pad_press(name, depth_mm).height_mm
@@ -78,6 +88,7 @@ def test_points_between_nodes_are_those_of_the_elements() -> None:
     assert points == pytest.approx(bent(x, points[:, 1]), abs=1e-12)  # a biquadratic: round-off
 
 
+@pytest.mark.slow
 def test_a_model_compared_with_itself_has_no_error() -> None:
     place = PLACES["pair middle"]
     model = modelled(place, 2.0)
@@ -92,6 +103,7 @@ def test_a_model_compared_with_itself_has_no_error() -> None:
     assert light.mesh == (0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_curve_and_field_are_the_oracles_top() -> None:
     place = PLACES["pad near a wall"]
     model, top = modelled(place, 2.0), pad_press("pad near a wall", 2.0).height_mm
@@ -101,7 +113,7 @@ def test_curve_and_field_are_the_oracles_top() -> None:
     assert place.grid_mm()[0][1] == GRID_MM
 
 
-@pytest.mark.parametrize(("name", "depth_mm"), PRESSES)
+@pytest.mark.parametrize(("name", "depth_mm"), EVERY_PRESS)
 def test_the_model_has_the_oracles_force(name: str, depth_mm: float) -> None:
     """The library is off by 1.5 % (docs/validation/contact.md), the oracle by a third of its meshes' 2.7 %."""
     place = PLACES[name]
@@ -109,7 +121,7 @@ def test_the_model_has_the_oracles_force(name: str, depth_mm: float) -> None:
     assert error.force_ratio == pytest.approx(1.0, abs=0.03)
 
 
-@pytest.mark.parametrize("name", PLACES)
+@pytest.mark.parametrize("name", EVERY_PLACE)
 def test_the_whole_top_is_the_oracles_to_what_its_meshes_tell(name: str) -> None:
     place = PLACES[name]
     for depth_mm in DEPTHS_MM:
@@ -117,6 +129,7 @@ def test_the_whole_top_is_the_oracles_to_what_its_meshes_tell(name: str) -> None
         assert error.surface_um[0] < max(error.mesh_um[0], 4.0), depth_mm
 
 
+@pytest.mark.slow
 def test_the_page_holds_every_press_as_the_model_has_it_now() -> None:
     made = PAGE.read_text(encoding="utf-8").split(MARKS[0])[1].split(MARKS[1])[0]
     lines = [[cell.strip() for cell in line.split("|")[1:5]] for line in made.strip().splitlines()[2:]]

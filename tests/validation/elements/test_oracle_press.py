@@ -107,7 +107,7 @@ def test_stored_forces_agree_with_an_earlier_study(depth_mm: float) -> None:
     )
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_stored_solution_is_found_again_on_a_coarser_mesh() -> None:
     """Every element twice as large: the differences are those of the table of mesh errors, with a margin of 2."""
     stored = reference_state(3.0, 1.0)
@@ -116,7 +116,7 @@ def test_a_stored_solution_is_found_again_on_a_coarser_mesh() -> None:
     assert contact_edge(state.curve, 1.0)[0] == pytest.approx(stored.contact_radius, abs=0.01)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("tip", [flat_tip(0.2), cone_tip(60.0, 0.3, 0.2)], ids=lambda tip: tip.name)
 def test_other_tips_press_in_balance(tip: object) -> None:
     press = Press(3.0, WALL, Grading(size=0.1, axis_size=0.05), POISSON_RATIO, tip)  # type: ignore[arg-type]

@@ -18,7 +18,7 @@ from tests.validation.learning.learning_speed import (
 )
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("ridge", [1e-4, 1.0])
 def test_refined_single_precision_says_the_same_presses(ridge):
     exact = in_a_process(Case(1_000, "exact", ridge))  # its memory is its own there

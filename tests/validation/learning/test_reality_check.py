@@ -23,7 +23,7 @@ from tests.validation.learning.reality_check import (
     touch_misses,
 )
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.full
 SETTINGS = replace(QUICK, search_samples=400, fit_samples=800)
 BOUND_MM = {1.0: (0.02, 0.01)}
 

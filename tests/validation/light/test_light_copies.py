@@ -28,7 +28,7 @@ HALVES = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_reference_of_one_place_is_the_stored_one_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
     """At the standard setting. Its mean is off by a few hundredths of a percent of the signal, 0.1 % allows for six
     states in place of 108."""
@@ -49,7 +49,7 @@ def test_a_reference_of_one_place_is_the_stored_one_and_goes_on_where_it_stopped
         assert json.loads(str(made_by["recipe"]))["halves"]["contact"]["two"]["seed"] == 12
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize(("surface", "rays"), [("analytic", 100_000), ("contact", 10_000)])
 def test_forward_tracers_count_the_reference_s_light(tmp_path: Path, surface: str, rays: int) -> None:
     """Two places, the seeds fixed; the variance is an upper bound, so 3.5 standard errors are one in 2000 or less."""
@@ -60,7 +60,7 @@ def test_forward_tracers_count_the_reference_s_light(tmp_path: Path, surface: st
     assert all(abs(mean.difference) < 3.5 * mean.standard_error for mean in found)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_an_even_walk_counts_the_reference_s_light_pair_by_pair(tmp_path: Path) -> None:
     """Six draws, each scramble's points fixed: what is left is the walk's own error, 0.15 % of the signal."""
     replicates, log2_rays = 16, 18
@@ -74,7 +74,7 @@ def test_an_even_walk_counts_the_reference_s_light_pair_by_pair(tmp_path: Path) 
         assert abs(one.mean) < 5.0 * one.mean_error  # once in 6000 with fifteen degrees of freedom
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_every_speed_can_be_measured() -> None:
     """What the machine does meanwhile is not ours: asserted are the rows, and what no load can turn round."""
     parts = [

@@ -245,7 +245,7 @@ def test_difference_of_two_libraries_sees_their_crowns(library: Library) -> None
     assert library_differences(library, library) == (0.0, 0.0)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_crowned_pad_solved_live_is_the_shipped_one(library: Library) -> None:
     crown = solved_crowns(*CROWN_CENTRE)[1]
     depths = library_depths(CROWN_CENTRE[0])

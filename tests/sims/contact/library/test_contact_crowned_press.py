@@ -9,16 +9,14 @@ import numpy as np
 import pytest
 
 from design.errors import InputError, ModelScopeError
-from sims.contact.library.crowned_press import CrownedPad, CrownedPress, crowned_press
+from sims.contact.library.crowned_press import CrownedPress, crowned_press
 from sims.contact.library.smooth_press import above_crown, on_crown
+from sims.contact.library.solved_press import SolvedPress
 from sims.contact.library.store import entry_path, read_entry, write_entry
-from sims.contact.library.stored_press import PressInputs, stored_press
+from sims.contact.library.stored_press import PressInputs
 from sims.contact.tip import tip_gap
-
-PAD = CrownedPad(
-    tip_radius_mm=3.0, crown_radius_mm=14.0, elastic_depth_mm=6.0, pad_radius_mm=9.0, youngs_modulus_mpa=1.0
-)
-MESH_MM = 0.45
+from tests.sims.contact.kept_presses import COARSE_MM, CROWNED_DEPTH_MM
+from tests.sims.contact.kept_presses import CROWNED_PAD as PAD
 
 
 def drop_mm(radius_mm: np.ndarray) -> np.ndarray:
@@ -27,7 +25,7 @@ def drop_mm(radius_mm: np.ndarray) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def press() -> CrownedPress:
-    return crowned_press(PAD, 0.4, MESH_MM)
+    return crowned_press(PAD, CROWNED_DEPTH_MM, COARSE_MM)
 
 
 def test_untouched_pad_has_height_zero_everywhere(press: CrownedPress) -> None:
@@ -92,7 +90,7 @@ def test_twice_the_size_is_twice_the_shape_and_four_times_the_force(press: Crown
 
 
 def test_modulus_scales_the_force_alone(press: CrownedPress) -> None:
-    stiff = crowned_press(replace(PAD, youngs_modulus_mpa=2.5), 0.4, MESH_MM)
+    stiff = crowned_press(replace(PAD, youngs_modulus_mpa=2.5), 0.4, COARSE_MM)
     assert stiff.force_n(0.3) == pytest.approx(2.5 * press.force_n(0.3), rel=1e-12)
     np.testing.assert_array_equal(stiff.at(0.3).height_mm, press.at(0.3).height_mm)
 
@@ -119,7 +117,7 @@ def test_pads_outside_the_model_are_refused(
     change: dict[str, float], error: type[Exception], message: str
 ) -> None:
     with pytest.raises(error, match=message):
-        crowned_press(replace(PAD, **change), 0.4, MESH_MM)
+        crowned_press(replace(PAD, **change), 0.4, COARSE_MM)
 
 
 def test_depths_and_meshes_outside_the_model_are_refused() -> None:
@@ -134,12 +132,12 @@ def test_walls_of_a_crowned_pad_are_not_modelled(press: CrownedPress) -> None:
         _ = press.smooth.far
 
 
-def test_a_crown_is_part_of_the_key_and_a_flat_entry_may_lack_it() -> None:
+def test_a_crown_is_part_of_the_key_and_a_flat_entry_may_lack_it(coarse_press: SolvedPress) -> None:
     flat = PressInputs(layer=2.0, mesh_size=0.15, depths=(0.02, 0.04), poisson_ratio=0.49)
     assert replace(flat, crown=0.1).key() != flat.key()
-    unit, _ = stored_press(flat)
     key = flat.key()
-    assert write_entry(key, unit) is None
+    assert coarse_press.unit is not None
+    assert write_entry(key, coarse_press.unit) is None
     with np.load(entry_path(key), allow_pickle=False) as held:
         arrays = {name: held[name] for name in held.files if name != "crown"}
     os.remove(entry_path(key))

@@ -175,7 +175,7 @@ def test_compressibility_is_extrapolated_in_a_straight_line(library: Library) ->
     np.testing.assert_allclose(found.coefficients - stiff.coefficients, 0.018 * rise, atol=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_an_entry_solved_live_is_the_shipped_one(library: Library) -> None:
     layer = LAYERS[2]
     depths = library_depths(layer)

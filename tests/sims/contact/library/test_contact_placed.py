@@ -16,7 +16,9 @@ def placed(at: tuple[float, float], size: tuple[float, float] = PAD, layer: floa
     return PlacedPress(smooth=shipped_library().press(layer, 6.018022225), size=size, at=at)
 
 
-@pytest.mark.parametrize("layer", [1.3, 3.0, 6.0])
+@pytest.mark.parametrize(
+    "layer", [pytest.param(1.3, marks=pytest.mark.full), 3.0, pytest.param(6.0, marks=pytest.mark.slow)]
+)
 def test_force_and_surface_go_on_smoothly_beyond_the_deepest_solved_press(layer: float) -> None:
     press = placed((2.0, 2.5), layer=layer)
     deepest = press.smooth.deepest

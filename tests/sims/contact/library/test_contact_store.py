@@ -160,6 +160,7 @@ def _write_often(folder: str, press: UnitPress) -> None:
         assert write_entry(KEY, press) is None
 
 
+@pytest.mark.slow
 def test_racing_writers_leave_one_whole_entry(folder: Path, coarse_press: SolvedPress) -> None:
     context = multiprocessing.get_context("spawn")
     writers = [

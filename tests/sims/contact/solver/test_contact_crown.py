@@ -85,6 +85,7 @@ def test_a_crown_that_leaves_too_little_at_the_rim_is_refused() -> None:
     require_rim(least + 1e-9, WALL, CROWN)
 
 
+@pytest.mark.slow
 def test_first_touch_of_a_crown_passes_its_checks_and_is_lighter_than_of_a_flat_layer() -> None:
     depths = [0.01, 0.03, 0.06]
     flat, crowned = (solve_wedge(radial_mesh(2.5, 3.0, 0.25, crown), depths, 0.49) for crown in (1e-6, 0.25))

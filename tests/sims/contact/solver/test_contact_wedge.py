@@ -138,6 +138,7 @@ def test_solving_twice_gives_the_same_bits_and_writes_no_log(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_far_top_moves_up_and_the_bonded_end_stays() -> None:
     solution = solve_wedge(MESH, [0.01, 0.03, 0.06], 0.49)
     assert solution.heights[-1, -1] == 0.0

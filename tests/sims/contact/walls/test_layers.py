@@ -110,7 +110,7 @@ def test_a_press_and_what_its_walls_add_is_nothing_at_the_walls(at: tuple[float,
         assert np.abs(whole).max() > 0.01
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_walls_far_away_change_nothing_but_that_the_round_one_is_gone() -> None:
     walls = surroundings(1.5, 7.5, (24.0, 24.0), (12.0, 12.0))
     assert np.abs(walls.on_axis).max() < 2e-4

@@ -1,17 +1,25 @@
-"""Kernels that tests call: in the engine they have no entry from Python (`sims.optics.surface.radial.UNSEEN`)."""
+"""Kernels that tests call: in the engine they have no entry from Python (`sims.optics.surface.radial.UNSEEN`).
+
+Compiled once for their sources and kept on disk, as the engine's own entry points are.
+"""
 
 from __future__ import annotations
 
-import numpy as np
-from numba import njit
+import sys
 
+import numpy as np
+
+from sims.cache.kernels import entry_points
+from sims.optics.engine.compiled import KERNEL_MODULES
 from sims.optics.engine.straight import rays
 from sims.optics.surface import radial, top
 from sims.optics.surface.top import surface_height
 
+entry = entry_points((*KERNEL_MODULES, sys.modules[__name__]), error_model="numpy")
+
 
 def _with_an_entry(kernel):
-    return njit(error_model="numpy")(kernel.py_func)
+    return entry(kernel.py_func)
 
 
 height = _with_an_entry(radial.height)
@@ -26,7 +34,7 @@ bend_at = _with_an_entry(top.surface_bend)
 is_clear = _with_an_entry(rays.is_clear)
 
 
-@njit(error_model="numpy")
+@entry
 def first_chord(x, y, z, dx, dy, dz, length, step, pressed):
     """First and last of evenly spaced places on a ray's first stretch above the top; -1 if there is none."""
     first = -1.0

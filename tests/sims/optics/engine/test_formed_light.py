@@ -34,6 +34,7 @@ def light(scene: OpticalScene, accuracy: str = "score", **changes: object) -> tu
     return found.flux, found.standard_error
 
 
+@pytest.mark.slow
 def test_a_flat_rectangle_as_a_form_has_the_flat_engine_s_light() -> None:
     known, _ = light(FLAT, "fine")
     found, _ = light(FORMED, "standard")
@@ -56,6 +57,7 @@ def test_a_crown_of_ten_metres_is_nearly_flat() -> None:
     )  # a mirror of that radius gathers light by 2 x 20 mm / 10 m over the cosine
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", [disc_scene(6, 40.0), vault_scene("x")], ids=["dome", "vault"])
 def test_untouched_light_is_the_oracle_s(scene: OpticalScene) -> None:
     found = trace_scene(scene, np.zeros((1, 2)), [None], accuracy="score")
@@ -81,6 +83,7 @@ def test_light_of_a_pressed_dome_is_the_oracle_s(place: tuple[float, float]) -> 
     assert np.sqrt((off**2).mean()) < 1.6
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bits_and_pairs_left_out_are_dark() -> None:
     every = np.ones((3, 3), dtype=np.bool_)
     some = every.copy()
@@ -93,6 +96,7 @@ def test_the_same_seed_gives_the_same_bits_and_pairs_left_out_are_dark() -> None
     assert not np.array_equal(first, light(FORMED, seed=4)[0])
 
 
+@pytest.mark.slow
 def test_a_dome_turned_by_its_facets_has_the_same_light() -> None:
     scene, press = disc_scene(6, 40.0), crown_press(1.5, 40.0)
     third = 2.0 * np.pi / 3.0
@@ -125,6 +129,7 @@ def test_a_press_beside_the_pad_or_on_too_steep_a_crown_is_refused() -> None:
         trace_scene(disc_scene(6, 40.0), np.array([[23.0, 12.0]]), [crown_press(2.5, 40.0)])
 
 
+@pytest.mark.slow
 def test_between_black_walls_the_tip_still_scatters() -> None:
     black = {"wall_reflectance": 0.0, "bottom_reflectance": 0.0}
     scene = disc_scene(6, 40.0, tip_reflectance=0.3, **black)
@@ -137,6 +142,7 @@ def test_between_black_walls_the_tip_still_scatters() -> None:
     assert found.sum() == pytest.approx(known.flux[4, 0].sum(), abs=4.0 * float(np.sqrt((error**2).sum())))
 
 
+@pytest.mark.slow
 def test_a_wanted_error_is_met_or_said_to_be_missed() -> None:
     scene, press = disc_scene(6, 40.0), crown_press(1.0, 40.0)
     centre = np.array([[12.5, 11.0]])

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numba import njit
 
 from sims.optics.engine.scattered import top_light
 from sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
@@ -22,13 +21,14 @@ from tests.bench.measures.benchmark_states import (
     benchmark_states,
     different_walls,
 )
+from tests.sims.optics.engine.called_kernels import entry
 
 DIFFUSE = CLASS_NAMES.index("diffuse")
 PLACE_MM = np.array([[14.0, 17.0]])
 RINGS, COLUMNS = 10, 24
 
 
-@njit
+@entry
 def lattice_and_heights(box, rows, field, in_contact, rings, columns_around, shifts):
     """Lattices of several offsets; heights of the top at the sphere's end and at the contact's edge."""
     top = Top(rows, field)
@@ -98,6 +98,7 @@ def test_light_behind_a_tip_that_is_all_the_way_in_agrees_with_the_oracle(
     assert spread < 0.003
 
 
+@pytest.mark.slow
 def test_light_that_a_wrapped_tip_scatters_agrees_with_the_oracle():
     """Between dark walls, where nothing else scatters, 2 mm from the nearest parts: the oracle, 8 million rays of each
     emitter, has 0.002143 +- 0.000016. Joined by wide patches of the tip it was 9 % more, with a contact as long as the

@@ -1,5 +1,7 @@
 """Light scattered more than once: the patch radiosity against its own series, energy, and a grey box."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene
 SERIES = 80
 
 
+@cache
 def solved(**changes):
     return untouched_pad(ring_scene(**changes), ACCURACIES["draft"], 0)
 
@@ -32,7 +35,10 @@ def test_all_orders_are_the_sum_of_the_orders():
     assert np.abs(total - pad.orders[2]).max() < 1e-10
 
 
-@pytest.mark.parametrize("reflectance", [0.05, 0.4, 0.8])
+@pytest.mark.parametrize(
+    "reflectance",
+    [pytest.param(0.05, marks=pytest.mark.slow), 0.4, pytest.param(0.8, marks=pytest.mark.slow)],
+)
 def test_no_order_brings_more_light_than_the_one_before(reflectance):
     pad = solved(wall_reflectance=reflectance, bottom_reflectance=reflectance)
     shares = bounced_shares(pad)

@@ -53,6 +53,7 @@ def test_a_vanishing_press_leaves_the_untouched_signal():
     assert raw.flux[DIFFUSE, 1] == pytest.approx(raw.flux[DIFFUSE, 0], rel=5e-3)
 
 
+@pytest.mark.slow
 def test_two_methods_agree_on_light_mirrored_by_a_curved_top():
     scene, place, pile_up = pair(), np.array([[10.0, 2.6]]), [compact_dimple(0.3, bulge_mm=0.1)]
     # the analytic dimple is known by points, its curvature jumps from piece to piece: many nodes
@@ -159,6 +160,7 @@ def test_signal_is_smooth_in_depth_between_noise_steps():
     assert np.abs(rough).max() < noise_share
 
 
+@pytest.mark.slow
 def test_a_bright_tip_adds_light_and_only_diffuse_light():
     dimple, place = [compact_dimple(4.0)], np.array([[16.0, 14.0]])
     dark = trace_scene(pad(), place, dimple, accuracy="draft")

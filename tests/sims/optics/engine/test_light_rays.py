@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from design.preset import preset
 from sims.optics.engine.trace_states import ACCURACIES, CLASS_NAMES, trace_scene
@@ -46,6 +47,7 @@ def test_rays_left_to_chance_leave_the_mean_as_it_is():
     assert abs(off.sum()) < 0.01 * followed.mean(axis=0)[judged].sum()
 
 
+@pytest.mark.slow
 def test_parts_near_the_top_get_no_spikes_of_scattered_light():
     design = preset("piacenza2017-pad")
     presses = np.array([[19.92, 11.85, 0.0], [19.92, 11.85, 4.9]])

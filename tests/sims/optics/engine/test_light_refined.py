@@ -29,7 +29,14 @@ WALKED = (
 """Place and depth [mm] of the benchmark, emitter, receiver, mirrored light and its standard error."""
 
 
-@pytest.mark.parametrize(("accuracy", "seeds"), [("standard", 6), ("fine", 4), ("reference", 1)])
+@pytest.mark.parametrize(
+    ("accuracy", "seeds"),
+    [
+        ("standard", 6),
+        pytest.param("fine", 4, marks=pytest.mark.slow),
+        pytest.param("reference", 1, marks=pytest.mark.slow),
+    ],
+)
 @pytest.mark.parametrize(("place", "depth", "emitter", "receiver", "walked", "error"), WALKED)
 def test_mirrored_light_agrees_with_the_plain_walk(
     accuracy, seeds, place, depth, emitter, receiver, walked, error

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from sims.optics.engine.trace_states import ACCURACIES, CLASS_NAMES, trace_scene
 from tests.bench.measures.benchmark_states import DEPTHS_MM, benchmark_scene, benchmark_states
@@ -34,6 +35,7 @@ def scatter(repeat_share: float) -> float:
     return float(np.std(found, ddof=1))
 
 
+@pytest.mark.slow
 def test_a_dim_pair_scatters_less_the_less_a_sample_stands_for():
     rough, fine = scatter(1e-2), scatter(5e-4)
     # by the emitter's brightest pair, and one sample for each cell whose light ends together, both were 0.0018

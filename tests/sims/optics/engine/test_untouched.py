@@ -3,6 +3,7 @@
 from dataclasses import fields, replace
 
 import numpy as np
+import pytest
 
 from sims.optics.accuracy import ACCURACIES
 from sims.optics.engine import untouched
@@ -38,6 +39,7 @@ def test_a_full_store_lets_the_oldest_go():
     assert untouched._remembered(store, "5", lambda: -1) == 5
 
 
+@pytest.mark.slow
 def test_scattered_light_does_not_hang_on_the_size_of_patches(monkeypatch):
     """All pairs between different walls together, of their scattered light; patches of 1 mm were 0.2 to 0.3 % off."""
     scene, found = benchmark_scene(), {}

@@ -8,11 +8,12 @@ import pytest
 
 from sims.optics.oracle.border import fresnel_reflectance, refracted_direction
 from sims.optics.oracle.paths import sample_paths
-from sims.optics.oracle.surface import lower_surface, surface_entry, surface_hit
-from sims.optics.oracle.top import lower_presses, tip_hit
+from sims.optics.oracle.surface import lower_surface
+from sims.optics.oracle.top import lower_presses
 from sims.optics.oracle.tracer import CLASSES, trace_oracle
 from sims.optics.oracle.walk import FATES
 from sims.optics.scene.smooth_field import smooth_field
+from tests.sims.optics.oracle.called_oracle_kernels import surface_entry, surface_hit, tip_hit
 from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene, scene_of, wrapped_press
 
 DIRECT, CROSSING = CLASSES.index("direct"), CLASSES.index("crossing")
@@ -71,6 +72,7 @@ def high_ring(**changes):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("press", "as_sum"),
     [
@@ -94,6 +96,7 @@ def test_without_an_index_step_an_empty_crater_takes_nothing_away(press, as_sum)
     assert fate(pressed, "unresolved").max() == 0.0
 
 
+@pytest.mark.slow
 def test_light_that_crosses_is_reciprocal():
     emitters = [(0, 5.0, 5.0, 1.0, 1.0), (3, 7.0, 5.5, 1.5, 1.0)]
     receivers = [(2, 6.5, 4.0, 1.3, 1.5), (1, 5.0, 5.5, 1.3, 1.3)]
@@ -113,6 +116,7 @@ def test_light_that_crosses_is_reciprocal():
     assert np.abs((forward - backward)[seen] / error[seen]).max() < 4.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("press", [dimple(2.0, 0.1), wrapped_press()])
 def test_with_white_walls_and_tip_all_light_is_received_or_flies_over_the_walls(press):
     scene = ring_scene(wall_reflectance=1.0, bottom_reflectance=1.0, tip_reflectance=1.0)
@@ -160,6 +164,7 @@ def test_a_path_across_the_crater_refracts_where_it_leaves_and_enters():
             assert np.abs(tangential).max() < 1e-4
 
 
+@pytest.mark.slow
 def test_light_over_an_untouched_pad_never_comes_back():
     light = trace_oracle(ring_scene(), [CENTRE], [None], rays=20_000)
     assert light.flux[CROSSING].max() == 0.0

@@ -12,10 +12,16 @@ from design.errors import InputError, ModelScopeError
 from sims.optics.oracle.march import INSIDE, OUTSIDE
 from sims.optics.oracle.paths import LightWalker
 from sims.optics.oracle.surface import CONTACT, FREE, NOTHING
-from sims.optics.oracle.top import is_in_elastomer, is_untouched, lower_presses, tip_met, top_entry, top_exit
+from sims.optics.oracle.top import is_untouched, lower_presses
 from sims.optics.oracle.tracer import CLASSES, trace_oracle
 from sims.optics.oracle.walk import FATES
 from sims.optics.scene.smooth_field import smooth_field
+from tests.sims.optics.oracle.called_oracle_kernels import (
+    is_in_elastomer,
+    tip_met,
+    top_entry,
+    top_exit,
+)
 from tests.sims.optics.oracle.form_scenes import (
     DISC_MM,
     crown_press,
@@ -208,6 +214,7 @@ def test_light_in_air_meets_the_tilted_tip():
     assert not tip_met(top, *beside, *side, 50.0)[1]
 
 
+@pytest.mark.slow
 def test_without_an_index_step_an_empty_crater_in_a_dome_takes_nothing_away():
     """A dome is convex: the same rays arrive at the same receivers, through the crater or beside it."""
     # the parts so high that they see each other across the crater, as far as the rim allows: 6.8 mm
@@ -226,6 +233,7 @@ def test_without_an_index_step_an_empty_crater_in_a_dome_takes_nothing_away():
     assert np.array_equal(np.rint(60_000 * through), np.rint(60_000 * whole.flux[direct, 0]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("press", [None, crown_press(0.8, CROWN_MM, 0.05), crown_press(2.5, CROWN_MM, 0.1)])
 def test_a_dome_pressed_at_its_apex_gives_the_light_of_the_surface_of_revolution(press):
     """On a flat pad, cones that follow dome and press out beyond the walls: other code, the same rays."""
@@ -249,6 +257,7 @@ def test_a_dome_pressed_at_its_apex_gives_the_light_of_the_surface_of_revolution
     assert moved < 0.01 * cones.total.sum()
 
 
+@pytest.mark.slow
 def test_a_tip_by_its_curve_is_met_on_a_dome_where_the_same_hemisphere_is():
     sphere = crown_press(2.0, CROWN_MM, 0.1)
     by_curve = replace(sphere, is_hemisphere=False)
@@ -261,6 +270,7 @@ def test_a_tip_by_its_curve_is_met_on_a_dome_where_the_same_hemisphere_is():
     assert moved < 0.002 * first.total.sum()
 
 
+@pytest.mark.slow
 def test_a_shank_in_a_dome_keeps_all_light():
     scene = disc_scene(crown_radius_mm=CROWN_MM, tip_reflectance=0.3, height_mm=9.0)
     light = trace_oracle(scene, [PLACE], [shank_press()], rays=2_000, seed=1)

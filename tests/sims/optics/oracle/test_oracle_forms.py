@@ -61,6 +61,7 @@ def light_of(name):
 PADS = ("disc", "disc, folded", "dome", "dome, smooth walls", "vault along x", "vault along y")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PADS)
 def test_all_light_is_accounted_for(name):
     light = light_of(name)
@@ -73,6 +74,7 @@ def test_all_light_is_accounted_for(name):
     assert (light.flux[WALL].sum() > 0.0) == (name == "dome, smooth walls")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PADS)
 def test_an_untouched_crown_has_top_light_and_no_skirt_light(name):
     flux = light_of(name).flux.sum(axis=(2, 3))
@@ -82,6 +84,7 @@ def test_an_untouched_crown_has_top_light_and_no_skirt_light(name):
     assert flux[SKIRT, 1] > 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("crown_mm", [math.inf, CROWN_MM])
 def test_with_white_walls_and_tip_all_light_is_received_or_flies_over_the_walls(crown_mm):
     white = {"wall_reflectance": 1.0, "bottom_reflectance": 1.0, "tip_reflectance": 1.0}
@@ -107,6 +110,7 @@ STATES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("state", STATES)
 def test_a_rectangle_as_a_form_gives_the_bits_of_the_rectangle(state):
     centres, presses, fields = STATES[state]
@@ -119,6 +123,7 @@ def test_a_rectangle_as_a_form_gives_the_bits_of_the_rectangle(state):
         assert np.array_equal(getattr(plain, name), getattr(formed, name))
 
 
+@pytest.mark.slow
 def test_direct_light_between_facets_is_that_of_small_windows():
     """cosθ₁ cosθ₂ A / (π d²), Lambertian; windows of 1 mm at 3 mm and more are off by less than (1/3)² / 4, 3 %."""
     facets = 12
@@ -139,6 +144,7 @@ def test_direct_light_between_facets_is_that_of_small_windows():
     assert light.flux[DIRECT, 0, 0].sum() == pytest.approx(truth.sum(), rel=0.04)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("depth_mm", [0.0, 1.5])
 @pytest.mark.parametrize("axis", ["none", "x"])
 def test_a_crown_of_ten_metres_is_flat(axis, depth_mm):
@@ -195,6 +201,7 @@ def test_a_smooth_round_wall_mirrors_in_plan_about_its_own_normal():
     assert seen > 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("press", [None, crown_press(1.5, CROWN_MM, 0.1)])
 def test_light_in_a_dome_is_reciprocal(press):
     """Windows of one size and Lambertian: either may shine, the other receives the same."""
@@ -213,6 +220,7 @@ def test_light_in_a_dome_is_reciprocal(press):
         assert np.abs((forward - backward)[error > 0.0] / error[error > 0.0]).max() < 4.0
 
 
+@pytest.mark.slow
 def test_a_press_on_a_dome_turned_by_the_angle_of_facets_turns_the_signals():
     scene = disc_scene(crown_radius_mm=CROWN_MM, wall_reflectance=0.3)
     turn = math.pi / 2.0  # two facets: emitters come to emitters
@@ -231,6 +239,7 @@ def test_a_press_on_a_dome_turned_by_the_angle_of_facets_turns_the_signals():
     assert np.abs((light.total[0] - light.total[1]) / unturned).max() > 10.0
 
 
+@pytest.mark.slow
 def test_of_a_window_at_the_rim_only_what_lies_below_the_crown_shines():
     rim = 8.0 - CROWN_MM + math.sqrt(CROWN_MM**2 - DISC_MM**2)
     windows = parts([(0, 1.5, rim, 1.5, 1.0)], [(2, 1.5, 3.0, 1.0, 1.0)])

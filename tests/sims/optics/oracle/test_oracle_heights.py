@@ -8,9 +8,16 @@ import pytest
 
 from design.errors import ModelScopeError
 from sims.optics.oracle.heights import lower_sum
-from sims.optics.oracle.march import INSIDE, OUTSIDE, is_under_sum, summed_height, summed_hit
-from sims.optics.oracle.surface import CONTACT, FREE, NOTHING, lower_surface, surface_entry, surface_hit
+from sims.optics.oracle.march import INSIDE, OUTSIDE
+from sims.optics.oracle.surface import CONTACT, FREE, NOTHING, lower_surface
 from sims.optics.scene.smooth_field import SmoothField, smooth_field
+from tests.sims.optics.oracle.called_oracle_kernels import (
+    is_under_sum,
+    summed_height,
+    summed_hit,
+    surface_entry,
+    surface_hit,
+)
 from tests.sims.optics.oracle.oracle_scenes import dimple, dimple_height_mm, shank_press, wrapped_press
 
 TOP_MM = 8.0

@@ -114,6 +114,7 @@ def perpendicular_form_factor(first, second):
     return signs(first, second, primitive)
 
 
+@pytest.mark.slow
 def test_direct_flux_of_facing_rectangles_is_the_closed_form():
     scene = scene_of([(3, 15.0, 4.0, 1.5, 1.0)], [(1, 17.0, 5.0, 2.0, 2.5)], length_mm=10.0)
     light = trace_oracle(scene, [[5, 5]], [None], rays=1_000_000, seed=2)
@@ -122,6 +123,7 @@ def test_direct_flux_of_facing_rectangles_is_the_closed_form():
     assert abs(light.flux[DIRECT, 0, 0, 0] - truth) < 4.0 * light.class_standard_error[DIRECT, 0, 0, 0]
 
 
+@pytest.mark.slow
 def test_direct_flux_around_a_corner_is_the_closed_form():
     scene = scene_of([(0, 4.0, 4.0, 1.5, 1.0)], [(3, 5.0, 5.0, 2.0, 2.5)])
     light = trace_oracle(scene, [[5, 5]], [None], rays=1_000_000, seed=3)
@@ -130,6 +132,7 @@ def test_direct_flux_around_a_corner_is_the_closed_form():
     assert abs(light.flux[DIRECT, 0, 0, 0] - truth) < 4.0 * light.class_standard_error[DIRECT, 0, 0, 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("receiver", [(1, 17.0, 5.0, 2.0, 2.5), (2, 5.0, 5.0, 2.0, 2.5)])
 def test_flat_mirrored_flux_is_the_quadrature_with_fresnel(receiver):
     scene = scene_of([(3, 15.0, 4.0, 1.5, 1.0)], [receiver], length_mm=10.0, width_mm=20.0)
@@ -140,6 +143,7 @@ def test_flat_mirrored_flux_is_the_quadrature_with_fresnel(receiver):
     assert abs(light.flux[TOP, 0, 0, 0] - truth) < 4.0 * light.class_standard_error[TOP, 0, 0, 0]
 
 
+@pytest.mark.slow
 def test_a_narrow_lobe_in_an_absorbing_pad_is_the_quadrature():
     scene = scene_of(
         [(3, 15.0, 4.0, 1.5, 1.0)],
@@ -154,6 +158,7 @@ def test_a_narrow_lobe_in_an_absorbing_pad_is_the_quadrature():
         assert abs(light.flux[name, 0, 0, 0] - truth) < 4.0 * light.class_standard_error[name, 0, 0, 0]
 
 
+@pytest.mark.slow
 def test_only_the_submerged_part_of_emitter_and_receiver_counts():
     scene = scene_of([(3, 15.0, 7.5, 1.0, 1.0)], [(1, 15.0, 7.0, 2.0, 2.0)], length_mm=10.0)
     light = trace_oracle(scene, [[5, 5]], [None], rays=400_000, seed=6)
@@ -162,6 +167,7 @@ def test_only_the_submerged_part_of_emitter_and_receiver_counts():
     assert abs(light.flux[DIRECT, 0, 0, 0] - truth) < 4.0 * light.class_standard_error[DIRECT, 0, 0, 0]
 
 
+@pytest.mark.slow
 def test_all_light_is_accounted_for_on_flat_and_deformed_pads():
     light = ring_light()
     assert np.abs(light.ledger.sum(axis=0) - 1.0).max() < 1e-9
@@ -173,6 +179,7 @@ def test_all_light_is_accounted_for_on_flat_and_deformed_pads():
     assert fate(light, "volume").min() > 0.05
 
 
+@pytest.mark.slow
 def test_a_flat_pad_has_no_skirt_light_and_a_pressed_one_does():
     light = ring_light()
     assert CLASSES[SKIRT] == "skirt"
@@ -180,6 +187,7 @@ def test_a_flat_pad_has_no_skirt_light_and_a_pressed_one_does():
     assert light.flux[SKIRT, 1:].sum(axis=(1, 2)).min() > 0.0
 
 
+@pytest.mark.slow
 def test_pairs_on_one_wall_see_diffuse_light_only_while_the_pad_is_flat():
     scene, light = ring_scene(), ring_light()
     same = scene.emitter_wall[:, None] == scene.receiver_wall
@@ -187,6 +195,7 @@ def test_pairs_on_one_wall_see_diffuse_light_only_while_the_pad_is_flat():
     assert light.flux[DIFFUSE, 0][same].sum() > 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one thread allowed")
 def test_one_and_two_threads_give_the_same_bits():
     lights = []
@@ -201,12 +210,14 @@ def test_one_and_two_threads_give_the_same_bits():
         assert np.array_equal(getattr(lights[0], name), getattr(lights[1], name))
 
 
+@pytest.mark.slow
 def test_a_ray_keeps_its_path_when_more_rays_are_asked_for():
     few = trace_oracle(ring_scene(), [[14, 17]], [dimple(2.0)], rays=1000)
     more = trace_oracle(ring_scene(), [[14, 17]], [dimple(2.0)], rays=2000)
     assert (np.rint(more.flux * 2000) >= np.rint(few.flux * 1000)).all()
 
 
+@pytest.mark.slow
 def test_signal_is_mirror_symmetric_for_a_centred_press():
     rows = [(wall, 16.0, 4.0, 0.5, 0.5) for wall in range(4)]
     wide = [(wall, along, 4.0, 1.3, 1.3) for wall in range(4) for along in (10.0, 22.0)]
@@ -220,6 +231,7 @@ def test_signal_is_mirror_symmetric_for_a_centred_press():
     assert abs(facing) < 4.0
 
 
+@pytest.mark.slow
 def test_light_is_reciprocal_under_a_press():
     emitters = [(0, 5.0, 5.0, 1.0, 1.0), (3, 7.0, 5.5, 1.5, 1.0)]
     receivers = [(2, 6.5, 4.0, 1.3, 1.5), (1, 5.0, 5.5, 1.3, 1.3)]
@@ -239,6 +251,7 @@ def test_light_is_reciprocal_under_a_press():
         assert np.abs((forward - backward) / error).max() < 4.0
 
 
+@pytest.mark.slow
 def test_in_a_white_box_all_light_is_received_or_leaves_through_the_top():
     scene = ring_scene(wall_reflectance=1.0, bottom_reflectance=1.0)
     light = trace_oracle(scene, [[16, 16]], [None], rays=5_000, seed=10)
@@ -248,6 +261,7 @@ def test_in_a_white_box_all_light_is_received_or_leaves_through_the_top():
     assert fate(light, "escaped").min() > 0.05
 
 
+@pytest.mark.slow
 def test_at_a_huge_index_nearly_nothing_leaves():
     # the escape cone's solid angle is 1 / index², and 4 n / (1 + n)² of it gets out: 1e-11 of light
     scene = ring_scene(wall_reflectance=1.0, bottom_reflectance=1.0, refractive_index=1e4)
@@ -256,12 +270,14 @@ def test_at_a_huge_index_nearly_nothing_leaves():
     assert light.ledger[: len(CLASSES)].sum(axis=0) + fate(light, "tip") == pytest.approx(1.0, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_without_an_index_step_every_ray_that_meets_the_top_leaves():
     light = trace_oracle(ring_scene(refractive_index=1.0), [[16, 16]], [dimple(1.0)], rays=50_000)
     assert light.flux[TOP : SKIRT + 1].max() == 0.0
     assert fate(light, "escaped").min() > 0.2
 
 
+@pytest.mark.slow
 def test_a_press_that_covers_nothing_changes_nothing():
     scene = ring_scene()
     light = trace_oracle(scene, [[16, 16]] * 2, [None, dimple(0.005)], rays=500_000, seed=12)
@@ -270,6 +286,7 @@ def test_a_press_that_covers_nothing_changes_nothing():
     assert np.abs(pull).max() < 4.5  # 64 pairs: one beyond 4.5 in 2,000 runs
 
 
+@pytest.mark.slow
 def test_a_deep_press_between_a_facing_pair_ends_its_direct_light():
     scene = scene_of([(3, 16.0, 4.0, 0.5, 0.5)], [(1, 16.0, 4.0, 1.3, 1.3)])
     light = trace_oracle(scene, [[16, 16]] * 2, [None, wrapped_press()], rays=300_000, seed=13)
@@ -277,12 +294,14 @@ def test_a_deep_press_between_a_facing_pair_ends_its_direct_light():
     assert light.flux[DIRECT, 1, 0, 0] == 0.0
 
 
+@pytest.mark.slow
 def test_a_press_at_the_wall_bares_the_emitter_beneath_it():
     scene = scene_of([(3, 16.0, 7.0, 0.5, 0.5)], [(1, 16.0, 4.0, 1.3, 1.3)])
     light = trace_oracle(scene, [[1.0, 16.0]], [dimple(2.0)], rays=20_000)
     assert fate(light, "unsubmerged")[0, 0] == 1.0
 
 
+@pytest.mark.slow
 def test_the_standard_error_is_the_spread_over_seeds():
     scene = scene_of([(3, 16.0, 4.0, 0.5, 0.5)], [(1, 16.0, 4.0, 1.3, 1.3)], absorption_per_mm=0.02)
     lights = [trace_oracle(scene, [[16, 14]], [dimple(2.0)], rays=20_000, seed=seed) for seed in range(60)]
@@ -291,6 +310,7 @@ def test_the_standard_error_is_the_spread_over_seeds():
     assert spread / claimed == pytest.approx(1.0, abs=4.0 / math.sqrt(2 * 59))
 
 
+@pytest.mark.slow
 def test_steps_are_reported():
     steps = []
     trace_oracle(
@@ -347,6 +367,7 @@ def test_a_bad_call_is_refused_by_name(centres, presses, rays, seed, message):
     assert message in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_place_is_not_read_where_the_pad_is_untouched():
     light = trace_oracle(ring_scene(), [[math.nan, math.nan]], [None], rays=1000)
     assert np.isfinite(light.total).all()

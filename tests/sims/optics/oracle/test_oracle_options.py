@@ -10,6 +10,7 @@ import pytest
 from design.errors import InputError, ModelScopeError
 from sims.optics.oracle.border import fresnel_reflectance
 from sims.optics.oracle.chance import pattern_cosine, pattern_shares, table_value
+from sims.optics.oracle.paths import LightWalker
 from sims.optics.oracle.tracer import CLASSES, trace_oracle
 from sims.optics.oracle.walk import FATES
 from sims.optics.scene.smooth_field import SmoothField, smooth_field
@@ -114,6 +115,7 @@ def test_a_table_is_read_linearly():
     assert found == pytest.approx([0.0, 1.0, 2.0, 1.5, 1.0, 1.0], abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["lambertian", "forward", "batwing"])
 def test_direct_light_of_a_table_is_the_quadrature(name):
     table = PATTERNS[name]
@@ -128,6 +130,7 @@ def test_direct_light_of_a_table_is_the_quadrature(name):
     assert abs(light.flux[DIRECT, 0, 0, 0] - truth) < 4.0 * light.class_standard_error[DIRECT, 0, 0, 0]
 
 
+@pytest.mark.slow
 def test_a_row_of_nan_is_an_emitter_by_its_order():
     orders = np.linspace(0.5, 3.0, 8)
     rows = np.tile(PATTERNS["forward"], (8, 1))
@@ -140,6 +143,7 @@ def test_a_row_of_nan_is_an_emitter_by_its_order():
     assert not np.array_equal(mixed.flux[:, :, :2], plain.flux[:, :, :2])
 
 
+@pytest.mark.slow
 def test_a_receiver_counts_the_share_of_its_table():
     response = np.array([0.1, 0.9, 0.4, 1.0])
     scene = scene_of(
@@ -161,6 +165,7 @@ def air_gap_scene(**changes):
     return scene_of([(3, 3.0, 100.0, 1.5, 1.5)], [(1, 4.0, 100.0, 3.0, 3.0)], **size, **black, **changes)
 
 
+@pytest.mark.slow
 def test_an_air_gap_is_an_exact_mirror_at_grazing_angles():
     scene = air_gap_scene(wall_index=1.0)
     light = trace_oracle(scene, [[8, 50]], [None], rays=2_000_000, seed=4)
@@ -175,6 +180,7 @@ def test_an_air_gap_is_an_exact_mirror_at_grazing_angles():
     assert light.flux[[TOP, SKIRT, DIFFUSE, CROSSING]].max() == 0.0
 
 
+@pytest.mark.slow
 def test_a_wall_of_higher_index_mirrors_fresnels_share():
     scene = air_gap_scene(wall_index=1.54)
     light = trace_oracle(scene, [[8, 50]], [None], rays=4_000_000, seed=5)
@@ -209,6 +215,7 @@ STATES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("state", STATES)
 def test_energy_is_kept_with_every_option(state):
     centres, presses, fields = STATES[state]
@@ -227,7 +234,8 @@ def test_energy_is_kept_with_every_option(state):
     assert received + fate(light, "escaped") == pytest.approx(1.0, abs=lifted)
 
 
-@pytest.mark.parametrize("several", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("several", [False, True])
 def test_light_is_reciprocal_with_tables_and_smooth_walls(several):
     emitters, receivers = [(0, 5.0, 5.0, 1.5, 1.5)], [(1, 5.0, 5.5, 1.5, 1.3)]
     radiance, response = PATTERNS["batwing"], np.linspace(0.2, 1.0, 11)
@@ -261,6 +269,7 @@ def test_light_is_reciprocal_with_tables_and_smooth_walls(several):
         assert abs(forward - backward) < 4.0 * error
 
 
+@pytest.mark.slow
 def test_a_constant_field_is_a_thicker_pad_ray_by_ray():
     scene = ring_scene(wall_reflectance=0.3, absorption_per_mm=0.01)
     lifted = trace_oracle(scene, [CENTRE], [None], fields=[flat_field(0.4)], rays=5_000, seed=10)
@@ -269,6 +278,7 @@ def test_a_constant_field_is_a_thicker_pad_ray_by_ray():
     assert np.abs(lifted.ledger - thicker.ledger).max() < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("press", [dimple(0.5), dimple(3.0, 0.2)])
 def test_one_tip_as_a_sum_gives_the_light_of_the_surface_of_revolution(press):
     scene = ring_scene(wall_reflectance=0.3, tip_reflectance=0.3)
@@ -280,6 +290,7 @@ def test_one_tip_as_a_sum_gives_the_light_of_the_surface_of_revolution(press):
     assert moved < 0.005 * alone.total.sum() * rays
 
 
+@pytest.mark.slow
 def test_two_tips_far_apart_change_what_each_changes_alone():
     rows = [(0, 8.0, 4.0, 0.5, 0.5), (0, 52.0, 4.0, 0.5, 0.5)]
     faces = [(2, 8.0, 4.0, 1.3, 1.3), (2, 52.0, 4.0, 1.3, 1.3)]
@@ -341,6 +352,6 @@ def test_a_bad_state_is_refused_by_name(centres, presses, fields, message):
 
 def test_a_fold_is_refused_only_where_heights_add_up():
     nothing = SmoothField(origin_mm=np.zeros(2), step_mm=np.full(2, 8.0), nodes=np.zeros((5, 5, 4)))
-    trace_oracle(ring_scene(), [CENTRE], [wrapped_press()], rays=10)
+    assert LightWalker(ring_scene(), CENTRE, wrapped_press(), 0).random_paths(0, count=1, most_rays=10)
     with pytest.raises(ModelScopeError, match=r"indentations\[0\]: the curve has several heights"):
         trace_oracle(ring_scene(), [CENTRE], [wrapped_press()], fields=[nothing], rays=10)

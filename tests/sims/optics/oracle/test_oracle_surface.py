@@ -8,8 +8,9 @@ import pytest
 from scipy.optimize import brentq
 
 from design.errors import InputError
-from sims.optics.oracle.surface import CONTACT, FREE, NOTHING, is_submerged, lower_surface, surface_hit
+from sims.optics.oracle.surface import CONTACT, FREE, NOTHING, lower_surface
 from sims.press.indentation import Indentation
+from tests.sims.optics.oracle.called_oracle_kernels import is_submerged, surface_hit
 from tests.sims.optics.oracle.oracle_scenes import dimple, dimple_height_mm, dimple_shape_mm, wrapped_press
 
 CENTRE = np.array([14.0, 17.0])

@@ -49,6 +49,7 @@ def test_two_tips_far_apart_change_straight_and_mirrored_light_like_each_alone()
     assert np.abs(both - none).max() > 0.1 * untouched
 
 
+@pytest.mark.slow
 def test_a_field_of_zeros_changes_nothing_but_the_route():
     flat = smooth_field(lambda x, y: np.zeros(np.broadcast_shapes(x.shape, y.shape)), 32.0, 32.0, 1.0)
     plain, with_field = light(accuracy="fine"), light(fields=[flat], accuracy="fine")
@@ -57,6 +58,7 @@ def test_a_field_of_zeros_changes_nothing_but_the_route():
     assert with_field.flux.sum(axis=0) == pytest.approx(plain.flux.sum(axis=0), abs=1e-3 * scale.max())
 
 
+@pytest.mark.slow
 def test_a_lifted_top_is_a_thicker_layer():
     """The field lifts the whole top by 0.3 mm: mirrored light is that of a layer of 8.3 mm."""
     lift = smooth_field(lambda x, y: np.full(np.broadcast_shapes(x.shape, y.shape), 0.3), 32.0, 32.0, 2.0)
@@ -83,6 +85,7 @@ def test_a_response_of_one_half_halves_all_light():
     assert half.flux.sum(axis=0) == pytest.approx(0.5 * light().flux.sum(axis=0), rel=2e-3)
 
 
+@pytest.mark.slow
 def test_an_air_gap_mirrors_a_facing_pair_in_the_walls_beside_it():
     """Facing patches 4 mm apart in a block 40 mm wide and deep: one wall, 1 mm beside them, is near.
 
@@ -99,6 +102,7 @@ def test_an_air_gap_mirrors_a_facing_pair_in_the_walls_beside_it():
     assert raw.flux[WALL, 0, 0, 0] == pytest.approx(image, rel=0.06)  # 3300 of 2^20 rays: 3 standard errors
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wall_index", [None, 1.0])
 def test_symmetric_presses_are_traced_once_and_come_back_renumbered(wall_index):
     scene = replace(SCENE, wall_index=wall_index)

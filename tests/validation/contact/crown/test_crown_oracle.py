@@ -37,6 +37,7 @@ def test_the_untouched_layer_has_the_volume_below_the_sphere() -> None:
     assert press.rest_volume == pytest.approx(below + cap, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_without_a_crown_it_is_the_flat_oracle(monkeypatch: pytest.MonkeyPatch) -> None:
     [flat] = pressed_states(Press(3.0, SHARP.wall, COARSE, POISSON_RATIO), [1 / 3])
     monkeypatch.setattr(crown_oracle, "_cut", lambda ticks, _: ticks)
@@ -45,6 +46,7 @@ def test_without_a_crown_it_is_the_flat_oracle(monkeypatch: pytest.MonkeyPatch) 
     np.testing.assert_allclose(same.curve, flat.curve, atol=1e-10)
 
 
+@pytest.mark.slow
 def test_a_crown_of_ten_metres_presses_like_a_flat_layer_and_the_change_is_linear() -> None:
     flat, huge, twice = (pressed(curvature, 0.1) for curvature in (0.0, 3e-4, 6e-4))
     change = huge.force / flat.force - 1.0
@@ -56,6 +58,7 @@ def test_a_crown_of_ten_metres_presses_like_a_flat_layer_and_the_change_is_linea
     np.testing.assert_allclose(huge.curve[:, 1] + moved, flat.curve[:, 1], atol=2e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("curvature", [0.1, 0.2])
 def test_small_presses_follow_hertz_with_the_relative_curvature(curvature: float) -> None:
     depth, wall = 0.004, 0.9 / curvature
@@ -78,6 +81,7 @@ def test_small_presses_follow_hertz_with_the_relative_curvature(curvature: float
     assert edge == pytest.approx(np.sqrt(depth / (1.0 + curvature)), rel=0.02)
 
 
+@pytest.mark.slow
 def test_contact_force_balances_the_bonded_faces_and_is_the_slope_of_the_energy() -> None:
     press = CrownedPress(3.0, SHARP.wall, SHARP.curvature, COARSE, POISSON_RATIO)
     before, here, after = pressed_states(press, [0.33, 1 / 3, 2 / 3 - 0.33])
@@ -109,7 +113,7 @@ def test_a_pad_that_was_not_solved_is_named() -> None:
         crown_state(Pad(0.123, 4.0), DEPTHS[0])
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_stored_sharp_crown_is_found_again_on_a_coarser_mesh() -> None:
     [state] = pressed_states(CrownedPress(3.0, SHARP.wall, SHARP.curvature, Grading(), POISSON_RATIO), [1.0])
     assert state.force == pytest.approx(crown_state(SHARP, 1.0).force, rel=2e-3)

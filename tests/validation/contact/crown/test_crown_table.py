@@ -28,6 +28,7 @@ def found() -> list[Row]:
     return list(rows())
 
 
+@pytest.mark.slow
 def test_every_press_is_within_the_limits_of_acceptance_but_the_deepest_on_the_thinnest_rim(
     found: list[Row],
 ) -> None:
@@ -37,12 +38,14 @@ def test_every_press_is_within_the_limits_of_acceptance_but_the_deepest_on_the_t
     assert [text[:32] for row in found for text in exceeded(row)] == ["crown of 12 mm at 3 mm: surface "]
 
 
+@pytest.mark.slow
 def test_the_oracle_is_much_better_than_the_limits(found: list[Row]) -> None:
     for row in found:
         assert abs(row.oracle.force_ratio - 1.0) < 0.002
         assert row.oracle.surface_rms_um < 0.1 * 12.0
 
 
+@pytest.mark.slow
 def test_an_error_above_its_limit_is_named(found: list[Row]) -> None:
     deep = next(row for row in found if row.pad == SHARP and row.depth == DEPTHS[-1])
     bad = replace(deep, model=replace(deep.model, force_ratio=1.05, surface_rms_um=13.0))
@@ -53,6 +56,7 @@ def test_an_error_above_its_limit_is_named(found: list[Row]) -> None:
     assert exceeded(replace(bad, depth=DEPTHS[0])) == []
 
 
+@pytest.mark.slow
 def test_the_written_table_is_that_of_the_stored_presses(found: list[Row]) -> None:
     """But for the versions in its first line."""
     written, present = (text.split("\n", 1)[1].strip() for text in (FRAGMENT.read_text(), markdown(found)))
@@ -68,7 +72,7 @@ def test_surfaces_end_at_the_rim_and_forces_grow(pad: Pad) -> None:
     assert np.all(np.diff([press.force_n for press in presses]) > 0.0)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_stored_press_is_found_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
     press = crowned_press(crowned_pad(MILD), 1.0).absolute_at(1.0)

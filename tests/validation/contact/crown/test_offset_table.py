@@ -55,7 +55,7 @@ def test_the_axis_of_the_press_is_normal_to_the_top() -> None:
     np.testing.assert_allclose(chart.in_press(chart.places(np.zeros(3))), 0.0, atol=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_contact_force_beside_the_apex_balances_the_bonded_faces() -> None:
     press = OffsetPress(PADS["dome"].chart, COARSE, POISSON_RATIO)
     press.advance(0.2)
