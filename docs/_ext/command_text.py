@@ -15,11 +15,9 @@ def every_verb() -> str:
 
 def verbs() -> Iterator[tuple[str, Any]]:
     """Name as typed behind `optopad`, and command, of every verb; a group is followed by its own verbs."""
-    import typer
+    from optopad.cli.commands import whole_command
 
-    from optopad.cli.commands import app
-
-    yield from _below("", typer.main.get_command(app))
+    yield from _below("", whole_command())
 
 
 def _below(prefix: str, group: Any) -> Iterator[tuple[str, Any]]:

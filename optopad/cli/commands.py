@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Annotated, Any
 
 import typer
@@ -118,3 +119,9 @@ for group in GROUPS.values():
             app.add_typer(verb, short_help=line)
         else:
             app.command(short_help=line)(verb)
+
+
+@cache
+def whole_command() -> Any:
+    """The whole tree as typer runs it; making it takes longer than many verbs."""
+    return typer.main.get_command(app)

@@ -70,10 +70,10 @@ def _outcome(arguments: list[str]) -> int:
     from typer.exceptions import TyperException
 
     from design.errors import OptopadError, readable
-    from optopad.cli.commands import app
+    from optopad.cli.commands import whole_command
 
     try:
-        outcome = typer.main.get_command(app).main(arguments, prog_name="optopad", standalone_mode=False)
+        outcome = whole_command().main(arguments, prog_name="optopad", standalone_mode=False)
     except OptopadError as err:
         return _refused(str(err))
     except TyperException as err:

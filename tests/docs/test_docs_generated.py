@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import typer
 from command_text import every_verb
 from docstring_sections import with_lists
 from field_text import MEANINGS, QUANTITY, Field, design_schema, every_field, sections
@@ -15,7 +14,7 @@ from generated_pages import FILLED, filled
 from design.fields.paths import known_values
 from design.preset import preset
 from design.spec import SensorDesign
-from optopad.cli.commands import app
+from optopad.cli.commands import whole_command
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -39,14 +38,14 @@ def all_fields() -> list[Field]:
 
 
 def test_every_verb_has_a_heading() -> None:
-    verbs = [name for name, command in leaves(typer.main.get_command(app)) if not command.hidden]
+    verbs = [name for name, command in leaves(whole_command()) if not command.hidden]
     assert list(parts_of(every_verb())) == verbs
     assert {"optopad run", "optopad driver collect", "optopad contact show"} <= set(verbs)
 
 
 def test_every_option_of_every_verb_stands_under_it_with_its_help() -> None:
     parts = parts_of(every_verb())
-    for name, command in leaves(typer.main.get_command(app)):
+    for name, command in leaves(whole_command()):
         for one in command.params:
             if one.param_type_name == "option" and not one.hidden and "--help" not in one.opts:
                 row = next((line for line in parts[name].splitlines() if f"| `{one.opts[-1]}" in line), None)

@@ -84,7 +84,13 @@ def test_a_layer_made_thicker_tells_the_words_of_its_score_and_a_dragged_part_is
         assert browser.errors == []
 
 
-@pytest.mark.parametrize("name", SHAPED_PRESETS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.full] if name != "crowned-40x25" else [])
+        for name in SHAPED_PRESETS
+    ],
+)
 def test_a_shaped_pad_is_pressed_by_a_click_and_a_disc_s_part_is_turned_undone_and_saved(
     tmp_path: Path, name: str
 ) -> None:

@@ -88,6 +88,7 @@ def test_the_middle_of_the_press_is_told_to_microns_and_losses_only_worsen_it(bo
     assert bounds_dataset(bounds).location_bound.shape == bounds.location_mm.shape
 
 
+@pytest.mark.full
 def test_no_pair_of_a_dome_is_left_out_for_an_error_that_all_its_presses_share():
     """What rules may be off is some 2 % of a press's light, several noise units, and leaves derivatives alone."""
     design = preset("fingertip-dome")

@@ -43,7 +43,7 @@ def test_a_value_said_to_be_exact_is_not_fitted():
     assert tuple(one.path for one in unknowns_of(with_two_unknowns())) == FITTED
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_heights_of_a_hidden_build_come_back_and_its_light_with_them():
     design = with_two_unknowns()
     unknowns = unknowns_of(design)

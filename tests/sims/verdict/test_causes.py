@@ -140,7 +140,7 @@ def test_a_thick_pair_s_cause_is_seen_in_its_light(clear_mm):
     assert cause.short_mm > 2.0
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_thick_pad_s_cause_is_seen_by_the_ray_tracer():
     """Where the pad's frames go blind, the tracer that shares no code sees straight light whole at both ends of the
     interval, and mirrored light gone: of the pairs that the cause names, together.

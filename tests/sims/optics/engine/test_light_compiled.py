@@ -53,7 +53,7 @@ def test_one_compiled_version_serves_every_kind_of_scene():
     assert {name: getattr(compiled, name).signatures for name in ENTRY_POINTS} == given
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_process_that_compiles_gives_the_bits_of_every_later_one(tmp_path):
     """Kernels that it has compiled alone take the place of those that are compiled into an entry point."""
     assert first_trace(tmp_path).flux_sha256 == first_trace(tmp_path).flux_sha256
