@@ -16,7 +16,7 @@ SIDE_BY_SIDE = $(if $(filter 1,$(WORKERS)),,-n $(WORKERS) --dist loadfile)
 # Thousands of small folders are made and removed: in memory where that can be.
 IN_MEMORY = $(if $(wildcard /dev/shm/.),PYTEST_DEBUG_TEMPROOT=/dev/shm)
 # The seconds of every test go to build/; `make durations` shows the costliest files.
-PYTEST = $(IN_MEMORY) $(BIN)/python -m pytest -q --durations-file build/durations-$@.txt
+PYTEST = $(IN_MEMORY) $(BIN)/python -m pytest -q --durations-file=build/durations-$@.txt
 DURATIONS = $(wildcard build/durations-*.txt)
 
 .DEFAULT_GOAL := help
