@@ -19,6 +19,9 @@ IN_MEMORY = $(if $(wildcard /dev/shm/.),PYTEST_DEBUG_TEMPROOT=/dev/shm)
 PYTEST = $(IN_MEMORY) $(BIN)/python -m pytest -q --durations-file=build/durations-$@.txt
 DURATIONS = $(wildcard build/durations-*.txt)
 
+# Without compiled files beside the sources every start takes seconds longer.
+unexport PYTHONDONTWRITEBYTECODE
+
 .DEFAULT_GOAL := help
 .PHONY: help setup demo studio test test-slow test-full test-all durations lint docs bench bench-smoke validate pins clean
 
