@@ -36,16 +36,16 @@ demo: $(RUNS) ## the main job on the published pad: outputs/piacenza2017-pad-<di
 studio: setup ## the published pad live in a browser, on this machine alone
 	$(BIN)/optopad studio $(DEMO)
 
-test: setup ## what a change breaks first; three minutes
+test: setup ## what a change breaks first; three to four minutes on two cores
 	$(PYTEST) -m "not slow and not full" --benchmark-skip $(SIDE_BY_SIDE)
 
-test-slow: setup ## tests that take longer, in every CI run; ten minutes
+test-slow: setup ## tests that take longer, in every CI run
 	$(PYTEST) -m "slow and not full" --benchmark-skip $(SIDE_BY_SIDE)
 
 test-full: setup ## databases, clusters, the full fuzz, all pages of docs run whole, reduced validation
 	$(PYTEST) -m full --benchmark-skip $(SIDE_BY_SIDE)
 
-test-all: test test-slow test-full bench-smoke ## all of these and every benchmark once; before a release; within an hour
+test-all: test test-slow test-full bench-smoke ## all of these and every benchmark once; before a release
 
 durations: ## the costliest test files of the last runs
 	@$(if $(DURATIONS),$(BIN)/python -m tests.durations $(DURATIONS),echo "no durations yet: run make test")
