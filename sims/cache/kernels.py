@@ -73,7 +73,12 @@ def compile_beside(program: str, entry_point: Any) -> None:
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
-    threading.Thread(target=process.wait, daemon=True).start()
+    threading.Thread(target=_see_out, args=(process,), daemon=True).start()
+
+
+def _see_out(process: subprocess.Popen[bytes]) -> None:
+    with process:  # leaving closes its standard input
+        process.wait()
 
 
 class _KernelFiles(FunctionCache):
