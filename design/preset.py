@@ -36,6 +36,24 @@ def preset(name: str) -> SensorDesign:
     return SensorDesign.from_document(tomllib.loads(preset_text(name)), where=name)
 
 
-def renamed_text(text: str, name: str) -> str:
-    """A preset's text with another design name; comments stay."""
+def new_text(name: str, preset_name: str) -> str:
+    """The text of a new design that begins as a preset: comments stay; what is true of the preset alone is left out.
+
+    Raises
+    ------
+    InputError : no such preset.
+    """
+    text = re.sub(
+        r"\A#.*", f"# This design was begun from the preset {preset_name}.", preset_text(preset_name)
+    )
+    text = re.sub(r"(?m)^description = .*\n", "", text, count=1)
     return re.sub(r'(?m)^name = ".*"$', lambda _: f'name = "{name}"', text, count=1)
+
+
+def true_description(design: SensorDesign) -> str:
+    """The description of a design; empty where it is a preset's and the design is no longer as the preset."""
+    for name in PRESETS:
+        packaged = preset(name)
+        if design.description == packaged.description and design != packaged.with_(name=design.name):
+            return ""
+    return design.description

@@ -18,6 +18,7 @@ from design.geometry.webs import bodies_above_rim, pockets_below_clear_layer
 from design.parts.assumptions import assumption
 from design.parts.catalog import find_mold_material
 from design.parts.elastomer import Cure
+from design.preset import true_description
 from design.spec import SensorDesign
 from design.spec.properties import elastomer_of, entries_of, quantities_of
 from fabrication.connections import polarity_of
@@ -79,8 +80,8 @@ def casting_md(design: SensorDesign, gain: SimulatedGain | None = None) -> str:
 def _heading(design: SensorDesign) -> Iterator[str]:
     yield f"# Casting {design.name}"
     yield ""
-    if design.description:
-        yield plain(design.description)
+    if described := true_description(design):
+        yield plain(described)
         yield ""
     yield f"Design digest {design.digest}. Lengths in mm. A star marks a value that nobody has read at a source."
     yield ""

@@ -9,7 +9,7 @@ import pytest
 from design.errors import InputError
 from design.geometry.cavity import cavity_of
 from design.geometry.pairs import facing_pairs
-from design.preset import PRESETS, preset, preset_text, renamed_text
+from design.preset import PRESETS, new_text, preset, preset_text, true_description
 from design.rules.check import check
 from design.spec import SensorDesign
 
@@ -25,16 +25,22 @@ def test_a_preset_is_called_as_it_is_named(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", PRESETS)
-def test_a_renamed_preset_keeps_its_comments_and_everything_else(name: str) -> None:
-    text = renamed_text(preset_text(name), "my-pad")
+def test_a_new_design_is_the_preset_without_what_is_said_of_the_preset(name: str) -> None:
+    text = new_text("my-pad", name)
     design = SensorDesign.from_document(tomllib.loads(text), where="my-pad")
-    assert design.name == "my-pad"
-    assert design.with_(name=name).digest == preset(name).digest
+    assert (design.name, design.description) == ("my-pad", "")
+    assert design.with_(name=name, description=preset(name).description).digest == preset(name).digest
     assert text.count("#") == preset_text(name).count("#")
+    assert text.startswith(f"# This design was begun from the preset {name}.\n# Lengths are in millimetres.")
 
 
-def test_a_new_name_is_taken_as_it_is() -> None:
-    assert renamed_text('name = "a"\n', r"\1\g<0>") == 'name = "\\1\\g<0>"\n'
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_preset_s_description_is_shown_of_the_preset_alone(name: str) -> None:
+    design = preset(name)
+    assert true_description(design.with_(name="copy")) == design.description != ""
+    changed = design.with_(**{"elastomer.mixing_ratio": 10.0})
+    assert true_description(changed) == ""
+    assert true_description(changed.with_(description="of my own")) == "of my own"
 
 
 def test_the_published_pad_is_as_stated() -> None:

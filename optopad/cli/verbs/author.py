@@ -31,7 +31,7 @@ def new(
     from design.errors import InputError
     from design.fields.base import NAME_PATTERN
     from design.io import write_text_atomically
-    from design.preset import preset_text, renamed_text
+    from design.preset import new_text
     from design.spec import SensorDesign
 
     if file.suffix != ".toml":
@@ -46,7 +46,7 @@ def new(
         )
     if file.exists() and not force:
         raise InputError(f"{file}: exists already; choose another name, or --force to replace it")
-    text = renamed_text(preset_text(preset), file.stem)
+    text = new_text(file.stem, preset)
     design = SensorDesign.from_document(tomllib.loads(text), where=str(file))
     write_text_atomically(file, text)
     if as_json:

@@ -11,6 +11,7 @@ import numpy as np
 
 from design.geometry.cavity import CavityGeometry, PlacedPart, Workspace, cavity_of
 from design.geometry.mold_outline import bed_lift_mm
+from design.preset import true_description
 from design.spec import Crown, SensorDesign
 from design.spec.tip_shape import tip_words
 from optopad.report.sections.drawings import Drawing, figure_of
@@ -90,10 +91,11 @@ def _address(kind: str, content: bytes) -> str:
 def sensor_section(design: SensorDesign, drawings: dict[str, Drawing]) -> Html:
     """What the sensor is, with its dimensions."""
     about = facts(_facts(design, cavity_of(design)))
+    described = true_description(design)
     return section(
         "sensor",
         "Layout",
-        *([element("p", design.description)] if design.description else []),
+        *([element("p", described)] if described else []),
         figure_of(drawings["layout"], _layout_words(design)),
         about,
     )
