@@ -44,10 +44,10 @@ class Touch:
     frame : the frame
     is_touched : the model's decision; a change that is one of gains is no touch
     touch_score : what the decision rests on: above 0 touched, the further the surer [-]
-    press_mm : (3,) x, y in plan, depth along the normal; meaningful where touched [mm]
+    press_mm : (3,) x, y in plan, depth along the normal; NaN where untouched [mm]
     point_mm, normal : (3,) where the press touched first, and the unit normal out of the pad there, in the cavity frame
-        [mm, -]; NaN where the driver configuration does not know the top
-    sigma_mm : (3,) standard deviations; NaN where the model does not know them [mm]
+        [mm, -]; NaN where untouched, and where the driver configuration does not know the top
+    sigma_mm : (3,) standard deviations; NaN where untouched, and where the model does not know them [mm]
     force_n : by the model's force curve, 0 where untouched [N]; None where the model has none
     force_sigma_n : its standard deviation by the depth's alone; NaN where that is not known or nothing touches. How
         well the curve fits the built pad, its modulus first, is not in it [N]
@@ -167,15 +167,18 @@ class TouchReader:
         says_touch = bool(found.is_touched[k])
         state = tracker.follow(frame.device_us / US_PER_S, signals, says_touch)
         is_touched = says_touch and not state.is_gain_like
-        point_mm, normal = self._on_top(found.press_mm[k])
+        press_mm, sigma_mm = (
+            one[k] if is_touched else np.full(3, np.nan) for one in (found.press_mm, found.sigma_mm)
+        )
+        point_mm, normal = self._on_top(press_mm)
         return Touch(
             frame=frame,
             is_touched=is_touched,
             touch_score=float(found.touch_score[k]),
-            press_mm=found.press_mm[k],
+            press_mm=press_mm,
             point_mm=point_mm,
             normal=normal,
-            sigma_mm=found.sigma_mm[k],
+            sigma_mm=sigma_mm,
             force_n=None if found.force_n is None else float(found.force_n[k]) * is_touched,
             force_sigma_n=self._force_sigma_n(found, k) if is_touched else math.nan,
             drift=state,

@@ -68,6 +68,14 @@ def test_an_untouched_pad_is_told_as_untouched(touches: list[tuple[float, Touch]
     assert all(touch.force_n == 0.0 for touch in still)
 
 
+def test_a_frame_has_a_location_just_where_it_is_touched(touches: list[tuple[float, Touch]]) -> None:
+    for name in ("press_mm", "point_mm", "normal"):
+        has_location = [bool(np.isfinite(getattr(touch, name)).all()) for _, touch in touches]
+        assert has_location == [touch.is_touched for _, touch in touches]
+    untouched = [touch for _, touch in touches if not touch.is_touched]
+    assert np.isnan([(one.press_mm, one.point_mm, one.normal, one.sigma_mm) for one in untouched]).all()
+
+
 def test_the_untouched_levels_are_held_during_a_touch(touches: list[tuple[float, Touch]]) -> None:
     assert all(touch.drift.is_held for touch in between(touches, 1.25, 1.45))
     assert not any(touch.drift.is_held for touch in between(touches, 0.7, 0.95))
