@@ -21,10 +21,14 @@ from design.errors import DesignError, OutputError, shown
 from design.parts import catalog
 from design.spec import SCHEMA_VERSION, SensorDesign
 from design.spec.tip_profile import read_profile
+from design.text_file import read_text
 from design.toml_hints import explained
 from design.toml_text import parsed_toml
 
 MAX_FILE_BYTES = 1_000_000
+NEEDED = (
+    "a design or another file in TOML; `optopad new my-pad.toml --preset piacenza2017-pad` makes a design"
+)
 CATALOG_FILES = "catalog_files"
 PROFILE_FILE = "profile_csv"
 
@@ -60,34 +64,10 @@ def read_toml(file: Path) -> dict[str, Any]:
 
     Raises
     ------
-    DesignError : missing, a folder, too large, not UTF-8, or not TOML (with the line).
+    DesignError : missing, a folder, too large, of another kind, not UTF-8, or not TOML (with the line).
     """
     try:
-        with file.open("rb") as stream:
-            content = stream.read(MAX_FILE_BYTES + 1)
-    except FileNotFoundError:
-        raise DesignError(
-            f"{file}: no such file; `optopad new {file} --preset piacenza2017-pad` makes one"
-        ) from None
-    except IsADirectoryError:
-        raise DesignError(f"{file}: a folder, not a design file; name the .toml file in it") from None
-    except OSError as err:
-        raise DesignError(f"{file}: cannot be read: {err.strerror}; name the right file") from None
-    except ValueError as err:  # a null byte in the name
-        raise DesignError(f"{str(file)!r}: no name of a file: {err}") from None
-    if len(content) > MAX_FILE_BYTES:
-        raise DesignError(
-            f"{file}: larger than {MAX_FILE_BYTES} bytes, which is no design; name the right file"
-        )
-    return _parsed(content, file)
-
-
-def _parsed(content: bytes, file: Path) -> dict[str, Any]:
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as err:
-        raise DesignError(f"{file}: not UTF-8 text (byte {err.start}); save it as UTF-8") from None
-    try:
+        text = read_text(file, needed=NEEDED, most_bytes=MAX_FILE_BYTES, error=DesignError)
         return parsed_toml(text)
     except tomllib.TOMLDecodeError as err:
         raise DesignError(f"{file}: not valid TOML: {explained(str(err), text)}") from None

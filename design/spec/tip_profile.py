@@ -15,10 +15,13 @@ import math
 import re
 from pathlib import Path
 
+from design.csv_table import DECIMAL_COMMA, is_number
 from design.errors import DesignError
 from design.spec.tip_shape import profile_fault
+from design.text_file import read_text
 
 MAX_FILE_BYTES = 1_000_000
+NEEDED = "a CSV table with the radius and height of a tip in mm, a row a point"
 
 
 def read_profile(file: Path) -> list[list[float]]:
@@ -30,9 +33,10 @@ def read_profile(file: Path) -> list[list[float]]:
     """
     rows: list[int] = []
     points: list[tuple[float, float]] = []
-    for number, line in enumerate(_text(file).splitlines(), start=1):
+    text = read_text(file, needed=NEEDED, most_bytes=MAX_FILE_BYTES, error=DesignError)
+    for number, line in enumerate(text.split("\n"), start=1):
         words = [word for word in re.split(r"[\s,;]+", line.strip()) if word]
-        if not words or words[0].startswith("#") or (not points and not _is_number(words[0])):
+        if not words or words[0].startswith("#") or (not points and not is_number(words[0])):
             continue
         points.append(_point(words, f"{file}: row {number}"))
         rows.append(number)
@@ -44,31 +48,11 @@ def read_profile(file: Path) -> list[list[float]]:
     return [list(point) for point in points]
 
 
-def _text(file: Path) -> str:
-    try:
-        with file.open("rb") as stream:
-            content = stream.read(MAX_FILE_BYTES + 1)
-        if len(content) > MAX_FILE_BYTES:
-            raise DesignError(f"{file}: larger than {MAX_FILE_BYTES} bytes, which is no profile of a tip")
-        return content.decode("utf-8-sig")
-    except OSError as err:
-        raise DesignError(f"{file}: cannot be read: {err.strerror}; name the right file") from None
-    except UnicodeDecodeError as err:
-        raise DesignError(f"{file}: not UTF-8 text (byte {err.start}); save it as UTF-8") from None
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
-
-
 def _point(words: list[str], where: str) -> tuple[float, float]:
-    if len(words) != 2 or not all(_is_number(word) for word in words):
+    if len(words) != 2 or not all(is_number(word) for word in words):
+        hint = f"; {DECIMAL_COMMA}" if len(words) > 2 and all(map(is_number, words)) else ""
         raise DesignError(
-            f"{where}: {' '.join(words)[:60]!r} is refused: a row holds radius and height in mm, as 1.5, 0.4"
+            f"{where}: {' '.join(words)[:60]!r} is refused: a row holds radius and height in mm, as 1.5, 0.4{hint}"
         )
     radius, height = float(words[0]), float(words[1])
     if not (math.isfinite(radius) and math.isfinite(height)):

@@ -8,15 +8,15 @@ made as a whole or not at all. Without `set` everything is one set; without `pla
 
 from __future__ import annotations
 
-import csv
 import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
+from design.csv_table import read_csv
 from design.errors import InputError
-from fabrication.driver.recording.position_log import set_entry
+from fabrication.driver.recording.position_log import set_entry, whole_place
 from fabrication.driver.recording.press_labels import SetEntry
 from fabrication.stage.stage import Position, StageLimits
 
@@ -101,41 +101,22 @@ def read_press_list(file: Path) -> PressList:
     ------
     InputError : unreadable, columns missing, no number where one is needed; as `press_list`.
     """
-    try:
-        lines = file.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as err:
-        raise InputError(f"{file}: no text that can be read: {err}") from None
-    table = list(csv.reader(line for line in lines if line.strip() and not line.startswith("#")))
-    heading = [name.strip().lower() for name in table[0]] if table else []
-    if missing := [name for name in NEEDED if name not in heading]:
-        raise InputError(f"{file}: has no {', '.join(missing)}; needs {','.join(NEEDED)}, perhaps set, place")
+    table = read_csv(file, needed=f"a CSV table with {','.join(NEEDED)}, perhaps set, place", lower=True)
+    if missing := [name for name in NEEDED if name not in table.heading]:
+        raise InputError(
+            f"{file}: has no {', '.join(missing)}; needs {','.join(NEEDED)}, perhaps set, place; it has "
+            f"{', '.join(table.heading)}"
+        )
     rows, place, last = [], -1, None
-    for number, values in enumerate(table[1:], start=1):
-        row = dict(zip(heading, (value.strip() for value in values), strict=False))
-        where = f"{file}: row {number}"
-        step = _position(where, row)
-        entry = set_entry(where, {"set": ONE_SET} | row)
-        place = _place(where, row) if "place" in heading else place + ((entry.name, *step[:2]) != last)
-        last = (entry.name, *step[:2])
+    steps = zip(*(table.numbers(name) for name in NEEDED), strict=True)
+    for number, (row, step) in enumerate(zip(table.records(), steps, strict=True)):
+        where = table.where(number)
+        entry = set_entry(where, row | {"set": row.get("set") or ONE_SET})
+        at = (entry.name, step[0], step[1])
+        place = whole_place(where, row["place"]) if "place" in row else place + (at != last)
+        last = at
         rows.append((entry, place, step))
     try:
         return press_list(rows)
     except InputError as err:
         raise InputError(f"{file}: {err}") from None
-
-
-def _position(where: str, row: dict[str, str]) -> Position:
-    values = []
-    for name in NEEDED:
-        try:
-            values.append(float(row.get(name, "")))
-        except ValueError:
-            raise InputError(f"{where}: {name} is {row.get(name, '')!r}, needs a number") from None
-    return values[0], values[1], values[2]
-
-
-def _place(where: str, row: dict[str, str]) -> int:
-    text = row.get("place", "")
-    if not text.isdecimal():
-        raise InputError(f"{where}: place is {text!r}, needs a whole number")
-    return int(text)

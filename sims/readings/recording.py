@@ -17,7 +17,6 @@ Where there is an ``off`` state its readings are subtracted. Nothing else is: no
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Container
 from dataclasses import dataclass
@@ -27,6 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from design.csv_table import read_csv
 from design.errors import InputError
 from sims.readings.netcdf_file import read_netcdf, require_numbers
 
@@ -37,6 +37,7 @@ DIGEST = re.compile(r"[0-9a-f]{8,64}")
 PAIR_NAME = re.compile(r"^[A-Za-z0-9]+-[A-Za-z0-9]+$")
 AXES = ("time", "state", "receiver")
 MAX_BYTES = 500_000_000
+NEEDED = f"CSV with depth_mm and a column a pair (as E1-R1), or one named {SIGNAL}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,31 +118,17 @@ def _read_netcdf(file: Path) -> Recording:
 
 
 def _read_csv(file: Path) -> Recording:
-    try:
-        lines = file.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as err:
-        raise InputError(f"{file}: no text that can be read: {err}") from None
-    said = [line for line in lines if line.startswith("#")]
-    rows = list(csv.reader(line for line in lines if line.strip() and not line.startswith("#")))
-    if len(rows) < 2:
-        raise InputError(f"{file}: has no readings; needs a heading line and a line a reading")
-    heading = [name.strip() for name in rows[0]]
-    doubled = sorted({name for name in heading if heading.count(name) > 1})
-    signals = [name for name in heading if name == SIGNAL or PAIR_NAME.match(name)]
-    if "depth_mm" not in heading or not signals or doubled:
-        wrong = f"has {', '.join(doubled)} twice" if doubled else f"its columns are {', '.join(heading)}"
-        raise InputError(
-            f"{file}: {wrong}; needs depth_mm and a column a pair (as E1-R1), or one named {SIGNAL}"
-        )
+    table = read_csv(file, needed=NEEDED)
+    signals = [name for name in table.heading if name == SIGNAL or PAIR_NAME.match(name)]
+    if "depth_mm" not in table.heading or not signals:
+        raise InputError(f"{file}: its columns are {', '.join(table.heading)}; needs {NEEDED}")
     columns = {
-        name: np.array(
-            [_number(file, number, name, row, place) for number, row in enumerate(rows[1:], start=1)]
-        )
-        for place, name in enumerate(heading)
+        name: np.array(table.numbers(name))
+        for name in table.heading
         if name in (*signals, "depth_mm", "x_mm", "y_mm")
     }
     has_place = _has_place(file, columns, "x_mm", "y_mm")
-    stated = next((m[1] for line in said if (m := re.search(r"design_digest:\s*(.*)", line))), None)
+    stated = next((m[1] for line in table.remarks if (m := re.search(r"design_digest:\s*(.*)", line))), None)
     return Recording(
         file=file,
         design_digest=_checked_digest(file, stated),
@@ -171,16 +158,6 @@ def _has_place(file: Path, names: Container[Any], x: str, y: str) -> bool:
         one, other = (x, y) if x in names else (y, x)
         raise InputError(f"{file}: has {one} without {other}; give both, or neither and --at X,Y")
     return x in names
-
-
-def _number(file: Path, number: int, name: str, row: list[str], place: int) -> float:
-    try:
-        return float(row[place])
-    except (ValueError, IndexError):
-        found = repr(row[place]) if place < len(row) else "nothing"
-        raise InputError(
-            f"{file}: reading {number}: {name} is {found}, needs a number; drop the reading"
-        ) from None
 
 
 def _require_numbers(found: Recording) -> None:

@@ -119,7 +119,7 @@ _FILES = (
         words=("not UTF-8", "save it as UTF-8"),
     ),
     BadDesign(id="utf-16", content=design_text().encode("utf-16"), words=("not UTF-8",)),
-    BadDesign(id="null bytes", content=b"\0" * 64, words=("not valid TOML", "line 1")),
+    BadDesign(id="null bytes", content=b"\0" * 64, words=("binary data", "not UTF-8 text")),
     BadDesign(id="half a line", content=b"schema_version = \n", words=("not valid TOML", "line 1")),
     BadDesign(id="JSON", content=b'{"schema_version": 1}', words=("not valid TOML",)),
     BadDesign(id="key twice", content=b"name = 'a'\nname = 'b'\n", words=("line 2", "name stands twice")),

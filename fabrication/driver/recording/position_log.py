@@ -2,8 +2,9 @@
 
 As a file: CSV with a heading, lines that start with # are remarks. Needed are a time and the three positions:
 
-    time_s | time_ms     seconds (milliseconds) since 1970, or of any other clock with a known or found offset; also t_s
-    time                 or ISO 8601 with its zone: 2026-05-04T14:03:07.250+02:00
+    time_s               seconds since 1970, or of any other clock with a known or found offset (also _ms, _us, _ns, and
+                         t for time); a counter of 32 bits may wrap around
+    time                 or ISO 8601 with its zone: 2026-05-04T14:03:07.250+02:00 (also timestamp)
     x_mm y_mm depth_mm   place in the cavity frame, depth positive into the pad (also _um, _m)
 
 and as wanted `set` (name), `place` (whole number of the press within its set), `role` (train, test), `pattern` (grid,
@@ -12,22 +13,27 @@ random) and `ambient` (yes, no). A row with an empty `set` or `place` belongs to
 
 from __future__ import annotations
 
-import csv
 import datetime
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from design.errors import InputError
+from design.csv_table import CsvTable, is_number, read_csv
+from design.errors import InputError, shown
 from fabrication.driver.recording.press_labels import PressLabels, SetEntry
 
 FloatArray = NDArray[np.float64]
 
 LENGTHS_MM = {"_mm": 1.0, "_um": 1e-3, "_m": 1e3}
-CLOCKS_S = {"time_s": 1.0, "time_ms": 1e-3, "t_s": 1.0}
+TICKS_S = {"_s": 1.0, "_ms": 1e-3, "_us": 1e-6, "_ns": 1e-9}
+CLOCKS_S = {name + unit: tick for name in ("time", "t") for unit, tick in TICKS_S.items()}
+MOMENTS = ("time", "timestamp")
+"""Columns of ISO 8601."""
+LAST_S = 4.1e9
+"""Seconds since 1970 until the year 2100: what is later is in another unit."""
+COUNTER_TICKS = 2.0**32
 YES, NO = {"yes", "true", "1"}, {"no", "false", "0"}
 
 LONGEST_GAP_S = 1.0
@@ -37,6 +43,9 @@ STILL_MM = 0.02
 """Two rows closer than this are the same position."""
 
 NOWHERE = -1
+NEEDED = (
+    "a CSV table with time_s (or time_ms, time_us, time_ns, or time as ISO 8601), x_mm, y_mm and depth_mm"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,19 +103,12 @@ def read_position_log(file: Path) -> PositionLog:
     ------
     InputError : unreadable, columns missing, no number where one is needed, times that do not rise.
     """
-    rows = _rows(file)
-    columns = {name: [row[name] for row in rows] for name in rows[0]}
-    time_s = _times(file, columns)
-    press_mm = np.stack([_lengths(file, columns, axis) for axis in ("x", "y", "depth")], axis=1)
-    falling = np.flatnonzero(np.diff(time_s) <= 0)
-    if falling.size:
-        k = int(falling[0])
-        raise InputError(
-            f"{file}: the times do not rise: row {k + 2} is {time_s[k + 1] - time_s[k]:+.3f} s after row {k + 1}; "
-            "a clock that was set back, or two logs in one: cut the log there"
-        )
-    sets, set_number = _sets(file, columns)
-    place_number = _places(file, columns)
+    table = read_csv(file, needed=NEEDED, fewest_rows=2, lower=True)
+    time_s = _times(table)
+    press_mm = np.stack([_lengths(table, axis) for axis in ("x", "y", "depth")], axis=1)
+    _require_rising(table, time_s)
+    sets, set_number = _sets(table)
+    place_number = _places(table)
     if set_number is not None and place_number is None:
         raise InputError(f"{file}: has set without place; number the presses of each set in a column place")
     if place_number is not None and set_number is None:
@@ -121,35 +123,55 @@ def read_position_log(file: Path) -> PositionLog:
     )
 
 
-def _rows(file: Path) -> list[dict[str, str]]:
-    try:
-        lines = file.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as err:
-        raise InputError(f"{file}: no text that can be read: {err}") from None
-    rows = list(csv.reader(line for line in lines if line.strip() and not line.startswith("#")))
-    if len(rows) < 3:
-        raise InputError(f"{file}: needs a heading (time_s,x_mm,y_mm,depth_mm) and at least two rows")
-    heading = [name.strip().lower() for name in rows[0]]
-    doubled = sorted({name for name in heading if heading.count(name) > 1})
-    if doubled:
-        raise InputError(f"{file}: has the column {', '.join(doubled)} twice")
-    for number, row in enumerate(rows[1:], start=1):
-        if len(row) != len(heading):
-            raise InputError(
-                f"{file}: row {number} has {len(row)} values, the heading {len(heading)} columns"
-            )
-    return [dict(zip(heading, (value.strip() for value in row), strict=True)) for row in rows[1:]]
-
-
-def _times(file: Path, columns: dict[str, list[str]]) -> FloatArray:
-    for name, unit_s in CLOCKS_S.items():
-        if name in columns:
-            return unit_s * _numbers(file, name, columns[name], float)
-    if "time" not in columns:
+def _times(table: CsvTable) -> FloatArray:
+    for name, tick_s in CLOCKS_S.items():
+        if name in table.heading:
+            ticks = np.array(table.numbers(name))
+            if np.abs(ticks).max() < COUNTER_TICKS:
+                ticks[1:] += COUNTER_TICKS * np.cumsum(np.diff(ticks) < -0.5 * COUNTER_TICKS)
+            _require_unit(table, name, tick_s * np.abs(ticks).max(), tick_s)
+            return tick_s * ticks
+    name = next((name for name in MOMENTS if name in table.heading), None)
+    if name is None:
+        raise InputError(f"{table.file}: has no time; needs {NEEDED}; it has {', '.join(table.heading)}")
+    if is_number(first := table.column(name)[0]):
+        unit = next((unit for unit, tick_s in TICKS_S.items() if abs(float(first)) * tick_s < LAST_S), "_s")
         raise InputError(
-            f"{file}: has no time; needs a column time_s or time_ms, or time as ISO 8601; it has {', '.join(columns)}"
+            f"{table.file}: {name} is {first}, a number without a unit; name the column by it, as time{unit} (or "
+            f"{', '.join('time' + other for other in TICKS_S if other != unit)})"
         )
-    return _numbers(file, "time", columns["time"], _iso_s)
+    return np.array(table.parsed(name, _iso_s, "ISO 8601 with its zone, as 2026-05-04T14:03:07.250Z"))
+
+
+def _require_unit(table: CsvTable, name: str, latest_s: float, tick_s: float) -> None:
+    """Refuse times that would be later than the year 2100."""
+    if latest_s > LAST_S:
+        fitting = [unit for unit, tick in TICKS_S.items() if latest_s / tick_s * tick < LAST_S]
+        way_out = (
+            f"are they of {name.partition('_')[0]}{fitting[0]}? name the column so"
+            if fitting
+            else "correct them"
+        )
+        raise InputError(
+            f"{table.file}: {name} goes up to {latest_s / tick_s:.4g}, which is later than the year 2100; {way_out}"
+        )
+
+
+def _require_rising(table: CsvTable, time_s: FloatArray) -> None:
+    not_rising = np.flatnonzero(np.diff(time_s) <= 0)
+    if not not_rising.size:
+        return
+    k = int(not_rising[0])
+    former, row = table.lines[k], table.lines[k + 1]
+    if time_s[k + 1] == time_s[k]:
+        raise InputError(
+            f"{table.file}: row {row} has the time of row {former} ({not_rising.size} of {len(time_s)} rows are not "
+            "later than the one before); write the times with more digits, or drop rows"
+        )
+    raise InputError(
+        f"{table.file}: the times do not rise: row {row} is {time_s[k + 1] - time_s[k]:+.3f} s after row {former}; "
+        "a clock that was set back, or two logs in one: cut the log there"
+    )
 
 
 def _iso_s(text: str) -> float:
@@ -159,42 +181,25 @@ def _iso_s(text: str) -> float:
     return moment.timestamp()
 
 
-def _lengths(file: Path, columns: dict[str, list[str]], axis: str) -> FloatArray:
+def _lengths(table: CsvTable, axis: str) -> FloatArray:
     for suffix, unit_mm in LENGTHS_MM.items():
-        if (name := axis + suffix) in columns:
-            return unit_mm * _numbers(file, name, columns[name], float)
-    raise InputError(f"{file}: has no {axis}_mm (or {axis}_um, {axis}_m); it has {', '.join(columns)}")
+        if (name := axis + suffix) in table.heading:
+            return unit_mm * np.array(table.numbers(name))
+    raise InputError(
+        f"{table.file}: has no {axis}_mm (or {axis}_um, {axis}_m); it has {', '.join(table.heading)}"
+    )
 
 
-def _numbers(file: Path, name: str, texts: list[str], parsed: Callable[[str], float]) -> FloatArray:
-    values = np.empty(len(texts))
-    for k, text in enumerate(texts):
-        try:
-            values[k] = parsed(text)
-        except ValueError:
-            values[k] = np.nan
-        if not np.isfinite(values[k]):
-            wanted = (
-                "ISO 8601 with its zone, as 2026-05-04T14:03:07.250Z"
-                if parsed is _iso_s
-                else "a finite number"
-            )
-            raise InputError(f"{file}: row {k + 1}: {name} is {text!r}, needs {wanted}; drop or mend the row")
-    return values
-
-
-def _sets(file: Path, columns: dict[str, list[str]]) -> tuple[tuple[SetEntry, ...], NDArray[np.int64] | None]:
-    if "set" not in columns:
+def _sets(table: CsvTable) -> tuple[tuple[SetEntry, ...], NDArray[np.int64] | None]:
+    if "set" not in table.heading:
         return (), None
-    names = columns["set"]
+    names = table.column("set")
     entries: dict[str, SetEntry] = {}
-    for k, name in enumerate(names):
-        if name and name not in entries:
-            entries[name] = set_entry(
-                f"{file}: row {k + 1}", {key: column[k] for key, column in columns.items()}
-            )
+    for k, row in enumerate(table.records()):
+        if row["set"] and row["set"] not in entries:
+            entries[row["set"]] = set_entry(table.where(k), row)
     if not entries:
-        raise InputError(f"{file}: no row belongs to a set; fill the column set, or leave it out")
+        raise InputError(f"{table.file}: no row belongs to a set; fill the column set, or leave it out")
     order = list(entries)
     numbers = np.array([order.index(name) if name else NOWHERE for name in names], dtype=np.int64)
     return tuple(entries.values()), numbers
@@ -213,12 +218,23 @@ def set_entry(where: str, row: dict[str, str]) -> SetEntry:
     )
 
 
-def _places(file: Path, columns: dict[str, list[str]]) -> NDArray[np.int64] | None:
-    if "place" not in columns:
+def _places(table: CsvTable) -> NDArray[np.int64] | None:
+    if "place" not in table.heading:
         return None
-    numbers = np.full(len(columns["place"]), NOWHERE, dtype=np.int64)
-    for k, text in enumerate(columns["place"]):
-        if text and not text.isdecimal():
-            raise InputError(f"{file}: row {k + 1}: place is {text!r}, needs a whole number, or nothing")
-        numbers[k] = int(text) if text else NOWHERE
-    return numbers
+    texts = table.column("place")
+    return np.array(
+        [whole_place(table.where(k), text) if text else NOWHERE for k, text in enumerate(texts)],
+        dtype=np.int64,
+    )
+
+
+def whole_place(where: str, text: str) -> int:
+    """The number of a press, from 0; spreadsheets may write it as 3.0.
+
+    Raises
+    ------
+    InputError : no whole number from 0.
+    """
+    if not is_number(text) or not 0 <= float(text) < 2**53 or float(text) % 1:
+        raise InputError(f"{where}: place is {shown(text)}, needs a whole number from 0")
+    return int(float(text))

@@ -5,7 +5,6 @@ As a file: CSV with the heading `t_s,x_mm,y_mm,depth_mm`, times rising from 0.
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -13,6 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from design.csv_table import read_csv
 from design.errors import InputError
 from fabrication.driver_file import WorkspaceLimits
 
@@ -91,18 +91,10 @@ def read_path(file: Path) -> FingerPath:
     ------
     InputError : unreadable, another heading, values that are no numbers, times that do not rise from 0.
     """
-    try:
-        rows = list(csv.reader(file.read_text(encoding="utf-8-sig").splitlines()))
-    except (OSError, UnicodeDecodeError) as err:
-        raise InputError(f"{file}: no text that can be read: {err}") from None
-    if not rows or tuple(name.strip() for name in rows[0]) != HEADING or len(rows) < 2:
-        raise InputError(f"{file}: needs the heading {','.join(HEADING)} and a line a point")
-    try:
-        values = np.array([[float(value) for value in row] for row in rows[1:] if row])
-    except ValueError as err:
-        raise InputError(f"{file}: {err}; needs four numbers a line") from None
-    if values.ndim != 2 or values.shape[1] != len(HEADING) or not np.isfinite(values).all():
-        raise InputError(f"{file}: needs four finite numbers a line")
+    table = read_csv(file, needed=f"a CSV table with {','.join(HEADING)}, a row a point", lower=True)
+    if missing := [name for name in HEADING if name not in table.heading]:
+        raise InputError(f"{file}: has no {', '.join(missing)}; needs the heading {','.join(HEADING)}")
+    values = np.array([table.numbers(name) for name in HEADING]).T
     if values[0, 0] != 0.0 or (np.diff(values[:, 0]) <= 0).any():
         raise InputError(f"{file}: t_s must rise from 0 s, is {values[:, 0].tolist()[:5]} ...")
     return FingerPath(time_s=values[:, 0], press_mm=values[:, 1:])

@@ -194,20 +194,20 @@ def test_times_may_be_written_as_dates_and_lengths_in_other_units(tmp_path: Path
     ("heading", "rows", "told"),
     [
         ("time_s,x_mm,y_mm", ["0,1,1", "1,1,1"], "has no depth_mm"),
-        ("x_mm,y_mm,depth_mm", ["1,1,1", "1,1,1"], "has no time; needs a column time_s"),
+        ("x_mm,y_mm,depth_mm", ["1,1,1", "1,1,1"], r"has no time; needs a CSV table with time_s"),
         (
             "time_s,x_mm,y_mm,depth_mm",
             ["0,1,1,1", "1,1,nan,1"],
-            "row 2: y_mm is 'nan', needs a finite number",
+            "row 3: y_mm is 'nan', needs a finite number",
         ),
-        ("time_s,x_mm,y_mm,depth_mm", ["0,1,1,1", "1,1,,1"], "row 2: y_mm is ''"),
-        ("time_s,x_mm,y_mm,depth_mm", ["0,1,1,1", "1,1,1"], "row 2 has 3 values, the heading 4 columns"),
-        ("time_s,x_mm,y_mm,depth_mm", ["5,1,1,1", "4,1,1,1"], r"times do not rise: row 2 is -1\.000 s after"),
-        ("time_s,x_mm,y_mm,depth_mm", ["5,1,1,1", "5,1,1,1"], "times do not rise"),
-        ("time_s,x_mm,y_mm,depth_mm", ["5,1,1,1"], "at least two rows"),
-        ("time_s,x_mm,x_mm,y_mm,depth_mm", ["5,1,1,1,1", "6,1,1,1,1"], "has the column x_mm twice"),
+        ("time_s,x_mm,y_mm,depth_mm", ["0,1,1,1", "1,1,,1"], "row 3: y_mm is ''"),
+        ("time_s,x_mm,y_mm,depth_mm", ["0,1,1,1", "1,1,1"], "row 3 has 3 values, the heading 4 columns"),
+        ("time_s,x_mm,y_mm,depth_mm", ["5,1,1,1", "4,1,1,1"], r"times do not rise: row 3 is -1\.000 s after"),
+        ("time_s,x_mm,y_mm,depth_mm", ["5,1,1,1", "5,1,1,1"], r"row 3 has the time of row 2 \(1 of 2"),
+        ("time_s,x_mm,y_mm,depth_mm", ["5,1,1,1"], "at least 2 rows"),
+        ("time_s,x_mm,x_mm,y_mm,depth_mm", ["5,1,1,1,1", "6,1,1,1,1"], "has the column 'x_mm' twice"),
         ("time,x_mm,y_mm,depth_mm", ["2026-05-04T14:00:00,1,1,1"] * 2, "needs ISO 8601 with its zone"),
-        ("time_s,x_mm,y_mm,depth_mm,place", ["0,1,1,1,0", "1,1,1,1,b"], "row 2: place is 'b', needs a whole"),
+        ("time_s,x_mm,y_mm,depth_mm,place", ["0,1,1,1,0", "1,1,1,1,b"], "row 3: place is 'b', needs a whole"),
         (
             "time_s,x_mm,y_mm,depth_mm,set,role",
             ["0,1,1,1,a,x", "1,1,1,1,a,x"],
@@ -218,6 +218,12 @@ def test_times_may_be_written_as_dates_and_lengths_in_other_units(tmp_path: Path
             ["0,1,1,1,a,x", "1,1,1,1,a,x"],
             "ambient is 'x', needs yes",
         ),
+        ("timestamp,x_mm,y_mm,depth_mm", ["1777903387.25,1,1,1"] * 2, "timestamp is 1777903387.25.* as time_s"),
+        ("timestamp,x_mm,y_mm,depth_mm", ["1777903387250000000,1,1,1"] * 2, "a number without.* as time_ns"),
+        ("time,x_mm,y_mm,depth_mm", ["1777903387250,1,1,1"] * 2, "a number without a unit.* as time_ms"),
+        ("time_s,x_mm,y_mm,depth_mm", ["1777903387250,1,1,1"] * 2, "later than the year 2100; are they of time_ms"),
+        ("time_ms,x_mm,y_mm,depth_mm", ["1777903387250000,1,1,1"] * 2, "are they of time_us"),
+        ("time_s,x_mm,y_mm,depth_mm,place", ["0,1,1,1,0.5", "1,1,1,1,1"], "row 2: place is '0.5', needs a whole"),
         ("time_s,x_mm,y_mm,depth_mm,set", ["0,1,1,1,", "1,1,1,1,"], "no row belongs to a set"),
         ("time_s,x_mm,y_mm,depth_mm,set", ["0,1,1,1,a", "1,1,1,1,a"], "has set without place"),
     ],
@@ -229,8 +235,24 @@ def test_a_log_that_cannot_be_used_is_refused_by_row_and_column(
         read_position_log(text_log(tmp_path, *rows, heading=heading))
 
 
+@pytest.mark.parametrize(
+    ("heading", "times", "time_s"),
+    [
+        ("time_us", ["4294947296", "4294966296", "18000", "38000"], [4294.947296, 4294.966296, 4294.985296, 4295.005296]),
+        ("t_ms", ["4294967290", "4", "24"], [4294967.290, 4294967.300, 4294967.320]),
+        ("time_ns", ["0", "20000000", "40000000"], [0.0, 0.02, 0.04]),
+        ("timestamp", ["2026-05-04T14:03:07Z", "2026-05-04T14:03:08Z"], [1777903387.0, 1777903388.0]),
+    ],
+)
+def test_clocks_of_other_programs_are_read(heading, times, time_s, tmp_path):
+    rows = [f"{time},1,1,1,{place}" for time, place in zip(times, ("0.0", "1", "2.0", "3"), strict=False)]
+    log = read_position_log(text_log(tmp_path, *rows, heading=f"{heading},x_mm,y_mm,depth_mm,place"))
+    assert log.time_s == pytest.approx(time_s, abs=1e-6)
+    assert log.place_number.tolist() == list(range(len(times)))
+
+
 def test_a_log_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"none\.csv: no text that can be read"):
+    with pytest.raises(InputError, match=r"none\.csv: no such file; needed is a CSV table"):
         read_position_log(tmp_path / "none.csv")
 
 

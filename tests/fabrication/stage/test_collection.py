@@ -165,11 +165,11 @@ def test_rows_of_a_table_become_presses_by_set_and_place(tmp_path: Path) -> None
     ("text", "told"),
     [
         ("x_mm,y_mm\n1,1\n", "has no depth_mm"),
-        ("", "has no x_mm, y_mm, depth_mm"),
-        ("x_mm,y_mm,depth_mm\n", "presses: none"),
-        ("x_mm,y_mm,depth_mm\n1,1\n", "row 1: depth_mm is '', needs a number"),
-        ("x_mm,y_mm,depth_mm\n1,x,1\n", "row 1: y_mm is 'x'"),
-        ("x_mm,y_mm,depth_mm,place\n1,1,1,-2\n", "row 1: place is '-2', needs a whole number"),
+        ("", "0 rows below the heading.*x_mm,y_mm,depth_mm"),
+        ("x_mm,y_mm,depth_mm\n", "0 rows below the heading"),
+        ("x_mm,y_mm,depth_mm\n1,1\n", "row 2 has 2 values, the heading 3 columns"),
+        ("x_mm,y_mm,depth_mm\n1,x,1\n", "row 2: y_mm is 'x'"),
+        ("x_mm,y_mm,depth_mm,place\n1,1,1,-2\n", "row 2: place is '-2', needs a whole number"),
         (
             "x_mm,y_mm,depth_mm,set,place\n1,1,1,a,0\n1,1,1,a,1\n1,1,1,a,0\n",
             "press 0 of set 'a' comes up again",

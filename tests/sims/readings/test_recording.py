@@ -171,12 +171,12 @@ def test_several_places_need_one_that_is_named(simulated, tmp_path):
     [
         (
             {"depth_mm": [0.0, 1.0, np.nan], "signal": [1.0, 2.0, 3.0]},
-            "depth is not a number in 1 of 3 readings, first in",
+            "row 4: depth_mm is 'nan', needs a finite number",
         ),
-        ({"depth_mm": [0.0, 1.0], "signal": [np.nan, np.nan]}, "signal is not a number in 2 of 2"),
-        ({"depth": [0.0, 1.0], "signal": [1.0, 2.0]}, "its columns are depth, signal; needs depth_mm"),
-        ({"depth_mm": [0.0, 1.0], "light": [1.0, 2.0]}, "needs depth_mm and a column a pair"),
-        ({"depth_mm": [], "signal": []}, "has no readings"),
+        ({"depth_mm": [0.0, 1.0], "signal": [np.nan, np.nan]}, "row 2: signal is 'nan', needs a finite number"),
+        ({"depth": [0.0, 1.0], "signal": [1.0, 2.0]}, "its columns are depth, signal; needs CSV with depth_mm"),
+        ({"depth_mm": [0.0, 1.0], "light": [1.0, 2.0]}, "needs CSV with depth_mm and a column a pair"),
+        ({"depth_mm": [], "signal": []}, "0 rows below the heading"),
     ],
 )
 def test_a_csv_with_gaps_or_missing_columns_is_refused(tmp_path, columns, words):
@@ -186,7 +186,7 @@ def test_a_csv_with_gaps_or_missing_columns_is_refused(tmp_path, columns, words)
 
 def test_a_csv_with_words_for_numbers_is_refused(tmp_path):
     (tmp_path / "press.csv").write_text("depth_mm,signal\n0,5\n1,high\n", encoding="utf-8")
-    with pytest.raises(InputError, match="reading 2: signal is 'high', needs a number"):
+    with pytest.raises(InputError, match="row 3: signal is 'high', needs a finite number"):
         read_recording(tmp_path / "press.csv")
 
 
