@@ -52,6 +52,7 @@ class LinkCounts:
     skipped_bytes : bytes that belonged to no whole message
     overrun : frames dropped because nobody read them for too long
     reconnects : connections after the first: unplugged and plugged in again, or the board began anew
+    doubled : frames that came twice, with the same number and time; the second was dropped
     """
 
     frames: int = 0
@@ -60,6 +61,7 @@ class LinkCounts:
     skipped_bytes: int = 0
     overrun: int = 0
     reconnects: int = 0
+    doubled: int = 0
 
 
 class Stream:
@@ -178,6 +180,7 @@ class Stream:
             skipped_bytes=self._past.skipped_bytes + scanner.skipped_bytes,
             overrun=self._overrun,
             reconnects=self._decoder.connection - 1,
+            doubled=self._decoder.doubled,
         )
 
     def _run(self) -> None:
@@ -224,6 +227,7 @@ class Stream:
         self._keep(batch, host_s)
 
     def _keep(self, batch: list[bytes], host_s: float) -> None:
+        batch = self._decoder.without_repeats(batch)
         if not batch:
             return
         with self._changed:
@@ -256,6 +260,7 @@ class Stream:
         """A hello that nobody asked for: the board was reset while it streamed."""
         if time.monotonic() - self._greeted_at < LATE_HELLO_S:
             return
+        self._greeted_at = time.monotonic()  # a hello that comes twice is one reset
         self.hello = self._checked(unpack_hello(message))
         self._decoder.begin()
         self._note_connection(message)

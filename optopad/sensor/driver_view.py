@@ -62,8 +62,8 @@ def link_line(sensor: Sensor) -> str:
     counts, rate = sensor.counts, sensor.rate_hz
     told = "-" if rate is None else f"{rate:.1f}"
     text = f"{counts.frames} frames, {told} Hz, {counts.lost} lost, {counts.damaged} damaged"
-    reconnects = f", {counts.reconnects} reconnects" if counts.reconnects else ""
-    return text + reconnects
+    rare = {"doubled": counts.doubled, "reconnects": counts.reconnects}
+    return text + "".join(f", {number} {name}" for name, number in rare.items() if number)
 
 
 def strongest_change(frame: Frame, sensor: Sensor) -> str:

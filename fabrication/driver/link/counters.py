@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 
-from fabrication.driver.link.protocol import WRAP, CountArray, IntArray
+from fabrication.driver.link.protocol import STAMP, WRAP, CountArray, IntArray
+
+REMEMBERED_FRAMES = 256
+"""So far back a repeat is looked for: 0.6 s at 400 Hz."""
 
 
 class WrappingCounter:
@@ -46,6 +51,28 @@ class WrappingCounter:
         whole = last + np.cumsum(steps)
         self._last = int(whole[-1])
         return whole, steps
+
+
+class Repeats:
+    """Frames that the line delivers twice: number and time are those of one of the last 256 frames.
+
+    A board that began anew repeats its numbers, but never a number with its time.
+    """
+
+    def __init__(self) -> None:
+        self._order: deque[bytes] = deque()
+        self._seen: set[bytes] = set()
+
+    def has(self, message: bytes) -> bool:
+        """Whether a whole message of readings came before; it is noted where it did not."""
+        stamp = message[STAMP]
+        if stamp in self._seen:
+            return True
+        if len(self._order) == REMEMBERED_FRAMES:
+            self._seen.remove(self._order.popleft())
+        self._order.append(stamp)
+        self._seen.add(stamp)
+        return False
 
 
 def restarts(values: CountArray, last: int) -> IntArray:

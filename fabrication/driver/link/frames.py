@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import DeviceError
-from fabrication.driver.link.counters import WrappingCounter
+from fabrication.driver.link.counters import Repeats, WrappingCounter
 from fabrication.driver.link.protocol import FrameFormat, unpack_frames
 from fabrication.driver_file import DriverConfig
 
@@ -74,7 +74,7 @@ class FrameDecoder:
 
     Attributes
     ----------
-    frames, lost : decoded so far; missing so far by the sequence numbers
+    frames, lost, doubled : decoded so far; missing so far by the sequence numbers; dropped as repeats
     connection : of the next frame
     baseline : given to the frames from now on
     """
@@ -85,6 +85,7 @@ class FrameDecoder:
         self._lit = [emitter.state for emitter in config.emitters]
         self.frames = 0
         self.lost = 0
+        self.doubled = 0
         self.connection = 0
         self.baseline: FloatArray | None = None
         self.begin()
@@ -95,6 +96,7 @@ class FrameDecoder:
         self._sequence = WrappingCounter(goes_back=True)
         self._time = WrappingCounter(goes_back=False)
         self._recent_us: deque[int] = deque(maxlen=RATE_FRAMES)
+        self._repeats = Repeats()
 
     @property
     def rate_hz(self) -> float | None:
@@ -102,6 +104,12 @@ class FrameDecoder:
         times = self._recent_us
         passed = times[-1] - times[0] if len(times) > 1 else 0
         return (len(times) - 1) * US_PER_S / passed if passed > 0 else None
+
+    def without_repeats(self, messages: list[bytes]) -> list[bytes]:
+        """The messages of readings that the line did not deliver before; the others are counted as doubled."""
+        new = [message for message in messages if not self._repeats.has(message)]
+        self.doubled += len(messages) - len(new)
+        return new
 
     def decoded(self, messages: list[bytes], host_s: float) -> list[Frame]:
         """Frames of whole messages that arrived at `host_s`; a count that goes back begins a connection.

@@ -39,6 +39,9 @@ CRC_BYTES = 4
 WRAP = 2**32
 """Sequence number and device time start again here."""
 
+STAMP = slice(3, 11)
+"""Where sequence number and device time are in a message of readings."""
+
 IntArray = NDArray[np.int64]
 CountArray = NDArray[np.uint32]
 _HELLO = struct.Struct("<2sB7BHII32s")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from design.errors import InputError, OutputError
 from fabrication.driver.descriptor import UNITS, descriptor_of
-from fabrication.driver.link.counters import WrappingCounter, restarts
+from fabrication.driver.link.counters import Repeats, WrappingCounter, restarts
 from fabrication.driver.link.protocol import Unpacked, frame_format, unpack_frames
 from fabrication.driver.recording.press_labels import PressLabels, sets_json
 from fabrication.driver.recording.raw import PRESS_BYTES, Record, RecordKind, press_of, read_records
@@ -42,7 +42,7 @@ class Recorded:
     device_s : (time,) the board's clock since its reset [s]
     host_s : (time,) this machine's clock since 1970 [s]
     labels : where it was pressed; None where the recording does not say
-    lost : frames missing by the sequence numbers
+    lost, doubled : frames missing by the sequence numbers; frames that came twice, of which one is kept
     stray_bytes : bytes of the file that belong to no whole record of this configuration
     ended_cleanly : whether the recorder was closed
     """
@@ -57,6 +57,7 @@ class Recorded:
     lost: int
     stray_bytes: int
     ended_cleanly: bool
+    doubled: int = 0
 
     @property
     def press_mm(self) -> FloatArray | None:
@@ -95,6 +96,8 @@ def read_recorded(file: Path, path: FingerPath | None = None) -> Recorded:
     layout = frame_format(config)
     records = [record for record in every if _fits(record, layout.total_bytes)]
     stray += sum(record.size for record in every) - sum(record.size for record in records)
+    whole = len(records)
+    records = _without_repeats(records)
     frames = [record for record in records if record.kind == RecordKind.FRAME]
     if not frames:
         raise InputError(f"{file}: holds no whole frame")
@@ -112,6 +115,7 @@ def read_recorded(file: Path, path: FingerPath | None = None) -> Recorded:
         host_s=host_s,
         labels=_presses(records, host_s) if path is None else PressLabels(press_mm=path.at(device_s)),
         lost=lost,
+        doubled=whole - len(records),
         stray_bytes=stray,
         ended_cleanly=any(record.kind == RecordKind.END for record in records),
     )
@@ -211,6 +215,17 @@ def can_export() -> bool:
     from importlib.util import find_spec
 
     return all(find_spec(name) is not None for name in ("xarray", "h5netcdf"))
+
+
+def _without_repeats(records: list[Record]) -> list[Record]:
+    """The records less the frames that the line delivered twice within a connection."""
+    kept, repeats = [], Repeats()
+    for record in records:
+        if record.kind == RecordKind.HELLO:
+            repeats = Repeats()
+        if record.kind != RecordKind.FRAME or not repeats.has(record.content):
+            kept.append(record)
+    return kept
 
 
 def _connections(records: list[Record], found: Unpacked) -> NDArray[np.int64]:

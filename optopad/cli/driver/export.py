@@ -65,6 +65,7 @@ def export(
         "file": str(target),
         "frames": len(found.sequence),
         "lost": found.lost,
+        "doubled": found.doubled,
         "connections": int(found.connection[-1]),
         "ended_cleanly": found.ended_cleanly,
         "stray_bytes": found.stray_bytes,
@@ -76,7 +77,9 @@ def export(
     torn = (
         "" if found.ended_cleanly else f"; no clean end, {found.stray_bytes} bytes belong to no whole record"
     )
-    say(f"{len(found.sequence)} frames, {found.lost} lost{torn}")
+    say(
+        f"{len(found.sequence)} frames, {found.lost} lost{f', {found.doubled} doubled' if found.doubled else ''}{torn}"
+    )
     if join is not None:
         say(_join_line(join))
     if found.press_mm is None:

@@ -20,7 +20,9 @@ from fabrication.driver import Sensor
 from fabrication.driver.link import link
 from fabrication.driver.link.ports import FoundPort, Port, find_port
 from fabrication.driver.link.protocol import FrameFormat, Hello, pack_frames, pack_hello
+from fabrication.driver.recording.export import read_recorded
 from fabrication.driver.simulated.port import FakePort
+from optopad.sensor.driver_view import link_line
 from tests.fabrication.driver.made_up_pad import board, pad_config
 
 CONFIG = replace(pad_config(), board=replace(pad_config().board, boot_s=0.2))
@@ -165,6 +167,35 @@ def test_noise_before_and_between_frames_costs_only_what_it_hits() -> None:
         assert all((frame.counts == 300).all() for frame in frames)
         assert {frame.sequence % 10 for frame in frames} == set(range(1, 10))
         assert sensor.counts.lost == pytest.approx(60 / 9, abs=1.5)
+
+
+def test_a_doubled_frame_is_dropped_and_counted_as_it_comes_and_in_a_recording(tmp_path) -> None:
+    """Single frames, blocks of three, and hellos come twice; the recording is read as if they had come once."""
+    layout, numbers = FrameFormat(states=9, receivers=8, bits=10), iter(range(100_000))
+
+    def says() -> bytes:
+        number = next(numbers)
+        if number < 3:
+            return HELLO + HELLO
+        block = pack_frames(
+            layout, 3 * number + np.arange(3), 1000 * number + np.arange(3), np.ones((3, 9, 8))
+        )
+        return block[0] * 2 + block[1] + block[2] if number % 2 else b"".join(block * 2)
+
+    file = tmp_path / "doubled.optorec"
+    with (
+        talking(says) as port,
+        Sensor(pad_config(), port, baseline_s=0, rate_hz=100) as sensor,
+        sensor.record(file) as recorder,
+    ):
+        frames = list(sensor.frames(count=90))
+        assert np.diff([frame.sequence for frame in frames]).tolist() == [1] * 89
+        assert {frame.connection for frame in frames} == {1}
+        assert sensor.counts.doubled >= 50
+        assert (sensor.counts.lost, sensor.counts.reconnects) == (0, 0)
+        assert f"{sensor.counts.doubled} doubled" in link_line(sensor)
+        assert recorder.frames <= sensor.counts.frames
+    assert read_recorded(file).doubled == 0
 
 
 def test_a_reset_in_mid_stream_starts_a_connection_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:

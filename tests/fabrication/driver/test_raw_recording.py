@@ -87,6 +87,17 @@ def test_a_damaged_record_takes_only_itself(
     assert read_records(file)[3] == 122
 
 
+def test_frames_that_a_recording_holds_twice_are_read_once_and_counted(tmp_path: Path) -> None:
+    written(tmp_path / "once.optorec", 20)
+    with Recorder(tmp_path / "twice.optorec", CONFIG) as recorder:
+        for message in [*FRAMES[:6], *FRAMES[3:6], *[one for one in FRAMES[6:20] for _ in (1, 2)]]:
+            recorder.frame(message, 1000.0)
+    once, twice = (read_recorded(tmp_path / f"{name}.optorec") for name in ("once", "twice"))
+    assert (twice.doubled, twice.lost, once.doubled) == (3 + 14, 0, 0)
+    assert np.array_equal(twice.sequence, once.sequence)
+    assert np.array_equal(twice.connection, once.connection)
+
+
 def test_a_recording_is_never_overwritten(tmp_path: Path) -> None:
     before = written(tmp_path / "a.optorec", 2)
     with pytest.raises(OutputError, match="exists already, and a recording is never overwritten"):
