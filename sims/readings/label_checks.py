@@ -1,0 +1,221 @@
+"""Units and labels of data from anywhere: what a file says of them is converted, what contradicts the pad is refused.
+
+A data set whose locations are counted from the middle of the pad, or whose depth is positive upwards, trains a model
+without any complaint of its own, and the model is wrong by the size of the pad. The checks use the design where it is
+known, else the limits that every design keeps. Noise, drift, hovering samples and few touched samples pass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.errors import InputError, shown
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from design.spec import SensorDesign
+
+FloatArray = NDArray[np.float64]
+
+LENGTHS_MM = {"mm": 1.0, "millimetre": 1.0, "millimeter": 1.0, "um": 1e-3, "micrometre": 1e-3, "micrometer": 1e-3,
+              "micron": 1e-3, "cm": 10.0, "centimetre": 10.0, "centimeter": 10.0, "m": 1e3, "metre": 1e3,
+              "meter": 1e3}  # fmt: skip
+TIMES_S = {"s": 1.0, "sec": 1.0, "second": 1.0, "ms": 1e-3, "millisecond": 1e-3, "us": 1e-6, "microsecond": 1e-6,
+           "ns": 1e-9, "nanosecond": 1e-9, "min": 60.0, "minute": 60.0, "h": 3600.0, "hour": 3600.0}  # fmt: skip
+READINGS = {"count": 1.0, "1": 1.0, "adc": 1.0, "adc count": 1.0, "lsb": 1.0, "adu": 1.0, "digit": 1.0}
+VOLTS = {"v": 1.0, "volt": 1.0, "mv": 1e-3, "millivolt": 1e-3}
+
+SLACK_MM = 0.5
+"""A stage may be so far off: locations and depths beyond the pad by less are not refused."""
+LARGEST_MM, THICKEST_MM = 200.0, 50.0
+"""Of the pads that a design can have."""
+METRES_MM = 0.012
+"""Deepest press of a file in which all depths are thinner than a hair: they are in metres."""
+HIGHEST_V = 5.5
+"""Converters of boards read at most this."""
+LEAST_CHANGE = 0.1
+"""Share of a pair's signal that must change above the surface before the sign of the depth is doubted: reflections of
+a hovering tip, drift and noise change less."""
+TIMES_MORE = 4.0
+"""The signals must change so many times more above the surface than below it."""
+NOISE_SIGMAS = 5.0
+MOST_SAMPLES = 20_000
+"""Samples that the sign of the depth is judged by."""
+
+
+def unit_factor(units: object, known: Mapping[str, float], name: str) -> float:
+    """What values are multiplied by, by their unit; 1 where none is given.
+
+    Raises
+    ------
+    InputError : an unknown unit; the message names the variable and the units that are known.
+    """
+    if units is None or not str(units).strip():
+        return 1.0
+    text = str(units).strip().replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u")
+    lower = text.lower().partition(" since ")[0]
+    for word in (text, lower, lower[:-1] if len(lower) > 3 and lower.endswith("s") else lower):
+        if word in known:
+            return known[word]
+    short = ", ".join(one for one in known if len(one) <= 5)
+    raise InputError(f"{name}: the attribute units is {shown(units)}, needs one of {short}; convert {name}")
+
+
+def in_unit(found: xr.Dataset, names: list[str], known: Mapping[str, float]) -> FloatArray:
+    """(time, name) variables of a file in the unit whose factor is 1, by each one's attribute `units`.
+
+    Raises
+    ------
+    InputError : as `unit_factor`.
+    """
+    columns = [
+        found[name].values.astype(np.float64) * unit_factor(found[name].attrs.get("units"), known, name)
+        for name in names
+    ]
+    return np.stack(columns, axis=1)
+
+
+def counts_factor(found: xr.Dataset, design: SensorDesign | None) -> float:
+    """What the readings of a file are multiplied by to be ADC counts: 1, or of volts the converter's counts a volt.
+
+    Raises
+    ------
+    InputError : an unknown unit; volts without a design; readings without a unit that can be no counts.
+    """
+    array = found["counts"]
+    units = array.attrs.get("units")
+    factor = unit_factor(units, READINGS | VOLTS, "counts")
+    if units is not None and str(units).strip().lower().rstrip("s") in VOLTS:
+        if design is None:
+            raise InputError(
+                f"counts: the attribute units is {shown(units)}, needs ADC counts; volts are converted by the "
+                "converter of the design: name the design, with --design on the command line"
+            )
+        return factor * _counts_per_volt(design)
+    highest = HIGHEST_V if design is None else _supply_v()
+    if array.dtype.kind == "f" and array.size:
+        low, high = float(array.min()), float(array.max())
+        values = array.values.reshape(-1)[:: max(array.size // MOST_SAMPLES, 1)]
+        if 0.0 < high <= highest and low >= -highest and (values != np.rint(values)).mean() > 0.5:
+            raise InputError(
+                f"counts: the readings are {low:.3g} to {high:.3g} and not whole, needs ADC counts; are they volts? "
+                'then set the attribute units of counts to "V" and name the design'
+            )
+    return factor
+
+
+def known_design(design: SensorDesign | None, digest: str | None) -> SensorDesign | None:
+    """The design that data are of: the one given where the digest does not say another, or a preset of that digest."""
+    from design.preset import PRESETS, preset
+
+    if digest is None or (design is not None and design.digest.startswith(digest)):
+        return design
+    return next((one for one in map(preset, PRESETS) if one.digest.startswith(digest)), None)
+
+
+def require_true_labels(
+    depth_mm: FloatArray, location_mm: FloatArray | None, signals: NDArray[Any], design: SensorDesign | None
+) -> None:
+    """Refuse presses that contradict the pad or the signals.
+
+    Parameters
+    ----------
+    depth_mm : (sample,) of the presses, 0 or less is untouched [mm]
+    location_mm : (sample, 2) x and y of the presses [mm]; None where nobody says
+    signals : (sample, pair) readings less those of the off state [any one unit; ADC counts where a design is given]
+    design : what the data are of; None takes the limits of all designs
+
+    Raises
+    ------
+    InputError : depth that is positive upwards or in another unit, locations outside the cavity.
+    """
+    if not len(depth_mm):
+        return
+    _require_depth_into_the_pad(depth_mm, signals, design)
+    _require_millimetres(depth_mm, design)
+    if location_mm is not None:
+        _require_in_the_cavity(location_mm[depth_mm > 0.0], design)
+
+
+def _require_depth_into_the_pad(
+    depth_mm: FloatArray, signals: NDArray[Any], design: SensorDesign | None
+) -> None:
+    kept = slice(None, None, -(-len(depth_mm) // MOST_SAMPLES))
+    depth, seen = depth_mm[kept], signals[kept].astype(np.float64)
+    level = np.abs(np.median(seen, axis=0))
+    noise = 0.0 if design is None else design.noise.read_noise_counts
+    level = np.maximum(level, max(0.1 * float(level.max()), NOISE_SIGMAS * noise / LEAST_CHANGE))
+    above, below = (_change(np.abs(depth[side]), seen[side], level) for side in (depth <= 0.0, depth >= 0.0))
+    if above >= LEAST_CHANGE and above >= TIMES_MORE * below:
+        raise InputError(
+            f"press_depth: the signals change by {above:.0%} between samples of depth 0 and less, which are untouched, "
+            f"and by {below:.0%} between pressed ones; is depth positive into the pad? Turn its sign"
+        )
+
+
+def _change(distance_mm: FloatArray, signals: FloatArray, level: FloatArray) -> float:
+    """How much more the signals spread far from the surface than near it, over the level of the pair; largest pair [-].
+
+    The two are an outer and an inner third of the distance. What changes with time and not with distance spreads both.
+    A fifth of the samples may be wild.
+    """
+    reach = float(distance_mm.max(initial=0.0))
+    near, far = distance_mm <= reach / 3.0, distance_mm >= reach * 2.0 / 3.0
+    if reach == 0.0 or not near.any() or not signals.shape[1]:
+        return 0.0
+    off = np.abs(signals - np.median(signals[near], axis=0))
+    spread = [np.quantile(off[rows], 0.8, axis=0) for rows in (far, near)]
+    share = np.divide(spread[0] - spread[1], level, out=np.zeros_like(level), where=level > 0.0)
+    return max(float(share.max()), 0.0)
+
+
+def _require_millimetres(depth_mm: FloatArray, design: SensorDesign | None) -> None:
+    low, high = float(depth_mm.min()), float(depth_mm.max())
+    thickest = THICKEST_MM if design is None else design.cavity.clear_thickness_mm
+    if high > thickest + SLACK_MM:
+        raise InputError(
+            f"press_depth: the depths reach from {low:g} to {high:g} mm, the clear layer is "
+            f"{'at most ' if design is None else ''}{thickest:g} mm thick: are they in millimetres?"
+        )
+    if 0.0 < high and max(-low, high) <= METRES_MM:
+        raise InputError(
+            f"press_depth: the depths reach from {low:g} to {high:g} mm, which is less than the signals resolve: are "
+            "they in millimetres, or in metres?"
+        )
+
+
+def _require_in_the_cavity(location_mm: FloatArray, design: SensorDesign | None) -> None:
+    x_mm, y_mm = location_mm.T
+    size = (LARGEST_MM, LARGEST_MM) if design is None else (design.cavity.length_mm, design.cavity.width_mm)
+    if design is not None and design.cavity.outline == "disc":
+        radius = size[0] / 2.0
+        beyond_mm = np.hypot(x_mm - radius, y_mm - radius) - radius
+        words = f"is a disc of {size[0]:g} mm around x {radius:g}, y {radius:g} mm"
+    else:
+        beyond_mm = np.max([-x_mm, -y_mm, x_mm - size[0], y_mm - size[1]], axis=0)
+        words = f"{'' if design else 'at most '}spans x 0 to {size[0]:g} and y 0 to {size[1]:g} mm"
+    out = np.flatnonzero(beyond_mm > SLACK_MM)
+    if out.size:
+        raise InputError(
+            f"press_x, press_y: {out.size} of {len(x_mm)} pressed samples are outside the cavity, which {words}; the "
+            f"first is at ({x_mm[out[0]]:g}, {y_mm[out[0]]:g}) mm; is the origin its corner, and are they in "
+            "millimetres? Correct them, or drop samples next to the pad"
+        )
+
+
+def _supply_v() -> float:
+    from design.parts.assumptions import assumption
+
+    return float(assumption("supply_v").value)
+
+
+def _counts_per_volt(design: SensorDesign) -> float:
+    """Of the board's converter, whose reference is its supply [counts/V]."""
+    from design.circuit.pins import board_of
+
+    return float(2 ** board_of(design).adc_bits / _supply_v())
