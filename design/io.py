@@ -17,13 +17,14 @@ from typing import Any
 
 import tomlkit
 
-from design.errors import DesignError, OutputError, shown
+from design.errors import DesignError, shown
 from design.parts import catalog
 from design.spec import SCHEMA_VERSION, SensorDesign
 from design.spec.tip_profile import read_profile
 from design.text_file import read_text
 from design.toml_hints import explained
 from design.toml_text import parsed_toml
+from design.whole_file import own_folder, unwritable, write_whole
 
 MAX_FILE_BYTES = 1_000_000
 NEEDED = (
@@ -66,13 +67,18 @@ def read_toml(file: Path) -> dict[str, Any]:
     ------
     DesignError : missing, a folder, too large, of another kind, not UTF-8, or not TOML (with the line).
     """
+    text = read_design_text(file)
     try:
-        text = read_text(file, needed=NEEDED, most_bytes=MAX_FILE_BYTES, error=DesignError)
         return parsed_toml(text)
     except tomllib.TOMLDecodeError as err:
         raise DesignError(f"{file}: not valid TOML: {explained(str(err), text)}") from None
     except ValueError as err:
         raise DesignError(f"{file}: {err}") from None
+
+
+def read_design_text(file: Path) -> str:
+    """The text of a TOML file; DesignError as `read_toml`, but that nothing is parsed."""
+    return read_text(file, needed=NEEDED, most_bytes=MAX_FILE_BYTES, error=DesignError)
 
 
 def check_version(document: Mapping[str, Any], file: Path) -> None:
@@ -99,25 +105,8 @@ def check_version(document: Mapping[str, Any], file: Path) -> None:
 
 
 def write_text_atomically(file: Path, text: str) -> None:
-    """Write UTF-8 text through a temporary file beside the target.
-
-    Raises
-    ------
-    OutputError : the folder is missing, read-only or full; the old file is intact.
-    """
-    handle = None
-    try:
-        descriptor, handle = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name}.", suffix=".tmp")
-        with os.fdopen(descriptor, "w", encoding="utf-8", newline="\n") as stream:
-            stream.write(text)
-        os.chmod(handle, 0o644)
-        os.replace(handle, file)
-    except BaseException as err:  # an interrupt as well
-        if handle is not None:
-            Path(handle).unlink(missing_ok=True)
-        if not isinstance(err, OSError):
-            raise
-        raise OutputError(f"{file}: cannot be written: {err.strerror}; choose another folder") from None
+    """Write UTF-8 text at once or not at all; raises as `design.whole_file.whole_file`."""
+    write_whole(file, text.encode())
 
 
 @contextmanager
@@ -126,17 +115,20 @@ def written_together(folder: Path) -> Iterator[Path]:
 
     Raises
     ------
-    OutputError : the folder cannot be made or written; the old files are intact.
+    OutputError : the folder is a link, or cannot be made or written; the old files are intact.
     """
+    own_folder(folder)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         hidden = tempfile.TemporaryDirectory(dir=folder, prefix=".", suffix=".partial")
     except OSError as err:
-        raise OutputError(f"{folder}: cannot be written: {err.strerror}; choose another folder") from None
+        raise unwritable(folder, err) from err
     with hidden as made:
         yield Path(made)
-        for file in sorted(Path(made).iterdir()):
-            os.replace(file, folder / file.name)
+        try:
+            for file in sorted(Path(made).iterdir()):
+                os.replace(file, folder / file.name)
+        except OSError as err:
+            raise unwritable(folder, err) from err
 
 
 def without_empty(document: Any) -> Any:

@@ -6,7 +6,9 @@ named, so that the message can say what to do with it. Needs the standard librar
 
 from __future__ import annotations
 
+import os
 import re
+import stat
 from pathlib import Path
 
 from design.errors import InputError, OptopadError
@@ -47,7 +49,7 @@ _IN_ARCHIVES = (
     (b"word/", "a Word document (.docx)"),
     (b".npy", "a NumPy archive (.npz), as models are"),
 )
-_TEXTS = ("TOML text", "JSON text", "XML or HTML text", "a CSV table", "plain text", "an empty file")
+TEXT_KINDS = ("TOML text", "JSON text", "XML or HTML text", "a CSV table", "plain text", "an empty file")
 _PICKLE = re.compile(rb"\x80[\x02-\x05]")
 _TOML = re.compile(r"\s*(?:#[^\n]*\n\s*)*(?:\[|[\w.\"'-]+\s*=)")
 
@@ -97,7 +99,9 @@ def read_bytes(file: Path, *, needed: str, most_bytes: int, error: type[OptopadE
     """
     try:
         with file.open("rb") as stream:
-            content = stream.read(most_bytes + 1)
+            status = os.fstat(stream.fileno())
+            size = status.st_size if stat.S_ISREG(status.st_mode) else most_bytes
+            content = stream.read(min(size, most_bytes) + 1)
     except FileNotFoundError:
         raise error(f"{file}: no such file; needed is {needed}") from None
     except IsADirectoryError:
@@ -125,7 +129,7 @@ def text_of(content: bytes, where: str, *, needed: str, error: type[OptopadError
     kind = kind_of(content[:BYTES_FOR_KIND])
     if kind == _UTF16:
         raise error(f"{where}: not UTF-8 but {kind}; save it as UTF-8")
-    if kind not in _TEXTS:
+    if kind not in TEXT_KINDS:
         raise error(f"{where}: {kind}, not UTF-8 text; needed is {needed}")
     try:
         text = content.decode("utf-8-sig")

@@ -17,7 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from design.errors import InputError
+from design.text_file import read_text
 from design.toml_text import parsed_toml
+from design.whole_file import name_fault
 from fabrication.record import RecordError, record_of
 
 FORMAT_VERSION = 2
@@ -25,7 +27,7 @@ MOST_BYTES = 1_000_000
 """Of a file: the largest configuration takes some 30 kB."""
 CHECKSUM = "content_sha256"
 DESIGN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,62}")
-"""As `design.spec.DesignName`; recordings are named after it."""
+"""As `design.fields.base.FileName`; recordings are named after it."""
 Point = tuple[float, float, float]
 WAY_OUT = "write it anew with `optopad driver config DESIGN`"
 
@@ -333,15 +335,11 @@ def content_sha256(document: dict[str, Any]) -> str:
 
 
 def _document(file: Path) -> dict[str, Any]:
+    text = read_text(
+        file, needed="a driver.toml, which `optopad driver config` writes", most_bytes=MOST_BYTES
+    )
     try:
-        with file.open("rb") as stream:
-            content = stream.read(MOST_BYTES + 1)
-    except OSError as err:
-        raise InputError(f"{file}: cannot be read: {err.strerror}; name a driver.toml") from None
-    if len(content) > MOST_BYTES:
-        raise InputError(f"{file}: larger than {MOST_BYTES} bytes; name a driver.toml")
-    try:
-        return parsed_toml(content.decode("utf-8"))
+        return parsed_toml(text)
     except ValueError as err:
         raise InputError(f"{file}: damaged: not valid TOML: {err}; {WAY_OUT}") from None
 
@@ -368,7 +366,7 @@ def _claims(config: DriverConfig) -> dict[str, bool]:
     head = frame.magic_bytes + frame.version_bytes + frame.sequence_bytes + frame.time_bytes
     return {
         "design must be a file's name: letters, digits, dots, dashes": bool(
-            DESIGN_NAME.fullmatch(config.design)
+            DESIGN_NAME.fullmatch(config.design) and name_fault(config.design) is None
         ),
         "names, pins and channels must be printable": all(
             text.isprintable() for text in (*names, *(receiver.channel for receiver in config.receivers))

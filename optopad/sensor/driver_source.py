@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from design.errors import InputError
+from design.errors import DesignError, InputError
+from design.io import read_design_text
 from design.spec import SensorDesign
 from design.toml_text import parsed_toml
 from fabrication.driver.simulated.press_table import PressTable, table_from_signals, table_of, untouched_table
@@ -188,6 +189,6 @@ def _bundle_of(file: Path) -> Path | None:
 def _is_driver_file(file: Path) -> bool:
     """Whether a file is a driver configuration and no design: it says so by its format version."""
     try:
-        return file.is_file() and "format_version" in parsed_toml(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        return file.is_file() and "format_version" in parsed_toml(read_design_text(file))
+    except (DesignError, ValueError):
         return file.name == "driver.toml"  # a damaged one has its own message

@@ -8,8 +8,11 @@ Dimensions ``time`` (one frame), ``state``, ``receiver``:
     true_x, true_y, true_depth (time)     where it really was; simulated sets only [mm]
     attributes                            design_digest, full_scale_counts, sets and attributes as JSON
 
-What `optopad driver record` and `export` write lacks sets and places: it is read as one set named ``measured``, and
-every place that the stage went to counts as one press.
+Units are those of the attribute `units` of a variable, by default as above: lengths and times are converted, and volts
+are, by the converter of a design.
+
+What `optopad driver record` and `export` write lacks sets and places: it is read as one set named ``unnamed``. A press
+is a contact: from the sample where the depth rises above 0, or the location changes in contact, to the next.
 """
 
 from __future__ import annotations
@@ -22,7 +25,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import InputError
+from sims.press.same_places import SAME_PLACE_MM
 from sims.readings.data_writer import DataWriter, header_of, save_data
+from sims.readings.label_checks import (
+    LENGTHS_MM,
+    TIMES_S,
+    counts_factor,
+    in_unit,
+    known_design,
+    require_true_labels,
+)
 from sims.readings.netcdf_file import read_netcdf, require_numbers
 from sims.readings.press_data import OFF, PATTERNS, ROLES, DataSetInfo, PressData, clipped_note, joined
 
@@ -44,32 +56,40 @@ __all__ = [
 ]
 
 MAX_BYTES = 4_000_000_000
-SAME_PLACE_MM = 0.01
-"""Positions that agree to this are one place: a stage repeats better, a protocol's places lie further apart."""
+RETREAT_MM = 0.1
+"""The tip has left the pad when it was so far above it; less is jitter of the depth at one location."""
+NEEDED_FILE = (
+    "a data set in netCDF (.nc): `optopad driver export` makes one of a recording with its presses (--stage), "
+    "`optopad simulate --protocol` one of a design"
+)
 AXES = ("time", "state", "receiver")
 NEEDED = ("counts", "press_x", "press_y", "press_depth", "state", "receiver")
 TRUE_PRESS = ("true_x", "true_y", "true_depth")
+CONVERTED = "converted"
+"""Attribute of data that says what was done to the unit of their readings."""
 TIMES = ("time_s", "device_time", "host_time")
 
 
-def read_data(file: Path) -> PressData:
+def read_data(file: Path, design: SensorDesign | None = None) -> PressData:
     """Read a data set or a recording.
+
+    Parameters
+    ----------
+    design : what the data are said to be of, for the size of the pad and for readings in volts; `require_design` tests
+        whether they are
 
     Raises
     ------
-    InputError : no such file, another format, missing parts or states, readings that are no numbers.
+    InputError : no such file, another format, missing parts or states, readings that are no numbers, unknown units,
+        presses that contradict the pad or the signals.
     """
-    if not file.is_file():
-        what = "a folder" if file.is_dir() else "no such file"
-        raise InputError(f"{file}: {what}; name a data set or a recording, .nc")
-    if file.stat().st_size > MAX_BYTES:
-        raise InputError(
-            f"{file}: {file.stat().st_size / 1e6:.0f} MB, reads at most {MAX_BYTES / 1e6:.0f} MB; cut it"
-        )
-    found = read_netcdf(file, decode_times=False)
+    found = read_netcdf(file, needed=NEEDED_FILE, most_bytes=MAX_BYTES, decode_times=False)
     _require_parts(found, file)
     try:
-        return _data_of(found, file)
+        data = _data_of(found, file, design)
+        known = known_design(design, data.design_digest)
+        require_true_labels(data.press_mm[:, 2], data.press_mm[:, :2], data.features(), known)
+        return data
     except InputError as err:
         raise InputError(f"{file}: {err}") from None
 
@@ -114,17 +134,19 @@ def _require_parts(found: xr.Dataset, file: Path) -> None:
     require_numbers(found, file, [name for name in by_time if name in found.variables], ("time",))
 
 
-def _data_of(found: xr.Dataset, file: Path) -> PressData:
+def _data_of(found: xr.Dataset, file: Path, design: SensorDesign | None) -> PressData:
     states, counts = _off_last(found)
-    press_mm = _columns(found, [f"press_{axis}" for axis in ("x", "y", "depth")])
-    has_truth = all(f"true_{axis}" in found.variables for axis in ("x", "y", "depth"))
+    counts_per_unit = counts_factor(found, design)
+    press_mm = in_unit(found, list(NEEDED[1:4]), LENGTHS_MM)
+    has_truth = all(name in found.variables for name in TRUE_PRESS)
     attributes = _json(found, "attributes", {}, file)
-    time_s = next((found[name].values for name in TIMES if name in found.variables), None)
-    if time_s is None:
-        time_s, attributes = (
-            np.arange(len(counts)),
-            attributes | {"time_s": "not said; numbers of the samples"},
-        )
+    named = next((name for name in TIMES if name in found.variables), None)
+    time_s = np.arange(len(counts)) if named is None else in_unit(found, [named], TIMES_S)[:, 0]
+    if named is None:
+        attributes = attributes | {"time_s": "not said; numbers of the samples"}
+    if counts_per_unit != 1.0:
+        counts = counts * np.float32(counts_per_unit)
+        attributes = attributes | {CONVERTED: f"the readings were volts, taken times {counts_per_unit:g}"}
     sets, set_number, place_number = _sets_of(found, press_mm, file)
     return PressData(
         counts=counts,
@@ -138,9 +160,7 @@ def _data_of(found: xr.Dataset, file: Path) -> PressData:
         full_scale_counts=_full_scale(found, file),
         design_digest=_digest(found, file),
         attributes=attributes,
-        true_press_mm=_columns(found, [f"true_{axis}" for axis in ("x", "y", "depth")])
-        if has_truth
-        else None,
+        true_press_mm=in_unit(found, list(TRUE_PRESS), LENGTHS_MM) if has_truth else None,
     )
 
 
@@ -176,16 +196,12 @@ def _off_last(found: xr.Dataset) -> tuple[tuple[str, ...], NDArray[np.float32]]:
     return tuple(names[k] for k in order), counts if order == sorted(order) else counts[:, order]
 
 
-def _columns(found: xr.Dataset, names: list[str]) -> NDArray[np.float64]:
-    return np.stack([found[name].values for name in names], axis=1).astype(np.float64)
-
-
 def _sets_of(
     found: xr.Dataset, press_mm: NDArray[np.float64], file: Path
 ) -> tuple[tuple[DataSetInfo, ...], NDArray[np.int64], NDArray[np.int64]]:
     if "sets" not in found.attrs or "set" not in found.variables or "place" not in found.variables:
-        one = DataSetInfo(name="measured", role="train", pattern="measured", is_ambient=True)
-        return (one,), np.zeros(len(press_mm), dtype=np.int64), _places(press_mm)
+        one = DataSetInfo(name="unnamed", role="train", pattern="unknown", is_ambient=True)
+        return (one,), np.zeros(len(press_mm), dtype=np.int64), _presses(np.nan_to_num(press_mm))
     sets = tuple(_set_of(row, file) for row in _json(found, "sets", [], file))
     return sets, found["set"].values.astype(np.int64), found["place"].values.astype(np.int64)
 
@@ -213,10 +229,16 @@ def _json(found: xr.Dataset, name: str, absent: Any, file: Path) -> Any:
     return value
 
 
-def _places(press_mm: NDArray[np.float64]) -> NDArray[np.int64]:
-    """(sample,) number of each sample's place, by first visit."""
-    cells = np.round(np.nan_to_num(press_mm[:, :2]) / SAME_PLACE_MM).astype(np.int64)
-    _, first, number = np.unique(cells, axis=0, return_index=True, return_inverse=True)
-    rank = np.empty(len(first), dtype=np.int64)
-    rank[np.argsort(first)] = np.arange(len(first))
-    return np.asarray(rank[number.reshape(-1)], dtype=np.int64)
+def _presses(press_mm: NDArray[np.float64]) -> NDArray[np.int64]:
+    """(sample,) number of the press of each sample; untouched ones belong to the nearer of the presses around them."""
+    touched = np.flatnonzero(press_mm[:, 2] > 0.0)
+    if not len(touched):
+        return np.zeros(len(press_mm), dtype=np.int64)
+    at = press_mm[touched, :2]
+    lowest = np.minimum.reduceat(press_mm[:, 2], touched)[:-1]
+    is_next = (np.hypot(*np.diff(at, axis=0).T) > SAME_PLACE_MM) | (lowest <= -RETREAT_MM)
+    number = np.concatenate([[0], np.cumsum(is_next)])
+    after = np.minimum(np.searchsorted(touched, np.arange(len(press_mm))), len(touched) - 1)
+    before = np.maximum(after - 1, 0)
+    to_next, to_last = (np.hypot(*(press_mm[:, :2] - at[near]).T) for near in (after, before))
+    return np.asarray(number[np.where(to_next <= to_last, after, before)], dtype=np.int64)

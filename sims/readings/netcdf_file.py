@@ -12,36 +12,56 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from design.errors import InputError
+from design.text_file import kind_of_file
 
 if TYPE_CHECKING:
     import xarray as xr
 
+ENGINES: dict[str, dict[str, Any]] = {
+    "an HDF5 or netCDF-4 file": {"engine": "h5netcdf", "phony_dims": "access"},
+    "a netCDF-3 file": {"engine": "scipy"},
+}
+"""How xarray reads each kind of file."""
 MOST_BYTES = 8_000_000_000
 """Of all arrays unpacked: twice the largest file that is read, whose counts have 2 bytes and become 4."""
 
 
-def read_netcdf(file: Path, **options: Any) -> xr.Dataset:
-    """Everything in a file, in memory.
+def read_netcdf(file: Path, *, needed: str, most_bytes: int, **options: Any) -> xr.Dataset:
+    """Everything in a netCDF-4 or netCDF-3 file, in memory; texts are `str`.
 
     Parameters
     ----------
+    needed : what the file must be and which command makes it, in words for messages
+    most_bytes : size above which the file is refused unread
     options : for `xarray.open_dataset`
 
     Raises
     ------
-    InputError : no netCDF file, damaged, or larger when unpacked; the message names the file.
+    InputError : no such file, another kind of file, damaged, or too large; the message names the file.
     """
     import xarray as xr
 
+    if not file.is_file():
+        what = "a folder" if file.is_dir() else "no such file"
+        raise InputError(f"{file}: {what}; needed is {needed}")
+    if (size := file.stat().st_size) > most_bytes:
+        raise InputError(f"{file}: {size / 1e6:.0f} MB, reads at most {most_bytes / 1e6:.0f} MB; cut it")
+    engine = ENGINES.get(kind := kind_of_file(file))
+    if engine is None:
+        raise InputError(f"{file}: {kind}; needed is {needed}")
     try:
-        size = _unpacked_bytes(file)
-        if size > MOST_BYTES:
-            raise ValueError(f"unpacks to {size:.3g} bytes, reads at most {MOST_BYTES:.3g}")
-        with xr.open_dataset(file, engine="h5netcdf", phony_dims="access", **options) as dataset:
-            return dataset.load()
+        if engine["engine"] == "h5netcdf" and (unpacked := _unpacked_bytes(file)) > MOST_BYTES:
+            raise ValueError(f"unpacks to {unpacked:.3g} bytes, reads at most {MOST_BYTES:.3g}")
+        with xr.open_dataset(file, **engine, **options) as dataset:
+            if dataset.nbytes > MOST_BYTES:
+                raise ValueError(f"holds {dataset.nbytes:.3g} bytes, reads at most {MOST_BYTES:.3g}")
+            found = dataset.load()
     except Exception as err:  # on purpose all: see above
         said = str(err) or type(err).__name__
-        raise InputError(f"{file}: no netCDF file that can be read: {said}") from None
+        raise InputError(f"{file}: {kind} that cannot be read: {said}; needed is {needed}") from None
+    return found.assign(
+        {name: one.astype(str) for name, one in found.variables.items() if one.dtype.kind == "S"}
+    )
 
 
 def require_numbers(found: xr.Dataset, file: Path, names: Sequence[str], axes: tuple[str, ...]) -> None:

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from design.csv_table import read_csv
 from design.errors import InputError
+from design.text_file import TEXT_KINDS, kind_of_file
 from sims.readings.netcdf_file import read_netcdf, require_numbers
 
 FloatArray = NDArray[np.float64]
@@ -37,7 +38,8 @@ DIGEST = re.compile(r"[0-9a-f]{8,64}")
 PAIR_NAME = re.compile(r"^[A-Za-z0-9]+-[A-Za-z0-9]+$")
 AXES = ("time", "state", "receiver")
 MAX_BYTES = 500_000_000
-NEEDED = f"CSV with depth_mm and a column a pair (as E1-R1), or one named {SIGNAL}"
+NEEDED_CSV = f"CSV with depth_mm and a column a pair (as E1-R1), or one named {SIGNAL}"
+NEEDED_FILE = f"a recording: netCDF (.nc), which `optopad driver export` makes, or {NEEDED_CSV}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,20 +71,13 @@ def read_recording(file: Path) -> Recording:
     ------
     InputError : no such file, another format, missing parts, or readings that are not numbers.
     """
-    if not file.is_file():
-        what = "a folder" if file.is_dir() else "no such file"
-        raise InputError(f"{file}: {what}; name a recording, .nc or .csv")
-    if file.stat().st_size > MAX_BYTES:
-        raise InputError(
-            f"{file}: {file.stat().st_size / 1e6:.0f} MB, reads at most {MAX_BYTES / 1e6:.0f} MB; cut it"
-        )
-    found = _read_csv(file) if file.suffix.lower() == ".csv" else _read_netcdf(file)
+    found = _read_csv(file) if kind_of_file(file) in TEXT_KINDS else _read_netcdf(file)
     _require_numbers(found)
     return found
 
 
 def _read_netcdf(file: Path) -> Recording:
-    dataset = read_netcdf(file, decode_times=False)
+    dataset = read_netcdf(file, needed=NEEDED_FILE, most_bytes=MAX_BYTES, decode_times=False)
     missing = [
         name for name in ("counts", "press_depth", "state", "receiver") if name not in dataset.variables
     ]
@@ -118,10 +113,10 @@ def _read_netcdf(file: Path) -> Recording:
 
 
 def _read_csv(file: Path) -> Recording:
-    table = read_csv(file, needed=NEEDED)
+    table = read_csv(file, needed=NEEDED_CSV, most_bytes=MAX_BYTES)
     signals = [name for name in table.heading if name == SIGNAL or PAIR_NAME.match(name)]
     if "depth_mm" not in table.heading or not signals:
-        raise InputError(f"{file}: its columns are {', '.join(table.heading)}; needs {NEEDED}")
+        raise InputError(f"{file}: its columns are {', '.join(table.heading)}; needs {NEEDED_CSV}")
     columns = {
         name: np.array(table.numbers(name))
         for name in table.heading

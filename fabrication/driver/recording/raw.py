@@ -28,10 +28,14 @@ from typing import IO, Any, Self
 import numpy as np
 
 from design.errors import InputError, OutputError
+from design.text_file import BYTES_FOR_KIND, kind_of, read_bytes
 from fabrication.driver_file import DriverConfig, config_from_document
 
 FORMAT, VERSION = "optopad-recording", 1
 SUFFIX = ".optorec"
+NEEDED = f"a recording of `optopad driver record` ({SUFFIX})"
+MOST_BYTES = 8_000_000_000
+"""Of a file: days of the fastest sensor."""
 FLUSH_S = 0.25
 """Longest time that a record stays in this process; half a second is asked for."""
 
@@ -233,10 +237,7 @@ def read_records(file: Path) -> tuple[dict[str, Any], DriverConfig, list[Record]
     ------
     InputError : no such file, no recording, or one of another version.
     """
-    try:
-        content = file.read_bytes()
-    except OSError as err:
-        raise InputError(f"{file}: cannot be read: {err.strerror}; name a recording ({SUFFIX})") from None
+    content = read_bytes(file, needed=NEEDED, most_bytes=MOST_BYTES)
     header, start = _header(file, content)
     config = config_from_document(header["config"], where=f"{file}: its configuration")
     records = list(_records(content, start))
@@ -258,7 +259,9 @@ def _header(file: Path, content: bytes) -> tuple[dict[str, Any], int]:
     except (ValueError, RecursionError):
         is_ours = False
     if not is_ours or not isinstance(header, dict) or not isinstance(header.get("config"), dict):
-        raise InputError(f"{file}: no recording of `optopad driver record`, or its header was torn")
+        kind = kind_of(content[:BYTES_FOR_KIND])
+        was = "its header is damaged" if kind.startswith("a recording") else kind
+        raise InputError(f"{file}: {was}; needed is {NEEDED}")
     if header.get("version") != VERSION:
         raise InputError(f"{file}: version {header.get('version')!r}, this optopad reads {VERSION}")
     return header, end + 1

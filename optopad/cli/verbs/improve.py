@@ -68,6 +68,7 @@ def improve(
 
 def _text(where: str, design: SensorDesign, *, is_changed: bool) -> str | None:
     """The design as its author wrote it; None where changes or parts of its own are not in that file."""
+    from design.io import read_design_text
     from design.preset import preset_text
 
     path = Path(where)
@@ -75,7 +76,7 @@ def _text(where: str, design: SensorDesign, *, is_changed: bool) -> str | None:
         return None
     if not path.exists():
         return preset_text(where)
-    text = (path / "design.toml" if path.is_dir() else path).read_text(encoding="utf-8")
+    text = read_design_text(path / "design.toml" if path.is_dir() else path)
     first, _, rest = text.partition("\n")
     return rest if first.startswith("# optopad design ") else text  # it names a digest, which will be another
 
