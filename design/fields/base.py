@@ -5,10 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from design.whole_file import name_fault
 
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,62}$"
 """Of designs, protocols and searches, which name files and folders."""
+
+
+def _usable(name: str) -> str:
+    if fault := name_fault(name):
+        raise ValueError(f"{fault}, and files are named after it")
+    return name
+
+
+FileName = Annotated[str, Field(pattern=NAME_PATTERN), AfterValidator(_usable)]
+"""A name that becomes part of the names of files; device names of Windows are refused."""
 
 PartId = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]{0,62}$")]
 """Identifier of a catalogue entry: lower-case letters, digits and dashes."""

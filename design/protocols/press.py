@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
 
 from design.errors import DesignError, InputError, ModelScopeError
-from design.fields.base import NAME_PATTERN, Model
+from design.fields.base import FileName, Model
 from design.fields.packaged import packaged_or_own
 from design.fields.validation import design_error
 from design.geometry.cavity import Workspace, workspace_of
@@ -69,7 +69,7 @@ class DepthSegment(Model):
 class PressSet(Model):
     """One session: a grid, or random places; ambient light or dark; to train on or to test on."""
 
-    name: Annotated[str, Field(pattern=NAME_PATTERN)]
+    name: FileName
     role: Literal["train", "test"]
     is_ambient: bool
     grid_mm: Annotated[float | None, Field(gt=0.0, le=200.0, description="spacing of a grid")] = None
@@ -106,7 +106,7 @@ def _require_apart(sets: tuple[PressSet, ...]) -> None:
 class PressProtocol(Model):
     """A whole collection of data."""
 
-    name: Annotated[str, Field(pattern=NAME_PATTERN)]
+    name: FileName
     description: str = ""
     approach: Annotated[tuple[DepthSegment, ...], Field(min_length=1, max_length=64)]
     retract: Annotated[

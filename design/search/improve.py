@@ -96,7 +96,7 @@ def improvement_space(
         raise InputError("--keep: nothing is left to vary; keep fewer fields, or name one with --vary")
     return space_from(
         {
-            "name": f"improve-{design.name}"[:63],
+            "name": f"improve-{design.name}"[:63].rstrip("."),
             "base": design.model_dump(mode="json"),
             "fields": list(fields.values()),
             "objectives": [{"figure": figure} for figure in figures],

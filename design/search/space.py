@@ -39,7 +39,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, ValidationError, model_validator
 
 from design.errors import DesignError, shown
-from design.fields.base import NAME_PATTERN, Model
+from design.fields.base import FileName, Model
 from design.fields.packaged import packaged_or_own
 from design.fields.paths import get_at, known_paths, nearest, set_at, unknown_path
 from design.fields.validation import design_error
@@ -167,7 +167,7 @@ class SearchSettings(Model):
 class SearchSpace(Model):
     """A whole search, its base design included."""
 
-    name: Annotated[str, Field(pattern=NAME_PATTERN)]
+    name: FileName
     description: str = ""
     base: SensorDesign
     fields: Annotated[tuple[SpaceField, ...], Field(min_length=1, max_length=64)]

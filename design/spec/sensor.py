@@ -21,7 +21,7 @@ from pydantic import (
 
 from design.errors import DesignError
 from design.fields import paths
-from design.fields.base import NAME_PATTERN, Model, PartId, without_defaults
+from design.fields.base import FileName, Model, PartId, without_defaults
 from design.fields.validation import design_error
 from design.parts.catalog import CatalogEntries
 from design.spec.indenter import Indenter
@@ -35,9 +35,6 @@ SCHEMA_VERSION = 1
 
 Ohm = Annotated[float, Field(ge=100.0, le=1e10)]
 """Resistance of an amplifier's feedback."""
-
-DesignName = Annotated[str, Field(pattern=NAME_PATTERN)]
-
 
 MOLD_OPTIONS: dict[str, Any] = {
     "outer_diameter_mm": None,
@@ -268,7 +265,7 @@ class SensorDesign(Model):
     """One sensor: cavity, mold, materials, parts and their places, board, noise, range of use."""
 
     schema_version: Literal[1]
-    name: DesignName
+    name: FileName
     description: str = ""
     measured: Annotated[
         tuple[Annotated[str, Field(max_length=200)], ...],

@@ -103,7 +103,7 @@ def marked(design: SensorDesign, value: Any) -> SensorDesign:
     """
     text = f"{value:g}" if isinstance(value, float) else str(value)
     slug = re.sub(r"[^A-Za-z0-9._-]+", "-", text)
-    return design.with_(**{"name": f"{design.name}-{slug}"[:NAME_LIMIT], "mold.label": text})
+    return design.with_(**{"name": f"{design.name}-{slug}"[:NAME_LIMIT].rstrip("."), "mold.label": text})
 
 
 def _row(
