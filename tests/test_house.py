@@ -59,7 +59,7 @@ ALLOWED = {
     "fabrication": {"numpy", "pydantic", "tomlkit"},
     "fabrication/driver": {"serial", "numpy", "xarray", "h5py"},
     "fabrication/stage": {"numpy"},
-    "optopad/studio/view": {"viser", "numpy"},
+    "optopad/studio/view": {"viser", "websockets", "msgspec", "numpy"},  # both are what viser speaks with
     "optopad": {"distributed", "typer", "rich", "tomlkit", "numpy", "platformdirs", "xarray", "matplotlib"},
 }
 """Third-party imports, the nearest folder deciding. OCP is CadQuery's core, pydantic_core is pydantic's."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import tempfile
 from collections.abc import Iterator
 from contextlib import suppress
@@ -19,6 +20,10 @@ from optopad.studio.design_text import edited_text, standalone_text
 BYTE_ORDER_MARK = "\ufeff"
 _CANNOT_EDIT = (TOMLKitError, LookupError, TypeError, ValueError, AttributeError)
 """What tomlkit raises where it cannot change a text in place."""
+_NOT_IN_NAMES = re.compile(r'[<>:"/\\|?*\x00-\x1f\x7f]')
+"""Characters that lead to another folder, or that a file system refuses."""
+_DEVICES = re.compile(r"(con|prn|aux|nul|conin\$|conout\$|(com|lpt)[0-9¹²³]) *(\..*)?", re.IGNORECASE)
+"""Names that Windows keeps for devices, whatever their ending."""
 
 
 class DesignFile:
@@ -55,7 +60,12 @@ class DesignFile:
     @property
     def default_name(self) -> str:
         """The name that a save is offered: the file's own, or a new one after the design."""
-        return f"{self.saved.name}.toml" if self.path is None else str(self.path)
+        return f"{self.saved.name}.toml" if self.path is None else self.path.name
+
+    @property
+    def folder(self) -> Path:
+        """Where a save writes: the file's folder; for a preset or a bundle's design, the current one."""
+        return Path() if self.path is None else self.path.parent
 
     def changed_outside(self) -> SensorDesign | None:
         """The design of a file that somebody changed since it was last read or written; None: nobody did.
@@ -82,12 +92,12 @@ class DesignFile:
 
         Parameters
         ----------
-        target : file to write; None for the file itself
+        target : name of the file to write, in `folder`; None for the file itself
 
         Raises
         ------
-        InputError, OutputError : no name, another file in the way, a file that somebody changed since it was last
-            looked at, a folder that cannot be written; nothing is changed.
+        InputError, OutputError : no name, a path or a device in its place, another file in the way, a file that
+            somebody changed since it was last looked at, a folder that cannot be written; nothing is changed.
         """
         file = self._target(target)
         self._text = _write_checked(file, self._texts(design), design)
@@ -104,14 +114,19 @@ class DesignFile:
         yield standalone_text(text, design)
 
     def _target(self, target: str | None) -> Path:
-        if target is None or not target.strip():
-            if self.path is None:
-                raise InputError("save: this design has no file yet; give a name, as my-pad.toml")
-            target = str(self.path)
-        file = Path(target.strip())
+        own = "" if self.path is None else self.path.name
+        name = (target or "").strip() or own
+        if not name:
+            raise InputError("save: this design has no file yet; give a name, as my-pad.toml")
+        if name != own and (_NOT_IN_NAMES.search(name) or _DEVICES.fullmatch(name)):
+            raise InputError(
+                f"save: {name!r} is refused: give the name of a file alone, as my-pad.toml; "
+                f"it is saved in {self.folder.absolute()}"
+            )
+        file = self.folder / name
         is_own = self.path is not None and _is_same(file, self.path)
         if file.suffix != ".toml" and not is_own:
-            raise InputError(f"save: {target!r} is refused: the name of a design file ends in .toml")
+            raise InputError(f"save: {name!r} is refused: the name of a design file ends in .toml")
         if os.path.lexists(file) and not is_own:
             raise InputError(f"save: {file} exists and is another file; choose another name")
         if is_own and self._state() not in (self._seen, None):

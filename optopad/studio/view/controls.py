@@ -106,7 +106,7 @@ class Controls:
         for label, names in (("history", ("Undo", "Redo")), ("this design", ("Save", "Pin"))):
             self._button_row(label, names, actions)
         self._name = gui.add_text(
-            "save as", name, hint="Design file to write, ending in .toml; comments are kept."
+            "save as", name, hint="Name of the file to write in the design's folder, ending in .toml."
         )
         for label, (do, key, modifier) in actions.items():
             self._hotkey(label, do, key, modifier)

@@ -77,12 +77,18 @@ class Doing:
             self._session.say("no page is open to take a picture of", is_bad=True)
             return
         camera = clients[-1].camera
-        image = clients[-1].get_render(
-            height=max(camera.image_height, LEAST_PX[1]),
-            width=max(camera.image_width, LEAST_PX[0]),
-            transport_format="png",
-            timeout=PICTURE_S,
-        )
+        try:
+            image = clients[-1].get_render(
+                height=max(camera.image_height, LEAST_PX[1]),
+                width=max(camera.image_width, LEAST_PX[0]),
+                transport_format="png",
+                timeout=PICTURE_S,
+            )
+        except (RuntimeError, TimeoutError) as err:  # the tab is hidden or closed, or sent no picture
+            self._session.say(
+                f"no picture: {err} Bring the page to the front, then export again", is_bad=True
+            )
+            return
         target = self._errand.out / f"{self._session.design.name}-{time.strftime('%Y%m%d-%H%M%S')}.png"
         self._write(target, png_bytes(image))
 

@@ -1,25 +1,161 @@
-"""The page's server: this machine alone, on a port of its own."""
+"""The page's server: for this machine and this page alone, on a port of its own.
+
+viser serves its page and its websocket to whoever asks, also to any web page that the user has open. So every request
+and handshake is checked before viser sees it: it must ask for the address served (a foreign name may be made to point
+here), come from this page or from no page, and carry the token, which is random and part of the address.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import io
+import logging
+import secrets
 import socket
+import sys
+import threading
+from collections.abc import Iterator
+from functools import partial
+from http import HTTPStatus
+from typing import Any
 
 import viser
+import websockets.asyncio.server
+from websockets.asyncio.server import ServerConnection
+from websockets.frames import CloseCode
+from websockets.http11 import Request, Response
 
 from design.errors import InputError
+from optopad.studio.view.messages import LARGEST_PICTURE_B, fault_of
 
 HOST = "127.0.0.1"
 FIRST_PORT, PORTS = 8080, 50
+LARGEST_MESSAGE_B = LARGEST_PICTURE_B + 2**10
+
+_LOG = logging.getLogger(__name__)
+_LOG.addFilter(lambda record: record.getMessage() != "opening handshake failed")
+"""Says nothing of bytes that are no request, as of a port scan."""
+_PATCHING = threading.Lock()
 
 
 class LocalServer(viser.ViserServer):
-    """A viser server that is never shared beyond this machine."""
+    """A viser server for one page of this machine, never shared beyond it.
+
+    Parameters
+    ----------
+    port : to serve at; 0: a free one
+
+    Attributes
+    ----------
+    token : first part of the address's path; nothing is answered without it
+
+    Raises
+    ------
+    InputError : viser does not let its requests be checked.
+    """
+
+    def __init__(self, port: int) -> None:
+        self.token = secrets.token_urlsafe(24)
+        self.is_checked = False
+        with self._checked(), contextlib.redirect_stdout(io.StringIO()):  # viser would print its own address
+            super().__init__(host=HOST, port=port, label="optopad studio", verbose=False)
+        if not self.is_checked:
+            self.stop()
+            raise InputError(
+                f"studio: viser {viser.__version__} is refused: the studio cannot check who asks; "
+                "install the version in constraints.txt"
+            )
+
+    @property
+    def url(self) -> str:
+        """Address of the page, with its token."""
+        return f"http://{HOST}:{self.get_port()}/{self.token}/"
 
     def request_share_url(self, verbose: bool = True) -> str | None:  # noqa: ARG002
         """Refuse: viser would open a tunnel to the internet."""
         return None
+
+    def fault_of(self, raw: str | bytes) -> str | None:
+        """Why a message of the page is refused, in one line; None: it is taken."""
+        return fault_of(raw, self.gui._gui_input_handle_from_uuid)
+
+    @contextlib.contextmanager
+    def _checked(self) -> Iterator[None]:
+        """While viser starts: the server that it opens gets `_Connection`, which checks every request."""
+        serve = websockets.asyncio.server.serve
+
+        def checked(*arguments: Any, **options: Any) -> Any:
+            self.is_checked = True
+            own = {
+                "create_connection": partial(_Connection, self),
+                "max_size": LARGEST_MESSAGE_B,
+                "logger": _LOG,
+            }
+            return serve(*arguments, **options | own)
+
+        with _PATCHING:
+            try:
+                setattr(websockets.asyncio.server, "serve", checked)  # noqa: B010  (mypy takes no other function)
+                yield
+            finally:
+                setattr(websockets.asyncio.server, "serve", serve)  # noqa: B010
+
+
+class _Connection(ServerConnection):
+    """A connection to the page's server: it refuses foreign requests, and messages that this page does not send."""
+
+    def __init__(self, page: LocalServer, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._page = page
+
+    async def handshake(self, process_request: Any = None, *more: Any, **options: Any) -> None:
+        """Check the request, then have viser answer it, below the token's path."""
+
+        def checked(connection: ServerConnection, request: Request) -> Response | None:
+            first, _, rest = request.path.removeprefix("/").partition("?")[0].partition("/")
+            refusal = self._refusal(request, first)
+            if refusal is not None:
+                return connection.respond(HTTPStatus.FORBIDDEN, refusal + "\n")
+            request.path = f"/{rest}"
+            answer: Response | None = process_request(connection, request)
+            return answer
+
+        await super().handshake(checked, *more, **options)
+
+    def _refusal(self, request: Request, token: str) -> str | None:
+        """Why a request is refused, in one line; None: it is of this page."""
+        port = self.local_address[1]
+        here = [f"{name}:{port}" for name in (HOST, "localhost", "[::1]")]
+        hosts = [host.lower() for host in request.headers.get_all("Host")]
+        origins = request.headers.get_all("Origin")
+        if len(hosts) != 1 or hosts[0] not in here:
+            return f"Host {', '.join(hosts)} is refused: the studio is at {here[0]} alone."
+        if origins and origins != [f"http://{hosts[0]}"]:
+            return f"Origin {', '.join(origins)} is refused: only the studio's own page may ask."
+        is_known = secrets.compare_digest(token.encode(errors="surrogateescape"), self._page.token.encode())
+        return None if is_known else "No or a wrong token: open the address that the studio printed."
+
+    async def recv(self, decode: bool | None = None) -> Any:
+        """The page's next message; a wrong one is refused in one line on standard error and ends the connection."""
+        raw = await super().recv(decode)
+        fault = self._page.fault_of(raw)
+        if fault is None:
+            return raw
+        raw = b""  # the exception below keeps this frame for a while, and with it up to 16 MB
+        _say_refused(fault)
+        await self.close(CloseCode.POLICY_VIOLATION, "the message is refused; the terminal says why")
+        raise self.protocol.close_exc
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Say that a message was too large to be received at all."""
+        super().connection_lost(exc)
+        sent = self.protocol.close_sent
+        if sent is not None and sent.code == CloseCode.MESSAGE_TOO_BIG:
+            _say_refused(f"it is larger than {LARGEST_MESSAGE_B} bytes")
+
+
+def _say_refused(why: str) -> None:
+    print(f"studio: a message of the page is refused: {why}", file=sys.stderr)
 
 
 def local_server(port: int | None) -> LocalServer:
@@ -30,10 +166,7 @@ def local_server(port: int | None) -> LocalServer:
     InputError : the port is taken, or none is free.
     """
     wanted = free_port(port)
-    with contextlib.redirect_stdout(
-        io.StringIO()
-    ):  # viser draws a box with the address, which our own line tells
-        server = LocalServer(host=HOST, port=wanted, label="optopad studio", verbose=False)
+    server = LocalServer(wanted)
     if wanted and server.get_port() != wanted:  # somebody was quicker
         server.stop()
         raise InputError(f"--port: {wanted} is taken on this machine; choose another, or leave it out")

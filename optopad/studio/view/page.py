@@ -27,7 +27,7 @@ from optopad.studio.session import Said, Session
 from optopad.studio.view.answers_panel import AnswersPanel
 from optopad.studio.view.controls import Controls
 from optopad.studio.view.doing import Doing
-from optopad.studio.view.local_server import HOST, local_server
+from optopad.studio.view.local_server import local_server
 from optopad.studio.view.scene import Scene
 from optopad.studio.workshop import Wish, Workshop
 
@@ -96,8 +96,8 @@ class Page:
 
     @property
     def url(self) -> str:
-        """Address of the page on this machine."""
-        return f"http://{HOST}:{self.server.get_port()}"
+        """Address of the page on this machine, with the token that it asks for."""
+        return self.server.url
 
     def start(self) -> None:
         """Begin to work and to draw."""

@@ -252,7 +252,7 @@ class Scene:
 
         async def moved(event: viser.SceneNodeDragEvent[viser.MeshHandle]) -> None:
             now = self._session.press
-            if event.phase == "start":
+            if event.phase == "start" or "tip" not in self._grabs:
                 self._grabs["tip"] = np.array(event.start_position)
                 self._grabs["tip offset"] = np.array(now.place_mm) - self._grabs["tip"][:2]
             eye, level = np.array(event.client.camera.position), float(self._grabs["tip"][2])
@@ -262,7 +262,7 @@ class Scene:
 
         async def pushed(event: viser.SceneNodeDragEvent[viser.MeshHandle]) -> None:
             normal = np.array(self._plan.normal(*self._session.press.place_mm))
-            if event.phase == "start":
+            if event.phase == "start" or "push" not in self._grabs:
                 self._grabs["push"] = np.array(event.start_position)
                 self._grabs["push from"] = np.array([self._session.press.depth_mm])
             way = self._grabs["push"] - np.array(event.end_position)

@@ -289,7 +289,7 @@ def test_every_way_to_write_a_design_is_edited_and_keeps_its_comments(
     assert [comment for comment in comments_of(text) if comment not in after] == []
 
 
-def test_own_parts_are_kept_beside_the_file_and_taken_in_elsewhere(tmp_path: Path) -> None:
+def test_own_parts_are_kept_beside_the_file(tmp_path: Path) -> None:
     (tmp_path / "own.toml").write_text(OWN_PARTS, encoding="utf-8")
     text = preset_text(PAD).replace(
         "schema_version", 'catalog_files = ["own.toml"]  # mine\nschema_version', 1
@@ -300,17 +300,12 @@ def test_own_parts_are_kept_beside_the_file_and_taken_in_elsewhere(tmp_path: Pat
     file.save(design)
     assert 'catalog_files = ["own.toml"]  # mine\n' in path.read_text(encoding="utf-8")
     assert load_design(path).digest == design.digest
-    elsewhere = tmp_path / "elsewhere"
-    elsewhere.mkdir()
-    file.save(design, str(elsewhere / "pad.toml"))
-    after = (elsewhere / "pad.toml").read_text(encoding="utf-8")
-    assert load_design(elsewhere / "pad.toml").digest == design.digest
-    assert "catalog_files =" not in after
-    require_kept(text, after)
-    assert os.listdir(elsewhere) == ["pad.toml"]
+    file.save(design, "new.toml")
+    assert load_design(tmp_path / "new.toml").digest == design.digest
+    assert sorted(os.listdir(tmp_path)) == ["new.toml", "own.toml", "pad.toml"]
 
 
-def test_a_tip_s_file_of_points_is_kept_beside_the_file_and_taken_in_elsewhere(tmp_path: Path) -> None:
+def test_a_tip_s_file_of_points_is_kept_beside_the_file(tmp_path: Path) -> None:
     rows = [(r / 4, 3.0 - (9.0 - (r / 4) ** 2) ** 0.5) for r in range(13)]
     (tmp_path / "tip.csv").write_text("".join(f"{r},{z:.6f}\n" for r, z in rows), encoding="utf-8")
     text = preset_text(PAD).replace(
@@ -320,11 +315,11 @@ def test_a_tip_s_file_of_points_is_kept_beside_the_file_and_taken_in_elsewhere(t
     design = file.saved.with_(**FIELDS["heights"])
     file.save(design)
     assert 'profile_csv = "tip.csv" # lathe\n' in (tmp_path / "pad.toml").read_text(encoding="utf-8")
-    (tmp_path / "elsewhere").mkdir()
-    other = tmp_path / "elsewhere" / "pad.toml"
-    file.save(design, str(other))
-    assert load_design(other).digest == load_design(tmp_path / "pad.toml").digest == design.digest
-    require_kept(text, other.read_text(encoding="utf-8"))
+    assert load_design(tmp_path / "pad.toml").digest == design.digest
+    (tmp_path / "tip.csv").write_text("0,0\n3,2\n", encoding="utf-8")
+    file.save(design)  # with the points that it has
+    assert load_design(tmp_path / "pad.toml").digest == design.digest
+    require_kept(text, (tmp_path / "pad.toml").read_text(encoding="utf-8"))
 
 
 def test_a_design_whose_own_parts_were_changed_since_is_saved_as_it_was(tmp_path: Path) -> None:
@@ -349,43 +344,67 @@ def test_another_file_is_never_overwritten(tmp_path: Path) -> None:
         with pytest.raises(
             InputError, match=rf"save: .*{name} exists and is another file; choose another name"
         ):
-            file.save(file.saved, str(tmp_path / name))
+            file.save(file.saved, name)
     assert other.read_text(encoding="utf-8") == "mine\n"
     assert file.path == path
-    assert file.save(file.saved, f" {path} ") == path
-    assert file.save(file.saved, str(tmp_path / "folder.toml" / ".." / "pad.toml")).samefile(path)
+    assert file.save(file.saved, " pad.toml ") == path
+    (tmp_path / "link.toml").symlink_to(path)
+    assert file.save(file.saved, "link.toml").samefile(path)
 
 
-def test_a_file_that_appears_meanwhile_is_not_overwritten(tmp_path: Path) -> None:
+def test_a_file_that_appears_meanwhile_is_not_overwritten(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     file = DesignFile(PAD)
     target = copy_of(PAIR, tmp_path)
     with pytest.raises(InputError, match="exists and is another file"):
-        file.save(file.saved, str(target))
+        file.save(file.saved, target.name)
     assert target.read_text(encoding="utf-8") == preset_text(PAIR)
+
+
+DEVICES = ("CON", "con.toml", "Nul.toml", "aux .toml", "prn.x.toml", "COM1.toml", "lpt9.toml", "CONIN$.toml")
+PATHS = ("../out.toml", "/out.toml", "in/out.toml", "..\\out.toml", "C:\\out.toml", "c:out.toml", "pad.toml/")
 
 
 @pytest.mark.parametrize(
     ("name", "error", "words"),
     [
-        ("pad", InputError, "save: .* is refused: the name of a design file ends in .toml"),
-        ("pad.json", InputError, "ends in .toml"),
-        (".toml", InputError, "ends in .toml"),
-        ("gone/pad.toml", OutputError, "save: .*pad.toml cannot be written: No such file or directory"),
-        ("own.toml/pad.toml", OutputError, "cannot be written: Not a directory"),
+        *[
+            (name, InputError, "is refused: give the name of a file alone.* saved in ")
+            for name in DEVICES + PATHS
+        ],
+        *[(f"a{sign}b.toml", InputError, "the name of a file alone") for sign in '<>:"|?*\0\n\x7f'],
+        *[(name, InputError, "ends in .toml") for name in ("pad", "pad.json", ".toml", ".", "..")],
         ("x" * 300 + ".toml", OutputError, "cannot be written: File name too long"),
-        ("pad\0.toml", OptopadError, "cannot be written|is refused"),
     ],
 )
-def test_a_name_that_cannot_be_is_refused_and_nothing_changes(
-    name: str, error: type[OptopadError], words: str, tmp_path: Path
+@pytest.mark.parametrize("where", ["file", "preset"])
+def test_a_save_stays_in_the_folder_and_a_name_that_cannot_be_is_refused(
+    where: str,
+    name: str,
+    error: type[OptopadError],
+    words: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    (tmp_path / "own.toml").write_text("", encoding="utf-8")
-    file = DesignFile(PAD)
-    before = sorted(os.listdir(tmp_path))
+    folder = tmp_path / "mine"
+    (folder / "in").mkdir(parents=True)
+    path = copy_of(PAD, folder)
+    if where == "preset":
+        monkeypatch.chdir(folder)
+    file = DesignFile(str(path) if where == "file" else PAD)
+    before = sorted(tmp_path.rglob("*"))
     with pytest.raises(error, match=words):
-        file.save(file.saved, f"{tmp_path}/{name}")
-    assert sorted(os.listdir(tmp_path)) == before
-    assert file.path is None
+        file.save(file.saved, name)
+    assert sorted(tmp_path.rglob("*")) == before
+    assert file.path == (path if where == "file" else None)
+
+
+def test_a_file_whose_own_name_is_unusual_is_saved(tmp_path: Path) -> None:
+    path = copy_of(PAD, tmp_path).rename(tmp_path / "aux.2026:v1")
+    file = DesignFile(str(path))
+    assert file.save(file.saved) == file.save(file.saved, file.default_name) == path
 
 
 def test_a_folder_that_cannot_be_written_is_named_and_the_file_is_intact(
@@ -430,7 +449,10 @@ def test_a_file_keeps_its_rights_and_a_link_stays_a_link(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("where", ["preset", "bundle"])
-def test_a_preset_or_bundle_is_saved_under_a_new_name_only(where: str, tmp_path: Path) -> None:
+def test_a_preset_or_bundle_is_saved_under_a_new_name_only(
+    where: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     bundle = tmp_path / "piacenza2017-pad-12345678"
     bundle.mkdir()
     save_design(preset(PAD), bundle / "design.toml")
@@ -442,11 +464,9 @@ def test_a_preset_or_bundle_is_saved_under_a_new_name_only(where: str, tmp_path:
     for target in (None, "", "  "):
         with pytest.raises(InputError, match=r"this design has no file yet; give a name, as my-pad\.toml"):
             file.save(file.saved, target)
-    with pytest.raises(InputError, match="exists and is another file"):
-        file.save(file.saved, str(bundle / "design.toml"))
-    new = tmp_path / "mine.toml"
-    file.save(file.saved, str(new))
-    assert (file.path, file.default_name) == (new, str(new))
+    new = Path("mine.toml")
+    assert file.save(file.saved, "mine.toml") == new
+    assert [str(file.path), file.default_name] == ["mine.toml", "mine.toml"]
     text = new.read_text(encoding="utf-8")
     assert text == preset_text(PAD) if where == "preset" else "digest" not in text
     assert load_design(new).digest == preset(PAD).digest
@@ -459,7 +479,7 @@ def test_saved_under_a_new_name_the_old_file_is_left_and_the_new_one_is_edited(t
     path = copy_of(PAD, tmp_path)
     file = DesignFile(str(path))
     design = file.saved.with_(**FIELDS["thickness"])
-    file.save(design, str(tmp_path / "new.toml"))
+    file.save(design, "new.toml")
     assert path.read_text(encoding="utf-8") == preset_text(PAD)
     path.unlink()
     assert file.changed_outside() is None

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import viser
 
 from design.geometry.cavity import cavity_of
 from design.io import load_design
@@ -133,6 +134,20 @@ def test_a_shaped_pad_is_pressed_by_a_click_and_a_disc_s_part_is_turned_undone_a
             browser.wait_for_text(f"saved: {file}", 10)
             assert file.read_text(encoding="utf-8") == preset_text(name)
         assert browser.errors == []
+
+
+def test_another_page_of_the_same_browser_is_refused_even_with_the_token(tmp_path: Path) -> None:
+    opens = """(address) => new Promise((done) => { const line = new WebSocket(address, %r);
+      line.onopen = () => done('open'); line.onerror = () => done('refused'); })"""
+    ours = [f"viser-v{viser.__version__}"]
+    with studio(tmp_path) as (page, _), chromium_page(page.url, 1300, 800) as browser:
+        browser.wait_for_text("clear layer [mm]")
+        address = page.url.replace("http", "ws")
+        assert browser.evaluate(f"({opens % ours})({address!r})") == "open"
+        browser.reload()
+        browser.wait_for_text("clear layer [mm]")
+        browser.open("data:text/html,another page")
+        assert browser.evaluate(f"({opens % ours})({address!r})") == "refused"
 
 
 def test_what_does_not_fit_is_said_in_the_words_of_the_check_and_never_saved(tmp_path: Path) -> None:
