@@ -191,9 +191,10 @@ def _beside(file: Path, name: str, key: str) -> Path:
             f"{file}: {key}: {shown(name)} leaves the design's folder; put it beside the design"
         )
     if not is_file:
-        raise DesignError(
-            f"{file}: {key}: {shown(name)} is no file beside the design; correct its name or remove it"
-        )
+        way_out = "correct its name or remove it"
+        if "\\" in name or not name.isprintable():
+            way_out = "write / between folders, because \\ in double quotes begins a sign as \\t for a tab"
+        raise DesignError(f"{file}: {key}: {shown(name)} is no file beside the design; {way_out}")
     return target
 
 

@@ -22,7 +22,8 @@ def _usable(name: str) -> str:
 FileName = Annotated[str, Field(pattern=NAME_PATTERN), AfterValidator(_usable)]
 """A name that becomes part of the names of files; device names of Windows are refused."""
 
-PartId = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]{0,62}$")]
+IDENTIFIER_PATTERN = r"^[a-z0-9][a-z0-9-]{0,62}$"
+PartId = Annotated[str, Field(pattern=IDENTIFIER_PATTERN)]
 """Identifier of a catalogue entry: lower-case letters, digits and dashes."""
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from design.errors import DesignError, shown
+from design.fields.base import IDENTIFIER_PATTERN, NAME_PATTERN
 from design.fields.paths import nearest
 
 LISTED_FINDINGS = 20
@@ -28,6 +30,21 @@ _BOUNDS = {
     "less_than_equal": "at most",
 }
 
+PATTERN_WORDS = {
+    NAME_PATTERN: "letters, digits, dots, dashes and underscores, a letter or digit first, at most 63; no folders",
+    IDENTIFIER_PATTERN: "small letters, digits and dashes, a letter or digit first, at most 63",
+    r"^[A-Za-z0-9 ._+/-]*$": "letters, digits, blanks and . _ + / -",
+    r"^[A-Za-z][A-Za-z0-9_-]{0,15}$": "letters, digits, underscores and dashes, a letter first, at most 16",
+    r"^[0-9a-f]{4}:[0-9a-f]{4}$": "vendor:product as hexadecimal digits in small letters, as 2341:0042",
+    r"^atmega[0-9a-z]+$": "the chip as the compiler names it, as atmega2560",
+    r"^[0-9a-f]{6}$": "six hexadecimal digits in small letters, as 1e9801",
+    r"^[A-L][0-7]$": "a port letter and a bit, as B7",
+    r"^[A-Z][A-Z0-9_]*_vect$": "an interrupt vector as avr-libc names it, as USART0_RX_vect",
+    r"^[A-Z]{3}$": "an ISO 4217 code in capital letters, as EUR",
+    r"^\d{4}-(0[1-9]|1[0-2])(-(0[1-9]|[12]\d|3[01]))?$": "a date as 2026-05 or 2026-05-04",
+}
+"""What a text must be, by the pattern that it does not match."""
+
 _WANTED = {
     "finite_number": "must be a finite number",
     "float_type": "must be a number, without unit or quotes",
@@ -41,7 +58,9 @@ _WANTED = {
 }
 
 
-def design_error(err: ValidationError, where: str, known: tuple[str, ...] = ()) -> DesignError:
+def design_error(
+    err: ValidationError, where: str, known: tuple[str, ...] = (), identifiers: tuple[str, ...] = ()
+) -> DesignError:
     """All findings of a validation as one error.
 
     Parameters
@@ -49,10 +68,11 @@ def design_error(err: ValidationError, where: str, known: tuple[str, ...] = ()) 
     err : what pydantic found
     where : file or design that was being read
     known : dotted paths of all fields; the nearest are offered for one that there is not
+    identifiers : of catalogue entries; the nearest is offered for a text that can be none
     """
     details = err.errors(include_url=False)
     meant = [detail for detail in _of_the_branch_meant(details) if not _is_echo(detail)]
-    lines = _lines(meant[:WORDED_FINDINGS], known)
+    lines = _lines(meant[:WORDED_FINDINGS], known, identifiers)
     told = lines[:LISTED_FINDINGS]
     if more := len(lines) - len(told) + len(meant[WORDED_FINDINGS:]):
         told.append(f"... and {more} more")
@@ -104,18 +124,18 @@ def _is_marker(key: str) -> bool:
     }
 
 
-def _lines(details: list[ErrorDetails], known: tuple[str, ...]) -> list[str]:
+def _lines(details: list[ErrorDetails], known: tuple[str, ...], identifiers: tuple[str, ...]) -> list[str]:
     """A line a finding; one for all kinds that a value of several kinds could have been."""
     limits: dict[str, list[str]] = {}
     for detail in details:
-        said, limit = _finding(detail, known)
+        said, limit = _finding(detail, known, identifiers)
         given = limits.setdefault(said, [])
         if limit and limit not in given:
             given.append(limit)
     return [said + " or ".join(given) for said, given in limits.items()]
 
 
-def _finding(detail: ErrorDetails, known: tuple[str, ...]) -> tuple[str, str]:
+def _finding(detail: ErrorDetails, known: tuple[str, ...], identifiers: tuple[str, ...]) -> tuple[str, str]:
     """What is refused, and the limit; this is empty where the first says all."""
     field, kind = field_path(detail), detail["type"]
     if kind == "extra_forbidden":
@@ -124,7 +144,7 @@ def _finding(detail: ErrorDetails, known: tuple[str, ...]) -> tuple[str, str]:
         return f"{field}: {_WAY_OUT[kind]}", ""
     if kind == "value_error":  # raised by a rule of ours, which names its values itself
         return f"{field}: {detail['msg'].removeprefix('Value error, ')}".removeprefix("the file: "), ""
-    return f"{field}: {shown(detail['input'])} is refused: ", _limit(detail, field)
+    return f"{field}: {shown(detail['input'])} is refused: ", _limit(detail, field, identifiers)
 
 
 def _near(field: str, known: tuple[str, ...]) -> str:
@@ -135,7 +155,15 @@ def _near(field: str, known: tuple[str, ...]) -> str:
     return f"{hint}remove it or correct its spelling (see `optopad schema`)"
 
 
-def _limit(detail: ErrorDetails, field: str) -> str:
+def _near_identifier(detail: ErrorDetails, identifiers: tuple[str, ...]) -> str:
+    """The catalogue entry that was likely meant."""
+    if detail["ctx"]["pattern"] != IDENTIFIER_PATTERN:
+        return ""
+    near = nearest(re.sub(r"[^a-z0-9]+", "-", str(detail["input"]).lower()).strip("-"), identifiers)
+    return f"; did you mean {near[0]}?" if near else ""
+
+
+def _limit(detail: ErrorDetails, field: str, identifiers: tuple[str, ...]) -> str:
     context: dict[str, Any] = detail.get("ctx", {})
     kind = detail["type"]
     if kind in _BOUNDS:
@@ -149,9 +177,7 @@ def _limit(detail: ErrorDetails, field: str) -> str:
     if kind == "too_long":
         return f"must have at most {context['max_length']} entries, has {context['actual_length']}"
     if kind == "string_pattern_mismatch":
-        return (
-            f"must match {context['pattern']} (plain letters, digits, dots, dashes, underscores; no folders)"
-        )
+        return f"must be {PATTERN_WORDS[context['pattern']]}{_near_identifier(detail, identifiers)}"
     if kind == "string_too_long":
         return f"must have at most {context['max_length']} characters"
     if kind == "literal_error":

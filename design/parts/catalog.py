@@ -38,7 +38,7 @@ from pydantic import (
 )
 from pydantic_core import ErrorDetails
 
-from design.errors import DesignError
+from design.errors import DesignError, shown
 from design.fields.base import Model, PartId, without_defaults
 from design.fields.packaged import data_table
 from design.fields.quantity import (
@@ -59,6 +59,7 @@ from design.fields.quantity import (
     VoltageV,
     WavelengthNm,
 )
+from design.fields.validation import PATTERN_WORDS
 from design.parts.angular import AngularTable
 from design.parts.board_firmware import BoardFirmware
 from design.parts.elastomer import (
@@ -353,6 +354,13 @@ def parse_entries(mapping: Mapping[str, Any], where: str) -> CatalogEntries:
         raise DesignError(f"{where}: nested too deep to be a catalogue") from None
 
 
+def identifiers(document: Mapping[str, Any]) -> tuple[str, ...]:
+    """Names of all packaged entries and of a design document's own, for messages."""
+    own = document.get("catalog")
+    tables = [*dict(packaged()).values(), *(own.values() if isinstance(own, dict) else ())]
+    return tuple(name for table in tables if isinstance(table, dict) for name in table)
+
+
 def merged(base: CatalogEntries, extra: CatalogEntries) -> CatalogEntries:
     """Both sets of entries; where an identifier is in both, `extra` holds."""
     if not (extra.parts or extra.elastomers or extra.mold_materials or extra.boards):
@@ -417,6 +425,6 @@ def _finding(detail: ErrorDetails) -> str:
             return f"{field}: is not a field of a catalogue entry; remove it or correct its spelling"
         case "value_error":
             return f"{field}: {detail['msg'].removeprefix('Value error, ')}"
-    shown = repr(detail["input"])
-    message = detail["msg"]
-    return f"{field}: {shown[:60]} is refused: {message[0].lower() + message[1:]}"
+    message = PATTERN_WORDS.get(detail.get("ctx", {}).get("pattern", ""), "")
+    limit = f"must be {message}" if message else detail["msg"][0].lower() + detail["msg"][1:]
+    return f"{field}: {shown(detail['input'])} is refused: {limit}"

@@ -23,7 +23,7 @@ from design.errors import DesignError
 from design.fields import paths
 from design.fields.base import FileName, Model, PartId, without_defaults
 from design.fields.validation import design_error
-from design.parts.catalog import CatalogEntries
+from design.parts.catalog import CatalogEntries, identifiers
 from design.spec.indenter import Indenter
 from design.spec.layout import BY_ANGLE, BY_WALL, Pattern
 from design.spec.noise import Noise
@@ -379,7 +379,7 @@ class SensorDesign(Model):
         try:
             return cls.model_validate_json(json.dumps(document, default=str), strict=True)
         except ValidationError as err:
-            raise design_error(err, where, paths.known_paths(cls)) from None
+            raise design_error(err, where, paths.known_paths(cls), identifiers(document)) from None
 
 
 def canonical_json(document: Any) -> str:

@@ -127,6 +127,36 @@ _FILES = (
     BadDesign(id="a unit", content=b"a = 32 mm\n", words=("line 1", "'a = 32 mm'", "without its unit")),
     BadDesign(id="Python's truth", content=b"a = True\n", words=("line 1", "small letters")),
     BadDesign(id="no quotes", content=b"name = pad\n", words=("line 1", "in quotes")),
+    *(
+        BadDesign(id=line, content=f"schema_version = 1\n{line}\n".encode(), words=("line 2", way_out))
+        for line, way_out in (
+            ('a = "C:\\Users\\x.toml"', "write / for"),
+            ("a = \u201cpad\u201d", "straight quotes"),
+            ("a =\u00a032", "a blank that is not ordinary"),
+            ("a: 32.0", "write = between"),
+            ("a 32.0", "write = between"),
+            ("a = .5", "write a 0 before"),
+            ("a = 5.", "write a digit after"),
+            ("a = 032.0", "without zeros before"),
+            ("a = 32.0,", "remove the comma"),
+            ('a = "x",', "remove the comma"),
+            ("a = 32.0;", "nothing follows a value"),
+            ("a = 32.0 // wide", "begin a comment with #"),
+            ("// wide", "begin a comment with #"),
+            ("a = 45\u00b0", "without its unit"),
+            ("a = None", "remove the line"),
+            ("a = yes", "true or false"),
+            ("[[layout]", "an entry of a list as [[layout]]"),
+        )
+    ),
+    BadDesign(
+        id="no end quote", content=b'a = "pad', words=("end of document", "end the text with its quote")
+    ),
+    BadDesign(
+        id="a tab for a folder",
+        content=b'schema_version = 1\ncatalog_files = ["sub\\table.toml"]\n',
+        words=("write / between",),
+    ),
     BadDesign(id="nested too deep", content=b"a = " + b"[" * 20_000, words=("nested too deep",)),
     BadDesign(
         id="a number of 5000 digits",
@@ -192,6 +222,8 @@ _VALUES = (
     _field("board.emitter_pins", "[22, -1]", "-1", "at least 0"),
     _field("board.emitter_pins", '["22"]', "'22'", "whole number"),
     _field("cavity.lenght_mm", "32.0", "did you mean cavity.length_mm"),
+    _field("mold.material", '"PLA black"', "small letters, digits and dashes", "did you mean pla-black?"),
+    _field("board.kind", '"teensy-4.1"', "must be small letters, digits and dashes"),
     _field("colour", '"red"', "spelling"),
     _field("measured", '["emitters.hieght_mm"]', "emitters.height_mm"),
     _field("measured", '["emitters"]', "emitters"),

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from design.errors import DesignError
-from design.io import load_design
+from design.fields.validation import PATTERN_WORDS
+from design.io import file_schema, load_design
 from design.rules.check import check, require_valid
 from tests.design.bad_designs import BAD_DESIGNS, FILE_NAME, design_text, put
 
@@ -89,3 +92,18 @@ def test_a_long_list_of_faults_is_cut_and_counted(tmp_path: Path) -> None:
     (tmp_path / FILE_NAME).write_text(design_text(layout=layout), encoding="utf-8")
     with pytest.raises(DesignError, match=r"\.\.\. and 10 more$"):
         load_design(tmp_path / FILE_NAME)
+
+
+def patterns(schema: Any) -> Iterator[str]:
+    if isinstance(schema, dict):
+        if isinstance(schema.get("pattern"), str):
+            yield schema["pattern"]
+        for inner in schema.values():
+            yield from patterns(inner)
+    elif isinstance(schema, list):
+        for inner in schema:
+            yield from patterns(inner)
+
+
+def test_each_pattern_of_the_schema_has_words() -> None:
+    assert set(patterns(file_schema())) <= set(PATTERN_WORDS)

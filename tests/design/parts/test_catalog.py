@@ -326,7 +326,7 @@ def test_a_receiver_needs_its_own_fields_and_refuses_an_emitters():
 @pytest.mark.parametrize("name", ["My LED", "../x", "-x", "x" * 64, ""])
 def test_an_identifier_that_is_no_plain_name_is_refused(name):
     fields = part_with()["parts"]["my-led"]
-    assert "should match pattern" in refused({"parts": {name: fields}})
+    assert "must be small letters, digits and dashes" in refused({"parts": {name: fields}})
 
 
 def test_a_table_of_no_known_kind_is_refused():
