@@ -16,7 +16,7 @@ from sims.learning.inference.model_file import save_model
 from sims.learning.inference.signal_map.signal_map_model import SignalMapModel
 from sims.learning.signal_map.map_learner import fit_signal_map, map_header, mapped
 from sims.readings.dataset import read_data, require_design
-from sims.readings.press_data import PressData, clipped_note
+from sims.readings.press_data import PressData, data_notes
 
 OnStep = Callable[[str, float], None]
 
@@ -73,10 +73,8 @@ def calibrate(
     ------
     InputError : data of another design, too few presses or untouched frames, nothing to fit.
     """
-    data = read_data(file)
-    notes = list(require_design(data, design, what=str(file)))
-    if (clipped := clipped_note(data)) is not None:
-        notes.append(clipped)
+    data = read_data(file, design)
+    notes = [*require_design(data, design, what=str(file)), *data_notes(data)]
     found = calibrated(design, data, seed=seed, on_step=on_step)
     model = build_model(found, data, quick=quick, seed=seed, on_step=on_step) if with_model else None
     return CalibratedBuild(calibration=found, report=report_of(found), model=model, notes=tuple(notes))

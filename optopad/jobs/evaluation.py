@@ -20,7 +20,7 @@ from sims.learning.inference.model_file import load_model
 from sims.learning.inference.touch_model import TouchModel
 from sims.plots.accuracy import shown_places_mm
 from sims.readings.dataset import read_data, require_design
-from sims.readings.press_data import PressData, clipped_note
+from sims.readings.press_data import PressData, data_notes
 
 OnStep = Callable[[str, float], None]
 FEWEST_SAMPLES = 10
@@ -44,15 +44,14 @@ def evaluate(
     ------
     InputError : data or models that cannot be read, are of different designs, or too few samples.
     """
-    data = read_data(file)
+    data = read_data(file, design)
     notes = [*(require_design(data, design, what=str(file)) if design is not None else ())]
     loaded = [(str(path), load_model(path)) for path in models]
     for name, model in loaded:
         _require_fit(name, model, data)
     tested, told = _test_samples(data)
     workspace = workspace_of(design) if design is not None else _range_of(tested)
-    if (clipped := clipped_note(data)) is not None:
-        notes.append(clipped)
+    notes += data_notes(data)
     named = _named(loaded)
     found = tuple(
         accuracy

@@ -15,7 +15,7 @@ from sims.learning.inference.touch_model import TouchModel
 from sims.learning.learners import LEARNERS, Learner
 from sims.learning.samples.settings import EFFORTS
 from sims.learning.samples.training_data import prepared
-from sims.readings.dataset import PressData, clipped_note, joined, read_data, require_design
+from sims.readings.dataset import PressData, data_notes, joined, read_data, require_design
 
 OnStep = Callable[[str, float], None]
 
@@ -153,15 +153,14 @@ def _files(names: Sequence[str], files: Sequence[Path], out: Path | None) -> dic
 
 
 def _training_data(files: Sequence[Path], design: SensorDesign | None) -> tuple[PressData, tuple[str, ...]]:
-    data = joined([read_data(file) for file in files])
+    data = joined([read_data(file, design) for file in files])
     notes = () if design is None else require_design(data, design)
     train = data.role("train")
     if not len(train):
         raise InputError(
             "data: hold no set for training, all have the role test; name a data set with training sets"
         )
-    clipped = clipped_note(train)
-    return train, notes + (() if clipped is None else (clipped,))
+    return train, (*notes, *data_notes(train))
 
 
 def _load_curve(design: SensorDesign) -> ForceCurve:

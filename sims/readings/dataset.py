@@ -36,7 +36,17 @@ from sims.readings.label_checks import (
     require_true_labels,
 )
 from sims.readings.netcdf_file import read_netcdf, require_numbers
-from sims.readings.press_data import OFF, PATTERNS, ROLES, DataSetInfo, PressData, clipped_note, joined
+from sims.readings.press_data import (
+    CONVERTED,
+    OFF,
+    PATTERNS,
+    ROLES,
+    DataSetInfo,
+    PressData,
+    clipped_note,
+    data_notes,
+    joined,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -48,6 +58,7 @@ __all__ = [
     "DataWriter",
     "PressData",
     "clipped_note",
+    "data_notes",
     "header_of",
     "joined",
     "read_data",
@@ -65,8 +76,6 @@ NEEDED_FILE = (
 AXES = ("time", "state", "receiver")
 NEEDED = ("counts", "press_x", "press_y", "press_depth", "state", "receiver")
 TRUE_PRESS = ("true_x", "true_y", "true_depth")
-CONVERTED = "converted"
-"""Attribute of data that says what was done to the unit of their readings."""
 TIMES = ("time_s", "device_time", "host_time")
 
 

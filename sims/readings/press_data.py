@@ -22,8 +22,11 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 OFF = "off"
+CONVERTED = "converted"
+"""Attribute of data that says what was done to the unit of their readings."""
 ROLES = ("train", "test")
-PATTERNS = ("grid", "random", "measured")
+PATTERNS = ("grid", "random", "unknown", "measured")
+"""The last is what older files have for unknown."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +37,7 @@ class DataSetInfo:
     ----------
     name : as ``grid-ambient-1``
     role : ``train`` or ``test``
-    pattern : ``grid``, ``random`` or ``measured`` (nobody said)
+    pattern : ``grid``, ``random`` or ``unknown``
     is_ambient : whether it was taken in ambient light
     """
 
@@ -167,6 +170,13 @@ def joined(parts: Sequence[PressData]) -> PressData:
         if all(one is not None for one in truths)
         else None,
     )
+
+
+def data_notes(data: PressData) -> tuple[str, ...]:
+    """What a result must say of the data that it rests on, as sentences: simulated, converted, clipped."""
+    simulated = "the data are simulated, not recorded" if data.true_press_mm is not None else None
+    notes = (simulated, data.attributes.get(CONVERTED), clipped_note(data))
+    return tuple(str(note) for note in notes if note is not None)
 
 
 def clipped_note(data: PressData) -> str | None:

@@ -67,13 +67,15 @@ class TrainingData:
         return np.asarray(self.signals[~self.is_touched].mean(axis=0, dtype=np.float64))
 
     def facts(self) -> dict[str, Any]:
-        """What the model's header says of them."""
+        """What the model's header says of them; locations and presses are those in contact, deeper than 0."""
+        pressed = self.press_mm[:, 2] > 0.0
         return {
+            "is_simulated": self.source.true_press_mm is not None,
             "sets": [self.source.sets[k].name for k in np.unique(self.source.set_number)],
             "samples": len(self.press_mm),
             "touched_samples": int(self.is_touched.sum()),
-            "locations": int(self.location.max()) + 1,
-            "presses": int(self.press.max()) + 1,
+            "locations": len(np.unique(self.location[pressed])),
+            "presses": len(np.unique(self.press[pressed])),
             "left_out": list(self.left_out),
             "data": _plain(self.source.attributes),
         }

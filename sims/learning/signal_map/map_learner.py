@@ -240,6 +240,7 @@ def map_header(design: SensorDesign, data: PressData, found: SignalMap, seed: in
         receiver_names=data.receiver_names,
         untouched_counts=np.zeros(len(data.emitter_names) * len(data.receiver_names)),
         trained_on={
+            "is_simulated": data.true_press_mm is not None,
             "sets": [one.name for one in data.sets],
             "samples": len(data),
             "map_of_design": found.digest,

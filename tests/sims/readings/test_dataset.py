@@ -92,7 +92,7 @@ def test_a_file_of_the_simulation_is_a_recording_that_compare_reads(tmp_path: Pa
     np.testing.assert_array_equal(found.counts["E2-R3"], data.features()[:, 5])
 
 
-def test_what_the_driver_exports_is_one_measured_set_with_places_told_by_position(tmp_path: Path) -> None:
+def test_what_the_driver_exports_is_one_unnamed_set_with_presses_told_by_contact(tmp_path: Path) -> None:
     data = made_up()
     dataset = xr.Dataset(
         {"counts": (("time", "state", "receiver"), data.counts[:, [2, 0, 1]].astype(np.uint16))}
@@ -107,7 +107,7 @@ def test_what_the_driver_exports_is_one_measured_set_with_places_told_by_positio
     dataset["press_y"][:] = 7.0
     dataset.to_netcdf(tmp_path / "recorded.nc", engine="h5netcdf")
     found = read_data(tmp_path / "recorded.nc")
-    assert found.sets == (DataSetInfo(name="measured", role="train", pattern="measured", is_ambient=True),)
+    assert found.sets == (DataSetInfo(name="unnamed", role="train", pattern="unknown", is_ambient=True),)
     assert found.state_names == (*EMITTERS, "off")
     np.testing.assert_array_equal(found.counts, np.floor(data.counts))
     np.testing.assert_array_equal(found.place_number, np.repeat(np.arange(4), 3))
