@@ -12,9 +12,10 @@ untouched pad. Frames come whole and checked or not at all; what is missing is c
 
 from __future__ import annotations
 
+import math
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from types import TracebackType
 from typing import Self
 
@@ -24,8 +25,8 @@ from numpy.typing import NDArray
 from design.errors import DeviceError, InputError
 from fabrication.driver.descriptor import Descriptor, descriptor_of
 from fabrication.driver.link.frames import Frame, FrameDecoder
-from fabrication.driver.link.link import Link, check_hello, interval_us, require_digest
-from fabrication.driver.link.ports import GATHER_S, Port, find_port
+from fabrication.driver.link.link import ANSWER_S, Link, check_hello, interval_us, require_digest
+from fabrication.driver.link.ports import GATHER_S, GUESSED, Port, find_port, is_guess, on_standard_error
 from fabrication.driver.link.protocol import Hello, SelfTest, frame_format
 from fabrication.driver.recording.raw import Recorder
 from fabrication.driver.stream import LinkCounts, Stream
@@ -56,8 +57,12 @@ class Sensor:
     rate_hz : frames a second; None takes the design's, 0 as many as the board can
     accept_digest : first 8 digits or more of a foreign design's digest that is accepted none the less
     baseline_s : how long the untouched pad is read on opening [s]; 0 takes no baseline
-    patience_s : longest wait for a frame before an error, reconnection included [s]; three frames at least
+    patience_s : longest wait for the board's hello on opening, and for a frame, reconnection included [s]; None takes
+        10 s, or more for a board that boots slower. A frame is waited for three intervals at least
     gather_s : frames come off the line in batches so far apart, which spares the processor; 0 hands each on at once [s]
+    not_ports : names of ports that are another device's, as a stage's: never taken for the board's
+    on_wait : takes a line about the port that was chosen, and lines about the wait for the board; None prints them on
+        standard error
 
     Attributes
     ----------
@@ -73,8 +78,10 @@ class Sensor:
         rate_hz: float | None = None,
         accept_digest: str | None = None,
         baseline_s: float = BASELINE_S,
-        patience_s: float = PATIENCE_S,
+        patience_s: float | None = None,
         gather_s: float = GATHER_S,
+        not_ports: Iterable[str] = (),
+        on_wait: Callable[[str], None] | None = None,
     ) -> None:
         self.config = config if isinstance(config, DriverConfig) else load_driver_config(config)
         self.descriptor: Descriptor = descriptor_of(self.config)
@@ -87,12 +94,20 @@ class Sensor:
         require_digest(accept_digest)
         self._accept_digest = accept_digest
         self._baseline_s = baseline_s
-        self._patience_s = max(patience_s, 3.0 / self._rate_hz if self._rate_hz else 0.0)
+        slowest_s = self.config.board.boot_s + ANSWER_S
+        self._opening_s = max(PATIENCE_S, slowest_s) if patience_s is None else patience_s
+        if not 0.0 < self._opening_s < math.inf:
+            raise InputError(f"patience_s: {patience_s:g} is refused: give more than 0 [s]")
+        self._patience_s = max(self._opening_s, 3.0 / self._rate_hz if self._rate_hz else 0.0)
+        self._not_ports = tuple(not_ports)
+        self._on_wait = on_wait or on_standard_error
         self._gather_s = gather_s
         self._decoder = FrameDecoder(self.config, frame_format(self.config))
         self._stream: Stream | None = None
+        self._found_port: str | None = None
 
     def __enter__(self) -> Self:
+        self._found_port = None
         self._decoder = FrameDecoder(self.config, frame_format(self.config))
         self._stream = Stream(self._connected, self._decoder, interval_us(self._rate_hz), self._checked)
         try:
@@ -241,11 +256,28 @@ class Sensor:
         return hello
 
     def _connected(self, is_over: Callable[[], bool]) -> tuple[Link, Hello]:
-        name = self._port or find_port(self.config.board)
+        name, guessed = self._port or self._found_port, False
+        if name is None:
+            found = find_port(self.config.board, not_ports=self._not_ports)
+            name, guessed = found.name, is_guess(found, self.config.board)
+        if guessed:
+            self._on_wait(
+                f"port      {found} is taken for the {self.config.board.title}. {GUESSED} Opening it may reset the "
+                "device; --port names another"
+            )
         port = Port(name, self.config.board.baud, self._gather_s)
         try:
             link = Link(port, self.config)
-            return link, link.greet(accept_digest=self._accept_digest, is_over=is_over)
+            hello = link.greet(
+                accept_digest=self._accept_digest,
+                patience_s=self._opening_s,
+                is_guess=guessed,
+                is_over=is_over,
+                on_wait=self._on_wait,
+            )
+            if guessed:
+                self._found_port = name  # once it is unplugged, the only such chip may be a printer's
+            return link, hello
         except BaseException:
             port.close()
             raise

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
@@ -45,13 +45,8 @@ def upload_command(chip: BoardFirmware, image: Path, port: str) -> list[str]:
     ]
 
 
-def upload(chip: BoardFirmware, image: Path, port: str) -> None:
-    """Write an image to the board at a port, and read it back.
-
-    Raises
-    ------
-    DeviceError : no avrdude, no such port, or avrdude's own words with what helps.
-    """
+def require_uploader(port: str) -> None:
+    """Refuse what cannot begin: DeviceError for no avrdude, or no such port."""
     if shutil.which(UPLOADER) is None:
         raise DeviceError(
             f"{UPLOADER} is not installed here; install it (Debian and Ubuntu: avrdude), or upload the sketch folder "
@@ -59,10 +54,17 @@ def upload(chip: BoardFirmware, image: Path, port: str) -> None:
         )
     if os.sep == "/" and not Path(port).exists():
         raise DeviceError(f"{port}: no such port; plug the board in and name the port that then appears")
-    _run(upload_command(chip, image, port), port)
 
 
-def _run(command: Sequence[str], port: str) -> None:
+def upload(chip: BoardFirmware, image: Path, port: str) -> None:
+    """Write an image to the board at a port, and read it back.
+
+    Raises
+    ------
+    DeviceError : no avrdude, no such port, or avrdude's own words with what helps.
+    """
+    require_uploader(port)
+    command = upload_command(chip, image, port)
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=UPLOAD_LIMIT_S, check=False)
     except subprocess.TimeoutExpired:

@@ -78,6 +78,15 @@ Port = Annotated[
     str | None,
     typer.Option("--port", metavar="NAME", help="Serial port; by default the board's, by its USB identity."),
 ]
+Patience = Annotated[
+    float | None,
+    typer.Option(
+        "--patience",
+        metavar="S",
+        min=0.1,
+        help="Longest wait for a board that is opened, and for a frame (10 s if left out).",
+    ),
+]
 Rate = Annotated[
     float | None,
     typer.Option("--rate", metavar="HZ", min=0, help="Frames a second; 0 for as many as the board can."),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from design.errors import DeviceError, InputError
 from design.io import write_text_atomically
@@ -12,6 +13,9 @@ from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
 from fabrication.firmware.image import Image, compiled_image, has_compiler
 from fabrication.firmware.sketch import IMAGE, SKETCH, write_sketch
+
+if TYPE_CHECKING:
+    from fabrication.driver_file import BoardSetup
 
 FIRMWARE = Path("fabrication") / "firmware"
 
@@ -73,18 +77,12 @@ def image_to_upload(design: SensorDesign, out: Path, *, seed: int) -> Path:
     return files.image_file
 
 
-def board_port(design: SensorDesign) -> str:
-    """Name of the one port with such a board.
-
-    Raises
-    ------
-    DeviceError : none, or several of them; the ports are listed.
-    """
-    from fabrication.driver.link.ports import find_port
+def board_setup(design: SensorDesign) -> BoardSetup:
+    """The board as the driver sees it: its USB identities, its line."""
     from fabrication.driver_config import driver_config
     from fabrication.driver_file import config_from_document
 
-    return find_port(config_from_document(driver_config(design), where="driver.toml").board)
+    return config_from_document(driver_config(design), where="driver.toml").board
 
 
 def given_image(file: Path) -> Path:

@@ -107,6 +107,7 @@ class LiveSensor:
     bundles : folder that holds the bundles; the design's gives the expected pattern where it is there
     seed : of the simulated board
     accept_digest : first 8 digits or more of a foreign design's digest that is accepted none the less
+    patience_s : longest wait for the board when its port is opened [s]; None as `Sensor`
 
     Raises
     ------
@@ -122,6 +123,7 @@ class LiveSensor:
         bundles: Path,
         seed: int = 0,
         accept_digest: str | None = None,
+        patience_s: float | None = None,
     ) -> None:
         self._config = source_of(design, bundles).config
         self._said: Descriptor = descriptor_of(self._config)
@@ -130,6 +132,7 @@ class LiveSensor:
         self._model = None if model is None else fitting_model(model, self._config)
         require_digest(accept_digest)
         self._accept_digest = accept_digest
+        self._patience_s = patience_s
         self._port = port
         self._board = BoardProcess(design, bundles, seed, self._say) if port == FAKE else None
         self._expected = self._said.expected_counts
@@ -200,7 +203,7 @@ class LiveSensor:
     def close(self) -> None:
         """End thread, sensor and simulated board; twice is once.
 
-        A port that is silent while it is greeted is closed when the greeting's time is over, up to 5 s later.
+        A port that is silent while it is greeted is closed when the greeting's time is over, up to `patience_s` later.
         """
         self._over.set()
         if self._board is not None:
@@ -234,7 +237,12 @@ class LiveSensor:
         """Open the sensor and read it until it is over, or has been silent for long."""
         port = self._port if self._board is None else self._board.port()
         opened = Sensor(
-            self._config, port, accept_digest=self._accept_digest, baseline_s=0.0, patience_s=SILENCE_S
+            self._config,
+            port,
+            accept_digest=self._accept_digest,
+            baseline_s=0.0,
+            patience_s=self._patience_s,
+            on_wait=self._say,
         )
         with opened as sensor:
             if self._heard_s is not None:

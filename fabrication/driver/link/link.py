@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import re
 import time
 from collections.abc import Callable
 
 from design.errors import DeviceError, InputError
-from fabrication.driver.link.ports import Port
+from fabrication.driver.link.ports import GUESSED, Port
+from fabrication.driver.link.printers import HEARD_BYTES, printer_words
 from fabrication.driver.link.protocol import (
     Command,
     FrameFormat,
@@ -22,10 +24,14 @@ from fabrication.driver.link.scanner import Message, Scanner
 from fabrication.driver_file import DriverConfig
 
 ASK_EVERY_S = 0.25
-"""How often a silent board is asked who it is."""
+"""How often a board that talks is asked who it is; a silent one in gaps twice as long each time, as each byte keeps a
+boot loader waiting."""
 
 ANSWER_S = 2.5
-"""How long it is asked, after its boot time: it says hello once a second by itself."""
+"""How long a board may take from its boot time to its hello, which it says once a second by itself."""
+
+SAY_EVERY_S = 2.0
+"""How often a wait says that it goes on."""
 
 US_PER_S = 1e6
 
@@ -60,40 +66,67 @@ class Link:
         self.send(Command.RATE, interval_us)
         self.send(Command.START)
 
-    def greet(self, *, accept_digest: str | None, is_over: Callable[[], bool] = lambda: False) -> Hello:
+    def greet(
+        self,
+        *,
+        accept_digest: str | None,
+        patience_s: float,
+        is_guess: bool = False,
+        is_over: Callable[[], bool] = lambda: False,
+        on_wait: Callable[[str], None] = lambda _: None,
+    ) -> Hello:
         """Wait until the board says who it is, and check that.
 
         A board that has just been reset says so by itself and is not disturbed while its boot loader listens; one
-        that already streams is stopped and asked; a silent one is asked after its boot time.
+        that already streams is stopped and asked; a silent one is asked after its boot time, unless its port is a
+        guess: nothing is sent to what may be a printer.
 
         Parameters
         ----------
         accept_digest : a foreign design's digest that is accepted, at least its first 8 digits; None for none
+        patience_s : longest wait [s]
+        is_guess : whether only a serial chip that many devices have speaks for this port
+        on_wait : takes a line every two seconds of the wait
         is_over : whether nobody wants to know any more
 
         Raises
         ------
-        DeviceError : silence, another device, other firmware, another design; it is over.
+        DeviceError : silence, a printer or another device, other firmware, another design; it is over.
         """
-        begun, asked_at = time.monotonic(), 0.0
-        deadline = begun + self.config.board.boot_s + ANSWER_S
-        ask_from = begun + self.config.board.boot_s
-        heard = 0
-        while (now := time.monotonic()) < deadline:
+        begun = time.monotonic()
+        ask_at = begun + (math.inf if is_guess else self.config.board.boot_s)
+        gap_s, say_at = ASK_EVERY_S, begun + SAY_EVERY_S
+        heard, last = 0, b""
+        while (now := time.monotonic()) < begun + patience_s:
             if is_over():
                 raise DeviceError(f"{self.port.name}: closed while the board was greeted")
+            if now >= say_at:
+                say_at += SAY_EVERY_S
+                on_wait(self._wait_line(heard, now - begun, patience_s))
             piece = self.port.read()
             heard += len(piece)
+            last = (last + piece)[-HEARD_BYTES:]
+            if words := printer_words(last):
+                raise DeviceError(
+                    f"{self.port.name}: a printer answers there ({words!r}), not the sensor; name the sensor's port "
+                    "with --port (port=)"
+                )
             for version, message in self.scanner.feed(piece):
                 kind = version & 0x0F
                 if kind == Kind.HELLO:
                     return self._checked(message, accept_digest)
-                ask_from = min(ask_from, now)  # it runs already: nothing to wait out
-            if now >= ask_from and now - asked_at >= ASK_EVERY_S:
-                asked_at = now
+                ask_at = min(ask_at, now + gap_s)  # it runs already: nothing to wait out
+            if now >= ask_at:
+                ask_at = now + gap_s
+                gap_s *= 1 if heard else 2
                 self.send(Command.STOP)
                 self.send(Command.IDENTIFY)
-        raise DeviceError(self._why_no_hello(heard, deadline - begun))
+        why = self._why_no_hello(heard, patience_s)
+        raise DeviceError(
+            f"{why}. {GUESSED} If this is another device, name the sensor's port with --port (port=)"
+            if is_guess
+            else why
+        )
 
     def _checked(self, message: bytes, accept_digest: str | None) -> Hello:
         hello = unpack_hello(message)
@@ -101,12 +134,18 @@ class Link:
         self.hello_message = message
         return hello
 
+    def _wait_line(self, heard: int, waited_s: float, patience_s: float) -> str:
+        state = f"{heard} bytes and no hello" if heard else "silent"
+        return (
+            f"waiting   {self.port.name}: {state} for {waited_s:.0f} s; still waiting, up to {patience_s:g} s"
+        )
+
     def _why_no_hello(self, heard: int, waited_s: float) -> str:
         port, board = self.port.name, self.config.board
         if heard == 0:
             return (
                 f"{port}: silent for {waited_s:.1f} s; is it the right port, and does the board run this design's "
-                "firmware (`optopad driver flash DESIGN`)?"
+                "firmware (`optopad driver flash DESIGN`)? A slower boot loader needs --patience SECONDS (patience_s=)"
             )
         return (
             f"{port}: {heard} bytes in {waited_s:.1f} s and no hello among them: another device talks there, or not "

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import sys
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -64,22 +65,39 @@ PTY_BAUD = 115200
 """A pseudo-terminal has no rate: macOS refuses to set one that is not among the old standard ones."""
 
 
-def find_port(board: BoardSetup, ports: Iterable[FoundPort] | None = None) -> str:
-    """Name of the one port with such a board: by the maker's USB identity, else by that of copies' serial chips.
+CHIP_MAKERS = frozenset({"0403", "067b", "10c4", "1a86"})
+"""USB vendors of serial chips that any device may have: FTDI, Prolific, Silicon Labs, QinHeng (CH340)."""
+
+
+GUESSED = "Only a serial chip speaks for this port, which printers and other devices have, too."
+
+
+def is_guess(port: FoundPort, board: BoardSetup) -> bool:
+    """Whether only a serial chip speaks for the board: a printer may have the same."""
+    return port.usb_id not in board.usb_ids or port.usb_id.partition(":")[0] in CHIP_MAKERS
+
+
+def find_port(
+    board: BoardSetup, ports: Iterable[FoundPort] | None = None, *, not_ports: Iterable[str] = ()
+) -> FoundPort:
+    """The one port with such a board: by the maker's USB identity, else by that of copies' serial chips.
 
     Parameters
     ----------
     ports : to choose from; None asks the system
+    not_ports : names of ports that are known to be another device's
 
     Raises
     ------
     DeviceError : none, or several of them; the ports are listed.
     """
+    taken = {plain_name(name) for name in not_ports}
     here = ports_here() if ports is None else list(ports)
+    free = [port for port in here if plain_name(port.name) not in taken]
     for wanted in (board.usb_ids, board.bridge_usb_ids):
-        matching = [port for port in here if port.usb_id in wanted]
+        matching = [port for port in free if port.usb_id in wanted]
         if len(matching) == 1:
-            return matching[0].name
+            return matching[0]
         if matching:
             raise DeviceError(
                 f"{len(matching)} ports look like {board.title}: {_listed(matching)}; name one with --port (port=)"
@@ -88,6 +106,11 @@ def find_port(board: BoardSetup, ports: Iterable[FoundPort] | None = None) -> st
         f"no {board.title} found by its USB identity; ports here: {_listed(here)}; plug it in (a charging cable has no "
         "data lines), or name the port with --port (port=)"
     )
+
+
+def on_standard_error(line: str) -> None:
+    """Print a line about the wait for a board, where no caller takes it."""
+    print(line, file=sys.stderr)
 
 
 class Port:
@@ -137,12 +160,13 @@ class Port:
         except (OSError, serial.SerialException) as err:
             raise self._lost(err) from err
 
-    def flush_input(self) -> None:
-        """Drop what arrived before now; PortLostError when the port is gone."""
+    def set_baud(self, baud: int) -> None:
+        """Change the rate without opening the port anew, which would reset the board; DeviceError where it cannot."""
         try:
-            self._line.reset_input_buffer()
-        except (OSError, serial.SerialException) as err:
-            raise self._lost(err) from err
+            self._line.baudrate = baud
+        except (OSError, ValueError) as err:
+            if getattr(err, "errno", None) != errno.ENOTTY:
+                raise DeviceError(f"{self.name}: {_why_not(self.name, err, baud)}") from err
 
     def close(self) -> None:
         """Close the line; a port that is gone already is no error."""
@@ -205,6 +229,11 @@ def _why_not(name: str, err: Exception, baud: int) -> str:
     if name.startswith(SOCKET):
         return f"nobody answers there ({text}); start `optopad driver fake` first"
     return f"cannot be opened: {text}"
+
+
+def plain_name(name: str) -> str:
+    """A port's name without links, as two names of one port share it."""
+    return os.path.normcase(os.path.realpath(name) if os.path.exists(name) else name)
 
 
 def _listed(ports: Iterable[FoundPort]) -> str:

@@ -77,15 +77,17 @@ def collect(
     ] = 115200,
     rate: options.Rate = None,
     accept_digest: options.Accept = None,
+    patience: options.Patience = None,
     set_: options.Set = None,
     bundles: options.Bundles = options.DEFAULT_OUT,
     seed: options.Seed = 0,
     as_json: options.Json = False,
 ) -> None:
     """Press the pad by a list, unattended, and keep the frames. Ended early, the same command goes on where it was."""
+    from fabrication.driver.link.ports import plain_name
     from fabrication.driver.sensor import Sensor
     from fabrication.stage.collection import Collector
-    from fabrication.stage.gcode_stage import GcodeStage
+    from fabrication.stage.gcode_stage import BOOT_S, GcodeStage
     from fabrication.stage.stage import limits_of
     from optopad.sensor.driver_source import driver_source
 
@@ -97,8 +99,22 @@ def collect(
     presses.require_within(limits)
     stand = _position("--tip-at", tip_at) if tip_at else _middle(source)
     home = None if origin is None else _position("--origin", origin)
-    stage = GcodeStage(stage_port, limits, baud=stage_baud, press_speed_mm_s=speed)
-    with Sensor(source.config, port, rate_hz=rate, accept_digest=accept_digest, baseline_s=0.0) as sensor:
+    if port is not None and plain_name(port) == plain_name(stage_port):
+        raise InputError(
+            f"--port {port}: is the printer's, --stage-port, too; name the sensor's, or leave it out"
+        )
+    boot_s = BOOT_S if patience is None else patience
+    stage = GcodeStage(stage_port, limits, baud=stage_baud, press_speed_mm_s=speed, boot_s=boot_s)
+    sensor = Sensor(
+        source.config,
+        port,
+        rate_hz=rate,
+        accept_digest=accept_digest,
+        patience_s=patience,
+        baseline_s=0.0,
+        not_ports=[stage_port],
+    )
+    with sensor:
         collector = Collector(sensor, presses, out, settle_s=settle, frames=frames)
         numbers = collector.remaining(only or ())
         if collector.was_begun and tip_at is None and home is None:

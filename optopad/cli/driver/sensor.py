@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from fabrication.driver.sensor import Sensor
     from fabrication.driver.touch_reader import TouchReader
+    from fabrication.driver_file import DriverConfig
     from optopad.sensor.driver_source import DriverSource
     from sims.learning.inference.touch_model import TouchModel
 
@@ -41,6 +42,7 @@ def read(
     frames: options.Frames = None,
     seconds: options.Seconds = None,
     accept_digest: options.Accept = None,
+    patience: options.Patience = None,
     model: Annotated[
         Path | None,
         typer.Option(
@@ -73,14 +75,16 @@ def read(
 ) -> None:
     """Show the sensor live: its signals, or touches by a model. Leave the pad alone for the first half second."""
     _refuse_without_model(model, drift_time=drift_time, guard=guard)
+    from fabrication.driver.sensor import BASELINE_S
     from optopad.sensor.driver_source import driver_source, fitting_model
     from optopad.sensor.driver_view import link_line
 
     source = driver_source(config, set_, bundles)
     trained = None if model is None else fitting_model(model, source.config)
+    baseline_s = BASELINE_S if trained is None else 0.0  # a model's reader takes its own
     with (
         _lines(out, as_json) as write,
-        _sensor(source, port, rate, accept_digest, has_model=trained is not None) as sensor,
+        _sensor(source.config, port, rate, accept_digest, patience, baseline_s=baseline_s) as sensor,
     ):
         with _until_interrupted():
             if trained is None:
@@ -103,6 +107,7 @@ def record(
     frames: options.Frames = None,
     seconds: options.Seconds = None,
     accept_digest: options.Accept = None,
+    patience: options.Patience = None,
     netcdf: Annotated[
         bool, typer.Option("--netcdf/--no-netcdf", help="Make the netCDF beside it at the end.")
     ] = True,
@@ -115,14 +120,13 @@ def record(
         raise InputError(
             f"--seconds: {seconds:g} is refused: give more than 0, or leave it out and end with Ctrl-C"
         )
-    from fabrication.driver.sensor import Sensor
     from optopad.sensor.driver_source import driver_source
     from optopad.sensor.driver_view import link_json, link_line
 
     source = driver_source(config, set_, bundles)
     file = out or _default_file(source)
     with (
-        Sensor(source.config, port, rate_hz=rate, accept_digest=accept_digest, baseline_s=0.0) as sensor,
+        _sensor(source.config, port, rate, accept_digest, patience) as sensor,
         sensor.record(file) as recorder,
     ):
         try:
@@ -152,6 +156,7 @@ def check(
     port: options.Port = None,
     rate: options.Rate = None,
     accept_digest: options.Accept = None,
+    patience: options.Patience = None,
     seconds: Annotated[
         float, typer.Option("--seconds", metavar="S", min=0.1, help="Of untouched pad.")
     ] = CHECK_S,
@@ -166,7 +171,6 @@ def check(
     """Test every LED and photodiode of the untouched pad against the simulated pattern."""
     from design.io import write_text_atomically
     from fabrication.driver.check import check_frames
-    from fabrication.driver.sensor import Sensor
     from optopad.sensor.driver_source import driver_source, with_expected_pattern
     from optopad.sensor.driver_view import check_lines, link_json
 
@@ -175,7 +179,7 @@ def check(
     source = driver_source(config, set_, bundles)
     with progress(quiet=as_json) as step:
         expected = with_expected_pattern(source, seed=seed, on_step=step)
-    with Sensor(expected, port, rate_hz=rate, accept_digest=accept_digest, baseline_s=0.0) as sensor:
+    with _sensor(expected, port, rate, accept_digest, patience) as sensor:
         sensor.read()
         verdict = check_frames(sensor.frames(seconds=seconds), sensor.descriptor, sensor.self_test())
         document = {**verdict.to_json(), "link": link_json(sensor)}
@@ -199,13 +203,20 @@ def _show(
 
 
 def _sensor(
-    source: DriverSource, port: str | None, rate: float | None, accept_digest: str | None, *, has_model: bool
+    config: DriverConfig,
+    port: str | None,
+    rate: float | None,
+    accept_digest: str | None,
+    patience: float | None,
+    *,
+    baseline_s: float = 0.0,
 ) -> Sensor:
-    """A sensor that takes a baseline, unless a model's reader takes its own."""
-    from fabrication.driver.sensor import BASELINE_S, Sensor
+    """A sensor as the options name it."""
+    from fabrication.driver.sensor import Sensor
 
-    baseline_s = 0.0 if has_model else BASELINE_S
-    return Sensor(source.config, port, rate_hz=rate, accept_digest=accept_digest, baseline_s=baseline_s)
+    return Sensor(
+        config, port, rate_hz=rate, accept_digest=accept_digest, patience_s=patience, baseline_s=baseline_s
+    )
 
 
 def _refuse_without_model(model: Path | None, **given: float | None) -> None:

@@ -38,6 +38,7 @@ def studio(
         Path | None,
         typer.Option("--model", metavar="FILE", help="With a sensor: show touches by a trained model."),
     ] = None,
+    patience: options.Patience = None,
     no_open: Annotated[
         bool, typer.Option("--no-open", help="Open no browser; the address is printed.")
     ] = False,
@@ -50,7 +51,7 @@ def studio(
     if model is not None and device is None:
         raise InputError(f"--model: {model} needs a sensor, as --port fake or --port /dev/ttyUSB0; add it")
     session = _session(design, set_)
-    live = _sensor(session, device, model, out, seed)
+    live = _sensor(session, device, model, out, seed, patience)
     try:
         from optopad.studio.view.page import Page
     except ModuleNotFoundError as err:
@@ -89,13 +90,18 @@ def _session(design: str, changes: list[str] | None) -> Session:
 
 
 def _sensor(
-    session: Session, device: str | None, model: Path | None, out: Path, seed: int
+    session: Session,
+    device: str | None,
+    model: Path | None,
+    out: Path,
+    seed: int,
+    patience: float | None,
 ) -> LiveSensor | None:
     if device is None:
         return None
     from optopad.studio.live import LiveSensor
 
-    return LiveSensor(session.design, port=device, model=model, bundles=out, seed=seed)
+    return LiveSensor(session.design, port=device, model=model, bundles=out, seed=seed, patience_s=patience)
 
 
 def _ports(given: list[str]) -> tuple[int | None, str | None]:

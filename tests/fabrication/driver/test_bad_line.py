@@ -10,20 +10,25 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import serial
 
-from design.errors import DeviceError
+from design.errors import DeviceError, InputError
 from fabrication.driver import Sensor
 from fabrication.driver.link import link
-from fabrication.driver.link.ports import FoundPort, Port, find_port
+from fabrication.driver.link.ports import FoundPort, Port, find_port, is_guess
+from fabrication.driver.link.printers import printer_words, require_no_printer
 from fabrication.driver.link.protocol import FrameFormat, Hello, pack_frames, pack_hello
 from fabrication.driver.recording.export import read_recorded
-from fabrication.driver.simulated.port import FakePort
+from fabrication.driver.simulated.board import FakeBoard
+from fabrication.driver.simulated.port import FakePort, PtyWire
+from fabrication.driver.simulated.press_table import untouched_table
 from optopad.sensor.driver_view import link_line
 from tests.fabrication.driver.made_up_pad import board, pad_config
+from tests.fabrication.driver.other_devices import PRINTERS, Talker, printer_of
 
 CONFIG = replace(pad_config(), board=replace(pad_config().board, boot_s=0.2))
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals")
@@ -44,11 +49,6 @@ HELLO = pack_hello(
         digest=CONFIG.digest,
     )
 )
-
-
-@pytest.fixture(autouse=True)
-def short_wait(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(link, "ANSWER_S", 0.4)
 
 
 @contextmanager
@@ -78,7 +78,7 @@ def talking(says: Callable[[], bytes]) -> Iterator[str]:
         os.close(slave)
 
 
-def opened(port: str, **options: float) -> Sensor:
+def opened(port: str, **options: object) -> Sensor:
     return Sensor(CONFIG, port, baseline_s=0, rate_hz=100, **options)  # type: ignore[arg-type]
 
 
@@ -123,18 +123,18 @@ def test_a_device_that_talks_something_else_is_told_from_a_silent_one() -> None:
         talking(lambda: b"$GPGGA,1,2,3*00\r\n") as port,
         pytest.raises(DeviceError, match="another device talks"),
     ):
-        opened(port).__enter__()
+        opened(port, patience_s=0.6).__enter__()
     with (
         talking(lambda: b"") as port,
-        pytest.raises(DeviceError, match=r"silent for 0\.6 s; is it the right port"),
+        pytest.raises(DeviceError, match=r"silent for 0\.6 s; is it the right port.*--patience SECONDS"),
     ):
-        opened(port).__enter__()
+        opened(port, patience_s=0.6).__enter__()
 
 
 def test_a_board_that_only_streams_and_never_says_who_it_is_is_refused() -> None:
     (frame,) = pack_frames(FrameFormat(states=9, receivers=8, bits=10), [1], [1], np.zeros((1, 9, 8)))
     with talking(lambda: frame) as port, pytest.raises(DeviceError, match="no hello among them"):
-        opened(port).__enter__()
+        opened(port, patience_s=0.6).__enter__()
 
 
 @pytest.mark.slow
@@ -212,8 +212,14 @@ def test_a_reset_in_mid_stream_starts_a_connection_of_its_own(monkeypatch: pytes
 
 
 def test_the_board_is_found_by_its_usb_identity_before_a_copy_s() -> None:
-    assert find_port(CONFIG.board, [MOUSE, COPY, MEGA]) == "ttyACM0"
-    assert find_port(CONFIG.board, [MOUSE, COPY]) == "ttyUSB0"
+    assert find_port(CONFIG.board, [MOUSE, COPY, MEGA]) == MEGA
+    assert find_port(CONFIG.board, [MOUSE, COPY]) == COPY
+
+
+def test_a_serial_chip_that_any_device_may_have_is_a_guess_whatever_the_board_s_entry_says() -> None:
+    assert not is_guess(MEGA, CONFIG.board)
+    for chip in ("1a86:7523", "0403:6001", "10c4:ea60", "067b:2303", "1a86:55d4"):
+        assert is_guess(replace(COPY, usb_id=chip), replace(CONFIG.board, usb_ids=(chip,)))
 
 
 def test_no_board_or_two_of_them_are_listed() -> None:
@@ -221,3 +227,102 @@ def test_no_board_or_two_of_them_are_listed() -> None:
         find_port(CONFIG.board, [MOUSE])
     with pytest.raises(DeviceError, match=r"2 ports look like Arduino Mega 2560: ttyACM0 .*ttyACM1 .*--port"):
         find_port(CONFIG.board, [MEGA, replace(MEGA, name="ttyACM1")])
+    with pytest.raises(DeviceError, match="no Arduino Mega 2560 found"):
+        find_port(CONFIG.board, [COPY], not_ports=[COPY.name])  # the stage's
+
+
+class SlowBoard(FakeBoard):
+    """A board whose boot loader takes a while, and begins again with each byte that reaches it before its end."""
+
+    def reset(self, now_s: float) -> None:
+        super().reset(now_s)
+        self._due_s = self._boots_s = now_s + 0.9
+
+    def heard(self, piece: bytes, now_s: float) -> bytes:
+        if now_s >= self._boots_s:
+            return super().heard(piece, now_s)
+        self._due_s = self._boots_s = now_s + 0.9
+        return b""
+
+
+def test_a_slow_boot_loader_is_waited_for_and_the_wait_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(link, "SAY_EVERY_S", 0.3)
+    told: list[str] = []
+    with FakePort(SlowBoard(CONFIG, untouched_table(CONFIG))) as port:
+        with pytest.raises(DeviceError, match=r"silent for 0\.5 s"):
+            opened(port.name, patience_s=0.5).__enter__()
+        time.sleep(0.1)  # the port is seen closed
+        with opened(port.name, on_wait=told.append) as sensor:
+            assert sensor.read().connection == 1
+    assert "silent for 0 s; still waiting, up to 10 s" in told[0]
+    assert opened("loop://")._opening_s == 10.0
+    boots_slower = replace(CONFIG, board=replace(CONFIG.board, boot_s=20.0))
+    assert Sensor(boots_slower, "loop://")._opening_s > 20.0
+
+
+@pytest.mark.parametrize("patience_s", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_patience_that_is_none_is_refused(patience_s: float) -> None:
+    with pytest.raises(InputError, match=r"patience_s: .* is refused: give more than 0"):
+        opened("loop://", patience_s=patience_s)
+
+
+@pytest.mark.parametrize("printer", PRINTERS)
+def test_a_printer_is_known_by_its_words_and_is_told_nothing_by_a_guess(
+    printer: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = printer_of(printer)
+    with FakePort(made) as port:
+        with pytest.raises(DeviceError, match="a printer answers there") as caught:
+            require_no_printer(port.name, 1_000_000, 1.0)
+        assert "name the sensor's port with --port" in str(caught.value)
+        time.sleep(0.1)
+        made.told.clear()
+        found = replace(COPY, name=port.name)
+        monkeypatch.setattr("fabrication.driver.link.ports.ports_here", lambda: [found])
+        said: list[str] = []
+        with pytest.raises(
+            DeviceError, match=r"a printer answers there|Only a serial chip speaks for this port"
+        ):
+            Sensor(CONFIG, patience_s=0.6, on_wait=said.append).__enter__()
+    assert made.told == []
+    assert "Opening it may reset the device" in said[0]
+
+
+def test_a_port_where_no_printer_answers_may_be_written_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fabrication.driver.link.printers.ANSWER_S", 0.1)
+    silent = Talker(b"", lambda piece: b"")
+    for device in (
+        board(),
+        board(digest="ab" * 32),
+        silent,
+        Talker(b"blink 1\r\n", lambda piece: b"what?\r\n"),
+    ):
+        with FakePort(device) as port:
+            require_no_printer(port.name, 1_000_000, 0.4)
+    assert b"M115" in b"".join(silent.told)
+
+
+@pytest.mark.parametrize(
+    "text", [b"start", b"starting\n", b"it is ok\n", b"\x05\x10\x00\x00\x7e", bytes(range(256)) * 4]
+)
+def test_words_that_not_only_a_printer_says_are_no_printer_s(text: bytes) -> None:
+    assert printer_words(text) == ""
+
+
+def test_a_sensor_of_a_guessed_port_is_looked_for_there_again_and_not_at_its_like(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Unplugged, it leaves a printer as the only device with such a chip."""
+    sensor_at, printer = tmp_path / "pad", printer_of("Marlin 2")
+    with FakePort(printer) as printer_port:
+        here = [replace(COPY, name=str(sensor_at))]
+        monkeypatch.setattr("fabrication.driver.link.ports.ports_here", lambda: here)
+        with FakePort(board(), PtyWire(sensor_at)) as port:
+            sensor = Sensor(CONFIG, baseline_s=0, rate_hz=100, patience_s=1.0)
+            sensor.__enter__()
+            sensor.read()
+            here[:] = [replace(COPY, name=printer_port.name)]
+            port.unplug()
+        time.sleep(0.4)
+        sensor.__exit__(None, None, None)
+    assert (printer.opened, printer.told) == (0, [])

@@ -19,13 +19,16 @@ import numpy as np
 import pytest
 
 from design.preset import preset
+from fabrication.driver.link.ports import FoundPort
 from fabrication.driver.recording.export import read_recorded
 from fabrication.driver.simulated.faults import faults_of
 from fabrication.driver.simulated.port import FakePort
 from fabrication.driver_config import dump_driver_config
 from optopad.cli import main
+from optopad.cli.commands import whole_command
 from sims.readings.recording import read_recording
 from tests.fabrication.driver.made_up_pad import board, pad_config, untouched
+from tests.fabrication.driver.other_devices import printer_of
 
 ROOT = Path(__file__).parents[3]
 NAME = "piacenza2017-pad"
@@ -128,6 +131,70 @@ def test_a_board_that_is_not_there_is_told_in_one_line(
     said = capsys.readouterr().err
     assert "no such port" in said
     assert "Traceback" not in said
+
+
+OPENING = {
+    "read": [],
+    "record": ["--out", "a.optorec"],
+    "check": [],
+    "collect": ["--stage-port", "nowhere", "--protocol", "presses.csv", "--out", "a.nc"],
+}
+"""Verbs that open the sensor's port, with what each of them needs besides."""
+
+
+def test_every_verb_that_opens_a_port_has_a_patience() -> None:
+    found = set()
+    for path, command in leaves(whole_command()):
+        options = {name for parameter in command.params for name in parameter.opts}
+        if "--port" in options:
+            found.add(path[-1])
+            assert "--patience" in options, path
+    assert found == {*OPENING, "flash", "studio"}
+
+
+@pytest.mark.parametrize("verb", OPENING)
+def test_a_guessed_port_is_told_waited_for_and_sent_nothing(
+    verb: str,
+    config: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("fabrication.driver.link.link.SAY_EVERY_S", 0.2)
+    (tmp_path / "presses.csv").write_text("x_mm,y_mm,depth_mm\n16,16,1\n")
+    printer = printer_of("Marlin 2")
+    command = ["driver", verb, config, *OPENING[verb], "--patience", "0.5"]
+    with FakePort(printer) as made:
+        found = FoundPort(name=made.name, usb_id="1a86:7523", title="USB Serial")
+        monkeypatch.setattr("fabrication.driver.link.ports.ports_here", lambda: [found])
+        assert main(command) == 2
+        told = capsys.readouterr().err
+        for words in (
+            "is taken for the Arduino Mega 2560. Only a serial chip speaks for this port",
+            "Opening it may reset the device",
+            "still waiting, up to 0.5 s",
+            "silent for 0.5 s",
+            "If this is another device, name the sensor's port with --port",
+        ):
+            assert words in told
+        assert (printer.opened, printer.told) == (1, [])
+        if verb == "collect":  # the printer itself is never taken for the sensor
+            command[command.index("nowhere")] = made.name
+            assert main(command) == 2
+            assert "no Arduino Mega 2560 found" in capsys.readouterr().err
+            assert main([*command, "--port", made.name]) == 2
+            assert f"--port {made.name}: is the printer's" in capsys.readouterr().err
+            assert printer.opened == 1
+
+
+def leaves(command: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Every verb below a command."""
+    if not hasattr(command, "commands"):
+        yield path, command
+        return
+    for name, below in command.commands.items():
+        yield from leaves(below, (*path, name))
 
 
 def test_a_design_whose_bundle_is_not_made_yet_is_enough_to_read(

@@ -5,14 +5,21 @@ from __future__ import annotations
 import json
 import os
 import stat
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from design.preset import preset
 from fabrication.bundle import bundle_name
+from fabrication.driver.link.ports import FoundPort
+from fabrication.driver.simulated.port import FakePort
 from fabrication.firmware import flash, image
 from optopad.cli import main
+from optopad.sensor.firmware import board_setup
+from tests.fabrication.driver.made_up_pad import board
+from tests.fabrication.driver.other_devices import printer_of
 from tests.fabrication.simulated_board import missing_compiler
 
 DESIGN = "piacenza2017-pad"
@@ -35,10 +42,9 @@ def board_image(tmp_path) -> Path:
 
 
 @pytest.fixture
-def port(tmp_path) -> Path:
-    file = tmp_path / "ttyACM0"
-    file.touch()
-    return file
+def port() -> Iterator[str]:
+    with FakePort(board()) as made:
+        yield made.name
 
 
 @pytest.fixture
@@ -57,6 +63,12 @@ def avrdude(tmp_path, monkeypatch):
         return notes
 
     return behaves
+
+
+def copies_here(monkeypatch, name: str, chip: str = "1a86:7523") -> None:
+    """The system lists one port, whose serial chip any device may have."""
+    found = FoundPort(name=name, usb_id=chip, title="USB Serial")
+    monkeypatch.setattr("fabrication.driver.link.ports.ports_here", lambda: [found])
 
 
 def refused(capsys, *arguments: str) -> str:
@@ -182,6 +194,47 @@ def test_without_a_port_the_board_is_looked_for_by_its_usb_identity(monkeypatch,
     monkeypatch.setattr("fabrication.driver.link.ports.ports_here", list)
     message = refused(capsys, "flash", DESIGN, "--image", str(board_image))
     assert "no Arduino Mega 2560 found by its USB identity" in message
+
+
+@needs_shell
+@pytest.mark.parametrize("options", [["--yes"], ["--port"], ["--port", "--yes"]])
+def test_a_printer_is_never_overwritten(options, avrdude, board_image, monkeypatch, capsys):
+    notes = avrdude()
+    with FakePort(printer_of("Marlin 1.0")) as made:
+        copies_here(monkeypatch, made.name)
+        given = [
+            word for option in options for word in ([option, made.name] if option == "--port" else [option])
+        ]
+        message = refused(capsys, "flash", DESIGN, "--image", str(board_image), *given)
+    assert f"{made.name}: a printer answers there" in message
+    assert not notes.exists()
+
+
+@needs_shell
+@pytest.mark.parametrize("chip", ["1a86:7523", "0403:6001", "10c4:ea60"])
+def test_a_port_that_only_a_serial_chip_speaks_for_is_asked_about(
+    chip, avrdude, board_image, monkeypatch, capsys
+):
+    notes, printer = avrdude(), printer_of("Marlin 1.0")
+    entry = replace(board_setup(preset(DESIGN)), usb_ids=(chip,))
+    monkeypatch.setattr("optopad.sensor.firmware.board_setup", lambda _design: entry)
+    command = ["flash", DESIGN, "--image", str(board_image)]
+    with FakePort(printer) as made:
+        copies_here(monkeypatch, made.name, chip)
+        for more in ([], ["--json"]):
+            message = refused(capsys, *command, *more)
+            assert (
+                f"Nothing was opened or written; if it is the board, name it: --port {made.name}" in message
+            )
+        monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+        monkeypatch.setattr("builtins.input", lambda question: "n")
+        assert "nothing was opened or written" in refused(capsys, *command)
+        assert (printer.opened, printer.told, notes.exists()) == (0, [], False)
+    with FakePort(board()) as made:
+        copies_here(monkeypatch, made.name, chip)
+        monkeypatch.setattr("builtins.input", lambda question: "y")
+        assert main(["driver", *command]) == 0
+        assert f"-P {made.name}" in notes.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(("content", "words"), [(None, "No such file"), ("\x7fELF", "no Intel HEX")])

@@ -1,0 +1,108 @@
+"""Whether a printer is at a port: many have the serial chips and the boards that sensors have.
+
+A printer that runs Marlin, Repetier, RepRapFirmware or Smoothie answers M115 in text; one that runs Klipper answers a
+block of Klipper's own protocol (Klipper3d/klipper, docs/Protocol.md). The sensor's firmware answers neither.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+
+from design.errors import DeviceError
+from fabrication.driver.link.ports import Port
+from fabrication.driver.link.protocol import HELLO_BYTES, VERSION, Kind
+from fabrication.driver.link.scanner import Scanner
+
+BAUDS = 115200, 250000
+"""Rates of nearly all printers' lines."""
+
+ANSWER_S = 1.5
+"""How long an answer is waited for at each rate; asked more often, a boot loader would never end."""
+
+HEARD_BYTES = 4096
+"""So much of what is no message is kept, to recognise a printer."""
+
+FIRST_WORDS_S = 1.0
+"""How long what a board says after its reset is listened to, from its first byte on."""
+
+_SAID = re.compile(
+    rb"^(?:start|ok\b.*|echo:.*|.*(?:FIRMWARE_NAME|Marlin|Klipper|RepRapFirmware|Repetier|Smoothie|Grbl).*)\r?\n",
+    re.M,
+)
+_KLIPPER = re.compile(rb"\x05[\x10-\x1f]..\x7e", re.S)
+
+
+def printer_words(heard: bytes) -> str:
+    """The first line, or block of Klipper, that only a printer sends; "" for none."""
+    if line := _SAID.search(heard):
+        return line[0].decode("ascii", errors="replace").strip()
+    blocks = (block for block in _KLIPPER.findall(heard) if block[2:4] == _klipper_crc(block[:2]))
+    return "Klipper's protocol" if any(blocks) else ""
+
+
+def require_no_printer(name: str, baud: int, patience_s: float) -> None:
+    """Listen at a port to what a reset makes it say, then ask as a printer's host does.
+
+    The sensor's own hello ends it at once, whatever the design.
+
+    Parameters
+    ----------
+    baud : of the sensor's line; printers are listened to at their own rates
+    patience_s : longest wait for a boot loader to end [s]
+
+    Raises
+    ------
+    DeviceError : a printer is there, or the port cannot be opened.
+    """
+    for rate in (baud, *BAUDS):  # opening resets a board
+        with Port(name, rate) as port:
+            heard = _heard(port, patience_s, after_first_s=FIRST_WORDS_S)
+            if heard == b"" or (heard and rate == BAUDS[-1]):
+                _ask(port, (baud, *BAUDS), patience_s if heard else 0.0)
+            if not heard:
+                return
+
+
+def _ask(port: Port, bauds: tuple[int, ...], until_s: float) -> None:
+    """Ask at each rate, over and over for so long and once at least."""
+    end = time.monotonic() + until_s
+    while True:
+        for baud in bauds:
+            port.set_baud(baud)
+            port.write(b"\x7e\x05\x1f" + _klipper_crc(b"\x05\x1f") + b"\x7e\nM115\n")
+            if _heard(port, ANSWER_S) is None:
+                return
+        if time.monotonic() >= end:
+            return
+
+
+def _heard(port: Port, longest_s: float, after_first_s: float = math.inf) -> bytes | None:
+    """What comes within a time, or so long after its first byte; None for a sensor, DeviceError for a printer."""
+    scanner, heard = Scanner({VERSION << 4 | Kind.HELLO: HELLO_BYTES}), b""
+    end = time.monotonic() + longest_s
+    while time.monotonic() < end:
+        piece = port.read()
+        if piece and not heard:
+            end = min(end, time.monotonic() + after_first_s)
+        heard = (heard + piece)[-HEARD_BYTES:]
+        if scanner.feed(piece):
+            return None
+        if words := printer_words(heard):
+            raise DeviceError(
+                f"{port.name}: a printer answers there ({words!r}), and nothing was written to its memory; name the "
+                "sensor's port with --port. If this board is to become the sensor, upload an empty sketch with the "
+                "Arduino IDE first"
+            )
+    return heard
+
+
+def _klipper_crc(block: bytes) -> bytes:
+    """CRC-16 of Klipper's blocks, the high byte first."""
+    crc = 0xFFFF
+    for byte in block:
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ (0x8408 if crc & 1 else 0)
+    return crc.to_bytes(2, "big")
