@@ -19,6 +19,8 @@ import hashlib
 import math
 import os
 import sqlite3
+import threading
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,11 +35,15 @@ DEFAULT_SIZE_MB = 500.0
 PATIENCE_S = 10.0
 """Longest wait for another process's write."""
 CHECKSUM_BYTES = 8
+WRITTEN_EVERY_S = 1.0
+"""A trace writes its rows so often: what a killed process loses at most."""
+MOST_ROW_BYTES = 64_000_000
+"""Of one row; the light of one emitter and state has some kB."""
 ASKED_AT_ONCE = 500
 """Names in one question; SQLite allows 999 and more."""
 PASSING = (
     sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_FULL,
-    sqlite3.SQLITE_PERM, sqlite3.SQLITE_AUTH, sqlite3.SQLITE_NOMEM,
+    sqlite3.SQLITE_PERM, sqlite3.SQLITE_AUTH, sqlite3.SQLITE_NOMEM, sqlite3.SQLITE_READONLY,
 )  # fmt: skip
 """What is no damage of the file: another process, rights, a full disk."""
 _TABLE = "CREATE TABLE IF NOT EXISTS light (name BLOB PRIMARY KEY, content BLOB NOT NULL)"
@@ -63,7 +69,7 @@ class LightStore:
     def read(self, names: Sequence[bytes]) -> dict[bytes, bytes]:
         """The rows that are there and whole."""
         found: dict[bytes, bytes] = {}
-        if not self.path.is_file():
+        if not os.path.isfile(self.path):  # which says no where the folder may not be looked into
             return found
         with (
             self._going_on((*PASSING, sqlite3.SQLITE_ERROR)),
@@ -71,8 +77,9 @@ class LightStore:
         ):  # there may be no table yet
             for start in range(0, len(names), ASKED_AT_ONCE):
                 asked = names[start : start + ASKED_AT_ONCE]
-                question = f"SELECT name, content FROM light WHERE name IN ({','.join('?' * len(asked))})"
-                found.update(file.execute(question, asked))
+                names_of = f"name IN ({','.join('?' * len(asked))}) AND length(content) <= ?"
+                question = f"SELECT name, content FROM light WHERE {names_of}"
+                found.update(file.execute(question, [*asked, MOST_ROW_BYTES]))
         whole = ((name, _unsealed(name, content)) for name, content in found.items())
         return {name: content for name, content in whole if content is not None}
 
@@ -90,7 +97,7 @@ class LightStore:
     def rows(self) -> int:
         """How many rows there are; 0 where none can be counted."""
         count = 0
-        if self.path.is_file():
+        if os.path.isfile(self.path):
             with contextlib.suppress(sqlite3.Error, UnicodeDecodeError), self._opened() as file:
                 (count,) = file.execute("SELECT COUNT(*) FROM light").fetchone()
         return count
@@ -117,6 +124,51 @@ class LightStore:
         for path in (self.path, self.path.with_name(self.path.name + "-journal")):
             with contextlib.suppress(OSError):
                 path.unlink()
+
+
+class GatheredLight:
+    """Rows of one trace: in memory at once, and in the store at most `WRITTEN_EVERY_S` later. Threads may share it.
+
+    Parameters
+    ----------
+    store : None: the rows are kept in memory alone
+    """
+
+    def __init__(self, store: LightStore | None) -> None:
+        self._store = store
+        self._rows: dict[bytes, bytes] = {}
+        self._asked: set[bytes] = set()
+        self._unwritten: dict[bytes, bytes] = {}
+        self._lock = threading.Lock()
+        self._written_s = time.monotonic()
+
+    def read(self, names: Sequence[bytes]) -> dict[bytes, bytes]:
+        """The rows that are known; the store is asked for each name once."""
+        new = [name for name in names if name not in self._asked]
+        if new and self._store is not None:
+            self._rows.update(self._store.read(new))
+        self._asked.update(new)
+        return {name: self._rows[name] for name in names if name in self._rows}
+
+    def write(self, rows: Mapping[bytes, bytes]) -> None:
+        """Keep rows."""
+        with self._lock:
+            self._asked.update(rows)
+            self._rows.update(rows)
+            self._unwritten.update(rows)
+            if time.monotonic() - self._written_s >= WRITTEN_EVERY_S:
+                self._put_away()
+
+    def put_away(self) -> None:
+        """Write what is in memory alone."""
+        with self._lock:
+            self._put_away()
+
+    def _put_away(self) -> None:
+        if self._store is not None and self._unwritten:
+            self._store.write(self._unwritten)
+        self._unwritten = {}
+        self._written_s = time.monotonic()
 
 
 def light_store() -> LightStore | None:

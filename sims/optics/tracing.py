@@ -3,27 +3,36 @@
 from __future__ import annotations
 
 import hashlib
+import threading
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import cache
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import InputError
 from design.spec import SensorDesign
 from sims.cache.fingerprint import folder_fingerprint
-from sims.cache.light_store import light_store
-from sims.optics.engine.trace_states import CLASS_NAMES, Accuracy, Tops, trace_scene, trace_tops
+from sims.cache.light_store import GatheredLight, light_store
+from sims.optics.accuracy import LADDER, accuracy_of
+from sims.optics.engine.formed.formed_lower import FormedStack
+from sims.optics.engine.formed.formed_pad import formed_ways
+from sims.optics.engine.threads import run_each
+from sims.optics.engine.trace_states import CLASS_NAMES, Accuracy, RawLight, Tops, trace_scene, trace_tops
+from sims.optics.engine.untouched import untouched_pad
 from sims.optics.light_signals import LightSignals
 from sims.optics.scene.lower import scene_of
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.scene.smooth_field import SmoothField, smooth_field, sum_of_fields
 from sims.optics.scene.symmetry import StateClasses, each_its_own, state_classes
+from sims.optics.surface.tops import TopStack
 from sims.press.indentation import Indentation
 
 if TYPE_CHECKING:
@@ -68,6 +77,8 @@ def trace(
 ) -> LightSignals:
     """Trace a design's pad for a list of presses; light traced before is read from disk (`light_store`).
 
+    The light of each press is kept as soon as it is traced, so an interrupted trace goes on where it stopped.
+
     Parameters
     ----------
     design : the sensor
@@ -87,18 +98,14 @@ def trace(
     ModelScopeError : tips whose dimples overlap; a press that contact or surface model does not cover.
     """
     tips, scene = _tips(presses), scene_of(design)
-    wanted: dict[str, Any] = {
-        "accuracy": accuracy,
-        "seed": seed,
-        "pairs": pairs,
-        "on_step": on_step,
-        "kept": light_store(),
-    }
+    wanted: dict[str, Any] = {"accuracy": accuracy, "seed": seed, "pairs": pairs}
     if profile is None:
         classes = _classes(scene, tips)
-        raw = trace_tops(_tops_of_presses(design, scene, tips, classes), classes, **wanted)
+        raw = _kept_one_by_one(_tops_of_presses(design, scene, tips, classes), classes, wanted, on_step)
     else:
-        raw = trace_scene(scene, tips[:, :, :2], _given_indentations(tips, profile), fields=fields, **wanted)
+        given = _given_indentations(tips, profile)
+        wanted |= {"on_step": on_step, "kept": light_store()}
+        raw = trace_scene(scene, tips[:, :, :2], given, fields=fields, **wanted)
     return LightSignals(
         flux=raw.flux.sum(axis=0),
         by_class={name: raw.flux[k] for k, name in enumerate(CLASS_NAMES)},
@@ -110,6 +117,104 @@ def trace(
         relative_error=raw.relative_error,
         is_met=raw.is_met,
     )
+
+
+class _MissingLightError(Exception):
+    """Some light is not known; its argument is the number of states whose light is."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _OneTop(Tops):
+    """The top of one class of states, of those of a whole trace."""
+
+    whole: Tops
+    number: int
+
+    @cached_property
+    def stack(self) -> TopStack | FormedStack:
+        """As kernels read it: the same bytes as in the whole."""
+        stack, chosen = self.whole.stack, slice(self.number, self.number + 1)
+        if isinstance(stack, FormedStack):
+            return FormedStack(rows=stack.rows[chosen])
+        return replace(stack, rows=stack.rows[chosen], field=stack.field[chosen])
+
+
+def _kept_one_by_one(
+    tops: Tops, classes: StateClasses, wanted: dict[str, Any], on_step: Callable[[int, int], None] | None
+) -> RawLight:
+    """The light of `trace_tops`, to the bit; each class of states is traced by itself, and kept as soon as it is done.
+
+    Parameters
+    ----------
+    wanted : accuracy, seed and pairs, as `trace_tops` takes them
+    """
+    kept, tell = GatheredLight(light_store()), on_step or (lambda _done, _states: None)
+
+    def all_is_known(done: int, states: int) -> None:
+        if done < states:
+            raise _MissingLightError(done)
+        tell(done, states)
+
+    try:
+        try:
+            return trace_tops(tops, classes, **wanted, on_step=all_is_known, kept=kept)
+        except _MissingLightError as missing:
+            tell(missing.args[0], len(classes.member))
+        _trace_each(tops, classes, wanted, kept, tell)
+        return trace_tops(tops, classes, **wanted, kept=kept)
+    finally:
+        kept.put_away()
+
+
+def _trace_each(
+    tops: Tops,
+    classes: StateClasses,
+    wanted: dict[str, Any],
+    kept: GatheredLight,
+    tell: Callable[[int, int], None],
+) -> None:
+    """Trace what is not kept, one class of states a thread; Ctrl-C does not wait for what is under way."""
+    accuracy, pairs, states = wanted["accuracy"], wanted["pairs"], len(classes.member)
+    per_state = pairs is not None and np.ndim(pairs) == 3
+    settings = accuracy_of(accuracy) if isinstance(accuracy, (str, Accuracy)) else LADDER[0]
+    shared = untouched_pad if tops.scene.form is None else formed_ways
+    ordered = np.argsort(classes.member, kind="stable")
+    members = np.split(ordered, np.cumsum(np.bincount(classes.member))[:-1])
+
+    def trace_one(number: int) -> int:
+        own = members[number]
+        alone = StateClasses(
+            first=np.zeros(1, dtype=np.int64),
+            member=np.zeros(len(own), dtype=np.int64),
+            emitters=classes.emitters[own],
+            receivers=classes.receivers[own],
+        )
+        top = _OneTop(tops.scene, tops.made, whole=tops, number=number)
+        trace_tops(top, alone, **(wanted | {"pairs": pairs[own] if per_state else pairs}), kept=kept)
+        return len(own)
+
+    tops.stack  # noqa: B018 (made once, before the threads; and so is what all states share)
+    pool, done = ThreadPoolExecutor(max_workers=min(int(numba.get_num_threads()), len(members))), 0
+    try:
+        if threading.current_thread() is threading.main_thread():  # which is deaf to Ctrl-C in compiled code
+            pool.submit(shared, tops.scene, settings, wanted["seed"]).result()
+        else:
+            shared(tops.scene, settings, wanted["seed"])
+        for count in pool.map(trace_one, range(len(members))):
+            done += count
+            tell(done, states)
+            run_each(_nothing, 1)  # serves who asked to be called between pieces (`threads.between_pieces`)
+    except KeyboardInterrupt:
+        pool.shutdown(wait=False, cancel_futures=True)
+        raise
+    except BaseException:
+        pool.shutdown(cancel_futures=True)
+        raise
+    pool.shutdown()
+
+
+def _nothing(_number: int) -> None:
+    """No work of its own."""
 
 
 def pressed_tops(design: SensorDesign, presses: FloatArray, *, by_symmetry: bool = True) -> PressedTops:

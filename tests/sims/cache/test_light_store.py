@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from design.errors import InputError
-from sims.cache.light_store import SIZE_VARIABLE, LightStore, light_store
+from sims.cache import light_store as light_store_module
+from sims.cache.light_store import SIZE_VARIABLE, GatheredLight, LightStore, light_store
 
 ROWS = {bytes([k]) * 20: bytes(range(k, k + 64)) for k in range(100)}
 
@@ -176,3 +177,28 @@ def test_a_size_that_is_none_is_refused_by_name(monkeypatch: pytest.MonkeyPatch,
     monkeypatch.setenv(SIZE_VARIABLE, text)
     with pytest.raises(InputError, match=f"OPTOPAD_LIGHT_CACHE_MB: '{text}' is refused.*megabytes.*or 0"):
         light_store()
+
+
+def test_gathered_rows_are_known_at_once_and_written_in_time(
+    store: LightStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (first, content), (second, other), *_ = ROWS.items()
+    store.write({second: other})
+    gathered = GatheredLight(store)
+    gathered.write({first: content})
+    assert gathered.read([first, second, b"unknown"]) == {first: content, second: other}
+    assert store.read([first]) == {}
+    monkeypatch.setattr(light_store_module, "WRITTEN_EVERY_S", 0.0)
+    gathered.write({b"third": b"light"})
+    assert store.read([first, b"third"]) == {first: content, b"third": b"light"}
+    monkeypatch.undo()
+    gathered.write({b"fourth": b"light"})
+    gathered.put_away()
+    assert store.read([b"fourth"]) == {b"fourth": b"light"}
+
+
+def test_gathered_rows_need_no_store() -> None:
+    gathered = GatheredLight(None)
+    gathered.write(ROWS)
+    gathered.put_away()
+    assert gathered.read(list(ROWS)) == ROWS

@@ -209,13 +209,67 @@ def test_another_gain_or_noise_traces_no_light_again(tmp_path, monkeypatch, rows
     first = trace(design, presses, accuracy="draft")
     other = design.with_(**{"noise.read_noise_counts": 2.0, "gain.target_counts": 300.0, "name": "other"})
     again = trace(other, presses, accuracy="draft")
-    assert rows_traced == [16]
+    assert rows_traced == [8, 8]
     np.testing.assert_array_equal(again.flux, first.flux)
     trace(design.with_(**{"emitters.height_mm": 5.1}), presses, accuracy="draft")
-    assert rows_traced == [16, 16]
+    assert rows_traced == [8, 8] * 2
     monkeypatch.setenv(SIZE_VARIABLE, "0")
     trace(design, presses, accuracy="draft")
-    assert rows_traced == [16, 16, 16]
+    assert rows_traced == [8, 8] * 3
+
+
+@pytest.mark.parametrize("name", ["piacenza2017-pad", "levi2013-disc"])
+@pytest.mark.parametrize("stopped", [KeyboardInterrupt, ValueError])
+def test_each_press_of_an_interrupted_trace_is_kept(tmp_path, monkeypatch, name, stopped):
+    monkeypatch.setenv("OPTOPAD_CACHE", str(tmp_path))
+    monkeypatch.setenv(SIZE_VARIABLE, "50")
+    monkeypatch.setattr(tracing.numba, "get_num_threads", lambda: 1)
+    design, traced, real = preset(name), [], engine._traced_rows
+
+    def counted(work, part, wanted):
+        traced.append(len(part))
+        return real(work, part, wanted)
+
+    def stop(done: int, _states: int) -> None:
+        if done == 3:
+            raise stopped
+
+    monkeypatch.setattr(engine, "_traced_rows", counted)
+    presses = np.array([[16.0, 11.0, 0.2 * number] for number in range(1, 7)])
+    pair = np.zeros((len(presses), 8, 8), dtype=np.bool_)
+    pair[:, 0, 5] = pair[2:, 3, 1] = True
+    with pytest.raises(stopped):
+        trace(design, presses, accuracy="draft", pairs=pair, on_step=stop)
+    known = LightStore(tmp_path / "light" / "rows.sqlite", 50.0).rows()
+    traced.clear()
+    found = trace(design, presses, accuracy="draft", pairs=pair)
+    assert known >= 4  # the light of three presses, and the names of all
+    assert len(traced) <= 4  # one more where the interrupted trace was still at its fourth
+    monkeypatch.setenv(SIZE_VARIABLE, "0")
+    monkeypatch.setattr(tracing, "_kept_one_by_one", in_one)
+    whole = trace(design, presses, accuracy="draft", pairs=pair)
+    for name in ("flux", "standard_error", "change_error", "relative_error"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(whole, name))
+
+
+def in_one(tops, classes, wanted, on_step) -> RawLight:
+    """All states in the batches of the engine."""
+    return tracing.trace_tops(tops, classes, **wanted, on_step=on_step)
+
+
+@pytest.mark.parametrize("size", ["0", "0.001"])
+def test_light_that_no_store_keeps_is_traced_once(tmp_path, monkeypatch, rows_traced, size):
+    monkeypatch.setenv("OPTOPAD_CACHE", str(tmp_path))
+    monkeypatch.setenv(SIZE_VARIABLE, size)
+    shares = []
+    presses = np.array([[16.0, 12.0, 2.0], [9.0, 9.0, 1.0], [16.0, 12.0, 2.0]])
+    light = trace(
+        preset("piacenza2017-pad"), presses, accuracy="draft", on_step=lambda *done: shares.append(done)
+    )
+    assert rows_traced == [8, 8]
+    assert shares[0] == (0, 3)
+    assert shares[-1] == (3, 3)
+    np.testing.assert_array_equal(light.flux[0], light.flux[2])
 
 
 def test_known_light_of_presses_is_answered_without_a_single_surface(tmp_path, monkeypatch, rows_traced):
