@@ -15,6 +15,7 @@ from design.errors import DesignError, InputError, OutputError
 from design.io import load_design
 from design.preset import PRESETS, preset, preset_text
 from design.spec import SensorDesign
+from design.whole_file import name_fault
 from optopad.studio.design_text import edited_text, standalone_text
 
 BYTE_ORDER_MARK = "\ufeff"
@@ -22,8 +23,6 @@ _CANNOT_EDIT = (TOMLKitError, LookupError, TypeError, ValueError, AttributeError
 """What tomlkit raises where it cannot change a text in place."""
 _NOT_IN_NAMES = re.compile(r'[<>:"/\\|?*\x00-\x1f\x7f]')
 """Characters that lead to another folder, or that a file system refuses."""
-_DEVICES = re.compile(r"(con|prn|aux|nul|conin\$|conout\$|(com|lpt)[0-9¹²³]) *(\..*)?", re.IGNORECASE)
-"""Names that Windows keeps for devices, whatever their ending."""
 
 
 class DesignFile:
@@ -118,10 +117,11 @@ class DesignFile:
         name = (target or "").strip() or own
         if not name:
             raise InputError("save: this design has no file yet; give a name, as my-pad.toml")
-        if name != own and (_NOT_IN_NAMES.search(name) or _DEVICES.fullmatch(name)):
+        fault = "it is no plain name of a file" if _NOT_IN_NAMES.search(name) else name_fault(name)
+        if fault is not None and name != own:
             raise InputError(
-                f"save: {name!r} is refused: give the name of a file alone, as my-pad.toml; "
-                f"it is saved in {self.folder.absolute()}"
+                f"save: {name!r} is refused: {fault}; give a name alone, as my-pad.toml: "
+                f"the design is saved in {self.folder.absolute()}"
             )
         file = self.folder / name
         is_own = self.path is not None and _is_same(file, self.path)

@@ -8,6 +8,8 @@ here), come from this page or from no page, and carry the token, which is random
 from __future__ import annotations
 
 import contextlib
+import ctypes
+import gc
 import io
 import logging
 import secrets
@@ -26,11 +28,13 @@ from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 
 from design.errors import InputError
-from optopad.studio.view.messages import LARGEST_PICTURE_B, fault_of
+from optopad.studio.view.messages import LARGEST_B, LARGEST_PICTURE_B, fault_of
 
 HOST = "127.0.0.1"
 FIRST_PORT, PORTS = 8080, 50
 LARGEST_MESSAGE_B = LARGEST_PICTURE_B + 2**10
+COLLECT_S = 1.0
+"""Memory is collected so long after the end of a connection that brought large messages [s]."""
 
 _LOG = logging.getLogger(__name__)
 _LOG.addFilter(lambda record: record.getMessage() != "opening handshake failed")
@@ -106,7 +110,7 @@ class _Connection(ServerConnection):
 
     def __init__(self, page: LocalServer, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
-        self._page = page
+        self._page, self._is_large = page, False
 
     async def handshake(self, process_request: Any = None, *more: Any, **options: Any) -> None:
         """Check the request, then have viser answer it, below the token's path."""
@@ -138,20 +142,29 @@ class _Connection(ServerConnection):
     async def recv(self, decode: bool | None = None) -> Any:
         """The page's next message; a wrong one is refused in one line on standard error and ends the connection."""
         raw = await super().recv(decode)
+        self._is_large |= len(raw) > LARGEST_B
         fault = self._page.fault_of(raw)
         if fault is None:
             return raw
-        raw = b""  # the exception below keeps this frame for a while, and with it up to 16 MB
         _say_refused(fault)
         await self.close(CloseCode.POLICY_VIOLATION, "the message is refused; the terminal says why")
         raise self.protocol.close_exc
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Say that a message was too large to be received at all."""
+        """Say that a message was too large to be received at all; free what large messages leave."""
         super().connection_lost(exc)
+        if self._is_large:
+            self.loop.call_later(COLLECT_S, _free)
         sent = self.protocol.close_sent
         if sent is not None and sent.code == CloseCode.MESSAGE_TOO_BIG:
             _say_refused(f"it is larger than {LARGEST_MESSAGE_B} bytes")
+
+
+def _free() -> None:
+    """Free the last messages, which viser's ended tasks hold in circles, and the spare pages of the C library."""
+    gc.collect()
+    with contextlib.suppress(OSError, AttributeError, TypeError):  # the GNU C library alone has it
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def _say_refused(why: str) -> None:

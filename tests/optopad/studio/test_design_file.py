@@ -370,12 +370,13 @@ PATHS = ("../out.toml", "/out.toml", "in/out.toml", "..\\out.toml", "C:\\out.tom
 @pytest.mark.parametrize(
     ("name", "error", "words"),
     [
+        *[(name, InputError, "is refused: .* give a name alone.* saved in ") for name in DEVICES + PATHS],
         *[
-            (name, InputError, "is refused: give the name of a file alone.* saved in ")
-            for name in DEVICES + PATHS
+            (f"a{sign}b.toml", InputError, "it is no plain name of a file; give")
+            for sign in '<>:"|?*\0\n\x7f'
         ],
-        *[(f"a{sign}b.toml", InputError, "the name of a file alone") for sign in '<>:"|?*\0\n\x7f'],
-        *[(name, InputError, "ends in .toml") for name in ("pad", "pad.json", ".toml", ".", "..")],
+        *[(name, InputError, "ends in .toml") for name in ("pad", "pad.json", ".toml")],
+        *[(name, InputError, "drops a dot or a blank at the end") for name in (".", "..", "pad.toml.")],
         ("x" * 300 + ".toml", OutputError, "cannot be written: File name too long"),
     ],
 )

@@ -395,6 +395,7 @@ def test_memory_returns_after_large_messages(page: Page, said: Said) -> None:
             before, _ = tracemalloc.get_traced_memory()
             for _ in range(5):
                 line.send(picture)
+        with line_to(page) as line:
             heard(page, line)
         for _ in range(3):
             require_refused(page, text, said, "GuiUpdateMessage")
@@ -429,7 +430,7 @@ def test_the_page_saves_in_the_folder_of_the_design_alone(page: Page, name: str,
     while page.session.can_undo:
         page.session.undo()
     page._do_what_is_due(math.inf)
-    assert "give the name of a file alone" in page.session.said.text
+    assert "give a name alone, as my-pad.toml" in page.session.said.text
     assert sorted(folder.parent.rglob("*")) == before
 
 
