@@ -28,7 +28,7 @@ SHIFT_MM = 0.5
 NEVER_S = 1e9
 HOMING_SPEED_MM_S = 100.0
 _WORD = re.compile(r"([A-Z])(-?\d+\.?\d*)")
-TAKEN = {"G21", "G90", "G91", "G1", "G28", "M114", "M115", "M400", "M410", "M211"}
+TAKEN = {"G21", "G90", "G91", "G1", "G28", "G92", "M114", "M115", "M400", "M410", "M211"}
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,13 @@ class FakePrinter:
     fault : one of `FAULTS`; None for none
     fault_after : moves before it shows
     home_mm : x, y, depth of the place that G28 goes to [mm]
+
+    Attributes
+    ----------
+    place_text : its answer to M114, of x, y, z [mm]
     """
+
+    place_text = "X:{0:.2f} Y:{1:.2f} Z:{2:.2f} E:0.00 Count X:0 Y:0 Z:0\nok\n"
 
     def __init__(
         self,
@@ -141,11 +147,14 @@ class FakePrinter:
     def _done(self, code: str, words: dict[str, float], now_s: float) -> bytes:
         if code == "M114":
             x, y, z = self._ride.at(now_s) - self._zero
-            return f"X:{x:.2f} Y:{y:.2f} Z:{z:.2f} E:0.00 Count X:0 Y:0 Z:0\nok\n".encode()
+            return self.place_text.format(x, y, z).encode()
         if code == "G1":
             self._move(words, now_s)
         elif code in ("G90", "G91"):
             self._is_relative = code == "G91"
+        elif code == "G92":
+            now = self._ride.end - self._zero
+            self._zero = self._ride.end - [words.get(axis, now[k]) for k, axis in enumerate("XYZ")]
         elif code == "M410":
             here = self._ride.at(now_s)
             self._ride = _Ride(now_s, now_s, here, here)

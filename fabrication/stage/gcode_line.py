@@ -6,17 +6,38 @@ One command a line, the next when all answers are there. The firmware says `ok` 
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable
 
 from design.errors import DeviceError
-from fabrication.driver.link.ports import Port, PortLostError
+from fabrication.driver.link.ports import Port, PortLostError, on_standard_error
 
 ASK_EVERY_S = 2.0
 """How often a board that boots is asked who it is."""
 
 QUIET_S = 0.3
 """Longest pause between answers to questions that were asked twice."""
+
+_NUMBER = r"([-+]?\d+(?:\.(\d*))?)"
+_PLACE = re.compile(
+    rf"(?:ok\s+)?(?:C:\s*)?X:\s*{_NUMBER}\s*Y:\s*{_NUMBER}\s*Z:\s*{_NUMBER}(?=\s|[A-Z]\d?:|$)"
+)
+_UNKNOWN = re.compile(r"unknown command|bad command|not supported|unsupported command", re.I)
+
+
+def place_of(line: str) -> tuple[tuple[float, float, float], float] | None:
+    """X, Y, Z [mm] of an answer to M114, and the step of its last digit [mm]; None for a line that is none.
+
+    Marlin, Klipper, Repetier and RepRapFirmware begin the line with X, Marlin 1.0 without blanks, Smoothie with
+    `ok C:`. Positions in other coordinates than those of G1 are none: `MCS:`, what follows `Count`, Grbl's status.
+    """
+    found = _PLACE.match(line)
+    if found is None:
+        return None
+    x, x_digits, y, y_digits, z, z_digits = found.groups()
+    digits = min(len(part or "") for part in (x_digits, y_digits, z_digits))
+    return (float(x), float(y), float(z)), 10.0**-digits
 
 
 class GcodeLine:
@@ -39,10 +60,18 @@ class GcodeLine:
         self._owed = 0
         self.has_begun_anew = False
 
-    def greet(self, boot_s: float) -> None:
-        """Wait until the firmware answers, which opening the port may have reset; DeviceError after `boot_s` [s]."""
-        end, heard = time.monotonic() + boot_s, b""
-        while time.monotonic() < end:
+    def greet(self, boot_s: float, on_wait: Callable[[str], None] = on_standard_error) -> None:
+        """Wait until the firmware answers, which opening the port may have reset; DeviceError after `boot_s` [s].
+
+        on_wait : takes a line every two seconds of the wait
+        """
+        begun, heard = time.monotonic(), b""
+        end = begun + boot_s
+        while (now := time.monotonic()) < end:
+            if now > begun + ASK_EVERY_S:
+                on_wait(
+                    f"waiting   {self._port.name}: no answer of the printer yet; still waiting, up to {boot_s:g} s"
+                )
             self._write("M115")
             asked = time.monotonic()
             while time.monotonic() < min(asked + ASK_EVERY_S, end):
@@ -51,8 +80,10 @@ class GcodeLine:
                     self._drain()
                     return
         said = f"{len(heard)} bytes and no ok among them" if heard else "silent"
+        grbl = "; Grbl has neither M114 nor M400, which a stage needs" if b"Grbl" in heard else ""
         raise DeviceError(
-            f"{self._port.name}: {said} for {boot_s:.1f} s; is it the printer's port, and its baud rate?"
+            f"{self._port.name}: {said} for {boot_s:.1f} s{grbl}; is it the printer's port (--stage-port), and its "
+            "baud rate (--stage-baud)?"
         )
 
     def send(self, command: str, *, takes_s: float = 0.0, is_optional: bool = False) -> list[str]:
@@ -73,7 +104,7 @@ class GcodeLine:
         """
         self.post(command)
         said = self.answers(command, takes_s)
-        if not is_optional and (unknown := [line for line in said if "unknown command" in line.lower()]):
+        if not is_optional and (unknown := [line for line in said if _UNKNOWN.search(line)]):
             raise DeviceError(f"{self._port.name}: {unknown[0]!r}; the firmware lacks {command.split()[0]}")
         return said
 
@@ -104,19 +135,21 @@ class GcodeLine:
             *lines, self._kept = self._kept.split(b"\n")
             for line in _lines(b"\n".join(lines)):
                 self._judge(line, command)
+                is_told = is_told or (is_last is not None and is_last(line))
                 if line.startswith("ok"):
                     self._owed -= 1
                     is_over = is_told
                 elif "busy:" in line:
                     end = max(end, time.monotonic() + self._answer_s)
                 said.append(line)
-                is_told = is_told or (is_last is not None and is_last(line))
         if self._owed > 0:
             self._drain()
         return said
 
     def _judge(self, line: str, command: str) -> None:
         lowered = line.lower()
+        if _UNKNOWN.search(line):
+            return  # RepRapFirmware calls it an error; whether the command is needed is the caller's
         if lowered.startswith(("error", "!!")) or ("home" in lowered and "first" in lowered):
             self._owed = 0
             raise DeviceError(f"{self._port.name}: the printer says {line!r} to {command}")

@@ -1,4 +1,4 @@
-"""A 3-axis printer as a stage: G-code of Marlin and its kin over a serial line.
+"""A 3-axis printer as a stage: G-code of Marlin and its kin over a serial line (Klipper, RepRapFirmware, Smoothie).
 
 The pad lies with its x and y along the printer's, z of the printer points up. Where the cavity's corner is in the
 printer's coordinates is told in one of two ways: by homing and known coordinates (`home`), or by the place at which the
@@ -11,13 +11,12 @@ spindles and bending of the printer are not seen by it.
 from __future__ import annotations
 
 import math
-import re
 from types import TracebackType
 from typing import Self
 
 from design.errors import DeviceError, InputError
 from fabrication.driver.link.ports import Port
-from fabrication.stage.gcode_line import GcodeLine
+from fabrication.stage.gcode_line import GcodeLine, place_of
 from fabrication.stage.stage import Position, StageLimits
 
 BAUD = 115200
@@ -30,11 +29,15 @@ NEAR_MM = 1.0
 TRAVEL_SPEED_MM_S, PRESS_SPEED_MM_S = 30.0, 5.0
 BOOT_S, ANSWER_S, HOMING_S = 15.0, 10.0, 120.0
 TOLERANCE_MM = 0.03
-"""M114 has two decimals."""
+"""Least difference of a position from its target that counts as not arrived."""
+
+COARSEST_MM = 0.1
+"""Step of M114's last digit at most: with whole millimetres no press could be checked."""
 
 S_PER_MIN = 60.0
 MM_DIGITS = 4
-_PLACE = re.compile(r"X:\s*(-?\d+\.?\d*)\s+Y:\s*(-?\d+\.?\d*)\s+Z:\s*(-?\d+\.?\d*)")
+ROUNDING_MM = 1e-4
+SHOWN_CHARACTERS = 120
 
 
 class GcodeStage:
@@ -81,6 +84,7 @@ class GcodeStage:
         self._boot_s, self._answer_s = boot_s, answer_s
         self.left_at: Position | None = None
         self._origin: Position | None = None
+        self._sent: Position | None = None
         self._limits_are_off = False
         self._port: Port | None = None
         self._open_line: GcodeLine | None = None
@@ -136,8 +140,13 @@ class GcodeStage:
         self.limits.require(x_mm, y_mm, depth_mm)
         self._limits_are_off = True
         self._line.send("M211 S0", is_optional=True)  # its own limits mean nothing where it was not homed
-        x, y, z = self._machine()
+        (x, y, z), step_mm = self._machine()
+        if (
+            step_mm > TOLERANCE_MM
+        ):  # its rounding would be an error of every depth: what was told becomes exact
+            self._line.send(f"G92 X{x:.3f} Y{y:.3f} Z{z:.3f}")
         self._origin = x - x_mm, y - y_mm, z + depth_mm
+        self._sent = x_mm, y_mm, depth_mm
         self.lift()
 
     def move_to(self, x_mm: float, y_mm: float, depth_mm: float) -> Position:
@@ -164,25 +173,32 @@ class GcodeStage:
         way_mm = 2 * (self.limits.deepest_mm + self._travel_mm)  # down, where that is still owed, and up
 
         def is_up(line: str) -> bool:
-            found = _PLACE.search(line)
-            return found is not None and abs(float(found[3]) - height_mm) < TOLERANCE_MM
+            found = place_of(line)
+            return found is not None and abs(found[0][2] - height_mm) < tolerance_mm(found[1])
 
         self._line.answers("the lift", takes_s=way_mm / self._speeds_mm_s[1], is_last=is_up)
+        if self._sent is not None:
+            self._sent = *self._sent[:2], -self._travel_mm
 
     def position(self) -> Position:
-        """As `stage.Stage.position`."""
-        origin = self._known_origin()
-        x, y, z = self._machine()
-        return (
-            round(x - origin[0], MM_DIGITS),
-            round(y - origin[1], MM_DIGITS),
-            round(origin[2] - z, MM_DIGITS) + 0.0,
-        )
+        """As `stage.Stage.position`; what M114 confirms to its last digit is the position that was asked for."""
+        return self._position()[0]
 
     def stop(self) -> None:
         """M410, then lift."""
         self._line.post("M410")
         self.lift()
+
+    def _position(self) -> tuple[Position, float]:
+        """Where it stands, and the step of M114's last digit [mm]."""
+        origin = self._known_origin()
+        (x, y, z), step_mm = self._machine()
+        told = x - origin[0], y - origin[1], origin[2] - z
+        x, y, depth = (
+            to if abs(at - to) <= step_mm + ROUNDING_MM else round(at, MM_DIGITS) + 0.0
+            for at, to in zip(told, self._sent or (math.nan,) * 3, strict=True)
+        )
+        return (x, y, depth), step_mm
 
     def _lift_blindly(self) -> None:
         """Straight up by more than any press is deep: a printer that was reset counts from where it stood."""
@@ -214,9 +230,9 @@ class GcodeStage:
 
     def _arrived(self, target: Position) -> Position:
         """Where it stands; DeviceError where that is not the target."""
-        found = self.position()
-        off_mm = math.dist(found, target)
-        if off_mm > TOLERANCE_MM:
+        self._sent = target
+        found, step_mm = self._position()
+        if math.dist(found, target) > tolerance_mm(step_mm):
             told = ", ".join(f"{value:.2f}" for value in found)
             wanted = ", ".join(f"{value:.2f}" for value in target)
             raise DeviceError(
@@ -225,13 +241,21 @@ class GcodeStage:
             )
         return found
 
-    def _machine(self) -> Position:
-        """The printer's own coordinates [mm]."""
-        for line in self._line.send("M114"):
-            if found := _PLACE.search(line):
-                x, y, z = (float(number) for number in found.groups())
-                return x, y, z
-        raise DeviceError(f"{self._name}: M114 gave no position; is the firmware Marlin?")
+    def _machine(self) -> tuple[Position, float]:
+        """The printer's own coordinates, and the step of their last digit [mm]."""
+        said = self._line.send("M114")
+        places = [place for line in said if (place := place_of(line)) is not None]
+        if not places:
+            answer = " | ".join(said)[:SHOWN_CHARACTERS]
+            raise DeviceError(
+                f"{self._name}: M114 gave no position that can be read, but {answer!r}; a stage needs Marlin, Klipper, "
+                "RepRapFirmware or Smoothie, and X, Y and Z in the coordinates of G1"
+            )
+        if places[-1][1] > COARSEST_MM:
+            raise DeviceError(
+                f"{self._name}: M114 gives whole millimetres; a stage needs one decimal at least"
+            )
+        return places[-1]  # one before it is a report that nobody asked for
 
     def _known_origin(self) -> Position:
         if self._origin is None:
@@ -245,6 +269,11 @@ class GcodeStage:
         if self._open_line is None:
             raise DeviceError("the stage is not open; use it as `with GcodeStage(...) as stage:`")
         return self._open_line
+
+
+def tolerance_mm(step_mm: float) -> float:
+    """How far a position may be from its target: it and the origin are each told to a step of the last digit [mm]."""
+    return max(TOLERANCE_MM, 2.0 * step_mm + ROUNDING_MM)
 
 
 def feed_word(speed_mm_s: float) -> str:

@@ -12,6 +12,7 @@ import pytest
 from design.errors import DeviceError, InputError
 from fabrication.driver.link.ports import Port
 from fabrication.driver.simulated.port import FakePort
+from fabrication.stage.gcode_line import GcodeLine, place_of
 from fabrication.stage.gcode_stage import TRAVEL_MM, GcodeStage, feed_word
 from tests.fabrication.driver.made_up_pad import board
 from tests.fabrication.stage.made_up_bench import LIMITS, MIDDLE, Bench, bench
@@ -48,6 +49,118 @@ def test_it_goes_slowly_near_the_pad_and_fast_above_it() -> None:
         down = [line for line in made.printer.commands if line.startswith("G1")][-2:]
     assert [line.split()[-1] for line in down] == ["F18000", "F3000"]  # mm/min
     assert [line.split()[-2] for line in down] == ["Z1.000", "Z-2.000"]
+
+
+PLACES = {
+    "Marlin 2": "X:{0:.2f} Y:{1:.2f} Z:{2:.2f} E:0.00 Count X:0 Y:0 Z:0\nok\n",
+    "Marlin 1.0": "X:{0:.2f}Y:{1:.2f}Z:{2:.2f}E:0.00 Count X: 7.00Y:7.00Z:7.00\nok\n",
+    "tenths": "X:{0:.1f} Y:{1:.1f} Z:{2:.1f} E:0.0\nok\n",
+    "Klipper": "X:{0:.3f} Y:{1:.3f} Z:{2:.3f} E:0.000\nok\n",
+    "RepRapFirmware": "X:{0:.3f} Y:{1:.3f} Z:{2:.3f} E:0.000 E0:0.0 Count 7 7 7 Machine 7.0 7.0 7.0 Bed comp 0.0\nok\n",
+    "Smoothie": "ok C: X:{0:.4f} Y:{1:.4f} Z:{2:.4f} E:0.0000\n",
+    "with reports": "X:7.00 Y:7.00 Z:7.00 E:0.00\nT:20.1 /0.0 B:19.9\nX:{0:.2f} Y:{1:.2f} Z:{2:.2f} E:0.00\nok\n",
+}
+
+
+@pytest.mark.parametrize("dialect", PLACES)
+def test_each_dialect_s_position_is_read_and_a_tip_that_stopped_short_is_noticed(dialect: str) -> None:
+    """The tip starts where no firmware's digits end, and goes to depths between the tenths."""
+    start = (16.04, 15.97, 0.03)
+    with bench() as made:
+        made.printer.place_text = PLACES[dialect]
+        made.printer._zero = made.printer._zero - [100.123, 90.456, 14.234]
+        with made.stage() as stage:
+            stage.zero(*start)
+            offset = np.array(start) - MIDDLE  # the tip is told to stand there, and stands on the middle
+            rides = len(made.printer.rides)
+            for target in ((15.0, 16.0, 1.0), (15.0, 16.0, 1.25), (15.0, 16.0, 2.17)):
+                assert stage.move_to(*target) == pytest.approx(target, abs=0.001)
+                assert made.printer.here_mm() == pytest.approx(target - offset, abs=RESOLUTION_MM)
+            sideways = [
+                ride for ride in made.printer.rides[rides:] if np.hypot(*(ride[1] - ride[0])[:2]) > 0.001
+            ]
+            assert len(sideways) == 1  # no digit that is missing sends it away and back
+            made.printer._fault, made.printer._left = "shifted", 0
+            with pytest.raises(DeviceError, match=r"stands at x, y, depth .* home it"):
+                stage.move_to(15.0, 16.0, 3.25)
+
+
+NO_PLACES = (
+    "<Idle|MPos:1.000,2.000,3.000|FS:0,0>",
+    "ok MCS: X:1.0000 Y:2.0000 Z:3.0000",
+    "Count X:1.00 Y:2.00 Z:3.00",
+    '{"status":"I","pos":[1.0,2.0,3.0]}',
+    "X:1,00 Y:2,00 Z:3,00 E:0,00",
+    "X:1.00 Y:2.00 Z:3,00",
+    "X:1.00 Y:2.00 Z:1e+02 E:0.00",
+    "X:1.00 Y:2.00 Z:?",
+    "X:nan Y:2.00 Z:3.00",
+    "X:1.00.5Y:2.00Z:3.00",
+    "X:1.00 Y:2.00",
+    "X:1.00 Z:3.00 Y:2.00",
+    "echo:Unknown command: M114",
+)
+
+
+@pytest.mark.parametrize("line", NO_PLACES)
+def test_a_position_that_is_not_surely_one_is_refused(line: str) -> None:
+    assert place_of(line) is None
+
+
+@pytest.mark.parametrize(
+    ("answer", "told"),
+    [
+        (
+            f"{NO_PLACES[1]}\nok\n",
+            r"M114 gave no position that can be read, but 'ok MCS: .*coordinates of G1",
+        ),
+        ("X:1 Y:2 Z:3\nok\n", "M114 gives whole millimetres; a stage needs one decimal"),
+    ],
+)
+def test_a_printer_whose_position_is_not_known_is_not_moved(answer: str, told: str) -> None:
+    with bench() as made:
+        made.printer.place_text = answer.replace("{", "{{").replace("}", "}}")
+        with made.stage() as stage, pytest.raises(DeviceError, match=told):
+            stage.zero(*MIDDLE)
+        assert made.printer.rides == []
+
+
+def test_a_command_that_a_firmware_lacks_is_told_unless_it_is_optional() -> None:
+    """RepRapFirmware and Smoothie call it an error; M211 alone may be missing."""
+    for words in (
+        "echo:Unknown command: ",
+        "Error: Bad command: ",
+        "error:Unsupported command ",
+        "Warning: not supported ",
+    ):
+        line = GcodeLine(Answering(f"{words}M211 S0\nok\n".encode()), 0.5)  # type: ignore[arg-type]
+        assert line.send("M211 S0", is_optional=True)[-1] == "ok"
+        with pytest.raises(DeviceError, match="the firmware lacks M211"):
+            line.send("M211 S0")
+
+
+class Answering:
+    """A port whose device answers every command alike."""
+
+    name = "port"
+
+    def __init__(self, answer: bytes) -> None:
+        self._answer, self._waiting = answer, b""
+
+    def write(self, _: bytes) -> None:
+        self._waiting = self._answer
+
+    def read(self) -> bytes:
+        waiting, self._waiting = self._waiting, b""
+        return waiting
+
+
+def test_a_machine_with_grbl_is_named() -> None:
+    line = GcodeLine(Answering(b"\r\nGrbl 1.1h ['$' for help]\r\nerror:20\r\n"), 0.5)  # type: ignore[arg-type]
+    with pytest.raises(
+        DeviceError, match=r"no ok among them for 0\.1 s; Grbl has neither M114 nor M400.*--stage-baud"
+    ):
+        line.greet(0.1)
 
 
 def test_the_tip_is_lifted_at_the_end_and_after_an_error() -> None:
@@ -235,7 +348,7 @@ def test_a_printer_that_is_unplugged_is_told_with_what_to_do_by_hand() -> None:
 def test_a_port_where_no_printer_answers_is_told() -> None:
     with (
         FakePort(board()) as port,
-        pytest.raises(DeviceError, match=r"no ok among them for 1\.0 s; is it the"),
+        pytest.raises(DeviceError, match=r"no ok among them for 1\.0 s; is it the printer's port"),
     ):
         GcodeStage(port.name, LIMITS, boot_s=1.0).__enter__()
 
