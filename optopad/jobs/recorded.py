@@ -63,7 +63,7 @@ def compare_recording(
     from sims.plots.style import plain_style
 
     require_valid(design)
-    recording = read_recording(file)
+    recording = read_recording(file, design)
     on_step("light", 0.0)
     press = recorded_press(design, recording, pairs=tuple(pairs), at_mm=_parsed_place(at), seed=seed)
     on_step("light", 1.0)

@@ -95,10 +95,7 @@ def read_data(file: Path, design: SensorDesign | None = None) -> PressData:
     found = read_netcdf(file, needed=NEEDED_FILE, most_bytes=MAX_BYTES, decode_times=False)
     _require_parts(found, file)
     try:
-        data = _data_of(found, file, design)
-        known = known_design(design, data.design_digest)
-        require_true_labels(data.press_mm[:, 2], data.press_mm[:, :2], data.features(), known)
-        return data
+        return _data_of(found, file, design)
     except InputError as err:
         raise InputError(f"{file}: {err}") from None
 
@@ -145,7 +142,9 @@ def _require_parts(found: xr.Dataset, file: Path) -> None:
 
 def _data_of(found: xr.Dataset, file: Path, design: SensorDesign | None) -> PressData:
     states, counts = _off_last(found)
-    counts_per_unit = counts_factor(found, design)
+    digest = _digest(found, file)
+    known = known_design(design, digest)
+    counts_per_unit = counts_factor(found, known or design)
     press_mm = in_unit(found, list(NEEDED[1:4]), LENGTHS_MM)
     has_truth = all(name in found.variables for name in TRUE_PRESS)
     attributes = _json(found, "attributes", {}, file)
@@ -157,7 +156,7 @@ def _data_of(found: xr.Dataset, file: Path, design: SensorDesign | None) -> Pres
         counts = counts * np.float32(counts_per_unit)
         attributes = attributes | {CONVERTED: f"the readings were volts, taken times {counts_per_unit:g}"}
     sets, set_number, place_number = _sets_of(found, press_mm, file)
-    return PressData(
+    data = PressData(
         counts=counts,
         press_mm=press_mm,
         time_s=np.asarray(time_s, dtype=np.float64),
@@ -167,10 +166,12 @@ def _data_of(found: xr.Dataset, file: Path, design: SensorDesign | None) -> Pres
         state_names=states,
         receiver_names=tuple(str(name) for name in found["receiver"].values),
         full_scale_counts=_full_scale(found, file),
-        design_digest=_digest(found, file),
+        design_digest=digest,
         attributes=attributes,
         true_press_mm=in_unit(found, list(TRUE_PRESS), LENGTHS_MM) if has_truth else None,
     )
+    require_true_labels(press_mm[:, 2], press_mm[:, :2], data.features(), known)
+    return data
 
 
 def _full_scale(found: xr.Dataset, file: Path) -> float | None:

@@ -63,7 +63,7 @@ def unit_factor(units: object, known: Mapping[str, float], name: str) -> float:
         if word in known:
             return known[word]
     short = ", ".join(one for one in known if len(one) <= 5)
-    raise InputError(f"{name}: the attribute units is {shown(units)}, needs one of {short}; convert {name}")
+    raise InputError(f"{name}: the attribute units is {shown(text)}, needs one of {short}; convert {name}")
 
 
 def in_unit(found: xr.Dataset, names: list[str], known: Mapping[str, float]) -> FloatArray:
@@ -119,7 +119,12 @@ def known_design(design: SensorDesign | None, digest: str | None) -> SensorDesig
 
 
 def require_true_labels(
-    depth_mm: FloatArray, location_mm: FloatArray | None, signals: NDArray[Any], design: SensorDesign | None
+    depth_mm: FloatArray,
+    location_mm: FloatArray | None,
+    signals: NDArray[Any],
+    design: SensorDesign | None,
+    *,
+    is_counts: bool = True,
 ) -> None:
     """Refuse presses that contradict the pad or the signals.
 
@@ -127,8 +132,9 @@ def require_true_labels(
     ----------
     depth_mm : (sample,) of the presses, 0 or less is untouched [mm]
     location_mm : (sample, 2) x and y of the presses [mm]; None where nobody says
-    signals : (sample, pair) readings less those of the off state [any one unit; ADC counts where a design is given]
+    signals : (sample, pair) readings less those of the off state [any one unit]
     design : what the data are of; None takes the limits of all designs
+    is_counts : whether the signals are ADC counts, so that the design's noise is theirs
 
     Raises
     ------
@@ -136,19 +142,17 @@ def require_true_labels(
     """
     if not len(depth_mm):
         return
-    _require_depth_into_the_pad(depth_mm, signals, design)
+    noise = design.noise.read_noise_counts if design is not None and is_counts else 0.0
+    _require_depth_into_the_pad(depth_mm, signals, noise)
     _require_millimetres(depth_mm, design)
     if location_mm is not None:
         _require_in_the_cavity(location_mm[depth_mm > 0.0], design)
 
 
-def _require_depth_into_the_pad(
-    depth_mm: FloatArray, signals: NDArray[Any], design: SensorDesign | None
-) -> None:
+def _require_depth_into_the_pad(depth_mm: FloatArray, signals: NDArray[Any], noise: float) -> None:
     kept = slice(None, None, -(-len(depth_mm) // MOST_SAMPLES))
     depth, seen = depth_mm[kept], signals[kept].astype(np.float64)
     level = np.abs(np.median(seen, axis=0))
-    noise = 0.0 if design is None else design.noise.read_noise_counts
     level = np.maximum(level, max(0.1 * float(level.max()), NOISE_SIGMAS * noise / LEAST_CHANGE))
     above, below = (_change(np.abs(depth[side]), seen[side], level) for side in (depth <= 0.0, depth >= 0.0))
     if above >= LEAST_CHANGE and above >= TIMES_MORE * below:
@@ -182,7 +186,7 @@ def _require_millimetres(depth_mm: FloatArray, design: SensorDesign | None) -> N
             f"press_depth: the depths reach from {low:g} to {high:g} mm, the clear layer is "
             f"{'at most ' if design is None else ''}{thickest:g} mm thick: are they in millimetres?"
         )
-    if 0.0 < high and max(-low, high) <= METRES_MM:
+    if high > 0.0 and max(-low, high) <= METRES_MM:
         raise InputError(
             f"press_depth: the depths reach from {low:g} to {high:g} mm, which is less than the signals resolve: are "
             "they in millimetres, or in metres?"

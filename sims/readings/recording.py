@@ -4,13 +4,15 @@ netCDF (what the driver's recorder writes), dimensions ``time``, ``state``, ``re
 
     counts (time, state, receiver)   readings [ADC counts]
     press_depth (time)               depth of the press, positive into the pad, 0 or less untouched [mm]
-    press_x, press_y (time)          its place in the cavity frame [mm]; may be absent
+    press_x, press_y (time)          its location in the cavity frame [mm]; may be absent
     state, receiver                  names: the emitter that is lit (E1, ...) or ``off``; R1, ...
     attribute design_digest          SHA-256 of the design that was built
 
-CSV: a heading line, one row a reading; ``depth_mm``, perhaps ``x_mm`` and ``y_mm``, and a column a pair (``E1-R1``) or
-one column ``signal``; lines before the heading that start with # may say ``# design_digest: <64 digits>``, or the first
-8 of them and more.
+Lengths in another unit than mm have it in their attribute `units`, and are converted.
+
+CSV: a heading line, one row a reading; ``depth_mm``, perhaps ``x_mm`` and ``y_mm`` (each also ``_um``, ``_m``), and a
+column a pair (``E1-R1``) or one column ``signal``; lines before the heading that start with # may say
+``# design_digest: <64 digits>``, or the first 8 of them and more.
 
 Where there is an ``off`` state its readings are subtracted. Nothing else is: no filter, no drift, no lag.
 """
@@ -21,15 +23,19 @@ import re
 from collections.abc import Container
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from design.csv_table import read_csv
+from design.csv_table import CsvTable, read_csv
 from design.errors import InputError
 from design.text_file import TEXT_KINDS, kind_of_file
+from sims.readings.label_checks import LENGTHS_MM, in_unit, known_design, require_true_labels
 from sims.readings.netcdf_file import read_netcdf, require_numbers
+
+if TYPE_CHECKING:
+    from design.spec import SensorDesign
 
 FloatArray = NDArray[np.float64]
 OFF = "off"
@@ -38,7 +44,8 @@ DIGEST = re.compile(r"[0-9a-f]{8,64}")
 PAIR_NAME = re.compile(r"^[A-Za-z0-9]+-[A-Za-z0-9]+$")
 AXES = ("time", "state", "receiver")
 MAX_BYTES = 500_000_000
-NEEDED_CSV = f"CSV with depth_mm and a column a pair (as E1-R1), or one named {SIGNAL}"
+CSV_UNITS = ("mm", "um", "m")
+NEEDED_CSV = f"CSV with depth_mm (or depth_um, depth_m) and a column a pair (as E1-R1), or one named {SIGNAL}"
 NEEDED_FILE = f"a recording: netCDF (.nc), which `optopad driver export` makes, or {NEEDED_CSV}"
 
 
@@ -64,15 +71,26 @@ class Recording:
     notes: tuple[str, ...]
 
 
-def read_recording(file: Path) -> Recording:
+def read_recording(file: Path, design: SensorDesign | None = None) -> Recording:
     """Read a recording.
+
+    Parameters
+    ----------
+    design : what the recording is said to be of, for the size of the pad
 
     Raises
     ------
-    InputError : no such file, another format, missing parts, or readings that are not numbers.
+    InputError : no such file, another format, missing parts, readings that are not numbers, unknown units, presses that
+        contradict the pad or the signals.
     """
     found = _read_csv(file) if kind_of_file(file) in TEXT_KINDS else _read_netcdf(file)
     _require_numbers(found)
+    signals = np.stack(list(found.counts.values()), axis=1)
+    known = known_design(design, found.design_digest)
+    try:
+        require_true_labels(found.depth_mm, found.place_mm, signals, known, is_counts=False)
+    except InputError as err:
+        raise InputError(f"{file}: {err}") from None
     return found
 
 
@@ -88,7 +106,12 @@ def _read_netcdf(file: Path) -> Recording:
         )
     has_place = _has_place(file, dataset.variables, "press_x", "press_y")
     require_numbers(dataset, file, ("counts",), AXES)
-    require_numbers(dataset, file, ("press_depth", *(("press_x", "press_y") if has_place else ())), ("time",))
+    lengths = ["press_depth", *(("press_x", "press_y") if has_place else ())]
+    require_numbers(dataset, file, lengths, ("time",))
+    try:
+        press_mm = in_unit(dataset, lengths, LENGTHS_MM)
+    except InputError as err:
+        raise InputError(f"{file}: {err}") from None
     counts = dataset["counts"].transpose(*AXES).values.astype(np.float64)
     states, receivers = ([str(name) for name in dataset[axis].values] for axis in ("state", "receiver"))
     notes: tuple[str, ...] = ()
@@ -98,10 +121,8 @@ def _read_netcdf(file: Path) -> Recording:
     return Recording(
         file=file,
         design_digest=_checked_digest(file, dataset.attrs.get("design_digest")),
-        depth_mm=dataset["press_depth"].values.astype(np.float64),
-        place_mm=np.stack([dataset["press_x"].values, dataset["press_y"].values], axis=1).astype(np.float64)
-        if has_place
-        else None,
+        depth_mm=press_mm[:, 0],
+        place_mm=press_mm[:, 1:] if has_place else None,
         counts={
             f"{state}-{receiver}": counts[:, i, j]
             for i, state in enumerate(states)
@@ -115,23 +136,33 @@ def _read_netcdf(file: Path) -> Recording:
 def _read_csv(file: Path) -> Recording:
     table = read_csv(file, needed=NEEDED_CSV, most_bytes=MAX_BYTES)
     signals = [name for name in table.heading if name == SIGNAL or PAIR_NAME.match(name)]
-    if "depth_mm" not in table.heading or not signals:
+    lengths = {axis: found for axis in ("depth", "x", "y") if (found := _length_mm(table, axis)) is not None}
+    if "depth" not in lengths or not signals:
         raise InputError(f"{file}: its columns are {', '.join(table.heading)}; needs {NEEDED_CSV}")
-    columns = {
-        name: np.array(table.numbers(name))
-        for name in table.heading
-        if name in (*signals, "depth_mm", "x_mm", "y_mm")
-    }
-    has_place = _has_place(file, columns, "x_mm", "y_mm")
+    has_place = _has_place(file, [f"{axis}_mm" for axis in lengths], "x_mm", "y_mm")
     stated = next((m[1] for line in table.remarks if (m := re.search(r"design_digest:\s*(.*)", line))), None)
     return Recording(
         file=file,
         design_digest=_checked_digest(file, stated),
-        depth_mm=columns["depth_mm"],
-        place_mm=np.stack([columns["x_mm"], columns["y_mm"]], axis=1) if has_place else None,
-        counts={name: columns[name] for name in signals},
+        depth_mm=lengths["depth"],
+        place_mm=np.stack([lengths["x"], lengths["y"]], axis=1) if has_place else None,
+        counts={name: np.array(table.numbers(name)) for name in signals},
         notes=(),
     )
+
+
+def _length_mm(table: CsvTable, axis: str) -> FloatArray | None:
+    """(row,) the column of an axis by its unit, as depth_um [mm]; None where there is none.
+
+    Raises
+    ------
+    InputError : the axis is there twice, or has no number in a row.
+    """
+    named = {f"{axis}_{unit}": LENGTHS_MM[unit] for unit in CSV_UNITS}
+    has = [name for name in table.heading if name in named]
+    if len(has) > 1:
+        raise InputError(f"{table.file}: has {' and '.join(has)}; keep one")
+    return named[has[0]] * np.array(table.numbers(has[0])) if has else None
 
 
 def _checked_digest(file: Path, stated: object) -> str | None:

@@ -112,7 +112,7 @@ def read_position_log(file: Path) -> PositionLog:
     if set_number is not None and place_number is None:
         raise InputError(f"{file}: has set without place; number the presses of each set in a column place")
     if place_number is not None and set_number is None:
-        sets, set_number = (SetEntry(name="measured"),), np.zeros(len(place_number), dtype=np.int64)
+        sets, set_number = (SetEntry(name="unnamed"),), np.zeros(len(place_number), dtype=np.int64)
     return PositionLog(
         file=str(file),
         time_s=time_s,
@@ -213,7 +213,7 @@ def set_entry(where: str, row: dict[str, str]) -> SetEntry:
     return SetEntry(
         name=row["set"],
         role=row.get("role") or "train",
-        pattern=row.get("pattern") or "measured",
+        pattern=row.get("pattern") or "unknown",
         is_ambient=ambient in YES,
     )
 

@@ -12,7 +12,8 @@ from design.errors import InputError
 
 FloatArray = NDArray[np.float64]
 ROLES = ("train", "test")
-PATTERNS = ("grid", "random", "measured")
+PATTERNS = ("grid", "random", "unknown", "measured")
+"""The last is what older files have for unknown."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,13 +23,13 @@ class SetEntry:
     Attributes
     ----------
     role : what a learner does with it, `train` or `test`
-    pattern : `grid`, `random`, or `measured` where nobody says
+    pattern : `grid`, `random`, or `unknown`
     is_ambient : whether the room was lit
     """
 
     name: str
     role: str = "train"
-    pattern: str = "measured"
+    pattern: str = "unknown"
     is_ambient: bool = True
 
     def __post_init__(self) -> None:

@@ -153,7 +153,7 @@ def test_a_list_that_leaves_the_limits_moves_nothing(tmp_path: Path) -> None:
 def test_rows_of_a_table_become_presses_by_set_and_place(tmp_path: Path) -> None:
     text = "x_mm,y_mm,depth_mm,set,place,role,ambient\n8,8,-1,a,3,test,no\n8,8,1,a,3,test,no\n9,8,1,a,4,test,no\n"
     found = read_press_list(written(tmp_path, text))
-    assert found.sets == (SetEntry(name="a", role="test", pattern="measured", is_ambient=False),)
+    assert found.sets == (SetEntry(name="a", role="test", pattern="unknown", is_ambient=False),)
     assert [(one.place_number, len(one.steps_mm)) for one in found.presses] == [(3, 2), (4, 1)]
     plain = read_press_list(written(tmp_path, "x_mm,y_mm,depth_mm\n8,8,-1\n8,8,1\n9,8,1\n8,8,1\n"))
     assert [(one.place_number, len(one.steps_mm)) for one in plain.presses] == [(0, 2), (1, 1), (2, 1)]

@@ -1,0 +1,278 @@
+"""Labels of data from anywhere: units are converted, contradictions are refused by every reader, genuine data pass."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from design.errors import InputError
+from design.preset import PRESETS, preset
+from optopad.cli import main
+from sims.readings.dataset import PressData, data_notes, read_data, save_data
+from sims.readings.label_checks import require_true_labels
+from sims.readings.recording import read_recording
+from tests.sims.learning.pressed_pad import field_counts, grid_mm, made_up_data
+
+PAD = preset("piacenza2017-pad")
+GOOD = replace(made_up_data(grid_mm(3)), design_digest=PAD.digest)
+MESSAGES = {
+    "upwards": "is depth positive into the pad",
+    "from the middle": "of .* pressed samples are outside the cavity, .* is the origin its corner",
+    "micrometres": "reach from -4000 to 5000 mm, .* are they in millimetres",
+    "metres": "are they in millimetres, or in metres",
+}
+
+
+def mislabelled(press_mm: np.ndarray, how: str) -> np.ndarray:
+    turned, moved = np.array([1.0, 1.0, -1.0]), np.array([16.0, 16.0, 0.0])
+    return {
+        "upwards": press_mm * turned,
+        "from the middle": press_mm - moved,
+        "micrometres": press_mm * 1e3,
+        "metres": press_mm / 1e3,
+    }[how]
+
+
+def read_netcdf_data(data: PressData, folder: Path) -> np.ndarray:
+    return read_data(save_data(data, folder / "a.nc")).press_mm
+
+
+def read_netcdf_recording(data: PressData, folder: Path) -> np.ndarray:
+    found = read_recording(save_data(data, folder / "a.nc"))
+    return np.column_stack([found.place_mm, found.depth_mm])
+
+
+def read_csv_recording(data: PressData, folder: Path) -> np.ndarray:
+    table = np.column_stack([data.press_mm, data.features()])
+    digest = "" if data.design_digest is None else f"# design_digest: {data.design_digest}\n"
+    heading = ",".join(["x_mm", "y_mm", "depth_mm", *data.pair_names])
+    rows = "\n".join(",".join(f"{value:.6g}" for value in row) for row in table)
+    (folder / "a.csv").write_text(f"{digest}{heading}\n{rows}\n", encoding="utf-8")
+    found = read_recording(folder / "a.csv")
+    return np.column_stack([found.place_mm, found.depth_mm])
+
+
+READERS = (read_netcdf_data, read_netcdf_recording, read_csv_recording)
+
+
+@pytest.mark.parametrize("digest", [PAD.digest, None, "cd" * 32])
+@pytest.mark.parametrize("read", READERS)
+def test_every_reader_refuses_labels_that_contradict_the_pad_and_takes_true_ones(
+    read: Callable[[PressData, Path], np.ndarray], digest: str | None, tmp_path: Path
+) -> None:
+    data = replace(GOOD, design_digest=digest)
+    assert read(data, tmp_path) == pytest.approx(data.press_mm)
+    for how, message in MESSAGES.items():
+        with pytest.raises(InputError, match=rf"a\.(nc|csv): .*{message}"):
+            read(replace(data, press_mm=mislabelled(data.press_mm, how)), tmp_path)
+
+
+@pytest.mark.parametrize("how", MESSAGES)
+@pytest.mark.parametrize(
+    "verb",
+    [
+        ["train", "a.nc"],
+        ["evaluate", "a.nc", "--model", "absent.optomodel"],
+        ["calibrate", PAD.name, "a.nc"],
+        ["compare", PAD.name, "a.nc"],
+    ],
+    ids=lambda verb: verb[0],
+)
+def test_every_verb_of_data_refuses_them_in_one_line_and_writes_nothing(
+    verb: list[str],
+    how: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    save_data(replace(GOOD, press_mm=mislabelled(GOOD.press_mm, how)), tmp_path / "a.nc")
+    assert main(verb) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "a.nc: press_" in said.err
+    assert [path.name for path in tmp_path.iterdir() if path.is_file()] == ["a.nc"]
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_locations_are_held_against_the_outline_of_the_design(name: str) -> None:
+    design = preset(name)
+    x_mm, y_mm = design.cavity.length_mm, design.cavity.width_mm
+    middle, corner = np.array([[x_mm / 2, y_mm / 2]]), np.array([[x_mm - 0.1, y_mm - 0.1]])
+    depth, signals = np.ones(1), np.ones((1, 3))
+    require_true_labels(depth, middle, signals, design)
+    require_true_labels(-depth, 10 * corner, signals, design)  # a tip that travels
+    if design.cavity.outline != "disc":
+        require_true_labels(depth, corner, signals, design)
+        corner = corner + np.array([1.0, 0.0])
+    with pytest.raises(InputError, match="1 of 1 pressed samples are outside the cavity"):
+        require_true_labels(depth, corner, signals, design)
+
+
+def hovering(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """No touch at all, and a drift of 5 % in a single approach."""
+    depth = np.linspace(-5.0, 0.0, 200)
+    return depth, 1.0 + 0.05 * np.linspace(0.0, 1.0, 200)
+
+
+def few_light_touches(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Three light touches after a long hover, and drift of 3 %."""
+    depth = np.concatenate([rng.uniform(-10.0, 0.0, 400), [0.02, 0.05, 0.1]])
+    return depth, 1.0 + 0.03 * np.linspace(-1.0, 1.0, 403)
+
+
+def very_noisy(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """A tenth of the signal is noise, in few readings."""
+    depth = np.linspace(-2.0, 3.0, 12)
+    return depth, 1.0 + 0.1 * rng.normal(size=12)
+
+
+def wild_frames(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """One frame in ten is at full scale."""
+    depth = np.tile(np.linspace(-4.0, 2.0, 60), 5)
+    return depth, np.where(rng.random(300) < 0.1, 5.0, 1.0)
+
+
+def surface_set_too_low(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """The zero of the depth is 1 mm inside the pad."""
+    return np.linspace(-4.0, 2.0, 61), np.ones(61)
+
+
+def slow_gain(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """The gain drifts by 30 % over many presses."""
+    depth = np.tile(np.linspace(-3.0, 4.0, 50), 8)
+    return depth, np.linspace(1.0, 1.3, 400)
+
+
+def random_pokes(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Every sample is at a location and depth of its own."""
+    return rng.uniform(-5.0, 5.0, 300), np.ones(300)
+
+
+GENUINE = (hovering, few_light_touches, very_noisy, wild_frames, surface_set_too_low, slow_gain, random_pokes)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("made", GENUINE)
+def test_genuine_data_pass_with_noise_drift_and_hovering(
+    made: Callable[[np.random.Generator], tuple[np.ndarray, np.ndarray]], seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    depth, gain = made(rng)
+    location = (
+        rng.uniform(6.0, 26.0, (len(depth), 2)) if made is random_pokes else np.full((len(depth), 2), 16.0)
+    )
+    zero = 1.0 if made is surface_set_too_low else 0.0
+    signals = field_counts(np.column_stack([location, depth + zero])).reshape(len(depth), -1) * gain[:, None]
+    signals += rng.normal(0.0, 0.5, signals.shape)
+    for design in (PAD, None):
+        require_true_labels(depth, location, signals, design)
+
+
+@pytest.mark.parametrize("made", [very_noisy, wild_frames, slow_gain, random_pokes])
+def test_the_same_data_with_depth_upwards_are_refused(
+    made: Callable[[np.random.Generator], tuple[np.ndarray, np.ndarray]],
+) -> None:
+    rng = np.random.default_rng(0)
+    depth, gain = made(rng)
+    location = (
+        rng.uniform(6.0, 26.0, (len(depth), 2)) if made is random_pokes else np.full((len(depth), 2), 16.0)
+    )
+    signals = field_counts(np.column_stack([location, depth])).reshape(len(depth), -1) * gain[:, None]
+    with pytest.raises(InputError, match="is depth positive into the pad"):
+        require_true_labels(-depth, location, signals, PAD)
+
+
+def rewritten(data: PressData, folder: Path, name: str, units: object, factor: float) -> Path:
+    """The file of data, with one variable in another unit."""
+    with xr.open_dataset(save_data(data, folder / "good.nc"), engine="h5netcdf", decode_times=False) as held:
+        dataset = held.load()
+    dataset[name] = dataset[name] * factor
+    dataset[name].attrs = {} if units is None else {"units": units}
+    dataset.to_netcdf(folder / "a.nc", engine="h5netcdf")
+    return folder / "a.nc"
+
+
+LENGTHS = {
+    "mm": 1.0,
+    "millimeters": 1.0,
+    "um": 1e3,
+    "\u00b5m": 1e3,
+    "\u03bcm": 1e3,
+    "microns": 1e3,
+    "m": 1e-3,
+    "cm": 0.1,
+}
+TRUE = replace(GOOD, true_press_mm=GOOD.press_mm + 0.01)
+
+
+@pytest.mark.parametrize("units", LENGTHS)
+def test_lengths_are_converted_by_their_own_unit(units: str, tmp_path: Path) -> None:
+    for k, axis in enumerate(("x", "y", "depth")):
+        found = read_data(rewritten(TRUE, tmp_path, f"press_{axis}", units, LENGTHS[units]))
+        assert found.press_mm == pytest.approx(TRUE.press_mm)
+        recorded = read_recording(tmp_path / "a.nc")
+        assert recorded.place_mm == pytest.approx(TRUE.press_mm[:, :2])
+        assert recorded.depth_mm == pytest.approx(TRUE.press_mm[:, 2])
+        found = read_data(rewritten(TRUE, tmp_path, f"true_{axis}", units, LENGTHS[units]))
+        assert found.true_press_mm[:, k] == pytest.approx(TRUE.true_press_mm[:, k])
+
+
+@pytest.mark.parametrize("name", ["press_x", "press_y", "press_depth", "true_x", "time_s", "counts"])
+@pytest.mark.parametrize("units", ["inch", "ms-1", 7])
+def test_an_unknown_unit_is_refused_by_name(name: str, units: object, tmp_path: Path) -> None:
+    with pytest.raises(
+        InputError, match=rf"a\.nc: {name}: the attribute units is {str(units)!r}, needs one of"
+    ):
+        read_data(rewritten(TRUE, tmp_path, name, units, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("units", "factor"), [("ms", 1e3), ("seconds", 1.0), ("s since 1970", 1.0), ("min", 1 / 60)]
+)
+def test_times_are_converted(units: str, factor: float, tmp_path: Path) -> None:
+    assert read_data(rewritten(GOOD, tmp_path, "time_s", units, factor)).time_s == pytest.approx(GOOD.time_s)
+
+
+@pytest.mark.parametrize(("units", "factor"), [("V", 1.0), ("volts", 1.0), ("mV", 1e3)])
+def test_volts_are_converted_by_the_design_s_converter_or_refused(
+    units: str, factor: float, tmp_path: Path
+) -> None:
+    per_count = 5.0 / 1024.0 * factor  # the converter has 10 bits, its reference is the supply of 5 V
+    found = read_data(rewritten(GOOD, tmp_path, "counts", units, per_count))
+    assert found.counts == pytest.approx(GOOD.counts, rel=1e-5)
+    assert any("the readings were volts" in note for note in data_notes(found))
+    nameless = rewritten(replace(GOOD, design_digest=None), tmp_path, "counts", units, per_count)
+    assert read_data(nameless, PAD).counts == pytest.approx(GOOD.counts, rel=1e-5)
+    with pytest.raises(
+        InputError, match=r"a\.nc: counts: the attribute units is .* name the design, with --design"
+    ):
+        read_data(nameless)
+
+
+@pytest.mark.parametrize("units", [None, "counts"])
+def test_readings_that_are_volts_by_their_size_are_refused(units: str | None, tmp_path: Path) -> None:
+    for design in (PAD, None):
+        with pytest.raises(
+            InputError, match=r"counts: the readings are .* not whole, needs ADC counts; are they volts"
+        ):
+            read_data(rewritten(GOOD, tmp_path, "counts", units, 5.0 / 1024.0), design)
+    read_data(rewritten(GOOD, tmp_path, "counts", units, 1.0))
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("mm", 1.0), ("um", 1e3), ("m", 1e-3)])
+def test_columns_of_a_csv_have_their_unit_in_their_name(unit: str, factor: float, tmp_path: Path) -> None:
+    depth, file = np.array([-1.0, 0.0, 1.0, 2.0]), tmp_path / "a.csv"
+    rows = [f"{value * factor},{16 * factor},{16 * factor},{800 - 90 * max(value, 0)}" for value in depth]
+    file.write_text("\n".join([f"depth_{unit},x_{unit},y_{unit},signal", *rows]), encoding="utf-8")
+    found = read_recording(file)
+    assert found.depth_mm == pytest.approx(depth)
+    assert found.place_mm == pytest.approx(np.full((4, 2), 16.0))
+    file.write_text("\n".join(["depth_mm,depth_um,signal", "0,0,1", "1,1000,1"]), encoding="utf-8")
+    with pytest.raises(InputError, match="has depth_mm and depth_um; keep one"):
+        read_recording(file)
