@@ -144,6 +144,33 @@ def read_csv(
     )
 
 
+def numbered_points(
+    file: Path, *, needed: str, most_bytes: int = 1_000_000, error: type[OptopadError] = InputError
+) -> list[tuple[int, tuple[float, float]]]:
+    """The points of a curve, two numbers a row, each with the number of its row in the file; a heading may be there.
+
+    Numbers are separated by a comma, a semicolon or blanks, with a point for decimals.
+
+    Parameters, errors: as `read_csv`; fewer than two points, or a row that is no pair of finite numbers.
+    """
+    found: list[tuple[int, tuple[float, float]]] = []
+    text = read_text(file, needed=needed, most_bytes=most_bytes, error=error)
+    for number, line in enumerate(text.split("\n"), start=1):
+        words = [word for word in re.split(r"[\s,;]+", line.strip()) if word]
+        if not words or words[0].startswith("#") or (not found and not is_number(words[0])):
+            continue
+        if len(words) != 2 or not all(map(is_number, words)):
+            hint = DECIMAL_COMMA if len(words) > 2 and all(map(is_number, words)) else "write it as 1.5, 0.4"
+            raise error(f"{file}: row {number}: {shown(line.strip())} is no pair of numbers; {hint}")
+        pair = float(words[0]), float(words[1])
+        if not all(map(math.isfinite, pair)):
+            raise error(f"{file}: row {number}: {shown(line.strip())}: numbers must be finite")
+        found.append((number, pair))
+    if len(found) < 2:
+        raise error(f"{file}: holds {len(found)} points, needs at least 2; needed is {needed}")
+    return found
+
+
 def is_number(text: str) -> bool:
     """Whether a text is a number, finite or not."""
     try:

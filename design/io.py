@@ -1,8 +1,8 @@
 """Reading and writing design files; nothing half-written, every refusal with its reason.
 
 A file is TOML in UTF-8. `catalog_files` at its top names files beside it with parts and materials
-of the user's own, `profile_csv` under `[indenter]` a file with the tip's points; they are read into the
-design, so that a saved design stands alone.
+of the user's own, `profile_csv` under `[indenter]` a file with the tip's points, `curve_csv` in a part's
+table a digitised curve; they are read into the design, so that a saved design stands alone.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import tomlkit
 
 from design.errors import DesignError, shown
 from design.parts import catalog
+from design.parts.curve_file import CURVE_FILE, CURVES, with_curve
 from design.spec import SCHEMA_VERSION, SensorDesign
 from design.spec.tip_profile import read_profile
 from design.text_file import read_text
@@ -44,7 +45,7 @@ def load_design(path: str | os.PathLike[str]) -> SensorDesign:
     file = Path(path)
     document = read_toml(file)
     check_version(document, file)
-    document = _with_own_profile(_with_own_catalog(document, file), file)
+    document = _with_own_profile(_with_own_catalog(_with_curves(document, "catalog", file), file), file)
     return SensorDesign.from_document(document, where=str(file))
 
 
@@ -150,7 +151,7 @@ def _with_own_catalog(document: dict[str, Any], file: Path) -> dict[str, Any]:
     own = catalog.CatalogEntries()
     for name in names:
         beside = _beside(file, name, CATALOG_FILES)
-        more = catalog.parse_entries(read_toml(beside), where=str(beside))
+        more = catalog.parse_entries(_with_curves({"": read_toml(beside)}, "", beside)[""], where=str(beside))
         for kind in catalog.CatalogEntries.model_fields:
             doubled = sorted(set(getattr(own, kind)) & set(getattr(more, kind)))
             if doubled:
@@ -164,17 +165,34 @@ def _with_own_catalog(document: dict[str, Any], file: Path) -> dict[str, Any]:
     return document | {"catalog": own.model_dump(mode="json")}
 
 
+def _with_curves(document: dict[str, Any], name: str, file: Path) -> dict[str, Any]:
+    """A document whose table ``name``, a catalogue, holds the points of files that its parts name."""
+    entries = document.get(name)
+    parts = entries.get("parts") if isinstance(entries, dict) else None
+    for part_id, part in parts.items() if isinstance(parts, dict) else ():
+        for kind in CURVES if isinstance(part, dict) else ():
+            table = part.get(kind)
+            if isinstance(table, dict) and CURVE_FILE in table:
+                key = ".".join(filter(None, (name, "parts", part_id, kind, CURVE_FILE)))
+                part[kind] = with_curve(table, _named_beside(file, table[CURVE_FILE], key), kind)
+    return document
+
+
 def _with_own_profile(document: dict[str, Any], file: Path) -> dict[str, Any]:
     indenter = document.get("indenter")
     if not isinstance(indenter, dict) or PROFILE_FILE not in indenter:
         return document
     key, name = f"indenter.{PROFILE_FILE}", indenter[PROFILE_FILE]
-    if not isinstance(name, str):
-        raise DesignError(f"{file}: {key}: {name!r} is refused: give the name of a file, in quotes")
     if "profile_mm" in indenter:
         raise DesignError(f"{file}: {key}: stands beside indenter.profile_mm; keep one of the two")
     given = {field: value for field, value in indenter.items() if field != PROFILE_FILE}
-    return document | {"indenter": given | {"profile_mm": read_profile(_beside(file, name, key))}}
+    return document | {"indenter": given | {"profile_mm": read_profile(_named_beside(file, name, key))}}
+
+
+def _named_beside(file: Path, name: object, key: str) -> Path:
+    if not isinstance(name, str):
+        raise DesignError(f"{file}: {key}: {name!r} is refused: give the name of a file, in quotes")
+    return _beside(file, name, key)
 
 
 def _beside(file: Path, name: str, key: str) -> Path:
@@ -211,4 +229,11 @@ def file_schema() -> dict[str, Any]:
         "type": "string",
         "description": "file beside the design with the points of profile_mm, one a row",
     }
+    for kind, lists in (("AngularTable", CURVES["angular_pattern"]), ("Spectrum", CURVES["spectrum"])):
+        table = schema["$defs"][kind]
+        table["required"] = [name for name in table["required"] if name not in lists]
+        table["properties"][CURVE_FILE] = {
+            "type": "string",
+            "description": f"file beside this one with {' and '.join(lists)}, a point a row, as a digitiser writes it",
+        }
     return schema

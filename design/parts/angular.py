@@ -10,13 +10,13 @@ Left out: emission that differs between the two axes of a package.
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from design.fields.base import Model
+from design.fields.base import Model, without_defaults
 from design.fields.quantity import Confidence, Text
 
 FloatArray = NDArray[np.float64]
@@ -42,6 +42,12 @@ class AngularTable(Model):
     ]
     source: Text
     confidence: Confidence
+    adapted: Text | None = None
+    """What was done to the points of a file, where anything was."""
+
+    @model_serializer(mode="wrap")
+    def _without_absent_file(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return without_defaults(plain(self), {"adapted": None})
 
     @model_validator(mode="after")
     def _is_a_table(self) -> Self:

@@ -14,11 +14,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil, sqrt
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from design.fields.base import Model
+from design.fields.base import Model, without_defaults
 from design.fields.quantity import Confidence, Quantity, Text, weakest
 from design.fields.units import NM_PER_UM
 
@@ -38,6 +38,12 @@ class Spectrum(Model):
     ]
     source: Text
     confidence: Confidence
+    adapted: Text | None = None
+    """What was done to the points of a file, where anything was."""
+
+    @model_serializer(mode="wrap")
+    def _without_absent_file(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return without_defaults(plain(self), {"adapted": None})
 
     @model_validator(mode="after")
     def _is_a_table(self) -> Self:

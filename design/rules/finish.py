@@ -9,6 +9,7 @@ from design.fields.finding import Finding, error, warning
 from design.geometry.cavity import CavityGeometry
 from design.parts.angular import FLAT_FACE_LEAST_DEG
 from design.parts.catalog import Part
+from design.parts.curve_file import CURVES
 from design.spec import SensorDesign
 from design.spec.properties import entries_of, wall_index
 
@@ -84,4 +85,14 @@ def _table_findings(part: Part, part_id: str, origin: str) -> Iterator[Finding]:
                 value=f"{table.last_deg:g} deg",
                 limit=f"{SHORT_TABLE_DEG:g} deg or more",
                 way_out="give the sheet's values further out",
+            )
+    for name in CURVES:
+        table = getattr(part, name)
+        if table is not None and table.adapted is not None:
+            yield warning(
+                origin,
+                f"{name} of {part_id} was adapted, because a digitiser's points are no table",
+                value=table.adapted,
+                limit="rising points from 0",
+                way_out="look at the digitised diagram",
             )

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
+import re
 import stat
 import tempfile
 from pathlib import Path
 
+import numpy as np
 import pytest
+import tomlkit
 from hypothesis import given, settings
 
 from design.errors import DesignError, OptopadError
@@ -21,8 +24,9 @@ from design.io import (
     written_together,
 )
 from design.migrate import migrated
-from design.preset import PRESETS, preset
-from design.rules.check import require_valid
+from design.parts import catalog
+from design.preset import PRESETS, preset, preset_text
+from design.rules.check import check, require_valid
 from design.spec import SensorDesign
 from tests.design.bad_designs import design_text
 from tests.design.spec.spec_fields import designs, good
@@ -271,3 +275,71 @@ def test_a_part_in_two_catalogue_files_is_refused(tmp_path):
     file.write_text(design_text(head='catalog_files = ["one.toml", "two.toml"]'), encoding="utf-8")
     with pytest.raises(DesignError, match=r"two\.toml: parts\.my-led: stands in another of catalog_files"):
         load_design(file)
+
+
+def led_with(curve: str, folder: Path, *, kind: str = "angular_pattern") -> SensorDesign:
+    """The paper's pad with an emitter of one's own, a curve of it in a file."""
+    base = catalog.packaged().parts[preset("piacenza2017-pad").emitters.part]
+    part = without_empty(base.model_dump(mode="json")) | {
+        kind: {"curve_csv": "curve.csv", "source": "digitised", "confidence": "read"}
+    }
+    (folder / "curve.csv").write_text(curve, encoding="utf-8")
+    (folder / "parts.toml").write_text(tomlkit.dumps({"parts": {"my-led": part}}), encoding="utf-8")
+    text = preset_text("piacenza2017-pad")
+    text = re.sub(r'(?m)^part = ".*"', 'part = "my-led"', text, count=1)
+    (folder / "pad.toml").write_text('catalog_files = ["parts.toml"]\n' + text, encoding="utf-8")
+    return load_design(folder / "pad.toml")
+
+
+def test_a_digitised_pattern_is_sorted_folded_clipped_and_thinned_and_says_so(tmp_path: Path) -> None:
+    angles = np.linspace(-90.4, 90.4, 1600)
+    values = np.cos(np.radians(np.clip(angles, -90.0, 90.0))) - 0.004
+    order = np.random.default_rng(0).permutation(len(angles))
+    rows = "\n".join(f"{angles[k]:.5f}, {values[k]:.6f}" for k in order)
+    design = led_with(f"angle,intensity\n{rows}\n", tmp_path)
+    table = design.catalog.parts["my-led"].angular_pattern
+    assert table is not None
+    assert (table.angle_deg[0], table.angle_deg[-1]) == (0.0, 90.0)
+    assert len(table.angle_deg) <= 400
+    at = np.linspace(0.0, 90.0, 50)
+    assert table.at(at) == pytest.approx(np.maximum(np.cos(np.radians(at)) - 0.004, 0.0), abs=1e-3)
+    for word in ("curve.csv", "set to 0", "up to 90.4 deg set to 90", "both sides", "thinned to 181"):
+        assert word in (table.adapted or "")
+    told = [str(finding) for finding in check(design) if "was adapted" in finding.message]
+    assert len(told) == 1
+    assert "thinned" in told[0]
+    assert load_design_text(dump_design(design), tmp_path).digest == design.digest
+
+
+def load_design_text(text: str, folder: Path) -> SensorDesign:
+    (folder / "again.toml").write_text(text, encoding="utf-8")
+    return load_design(folder / "again.toml")
+
+
+def test_a_digitised_curve_that_is_a_table_is_taken_as_it_is(tmp_path: Path) -> None:
+    pattern = led_with("0;1\n45;0.7\n90;0\n", tmp_path).catalog.parts["my-led"].angular_pattern
+    assert pattern is not None
+    assert (pattern.angle_deg, pattern.relative, pattern.adapted) == ((0, 45, 90), (1, 0.7, 0), None)
+    first = led_with("0.31,1\n45,0.7\n", tmp_path).catalog.parts["my-led"].angular_pattern
+    assert first is not None
+    assert first.angle_deg == (0, 45)
+    assert "0.31 deg, taken for the axis" in (first.adapted or "")
+    curve = "# nm, weight\n520,1\n500,0.2\n520,0.8\n560,-0.01\n"
+    spectrum = led_with(curve, tmp_path, kind="spectrum").catalog.parts["my-led"].spectrum
+    assert spectrum is not None
+    assert (spectrum.wavelength_nm, spectrum.weight) == ((500, 520, 560), (0.2, 0.9, 0))
+
+
+def test_a_curve_that_is_none_is_refused_with_its_file(tmp_path: Path) -> None:
+    for kind, curve, words in (
+        ("angular_pattern", "3,1\n45,0.7\n", "starts at 3; needs a point at 2 or less"),
+        ("angular_pattern", "0,1\n120,0.7\n", "goes up to 120; needs angles to the axis"),
+        ("angular_pattern", "0,1\n45,-0.1\n", "at most 2% of the largest below"),
+        ("angular_pattern", "0,31;0,99\n45,1;0,7\n", "decimal comma"),
+        ("angular_pattern", "0,1\n", "holds 1 points"),
+        ("angular_pattern", "0,0\n1,0\n", "correct the axis"),
+        ("spectrum", "0.52,1\n0.56,0.7\n", "in nm, not in µm"),
+    ):
+        with pytest.raises(DesignError, match=r"curve\.csv: ") as err:
+            led_with(curve, tmp_path, kind=kind)
+        assert words in str(err.value)
