@@ -1,13 +1,15 @@
 """NumPy archives (.npz) read with suspicion: plain arrays only, sizes checked before anything is allocated.
 
 A file that was damaged or made by hand may say any shape, nest its headers, or hold what is no array. NumPy's own
-reader believes the header and allocates; here the header must fit the bytes that the archive holds.
+reader believes the header and allocates; here every array's header must fit the size that the archive states for it,
+and all sizes must be possible, before anything but headers is unpacked.
 """
 
 from __future__ import annotations
 
 import ast
 import math
+import os
 import re
 import struct
 import zipfile
@@ -19,6 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 MOST_MEMBERS = 10_000
+MOST_RATIO = 100
+"""Of the unpacked size over the file's: numbers of models shrink to a tenth at most, zeros to a thousandth."""
+FREE_BYTES = 1_000_000
+"""Unpacked size below which any ratio is taken."""
+CHUNK_BYTES = 1_000_000
 LONGEST_HEADER = 1_000
 """Of an array's type and shape, in bytes; ours have 118."""
 _SUFFIX = ".npy"
@@ -53,7 +60,7 @@ def plain_arrays(file: Path, *, most_bytes: int) -> dict[str, NDArray[Any]]:
 
     Parameters
     ----------
-    most_bytes : of all arrays unpacked
+    most_bytes : of all arrays unpacked; `MOST_RATIO` times the file's size holds as well
 
     Raises
     ------
@@ -61,29 +68,44 @@ def plain_arrays(file: Path, *, most_bytes: int) -> dict[str, NDArray[Any]]:
     ValueError : no archive of plain arrays, damaged, or larger; the message says which.
     """
     with file.open("rb") as stream:
+        most = min(most_bytes, max(FREE_BYTES, MOST_RATIO * os.fstat(stream.fileno()).st_size))
         try:
             with zipfile.ZipFile(stream) as archive:
                 members = archive.infolist()
                 size = sum(member.file_size for member in members)
-                if size > most_bytes:
-                    raise ValueError(
-                        f"unpacks to {size / 1e6:.0f} MB, reads at most {most_bytes / 1e6:.0f} MB"
-                    )
+                if size > most:
+                    raise ValueError(f"unpacks to {size / 1e6:.0f} MB, reads at most {most / 1e6:.0f} MB")
                 if len(members) > MOST_MEMBERS:
                     raise ValueError(f"holds {len(members)} arrays, reads at most {MOST_MEMBERS}")
+                for member in members:
+                    _require_fitting(archive, member)
                 return {member.filename.removesuffix(_SUFFIX): _array(archive, member) for member in members}
         except _UNREADABLE as err:
             raise ValueError(str(err) or type(err).__name__) from None
 
 
+def _require_fitting(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> None:
+    """Refuse an array of another size than the archive states; no more than its header is unpacked."""
+    if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):  # others unpack without limit
+        raise ValueError(f"{member.filename}: is packed in another way than NumPy packs arrays")
+    with archive.open(member) as stream:
+        kind, shape, _ = _header(stream, member.filename)
+        length, held = math.prod(shape) * kind.itemsize, member.file_size - stream.tell()
+    if held != length:
+        raise ValueError(f"{member.filename}: its header speaks of {length:.6g} bytes, it has {held}")
+
+
 def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
     with archive.open(member) as stream:
         kind, shape, is_column_major = _header(stream, member.filename)
-        length = math.prod(shape) * kind.itemsize
-        content = stream.read(member.file_size)  # no more than the archive says, which was limited
-    if len(content) != length:
-        raise ValueError(f"{member.filename}: its header speaks of {length:.6g} bytes, it has {len(content)}")
-    return np.ndarray(shape, kind, content, order="F" if is_column_major else "C").copy()
+        content = bytearray(math.prod(shape) * kind.itemsize)
+        view, filled = memoryview(content), 0
+        while chunk := stream.read(CHUNK_BYTES):
+            view[filled : filled + len(chunk)] = chunk
+            filled += len(chunk)
+    if filled != len(content):
+        raise ValueError(f"{member.filename}: ends after {filled} of {len(content)} bytes")
+    return np.ndarray(shape, kind, content, order="F" if is_column_major else "C")
 
 
 def _header(stream: IO[bytes], name: str) -> tuple[np.dtype[Any], tuple[int, ...], bool]:
@@ -99,5 +121,6 @@ def _header(stream: IO[bytes], name: str) -> tuple[np.dtype[Any], tuple[int, ...
         case {"descr": str(kind), "fortran_order": bool(order), "shape": tuple(shape)} if _KIND.fullmatch(
             kind
         ) and all(type(one) is int and 0 <= one < 2**40 for one in shape):
-            return np.dtype(kind), shape, order
+            if (found := np.dtype(kind)).itemsize:  # texts of no length take no bytes, however many there are
+                return found, shape, order
     raise ValueError(f"{name}: its header is none of an array of numbers or texts; objects are not loaded")

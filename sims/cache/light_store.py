@@ -43,7 +43,7 @@ ASKED_AT_ONCE = 500
 """Names in one question; SQLite allows 999 and more."""
 PASSING = (
     sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_FULL,
-    sqlite3.SQLITE_PERM, sqlite3.SQLITE_AUTH, sqlite3.SQLITE_NOMEM, sqlite3.SQLITE_READONLY,
+    sqlite3.SQLITE_PERM, sqlite3.SQLITE_AUTH, sqlite3.SQLITE_NOMEM,
 )  # fmt: skip
 """What is no damage of the file: another process, rights, a full disk."""
 _TABLE = "CREATE TABLE IF NOT EXISTS light (name BLOB PRIMARY KEY, content BLOB NOT NULL)"
@@ -117,7 +117,9 @@ class LightStore:
         except (UnicodeDecodeError, _DamagedFileError):
             self._remove()
         except sqlite3.Error as err:
-            if err.sqlite_errorcode & 0xFF not in passing:
+            code = err.sqlite_errorcode & 0xFF
+            is_protected = code == sqlite3.SQLITE_READONLY and not os.access(self.path, os.W_OK)
+            if code not in passing and not is_protected:
                 self._remove()
 
     def _remove(self) -> None:

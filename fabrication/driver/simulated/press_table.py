@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 FloatArray = NDArray[np.float64]
+MOST_BYTES = 500_000_000
+"""Of the arrays unpacked: 6,000 states of 1,024 pairs have 50 MB."""
 SAME_MM = 1e-6
 """Two lines of a grid are one when they agree to this [mm]."""
 
@@ -148,6 +150,9 @@ def table_from_signals(file: Path, config: DriverConfig) -> PressTable:
         with h5py.File(file, "r") as held:  # what h5netcdf reads first: it must not half open a damaged file
             held.attrs.get("_nc3_strict")
         with xr.open_dataset(file, engine="h5netcdf", phony_dims="access") as dataset:
+            size = sum(dataset[name].nbytes for name in ("press_x", "press_y", "press_depth", "flux"))
+            if size > MOST_BYTES:
+                raise ValueError(f"unpacks to {size / 1e6:.0f} MB, reads at most {MOST_BYTES / 1e6:.0f} MB")
             presses = np.stack([_numbers(dataset[f"press_{axis}"]) for axis in ("x", "y", "depth")], axis=1)
             flux = _numbers(dataset["flux"])
             belongs_to = str(dataset.attrs["design_digest"])

@@ -7,10 +7,8 @@ inputs, so their number does not change the result.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from errno import EISDIR
 from importlib.metadata import version
 from multiprocessing import active_children, get_context
 from pathlib import Path
@@ -19,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import OutputError
+from design.whole_file import folder_fault, own_folder, require_file_name, whole_file
 from sims.contact.library.incompressible import POISSON_RATIOS, nearly_incompressible
 from sims.contact.library.press_fit import fit_press
 from sims.contact.library.profile_library import (
@@ -204,26 +203,17 @@ def build_library(workers: int, on_step: Callable[[int, int], None] | None = Non
     return assembled(entries, pads, crown_changes(flat, crowned))
 
 
-def _unwritable(path: Path, err: OSError) -> OutputError:
-    return OutputError(f"{path}: cannot be written ({err.strerror or err}); choose another --out")
-
-
 def require_writable(path: Path) -> None:
-    """Refuse a place before hours are spent on what shall be written there.
+    """Refuse a file before hours are spent on its content.
 
     Raises
     ------
-    OutputError : the place cannot be written
+    OutputError : the file cannot be written
     """
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        if path.is_dir():
-            raise IsADirectoryError(EISDIR, os.strerror(EISDIR))
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part.touch()
-        part.unlink()
-    except OSError as err:
-        raise _unwritable(path, err) from err
+    require_file_name(path)
+    fault = folder_fault(path.parent)
+    if fault or path.is_dir():
+        raise OutputError(f"{path}: cannot be written ({fault or 'a folder'}); choose another --out")
 
 
 def write_library(library: Library, path: Path) -> None:
@@ -231,15 +221,8 @@ def write_library(library: Library, path: Path) -> None:
 
     Raises
     ------
-    OutputError : the place cannot be written
+    OutputError : the file cannot be written
     """
-    require_writable(path)
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with part.open("wb") as file:
-            np.savez_compressed(file, allow_pickle=False, **pack(library))
-        os.replace(part, path)
-    except OSError as err:
-        raise _unwritable(path, err) from err
-    finally:
-        part.unlink(missing_ok=True)
+    own_folder(path.parent, "choose another --out")
+    with whole_file(path, "choose another --out") as hidden, hidden.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **pack(library))

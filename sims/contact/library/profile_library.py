@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from design.errors import InputError, ModelScopeError
+from design.plain_arrays import plain_arrays
 from design.rules.contact_scope import DEEPEST_PRESS, LARGEST_CROWN, LARGEST_SHARE_OF_LAYER
 from sims.contact.library.smooth_press import VALUES, FitResidual, SmoothPress
 from sims.contact.scope import HALF_WIDTH, WALL_RADIUS, WALL_RADIUS_RANGE, round_radius
@@ -44,6 +45,8 @@ FILE = "profiles.npz"
 """Name of the file in the package's data folder."""
 FORMAT = 3
 """Version of the file's layout."""
+MOST_BYTES = 50_000_000
+"""Of its arrays unpacked; they have 0.6 MB."""
 CORNER = DEEPEST_PRESS / LARGEST_SHARE_OF_LAYER
 """Layer at which the two limits of the press meet [tip radii]: 2.125."""
 LAYERS = (1.3, 1.45, 1.63, 1.85, CORNER, 2.4, 2.7, 3.0, 3.5, 4.2, 5.0, 6.0)
@@ -311,8 +314,8 @@ def pack(library: Library) -> dict[str, NDArray[np.generic]]:
 @cache
 def shipped_library() -> Library:
     """The library that comes with the package, read once."""
-    with resources.files("sims.contact.library").joinpath("data", FILE).open("rb") as file:
-        held = dict(np.load(file, allow_pickle=False))
+    with resources.as_file(resources.files("sims.contact.library").joinpath("data", FILE)) as file:
+        held = plain_arrays(file, most_bytes=MOST_BYTES)
     if int(held["format"]) != FORMAT or held["coefficients"].shape[2] != VALUES:
         raise RuntimeError(f"{FILE} is not of this version of optopad; run `optopad contact build`")
     return Library(

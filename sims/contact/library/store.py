@@ -1,19 +1,14 @@
 """Solved presses on disk: one .npz an entry, named by a hash of everything the solution depends on.
 
-Plain arrays only: nothing in an entry is executed on reading. An entry is written beside its place
-and moved there in one step, so readers and racing writers see whole files only. An entry that cannot
-be read, or that is not what its name says, counts as absent and is replaced.
+Plain arrays only: nothing in an entry is executed on reading. An entry is written whole or not at all,
+so readers and racing writers see whole files only. An entry that cannot be read, or that is not what
+its name says, counts as absent and is replaced.
 """
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
-import os
-import tempfile
-import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -21,14 +16,17 @@ from typing import Any
 
 import numpy as np
 
+from design.errors import OutputError
+from design.plain_arrays import plain_arrays
+from design.whole_file import whole_file
 from sims.cache.folder import CACHE_VARIABLE
 from sims.cache.folder import cache_folder as folder_of_all
 from sims.contact.library.profiles import UnitPress
 
 FORMAT = 1
 """Version of the entry's layout."""
-_UNREADABLE = (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error)
-"""What reading a damaged entry raises; RuntimeError is zipfile's for flags that it does not support."""
+MOST_BYTES = 50_000_000
+"""Of an entry; the largest in use have some hundred kB."""
 _SCALARS = ("layer_depth", "wall_radius", "crown", "mesh_size", "wedge_angle", "poisson_ratio")
 _MAY_LACK = {"crown": 0.0}
 """Fields that an entry of a flat layer may lack, and what they are there."""
@@ -68,19 +66,13 @@ def _is_whole(press: UnitPress) -> bool:
 def read_entry(key: str) -> UnitPress | None:
     """The stored press, or None where there is none that can be used."""
     try:
-        with entry_path(key).open("rb") as file, zipfile.ZipFile(file) as archive:
-            if archive.testzip() is not None:
-                return None
-            file.seek(0)
-            entry = np.load(file, allow_pickle=False)
-            if str(entry["key"]) != key:
-                return None
-            found: dict[str, object] = {
-                f.name: entry[f.name]
-                for f in fields(UnitPress)
-                if f.name in entry.files or f.name not in _MAY_LACK
-            }
-    except _UNREADABLE:
+        entry = plain_arrays(entry_path(key), most_bytes=MOST_BYTES)
+        if str(entry["key"]) != key:
+            return None
+        found: dict[str, object] = {
+            f.name: entry[f.name] for f in fields(UnitPress) if f.name in entry or f.name not in _MAY_LACK
+        }
+    except (OSError, ValueError, KeyError):
         return None
     found = _MAY_LACK | found
     found |= {name: float(np.asarray(found[name])) for name in _SCALARS}
@@ -97,19 +89,12 @@ def _arrays(press: UnitPress) -> dict[str, np.ndarray[Any, Any]]:
 def write_entry(key: str, press: UnitPress) -> str | None:
     """Store a press; returns None, or a note that says why it could not be stored."""
     path = entry_path(key)
-    temporary: str | None = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
-            temporary = file.name
+        with whole_file(path) as hidden, hidden.open("wb") as file:
             np.savez(file, allow_pickle=False, key=np.array(key), **_arrays(press))
-        os.replace(temporary, path)
-    except BaseException as err:  # an interrupt as well
-        if temporary is not None:
-            with contextlib.suppress(OSError):
-                os.unlink(temporary)
-        if not isinstance(err, OSError):
-            raise
-        reason = err.strerror or str(err)
+    except (OSError, OutputError) as err:
+        cause = err.__cause__ or err
+        reason = getattr(cause, "strerror", None) or str(cause)
         return f"contact solution not stored in {path.parent} ({reason}); set {CACHE_VARIABLE} to a writable folder"
     return None

@@ -2,30 +2,29 @@
 
 The archive (.npz, a zip file) holds an array `header` (the JSON text's UTF-8 bytes), the arrays of the model, and
 `sha256` (the checksum's 32 bytes) over header and arrays: names, types, shapes and contents, in the order of the
-names. Nothing in the file is executed on reading. It is written beside its place and moved there in one step.
+names. Nothing in the file is executed on reading. It is written whole or not at all.
 """
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
 import os
-import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from design.errors import InputError, OutputError
+from design.errors import InputError
 from design.plain_arrays import plain_arrays
+from design.whole_file import whole_file
 from sims.learning.inference.header import header_of_json
 from sims.learning.inference.kinds import KINDS
 from sims.learning.inference.touch_model import Arrays, TouchModel
 
-MOST_BYTES = 2_000_000_000
-"""Of the arrays unpacked; a kernel-ridge model of 49,000 samples has 14 MB."""
+MOST_BYTES = 400_000_000
+"""Of the arrays unpacked: twice what a kernel-ridge model of 49,000 samples of 1,024 pairs has."""
 _HEADER, _CHECKSUM = "header", "sha256"
 
 
@@ -34,13 +33,14 @@ def save_model(file: str | os.PathLike[str], model: TouchModel) -> None:
 
     Raises
     ------
-    OutputError : the folder is missing, read-only or full.
+    InputError, OutputError : as `design.whole_file.whole_file`.
     """
     text = json.dumps(model.header.to_json(), allow_nan=False).encode()
     arrays: dict[str, NDArray[Any]] = {name: np.asarray(array) for name, array in model.arrays().items()}
     arrays[_HEADER] = np.frombuffer(text, np.uint8)
     arrays[_CHECKSUM] = np.frombuffer(_checksum(arrays), np.uint8)
-    _write_atomically(Path(file), arrays)
+    with whole_file(Path(file)) as hidden, hidden.open("wb") as stream:
+        np.savez_compressed(stream, allow_pickle=False, **arrays)
 
 
 def load_model(file: str | os.PathLike[str]) -> TouchModel:
@@ -87,23 +87,5 @@ def _checksum(arrays: Arrays) -> bytes:
     for name in sorted(arrays):
         array = np.ascontiguousarray(arrays[name])
         total.update(f"{name} {array.dtype.str} {array.shape}\n".encode())
-        total.update(array.tobytes())
+        total.update(array.reshape(-1).view(np.uint8))
     return total.digest()
-
-
-def _write_atomically(file: Path, arrays: dict[str, NDArray[Any]]) -> None:
-    temporary: str | None = None
-    try:
-        with tempfile.NamedTemporaryFile(
-            dir=file.parent, prefix=f".{file.name}.", suffix=".partial", delete=False
-        ) as stream:
-            temporary = stream.name
-            np.savez_compressed(stream, allow_pickle=False, **arrays)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, file)
-    except OSError as err:
-        raise OutputError(f"{file}: cannot be written: {err.strerror}; choose another folder") from None
-    finally:
-        if temporary is not None:
-            with contextlib.suppress(OSError):
-                os.unlink(temporary)

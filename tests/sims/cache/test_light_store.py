@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import multiprocessing
+import os
 import sqlite3
 from pathlib import Path
 
@@ -202,3 +204,39 @@ def test_gathered_rows_need_no_store() -> None:
     gathered.write(ROWS)
     gathered.put_away()
     assert gathered.read(list(ROWS)) == ROWS
+
+
+def test_a_file_that_is_write_protected_is_read_and_stays(
+    store: LightStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store.write(ROWS)
+    opened = sqlite3.connect
+
+    def protected(path: Path, timeout: float) -> sqlite3.Connection:
+        return opened(f"file:{path}?mode=ro", timeout=timeout, uri=True)
+
+    monkeypatch.setattr(sqlite3, "connect", protected)
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    store.write({b"new": b"row"})
+    assert store.read([*ROWS, b"new"]) == ROWS
+
+
+def test_a_row_too_long_for_light_is_not_taken_into_memory(
+    store: LightStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store.write(ROWS | {b"long": bytes(1000)})
+    monkeypatch.setattr("sims.cache.light_store.MOST_ROW_BYTES", 500)
+    assert store.read([*ROWS, b"long"]) == ROWS
+
+
+def test_a_folder_that_may_not_be_looked_into_holds_no_light(
+    store: LightStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(os, "stat", refuse)
+    monkeypatch.setattr(Path, "mkdir", refuse)
+    store.write(ROWS)
+    assert store.read(list(ROWS)) == {}
+    assert store.rows() == 0

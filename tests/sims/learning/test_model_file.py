@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import tracemalloc
 import zipfile
 from contextlib import suppress
 from dataclasses import replace
@@ -13,6 +14,9 @@ import numpy as np
 import pytest
 
 from design.errors import InputError, OutputError
+from design.plain_arrays import plain_arrays
+from fabrication.stage.collected_parts import CollectedParts
+from sims.contact.library.store import read_entry
 from sims.learning.inference import model_file
 from sims.learning.inference.header import header_of_json, require_design
 from sims.learning.inference.model_file import load_model, save_model
@@ -170,3 +174,72 @@ def test_a_model_that_cannot_be_written_leaves_the_old_one(saved, tmp_path):
         save_model(tmp_path / "absent" / "a.optomodel", made_up_kernel_ridge())
     assert saved.read_bytes() == before
     assert os.listdir(tmp_path) == ["a.optomodel"]
+
+
+def refused_part(file: Path) -> bool:
+    parts = object.__new__(CollectedParts)
+    parts.folder = file.parent
+    file.rename(file.with_name("000001.npz"))
+    with pytest.raises(InputError, match="is damaged"):
+        parts._part(1)
+    return True
+
+
+def refused_model(file: Path) -> bool:
+    with pytest.raises(InputError, match="is no optopad model, or it is damaged"):
+        load_model(file)
+    return True
+
+
+def refused_arrays(file: Path) -> bool:
+    with pytest.raises(ValueError, match=r"unpacks to|another way|header speaks"):
+        plain_arrays(file, most_bytes=10**12)
+    return True
+
+
+def refused_press(file: Path) -> bool:
+    file.rename(file.with_name("key.npz"))
+    return read_entry("key") is None
+
+
+READERS = {
+    "model": refused_model,
+    "part of a collection": refused_part,
+    "contact solution": refused_press,
+    "any": refused_arrays,
+}
+
+
+def zeros(archive: zipfile.ZipFile, count: int, said: int) -> None:
+    """An array of zeros whose header speaks of another number of them."""
+    header = f"{{'descr': '|u1', 'fortran_order': False, 'shape': ({said},), }}".encode()
+    with archive.open("header.npy", "w", force_zip64=True) as stream:
+        stream.write(b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header)
+        for _ in range(count // 1_000_000):
+            stream.write(bytes(1_000_000))
+
+
+@pytest.mark.parametrize("reader", READERS)
+@pytest.mark.parametrize(
+    ("packed", "count", "said"),
+    [
+        (zipfile.ZIP_DEFLATED, 60_000_000, 60_000_000),
+        (zipfile.ZIP_BZIP2, 60_000_000, 60_000_000),
+        (zipfile.ZIP_BZIP2, 0, 0),
+        (zipfile.ZIP_DEFLATED, 0, 60_000_000),
+        (zipfile.ZIP_DEFLATED, 0, 2**39),
+        (zipfile.ZIP_DEFLATED, 1_000_000, 999_999),
+    ],
+)
+def test_every_reader_of_arrays_checks_sizes_before_it_unpacks(
+    tmp_path, monkeypatch, reader, packed, count, said
+):
+    monkeypatch.setattr("sims.contact.library.store.cache_folder", lambda: tmp_path)
+    with zipfile.ZipFile(tmp_path / "bomb", "w", packed) as archive:
+        zeros(archive, count, said)
+    tracemalloc.start()
+    try:
+        assert READERS[reader](tmp_path / "bomb")
+        assert tracemalloc.get_traced_memory()[1] < 6_000_000
+    finally:
+        tracemalloc.stop()

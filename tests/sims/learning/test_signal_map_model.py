@@ -158,6 +158,7 @@ def test_a_saved_model_answers_alike(model: SignalMapModel, tmp_path: Path):
     [
         ("full_counts", np.zeros(PAIRS), "above 0"),
         ("box_mm", np.ones((2, 3)), "not empty"),
+        ("box_mm", np.array([[0.0, 0.0, 0.1], [900.0, 900.0, 3.0]]), "a table of 1.3e\\+08 signals"),
         ("noise_shares", np.array([0.0, 0.1, -0.1, 0.0]), "below 0"),
         ("map_step", np.array([1.0, 1.0, 0.0]), "steps above 0"),
         ("map_coefficients", np.zeros((5, 5, 5, 3)), "map_coefficients"),

@@ -36,6 +36,8 @@ FRAMES_AT_ONCE = 200
 TABLE_PITCH_MM = 2.0
 LARGEST_BOX_MM = 1_000.0
 """Of presses that are considered: no pad is larger, and the table of starts grows with its area."""
+LARGEST_TABLE = 50_000_000
+"""Signals of the table of starts, 0.4 GB; a pad of 100 x 100 mm with 256 pairs has 7 million."""
 TABLE_DEPTHS = 10
 """Of the presses that a search may start from; the search itself bridges the gaps between them."""
 
@@ -157,6 +159,9 @@ def signal_map_of_arrays(header: ModelHeader, arrays: Arrays) -> SignalMapModel:
         )
     if np.abs(box).max() > LARGEST_BOX_MM or box[1, 2] <= 0.0:
         raise InputError(f"box_mm: reaches beyond {LARGEST_BOX_MM:g} mm, or holds no depth above 0")
+    sides = np.ceil((box[1, :2] - box[0, :2]) / TABLE_PITCH_MM) + 1
+    if (table := sides.prod() * TABLE_DEPTHS * pairs) > LARGEST_TABLE:
+        raise InputError(f"box_mm: needs a table of {table:.3g} signals, reads at most {LARGEST_TABLE:.3g}")
     if min(shot, relative, emitter_drift, receiver_drift) < 0.0:
         raise InputError("noise_shares: are deviations, none is below 0")
     return SignalMapModel(
