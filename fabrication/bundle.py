@@ -39,6 +39,10 @@ def bundle_name(design: SensorDesign) -> str:
     return f"{design.name}-{design.digest[:8]}"
 
 
+_UNDER_WAY: set[Path] = set()
+"""Hidden folders of the work in progress."""
+
+
 @contextmanager
 def bundle(design: SensorDesign, out: Path, *, seed: int) -> Iterator[Path]:
     """A folder to write into, which becomes the bundle when the block ends well.
@@ -54,6 +58,7 @@ def bundle(design: SensorDesign, out: Path, *, seed: int) -> Iterator[Path]:
     """
     final = out / bundle_name(design)
     staging = _staging_path(final)
+    _UNDER_WAY.add(staging)
     try:
         try:
             final.parent.mkdir(parents=True, exist_ok=True)
@@ -74,6 +79,13 @@ def bundle(design: SensorDesign, out: Path, *, seed: int) -> Iterator[Path]:
             raise
         raise _unwritable(final, err) from err
     finally:
+        shutil.rmtree(staging, ignore_errors=True)
+        _UNDER_WAY.discard(staging)
+
+
+def abandon() -> None:
+    """Remove the work in progress of a process that ends at once; what is in its place already stays."""
+    for staging in tuple(_UNDER_WAY):
         shutil.rmtree(staging, ignore_errors=True)
 
 

@@ -7,6 +7,11 @@ it for a sign that another one is not installed, and do without (as trimesh with
 end. And compiled packages, while they are loaded or call back, report it as a failure of their own ("initialization
 failed", "invalid bounding box"): who explains a failure asks `has_arrived` first.
 
+A thread watches for the two ways in which the main thread does not answer within `PATIENCE_S`. Where it waits for other
+threads at the end of a block, Ctrl-C is sent again, which ends the waiting. Where it is in compiled code of a
+computation, which Python does not interrupt, the process ends at once, after the folders of the work in progress and
+the processes that it started.
+
 `kill` (SIGTERM) and a terminal that goes (SIGHUP, unless ignored as by `nohup`) are answered alike, so that nothing
 hidden stays in the folder, the mold's process ends, too, and a stage does not leave its tip in the pad.
 """
@@ -16,18 +21,36 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
 import time
 from contextlib import suppress
+from pathlib import Path
 from types import FrameType, TracebackType
 from typing import NoReturn, Protocol
 
 AGAIN_S = 0.01
 """Until Ctrl-C comes again: well after a destructor, and at once for a person."""
-LONGEST_IMPORT_S = 5.0
+LONGEST_IMPORT_S = 1.5
 """So long Ctrl-C waits for an import's end."""
+INTERRUPTED = 130
+"""Exit code."""
+PATIENCE_S = 1.2
+"""So long the watching thread waits for the main thread: a person waits two seconds at most."""
 IMPORTING = "<frozen importlib._bootstrap>"
+ROOT = Path(__file__).parents[2]
+COMPUTING = tuple(f"{ROOT / room}{os.sep}" for room in ("sims", "cad", "design"))
+"""Where our computations are: nothing there moves a stage, or changes a file that is not written anew."""
+OURS = (*COMPUTING, f"{ROOT / 'optopad'}{os.sep}", f"{ROOT / 'fabrication'}{os.sep}")
+WAITING = (
+    os.path.join("concurrent", "futures", "thread.py"),
+    os.path.join("concurrent", "futures", "_base.py"),
+)
+
+DEAF = float("inf")
 
 _arrived_s: list[float] = []
+_answered_s: list[float] = [-1.0]
+"""When Ctrl-C was last taken up, whatever came of it."""
 
 
 class _Unraisable(Protocol):
@@ -51,6 +74,12 @@ def listen() -> None:
             former(dropped)
 
     sys.unraisablehook = hook
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    signal.set_wakeup_fd(
+        writing, warn_on_full_buffer=False
+    )  # written to even where Python's own handler has to wait
+    threading.Thread(target=_watch, args=(reading,), name="optopad interrupts", daemon=True).start()
     signal.signal(signal.SIGALRM, _answer)
     signal.signal(signal.SIGINT, _answer)
     signal.signal(signal.SIGTERM, _answer)
@@ -71,11 +100,19 @@ def answered() -> None:
 def be_deaf() -> None:
     """Take no further Ctrl-C: the outcome is known, and Python's own end, which takes a moment, does not change it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _answered_s[0] = DEAF
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_REAL, 0.0)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is _answer:
         signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
+def say() -> None:
+    """The one message of every interrupted command."""
+    print(
+        "optopad: interrupted: nothing is half-written, and finished parts are found again", file=sys.stderr
+    )
 
 
 def leave(code: int) -> NoReturn:
@@ -87,7 +124,8 @@ def leave(code: int) -> NoReturn:
 
 
 def _answer(_number: int, frame: FrameType | None) -> None:
-    _arrived_s.append(time.monotonic())
+    _answered_s[0] = time.monotonic()
+    _arrived_s.append(_answered_s[0])
     if _is_importing(frame) and _arrived_s[-1] - _arrived_s[0] < LONGEST_IMPORT_S:
         _send_again()
     else:
@@ -104,3 +142,54 @@ def _is_importing(frame: FrameType | None) -> bool:
             return True
         frame = frame.f_back
     return False
+
+
+def _watch(reading: int) -> None:
+    """See that each Ctrl-C is answered in time."""
+    while os.read(reading, 1):
+        came_s = time.monotonic()
+        time.sleep(PATIENCE_S)
+        if _answered_s[0] < came_s - AGAIN_S:  # the main thread has not come back to Python since
+            _end_compiled()
+        while _arrived_s and _answered_s[0] != DEAF:
+            frame = _of_main()
+            if frame is not None and _is_joining(frame):
+                signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+            time.sleep(PATIENCE_S / 4)
+
+
+def _end_compiled() -> None:
+    """End the process if its main thread computes, or loads a package."""
+    frame = _of_main()
+    computes = _is_importing(frame)
+    while frame is not None and not computes:
+        file = frame.f_code.co_filename
+        if file.startswith(OURS):
+            computes = file.startswith(COMPUTING)
+            break
+        frame = frame.f_back
+    if not computes:
+        return
+    for module, clean in (("optopad.work.program", "end_started"), ("fabrication.bundle", "abandon")):
+        if module in sys.modules:
+            getattr(sys.modules[module], clean)()
+    with suppress(OSError):
+        if sys.stderr.isatty():
+            sys.stderr.write("\x1b[?25h\n")  # a drawn progress hides the cursor
+        say()
+    leave(INTERRUPTED)
+
+
+def _is_joining(frame: FrameType) -> bool:
+    """Whether a frame waits, at the end of a block, for the threads of a pool."""
+    outer: FrameType | None = frame
+    while outer is not None and not outer.f_code.co_filename.startswith(OURS):
+        if outer.f_code.co_filename.endswith(WAITING) and outer.f_code.co_name in ("shutdown", "__exit__"):
+            return True
+        outer = outer.f_back
+    return False
+
+
+def _of_main() -> FrameType | None:
+    """Where the main thread is."""
+    return sys._current_frames().get(threading.main_thread().ident or 0)

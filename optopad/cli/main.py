@@ -45,10 +45,9 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _told(code: int) -> int:
     if code == INTERRUPTED:  # the command line's library says no word
-        print(
-            "optopad: interrupted: nothing is half-written, and finished parts are found again",
-            file=sys.stderr,
-        )
+        from optopad.cli.interrupts import say
+
+        say()
     return code
 
 

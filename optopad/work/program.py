@@ -6,6 +6,9 @@ import os
 import subprocess
 import sys
 from collections.abc import Sequence
+from weakref import WeakSet
+
+_STARTED: WeakSet[subprocess.Popen[str]] = WeakSet()
 
 
 def started(
@@ -23,7 +26,7 @@ def started(
     stdin, stdout, stderr : as `subprocess.Popen` takes them
     """
     # -P: a design.py or cad.py of the user's in the current folder must not stand in for ours
-    return subprocess.Popen(
+    process = subprocess.Popen(
         [sys.executable, "-P", *arguments],
         env=os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
         stdin=stdin,
@@ -32,3 +35,13 @@ def started(
         text=True,
         errors="replace",
     )
+    _STARTED.add(process)
+    return process
+
+
+def end_started() -> None:
+    """End every program that was started here and still runs."""
+    for process in tuple(_STARTED):
+        if process.poll() is None:
+            process.kill()
+            process.wait()

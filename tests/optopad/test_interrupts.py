@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -111,6 +112,56 @@ def examine():
 import optopad.doctor
 optopad.doctor.examine = examine
 """
+COMPILED = """
+import hashlib, threading
+from pathlib import Path
+import optopad.doctor
+def compiled(rounds):
+    hashlib.pbkdf2_hmac("sha1", b"", b"", rounds)  # lets other threads run, and looks at no signal
+def within(file, rounds):
+    names = {"compiled": compiled}
+    exec(compile(f"def work(): compiled({rounds})", str(Path.cwd() / file), "exec"), names)
+    threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
+    names["work"]()
+"""
+IN_COMPILED_CODE = (
+    COMPILED
+    + """
+def examine():
+    from design.preset import preset
+    from fabrication.bundle import bundle
+    from optopad.work.program import started
+    child = started(["-c", "import time; time.sleep(60)"])
+    with bundle(preset("fingertip-16"), Path(os.environ["OUT"]), seed=0):
+        print(child.pid, len(os.listdir(os.environ["OUT"])), flush=True)
+        within("sims/contact/any.py", 10**9)
+optopad.doctor.examine = examine
+"""
+)
+WHERE_A_STAGE_MOVES = (
+    COMPILED
+    + """
+import optopad.cli.interrupts as ours
+ours.PATIENCE_S = 0.1
+def examine():
+    try:
+        within("fabrication/stage/any.py", 2 * 10**6)
+    finally:
+        print("the tip is up", flush=True)
+optopad.doctor.examine = examine
+"""
+)
+WHERE_THREADS_ARE_WAITED_FOR = (
+    COMPILED
+    + """
+from concurrent.futures import ThreadPoolExecutor
+def examine():
+    threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        list(pool.map(compiled, [10**9] * 4))
+optopad.doctor.examine = examine
+"""
+)
 WHEN_ALL_IS_DONE = "atexit.register(os.kill, os.getpid(), signal.SIGINT)\n"
 
 
@@ -158,3 +209,26 @@ def test_a_failure_after_a_clean_end_is_told() -> None:
 def test_ctrl_c_after_the_work_changes_nothing() -> None:
     done = command(WHEN_ALL_IS_DONE, "schema")
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_ctrl_c_ends_compiled_code_with_what_the_command_began(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("OUT", str(tmp_path))
+    done = command(IN_COMPILED_CODE, "doctor", "--json")
+    assert (done.returncode, done.stderr) == (130, TOLD)
+    child, folders = map(int, done.stdout.split())
+    assert folders == 1
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(ProcessLookupError):
+        os.kill(child, 0)
+
+
+def test_ctrl_c_lets_what_is_no_computation_end_its_blocks() -> None:
+    done = command(WHERE_A_STAGE_MOVES, "doctor", "--json")
+    assert (done.returncode, done.stdout, done.stderr) == (130, "the tip is up\n", TOLD)
+
+
+def test_ctrl_c_does_not_wait_for_threads() -> None:
+    done = command(WHERE_THREADS_ARE_WAITED_FOR, "doctor", "--json")
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", TOLD)
