@@ -4,12 +4,15 @@ Work happens in a hidden folder beside the bundle, filled with what the bundle a
 end the manifest is written and the folders change places. A bundle that was being replaced when the
 machine stopped is put back by the next writer. Everything is on the disk before the folders change places.
 
-Several commands may work on one bundle at a time. Each fetches what others have finished meanwhile before its folder
-takes the place; of files that both wrote, the later one's stay. Copies and changes of places wait for one another.
+Several commands, processes and threads may work on one bundle at a time. Each has a hidden folder of its own, which it
+locks while it lives, and fetches what others have finished meanwhile before its folder takes the place; of files that
+both wrote, the later one's stay. Copies and changes of places wait for one another.
 
-    outputs/<name>-<digest8>/                      the bundle
-    outputs/.<name>-<digest8>.<process>.partial/   work in progress
-    outputs/.<name>-<digest8>.old/                 the former bundle, for the moment of the change
+A bundle holds its files itself: a link in the place of the bundle, or of a folder that commands write into, is refused.
+
+    outputs/<name>-<digest8>/                     the bundle
+    outputs/.<name>-<digest8>.<random>.partial/   work in progress
+    outputs/.<name>-<digest8>.old/                the former bundle, for the moment of the change
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ import json
 import os
 import platform
 import re
+import secrets
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -29,8 +33,12 @@ from typing import Any
 from design.errors import InputError, OutputError
 from design.io import save_design, write_text_atomically
 from design.spec import SensorDesign
+from design.whole_file import unwritable
 
 MANIFEST = "manifest.json"
+FOLDERS = ("cad", "fabrication", "sims")
+"""Folders of a bundle that commands write into; whatever else is in it is the user's."""
+WAY_OUT = "choose another folder with --out (an earlier bundle is intact)"
 RECORDED_PACKAGES = ("optopad", "numpy", "scipy", "numba", "mujoco", "cadquery", "trimesh", "manifold3d")
 
 
@@ -54,19 +62,21 @@ def bundle(design: SensorDesign, out: Path, *, seed: int) -> Iterator[Path]:
 
     Raises
     ------
-    OutputError : the folder cannot be written or the disk is full; the old bundle is intact.
+    OutputError : the folder cannot be written, the disk is full, or a link is in the way; the old bundle is intact.
     """
     final = out / bundle_name(design)
-    staging = _staging_path(final)
+    staging = final.parent / f".{final.name}.{secrets.token_hex(4)}.partial"
+    lock: int | None = None
     _UNDER_WAY.add(staging)
     try:
         try:
             final.parent.mkdir(parents=True, exist_ok=True)
             with _alone(final.parent):
                 _fill(staging, final)
+                lock = _locked(staging)
         except OSError as err:
-            raise _unwritable(final, err) from err
-        begun_with = _recorded(staging)
+            raise unwritable(final, err, WAY_OUT) from err
+        begun_with = _digests(staging)
         yield staging
         save_design(design, staging / "design.toml")
         with _alone(final.parent):
@@ -77,9 +87,11 @@ def bundle(design: SensorDesign, out: Path, *, seed: int) -> Iterator[Path]:
     except OSError as err:
         if _is_elsewhere(err, out):
             raise
-        raise _unwritable(final, err) from err
+        raise unwritable(final, err, WAY_OUT) from err
     finally:
         shutil.rmtree(staging, ignore_errors=True)
+        if lock is not None:
+            os.close(lock)
         _UNDER_WAY.discard(staging)
 
 
@@ -142,20 +154,33 @@ def versions() -> dict[str, str]:
     return found
 
 
-def _staging_path(final: Path) -> Path:
-    return final.parent / f".{final.name}.{os.getpid()}.partial"
-
-
 def _fill(staging: Path, final: Path) -> None:
     """Make the folder of the work in progress, with what the bundle already holds."""
     former = _former(final)
-    if former.exists() and not final.exists():
+    if former.exists() and not os.path.lexists(final):
         former.rename(final)  # a change of places was cut short
     _sweep(final)
+    _require_no_link(final)
     if final.exists():
         shutil.copytree(final, staging, symlinks=True)
     else:
         staging.mkdir()
+
+
+def _require_no_link(final: Path) -> None:
+    """Refuse links that would be written through, and that would not be there any more afterwards."""
+    if final.is_symlink():
+        raise OutputError(
+            f"{final}: is a link, and a bundle is a folder; remove the link, or give the folder that holds the bundle "
+            "with --out"
+        )
+    inside = [final / name for name in FOLDERS]
+    for path in (*inside, *(path for folder in inside for path in folder.rglob("*"))):
+        if path.is_symlink() and (path.is_dir() or path in inside):
+            raise OutputError(
+                f"{path}: is a link, and a bundle holds its files itself; replace the link by the folder that it leads "
+                "to, or remove it"
+            )
 
 
 @contextmanager
@@ -175,27 +200,46 @@ def _alone(out: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
-def _recorded(folder: Path) -> dict[str, str]:
-    """SHA-256 of every file that the manifest names; nothing without a manifest."""
-    return {name: str(record.get("sha256")) for name, record in _former_manifest(folder)["files"].items()}
+def _locked(folder: Path) -> int | None:
+    """A descriptor of a folder that nobody else has locked, locked; None where somebody has, or there are no locks.
+
+    The lock goes with the descriptor, and with the process however it ends.
+    """
+    if os.name == "nt":
+        return None
+    import fcntl
+
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(descriptor)
+        return None
+    return descriptor
+
+
+def _digests(folder: Path) -> dict[str, str]:
+    """SHA-256 of every file but the manifest."""
+    return {name: _record(folder / name)["sha256"] for name in _files(folder)}
 
 
 def _fetch(staging: Path, final: Path, begun_with: dict[str, str]) -> None:
-    """Take over what another command has put into the bundle since this one began, or taken out of it."""
-    now = _recorded(final)
-    if not now or now == begun_with:
+    """Take over what others have put into the bundle since this command began, or taken out of it."""
+    _require_no_link(final)
+    now = _digests(final)
+    if now == begun_with or not final.exists():
         return
+    own = _digests(staging)
     for name in now.keys() | begun_with.keys():
+        if now.get(name) == begun_with.get(name) or own.get(name) != begun_with.get(name):
+            continue  # the others left it alone, or this command wrote it, too
         here = staging / name
-        own = _record(here)["sha256"] if here.is_file() else None
-        if now.get(name) == begun_with.get(name) or own != begun_with.get(name):
-            continue  # the other left it alone, or this command wrote it, too
-        if name not in now:
-            here.unlink()
-        elif (final / name).is_file():
+        here.unlink(missing_ok=True)
+        if name in now:
             here.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(final / name, here)
-    shutil.copy2(final / MANIFEST, staging / MANIFEST)  # it names the runs of what was taken over
+            shutil.copy2(final / name, here, follow_symlinks=False)
+    if (final / MANIFEST).is_file():
+        shutil.copy2(final / MANIFEST, staging / MANIFEST)  # it names the runs of what was taken over
 
 
 def _flush(folder: Path) -> None:
@@ -212,7 +256,7 @@ def _flush(folder: Path) -> None:
 
 def _swap(staging: Path, final: Path) -> None:
     former = _former(final)
-    shutil.rmtree(former, ignore_errors=True)
+    _remove(former)
     try:
         if final.exists():
             final.rename(former)
@@ -221,32 +265,27 @@ def _swap(staging: Path, final: Path) -> None:
         if former.exists() and not final.exists():
             former.rename(final)
         raise
-    shutil.rmtree(former, ignore_errors=True)
+    _remove(former)
 
 
 def _former(final: Path) -> Path:
     return final.parent / f".{final.name}.old"
 
 
+def _remove(folder: Path) -> None:
+    """Remove a folder, or a link to one without what it leads to."""
+    if folder.is_symlink():
+        folder.unlink()
+    shutil.rmtree(folder, ignore_errors=True)
+
+
 def _sweep(final: Path) -> None:
-    """Remove work in progress whose process is gone."""
-    pattern = re.compile(re.escape(f".{final.name}.") + r"([0-9]+)\.partial")
+    """Remove work in progress that nobody holds any more."""
+    pattern = re.compile(re.escape(f".{final.name}.") + r"[0-9a-f]+\.partial")
     for left in final.parent.iterdir():
-        named = pattern.fullmatch(left.name)
-        if named and not _is_running(int(named[1])):
+        if pattern.fullmatch(left.name) and (lock := _locked(left)) is not None:
             shutil.rmtree(left, ignore_errors=True)
-
-
-def _is_running(process: int) -> bool:
-    if process == os.getpid():
-        return False  # our own earlier attempt in this process
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True
-    return True
+            os.close(lock)
 
 
 def _files(folder: Path) -> list[str]:
@@ -255,8 +294,8 @@ def _files(folder: Path) -> list[str]:
 
 
 def _record(file: Path) -> dict[str, Any]:
-    content = file.read_bytes()
-    return {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
+    with file.open("rb") as stream:
+        return {"sha256": hashlib.file_digest(stream, "sha256").hexdigest(), "bytes": stream.tell()}
 
 
 def _former_manifest(folder: Path) -> dict[str, Any]:
@@ -276,11 +315,3 @@ def _is_elsewhere(err: OSError, out: Path) -> bool:
     if not isinstance(err.filename, str):
         return False
     return not Path(err.filename).absolute().is_relative_to(out.absolute())
-
-
-def _unwritable(folder: Path, err: OSError) -> OutputError:
-    reason = err.strerror or str(err)
-    return OutputError(
-        f"{folder}: cannot be written: {reason}; free the disk or choose another folder with --out "
-        "(an earlier bundle is intact)"
-    )

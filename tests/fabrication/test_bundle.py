@@ -6,9 +6,11 @@ import errno
 import hashlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
+import threading
 from pathlib import Path
 from typing import NoReturn
 
@@ -47,11 +49,31 @@ def full_disk(*_: object, **__: object) -> NoReturn:
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
-def gone_process() -> int:
-    """Number of a process that has just ended."""
-    ended = subprocess.Popen([sys.executable, "-c", ""])
-    ended.wait()
-    return ended.pid
+WRITER = """
+import sys, time
+from pathlib import Path
+from design.preset import preset
+from fabrication.bundle import bundle
+name, out = sys.argv[1], Path(sys.argv[2])
+with bundle(preset("piacenza2017-pad"), out, seed=0) as folder:
+    (folder / name).write_text(name)
+    print("begun", flush=True)
+    sys.stdin.readline()
+"""
+
+
+def started_writer(name: str, out: Path) -> subprocess.Popen[str]:
+    """A process that has begun to write a file of this name, and goes on when it is told to."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", WRITER, name, str(out)],
+        cwd=ROOT,
+        text=True,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "begun\n"
+    return process
 
 
 def test_a_bundle_is_named_by_design_and_digest_and_leaves_nothing_beside_it(tmp_path: Path) -> None:
@@ -205,23 +227,134 @@ def test_an_error_about_a_file_elsewhere_is_not_blamed_on_the_bundle(tmp_path: P
     assert names(tmp_path / "out") == []
 
 
-def test_leftovers_of_a_process_that_is_gone_are_swept(tmp_path: Path) -> None:
-    left = tmp_path / f".{bundle_name(PAD)}.{gone_process()}.partial"
-    left.mkdir()
-    (left / "half.txt").write_text("half")
+def test_leftovers_of_a_process_that_was_killed_are_swept_and_work_under_way_is_not(tmp_path: Path) -> None:
+    killed, running = (started_writer(name, tmp_path) for name in ("killed", "running"))
+    assert len(names(tmp_path)) == 2
+    killed.kill()
+    killed.communicate()
     folder = make(tmp_path)
+    assert len(names(tmp_path)) == 2
+    assert running.communicate("\n", timeout=30) == ("", None)
+    assert running.returncode == 0
     assert names(tmp_path) == [folder.name]
+    assert sorted(path.name for path in folder.iterdir()) == ["design.toml", MANIFEST, "running", "sims"]
+
+
+def test_what_an_earlier_version_left_is_swept_and_other_designs_work_is_not(tmp_path: Path) -> None:
+    left = tmp_path / f".{bundle_name(PAD)}.4711.partial"
+    other = tmp_path / f".{bundle_name(PAD)}.x-12345678.4711.partial"
+    for folder in (left, other):
+        folder.mkdir()
+        (folder / "half.txt").write_text("half")
+    folder = make(tmp_path)
+    assert names(tmp_path) == sorted([folder.name, other.name])
     assert not (folder / "half.txt").exists()
 
 
-def test_work_of_a_running_process_and_of_other_designs_is_left_alone(tmp_path: Path) -> None:
-    running = tmp_path / f".{bundle_name(PAD)}.{os.getppid()}.partial"
-    other = tmp_path / f".{bundle_name(PAD)}.x-12345678.{gone_process()}.partial"
-    for folder in (running, other):
-        folder.mkdir()
+def test_threads_that_write_one_bundle_at_a_time_keep_all_their_files(tmp_path: Path) -> None:
+    meet, staged, failed = threading.Barrier(4), set(), []
+
+    def write(name: str) -> None:
+        try:
+            with bundle(PAD, tmp_path, seed=0) as folder:
+                staged.add(folder)
+                (folder / "sims").mkdir(exist_ok=True)
+                (folder / "sims" / name).write_text(name)
+                meet.wait(30)
+        except BaseException as err:
+            failed.append(err)
+
     make(tmp_path)
-    assert running.is_dir()
-    assert other.is_dir()
+    for _ in range(3):
+        threads = [threading.Thread(target=write, args=(name,)) for name in "abcd"]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    assert failed == []
+    assert len(staged) == 12
+    folder = tmp_path / bundle_name(PAD)
+    assert names(tmp_path) == [folder.name]
+    assert sorted(path.name for path in (folder / "sims").iterdir()) == ["a", "b", "c", "d", "score.json"]
+    assert altered_files(folder) == ()
+    assert set(json.loads((folder / MANIFEST).read_text())["files"]) >= {f"sims/{name}" for name in "abcd"}
+
+
+def test_processes_that_write_one_bundle_at_a_time_keep_all_their_files(tmp_path: Path) -> None:
+    processes = [started_writer(name, tmp_path) for name in "abc"]
+    for process in processes:
+        assert process.stdin is not None
+        process.stdin.write("\n")
+        process.stdin.flush()
+    for process in processes:
+        process.communicate(timeout=30)
+        assert process.returncode == 0
+    folder = tmp_path / bundle_name(PAD)
+    assert names(tmp_path) == [folder.name]
+    assert sorted(path.name for path in folder.iterdir()) == ["a", "b", "c", "design.toml", MANIFEST]
+    assert altered_files(folder) == ()
+
+
+def test_files_that_the_user_adds_meanwhile_are_kept(tmp_path: Path) -> None:
+    folder = make(tmp_path)
+    with bundle(PAD, tmp_path, seed=0):
+        (folder / "notes.txt").write_text("mine")
+        (folder / "sims" / "score.json").unlink()
+    assert (folder / "notes.txt").read_text() == "mine"
+    assert not (folder / "sims" / "score.json").exists()
+    assert altered_files(folder) == ()
+
+
+def test_a_bundle_that_is_a_link_is_refused_each_time_and_nothing_is_written(tmp_path: Path) -> None:
+    elsewhere = make(tmp_path / "big", "old")
+    (tmp_path / "out").mkdir()
+    link = tmp_path / "out" / bundle_name(PAD)
+    link.symlink_to(elsewhere)
+    for _ in range(2):
+        with pytest.raises(
+            OutputError, match=r"is a link, and a bundle is a folder; remove the link, or give"
+        ):
+            make(tmp_path / "out", "new")
+        assert names(tmp_path / "out") == [link.name]
+        assert link.is_symlink()
+        assert (elsewhere / "sims" / "score.json").read_text() == "old"
+    link.unlink()
+    link.symlink_to(tmp_path / "gone")
+    with pytest.raises(OutputError, match="is a link"):
+        make(tmp_path / "out")
+    (tmp_path / "linked").symlink_to(tmp_path / "big")  # the folder that holds the bundles may be one
+    make(tmp_path / "linked", "new")
+    assert (elsewhere / "sims" / "score.json").read_text() == "new"
+
+
+@pytest.mark.parametrize("name", [*module.FOLDERS, "sims/models", "fabrication/firmware"])
+def test_a_linked_folder_in_a_bundle_is_not_written_through(tmp_path: Path, name: str) -> None:
+    folder = make(tmp_path / "out")
+    (tmp_path / "elsewhere").mkdir()
+    (folder / name).parent.mkdir(exist_ok=True)
+    shutil.rmtree(folder / name, ignore_errors=True)
+    (folder / name).symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(OutputError, match=f"{name}: is a link, and a bundle holds its files itself"):
+        make(tmp_path / "out", "new")
+    assert list((tmp_path / "elsewhere").iterdir()) == []
+    assert names(tmp_path / "out") == [folder.name]
+    assert (folder / name).is_symlink()
+
+
+def test_all_folders_that_commands_write_into_are_guarded_against_links() -> None:
+    sources = (path.read_text() for path in (ROOT / "optopad").rglob("*.py"))
+    named = {name for source in sources for name in re.findall(r'\bfolder / "(\w+)"', source)}
+    assert named - {"designs"} == set(module.FOLDERS)  # designs: of a search, which is no bundle
+
+
+def test_a_link_that_an_earlier_version_left_of_a_former_bundle_is_removed(tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "kept").write_text("kept")
+    folder = make(tmp_path)
+    (tmp_path / f".{folder.name}.old").symlink_to(tmp_path / "elsewhere")
+    make(tmp_path, "new")
+    assert names(tmp_path) == sorted([folder.name, "elsewhere"])
+    assert (tmp_path / "elsewhere" / "kept").read_text() == "kept"
 
 
 def test_a_change_of_places_that_was_cut_short_is_put_back(tmp_path: Path) -> None:
