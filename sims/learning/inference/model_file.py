@@ -18,11 +18,13 @@ from numpy.typing import NDArray
 
 from design.errors import InputError
 from design.plain_arrays import plain_arrays
+from design.text_file import kind_of_file
 from design.whole_file import whole_file
 from sims.learning.inference.header import header_of_json
 from sims.learning.inference.kinds import KINDS
 from sims.learning.inference.touch_model import Arrays, TouchModel
 
+NEEDED = "a model (.optomodel), which `optopad train` writes"
 MOST_BYTES = 400_000_000
 """Of the arrays unpacked: twice what a kernel-ridge model of 49,000 samples of 1,024 pairs has."""
 _HEADER, _CHECKSUM = "header", "sha256"
@@ -67,7 +69,7 @@ def _read(path: Path) -> dict[str, NDArray[Any]]:
     """The arrays of a file whose checksum holds, that of the checksum left out."""
     if not path.is_file():
         what = "a folder" if path.is_dir() else "no such file"
-        raise InputError(f"{path}: {what}; name a model, .optomodel, as `optopad train` writes it")
+        raise InputError(f"{path}: {what}; needed is {NEEDED}")
     try:
         arrays = plain_arrays(path, most_bytes=MOST_BYTES)
         held = arrays.pop(_CHECKSUM).tobytes()
@@ -75,7 +77,8 @@ def _read(path: Path) -> dict[str, NDArray[Any]]:
             raise KeyError(_HEADER)
     except (OSError, ValueError, KeyError) as err:
         raise InputError(
-            f"{path}: is no optopad model, or it is damaged ({err}); copy or train it anew"
+            f"{path}: is no optopad model, or it is damaged ({kind_of_file(path)}; {err}); needed is {NEEDED}; copy or "
+            "train it anew"
         ) from None
     if held != _checksum(arrays):
         raise InputError(f"{path}: is damaged: its checksum does not hold; copy or train it anew")

@@ -1,0 +1,174 @@
+"""Files as spreadsheets, editors and other programs write them: each reader reads them right or names the way out."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+import xarray as xr
+
+from design.csv_table import read_csv
+from design.errors import OptopadError
+from design.io import dump_design, load_design
+from design.preset import preset
+from design.protocols.press import load_protocol_file
+from design.search.space import load_space
+from fabrication.driver.recording.position_log import read_position_log
+from fabrication.driver.recording.raw import read_records
+from fabrication.driver.simulated.finger import read_path
+from fabrication.driver_file import load_driver_config
+from fabrication.stage.press_list import read_press_list
+from sims.learning.inference.model_file import load_model
+from sims.readings.dataset import read_data
+from sims.readings.recording import read_recording
+
+TABLES: dict[str, tuple[Callable[[Path], Any], str, tuple[str, str]]] = {
+    "press list": (read_press_list, "x_mm,y_mm,depth_mm", ("8.5,9.5,2.5", "8.5,9.5,3.5")),
+    "recording": (read_recording, "depth_mm,E2-R2", ("-0.5,801.5", "0.5,799.5")),
+    "position log": (read_position_log, "time_s,x_mm,y_mm,depth_mm", ("0.5,8.5,9.5,2.5", "1.5,8.5,9.5,2.5")),
+    "path of a finger": (read_path, "t_s,x_mm,y_mm,depth_mm", ("0,8.5,9.5,2.5", "1.5,8.5,9.5,2.5")),
+}
+"""Each reader of a table, its heading and two rows."""
+DECIMAL_COMMA = "decimal comma? write 8.9, and separate by commas"
+OTHERS: dict[str, Callable[[Path], Any]] = {
+    "design": load_design,
+    "driver.toml": load_driver_config,
+    "protocol": load_protocol_file,
+    "search space": load_space,
+    "data set": read_data,
+    "raw recording": read_records,
+    "model": load_model,
+}
+
+
+def bytes_of(*rows: str) -> bytes:
+    return ("\n".join(rows) + "\n").encode()
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_a_table_of_a_spreadsheet_is_read_right_or_refused_with_the_way_out(
+    name: str, tmp_path: Path
+) -> None:
+    read, heading, rows = TABLES[name]
+    file = tmp_path / "table.csv"
+
+    def told(content: bytes) -> str:
+        file.write_bytes(content)
+        with pytest.raises(OptopadError) as err:
+            read(file)
+        assert str(file) in str(err.value)
+        return str(err.value)
+
+    plain = bytes_of(heading, *rows)
+    file.write_bytes(plain)
+    right = str(read(file))
+    quoted = ",".join(f'"{cell}"' for cell in rows[0].split(","))
+    for same in (
+        b"\xef\xbb\xbf" + plain.replace(b"\n", b"\r\n"),
+        plain.replace(b"\n", b"\r"),
+        bytes_of(heading + ",,", rows[0] + ",,", "", ",,,,,", rows[1] + ",,"),
+        bytes_of("sep=,", "# a remark", heading, quoted, rows[1]),
+    ):
+        file.write_bytes(same)
+        assert str(read(file)) == right, same
+
+    comma = rows[1].replace(".", ",")
+    message = told(bytes_of(heading, rows[0], comma))
+    assert "row 3 has" in message
+    assert DECIMAL_COMMA in message
+    german = [row.replace(",", ";").replace(".", ",") for row in (heading, *rows)]
+    for table in (german, ["sep=;", *german], [row.replace(";", "\t") for row in german]):
+        assert DECIMAL_COMMA in told(bytes_of(*table))
+    assert "give an empty cell its comma" in told(bytes_of(heading, rows[0], rows[1].rpartition(",")[0]))
+    assert "row 3 has" in told(bytes_of(heading, rows[0], rows[1] + ",word"))
+    assert "twice" in told(bytes_of(heading + ",depth_mm", rows[0] + ",1", rows[1] + ",1"))
+    assert DECIMAL_COMMA in told(bytes_of(heading, rows[0], rows[1].rpartition(",")[0] + ',"2,5"'))
+    assert "without its unit" in told(bytes_of(heading, rows[0], rows[1] + " mm"))
+    assert "UTF-16" in told(plain.decode().encode("utf-16"))
+    assert "line 1); save it as UTF-8" in told("# Größe\n".encode("latin-1") + plain)
+
+
+def workbook() -> bytes:
+    held = io.BytesIO()
+    with zipfile.ZipFile(held, "w") as archive:
+        archive.writestr("xl/workbook.xml", "<workbook/>" + "\x00")
+    return held.getvalue()
+
+
+def hdf5(folder: Path) -> bytes:
+    with h5py.File(folder / "made.h5", "w") as held:
+        held["a"] = 1
+    return (folder / "made.h5").read_bytes()
+
+
+@pytest.mark.parametrize("name", [*TABLES, *OTHERS])
+def test_a_file_of_another_kind_is_named_with_what_is_needed(name: str, tmp_path: Path) -> None:
+    read = OTHERS[name] if name in OTHERS else TABLES[name][0]
+    kinds = {
+        "an Excel workbook (.xlsx)": workbook(),
+        "a Parquet file": b"PAR1\x15\x04\x15",
+        "an MCAP log": b"\x89MCAP0\r\n\x01",
+        "a MATLAB file (.mat)": b"MATLAB 5.0 MAT-file, Platform: GLNXA64".ljust(128) + b"\x00\x01",
+        "a Python pickle": b"\x80\x04\x95\x0b\x00\x00.",
+        "a PNG picture": b"\x89PNG\r\n\x1a\n\x00",
+        "a netCDF file of the CDF-5 format": b"CDF\x05\x00\x00",
+        "a recording of `optopad driver record`": b'{"format": "optopad-recording"}\n\xb5\x6b\x00',
+        "an HDF5 or netCDF-4 file": hdf5(tmp_path),
+    }
+    read_by = {
+        "data set": "an HDF5 or netCDF-4 file",
+        "recording": "an HDF5 or netCDF-4 file",
+        "raw recording": "a recording of `optopad driver record`",
+    }
+    file = tmp_path / "given"
+    for kind, content in kinds.items():
+        file.write_bytes(content)
+        with pytest.raises(OptopadError) as err:
+            read(file)
+        if kind != read_by.get(name):
+            assert kind in str(err.value), str(err.value)
+            assert "needed is" in str(err.value)
+    for absent in (tmp_path / "none", tmp_path):
+        with pytest.raises(OptopadError, match=r"no such|a folder"):
+            read(absent)
+
+
+def test_a_byte_order_mark_and_ends_of_lines_matter_in_no_text(tmp_path: Path) -> None:
+    design = preset("piacenza2017-pad")
+    text = dump_design(design)
+    for k, content in enumerate((b"\xef\xbb\xbf" + text.encode(), text.replace("\n", "\r").encode())):
+        (tmp_path / f"{k}.toml").write_bytes(content)
+        assert load_design(tmp_path / f"{k}.toml").digest == design.digest
+
+
+def test_netcdf_3_is_read_as_netcdf_4(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    depth = np.array([-1.0, -0.5, 0.5, 1.0, 1.5])
+    held = xr.Dataset(
+        {
+            "counts": (("time", "state", "receiver"), rng.integers(0, 900, (5, 2, 1)).astype(np.int32)),
+            "press_depth": ("time", depth),
+            "press_x": ("time", np.full(5, 16.0)),
+            "press_y": ("time", np.full(5, 16.0)),
+        },
+        {"state": ["E1", "off"], "receiver": ["R1"]},
+        {"full_scale_counts": np.int32(1023)},
+    )
+    held.to_netcdf(tmp_path / "four.nc", engine="h5netcdf")
+    held.to_netcdf(tmp_path / "three.nc", engine="scipy", format="NETCDF3_64BIT")
+    four, three = (read_recording(tmp_path / f"{name}.nc") for name in ("four", "three"))
+    assert list(three.counts) == ["E1-R1"]
+    assert three.counts["E1-R1"].tolist() == four.counts["E1-R1"].tolist()
+    assert read_data(tmp_path / "three.nc").state_names == ("E1", "off")
+
+
+def test_a_row_is_named_as_an_editor_numbers_it(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text("# remark\n\na,b\n1,2\n\n3,x\n", encoding="utf-8")
+    with pytest.raises(OptopadError, match="row 6: b is 'x'"):
+        read_csv(tmp_path / "t.csv", needed="a table").numbers("b")
