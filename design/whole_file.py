@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -23,6 +24,12 @@ _DEVICES = frozenset(
     | {port + number for port in ("com", "lpt") for number in "123456789¹²³"}
 )
 """Names that Windows keeps for devices, in every folder and with every extension."""
+
+_FILE_SUFFIX = re.compile(
+    r"\.(csv|tsv|txt|md|jsonl?|ndjson|toml|ya?ml|xml|html?|pdf|png|svg|jpe?g|gif|webp|nc|h5|hdf5|np[yz]|mat|pkl|pickle|"
+    r"joblib|parquet|xlsx?|ods|db|sqlite3?|zip|gz|tar|stl|ste?p|3mf|gcode|hex|ino|optorec|optomodel)",
+    re.IGNORECASE,
+)
 
 
 def name_fault(name: str) -> str | None:
@@ -46,6 +53,38 @@ def require_file_name(file: Path, option: str = "") -> None:
     """
     if fault := name_fault(file.name):
         raise InputError(f"{option}{file}: is refused as a name: {fault}; choose another name")
+
+
+def require_suffix(file: Path, suffixes: tuple[str, ...], option: str = "") -> None:
+    """Refuse a name that promises another content than what is written.
+
+    Parameters
+    ----------
+    suffixes : those of the formats that are written, as ".nc"
+    option : start of the message, as "--out: "
+
+    Raises
+    ------
+    InputError : the name, and which suffixes are written.
+    """
+    require_file_name(file, option)
+    if file.suffix.lower() not in suffixes:
+        say = f"; say {file.with_name((file.stem or 'file') + suffixes[0])}" if file.name else ""
+        raise InputError(f"{option}{file}: what is written here ends in {' or '.join(suffixes)}{say}")
+
+
+def has_file_suffix(path: Path) -> bool:
+    """Whether a name promises a file, not a folder."""
+    return _FILE_SUFFIX.fullmatch(path.suffix) is not None
+
+
+def require_folder_name(folder: Path, option: str = "") -> None:
+    """Refuse the name of a new folder that promises a file; InputError with the way out."""
+    if has_file_suffix(folder) and not folder.is_dir():
+        raise InputError(
+            f"{option}{folder}: a folder is written here, and the name is that of a {folder.suffix} file; say "
+            f"{folder.with_suffix('')}"
+        )
 
 
 @contextmanager
@@ -89,22 +128,22 @@ def write_whole(file: Path, content: bytes) -> None:
         hidden.write_bytes(content)
 
 
-def own_folder(folder: Path, way_out: str = "choose another folder") -> Path:
-    """Make a folder, its parents too, unless it is there; a link to another folder is refused.
-
-    Raises
-    ------
-    OutputError : it is a link, or cannot be made.
-    """
-    if folder.is_symlink():
-        raise OutputError(
-            f"{folder}: is a link, and files are not written through links; replace it by a folder, or {way_out}"
-        )
+def made_folder(folder: Path, way_out: str = "choose another folder") -> Path:
+    """Make a folder, its parents too, unless it is there; OutputError where it cannot be made."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as err:
         raise unwritable(folder, err, way_out) from err
     return folder
+
+
+def own_folder(folder: Path, way_out: str = "choose another folder") -> Path:
+    """As `made_folder`, of a folder whose files are replaced and removed; OutputError where it is a link."""
+    if folder.is_symlink():
+        raise OutputError(
+            f"{folder}: is a link, and files are not written through links; replace it by a folder, or {way_out}"
+        )
+    return made_folder(folder, way_out)
 
 
 def temporary_folder() -> tempfile.TemporaryDirectory[str]:

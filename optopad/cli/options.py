@@ -4,26 +4,51 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import typer
 
 from design.errors import InputError
+from design.whole_file import has_file_suffix, require_folder_name, require_suffix
 
+Folder = TypeVar("Folder", Path, Path | None)
 LARGEST_SEED = 2**31 - 1
 """What every library below takes."""
 
 
-def require_folder(folder: Path) -> Path:
+def file_name(*suffixes: str, or_folder: bool = False) -> Callable[[Path | None], Path | None]:
+    """What checks the name of a file that a verb writes, before anything else is done.
+
+    Parameters
+    ----------
+    suffixes : of the formats that are written, as ".nc"
+    or_folder : whether a name without a file's suffix is a folder's
+    """
+
+    def checked(file: Path | None) -> Path | None:
+        is_folder = or_folder and file is not None and (file.is_dir() or not has_file_suffix(file))
+        if file is not None and not is_folder:
+            require_suffix(file, suffixes, "--out ")
+        return file
+
+    return checked
+
+
+def require_folder(folder: Folder) -> Folder:
     """The folder, if it can be made and written when the work is done; nothing is left here.
 
     Raises
     ------
+    InputError : its name is that of a file.
     OutputError : where it would lie is no folder, or may not be written.
     """
     from design.errors import OutputError
 
+    if folder is None:
+        return None
+    require_folder_name(folder, "--out ")
     place = folder.absolute()
     while not place.exists() and place != place.parent:
         place = place.parent
@@ -107,19 +132,12 @@ Bundles = Annotated[
 ]
 
 
-def checked_out(out: Path, suffix: str, *read: Path | str | None) -> None:
-    """Refuse to write over what the command reads, or over a file of another kind.
-
-    Raises
-    ------
-    InputError : what is in the way.
-    """
+def checked_out(out: Path, *read: Path | str | None) -> None:
+    """Refuse to write over what the command reads: InputError."""
     if any(
         one is not None and Path(one).exists() and Path(one).samefile(out) for one in read if out.exists()
     ):
         raise InputError(f"--out {out}: is a file that this command reads; choose another name")
-    if out.is_file() and out.suffix.lower() != suffix:
-        raise InputError(f"--out {out}: exists and is no {suffix} file; choose another name, or remove it")
 
 
 def parsed_press(text: str) -> tuple[float, float, float]:

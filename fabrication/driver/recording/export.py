@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import os
+from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import InputError, OutputError
+from design.whole_file import require_suffix, whole_file
 from fabrication.driver.descriptor import UNITS, descriptor_of
 from fabrication.driver.link.counters import Repeats, WrappingCounter, restarts
 from fabrication.driver.link.protocol import Unpacked, frame_format, unpack_frames
@@ -194,6 +197,7 @@ def write_netcdf(recorded: Recorded, out: Path, name: str) -> None:
     ------
     OutputError : the folder cannot be written, or xarray is missing.
     """
+    require_suffix(out, (".nc",))
     partial = out.with_name(f".{out.name}.partial")
     try:
         dataset = dataset_of(recorded, name)
@@ -208,6 +212,37 @@ def write_netcdf(recorded: Recorded, out: Path, name: str) -> None:
         raise OutputError(f"{out}: cannot be written: {err.strerror or err}; choose another folder") from None
     finally:
         partial.unlink(missing_ok=True)
+
+
+def write_csv(recorded: Recorded, out: Path, name: str) -> None:
+    """Write frames as a table, a row a frame, with a column a pair as `optopad compare` reads; as `write_netcdf`.
+
+    Signals are less the dark state's [counts]; positions are there where the recording has them [mm].
+    """
+    require_suffix(out, (".csv",))
+    said, labels = descriptor_of(recorded.config), recorded.labels
+    columns: dict[str, Iterable[Any]] = {
+        "time_s": (f"{time_s:.6f}" for time_s in recorded.host_s - recorded.host_s[0]),
+        "connection": recorded.connection,
+        "sequence": recorded.sequence,
+    }
+    if labels is not None:
+        for axis, values in zip(("x_mm", "y_mm", "depth_mm"), labels.press_mm.T, strict=True):
+            columns[axis] = (f"{value:.4f}" for value in values)
+        if labels.set_number is not None and labels.sets:
+            columns["set"] = (labels.sets[number].name for number in labels.set_number)
+        if labels.place_number is not None:
+            columns["place"] = labels.place_number
+    signals = recorded.signals.astype(np.int64)
+    for i, emitter in enumerate(said.emitters.names):
+        for j, receiver in enumerate(said.receivers.names):
+            columns[f"{emitter}-{receiver}"] = signals[:, i, j]
+    with whole_file(out) as hidden, hidden.open("w", encoding="utf-8", newline="") as stream:
+        stream.write(f"# optopad recording {name!r} of {said.design}; ADC counts, less the dark state's\n")
+        stream.write(f"# design_digest: {said.digest}\n")
+        table = csv.writer(stream, lineterminator="\n")
+        table.writerow(columns)
+        table.writerows(zip(*columns.values(), strict=True))
 
 
 def can_export() -> bool:

@@ -29,6 +29,7 @@ import numpy as np
 
 from design.errors import InputError, OutputError
 from design.text_file import BYTES_FOR_KIND, kind_of, read_bytes
+from design.whole_file import require_suffix
 from fabrication.driver_file import DriverConfig, config_from_document
 
 FORMAT, VERSION = "optopad-recording", 1
@@ -112,6 +113,7 @@ class Recorder:
 
     Raises
     ------
+    InputError : the name does not end in .optorec.
     OutputError : the file exists, or cannot be written.
     """
 
@@ -119,6 +121,7 @@ class Recorder:
         self, file: str | os.PathLike[str], config: DriverConfig, opened: OpenFile | None = None
     ) -> None:
         self.file = Path(file)
+        require_suffix(self.file, (SUFFIX,))
         self.failure: OutputError | None = None
         self.frames = 0
         self.lost = 0

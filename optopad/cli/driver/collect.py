@@ -42,7 +42,12 @@ def collect(
             help="Presses: a protocol's name or file (.toml), or a table (.csv).",
         ),
     ],
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The data set, netCDF.")],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out", metavar="FILE", help="The data set, netCDF (.nc).", callback=options.file_name(".nc")
+        ),
+    ],
     port: options.Port = None,
     tip_at: Annotated[
         str | None,

@@ -19,7 +19,13 @@ if TYPE_CHECKING:
 def export(
     recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="A file of `driver record`.")],
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="By default beside it, as .nc.")
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="netCDF (.nc) or a table (.csv); by default .nc, next to the recording.",
+            callback=options.file_name(".nc", ".csv"),
+        ),
     ] = None,
     presses: Annotated[
         Path | None,
@@ -41,8 +47,8 @@ def export(
     ] = None,
     as_json: options.Json = False,
 ) -> None:
-    """A recording as netCDF, as `optopad compare` and learners read it; a torn one gives what is whole."""
-    from fabrication.driver.recording.export import read_recorded, write_netcdf
+    """A recording as netCDF or CSV, as `optopad compare` and learners read it; a torn one gives what is whole."""
+    from fabrication.driver.recording.export import read_recorded, write_csv, write_netcdf
     from fabrication.driver.recording.joined_log import joined
     from fabrication.driver.recording.position_log import read_position_log
     from fabrication.driver.simulated.finger import read_path
@@ -50,7 +56,7 @@ def export(
     target = out or recording.with_suffix(".nc")
     if target.resolve() == recording.resolve():
         raise InputError(f"--out {target}: is the recording itself; choose another name")
-    options.checked_out(target, ".nc", presses, stage)
+    options.checked_out(target, presses, stage)
     if presses is not None and stage is not None:
         raise InputError("--presses and --stage: two sources of positions; give one")
     if offset is not None and stage is None:
@@ -60,7 +66,8 @@ def export(
     found = read_recorded(recording, None if presses is None else read_path(presses))
     join = None if log is None else joined(found, log, shift)
     found = found if join is None else join.recorded
-    write_netcdf(found, target, recording.name)
+    write = write_csv if target.suffix.lower() == ".csv" else write_netcdf
+    write(found, target, recording.name)
     document = {
         "file": str(target),
         "frames": len(found.sequence),

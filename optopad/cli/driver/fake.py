@@ -54,7 +54,12 @@ def fake(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="CSV", help="Write the finger's path, for `driver export --presses`."),
+        typer.Option(
+            "--out",
+            metavar="CSV",
+            help="Write the finger's path, for `driver export --presses`.",
+            callback=options.file_name(".csv"),
+        ),
     ] = None,
     seconds: options.Seconds = None,
     set_: options.Set = None,
@@ -69,7 +74,7 @@ def fake(
     from optopad.sensor.driver_source import driver_source, press_table
 
     if out is not None:
-        options.checked_out(out, ".csv", config, path)
+        options.checked_out(out, config, path)
     _require_free_names(link, stage_link)
     source = driver_source(config, set_, bundles)
     faults = faults_of(source.config, fault or [])

@@ -65,7 +65,13 @@ def read(
         ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Write the JSON lines into a new file.")
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="Write the JSON lines into a new file (.jsonl).",
+            callback=options.file_name(".jsonl", ".ndjson"),
+        ),
     ] = None,
     set_: options.Set = None,
     bundles: options.Bundles = options.DEFAULT_OUT,
@@ -101,7 +107,12 @@ def record(
     port: options.Port = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE", help="A new file; by default the design's name and the time."),
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="A new file (.optorec); by default the design's name and the time.",
+            callback=options.file_name(".optorec"),
+        ),
     ] = None,
     rate: options.Rate = None,
     frames: options.Frames = None,
@@ -161,7 +172,13 @@ def check(
         float, typer.Option("--seconds", metavar="S", min=0.1, help="Of untouched pad.")
     ] = CHECK_S,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Write the outcome as JSON, too.")
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="Write the outcome as JSON, too.",
+            callback=options.file_name(".json"),
+        ),
     ] = None,
     set_: options.Set = None,
     bundles: options.Bundles = options.DEFAULT_OUT,
@@ -175,7 +192,7 @@ def check(
     from optopad.sensor.driver_view import check_lines, link_json
 
     if out is not None:
-        options.checked_out(out, ".json", config)
+        options.checked_out(out, config)
     source = driver_source(config, set_, bundles)
     with progress(quiet=as_json) as step:
         expected = with_expected_pattern(source, seed=seed, on_step=step)

@@ -27,7 +27,12 @@ def evaluate(
     set_: options.Set = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FOLDER", help="Where the tables go; by default beside the data."),
+        typer.Option(
+            "--out",
+            metavar="FOLDER",
+            help="Where the tables go; by default beside the data.",
+            callback=options.require_folder,
+        ),
     ] = None,
     as_json: options.Json = False,
 ) -> None:

@@ -33,11 +33,9 @@ def new(
     from design.io import write_text_atomically
     from design.preset import new_text
     from design.spec import SensorDesign
+    from design.whole_file import require_suffix
 
-    if file.suffix != ".toml":
-        raise InputError(
-            f"{file}: a design file's name ends in .toml; say {file.with_name(file.name + '.toml')}"
-        )
+    require_suffix(file, (".toml",))
     if not re.fullmatch(NAME_PATTERN, file.stem):
         plain = re.sub(r"[^A-Za-z0-9._-]+", "-", file.stem).strip("._-")[:63] or "my-pad"
         raise InputError(
@@ -87,7 +85,13 @@ def check(
 
 def schema(
     out: Annotated[
-        Path | None, typer.Option("--out", help="File to write; default: standard output.")
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="File to write (.json); default: standard output.",
+            callback=options.file_name(".json"),
+        ),
     ] = None,
 ) -> None:
     """JSON Schema of a design file, for an editor's completion and checks."""
@@ -99,7 +103,6 @@ def schema(
     if out is None:
         typer.echo(text, nl=False)
     else:
-        options.checked_out(out, ".json")
         write_text_atomically(out, text)
         say(f'{out} written. In a design file: "#:schema {out}" as the first line')
 
@@ -107,7 +110,13 @@ def schema(
 def migrate(
     file: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design file of an older schema version.")],
     out: Annotated[
-        Path | None, typer.Option("--out", help="File to write; default: beside it, -migrated.")
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="File to write (.toml); default: beside it, -migrated.",
+            callback=options.file_name(".toml"),
+        ),
     ] = None,
     as_json: options.Json = False,
 ) -> None:
@@ -127,7 +136,7 @@ def migrate(
         lifted = migrated(document)
         check_version(lifted, file)
         target = out or file.with_name(f"{file.stem}-migrated{file.suffix}")
-        options.checked_out(target, ".toml", file)
+        options.checked_out(target, file)
         write_text_atomically(target, tomlkit.dumps(without_empty(lifted)))
         message = f"{target} written: schema version {version} lifted to {SCHEMA_VERSION}"
     tell(as_json, lambda: {"file": str(target), "from": version, "to": SCHEMA_VERSION}, lambda: [message])

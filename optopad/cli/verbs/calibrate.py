@@ -26,7 +26,12 @@ def calibrate(
     set_: options.Set = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FOLDER", help="Where the twin goes; by default beside the data."),
+        typer.Option(
+            "--out",
+            metavar="FOLDER",
+            help="Where the twin goes; by default beside the data.",
+            callback=options.require_folder,
+        ),
     ] = None,
     seed: options.Seed = 0,
     as_json: options.Json = False,

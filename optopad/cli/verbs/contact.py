@@ -27,7 +27,10 @@ def show(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", metavar="FOLDER", help="Also pictures, as SVG and PNG, into the bundle in this folder."
+            "--out",
+            metavar="FOLDER",
+            help="Also pictures, as SVG and PNG, into the bundle in this folder.",
+            callback=options.require_folder,
         ),
     ] = None,
     seed: options.Seed = 0,
@@ -47,9 +50,15 @@ def show(
 
 @contact.command()
 def build(
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where the library is written.")] = Path(
-        "outputs/contact/profiles.npz"
-    ),
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="Where the library is written (.npz).",
+            callback=options.file_name(".npz"),
+        ),
+    ] = Path("outputs/contact/profiles.npz"),
     workers: Annotated[
         int | None, typer.Option(min=1, max=256, help="Processes at work; default: one a processor.")
     ] = None,

@@ -42,7 +42,10 @@ def train(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", metavar="FILE", help="Model (.optomodel), or a folder; by default beside the data."
+            "--out",
+            metavar="FILE",
+            help="Model (.optomodel), or a folder; by default beside the data.",
+            callback=options.file_name(".optomodel", or_folder=True),
         ),
     ] = None,
     seed: options.Seed = 0,

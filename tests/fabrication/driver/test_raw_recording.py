@@ -21,7 +21,7 @@ from design.errors import InputError, OutputError
 from design.preset import PRESETS
 from fabrication.driver import Sensor
 from fabrication.driver.link.protocol import FrameFormat, pack_frames
-from fabrication.driver.recording.export import export_netcdf, read_recorded
+from fabrication.driver.recording.export import export_netcdf, read_recorded, write_csv, write_netcdf
 from fabrication.driver.recording.raw import Recorder, RecordKind, document_of, packed_record, read_records
 from fabrication.driver.simulated.finger import FingerPath
 from fabrication.driver.simulated.port import FakePort, PtyWire
@@ -96,6 +96,43 @@ def test_frames_that_a_recording_holds_twice_are_read_once_and_counted(tmp_path:
     assert (twice.doubled, twice.lost, once.doubled) == (3 + 14, 0, 0)
     assert np.array_equal(twice.sequence, once.sequence)
     assert np.array_equal(twice.connection, once.connection)
+
+
+@pytest.mark.parametrize("name", ["data.csv", "data.nc", "data", "data.optorec.gz"])
+def test_a_recording_s_name_promises_no_other_content(name: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"what is written here ends in \.optorec; say .*data.*\.optorec"):
+        Recorder(tmp_path / name, CONFIG)
+    recorded = Path(tmp_path / "a.optorec")
+    written(recorded, 3)
+    for write, right in ((write_netcdf, ".nc"), (write_csv, ".csv")):
+        wrong = tmp_path / (name if name != f"data{right}" else "data.txt")
+        with pytest.raises(InputError, match=rf"ends in \{right}"):
+            write(read_recorded(recorded), wrong, "a")
+    assert [file.name for file in tmp_path.iterdir()] == ["a.optorec"]
+
+
+@pytest.mark.parametrize("is_pressed", [True, False])
+def test_a_table_holds_what_the_netcdf_does(is_pressed: bool, tmp_path: Path) -> None:
+    written(tmp_path / "a.optorec")
+    path = FingerPath(time_s=np.array([0.0, 1.0]), press_mm=np.array([[16.0, 12.0, 0.0], [16.0, 12.0, 4.0]]))
+    recorded = read_recorded(tmp_path / "a.optorec", path if is_pressed else None)
+    write_netcdf(recorded, tmp_path / "a.nc", "a.optorec")
+    write_csv(recorded, tmp_path / "a.csv", "a.optorec")
+    rows = [line for line in (tmp_path / "a.csv").read_text().splitlines() if not line.startswith("#")]
+    heading = rows[0].split(",")
+    positions = ["x_mm", "y_mm", "depth_mm"] if is_pressed else []
+    assert heading[:-64] == ["time_s", "connection", "sequence", *positions]
+    assert [float(row.split(",")[0]) for row in rows[1:]] == pytest.approx(
+        recorded.host_s - recorded.host_s[0], abs=1e-6
+    )
+    assert len(rows) == 1 + len(FRAMES)
+    if not is_pressed:
+        return
+    table, netcdf = read_recording(tmp_path / "a.csv"), read_recording(tmp_path / "a.nc")
+    assert table.design_digest == netcdf.design_digest == CONFIG.digest
+    assert table.depth_mm == pytest.approx(netcdf.depth_mm, abs=1e-4)
+    assert table.counts.keys() == netcdf.counts.keys()
+    assert all(np.array_equal(table.counts[pair], netcdf.counts[pair]) for pair in table.counts)
 
 
 def test_a_recording_is_never_overwritten(tmp_path: Path) -> None:
@@ -320,7 +357,9 @@ def test_connections_of_a_recording_are_told_apart(tmp_path: Path) -> None:
 def test_what_is_no_recording_is_refused(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "a.optorec"
     file.write_bytes(content)
-    with pytest.raises(InputError, match="(file|UTF-16|text|damaged); needed is a recording of `optopad driver record`"):
+    with pytest.raises(
+        InputError, match="(file|UTF-16|text|damaged); needed is a recording of `optopad driver record`"
+    ):
         read_records(file)
 
 

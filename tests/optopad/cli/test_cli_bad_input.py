@@ -7,11 +7,15 @@ from pathlib import Path
 
 import pytest
 
+from design.errors import InputError
+from design.whole_file import require_suffix
 from fabrication.driver.simulated.port import PtyWire
+from optopad.cli.commands import whole_command
 from optopad.cli.main import BAD_INPUT, main
 from optopad.cli.options import require_folder
 from tests.design.bad_designs import BAD_DESIGNS, FILE_NAME, BadDesign, design_text, put
 from tests.design.test_bad_input import JARGON
+from tests.optopad.cli.test_cli_driver import leaves
 
 WRITERS = ("run", "build", "score", "simulate", "predict", "rays")
 MAKERS = ("build", "score")
@@ -163,7 +167,7 @@ def test_a_folder_in_place_of_a_file_is_called_one(
     monkeypatch.chdir(folder)
     given = ["x.nc" if one == "." else one for one in arguments]
     _, err = refused(given, capsys)
-    assert "x.nc: a folder; name a " in err
+    assert "x.nc: a folder; " in err
 
 
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs Linux's /proc")
@@ -194,10 +198,12 @@ def test_a_recording_of_no_time_is_refused(
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["driver", "fake", "pad.toml", "--out", "pad.toml", "--seconds", "0.1"], "this command reads"),
-        (["driver", "fake", "piacenza2017-pair", "--out", "pad.toml", "--seconds", "0.1"], "no .csv file"),
-        (["schema", "--out", "pad.toml"], "no .json file"),
-        (["driver", "check", "pad.toml", "--port", "nowhere", "--out", "pad.toml"], "this command reads"),
+        (
+            ["driver", "fake", "pad.toml", "--out", "pad.toml", "--seconds", "0.1"],
+            "ends in .csv; say pad.csv",
+        ),
+        (["schema", "--out", "pad.toml"], "ends in .json; say pad.json"),
+        (["driver", "check", "pad.toml", "--out", "pad.toml"], "ends in .json; say pad.json"),
         (["driver", "export", "a.optorec", "--presses", "pad.nc", "--out", "pad.nc"], "this command reads"),
     ],
 )
@@ -215,6 +221,49 @@ def test_no_command_writes_over_what_it_reads_or_a_file_of_another_kind(
     assert out == ""
     assert words in err
     assert {file.read_text(encoding="utf-8") for file in folder.iterdir()} == {design_text()}
+
+
+WRITTEN = {
+    ("schema",): ".json",
+    ("migrate",): ".toml",
+    ("train",): ".optomodel",
+    ("contact", "build"): ".npz",
+    ("driver", "read"): ".jsonl or .ndjson",
+    ("driver", "record"): ".optorec",
+    ("driver", "check"): ".json",
+    ("driver", "export"): ".nc or .csv",
+    ("driver", "collect"): ".nc",
+    ("driver", "fake"): ".csv",
+}
+"""What each verb writes that writes a file; all others with --out write into a folder."""
+
+
+def test_no_verb_takes_a_name_that_promises_another_content(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of every verb that has --out, before anything it is given is looked at."""
+    monkeypatch.chdir(folder)
+    found = set()
+    for path, command in leaves(whole_command()):
+        if not any("--out" in parameter.opts for parameter in command.params):
+            continue
+        found.add(path)
+        dummies = [
+            word
+            for parameter in command.params
+            if parameter.required and "--out" not in parameter.opts
+            for word in ([parameter.opts[0], "none"] if parameter.opts[0].startswith("-") else ["none"])
+        ]
+        words = f"ends in {WRITTEN[path]}; say x." if path in WRITTEN else "a folder is written here"
+        for name in ("x.pdf", "deep/x.pkl", "x.CSV" if ".csv" not in words else "x.NPZ"):
+            _, err = refused([*path, *dummies, "--out", name], capsys)
+            assert err.startswith(f"optopad: --out {name}: "), path
+            assert words.replace("say x", "say deep/x" if "/" in name else "say x") in err, path
+    assert set(WRITTEN) < found
+    assert everything_under(folder) == []
+    with pytest.raises(InputError, match=r"x\.json: what is written here ends in \.toml; say x\.toml"):
+        require_suffix(Path("x.json"), (".toml",))
+    refused(["new", "x.json"], capsys)
 
 
 @needs_pty
