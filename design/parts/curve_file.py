@@ -57,7 +57,8 @@ def with_curve(table: dict[str, Any], file: Path, kind: str) -> dict[str, Any]:
         raise DesignError(f"{file}: {kind} has {doubled[0]} and {CURVE_FILE}; keep one of the two")
     needed = f"a CSV table with {across} and {value}, a row a point"
     points = np.array([point for _, point in numbered_points(file, needed=needed, error=DesignError)])
-    where, values, changes = points[:, 0], points[:, 1], []
+    changes: list[str] = []
+    where, values = points[:, 0], points[:, 1]
     values = _from_zero(values, changes, file, value)
     if across == "angle_deg":
         where, values = _folded(where, values, changes, file)

@@ -130,7 +130,7 @@ _FILES = (
     *(
         BadDesign(id=line, content=f"schema_version = 1\n{line}\n".encode(), words=("line 2", way_out))
         for line, way_out in (
-            ('a = "C:\\Users\\x.toml"', "write / for"),
+            ('a = "D:\\parts\\x.toml"', "write / for"),
             ("a = \u201cpad\u201d", "straight quotes"),
             ("a =\u00a032", "a blank that is not ordinary"),
             ("a: 32.0", "write = between"),

@@ -131,16 +131,16 @@ def _times(table: CsvTable) -> FloatArray:
                 ticks[1:] += COUNTER_TICKS * np.cumsum(np.diff(ticks) < -0.5 * COUNTER_TICKS)
             _require_unit(table, name, tick_s * np.abs(ticks).max(), tick_s)
             return tick_s * ticks
-    name = next((name for name in MOMENTS if name in table.heading), None)
-    if name is None:
+    moments = [name for name in MOMENTS if name in table.heading]
+    if not moments:
         raise InputError(f"{table.file}: has no time; needs {NEEDED}; it has {', '.join(table.heading)}")
-    if is_number(first := table.column(name)[0]):
+    if is_number(first := table.column(moments[0])[0]):
         unit = next((unit for unit, tick_s in TICKS_S.items() if abs(float(first)) * tick_s < LAST_S), "_s")
         raise InputError(
-            f"{table.file}: {name} is {first}, a number without a unit; name the column by it, as time{unit} (or "
+            f"{table.file}: {moments[0]} is {first}, a number without a unit; name the column by it, as time{unit} (or "
             f"{', '.join('time' + other for other in TICKS_S if other != unit)})"
         )
-    return np.array(table.parsed(name, _iso_s, "ISO 8601 with its zone, as 2026-05-04T14:03:07.250Z"))
+    return np.array(table.parsed(moments[0], _iso_s, "ISO 8601 with its zone, as 2026-05-04T14:03:07.250Z"))
 
 
 def _require_unit(table: CsvTable, name: str, latest_s: float, tick_s: float) -> None:

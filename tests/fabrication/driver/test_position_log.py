@@ -218,12 +218,24 @@ def test_times_may_be_written_as_dates_and_lengths_in_other_units(tmp_path: Path
             ["0,1,1,1,a,x", "1,1,1,1,a,x"],
             "ambient is 'x', needs yes",
         ),
-        ("timestamp,x_mm,y_mm,depth_mm", ["1777903387.25,1,1,1"] * 2, "timestamp is 1777903387.25.* as time_s"),
+        (
+            "timestamp,x_mm,y_mm,depth_mm",
+            ["1777903387.25,1,1,1"] * 2,
+            "timestamp is 1777903387.25.* as time_s",
+        ),
         ("timestamp,x_mm,y_mm,depth_mm", ["1777903387250000000,1,1,1"] * 2, "a number without.* as time_ns"),
         ("time,x_mm,y_mm,depth_mm", ["1777903387250,1,1,1"] * 2, "a number without a unit.* as time_ms"),
-        ("time_s,x_mm,y_mm,depth_mm", ["1777903387250,1,1,1"] * 2, "later than the year 2100; are they of time_ms"),
+        (
+            "time_s,x_mm,y_mm,depth_mm",
+            ["1777903387250,1,1,1"] * 2,
+            "later than the year 2100; are they of time_ms",
+        ),
         ("time_ms,x_mm,y_mm,depth_mm", ["1777903387250000,1,1,1"] * 2, "are they of time_us"),
-        ("time_s,x_mm,y_mm,depth_mm,place", ["0,1,1,1,0.5", "1,1,1,1,1"], "row 2: place is '0.5', needs a whole"),
+        (
+            "time_s,x_mm,y_mm,depth_mm,place",
+            ["0,1,1,1,0.5", "1,1,1,1,1"],
+            "row 2: place is '0.5', needs a whole",
+        ),
         ("time_s,x_mm,y_mm,depth_mm,set", ["0,1,1,1,", "1,1,1,1,"], "no row belongs to a set"),
         ("time_s,x_mm,y_mm,depth_mm,set", ["0,1,1,1,a", "1,1,1,1,a"], "has set without place"),
     ],
@@ -238,7 +250,11 @@ def test_a_log_that_cannot_be_used_is_refused_by_row_and_column(
 @pytest.mark.parametrize(
     ("heading", "times", "time_s"),
     [
-        ("time_us", ["4294947296", "4294966296", "18000", "38000"], [4294.947296, 4294.966296, 4294.985296, 4295.005296]),
+        (
+            "time_us",
+            ["4294947296", "4294966296", "18000", "38000"],
+            [4294.947296, 4294.966296, 4294.985296, 4295.005296],
+        ),
         ("t_ms", ["4294967290", "4", "24"], [4294967.290, 4294967.300, 4294967.320]),
         ("time_ns", ["0", "20000000", "40000000"], [0.0, 0.02, 0.04]),
         ("timestamp", ["2026-05-04T14:03:07Z", "2026-05-04T14:03:08Z"], [1777903387.0, 1777903388.0]),
