@@ -12,7 +12,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,8 +29,10 @@ from cad.pour_gauge import gauge_size, pour_gauge
 from cad.solder_jig import jig_size, solder_jig
 from cad.volume import base_volume_mm3, lid_volume_mm3, mold_volume_mm3
 from design.geometry.mold_outline import bed_lift_mm, outline_of
+from design.io import written_together
 from design.parts.printer import Bed
 from design.spec import SensorDesign
+from design.whole_file import temporary_folder
 
 FILES = (
     "mold.stl",
@@ -77,16 +78,14 @@ def export_parts(
     Raises
     ------
     DesignError : the design breaks a rule, such as a web that is too thin; nothing has been written.
+    OutputError : the folder, or temporary files, cannot be written.
     InputError : the slicer is asked for and not there; nothing has been written.
     """
     contents = part_files(design, bed_mm=bed_mm, slice_parts=slice_parts)
     target = Path(folder)
-    target.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=target, prefix=".partial-") as partial:
+    with written_together(target) as hidden:
         for name, content in contents.items():
-            (Path(partial) / name).write_bytes(content)
-        for name in contents:
-            os.replace(Path(partial) / name, target / name)
+            (hidden / name).write_bytes(content)
     for stale in set(FILES) - set(contents):
         (target / stale).unlink(missing_ok=True)
     return {name: target / name for name in contents}
@@ -167,7 +166,7 @@ def checks_bytes(checks: Checks) -> bytes:
 
 def step_bytes(part: cq.Workplane, name: str) -> bytes:
     """STEP text of a solid, without the time of writing and the process's counters."""
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary_folder() as folder:
         path = Path(folder) / "part.step"
         part.val().exportStep(str(path))  # type: ignore[union-attr]
         text = path.read_text(encoding="utf-8")

@@ -11,13 +11,13 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
-import tempfile
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
 from design.errors import InputError
 from design.parts.printer import Bed
+from design.whole_file import temporary_folder
 
 COMMANDS = ("prusa-slicer", "PrusaSlicer", "prusa-slicer-console")
 USUAL_FILL = 0.2
@@ -79,7 +79,7 @@ def sliced(stl: bytes, *, density_g_per_cm3: float, bed_mm: Bed, command: str | 
     InputError : no slicer, or it gave no result within `TIMEOUT_S` seconds.
     """
     program = command or require_slicer()
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary_folder() as folder:
         part = Path(folder) / "part.stl"
         part.write_bytes(stl)
         info = _run([program, "--info", "--loglevel", "1", str(part)])

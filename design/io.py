@@ -25,7 +25,7 @@ from design.spec.tip_profile import read_profile
 from design.text_file import read_text
 from design.toml_hints import explained
 from design.toml_text import parsed_toml
-from design.whole_file import own_folder, unwritable, write_whole
+from design.whole_file import made_folder, unwritable, write_whole
 
 MAX_FILE_BYTES = 1_000_000
 NEEDED = (
@@ -116,9 +116,9 @@ def written_together(folder: Path) -> Iterator[Path]:
 
     Raises
     ------
-    OutputError : the folder is a link, or cannot be made or written; the old files are intact.
+    OutputError : the folder cannot be made or written; the old files are intact.
     """
-    own_folder(folder)
+    made_folder(folder)
     try:
         hidden = tempfile.TemporaryDirectory(dir=folder, prefix=".", suffix=".partial")
     except OSError as err:

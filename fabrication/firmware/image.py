@@ -7,10 +7,10 @@ import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from design.errors import DeviceError
 from design.spec import SensorDesign
+from design.whole_file import temporary_folder
 from fabrication.firmware.settings import FirmwareSettings, firmware_settings
 from fabrication.firmware.sketch import MAIN, sketch_texts, source_text
 
@@ -61,7 +61,7 @@ def compiled_image(design: SensorDesign) -> Image:
     DesignError : as `sketch_texts`.
     DeviceError : no compiler, or one that cannot compile it.
     """
-    with TemporaryDirectory(prefix="optopad-firmware-") as scratch:
+    with temporary_folder() as scratch:
         folder = Path(scratch)
         elf = compile_elf(design, folder)
         copied = folder / "image.hex"

@@ -1,13 +1,12 @@
 """Presses made so far, a file each, in a folder beside the data set: what an interruption leaves, and resumes.
 
 plan.json      which sensor, which presses, how
-000012.npz     arrays of one whole press; written beside its place and moved there in one step
+000012.npz     arrays of one whole press; written whole or not at all
 """
 
 from __future__ import annotations
 
 import json
-import os
 import shutil
 from pathlib import Path
 from typing import Any
@@ -15,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from design.errors import InputError, OutputError
+from design.errors import InputError
 from design.plain_arrays import plain_arrays
+from design.whole_file import own_folder, whole_file, write_whole
 from fabrication.driver.link.frames import US_PER_S, Frame
 from fabrication.driver.recording.export import Recorded
 from fabrication.driver.recording.press_labels import PressLabels
@@ -29,6 +29,7 @@ PLAN = "plan.json"
 Arrays = dict[str, NDArray[Any]]
 MOST_BYTES = 500_000_000
 """Of one press unpacked: an hour of frames at 400 a second of 17 x 16 readings has 400 MB."""
+KEPT = "run the command again: the presses before are kept"
 COLUMNS = ("counts", "press_mm", "connection", "sequence", "device_us", "host_s", "lost")
 
 
@@ -61,13 +62,8 @@ class CollectedParts:
 
     def begin(self) -> None:
         """Make the folder, before anything moves; OutputError where it cannot be made."""
-        try:
-            self.folder.mkdir(exist_ok=True)
-            _write(self.folder / PLAN, json.dumps(self._document, indent=2).encode())
-        except OSError as err:
-            raise OutputError(
-                f"{self.folder}: cannot be made: {err.strerror}; choose another folder"
-            ) from None
+        own_folder(self.folder, "choose another --out")
+        write_whole(self.folder / PLAN, json.dumps(self._document, indent=2).encode())
 
     def numbers(self) -> set[int]:
         """Of the presses that are there."""
@@ -84,18 +80,8 @@ class CollectedParts:
         for name in ("connection", "sequence", "device_us"):
             arrays[name] = np.array([getattr(frame, name) for frame in frames], dtype=np.int64)
         file = self.folder / f"{number:06d}.npz"
-        partial = file.with_suffix(".partial")
-        try:
-            with partial.open("wb") as stream:
-                np.savez(stream, allow_pickle=False, **arrays)
-            os.replace(partial, file)
-        except OSError as err:
-            raise OutputError(
-                f"{file}: cannot be written: {err.strerror}; free some room and run the command again: the presses "
-                "before are kept"
-            ) from None
-        finally:
-            partial.unlink(missing_ok=True)
+        with whole_file(file, KEPT) as hidden, hidden.open("wb") as stream:
+            np.savez(stream, allow_pickle=False, **arrays)
 
     def recorded(self, config: DriverConfig, presses: PressList) -> Recorded | None:
         """All presses that are there, in the list's order; None where there is none.
@@ -158,9 +144,3 @@ class CollectedParts:
                 f"{self.folder}: holds presses of another collection ({', '.join(other)} differ); choose another "
                 "--out, or delete the folder"
             )
-
-
-def _write(file: Path, content: bytes) -> None:
-    partial = file.with_name(f".{file.name}.partial")
-    partial.write_bytes(content)
-    os.replace(partial, file)

@@ -24,16 +24,18 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
-from design.errors import InputError, OutputError
+from design.errors import InputError
 from design.io import dump_design, write_text_atomically
 from design.search.explore import Findings, OnTried, explore
 from design.search.figures import FIGURES
 from design.search.importance import importances
 from design.search.judged import FanOut, Tried, one_by_one
 from design.search.space import SearchSpace, Value
+from design.whole_file import own_folder, unwritable
 from optopad.results.search_result import Search
 
 PLACES = "places.json"
+WAY_OUT = "choose another folder with --out"
 
 
 def search_folder(space: SearchSpace, out: Path) -> Path:
@@ -72,7 +74,7 @@ def search(
     if any(objective.figure == "cost" for objective in space.objectives):
         price_of(cavity_of(space.base))  # refuses before the folder is made
     folder = search_folder(space, out)
-    _make(folder)
+    own_folder(folder, WAY_OUT)
     further = _further_places(folder, also_mm)
     url = storage or f"sqlite:///{(folder / 'study.db').absolute()}"
     wanted = tuple(objective.figure for objective in space.objectives)
@@ -114,7 +116,7 @@ def write_search(folder: Path, found: Findings, importance: dict[str, dict[str, 
     from optopad.report.search import search_page
     from sims.plots.front import front_svg
 
-    _make(folder / "designs")
+    own_folder(folder / "designs", WAY_OUT)
     files = _write_designs(folder / "designs", found)
     result = Search(folder=folder, findings=found, files=files, importance=importance)
     texts = {
@@ -225,24 +227,13 @@ def _write_designs(folder: Path, found: Findings) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as err:
-        raise OutputError(
-            f"{folder}: cannot be made: {err.strerror}; choose another folder with --out"
-        ) from None
-
-
 @contextmanager
 def _alone(folder: Path) -> Iterator[None]:
     """Keep a second search out of the folder; the lock goes with the process, however it ends."""
     try:
         descriptor = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT, 0o644)
     except OSError as err:
-        raise OutputError(
-            f"{folder}: cannot be written: {err.strerror}; choose another folder with --out"
-        ) from None
+        raise unwritable(folder, err, WAY_OUT) from None
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         yield

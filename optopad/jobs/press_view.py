@@ -303,6 +303,7 @@ def write_pictures(view: PressView, out: Path, *, seed: int) -> list[Path]:
     OutputError : the folder cannot be written; an earlier bundle is intact
     """
     from design.io import write_text_atomically
+    from design.whole_file import write_whole
     from sims.plots.style import plain_style, svg_text
 
     require_valid(view.design)
@@ -317,6 +318,6 @@ def write_pictures(view: PressView, out: Path, *, seed: int) -> list[Path]:
             write_text_atomically(folder / "sims" / f"{PREFIX}{name}.svg", svg_text(figure, name))
             png = io.BytesIO()
             figure.savefig(png, format="png", dpi=PNG_DPI, metadata={"Software": None})
-            (folder / "sims" / f"{PREFIX}{name}.png").write_bytes(png.getvalue())
+            write_whole(folder / "sims" / f"{PREFIX}{name}.png", png.getvalue())
             names += [f"{PREFIX}{name}.svg", f"{PREFIX}{name}.png"]
     return [out / bundle_name(view.design) / "sims" / name for name in names]

@@ -312,6 +312,7 @@ def write_pictures(view: RayView, out: Path) -> list[Path]:
     OutputError : the folder cannot be written; an earlier bundle is intact
     """
     from design.io import write_text_atomically
+    from design.whole_file import write_whole
 
     stem = f"{PREFIX}-{view.name}"
     with bundle(view.design, out, seed=view.seed) as folder, plain_style():
@@ -332,7 +333,7 @@ def write_pictures(view: RayView, out: Path) -> list[Path]:
         write_text_atomically(sims / f"{stem}.svg", svg_text(figure, stem))
         png = io.BytesIO()
         figure.savefig(png, format="png", dpi=PNG_DPI, metadata={"Software": None})
-        (sims / f"{stem}.png").write_bytes(png.getvalue())
+        write_whole(sims / f"{stem}.png", png.getvalue())
         write_text_atomically(sims / f"{PREFIX}.json", json.dumps(paths_json(view)) + "\n")
     names = (f"{stem}.svg", f"{stem}.png", f"{PREFIX}.json")
     return [out / bundle_name(view.design) / "sims" / name for name in names]

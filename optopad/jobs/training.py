@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from design.errors import InputError, OutputError
+from design.errors import InputError
 from design.spec import SensorDesign
+from design.whole_file import made_folder
 from sims.learning.inference.header import ForceCurve, ModelHeader
 from sims.learning.inference.model_file import save_model
 from sims.learning.inference.touch_model import TouchModel
@@ -135,7 +136,7 @@ def _files(names: Sequence[str], files: Sequence[Path], out: Path | None) -> dic
     if not files:
         raise InputError("data: none given; name at least one file")
     stem = files[0].name.partition(".")[0]
-    if out is not None and out.suffix == SUFFIX:
+    if out is not None and out.suffix.lower() == SUFFIX:
         if len(names) > 1:
             raise InputError(f"--out: {out} is one file for {len(names)} models; give a folder")
         found = {names[0]: out}
@@ -143,12 +144,7 @@ def _files(names: Sequence[str], files: Sequence[Path], out: Path | None) -> dic
         folder = files[0].parent if out is None else out
         found = {name: folder / f"{stem}-{name}{SUFFIX}" for name in names}
     for file in found.values():
-        try:
-            file.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as err:
-            raise OutputError(
-                f"{file.parent}: cannot be made: {err.strerror}; choose another folder"
-            ) from None
+        made_folder(file.parent)
     return found
 
 

@@ -17,6 +17,7 @@ from design.errors import OptopadError
 from design.geometry.mold_outline import bed_lift_mm
 from design.io import save_design
 from design.spec import SensorDesign
+from design.whole_file import temporary_folder
 from fabrication.bundle import bundle_name
 from optopad.studio.session import Said
 from optopad.work.program import started
@@ -104,7 +105,7 @@ class Errand:
             if self.is_running:
                 return False
             self._is_ended = False
-            holder = tempfile.TemporaryDirectory(prefix="optopad-")
+            holder = temporary_folder()
             file = Path(holder.name) / f"{design.name}.toml"
             save_design(design, file)
             self._process = started(["-m", "optopad", verb, str(file), "--out", str(self.out)])
@@ -177,7 +178,7 @@ class MoldShop:
                 return
             self._end()
             self._digest = design.digest
-            holder = tempfile.TemporaryDirectory(prefix="optopad-")
+            holder = temporary_folder()
             file = Path(holder.name) / "design.toml"
             save_design(design, file)
             self._process = started(["-m", "cad", str(file), holder.name])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import subprocess
-import tempfile
 import threading
 from collections.abc import Callable
 from contextlib import suppress
@@ -12,6 +11,7 @@ from pathlib import Path
 from design.errors import DeviceError, InputError
 from design.io import save_design
 from design.spec import SensorDesign
+from design.whole_file import temporary_folder
 from optopad.work.program import started
 
 STARTING_BOARD = "starting the simulated board"
@@ -41,7 +41,7 @@ class BoardProcess:
     """
 
     def __init__(self, design: SensorDesign, bundles: Path, seed: int, say: Callable[[str], None]) -> None:
-        self._folder = tempfile.TemporaryDirectory(prefix="optopad-")
+        self._folder = temporary_folder()
         file = Path(self._folder.name) / "design.toml"
         save_design(design, file)
         command = ["driver", "fake", str(file), "--bundles", str(bundles)]

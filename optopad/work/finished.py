@@ -17,7 +17,7 @@ from typing import Any
 
 import design
 import sims
-from design.errors import OutputError
+from design.whole_file import unwritable
 
 SOURCES = ("*.py", "*.toml", "*.npz")
 ROOMS = (design, sims)
@@ -61,10 +61,7 @@ class FinishedWork:
                 stream.flush()
                 os.fsync(stream.fileno())
         except OSError as err:
-            raise OutputError(
-                f"{self.path}: cannot be written: {err.strerror or err}; free the disk or choose another folder "
-                "with --out"
-            ) from err
+            raise unwritable(self.path, err, "choose another folder with --out") from err
 
     def forget(self) -> None:
         """Remove the file: the work is done and lies in its bundle."""

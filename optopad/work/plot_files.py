@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -11,6 +10,7 @@ from matplotlib.figure import Figure
 from design.geometry.cavity import cavity_of
 from design.io import write_text_atomically
 from design.spec import SensorDesign
+from design.whole_file import write_whole
 from sims.bounds.observability import PadBounds
 from sims.plots.bounds import plot_bound_sheet, plot_felt_map
 from sims.plots.style import plain_style, svg_text
@@ -25,9 +25,7 @@ def write_plot(figure: Figure, stem: Path) -> tuple[Path, Path]:
     figure.set_layout_engine("none")  # laid out for the SVG: all keeps its place
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=PNG_DPI, metadata={"Software": None})
-    partial = png.with_name(f".{png.name}.partial")
-    partial.write_bytes(buffer.getvalue())
-    os.replace(partial, png)
+    write_whole(png, buffer.getvalue())
     return svg, png
 
 

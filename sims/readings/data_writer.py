@@ -4,20 +4,22 @@ While it grows it is a journal beside the file: a line of JSON, then one record 
 
     length of the content, CRC-32 of it (4 bytes each, little-endian), content (samples, as `_sample_type`)
 
-flushed to the disk before the next. A record that a kill or a power cut left half-written fails its length or its
-check; it and what follows is cut off, and work goes on with the press after the last whole one. HDF5 itself has no
-such promise: a file that was open for writing when its program was killed may never open again.
+flushed to the disk before the next. Whoever writes the journal locks it. A record that a kill or a power cut left
+half-written fails its length or its check; it and what follows is cut off, and work goes on with the press after the
+last whole one. HDF5 itself has no such promise: a file that was open for writing when its program was killed may never
+open again.
 """
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import os
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, Self
@@ -25,21 +27,14 @@ from typing import IO, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from design.errors import InputError, OutputError
+from design.errors import InputError
+from design.whole_file import made_folder, unwritable, whole_file
 from sims.readings.press_data import PressData
 
 RECORD = struct.Struct("<II")
 CHUNK_SAMPLES = 2048
 """Samples that the netCDF file keeps and packs together: 0.6 MB of a pad of 8 + 8 parts."""
 JOURNAL_VERSION = 1
-
-
-@dataclass(frozen=True)
-class _Journal:
-    """What a journal holds: whole presses, and where they end."""
-
-    presses: tuple[tuple[int, int], ...]
-    end: int
 
 
 class DataWriter:
@@ -55,6 +50,7 @@ class DataWriter:
 
     Raises
     ------
+    InputError : another process or thread makes the same file now.
     OutputError : the folder cannot be written.
     """
 
@@ -66,9 +62,12 @@ class DataWriter:
         self._line = _header_line(header, asked)
         name = hashlib.sha256(self._line).hexdigest()[:16]
         self.journal = (journal_folder or file.parent) / (f".{file.name}.{name}.journal")
-        found = self._begun()
-        self._done = set(found.presses)
-        self._stream = self._opened(found)
+        self._stream = self._opened()
+        try:
+            self._done = self._begun()
+        except BaseException:
+            self._stream.close()
+            raise
 
     def __enter__(self) -> Self:
         return self
@@ -100,7 +99,7 @@ class DataWriter:
             self._stream.flush()
             os.fsync(self._stream.fileno())
         except OSError as err:
-            raise _cannot_write(self.journal, err) from err
+            raise unwritable(self.journal, err) from err
         self._done |= _presses_of(press)
 
     def finish(self) -> Path:
@@ -111,6 +110,7 @@ class DataWriter:
         OutputError : the disk cannot be written; the journal stays.
         """
         self.write()
+        self._stream.close()
         self.forget()
         return self.file
 
@@ -121,52 +121,62 @@ class DataWriter:
         ------
         OutputError : the disk cannot be written.
         """
-        self._stream.close()
-        _write_whole(self.file, self._header, self._rows())
+        _write_whole(self.file, self._header, (rows for rows, _ in self._records()))
 
     def forget(self) -> None:
         """Remove the journal: the file is in its place."""
         self.journal.unlink(missing_ok=True)
 
-    def _begun(self) -> _Journal:
-        """Whole presses of an earlier run."""
-        presses: list[tuple[int, int]] = []
-        end = len(self._line)
+    def _begun(self) -> set[tuple[int, int]]:
+        """Whole presses of an earlier run; what follows them in the journal is cut off."""
+        presses: set[tuple[int, int]] = set()
+        end = 0
         try:
-            for rows, after in self._records():
-                presses += [(int(s), int(p)) for s, p in zip(rows["set"], rows["place"], strict=True)]
-                end = after
-        except (FileNotFoundError, NotADirectoryError):
-            end = 0
-        return _Journal(presses=tuple(dict.fromkeys(presses)), end=end)
-
-    def _opened(self, found: _Journal) -> IO[bytes]:
-        try:
-            self.journal.parent.mkdir(parents=True, exist_ok=True)
-            stream = self.journal.open("r+b" if found.end else "w+b")
-            stream.truncate(found.end)
-            stream.seek(found.end)
-            if not found.end:
-                stream.write(self._line)
-                stream.flush()
+            self._stream.seek(0)
+            if self._stream.read(len(self._line)) == self._line:
+                end = len(self._line)
+                for rows, after in self._records():
+                    presses |= {(int(s), int(p)) for s, p in zip(rows["set"], rows["place"], strict=True)}
+                    end = after
+            self._stream.seek(end)
+            self._stream.truncate()
+            if not end:
+                self._stream.write(self._line)
+                self._stream.flush()
         except OSError as err:
-            raise _cannot_write(self.journal, err) from err
+            raise unwritable(self.journal, err) from err
+        return presses
+
+    def _opened(self) -> IO[bytes]:
+        made_folder(self.journal.parent)
+        try:
+            stream = self.journal.open("a+b")  # to write at its end, and to read anywhere
+        except OSError as err:
+            raise unwritable(self.journal, err) from err
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            stream.close()
+            raise InputError(
+                f"{self.file.name}: another process makes it now ({self.journal}); wait for it, or choose another "
+                "folder with --out"
+            ) from None
+        except OSError:  # a file system without locks
+            pass
         return stream
 
     def _records(self) -> Iterator[tuple[NDArray[np.void], int]]:
         """Samples of each whole record, and where it ends."""
-        with self.journal.open("rb") as stream:
-            if stream.read(len(self._line)) != self._line:
-                raise FileNotFoundError(self.journal)
-            while len(head := stream.read(RECORD.size)) == RECORD.size:
-                length, check = RECORD.unpack(head)
-                content = stream.read(length)
-                if len(content) < length or zlib.crc32(content) != check or length % self._type.itemsize:
-                    return
-                yield np.frombuffer(content, dtype=self._type), stream.tell()
-
-    def _rows(self) -> Iterator[NDArray[np.void]]:
-        return (rows for rows, _ in self._records())
+        stream, size = self._stream, os.fstat(self._stream.fileno()).st_size
+        stream.seek(len(self._line))
+        while len(head := stream.read(RECORD.size)) == RECORD.size:
+            length, check = RECORD.unpack(head)
+            if length > size - stream.tell() or length % self._type.itemsize:
+                return
+            content = stream.read(length)
+            if zlib.crc32(content) != check:
+                return
+            yield np.frombuffer(content, dtype=self._type), stream.tell()
 
 
 def save_data(data: PressData, file: Path) -> Path:
@@ -224,14 +234,8 @@ def _header_line(header: PressData, asked: Any) -> bytes:
 
 
 def _write_whole(file: Path, header: PressData, parts: Iterator[NDArray[np.void]]) -> Path:
-    partial = file.with_name(f".{file.name}.partial")
-    try:
-        _write_netcdf(partial, header, parts)
-        os.replace(partial, file)
-    except OSError as err:
-        raise _cannot_write(file, err) from err
-    finally:
-        partial.unlink(missing_ok=True)
+    with whole_file(file) as hidden:
+        _write_netcdf(hidden, header, parts)
     return file
 
 
@@ -299,9 +303,3 @@ def _text() -> Any:
     import h5py
 
     return h5py.string_dtype()
-
-
-def _cannot_write(file: Path, err: OSError) -> OutputError:
-    return OutputError(
-        f"{file}: cannot be written: {err.strerror or err}; free the disk or choose another folder"
-    )

@@ -5,7 +5,6 @@ Open one with a line: ``xarray.open_dataset("sims/signals.nc")``.
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from design.geometry.cavity import CavityGeometry
+from design.whole_file import whole_file
 from sims.optics.light_signals import LightSignals
 
 FloatArray = NDArray[np.float64]
@@ -59,11 +59,7 @@ def signals_dataset(
 
 
 def save_dataset(dataset: xr.Dataset, file: Path) -> None:
-    """Write a data set as netCDF, through a temporary file beside the target."""
-    partial = file.with_name(f".{file.name}.partial")
+    """Write a data set as netCDF, whole or not at all; raises as `design.whole_file.whole_file`."""
     encoding = {name: COMPRESSION for name, values in dataset.data_vars.items() if values.ndim > 1}
-    try:
-        dataset.to_netcdf(partial, engine="h5netcdf", encoding=encoding)
-        os.replace(partial, file)
-    finally:
-        partial.unlink(missing_ok=True)
+    with whole_file(file) as hidden:
+        dataset.to_netcdf(hidden, engine="h5netcdf", encoding=encoding)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import OutputError
-from design.whole_file import folder_fault, own_folder, require_file_name, whole_file
+from design.whole_file import folder_fault, made_folder, require_file_name, whole_file
 from sims.contact.library.incompressible import POISSON_RATIOS, nearly_incompressible
 from sims.contact.library.press_fit import fit_press
 from sims.contact.library.profile_library import (
@@ -223,6 +223,6 @@ def write_library(library: Library, path: Path) -> None:
     ------
     OutputError : the file cannot be written
     """
-    own_folder(path.parent, "choose another --out")
+    made_folder(path.parent, "choose another --out")
     with whole_file(path, "choose another --out") as hidden, hidden.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **pack(library))

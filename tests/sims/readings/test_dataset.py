@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import xarray as xr
 
 from design.errors import InputError, OutputError
 from design.preset import preset
+from sims.learning.samples.training_data import prepared
 from sims.readings.dataset import (
     DataSetInfo,
     DataWriter,
@@ -114,6 +116,36 @@ def test_what_the_driver_exports_is_one_unnamed_set_with_presses_told_by_contact
     assert found.true_press_mm is None
 
 
+def test_travel_retraction_and_jitter_are_no_presses(tmp_path: Path) -> None:
+    """A stage that reports all the way: 12 locations, one of them pressed twice; jitter of location and depth."""
+    rng, rows, at = np.random.default_rng(1), [], np.zeros(2)
+    places = [np.array([6.0 + 3 * (k % 4), 6.0 + 4 * (k // 4)]) for k in range(12)]
+    for place in [*places, places[-1]]:
+        rows += [[*(at + share * (place - at)), -2.0] for share in np.arange(0.0, 1.0, 0.1)]
+        for depth in [*np.linspace(-2.0, 4.0, 30), *np.linspace(4.0, -2.0, 30)]:
+            rows.append([*(place + rng.normal(0.0, 0.02, 2)), depth + 0.02 * rng.normal()])
+        at = place
+    press = np.array(rows)
+    samples = len(press)
+    data = replace(
+        made_up(),
+        counts=rng.normal(300.0, 1.0, (samples, 3, 3)).astype(np.float32),
+        press_mm=press,
+        time_s=np.arange(samples, dtype=float),
+        set_number=np.zeros(samples, dtype=np.int64),
+        place_number=np.zeros(samples, dtype=np.int64),
+        true_press_mm=None,
+    )
+    with xr.open_dataset(save_data(data, tmp_path / "set.nc"), engine="h5netcdf") as held:
+        held.load().drop_vars(["set", "place"]).to_netcdf(tmp_path / "recorded.nc", engine="h5netcdf")
+    found = read_data(tmp_path / "recorded.nc")
+    assert len(np.unique(found.place_number)) == 13
+    assert np.all(np.diff(found.place_number) >= 0)
+    facts = prepared(found).facts()
+    assert (facts["locations"], facts["presses"]) == (12, 13)
+    assert not facts["is_simulated"]
+
+
 def test_presses_added_one_by_one_make_the_same_file(tmp_path: Path) -> None:
     data = made_up()
     with DataWriter(tmp_path / "set.nc", header_of(data), asked={"seed": 3}) as writer:
@@ -177,6 +209,41 @@ def test_a_journal_of_other_work_is_not_taken_up(tmp_path: Path) -> None:
         writer.add(one_press(data, 0, 0))
     with DataWriter(tmp_path / "set.nc", header_of(data), asked={"seed": 4}) as writer:
         assert writer.done == frozenset()
+
+
+def test_a_journal_has_one_writer_at_a_time(tmp_path: Path) -> None:
+    data = made_up()
+    with DataWriter(tmp_path / "set.nc", header_of(data)) as writer:
+        writer.add(one_press(data, 0, 0))
+        with pytest.raises(InputError, match=r"another process makes it now .* wait for it"):
+            DataWriter(tmp_path / "set.nc", header_of(data))
+        for press in ((0, 1), (1, 0), (1, 1)):
+            writer.add(one_press(data, *press))
+        writer.write()
+    assert_same(read_data(tmp_path / "set.nc"), data)
+    with DataWriter(
+        tmp_path / "set.nc", header_of(data)
+    ) as other:  # it may begin before the first one forgets
+        writer.forget()
+        assert len(other.done) == 4
+        other.finish()
+    assert_same(read_data(tmp_path / "set.nc"), data)
+    assert os.listdir(tmp_path) == ["set.nc"]
+
+
+def test_a_journal_with_a_damaged_length_takes_no_memory(tmp_path: Path) -> None:
+    data = made_up()
+    with DataWriter(tmp_path / "set.nc", header_of(data)) as writer:
+        writer.add(one_press(data, 0, 0))
+    with writer.journal.open("ab") as stream:
+        stream.write(b"\xff\xff\xff\xff" * 3)
+    tracemalloc.start()
+    try:
+        with DataWriter(tmp_path / "set.nc", header_of(data)) as writer:
+            assert writer.done == {(0, 0)}
+        assert tracemalloc.get_traced_memory()[1] < 1_000_000
+    finally:
+        tracemalloc.stop()
 
 
 def test_an_earlier_file_stays_until_the_new_one_is_whole(tmp_path: Path) -> None:
