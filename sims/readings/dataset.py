@@ -251,4 +251,5 @@ def _presses(press_mm: NDArray[np.float64]) -> NDArray[np.int64]:
     after = np.minimum(np.searchsorted(touched, np.arange(len(press_mm))), len(touched) - 1)
     before = np.maximum(after - 1, 0)
     to_next, to_last = (np.hypot(*(press_mm[:, :2] - at[near]).T) for near in (after, before))
-    return np.asarray(number[np.where(to_next <= to_last, after, before)], dtype=np.int64)
+    is_nearer = to_next <= to_last + SAME_PLACE_MM
+    return np.asarray(number[np.where(is_nearer, after, before)], dtype=np.int64)

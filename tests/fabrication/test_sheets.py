@@ -138,6 +138,12 @@ def test_the_drawing_is_true_to_scale() -> None:
     assert sizes == {(1.9, 3.5), (4.1, 5.1)}
 
 
+def test_the_sheet_says_of_a_preset_what_is_true_of_it_alone() -> None:
+    design = preset("piacenza2017-pad")
+    assert design.description in casting_md(design)
+    assert "45 mm mold" not in casting_md(design.with_(**{"cavity.clear_thickness_mm": 9.0}))
+
+
 def test_a_description_cannot_break_the_drawing_or_the_sheet() -> None:
     entry = {"title": "</text><script>&\x00\x0b", "manufacturer": "x"}
     part = part_of(PAD, "osram-sfh206k", "receiver").model_dump(mode="json") | entry

@@ -11,6 +11,7 @@ import pytest
 
 from design.preset import preset
 from optopad.cli import main
+from optopad.jobs import calibration
 from sims.contact import indent
 from sims.learning.inference.model_file import load_model
 from sims.learning.learners import LEARNERS
@@ -51,6 +52,7 @@ def test_a_model_lies_beside_the_data_and_the_lines_say_what_it_was_made_of(fold
     assert lines[4].startswith("file      pad-kernel-ridge.optomodel (")
     model = load_model(folder / "pad-kernel-ridge.optomodel")
     assert model.header.force_curve is None
+    assert model.header.trained_on["is_simulated"] is False
     assert model.header.design_digest == preset(PAD).digest
 
 
@@ -144,3 +146,27 @@ def test_a_trained_model_is_evaluated_on_presses_and_its_files_are_named(folder,
     json.loads(capsys.readouterr().out)
     names = {path.name for path in (folder / "found").iterdir()}
     assert {"evaluation.json", "evaluation.html"} <= names
+
+
+def test_simulated_data_are_called_so_in_the_model_and_in_every_result(folder, data, capsys):
+    save_data(replace(data, true_press_mm=data.press_mm), folder / "drawn.nc")
+    said = "the data are simulated, not recorded"
+    assert main(["train", "drawn.nc", "--learner", "kernel-ridge", "--effort", "quick"]) == 0
+    assert f"note      {said}" in capsys.readouterr().out.splitlines()
+    model = folder / "drawn-kernel-ridge.optomodel"
+    assert load_model(model).header.trained_on["is_simulated"]
+    assert main(["evaluate", "drawn.nc", "--model", str(model), "--json"]) == 0
+    assert said in json.loads(capsys.readouterr().out)["notes"]
+    assert said in calibrate_notes(folder / "drawn.nc")
+    assert said not in calibrate_notes(folder / "pad.nc")
+
+
+def calibrate_notes(file: Path) -> tuple[str, ...]:
+    """Notes of a calibration whose fit is left out."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(calibration, "calibrated", lambda *_args, **_options: None)
+        patch.setattr(calibration, "report_of", lambda _found: None)
+        made = calibration.calibrate(
+            preset(PAD), file, with_model=False, quick=True, seed=0, on_step=lambda *_: None
+        )
+    return made.notes

@@ -188,39 +188,35 @@ def test_the_same_data_with_depth_upwards_are_refused(
         require_true_labels(-depth, location, signals, PAD)
 
 
-def rewritten(data: PressData, folder: Path, name: str, units: object, factor: float) -> Path:
-    """The file of data, with one variable in another unit."""
+def rewritten(data: PressData, folder: Path, units: dict[str, tuple[object, float]]) -> Path:
+    """The file of data, with some variables in another unit: its name and how many of it are one of the usual."""
     with xr.open_dataset(save_data(data, folder / "good.nc"), engine="h5netcdf", decode_times=False) as held:
         dataset = held.load()
-    dataset[name] = dataset[name] * factor
-    dataset[name].attrs = {} if units is None else {"units": units}
+    for name, (unit, factor) in units.items():
+        dataset[name] = dataset[name] * factor
+        dataset[name].attrs = {} if unit is None else {"units": unit}
     dataset.to_netcdf(folder / "a.nc", engine="h5netcdf")
     return folder / "a.nc"
 
 
-LENGTHS = {
-    "mm": 1.0,
-    "millimeters": 1.0,
-    "um": 1e3,
-    "\u00b5m": 1e3,
-    "\u03bcm": 1e3,
-    "microns": 1e3,
-    "m": 1e-3,
-    "cm": 0.1,
-}
+LENGTHS = (
+    ("mm", 1.0), ("um", 1e3), ("m", 1e-3), ("cm", 0.1), ("\u00b5m", 1e3), ("\u03bcm", 1e3), ("microns", 1e3),
+    ("Millimeters", 1.0),
+)  # fmt: skip
 TRUE = replace(GOOD, true_press_mm=GOOD.press_mm + 0.01)
 
 
-@pytest.mark.parametrize("units", LENGTHS)
-def test_lengths_are_converted_by_their_own_unit(units: str, tmp_path: Path) -> None:
-    for k, axis in enumerate(("x", "y", "depth")):
-        found = read_data(rewritten(TRUE, tmp_path, f"press_{axis}", units, LENGTHS[units]))
-        assert found.press_mm == pytest.approx(TRUE.press_mm)
-        recorded = read_recording(tmp_path / "a.nc")
-        assert recorded.place_mm == pytest.approx(TRUE.press_mm[:, :2])
-        assert recorded.depth_mm == pytest.approx(TRUE.press_mm[:, 2])
-        found = read_data(rewritten(TRUE, tmp_path, f"true_{axis}", units, LENGTHS[units]))
-        assert found.true_press_mm[:, k] == pytest.approx(TRUE.true_press_mm[:, k])
+@pytest.mark.parametrize("first", range(len(LENGTHS)))
+def test_lengths_are_converted_each_by_its_own_unit(first: int, tmp_path: Path) -> None:
+    names = [f"{kind}_{axis}" for kind in ("press", "true") for axis in ("x", "y", "depth")]
+    file = rewritten(
+        TRUE, tmp_path, {name: LENGTHS[(first + k) % len(LENGTHS)] for k, name in enumerate(names)}
+    )
+    found, recorded = read_data(file), read_recording(file)
+    assert found.press_mm == pytest.approx(TRUE.press_mm)
+    assert found.true_press_mm == pytest.approx(TRUE.true_press_mm)
+    assert recorded.place_mm == pytest.approx(TRUE.press_mm[:, :2])
+    assert recorded.depth_mm == pytest.approx(TRUE.press_mm[:, 2])
 
 
 @pytest.mark.parametrize("name", ["press_x", "press_y", "press_depth", "true_x", "time_s", "counts"])
@@ -229,14 +225,16 @@ def test_an_unknown_unit_is_refused_by_name(name: str, units: object, tmp_path: 
     with pytest.raises(
         InputError, match=rf"a\.nc: {name}: the attribute units is {str(units)!r}, needs one of"
     ):
-        read_data(rewritten(TRUE, tmp_path, name, units, 1.0))
+        read_data(rewritten(TRUE, tmp_path, {name: (units, 1.0)}))
 
 
 @pytest.mark.parametrize(
     ("units", "factor"), [("ms", 1e3), ("seconds", 1.0), ("s since 1970", 1.0), ("min", 1 / 60)]
 )
 def test_times_are_converted(units: str, factor: float, tmp_path: Path) -> None:
-    assert read_data(rewritten(GOOD, tmp_path, "time_s", units, factor)).time_s == pytest.approx(GOOD.time_s)
+    assert read_data(rewritten(GOOD, tmp_path, {"time_s": (units, factor)})).time_s == pytest.approx(
+        GOOD.time_s
+    )
 
 
 @pytest.mark.parametrize(("units", "factor"), [("V", 1.0), ("volts", 1.0), ("mV", 1e3)])
@@ -244,10 +242,10 @@ def test_volts_are_converted_by_the_design_s_converter_or_refused(
     units: str, factor: float, tmp_path: Path
 ) -> None:
     per_count = 5.0 / 1024.0 * factor  # the converter has 10 bits, its reference is the supply of 5 V
-    found = read_data(rewritten(GOOD, tmp_path, "counts", units, per_count))
+    found = read_data(rewritten(GOOD, tmp_path, {"counts": (units, per_count)}))
     assert found.counts == pytest.approx(GOOD.counts, rel=1e-5)
     assert any("the readings were volts" in note for note in data_notes(found))
-    nameless = rewritten(replace(GOOD, design_digest=None), tmp_path, "counts", units, per_count)
+    nameless = rewritten(replace(GOOD, design_digest=None), tmp_path, {"counts": (units, per_count)})
     assert read_data(nameless, PAD).counts == pytest.approx(GOOD.counts, rel=1e-5)
     with pytest.raises(
         InputError, match=r"a\.nc: counts: the attribute units is .* name the design, with --design"
@@ -261,8 +259,8 @@ def test_readings_that_are_volts_by_their_size_are_refused(units: str | None, tm
         with pytest.raises(
             InputError, match=r"counts: the readings are .* not whole, needs ADC counts; are they volts"
         ):
-            read_data(rewritten(GOOD, tmp_path, "counts", units, 5.0 / 1024.0), design)
-    read_data(rewritten(GOOD, tmp_path, "counts", units, 1.0))
+            read_data(rewritten(GOOD, tmp_path, {"counts": (units, 5.0 / 1024.0)}), design)
+    read_data(rewritten(GOOD, tmp_path, {"counts": (units, 1.0)}))
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("mm", 1.0), ("um", 1e3), ("m", 1e-3)])
