@@ -27,7 +27,7 @@ import numpy as np
 from design.circuit.emitter_switch import emitter_switch
 from design.circuit.pins import board_of
 from design.errors import DesignError
-from design.fields.finding import Finding, error
+from design.fields.finding import Finding, error, warning
 from design.fields.quantity import Quantity, weakest
 from design.geometry.cavity import cavity_of
 from design.parts.assumptions import assumption
@@ -189,6 +189,27 @@ def gain_findings(design: SensorDesign) -> Iterator[Finding]:
                 limit="a rule, or emitters with radiant_power_mw",
                 way_out=f"give part_measurements.{one.part_id}.radiant_power_mw, or set gain.feedback_ohm = 'each'",
             )
+
+
+def settling_findings(
+    design: SensorDesign, counts_per_flux: Sequence[float] | None = None
+) -> Iterator[Finding]:
+    """Amplifiers that do not settle within `board.settle_us`; nothing where no resistor is known (`feedbacks_of`)."""
+    feedbacks, settle_us = feedbacks_of(design, counts_per_flux) or (), design.board.settle_us
+    late = [
+        (one.settles_us, part.name)
+        for one, part in zip(feedbacks, cavity_of(design).receivers, strict=False)
+        if not one.is_in_time
+    ]
+    if late:
+        lower = "gain.target_counts" if given_ohms(design) is None else "gain.feedback_ohm"
+        yield warning(
+            "board.settle_us",
+            f"the amplifiers of {' '.join(name for _, name in late)} do not settle, so readings lag behind the light",
+            value=f"{settle_us:g} us",
+            limit=f"at least {math.ceil(max(late)[0])} us",
+            way_out=f"raise it, take a faster amplifier, or lower {lower}",
+        )
 
 
 def _mean_product(lit: list[tuple[Quantity, float]], receiver: Part, scale: float) -> Quantity:

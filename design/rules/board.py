@@ -9,9 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from design.circuit.emitter_switch import emitter_switch
 from design.circuit.pins import pin_findings
 from design.circuit.timing import MS_PER_S, baud_error, frame_time_ms, made_baud
+from design.circuit.transimpedance import gain_findings, settling_findings
 from design.fields.finding import Finding, error, warning
+from design.geometry.cavity import cavity_of
+from design.parts.assumptions import assumption
 from design.parts.catalog import Board
 from design.rules.firmware import firmware_findings
 from design.spec import SensorDesign
@@ -29,6 +33,31 @@ def board_findings(
     yield from _baud_findings(design, board)
     yield from _rate_findings(design, board, emitter_count, receiver_count)
     yield from firmware_findings(design, board, emitter_count, receiver_count)
+
+
+def circuit_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
+    """What the circuit around the board cannot do: light an emitter, switch it by a pin, settle in time."""
+    for placed in {one.part_id: one for one in cavity_of(design).emitters}.values():
+        switch = emitter_switch(placed.part)
+        supply_v, most = assumption("supply_v").value, board.max_pin_current_ma.value
+        if switch.series_ohm is None:
+            yield warning(
+                placed.origin,
+                f"the supply cannot light {placed.part_id}",
+                value=f"a forward voltage of {switch.forward_v.value:g} V",
+                limit=f"less than the supply's {supply_v:g} V",
+                way_out="use a higher supply for the emitters, or another part",
+            )
+        if switch.overloads_pin(board):
+            yield warning(
+                placed.origin,
+                f"a pin gives too much current to switch {placed.part_id} by a bipolar transistor",
+                value=f"{switch.base_current_ma:.1f} mA",
+                limit=f"at most {most:g} mA",
+                way_out="use a logic-level MOSFET or a driver in its place, or a part with less max_current_ma",
+            )
+    errors = list(gain_findings(design))
+    yield from errors or settling_findings(design)
 
 
 def _prescaler_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:

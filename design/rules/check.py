@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from design.circuit.transimpedance import gain_findings
 from design.errors import DesignError
 from design.fields.finding import Finding, warning
 from design.fields.paths import leaves
 from design.geometry.cavity import CavityGeometry, cavity_of
 from design.geometry.mold_label import label_findings
-from design.rules.board import board_findings
+from design.rules.board import board_findings, circuit_findings
 from design.rules.finish import angle_findings, finish_findings
 from design.rules.light import (
     area_findings,
@@ -64,7 +63,7 @@ def check(design: SensorDesign) -> tuple[Finding, ...]:
     if not unknown and is_spanned(design):
         found += tolerance_findings(design)
         found += _geometry_findings(design, counts)
-        found += gain_findings(design) if board is not None and all(counts) else ()
+        found += circuit_findings(design, board) if board is not None and all(counts) else ()
     return tuple(sorted(found, key=lambda finding: finding.severity != "error"))
 
 

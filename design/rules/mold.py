@@ -5,23 +5,55 @@ Names that find no room on the outer face are told by the printed parts' checks 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
-from design.fields.finding import Finding, error, mm
+from design.fields.finding import Finding, error, mm, warning
 from design.fields.units import ROUNDING_MM
 from design.geometry.mold_outline import MoldOutline, outline_of
 from design.spec import SensorDesign
+from design.spec.properties import elastomer_of, entries_of
 
 LEAST_SEAT_MM = 0.5
 """A cover needs this much rim around it to stay where it is laid."""
+RESIN = re.compile(
+    r"resin|stereo-?lith|photopolymer|\bm?sla\b|\bdlp\b|\blcd\b|polyjet|material jet", re.IGNORECASE
+)
+"""Words for prints of liquid resin, in the name or title of a material."""
+OTHER_CURE = re.compile(r"\btin\b|condensation", re.IGNORECASE)
+"""Words for silicones that do not cure by platinum, which most clear ones do."""
+
+
+def is_inhibited(design: SensorDesign) -> bool:
+    """Whether the mold is printed in resin, on which a platinum silicone stays tacky."""
+    found = entries_of(design).mold_materials.get(design.mold.material)
+    silicone = elastomer_of(design)
+    said = " ".join((design.elastomer.material, silicone.title, *silicone.notes))
+    return (
+        found is not None
+        and RESIN.search(f"{design.mold.material.replace('_', '-')} {found.title}") is not None
+        and OTHER_CURE.search(said) is None
+    )
 
 
 def mold_findings(design: SensorDesign) -> Iterator[Finding]:
     """What keeps an option from working."""
     outline = outline_of(design)
+    yield from _cure_findings(design)
     yield from _fit_findings(design, outline)
     yield from _cover_findings(design, outline)
     yield from _piece_findings(design)
+
+
+def _cure_findings(design: SensorDesign) -> Iterator[Finding]:
+    if design.elastomer.material in entries_of(design).elastomers and is_inhibited(design):
+        yield warning(
+            "mold.material",
+            "platinum silicones do not cure against many printed resins: the pad may stay tacky",
+            value=f"'{design.mold.material}'",
+            limit="a filament print, or a resin that a test piece has cured on",
+            way_out="print in filament, or wash, post-cure and coat the mold and try some silicone on it first",
+        )
 
 
 def _fit_findings(design: SensorDesign, outline: MoldOutline) -> Iterator[Finding]:

@@ -19,6 +19,7 @@ from design.parts.assumptions import assumption
 from design.parts.catalog import find_mold_material
 from design.parts.elastomer import Cure
 from design.preset import true_description
+from design.rules.mold import is_inhibited
 from design.spec import SensorDesign
 from design.spec.properties import elastomer_of, entries_of, quantities_of
 from fabrication.connections import polarity_of
@@ -234,7 +235,11 @@ def _cast(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
     yield ""
     yield "Warnings:"
     yield ""
-    yield "- Uncured resin of an SLA print inhibits the cure: the silicone stays tacky. Use a filament print."
+    if is_inhibited(design):
+        yield "- This mold is printed in resin, which may inhibit the cure: the silicone stays tacky. Wash it,"
+        yield "  post-cure it, coat it, and try some silicone on it before you cast."
+    else:
+        yield "- Keep to this material: the uncured resin of an SLA print inhibits the cure."
     if crowned:
         yield "- Layer lines of the lid copy into the crown, as haze: smooth its dish, or lay a formed film into it."
     else:

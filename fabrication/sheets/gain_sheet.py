@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from design.circuit.pins import board_of
-from design.circuit.transimpedance import Feedback, counts_per_flux_per_ohm
+from design.circuit.transimpedance import Feedback, counts_per_flux_per_ohm, settling_findings
 from design.geometry.cavity import cavity_of
 from design.geometry.pairs import facing_pairs
 from design.parts.standard_values import ohm_text
@@ -26,7 +26,7 @@ def gain_lines(design: SensorDesign, gain: SimulatedGain | None) -> Iterator[str
     if feedbacks is None:
         yield from _unknown(design)
     else:
-        yield from _values(design, feedbacks)
+        yield from _values(design, feedbacks, None if gain is None else gain.counts_per_flux)
     yield from _trimming(design)
     if gain is not None:
         yield from _clipped(design, gain)
@@ -42,7 +42,9 @@ def _unknown(design: SensorDesign) -> Iterator[str]:
     yield ""
 
 
-def _values(design: SensorDesign, feedbacks: tuple[Feedback, ...]) -> Iterator[str]:
+def _values(
+    design: SensorDesign, feedbacks: tuple[Feedback, ...], gain: tuple[float, ...] | None
+) -> Iterator[str]:
     names = [one.name for one in cavity_of(design).receivers]
     per_ohm = counts_per_flux_per_ohm(design)
     assert per_ohm is not None
@@ -57,12 +59,7 @@ def _values(design: SensorDesign, feedbacks: tuple[Feedback, ...]) -> Iterator[s
     star = "*" if per_ohm[0].confidence in ("inferred", "unverified") else ""
     yield f"An ohm makes {per_ohm[0].value:.3g}{star} counts of all of an emitter's power on a receiver"
     yield f"({plain(per_ohm[0].source)})."
-    if not all(one.is_in_time for one in feedbacks):
-        worst = max(one.settles_us for one in feedbacks)
-        yield (
-            f"These amplifiers do NOT settle within `board.settle_us` = {number(design.board.settle_us)} us: set it to "
-            f"{worst:.0f} or more, take a faster amplifier, or lower `gain.target_counts`."
-        )
+    yield from (f"Warning: {plain(str(one))}." for one in settling_findings(design, gain))
     yield ""
 
 

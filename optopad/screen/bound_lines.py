@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from optopad.report.text.answer import unresolved
+
 if TYPE_CHECKING:
     from sims.bounds.felt import FeltForce
     from sims.bounds.figures import Figure
@@ -40,7 +42,7 @@ def _volume_line(bounds: PadBounds) -> str:
     return (
         f"volume    {bounds.coverage.percent()} covered (place < {limits.covered_location_mm:g} mm, depth < "
         f"{limits.covered_depth_mm:g} mm); {bounds.dead_share.percent()} dead (place > {limits.dead_location_mm:g} mm "
-        f"or depth > {limits.dead_depth_mm:g} mm)"
+        f"or depth > {limits.dead_depth_mm:g} mm){unresolved(bounds, is_facing=False)}"
     )
 
 
@@ -51,7 +53,9 @@ def _felt_line(felt: FeltForce) -> str:
     if math.isinf(force):
         return f"felt      no press within the range of use at {at}"
     band = f"{felt.low_n[row, column]:.3f} to {felt.high_n[row, column]:.3f} N by the modulus"
-    trace = f"{felt.force_error_low_n[row, column]:.3f} to {felt.force_error_high_n[row, column]:.3f} N by the trace"
+    latest = float(felt.force_error_high_n[row, column])
+    end = "no press" if math.isinf(latest) else f"{latest:.3f} N"
+    trace = f"{felt.force_error_low_n[row, column]:.3f} N to {end} by the trace"
     return f"felt      from {force:.3f} N everywhere ({band}; {trace}); the heaviest at {at}"
 
 

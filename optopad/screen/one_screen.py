@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 WIDTH, LINES = 100, 12
 LABEL = 10
 """Columns of the label in front of a line."""
+FIRST = ("full scale", "do not settle", "cannot light", "too much current", "stay tacky")
+"""Words of warnings that come first: a pad that is built as it is would not work."""
 FINDING_LINES = 4
 """Lines of a finding at most."""
 
@@ -44,7 +46,7 @@ def verdict_screen(
         *row("verdict", said.verdict, 2 if score.causes or score.reason == "" else 4),
         *row("why" if score.causes else "weakest", said.why, 2),
         *row("sure", said.sure, 2),
-        *row("worth", said.worth),
+        *row("worth", said.worth, 2),
     ]
     onward = _next(score, command, is_built=is_built) if command else ""
     foot = [*row("next", onward, 2), *closing]
@@ -87,13 +89,13 @@ def row(label: str, text: str, most: int = 1) -> list[str]:
 
 
 def _to_heed(score: ContinuityScore) -> list[str]:
-    """Warnings that no other line tells, the worst first: what clips, then the rest as they come.
+    """Warnings that no other line tells, the worst first, then the rest as they come.
 
     The trace's error is told where it leaves the verdict open; else it concerns the figures of single pairs alone.
     """
     told = ("rests on values not measured", "the verdict is open", "light trace: standard error")
     left = [text for text in score.warnings if not text.startswith(told)]
-    return sorted(left, key=lambda text: "full scale" not in text)
+    return sorted(left, key=lambda text: not any(words in text for words in FIRST))
 
 
 def _heeded(texts: Sequence[str], room: int) -> list[str]:

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from design.circuit.transimpedance import given_ohms, settling_findings
 from design.errors import ModelScopeError
 from design.geometry.cavity import CavityGeometry, cavity_of
 from design.geometry.pairs import is_facing_rows, judged_pairs, mask_of, pair_name
@@ -282,7 +283,7 @@ def _assembled(
         causes=_causes(design, judged, pad_map, pad_signals, readout),
         bounds=bounds,
         force=force,
-        warnings=_warnings(design, judged, pad_map),
+        warnings=_warnings(design, judged, pad_map, readout.of_each(len(cavity.receivers))),
     )
 
 
@@ -398,9 +399,11 @@ def _unjudged(cavity: CavityGeometry, flat: FloatArray, readout: Readout) -> dic
 
 
 def _warnings(
-    design: SensorDesign, judged: tuple[JudgedPair, ...], pad_map: PadMap | None
+    design: SensorDesign, judged: tuple[JudgedPair, ...], pad_map: PadMap | None, gains: tuple[float, ...]
 ) -> tuple[str, ...]:
     found = [str(finding) for finding in check(design)]  # errors were refused before
+    if given_ohms(design) is None:  # resistors by a rule are known with the light alone
+        found += [str(finding) for finding in settling_findings(design, gains)]
     found += contact_notes(design)
     found += filter(None, [noise_caution(judged)])
     if pad_map is not None and not is_facing_rows(cavity_of(design)):

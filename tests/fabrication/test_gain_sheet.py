@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import csv
 import io
+from typing import Any
 
 import pytest
 
+from design.circuit.transimpedance import settling_findings
+from design.parts.catalog import find_part
 from design.preset import preset
+from design.rules.check import check
+from design.spec import SensorDesign
+from design.spec.properties import entries_of
 from fabrication.driver_config import driver_config
 from fabrication.gain import SimulatedGain, clipped_pairs
 from fabrication.sheets.bom import bom_csv
@@ -15,6 +21,11 @@ from fabrication.sheets.casting import casting_md
 
 PAD = preset("piacenza2017-pad")
 FLUX = tuple(tuple(1e-3 * (1 + i + j) for j in range(8)) for i in range(8))
+RESIN = {
+    "title": "Grey resin",
+    "wall_reflectance": {"value": 0.1, "unit": "1", "source": "assumed", "confidence": "unverified"},
+    "density_g_per_cm3": {"value": 1.1, "unit": "g/cm3", "source": "assumed", "confidence": "unverified"},
+}
 GAIN = SimulatedGain(counts_per_flux=(1e5,) * 8, untouched_flux=FLUX)
 
 
@@ -67,4 +78,64 @@ def test_given_ohms_are_known_without_a_simulation() -> None:
 def test_an_amplifier_that_is_too_slow_is_said_with_the_time_that_is_enough() -> None:
     hurried = PAD.with_(**{"board.settle_us": 3.0})
     sheet = casting_md(hurried, SimulatedGain(counts_per_flux=(3e6,) * 8, untouched_flux=FLUX))
-    assert "do NOT settle within `board.settle_us` = 3 us: set it to 18 or more" in sheet
+    assert "do not settle, so readings lag behind the light (3 us; needs at least 19 us)" in sheet.replace(
+        "\\", ""
+    )
+    enough = hurried.with_(**{"board.settle_us": 19.0})
+    assert list(settling_findings(enough, (3e6,) * 8)) == []
+    assert all(one.field != "board.settle_us" for one in check(hurried))  # no resistor without light
+    fitted = hurried.with_(**{"gain.feedback_ohm": 2.2e6})
+    (said,) = (str(one) for one in check(fitted) if one.field == "board.settle_us")
+    assert "lower gain.feedback_ohm" in said
+    assert said in casting_md(fitted).replace("\\", "")
+
+
+@pytest.mark.parametrize(
+    ("mark", "changes", "said"),
+    [
+        ("none fits", {"forward_voltage_v": {"value": 6.0}}, "the supply cannot light"),
+        ("TOO MUCH", {"max_current_ma": {"value": 900.0}}, "a pin gives too much current"),
+        ("(too slow)", {}, "do not settle"),
+        ("is printed in resin", {}, "may stay tacky"),
+    ],
+)
+def test_what_a_sheet_warns_of_is_a_finding_too(mark: str, changes: dict[str, Any], said: str) -> None:
+    document = PAD.model_dump(mode="json")
+    emitter = find_part(entries_of(PAD), PAD.emitters.part, "emitter").model_dump(mode="json")
+    for name, change in changes.items():
+        emitter[name] |= change | {"low": None, "high": None}
+    document["catalog"] = {"parts": {"lamp": emitter}, "mold_materials": {"grey-resin": RESIN}}
+    document["emitters"]["part"] = "lamp"
+    if not changes:
+        document["board"]["settle_us"], document["gain"]["feedback_ohm"] = 3.0, 2.2e6
+        document["mold"]["material"] = "grey-resin"
+    bad = SensorDesign.from_document(document, where="bad")
+    assert mark in casting_md(bad)
+    assert mark not in casting_md(PAD, GAIN)
+    assert any(said in one.message for one in check(bad))
+    assert not any(said in one.message for one in check(PAD))
+
+
+@pytest.mark.parametrize(
+    ("title", "cure", "tacky"),
+    [
+        ("Grey resin, printed by SLA", "Platinum cure.", True),
+        ("Tough photopolymer", "Platinum cure.", True),
+        ("Grey resin", "Tin cure (condensation).", False),
+        ("PETG, filament printed", "Platinum cure.", False),
+    ],
+)
+def test_a_resin_mold_warns_of_a_platinum_silicone(title: str, cure: str, tacky: bool) -> None:
+    document = PAD.model_dump(mode="json")
+    silicone = entries_of(PAD).elastomers[PAD.elastomer.material].model_dump(mode="json")
+    own = {
+        "mold_materials": {"own": RESIN | {"title": title}},
+        "elastomers": {"gel": silicone | {"notes": [cure]}},
+    }
+    document |= {"catalog": own}
+    document["mold"]["material"], document["elastomer"]["material"] = "own", "gel"
+    design = SensorDesign.from_document(document, where="own")
+    assert any("may stay tacky" in one.message for one in check(design)) is tacky
+    sheet = casting_md(design)
+    assert ("is printed in resin" in sheet) is tacky
+    assert ("Keep to this material" in sheet) is not tacky

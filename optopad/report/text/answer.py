@@ -11,6 +11,7 @@ from design.fields.paths import get_at
 from design.spec import SensorDesign
 from design.spec.properties import used_values
 from optopad.report.text.numbers import counted, spans
+from sims.bounds.observability import PadBounds
 from sims.continuity.result import ContinuityScore
 from sims.verdict.causes import Cause
 from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
@@ -18,6 +19,8 @@ from sims.verdict.tolerance import ToleranceBand, ToleranceRow
 
 USABLE_DOUBT_MM = 0.2
 """Range of the usable depth from which on it is told."""
+LEAST_SHARE = 0.01
+"""Shares below are told as less than this."""
 UNITS = (
     ("_mm", " mm"),
     ("_deg", "°"),
@@ -225,4 +228,16 @@ def _worth(score: ContinuityScore) -> str:
     listed = ", ".join(
         f"{name} {'blind' if math.isinf(value) else f'{value:.3f} mm'}" for name, value in told
     )
-    return f"{listed} at best by one frame (median){felt}"
+    return f"{listed} at best by one frame (median){felt}{unresolved(score.bounds, is_facing=score.is_facing_rows)}"
+
+
+def unresolved(bounds: PadBounds, *, is_facing: bool) -> str:
+    """The share of the volume where one frame does not resolve x, y and depth together; empty where there is none.
+
+    Facing rows are pressed at known places: of these the share says nothing.
+    """
+    share = bounds.blind_share
+    if is_facing or not share > 0.0:
+        return ""
+    words = "less than 1 %" if share < LEAST_SHARE else f"{100 * share:.0f} %"
+    return f"; in {words} of the volume x, y and depth together are not resolved"

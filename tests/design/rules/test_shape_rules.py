@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
@@ -260,3 +261,21 @@ def test_a_tip_that_is_blunt_beside_the_crown_is_told() -> None:
     assert any(
         "more curved than the contact model covers" in one and "5 mm on a crown of 18" in one for one in said
     )
+
+
+@pytest.mark.parametrize("name", SHAPED_PRESETS)
+@pytest.mark.parametrize("radius_mm", [0.1, 5.0, 8.0, 11.5, 12.0, 16.0, 21.0, 1e6])
+@pytest.mark.parametrize("margin_mm", [0.0, 5.0, 12.0])
+def test_no_finding_has_a_number_that_is_none(name: str, radius_mm: float, margin_mm: float) -> None:
+    crown = (
+        {"crown.radius_mm": radius_mm}
+        if preset(name).crown is not None
+        else {"cavity.diameter_mm": radius_mm}
+    )
+    try:
+        design = preset(name).with_(**crown, **{"operating.workspace_margin_mm": margin_mm})
+    except DesignError as err:
+        said = [str(err)]
+    else:
+        said = [str(one) for one in check(design)]
+    assert not re.search(r"\b(nan|inf)\b", " ".join(said), re.IGNORECASE)

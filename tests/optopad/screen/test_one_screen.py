@@ -5,12 +5,17 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
+import numpy as np
+
 from design.fields.finding import error, warning
 from design.preset import preset
 from optopad.report.text.answer import answer_of, cause_sentence, unit_of
+from optopad.report.text.bounds import bounds_words
+from optopad.screen.bound_lines import bound_lines
 from optopad.screen.one_screen import LINES, WIDTH, as_typed, findings_screen, verdict_screen
 from sims.verdict.causes import Cause, Witness
 from tests.design.for_each import for_each
+from tests.sims.made_up_bounds import made_up_bounds
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 
 PAD, PAIR = preset("piacenza2017-pad"), preset("piacenza2017-pair")
@@ -145,3 +150,42 @@ def test_an_open_verdict_of_facing_rows_names_the_pair():
         answer_of(PAIR, score).sure
         == f"open: the light trace's own error may hide a deadband of {doubtful}; use --fine"
     )
+
+
+def test_the_screen_says_what_share_is_not_resolved():
+    bounds = made_up_bounds(PAD)
+    score = replace(contiguous_score(), bounds=bounds)
+    share = f"in {100 * bounds.blind_share:.0f} % of the volume x, y and depth together are not resolved"
+    if bounds.blind_share < 0.01:
+        share = "in less than 1 % of the volume x, y and depth together are not resolved"
+    assert share in re.sub(r"\s+", " ", " ".join(verdict_screen(PAD, score, [])))
+    assert share in answer_of(PAD, score).worth
+    assert share in "\n".join(bound_lines(bounds, is_facing=False))
+    resolved = replace(bounds, location_mm=np.where(np.isinf(bounds.location_mm), 0.1, bounds.location_mm))
+    assert "not resolved" not in answer_of(PAD, replace(score, bounds=resolved)).worth
+
+
+def test_warnings_of_a_pad_that_would_not_work_come_first():
+    late = "board.settle_us: the amplifiers of R1 do not settle"
+    score = replace(contiguous_score(), warnings=(*(f"a long warning {n}" for n in range(20)), late))
+    assert any(line.endswith(late) for line in verdict_screen(PAD, score, []))
+
+
+def test_no_line_of_bounds_has_a_number_that_is_none():
+    bounds = made_up_bounds(PAD)
+    felt = bounds.felt
+    none = np.full_like(bounds.location_mm, np.inf)
+    cases = [
+        replace(bounds, felt=replace(felt, force_error_high_n=np.full_like(felt.force_n, np.inf))),
+        replace(
+            bounds,
+            felt=replace(felt, **dict.fromkeys(("force_n", "depth_mm"), np.full_like(felt.force_n, np.inf))),
+        ),
+        replace(bounds, location_error_mm=none, depth_error_mm=none, depth_alone_error_mm=none),
+        replace(bounds, location_mm=none, depth_bound_mm=none, depth_alone_mm=none),
+    ]
+    for case in cases:
+        said = [line for facing in (False, True) for line in bound_lines(case, is_facing=facing)]
+        said.append(answer_of(PAD, replace(contiguous_score(), bounds=case)).worth)
+        said += map(str, bounds_words(replace(contiguous_score(), bounds=case)))
+        assert not re.search(r"\b(nan|inf)\b", " ".join(said))
