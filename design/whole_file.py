@@ -79,8 +79,11 @@ def has_file_suffix(path: Path) -> bool:
 
 
 def require_folder_name(folder: Path, option: str = "") -> None:
-    """Refuse the name of a new folder that promises a file; InputError with the way out."""
-    if has_file_suffix(folder) and not folder.is_dir():
+    """Refuse the name of a new folder that promises a file or is a device's; InputError with the way out."""
+    if folder.is_dir():
+        return
+    require_file_name(folder, option)
+    if has_file_suffix(folder):
         raise InputError(
             f"{option}{folder}: a folder is written here, and the name is that of a {folder.suffix} file; say "
             f"{folder.with_suffix('')}"

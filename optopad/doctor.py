@@ -1,8 +1,8 @@
 """What this machine can do: Python, packages, folders, optional tools, each with its way out.
 
-Nothing is installed, written or created. Packages are imported in processes of their own, so that a missing
-shared library, or a crash while loading one, becomes a finding and not the end of the examination. Sizes are
-asked of the operating system; a container's own memory limit is read where Linux shows it (control groups,
+Nothing is installed, and nothing is left in a folder that is tried. Packages are imported in processes of their own,
+so that a missing shared library, or a crash while loading one, becomes a finding and not the end of the examination.
+Sizes are asked of the operating system; a container's own memory limit is read where Linux shows it (control groups,
 version 2). Left out: whether an optional tool works, or is recent enough; only its presence is looked at.
 """
 
@@ -14,6 +14,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -21,7 +22,8 @@ from pathlib import Path
 from typing import Literal
 
 from design.errors import InputError
-from sims.cache.folder import CACHE_VARIABLE, cache_folder, kernel_folder
+from design.whole_file import folder_fault, nearest_existing
+from sims.cache.folder import CACHE_VARIABLE, NO_HOME, cache_folder, kernel_folder
 
 State = Literal["ok", "missing", "warning"]
 
@@ -135,15 +137,16 @@ TOOLS = (
 
 
 def examine(outputs: Path = Path("outputs")) -> list[Finding]:
-    """Everything worth knowing before a run, in the order in which to mend it."""
+    """Everything worth knowing before a run, in the order in which to fix it."""
     return [
         python_finding(),
         cpu_finding(),
         memory_finding(),
         *package_findings(),
         kernel_finding(),
-        folder_finding("cache folder", cache_folder(), f"set {CACHE_VARIABLE} to a folder you can write to"),
+        kept_finding("cache folder", cache_folder(), "every run computes everything again"),
         light_finding(),
+        temporary_finding(),
         folder_finding("outputs folder", outputs, "run from a folder you can write to, or pass --out FOLDER"),
         *(tool_finding(tool) for tool in TOOLS),
     ]
@@ -304,25 +307,36 @@ def library_way_out(stem: str) -> str:
     )
 
 
-def nearest_existing(path: Path) -> Path:
-    """The path itself, or the first of its ancestors that is there."""
-    return next(place for place in (path.absolute(), *path.absolute().parents) if place.exists())
+def folder_finding(name: str, folder: Path, way_out: str, *, state: State = "missing") -> Finding:
+    """Whether files can be written to a folder, and whether its disk has room.
 
-
-def is_writable(folder: Path) -> bool:
-    """Whether the folder can be written to, or created; it is not created to find out."""
-    existing = nearest_existing(folder)
-    return existing.is_dir() and os.access(existing, os.W_OK | os.X_OK)
-
-
-def folder_finding(name: str, folder: Path, way_out: str) -> Finding:
-    """Whether files can be written to a folder, and whether its disk has room."""
-    if not is_writable(folder):
-        return Finding(name, "missing", f"{folder} cannot be written to", way_out)
+    Parameters
+    ----------
+    state : of a folder that cannot be written to
+    """
+    if fault := folder_fault(folder):
+        return Finding(name, state, f"{folder}: {fault}", way_out)
     free = shutil.disk_usage(nearest_existing(folder)).free / 1e9
     if free < DISK_ADVISED_GB:
         return Finding(name, "warning", f"{folder}: {free:.2f} GB free", f"free some space, or {way_out}")
     return Finding(name, "ok", str(folder))
+
+
+def kept_finding(name: str, folder: Path, lost: str) -> Finding:
+    """Whether a folder keeps what later runs need; a run goes on without."""
+    way_out = f"set {CACHE_VARIABLE} to a folder you can write to; else {lost}"
+    if folder.is_relative_to(NO_HOME):
+        return Finding(name, "warning", "none: this user has no home folder", f"set HOME, or {way_out}")
+    return folder_finding(name, folder, way_out, state="warning")
+
+
+def temporary_finding() -> Finding:
+    """Whether temporary files can be written; the mold, the firmware and the studio need some."""
+    way_out = "set TMPDIR to a folder you can write to"
+    try:
+        return folder_finding("temporary folder", Path(tempfile.gettempdir()), way_out)
+    except OSError as err:
+        return Finding("temporary folder", "missing", str(err.strerror), way_out)
 
 
 def light_finding() -> Finding:
@@ -335,7 +349,9 @@ def light_finding() -> Finding:
         return Finding("light cache", "missing", str(err), f"set {SIZE_VARIABLE} to a number, or unset it")
     if store is None:
         return Finding("light cache", "ok", f"off: {SIZE_VARIABLE} is 0")
-    used_mb = store.path.stat().st_size / 1e6 if store.path.is_file() else 0.0
+    if folder_fault(store.path.parent):
+        return kept_finding("light cache", store.path.parent, "every run traces all light again")
+    used_mb = os.path.getsize(store.path) / 1e6 if os.path.isfile(store.path) else 0.0
     held = f"{store.rows()} rows, {used_mb:.1f} of at most {store.size_mb:g} MB"
     return Finding(
         "light cache", "ok", f"{held}, in {store.path} (delete it to clear; {SIZE_VARIABLE}=0: off)"
@@ -344,11 +360,7 @@ def light_finding() -> Finding:
 
 def kernel_finding() -> Finding:
     """Whether compiled kernels survive the process."""
-    folder = kernel_folder()
-    if is_writable(folder):
-        return Finding("kernel cache", "ok", str(folder))
-    way_out = f"set {CACHE_VARIABLE} to a folder you can write to; else every run compiles the kernels again"
-    return Finding("kernel cache", "warning", f"{folder} cannot be written to", way_out)
+    return kept_finding("kernel cache", kernel_folder(), "every run compiles the kernels again")
 
 
 def tool_finding(tool: Tool) -> Finding:

@@ -63,8 +63,13 @@ def _run(arguments: list[str]) -> int:
 def _outcome(arguments: list[str]) -> int:
     import errno
     import gc
+    import os
 
     gc.set_threshold(*COLLECTED_AFTER)
+    if os.path.expanduser("~") == "~":  # libraries would fail at their import
+        from sims.cache.folder import NO_HOME
+
+        os.environ["HOME"] = str(NO_HOME)
     import typer
     from typer.exceptions import TyperException
 

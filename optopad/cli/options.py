@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, TypeVar
 
 import typer
 
-from design.errors import InputError
-from design.whole_file import has_file_suffix, require_folder_name, require_suffix
+from design.errors import InputError, OutputError
+from design.whole_file import folder_fault, has_file_suffix, require_folder_name, require_suffix
 
 Folder = TypeVar("Folder", Path, Path | None)
 LARGEST_SEED = 2**31 - 1
@@ -42,30 +41,14 @@ def require_folder(folder: Folder) -> Folder:
     Raises
     ------
     InputError : its name is that of a file.
-    OutputError : where it would lie is no folder, or may not be written.
+    OutputError : it cannot be made, or not be written.
     """
-    from design.errors import OutputError
-
     if folder is None:
         return None
     require_folder_name(folder, "--out ")
-    place = folder.absolute()
-    while not place.exists() and place != place.parent:
-        place = place.parent
-    if not _takes_a_folder(place):
-        raise OutputError(f"--out: {folder} cannot be made: {place} is no folder to write in; choose another")
+    if fault := folder_fault(folder):
+        raise OutputError(f"--out {folder}: cannot be written: {fault}; choose another folder")
     return folder
-
-
-def _takes_a_folder(place: Path) -> bool:
-    """Whether one can be made there, by trial: /proc says yes to an administrator and takes none."""
-    import tempfile
-
-    try:
-        os.rmdir(tempfile.mkdtemp(prefix=".optopad-", dir=place))
-    except OSError:
-        return False
-    return True
 
 
 Design = Annotated[

@@ -74,7 +74,7 @@ def search(
     if any(objective.figure == "cost" for objective in space.objectives):
         price_of(cavity_of(space.base))  # refuses before the folder is made
     folder = search_folder(space, out)
-    own_folder(folder, WAY_OUT)
+    own_folder(own_folder(folder, WAY_OUT) / "designs", WAY_OUT)
     further = _further_places(folder, also_mm)
     url = storage or f"sqlite:///{(folder / 'study.db').absolute()}"
     wanted = tuple(objective.figure for objective in space.objectives)
@@ -116,7 +116,6 @@ def write_search(folder: Path, found: Findings, importance: dict[str, dict[str, 
     from optopad.report.search import search_page
     from sims.plots.front import front_svg
 
-    own_folder(folder / "designs", WAY_OUT)
     files = _write_designs(folder / "designs", found)
     result = Search(folder=folder, findings=found, files=files, importance=importance)
     texts = {

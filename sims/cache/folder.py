@@ -11,10 +11,19 @@ CACHE_VARIABLE = "OPTOPAD_CACHE"
 """Environment variable that names the cache folder."""
 
 
+NO_HOME = Path(os.devnull) / "no home folder"
+"""The home of a user who has none: nothing can be kept below it, and a run goes on without."""
+
+
 def cache_folder() -> Path:
     """The folder that `OPTOPAD_CACHE` names, else the system's cache folder for optopad; it need not exist."""
-    chosen = os.environ.get(CACHE_VARIABLE)
-    return Path(chosen) if chosen else user_cache_path("optopad")
+    if chosen := os.environ.get(CACHE_VARIABLE):
+        return Path(os.path.expanduser(chosen))
+    try:
+        folder = user_cache_path("optopad")
+    except RuntimeError:  # no home
+        return NO_HOME
+    return folder if folder.is_absolute() else NO_HOME
 
 
 def kernel_folder() -> Path:

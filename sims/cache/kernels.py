@@ -26,6 +26,7 @@ from typing import Any, TypeVar
 from numba import njit
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 
+from design.whole_file import folder_fault
 from sims.cache.compiling import is_there
 from sims.cache.fingerprint import source_fingerprint
 from sims.cache.folder import kernel_folder
@@ -64,7 +65,11 @@ def compile_beside(program: str, entry_point: Any) -> None:
     entry_point : one of those that it compiles
     """
     files = entry_point._cache
-    if (Path(files.cache_path) / f"{files._impl.filename_base}.nbi").exists():
+    folder = Path(files.cache_path)
+    if (
+        os.path.isfile(folder / f"{files._impl.filename_base}.nbi")
+        or folder_fault(folder)  # another process could not hand its kernels over
+    ):
         return
     process = subprocess.Popen(
         [sys.executable, "-P", "-m", program],

@@ -24,6 +24,10 @@ ENGINES: dict[str, dict[str, Any]] = {
 """How xarray reads each kind of file."""
 MOST_BYTES = 8_000_000_000
 """Of all arrays unpacked: twice the largest file that is read, whose counts have 2 bytes and become 4."""
+MOST_RATIO = 200
+"""Of the unpacked size over the file's: measured counts shrink to a fifth, equal ones to a thousandth."""
+FREE_BYTES = 500_000_000
+"""Unpacked size below which any ratio is taken."""
 
 
 def read_netcdf(file: Path, *, needed: str, most_bytes: int, **options: Any) -> xr.Dataset:
@@ -50,11 +54,12 @@ def read_netcdf(file: Path, *, needed: str, most_bytes: int, **options: Any) -> 
     if engine is None:
         raise InputError(f"{file}: {kind}; needed is {needed}")
     try:
-        if engine["engine"] == "h5netcdf" and (unpacked := _unpacked_bytes(file)) > MOST_BYTES:
-            raise ValueError(f"unpacks to {unpacked:.3g} bytes, reads at most {MOST_BYTES:.3g}")
+        most = min(MOST_BYTES, max(FREE_BYTES, MOST_RATIO * size))
+        if engine["engine"] == "h5netcdf" and (unpacked := _unpacked_bytes(file)) > most:
+            raise ValueError(f"unpacks to {unpacked:.3g} bytes, reads at most {most:.3g}")
         with xr.open_dataset(file, **engine, **options) as dataset:
-            if dataset.nbytes > MOST_BYTES:
-                raise ValueError(f"holds {dataset.nbytes:.3g} bytes, reads at most {MOST_BYTES:.3g}")
+            if dataset.nbytes > most:
+                raise ValueError(f"holds {dataset.nbytes:.3g} bytes, reads at most {most:.3g}")
             found = dataset.load()
     except Exception as err:  # on purpose all: see above
         said = str(err) or type(err).__name__

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import shutil
 import threading
 from pathlib import Path
@@ -28,6 +29,7 @@ from design.whole_file import (
     write_whole,
 )
 
+ROOT = Path(__file__).parents[2]
 DEVICES = ["CON", "con", "Prn", "AUX", "nul", "COM1", "com9", "LPT1", "lpt9", "LPT²", "CONIN$"]
 WRITERS = {
     "write_whole": lambda file: write_whole(file, b"new"),
@@ -131,13 +133,17 @@ def test_an_interrupted_write_leaves_nothing(tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == []
 
 
-def test_folders_are_not_written_through_links(tmp_path: Path) -> None:
+def test_folders_whose_files_are_replaced_are_not_links_and_folders_that_the_user_names_may_be(
+    tmp_path: Path,
+) -> None:
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "link").symlink_to(tmp_path / "elsewhere")
-    for write in (own_folder, lambda folder: written_together(folder).__enter__()):
-        with pytest.raises(OutputError, match="is a link, and files are not written through links"):
-            write(tmp_path / "link")
-    assert own_folder(tmp_path / "link" / "new") == tmp_path / "link" / "new"  # parents may be links
+    with pytest.raises(OutputError, match="is a link, and files are not written through links"):
+        own_folder(tmp_path / "link")
+    assert own_folder(tmp_path / "link" / "new") == tmp_path / "link" / "new"
+    with written_together(tmp_path / "link") as hidden:
+        (hidden / "a.txt").write_text("a")
+    assert sorted(os.listdir(tmp_path / "elsewhere")) == ["a.txt", "new"]
 
 
 def test_a_folder_is_refused_with_what_is_wrong(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -165,3 +171,16 @@ def test_without_a_folder_for_temporary_files_the_way_out_is_named(monkeypatch: 
     monkeypatch.setattr("tempfile.TemporaryDirectory", refuse(errno.ENOENT))
     with pytest.raises(OutputError, match="set TMPDIR to a folder that can be written"):
         temporary_folder()
+
+
+def test_no_other_module_names_hidden_files_and_folders() -> None:
+    makers = re.compile(
+        r"os\.replace\(|\bmkd?s?temp\(|TemporaryDirectory\(|NamedTemporaryFile\(|getpid\(\)\}\."
+    )
+    found = {
+        str(path.relative_to(ROOT))
+        for room in ("design", "cad", "fabrication", "sims", "optopad")
+        for path in (ROOT / room).rglob("*.py")
+        if makers.search(path.read_text())
+    }
+    assert found == {"design/whole_file.py", "design/io.py", "optopad/studio/design_file.py"}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tracemalloc
 import zipfile
 
 import h5py
@@ -226,3 +227,24 @@ def test_simulated_signals_that_are_damaged_are_refused(tmp_path, flux, told):
     signals.to_netcdf(tmp_path / "signals.nc", engine="h5netcdf")
     with pytest.raises(InputError, match=re.escape(told)):
         table_from_signals(tmp_path / "signals.nc", config)
+
+
+def test_simulated_signals_that_unpack_to_much_are_refused_before_they_do(tmp_path):
+    import h5py
+
+    from fabrication.driver.simulated.press_table import table_from_signals
+    from tests.fabrication.driver.made_up_pad import pad_config
+
+    with h5py.File(tmp_path / "signals.nc", "w") as held:
+        for axis in ("x", "y", "depth"):
+            held.create_dataset(
+                f"press_{axis}", shape=(2**26,), dtype="f8", chunks=(2**16,), compression="gzip"
+            )
+        held.create_dataset("flux", shape=(2**26, 1, 1), dtype="f8", chunks=(2**16, 1, 1), compression="gzip")
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError, match="unpacks to 2147 MB, reads at most 500 MB"):
+            table_from_signals(tmp_path / "signals.nc", pad_config())
+        assert tracemalloc.get_traced_memory()[1] < 50_000_000
+    finally:
+        tracemalloc.stop()

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import resource
 import subprocess
 import sys
+import tempfile
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -190,17 +194,118 @@ def test_release_is_the_leading_numbers(version: str, numbers: tuple[int, ...]) 
     assert doctor.release(version) == numbers
 
 
-def test_a_file_in_the_place_of_a_folder_is_reported_and_nothing_is_created(tmp_path: Path) -> None:
+FOLDERS = {
+    "cache folder": ("OPTOPAD_CACHE", "warning", "computes everything again"),
+    "kernel cache": ("NUMBA_CACHE_DIR", "warning", "compiles the kernels again"),
+    "light cache": ("OPTOPAD_CACHE", "warning", "traces all light again"),
+    "temporary folder": ("TMPDIR", "missing", "set TMPDIR"),
+    "outputs folder": ("", "missing", "pass --out FOLDER"),
+}
+"""Folders that a run relies on: what names them, what they are where they cannot be written, and the way out."""
+
+
+def found(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Finding:
+    """The finding on a folder that is put there."""
+    if FOLDERS[name][0]:
+        monkeypatch.setenv(FOLDERS[name][0], str(folder))
+    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(folder))
+    (one,) = (finding for finding in doctor.examine(folder) if finding.name == name)
+    return one
+
+
+@pytest.mark.usefixtures("without_imports")
+@pytest.mark.parametrize("name", FOLDERS)
+def test_every_folder_that_cannot_be_written_is_reported_with_what_is_wrong(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    _, state, way_out = FOLDERS[name]
     (tmp_path / "file").write_text("")
-    finding = doctor.folder_finding("outputs folder", tmp_path / "file" / "deep", "go elsewhere")
-    assert (finding.state, finding.way_out) == ("missing", "go elsewhere")
-    assert doctor.folder_finding("outputs folder", tmp_path / "new" / "deep", "").state == "ok"
+    missing = found(name, tmp_path / "file" / "deep", monkeypatch)
+    assert (missing.state, way_out in missing.way_out) == (state, True)
+    assert (
+        f"it does not exist and cannot be made: {tmp_path / 'file'}: a file, not a folder" in missing.detail
+    )
+
+    def refuse(number: int) -> Any:
+        def refused(*_: object, **__: object) -> None:
+            raise OSError(number, os.strerror(number))
+
+        return refused
+
+    for number, words in ((errno.EROFS, "it is not writable (Read-only"), (errno.ENOSPC, "its disk is full")):
+        monkeypatch.setattr(tempfile, "mkdtemp", refuse(number))
+        there = found(name, tmp_path, monkeypatch)
+        assert (there.state, words in there.detail, "GB free" in there.detail) == (state, True, False)
+        monkeypatch.undo()
+        monkeypatch.setattr(doctor, "import_failures", lambda modules: [None] * len(modules))
+    assert found(name, tmp_path / "new" / "deep", monkeypatch).state == "ok"
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
-def test_a_full_disk_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_disk_with_little_room_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "DISK_ADVISED_GB", 1e9)
-    assert doctor.folder_finding("cache folder", tmp_path, "move it").state == "warning"
+    finding = doctor.folder_finding("cache folder", tmp_path, "move it")
+    assert (finding.state, "GB free" in finding.detail) == ("warning", True)
+
+
+def test_no_folder_for_temporary_files_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse() -> str:
+        raise FileNotFoundError(errno.ENOENT, "No usable temporary directory found in ['/tmp']")
+
+    monkeypatch.setattr(tempfile, "gettempdir", refuse)
+    finding = doctor.temporary_finding()
+    assert (finding.state, "No usable" in finding.detail, "TMPDIR" in finding.way_out) == (
+        "missing",
+        True,
+        True,
+    )
+
+
+NO_HOME = """
+import pwd, sys
+
+def unknown(*_):
+    raise KeyError("uid not found")
+
+pwd.getpwuid = unknown
+from optopad.cli import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.parametrize("home", [None, "/dev/null/home"])
+def test_a_user_without_a_home_folder_runs_without_caches(tmp_path: Path, home: str | None) -> None:
+    hidden = ("HOME", "OPTOPAD_CACHE", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME")
+    environment = {name: value for name, value in os.environ.items() if name not in hidden}
+    done = subprocess.run(
+        [sys.executable, "-c", NO_HOME, "build", "piacenza2017-pair", "--out", str(tmp_path / "out")],
+        cwd=tmp_path,
+        env=environment | {"PYTHONPATH": str(ROOT)} | ({} if home is None else {"HOME": home}),
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+    assert list((tmp_path / "out").glob("*/cad/mold.stl"))
+
+
+@pytest.mark.usefixtures("without_imports")
+def test_no_home_folder_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_home(_name: str) -> Path:
+        raise RuntimeError("could not determine the home directory")
+
+    for name in ("OPTOPAD_CACHE", "NUMBA_CACHE_DIR"):
+        monkeypatch.delenv(name, raising=False)
+    for missing in (no_home, lambda _name: Path("~/.cache/optopad")):
+        monkeypatch.setattr("sims.cache.folder.user_cache_path", missing)
+        findings = {one.name: one for one in doctor.examine()}
+        for name in ("cache folder", "kernel cache", "light cache"):
+            assert (findings[name].state, findings[name].detail) == (
+                "warning",
+                "none: this user has no home folder",
+            )
+            assert findings[name].way_out.startswith("set HOME, or set OPTOPAD_CACHE")
+            assert FOLDERS[name][2] in findings[name].way_out
 
 
 def test_the_cache_folder_can_be_chosen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -210,13 +315,10 @@ def test_the_cache_folder_can_be_chosen(tmp_path: Path, monkeypatch: pytest.Monk
     assert doctor.cache_folder().name == "optopad"
 
 
-def test_an_unwritable_kernel_cache_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file" / "cache"))
-    assert doctor.kernel_finding().state == "warning"
-    monkeypatch.delenv("NUMBA_CACHE_DIR")
+def test_kernels_are_kept_in_the_cache_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setenv("OPTOPAD_CACHE", str(tmp_path))
-    assert doctor.kernel_finding().detail == str(tmp_path / "kernels")
+    assert doctor.kernel_finding() == Finding("kernel cache", "ok", str(tmp_path / "kernels"))
 
 
 def test_a_container_limit_below_the_machine_counts(tmp_path: Path) -> None:

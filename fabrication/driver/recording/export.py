@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import os
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -198,20 +197,15 @@ def write_netcdf(recorded: Recorded, out: Path, name: str) -> None:
     OutputError : the folder cannot be written, or xarray is missing.
     """
     require_suffix(out, (".nc",))
-    partial = out.with_name(f".{out.name}.partial")
     try:
         dataset = dataset_of(recorded, name)
         encoding: dict[Any, Any] = {"counts": COMPRESSION}
-        dataset.to_netcdf(partial, engine="h5netcdf", encoding=encoding)
-        os.replace(partial, out)
+        with whole_file(out) as hidden:
+            dataset.to_netcdf(hidden, engine="h5netcdf", encoding=encoding)
     except ImportError as err:
         raise OutputError(
             f"{out}: netCDF needs xarray and h5netcdf: {err}; pip install xarray h5netcdf"
         ) from None
-    except OSError as err:
-        raise OutputError(f"{out}: cannot be written: {err.strerror or err}; choose another folder") from None
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def write_csv(recorded: Recorded, out: Path, name: str) -> None:

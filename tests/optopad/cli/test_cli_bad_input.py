@@ -148,7 +148,7 @@ def test_a_folder_that_cannot_be_made_is_refused_before_the_work(
     monkeypatch.chdir(folder)
     (folder / "taken").write_text("", encoding="utf-8")
     out, err = refused([verb, "piacenza2017-pair", "--out", "taken"], capsys)
-    assert (out, "cannot be made" in err) == ("", True)
+    assert (out, "cannot be written" in err) == ("", True)
     assert "light" not in err  # no stage of the work began
 
 
@@ -177,7 +177,9 @@ def test_a_folder_that_only_seems_writable_is_refused_before_the_work(
 ) -> None:
     out, err = refused([verb, "piacenza2017-pair", "--out", "/proc/nope"], capsys)
     assert out == ""
-    assert err.startswith("optopad: --out: /proc/nope cannot be made: /proc is no folder to write in")
+    assert err.startswith(
+        "optopad: --out /proc/nope: cannot be written: it does not exist and cannot be made: /proc: "
+    )
 
 
 def test_the_trial_of_a_folder_leaves_nothing(folder: Path) -> None:

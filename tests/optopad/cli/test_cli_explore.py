@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 from contextlib import redirect_stdout
 from html.parser import HTMLParser
 from io import StringIO
@@ -163,6 +164,20 @@ def test_a_second_search_in_the_folder_is_kept_out(space, tmp_path, capsys):
         fcntl.flock(lock, fcntl.LOCK_EX)
         assert main(["explore", str(space), "--out", str(tmp_path / "out")]) == 2
     assert "another process searches here" in capsys.readouterr().err
+
+
+def test_a_search_is_not_written_through_links(space, tmp_path, capsys):
+    own = load_space(str(space))
+    folder = tmp_path / "out" / f"{own.name}-{own.digest[:8]}"
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "mine.toml").write_text("kept")
+    for link in (folder / "designs", folder):
+        link.parent.mkdir(parents=True, exist_ok=True)
+        link.symlink_to(tmp_path / "elsewhere")
+        assert main(["explore", str(space), "--trials", "1", "--out", str(tmp_path / "out")]) == 2
+        assert "is a link, and files are not written through links" in capsys.readouterr().err
+        assert [path.name for path in (tmp_path / "elsewhere").iterdir()] == ["mine.toml"]
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def test_a_study_of_another_space_is_refused_and_nothing_is_lost(space, tmp_path, capsys):

@@ -134,7 +134,7 @@ def test_files_of_two_sensors_are_refused(data, folder, capsys):
 
 
 def test_a_folder_that_cannot_be_made_is_named(folder, capsys):
-    assert "cannot be made" in refused(["train", "pad.nc", "--out", "pad.nc/models"], capsys)
+    assert "cannot be written" in refused(["train", "pad.nc", "--out", "pad.nc/models"], capsys)
 
 
 @pytest.mark.slow

@@ -86,7 +86,7 @@ def test_an_out_that_is_a_file_is_refused_before_anything_is_read(tmp_path, caps
         ["evaluate", "absent.nc", "--model", "absent.optomodel", "--out", str(tmp_path / "file" / "x")]
     )
     assert code == 2
-    assert "is no folder to write in" in capsys.readouterr().err
+    assert "a file, not a folder" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("role", ["train", "test"])

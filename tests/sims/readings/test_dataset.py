@@ -9,7 +9,9 @@ import sys
 import tracemalloc
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -339,3 +341,17 @@ def test_data_of_another_design_or_with_missing_states_are_refused() -> None:
         require_design(made_up(), design)
     with pytest.raises(InputError, match="of its states it lacks E3"):
         require_design(replace(made_up(), design_digest=None), design)
+
+
+@pytest.mark.parametrize("read", [read_data, read_recording])
+def test_a_small_file_that_unpacks_to_much_is_refused_before_it_does(tmp_path: Path, read: Any) -> None:
+    file = save_data(made_up(), tmp_path / "set.nc")
+    with h5py.File(file, "r+") as held:
+        held.create_dataset("much", shape=(2**28,), dtype="f8", chunks=(2**16,), compression="gzip")
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError, match=r"unpacks to 2\.15e\+09 bytes, reads at most 5e\+08"):
+            read(file)
+        assert tracemalloc.get_traced_memory()[1] < 20_000_000
+    finally:
+        tracemalloc.stop()
