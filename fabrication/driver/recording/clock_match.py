@@ -140,8 +140,8 @@ def found_offset(signals: Touches, log: Touches) -> ClockMatch:
     ]
     if not good:
         raise InputError(
-            "clock offset not found: at no shift do the touches of signals and log meet; is it this recording's log? "
-            "Give --offset if it is"
+            "clock offset not found: at no shift do the touches of signals and log meet; is it this recording's log, "
+            "its times in the unit that their column names? Give --offset if it is"
         )
     best = min(good, key=lambda match: (round(-match.share, 1), match.spread_s))
     for other in good:

@@ -107,6 +107,7 @@ def read_position_log(file: Path) -> PositionLog:
     time_s = _times(table)
     press_mm = np.stack([_lengths(table, axis) for axis in ("x", "y", "depth")], axis=1)
     _require_rising(table, time_s)
+    _require_close(table, time_s, press_mm)
     sets, set_number = _sets(table)
     place_number = _places(table)
     if set_number is not None and place_number is None:
@@ -172,6 +173,16 @@ def _require_rising(table: CsvTable, time_s: FloatArray) -> None:
         f"{table.file}: the times do not rise: row {row} is {time_s[k + 1] - time_s[k]:+.3f} s after row {former}; "
         "a clock that was set back, or two logs in one: cut the log there"
     )
+
+
+def _require_close(table: CsvTable, time_s: FloatArray, press_mm: FloatArray) -> None:
+    """Refuse a log that says of no moment where the tip was."""
+    step_s, moved_mm = np.diff(time_s), np.linalg.norm(np.diff(press_mm, axis=0), axis=1)
+    if ((step_s > LONGEST_GAP_S) & (moved_mm > STILL_MM)).all():
+        raise InputError(
+            f"{table.file}: the tip moves between all rows, and they are {step_s.min():g} s apart or more, needs "
+            f"{LONGEST_GAP_S:g} s or less; are the times milliseconds? name their column time_ms"
+        )
 
 
 def _iso_s(text: str) -> float:

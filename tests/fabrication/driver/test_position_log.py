@@ -204,6 +204,7 @@ def test_times_may_be_written_as_dates_and_lengths_in_other_units(tmp_path: Path
         ("time_s,x_mm,y_mm,depth_mm", ["0,1,1,1", "1,1,1"], "row 3 has 3 values, the heading 4 columns"),
         ("time_s,x_mm,y_mm,depth_mm", ["5,1,1,1", "4,1,1,1"], r"times do not rise: row 3 is -1\.000 s after"),
         ("time_s,x_mm,y_mm,depth_mm", ["5,1,1,1", "5,1,1,1"], r"row 3 has the time of row 2 \(1 of 2"),
+        ("time_s,x_mm,y_mm,depth_mm", ["0,1,1,1", "20,1,1,2", "40,1,1,3"], "are the times milliseconds"),
         ("time_s,x_mm,y_mm,depth_mm", ["5,1,1,1"], "at least 2 rows"),
         ("time_s,x_mm,x_mm,y_mm,depth_mm", ["5,1,1,1,1", "6,1,1,1,1"], "has the column 'x_mm' twice"),
         ("time,x_mm,y_mm,depth_mm", ["2026-05-04T14:00:00,1,1,1"] * 2, "needs ISO 8601 with its zone"),
