@@ -1,7 +1,7 @@
 """Whether a printer is at a port: many have the serial chips and the boards that sensors have.
 
 A printer that runs Marlin, Repetier, RepRapFirmware or Smoothie answers M115 in text; one that runs Klipper answers a
-block of Klipper's own protocol (Klipper3d/klipper, docs/Protocol.md). The sensor's firmware answers neither.
+block of Klipper's own protocol (Klipper3d/klipper, page Protocol). The sensor's firmware answers neither.
 """
 
 from __future__ import annotations

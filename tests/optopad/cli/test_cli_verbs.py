@@ -23,7 +23,7 @@ def test_new_writes_a_commented_preset_under_the_name_of_the_file(folder, name):
     assert main(["new", "mine.toml", "--preset", name]) == 0
     text = (folder / "mine.toml").read_text(encoding="utf-8")
     assert text.count("#") > 15
-    assert load_design(folder / "mine.toml") == preset(name).with_(name="mine")
+    assert load_design(folder / "mine.toml") == preset(name).with_(name="mine", description="")
 
 
 def test_new_keeps_an_existing_file(folder, capsys):
