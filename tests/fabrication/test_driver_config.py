@@ -228,7 +228,7 @@ def test_the_configuration_of_another_design_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no such file; needed is a driver.toml"):
+    with pytest.raises(InputError, match=r"no such file; needed is a driver\.toml"):
         load_driver_config(tmp_path / "driver.toml")
 
 
@@ -236,7 +236,7 @@ def test_a_missing_file_is_refused(tmp_path: Path) -> None:
 def test_a_file_that_is_no_toml_is_refused(content: bytes, tmp_path: Path) -> None:
     file = tmp_path / "driver.toml"
     file.write_bytes(content)
-    with pytest.raises(InputError, match="damaged: not valid TOML|not UTF-8 text"):
+    with pytest.raises(InputError, match=r"damaged: not valid TOML|not UTF-8 text"):
         load_driver_config(file)
 
 

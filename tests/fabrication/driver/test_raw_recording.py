@@ -358,7 +358,7 @@ def test_what_is_no_recording_is_refused(tmp_path: Path, content: bytes) -> None
     file = tmp_path / "a.optorec"
     file.write_bytes(content)
     with pytest.raises(
-        InputError, match="(file|UTF-16|text|damaged); needed is a recording of `optopad driver record`"
+        InputError, match=r"(file|UTF-16|text|damaged); needed is a recording of `optopad driver record`"
     ):
         read_records(file)
 
