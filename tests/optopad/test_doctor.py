@@ -273,6 +273,7 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("home", [None, "/dev/null/home"])
 def test_a_user_without_a_home_folder_runs_without_caches(tmp_path: Path, home: str | None) -> None:
     hidden = ("HOME", "OPTOPAD_CACHE", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME")

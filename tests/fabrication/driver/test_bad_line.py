@@ -266,7 +266,10 @@ def test_a_patience_that_is_none_is_refused(patience_s: float) -> None:
         opened("loop://", patience_s=patience_s)
 
 
-@pytest.mark.parametrize("printer", PRINTERS)
+@pytest.mark.parametrize(
+    "printer",
+    [pytest.param(name, marks=pytest.mark.slow if k > 1 else ()) for k, name in enumerate(PRINTERS)],
+)
 def test_a_printer_is_known_by_its_words_and_is_told_nothing_by_a_guess(
     printer: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

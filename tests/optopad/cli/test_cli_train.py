@@ -148,6 +148,7 @@ def test_a_trained_model_is_evaluated_on_presses_and_its_files_are_named(folder,
     assert {"evaluation.json", "evaluation.html"} <= names
 
 
+@pytest.mark.slow
 def test_simulated_data_are_called_so_in_the_model_and_in_every_result(folder, data, capsys):
     save_data(replace(data, true_press_mm=data.press_mm), folder / "drawn.nc")
     said = "the data are simulated, not recorded"
