@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import zipfile
 from collections.abc import Callable
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -16,14 +17,16 @@ import xarray as xr
 from design.csv_table import read_csv
 from design.errors import OptopadError
 from design.io import dump_design, load_design
-from design.preset import preset
+from design.preset import preset, preset_text
 from design.protocols.press import load_protocol_file
 from design.search.space import load_space
 from fabrication.driver.recording.position_log import read_position_log
 from fabrication.driver.recording.raw import read_records
 from fabrication.driver.simulated.finger import read_path
+from fabrication.driver_config import dump_driver_config
 from fabrication.driver_file import load_driver_config
 from fabrication.stage.press_list import read_press_list
+from optopad.cli.verbs.improve import _text as improve_text
 from sims.learning.inference.model_file import load_model
 from sims.readings.dataset import read_data
 from sims.readings.recording import read_recording
@@ -141,10 +144,24 @@ def test_a_file_of_another_kind_is_named_with_what_is_needed(name: str, tmp_path
 
 def test_a_byte_order_mark_and_ends_of_lines_matter_in_no_text(tmp_path: Path) -> None:
     design = preset("piacenza2017-pad")
-    text = dump_design(design)
-    for k, content in enumerate((b"\xef\xbb\xbf" + text.encode(), text.replace("\n", "\r").encode())):
-        (tmp_path / f"{k}.toml").write_bytes(content)
-        assert load_design(tmp_path / f"{k}.toml").digest == design.digest
+    protocol = resources.files("design.protocols").joinpath("piacenza2017.toml").read_text(encoding="utf-8")
+    texts: dict[str, tuple[Callable[[Path], Any], str]] = {
+        "design": (load_design, dump_design(design)),
+        "driver.toml": (load_driver_config, dump_driver_config(design, None, None)),
+        "protocol": (load_protocol_file, protocol),
+    }
+    for name, (read, text) in texts.items():
+        file = tmp_path / f"{name}.toml"
+        file.write_text(text, encoding="utf-8")
+        right = read(file)
+        for content in (
+            b"\xef\xbb\xbf" + text.replace("\n", "\r\n").encode(),
+            text.replace("\n", "\r").encode(),
+        ):
+            file.write_bytes(content)
+            assert read(file) == right, name
+    (tmp_path / "bom.toml").write_bytes(b"\xef\xbb\xbf" + preset_text("piacenza2017-pad").encode())
+    assert not (improve_text(str(tmp_path / "bom.toml"), design, is_changed=False) or "").startswith("\ufeff")
 
 
 def test_netcdf_3_is_read_as_netcdf_4(tmp_path: Path) -> None:
