@@ -435,6 +435,7 @@ def test_closing_in_the_middle_of_light_takes_less_than_two_seconds() -> None:
 
 
 @pytest.mark.full
+@pytest.mark.usefixtures("no_kept_light")
 def test_the_score_has_the_bits_of_a_score_without_a_studio_although_presses_were_served_meanwhile() -> None:
     true = score(PAIR, seed=3)
     served: list[str] = []
