@@ -1,135 +1,285 @@
 """The light engine against a forward walk in Mitsuba 3 on a mesh: docs/validation/mitsuba.md.
 
-    python -m tests.validation.light.mitsuba_check  a few presses, minutes each; writes the table of the page
+    python -m tests.validation.light.mitsuba_check  every state, a minute each; writes the table of the page
     python -m tests.validation.light.mitsuba_check --speed  one press, 8 million rays: what it counted and took, as JSON
 
-Mitsuba is optional (`pip install mitsuba`); see `tests.validation.light.mitsuba_walk` for what it needs.
+Walks are kept in `FOLDER` by what they depend on: an interrupted table goes on, and after a change of the engine only
+the engine runs. Mitsuba is optional (`pip install mitsuba`): `tests.validation.light.mitsuba_walk` says what it needs.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
+import os
 import sys
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import RectBivariateSpline
 
-from sims.optics.engine.trace_states import trace_scene
+import optopad
+from sims.contact.pad_surface import pad_surface
+from sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
+from sims.optics.scene.acceptance import half_angle_power, refracted_cosine, transmitted_share
+from sims.optics.scene.emission import cosine_nodes
+from sims.optics.scene.lower import scene_of
+from sims.optics.scene.optical_scene import OpticalScene
+from sims.optics.scene.smooth_field import SmoothField
+from sims.optics.surface.analytic import compact_dimple
+from sims.optics.tracing import pressed_tops
 from sims.press.indentation import Indentation
-from tests.bench.measures.benchmark_states import benchmark_scene, different_walls, surface_of
-from tests.bench.measures.forward_walk import Walked
-from tests.bench.measures.surface_mesh import compact_height
+from tests.bench.measures import surface_mesh
+from tests.bench.measures.benchmark_states import DESIGN_FILE, different_walls
+from tests.bench.measures.surface_mesh import TopMesh, compact_curve, pressed_mesh
 from tests.validation.contact.contact_table import markdown_table, with_table
-from tests.validation.contact.dense_curve import dense_press
+
+if TYPE_CHECKING:
+    from tests.validation.light.mitsuba_walk import Counted
 
 FloatArray = NDArray[np.float64]
 
 PAGE = Path(__file__).parents[3] / "docs" / "validation" / "mitsuba.md"
+FOLDER = Path("build/validation/mitsuba")
 MARKS = "<!-- made by tests/validation/light/mitsuba_check.py -->", "<!-- end -->"
-STATES = (
-    ("analytic", 3.0, (14.0, 17.0)),
-    ("contact", 1.0, (22.0, 9.0)),
-    ("contact", 3.0, (16.0, 16.0)),
-)
-"""Surface, depth and place [mm]; not deeper than 3 mm, where the surface still has one height for each radius."""
-RAYS = 12 << 20
-FINE_GRID = 1024
-SPEED_RAYS = 1 << 20
+EPOXY = 40.0, 1.55
+"""Half angle in air [deg] and index of the epoxy of receivers that are not bare."""
+STEP_MM, COARSE_MM, BESIDE_STEP_MM = 0.05, 0.1, 0.08
+"""Sides of triangles, and of the one coarser mesh; nodes of the height beside a press, 1 mm apart in the engine."""
+RAYS = 1 << 24
+SPEED_RAYS, SPEED_STEP_MM = 1 << 20, 0.2
 FAINTEST = 100.0
 """Rays that a pair must have caught to be judged on its own."""
+TOLD = 0.005
+"""Standard error over a pair's untouched light, up to which its difference is told."""
+BEYOND = 5.0
+"""Pulls up to which chance explains the largest of some 700 pairs: launches are few, so that their errors err, too."""
+CLASSES = {"direct": [0], "mirrored": [1], "diffuse": [2], "all": [0, 1, 2]}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Comparison:
-    """One press, both ways.
+class State:
+    """One press, or none.
 
     Attributes
     ----------
-    pulls : (n,) differences of the judged pairs in combined standard errors
-    sum_ratio, sum_error : engine over Mitsuba of the light between different walls, less 1, and its standard error
+    name : of its files
+    design : preset, or the benchmark's file
+    press : x, y, depth [mm]; depth 0 is untouched
+    is_analytic : the surface is the compact dimple, else the contact model's
+    has_epoxy : receivers lie behind epoxy
     """
 
-    pulls: FloatArray
-    sum_ratio: float
-    sum_error: float
+    name: str
+    design: str | Path
+    press: tuple[float, float, float]
+    is_analytic: bool = False
+    has_epoxy: bool = False
+    step_mm: float = STEP_MM
+
+    @property
+    def at_mm(self) -> tuple[float, float]:
+        """Where the press goes in."""
+        return self.press[:2]
+
+    def scene(self) -> OpticalScene:
+        """Its scene."""
+        scene = scene_of(optopad.load(self.design))
+        if not self.has_epoxy:
+            return scene
+        (angle, epoxy), cosine, index = EPOXY, cosine_nodes(), scene.refractive_index
+        inner = refracted_cosine(cosine, index, epoxy) ** half_angle_power(angle, epoxy)
+        response = transmitted_share(cosine, index, epoxy) * inner
+        return replace(scene, receiver_response=np.tile(response, (len(scene.receiver_wall), 1)))
+
+    def engines_top(self) -> tuple[Indentation | None, SmoothField | None]:
+        """The press and the field that the engine is given."""
+        if self.is_analytic:
+            return compact_dimple(self.press[2]), None
+        tops = pressed_tops(optopad.load(self.design), np.array([self.press]), by_symmetry=False)
+        return tops.near[0][0], tops.fields[0]
+
+    def surface(self) -> tuple[Indentation | None, FloatArray | None]:
+        """The press as the contact model gives it, and on a flat rectangle the height beside it [mm]."""
+        scene = self.scene()
+        if self.press[2] <= 0.0:
+            return None, None
+        if self.is_analytic:
+            return compact_curve(compact_dimple(self.press[2]), scene.height_mm), None
+        surface = pad_surface(optopad.load(self.design), self.press[2], self.at_mm)
+        return surface.near, None if scene.form is not None else surface.beside_mm(*_grid(scene))
+
+    def mesh(self, step_mm: float) -> TopMesh:
+        """The top as triangles."""
+        scene, (press, beside) = self.scene(), self.surface()
+        spline = None if beside is None else RectBivariateSpline(*_grid(scene), beside)
+        return pressed_mesh(scene, self.at_mm, press, spline, step_mm)
+
+
+PAD, DISC, DOME, CROWN = "piacenza2017-pad", "levi2013-disc", "fingertip-dome", "crowned-40x25"
+STATES = (
+    State(name="analytic", design=DESIGN_FILE, press=(14.0, 17.0, 3.0), is_analytic=True),
+    State(name="pad-deep", design=PAD, press=(12.0, 9.0, 3.9)),
+    State(name="pad-deep-coarse", design=PAD, press=(12.0, 9.0, 3.9), step_mm=COARSE_MM),
+    State(name="pad-corner", design=PAD, press=(6.0, 26.0, 2.0)),
+    State(name="pad-wall", design=PAD, press=(16.0, 6.5, 3.0)),
+    State(name="epoxy-untouched", design=PAD, press=(16.0, 16.0, 0.0), has_epoxy=True),
+    State(name="epoxy-pressed", design=PAD, press=(6.0, 26.0, 1.0), has_epoxy=True),
+    State(name="disc-untouched", design=DISC, press=(27.5, 27.5, 0.0)),
+    State(name="disc-pressed", design=DISC, press=(34.209, 31.857, 2.5)),
+    State(name="dome-untouched", design=DOME, press=(11.0, 11.0, 0.0)),
+    State(name="dome-pressed", design=DOME, press=(13.5, 12.5, 2.0)),
+    State(name="crown-untouched", design=CROWN, press=(20.0, 12.5, 0.0)),
+    State(name="crown-pressed", design=CROWN, press=(26.0, 9.5, 2.0)),
+)
+
+
+def _grid(scene: OpticalScene) -> tuple[FloatArray, FloatArray]:
+    length, width = (
+        np.linspace(0.0, size, int(np.ceil(size / BESIDE_STEP_MM)) + 1)
+        for size in (scene.length_mm, scene.width_mm)
+    )
+    return length, width
+
+
+def counted(state: State, number: int) -> Counted:
+    """The walk of a state, read where it is kept."""
+    from tests.validation.light import mitsuba_walk
+    from tests.validation.light.mitsuba_walk import Counted, pad, walk
+
+    scene, (press, beside) = state.scene(), state.surface()
+    sources = [
+        Path(str(module.__file__)).read_text(encoding="utf-8") for module in (mitsuba_walk, surface_mesh)
+    ]
+    with np.printoptions(threshold=sys.maxsize, floatmode="unique"):
+        content = repr((sources, scene, press, state.at_mm, state.step_mm, RAYS, number)).encode()
+    key = hashlib.blake2b(content, digest_size=6)
+    key.update(b"" if beside is None else beside.tobytes())
+    file = FOLDER / f"{state.name}-{key.hexdigest()}.json"
+    if file.exists():
+        kept = json.loads(file.read_text(encoding="utf-8"))
+        return Counted(**(kept | {name: np.array(kept[name]) for name in ("flux", "square")}))
+    found = walk(pad(scene, state.mesh(state.step_mm)), RAYS, number, threads=len(os.sched_getaffinity(0)))
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    partial = file.with_suffix(".part")
+    partial.write_text(
+        json.dumps(asdict(found) | {"flux": found.flux.tolist(), "square": found.square.tolist()})
+    )
+    partial.replace(file)
+    return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compared:
+    """One state, both ways.
+
+    Attributes
+    ----------
+    engine : (3, e, r) light by class [-]
+    walk : (launch, 3, e, r) likewise
+    stated : (e, r) the engine's standard error [-]
+    untouched : (e, r) light without a press [-]
+    judged : (e, r) pairs on different walls that caught enough rays
+    seconds : processor time of the walk
+    """
+
+    engine: FloatArray
+    walk: FloatArray
+    stated: FloatArray
+    untouched: FloatArray
+    judged: NDArray[np.bool_]
     seconds: float
 
+    def of_pairs(self, classes: list[int]) -> tuple[FloatArray, FloatArray]:
+        """(pair,) engine less walk over the untouched light, and its standard error."""
+        off, error = _off(self.engine[classes].sum(axis=0), self.walk[:, classes].sum(axis=1))
+        untouched = self.untouched[self.judged]
+        return off[self.judged] / untouched, np.hypot(error, self.stated)[self.judged] / untouched
 
-def curve_height(press: Indentation, top_mm: float) -> Callable[[FloatArray], FloatArray]:
-    """Height [mm] over radius [mm]: the sphere inside the contact, a monotone cubic through many points beyond."""
-    press = dense_press(press)
-    beyond = press.radius_mm > press.contact_radius_mm + 1e-6
-    tip, tip_z = press.tip_radius_mm, top_mm - press.depth_mm + press.tip_radius_mm
-    edge = tip_z - np.sqrt(tip**2 - press.contact_radius_mm**2)
-    radius = np.concatenate([[press.contact_radius_mm], press.radius_mm[beyond]])
-    curve = PchipInterpolator(radius, np.concatenate([[edge], top_mm + press.height_mm[beyond]]))
-
-    def height(at: FloatArray) -> FloatArray:
-        inside = tip_z - np.sqrt(tip**2 - np.minimum(at, press.contact_radius_mm) ** 2)
-        outside = curve(np.clip(at, radius[0], radius[-1]))
-        return np.where(at < press.contact_radius_mm, inside, np.where(at > radius[-1], top_mm, outside))
-
-    return height
+    def of_all(self, classes: list[int]) -> tuple[float, float]:
+        """Engine less walk, summed over judged pairs, over all their light, and its standard error."""
+        engine = self.engine[classes][:, self.judged].sum()
+        off, error = _off(engine, self.walk[:, classes][:, :, self.judged].sum(axis=(1, 2)))
+        total = self.walk[:, :, self.judged].sum(axis=(1, 2)).mean()
+        stated = np.sqrt(np.sum(self.stated[self.judged] ** 2))
+        return float(off / total), float(np.hypot(error, stated) / total)
 
 
-def walked(
-    surface: str, depth_mm: float, centre_mm: tuple[float, float], rays: int, grid: int, seed: int = 0
-) -> Walked:
-    """The walk in Mitsuba."""
-    from tests.validation.light.mitsuba_walk import pad, walk
-
-    scene, press = benchmark_scene(), surface_of(surface)(depth_mm)
-    of = compact_height if surface == "analytic" else curve_height
-    given = pad(scene, np.array(centre_mm), of(press, scene.height_mm), press.contact_radius_mm, grid)
-    return walk(given, rays, seed)
+def _off(engine: FloatArray, walk: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Engine less the mean of the walk's launches (the first axis), and the standard error of that mean."""
+    return engine - walk.mean(axis=0), walk.std(axis=0, ddof=1) / np.sqrt(len(walk))
 
 
-def compared(
-    surface: str, depth_mm: float, centre_mm: tuple[float, float], rays: int = RAYS, seed: int = 0
-) -> Comparison:
+def compared(state: State, number: int) -> Compared:
     """The engine at its finest against the walk."""
-    found = walked(surface, depth_mm, centre_mm, rays, FINE_GRID, seed)
-    scene = benchmark_scene()
-    press = surface_of(surface)(depth_mm)
-    raw = trace_scene(scene, np.array([centre_mm]), [press], accuracy="fine", seed=7)
-    flux, sampled = raw.flux.sum(axis=0)[0], np.sqrt(np.mean(raw.standard_error**2))
-    judged = different_walls(scene) & (flux * found.rays > FAINTEST)
-    variance = found.variance / found.rays
-    difference = (flux - found.flux)[judged]
-    total = found.flux[judged].sum()
-    return Comparison(
-        pulls=difference / np.sqrt(variance[judged] + sampled**2),
-        sum_ratio=float(difference.sum() / total),
-        sum_error=float(np.sqrt(variance[judged].sum() + sampled**2 * judged.sum()) / total),
+    found, scene = counted(state, number), state.scene()
+    press, field = state.engines_top()
+    raw = trace_scene(
+        scene,
+        np.array([state.at_mm] * 2),
+        [None, press],
+        fields=None if field is None else [None, field],
+        accuracy="fine",
+        seed=7,
+    )
+    by_name = dict(zip(CLASS_NAMES, raw.flux[:, 1], strict=True))
+    engine = np.stack(
+        [by_name["direct"], by_name["top"] + by_name["skirt"], by_name["wall"] + by_name["diffuse"]]
+    )
+    return Compared(
+        engine=engine,
+        walk=found.flux,
+        stated=raw.standard_error[1],
+        untouched=raw.flux[:, 0].sum(axis=0),
+        judged=different_walls(scene) & (engine.sum(axis=0) * found.rays > FAINTEST),
         seconds=found.seconds,
     )
 
 
-def row(surface: str, depth_mm: float, centre_mm: tuple[float, float], found: Comparison) -> list[str]:
-    """A line of the table."""
-    return [
-        surface,
-        f"{depth_mm:g}",
-        f"{centre_mm[0]:g}, {centre_mm[1]:g}",
-        f"{100.0 * found.sum_ratio:+.3f} ± {100.0 * found.sum_error:.3f}",
-        f"{np.sqrt(np.mean(found.pulls**2)):.2f}",
-        f"{np.abs(found.pulls).max():.1f}",
+def signed(share: float, error: float) -> str:
+    """A share and its standard error in %."""
+    return f"{100.0 * share:+.3f} ± {100.0 * error:.3f}"
+
+
+def row(state: State, found: Compared) -> tuple[list[str], list[str]]:
+    """A line of the table, and the pairs whose mirrored light is beyond `BEYOND` standard errors."""
+    names = [f"E{emitter + 1}-R{receiver + 1}" for emitter, receiver in np.argwhere(found.judged)]
+    pulls = {name: np.divide(*found.of_pairs(classes)) for name, classes in CLASSES.items()}
+    off, error = found.of_pairs(CLASSES["mirrored"])
+    told = np.where(error < TOLD, np.abs(off), -1.0)
+    largest, widest = int(np.abs(pulls["mirrored"]).argmax()), int(told.argmax())
+    x, y, depth = state.press
+    where = f"{depth:g} mm at ({x:g}, {y:g}) mm" if depth > 0.0 else "untouched"
+    line = [
+        state.name,
+        where,
+        str(len(names)),
+        *(signed(*found.of_all(classes)) for classes in CLASSES.values()),
+        *(f"{np.sqrt(np.mean(pulls[name] ** 2)):.2f}" for name in ("all", "mirrored")),
+        f"{names[largest]}: {pulls['mirrored'][largest]:+.1f}",
+        f"{names[widest]}: {signed(off[widest], error[widest])}" if told[widest] >= 0.0 else "-",
         f"{found.seconds:.0f}",
+    ]
+    return line, [
+        f"{state.name} {name} {signed(*one)}"
+        for name, pull, *one in zip(names, pulls["mirrored"], off, error, strict=True)
+        if abs(pull) > BEYOND
     ]
 
 
 HEAD = [
-    "surface",
-    "depth mm",
-    "place mm",
-    "sum over 48 pairs, engine - Mitsuba %",
-    "pull rms",
-    "largest pull",
+    "state",
+    "press",
+    "pairs",
+    *(f"{name}, engine - Mitsuba, % of all light" for name in CLASSES),
+    "pull rms, all",
+    "pull rms, mirrored",
+    "mirrored light, largest pull",
+    f"mirrored light, largest difference known to {100.0 * TOLD:g} %, % of the pair's untouched light",
     "core-s of Mitsuba",
 ]
 
@@ -137,17 +287,40 @@ HEAD = [
 def main(arguments: list[str]) -> None:
     """Make the table, or measure the speed."""
     if "--speed" in arguments:
-        found = walked("analytic", 3.0, (14.0, 17.0), SPEED_RAYS, grid=192)
-        values = asdict(found) | {"flux": found.flux.tolist(), "variance": found.variance.tolist()}
-        print(json.dumps(values))
+        print(json.dumps(speed()))
         return
-    lines = []
+    lines, beyond = [], []
     for number, state in enumerate(STATES):
-        lines.append(row(*state, compared(*state, seed=number + 1)))
-        print(" | ".join(lines[-1]), flush=True)
+        line, pairs = row(state, compared(state, number + 1))
+        lines.append(line)
+        beyond += pairs
+        print(" | ".join(line), flush=True)
     made = f"Made with mitsuba {version('mitsuba')} and drjit {version('drjit')}"
-    table = f"{made}, {8 * RAYS / 1e6:.0f} million rays a state.\n\n{markdown_table(HEAD, lines)}"
+    told = "; ".join(beyond) if beyond else "none"
+    table = "\n\n".join(
+        [
+            f"{made}, {RAYS / 1e6:.0f} million rays an emitter and state.",
+            markdown_table(HEAD, lines),
+            f"Mirrored light beyond {BEYOND:g} standard errors, % of the pair's untouched light: {told}.",
+        ]
+    )
     PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8"), table, MARKS), encoding="utf-8")
+
+
+def speed() -> dict[str, object]:
+    """A walk by plain chance on a coarse mesh of the first state, as arguments of `Walked`."""
+    from tests.validation.light.mitsuba_walk import pad, walk
+
+    scene = STATES[0].scene()
+    found = walk(pad(scene, STATES[0].mesh(SPEED_STEP_MM)), SPEED_RAYS, is_even=False)
+    flux = found.flux.mean(axis=0).sum(axis=0)
+    return {
+        "flux": flux.tolist(),
+        "variance": (found.square - flux**2).tolist(),
+        "rays": found.rays,
+        "segments": found.segments,
+        "seconds": found.seconds,
+    }
 
 
 if __name__ == "__main__":

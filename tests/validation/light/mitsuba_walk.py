@@ -2,16 +2,17 @@
 
 An outside check of the light engine and a measure of its speed. Mitsuba supplies the intersection with the triangles of
 the top (embree), the interpolated normals and Fresnel's equations; drjit the loop, the random numbers and the compiler.
-Walls and bottom are planes, written out. Nothing of `sims.optics` takes part but the scene's numbers. Optional: needs
-`pip install mitsuba` and an LLVM library that drjit accepts (19 does, 15 aborts; DRJIT_LIBLLVM_PATH names it).
+Flat walls, a round wall and the bottom are written out. Nothing of `sims.optics` takes part but the scene's numbers.
+Optional: needs `pip install mitsuba` and an LLVM library that drjit accepts (19 does, 15 aborts; DRJIT_LIBLLVM_PATH
+names it).
 
-The walk: emitters by the cosine law; at the top Fresnel's share as weight; walls and bottom scatter by chance; a
-receiver, the tip within the contact radius, or a face that does not scatter ends a ray; faint rays end by roulette.
+The walk: emitters radiate by their order or table; at the top Fresnel's share becomes weight, and absorption on every
+flight; walls, bottom and tip scatter by chance; a receiver, or a face that does not scatter, ends a ray; faint rays end
+by roulette. A receiver counts the share that its response table gives for the angle of arrival.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from time import process_time
 from typing import Any
@@ -22,8 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sims.optics.scene.optical_scene import OpticalScene
-from tests.bench.measures.forward_walk import FAINT, KEPT, MOST_FLIGHTS, Walked
-from tests.bench.measures.surface_mesh import GRID, top_mesh
+from sims.optics.scene.pad_form import PadForm
+from tests.bench.measures.forward_walk import FAINT, KEPT, MOST_FLIGHTS
+from tests.bench.measures.surface_mesh import TopMesh, form_of
 
 mi.set_variant("llvm_ad_rgb")
 
@@ -31,137 +33,221 @@ FloatArray = NDArray[np.float64]
 
 LANES = 1 << 20
 """Rays of one launch."""
+EVEN = tuple(round(2**32 / 1.1673039782614187**power) for power in range(1, 5))
+"""Steps of an evenly spread sequence in four dimensions, over 2^32: powers of the root of x^5 = x + 1."""
 NUDGE_MM = 1e-4
 """A ray restarts this far below the top [mm]; single precision carries 32 mm to 2e-6 mm."""
+COSINES = 8192
+"""Entries of an emitter's table of cosines over the root of the share of its power."""
+DIRECT, MIRRORED, DIFFUSE = range(3)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Counted:
+    """What the walk counted, by launch, class (direct, mirrored by the top alone, diffuse), emitter and receiver.
+
+    Attributes
+    ----------
+    flux : (launch, 3, e, r) share of the emitted power [-]
+    square : (e, r) mean square of one ray's share [-]
+    rays : of each emitter
+    segments : flights of all rays
+    seconds : processor time
+    """
+
+    flux: FloatArray
+    square: FloatArray
+    rays: int
+    segments: int
+    seconds: float
 
 
 @dataclass(frozen=True, kw_only=True)
 class Pad:
-    """A pressed pad as Mitsuba sees it."""
+    """A pressed pad as Mitsuba sees it: the first `touched` triangles belong to the tip."""
 
     scene: OpticalScene
+    form: PadForm
     world: Any
-    centre_mm: FloatArray
-    contact_radius_mm: float
+    touched: int
+    cosines: Any
+    response: Any
+
+    @property
+    def round_face(self) -> int:
+        """Number of the round wall as a face; flat walls come before it, the bottom follows."""
+        return len(self.form.walls)
 
 
-def pad(
-    scene: OpticalScene,
-    centre_mm: FloatArray,
-    height: Callable[[FloatArray], FloatArray],
-    contact_radius_mm: float,
-    grid: int = GRID,
-) -> Pad:
-    """A mesh of the top, 2 grid² triangles with normals from the slope of its height over radius [mm]."""
-    vertices, triangles = top_mesh(scene, centre_mm, height, grid)
-    offset = vertices[:, :2] - centre_mm
-    radius = np.maximum(np.hypot(offset[:, 0], offset[:, 1]), 1e-6)
-    step = 1e-5
-    slope = (height(radius + step) - height(np.maximum(radius - step, 0.0))) / (2.0 * step)
-    normals = np.column_stack([-slope[:, None] * offset / radius[:, None], np.ones(len(radius))])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    mesh = mi.Mesh("top", len(vertices), len(triangles), has_vertex_normals=True)
+def pad(scene: OpticalScene, top: TopMesh) -> Pad:
+    """A scene under a mesh of its top.
+
+    Raises
+    ------
+    ValueError : smooth walls, which this walk does not know
+    """
+    if scene.wall_index is not None:
+        raise ValueError(f"wall_index: {scene.wall_index:g}, but the walk knows scattering walls only")
+    mesh = mi.Mesh("top", len(top.vertices), len(top.triangles), has_vertex_normals=True)
     parts = mi.traverse(mesh)
-    parts["vertex_positions"] = vertices.ravel().astype(np.float32)
-    parts["vertex_normals"] = normals.ravel().astype(np.float32)
-    parts["faces"] = triangles.ravel().astype(np.uint32)
+    parts["vertex_positions"] = top.vertices.ravel()
+    parts["vertex_normals"] = top.normals.ravel()
+    parts["faces"] = top.triangles.ravel()
     parts.update()
-    world = mi.load_dict({"type": "scene", "top": mesh})
-    return Pad(scene=scene, world=world, centre_mm=np.asarray(centre_mm), contact_radius_mm=contact_radius_mm)
+    response = scene.receiver_response
+    return Pad(
+        scene=scene,
+        form=form_of(scene),
+        world=mi.load_dict({"type": "scene", "top": mesh}),
+        touched=top.touched,
+        cosines=[mi.Float(emitted_cosines(scene, k)) for k in range(len(scene.emitter_wall))],
+        response=None if response is None else mi.Float(response.ravel()),
+    )
 
 
-def walk(given: Pad, rays: int, seed: int = 0, threads: int = 1) -> Walked:
-    """Send at least `rays` rays from every emitter, in whole launches; the first launch is not timed (it compiles)."""
+def emitted_cosines(scene: OpticalScene, emitter: int) -> FloatArray:
+    """(COSINES,) cosine below which a share p of an emitter's power lies, at evenly spaced √p [-]."""
+    root = np.linspace(0.0, 1.0, COSINES)
+    table = None if scene.emitter_pattern is None else scene.emitter_pattern[emitter]
+    if table is None or np.isnan(table).all():
+        return root ** (2.0 / (scene.emitter_order[emitter] + 1.0))
+    cosine = np.linspace(0.0, 1.0, 16 * (len(table) - 1) + 1)
+    density = cosine * np.interp(cosine, np.linspace(0.0, 1.0, len(table)), table)
+    middle = 0.5 * (cosine[1:] + cosine[:-1])
+    between = middle * np.interp(middle, np.linspace(0.0, 1.0, len(table)), table)
+    power = np.append(0.0, np.cumsum(density[:-1] + 4.0 * between + density[1:]))
+    rising = np.append(True, np.diff(power) > 0.0)
+    return np.interp(root, np.sqrt(power[rising] / power[-1]), cosine[rising])
+
+
+def walk(given: Pad, rays: int, seed: int = 0, *, is_even: bool = True, threads: int = 1) -> Counted:
+    """Send at least `rays` rays from every emitter, in whole launches; the first launch is not timed (it compiles).
+
+    is_even : places and directions of a launch are spread evenly, and moved by chance as a whole: launches then differ
+        much less than by chance, and still tell how well their mean is known
+    """
     dr.set_thread_count(threads)
     emitters, receivers = len(given.scene.emitter_wall), len(given.scene.receiver_wall)
     launches = -(-rays // LANES)
-    total, square = np.zeros((2, emitters, receivers))
+    total, square = np.zeros((launches, emitters, 3 * receivers)), np.zeros((emitters, receivers))
     segments, seconds = 0, 0.0
-    for launch in range(-1, launches * emitters):
-        emitter = max(launch, 0) % emitters
+    for number in range(-1, launches * emitters):
+        launch, emitter = divmod(max(number, 0), emitters)
         start = process_time()
-        parts = _launch(given, emitter, seed * 100_003 + launch + 1)
-        if launch < 0:
+        parts = _launch(given, emitter, seed * 100_003 + number + 1, is_even)
+        if number < 0:
             continue
         seconds += process_time() - start
-        total[emitter] += parts[0]
+        total[launch, emitter] = parts[0]
         square[emitter] += parts[1]
         segments += int(parts[2])
-    sent = launches * LANES
-    mean = total / sent
-    return Walked(
-        flux=mean,
-        variance=square / sent - mean**2,
-        rays=sent,
+    return Counted(
+        flux=np.moveaxis(total.reshape(launches, emitters, 3, receivers) / LANES, 2, 1),
+        square=square / (launches * LANES),
+        rays=launches * LANES,
         segments=segments,
         seconds=seconds,
     )
 
 
-def _launch(given: Pad, emitter: int, seed: int) -> tuple[FloatArray, FloatArray, float]:
-    """(r,) sums of weights and of their squares of one launch, and its flights."""
-    count = len(given.scene.receiver_wall)
-    total, square = dr.zeros(mi.Float, count), dr.zeros(mi.Float, count)
+def _launch(given: Pad, emitter: int, seed: int, is_even: bool) -> tuple[FloatArray, FloatArray, float]:
+    """(3 r,) sums of weights of one launch by class and receiver, (r,) sums of their squares, and its flights."""
+    receivers = len(given.scene.receiver_wall)
+    total, square = dr.zeros(mi.Float, 3 * receivers), dr.zeros(mi.Float, receivers)
     flights = dr.zeros(mi.UInt32, 1)
-    _follow(given, emitter, mi.PCG32(LANES, seed), total, square, flights)
+    random = mi.PCG32(LANES, dr.opaque(mi.UInt64, seed))  # a plain number would compile every launch anew
+    if is_even:
+        moved = np.random.default_rng(seed).integers(0, 2**32, len(EVEN))
+        lane = dr.arange(mi.UInt32, LANES)
+        spread = [lane * step + dr.opaque(mi.UInt32, int(by)) for step, by in zip(EVEN, moved, strict=True)]
+        chosen = [(mi.Float(one >> 8) + 0.5) * 2.0**-24 for one in spread]
+    else:
+        chosen = [random.next_float32() for _ in EVEN]
+    place, direction, is_lit = _start(given, emitter, chosen)
+    state = (place, direction, mi.Float(1.0), mi.UInt32(DIRECT), mi.UInt32(0), random, is_lit, total, square)
+    state = dr.while_loop(state, lambda *now: now[6], lambda *now: _flight(given, *now))
+    dr.scatter_add(flights, state[4], mi.UInt32(0))
     dr.eval(total, square, flights)
     return np.array(total, dtype=np.float64), np.array(square, dtype=np.float64), float(np.array(flights)[0])
 
 
-def _cosine_direction(kind: Any, u: Any, v: Any) -> Any:
-    """By the cosine law about the inward normal of a wall (0-3) or the bottom (4)."""
-    sine = dr.sqrt(u)
+def _about(normal: Any, cosine: Any, v: Any) -> Any:
+    """The direction at a cosine to a unit normal and at the azimuth 2 π v."""
+    sine = dr.sqrt(dr.maximum(0.0, 1.0 - cosine * cosine))
     sin_v, cos_v = dr.sincos(dr.two_pi * v)
-    a, b, c = sine * cos_v, sine * sin_v, dr.sqrt(dr.maximum(0.0, 1.0 - u))
-    x = dr.select(kind == 1, -c, dr.select(kind == 3, c, a))
-    y = dr.select(kind == 0, c, dr.select(kind == 2, -c, dr.select(kind == 4, b, a)))
-    z = dr.select(kind == 4, c, b)
-    return mi.Vector3f(x, y, z)
+    return mi.Frame3f(normal).to_world(mi.Vector3f(sine * cos_v, sine * sin_v, cosine))
 
 
-def _start(given: Pad, emitter: int, random: Any) -> tuple[Any, Any]:
+def _looked_up(table: Any, first: Any, count: int, share: Any) -> Any:
+    """Value of a table of `count` entries from `first` on, linear between them; share from 0 to 1."""
+    at = dr.clip(share, 0.0, 1.0) * (count - 1)
+    cell = dr.minimum(mi.UInt32(at), count - 2)
+    low, high = (dr.gather(mi.Float, table, first + cell + step) for step in (0, 1))
+    return low + (at - mi.Float(cell)) * (high - low)
+
+
+def _untouched_top(given: Pad, place: Any) -> Any:
+    """Height of the untouched top."""
+    form, height = given.form, given.scene.height_mm
+    if not form.is_crowned:
+        return height
+    x = 0.0 if form.crown_axis == "x" else place.x - form.apex_mm[0]
+    y = 0.0 if form.crown_axis == "y" else place.y - form.apex_mm[1]
+    fall = x * x + y * y
+    return height - fall / (form.crown_radius_mm + dr.sqrt(dr.maximum(form.crown_radius_mm**2 - fall, 0.0)))
+
+
+def _start(given: Pad, emitter: int, chosen: list[Any]) -> tuple[Any, Any, Any]:
+    """Place and direction of rays of an emitter by four numbers in 0..1, and whether they start in the elastomer."""
     scene = given.scene
-    wall = int(scene.emitter_wall[emitter])
+    x, y, tx, ty, nx, ny = (float(v) for v in given.form.walls[scene.emitter_wall[emitter]])
     along, height, half_width, half_height = (float(v) for v in scene.emitter_patch[emitter])
-    u = along + (2.0 * random.next_float32() - 1.0) * half_width
-    z = height + (2.0 * random.next_float32() - 1.0) * half_height
-    far = {0: 0.0, 1: scene.length_mm, 2: scene.width_mm, 3: 0.0}[wall]
-    place = mi.Vector3f(u, far, z) if wall % 2 == 0 else mi.Vector3f(far, u, z)
-    direction = _cosine_direction(mi.UInt32(wall), random.next_float32(), random.next_float32())
-    return place, direction
+    u = along + (2.0 * chosen[0] - 1.0) * half_width
+    z = height + (2.0 * chosen[1] - 1.0) * half_height
+    place = mi.Vector3f(x + u * tx, y + u * ty, z)
+    cosine = _looked_up(given.cosines[emitter], mi.UInt32(0), COSINES, dr.sqrt(chosen[2]))
+    direction = _about(mi.Vector3f(-nx, -ny, 0.0), cosine, chosen[3])
+    return place, direction, place.z <= _untouched_top(given, place)
 
 
-def _receiver(scene: OpticalScene, kind: Any, place: Any) -> Any:
-    """Receiver at a wall point, or the count of receivers."""
-    along = dr.select((kind == 0) | (kind == 2), place.x, place.y)
+def _receiver(given: Pad, face: Any, place: Any) -> Any:
+    """Receiver at a place on a face, or the count of receivers."""
+    scene = given.scene
     found = mi.UInt32(len(scene.receiver_wall))
     for k, (wall, patch) in enumerate(zip(scene.receiver_wall, scene.receiver_patch, strict=True)):
-        inside = (kind == int(wall)) & (dr.abs(along - float(patch[0])) <= float(patch[2]))
+        x, y, tx, ty = (float(v) for v in given.form.walls[wall, :4])
+        along = tx * (place.x - x) + ty * (place.y - y)
+        inside = (face == int(wall)) & (dr.abs(along - float(patch[0])) <= float(patch[2]))
         inside &= dr.abs(place.z - float(patch[1])) <= float(patch[3])
         found = dr.select(inside, k, found)
-    return found
+    return dr.select(place.z <= _untouched_top(given, place), found, len(scene.receiver_wall))
 
 
-def _box_hit(scene: OpticalScene, place: Any, direction: Any) -> tuple[Any, Any]:
-    """Distance to walls and bottom, and which."""
+def _face_hit(given: Pad, place: Any, direction: Any) -> tuple[Any, Any, Any]:
+    """Distance to the first of walls and bottom, which, and its unit normal into the elastomer."""
     big = mi.Float(1e30)
-    tx = dr.select(direction.x > 0, scene.length_mm - place.x, -place.x) / direction.x
-    ty = dr.select(direction.y > 0, scene.width_mm - place.y, -place.y) / direction.y
-    tx = dr.select(direction.x == 0.0, big, dr.maximum(tx, 0.0))
-    ty = dr.select(direction.y == 0.0, big, dr.maximum(ty, 0.0))
-    tz = dr.select(direction.z < 0, dr.maximum(-place.z / direction.z, 0.0), big)
-    t = dr.minimum(tx, dr.minimum(ty, tz))
-    kind = dr.select(t == tx, dr.select(direction.x > 0, mi.UInt32(1), mi.UInt32(3)), mi.UInt32(4))
-    kind = dr.select((t == ty) & (t != tx), dr.select(direction.y > 0, mi.UInt32(2), mi.UInt32(0)), kind)
-    return t, kind
-
-
-def _follow(given: Pad, emitter: int, random: Any, total: Any, square: Any, flights: Any) -> None:
-    """One launch; sums are scattered into `total`, `square` and `flights`."""
-    place, direction = _start(given, emitter, random)
-    state = (place, direction, mi.Float(1.0), mi.UInt32(0), random, mi.Bool(True), total, square)
-    state = dr.while_loop(state, lambda *now: now[5], lambda *now: _flight(given, *now))
-    dr.scatter_add(flights, state[3], mi.UInt32(0))
+    t = dr.select(direction.z < 0, dr.maximum(-place.z / direction.z, 0.0), big)
+    face = mi.UInt32(given.round_face + 1)
+    nx, ny = mi.Float(0.0), mi.Float(0.0)
+    for k, wall in enumerate(given.form.walls):
+        x, y, _, _, ox, oy = (float(v) for v in wall)
+        toward = ox * direction.x + oy * direction.y
+        gap = ox * (x - place.x) + oy * (y - place.y)
+        at = dr.select(toward > 0, dr.maximum(gap, 0.0) / toward, big)
+        nx, ny = dr.select(at < t, -ox, nx), dr.select(at < t, -oy, ny)
+        face, t = dr.select(at < t, k, face), dr.minimum(at, t)
+    cx, cy, radius = (float(v) for v in given.form.round_wall)
+    if radius > 0.0:
+        px, py = place.x - cx, place.y - cy
+        a, b = direction.x**2 + direction.y**2, px * direction.x + py * direction.y
+        c = px * px + py * py - radius * radius
+        root = dr.sqrt(dr.maximum(b * b - a * c, 0.0))
+        at = dr.maximum(dr.select(b > 0, -c / (b + root), (root - b) / dr.maximum(a, 1e-12)), 0.0)
+        is_round = at < t
+        nx = dr.select(is_round, -(px + at * direction.x) / radius, nx)
+        ny = dr.select(is_round, -(py + at * direction.y) / radius, ny)
+        face, t = dr.select(is_round, given.round_face, face), dr.minimum(at, t)
+    return t, face, dr.normalize(mi.Vector3f(nx, ny, dr.select(face == given.round_face + 1, 1.0, 0.0)))
 
 
 def _flight(
@@ -169,6 +255,7 @@ def _flight(
     place: Any,
     direction: Any,
     weight: Any,
+    group: Any,
     count: Any,
     random: Any,
     active: Any,
@@ -176,31 +263,44 @@ def _flight(
     square: Any,
 ) -> tuple[Any, ...]:
     """One flight of all rays, and what becomes of them where they land."""
-    scene = given.scene
-    t, kind = _box_hit(scene, place, direction)
+    scene, receivers = given.scene, len(given.scene.receiver_wall)
+    t, face, inward = _face_hit(given, place, direction)
     ray = mi.Ray3f(mi.Point3f(place), direction, t, 0.0, mi.Color0f())
     hit = given.world.ray_intersect_preliminary(ray, coherent=False, active=active)
     on_top = hit.is_valid() & (hit.t < t)
     surface = hit.compute_surface_interaction(ray, mi.RayFlags.ShadingFrame, on_top)
     normal = mi.Vector3f(surface.sh_frame.n)
-    place = place + dr.select(on_top, hit.t, t) * direction
+    on_tip = on_top & (hit.prim_index < given.touched)
+    is_free = on_top & ~on_tip
+    distance = dr.select(on_top, hit.t, t)
+    place = place + distance * direction
+    weight *= dr.exp(-scene.absorption_per_mm * distance)
     cosine = dr.dot(direction, normal)
-    off_x, off_y = place.x - float(given.centre_mm[0]), place.y - float(given.centre_mm[1])
-    on_tip = on_top & (off_x * off_x + off_y * off_y < given.contact_radius_mm**2)
-    found = _receiver(scene, kind, place)
-    seen = active & ~on_top & (kind < 4) & (found < len(scene.receiver_wall))
-    dr.scatter_add(total, weight, found, seen)
-    dr.scatter_add(square, weight * weight, found, seen)
+    found = _receiver(given, face, place)
+    seen = active & ~on_top & (found < receivers)
+    counted = mi.Float(weight)
+    if scene.receiver_response is not None:
+        nodes = scene.receiver_response.shape[1]
+        first = dr.select(seen, found, 0) * nodes
+        counted *= _looked_up(given.response, first, nodes, -dr.dot(direction, inward))
+    dr.scatter_add(total, counted, group * receivers + found, seen)
+    dr.scatter_add(square, counted * counted, found, seen)
     chance = random.next_float32()
-    share = dr.select(kind == 4, mi.Float(scene.bottom_reflectance), mi.Float(scene.wall_reflectance))
-    ends = on_tip | (on_top & (cosine <= 0.0)) | (~on_top & (seen | (chance > share)))
-    scattered = _cosine_direction(kind, random.next_float32(), random.next_float32())
-    direction = dr.select(on_top, direction - 2.0 * cosine * normal, scattered)
+    share = dr.select(
+        face == given.round_face + 1, scene.bottom_reflectance, mi.Float(scene.wall_reflectance)
+    )
+    share = dr.select(on_tip, scene.tip_reflectance, share)
+    ends = seen | (on_top & (cosine <= 0.0)) | (~is_free & (chance >= share))
+    lobe = dr.sqrt(1.0 - random.next_float32())
+    scattered = _about(dr.select(on_tip, -normal, inward), lobe, random.next_float32())
+    direction = dr.select(is_free, direction - 2.0 * cosine * normal, scattered)
     place = dr.select(on_top, place - NUDGE_MM * normal, place)
     reflected, _, _, _ = mi.fresnel(dr.maximum(cosine, 0.0), 1.0 / scene.refractive_index)
-    weight = dr.select(on_top, weight * reflected, weight)
-    faint = on_top & (weight < FAINT)
-    ends |= faint & (chance > KEPT)
+    weight = dr.select(is_free, weight * reflected, weight)
+    group = dr.maximum(group, dr.select(is_free, mi.UInt32(MIRRORED), mi.UInt32(DIFFUSE)))
+    faint = is_free & (weight < FAINT)
+    ends |= faint & (chance >= KEPT)
     weight = dr.select(faint, weight / KEPT, weight)
     count = count + 1
-    return place, direction, weight, count, random, active & ~ends & (count < MOST_FLIGHTS), total, square
+    active = active & ~ends & (count < MOST_FLIGHTS)
+    return place, direction, weight, group, count, random, active, total, square
