@@ -33,7 +33,7 @@ def compact_height(press: Indentation, top_mm: float) -> Callable[[FloatArray], 
     return height
 
 
-def compact_curve(press: Indentation, top_mm: float, knots: int = 4096) -> Indentation:
+def compact_curve(press: Indentation, top_mm: float, knots: int = 256) -> Indentation:
     """The compact dimple as knots with inclinations, from its definition."""
     height, step = compact_height(press, top_mm), 1e-5
     radius = np.linspace(0.0, dimple_row(np.zeros(2), press, top_mm)[8], knots)
