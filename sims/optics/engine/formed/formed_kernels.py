@@ -9,6 +9,7 @@ import numpy as np
 
 from sims.cache.kernels import entry_points
 from sims.optics.engine.formed import (
+    formed_chains,
     formed_cuts,
     formed_deposits,
     formed_direct,
@@ -22,6 +23,7 @@ from sims.optics.engine.formed.formed_deposits import RAY_BATCHES, deposits
 from sims.optics.engine.formed.formed_direct import straight_flux
 from sims.optics.engine.formed.formed_mirrored import (
     BATCHES,
+    WORK,
     mirrored_flux,
     top_points,
 )
@@ -38,6 +40,7 @@ KERNEL_MODULES = (
     formed_rays,
     formed_direct,
     formed_cuts,
+    formed_chains,
     formed_mirrored,
     formed_scattered,
     formed_deposits,
@@ -85,7 +88,7 @@ def mirrored_matrix(
     """(2, batch, emitter, receiver) light mirrored by the top, smooth and by the skirt."""
     top = FormedTop(origin, axes, numbers, rows)
     out = np.zeros((emitters.shape[0], 2, BATCHES, receivers.shape[0]))
-    work = np.zeros(44)
+    work = np.zeros(WORK)
     for i in range(emitters.shape[0]):
         if wanted[i].any():
             mirrored_flux(

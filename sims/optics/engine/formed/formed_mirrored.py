@@ -9,27 +9,27 @@ Light of an emitter that first meets the top at P, in an element dA of it, and c
 
 over the part of the emitter whose pencil through P lands on the receiver. The emitter is divided into parts that are
 small against their distance from P (`share`). By the plane mirror at P a window's sides come to straight lines of the
-emitter's plane, which cut a part exactly (`formed_cuts`). From the second mirror on, two rays beside the middle one,
-each mirrored where it meets the top by itself, carry the part onto the receiver's plane as a parallelogram; a part
-whose pencil that mirror spreads is divided. Of what leaves, L c_e c_P / s² and F_1, the mean over what lands is taken;
-the dimple's shadows on the first and the last way are asked for its middle. The pad is convex, so a window is reached
-whatever wall the ray meets first.
+emitter's plane, which cut a part exactly (`formed_cuts`). Of what lands, all factors are integrated; of what the dimple
+hides, how far it does is found column by column of the part. From the second mirror on, rays beside the middle one
+carry the part (`formed_chains`). The pad is convex, so a window is reached whatever wall the ray meets first.
 
 P runs over a grid of the untouched top and, around the press, over rings (`formed_points`). A press changes light by
 the same points with and without it. Points go by batches, each an even lattice by itself, which tell the lattice's
 error.
 
-Left out: what varies of later Fresnel shares and of a shadow within one part's pencil; chains of more than `MOST`
-mirrors.
+Left out: what varies of later Fresnel shares within one part's pencil; chains of more than `formed_chains.MOST`
+mirrors; a part of which both ends of a column are seen and its middle is hidden.
 """
 
 from __future__ import annotations
 
 import math
 
+from sims.optics.engine.formed.formed_chains import CHAIN_WORK, FAINT, follow_chains, is_lit, mirrored
 from sims.optics.engine.formed.formed_cuts import (
     BATCH,
     DA,
+    GAUSS,
     MX,
     MY,
     MZ,
@@ -40,7 +40,6 @@ from sims.optics.engine.formed.formed_cuts import (
     cut,
     lines,
     sent,
-    sent_by_part,
 )
 from sims.optics.engine.formed.formed_rays import (
     AREA,
@@ -55,43 +54,33 @@ from sims.optics.engine.formed.formed_rays import (
     UY,
     WALL,
     lobe,
-    plan_exit,
     sees,
     window_point,
 )
 from sims.optics.engine.formed.formed_top import (
-    AT_TOP_MM,
     FLAT,
     KIND,
     NEVER,
     OUTER,
     FormedTop,
-    above,
     fall,
-    into,
     is_contact,
     is_skirt,
     normal_at,
     out_of,
     rise,
-    top_hit,
-    turn,
 )
 from sims.optics.scene.optical_scene import BoolArray, FloatArray
-from sims.optics.surface.radial import fresnel, inlined, kernel
+from sims.optics.surface.radial import inlined, kernel
 
-MOST = 24
-FAINT = 1e-9
-"""Share of the emitter's power below which a pencil is followed no further."""
-NEAR = 0.02
-"""Rays beside the middle of a part leave this share of its half size from it."""
-WIDE, MOST_DIVIDED = 0.2, 4
-"""Half spread of a pencil after its second mirror that is followed as one [rad]; an emitter's part with a wider one is
-divided, in either direction into so many at most."""
+COLUMNS, HALVINGS = 4, 5
+"""Columns of what lands in which it is found how far the dimple hides it, and steps of halving to find that."""
 MOST_PARTS = 12
 """Parts of an emitter in either direction, at most."""
 BATCHES = 4
-NEWTON_STEPS, NEARLY_AT_TOP_MM = 6, 1e-8
+WAYS, PART = CHAIN_WORK, CHAIN_WORK + 9
+"""Where it is kept which way light goes from a part through a point, and where the part lies."""
+WORK = PART + 5
 
 
 @kernel
@@ -105,7 +94,7 @@ def mirrored_flux(
     wanted : (receiver,) which of them
     points : (n, 9) places and normals out of the elastomer, elements of area [mm2], 1 within the skirt, batch
     share : size of a part over its distance from a point, at most
-    work : (44,) room for lines and polygons
+    work : (`WORK`,) room
     """
     pressed = top.numbers[OUTER] > 0.0
     for n in range(points.shape[0]):
@@ -125,20 +114,17 @@ def mirrored_flux(
                 x0, y0, z0 = window_point(e, (2.0 * a + 1.0) / parts_u - 1.0, (2.0 * b + 1.0) / parts_v - 1.0)
                 weight = sent(x0, y0, z0, p, e, absorbs, index)
                 if weight * element >= FAINT:
-                    _follow(x0, y0, z0, size_u, size_v, p, weight, element, n + a + b, receivers, wanted, e, absorbs,
+                    _follow(x0, y0, z0, size_u, size_v, p, element, receivers, wanted, e, absorbs,
                             index, walls, round_wall, top, pressed, out, work)  # fmt: skip
 
 
 @kernel
 def _follow(
-    x0: float, y0: float, z0: float, size_u: float, size_v: float, p: FloatArray, weight: float, element: float,
-    number: int, receivers: FloatArray, wanted: BoolArray, e: FloatArray, absorbs: float, index: float,
-    walls: FloatArray, round_wall: FloatArray, top: FormedTop, pressed: bool, out: FloatArray, work: FloatArray,
+    x0: float, y0: float, z0: float, size_u: float, size_v: float, p: FloatArray, element: float,
+    receivers: FloatArray, wanted: BoolArray, e: FloatArray, absorbs: float, index: float, walls: FloatArray,
+    round_wall: FloatArray, top: FormedTop, pressed: bool, out: FloatArray, work: FloatArray,
 ) -> None:  # fmt: skip
-    """Follow the pencil of one part, of half sizes size_u and size_v about x0, y0, z0, through a point of the top.
-
-    A part that is divided is followed through a diagonal of its squares, another one for each `number`.
-    """
+    """Follow the pencil of one part, of half sizes size_u and size_v about x0, y0, z0, through a point of the top."""
     nx, ny, nz = p[MX], p[MY], p[MZ]
     x, y, z = p[PX], p[PY], p[PZ]
     row, batch = (1 if p[SKIRT] > 0.0 else 0), int(p[BATCH])
@@ -146,7 +132,10 @@ def _follow(
     wx, wy, wz = mirrored(x - x0, y - y0, z - z0, nx, ny, nz)
     ux, uy, uz = mirrored(-size_u * e[UX], -size_u * e[UY], 0.0, nx, ny, nz)
     vx, vy, vz = mirrored(0.0, 0.0, -size_v, nx, ny, nz)
-    fx, fy, fz = x - 1e-7 * nx, y - 1e-7 * ny, z - 1e-7 * nz
+    work[WAYS], work[WAYS + 1], work[WAYS + 2] = wx, wy, wz
+    work[WAYS + 3], work[WAYS + 4], work[WAYS + 5] = ux, uy, uz
+    work[WAYS + 6], work[WAYS + 7], work[WAYS + 8] = vx, vy, vz
+    work[PART], work[PART + 1], work[PART + 2], work[PART + 3], work[PART + 4] = x0, y0, z0, size_u, size_v
     for j in range(receivers.shape[0]):
         r = receivers[j]
         deep = (r[CX] - x) * r[NX] + (r[CY] - y) * r[NY]
@@ -177,199 +166,160 @@ def _follow(
             6,
             work,
         )
-        share, a, b, count, start = cut(work)
+        share, _, _, count, start = cut(work)
         if share <= 0.0:
             continue
-        dx, dy, dz = wx + a * ux + b * vx, wy + a * uy + b * vy, wz + a * uz + b * vz
-        s = math.sqrt(dx * dx + dy * dy + dz * dz)
-        toward = (dx * r[NX] + dy * r[NY]) / s
-        if toward <= 1e-9:
-            continue
-        t = deep / toward
-        if pressed and not (
-            _is_lit(x0 + a * size_u * e[UX], y0 + a * size_u * e[UY], z0 + b * size_v, p, top)
-            and sees(fx, fy, fz, x + t * dx / s, y + t * dy / s, z + t * dz / s, top)
-        ):
-            continue
-        mean = sent_by_part(x0, y0, z0, size_u, size_v, p, e, absorbs, index, count, start, work)
-        out[row, batch, j] += mean * element * share * math.pi * lobe(r, toward) * math.exp(-absorbs * t)
+        brings = NEVER
+        if pressed:
+            brings = _seen(p, e, r, deep, absorbs, index, count, start, top, work)
+        if brings >= NEVER:
+            brings = share * _brought(p, e, r, deep, absorbs, index, count, start, work)
+        out[row, batch, j] += brings * element * math.pi
     if not pressed and wz < 0.0 and top.numbers[KIND] == FLAT:
         return
-    divided = 1
-    while divided > 0:
-        wider = 0
-        for k in range(divided):
-            m = (k + number) % divided
-            a, b = (2.0 * k + 1.0) / divided - 1.0, (2.0 * m + 1.0) / divided - 1.0
-            px, py = x0 + a * size_u * e[UX], y0 + a * size_u * e[UY]
-            pz, du, dv = z0 + b * size_v, NEAR * size_u / divided, NEAR * size_v / divided
-            dx, dy, dz = beside(x - px, y - py, z - pz, nx, ny, nz)
-            t = _next_mirror(fx, fy, fz, dx, dy, dz, walls, round_wall, top)
-            if t >= NEVER or (pressed and not _is_lit(px, py, pz, p, top)):
-                continue
-            ax, ay, az = beside(x - px - du * e[UX], y - py - du * e[UY], z - pz, nx, ny, nz)
-            bx, by, bz = beside(x - px, y - py, z - pz - dv, nx, ny, nz)
-            part = element / divided * (weight if divided == 1 else sent(px, py, pz, p, e, absorbs, index))
-            wider = _follow_on(x, y, z, fx, fy, fz, dx, dy, dz, t, ax, ay, az, bx, by, bz, part, row, batch,
-                               divided == 1, receivers, wanted, e, absorbs, index, walls, round_wall, top, pressed, out,
-                               work)  # fmt: skip
-        divided = wider if divided == 1 else 0
+    follow_chains(x0, y0, z0, size_u, size_v, p, element, row, receivers, wanted, e, absorbs, index, walls, round_wall,
+                  top, out, work)  # fmt: skip
 
 
 @kernel
-def _follow_on(
-    px: float, py: float, pz: float, x: float, y: float, z: float, dx: float, dy: float, dz: float, t: float,
-    ex: float, ey: float, ez: float, fx: float, fy: float, fz: float, weight: float, row: int, batch: int,
-    may_divide: bool, receivers: FloatArray, wanted: BoolArray, e: FloatArray, absorbs: float, index: float,
-    walls: FloatArray, round_wall: FloatArray, top: FormedTop, pressed: bool, out: FloatArray, work: FloatArray,
-) -> int:  # fmt: skip
-    """Follow a pencil from its second mirror on, which its middle ray meets at t; e, f: ways of the rays beside it.
-
-    Returns 0, or into how many parts the emitter's part is better divided, as that mirror spreads the pencil.
-    """
-    ax, ay, az = px, py, pz
-    bx, by, bz = px, py, pz
-    is_whole = True
-    for _ in range(MOST):
-        x, y, z = x + t * dx, y + t * dy, z + t * dz
-        qx, qy, _ = into(top, x, y, z)
-        if is_contact(top, qx, qy):
-            return 0
-        if is_skirt(top, qx, qy):
-            row = 1
-        nx, ny, nz = normal_at(top, qx, qy)
-        nx, ny, nz = out_of(top, nx, ny, nz)
-        meets = dx * nx + dy * ny + dz * nz
-        if meets <= 0.0:
-            return 0
-        weight *= fresnel(meets, index) * math.exp(-absorbs * t)
-        if weight < FAINT:
-            return 0
-        dx, dy, dz = mirrored(dx, dy, dz, nx, ny, nz)
-        x, y, z = x - 1e-7 * nx, y - 1e-7 * ny, z - 1e-7 * nz
-        if is_whole:
-            ax, ay, az, ex, ey, ez, ok1 = next_of(ax, ay, az, ex, ey, ez, t, top)
-            bx, by, bz, fx, fy, fz, ok2 = next_of(bx, by, bz, fx, fy, fz, t, top)
-            is_whole = ok1 and ok2
-            if may_divide:
-                may_divide = False
-                spread = max(
-                    abs(ex - dx) + abs(ey - dy) + abs(ez - dz), abs(fx - dx) + abs(fy - dy) + abs(fz - dz)
-                )
-                if spread > NEAR * WIDE:
-                    return min(int(spread / (NEAR * WIDE)) + 1, MOST_DIVIDED)
-        for j in range(receivers.shape[0]):
-            r = receivers[j]
-            toward = dx * r[NX] + dy * r[NY]
-            if not wanted[j] or r[WALL] == e[WALL] or toward <= 1e-9:
-                continue
-            u, v, is_ahead = landing(x, y, z, dx, dy, dz, r)
-            if not is_ahead or abs(u) > 12.0 or abs(v) > 12.0:
-                continue
-            share, a, b = 0.0, 0.0, 0.0
-            u1, v1, ok1 = landing(ax, ay, az, ex, ey, ez, r)
-            u2, v2, ok2 = landing(bx, by, bz, fx, fy, fz, r)
-            if is_whole and ok1 and ok2:
-                au, av, bu, bv = (u1 - u) / NEAR, (v1 - v) / NEAR, (u2 - u) / NEAR, (v2 - v) / NEAR
-                lines(1.0 - u, -au, -bu, 1.0 + u, au, bu, 0, work)
-                lines(1.0 - v, -av, -bv, 1.0 + v, av, bv, 6, work)
-                share, a, b, _, _ = cut(work)
-                u, v = u + a * au + b * bu, v + a * av + b * bv
-            elif not is_whole and abs(u) <= 1.0 and abs(v) <= 1.0:
-                share = 1.0
-            if share <= 0.0:
-                continue
-            tx, ty, tz = window_point(r, u, v)
-            if pressed and not sees(x, y, z, tx, ty, tz, top):
-                continue
-            way = math.sqrt((tx - x) ** 2 + (ty - y) ** 2 + (tz - z) ** 2)
-            out[row, batch, j] += weight * share * math.pi * lobe(r, toward) * math.exp(-absorbs * way)
-        t = _next_mirror(x, y, z, dx, dy, dz, walls, round_wall, top)
-        if t >= NEVER:
-            return 0
-    return 0
-
-
-@inlined
-def mirrored(x: float, y: float, z: float, nx: float, ny: float, nz: float) -> tuple[float, float, float]:
-    """A vector, mirrored by a plane of a unit normal."""
-    c = 2.0 * (x * nx + y * ny + z * nz)
-    return x - c * nx, y - c * ny, z - c * nz
-
-
-@inlined
-def beside(x: float, y: float, z: float, nx: float, ny: float, nz: float) -> tuple[float, float, float]:
-    """Unit vector along another one, mirrored."""
-    per = 1.0 / math.sqrt(x * x + y * y + z * z)
-    return mirrored(x * per, y * per, z * per, nx, ny, nz)
-
-
-@inlined
-def _is_lit(x0: float, y0: float, z0: float, p: FloatArray, top: FormedTop) -> bool:
-    """Whether a place of the emitter sees a point of the top."""
-    return sees(x0, y0, z0, p[PX] - 1e-6 * p[MX], p[PY] - 1e-6 * p[MY], p[PZ] - 1e-6 * p[MZ], top)
-
-
-@kernel
-def _next_mirror(
-    x: float, y: float, z: float, dx: float, dy: float, dz: float, walls: FloatArray, round_wall: FloatArray,
-    top: FormedTop,
+def _brought(
+    p: FloatArray, e: FloatArray, r: FloatArray, deep: float, absorbs: float, index: float, count: int, start: int,
+    work: FloatArray,
 ) -> float:  # fmt: skip
-    """Distance to the top where a ray meets it before walls and bottom; NEVER where it does not."""
-    limit = -z / dz if dz < 0.0 else 1e3
-    ax, ay, az = into(top, x, y, z)
-    bx, by, bz = turn(top, dx, dy, dz)
-    t = top_hit(top, ax, ay, az, bx, by, bz, limit)
-    if t >= limit:
-        return NEVER
-    wall, _ = plan_exit(x, y, z, dx, dy, dz, walls, round_wall)
-    return t if t < wall else NEVER
-
-
-@kernel
-def next_of(
-    x: float, y: float, z: float, dx: float, dy: float, dz: float, near: float, top: FormedTop
-) -> tuple[float, float, float, float, float, float, bool]:
-    """A ray beside the middle, mirrored where it meets the top about as far as that does; and whether it does.
-
-    near : distance at which the middle ray meets the top [mm]; Newton's rule goes on from there
+    """Mean over what lands of what a part sends, and of that what a window counts: of the whole by Gauss' rule of four
+    places, of a polygon (count > 0 corners in work from start on) by the middles of its triangles' sides.
     """
-    qx, qy, qz = into(top, x, y, z)
-    ex, ey, ez = turn(top, dx, dy, dz)
-    t = near
-    for _ in range(NEWTON_STEPS):
-        sx, sy = qx + t * ex, qy + t * ey
-        off = above(top, sx, sy, qz + t * ez)
-        if abs(off) < AT_TOP_MM:
-            break
-        nx, ny, nz = normal_at(top, sx, sy)
-        rate = (ex * nx + ey * ny + ez * nz) / nz
-        if rate <= 1e-9:
-            return x, y, z, dx, dy, dz, False
-        t -= off / rate
-    qx, qy, qz = qx + t * ex, qy + t * ey, qz + t * ez
-    if not abs(above(top, qx, qy, qz)) < NEARLY_AT_TOP_MM:
-        return x, y, z, dx, dy, dz, False
-    nx, ny, nz = normal_at(top, qx, qy)
-    c = 2.0 * (ex * nx + ey * ny + ez * nz)
-    ox, oy, oz = out_of(top, qx, qy, qz)
-    dx, dy, dz = out_of(top, ex - c * nx, ey - c * ny, ez - c * nz)
-    good = c > 0.0 and not is_contact(top, qx, qy)
-    return ox + top.origin[0], oy + top.origin[1], oz + top.origin[2], dx, dy, dz, good
+    total, whole = 0.0, 0.0
+    for k in range(1, max(count - 1, 2)):
+        i, m = start + 2 * k, start + 2 * k + 2
+        area, places = 4.0, 4
+        if count > 0:
+            places = 3
+            area = abs(
+                (work[i] - work[start]) * (work[m + 1] - work[start + 1])
+                - (work[m] - work[start]) * (work[i + 1] - work[start + 1])
+            )
+        for side in range(places):
+            if count == 0:
+                a, b = (GAUSS if side % 2 == 0 else -GAUSS), (GAUSS if side < 2 else -GAUSS)
+            else:
+                one, other = (start, i) if side == 0 else ((i, m) if side == 1 else (m, start))
+                a, b = 0.5 * (work[one] + work[other]), 0.5 * (work[one + 1] + work[other + 1])
+            total += area / places * _counted(a, b, p, e, r, deep, absorbs, index, work)
+        whole += area
+    return total / whole if whole > 0.0 else 0.0
+
+
+@inlined
+def _counted(
+    a: float, b: float, p: FloatArray, e: FloatArray, r: FloatArray, deep: float, absorbs: float, index: float,
+    work: FloatArray,
+) -> float:  # fmt: skip
+    """What a place of a part sends, and of that what a window counts."""
+    dx, dy, dz = _way(a, b, work)
+    toward = (dx * r[NX] + dy * r[NY]) / math.sqrt(dx * dx + dy * dy + dz * dz)
+    if toward <= 1e-9:
+        return 0.0
+    x, y, z = _place(a, b, e, work)
+    return sent(x, y, z, p, e, absorbs, index) * lobe(r, toward) * math.exp(-absorbs * deep / toward)
+
+
+@inlined
+def _way(a: float, b: float, work: FloatArray) -> tuple[float, float, float]:
+    """Way from a place of a part to the point, mirrored there."""
+    k = WAYS
+    return (
+        work[k] + a * work[k + 3] + b * work[k + 6],
+        work[k + 1] + a * work[k + 4] + b * work[k + 7],
+        work[k + 2] + a * work[k + 5] + b * work[k + 8],
+    )
+
+
+@inlined
+def _place(a: float, b: float, e: FloatArray, work: FloatArray) -> tuple[float, float, float]:
+    """Place of a part."""
+    along = a * work[PART + 3]
+    return work[PART] + along * e[UX], work[PART + 1] + along * e[UY], work[PART + 2] + b * work[PART + 4]
 
 
 @kernel
-def landing(
-    x: float, y: float, z: float, dx: float, dy: float, dz: float, r: FloatArray
-) -> tuple[float, float, bool]:
-    """Where a ray comes through a window's plane, in half sizes, and whether it does."""
+def _seen(
+    p: FloatArray, e: FloatArray, r: FloatArray, deep: float, absorbs: float, index: float, count: int, start: int,
+    top: FormedTop, work: FloatArray,
+) -> float:  # fmt: skip
+    """Integral over what of a part lands past the dimple of what `_counted` gives, over the part; NEVER if the dimple
+    hides nothing of it.
+
+    Of a column of the part one end is hidden first, the upper where the top is flat, for from there both ways are
+    flatter; how far it is hidden is found by halving.
+    """
+    low, high = -1.0, 1.0
+    if count > 0:
+        low, high = work[start], work[start]
+        for k in range(1, count):
+            low, high = min(low, work[start + 2 * k]), max(high, work[start + 2 * k])
+    total, is_hidden, width = 0.0, False, (high - low) / COLUMNS
+    for k in range(COLUMNS):
+        a = low + (k + 0.5) * width
+        under, over = _ends(a, work)
+        if over <= under:
+            continue
+        is_under = _passes(a, under, p, e, r, deep, top, work)
+        is_over = _passes(a, over, p, e, r, deep, top, work)
+        if not (is_under and is_over):
+            is_hidden = True
+        if not (is_under or is_over):
+            continue
+        if is_under != is_over:
+            seen, dark = (under, over) if is_under else (over, under)
+            for _ in range(HALVINGS):
+                b = 0.5 * (seen + dark)
+                if _passes(a, b, p, e, r, deep, top, work):
+                    seen = b
+                else:
+                    dark = b
+            under, over = (under, 0.5 * (seen + dark)) if is_under else (0.5 * (seen + dark), over)
+        for end in range(2):
+            b = 0.5 * (under + over) + (GAUSS if end else -GAUSS) * 0.5 * (over - under)
+            total += width * (over - under) * 0.125 * _counted(a, b, p, e, r, deep, absorbs, index, work)
+    return total if is_hidden else NEVER
+
+
+@inlined
+def _ends(a: float, work: FloatArray) -> tuple[float, float]:
+    """Lower and upper end of what lands of a column of a part."""
+    under, over = -1.0, 1.0
+    for side in range(4):
+        g, gv = work[3 * side] + a * work[3 * side + 1], work[3 * side + 2]
+        if gv > 0.0:
+            under = max(under, -g / gv)
+        elif gv < 0.0:
+            over = min(over, -g / gv)
+    return under, over
+
+
+@inlined
+def _passes(
+    a: float,
+    b: float,
+    p: FloatArray,
+    e: FloatArray,
+    r: FloatArray,
+    deep: float,
+    top: FormedTop,
+    work: FloatArray,
+) -> bool:
+    """Whether the dimple hides neither the way from a place of a part to a point of the top nor that from there on."""
+    dx, dy, dz = _way(a, b, work)
     toward = dx * r[NX] + dy * r[NY]
-    if toward <= 1e-9:
-        return 0.0, 0.0, False
-    t = ((r[CX] - x) * r[NX] + (r[CY] - y) * r[NY]) / toward
-    u = ((x + t * dx - r[CX]) * r[UX] + (y + t * dy - r[CY]) * r[UY]) / r[HALF_U]
-    v = (z + t * dz - r[CZ]) / r[HALF_V]
-    return u, v, t > 0.0
+    if toward <= 0.0:
+        return False
+    t = deep / toward
+    x, y, z = p[PX] - 1e-7 * p[MX], p[PY] - 1e-7 * p[MY], p[PZ] - 1e-7 * p[MZ]
+    if not sees(x, y, z, p[PX] + t * dx, p[PY] + t * dy, p[PZ] + t * dz, top):
+        return False
+    x, y, z = _place(a, b, e, work)
+    return is_lit(x, y, z, p, top)
 
 
 @kernel

@@ -38,6 +38,8 @@ from sims.optics.surface.radial_table import CELLS, PIECE_COLUMNS, STEEP
 NEVER = 1e30
 STEP_MM, LEAST_STEP_MM = 0.3, 0.06
 """Steps of a march near the dimple in which only the ends are looked at: longest and shortest."""
+ALOOF, NEWTON_STEPS = 2.5, 8
+"""How much steeper than the dimple a ray must lie to the crown at both ends to be sure to meet the top once."""
 AT_TOP_MM = 1e-10
 """A place so near to the top lies on it."""
 LOWS = ROW
@@ -184,12 +186,56 @@ def top_hit(
                 root = math.sqrt(gap)
                 first, last = max((-b - root) / a, 0.0), (-b + root) / a
         if last > first and leaves > first:
+            if leaves < NEVER:
+                lower = _aloof(top, x, y, z, dx, dy, dz, a, b, min(leaves, limit), leaves)
+                if lower > 0.0:
+                    return (
+                        NEVER if leaves - lower > limit else _settled(top, x, y, z, dx, dy, dz, leaves, limit)
+                    )
             t = _march(top, x, y, z, dx, dy, dz, a, b, first, min(last, limit))
             if t < NEVER:
                 return t
             if limit <= last:
                 return NEVER  # within the dimple's circle the crown is no border
     return leaves if leaves < limit else NEVER
+
+
+@kernel
+def _aloof(
+    top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float, a: float, b: float, end: float,
+    leaves: float,
+) -> float:  # fmt: skip
+    """How much nearer than where it leaves the crown a ray may leave the top, if that it does only once [mm]; else 0.
+
+    It does where the dimple changes the height along its way up to `end` so slowly that the crown's own curve keeps
+    them apart.
+    """
+    at = min(max(-b / a, 0.0), end) if a > 1e-14 else 0.0
+    qx, qy = x + at * dx, y + at * dy
+    low, steep = _bounds(top, qx * qx + qy * qy)
+    sx, sy = crown_slopes(top, x, y)
+    leaving = -(dz + sx * dx + sy * dy)
+    px, py = x + leaves * dx, y + leaves * dy
+    sx, sy = crown_slopes(top, px, py)
+    meeting = dz + sx * dx + sy * dy
+    if min(leaving, meeting) <= ALOOF * steep * math.sqrt(a) or above(top, x, y, z) > 0.0:
+        return 0.0
+    return 1e-9 - 2.0 * low / meeting
+
+
+@kernel
+def _settled(
+    top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float, t: float, limit: float
+) -> float:
+    """Where a ray meets the top near a distance t, by Newton's rule; NEVER beyond the limit."""
+    for _ in range(NEWTON_STEPS):
+        px, py = x + t * dx, y + t * dy
+        off = above(top, px, py, z + t * dz)
+        if abs(off) < AT_TOP_MM:
+            break
+        nx, ny, nz = normal_at(top, px, py)
+        t -= off * nz / (dx * nx + dy * ny + dz * nz)
+    return t if t < limit else NEVER
 
 
 @kernel

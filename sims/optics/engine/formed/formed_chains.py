@@ -1,0 +1,369 @@
+# mypy: no-warn-return-any
+r"""Light that the top of a disc or crowned pad mirrors twice or more: pencils through points of the top.
+
+A pencil holds what a part of the emitter sends through a point. Five rays stand for it: one from the part's middle, and
+four beside it at the places of Gauss' rule, each mirrored where it meets the top by itself. To second order they carry
+the part onto a window's plane as a parallelogram about the mean of what lands. A pencil is divided, `LEVELS` times at
+most, where its rays do not go the same way, where the dimple hides some of them, and where what lands has its mean
+farther from the middle ray than `BEND` of a window.
+"""
+
+from __future__ import annotations
+
+import math
+
+from sims.optics.engine.formed.formed_cuts import (
+    BATCH,
+    GAUSS,
+    MX,
+    MY,
+    MZ,
+    PX,
+    PY,
+    PZ,
+    cut,
+    lines,
+    sent,
+    sent_by_part,
+)
+from sims.optics.engine.formed.formed_rays import (
+    CX,
+    CY,
+    CZ,
+    HALF_U,
+    HALF_V,
+    NX,
+    NY,
+    UX,
+    UY,
+    WALL,
+    lobe,
+    plan_exit,
+    sees,
+    window_point,
+)
+from sims.optics.engine.formed.formed_top import (
+    NEVER,
+    OUTER,
+    FormedTop,
+    into,
+    is_contact,
+    is_skirt,
+    normal_at,
+    out_of,
+    top_hit,
+    turn,
+)
+from sims.optics.scene.optical_scene import BoolArray, FloatArray
+from sims.optics.surface.radial import fresnel, inlined, kernel
+
+MOST = 24
+FAINT = 1e-9
+"""Share of the emitter's power below which the pencil of a part that is not divided is followed no further."""
+SIDES, RAYS = 4, 44
+"""Rays beside the middle one, and where they are kept."""
+LANDED, LANDINGS = RAYS + 6 * SIDES, 32
+"""Where it is kept what a pencil brings, and for how many windows."""
+CHAIN_WORK = LANDED + 3 * LANDINGS
+DIVISIONS, LEVELS = 2, 2
+"""A pencil is divided into so many in either direction, so often at most."""
+BEND = 0.2
+"""Mean of what lands, off the middle ray, of a pencil that is not divided for it [half sizes of the window]."""
+BEHIND = 0.5
+"""A middle ray that meets the top behind a wall does so no farther behind it than this share of the way to the wall."""
+FARTHEST = 20.0
+"""A window that the middle ray misses by so many of its half sizes is not looked at."""
+
+
+@kernel
+def follow_chains(
+    x0: float, y0: float, z0: float, size_u: float, size_v: float, p: FloatArray, element: float, row: int,
+    receivers: FloatArray, wanted: BoolArray, e: FloatArray, absorbs: float, index: float, walls: FloatArray,
+    round_wall: FloatArray, top: FormedTop, out: FloatArray, work: FloatArray,
+) -> None:  # fmt: skip
+    """Follow the pencil of a part of the emitter, of half sizes size_u and size_v, through a point of the top.
+
+    element : what light is taken to mean over the part, of its area and the point's
+    row : 1 if the point lies in the skirt
+    """
+    if not _follow(x0, y0, z0, size_u, size_v, p, element, FAINT, row, False, receivers, wanted, e, absorbs, index,
+                   walls, round_wall, top, out, work):  # fmt: skip
+        return
+    per = 1.0 / DIVISIONS
+    for k in range(DIVISIONS * DIVISIONS):
+        a, b = (2.0 * (k % DIVISIONS) + 1.0) * per - 1.0, (2.0 * (k // DIVISIONS) + 1.0) * per - 1.0
+        x1, y1, z1 = x0 + a * size_u * e[UX], y0 + a * size_u * e[UY], z0 + b * size_v
+        if not _follow(x1, y1, z1, per * size_u, per * size_v, p, per * per * element, per * per * FAINT, row, False,
+                       receivers, wanted, e, absorbs, index, walls, round_wall, top, out, work):  # fmt: skip
+            continue
+        for m in range(DIVISIONS * DIVISIONS):
+            a, b = (2.0 * (m % DIVISIONS) + 1.0) * per - 1.0, (2.0 * (m // DIVISIONS) + 1.0) * per - 1.0
+            _follow(x1 + a * per * size_u * e[UX], y1 + a * per * size_u * e[UY], z1 + b * per * size_v,
+                    per * per * size_u, per * per * size_v, p, per**4 * element, per**4 * FAINT, row, True, receivers,
+                    wanted, e, absorbs, index, walls, round_wall, top, out, work)  # fmt: skip
+
+
+@kernel
+def _follow(
+    x0: float, y0: float, z0: float, size_u: float, size_v: float, p: FloatArray, weight: float, faint: float,
+    row: int, is_last: bool, receivers: FloatArray, wanted: BoolArray, e: FloatArray, absorbs: float, index: float,
+    walls: FloatArray, round_wall: FloatArray, top: FormedTop, out: FloatArray, work: FloatArray,
+) -> bool:  # fmt: skip
+    """Add what a pencil brings after its second and later mirrors; or add nothing, and True: it is better divided."""
+    pressed = top.numbers[OUTER] > 0.0
+    sent0 = sent(x0, y0, z0, p, e, absorbs, index)
+    if weight * sent0 < faint:
+        return False
+    nx, ny, nz = p[MX], p[MY], p[MZ]
+    dx, dy, dz = beside(p[PX] - x0, p[PY] - y0, p[PZ] - z0, nx, ny, nz)
+    x, y, z = p[PX] - 1e-7 * nx, p[PY] - 1e-7 * ny, p[PZ] - 1e-7 * nz
+    t, spare = _spare(x, y, z, dx, dy, dz, walls, round_wall, top)
+    if t >= NEVER:
+        return False
+    for side in range(SIDES):
+        ax, ay, az = _side_place(side, x0, y0, z0, size_u, size_v, e)
+        ex, ey, ez = beside(p[PX] - ax, p[PY] - ay, p[PZ] - az, nx, ny, nz)
+        put_ray(x, y, z, ex, ey, ez, side, work)
+    if spare < 0.0 and not _goes_on(spare, walls, round_wall, top, work):
+        return False
+    mean = sent_by_part(x0, y0, z0, size_u, size_v, p, e, absorbs, index, 0, 0, work)
+    bent = mean / sent0 - 1.0
+    landed, is_whole = 0, True
+    for _ in range(MOST):
+        x, y, z = x + t * dx, y + t * dy, z + t * dz
+        qx, qy, _ = into(top, x, y, z)
+        if is_skirt(top, qx, qy):
+            row = 1
+        nx, ny, nz = normal_at(top, qx, qy)
+        nx, ny, nz = out_of(top, nx, ny, nz)
+        meets = dx * nx + dy * ny + dz * nz
+        ends = is_contact(top, qx, qy) or meets <= 0.0
+        if is_whole:
+            mirrored_sides = 0
+            for side in range(SIDES):
+                if _mirror_side(side, top, work):
+                    mirrored_sides += 1
+            is_whole = mirrored_sides == SIDES and not ends
+            if not is_last and not is_whole and not (ends and mirrored_sides == 0):
+                return True
+        if ends:
+            break
+        weight *= fresnel(meets, index) * math.exp(-absorbs * t)
+        if weight * sent0 < faint:
+            break
+        dx, dy, dz = mirrored(dx, dy, dz, nx, ny, nz)
+        x, y, z = x - 1e-7 * nx, y - 1e-7 * ny, z - 1e-7 * nz
+        for j in range(receivers.shape[0]):
+            r = receivers[j]
+            toward = dx * r[NX] + dy * r[NY]
+            if not wanted[j] or r[WALL] == e[WALL] or toward <= 1e-9:
+                continue
+            u, v, ahead = landing(x, y, z, dx, dy, dz, r)
+            if abs(u) > FARTHEST or abs(v) > FARTHEST:
+                continue
+            share, a, b = 0.0, 0.0, 0.0
+            is_pencil = is_whole
+            if is_whole:
+                au, av, bu, bv, mu, mv, most = pencil(u, v, r, work)
+                is_pencil = most > -NEVER
+                if max(most, ahead) > 0.0:
+                    u, v = u + mu, v + mv
+                    lines(1.0 - u, -au, -bu, 1.0 + u, au, bu, 0, work)
+                    lines(1.0 - v, -av, -bv, 1.0 + v, av, bv, 6, work)
+                    share, a, b, _, _ = cut(work)
+                    u, v = u + a * au + b * bu, v + a * av + b * bv
+                    if share > 0.0 and not is_last and abs(mu) + abs(mv) > BEND:
+                        return True
+            if not is_pencil and ahead > 0.0 and abs(u) <= 1.0 and abs(v) <= 1.0:
+                share = 1.0
+            if share <= 0.0:
+                continue
+            if pressed:
+                seen = _seen_rays(x0, y0, z0, size_u, size_v, x, y, z, u, v, is_pencil, p, e, r, top, work)
+                if not is_last and 0.0 < seen < 1.0:
+                    return True
+                share *= seen
+            tx, ty, tz = window_point(r, u, v)
+            way = math.sqrt((tx - x) ** 2 + (ty - y) ** 2 + (tz - z) ** 2)
+            brings = sent(
+                x0 + a * size_u * e[UX], y0 + a * size_u * e[UY], z0 + b * size_v, p, e, absorbs, index
+            )
+            brings *= (
+                (1.0 + bent * share) * weight * share * math.pi * lobe(r, toward) * math.exp(-absorbs * way)
+            )
+            if landed < LANDINGS and brings > 0.0:
+                k = LANDED + 3 * landed
+                work[k], work[k + 1], work[k + 2] = float(row), float(j), brings
+                landed += 1
+        t, spare = _spare(x, y, z, dx, dy, dz, walls, round_wall, top)
+        if t >= NEVER or (spare < 0.0 and not _goes_on(spare, walls, round_wall, top, work)):
+            break
+    for n in range(landed):
+        k = LANDED + 3 * n
+        out[int(work[k]), int(p[BATCH]), int(work[k + 1])] += work[k + 2]
+    return False
+
+
+@inlined
+def _side_place(
+    side: int, x0: float, y0: float, z0: float, size_u: float, size_v: float, e: FloatArray
+) -> tuple[float, float, float]:
+    """Where on the emitter a ray beside the middle one starts: along the wall before and behind it, above and below."""
+    off = GAUSS if side % 2 == 0 else -GAUSS
+    if side < 2:
+        return x0 + off * size_u * e[UX], y0 + off * size_u * e[UY], z0
+    return x0, y0, z0 + off * size_v
+
+
+@kernel
+def _mirror_side(side: int, top: FormedTop, work: FloatArray) -> bool:
+    """Go on with a ray beside the middle one to where it meets the top; whether it is mirrored there."""
+    k = RAYS + 6 * side
+    qx, qy, qz = into(top, work[k], work[k + 1], work[k + 2])
+    ex, ey, ez = turn(top, work[k + 3], work[k + 4], work[k + 5])
+    t = top_hit(top, qx, qy, qz, ex, ey, ez, 1e3)
+    if t >= 1e3:
+        return False
+    qx, qy, qz = qx + t * ex, qy + t * ey, qz + t * ez
+    nx, ny, nz = normal_at(top, qx, qy)
+    c = ex * nx + ey * ny + ez * nz
+    if c <= 0.0 or is_contact(top, qx, qy):
+        return False
+    x, y, z = out_of(top, qx - 1e-7 * nx, qy - 1e-7 * ny, qz - 1e-7 * nz)
+    dx, dy, dz = out_of(top, ex - 2.0 * c * nx, ey - 2.0 * c * ny, ez - 2.0 * c * nz)
+    put_ray(x + top.origin[0], y + top.origin[1], z + top.origin[2], dx, dy, dz, side, work)
+    return True
+
+
+@kernel
+def _seen_rays(
+    x0: float, y0: float, z0: float, size_u: float, size_v: float, x: float, y: float, z: float, u: float, v: float,
+    is_pencil: bool, p: FloatArray, e: FloatArray, r: FloatArray, top: FormedTop, work: FloatArray,
+) -> float:  # fmt: skip
+    """Share of a pencil's rays that the dimple hides neither on their first nor on their last way."""
+    tx, ty, tz = window_point(r, u, v)
+    seen = 1.0 if is_lit(x0, y0, z0, p, top) and sees(x, y, z, tx, ty, tz, top) else 0.0
+    if not is_pencil:
+        return seen
+    for side in range(SIDES):
+        k = RAYS + 6 * side
+        ax, ay, az = _side_place(side, x0, y0, z0, size_u, size_v, e)
+        if is_lit(ax, ay, az, p, top):
+            u, v, ahead = landing(work[k], work[k + 1], work[k + 2], work[k + 3], work[k + 4], work[k + 5], r)
+            tx, ty, tz = window_point(r, u, v)
+            if ahead > 0.0 and sees(work[k], work[k + 1], work[k + 2], tx, ty, tz, top):
+                seen += 1.0
+    return seen / (SIDES + 1.0)
+
+
+@inlined
+def put_ray(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, side: int, work: FloatArray
+) -> None:
+    """Keep a ray beside the middle one."""
+    k = RAYS + 6 * side
+    work[k], work[k + 1], work[k + 2], work[k + 3], work[k + 4], work[k + 5] = x, y, z, dx, dy, dz
+
+
+@kernel
+def pencil(
+    u: float, v: float, r: FloatArray, work: FloatArray
+) -> tuple[float, float, float, float, float, float, float]:
+    """How a part lands on a window, in its half sizes: what half a part's width and height move it by, how far the mean
+    of what lands lies from the middle ray at u, v, and whether all rays come there.
+    """
+    k = RAYS
+    u0, v0, ok0 = landing(work[k], work[k + 1], work[k + 2], work[k + 3], work[k + 4], work[k + 5], r)
+    k = RAYS + 6
+    u1, v1, ok1 = landing(work[k], work[k + 1], work[k + 2], work[k + 3], work[k + 4], work[k + 5], r)
+    k = RAYS + 12
+    u2, v2, ok2 = landing(work[k], work[k + 1], work[k + 2], work[k + 3], work[k + 4], work[k + 5], r)
+    k = RAYS + 18
+    u3, v3, ok3 = landing(work[k], work[k + 1], work[k + 2], work[k + 3], work[k + 4], work[k + 5], r)
+    per = 0.5 / GAUSS
+    return (
+        per * (u0 - u1),
+        per * (v0 - v1),
+        per * (u2 - u3),
+        per * (v2 - v3),
+        0.5 * (u0 + u1 + u2 + u3) - 2.0 * u,
+        0.5 * (v0 + v1 + v2 + v3) - 2.0 * v,
+        max(max(ok0, ok1), max(ok2, ok3)) if min(min(ok0, ok1), min(ok2, ok3)) > -NEVER else -NEVER,
+    )
+
+
+@inlined
+def mirrored(x: float, y: float, z: float, nx: float, ny: float, nz: float) -> tuple[float, float, float]:
+    """A vector, mirrored by a plane of a unit normal."""
+    c = 2.0 * (x * nx + y * ny + z * nz)
+    return x - c * nx, y - c * ny, z - c * nz
+
+
+@inlined
+def beside(x: float, y: float, z: float, nx: float, ny: float, nz: float) -> tuple[float, float, float]:
+    """Unit vector along another one, mirrored."""
+    per = 1.0 / math.sqrt(x * x + y * y + z * z)
+    return mirrored(x * per, y * per, z * per, nx, ny, nz)
+
+
+@inlined
+def is_lit(x0: float, y0: float, z0: float, p: FloatArray, top: FormedTop) -> bool:
+    """Whether a place of the emitter sees a point of the top."""
+    return sees(x0, y0, z0, p[PX] - 1e-6 * p[MX], p[PY] - 1e-6 * p[MY], p[PZ] - 1e-6 * p[MZ], top)
+
+
+@kernel
+def _goes_on(
+    spare: float, walls: FloatArray, round_wall: FloatArray, top: FormedTop, work: FloatArray
+) -> bool:
+    """Whether some ray of a pencil meets the top before the walls, whose middle ray would meet it behind one."""
+    more = 0.0
+    for pair in range(2):
+        most = 0.0
+        for side in range(2 * pair, 2 * pair + 2):
+            k = RAYS + 6 * side
+            near, beyond = _spare(
+                work[k],
+                work[k + 1],
+                work[k + 2],
+                work[k + 3],
+                work[k + 4],
+                work[k + 5],
+                walls,
+                round_wall,
+                top,
+            )
+            if near < NEVER:
+                most = max(most, beyond - spare)
+        more += most
+    return spare + more / GAUSS > 0.0
+
+
+@inlined
+def _spare(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, walls: FloatArray, round_wall: FloatArray,
+    top: FormedTop,
+) -> tuple[float, float]:  # fmt: skip
+    """Distance to the top, NEVER where a ray does not meet it, and how much farther walls are."""
+    wall, _ = plan_exit(x, y, z, dx, dy, dz, walls, round_wall)
+    limit = (1.0 + BEHIND) * wall
+    if dz < 0.0:
+        limit = min(limit, -z / dz)
+    ax, ay, az = into(top, x, y, z)
+    bx, by, bz = turn(top, dx, dy, dz)
+    t = top_hit(top, ax, ay, az, bx, by, bz, limit)
+    return (t, wall - t) if t < limit else (NEVER, 0.0)
+
+
+@kernel
+def landing(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, r: FloatArray
+) -> tuple[float, float, float]:
+    """Where a ray comes through a window's plane, in half sizes, and the distance; -NEVER if it goes away from it."""
+    toward = dx * r[NX] + dy * r[NY]
+    if toward <= 1e-9:
+        return 0.0, 0.0, -NEVER
+    t = ((r[CX] - x) * r[NX] + (r[CY] - y) * r[NY]) / toward
+    u = ((x + t * dx - r[CX]) * r[UX] + (y + t * dy - r[CY]) * r[UY]) / r[HALF_U]
+    v = (z + t * dz - r[CZ]) / r[HALF_V]
+    return u, v, t
