@@ -3,9 +3,9 @@ r"""Light that the top of a disc or crowned pad mirrors twice or more: pencils t
 
 A pencil holds what a part of the emitter sends through a point. Five rays stand for it: one from the part's middle, and
 four beside it at the places of Gauss' rule, each mirrored where it meets the top by itself. To second order they carry
-the part onto a window's plane as a parallelogram about the mean of what lands. A pencil is divided, `LEVELS` times at
-most, where its rays do not go the same way, where the dimple hides some of them, and where what lands has its mean
-farther from the middle ray than `BEND` of a window.
+the part onto a window's plane as a parallelogram about the mean of what lands. A pencil that comes to a window is
+divided, `LEVELS` times at most, where its rays do not go the same way, where the dimple hides some of them or bends the
+top, and where what lands has its mean farther from the middle ray than `BEND` of the window.
 """
 
 from __future__ import annotations
@@ -69,6 +69,8 @@ DIVISIONS, LEVELS = 2, 2
 """A pencil is divided into so many in either direction, so often at most."""
 BEND = 0.2
 """Mean of what lands, off the middle ray, of a pencil that is not divided for it [half sizes of the window]."""
+NEAR = 1.5
+"""Within so many radii of the skirt the press bends the top enough for what comes from there to be divided always."""
 BEHIND = 0.5
 """A middle ray that meets the top behind a wall does so no farther behind it than this share of the way to the wall."""
 FARTHEST = 20.0
@@ -128,12 +130,13 @@ def _follow(
         return False
     mean = sent_by_part(x0, y0, z0, size_u, size_v, p, e, absorbs, index, 0, 0, work)
     bent = mean / sent0 - 1.0
-    landed, is_whole = 0, True
+    landed, is_whole, bends = 0, True, False
     for _ in range(MOST):
         x, y, z = x + t * dx, y + t * dy, z + t * dz
         qx, qy, _ = into(top, x, y, z)
         if is_skirt(top, qx, qy):
             row = 1
+        bends = bends or is_skirt(top, qx / NEAR, qy / NEAR)
         nx, ny, nz = normal_at(top, qx, qy)
         nx, ny, nz = out_of(top, nx, ny, nz)
         meets = dx * nx + dy * ny + dz * nz
@@ -180,7 +183,7 @@ def _follow(
                 continue
             if pressed:
                 seen = _seen_rays(x0, y0, z0, size_u, size_v, x, y, z, u, v, is_pencil, p, e, r, top, work)
-                if not is_last and 0.0 < seen < 1.0:
+                if not is_last and seen > 0.0 and (seen < 1.0 or bends):
                     return True
                 share *= seen
             tx, ty, tz = window_point(r, u, v)
