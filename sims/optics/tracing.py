@@ -44,9 +44,10 @@ Tips = list[list[Indentation | None]]
 _SMOOTH_PARTS: WeakKeyDictionary[PadSurface, SmoothField] = WeakKeyDictionary()
 """Of the surfaces that the contact model remembers."""
 
-FIELD_STEP = 1.0 / 3.0
-"""Nodes of the smooth part of a pad's surface at most so far apart [tip radii]: on the paper's pad their field is
-within 1 µm rms of it."""
+FIELD_STEP, FIELD_FINER = 1.0 / 4.0, 2
+"""Nodes of the smooth part of a pad's surface at most so far apart [tip radii], and samples from one to the next: on
+flat presets pressed as deep as a tip radius and more, heights are within 0.12 µm rms of it and slopes within 1.0e-3 rms,
+also within a third of a millimetre of the walls, where both vary fastest."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -298,6 +299,7 @@ def _smooth_part(surface: PadSurface, scene: OpticalScene) -> SmoothField:
             scene.length_mm,
             scene.width_mm,
             FIELD_STEP * surface.near.tip_radius_mm,
+            FIELD_FINER,
         )
     return found
 

@@ -3,14 +3,16 @@
 Between nodes the field is the bicubic Hermite patch of value, both slopes and the mixed derivative at
 the four corners of a cell, so it and its slope are continuous everywhere inside; outside it is 0. Whoever makes a
 field sees to it that it and its slope vanish at the border, or that the border lies on or beyond the walls.
-The nodes' derivatives come from the C2 bicubic spline through the heights (scipy's RectBivariateSpline,
-not-a-knot ends), which the Hermite patches then reproduce exactly.
+The nodes' derivatives come from the C2 bicubic spline through the heights (not-a-knot ends). Where heights are sampled
+at the nodes alone, the Hermite patches reproduce it exactly; where they are sampled more closely, its derivatives are
+nearly those of the height itself, and few nodes hold a steep one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,6 +83,7 @@ def smooth_field(
     length_mm: float,
     width_mm: float,
     spacing_mm: float,
+    finer: int = 1,
 ) -> SmoothField:
     """Sample a height over the whole pad, from wall to wall.
 
@@ -89,6 +92,7 @@ def smooth_field(
     height_mm : (nx, 1) x and (1, ny) y in the cavity frame [mm] to (nx, ny) height [mm]
     length_mm, width_mm : of the cavity [mm]
     spacing_mm : of the nodes at most; the grid is stretched to end at the walls [mm]
+    finer : the height is sampled so many times between neighbouring nodes, for the nodes' derivatives
 
     Raises
     ------
@@ -102,14 +106,17 @@ def smooth_field(
         raise InputError(
             f"spacing_mm: {spacing_mm:g} mm makes {counts[0]} x {counts[1]} nodes, at most {MAX_NODES}; widen it"
         )
-    x, y = np.linspace(0.0, length_mm, counts[0]), np.linspace(0.0, width_mm, counts[1])
+    x, y = (
+        np.linspace(0.0, size, (count - 1) * finer + 1)
+        for size, count in zip((length_mm, width_mm), counts, strict=True)
+    )
     values = np.asarray(height_mm(x[:, None], y[None, :]), dtype=np.float64)
     if values.shape != (len(x), len(y)):
         raise InputError(
             f"height_mm: gave shape {values.shape} for {len(x)} x {len(y)} places; give one height each"
         )
-    step = np.array([x[1], y[1]])
-    return SmoothField(origin_mm=np.zeros(2), step_mm=step, nodes=_spline_nodes(x, y, values))
+    step = np.array([x[finer], y[finer]])
+    return SmoothField(origin_mm=np.zeros(2), step_mm=step, nodes=_spline_nodes(x, y, values, finer))
 
 
 def sum_of_fields(fields: Sequence[SmoothField]) -> SmoothField:
@@ -130,15 +137,26 @@ def sum_of_fields(fields: Sequence[SmoothField]) -> SmoothField:
     return SmoothField(origin_mm=fields[0].origin_mm, step_mm=fields[0].step_mm, nodes=nodes)
 
 
-def _spline_nodes(x: FloatArray, y: FloatArray, heights: FloatArray) -> FloatArray:
-    from scipy.interpolate import RectBivariateSpline
-
+def _spline_nodes(x: FloatArray, y: FloatArray, heights: FloatArray, finer: int) -> FloatArray:
     if not np.isfinite(heights).all():
         i, j = np.argwhere(~np.isfinite(heights))[0]
         raise InputError(f"height_mm: {heights[i, j]} at ({x[i]:g}, {y[j]:g}) mm, must be finite everywhere")
-    spline = RectBivariateSpline(x, y, heights)
-    slopes = [spline(x, y, dx=dx, dy=dy) for dx, dy in ((1, 0), (0, 1), (1, 1))]
-    return np.ascontiguousarray(np.stack([heights, *slopes], axis=-1))
+    (rise_x, rise_y), kept = (
+        (_spline_slopes(len(t), float(t[-1]), finer) for t in (x, y)),
+        slice(None, None, finer),
+    )
+    along = rise_x @ heights
+    columns = (heights[kept, kept], along[:, kept], heights[kept] @ rise_y.T, along @ rise_y.T)
+    return np.stack(columns, axis=-1)
+
+
+@lru_cache(maxsize=8)
+def _spline_slopes(count: int, size: float, finer: int) -> FloatArray:
+    """(node, count) slopes at every `finer`-th of evenly spread points, of the spline through values at all of them."""
+    from scipy.interpolate import CubicSpline
+
+    t = np.linspace(0.0, size, count)
+    return np.asarray(CubicSpline(t, np.eye(count))(t[::finer], 1))
 
 
 def _cell(place: FloatArray, origin: float, step: float, count: int) -> tuple[FloatArray, NDArray[np.int64]]:

@@ -204,15 +204,19 @@ def _cells(nodes: FloatArray, step: FloatArray) -> FloatArray:
     """(state, nx - 1, ny - 1, 16) coefficients of u^p v^q of the bicubic Hermite patches between nodes."""
     if nodes.shape[1] == 0:
         return np.zeros((len(nodes), 0, 0, 16))
-    # value and slope at a cell's first end, then at its second, in units of a cell -> coefficients of 1, u, u², u³
-    cubic = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [-3, -2, 3, -1], [2, 1, -2, 1]], dtype=np.float64)
-    # columns of a node: value, d/dx, d/dy, mixed
+    # columns of a node: value, d/dx, d/dy, mixed, in units of a cell
     scaled = nodes * np.array([1.0, step[0], step[1], step[0] * step[1]])
-    ends = [[scaled[:, a : a - 1 or None, b : b - 1 or None] for b in (0, 1)] for a in (0, 1)]
-    corners = np.stack([np.stack(row, axis=3) for row in ends], axis=3)
-    kinds = corners.reshape(*corners.shape[:5], 2, 2).transpose(0, 1, 2, 3, 6, 4, 5)
-    given = kinds.reshape(*kinds.shape[:3], 4, 4)
-    return np.ascontiguousarray((cubic @ given @ cubic.T).reshape(*given.shape[:3], 16))
+    corners = [scaled[:, a : a - 1 or None, b : b - 1 or None] for a in (0, 1) for b in (0, 1)]
+    return np.ascontiguousarray(np.concatenate(corners, axis=-1) @ _patches())
+
+
+@cache
+def _patches() -> FloatArray:
+    """(16, 16) from the four columns of a cell's corners (0, 0), (0, 1), (1, 0), (1, 1) to its coefficients."""
+    # value and slope at a cell's first end, then at its second -> coefficients of 1, u, u², u³
+    cubic = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [-3, -2, 3, -1], [2, 1, -2, 1]], dtype=np.float64)
+    along_then_across = np.kron(cubic, cubic).reshape(16, 2, 2, 2, 2)  # end and derivative of u, then of v
+    return along_then_across.transpose(1, 3, 4, 2, 0).reshape(16, 16)
 
 
 def _known_of(field: SmoothField) -> FloatArray:
