@@ -53,7 +53,7 @@ def signatures() -> dict[str, tuple[Any, ...]]:
         "scattered": (two, two, two, patches, one, orders, one, top),
         "joined": (two, two, two, one, layout, one),
         "bounce_matrix": (layout, two, one, top, two, whole),
-        "flat_matrix": (two, two, one, one, one),
+        "flat_matrix": (two, two, one, types.UniTuple(one, 6)),
         "patch_areas": (layout, two, one),
         "patch_layout": (one, real),
     }

@@ -33,6 +33,7 @@ Patches = tuple[IntArray, FloatArray]
 Orders = tuple[IntArray, FloatArray, FloatArray]
 """What light that is scattered more than once needs (`sims.optics.engine.scattered.orders`)."""
 UntouchedLight = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
-"""Of the untouched pad: straight, scattered and wall-mirrored flux, both deposits, and their join."""
+"""Of the untouched pad: straight flux, mirrored flux and gain of straight flux in one array; scattered and
+wall-mirrored flux; both deposits, and their join."""
 UntouchedRays = tuple[FloatArray, FloatArray, FloatArray]
 """Of the untouched pad, replicate by replicate: both deposits, and what smooth walls mirror onto receivers."""

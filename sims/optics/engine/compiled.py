@@ -55,16 +55,26 @@ put_further = njit(inline="always", error_model="numpy")(states.reflected_furthe
 
 @kernel
 def flat_matrix(
-    emitters: FloatArray, receivers: FloatArray, box: FloatArray, nodes: FloatArray, weights: FloatArray
+    emitters: FloatArray, receivers: FloatArray, box: FloatArray, rules: StraightRules
 ) -> FloatArray:
     """(2, emitter, receiver) straight and mirrored flux under a flat top."""
+    nodes_e, weights_e, nodes_u, weights_u, nodes_z, weights_z = rules
     out = np.zeros((2, emitters.shape[0], receivers.shape[0]))
     for i in range(emitters.shape[0]):
         for j in range(receivers.shape[0]):
             if emitters[i, 0] != receivers[j, 0]:
                 for mirrored in range(2):
                     out[mirrored, i, j] = flat_flux(
-                        emitters[i], receivers[j], box, mirrored == 1, nodes, weights
+                        emitters[i],
+                        receivers[j],
+                        box,
+                        mirrored == 1,
+                        nodes_e,
+                        weights_e,
+                        nodes_u,
+                        weights_u,
+                        nodes_z,
+                        weights_z,
                     )
     return out
 

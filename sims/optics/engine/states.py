@@ -52,7 +52,9 @@ def straight(
     out: FloatArray, keeps: BoolArray, wanted: BoolArray, emitters: FloatArray, receivers: FloatArray,
     flat: FloatArray, box: FloatArray, top: Top, rules: StraightRules,
 ) -> None:  # fmt: skip
-    """Straight light; where a pair's bundle misses every deformed part in plan, the untouched mirrored light too."""
+    """Straight light, by `flat` (untouched straight, mirrored, gain; emitter; receiver); where a pair's bundle misses
+    every deformed part in plan, the untouched mirrored light too.
+    """
     nodes_e, weights_e, nodes_u, weights_u, nodes_z, weights_z = rules
     radii = np.empty(top.rows.shape[0])
     for i in range(emitters.shape[0]):
@@ -66,7 +68,7 @@ def straight(
             if misses_all(e, r, radii, box, top):
                 out[DIRECT, i, j] = flat[0, i, j]
             else:
-                out[DIRECT, i, j] = direct_flux(
+                out[DIRECT, i, j] = flat[2, i, j] * direct_flux(
                     e, r, radii, box, top, nodes_e, weights_e, nodes_u, weights_u, nodes_z, weights_z
                 )
             if top.rows[0, FIELD_ON] == 0.0 and misses_all(e, r, top.rows[:, OUTER_R], box, top):

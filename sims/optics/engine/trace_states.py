@@ -55,7 +55,7 @@ from sims.optics.engine.formed.formed_lower import FormedStack, check_formed, st
 from sims.optics.engine.formed.trace_formed import trace_formed
 from sims.optics.engine.light_rows import KeptRows, content_of, name_of_names, names_of, row_names, row_of
 from sims.optics.engine.threads import run_each
-from sims.optics.engine.untouched import Untouched, gauss, untouched_pad
+from sims.optics.engine.untouched import Untouched, gauss, straight_rules, untouched_pad
 from sims.optics.scene.checks import check_scene, wanted_pairs
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.scene.smooth_field import SmoothField
@@ -370,11 +370,7 @@ def _trace_batch(
     from sims.optics.engine.compiled import trace_further, trace_once
     from sims.optics.engine.states import CLASSES
 
-    rules = (
-        *gauss(settings.nodes_emitter),
-        *gauss(settings.nodes_column),
-        *gauss(settings.nodes_height),
-    )
+    rules = straight_rules(settings)
     image_rules = (
         *gauss(settings.few_emitter),
         *gauss(settings.few_receiver),
@@ -389,7 +385,8 @@ def _trace_batch(
         ],
         dtype=np.float64,
     )  # fmt: skip
-    flat = (fixed.straight, fixed.diffuse, fixed.wall, fixed.given, fixed.taken, fixed.joined)
+    straight = np.concatenate([fixed.straight, fixed.gain[None]])
+    flat = (straight, fixed.diffuse, fixed.wall, fixed.given, fixed.taken, fixed.joined)
     patches = (fixed.layout, fixed.areas)
     rows, field = tops.part(part)
     out = np.zeros((len(part), len(fixed.shifts), CLASSES, *wanted.shape[1:]))

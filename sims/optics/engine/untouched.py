@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sims.optics.accuracy import Accuracy
+from sims.optics.kernel_types import StraightRules
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.scene.pad_form import PadForm
 
@@ -76,12 +77,15 @@ class Untouched(UnshiftedPad):
     wall : (replicate, emitter, receiver) flux mirrored by smooth walls
     rays : deposits and wall-mirrored flux of the rays that states use between smooth walls, per replicate
     scale : (emitter, receiver) flux of all classes, above 0
+    gain : (emitter, receiver) straight flux over what the rule of pressed states makes of it, so that a press which
+        hides nothing changes nothing, however uneven the angular tables
     """
 
     shifts: FloatArray
     wall: FloatArray
     rays: tuple[FloatArray, FloatArray, FloatArray]
     scale: FloatArray
+    gain: FloatArray
 
 
 _UNSHIFTED: dict[str, UnshiftedPad] = {}
@@ -159,6 +163,13 @@ def _with_table(rows: FloatArray, table: FloatArray | None) -> FloatArray:
     given = np.asarray(np.isfinite(table).all(axis=1))
     rows[given, 5] = -1.0
     return np.hstack([rows, np.where(given[:, None], table, 0.0)])
+
+
+def straight_rules(settings: Accuracy) -> StraightRules:
+    """Gauss rules of straight light under a press."""
+    counts = (settings.nodes_emitter, settings.nodes_column, settings.nodes_height)
+    one, two, three = (gauss(count) for count in counts)
+    return *one, *two, *three
 
 
 def _no_press(box: FloatArray) -> Top:
@@ -290,7 +301,7 @@ def _solved(scene: OpticalScene, settings: Accuracy, rays: int) -> UnshiftedPad:
         parts.joined(given, taken, layout, areas),
     )
     diffuse = first * np.divide(every, once, out=np.ones_like(once), where=once > 0)
-    straight = compiled.flat_matrix(emitters, receivers, box, *gauss(settings.flat_nodes))
+    straight = compiled.flat_matrix(emitters, receivers, box, 3 * gauss(settings.flat_nodes))
     return UnshiftedPad(
         box=box, emitters=emitters, receivers=receivers, straight=straight, diffuse=diffuse, given=given, taken=taken,
         joined=every, orders=orders, points=points, layout=layout, areas=areas, reflectances=reflectances,
@@ -299,6 +310,8 @@ def _solved(scene: OpticalScene, settings: Accuracy, rays: int) -> UnshiftedPad:
 
 def _shifted(scene: OpticalScene, pad: UnshiftedPad, settings: Accuracy, seed: int) -> Untouched:
     """The pad with the offsets of a seed; between smooth walls also the light of the rays that these offsets move."""
+    from sims.optics.engine import compiled
+
     shifts = _shifts(settings, seed)
     wall = np.zeros((len(shifts), len(pad.emitters), len(pad.receivers)))
     none = np.zeros((len(shifts), 0, 0))
@@ -316,12 +329,14 @@ def _shifted(scene: OpticalScene, pad: UnshiftedPad, settings: Accuracy, seed: i
         per = [parts.deposits(shift[2:6], settings.wall_rays, pad.layout) for shift in shifts]
         rays = (np.stack([x[0] for x in per]), np.stack([x[1] for x in per]), np.stack([x[2] for x in per]))
     total = pad.straight.sum(axis=0) + pad.diffuse + wall.mean(axis=0)
+    rule = compiled.flat_matrix(pad.emitters, pad.receivers, pad.box, straight_rules(settings))[0]
     return Untouched(
         **{field.name: getattr(pad, field.name) for field in dataclass_fields(pad)},
         shifts=shifts,
         wall=wall,
         rays=rays,
         scale=above_zero(total),
+        gain=np.divide(pad.straight[0], rule, out=np.ones_like(rule), where=rule > 0),
     )
 
 

@@ -8,7 +8,9 @@ onto the emitter's plane; the projection clipped against the emitter is the lit 
 
 with d from emitter to p, g = (-dh/dx, -dh/dy, 1), L the emitter's radiance. No ray is sampled, and a caustic is no
 singularity. The lit area is weighted by three points in each of its triangles: near the critical
-angle the mirrored share changes too fast for its centroid alone.
+angle the mirrored share changes too fast for its centroid alone, and so does the response of a receiver that does not
+count all directions alike. Angular tables may bend within the lit area: where their light differs between that rule and
+the triangles' centroids, the triangles are divided.
 
 Shadows: a leg that falls faster than the top can along its way is clear. Any other is tested at the centroid and the
 corners of the lit area, and where these differ at every point of the triangles.
@@ -36,6 +38,8 @@ from sims.optics.surface.top import FIELD_SLOPE, Top, is_beyond, touching_tip
 from sims.optics.surface.top_grid import top_point
 
 INWARD = 0.97
+UNEVEN, PARTS = 0.01, 4
+"""Share by which the two may differ; parts of each side of a triangle that is divided."""
 
 
 @kernel
@@ -67,12 +71,29 @@ def _project(
 
 
 @kernel
+def _counted(
+    dx: float, dy: float, dz: float, px: float, py: float, gx: float, gy: float, target: FloatArray, box: FloatArray,
+) -> float:  # fmt: skip
+    """Share of the light along d, mirrored at p, that is left at the receiver's plane and that it counts, over pi."""
+    d = 1.0 / math.sqrt(dx * dx + dy * dy + dz * dz)
+    back = 2.0 * (dz - gx * dx - gy * dy) * d / (1.0 + gx * gx + gy * gy)
+    dx = dx * d + back * gx
+    dy = dy * d + back * gy
+    m0, m1 = wall_normal(int(target[0]))
+    qx, qy, _ = wall_point(int(target[0]), target[1], target[2], box)
+    facing = -(dx * m0 + dy * m1)
+    length = ((px - qx) * m0 + (py - qy) * m1) / max(facing, 1e-9)
+    return math.exp(-box[4] * length) * radiance(target, facing)
+
+
+@kernel
 def _emission(
     a: float, b: float, px: float, py: float, pz: float, gx: float, gy: float, ex: float, ey: float, ez: float,
-    source: FloatArray, box: FloatArray,
+    source: FloatArray, target: FloatArray, box: FloatArray,
 ) -> tuple[float, float, float, float, float, float]:  # fmt: skip
-    """Emission and absorption weight of the emitter point at offset (a, b), 0 where it and p face not each other; part
-    of the way to p that runs into the top, its length, and the way.
+    """Emission and absorption weight of the emitter point at offset (a, b), 0 where it and p face not each other, with
+    `_counted` unless the receiver counts all directions alike; part of the way to p that runs into the top, its length,
+    and the way.
     """
     n0, n1 = wall_normal(int(source[0]))
     on_x = int(source[0]) % 2 == 0
@@ -89,20 +110,21 @@ def _emission(
     f *= radiance(source, out / d)
     if box[4] > 0.0:
         f *= math.exp(-box[4] * d)
+    if target[5] != 1.0:
+        f *= _counted(dx, dy, dz, px, py, gx, gy, target, box)
     return f, into, d, dx, dy, dz
 
 
 @kernel
 def _spread(
     a: float, b: float, px: float, py: float, pz: float, gx: float, gy: float, ex: float, ey: float, ez: float,
-    source: FloatArray, box: FloatArray,
-) -> tuple[float, float, float, float]:  # fmt: skip
-    """Emission, incidence and absorption weight of the emitter point at offset (a, b); direction to p."""
-    f, into, d, dx, dy, dz = _emission(a, b, px, py, pz, gx, gy, ex, ey, ez, source, box)
+    source: FloatArray, target: FloatArray, box: FloatArray,
+) -> float:  # fmt: skip
+    """The same weight with the share that the top mirrors."""
+    f, into, d, _, _, _ = _emission(a, b, px, py, pz, gx, gy, ex, ey, ez, source, target, box)
     if f == 0.0:
-        return 0.0, dx, dy, dz
-    cos_in = into / (d * math.sqrt(1.0 + gx * gx + gy * gy))
-    return f * fresnel(cos_in, box[3]), dx, dy, dz
+        return 0.0
+    return f * fresnel(into / (d * math.sqrt(1.0 + gx * gx + gy * gy)), box[3])
 
 
 @kernel
@@ -207,7 +229,7 @@ def _is_all_mirrored(
 @kernel
 def _mirrored_weight(
     n: int, poly: FloatArray, area: float, cx: float, cy: float, px: float, py: float, pz: float, gx: float,
-    gy: float, ex: float, ey: float, ez: float, source: FloatArray, box: FloatArray,
+    gy: float, ex: float, ey: float, ez: float, source: FloatArray, target: FloatArray, box: FloatArray,
 ) -> float:  # fmt: skip
     """As `_mean_weight` by two thirds of the points, for areas that are totally reflected and seen, where it is smooth:
     by the middles of the triangles' edges, of which two triangles share the inner ones (second order).
@@ -218,8 +240,12 @@ def _mirrored_weight(
         e = c + 1 if c + 1 < n else 0
         ax, ay, bx, by = poly[c, 0], poly[c, 1], poly[e, 0], poly[e, 1]
         cross = (ax - cx) * (by - cy) - (ay - cy) * (bx - cx)
-        inner = _emission(0.5 * (ax + cx), 0.5 * (ay + cy), px, py, pz, gx, gy, ex, ey, ez, source, box)
-        outer = _emission(0.5 * (ax + bx), 0.5 * (ay + by), px, py, pz, gx, gy, ex, ey, ez, source, box)
+        inner = _emission(
+            0.5 * (ax + cx), 0.5 * (ay + cy), px, py, pz, gx, gy, ex, ey, ez, source, target, box
+        )
+        outer = _emission(
+            0.5 * (ax + bx), 0.5 * (ay + by), px, py, pz, gx, gy, ex, ey, ez, source, target, box
+        )
         total += inner[0] * (before + cross) + outer[0] * cross
         before = cross
     return total / (6.0 * area)
@@ -227,46 +253,56 @@ def _mirrored_weight(
 
 @kernel
 def _mean_weight(
-    n: int, poly: FloatArray, area: float, cx: float, cy: float, divided: bool, dim_e: bool, dim_q: bool, px: float,
-    py: float, pz: float, gx: float, gy: float, ex: float, ey: float, ez: float, source: FloatArray,
+    n: int, poly: FloatArray, area: float, cx: float, cy: float, parts: int, divided: bool, dim_e: bool, dim_q: bool,
+    px: float, py: float, pz: float, gx: float, gy: float, ex: float, ey: float, ez: float, source: FloatArray,
     target: FloatArray, box: FloatArray, top: Top,
 ) -> float:  # fmt: skip
-    """Mean weight over the lit area, three points in each triangle from centroid to edge (second order).
+    """Mean weight over the lit area, three points in each of parts² parts of each triangle from centroid to edge (second
+    order).
 
-    Where the area is divided, a hidden point counts nothing.
+    Where the area is divided by a shadow, a hidden point counts nothing.
     """
     total = 0.0
     for c in range(n):
         e = c + 1 if c + 1 < n else 0
         ax, ay, bx, by = poly[c, 0], poly[c, 1], poly[e, 0], poly[e, 1]
         cross = (ax - cx) * (by - cy) - (ay - cy) * (bx - cx)
-        for k in range(3):
-            wa = 2.0 / 3.0 if k == 0 else 1.0 / 6.0
-            wb = 2.0 / 3.0 if k == 1 else 1.0 / 6.0
+        for k in range(3 * parts * parts):
+            part = k // 3
+            a = part // parts
+            b = part % parts
+            side = 1.0 / parts
+            if a + b >= parts:  # a part whose corners point the other way
+                a = parts - a
+                b = parts - b
+                side = -side
+            wa = a / parts + side * (2.0 / 3.0 if k % 3 == 0 else 1.0 / 6.0)
+            wb = b / parts + side * (2.0 / 3.0 if k % 3 == 1 else 1.0 / 6.0)
             x = (1.0 - wa - wb) * cx + wa * ax + wb * bx
             y = (1.0 - wa - wb) * cy + wa * ay + wb * by
             if divided and not _sees(
                 x, y, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top
             ):
                 continue
-            f, _, _, _ = _spread(x, y, px, py, pz, gx, gy, ex, ey, ez, source, box)
-            total += f * cross
-    return total / (6.0 * area)
+            total += _spread(x, y, px, py, pz, gx, gy, ex, ey, ez, source, target, box) * cross
+    return total / (6.0 * area * parts * parts)
 
 
 @kernel
-def _arrival(
-    dx: float, dy: float, dz: float, px: float, py: float, gx: float, gy: float, target: FloatArray, box: FloatArray,
-) -> tuple[float, float]:  # fmt: skip
-    """Length of the leg from p to the receiver's plane and its cosine there, for the direction d before p."""
-    d = 1.0 / math.sqrt(dx * dx + dy * dy + dz * dz)
-    back = 2.0 * (dz - gx * dx - gy * dy) * d / (1.0 + gx * gx + gy * gy)
-    dx = dx * d + back * gx
-    dy = dy * d + back * gy
-    m0, m1 = wall_normal(int(target[0]))
-    qx, qy, _ = wall_point(int(target[0]), target[1], target[2], box)
-    facing = -(dx * m0 + dy * m1)
-    return ((px - qx) * m0 + (py - qy) * m1) / max(facing, 1e-9), facing
+def _is_uneven(
+    mean: float, n: int, poly: FloatArray, area: float, cx: float, cy: float, px: float, py: float, pz: float,
+    gx: float, gy: float, ex: float, ey: float, ez: float, source: FloatArray, target: FloatArray, box: FloatArray,
+) -> bool:  # fmt: skip
+    """Whether the weights at the centroids of the triangles have another mean."""
+    total = 0.0
+    for c in range(n):
+        e = c + 1 if c + 1 < n else 0
+        ax, ay, bx, by = poly[c, 0], poly[c, 1], poly[e, 0], poly[e, 1]
+        cross = (ax - cx) * (by - cy) - (ay - cy) * (bx - cx)
+        x = (cx + ax + bx) / 3.0
+        y = (cy + ay + by) / 3.0
+        total += _spread(x, y, px, py, pz, gx, gy, ex, ey, ez, source, target, box) * cross
+    return abs(total / (2.0 * area) - mean) > UNEVEN * mean
 
 
 @kernel
@@ -310,33 +346,22 @@ def pinhole(
             return 0.0, share
         divided = seen < 1.0
     if not divided and _is_all_mirrored(n, poly, px, py, pz, gx, gy, ex, ey, ez, source, box):
-        f = _mirrored_weight(n, poly, area, cx, cy, px, py, pz, gx, gy, ex, ey, ez, source, box)
+        f = _mirrored_weight(n, poly, area, cx, cy, px, py, pz, gx, gy, ex, ey, ez, source, target, box)
     else:
         f = _mean_weight(
-            n,
-            poly,
-            area,
-            cx,
-            cy,
-            divided,
-            dim_e,
-            dim_q,
-            px,
-            py,
-            pz,
-            gx,
-            gy,
-            ex,
-            ey,
-            ez,
-            source,
-            target,
-            box,
-            top,
-        )
+            n, poly, area, cx, cy, 1, divided, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top
+        )  # fmt: skip
+    if not divided and (source[5] < 0.0 or target[5] < 0.0):
+        if _is_uneven(f, n, poly, area, cx, cy, px, py, pz, gx, gy, ex, ey, ez, source, target, box):
+            f = _mean_weight(
+                n, poly, area, cx, cy, PARTS, False, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box,
+                top,
+            )  # fmt: skip
     if f <= 0.0:
         return 0.0, share
-    _, dx, dy, dz = _spread(cx, cy, px, py, pz, gx, gy, ex, ey, ez, source, box)
-    length, facing = _arrival(dx, dy, dz, px, py, gx, gy, target, box)
-    f *= math.exp(-box[4] * length) * abs(area) / source[6] * math.pi * radiance(target, facing)
-    return f * plan, share
+    if target[5] == 1.0:
+        on_x = int(source[0]) % 2 == 0
+        dx = px - ex - (cx if on_x else 0.0)
+        dy = py - ey - (0.0 if on_x else cx)
+        f *= _counted(dx, dy, pz - ez - cy, px, py, gx, gy, target, box)
+    return f * abs(area) / source[6] * math.pi * plan, share

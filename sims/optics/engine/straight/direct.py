@@ -229,20 +229,23 @@ def direct_flux(
 
 @kernel
 def flat_flux(
-    source: FloatArray, target: FloatArray, box: FloatArray, mirrored: bool, nodes: FloatArray, weights: FloatArray,
+    source: FloatArray, target: FloatArray, box: FloatArray, mirrored: bool, nodes_e: FloatArray, weights_e: FloatArray,
+    nodes_u: FloatArray, weights_u: FloatArray, nodes_z: FloatArray, weights_z: FloatArray,
 ) -> float:  # fmt: skip
     """Straight or mirrored flux of a pair under a flat top."""
     total = 0.0
     low = target[2] - target[4]
     high = target[2] + target[4]
-    for a in range(nodes.shape[0]):
-        for b in range(nodes.shape[0]):
-            along = source[1] + source[3] * (2.0 * nodes[a] - 1.0)
-            z = source[2] + source[4] * (2.0 * nodes[b] - 1.0)
+    for a in range(nodes_e.shape[0]):
+        for b in range(nodes_e.shape[0]):
+            along = source[1] + source[3] * (2.0 * nodes_e[a] - 1.0)
+            z = source[2] + source[4] * (2.0 * nodes_e[b] - 1.0)
             x, y, z = wall_point(int(source[0]), along, z, box)
-            for c in range(nodes.shape[0]):
-                column = target[1] + target[3] * (2.0 * nodes[c] - 1.0)
+            for c in range(nodes_u.shape[0]):
+                column = target[1] + target[3] * (2.0 * nodes_u[c] - 1.0)
                 qx, qy, _ = wall_point(int(target[0]), column, 0.0, box)
-                flux = column_flux(x, y, z, source, target, qx, qy, low, high, mirrored, box, nodes, weights)
-                total += weights[a] * weights[b] * weights[c] * flux
+                flux = column_flux(
+                    x, y, z, source, target, qx, qy, low, high, mirrored, box, nodes_z, weights_z
+                )
+                total += weights_e[a] * weights_e[b] * weights_u[c] * flux
     return total * 2.0 * target[3] * 4.0 * source[3] * source[4] / source[6]
