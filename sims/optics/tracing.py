@@ -46,8 +46,8 @@ _SMOOTH_PARTS: WeakKeyDictionary[PadSurface, SmoothField] = WeakKeyDictionary()
 
 FIELD_STEP, FIELD_FINER = 1.0 / 4.0, 2
 """Nodes of the smooth part of a pad's surface at most so far apart [tip radii], and samples from one to the next: on
-flat presets pressed as deep as a tip radius and more, heights are within 0.12 µm rms of it and slopes within 1.0e-3 rms,
-also within a third of a millimetre of the walls, where both vary fastest."""
+flat presets, pressed by a tip radius and more, heights are within 0.12 µm rms of it and slopes within 1.0e-3 rms, and
+so they are within a third of a millimetre of the walls, where both vary fastest."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,13 +25,13 @@ Method, class by class
   finer beside each part, faint rays left to chance (`top_light`).
 - traced: light between smooth walls, by the same rays with and without the press.
 
-Replicates with other offsets give the standard error. It covers lattices and rays, and with 0.01 % of the untouched
-flux the usual error of the Gauss rules of straight light and of whole images. It does not cover: images narrower than
-the cells that look for them, the patch size, chains beyond 24 reflections, light that the tip scatters twice, and how
-the dimple stands in the way of light scattered more than once: with a tip of 30 % between walls of 40 % nothing seen
-to 3 mm, 0.8 % of the scattered light deeper than the tip's radius. With two replicates it has one degree of freedom
-for each pair: pool it over pairs or states before you rely on it. Light reflected several times is sampled for the
-wanted pairs, so a pair mask changes it within that error; all else is the same to the bit.
+Replicates with other offsets give the standard error (`stated_error`). It covers lattices and rays, straight light that
+is partly hidden, and with 0.01 % of the untouched flux the usual error of the Gauss rules. It does not cover: images
+narrower than the cells that look for them, the patch size, chains beyond 24 reflections, light that the tip scatters
+twice, and how the dimple stands in the way of light scattered more than once: with a tip of 30 % between walls of 40 %
+nothing seen to 3 mm, 0.8 % of the scattered light deeper than the tip's radius. Light reflected several times is
+sampled for the wanted pairs, and the error is pooled over them, so a pair mask changes both within that error; all else
+is the same to the bit.
 
 Reuse: a pair whose bundle misses every deformed part keeps its untouched value; presses that a symmetry of the layout
 carries onto each other are traced once (`scene_symmetry`); one emitter's light in one state depends on no other emitter
@@ -54,6 +54,7 @@ from sims.optics.accuracy import ACCURACIES, LADDER, Accuracy, accuracy_of, chec
 from sims.optics.engine.formed.formed_lower import FormedStack, check_formed, stack_formed
 from sims.optics.engine.formed.trace_formed import trace_formed
 from sims.optics.engine.light_rows import KeptRows, content_of, name_of_names, names_of, row_names, row_of
+from sims.optics.engine.stated_error import standard_error
 from sims.optics.engine.threads import run_each
 from sims.optics.engine.untouched import Untouched, gauss, straight_rules, untouched_pad
 from sims.optics.scene.checks import check_scene, wanted_pairs
@@ -67,9 +68,6 @@ __all__ = ["ACCURACIES", "CLASS_NAMES", "Accuracy", "RawLight", "trace_scene"]
 
 FloatArray = NDArray[np.float64]
 CLASS_NAMES = ("direct", "top", "skirt", "wall", "diffuse")
-LATTICE_CLASSES = ("top", "skirt")
-RULES_ERROR = 1e-4
-"""Median error of pairs whose replicates agree: docs/validation/light.md [-]."""
 BATCH_STATES = 32
 OF_CLASSES = slice(0, len(CLASS_NAMES))
 ERROR, SCALE, CHANGE_ERROR = range(len(CLASS_NAMES), len(CLASS_NAMES) + 3)
@@ -297,10 +295,10 @@ def _traced_rows(work: _Work, part: NDArray[np.int64], wanted: NDArray[np.bool_]
         rows[:, :, CHANGE_ERROR] = light.change_error
         return rows
     fixed = untouched_pad(scene, work.settings, work.seed)
-    values = _trace_batch(wanted, stack, work.states[part], fixed, work.settings)
+    values, once = _trace_batch(wanted, stack, work.states[part], fixed, work.settings)
     flux = values.mean(axis=1)
     rows[:, :, OF_CLASSES] = flux.transpose(0, 2, 1, 3)
-    rows[:, :, ERROR] = _with_rules(_standard_error(values), flux.sum(axis=1), fixed)
+    rows[:, :, ERROR] = standard_error(values, once, fixed, work.settings)
     rows[:, :, SCALE], rows[:, :, CHANGE_ERROR] = fixed.scale, rows[:, :, ERROR]
     return rows
 
@@ -338,26 +336,6 @@ def _class_pairs(wanted: NDArray[np.bool_], classes: StateClasses) -> NDArray[np
     return asked
 
 
-def _standard_error(values: FloatArray) -> FloatArray:
-    """(state, emitter, receiver) standard error of the mean over replicates of (state, replicate, class, e, r).
-
-    Lattices of mirrored light have offsets spread evenly over R replicates, whose mean keeps only every R-th harmonic
-    of one lattice's error. Harmonics of a jump fall as 1/k and of a kink as 1/k², so the mean's error is at most 1/R of
-    one lattice's. Everything else is independent: 1/sqrt(R).
-    """
-    count = values.shape[1]
-    is_lattice = np.array([name in LATTICE_CLASSES for name in CLASS_NAMES])
-    lattice, rest = (values[:, :, mask].sum(axis=2).std(axis=1, ddof=1) for mask in (is_lattice, ~is_lattice))
-    return np.asarray(np.hypot(lattice / count**1.5, rest / np.sqrt(count)))
-
-
-def _with_rules(error: FloatArray, flux: FloatArray, fixed: Untouched) -> FloatArray:
-    """Add what fixed rules may be off, `RULES_ERROR` of the untouched flux, where the press changes a pair at all."""
-    untouched = fixed.straight.sum(axis=0) + fixed.diffuse + fixed.wall.mean(axis=0)
-    is_changed = np.abs(flux - untouched) > 1e-9 * fixed.scale
-    return np.where(is_changed, np.hypot(error, RULES_ERROR * fixed.scale), error)
-
-
 def _pooled(share: FloatArray, asked: NDArray[np.bool_]) -> FloatArray:
     """(state,) root mean square over the asked pairs of a (state, emitter, receiver) share."""
     count = np.maximum(asked.sum(axis=(1, 2)), 1)
@@ -366,9 +344,10 @@ def _pooled(share: FloatArray, asked: NDArray[np.bool_]) -> FloatArray:
 
 def _trace_batch(
     wanted: NDArray[np.bool_], tops: TopStack, part: NDArray[np.int64], fixed: Untouched, settings: Accuracy
-) -> FloatArray:
+) -> tuple[FloatArray, FloatArray]:
+    """(state, replicate, class, emitter, receiver) flux, and (state, replicate, emitter, receiver) mirrored once."""
     from sims.optics.engine.compiled import trace_further, trace_once
-    from sims.optics.engine.states import CLASSES
+    from sims.optics.engine.states import CLASSES, SKIRT, TOPS
 
     rules = straight_rules(settings)
     image_rules = (
@@ -390,6 +369,7 @@ def _trace_batch(
     patches = (fixed.layout, fixed.areas)
     rows, field = tops.part(part)
     out = np.zeros((len(part), len(fixed.shifts), CLASSES, *wanted.shape[1:]))
+    once = np.zeros((*out.shape[:2], *out.shape[3:]))
 
     def trace_one(state: int) -> None:
         given = (
@@ -402,10 +382,11 @@ def _trace_batch(
             field[state],
         )
         trace_once(*given, flat, fixed.scale, rules, image_rules, fixed.shifts, numbers)
+        once[state] = out[state][:, [TOPS, SKIRT]].sum(axis=1)
         trace_further(
             *given, flat, fixed.scale, fixed.points, fixed.shifts, patches, fixed.reflectances, fixed.orders, numbers,
             fixed.rays,
         )  # fmt: skip
 
     run_each(trace_one, len(part))
-    return out
+    return out, once

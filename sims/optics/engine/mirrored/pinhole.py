@@ -257,8 +257,8 @@ def _mean_weight(
     px: float, py: float, pz: float, gx: float, gy: float, ex: float, ey: float, ez: float, source: FloatArray,
     target: FloatArray, box: FloatArray, top: Top,
 ) -> float:  # fmt: skip
-    """Mean weight over the lit area, three points in each of parts² parts of each triangle from centroid to edge (second
-    order).
+    """Mean weight over the lit area, three points in each of parts² parts of each triangle from centroid to edge, which
+    is second order.
 
     Where the area is divided by a shadow, a hidden point counts nothing.
     """
@@ -351,12 +351,15 @@ def pinhole(
         f = _mean_weight(
             n, poly, area, cx, cy, 1, divided, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top
         )  # fmt: skip
-    if not divided and (source[5] < 0.0 or target[5] < 0.0):
-        if _is_uneven(f, n, poly, area, cx, cy, px, py, pz, gx, gy, ex, ey, ez, source, target, box):
-            f = _mean_weight(
-                n, poly, area, cx, cy, PARTS, False, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box,
-                top,
-            )  # fmt: skip
+    by_table = source[5] < 0.0 or target[5] < 0.0
+    if (
+        by_table
+        and not divided
+        and _is_uneven(f, n, poly, area, cx, cy, px, py, pz, gx, gy, ex, ey, ez, source, target, box)
+    ):
+        f = _mean_weight(
+            n, poly, area, cx, cy, PARTS, False, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top
+        )  # fmt: skip
     if f <= 0.0:
         return 0.0, share
     if target[5] == 1.0:
