@@ -78,6 +78,7 @@ def traced(design, presses):
     return trace_scene(scene_of(design), presses[:, None, :2], tops.near, fields=tops.fields, seed=3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FLAT_PRESETS)
 def test_nodes_half_as_far_apart_change_no_pairs_light_beyond_its_error(name, monkeypatch):
     design = preset(name)
