@@ -214,9 +214,9 @@ def _cells(nodes: FloatArray, step: FloatArray) -> FloatArray:
 def _patches() -> FloatArray:
     """(16, 16) from the four columns of a cell's corners (0, 0), (0, 1), (1, 0), (1, 1) to its coefficients."""
     # value and slope at a cell's first end, then at its second -> coefficients of 1, u, u², u³
-    cubic = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [-3, -2, 3, -1], [2, 1, -2, 1]], dtype=np.float64)
+    cubic = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [-3, -2, 3, -1], [2, 1, -2, 1]])
     along_then_across = np.kron(cubic, cubic).reshape(16, 2, 2, 2, 2)  # end and derivative of u, then of v
-    return along_then_across.transpose(1, 3, 4, 2, 0).reshape(16, 16)
+    return np.asarray(along_then_across.transpose(1, 3, 4, 2, 0).reshape(16, 16), dtype=np.float64)
 
 
 def _known_of(field: SmoothField) -> FloatArray:
