@@ -1,9 +1,10 @@
 """How far the light of each pair may be off, from what replicates differ by and from what is known of each rule.
 
 Two replicates give a pair one degree of freedom, by chance often far too little: the estimate of each pair is drawn
-towards what the pairs of its emitter in its state have on average, over their untouched flux. Of 12,000 pairs of two
-pads at "score" and "standard" the errors over the stated ones had a root mean square of 0.7 and 0.5 and went up to 5.5
-and 3.5; without that 2.8 and 1.4, up to 46 and 19.
+towards what the pairs of its emitter in its state have on average, source by source, over a flux that the source's
+errors go by. Of 12,000 pairs of two pads at "score" and "standard" the errors over the stated ones had a root mean
+square of 0.8 and 0.6, 0.7 and 0.2 % of them were beyond 3, and the largest were 6.5 and 4.4; by two replicates alone
+2.8 and 1.4, 9 and 3 %, 46 and 19, at the same root mean square of the stated errors or more.
 """
 
 from __future__ import annotations
@@ -21,9 +22,13 @@ FloatArray = NDArray[np.float64]
 RULES_ERROR = 1e-4
 """Median error of pairs whose replicates agree: docs/validation/light.md [-]."""
 HIDDEN_ERROR = 2e-3
-"""Error of the straight light of a pair that a dimple hides half, twice over its untouched straight flux [-]."""
+"""Error of the straight light of a pair that a dimple hides in part, over its untouched straight flux, which no
+replicate shows: root mean square of 100 such pairs. What is hidden or seen less than that errs by no more than it [-].
+"""
 POOLED_WEIGHT = 2.0
 """Weight of the average of an emitter's pairs, over that of a pair's own replicates."""
+LEAST_FLUX, LEAST_SCATTERED, ROUNDING = 1e-4, 0.1, 1e-9
+"""Least flux of a source that its errors are taken to go by, over the untouched one; spread that is none [-]."""
 LEAST_STEP = 0.2
 """Image step below which the error of lattices is taken as at it: a contact smaller than the step is hit or missed."""
 
@@ -42,7 +47,7 @@ def standard_error(values: FloatArray, once: FloatArray, fixed: Untouched, setti
     values : (state, replicate, class, emitter, receiver) flux, classes in the order of `sims.optics.engine.states`
     once : (state, replicate, emitter, receiver) flux that the top mirrors once [-]
     """
-    from sims.optics.engine.states import DIM, DIRECT, SKIRT, TOPS
+    from sims.optics.engine.states import DIFFUSE, DIM, DIRECT, SKIRT, TOPS
 
     count, scale = values.shape[1], fixed.scale
     several = values[:, :, [TOPS, SKIRT]].sum(axis=2) - once
@@ -50,29 +55,44 @@ def standard_error(values: FloatArray, once: FloatArray, fixed: Untouched, setti
     lattice, chance, rest = (part.std(axis=1, ddof=1) / math.sqrt(count) for part in parts)
     lattice = lattice * 2.0 * max(settings.image_step, LEAST_STEP) / count
     unit = settings.repeat_share * np.maximum(scale, DIM * scale.max(axis=1, keepdims=True))
-    sampled = np.maximum(_drawn_together(chance, scale, count), several.mean(axis=1).clip(0.0) * unit / count)
-    variance = _drawn_together(lattice, scale, count) + sampled + _drawn_together(rest, scale, count)
+    mirrored, repeated, scattered = (
+        np.maximum(flux.mean(axis=1), least * scale)
+        for flux, least in (
+            (once, LEAST_FLUX),
+            (several, LEAST_FLUX),
+            (values[:, :, DIFFUSE], LEAST_SCATTERED),
+        )
+    )
+    sampled = repeated * unit
+    variance = _drawn_together(lattice, scale * mirrored, count) + _drawn_together(
+        rest, scale * scattered, count
+    )
+    variance += np.where(
+        several.any(axis=1), np.maximum(_drawn_together(chance, sampled, count), sampled / count), 0.0
+    )
     straight = fixed.straight[0]
     seen = np.divide(values[:, 0, DIRECT], straight, out=np.ones_like(rest), where=straight > 0.0).clip(
         0.0, 1.0
     )
-    variance += (HIDDEN_ERROR * straight) ** 2 * seen * (1.0 - seen)
+    variance += (straight * np.minimum(HIDDEN_ERROR, np.minimum(seen, 1.0 - seen))) ** 2
     total = values.mean(axis=1).sum(axis=1)
     untouched = fixed.straight.sum(axis=0) + fixed.diffuse + fixed.wall.mean(axis=0)
     is_changed = np.abs(total - untouched) > 1e-9 * scale
     return np.asarray(np.sqrt(variance + np.where(is_changed, (RULES_ERROR * scale) ** 2, 0.0)))
 
 
-def _drawn_together(spread: FloatArray, scale: FloatArray, count: int) -> FloatArray:
-    """(state, emitter, receiver) variance of spreads over as many replicates, 0 where there is none.
+def _drawn_together(spread: FloatArray, yardstick: FloatArray, count: int) -> FloatArray:
+    """(state, emitter, receiver) variance of spreads over as many replicates, by a variance that they go by; 0 where
+    there is no spread.
 
     The average is that of the spreads, not of their squares: a pair that a contact edge crosses tells little of others.
     """
-    is_spread = spread > 1e-12 * scale
-    mean = np.where(is_spread, spread / scale, 0.0).sum(axis=2, keepdims=True)
+    share = spread / np.sqrt(yardstick)
+    is_spread = share > ROUNDING
+    mean = np.where(is_spread, share, 0.0).sum(axis=2, keepdims=True)
     mean /= np.maximum(is_spread.sum(axis=2, keepdims=True), 1)
     short = math.sqrt(2.0 / (count - 1)) * math.gamma(count / 2) / math.gamma((count - 1) / 2)
     pooled = (
-        mean * scale / short
-    ) ** 2  # of normal errors the mean spread is short of their deviation by so much
+        mean / short
+    ) ** 2 * yardstick  # of normal errors the mean spread is short of their deviation by so much
     return np.where(is_spread, (POOLED_WEIGHT * pooled + spread**2) / (POOLED_WEIGHT + 1.0), 0.0)

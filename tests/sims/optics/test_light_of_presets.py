@@ -153,7 +153,7 @@ def test_next_to_no_press_changes_no_light_of_any_part_of_the_catalogue(name):
     ],
 )
 def test_stated_errors_hold_for_every_single_pair(name, presses):
-    """Of some hundred normal numbers the largest is 3 to 3.5; before errors were pooled it was 6 to 30."""
+    """Before errors were pooled the largest of these pulls were 18, and 9 % were beyond 3."""
     design, rows = preset(name), np.array(presses)
     scene, tops = scene_of(design), pressed_tops(preset(name), rows, by_symmetry=False)
     judged = scene.emitter_wall[:, None] != scene.receiver_wall
@@ -164,9 +164,11 @@ def test_stated_errors_hold_for_every_single_pair(name, presses):
         )
 
     known = traced("fine", 9)
+    pulls = []
     for seed in (1, 2, 3):
         raw = traced("score", seed)
         joint = np.hypot(raw.standard_error, known.standard_error)
-        pulls = ((raw.flux - known.flux).sum(axis=0) / joint)[:, judged]
-        assert np.abs(pulls).max() < 4.0
-        assert 0.3 < np.sqrt(np.mean(pulls**2)) < 1.0
+        pulls.append(((raw.flux - known.flux).sum(axis=0) / joint)[:, judged])
+    assert np.abs(pulls).max() < 5.0
+    assert np.mean(np.abs(pulls) > 3.0) < 0.01
+    assert 0.3 < np.sqrt(np.mean(np.square(pulls))) < 1.0
