@@ -3,9 +3,10 @@ r"""Light that the top of a disc or crowned pad mirrors twice or more: pencils t
 
 A pencil holds what a part of the emitter sends through a point. Five rays stand for it: one from the part's middle, and
 four beside it at the places of Gauss' rule, each mirrored where it meets the top by itself. To second order they carry
-the part onto a window's plane as a parallelogram about the mean of what lands. A pencil that comes to a window is
-divided, `LEVELS` times at most, where its rays do not go the same way, where the dimple hides some of them or bends the
-top, and where what lands has its mean farther from the middle ray than `BEND` of the window.
+the part onto a window's plane as a parallelogram about the mean of what lands. A pencil is divided, `LEVELS` times
+at most, where its rays do not go the same way, and where it comes to a window: once under any press, for that bends it;
+and where the dimple hides some of the rays, or what lands has its mean farther from the middle ray than `BEND` of the
+window.
 """
 
 from __future__ import annotations
@@ -69,8 +70,6 @@ DIVISIONS, LEVELS = 2, 2
 """A pencil is divided into so many in either direction, so often at most."""
 BEND = 0.2
 """Mean of what lands, off the middle ray, of a pencil that is not divided for it [half sizes of the window]."""
-NEAR = 1.5
-"""Within so many radii of the skirt the press bends the top enough for what comes from there to be divided always."""
 BEHIND = 0.5
 """A middle ray that meets the top behind a wall does so no farther behind it than this share of the way to the wall."""
 FARTHEST = 20.0
@@ -88,27 +87,27 @@ def follow_chains(
     element : what light is taken to mean over the part, of its area and the point's
     row : 1 if the point lies in the skirt
     """
-    if not _follow(x0, y0, z0, size_u, size_v, p, element, FAINT, row, False, receivers, wanted, e, absorbs, index,
+    if not _follow(x0, y0, z0, size_u, size_v, p, element, FAINT, row, 0, receivers, wanted, e, absorbs, index,
                    walls, round_wall, top, out, work):  # fmt: skip
         return
     per = 1.0 / DIVISIONS
     for k in range(DIVISIONS * DIVISIONS):
         a, b = (2.0 * (k % DIVISIONS) + 1.0) * per - 1.0, (2.0 * (k // DIVISIONS) + 1.0) * per - 1.0
         x1, y1, z1 = x0 + a * size_u * e[UX], y0 + a * size_u * e[UY], z0 + b * size_v
-        if not _follow(x1, y1, z1, per * size_u, per * size_v, p, per * per * element, per * per * FAINT, row, False,
+        if not _follow(x1, y1, z1, per * size_u, per * size_v, p, per * per * element, per * per * FAINT, row, 1,
                        receivers, wanted, e, absorbs, index, walls, round_wall, top, out, work):  # fmt: skip
             continue
         for m in range(DIVISIONS * DIVISIONS):
             a, b = (2.0 * (m % DIVISIONS) + 1.0) * per - 1.0, (2.0 * (m // DIVISIONS) + 1.0) * per - 1.0
             _follow(x1 + a * per * size_u * e[UX], y1 + a * per * size_u * e[UY], z1 + b * per * size_v,
-                    per * per * size_u, per * per * size_v, p, per**4 * element, per**4 * FAINT, row, True, receivers,
+                    per * per * size_u, per * per * size_v, p, per**4 * element, per**4 * FAINT, row, LEVELS, receivers,
                     wanted, e, absorbs, index, walls, round_wall, top, out, work)  # fmt: skip
 
 
 @kernel
 def _follow(
     x0: float, y0: float, z0: float, size_u: float, size_v: float, p: FloatArray, weight: float, faint: float,
-    row: int, is_last: bool, receivers: FloatArray, wanted: BoolArray, e: FloatArray, absorbs: float, index: float,
+    row: int, level: int, receivers: FloatArray, wanted: BoolArray, e: FloatArray, absorbs: float, index: float,
     walls: FloatArray, round_wall: FloatArray, top: FormedTop, out: FloatArray, work: FloatArray,
 ) -> bool:  # fmt: skip
     """Add what a pencil brings after its second and later mirrors; or add nothing, and True: it is better divided."""
@@ -130,13 +129,12 @@ def _follow(
         return False
     mean = sent_by_part(x0, y0, z0, size_u, size_v, p, e, absorbs, index, 0, 0, work)
     bent = mean / sent0 - 1.0
-    landed, is_whole, bends = 0, True, False
+    landed, is_whole = 0, True
     for _ in range(MOST):
         x, y, z = x + t * dx, y + t * dy, z + t * dz
         qx, qy, _ = into(top, x, y, z)
         if is_skirt(top, qx, qy):
             row = 1
-        bends = bends or is_skirt(top, qx / NEAR, qy / NEAR)
         nx, ny, nz = normal_at(top, qx, qy)
         nx, ny, nz = out_of(top, nx, ny, nz)
         meets = dx * nx + dy * ny + dz * nz
@@ -147,7 +145,7 @@ def _follow(
                 if _mirror_side(side, top, work):
                     mirrored_sides += 1
             is_whole = mirrored_sides == SIDES and not ends
-            if not is_last and not is_whole and not (ends and mirrored_sides == 0):
+            if level < LEVELS and not is_whole and not (ends and mirrored_sides == 0):
                 return True
         if ends:
             break
@@ -175,7 +173,7 @@ def _follow(
                     lines(1.0 - v, -av, -bv, 1.0 + v, av, bv, 6, work)
                     share, a, b, _, _ = cut(work)
                     u, v = u + a * au + b * bu, v + a * av + b * bv
-                    if share > 0.0 and not is_last and abs(mu) + abs(mv) > BEND:
+                    if share > 0.0 and level < LEVELS and abs(mu) + abs(mv) > BEND:
                         return True
             if not is_pencil and ahead > 0.0 and abs(u) <= 1.0 and abs(v) <= 1.0:
                 share = 1.0
@@ -183,7 +181,7 @@ def _follow(
                 continue
             if pressed:
                 seen = _seen_rays(x0, y0, z0, size_u, size_v, x, y, z, u, v, is_pencil, p, e, r, top, work)
-                if not is_last and seen > 0.0 and (seen < 1.0 or bends):
+                if 0.0 < seen and (level == 0 or (level < LEVELS and seen < 1.0)):
                     return True
                 share *= seen
             tx, ty, tz = window_point(r, u, v)

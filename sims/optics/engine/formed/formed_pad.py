@@ -37,9 +37,9 @@ DEPOSIT_RAYS = 2048
 PART_SHARE, SPHERE_PART_SHARE = 0.3, 0.15
 """Largest size of an emitter's part over its distance from a point of the top; under a sphere, whose chains of mirrors
 focus both ways, less. `formed_chains` divides parts further where the top bends a pencil."""
-CHAINS_ERROR = 1.5e-3
+CHAINS_ERROR = 3e-3
 """Error of what an untouched crown mirrors, often, over it [-]: smaller parts of emitters change all of it by 5e-4, and
-single pairs by this at most."""
+of single pairs under a small press by up to this."""
 FINER_LATTICE = 2.0**-1.5
 """Error of a lattice over that of one with every other point, of a function with jumps."""
 STRAIGHT_NODES, LEAST_NODES = 12, (5, 24, 4)

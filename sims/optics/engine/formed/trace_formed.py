@@ -14,7 +14,7 @@ Standard error
 --------------
 Of mirrored light from lattices with every other point; of scattered light by leaving out every fourth ray in turn; of
 whatever fixed rules have in common, `RULES_ERROR` of the untouched flux, `HORIZON_ERROR` of what the press takes away
-of straight light and, under a crown, `CHAINS_ERROR` of what it changes of mirrored light. Each pair by itself. States
+of straight light, and `CHAINS_ERROR` or `PARTS_ERROR` of what it changes of mirrored light. Each pair by itself. States
 share the untouched pad's error, and rules err by the same share of like changes: `change_error` leaves both out. Not
 covered is how the dimple stands in the way of light scattered more than once.
 
@@ -55,9 +55,9 @@ RULES_ERROR = 3e-4
 within 1e-4 of that of `trace_states`."""
 HORIZON_ERROR = 0.01
 """Error of straight light over what the press takes away of it [-]: what finer rules change at most."""
-CHAINS_ERROR = 0.02
-"""Error of what a press changes of mirrored light under a crown, where it is mirrored often, over that change [-]:
-about what smaller parts of emitters still changed, where it was most."""
+CHAINS_ERROR, PARTS_ERROR = 0.02, 0.01
+"""Error of what a press changes of mirrored light, by the skirt and elsewhere, over these changes [-]: under a crown,
+where it is mirrored often, and under a flat top. About what smaller parts of emitters still change, where it is most."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,7 +128,8 @@ def _pressed(
     change = straight + mirrored.sum(axis=(1, 2)).mean(axis=0) + scattered - flux[4]
     flux[4] = scattered
     is_changed = np.abs(change) > 1e-9 * pad.scale
-    chains = CHAINS_ERROR * (top.numbers[KIND] != FLAT) * mirrored.sum(axis=(1, 2)).mean(axis=0)
+    parts = PARTS_ERROR if top.numbers[KIND] == FLAT else CHAINS_ERROR
+    chains = parts * np.hypot(*mirrored.sum(axis=2).mean(axis=0))
     rules = np.sqrt((RULES_ERROR * pad.scale * is_changed) ** 2 + (HORIZON_ERROR * straight) ** 2 + chains**2)
     change_error = np.hypot(lattice_error(mirrored), scattered_error)
     error = np.sqrt(pad.error**2 + change_error**2 + rules**2)
