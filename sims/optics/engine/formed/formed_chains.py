@@ -181,7 +181,7 @@ def _follow(
                 continue
             if pressed:
                 seen = _seen_rays(x0, y0, z0, size_u, size_v, x, y, z, u, v, is_pencil, p, e, r, top, work)
-                if 0.0 < seen and (level == 0 or (level < LEVELS and seen < 1.0)):
+                if seen > 0.0 and (level == 0 or (level < LEVELS and seen < 1.0)):
                     return True
                 share *= seen
             tx, ty, tz = window_point(r, u, v)

@@ -57,7 +57,7 @@ HORIZON_ERROR = 0.01
 """Error of straight light over what the press takes away of it [-]: what finer rules change at most."""
 CHAINS_ERROR, PARTS_ERROR = 0.02, 0.01
 """Error of what a press changes of mirrored light, by the skirt and elsewhere, over these changes [-]: under a crown,
-where it is mirrored often, and under a flat top. About what smaller parts of emitters still change, where it is most."""
+where it is mirrored often, and under a flat top. It is about what smaller parts still change, where that is most."""
 
 
 @dataclass(frozen=True, kw_only=True)
