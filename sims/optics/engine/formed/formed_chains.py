@@ -4,9 +4,8 @@ r"""Light that the top of a disc or crowned pad mirrors twice or more: pencils t
 A pencil holds what a part of the emitter sends through a point. Five rays stand for it: one from the part's middle, and
 four beside it at the places of Gauss' rule, each mirrored where it meets the top by itself. To second order they carry
 the part onto a window's plane as a parallelogram about the mean of what lands. A pencil is divided, `LEVELS` times
-at most, where its rays do not go the same way, and where it comes to a window: once under any press, for that bends it;
-and where the dimple hides some of the rays, or what lands has its mean farther from the middle ray than `BEND` of the
-window.
+at most, where its rays do not go the same way, once where it comes to a window, and again where the dimple hides some
+of its rays, or what lands has its mean farther from the middle ray than `BEND` of the window.
 """
 
 from __future__ import annotations
@@ -169,29 +168,35 @@ def _follow(
                 is_pencil = most > -NEVER
                 if max(most, ahead) > 0.0:
                     u, v = u + mu, v + mv
+                    reach_u, reach_v = 1.0 + abs(au) + abs(bu) + abs(mu), 1.0 + abs(av) + abs(bv) + abs(mv)
+                    if level == 0 and abs(u) < reach_u and abs(v) < reach_v:
+                        return True
                     lines(1.0 - u, -au, -bu, 1.0 + u, au, bu, 0, work)
                     lines(1.0 - v, -av, -bv, 1.0 + v, av, bv, 6, work)
                     share, a, b, _, _ = cut(work)
                     u, v = u + a * au + b * bu, v + a * av + b * bv
-                    if share > 0.0 and level < LEVELS and abs(mu) + abs(mv) > BEND:
+                    if share > 0.0 and 0 < level < LEVELS and abs(mu) + abs(mv) > BEND:
                         return True
             if not is_pencil and ahead > 0.0 and abs(u) <= 1.0 and abs(v) <= 1.0:
                 share = 1.0
             if share <= 0.0:
                 continue
+            if level == 0:
+                return True
+            counts = lobe(r, toward)
+            if is_pencil:
+                counts = _counted(a, b, share, toward, counts, r, work)
             if pressed:
                 seen = _seen_rays(x0, y0, z0, size_u, size_v, x, y, z, u, v, is_pencil, p, e, r, top, work)
-                if seen > 0.0 and (level == 0 or (level < LEVELS and seen < 1.0)):
+                if level < LEVELS and 0.0 < seen < 1.0:
                     return True
-                share *= seen
+                counts *= seen
             tx, ty, tz = window_point(r, u, v)
             way = math.sqrt((tx - x) ** 2 + (ty - y) ** 2 + (tz - z) ** 2)
             brings = sent(
                 x0 + a * size_u * e[UX], y0 + a * size_u * e[UY], z0 + b * size_v, p, e, absorbs, index
             )
-            brings *= (
-                (1.0 + bent * share) * weight * share * math.pi * lobe(r, toward) * math.exp(-absorbs * way)
-            )
+            brings *= (1.0 + bent * share) * weight * share * math.pi * counts * math.exp(-absorbs * way)
             if landed < LANDINGS and brings > 0.0:
                 k = LANDED + 3 * landed
                 work[k], work[k + 1], work[k + 2] = float(row), float(j), brings
@@ -255,6 +260,23 @@ def _seen_rays(
             if ahead > 0.0 and sees(work[k], work[k + 1], work[k + 2], tx, ty, tz, top):
                 seen += 1.0
     return seen / (SIDES + 1.0)
+
+
+@inlined
+def _counted(
+    a: float, b: float, share: float, toward: float, counts: float, r: FloatArray, work: FloatArray
+) -> float:
+    """Mean over the `share` of a pencil that lands, about its place a, b, of what a window counts; `counts` of the
+    middle ray, which comes at a cosine `toward`.
+    """
+    k = RAYS + 3
+    t0 = work[k] * r[NX] + work[k + 1] * r[NY]
+    t1 = work[k + 6] * r[NX] + work[k + 7] * r[NY]
+    t2 = work[k + 12] * r[NX] + work[k + 13] * r[NY]
+    t3 = work[k + 18] * r[NX] + work[k + 19] * r[NY]
+    mean = 0.5 * (lobe(r, t0) + lobe(r, t1) + lobe(r, t2) + lobe(r, t3)) - counts
+    here = lobe(r, toward + 0.5 / GAUSS * (a * (t0 - t1) + b * (t2 - t3)))
+    return max(here + share * (mean - counts), 0.0)
 
 
 @inlined
