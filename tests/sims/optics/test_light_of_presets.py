@@ -1,4 +1,4 @@
-"""Light of every flat preset: straight light, untouched, against the closed form; a press of next to nothing."""
+"""Light of presets: straight light of flat ones against the closed form; all of it under a press of next to nothing."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from design.parts.catalog import Part, packaged
-from design.preset import FLAT_PRESETS, preset
+from design.preset import FLAT_PRESETS, PRESETS, preset
 from design.spec.properties import emitter_order
 from sims.optics.engine.trace_states import ACCURACIES, CLASS_NAMES, Accuracy, trace_scene
 from sims.optics.scene.acceptance import response_nodes
@@ -90,10 +90,11 @@ OWN = [
 
 
 def with_part(scene, part):
-    """The scene with all its emitters or receivers of a part, at their locations."""
+    """The scene with a part for all its emitters or receivers, where they are; on a curved rim no larger than they are."""
     of = part.kind
     patch = getattr(scene, f"{of}_patch").copy()
-    patch[:, 2:] = 0.5 * part.active_width_mm.value, 0.5 * part.active_height_mm.value
+    half_size = 0.5 * part.active_width_mm.value, 0.5 * part.active_height_mm.value
+    patch[:, 2:] = half_size if scene.form is None else np.minimum(patch[:, 2:], half_size)
     changed = {f"{of}_patch": patch}
     if of == "receiver":
         changed["receiver_response"] = np.tile(response_nodes(part, scene.refractive_index), (len(patch), 1))
@@ -110,6 +111,10 @@ def check_next_to_no_press(name, parts):
     scene, near = scene_of(design), 2.0 * design.indenter.tip_radius_mm
     length, width = scene.length_mm, scene.width_mm
     places = [(near, near), (near, width / 2), (length / 2, width - 1.3 * near)]
+    if scene.form is not None:
+        away = 0.3 * min(length, width)
+        offsets = [(0.9 * away, 0.5 * away), (-0.5 * away, -0.9 * away), (1.0, 0.0)]
+        places = [(length / 2 + along, width / 2 + across) for along, across in offsets]
     presses = np.array([[*at, 0.0005] for at in places])
     tops = pressed_tops(design, presses, by_symmetry=False)
     fine = ACCURACIES["fine"]
@@ -130,13 +135,13 @@ def check_next_to_no_press(name, parts):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", FLAT_PRESETS)
+@pytest.mark.parametrize("name", PRESETS)
 def test_next_to_no_press_changes_no_light_of_parts_with_angular_tables(name):
     check_next_to_no_press(name, OWN)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", FLAT_PRESETS)
+@pytest.mark.parametrize("name", PRESETS)
 def test_next_to_no_press_changes_no_light_of_any_part_of_the_catalogue(name):
     check_next_to_no_press(
         name, [part for part in packaged().parts.values() if part.kind in ("emitter", "receiver")]

@@ -9,11 +9,13 @@ import pytest
 
 from design.errors import InputError, ModelScopeError
 from design.preset import preset
-from sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
+from sims.optics.engine.formed import formed_pad
+from sims.optics.engine.trace_states import CLASS_NAMES, RawLight, trace_scene
 from sims.optics.oracle.tracer import trace_oracle
 from sims.optics.scene.lower import scene_of
 from sims.optics.scene.optical_scene import FloatArray, OpticalScene
 from sims.optics.surface.analytic import compact_dimple
+from sims.optics.tracing import pressed_tops
 from tests.sims.optics.oracle.form_scenes import (
     crown_press,
     disc_scene,
@@ -152,3 +154,36 @@ def test_a_wanted_error_is_met_or_said_to_be_missed() -> None:
     hard = trace_scene(scene, centre, [press], accuracy=1e-7)
     assert not hard.is_met.any()
     assert hard.relative_error.max() > 1e-7
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "presses"),
+    [
+        ("levi2013-disc", [(34.2, 31.9, 2.5), (45.0, 27.5, 1.0), (20.0, 20.0, 5.0)]),
+        ("crowned-40x25", [(26.0, 9.5, 2.0), (33.0, 18.0, 1.0), (12.0, 14.0, 4.0)]),
+        ("fingertip-dome", [(13.5, 12.5, 2.0), (7.0, 13.3, 3.0), (14.0, 15.0, 0.5)]),
+    ],
+)
+def test_parts_of_emitters_half_as_large_change_no_pair_beyond_its_error_and_not_all_one_way(
+    name: str, presses: list[tuple[float, float, float]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Untouched and pressed off the middle; limits over the joint error of a pair, and over that of all light."""
+    design, rows = preset(name), np.array(presses)
+    scene, tops = scene_of(design), pressed_tops(design, rows, by_symmetry=False)
+    centres, near = np.vstack([rows[:1], rows])[:, None, :2], [[None], *tops.near]
+
+    def traced() -> RawLight:
+        for remembered in (formed_pad._remembered_pad, formed_pad._remembered_ways):
+            remembered.cache_clear()
+        return trace_scene(scene, centres, near, accuracy="score")
+
+    here = traced()
+    for size in ("PART_SHARE", "SPHERE_PART_SHARE"):
+        monkeypatch.setattr(formed_pad, size, 0.5 * getattr(formed_pad, size))
+    there = traced()
+    change = (there.flux - here.flux).sum(axis=0)
+    joint = np.hypot(here.standard_error, there.standard_error)
+    assert (np.abs(change) <= joint).all()
+    total = here.flux.sum(axis=0)
+    assert np.abs(change.sum(axis=(1, 2)) / total.sum(axis=(1, 2))).max() < 1e-3
