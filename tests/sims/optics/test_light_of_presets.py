@@ -90,7 +90,7 @@ OWN = [
 
 
 def with_part(scene, part):
-    """The scene with a part for all its emitters or receivers, where they are; on a curved rim no larger than they are."""
+    """The scene with all its emitters or receivers of a part; under a curved top no larger than the preset's own."""
     of = part.kind
     patch = getattr(scene, f"{of}_patch").copy()
     half_size = 0.5 * part.active_width_mm.value, 0.5 * part.active_height_mm.value

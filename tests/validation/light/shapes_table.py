@@ -1,8 +1,9 @@
 """Light of discs and crowned pads against the oracle, pair by pair: `python -m tests.validation.light.shapes_table`.
 
-Every preset of another shape, untouched and under four presses, by the engine's settings for maps, near contact and
-"standard". The oracle runs in batches, whose rays are the same with and without a press: what the two differ by is far
-better known than either, and how batches differ tells how well. Batches are kept in `FOLDER`; interrupted, it goes on.
+Every preset of another shape, and two of them with receivers behind epoxy, untouched and under four presses, by the
+engine's settings for maps, near contact and "standard". The oracle runs in batches, whose rays are the same with and
+without a press: what the two differ by is far better known than either, and how batches differ tells how well. Batches
+are kept in `FOLDER`; interrupted, it goes on.
 
 Columns of the table
 --------------------
@@ -32,13 +33,17 @@ from sims.optics.engine.formed import formed_pad
 from sims.optics.engine.trace_states import trace_scene
 from sims.optics.oracle.tracer import trace_oracle
 from sims.optics.oracle.walk import CROSSING
+from sims.optics.scene.acceptance import half_angle_power, refracted_cosine, transmitted_share
+from sims.optics.scene.emission import COSINE_NODES, cosine_nodes
 from sims.optics.scene.lower import scene_of
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.surface.tops import Presses
 from sims.optics.tracing import pressed_tops
 
 FloatArray = NDArray[np.float64]
-PRESETS = ("levi2013-disc", "crowned-40x25", "fingertip-dome")
+EPOXY = ", receivers behind epoxy"
+"""What comes after a preset's name where its receivers have a half angle of 40 degrees in epoxy of index 1.55."""
+PADS = ("levi2013-disc", "crowned-40x25", "fingertip-dome", f"levi2013-disc{EPOXY}", f"fingertip-dome{EPOXY}")
 SETTINGS: dict[str, Accuracy] = {
     "score": ACCURACIES["score"],
     "near contact": MIRRORED_FINER,
@@ -77,6 +82,18 @@ class Compared:
     stated: float
 
 
+def pad_of(name: str) -> tuple[SensorDesign, OpticalScene]:
+    """A design and its scene, by one of `PADS`."""
+    design = optopad.load(name.removesuffix(EPOXY))
+    scene = scene_of(design)
+    if name.endswith(EPOXY):
+        power = half_angle_power(40.0, 1.55)
+        inner = refracted_cosine(cosine_nodes(COSINE_NODES), scene.refractive_index, 1.55)
+        counted = transmitted_share(cosine_nodes(COSINE_NODES), scene.refractive_index, 1.55) * inner**power
+        scene = replace(scene, receiver_response=np.tile(counted, (len(scene.receiver_wall), 1)))
+    return design, scene
+
+
 def presses_of(design: SensorDesign) -> FloatArray:
     """(5, 3) x, y, depth [mm]: untouched, the middle, and two depths and the deepest beside it."""
     scene = scene_of(design)
@@ -112,10 +129,11 @@ def compared(
     )
 
 
-def oracle_batches(name: str, design: SensorDesign, rays: int, count: int) -> FloatArray:
+def oracle_batches(name: str, rays: int, count: int) -> FloatArray:
     """(batch, state, e, r) light of the oracle that never left the elastomer; kept batches are read."""
+    design, scene = pad_of(name)
     presses = presses_of(design)
-    tops, scene = pressed_tops(design, presses, by_symmetry=False).near, scene_of(design)
+    tops = pressed_tops(design, presses, by_symmetry=False).near
     FOLDER.mkdir(parents=True, exist_ok=True)
     heights = np.concatenate([np.ravel(one.height_mm) for top in tops for one in top if one is not None])
     surfaces, found = f"{zlib.crc32(heights.tobytes()):08x}", []
@@ -144,13 +162,13 @@ def finest_flux(scene: OpticalScene, presses: FloatArray, tops: Presses) -> Floa
         formed_pad.PART_SHARE, formed_pad.SPHERE_PART_SHARE = usual
 
 
-def table(names: tuple[str, ...] = PRESETS, rays: int = RAYS, count: int = BATCHES) -> str:
+def table(names: tuple[str, ...] = PADS, rays: int = RAYS, count: int = BATCHES) -> str:
     """The table as Markdown."""
     lines = []
     for name in names:
-        design = optopad.load(name)
-        presses, scene = presses_of(design), scene_of(design)
-        batches = oracle_batches(name, design, rays, count)
+        design, scene = pad_of(name)
+        presses = presses_of(design)
+        batches = oracle_batches(name, rays, count)
         tops = pressed_tops(design, presses, by_symmetry=False).near
         finest = finest_flux(scene, presses, tops)
         for title, settings in SETTINGS.items():
@@ -168,7 +186,7 @@ def table(names: tuple[str, ...] = PRESETS, rays: int = RAYS, count: int = BATCH
 
 
 def main(names: list[str]) -> None:
-    """Write the table beside this file; of the named presets only, print it."""
+    """Write the table beside this file; of the named pads only, print it."""
     if names:
         sys.stdout.write(table(tuple(names)))
     else:
