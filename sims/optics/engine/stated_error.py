@@ -2,9 +2,8 @@
 
 Two replicates give a pair one degree of freedom, by chance often far too little: the estimate of each pair is drawn
 towards what the pairs of its emitter in its state have on average, source by source, over a flux that the source's
-errors go by. Of 12,000 pairs of two pads at "score" and "standard" the errors over the stated ones had a root mean
-square of 0.8 and 0.6, 0.7 and 0.2 % of them were beyond 3, and the largest were 6.5 and 4.4; by two replicates alone
-2.8 and 1.4, 9 and 3 %, 46 and 19, at the same root mean square of the stated errors or more.
+errors go by. Of 12,000 pairs of two pads at "score" and "standard" the errors over the stated ones have a root mean
+square of 0.8 and 0.6, 0.7 and 0.2 % of them are beyond 3, and the largest are 6.5 and 4.4.
 """
 
 from __future__ import annotations
@@ -92,7 +91,6 @@ def _drawn_together(spread: FloatArray, yardstick: FloatArray, count: int) -> Fl
     mean = np.where(is_spread, share, 0.0).sum(axis=2, keepdims=True)
     mean /= np.maximum(is_spread.sum(axis=2, keepdims=True), 1)
     short = math.sqrt(2.0 / (count - 1)) * math.gamma(count / 2) / math.gamma((count - 1) / 2)
-    pooled = (
-        mean / short
-    ) ** 2 * yardstick  # of normal errors the mean spread is short of their deviation by so much
+    # of normal errors the mean spread is short of their deviation by so much
+    pooled = (mean / short) ** 2 * yardstick
     return np.where(is_spread, (POOLED_WEIGHT * pooled + spread**2) / (POOLED_WEIGHT + 1.0), 0.0)
