@@ -126,7 +126,7 @@ def _follow(
         put_ray(x, y, z, ex, ey, ez, side, work)
     if spare < 0.0 and not _goes_on(spare, walls, round_wall, top, work):
         return False
-    mean = sent_by_part(x0, y0, z0, size_u, size_v, p, e, absorbs, index, 0, 0, work)
+    mean = sent_by_part(x0, y0, z0, size_u, size_v, p, e, absorbs, index)
     bent = mean / sent0 - 1.0
     landed, is_whole = 0, True
     for _ in range(MOST):
@@ -175,7 +175,7 @@ def _follow(
                     lines(1.0 - v, -av, -bv, 1.0 + v, av, bv, 6, work)
                     share, a, b, _, _ = cut(work)
                     u, v = u + a * au + b * bu, v + a * av + b * bv
-                    if share > 0.0 and 0 < level < LEVELS and abs(mu) + abs(mv) > BEND:
+                    if share > 0.0 and level < LEVELS and abs(mu) + abs(mv) > BEND:
                         return True
             if not is_pencil and ahead > 0.0 and abs(u) <= 1.0 and abs(v) <= 1.0:
                 share = 1.0

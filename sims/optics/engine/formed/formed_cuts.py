@@ -1,5 +1,5 @@
 # mypy: no-warn-return-any
-"""What of an emitter's part a mirror of the top sends through a window: polygons, and means over them.
+"""What of an emitter's part a mirror of the top sends through a window: polygons, and the mean over the whole part.
 
 A part is the square from -1 to 1 of two shares of its half sizes. Sides of a window are lines g + u gu + v gv = 0 in
 it, which keep what is above 0; what all of them keep is a convex polygon.
@@ -36,29 +36,14 @@ def sent(x: float, y: float, z: float, p: FloatArray, e: FloatArray, absorbs: fl
 @kernel
 def sent_by_part(
     x0: float, y0: float, z0: float, size_u: float, size_v: float, p: FloatArray, e: FloatArray, absorbs: float,
-    index: float, count: int, start: int, work: FloatArray,
+    index: float,
 ) -> float:  # fmt: skip
-    """Mean of what a part sends: the whole by Gauss' rule of four places, a polygon (count > 0 corners in work from
-    start on, from -1 to 1) by the middles of the sides of its triangles.
-    """
-    total, whole = 0.0, 0.0
-    if count == 0:
-        for k in range(4):
-            a, b = (GAUSS if k % 2 == 0 else -GAUSS) * size_u, (GAUSS if k < 2 else -GAUSS) * size_v
-            total += sent(x0 + a * e[UX], y0 + a * e[UY], z0 + b, p, e, absorbs, index)
-        return 0.25 * total
-    for k in range(1, count - 1):
-        i, m = start + 2 * k, start + 2 * k + 2
-        area = abs(
-            (work[i] - work[start]) * (work[m + 1] - work[start + 1])
-            - (work[m] - work[start]) * (work[i + 1] - work[start + 1])
-        )
-        for side in range(3):
-            one, other = (start, i) if side == 0 else ((i, m) if side == 1 else (m, start))
-            a, b = 0.5 * (work[one] + work[other]) * size_u, 0.5 * (work[one + 1] + work[other + 1]) * size_v
-            total += area / 3.0 * sent(x0 + a * e[UX], y0 + a * e[UY], z0 + b, p, e, absorbs, index)
-        whole += area
-    return total / whole if whole > 0.0 else 0.0
+    """Mean of what a part sends, by Gauss' rule of four places."""
+    total = 0.0
+    for k in range(4):
+        a, b = (GAUSS if k % 2 == 0 else -GAUSS) * size_u, (GAUSS if k < 2 else -GAUSS) * size_v
+        total += sent(x0 + a * e[UX], y0 + a * e[UY], z0 + b, p, e, absorbs, index)
+    return 0.25 * total
 
 
 @inlined

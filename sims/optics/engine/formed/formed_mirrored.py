@@ -300,15 +300,8 @@ def _ends(a: float, work: FloatArray) -> tuple[float, float]:
 
 @inlined
 def _passes(
-    a: float,
-    b: float,
-    p: FloatArray,
-    e: FloatArray,
-    r: FloatArray,
-    deep: float,
-    top: FormedTop,
-    work: FloatArray,
-) -> bool:
+    a: float, b: float, p: FloatArray, e: FloatArray, r: FloatArray, deep: float, top: FormedTop, work: FloatArray
+) -> bool:  # fmt: skip
     """Whether the dimple hides neither the way from a place of a part to a point of the top nor that from there on."""
     dx, dy, dz = _way(a, b, work)
     toward = dx * r[NX] + dy * r[NY]
