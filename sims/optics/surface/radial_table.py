@@ -111,6 +111,13 @@ def lowest_of_pieces_mm(pieces: FloatArray) -> FloatArray:
     return np.asarray(np.min([c0, c0 + c1 / 3, c0 + (2 * c1 + c2) / 3, c0 + c1 + c2 + c3], axis=0))
 
 
+def outward_cup(table: RadialTable) -> FloatArray:
+    """(CELLS,) how fast the slope along a line rises, d²h/ds², at most from each piece outward: max(h'', h'/r, 0)
+    [1/mm].
+    """
+    return _outward_maximum(_bends_within(-table.pieces, table.radius, table.scale, table.start))
+
+
 def _samples(nodes: FloatArray, scale: float, start: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(SAMPLES,) fractions of a piece, and (CELLS, SAMPLES) x + C and radius there [mm]."""
     t = np.linspace(0.0, 1.0, SAMPLES)

@@ -10,6 +10,7 @@ import numpy as np
 
 from design.errors import InputError, ModelScopeError
 from sims.optics.engine.formed.formed_top import (
+    CUPS,
     CYLINDER,
     FLAT,
     FORMED_ROW,
@@ -31,7 +32,7 @@ from sims.optics.surface.curves import (
     check_curve,
     lower_curve,
 )
-from sims.optics.surface.radial_table import lowest_of_pieces_mm
+from sims.optics.surface.radial_table import lowest_of_pieces_mm, outward_cup
 from sims.press.indentation import Indentation
 
 REACH_SHARE = 0.97
@@ -251,5 +252,6 @@ def _lowered(press: Indentation, mean_mm: float, clear_mm: float) -> tuple[Float
     row[REACH:PIECES] = table.reach2
     row[PIECES:LOWS] = table.pieces.ravel()
     lowest = np.minimum(lowest_of_pieces_mm(table.pieces), 0.0)
-    row[LOWS:] = np.minimum.accumulate(lowest[::-1])[::-1]
+    row[CUPS:] = outward_cup(table)
+    row[LOWS:CUPS] = np.minimum.accumulate(lowest[::-1])[::-1]
     return row[None], (numbers[OUTER_R], numbers[CONTACT_R], numbers[SKIRT_R])

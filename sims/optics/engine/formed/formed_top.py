@@ -14,11 +14,14 @@ cylinder that of a sphere of twice its radius. Beyond, d is a C1 cubic through t
 `sims.optics.surface.curves`, and ends in a tail.
 
 Rays march. The height of a ray above the crown, u = z + c, is convex along it, so that in a step it is nowhere above
-both ends. With s the step's nearest radius, d is nowhere below its lowest value from s outward, and it falls nowhere
-faster than its largest slope from s outward: a step is clear when u stays below the one, or when the gap at one of its
-ends does not close so fast. Steps are halved until they are clear; at `STEP_MM`, less where the gap is small, the ends
-decide: a chord through a tip of radius a that is shorter is cut off by STEP_MM² / 8a, 4 µm of 3 mm. A sign found is
-bisected.
+the line between its ends. With s the step's nearest radius, d is nowhere below its lowest value from s outward, falls
+nowhere faster than its largest slope from s outward, and its slope along a line grows nowhere faster than the largest
+cup κ = max(d'', d'/r, 0) from s outward. A step of h in plan is clear when u stays below the first; when the gap
+g = d - u at one of its ends does not close so fast; or when √g₁ + √g₂ > h √(κ/2) at its ends, for then g is above the
+parabola through them that is bent by κ. Steps are shortened until they are clear, or until a ray that comes out closes
+its gap faster than κ h, and so comes out once; at `STEP_MM`, less where the gap is small, the ends decide: a chord
+through a tip of radius a that is shorter is cut off by STEP_MM² / 8a, 4 µm of 3 mm. Where it comes out is found by
+Newton's rule within the step.
 
 Left out: the second height where the curve folds, several tips.
 """
@@ -38,13 +41,17 @@ from sims.optics.surface.radial_table import CELLS, PIECE_COLUMNS, STEEP
 NEVER = 1e30
 STEP_MM, LEAST_STEP_MM = 0.3, 0.06
 """Steps of a march near the dimple in which only the ends are looked at: longest and shortest."""
+SHORTER, LONGER = 0.25, 2.0
+"""The next step of a march after one that is not clear, and after one that is."""
 ALOOF, NEWTON_STEPS = 2.5, 8
 """How much steeper than the dimple a ray must lie to the crown at both ends to be sure to meet the top once."""
 AT_TOP_MM = 1e-10
 """A place so near to the top lies on it."""
-LOWS = ROW
-"""First column of the lowest heights: from each piece outward. They stand behind a press's row."""
-FORMED_ROW = LOWS + CELLS
+NEAR_TOP_MM = 1e-6
+"""A place so near to the top is one step of Newton's rule from it."""
+LOWS, CUPS = ROW, ROW + CELLS
+"""First columns of the lowest heights and of the largest cups, from each piece outward, behind a press's row."""
+FORMED_ROW = CUPS + CELLS
 FLAT, SPHERE, CYLINDER = 0.0, 1.0, 2.0
 # numbers of a top
 KIND, RADIUS, MEAN, DEPTH, OUTER, CONTACT_EDGE, SKIRT_EDGE = range(7)
@@ -59,8 +66,8 @@ class FormedTop(NamedTuple):
     origin, axes : (3,), (3, 3) of the frame, an axis a row
     numbers : (7,) kind of crown, its radius, that of the mean crown [mm] (0: none); depth of the press, radius beyond
         which d is 0, of the contact, and of the skirt, within which a mirror counts as the skirt's [mm]; 0 untouched
-    rows : (1, `FORMED_ROW`) radial table of d (`sims.optics.surface.curves`), heights from 0, and its lowest heights; a
-        single 0 where untouched
+    rows : (1, `FORMED_ROW`) radial table of d (`sims.optics.surface.curves`), heights from 0, its lowest heights, its
+        largest cups; a single 0 where untouched
     """
 
     origin: FloatArray
@@ -165,6 +172,22 @@ def above(top: FormedTop, x: float, y: float, z: float) -> float:
     return z + fall(top, x, y) - rise(top, x * x + y * y)[0]
 
 
+@inlined
+def above_along(
+    top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float
+) -> tuple[float, float]:
+    """How far a place of the frame lies above the top, and how fast that grows along a direction."""
+    kind, radius = top.numbers[KIND], top.numbers[RADIUS]
+    down, sx, sy = 0.0, 0.0, 0.0
+    if kind != FLAT:
+        reach = y * y if kind == CYLINDER else x * x + y * y
+        root = math.sqrt(max(radius * radius - reach, 1e-12))
+        down = reach / (radius + root)
+        sx, sy = (0.0 if kind == CYLINDER else x / root), y / root
+    height, turned = rise(top, x * x + y * y)
+    return z + down - height, dz + (sx - turned * x) * dx + (sy - turned * y) * dy
+
+
 @kernel
 def top_hit(
     top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float
@@ -212,7 +235,7 @@ def _aloof(
     """
     at = min(max(-b / a, 0.0), end) if a > 1e-14 else 0.0
     qx, qy = x + at * dx, y + at * dy
-    low, steep = _bounds(top, qx * qx + qy * qy)
+    low, steep, _ = _bounds(top, qx * qx + qy * qy)
     sx, sy = crown_slopes(top, x, y)
     leaving = -(dz + sx * dx + sy * dy)
     px, py = x + leaves * dx, y + leaves * dy
@@ -229,12 +252,10 @@ def _settled(
 ) -> float:
     """Where a ray meets the top near a distance t, by Newton's rule; NEVER beyond the limit."""
     for _ in range(NEWTON_STEPS):
-        px, py = x + t * dx, y + t * dy
-        off = above(top, px, py, z + t * dz)
-        if abs(off) < AT_TOP_MM:
+        off, grows = above_along(top, x + t * dx, y + t * dy, z + t * dz, dx, dy, dz)
+        t -= off / grows
+        if abs(off) < NEAR_TOP_MM:
             break
-        nx, ny, nz = normal_at(top, px, py)
-        t -= off * nz / (dx * nx + dy * ny + dz * nz)
     return t if t < limit else NEVER
 
 
@@ -263,57 +284,87 @@ def _march(
         end_clear = rise(top, px * px + py * py)[0] - end_u
         turn_at = min(max(-b / a, t), end) if a > 1e-14 else t
         qx, qy = x + turn_at * dx, y + turn_at * dy
-        low, steep = _bounds(top, qx * qx + qy * qy)
-        closes = steep * across * step
+        low, steep, cup = _bounds(top, qx * qx + qy * qy)
+        closes, bends = steep * across * step, cup * (across * step) ** 2
         if not (
             max(u, end_u) < low
             or (clear >= 0.0 and clear - (end_u - u) > closes)
             or (end_clear >= 0.0 and end_clear + (end_u - u) > closes)
+            or (min(clear, end_clear) >= 0.0 and (math.sqrt(clear) + math.sqrt(end_clear)) ** 2 > 0.5 * bends)
         ):
+            if clear >= 0.0 and end_clear < 0.0 and step > LEAST_STEP_MM:
+                closing = above_along(top, x + t * dx, y + t * dy, z + t * dz, dx, dy, dz)[1]
+                if closing * step >= bends:
+                    return _between(top, x, y, z, dx, dy, dz, t, end)
             if step > min(STEP_MM, max(0.5 * min(clear, end_clear), LEAST_STEP_MM)):
-                step *= 0.5
+                step *= SHORTER
                 continue
             if end_clear < 0.0:
                 return _between(top, x, y, z, dx, dy, dz, t, end)
         t, u, clear = end, end_u, end_clear
-        step *= 2.0
+        step *= LONGER
     return NEVER
 
 
 @inlined
-def _bounds(top: FormedTop, r2: float) -> tuple[float, float]:
-    """Lowest d, and largest slope of it, from a squared radius outward."""
+def is_open(
+    top: FormedTop, x: float, y: float, u: float, to_x: float, to_y: float, round_mm: float, to_u: float
+) -> bool:
+    """Whether the dimple surely hides no straight way from a place of the top to a window; it may if not.
+
+    x, y, u : the place in the frame's plan, and its height above the untouched crown [mm]
+    to_x, to_y, round_mm, to_u : middle of the window in that plan, a circle about it that holds the window, and the
+        window's largest height above the crown
+
+    The way comes below the lowest of the dimple that it passes after a share of its length; until there the dimple is
+    less steep than the way.
+    """
+    vx, vy = to_x - x, to_y - y
+    along2 = vx * vx + vy * vy
+    at = min(max(-(x * vx + y * vy) / along2, 0.0), 1.0) if along2 > 0.0 else 0.0
+    nearest = max(math.hypot(x + at * vx, y + at * vy) - round_mm, 0.0)
+    far, drop = math.sqrt(along2) + round_mm, u - to_u
+    near = far * max(u - _bounds(top, nearest * nearest)[0], 0.0)
+    if near >= far * drop:
+        return False
+    nearest = max(nearest, math.hypot(x, y) - near / drop)
+    return _bounds(top, nearest * nearest)[1] * far < drop
+
+
+@inlined
+def _bounds(top: FormedTop, r2: float) -> tuple[float, float, float]:
+    """Lowest d, largest slope and largest cup of it from a squared radius outward."""
     rows = top.rows
     if r2 >= top.numbers[OUTER] * top.numbers[OUTER]:
-        return 0.0, 0.0
+        return 0.0, 0.0, 0.0
     if r2 <= rows[0, SPHERE_2]:
-        return -top.numbers[DEPTH], NEVER
+        return -top.numbers[DEPTH], NEVER, NEVER
     k = min(int(math.sqrt(rows[0, SCALE] * r2 + rows[0, OFFSET]) - rows[0, START]), CELLS - 1)
-    return rows[0, LOWS + k], rows[0, PIECES + PIECE_COLUMNS * k + STEEP]
+    return rows[0, LOWS + k], rows[0, PIECES + PIECE_COLUMNS * k + STEEP], rows[0, CUPS + k]
 
 
 @kernel
 def _between(
     top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float, low: float, high: float
 ) -> float:
-    """Where a ray comes through between a place inside and one outside: the Illinois rule, to `AT_TOP_MM`."""
-    inside = above(top, x + low * dx, y + low * dy, z + low * dz)
-    outside = above(top, x + high * dx, y + high * dy, z + high * dz)
-    side = 0
+    """Where a ray comes through between a place inside and one outside, by Newton's rule within them."""
+    t = 0.5 * (low + high)
     for _ in range(60):
-        t = high - outside * (high - low) / (outside - inside)
-        value = above(top, x + t * dx, y + t * dy, z + t * dz)
-        if abs(value) < AT_TOP_MM or high - low < AT_TOP_MM:
-            return t
-        if value > 0.0:
-            high, outside = t, value
-            inside = 0.5 * inside if side == 1 else inside
-            side = 1
+        off, grows = above_along(top, x + t * dx, y + t * dy, z + t * dz, dx, dy, dz)
+        if off > 0.0:
+            high = t
         else:
-            low, inside = t, value
-            outside = 0.5 * outside if side == -1 else outside
-            side = -1
-    return low
+            low = t
+        nearer = t - off / grows if grows > 0.0 else low
+        if low < nearer < high:
+            if abs(off) < NEAR_TOP_MM:
+                return nearer
+            t = nearer
+        elif high - low < AT_TOP_MM or abs(off) < AT_TOP_MM:
+            return t
+        else:
+            t = 0.5 * (low + high)
+    return t
 
 
 @inlined
