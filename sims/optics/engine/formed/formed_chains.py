@@ -1,11 +1,13 @@
 # mypy: no-warn-return-any
 r"""Light that the top of a disc or crowned pad mirrors twice or more: pencils through points of the top.
 
-A pencil holds what a part of the emitter sends through a point. Five rays stand for it: one from the part's middle, and
-four beside it at the places of Gauss' rule, each mirrored where it meets the top by itself. To second order they carry
-the part onto a window's plane as a parallelogram about the mean of what lands. A pencil is divided, `LEVELS` times
-at most, where its rays do not go the same way, once where it comes to a window, and again where the dimple hides some
-of its rays, or what lands has its mean farther from the middle ray than `BEND` of the window.
+A pencil holds what a part of the emitter sends through a point of the top. By its middle ray alone it is found whether
+it comes near a window; only then it is divided, `LEVELS` times at most. Last but once, five rays stand for it: one from
+the part's middle, and four beside it at the places of Gauss' rule, each mirrored where it meets the top by itself. To
+second order they carry the part onto a window's plane as a parallelogram about the mean of what lands. Where the rays
+do not go the same way, the dimple hides some of them, or what lands has its mean farther from the middle ray than
+`BEND` of the window, and wherever the skirt mirrors a pencil, its middle ray alone stands for it in the end: as a
+sample, which needs no two rays to stay neighbours. What the samples scatter, the lattice of points tells.
 """
 
 from __future__ import annotations
@@ -64,11 +66,20 @@ SIDES, RAYS = 4, 44
 """Rays beside the middle one, and where they are kept."""
 LANDED, LANDINGS = RAYS + 6 * SIDES, 32
 """Where it is kept what a pencil brings, and for how many windows."""
-CHAIN_WORK = LANDED + 3 * LANDINGS
 DIVISIONS, LEVELS = 2, 2
-"""A pencil is divided into so many in either direction, so often at most."""
+"""A pencil of a part is divided into so many in either direction, so often at most."""
+STACK = LANDED + 3 * LANDINGS
+"""Where it is kept which shares of a pencil still wait."""
+IS_LIT = STACK + 4 * (DIVISIONS * DIVISIONS * (LEVELS + 1) + 1)
+"""Where it is kept whether the dimple surely hides nothing of the emitter's light from the point."""
+CHAIN_WORK = IS_LIT + 1
 BEND = 0.2
 """Mean of what lands, off the middle ray, of a pencil that is not divided for it [half sizes of the window]."""
+STAYS_FAR, COMES_NEAR, COMES_BENT, COMES_DIM = 0, 1, 2, 3
+WIDENS = 1.2
+"""Width of a pencil that is looked for at a window, over that of one by plane mirrors."""
+BRIGHT = 3e4
+"""A pencil that the skirt mirrors is divided if it leaves with so many times `FAINT`."""
 BEHIND = 0.5
 """A middle ray that meets the top behind a wall does so no farther behind it than this share of the way to the wall."""
 FARTHEST = 20.0
@@ -77,58 +88,119 @@ FARTHEST = 20.0
 
 @kernel
 def follow_chains(
-    x0: float, y0: float, z0: float, size_u: float, size_v: float, p: FloatArray, element: float, row: int,
-    receivers: FloatArray, wanted: BoolArray, e: FloatArray, absorbs: float, index: float, walls: FloatArray,
-    round_wall: FloatArray, top: FormedTop, out: FloatArray, work: FloatArray,
+    x0: float, y0: float, z0: float, size_u: float, size_v: float, p: FloatArray, element: float, faint: float,
+    row: int, levels: int, receivers: FloatArray, wanted: BoolArray, e: FloatArray, absorbs: float, index: float,
+    walls: FloatArray, round_wall: FloatArray, top: FormedTop, out: FloatArray, work: FloatArray,
 ) -> None:  # fmt: skip
     """Follow the pencil of a part of the emitter, of half sizes size_u and size_v, through a point of the top.
 
     element : what light is taken to mean over the part, of its area and the point's
+    faint : what is left of element when the pencil brings `FAINT` of the emitter's power
     row : 1 if the point lies in the skirt
+    levels : how often it may be divided
     """
-    if not _follow(x0, y0, z0, size_u, size_v, p, element, FAINT, row, 0, receivers, wanted, e, absorbs, index,
-                   walls, round_wall, top, out, work):  # fmt: skip
-        return
-    per = 1.0 / DIVISIONS
-    for k in range(DIVISIONS * DIVISIONS):
-        a, b = (2.0 * (k % DIVISIONS) + 1.0) * per - 1.0, (2.0 * (k // DIVISIONS) + 1.0) * per - 1.0
-        x1, y1, z1 = x0 + a * size_u * e[UX], y0 + a * size_u * e[UY], z0 + b * size_v
-        if not _follow(x1, y1, z1, per * size_u, per * size_v, p, per * per * element, per * per * FAINT, row, 1,
-                       receivers, wanted, e, absorbs, index, walls, round_wall, top, out, work):  # fmt: skip
-            continue
-        for m in range(DIVISIONS * DIVISIONS):
-            a, b = (2.0 * (m % DIVISIONS) + 1.0) * per - 1.0, (2.0 * (m // DIVISIONS) + 1.0) * per - 1.0
-            _follow(x1 + a * per * size_u * e[UX], y1 + a * per * size_u * e[UY], z1 + b * per * size_v,
-                    per * per * size_u, per * per * size_v, p, per**4 * element, per**4 * FAINT, row, LEVELS, receivers,
-                    wanted, e, absorbs, index, walls, round_wall, top, out, work)  # fmt: skip
+    per, waiting = 1.0 / DIVISIONS, 1
+    work[STACK], work[STACK + 1], work[STACK + 2], work[STACK + 3] = 0.0, 0.0, 1.0, 0.0
+    while waiting > 0:
+        waiting -= 1
+        k = STACK + 4 * waiting
+        a, b, size, level = work[k], work[k + 1], work[k + 2], int(work[k + 3])
+        x, y, z = x0 + a * size_u * e[UX], y0 + a * size_u * e[UY], z0 + b * size_v
+        near = COMES_NEAR
+        if level < levels:
+            near = _comes_near(x, y, z, size * max(size_u, size_v), p, size * size * element, size * size * faint,
+                               receivers, wanted, e, absorbs, index, walls, round_wall, top)  # fmt: skip
+            if near == STAYS_FAR:
+                continue
+        if near == COMES_DIM:
+            level = levels
+        if level < levels - 1 or near == COMES_BENT or _follow(
+            x, y, z, size * size_u, size * size_v, p, size * size * element, size * size * faint, row,
+            level == levels, receivers, wanted, e, absorbs, index, walls, round_wall, top, out, work,
+        ):  # fmt: skip
+            for n in range(DIVISIONS * DIVISIONS):
+                k = STACK + 4 * waiting
+                work[k] = a + size * ((2.0 * (n % DIVISIONS) + 1.0) * per - 1.0)
+                work[k + 1] = b + size * ((2.0 * (n // DIVISIONS) + 1.0) * per - 1.0)
+                work[k + 2] = per * size
+                work[k + 3] = level + 1
+                waiting += 1
+
+
+@kernel
+def _comes_near(
+    x0: float, y0: float, z0: float, size: float, p: FloatArray, weight: float, faint: float, receivers: FloatArray,
+    wanted: BoolArray, e: FloatArray, absorbs: float, index: float, walls: FloatArray, round_wall: FloatArray,
+    top: FormedTop,
+) -> int:  # fmt: skip
+    """Whether a pencil comes near a window after its second or a later mirror, by its middle ray alone.
+
+    size : half size of its part, the larger [mm]
+
+    Returns
+    -------
+    `STAYS_FAR`, `COMES_NEAR`, or where it meets the skirt, which widens pencils much more than their way does,
+    `COMES_BENT`, or `COMES_DIM` if it leaves with little
+    """
+    nx, ny, nz = p[MX], p[MY], p[MZ]
+    way = math.sqrt((p[PX] - x0) ** 2 + (p[PY] - y0) ** 2 + (p[PZ] - z0) ** 2)
+    widens = WIDENS * size / way
+    dx, dy, dz = beside(p[PX] - x0, p[PY] - y0, p[PZ] - z0, nx, ny, nz)
+    x, y, z = p[PX] - 1e-7 * nx, p[PY] - 1e-7 * ny, p[PZ] - 1e-7 * nz
+    for _ in range(MOST):
+        t, _ = _spare(x, y, z, dx, dy, dz, walls, round_wall, top)
+        if t >= NEVER:
+            return STAYS_FAR
+        way += t
+        x, y, z = x + t * dx, y + t * dy, z + t * dz
+        qx, qy, _ = into(top, x, y, z)
+        nx, ny, nz = normal_at(top, qx, qy)
+        nx, ny, nz = out_of(top, nx, ny, nz)
+        meets = max(dx * nx + dy * ny + dz * nz, 0.0)
+        weight *= fresnel(meets, index) * math.exp(-absorbs * t)
+        if is_skirt(top, qx, qy) or meets <= 0.0:
+            return COMES_BENT if weight > BRIGHT * faint else COMES_DIM
+        if weight < faint:
+            return STAYS_FAR
+        dx, dy, dz = mirrored(dx, dy, dz, nx, ny, nz)
+        x, y, z = x - 1e-7 * nx, y - 1e-7 * ny, z - 1e-7 * nz
+        for j in range(receivers.shape[0]):
+            r = receivers[j]
+            if not wanted[j] or r[WALL] == e[WALL]:
+                continue
+            tx, ty, tz = r[CX] - x, r[CY] - y, r[CZ] - z
+            ahead = tx * dx + ty * dy + tz * dz
+            around = math.hypot(r[HALF_U], r[HALF_V]) + widens * (way + max(ahead, 0.0))
+            if ahead > -around and tx * tx + ty * ty + tz * tz - ahead * ahead < around * around:
+                return COMES_NEAR
+    return STAYS_FAR
 
 
 @kernel
 def _follow(
     x0: float, y0: float, z0: float, size_u: float, size_v: float, p: FloatArray, weight: float, faint: float,
-    row: int, level: int, receivers: FloatArray, wanted: BoolArray, e: FloatArray, absorbs: float, index: float,
+    row: int, is_sample: bool, receivers: FloatArray, wanted: BoolArray, e: FloatArray, absorbs: float, index: float,
     walls: FloatArray, round_wall: FloatArray, top: FormedTop, out: FloatArray, work: FloatArray,
 ) -> bool:  # fmt: skip
-    """Add what a pencil brings after its second and later mirrors; or add nothing, and True: it is better divided."""
+    """Add what a pencil brings after its second and later mirrors; or add nothing, and True: it is better divided.
+
+    is_sample : its middle ray stands for it
+    """
     pressed = top.numbers[OUTER] > 0.0
-    sent0 = sent(x0, y0, z0, p, e, absorbs, index)
-    if weight * sent0 < faint:
-        return False
     nx, ny, nz = p[MX], p[MY], p[MZ]
     dx, dy, dz = beside(p[PX] - x0, p[PY] - y0, p[PZ] - z0, nx, ny, nz)
     x, y, z = p[PX] - 1e-7 * nx, p[PY] - 1e-7 * ny, p[PZ] - 1e-7 * nz
     t, spare = _spare(x, y, z, dx, dy, dz, walls, round_wall, top)
     if t >= NEVER:
         return False
-    for side in range(SIDES):
-        ax, ay, az = _side_place(side, x0, y0, z0, size_u, size_v, e)
-        ex, ey, ez = beside(p[PX] - ax, p[PY] - ay, p[PZ] - az, nx, ny, nz)
-        put_ray(x, y, z, ex, ey, ez, side, work)
-    if spare < 0.0 and not _goes_on(spare, walls, round_wall, top, work):
+    landed, is_whole = 0, not is_sample
+    if is_whole:
+        for side in range(SIDES):
+            ax, ay, az = _side_place(side, x0, y0, z0, size_u, size_v, e)
+            ex, ey, ez = beside(p[PX] - ax, p[PY] - ay, p[PZ] - az, nx, ny, nz)
+            put_ray(x, y, z, ex, ey, ez, side, work)
+    if spare < 0.0 and not (is_whole and _goes_on(spare, walls, round_wall, top, work)):
         return False
-    mean = sent_by_part(x0, y0, z0, size_u, size_v, p, e, absorbs, index)
-    bent = mean / sent0 - 1.0
-    landed, is_whole = 0, True
     for _ in range(MOST):
         x, y, z = x + t * dx, y + t * dy, z + t * dz
         qx, qy, _ = into(top, x, y, z)
@@ -144,12 +216,12 @@ def _follow(
                 if _mirror_side(side, top, work):
                     mirrored_sides += 1
             is_whole = mirrored_sides == SIDES and not ends
-            if level < LEVELS and not is_whole and not (ends and mirrored_sides == 0):
+            if not is_whole and not (ends and mirrored_sides == 0):
                 return True
         if ends:
             break
         weight *= fresnel(meets, index) * math.exp(-absorbs * t)
-        if weight * sent0 < faint:
+        if weight < faint:
             break
         dx, dy, dz = mirrored(dx, dy, dz, nx, ny, nz)
         x, y, z = x - 1e-7 * nx, y - 1e-7 * ny, z - 1e-7 * nz
@@ -169,26 +241,26 @@ def _follow(
                 if max(most, ahead) > 0.0:
                     u, v = u + mu, v + mv
                     reach_u, reach_v = 1.0 + abs(au) + abs(bu) + abs(mu), 1.0 + abs(av) + abs(bv) + abs(mv)
-                    if level == 0 and abs(u) < reach_u and abs(v) < reach_v:
-                        return True
+                    if abs(u) >= reach_u or abs(v) >= reach_v:
+                        continue
                     lines(1.0 - u, -au, -bu, 1.0 + u, au, bu, 0, work)
                     lines(1.0 - v, -av, -bv, 1.0 + v, av, bv, 6, work)
                     share, a, b, _, _ = cut(work)
                     u, v = u + a * au + b * bu, v + a * av + b * bv
-                    if share > 0.0 and level < LEVELS and abs(mu) + abs(mv) > BEND:
+                    if share > 0.0 and abs(mu) + abs(mv) > BEND:
                         return True
             if not is_pencil and ahead > 0.0 and abs(u) <= 1.0 and abs(v) <= 1.0:
+                if not is_sample:
+                    return True
                 share = 1.0
             if share <= 0.0:
                 continue
-            if level == 0:
-                return True
             counts = lobe(r, toward)
             if is_pencil:
                 counts = _counted(a, b, share, toward, counts, r, work)
             if pressed:
                 seen = _seen_rays(x0, y0, z0, size_u, size_v, x, y, z, u, v, is_pencil, p, e, r, top, work)
-                if level < LEVELS and 0.0 < seen < 1.0:
+                if not is_sample and 0.0 < seen < 1.0:
                     return True
                 counts *= seen
             tx, ty, tz = window_point(r, u, v)
@@ -196,13 +268,17 @@ def _follow(
             brings = sent(
                 x0 + a * size_u * e[UX], y0 + a * size_u * e[UY], z0 + b * size_v, p, e, absorbs, index
             )
-            brings *= (1.0 + bent * share) * weight * share * math.pi * counts * math.exp(-absorbs * way)
+            middle = sent(x0, y0, z0, p, e, absorbs, index)
+            if middle > 0.0:
+                mean = sent_by_part(x0, y0, z0, size_u, size_v, p, e, absorbs, index)
+                brings *= 1.0 + share * (mean / middle - 1.0)
+            brings *= weight * share * math.pi * counts * math.exp(-absorbs * way)
             if landed < LANDINGS and brings > 0.0:
                 k = LANDED + 3 * landed
                 work[k], work[k + 1], work[k + 2] = float(row), float(j), brings
                 landed += 1
         t, spare = _spare(x, y, z, dx, dy, dz, walls, round_wall, top)
-        if t >= NEVER or (spare < 0.0 and not _goes_on(spare, walls, round_wall, top, work)):
+        if t >= NEVER or (spare < 0.0 and not (is_whole and _goes_on(spare, walls, round_wall, top, work))):
             break
     for n in range(landed):
         k = LANDED + 3 * n
@@ -248,13 +324,14 @@ def _seen_rays(
 ) -> float:  # fmt: skip
     """Share of a pencil's rays that the dimple hides neither on their first nor on their last way."""
     tx, ty, tz = window_point(r, u, v)
-    seen = 1.0 if is_lit(x0, y0, z0, p, top) and sees(x, y, z, tx, ty, tz, top) else 0.0
+    is_open = work[IS_LIT] > 0.0
+    seen = 1.0 if (is_open or is_lit(x0, y0, z0, p, top)) and sees(x, y, z, tx, ty, tz, top) else 0.0
     if not is_pencil:
         return seen
     for side in range(SIDES):
         k = RAYS + 6 * side
         ax, ay, az = _side_place(side, x0, y0, z0, size_u, size_v, e)
-        if is_lit(ax, ay, az, p, top):
+        if is_open or is_lit(ax, ay, az, p, top):
             u, v, ahead = landing(work[k], work[k + 1], work[k + 2], work[k + 3], work[k + 4], work[k + 5], r)
             tx, ty, tz = window_point(r, u, v)
             if ahead > 0.0 and sees(work[k], work[k + 1], work[k + 2], tx, ty, tz, top):

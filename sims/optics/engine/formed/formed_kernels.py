@@ -23,7 +23,8 @@ from sims.optics.engine.formed.formed_deposits import RAY_BATCHES, deposits
 from sims.optics.engine.formed.formed_direct import straight_flux
 from sims.optics.engine.formed.formed_mirrored import (
     BATCHES,
-    WORK,
+    SIGHT,
+    SIGHTS,
     mirrored_flux,
     top_points,
 )
@@ -88,7 +89,7 @@ def mirrored_matrix(
     """(2, batch, emitter, receiver) light mirrored by the top, smooth and by the skirt."""
     top = FormedTop(origin, axes, numbers, rows)
     out = np.zeros((emitters.shape[0], 2, BATCHES, receivers.shape[0]))
-    work = np.zeros(WORK)
+    work = np.zeros(SIGHTS + SIGHT * (receivers.shape[0] + 1))
     for i in range(emitters.shape[0]):
         if wanted[i].any():
             mirrored_flux(

@@ -10,8 +10,9 @@ Light of an emitter that first meets the top at P, in an element dA of it, and c
 over the part of the emitter whose pencil through P lands on the receiver. The emitter is divided into parts that are
 small against their distance from P (`share`). By the plane mirror at P a window's sides come to straight lines of the
 emitter's plane, which cut a part exactly (`formed_cuts`). Of what lands, all factors are integrated; of what the dimple
-hides, how far it does is found column by column of the part. From the second mirror on, rays beside the middle one
-carry the part (`formed_chains`). The pad is convex, so a window is reached whatever wall the ray meets first.
+hides, how far it does is found column by column of the part. From the second mirror on, rays carry larger parts, which
+are divided where they come near a window (`formed_chains`). The pad is convex, so a window is reached whatever wall the
+ray meets first.
 
 P runs over a grid of the untouched top and, around the press, over rings (`formed_points`). A press changes light by
 the same points with and without it. Points go by batches, each an even lattice by itself, which tell the lattice's
@@ -25,7 +26,15 @@ from __future__ import annotations
 
 import math
 
-from sims.optics.engine.formed.formed_chains import CHAIN_WORK, FAINT, follow_chains, is_lit, mirrored
+from sims.optics.engine.formed.formed_chains import (
+    CHAIN_WORK,
+    FAINT,
+    IS_LIT,
+    LEVELS,
+    follow_chains,
+    is_lit,
+    mirrored,
+)
 from sims.optics.engine.formed.formed_cuts import (
     BATCH,
     DA,
@@ -64,7 +73,9 @@ from sims.optics.engine.formed.formed_top import (
     OUTER,
     FormedTop,
     fall,
+    into,
     is_contact,
+    is_open,
     is_skirt,
     normal_at,
     out_of,
@@ -75,12 +86,18 @@ from sims.optics.surface.radial import inlined, kernel
 
 COLUMNS, HALVINGS = 4, 5
 """Columns of what lands in which it is found how far the dimple hides it, and steps of halving to find that."""
+CHAINS_SHARE = 2.0
+"""Size of the parts whose chains are followed, before they are divided, over that of the others."""
 MOST_PARTS = 12
 """Parts of an emitter in either direction, at most."""
 BATCHES = 4
 WAYS, PART = CHAIN_WORK, CHAIN_WORK + 9
 """Where it is kept which way light goes from a part through a point, and where the part lies."""
-WORK = PART + 5
+AT = PART + 5
+"""Where it is kept where the point lies in the top's frame."""
+SIGHTS = AT + 3
+"""Where it is kept where windows lie, the emitter's first, as `is_open` asks for it."""
+SIGHT = 4
 
 
 @kernel
@@ -94,35 +111,57 @@ def mirrored_flux(
     wanted : (receiver,) which of them
     points : (n, 9) places and normals out of the elastomer, elements of area [mm2], 1 within the skirt, batch
     share : size of a part over its distance from a point, at most
-    work : (`WORK`,) room
+    work : (`SIGHTS` + `SIGHT` (receivers + 1),) room
     """
     pressed = top.numbers[OUTER] > 0.0
+    if pressed:
+        _put_sight(e, 0, top, work)
+        for j in range(receivers.shape[0]):
+            _put_sight(receivers[j], j + 1, top, work)
     for n in range(points.shape[0]):
         p = points[n]
         away = -((p[PX] - e[CX]) * e[NX] + (p[PY] - e[CY]) * e[NY])
         if away <= 1e-9 or p[DA] <= 0.0:
             continue
+        if pressed:
+            x, y, _ = into(top, p[PX], p[PY], p[PZ])
+            work[AT], work[AT + 1], work[AT + 2] = x, y, rise(top, x * x + y * y)[0]
+            work[IS_LIT] = 1.0 if _is_open(0, top, work) else 0.0
         along = abs((p[PX] - e[CX]) * e[UX] + (p[PY] - e[CY]) * e[UY])
         beside, above = max(along - e[HALF_U], 0.0), max(abs(p[PZ] - e[CZ]) - e[HALF_V], 0.0)
-        size = share * math.sqrt(away * away + beside * beside + above * above)
-        parts_u = min(int(2.0 * e[HALF_U] / size) + 1, MOST_PARTS)
-        parts_v = min(int(2.0 * e[HALF_V] / size) + 1, MOST_PARTS)
-        size_u, size_v = e[HALF_U] / parts_u, e[HALF_V] / parts_v
-        element = 4.0 * size_u * size_v / e[AREA] * p[DA]
-        for a in range(parts_u):
-            for b in range(parts_v):
-                x0, y0, z0 = window_point(e, (2.0 * a + 1.0) / parts_u - 1.0, (2.0 * b + 1.0) / parts_v - 1.0)
-                weight = sent(x0, y0, z0, p, e, absorbs, index)
-                if weight * element >= FAINT:
-                    _follow(x0, y0, z0, size_u, size_v, p, element, receivers, wanted, e, absorbs,
-                            index, walls, round_wall, top, pressed, out, work)  # fmt: skip
+        distance = math.sqrt(away * away + beside * beside + above * above)
+        parts = 0
+        # what is mirrored once, and what is mirrored often
+        for often in range(2 if pressed or top.numbers[KIND] != FLAT else 1):
+            size = (CHAINS_SHARE if often else 1.0) * share * distance
+            parts_u = min(int(2.0 * e[HALF_U] / size) + 1, MOST_PARTS)
+            parts_v = min(int(2.0 * e[HALF_V] / size) + 1, MOST_PARTS)
+            levels = LEVELS + (1 if parts_u * parts_v < parts else 0)
+            parts = parts_u * parts_v
+            size_u, size_v = e[HALF_U] / parts_u, e[HALF_V] / parts_v
+            element = 4.0 * size_u * size_v / e[AREA] * p[DA]
+            for a in range(parts_u):
+                for b in range(parts_v):
+                    x0, y0, z0 = window_point(
+                        e, (2.0 * a + 1.0) / parts_u - 1.0, (2.0 * b + 1.0) / parts_v - 1.0
+                    )
+                    weight = sent(x0, y0, z0, p, e, absorbs, index)
+                    if weight * element < FAINT:
+                        continue
+                    if often == 1:
+                        follow_chains(x0, y0, z0, size_u, size_v, p, element, FAINT / weight,
+                                      1 if p[SKIRT] > 0.0 else 0, levels, receivers, wanted, e, absorbs, index, walls,
+                                      round_wall, top, out, work)  # fmt: skip
+                    else:
+                        _follow(x0, y0, z0, size_u, size_v, p, element, receivers, wanted, e, absorbs, index, top,
+                                pressed, out, work)  # fmt: skip
 
 
 @kernel
 def _follow(
     x0: float, y0: float, z0: float, size_u: float, size_v: float, p: FloatArray, element: float,
-    receivers: FloatArray, wanted: BoolArray, e: FloatArray, absorbs: float, index: float, walls: FloatArray,
-    round_wall: FloatArray, top: FormedTop, pressed: bool, out: FloatArray, work: FloatArray,
+    receivers: FloatArray, wanted: BoolArray, e: FloatArray, absorbs: float, index: float, top: FormedTop,
+    pressed: bool, out: FloatArray, work: FloatArray,
 ) -> None:  # fmt: skip
     """Follow the pencil of one part, of half sizes size_u and size_v about x0, y0, z0, through a point of the top."""
     nx, ny, nz = p[MX], p[MY], p[MZ]
@@ -145,6 +184,8 @@ def _follow(
         t0, tu, tv = wx * r[NX] + wy * r[NY], ux * r[NX] + uy * r[NY], vx * r[NX] + vy * r[NY]
         half, s0 = r[HALF_U], side * t0 + deep * (wx * r[UX] + wy * r[UY])
         su, sv = side * tu + deep * (ux * r[UX] + uy * r[UY]), side * tv + deep * (vx * r[UX] + vy * r[UY])
+        if abs(s0) - half * t0 >= abs(su) + abs(sv) + half * (abs(tu) + abs(tv)):
+            continue
         lines(
             half * t0 - s0,
             half * tu - su,
@@ -156,6 +197,8 @@ def _follow(
             work,
         )
         half, s0, su, sv = r[HALF_V], high * t0 + deep * wz, high * tu + deep * uz, high * tv + deep * vz
+        if abs(s0) - half * t0 >= abs(su) + abs(sv) + half * (abs(tu) + abs(tv)):
+            continue
         lines(
             half * t0 - s0,
             half * tu - su,
@@ -170,15 +213,31 @@ def _follow(
         if share <= 0.0:
             continue
         brings = NEVER
-        if pressed:
+        if pressed and not (work[IS_LIT] > 0.0 and _is_open(j + 1, top, work)):
             brings = _seen(p, e, r, deep, absorbs, index, count, start, top, work)
         if brings >= NEVER:
             brings = share * _brought(p, e, r, deep, absorbs, index, count, start, work)
         out[row, batch, j] += brings * element * math.pi
-    if not pressed and wz < 0.0 and top.numbers[KIND] == FLAT:
-        return
-    follow_chains(x0, y0, z0, size_u, size_v, p, element, row, receivers, wanted, e, absorbs, index, walls, round_wall,
-                  top, out, work)  # fmt: skip
+
+
+@kernel
+def _put_sight(window: FloatArray, number: int, top: FormedTop, work: FloatArray) -> None:
+    """Keep where a window lies, as `is_open` asks for it."""
+    x, y, _ = into(top, window[CX], window[CY], window[CZ])
+    around, most = 0.0, -NEVER
+    for k in range(4):
+        px, py, pz = window_point(window, 1.0 if k % 2 == 0 else -1.0, 1.0 if k < 2 else -1.0)
+        qx, qy, qz = into(top, px, py, pz)
+        around, most = max(around, math.hypot(qx - x, qy - y)), max(most, qz + fall(top, qx, qy))
+    k = SIGHTS + SIGHT * number
+    work[k], work[k + 1], work[k + 2], work[k + 3] = x, y, around, most
+
+
+@inlined
+def _is_open(number: int, top: FormedTop, work: FloatArray) -> bool:
+    """Whether the dimple surely hides no way from the point to a window."""
+    k = SIGHTS + SIGHT * number
+    return is_open(top, work[AT], work[AT + 1], work[AT + 2], work[k], work[k + 1], work[k + 2], work[k + 3])
 
 
 @kernel
@@ -258,16 +317,25 @@ def _seen(
         low, high = work[start], work[start]
         for k in range(1, count):
             low, high = min(low, work[start + 2 * k]), max(high, work[start + 2 * k])
-    total, is_hidden, width = 0.0, False, (high - low) / COLUMNS
+    width, first = (high - low) / COLUMNS, COLUMNS
+    for k in range(COLUMNS):
+        a = low + (k + 0.5) * width
+        under, over = _ends(a, work)
+        if over > under and not (
+            _passes(a, over, p, e, r, deep, top, work) and _passes(a, under, p, e, r, deep, top, work)
+        ):
+            first = k
+            break
+    if first == COLUMNS:
+        return NEVER
+    total = 0.0
     for k in range(COLUMNS):
         a = low + (k + 0.5) * width
         under, over = _ends(a, work)
         if over <= under:
             continue
-        is_under = _passes(a, under, p, e, r, deep, top, work)
-        is_over = _passes(a, over, p, e, r, deep, top, work)
-        if not (is_under and is_over):
-            is_hidden = True
+        is_under = k < first or _passes(a, under, p, e, r, deep, top, work)
+        is_over = k < first or _passes(a, over, p, e, r, deep, top, work)
         if not (is_under or is_over):
             continue
         if is_under != is_over:
@@ -282,7 +350,7 @@ def _seen(
         for end in range(2):
             b = 0.5 * (under + over) + (GAUSS if end else -GAUSS) * 0.5 * (over - under)
             total += width * (over - under) * 0.125 * _counted(a, b, p, e, r, deep, absorbs, index, work)
-    return total if is_hidden else NEVER
+    return total
 
 
 @inlined
