@@ -72,13 +72,15 @@ STACK = LANDED + 3 * LANDINGS
 """Where it is kept which shares of a pencil still wait."""
 IS_LIT = STACK + 4 * (DIVISIONS * DIVISIONS * (LEVELS + 1) + 1)
 """Where it is kept whether the dimple surely hides nothing of the emitter's light from the point."""
-CHAIN_WORK = IS_LIT + 1
+PLACE = IS_LIT + 1
+"""Where it is kept where in a pencil's part its sample lies, from -1 to 1 in either direction."""
+CHAIN_WORK = PLACE + 2
 BEND = 0.2
 """Mean of what lands, off the middle ray, of a pencil that is not divided for it [half sizes of the window]."""
 STAYS_FAR, COMES_NEAR, COMES_BENT, COMES_DIM = 0, 1, 2, 3
 WIDENS = 1.2
 """Width of a pencil that is looked for at a window, over that of one by plane mirrors."""
-BRIGHT = 3e4
+BRIGHT = 1e4
 """A pencil that the skirt mirrors is divided if it leaves with so many times `FAINT`."""
 BEHIND = 0.5
 """A middle ray that meets the top behind a wall does so no farther behind it than this share of the way to the wall."""
@@ -114,6 +116,9 @@ def follow_chains(
                 continue
         if near == COMES_DIM:
             level = levels
+        if level == levels:
+            a, b = a + size * work[PLACE], b + size * work[PLACE + 1]
+            x, y, z = x0 + a * size_u * e[UX], y0 + a * size_u * e[UY], z0 + b * size_v
         if level < levels - 1 or near == COMES_BENT or _follow(
             x, y, z, size * size_u, size * size_v, p, size * size * element, size * size * faint, row,
             level == levels, receivers, wanted, e, absorbs, index, walls, round_wall, top, out, work,

@@ -31,6 +31,7 @@ from sims.optics.engine.formed.formed_chains import (
     FAINT,
     IS_LIT,
     LEVELS,
+    PLACE,
     follow_chains,
     is_lit,
     mirrored,
@@ -88,6 +89,8 @@ COLUMNS, HALVINGS = 4, 5
 """Columns of what lands in which it is found how far the dimple hides it, and steps of halving to find that."""
 CHAINS_SHARE = 2.0
 """Size of the parts whose chains are followed, before they are divided, over that of the others."""
+STEPS = (0.7548776662466927, 0.5698402909980532)
+"""Steps of Roberts' additive sequence, by which samples lie in the parts of one point after the other."""
 MOST_PARTS = 12
 """Parts of an emitter in either direction, at most."""
 BATCHES = 4
@@ -129,6 +132,7 @@ def mirrored_flux(
             work[IS_LIT] = 1.0 if _is_open(0, top, work) else 0.0
         along = abs((p[PX] - e[CX]) * e[UX] + (p[PY] - e[CY]) * e[UY])
         beside, above = max(along - e[HALF_U], 0.0), max(abs(p[PZ] - e[CZ]) - e[HALF_V], 0.0)
+        work[PLACE], work[PLACE + 1] = 2.0 * (n * STEPS[0] % 1.0) - 1.0, 2.0 * (n * STEPS[1] % 1.0) - 1.0
         distance = math.sqrt(away * away + beside * beside + above * above)
         parts = 0
         # what is mirrored once, and what is mirrored often
