@@ -36,7 +36,7 @@ rays of their own have fewer here, and cells of the grid larger by the root."""
 DEPOSIT_RAYS = 2048
 PART_SHARE, SPHERE_PART_SHARE = 0.3, 0.15
 """Largest size of an emitter's part over its distance from a point of the top; under a sphere, whose chains of mirrors
-focus both ways, less. `formed_chains` divides parts further where the top bends a pencil."""
+focus both ways, less. `formed_chains` begins with larger ones and divides them where they come near a window."""
 CHAINS_ERROR = 3e-3
 """Error of what an untouched crown mirrors, often, over it [-]: smaller parts of emitters change all of it by 5e-4, and
 of single pairs under a small press by up to this."""
