@@ -39,7 +39,10 @@ from sims.optics.engine.formed.formed_rays import (
     UX,
     UY,
     WALL,
+    beside,
+    landing,
     lobe,
+    mirrored,
     plan_exit,
     sees,
     window_point,
@@ -398,20 +401,6 @@ def pencil(
 
 
 @inlined
-def mirrored(x: float, y: float, z: float, nx: float, ny: float, nz: float) -> tuple[float, float, float]:
-    """A vector, mirrored by a plane of a unit normal."""
-    c = 2.0 * (x * nx + y * ny + z * nz)
-    return x - c * nx, y - c * ny, z - c * nz
-
-
-@inlined
-def beside(x: float, y: float, z: float, nx: float, ny: float, nz: float) -> tuple[float, float, float]:
-    """Unit vector along another one, mirrored."""
-    per = 1.0 / math.sqrt(x * x + y * y + z * z)
-    return mirrored(x * per, y * per, z * per, nx, ny, nz)
-
-
-@inlined
 def is_lit(x0: float, y0: float, z0: float, p: FloatArray, top: FormedTop) -> bool:
     """Whether a place of the emitter sees a point of the top."""
     return sees(x0, y0, z0, p[PX] - 1e-6 * p[MX], p[PY] - 1e-6 * p[MY], p[PZ] - 1e-6 * p[MZ], top)
@@ -458,17 +447,3 @@ def _spare(
     bx, by, bz = turn(top, dx, dy, dz)
     t = top_hit(top, ax, ay, az, bx, by, bz, limit)
     return (t, wall - t) if t < limit else (NEVER, 0.0)
-
-
-@kernel
-def landing(
-    x: float, y: float, z: float, dx: float, dy: float, dz: float, r: FloatArray
-) -> tuple[float, float, float]:
-    """Where a ray comes through a window's plane, in half sizes, and the distance; -NEVER if it goes away from it."""
-    toward = dx * r[NX] + dy * r[NY]
-    if toward <= 1e-9:
-        return 0.0, 0.0, -NEVER
-    t = ((r[CX] - x) * r[NX] + (r[CY] - y) * r[NY]) / toward
-    u = ((x + t * dx - r[CX]) * r[UX] + (y + t * dy - r[CY]) * r[UY]) / r[HALF_U]
-    v = (z + t * dz - r[CZ]) / r[HALF_V]
-    return u, v, t

@@ -34,7 +34,6 @@ from sims.optics.engine.formed.formed_chains import (
     PLACE,
     follow_chains,
     is_lit,
-    mirrored,
 )
 from sims.optics.engine.formed.formed_cuts import (
     BATCH,
@@ -64,6 +63,7 @@ from sims.optics.engine.formed.formed_rays import (
     UY,
     WALL,
     lobe,
+    mirrored,
     sees,
     window_point,
 )

@@ -97,3 +97,31 @@ def lobe(window: FloatArray, cosine: float) -> float:
     over pi [1/sr].
     """
     return lobe_at(window[ORDER], window, TABLE, cosine)
+
+
+@inlined
+def mirrored(x: float, y: float, z: float, nx: float, ny: float, nz: float) -> tuple[float, float, float]:
+    """A vector, mirrored by a plane of a unit normal."""
+    c = 2.0 * (x * nx + y * ny + z * nz)
+    return x - c * nx, y - c * ny, z - c * nz
+
+
+@inlined
+def beside(x: float, y: float, z: float, nx: float, ny: float, nz: float) -> tuple[float, float, float]:
+    """Unit vector along another one, mirrored."""
+    per = 1.0 / math.sqrt(x * x + y * y + z * z)
+    return mirrored(x * per, y * per, z * per, nx, ny, nz)
+
+
+@kernel
+def landing(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, r: FloatArray
+) -> tuple[float, float, float]:
+    """Where a ray comes through a window's plane, in half sizes, and the distance; -NEVER if it goes away from it."""
+    toward = dx * r[NX] + dy * r[NY]
+    if toward <= 1e-9:
+        return 0.0, 0.0, -NEVER
+    t = ((r[CX] - x) * r[NX] + (r[CY] - y) * r[NY]) / toward
+    u = ((x + t * dx - r[CX]) * r[UX] + (y + t * dy - r[CY]) * r[UY]) / r[HALF_U]
+    v = (z + t * dz - r[CZ]) / r[HALF_V]
+    return u, v, t
