@@ -277,7 +277,7 @@ def _follow(
                 x0 + a * size_u * e[UX], y0 + a * size_u * e[UY], z0 + b * size_v, p, e, absorbs, index
             )
             middle = sent(x0, y0, z0, p, e, absorbs, index)
-            if middle > 0.0:
+            if is_pencil and middle > 0.0:
                 mean = sent_by_part(x0, y0, z0, size_u, size_v, p, e, absorbs, index)
                 brings *= 1.0 + share * (mean / middle - 1.0)
             brings *= weight * share * math.pi * counts * math.exp(-absorbs * way)

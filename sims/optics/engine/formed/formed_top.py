@@ -177,15 +177,9 @@ def above_along(
     top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float
 ) -> tuple[float, float]:
     """How far a place of the frame lies above the top, and how fast that grows along a direction."""
-    kind, radius = top.numbers[KIND], top.numbers[RADIUS]
-    down, sx, sy = 0.0, 0.0, 0.0
-    if kind != FLAT:
-        reach = y * y if kind == CYLINDER else x * x + y * y
-        root = math.sqrt(max(radius * radius - reach, 1e-12))
-        down = reach / (radius + root)
-        sx, sy = (0.0 if kind == CYLINDER else x / root), y / root
+    sx, sy = crown_slopes(top, x, y)
     height, turned = rise(top, x * x + y * y)
-    return z + down - height, dz + (sx - turned * x) * dx + (sy - turned * y) * dy
+    return z + fall(top, x, y) - height, dz + (sx - turned * x) * dx + (sy - turned * y) * dy
 
 
 @kernel
