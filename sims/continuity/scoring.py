@@ -12,7 +12,7 @@ again below; where it stays blind, the usable depth ends.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,34 +23,16 @@ from design.geometry.cavity import CavityGeometry, cavity_of
 from design.geometry.pairs import is_facing_rows, judged_pairs, mask_of, pair_name
 from design.rules.check import check, require_valid
 from design.spec import SensorDesign
-from sims.bounds.observability import PadBounds
-from sims.contact.force_curve import ForceCurve, force_curve
-from sims.contact.indentation import solved_press
 from sims.contact.press_notes import contact_notes
 from sims.continuity.build_tolerance import with_tolerance
 from sims.continuity.cautions import margin_caution, noise_caution
 from sims.continuity.field_steps import with_field_steps
-from sims.continuity.map_bounds import map_bounds
-from sims.continuity.map_judging import judged_map, pad_place
-from sims.continuity.result import ContinuityScore, JudgedPair, Verdict
-from sims.optics.accuracy import Accuracy
-from sims.optics.light_signals import LightSignals
-from sims.press.depths import depth_schedule_mm
-from sims.readings.readout import Readout, readout_of
+from sims.continuity.judge import Judge
+from sims.continuity.result import ContinuityScore, JudgedPair
+from sims.readings.readout import Readout
 from sims.verdict.boundary_forces import boundary_forces, place_force
-from sims.verdict.builds import score_curves
-from sims.verdict.causes import Cause, causes_of_pad, causes_of_pairs
 from sims.verdict.figure_errors import drawn_figures, figure_errors, figures_of
 from sims.verdict.pad_map import PadMap
-from sims.verdict.pair.defaults import DEADBAND_MIN_LENGTH_MM, TRACE_ERROR_LIMIT
-from sims.verdict.pair.pair_score import PairScore
-from sims.verdict.presses import (
-    PAIR_ACCURACY,
-    SECOND_SEED,
-    PairCurves,
-    pair_curves,
-    untouched_flux,
-)
 
 FloatArray = NDArray[np.float64]
 OnStep = Callable[[str, float], None]
@@ -83,188 +65,70 @@ def score(
     DesignError : the design breaks a rule (`optopad check` lists them).
     """
     require_valid(design)
-    tell = on_step or (lambda _stage, _share: None)
+    judge = Judge(design, "fine" if fine else "full" if full else "score", seed=seed, on_step=on_step)
+    base = base_of(design, seed=seed, fine=fine, full=full)
     try:
-        return _judged(
-            design,
-            fine=fine,
-            full=full,
-            seed=seed,
-            verdict_only=verdict_only,
-            tolerance=tolerance,
-            tell=tell,
-        )
+        found = _scored(judge, base, verdict_only=verdict_only)
     except ModelScopeError as err:
-        return _out_of_scope(design, str(err), fine=fine, full=full, seed=seed)
-
-
-def _judged(
-    design: SensorDesign,
-    *,
-    fine: bool,
-    full: bool,
-    seed: int,
-    verdict_only: bool,
-    tolerance: bool,
-    tell: OnStep,
-) -> ContinuityScore:
-    cavity = cavity_of(design)
-    require_judgeable_depth(design)
-    force = centred_force(design, lambda share: tell("contact", share))
-    depth_mm = depth_schedule_mm(design.operating.max_depth_mm)
-    flat = untouched_flux(design, cavity, seed=seed)
-    pairs = judged_pairs(cavity)
-    readout = readout_of(design, flat, mask_of(pairs, cavity))
-    curves = pair_curves(
-        design,
-        cavity,
-        pairs,
-        depth_mm,
-        accuracy="fine" if fine else PAIR_ACCURACY,
-        seed=seed,
-        on_step=lambda share: tell("pairs", share),
-    )
-    judged, drawn = _judged_pairs(design, cavity, curves, readout)
-    facing = is_facing_rows(cavity)
-    pairs_open = facing and _pairs_are_open(
-        design, cavity, judged, readout, "fine" if fine else PAIR_ACCURACY, seed, tell
-    )
-    pad_map, pad_signals = None, None
-    if not (facing and verdict_only):
-        pad_map, pad_signals = judged_map(design, cavity, readout, fine=fine, full=full, seed=seed, tell=tell)
-    bounds = None
-    if not verdict_only and pad_map is not None and pad_signals is not None:
-        bounds = map_bounds(
-            design,
-            pad_map,
-            pad_signals,
-            readout,
-            fine=fine,
-            seed=seed,
-            on_step=lambda share: tell("bounds", share),
-        )
-    found = _assembled(
-        design,
-        cavity,
-        judged,
-        drawn,
-        pad_map,
-        pad_signals,
-        readout,
-        flat,
-        force,
-        bounds,
-        pairs_open=pairs_open,
-        fine=fine,
-        full=full,
-        seed=seed,
-    )
+        return replace(base, reason=str(err), warnings=tuple(str(finding) for finding in check(design)))
     if tolerance and not verdict_only:
-        return with_field_steps(
-            design, with_tolerance(design, found, seed=seed, on_step=tell), seed=seed, on_step=tell
-        )
+        found = with_tolerance(design, found, seed=seed, on_step=judge.tell)
+        found = with_field_steps(design, found, seed=seed, on_step=judge.tell)
     return found
 
 
-def _judged_pairs(
-    design: SensorDesign, cavity: CavityGeometry, curves: tuple[PairCurves, ...], readout: Readout
-) -> tuple[tuple[JudgedPair, ...], FloatArray]:
-    """All pairs, and their figures drawn again within the trace's error."""
-    scores = [score_curves(design, of_pair, readout) for of_pair in curves]
-    drawn = drawn_figures(design, curves, scores, readout)
-    errors = [
-        figure_errors(draws[None], figures_of(score)[None])
-        for draws, score in zip(drawn, scores, strict=True)
-    ]
-    judged = (_judged_pair(design, cavity, *one) for one in zip(curves, scores, errors, strict=True))
-    return tuple(judged), drawn
-
-
-def _judged_pair(
-    design: SensorDesign,
-    cavity: CavityGeometry,
-    curves: PairCurves,
-    scored: PairScore,
-    errors: dict[str, float],
-) -> JudgedPair:
-    force, is_at_place = place_force(design, curves.press_mm)
-    return JudgedPair(
-        name=pair_name(cavity, curves.pair),
-        curves=curves,
-        score=scored,
-        forces=boundary_forces(scored.modes, force, is_at_place=is_at_place),
-        errors=errors,
-    )
-
-
-def require_judgeable_depth(design: SensorDesign) -> None:
-    """Refuse a range of use in which no deadband could be (ModelScopeError)."""
-    if design.operating.max_depth_mm < DEADBAND_MIN_LENGTH_MM:
-        raise ModelScopeError(
-            f"operating.max_depth_mm: {design.operating.max_depth_mm:g} mm is less than a deadband's least length, "
-            f"{DEADBAND_MIN_LENGTH_MM:g} mm, so nothing can be judged; raise it"
-        )
-
-
-def centred_force(design: SensorDesign, on_step: Callable[[float], None]) -> ForceCurve:
-    """Load of the centred press at the depths of a score."""
-    press = solved_press(design, on_step=on_step)
-    return force_curve(design, press, depth_schedule_mm(design.operating.max_depth_mm))
-
-
-def governing_pair(judged: tuple[JudgedPair, ...], facing: bool) -> JudgedPair:
-    """The middle facing pair, or the worst one if only another has a deadband.
-
-    Of a pad: the pair with most deadband, then least evenness, clipped ones last.
-    """
-    if facing:
-        worst = max(judged, key=lambda pair: pair.score.deadband_total_mm)
-        return judged[0] if judged[0].score.deadbands_mm else worst
-    return max(
-        judged,
-        key=lambda pair: (not pair.score.is_clipped, pair.score.deadband_total_mm, -pair.score.evenness),
-    )
-
-
-def _assembled(
-    design: SensorDesign,
-    cavity: CavityGeometry,
-    judged: tuple[JudgedPair, ...],
-    drawn: FloatArray,
-    pad_map: PadMap | None,
-    pad_signals: LightSignals | None,
-    readout: Readout,
-    flat: FloatArray,
-    force: ForceCurve,
-    bounds: PadBounds | None,
-    *,
-    pairs_open: bool,
-    fine: bool,
-    full: bool,
-    seed: int,
+def base_of(
+    design: SensorDesign, *, seed: int, fine: bool = False, full: bool = False, reason: str = ""
 ) -> ContinuityScore:
-    facing = is_facing_rows(cavity)
-    governing = governing_pair(judged, facing)
-    deadbands = pad_map.worst.deadbands_mm if pad_map and not facing else governing.score.deadbands_mm
-    found = any(pair.score.deadbands_mm for pair in judged) if facing else bool(deadbands)
-    headline = _headline(judged, governing, facing)
-    shown = [k for k, pair in enumerate(judged) if not facing or pair is governing]
-    worst = max(judged, key=lambda pair: pair.score.deadband_total_mm)
-    usable_mm, usable_range_mm = _usable(design, judged, pad_map, facing=facing)
-    verdict: Verdict = "DEADBAND" if found else "CONTIGUOUS"
+    """A score that says nothing yet; out of scope for a reason."""
     return ContinuityScore(
-        verdict=verdict,
-        reason="",
+        verdict="OUT_OF_MODEL_SCOPE",
+        reason=reason,
         digest=design.digest,
         name=design.name,
         seed=seed,
         fine=fine,
         full=full,
-        is_facing_rows=facing,
-        deadbands_mm=tuple(deadbands),
-        usable_depth_mm=usable_mm,
-        usable_range_mm=usable_range_mm,
-        is_open=pairs_open if facing or pad_map is None else pad_map.is_open,
+        is_facing_rows=is_facing_rows(cavity_of(design)),
+    )
+
+
+def with_verdict(judge: Judge, base: ContinuityScore) -> ContinuityScore:
+    """The verdict of a pad's map or of facing pairs, with what it is read from."""
+    facing = judge.is_facing
+    return replace(
+        base,
+        verdict=judge.verdict,
+        deadbands_mm=judge.deadbands_mm,
+        usable_depth_mm=judge.usable_depth_mm,
+        usable_range_mm=judge.usable_range_mm,
+        is_open=judge.is_open,
+        untouched_flux=judge.untouched,
+        readout=judge.readout,
+        governing=judge.governing.name if facing else None,
+        pairs=judge.pairs if facing else (),
+        pad_map=None if facing else judge.pad_map,
+        pad_signals=None if facing else judge.pad_signals,
+        causes=judge.causes,
+        force=judge.force,
+    )
+
+
+def _scored(judge: Judge, base: ContinuityScore, *, verdict_only: bool) -> ContinuityScore:
+    """All that a score has before its tolerance: stages in the order of the progress lines."""
+    facing = judge.is_facing
+    _ = judge.force
+    judged, drawn = _with_errors(judge)
+    has_map = not (facing and verdict_only)
+    found = with_verdict(judge, base)
+    if has_map:
+        found = replace(found, pad_map=judge.pad_map, pad_signals=judge.pad_signals)
+    governing = next(pair for pair in judged if pair.name == judge.governing.name)
+    shown = [k for k, pair in enumerate(judged) if not facing or pair is governing]
+    worst = max(judged, key=lambda pair: pair.score.deadband_total_mm)
+    headline = _headline(judged, governing, facing)
+    return replace(
+        found,
         governing=governing.name,
         worst_pair_mm=worst.score.deadband_total_mm,
         worst_pair=worst.name,
@@ -274,95 +138,32 @@ def _assembled(
         strength=headline.strength,
         figure_errors=figure_errors(drawn[shown], np.stack([figures_of(judged[k].score) for k in shown])),
         pairs=judged,
-        unjudged=_unjudged(cavity, flat, readout),
+        unjudged=_unjudged(judge.cavity, judge.untouched, judge.readout),
         clipped=tuple(pair.name for pair in judged if pair.score.is_clipped),
-        untouched_flux=flat,
-        readout=readout,
-        pad_map=pad_map,
-        pad_signals=pad_signals,
-        causes=_causes(design, judged, pad_map, pad_signals, readout),
-        bounds=bounds,
-        force=force,
-        warnings=_warnings(design, judged, pad_map, readout.of_each(len(cavity.receivers))),
+        bounds=None if verdict_only else judge.bounds,
+        warnings=_warnings(
+            judge.design, judged, found.pad_map, judge.readout.of_each(len(judge.cavity.receivers))
+        ),
     )
 
 
-def _causes(
-    design: SensorDesign,
-    judged: tuple[JudgedPair, ...],
-    pad_map: PadMap | None,
-    pad_signals: LightSignals | None,
-    readout: Readout,
-) -> tuple[Cause, ...]:
-    if is_facing_rows(cavity_of(design)):
-        return causes_of_pairs(design, [(pair.curves, pair.score) for pair in judged], readout)
-    if pad_map is None or pad_signals is None:
-        return ()
-    return causes_of_pad(design, pad_map, pad_signals, readout)
-
-
-def _usable(
-    design: SensorDesign, judged: tuple[JudgedPair, ...], pad_map: PadMap | None, *, facing: bool
-) -> tuple[float, tuple[float, float]]:
-    """Depth to which depth is told, and what the light's error leaves of it; of the pad, or of the facing pairs."""
-    if pad_map is not None and not facing:
-        return pad_map.usable_depth_mm, pad_map.usable_range_mm
-    usable = usable_of_pairs(design, judged)
-    return usable, (usable, usable)
-
-
-def usable_of_pairs(design: SensorDesign, judged: tuple[JudgedPair, ...]) -> float:
-    """Least depth of any facing pair from which on its depth is not told any more, or the deepest press [mm]."""
-    ends = [pair.score.saturation_mm[0] for pair in judged if pair.score.saturation_mm is not None]
-    return min([*ends, design.operating.max_depth_mm])
-
-
-def _pairs_are_open(
-    design: SensorDesign,
-    cavity: CavityGeometry,
-    judged: tuple[JudgedPair, ...],
-    readout: Readout,
-    accuracy: str | Accuracy,
-    seed: int,
-    tell: OnStep,
-) -> bool:
-    """Whether the light's own error may make or hide every deadband of facing pairs, asked of a second trace.
-
-    Two traces err independently of each other, so what both agree on is no error (`sims.verdict.frame_depths`).
-    """
-    if any(pair.score.deadbands_mm for pair in judged):
-        return False
-    doubtful = [
-        pair
-        for pair in judged
-        if pair.score.possible_deadbands_mm and (pair.score.noise_margin or 0.0) > TRACE_ERROR_LIMIT
-    ]
-    if not doubtful:
-        return False
-    again = pair_curves(
-        design,
-        cavity,
-        tuple(pair.curves.pair for pair in doubtful),
-        judged[0].curves.depth_mm,
-        accuracy=accuracy,
-        seed=seed + SECOND_SEED,
-        on_step=lambda share: tell("open pairs", share),
+def _with_errors(judge: Judge) -> tuple[tuple[JudgedPair, ...], FloatArray]:
+    """All pairs with loads and errors, and their figures drawn again within the trace's error."""
+    design, pairs = judge.design, judge.pairs
+    drawn = drawn_figures(
+        design, [pair.curves for pair in pairs], [pair.score for pair in pairs], judge.readout
     )
-    for pair, second in zip(doubtful, again, strict=True):
-        halves = np.stack([pair.curves.total, second.total])[..., np.newaxis] * readout.of_receiver(
-            second.pair[1]
+    judged = []
+    for pair, draws in zip(pairs, drawn, strict=True):
+        force, is_at_place = place_force(design, pair.curves.press_mm)
+        judged.append(
+            replace(
+                pair,
+                forces=boundary_forces(pair.score.modes, force, is_at_place=is_at_place),
+                errors=figure_errors(draws[None], figures_of(pair.score)[None]),
+            )
         )
-        place = pad_place(
-            design,
-            np.array(second.press_mm),
-            second.depth_mm,
-            halves,
-            np.zeros_like(halves[0]),
-            readout.full_scale_counts,
-        )
-        if place.depths.is_open or place.deadbands_mm:
-            return True
-    return False
+    return tuple(judged), drawn
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -416,17 +217,3 @@ def _warnings(
             "gain.target_counts"
         )
     return tuple(found)
-
-
-def _out_of_scope(design: SensorDesign, reason: str, *, fine: bool, full: bool, seed: int) -> ContinuityScore:
-    return ContinuityScore(
-        verdict="OUT_OF_MODEL_SCOPE",
-        reason=reason,
-        digest=design.digest,
-        name=design.name,
-        seed=seed,
-        fine=fine,
-        full=full,
-        is_facing_rows=is_facing_rows(cavity_of(design)),
-        warnings=tuple(str(finding) for finding in check(design)),
-    )

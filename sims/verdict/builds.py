@@ -21,11 +21,12 @@ from sims.optics.light_signals import LightSignals
 from sims.optics.tracing import trace
 from sims.press.depths import COARSE_STEP_MM, depth_schedule_mm
 from sims.readings.readout import Readout, readout_of
-from sims.verdict.frame_depths import DepthReading, Frames, read_depths
+from sims.verdict.frame_depths import DepthReading
+from sims.verdict.pad_map import place_of
 from sims.verdict.pair.deadbands import total_length_mm
 from sims.verdict.pair.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
 from sims.verdict.pair.depth_curve import between, clipped
-from sims.verdict.pair.noise_units import noise_units, sigma_counts
+from sims.verdict.pair.noise_units import noise_of, noise_units, sigma_counts
 from sims.verdict.pair.pair_score import PairScore, score_pair
 from sims.verdict.pair.trace_noise import widened_threshold
 from sims.verdict.pair.window_range import smallest_range
@@ -151,10 +152,10 @@ def place_brief(
 ) -> Brief:
     """A build judged at one place by some pairs together, over all depths; near to being blind by two traces."""
     depth_mm, light, readout = _pressed(design, place_mm, pairs, seed)
-    found = _depths(design, depth_mm, (light, light), pairs, readout)
+    found = _depths(design, place_mm, depth_mm, (light, light), pairs, readout)
     if found.margin < NEARLY_BLIND or found.blind.usable_mm < depth_mm[-1]:
         _, second, _ = _pressed(design, place_mm, pairs, seed + SECOND_SEED)
-        found = _depths(design, depth_mm, (light, second), pairs, readout)
+        found = _depths(design, place_mm, depth_mm, (light, second), pairs, readout)
     return Brief(
         gap_mm=None,
         deadband_mm=total_length_mm(found.blind.deadbands_mm),
@@ -166,6 +167,7 @@ def place_brief(
 
 def _depths(
     design: SensorDesign,
+    place_mm: tuple[float, float],
     depth_mm: FloatArray,
     halves: tuple[LightSignals, LightSignals],
     pairs: tuple[Pair, ...],
@@ -173,10 +175,9 @@ def _depths(
 ) -> DepthReading:
     """What frames of some pairs tell of depth at a place, by two traces; the untouched state is the first of each."""
     emitters, receivers = np.array(pairs).T
-    counts = [light.flux[1:, emitters, receivers] * readout.of_pairs(pairs) for light in halves]
-    knots_mm, readings = clipped(depth_mm, np.concatenate(counts, axis=1), readout.full_scale_counts)
-    units = noise_units(readings, **noise_of(design)).reshape(len(knots_mm), 2, -1).swapaxes(0, 1)
-    return read_depths(Frames(depth_mm=knots_mm, halves=units, variance=np.zeros(len(knots_mm))))
+    counts = np.stack([light.flux[1:, emitters, receivers] * readout.of_pairs(pairs) for light in halves])
+    nothing = np.zeros_like(counts[0])
+    return place_of(design, place_mm, depth_mm, counts, nothing, readout.full_scale_counts).depths
 
 
 def responsive_pairs(
@@ -200,14 +201,6 @@ def responsive_pairs(
         enough = int(np.searchsorted(np.cumsum(square[order]), RESPONSE_SHARE * square.sum())) + 1
         chosen |= dict.fromkeys(pairs[int(k)] for k in order[:enough])
     return tuple(sorted(chosen))
-
-
-def noise_of(design: SensorDesign) -> dict[str, float]:
-    """The design's noise model, as keywords of the verdict's functions."""
-    return {
-        "read_noise_counts": design.noise.read_noise_counts,
-        "relative_noise": design.noise.relative_noise,
-    }
 
 
 def _pressed(

@@ -33,13 +33,12 @@ from design.geometry.pairs import beside_chord, direct_path_pairs, pair_name
 from design.spec import SensorDesign
 from sims.optics.light_signals import LightSignals
 from sims.readings.readout import Readout
-from sims.verdict.builds import noise_of
 from sims.verdict.frame_depths import Interval
 from sims.verdict.pad_map import PadMap, Place
 from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
 from sims.verdict.pair.depth_curve import between
 from sims.verdict.pair.modes import find_modes
-from sims.verdict.pair.noise_units import noise_units, sigma_counts
+from sims.verdict.pair.noise_units import noise_of, noise_units, sigma_counts
 from sims.verdict.pair.pair_score import PairScore
 from sims.verdict.presses import PairCurves, curves_of
 

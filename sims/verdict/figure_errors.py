@@ -19,11 +19,10 @@ from numpy.typing import NDArray
 
 from design.spec import SensorDesign
 from sims.readings.readout import Readout
-from sims.verdict.builds import noise_of
 from sims.verdict.pair.deadbands import continuity, deadband_intervals_mm, evenness
 from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
 from sims.verdict.pair.depth_curve import between, clipped
-from sims.verdict.pair.noise_units import noise_units
+from sims.verdict.pair.noise_units import noise_of, noise_units
 from sims.verdict.pair.pair_score import PairScore
 from sims.verdict.presses import PairCurves
 

@@ -9,7 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.geometry.cavity import CavityGeometry, Workspace
-from sims.verdict.frame_depths import DepthReading, Interval
+from design.spec import SensorDesign
+from sims.verdict.frame_depths import DepthReading, Frames, Interval, read_depths
+from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
+from sims.verdict.pair.depth_curve import clipped, interpolated
+from sims.verdict.pair.noise_units import noise_of, noise_units, sigma_counts
 from sims.verdict.pair.trace_noise import samples_between
 
 FloatArray = NDArray[np.float64]
@@ -145,6 +149,39 @@ class PadMap:
     def usable_grid_mm(self) -> FloatArray:
         """(ny, nx) usable depth at each place [mm]."""
         return self.grid([place.usable_mm for place in self.places])
+
+
+def place_of(
+    design: SensorDesign,
+    place_mm: tuple[float, float],
+    depth_mm: FloatArray,
+    counts: FloatArray,
+    errors: FloatArray,
+    full_scale_counts: float,
+) -> Place:
+    """Judge one place.
+
+    Parameters
+    ----------
+    counts : (2, depth, pair) unlimited counts of all judged pairs by independent traces, or twice by one
+    errors : (depth, pair) standard errors where there is one trace, else 0 [counts]
+    """
+    noise = noise_of(design)
+    knots_mm, readings = clipped(depth_mm, np.concatenate(list(counts), axis=1), full_scale_counts)
+    units = noise_units(readings, **noise).reshape(len(knots_mm), 2, -1).swapaxes(0, 1)
+    once = np.where(counts[0] < full_scale_counts, errors / sigma_counts(counts[0], **noise), 0.0)
+    frames = Frames(
+        depth_mm=knots_mm,
+        halves=units,
+        variance=interpolated(depth_mm, (once**2).sum(axis=1, keepdims=True), knots_mm)[:, 0],
+    )
+    change = np.ptp(units.mean(axis=0), axis=0)
+    return Place(
+        x_mm=place_mm[0],
+        y_mm=place_mm[1],
+        depths=read_depths(frames),
+        answering_pairs=int((change >= DEADBAND_THRESHOLD).sum()),
+    )
 
 
 def map_grid_mm(cavity: CavityGeometry, places: int) -> tuple[FloatArray, FloatArray]:

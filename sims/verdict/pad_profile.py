@@ -18,11 +18,10 @@ from design.geometry.pairs import direct_path_pairs
 from design.spec import SensorDesign
 from sims.optics.light_signals import LightSignals
 from sims.readings.readout import Readout
-from sims.verdict.builds import noise_of
 from sims.verdict.pad_map import PadMap
 from sims.verdict.pair.defaults import DEADBAND_MIN_LENGTH_MM
 from sims.verdict.pair.depth_curve import clipped, interpolated
-from sims.verdict.pair.noise_units import noise_units
+from sims.verdict.pair.noise_units import noise_of, noise_units
 
 FloatArray = NDArray[np.float64]
 

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from design.errors import InputError
+from design.spec import SensorDesign
 from sims.verdict.pair.defaults import QUANTISATION_VARIANCE, READ_NOISE_COUNTS, RELATIVE_NOISE
 
 FloatArray = NDArray[np.float64]
@@ -98,3 +99,11 @@ def _ratio_to_argument(function: np.ufunc, x: FloatArray) -> FloatArray:
     safe = np.where(small, 1.0, x)
     ratio: FloatArray = np.where(small, 1.0, function(safe) / safe)
     return ratio
+
+
+def noise_of(design: SensorDesign) -> dict[str, float]:
+    """The design's noise model, as keywords of the verdict's functions."""
+    return {
+        "read_noise_counts": design.noise.read_noise_counts,
+        "relative_noise": design.noise.relative_noise,
+    }

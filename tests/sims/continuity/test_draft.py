@@ -14,10 +14,11 @@ from design.preset import FLAT_PRESETS, preset
 from design.spec import SensorDesign
 from sims.bounds.observability import pad_bounds
 from sims.contact.indentation import round_press, solved_press
-from sims.continuity import draft
+from sims.continuity import map_judging
 from sims.continuity.draft import curves_under, draft_score, pairs_under, with_draft_bounds
 from sims.continuity.result import ContinuityScore
 from sims.continuity.scoring import score
+from sims.continuity.settings import SETTINGS
 from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
 
 PAD, PAIR = "piacenza2017-pad", "piacenza2017-pair"
@@ -103,7 +104,7 @@ def test_the_draft_of_the_pad_says_what_its_score_says(clear_mm: float, verdict:
 def test_pairs_far_from_a_place_may_be_left_as_untouched(monkeypatch: pytest.MonkeyPatch) -> None:
     design = preset(PAD)
     found = draft_score(design).pad_map
-    monkeypatch.setattr(draft, "NEAR_TIPS", 100.0)
+    monkeypatch.setitem(SETTINGS, "draft", replace(SETTINGS["draft"], near_tips=None))
     whole = draft_score(design).pad_map
     assert found is not None
     assert whole is not None
@@ -121,7 +122,7 @@ def test_a_place_that_is_nearly_blind_is_judged_by_finer_light(monkeypatch: pyte
     design, stages = preset(PAD).with_(**{CLEAR: 10.0}), set[str]()
     found = draft_score(design, on_step=lambda stage, _share: stages.add(stage))
     assert "open places" in stages
-    monkeypatch.setattr(draft, "CLOSE_UNITS", 0.0)
+    monkeypatch.setattr(map_judging, "CLOSE_UNITS", 0.0)
     coarse = draft_score(design)
     assert found.pad_map is not None
     assert coarse.pad_map is not None

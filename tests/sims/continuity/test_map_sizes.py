@@ -2,9 +2,9 @@
 
 import pytest
 
-import sims.continuity.map_judging as continuity
-from design.geometry.cavity import cavity_of
+import sims.continuity.judge as stages
 from design.preset import preset
+from sims.continuity.judge import Judge
 from sims.optics.accuracy import ACCURACIES
 from sims.verdict.presses import MAP_ACCURACY
 
@@ -23,24 +23,21 @@ def asked(monkeypatch):
         found.update(places=len(places_mm), depths=len(depth_mm), accuracy=accuracy)
         raise AskedError
 
-    monkeypatch.setattr(continuity, "map_light", never_traced)
+    monkeypatch.setattr(stages, "map_light", never_traced)
     return found
 
 
 @pytest.mark.parametrize(
-    ("fine", "full", "places", "fewest_depths", "accuracy"),
+    ("settings", "places", "fewest_depths", "accuracy"),
     [
-        (False, False, 25, 26, MAP_ACCURACY),
-        (False, True, 121, 51, MAP_ACCURACY),
-        (True, False, 121, 51, ACCURACIES["standard"]),
-        (True, True, 121, 51, ACCURACIES["standard"]),
+        ("score", 25, 26, MAP_ACCURACY),
+        ("full", 121, 51, MAP_ACCURACY),
+        ("fine", 121, 51, ACCURACIES["standard"]),
     ],
 )
-def test_a_full_map_has_121_places_and_51_depths_at_least(asked, fine, full, places, fewest_depths, accuracy):
+def test_a_full_map_has_121_places_and_51_depths_at_least(asked, settings, places, fewest_depths, accuracy):
     with pytest.raises(AskedError):
-        continuity.judged_map(
-            PAD, cavity_of(PAD), None, fine=fine, full=full, seed=0, tell=lambda _stage, _share: None
-        )
+        _ = Judge(PAD, settings).pad_map
     assert asked["places"] == places
     assert asked["depths"] >= fewest_depths
     assert asked["accuracy"] == accuracy

@@ -7,9 +7,10 @@ import pytest
 from design.errors import DesignError
 from design.preset import preset
 from design.search.judged import Limit
-from sims.continuity import objective
+from sims.continuity import judge as stages
 from sims.continuity.objective import judge
 from sims.continuity.scoring import score
+from sims.verdict import presses
 
 PAIR = preset("piacenza2017-pair")
 PAD = preset("piacenza2017-pad")
@@ -19,13 +20,13 @@ PAD = preset("piacenza2017-pad")
 def traced(monkeypatch):
     """How many states were traced, stage by stage."""
     counts = []
-    whole = objective.trace
+    whole = presses.trace
 
     def counted(design, presses, *given, **named):
         counts.append(len(presses))
         return whole(design, presses, *given, **named)
 
-    monkeypatch.setattr(objective, "trace", counted)
+    monkeypatch.setattr(presses, "trace", counted)
     return counts
 
 
@@ -55,13 +56,13 @@ def test_too_little_light_ends_the_judging_before_any_press(traced):
 @pytest.mark.slow
 def test_the_other_pairs_are_not_traced_once_the_middle_one_has_a_deadband(monkeypatch):
     asked = []
-    whole = objective.pair_curves
+    whole = stages.pair_curves
 
     def watched(design, cavity, pairs, *given, **named):
         asked.append(len(pairs))
         return whole(design, cavity, pairs, *given, **named)
 
-    monkeypatch.setattr(objective, "pair_curves", watched)
+    monkeypatch.setattr(stages, "pair_curves", watched)
     thick = PAIR.with_(**{"cavity.clear_thickness_mm": 10.0})
     limits = (Limit(figure="verdict", equals="CONTIGUOUS"),)
     judged = judge(thick, limits, wanted=("evenness",))
@@ -87,8 +88,8 @@ def test_a_further_place_of_a_pad_is_judged_with_the_maps(monkeypatch):
         asked.append([tuple(place) for place in places_mm.tolist()])
         return whole(design, places_mm, *given, **named)
 
-    whole = objective.pad_light
-    monkeypatch.setattr(objective, "pad_light", watched)
+    whole = stages.pad_light
+    monkeypatch.setattr(stages, "pad_light", watched)
     wanted = ("margin",)
     small = preset("fingertip-16")
     plain = judge(small, (), wanted=wanted)

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+import sims.continuity.judge as stages
 import sims.continuity.map_judging as judging
-import sims.continuity.scoring as scoring
 from design.geometry.cavity import cavity_of
 from design.geometry.pairs import direct_path_pairs
 from design.preset import preset
 from sims.continuity.cautions import margin_caution
-from sims.continuity.map_judging import judged_map
+from sims.continuity.judge import Judge
 from sims.continuity.scoring import score
 from sims.optics.light_signals import LightSignals
 from sims.readings.readout import readout_of
@@ -40,7 +40,7 @@ Trace = Callable[..., LightSignals]
 def traced(slow_places: int, errors: dict[object, float], calls: Calls) -> Trace:
     """A trace with random errors, a share of every signal by the setting; a seed makes them its own."""
 
-    def light(_design, places_mm, depth_mm, *, accuracy, seed, on_step):
+    def light(_design, places_mm, depth_mm, *, accuracy, seed, on_step, near=None):
         calls.append((accuracy, seed, len(places_mm), float(depth_mm[0]), float(depth_mm[-1])))
         slow = np.clip(depth_mm - FROM_MM, 0.0, TO_MM - FROM_MM)
         lost = np.where(
@@ -67,12 +67,11 @@ def judged(monkeypatch: pytest.MonkeyPatch, slow: int, *errors: float) -> tuple[
     """The map of a pad with some slow places, and what was traced, with an error for each setting in turn."""
     calls: Calls = []
     by_setting = dict(zip((MAP_ACCURACY, *DOUBT_ACCURACIES), errors, strict=True))
-    for name in ("map_light", "pad_light"):
-        monkeypatch.setattr(judging, name, traced(slow, by_setting, calls))
-    found, signals = judged_map(
-        PAD, CAVITY, READOUT, fine=False, full=False, seed=7, tell=lambda _stage, _share: None
-    )
-    return found, signals, calls
+    for room, name in ((stages, "map_light"), (judging, "pad_light")):
+        monkeypatch.setattr(room, name, traced(slow, by_setting, calls))
+    judge = Judge(PAD, seed=7)
+    judge.readout = READOUT
+    return judge.pad_map, judge.pad_signals, calls
 
 
 def test_a_map_without_doubt_is_traced_once(monkeypatch):
@@ -146,5 +145,5 @@ def test_facing_pairs_in_doubt_are_asked_of_a_second_trace(monkeypatch: pytest.M
             replace(one, total=np.where(one.depth_mm < 1.0, one.total[0], one.total)) for one in traced
         )
 
-    monkeypatch.setattr(scoring, "pair_curves", disagreeing)
+    monkeypatch.setattr(stages, "pair_curves", disagreeing)
     assert score(design, verdict_only=True).is_open
