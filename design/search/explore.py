@@ -44,7 +44,7 @@ from design.search.study import (
 )
 from design.spec import SensorDesign
 
-BASE, JUDGED = "base", "judged"
+BASE, JUDGED, ROUNDS = "base", "judged", "rounds"
 HEARTBEAT_S = 20
 
 
@@ -74,6 +74,9 @@ class Findings:
 OnTried = Callable[[Findings, Tried | None], None]
 """Called at the start and after every design, with what is found so far and the design that was just judged."""
 
+Refine = Callable[[Findings, int], Sequence[dict[str, Value]]]
+"""Points to judge after the sampler's: asked again, with the number of the round, until it gives none."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class _Asked:
@@ -93,6 +96,7 @@ def explore(
     on_tried: OnTried | None = None,
     heartbeat_s: int = HEARTBEAT_S,
     first: Sequence[dict[str, Value]] = (),
+    refine: Refine | None = None,
 ) -> Findings:
     """Search until a number of designs is judged; a study that exists is gone on with.
 
@@ -105,6 +109,7 @@ def explore(
     fan_out : judges a batch; designs must be independent of each other
     heartbeat_s : of a shared study [s]
     first : points of the space to judge before the sampler proposes any
+    refine : gives more points once `trials` are judged, by what was found; not for a shared study
 
     Raises
     ------
@@ -121,6 +126,7 @@ def explore(
             on_tried,
             heartbeat_s,
             first,
+            refine,
         )
         return run.to_the_end()
 
@@ -146,12 +152,15 @@ class _Run:
         on_tried: OnTried | None,
         heartbeat_s: int,
         first: Sequence[dict[str, Value]],
+        refine: Refine | None,
     ) -> None:
+        self.refine = refine
         self.space, self.objective, self.study, self.fan_out = space, objective, study, fan_out
         self.is_shared, self.on_tried, self.heartbeat_s = is_shared, on_tried, heartbeat_s
         self.first = first
         is_grid = space.search.sampler == "grid"
         self.wanted = min(wanted, grid_size(space)) if is_grid else wanted
+        self.wanted = max(self.wanted, *study.user_attrs.get(ROUNDS, ()), 0)
         self.worker = f"{socket.gethostname()}:{os.getpid()}:{time.time_ns()}" if is_shared else ""
         self.distributions = distributions_of(space)
         self.base = self._base()
@@ -163,13 +172,29 @@ class _Run:
         self._tell_listener(None)
         is_interrupted = False
         try:
-            while size := self._next_size():
+            while size := self._next_size() or self._next_round():
                 self._batch(size)
                 if self.is_shared:
                     recover(self.study, is_shared=True)
         except KeyboardInterrupt:
             is_interrupted = True
         return _findings(self.study, self.space, self.base, self.limits, self.wanted, is_interrupted)
+
+    def _next_round(self) -> int:
+        """Queue the points that `refine` asks for once all others are judged; the size of the first batch of them."""
+        if self.refine is None:
+            return 0
+        rounds = list(self.study.user_attrs.get(ROUNDS, ()))
+        found = _findings(self.study, self.space, self.base, self.limits, self.wanted)
+        known = [one.parameters for one in found.tried]
+        points = [point for point in self.refine(found, len(rounds)) if point not in known]
+        if not points:
+            return 0
+        self.wanted = len(found.tried) + len(points)
+        self.study.set_user_attr(ROUNDS, [*rounds, self.wanted])
+        for point in points:
+            self.study.enqueue_trial(point)
+        return self._next_size()
 
     def _base(self) -> Judged:
         known = self.study.user_attrs.get(BASE)
@@ -334,6 +359,7 @@ def _record(judged: Judged, digest: str, seconds: float) -> dict[str, Any]:
         "figures": judged.figures,
         "verdict": judged.verdict,
         "reason": judged.reason,
+        "may_be": judged.may_be,
         "digest": digest,
         "seconds": round(seconds, 3),
     }
@@ -344,4 +370,5 @@ def _judged_from(record: dict[str, Any]) -> Judged:
         figures=dict(record.get("figures", {})),
         verdict=str(record.get("verdict", "")),
         reason=str(record.get("reason", "")),
+        may_be=bool(record.get("may_be", False)),
     )

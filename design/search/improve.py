@@ -44,6 +44,10 @@ NEAR_BEST_MM = 0.5
 """Usable depths that differ by less are as good [mm]."""
 WORTH_MARGIN, WORTH_ACCURACY = 0.2, 0.05
 """Gains of margin and of accuracy, over the base's, from which a change of a sound design is worth it [-]."""
+MOVES = (4.0, 2.0, 2.0, 1.0)
+"""Moves around the best design, round by round [steps of a field]."""
+MOST_A_ROUND = 10
+"""Designs of a round at most."""
 ENOUGH_SHARE = 0.6
 """Share of the deepest usable depth that few changes may leave [-]."""
 
@@ -101,6 +105,7 @@ def improvement_space(
             "fields": list(fields.values()),
             "objectives": [{"figure": figure} for figure in figures],
             "constraints": [{"figure": "verdict", "equals": "CONTIGUOUS"}],
+            "accuracy": "draft",
             "search": {"sampler": "tpe", "trials": trials, "seed": seed, "batch": 4},
         },
         where="--vary",
@@ -228,56 +233,115 @@ def changes_of(space: SearchSpace, parameters: Mapping[str, Value]) -> dict[str,
     }
 
 
+def refinements(space: SearchSpace, tried: Sequence[Tried], number: int) -> list[dict[str, Value]]:
+    """Points around the best design: each change of it taken back by itself, then moved either way.
+
+    Parameters
+    ----------
+    number : of the round; moves shrink from round to round (`MOVES`), and end
+    """
+    if number >= len(MOVES) or not tried:
+        return []
+    best = max(tried, key=lambda one: (*worth(one.judged), -_cost(space, one)[0], -one.number))
+    base, here = start_of(space), best.parameters
+    points = [here | {path: base[path]} for path in here if here[path] != base[path]]
+    heights = [field for field in space.fields if field.path in HEIGHTS]
+    groups = [heights] if len(heights) > 1 else []
+    groups += [[field] for field in space.fields if field.path in (*HEIGHTS, CLEAR)]
+    groups += [
+        [field]
+        for field in space.fields
+        if field.low is not None and here[field.path] != base[field.path] and [field] not in groups
+    ]
+    for group in groups:
+        for side in (1.0, -1.0):
+            length = side * MOVES[number]
+            points.append(here | {one.path: _moved(space, one, here, length * _step(one)) for one in group})
+    known = [one.parameters for one in tried]
+    fresh = [
+        point for place, point in enumerate(points) if point not in known and point not in points[:place]
+    ]
+    return fresh[:MOST_A_ROUND]
+
+
+def _step(field: SpaceField) -> float:
+    """Step of a field that varies [its unit]."""
+    assert field.low is not None
+    assert field.high is not None
+    return field.step or (field.high - field.low) / 50.0
+
+
+def worth(judged: Judged) -> tuple[bool, float, float, float]:
+    """An order of designs, better ones larger: no deadband, a short one, the usable depth, the margin."""
+    return (
+        is_possible(judged),
+        -float(judged.figures.get("deadband_mm") or 0.0) if judged.figures else -math.inf,
+        round(_usable(judged) / NEAR_BEST_MM),
+        min(margin_of(judged), AMPLE_MARGIN),
+    )
+
+
 def picks(space: SearchSpace, base: Judged, tried: Sequence[Tried], accuracy: str) -> list[Pick]:
-    """Designs worth having, at most one of each kind, each list best first; none where nothing mends the base.
+    """Designs worth having, as far as their light and its error tell, each kind's best first.
 
     Parameters
     ----------
     accuracy : figure that the most accurate is best in
     """
-    sound = [one for one in tried if _is_sound(one.judged)]
-    if not sound:
+    possible = [one for one in tried if is_possible(one.judged) and changes_of(space, one.parameters)]
+    if not possible:
         return []
-    most = max(_usable(one.judged) for one in sound)
-    changed = [
-        one for one in sound if changes_of(space, one.parameters) and _betters(base, one.judged, accuracy)
-    ]
+    most = max(_usable(one.judged) for one in possible)
+    changed = [one for one in possible if betters(base, one.judged, accuracy)]
     deep = [one for one in changed if _usable(one.judged) >= most - NEAR_BEST_MM]
     enough = [one for one in changed if _usable(one.judged) >= ENOUGH_SHARE * most]
     orders = {
-        "fewest changes": lambda one: (_cost(space, one), -_margin(one.judged)),
-        "most robust": lambda one: (-_margin(one.judged), _cost(space, one)),
+        "fewest changes": lambda one: (_cost(space, one), -margin_of(one.judged)),
+        "most robust": lambda one: (-margin_of(one.judged), _cost(space, one)),
         "best accuracy": lambda one: (_accuracy(one.judged, accuracy), _cost(space, one)),
     }
-    chosen = {"fewest changes": enough, "most robust": deep, "best accuracy": deep}
-    if (
-        _is_sound(base) and enough
-    ):  # nothing needs mending: what is offered second must beat what is offered first
+    chosen = {
+        "fewest changes": enough,
+        "most robust": deep,
+        "best accuracy": [one for one in deep if math.isfinite(_accuracy(one.judged, accuracy))],
+    }
+    if is_sound(base) and enough:  # nothing needs mending: the second must beat what is offered first
         first = min(enough, key=orders["fewest changes"]).judged
         chosen["most robust"] = [one for one in deep if _is_stronger(one.judged, first)]
         chosen["best accuracy"] = [one for one in deep if _is_finer(one.judged, first, accuracy)]
     return [Pick(kind=kind, tried=one) for kind in KINDS for one in sorted(chosen[kind], key=orders[kind])]
 
 
-def _is_sound(judged: Judged) -> bool:
-    return not judged.reason and judged.verdict == "CONTIGUOUS" and _margin(judged) >= SAFE_MARGIN
+def is_possible(judged: Judged) -> bool:
+    """Whether a design may have no deadband, by the light that judged it and its error."""
+    return is_sound(judged) or judged.may_be
 
 
-def _betters(base: Judged, judged: Judged, accuracy: str) -> bool:
-    """A base without a deadband is bettered in depth, accuracy or a scarce margin; else by any sound design."""
-    if not _is_sound(base):
-        return True
+def is_sound(judged: Judged, safe: float = SAFE_MARGIN) -> bool:
+    """Whether a design has no deadband, with a margin beyond the error of quick light."""
+    return not judged.reason and judged.verdict == "CONTIGUOUS" and margin_of(judged) >= safe
+
+
+def betters(base: Judged, judged: Judged, accuracy: str, safe: float = SAFE_MARGIN) -> bool:
+    """Whether a design is better: than a base without a deadband in depth, accuracy or a scarce margin, else by none.
+
+    Parameters
+    ----------
+    safe : margin from which a base has none, by the light that judged it [noise units]
+    """
+    if not is_sound(base, safe):
+        return is_possible(judged)
     deeper = _usable(judged) - _usable(base)
     if deeper > NEAR_BEST_MM:
         return True
-    keeps = _margin(judged) >= min(_margin(base), AMPLE_MARGIN)
+    keeps = margin_of(judged) >= min(margin_of(base), AMPLE_MARGIN)
     finer = keeps and _is_finer(judged, base, accuracy)
     return deeper > -NEAR_BEST_MM and (finer or _is_stronger(judged, base))
 
 
 def _is_stronger(judged: Judged, other: Judged) -> bool:
     """Whether the margin is larger by enough, as far as more of it is worth anything."""
-    return min(_margin(judged), AMPLE_MARGIN) > (1.0 + WORTH_MARGIN) * _margin(other)
+    return min(margin_of(judged), AMPLE_MARGIN) > (1.0 + WORTH_MARGIN) * margin_of(other)
 
 
 def _is_finer(judged: Judged, other: Judged, accuracy: str) -> bool:
@@ -288,7 +352,8 @@ def _is_finer(judged: Judged, other: Judged, accuracy: str) -> bool:
     return was - _accuracy(judged, accuracy) > WORTH_ACCURACY * abs(was)
 
 
-def _margin(judged: Judged) -> float:
+def margin_of(judged: Judged) -> float:
+    """Margin, 0 where it is not known [noise units]."""
     return float(judged.figures.get("margin") or 0.0)
 
 

@@ -63,11 +63,13 @@ class Judged:
     figures : by name; None where the figure could not be resolved
     verdict : CONTIGUOUS, DEADBAND or OUT_OF_MODEL_SCOPE; empty when the judging stopped before
     reason : why the judging stopped early; empty when it did not
+    may_be : whether the error of the light that judged it leaves it possible that it has no deadband
     """
 
     figures: dict[str, float | None] = field(default_factory=dict)
     verdict: str = ""
     reason: str = ""
+    may_be: bool = False
 
     def violations(self, limits: Sequence[Limit]) -> dict[str, float]:
         """Violation of every limit whose figure is known; `usable` besides when something else stopped the judging."""

@@ -174,8 +174,8 @@ class SearchSpace(Model):
     objectives: Annotated[tuple[SpaceObjective, ...], Field(min_length=1, max_length=6)]
     constraints: tuple[SpaceConstraint, ...] = ()
     accuracy: Annotated[
-        Literal["search", "score"],
-        Field(description="of the light: search is quick, score that of `optopad score`"),
+        Literal["draft", "search", "score"],
+        Field(description="of the light: draft is the quickest, search quick, score that of `optopad score`"),
     ] = "search"
     search: SearchSettings = SearchSettings()
 

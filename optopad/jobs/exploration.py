@@ -26,7 +26,7 @@ from typing import Any
 
 from design.errors import InputError
 from design.io import dump_design, write_text_atomically
-from design.search.explore import Findings, OnTried, explore
+from design.search.explore import Findings, OnTried, Refine, explore
 from design.search.figures import FIGURES
 from design.search.importance import importances
 from design.search.judged import FanOut, Tried, one_by_one
@@ -52,6 +52,7 @@ def search(
     scheduler: str | None = None,
     on_tried: OnTried | None = None,
     first: Sequence[dict[str, Value]] = (),
+    refine: Refine | None = None,
     also_mm: Sequence[tuple[float, float]] = (),
 ) -> Search:
     """Search, or go on with a search, and write what was found.
@@ -61,7 +62,7 @@ def search(
     trials : designs in all; None takes the space's
     storage : address of a database that other workers may share; None is SQLite in the search's folder
     scheduler : address of a Dask scheduler whose workers judge the designs; None judges them here
-    first : points of the space to judge before the sampler proposes any
+    first, refine : points of the space to judge before, and after, those that the sampler proposes
     also_mm : (x, y) of places of a pad that are judged besides the map's; a search that goes on keeps its own [mm]
 
     Raises
@@ -91,6 +92,7 @@ def search(
             fan_out=fan_out,
             on_tried=on_tried,
             first=first,
+            refine=refine,
         )
         return write_search(folder, found, importances(space, url))
 

@@ -16,7 +16,6 @@ from sims.plots.style import plain_style, svg_text
 COLOURS_END = 20.0
 """Margin at which the colours of the maps end [noise units]: beyond it more is worth nothing."""
 SHOWN = (
-    "margin",
     "location_bound_mm",
     "depth_bound_mm",
     "resolvable_steps",
@@ -48,6 +47,7 @@ def before_and_after(made: Improvement) -> Html:
         ["how sure", *(answer_of(*both).sure for both in zip(designs, scores, strict=True))],
         ["usable depth [mm]", *(_number(score.usable_depth_mm) for score in scores)],
         ["deadband [mm]", *(_number(score.deadband_total_mm) for score in scores)],
+        ["margin [noise units]", *(_number(score.margin) for score in scores)],
         *_figure_rows(figures),
         ["bundle of it", *files],
     ]
@@ -71,8 +71,8 @@ def before_and_after(made: Improvement) -> Html:
         element("div", *pictures, class_="grid"),
         element(
             "p",
-            f"{what} Verdicts are as optopad score gives them; the other figures are those of the search's quick "
-            "light, alike for all.",
+            f"{what} Verdict, usable depth, deadband and margin are as optopad score gives them; the other figures are "
+            "those of the search's quick light, alike for all.",
             class_="note",
         ),
     )
@@ -83,7 +83,7 @@ def _figure_rows(figures: list[Figures]) -> list[list[str]]:
     for name in SHOWN:
         values = [one.get(name) for one in figures]
         if any(value is not None for value in values):
-            unit = "noise units" if name == "margin" else FIGURES[name].unit
+            unit = FIGURES[name].unit
             words = name.removesuffix("_mm").replace("_", " ") + ("" if unit == "1" else f" [{unit}]")
             rows.append([words, *map(_number, values)])
     return rows

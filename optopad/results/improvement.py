@@ -36,15 +36,31 @@ class Alternative:
 
 @dataclass(frozen=True, kw_only=True)
 class Nearest:
-    """The best design in reach where none mends the base: its changes, figures, and fields at their ranges' ends."""
+    """The best of the designs that were judged as a score judges, where none is better than the design before.
+
+    Attributes
+    ----------
+    changes : new values by dotted path
+    judged, score : as the search judged it, and as `optopad score` does
+    at_ends : fields at an end of their range
+    """
 
     changes: dict[str, Any]
     judged: Judged
     at_ends: tuple[str, ...]
+    score: ContinuityScore
 
     def to_json(self) -> dict[str, Any]:
         """Plain data for JSON."""
-        return {"changes": self.changes, "figures": self.judged.figures, "at_range_end": list(self.at_ends)}
+        return {
+            "changes": self.changes,
+            "figures": self.judged.figures,
+            "at_range_end": list(self.at_ends),
+            "verdict": self.score.verdict,
+            "usable_depth_mm": self.score.usable_depth_mm,
+            "deadband_mm": self.score.deadband_total_mm,
+            "margin_noise_units": self.score.margin,
+        }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +72,7 @@ class Improvement:
     design, before, figures : the design, its score, and its figures as the search judged it
     alternatives : better designs, one of a kind at most
     nearest : without any, what came nearest
-    tried : designs judged by the search
+    tried, judged_again : designs judged by the search's quick light, and as a score judges
     folder : with their files
     is_interrupted : whether the search was stopped before its end
     """
@@ -69,6 +85,7 @@ class Improvement:
     tried: int
     folder: Path
     is_interrupted: bool
+    judged_again: int = 0
 
     def to_json(self) -> dict[str, Any]:
         """Plain data for JSON."""
@@ -86,6 +103,7 @@ class Improvement:
             ],
             "nearest": None if self.nearest is None else self.nearest.to_json(),
             "designs": self.tried,
+            "judged_by_score": self.judged_again,
             "interrupted": self.is_interrupted,
             "folder": str(self.folder),
         }

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from design.errors import ModelScopeError
 from design.geometry.cavity import CavityGeometry
 from design.geometry.pairs import beside_chord, judged_pairs, mask_of, pair_name
 from design.rules.check import require_valid
@@ -23,7 +22,7 @@ from design.spec import SensorDesign
 from sims.contact.indentation import round_press
 from sims.continuity.judge import Judge
 from sims.continuity.result import ContinuityScore, JudgedPair
-from sims.continuity.scoring import base_of, with_verdict
+from sims.continuity.scoring import verdict_of
 from sims.optics.tracing import trace
 from sims.press.depths import depth_schedule_mm
 from sims.readings.readout import Readout
@@ -121,12 +120,7 @@ def draft_score(design: SensorDesign, *, seed: int = 0, on_step: OnStep | None =
     ------
     DesignError : the design breaks a rule.
     """
-    require_valid(design)
-    judge, base = Judge(design, "draft", seed=seed, on_step=on_step), base_of(design, seed=seed)
-    try:
-        return with_verdict(judge, base)
-    except ModelScopeError as err:
-        return replace(base, reason=str(err))
+    return verdict_of(design, "draft", seed=seed, on_step=on_step)
 
 
 def with_draft_bounds(

@@ -34,7 +34,7 @@ from sims.optics.light_signals import LightSignals
 from sims.optics.tracing import trace
 from sims.press.depths import depth_schedule_mm
 from sims.readings.readout import Readout, readout_of
-from sims.verdict.builds import score_curves
+from sims.verdict.builds import pair_margin, score_curves
 from sims.verdict.causes import Cause, causes_of_pad, causes_of_pairs
 from sims.verdict.pad_map import PadMap, Place, grid_places_mm, map_grid_mm, place_of
 from sims.verdict.pair.defaults import DEADBAND_MIN_LENGTH_MM, TRACE_ERROR_LIMIT
@@ -298,6 +298,13 @@ class Judge:
         if self.is_facing:
             return self.usable_depth_mm, self.usable_depth_mm
         return self.pad_map.usable_range_mm
+
+    @property
+    def margin(self) -> float:
+        """Least margin of any facing pair, or place [noise units]; below 3 is a deadband."""
+        if not self.is_facing:
+            return min(place.margin for place in self.places)
+        return min(pair_margin(self.design, self.readout, pair.curves, pair.score)[0] for pair in self.pairs)
 
     @cached_property
     def is_open(self) -> bool:

@@ -22,8 +22,10 @@ from design.search.figures import BOUND_FIGURES
 from design.search.judged import Judged, Limit
 from design.spec import SensorDesign
 from sims.continuity.judge import Judge, governing_pair, usable_of_pairs
+from sims.continuity.map_judging import CLOSE_UNITS
 from sims.continuity.result import JudgedPair
 from sims.verdict.builds import pair_margin
+from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
 
 MAP_FIGURES = frozenset({"verdict", "deadband_mm", "usable_depth_mm", "margin"})
 PAIR_FIGURES = frozenset({"evenness", "continuity", "swing", "resolvable_steps"})
@@ -67,7 +69,7 @@ class _Search:
     def __init__(self, stages: Judge, limits: tuple[Limit, ...], needed: set[str]) -> None:
         self.stages, self.limits, self.needed = stages, limits, needed
         self.figures: dict[str, float | None] = {}
-        self.verdict = ""
+        self.verdict, self.may_be = "", False
 
     def outcome(self) -> Judged:
         """Go through the steps until the end or until one shows that the design is hopeless."""
@@ -76,7 +78,7 @@ class _Search:
             self._steps()
         except (_HopelessError, ModelScopeError) as err:
             reason = str(err)
-        return Judged(figures=self.figures, verdict=self.verdict, reason=reason)
+        return Judged(figures=self.figures, verdict=self.verdict, reason=reason, may_be=self.may_be)
 
     def _steps(self) -> None:
         broken = [str(finding) for finding in check(self.stages.design) if finding.severity == "error"]
@@ -115,31 +117,26 @@ class _Search:
         """The middle pair first: most designs fall with it. The others only where it has no deadband."""
         names = self.stages.names
         judged = self.stages.judged(names[:1])
-        self._headline(judged[0])
+        self._headline(judged)
         self._stop_if_hopeless()
         if not self.figures["deadband_mm"] and len(names) > 1:
             judged += self.stages.judged(names[1:])
-            self._headline(governing_pair(judged, True))
-        if self.needed & {"usable_depth_mm", "margin"}:
-            self._depths(judged)
+            self._headline(judged)
         self._bounds()
 
-    def _depths(self, judged: tuple[JudgedPair, ...]) -> None:
-        """Usable depth and margin of facing pairs, the least of each."""
-        design, readout = self.stages.design, self.stages.readout
-        self.figures["usable_depth_mm"] = usable_of_pairs(design, judged)
-        self.figures["margin"] = min(
-            pair_margin(design, readout, pair.curves, pair.score)[0] for pair in judged
-        )
-
-    def _headline(self, pair: JudgedPair) -> None:
-        score = pair.score
+    def _headline(self, judged: tuple[JudgedPair, ...]) -> None:
+        """The governing pair's figures; of usable depth and margin the least of any."""
+        design, score = self.stages.design, governing_pair(judged, True).score
+        margins = [pair_margin(design, self.stages.readout, pair.curves, pair.score) for pair in judged]
+        self.may_be = min(margin + error for margin, error in margins) >= DEADBAND_THRESHOLD
         self.figures |= {
             "evenness": score.evenness,
             "continuity": score.continuity,
             "swing": score.strength.swing,
             "resolvable_steps": score.strength.resolvable_steps,
             "deadband_mm": score.deadband_total_mm,
+            "usable_depth_mm": usable_of_pairs(design, judged),
+            "margin": min(margin for margin, _ in margins),
         }
         self.verdict = "DEADBAND" if score.deadbands_mm else "CONTIGUOUS"
 
@@ -155,6 +152,7 @@ class _Search:
                 "margin": min(place.margin for place in places),
             }
             self.verdict = self.stages.verdict
+            self.may_be = min(place.margin for place in places) >= DEADBAND_THRESHOLD - CLOSE_UNITS
             self._stop_if_hopeless()
         self._bounds()
 

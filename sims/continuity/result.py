@@ -52,6 +52,8 @@ class ContinuityScore:
     is_facing_rows : whether the verdict is that of facing pairs (else of the pad)
     usable_depth_mm : least depth of any place, or facing pair, from which on depth is not told any more [mm]
     usable_range_mm : between what depths the light's own error leaves that [mm]
+    margin : least distance of frames, or change of a facing pair's signal, over 0.3 mm of depth before the range ends
+        [noise units]; below 3 is a deadband
     is_open : whether the light's own error may make or hide every deadband
     deadbands_mm : intervals of the headline: the governing facing pair, or the worst place of the pad
     governing : name of the pair that stands for the rest: the middle facing one; of a pad the unclipped one with
@@ -81,6 +83,7 @@ class ContinuityScore:
     full: bool = False
     usable_depth_mm: float | None = None
     usable_range_mm: Interval | None = None
+    margin: float | None = None
     is_open: bool = False
     deadbands_mm: tuple[Interval, ...] = ()
     governing: str | None = None
@@ -132,6 +135,7 @@ class ContinuityScore:
             "usable_range_mm": None
             if self.usable_range_mm is None
             else [_rounded(v) for v in self.usable_range_mm],
+            "margin_noise_units": _rounded(self.margin),
             "is_open": self.is_open,
             "worst_pair": self.worst_pair,
             "governing_pair": self.governing,

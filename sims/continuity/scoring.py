@@ -66,7 +66,7 @@ def score(
     """
     require_valid(design)
     judge = Judge(design, "fine" if fine else "full" if full else "score", seed=seed, on_step=on_step)
-    base = base_of(design, seed=seed, fine=fine, full=full)
+    base = _base_of(design, seed=seed, fine=fine, full=full)
     try:
         found = _scored(judge, base, verdict_only=verdict_only)
     except ModelScopeError as err:
@@ -77,13 +77,32 @@ def score(
     return found
 
 
-def base_of(
-    design: SensorDesign, *, seed: int, fine: bool = False, full: bool = False, reason: str = ""
+def verdict_of(
+    design: SensorDesign, settings: str = "score", *, seed: int = 0, on_step: OnStep | None = None
 ) -> ContinuityScore:
-    """A score that says nothing yet; out of scope for a reason."""
+    """The verdict, with the map of a pad or the pairs of facing rows, and nothing that it does not need.
+
+    Parameters
+    ----------
+    settings : a row of `sims.continuity.settings.SETTINGS`
+
+    Raises
+    ------
+    DesignError : the design breaks a rule.
+    """
+    require_valid(design)
+    base = _base_of(design, seed=seed)
+    try:
+        return _with_verdict(Judge(design, settings, seed=seed, on_step=on_step), base)
+    except ModelScopeError as err:
+        return replace(base, reason=str(err))
+
+
+def _base_of(design: SensorDesign, *, seed: int, fine: bool = False, full: bool = False) -> ContinuityScore:
+    """A score that says nothing yet."""
     return ContinuityScore(
         verdict="OUT_OF_MODEL_SCOPE",
-        reason=reason,
+        reason="",
         digest=design.digest,
         name=design.name,
         seed=seed,
@@ -93,7 +112,7 @@ def base_of(
     )
 
 
-def with_verdict(judge: Judge, base: ContinuityScore) -> ContinuityScore:
+def _with_verdict(judge: Judge, base: ContinuityScore) -> ContinuityScore:
     """The verdict of a pad's map or of facing pairs, with what it is read from."""
     facing = judge.is_facing
     return replace(
@@ -102,6 +121,7 @@ def with_verdict(judge: Judge, base: ContinuityScore) -> ContinuityScore:
         deadbands_mm=judge.deadbands_mm,
         usable_depth_mm=judge.usable_depth_mm,
         usable_range_mm=judge.usable_range_mm,
+        margin=judge.margin,
         is_open=judge.is_open,
         untouched_flux=judge.untouched,
         readout=judge.readout,
@@ -120,7 +140,7 @@ def _scored(judge: Judge, base: ContinuityScore, *, verdict_only: bool) -> Conti
     _ = judge.force
     judged, drawn = _with_errors(judge)
     has_map = not (facing and verdict_only)
-    found = with_verdict(judge, base)
+    found = _with_verdict(judge, base)
     if has_map:
         found = replace(found, pad_map=judge.pad_map, pad_signals=judge.pad_signals)
     governing = next(pair for pair in judged if pair.name == judge.governing.name)

@@ -16,6 +16,7 @@ from design.search.improve import (
     first_points,
     improvement_space,
     picks,
+    refinements,
     start_of,
 )
 from design.search.judged import Judged, Tried
@@ -192,6 +193,38 @@ def test_the_same_seed_finds_the_same_and_goes_on(tmp_path, around_thick):
     explore(space, judge, url, trials=8, first=first)
     resumed = explore(space, judge, url, first=first)
     assert [one.parameters for one in resumed.tried] == [one.parameters for one in whole.tried]
+
+
+def test_each_change_of_the_best_design_is_taken_back_by_itself(around_thick):
+    space, found = around_thick
+    points = refinements(space, found.tried, 0)
+    known = [one.parameters for one in found.tried]
+    assert points
+    assert not [point for point in points if point in known]
+    best = max(
+        found.tried,
+        key=lambda one: (one.judged.verdict == "CONTIGUOUS", min(one.judged.figures["margin"], 9)),
+    )
+    changed = changes_of(space, best.parameters)
+    taken_back = [best.parameters | {path: start_of(space)[path]} for path in changed]
+    assert all(point in points or point in known for point in taken_back)
+    assert refinements(space, found.tried, 99) == []
+
+
+def test_a_search_goes_on_around_its_best_until_nothing_new_is_asked_for(tmp_path):
+    space = space_of(THICK)
+    url = f"sqlite:///{tmp_path / 'study.db'}"
+    asked = []
+
+    def refine(found, number):
+        asked.append(number)
+        return refinements(space, found.tried, number)
+
+    whole = explore(space, judge, url, trials=8, refine=refine)
+    assert asked == list(range(len(asked)))
+    assert len(whole.tried) > 8
+    again = explore(space, judge, url, trials=8, refine=refine)
+    assert again.tried == whole.tried
 
 
 def test_nothing_is_picked_where_nothing_mends_the_base(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 from contextlib import redirect_stdout
@@ -13,6 +14,7 @@ import pytest
 
 import optopad
 import optopad.jobs.improvement as improvement
+import optopad.jobs.judged_again as judged_again
 import sims.continuity.objective as objective
 from design.io import load_design
 from design.preset import preset, preset_text
@@ -61,9 +63,9 @@ def with_made_up_physics(monkeypatch: pytest.MonkeyPatch) -> None:
         return replace(dead_score(design), causes=(replace(cause("apart"), short_mm=3.3),))
 
     monkeypatch.setattr(objective, "judge", lambda design, limits, **_: judge(design, limits))
-    monkeypatch.setattr(improvement, "score", scored)
-    for also in ("with_tolerance", "with_field_steps"):
-        monkeypatch.setattr(improvement, also, lambda _design, found, **_: found)
+    monkeypatch.setattr(judged_again, "verdict_of", scored)
+    for room, also in ((judged_again, "with_tolerance"), (improvement, "with_field_steps")):
+        monkeypatch.setattr(room, also, lambda _design, found, **_: found)
 
 
 def improved(file: Path, capsys: pytest.CaptureFixture[str], *options: str) -> dict:
@@ -113,7 +115,9 @@ def test_an_interrupted_search_goes_on_to_the_same_files(design_file, capsys, mo
     assert cut["alternatives"] == []
     again = improved(design_file, capsys, "--out", "cut")
     one_batch = 4  # and the base before it: what was judged when it stopped is not judged again
-    assert len(seen) == 6 + whole["designs"] - one_batch
+    with (Path(whole["folder"]) / "designs.csv").open() as table:
+        refused = sum(not row["digest"] for row in csv.DictReader(table))
+    assert len(seen) == 6 + whole["designs"] - refused - one_batch
     assert json.dumps(again).replace("cut/", "outputs/") == json.dumps(whole)
     for one, other in zip(again["alternatives"], whole["alternatives"], strict=True):
         assert Path(one["file"]).read_bytes() == Path(other["file"]).read_bytes()
@@ -178,6 +182,33 @@ def test_a_base_whose_deadband_a_quick_map_misses_is_mended_all_the_same(design_
     assert said["alternatives"][0]["kind"] == "fewest changes"
 
 
+def test_none_is_never_said_over_a_design_that_a_score_finds_better(design_file, capsys, monkeypatch):
+    """Quick light that sees a deadband everywhere has the best designs judged by the score's all the same."""
+
+    def blind(design, limits, **_):
+        found = judge(design, limits)
+        dead = found.figures["deadband_mm"] + 0.1
+        return replace(found, verdict="DEADBAND", figures=found.figures | {"deadband_mm": dead})
+
+    monkeypatch.setattr(objective, "judge", blind)
+    said = improved(design_file, capsys, "--out", "blind")
+    assert said["judged_by_score"] >= 1
+    assert [one["verdict"] for one in said["alternatives"]] == ["CONTIGUOUS"]
+    assert said["nearest"] is None
+
+
+def test_what_comes_nearest_is_told_with_the_verdict_of_a_score(design_file, capsys, monkeypatch):
+    monkeypatch.setattr(judged_again, "verdict_of", lambda design, **_: dead_score(design))
+    said = improved(design_file, capsys, "--out", "dead")
+    assert said["alternatives"] == []
+    assert said["nearest"]["verdict"] == "DEADBAND"
+    assert said["judged_by_score"] >= judged_again.ATTEMPTS
+    assert main(["improve", str(design_file), "--budget", "0.5", "--out", "dead"]) == 0
+    text = capsys.readouterr().out
+    assert re.search(r"nearest   .+: DEADBAND", text)
+    assert "\N{HORIZONTAL ELLIPSIS}" not in text
+
+
 def test_the_page_shows_before_and_after_side_by_side(design_file, found):
     said = found
     text = (Path(said["folder"]) / "report.html").read_text()
@@ -219,7 +250,7 @@ def test_what_binds_is_named_where_nothing_mends_it(design_file, capsys):
     assert said["alternatives"] == []
     assert said["nearest"]["figures"]["deadband_mm"] > 0.0
     assert main(["improve", str(design_file), "--budget", "0.5", *options]) == 0
-    assert "none      no better design in reach" in capsys.readouterr().out
+    assert "none      no better design among" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
