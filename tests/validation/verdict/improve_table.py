@@ -1,0 +1,298 @@
+"""Whether what `improve` proposes is right, and what it rejects is not better: two tables of docs/validation/search.md.
+
+    python -m tests.validation.verdict.improve_table [rows | pads]     (an hour of two cores; interrupted, it goes on)
+
+Random designs with fixed seeds that `score` finds a deadband in: facing rows of one to four pairs, and small pads. Each
+is improved with the default budget; what is proposed is read from its file and scored anew. Of rows a grid over both
+heights and the thickness, within the ranges that improve varies, is judged by a search's light, and its best designs by
+the score's. A grid's design counts as better by the rule that improve itself offers designs by: no deadband where
+improve has none to offer, 0.5 mm more usable depth, or a margin larger by a fifth as far as it is scarce.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import sys
+import textwrap
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from design.errors import OptopadError
+from design.io import load_design, write_text_atomically
+from design.preset import preset
+from design.rules.check import check
+from design.search.improve import HEIGHTS, betters, improvement_space, worth
+from design.search.judged import Judged, Limit
+from design.spec import SensorDesign
+from design.spec.cheap_fields import CLEAR
+from optopad.jobs.improvement import improve
+from sims.continuity.objective import judge
+from sims.continuity.result import ContinuityScore
+from sims.continuity.scoring import verdict_of
+from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
+
+ROOT = Path(__file__).parents[3]
+FOLDER = ROOT / "build" / "validation" / "improve"
+PAGE = ROOT / "docs" / "validation" / "search.md"
+ROWS, PADS = 24, 6
+WIDTH = 118
+"""Of a line of the page."""
+GRID = 6
+"""Values of each of the three fields: 216 designs."""
+JUDGED_AGAIN = 3
+"""Best designs of a grid that are judged by the score's light."""
+PAIR, PAD = preset("piacenza2017-pair"), preset("fingertip-16")
+PARTS = (("sunled-xscwd23mb", "osram-sfh206k"), ("kingbright-apt2012zgc", "osram-sfh2400"))
+BEGIN, END = "<!-- improve: begin -->", "<!-- improve: end -->"
+
+
+def random_row(seed: int) -> SensorDesign:
+    """Facing rows of one to four pairs."""
+    chance = np.random.default_rng([1, seed])
+    emitter, receiver = PARTS[int(chance.integers(2))]
+    clear = round(float(chance.uniform(5.0, 11.0)), 1)
+    tip = float(chance.choice([2.0, 2.5, 3.0]))
+    length, width = (round(float(size), 0) for size in chance.uniform(16.0, 30.0, 2))
+    count = int(chance.integers(1, 5))
+    return PAIR.with_(
+        **{
+            "name": f"row-{seed}",
+            "cavity.length_mm": length,
+            "cavity.width_mm": max(width, 6.5 * count),
+            "mold.outer_length_mm": length + 14.0,
+            "mold.outer_width_mm": max(width, 6.5 * count) + 14.0,
+            CLEAR: clear,
+            "emitters.part": emitter,
+            "receivers.part": receiver,
+            HEIGHTS[0]: round(float(chance.uniform(1.5, clear - 0.5)), 1),
+            HEIGHTS[1]: round(float(chance.uniform(1.5, clear - 0.5)), 1),
+            "layout": [{"pattern": "facing_rows", "count": count, "pitch_mm": 6.35 if count > 1 else None}],
+            "indenter.tip_radius_mm": tip,
+            "operating.workspace_margin_mm": tip,
+            "operating.max_depth_mm": round(min(5.0, 0.6 * clear), 1),
+        }
+    )
+
+
+def flat_disc() -> SensorDesign:
+    """The fingertip dome with a flat top, 6 mm thick, in an open mold."""
+    dome = preset("fingertip-dome")
+    document = dome.model_dump(mode="json") | {"crown": None}
+    document["cavity"] |= {"clear_thickness_mm": 6.0}
+    document["mold"] |= {"rim_mm": 1.5}
+    return SensorDesign.model_validate(document).with_(**{HEIGHTS[0]: 4.0, HEIGHTS[1]: 4.2})
+
+
+def random_pad(seed: int) -> SensorDesign:
+    """A small pad: a rectangle, a disc or a dome in turn."""
+    chance = np.random.default_rng([2, seed])
+    base = (preset("fingertip-16"), flat_disc(), preset("fingertip-dome"))[seed % 3]
+    clear = round(base.cavity.clear_thickness_mm * float(chance.uniform(0.9, 1.5)), 1)
+    edge = base.emitters.height_mm / base.cavity.clear_thickness_mm
+    low, high = 0.5 * edge * clear, 1.1 * edge * clear
+    return base.with_(
+        **{
+            "name": f"pad-{seed}",
+            CLEAR: clear,
+            HEIGHTS[0]: round(float(chance.uniform(low, high)), 1),
+            HEIGHTS[1]: round(float(chance.uniform(low, high)), 1),
+        }
+    )
+
+
+def bad_designs(make: Any, count: int, name: str) -> list[SensorDesign]:
+    """The first designs that break no rule and have a deadband by score; their seeds are kept."""
+    file = FOLDER / f"{name}-seeds.json"
+    known = json.loads(file.read_text()) if file.is_file() else {"bad": [], "next": 0}
+    while len(known["bad"]) < count:
+        seed = known["next"]
+        known["next"] += 1
+        try:
+            design = make(seed)
+        except OptopadError:
+            continue
+        if any(one.severity == "error" for one in check(design)):
+            continue
+        if verdict_of(design).verdict == "DEADBAND":
+            known["bad"].append(seed)
+            print(name, "bad", seed, len(known["bad"]), flush=True)
+        write_text_atomically(file, json.dumps(known))
+    return [make(seed) for seed in known["bad"][:count]]
+
+
+def judged_of(found: ContinuityScore) -> Judged:
+    """A score's figures, as `betters` reads them."""
+    sound = found.verdict == "CONTIGUOUS" and not found.is_open
+    figures = {
+        "deadband_mm": found.deadband_total_mm,
+        "usable_depth_mm": found.usable_depth_mm,
+        "margin": found.margin,
+    }
+    return Judged(figures=figures, verdict=found.verdict if sound else "DEADBAND", may_be=sound)
+
+
+def plain(found: ContinuityScore) -> dict[str, Any]:
+    return {
+        "verdict": found.verdict,
+        "usable_depth_mm": found.usable_depth_mm,
+        "margin": found.margin,
+        "is_open": found.is_open,
+    }
+
+
+def improved(design: SensorDesign, *, has_grid: bool) -> dict[str, Any]:
+    """What improve says of a design, what score says of that, and what a grid finds."""
+    file = FOLDER / f"{design.name}.json"
+    if file.is_file():
+        return dict(json.loads(file.read_text()))
+    made = improve(design, FOLDER)
+    offered, scores = [], []
+    for one in made.alternatives:
+        again = verdict_of(load_design(made.folder / one.file))
+        scores.append(again)
+        robust = one.score.tolerance is not None and not one.score.tolerance.flipping
+        offered.append(
+            {"kind": one.kind, "changes": one.changes, "said": plain(one.score), "scored": plain(again)}
+            | {"robust": robust}
+        )
+    found: dict[str, Any] = {
+        "name": design.name,
+        "before": plain(made.before),
+        "tried": made.tried,
+        "judged_again": made.judged_again,
+        "offered": offered,
+    }
+    if has_grid:
+        found["grid"] = grid(design, scores)
+    write_text_atomically(file, json.dumps(found, indent=1))
+    print(design.name, len(offered), found.get("grid"), flush=True)
+    return found
+
+
+def grid(design: SensorDesign, offered: list[ContinuityScore]) -> dict[str, Any]:
+    """The best of a grid over both heights and the thickness, and whether it is better than all that is offered."""
+    space = improvement_space(
+        design, vary={}, keep=(), more_parts=False, trials=1, seed=0, figures=("margin", "resolvable_steps")
+    )
+    fields = {field.path: field for field in space.fields}
+    values = [np.linspace(fields[p].low, fields[p].high, GRID).round(2) for p in (*HEIGHTS, CLEAR)]
+    contiguous = (Limit(figure="verdict", equals="CONTIGUOUS"),)
+    tried = []
+    for point in itertools.product(*values):
+        try:
+            changed = design.with_(**dict(zip((*HEIGHTS, CLEAR), map(float, point), strict=True)))
+        except OptopadError:
+            continue
+        tried.append((worth(judge(changed, contiguous, wanted=("margin",))), changed))
+    best = sorted(tried, key=lambda one: one[0], reverse=True)[:JUDGED_AGAIN]
+    scores = [(verdict_of(changed), changed) for _, changed in best if not _is_broken(changed)]
+    better = [
+        changed
+        for score, changed in scores
+        if judged_of(score).may_be
+        and all(
+            betters(judged_of(one), judged_of(score), "resolvable_steps", safe=DEADBAND_THRESHOLD)
+            for one in offered
+        )
+    ]
+    top = max((score for score, _ in scores), key=lambda one: worth(judged_of(one)), default=None)
+    return {
+        "designs": len(tried),
+        "best": None if top is None else plain(top),
+        "better": [
+            [one.emitters.height_mm, one.receivers.height_mm, one.cavity.clear_thickness_mm] for one in better
+        ],
+    }
+
+
+def _is_broken(design: SensorDesign) -> bool:
+    return any(one.severity == "error" for one in check(design))
+
+
+def section(rows: list[dict[str, Any]], pads: list[dict[str, Any]]) -> str:
+    """The part of the page, as far as designs are judged."""
+    lines = [
+        BEGIN,
+        "## What improve proposes, and what it rejects",
+        "",
+        *summary(rows, pads),
+        "",
+        "| design | before | offered: usable mm, margin | robust | as score says | best of the grid | grid better |",
+        "|---|---|---|---|---|---|---|",
+        *(table_row(one) for one in (*rows, *pads)),
+        "",
+        "Seeds are fixed, designs with a deadband by `score` taken in order. Ranges of the grid are those that improve",
+        "varies. Margins are in noise units. `python -m tests.validation.verdict.improve_table`.",
+        "",
+        END,
+    ]
+    return "\n".join(lines)
+
+
+def summary(rows: list[dict[str, Any]], pads: list[dict[str, Any]]) -> list[str]:
+    both = [*rows, *pads]
+    offered = [one for design in both for one in design["offered"]]
+    kept = sum(one["said"] == one["scored"] for one in offered)
+    better = sum(bool(one["grid"]["better"]) for one in rows)
+    none = sum(not one["offered"] for one in both)
+    text = (
+        f"{len(rows)} random facing rows of one to four pairs and {len(pads)} small pads, all with a deadband by "
+        f"`score`: {kept} of {len(offered)} designs that improve proposes are by `score` what it says; it proposes "
+        f"none for {none} of {len(both)}. A grid of up to {GRID**3} designs over both heights and the thickness finds "
+        f"a better one for {better} of {len(rows)} rows."
+    )
+    return textwrap.wrap(text, WIDTH, break_on_hyphens=False)
+
+
+def table_row(one: dict[str, Any]) -> str:
+    offered = "; ".join(
+        f"{x['said']['usable_depth_mm']:.1f}, {x['said']['margin']:.1f}" for x in one["offered"]
+    )
+    robust = sum(x["robust"] for x in one["offered"])
+    same = sum(x["said"] == x["scored"] for x in one["offered"])
+    best = (one.get("grid") or {}).get("best")
+    told = "-" if best is None else f"{best['verdict']} {best['usable_depth_mm']:.1f}, {best['margin']:.1f}"
+    better = "-" if "grid" not in one else "yes" if one["grid"]["better"] else "no"
+    count = len(one["offered"])
+    before = f"{one['before']['verdict']}, margin {one['before']['margin']:.1f}"
+    cells = [
+        one["name"],
+        before,
+        offered or "none",
+        f"{robust} of {count}",
+        f"{same} of {count}",
+        told,
+        better,
+    ]
+    return "| " + " | ".join(cells) + " |"
+
+
+def main() -> None:
+    """Judge what is left, and write the section."""
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    part = sys.argv[1] if len(sys.argv) > 1 else ""
+    pads = (
+        []
+        if part == "rows"
+        else [improved(one, has_grid=False) for one in bad_designs(random_pad, PADS, "pads")]
+    )
+    rows = (
+        []
+        if part == "pads"
+        else [improved(one, has_grid=True) for one in bad_designs(random_row, ROWS, "rows")]
+    )
+    if part:
+        return
+    text = PAGE.read_text(encoding="utf-8")
+    if BEGIN in text:
+        text = text[: text.index(BEGIN)] + section(rows, pads) + text[text.index(END) + len(END) :]
+    else:
+        text = text.replace("## What it means", section(rows, pads) + "\n\n## What it means", 1)
+    write_text_atomically(PAGE, text)
+
+
+if __name__ == "__main__":
+    main()
