@@ -21,6 +21,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
+CLEARLY_UNTOUCHED_MM = -0.25
+"""Frames above this depth touch nothing, whatever the reference depth's error."""
 FEWEST_LOCATIONS = 9
 """Three a side: fewer cannot tell a slope of the signal from a curve."""
 FEWEST_TOUCHED = 200

@@ -37,6 +37,7 @@ from sims.learning.inference.signal_map.reading_noise import ReadingNoise
 from sims.learning.inference.signal_map.signal_map_model import KIND, SignalMapModel
 from sims.learning.samples.model_header import SIGMA_OF_TIP
 from sims.learning.samples.settings import DEFAULT, FitSettings
+from sims.learning.samples.training_data import CLEARLY_UNTOUCHED_MM
 from sims.learning.signal_map.traced_map import (
     DEPTH_NODES,
     PITCH_MM,
@@ -61,8 +62,6 @@ FALSE_ALARMS = 0.01
 """Share of untouched training frames that may count as touched."""
 LEAST_THRESHOLD = 3.0
 """Of touch, where untouched frames are few: half of χ² with three degrees of freedom exceeds it once in nine times."""
-CLEARLY_UNTOUCHED_MM = -0.25
-"""Frames above this depth touch nothing, whatever the reference depth's error."""
 FEWEST_UNTOUCHED = 10
 FORCE_DEPTHS = 51
 LOCATED_MM = 0.2
