@@ -50,11 +50,13 @@ def _banner(found: Accuracy) -> Html:
         for row in told
         if row.location is not None and row.depth is not None
     )
+    findings = found.findings()
     return element(
         "div",
         element("h2", "Expected accuracy", class_="word"),
         element("p", f"Median errors of {learner}, the best model here: {words or 'no touched samples'}."),
-        class_="verdict contiguous",
+        *([element("p", "Touch is not decided well:"), bullets(findings)] if findings else []),
+        class_="verdict deadband" if findings else "verdict contiguous",
     )
 
 

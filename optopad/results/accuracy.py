@@ -10,6 +10,7 @@ from typing import Any
 from sims.evaluation.judged import JudgedPresses, joined
 from sims.evaluation.published import PublishedTouch
 from sims.evaluation.tables import (
+    TOUCH_DEPTHS_MM,
     ErrorRow,
     Spread,
     TouchRow,
@@ -18,6 +19,12 @@ from sims.evaluation.tables import (
     touch_json,
     touch_rows,
 )
+from sims.learning.inference.signal_map.signal_map_model import KIND as SIGNAL_MAP
+
+FALSE_ALARM_LIMIT = 0.05
+"""Share of untouched frames called touched above which a classifier is a finding [-]."""
+LEAST_FOUND = 0.95
+"""Share of the presses of the touch table's last row, 1 mm deep, below which a classifier is a finding [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +51,32 @@ class ModelAccuracy:
     def title(self) -> str:
         """Model and set."""
         return f"{self.learner}, {self.test_set}"
+
+    def findings(self) -> tuple[str, ...]:
+        """What is wrong with the touch classifier on this set, why as far as known, and the way out; often empty."""
+        found, alarms, last = [], self.presses.false_alarms, self.touch[-1]
+        if alarms is not None and alarms > FALSE_ALARM_LIMIT:
+            found.append(
+                f"{self.title}: {100.0 * alarms:.0f} % of the untouched frames are called touched (limit "
+                f"{100.0 * FALSE_ALARM_LIMIT:g} %), so its touches mean little; the threshold follows from how far the "
+                "training sets differ from one another, and this set differs by more; train on more sets"
+            )
+        if last.right is not None and last.right < LEAST_FOUND:
+            missed, limit = 100.0 * (1.0 - last.right), 100.0 * (1.0 - LEAST_FOUND)
+            found.append(
+                f"{self.title}: {missed:.0f} % of the presses {TOUCH_DEPTHS_MM[-1]:g} mm deep are called untouched "
+                f"(limit {limit:.0f} %); {self._why_missed}"
+            )
+        return tuple(found)
+
+    @property
+    def _why_missed(self) -> str:
+        if self.learner.startswith(SIGNAL_MAP):
+            return "there the signals change by little more than untouched ones do from set to set"
+        return (
+            "one linear plane decides touch, and where few pairs look across a location a press hardly moves the "
+            f"signals off it; --learner {SIGNAL_MAP} decides by the light model"
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,6 +107,10 @@ class Accuracy:
         """Models by name, in order."""
         return tuple(dict.fromkeys(one.learner for one in self.found))
 
+    def findings(self) -> tuple[str, ...]:
+        """Findings of all models and sets, in their order; empty where touch is decided well."""
+        return tuple(text for one in self.found for text in one.findings())
+
     def pooled(self) -> dict[str, ModelAccuracy]:
         """Every model on all of its test sets as one."""
         return {
@@ -93,6 +130,9 @@ class Accuracy:
             "learner": first.learner,
             "touch": [self._touch_line(row) for row in touch_json(first.touch)],
             "errors": [_medians(row) for row in first.errors],
+            "false_alarms": first.presses.false_alarms,
+            "false_alarm_limit": FALSE_ALARM_LIMIT,
+            "findings": list(self.findings()),
             "bound_mm": [
                 {"depth_mm": depth, "location": _finite(location), "depth": _finite(of_depth)}
                 for depth, (location, of_depth) in self.bound_mm.items()
@@ -102,6 +142,7 @@ class Accuracy:
                     "learner": one.learner,
                     "test_set": one.test_set,
                     "is_ambient": one.is_ambient,
+                    "false_alarms": one.presses.false_alarms,
                     "touch": touch_json(one.touch),
                     "errors": error_json(one.errors),
                 }
@@ -136,8 +177,8 @@ def accuracy_of(
 
 
 def accuracy_lines(found: Accuracy) -> list[str]:
-    """The tables as text, every model on all of its sets together."""
-    lines = []
+    """Findings first, then the tables as text, every model on all of its sets together."""
+    lines = [f"finding   {text}" for text in found.findings()]
     for learner, one in found.pooled().items():
         lines += [f"{learner}", *_touch_lines(one.touch, found.published), *_error_lines(one.errors, found)]
     return [*lines, *found.notes]

@@ -46,6 +46,12 @@ class JudgedPresses:
         return np.asarray(self.press_mm[:, 2] >= 0.0)
 
     @property
+    def false_alarms(self) -> float | None:
+        """Share of the untouched samples that the model finds touched [-]; None without untouched samples."""
+        quiet = self.is_found[~self.is_touched]
+        return float(quiet.mean()) if len(quiet) else None
+
+    @property
     def location_error_mm(self) -> FloatArray:
         """(n,) distance in the plane between said and reported place [mm]."""
         return np.asarray(np.hypot(*(self.said_mm - self.press_mm)[:, :2].T))

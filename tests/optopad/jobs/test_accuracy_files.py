@@ -46,6 +46,42 @@ def test_a_bound_that_is_open_is_null_in_json_and_a_word_for_people(tmp_path):
     assert "inf" not in json.dumps(document)
 
 
+def test_a_classifier_with_false_alarms_is_a_finding_on_the_screen_the_page_and_in_json(tmp_path):
+    presses = found_accuracy().found[0].presses
+    always = replace(presses, is_found=np.ones(len(presses), dtype=bool))
+    found = found_accuracy(found=(accuracy_of("kernel-ridge", "random-dark", False, [always]),))
+    (words,) = found.findings()
+    assert words.startswith(
+        "kernel-ridge, random-dark: 100 % of the untouched frames are called touched (limit 5 %)"
+    )
+    assert accuracy_lines(found)[0] == f"finding   {words}"
+    write_accuracy(found, SPACE, tmp_path, "prediction")
+    document = json.loads((tmp_path / "prediction.json").read_text(encoding="utf-8"))
+    assert document["findings"] == [words]
+    assert (document["false_alarms"], document["false_alarm_limit"]) == (1.0, 0.05)
+    assert document["models"][0]["false_alarms"] == 1.0
+    page = (tmp_path / "prediction.html").read_text(encoding="utf-8")
+    assert "of the untouched frames are called touched" in page
+    assert 'class="verdict deadband"' in page
+
+
+def test_a_classifier_that_misses_presses_is_a_finding_with_a_way_out():
+    presses = found_accuracy().found[0].presses
+    never = replace(presses, is_found=presses.is_found & (presses.press_mm[:, 2] > 1.0))
+    (words,) = found_accuracy(found=(accuracy_of("kernel-ridge", "dark", False, [never]),)).findings()
+    assert "100 % of the presses 1 mm deep are called untouched" in words
+    assert "--learner signal-map" in words
+    (own,) = found_accuracy(found=(accuracy_of("signal-map", "dark", False, [never]),)).findings()
+    assert "--learner" not in own
+
+
+def test_a_good_classifier_has_no_finding(tmp_path):
+    write_accuracy(found_accuracy(), SPACE, tmp_path, "prediction")
+    document = json.loads((tmp_path / "prediction.json").read_text(encoding="utf-8"))
+    assert (document["findings"], document["false_alarms"]) == ([], 0.0)
+    assert 'class="verdict contiguous"' in (tmp_path / "prediction.html").read_text(encoding="utf-8")
+
+
 def test_an_interrupted_evaluation_leaves_the_earlier_one_as_it_was(tmp_path, monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt
