@@ -21,6 +21,7 @@ from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
 from optopad.jobs.accuracy_files import write_accuracy
 from optopad.jobs.evaluation import accuracies
+from optopad.jobs.prediction_cost import QUICK_PROTOCOL, STEM
 from optopad.results.accuracy import Accuracy, ModelAccuracy, accuracy_of
 from sims.evaluation.chain_bounds import bounds_by_depth
 from sims.evaluation.published import published_touch
@@ -36,7 +37,6 @@ from sims.readings.press_data import clipped_note
 from sims.readings.protocol import ProtocolCurves, draw, protocol_curves
 
 OnStep = Callable[[str, float], None]
-STEM = "prediction"
 MOST_DRAWS = 50
 
 
@@ -58,7 +58,7 @@ class Effort:
     learners: tuple[str, ...]
 
 
-QUICK = Effort(protocol="piacenza2017-quick", fit="quick", is_coarse=True, learners=("kernel-ridge",))
+QUICK = Effort(protocol=QUICK_PROTOCOL, fit="quick", is_coarse=True, learners=("kernel-ridge",))
 USUAL = Effort(
     protocol="piacenza2017", fit="default", is_coarse=False, learners=("kernel-ridge", "extra-trees")
 )

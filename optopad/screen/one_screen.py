@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from sims.continuity.result import ContinuityScore
 
 WIDTH, LINES = 100, 12
-LABEL = 10
+LABEL = 12
 """Columns of the label in front of a line."""
 FIRST = ("full scale", "do not settle", "cannot light", "too much current", "stay tacky")
 """Words of warnings that come first: a pad that is built as it is would not work."""
@@ -31,14 +31,16 @@ def verdict_screen(
     *,
     command: str = "",
     is_built: bool = False,
+    learner: str = "",
 ) -> list[str]:
-    """The verdict, why, how sure, what it is worth, what to heed, and the next command.
+    """The verdict, why, how sure, the resolution, what a learner reaches, what to heed, and the next command.
 
     Parameters
     ----------
     closing : finished lines for the end, such as where the files are
     command : the design and its changes as given on the command line, for the next command; empty names none
     is_built : whether the bundle with mold and report is there
+    learner : what `optopad.screen.learner_line` says, beside the bound of a pad; empty says nothing
     """
     said = answer_of(design, score)
     head = [
@@ -46,7 +48,8 @@ def verdict_screen(
         *row("verdict", said.verdict, 2 if score.causes or score.reason == "" else 4),
         *row("why" if score.causes else "weakest", said.why, 2),
         *row("sure", said.sure, 2),
-        *row("worth", said.worth, 2),
+        *row("resolution", said.worth, 2),
+        *(row("learner", learner, 2) if said.worth and not score.is_facing_rows else []),
     ]
     onward = _next(score, command, is_built=is_built) if command else ""
     foot = [*row("next", onward, 2), *closing]

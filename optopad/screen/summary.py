@@ -43,13 +43,18 @@ def finding_line(finding: dict[str, Any]) -> str:
 
 def checks_line(checks: dict[str, Any]) -> str:
     """The mold's checks in a line."""
+    return f"mold      {checks_words(checks)}"
+
+
+def checks_words(checks: dict[str, Any]) -> str:
+    """Whether the mold can be printed, and which checks did not hold."""
     found = {
         state: [one["name"] for one in checks.get("findings", []) if one.get("state") == state]
         for state in ("error", "warning")
     }
     told = [f"{counted(len(names), state)} ({', '.join(names)})" for state, names in found.items() if names]
     state = "printable" if checks.get("ok") else "NOT printable"
-    return f"mold      {state}; {', '.join(told) or 'no findings'}; see cad/checks.json"
+    return f"{state}; {', '.join(told) or 'no findings'}; see cad/checks.json"
 
 
 def _deadband_line(score: ContinuityScore) -> str:

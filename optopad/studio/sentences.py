@@ -50,7 +50,7 @@ def _judged(now: Version, judged: Judged) -> str:
     words = [_label("why" if judged.score.causes else "weakest", said.why)]
     if judged.level != "draft":
         words.append(_label("sure", said.sure))
-    words.append(_label("worth", said.worth))
+    words.append(_label("resolution", said.worth))
     good = GREEN if judged.score.verdict == "CONTIGUOUS" else RED
     body = "".join(f'<div style="margin-top:3px">{text}</div>' for text in words if text)
     mark = (

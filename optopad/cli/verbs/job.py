@@ -24,22 +24,30 @@ def run(
 ) -> None:
     """The main job: mold, verdict, driver config and report in one bundle."""
     from optopad.jobs.pipeline import run as make
-    from optopad.screen.one_screen import as_typed, verdict_screen
-    from optopad.screen.summary import checks_line, score_lines
+    from optopad.screen.learner_line import learner_line
+    from optopad.screen.one_screen import as_typed, row, verdict_screen
+    from optopad.screen.summary import checks_line, checks_words, score_lines
 
     read = read_design(design, set_)
     foretell_score(read, fine=fine, full=False, quiet=as_json)
     with progress(quiet=as_json) as step:
         made = make(read, out, fine=fine, seed=seed, on_step=step)
     place = {"bundle": str(made.folder), "checks_ok": made.checks["ok"]}
-    closing = [checks_line(made.checks), f"report    {made.folder / 'report.html'}"]
+    page, typed = str(made.folder / "report.html"), as_typed(design, set_)
     tell(
         as_json,
         lambda: place | {"score": made.score.to_json()},
         lambda: (
-            [*score_lines(made.score), *closing]
+            [*score_lines(made.score), checks_line(made.checks), f"report    {page}"]
             if details
-            else verdict_screen(read, made.score, closing, command=as_typed(design, set_), is_built=True)
+            else verdict_screen(
+                read,
+                made.score,
+                [*row("mold", checks_words(made.checks), 2), f"report      {page}"],
+                command=typed,
+                is_built=True,
+                learner=learner_line(read, made.folder, typed),
+            )
         ),
     )
 

@@ -41,6 +41,7 @@ def score(
     """Verdict: modes, deadbands, continuity, strength, map of the pad; written into the bundle."""
     drawn = _drawn_builds(tolerance, builds)
     from optopad.jobs.pipeline import write_score
+    from optopad.screen.learner_line import learner_line
     from optopad.screen.one_screen import as_typed, verdict_screen
     from optopad.screen.summary import score_lines
 
@@ -48,14 +49,20 @@ def score(
     foretell_score(read, fine=fine, full=full, quiet=as_json)
     with progress(quiet=as_json) as step:
         result, folder = write_score(read, out, fine=fine, full=full, seed=seed, on_step=step, builds=drawn)
-    files = [f"files     {folder}"]
+    typed = as_typed(design, set_)
     tell(
         as_json,
         result.to_json,
         lambda: (
-            [*score_lines(result), *files]
+            [*score_lines(result), f"files     {folder}"]
             if details
-            else verdict_screen(read, result, files, command=as_typed(design, set_))
+            else verdict_screen(
+                read,
+                result,
+                [f"files       {folder}"],
+                command=typed,
+                learner=learner_line(read, folder, typed),
+            )
         ),
     )
 

@@ -22,7 +22,9 @@ LOAD = ("#f7f4ef", "#f2b98a", "#c24e00", "#5c2200")
 BLIND = "blind: this cannot be told at all"
 TRACE = "by the light trace's own error"
 ONE_FRAME = (
-    "Cramér-Rao bound: no estimator that is right on average does better from one frame of all readings."
+    "Cramér-Rao bound: no estimator that is right on average does better from one frame of all readings. It is "
+    "local and of noise alone; a learner must also find the location from nothing and does not know gains and "
+    "ambient light: `optopad predict` says what one reaches."
 )
 
 

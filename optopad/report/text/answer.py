@@ -42,7 +42,7 @@ class Answer:
     verdict : what holds, where and to what depth
     why : the mechanism of the worst blind interval; of a pad that has none, how near it is to one
     sure : whether a value that nobody has measured, or the light's own error, turns it, and what to measure how well
-    worth : what one frame can tell at best
+    worth : the resolution: the Cramér-Rao bound of one frame, of noise alone and near the true press
     """
 
     verdict: str
@@ -217,18 +217,19 @@ def _worth(score: ContinuityScore) -> str:
     if score.bounds.felt is not None:
         force = float(score.bounds.felt.force_n[score.bounds.felt.worst])
         felt = (
-            "; no press is felt at some places"
+            "; at some locations no contact is detected"
             if math.isinf(force)
-            else f"; felt from {force:.2f} N everywhere"
+            else f"; contact from {force:.2f}\N{NO-BREAK SPACE}N"
         )
     depth = score.bounds.median_depth_alone_mm if score.is_facing_rows else score.bounds.median_depth_mm
     told = [("depth", depth.value)]
     if not score.is_facing_rows:
-        told.insert(0, ("place", score.bounds.median_location_mm.value))
+        told.insert(0, ("location", score.bounds.median_location_mm.value))
     listed = ", ".join(
-        f"{name} {'blind' if math.isinf(value) else f'{value:.3f} mm'}" for name, value in told
+        f"{name} {'not resolved' if math.isinf(value) else f'{value:.3f} mm'}" for name, value in told
     )
-    return f"{listed} at best by one frame (median){felt}{unresolved(score.bounds, is_facing=score.is_facing_rows)}"
+    blind = unresolved(score.bounds, is_facing=score.is_facing_rows)
+    return f"{listed} (Cramér-Rao bound, one frame, median){felt}{blind}"
 
 
 def unresolved(bounds: PadBounds, *, is_facing: bool) -> str:

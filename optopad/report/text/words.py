@@ -179,7 +179,8 @@ def banner(design: SensorDesign, score: ContinuityScore) -> Html:
     after = said.verdict.removeprefix(score.verdict).removeprefix(": ").removeprefix(", ")
     lines = [element("p", _sentence(after), class_="meaning")]
     why = said.why if score.causes or not said.why else f"weakest at {said.why}"
-    lines += [element("p", _sentence(text)) for text in (why, said.sure, said.worth) if text]
+    worth = f"resolution: {said.worth}" if said.worth else ""
+    lines += [element("p", _sentence(text)) for text in (why, said.sure, worth) if text]
     if score.verdict != "OUT_OF_MODEL_SCOPE":
         lines.append(element("p", RULE, class_="note"))
     rests = rests_on(score)

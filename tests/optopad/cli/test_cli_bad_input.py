@@ -82,8 +82,8 @@ def test_a_check_of_the_good_design_ends_with_zero(folder: Path, capsys: pytest.
     (folder / FILE_NAME).write_text(design_text(), encoding="utf-8")
     assert main(["check", str(folder / FILE_NAME)]) == 0
     first, onward = capsys.readouterr().out.splitlines()
-    assert first == "design    bad: 0 errors, 0 warnings"
-    assert onward.startswith("next      optopad score ")
+    assert first == "design      bad: 0 errors, 0 warnings"
+    assert onward.startswith("next        optopad score ")
 
 
 @pytest.mark.parametrize(

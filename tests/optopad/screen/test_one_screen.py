@@ -58,12 +58,12 @@ def test_a_verdict_fits_on_one_screen(design, score, lack):
     if score.deadbands_mm:
         score = replace(score, causes=(cause(lack),))
     score = replace(score, warnings=tuple(f"a long warning {'of many words ' * 30}{n}" for n in range(20)))
-    lines = verdict_screen(design, score, ["files     outputs/pad-12345678"], command="pad.toml")
+    lines = verdict_screen(design, score, ["files       outputs/pad-12345678"], command="pad.toml")
     assert len(lines) <= LINES
     assert max(map(len, lines)) <= WIDTH
     assert lines[0].split()[:2] == ["design", score.name]
     assert lines[1].split()[1].rstrip(":,") == score.verdict
-    assert lines[-1] == "files     outputs/pad-12345678"
+    assert lines[-1] == "files       outputs/pad-12345678"
     assert lines[-2].startswith("next")
     assert "more warnings; see --details" in "\n".join(lines)
 
@@ -134,12 +134,12 @@ def test_findings_fit_on_one_screen_errors_first():
     lines = findings_screen("pad", found, command="score pad.toml")
     assert len(lines) <= LINES
     assert max(map(len, lines)) <= WIDTH
-    assert lines[0] == "design    pad: 1 error, 9 warnings"
-    assert lines[1].startswith("error     emitters.height_mm: too high (9 mm; needs at most 8 mm)")
-    assert re.fullmatch(r" {10}and \d more; all of them with --details", lines[-1])
+    assert lines[0] == "design      pad: 1 error, 9 warnings"
+    assert lines[1].startswith("error       emitters.height_mm: too high (9 mm; needs at most 8 mm)")
+    assert re.fullmatch(r" {12}and \d more; all of them with --details", lines[-1])
     assert findings_screen("pad", [], command="score pad.toml") == [
-        "design    pad: 0 errors, 0 warnings",
-        "next      optopad score pad.toml",
+        "design      pad: 0 errors, 0 warnings",
+        "next        optopad score pad.toml",
     ]
 
 

@@ -66,12 +66,12 @@ def unknown_fields(line: str, design: SensorDesign) -> list[str]:
 
 def looked_at(name: str, changes: dict[str, float]) -> None:
     design = preset(name).with_(**changes)
-    screen = verdict_screen(design, score(design), ["report    outputs/x/report.html"], command="pad.toml")
+    screen = verdict_screen(design, score(design), ["report      outputs/x/report.html"], command="pad.toml")
     print("\n".join(screen))
     assert len(screen) <= LINES
     assert max(map(len, screen)) <= WIDTH
     said = [line for line in screen if not line.startswith(("design", "next", "report"))]
-    whole = " ".join(line[10:] for line in said)
+    whole = " ".join(line[12:] for line in said)
     assert unknown_fields(whole, design) == []
     assert without_units(whole) == []
 
