@@ -10,7 +10,6 @@ from typing import Any
 from sims.evaluation.judged import JudgedPresses, joined
 from sims.evaluation.published import PublishedTouch
 from sims.evaluation.tables import (
-    TOUCH_DEPTHS_MM,
     ErrorRow,
     Spread,
     TouchRow,
@@ -52,32 +51,6 @@ class ModelAccuracy:
         """Model and set."""
         return f"{self.learner}, {self.test_set}"
 
-    def findings(self) -> tuple[str, ...]:
-        """What is wrong with the touch classifier on this set, why as far as known, and the way out; often empty."""
-        found, alarms, last = [], self.presses.false_alarms, self.touch[-1]
-        if alarms is not None and alarms > FALSE_ALARM_LIMIT:
-            found.append(
-                f"{self.title}: {100.0 * alarms:.0f} % of the untouched frames are called touched (limit "
-                f"{100.0 * FALSE_ALARM_LIMIT:g} %), so its touches mean little; the threshold follows from how far the "
-                "training sets differ from one another, and this set differs by more; train on more sets"
-            )
-        if last.right is not None and last.right < LEAST_FOUND:
-            missed, limit = 100.0 * (1.0 - last.right), 100.0 * (1.0 - LEAST_FOUND)
-            found.append(
-                f"{self.title}: {missed:.0f} % of the presses {TOUCH_DEPTHS_MM[-1]:g} mm deep are called untouched "
-                f"(limit {limit:.0f} %); {self._why_missed}"
-            )
-        return tuple(found)
-
-    @property
-    def _why_missed(self) -> str:
-        if self.learner.startswith(SIGNAL_MAP):
-            return "there the signals change by little more than untouched ones do from set to set"
-        return (
-            "one linear plane decides touch, and where few pairs look across a location a press hardly moves the "
-            f"signals off it; --learner {SIGNAL_MAP} decides by the light model"
-        )
-
 
 @dataclass(frozen=True, kw_only=True)
 class Accuracy:
@@ -108,8 +81,33 @@ class Accuracy:
         return tuple(dict.fromkeys(one.learner for one in self.found))
 
     def findings(self) -> tuple[str, ...]:
-        """Findings of all models and sets, in their order; empty where touch is decided well."""
-        return tuple(text for one in self.found for text in one.findings())
+        """Where touch is not decided well, why as far as known, and the way out; often empty."""
+        return tuple(
+            text for learner, one in self.pooled().items() for text in self._findings_of(learner, one)
+        )
+
+    def _findings_of(self, learner: str, pooled: ModelAccuracy) -> list[str]:
+        made = []
+        sets = {
+            one.test_set: share
+            for one in self.found
+            if one.learner == learner and (share := one.presses.false_alarms) is not None
+        }
+        worst = max(sets, key=lambda name: sets[name], default=None)
+        if worst is not None and sets[worst] > FALSE_ALARM_LIMIT:
+            made.append(
+                f"{learner}: {100.0 * sets[worst]:.0f} % of the untouched frames of {worst} are called touched (limit "
+                f"{100.0 * FALSE_ALARM_LIMIT:g} %), so its touches mean little; the threshold follows from how far the "
+                "training sets differ from one another, and this set differs by more; train on more sets"
+            )
+        last = pooled.touch[-1]
+        if last.right is not None and last.right < LEAST_FOUND:
+            missed, limit = 100.0 * (1.0 - last.right), 100.0 * (1.0 - LEAST_FOUND)
+            made.append(
+                f"{learner}: {missed:.0f} % of the presses {last.depth_mm:g} mm deep are called untouched (limit "
+                f"{limit:.0f} %); {_why_missed(learner)}"
+            )
+        return made
 
     def pooled(self) -> dict[str, ModelAccuracy]:
         """Every model on all of its test sets as one."""
@@ -122,7 +120,8 @@ class Accuracy:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data; `touch` and `errors` are those of the first model, its sets together."""
-        first = next(iter(self.pooled().values()))
+        pooled = self.pooled()
+        first = next(iter(pooled.values()))
         return {
             "name": self.name,
             "digest": self.digest,
@@ -133,6 +132,14 @@ class Accuracy:
             "false_alarms": first.presses.false_alarms,
             "false_alarm_limit": FALSE_ALARM_LIMIT,
             "findings": list(self.findings()),
+            "learners": [
+                {
+                    "learner": name,
+                    "errors": [_medians(row) for row in one.errors],
+                    "false_alarms": one.presses.false_alarms,
+                }
+                for name, one in pooled.items()
+            ],
             "bound_mm": [
                 {"depth_mm": depth, "location": _finite(location), "depth": _finite(of_depth)}
                 for depth, (location, of_depth) in self.bound_mm.items()
@@ -159,6 +166,15 @@ class Accuracy:
         return row | {
             name: self.published.right(row["depth_mm"], is_ambient=side) for name, side in sides.items()
         }
+
+
+def _why_missed(learner: str) -> str:
+    if learner.startswith(SIGNAL_MAP):
+        return "there the signals change by little more than untouched ones do from set to set"
+    return (
+        "one linear plane decides touch, and where few pairs look across a location a press hardly moves the signals "
+        f"off it; --learner {SIGNAL_MAP} decides by the light model"
+    )
 
 
 def accuracy_of(

@@ -42,23 +42,30 @@ def _prediction(file: Path) -> dict[str, Any] | None:
 
 
 def _reached(document: Mapping[str, Any]) -> str:
-    """Median errors from `LEAST_DEPTH_MM` on, and the share of false alarms; empty where the tables say none."""
+    """The best learner's median errors from `LEAST_DEPTH_MM` on, and its false alarms; empty where there are none."""
     try:
-        rows = [row for row in document["errors"] if row["depth_mm"] >= LEAST_DEPTH_MM]
-        location, depth = (
-            [row[name] for row in rows if row[name] is not None]
-            for name in ("location_median_mm", "depth_median_mm")
-        )
-        alarms = document.get("false_alarms")
-        if not location or not depth:
+        told = [(medians, one) for one in document["learners"] if all(medians := _medians(one["errors"]))]
+        if not told:
             return ""
-        told = "" if alarms is None else f"; {100.0 * alarms:.0f} % false alarms"
+        (location, depth), best = min(told, key=lambda one: sum(one[0][0]) / len(one[0][0]))
+        alarms = best["false_alarms"]
+        false = "" if alarms is None else f"; {100.0 * alarms:.0f} % false alarms"
         return (
-            f"location {_range(location, 2)}, depth {_range(depth, 2)} (simulated {document['learner']}, medians "
-            f"from {LEAST_DEPTH_MM:g} mm deep, gains and ambient light not known){told}"
+            f"location {_range(location, 2)}, depth {_range(depth, 2)} (simulated {best['learner']}, medians "
+            f"from {LEAST_DEPTH_MM:g} mm deep, gains and ambient light not known){false}"
         )
     except (KeyError, TypeError, ValueError):
         return ""
+
+
+def _medians(rows: Sequence[Mapping[str, Any]]) -> tuple[list[float], list[float]]:
+    """Medians of the location's and of the depth's errors by depth, from `LEAST_DEPTH_MM` on [mm]."""
+    deep = [row for row in rows if row["depth_mm"] >= LEAST_DEPTH_MM]
+    location, depth = (
+        [float(row[name]) for row in deep if row[name] is not None]
+        for name in ("location_median_mm", "depth_median_mm")
+    )
+    return location, depth
 
 
 def _range(values: Sequence[float], digits: int) -> str:

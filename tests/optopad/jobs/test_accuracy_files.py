@@ -52,7 +52,7 @@ def test_a_classifier_with_false_alarms_is_a_finding_on_the_screen_the_page_and_
     found = found_accuracy(found=(accuracy_of("kernel-ridge", "random-dark", False, [always]),))
     (words,) = found.findings()
     assert words.startswith(
-        "kernel-ridge, random-dark: 100 % of the untouched frames are called touched (limit 5 %)"
+        "kernel-ridge: 100 % of the untouched frames of random-dark are called touched (limit 5 %)"
     )
     assert accuracy_lines(found)[0] == f"finding   {words}"
     write_accuracy(found, SPACE, tmp_path, "prediction")
@@ -61,7 +61,7 @@ def test_a_classifier_with_false_alarms_is_a_finding_on_the_screen_the_page_and_
     assert (document["false_alarms"], document["false_alarm_limit"]) == (1.0, 0.05)
     assert document["models"][0]["false_alarms"] == 1.0
     page = (tmp_path / "prediction.html").read_text(encoding="utf-8")
-    assert "of the untouched frames are called touched" in page
+    assert "of the untouched frames of random-dark are called touched" in page
     assert 'class="verdict deadband"' in page
 
 

@@ -15,13 +15,21 @@ ROWS = [
 
 
 def bundle(folder, **changes):
-    document = {"digest": PAD.digest, "learner": "kernel-ridge", "errors": ROWS, "false_alarms": 0.002}
+    learners = [
+        {
+            "learner": "network",
+            "errors": [row | {"location_median_mm": 2.0} for row in ROWS],
+            "false_alarms": 0.0,
+        },
+        {"learner": "kernel-ridge", "errors": ROWS, "false_alarms": 0.002},
+    ]
+    document = {"digest": PAD.digest, "learners": learners}
     (folder / "sims").mkdir(exist_ok=True)
     (folder / "sims" / "prediction.json").write_text(json.dumps(document | changes), encoding="utf-8")
     return folder
 
 
-def test_a_prediction_in_the_bundle_says_what_its_learner_reached(tmp_path):
+def test_a_prediction_in_the_bundle_says_what_its_best_learner_reached(tmp_path):
     assert learner_line(PAD, bundle(tmp_path), "pad.toml") == (
         "location 0.36 to 0.83 mm, depth 0.08 mm (simulated kernel-ridge, medians from 1 mm deep, gains and ambient "
         "light not known); 0 % false alarms"
@@ -29,7 +37,13 @@ def test_a_prediction_in_the_bundle_says_what_its_learner_reached(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "changes", [{"digest": "ab" * 32}, {"errors": []}, {"errors": None}, {"errors": ROWS[:1]}]
+    "changes",
+    [
+        {"digest": "ab" * 32},
+        {"learners": []},
+        {"learners": None},
+        {"learners": [{"learner": "a", "errors": ROWS[:1], "false_alarms": 0.0}]},
+    ],
 )
 def test_a_prediction_of_another_design_or_without_errors_says_nothing(changes, tmp_path):
     said = learner_line(PAD, bundle(tmp_path, **changes), "pad.toml --set gain.target_counts=200")
