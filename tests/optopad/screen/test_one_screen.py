@@ -68,6 +68,23 @@ def test_a_verdict_fits_on_one_screen(design, score, lack):
     assert "more warnings; see --details" in "\n".join(lines)
 
 
+def test_what_a_learner_reaches_stands_below_the_bound_of_a_pad_and_of_nothing_else():
+    bounds = made_up_bounds(PAD)
+    words = "location 0.36 to 0.83 mm, depth 0.08 mm (simulated kernel-ridge); 0 % false alarms"
+    for score, is_told in (
+        (replace(contiguous_score(), bounds=bounds), True),
+        (replace(contiguous_score(), bounds=None), False),
+        (replace(contiguous_score(PAIR), bounds=made_up_bounds(PAD)), False),
+        (out_of_scope_score(PAD), False),
+    ):
+        lines = verdict_screen(PAD, score, [], learner=words)
+        labels = [line.split()[0] for line in lines if not line.startswith(" ")]
+        assert ("learner" in labels) == is_told
+        if is_told:
+            assert labels.index("learner") == labels.index("resolution") + 1
+            assert f"learner     {words}" in lines
+
+
 def test_the_mechanism_is_named_with_what_is_missing():
     said = {lack: cause_sentence(cause(lack)) for lack in LACKS}
     assert said["apart"] == (
