@@ -44,15 +44,15 @@ def _prediction(file: Path) -> dict[str, Any] | None:
 def _reached(document: Mapping[str, Any]) -> str:
     """The best learner's median errors from `LEAST_DEPTH_MM` on, and its false alarms; empty where there are none."""
     try:
-        told = [(medians, one) for one in document["learners"] if all(medians := _medians(one["errors"]))]
+        every = document.get("learners", [document])  # earlier files have those of the first alone
+        told = [(medians, one) for one in every if all(medians := _medians(one["errors"]))]
         if not told:
             return ""
         (location, depth), best = min(told, key=lambda one: sum(one[0][0]) / len(one[0][0]))
-        alarms = best["false_alarms"]
+        alarms = best.get("false_alarms")
         false = "" if alarms is None else f"; {100.0 * alarms:.0f} % false alarms"
         return (
-            f"location {_range(location, 2)}, depth {_range(depth, 2)} (simulated {best['learner']}, medians "
-            f"from {LEAST_DEPTH_MM:g} mm deep, gains and ambient light not known){false}"
+            f"location {_range(location, 2)}, depth {_range(depth, 2)} ({best['learner']}, simulated){false}"
         )
     except (KeyError, TypeError, ValueError):
         return ""

@@ -40,7 +40,7 @@ def verdict_screen(
     closing : finished lines for the end, such as where the files are
     command : the design and its changes as given on the command line, for the next command; empty names none
     is_built : whether the bundle with mold and report is there
-    learner : what `optopad.screen.learner_line` says, beside the bound of a pad; empty says nothing
+    learner : what `optopad.screen.learner_line` says, beside the bound of a pad where there is room; empty says nothing
     """
     said = answer_of(design, score)
     head = [
@@ -49,10 +49,12 @@ def verdict_screen(
         *row("why" if score.causes else "weakest", said.why, 2),
         *row("sure", said.sure, 2),
         *row("resolution", said.worth, 2),
-        *(row("learner", learner, 2) if said.worth and not score.is_facing_rows else []),
     ]
     onward = _next(score, command, is_built=is_built) if command else ""
     foot = [*row("next", onward, 2), *closing]
+    beside = row("learner", learner, 2) if said.worth and not score.is_facing_rows else []
+    if len(head) + len(beside) + len(foot) < LINES:  # one is left for what to heed
+        head += beside
     room = max(LINES - len(head) - len(foot), 1)
     return [*head, *_heeded(_to_heed(score), room), *foot]
 

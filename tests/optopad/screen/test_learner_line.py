@@ -31,8 +31,7 @@ def bundle(folder, **changes):
 
 def test_a_prediction_in_the_bundle_says_what_its_best_learner_reached(tmp_path):
     assert learner_line(PAD, bundle(tmp_path), "pad.toml") == (
-        "location 0.36 to 0.83 mm, depth 0.08 mm (simulated kernel-ridge, medians from 1 mm deep, gains and ambient "
-        "light not known); 0 % false alarms"
+        "location 0.36 to 0.83 mm, depth 0.08 mm (kernel-ridge, simulated); 0 % false alarms"
     )
 
 
