@@ -3,7 +3,7 @@ import json
 import pytest
 
 from design.preset import preset
-from optopad.jobs.prediction_cost import quick_prediction_s
+from optopad.results.prediction_cost import quick_prediction_s
 from optopad.screen.learner_line import learner_line
 
 PAD = preset("piacenza2017-pad")
