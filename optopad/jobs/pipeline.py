@@ -234,6 +234,7 @@ def _scored(
     from sims.continuity.build_tolerance import with_tolerance
     from sims.continuity.field_steps import with_field_steps
     from sims.continuity.scoring import score as judge
+    from sims.continuity.trials import with_trial
 
     sims = folder / "sims"
     sims.mkdir(exist_ok=True)
@@ -246,6 +247,7 @@ def _scored(
         else:
             found = _with_builds(design, score, study, seed=seed, on_step=on_step)
         found = with_field_steps(design, found, seed=seed, on_step=on_step)
+        found = with_trial(design, found, seed=seed, on_step=on_step)
         early = drawn()
     _write_builds(found, sims)
     write_text_atomically(sims / "score.json", json.dumps(found.to_json(), indent=2) + "\n")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from design.spec import SensorDesign
 from optopad.report.text.answer import answer_of
 from optopad.report.text.numbers import counted
+from optopad.report.text.trials import set_options
 
 if TYPE_CHECKING:
     from design.fields.finding import Finding
@@ -50,7 +51,7 @@ def verdict_screen(
         *row("sure", said.sure, 2),
         *row("resolution", said.worth, 2),
     ]
-    onward = _next(score, command, is_built=is_built) if command else ""
+    onward = _next(score, command, said.fix, is_built=is_built) if command else ""
     foot = [*row("next", onward, 2), *closing]
     beside = row("learner", learner, 2) if said.worth and not score.is_facing_rows else []
     if len(head) + len(beside) + len(foot) < LINES:  # one is left for what to heed
@@ -60,13 +61,15 @@ def verdict_screen(
 
 
 def findings_screen(name: str, findings: Sequence[Finding], *, command: str) -> list[str]:
-    """Findings of the rules, errors first, as many whole ones as there is room for, and the next command.
+    """Findings of the rules, errors first and notes last, as many whole ones as there is room for; the next command.
 
     command : verb and design, as `score pad.toml`
     """
     errors = [one for one in findings if one.severity == "error"]
-    ordered = [*errors, *(one for one in findings if one.severity != "error")]
-    total = f"{counted(len(errors), 'error')}, {counted(len(findings) - len(errors), 'warning')}"
+    notes = [one for one in findings if one.severity == "note"]
+    warnings = [one for one in findings if one.severity == "warning"]
+    ordered = [*errors, *warnings, *notes]
+    total = f"{counted(len(errors), 'error')}, {counted(len(warnings), 'warning')}"
     foot = [] if errors else row("next", f"optopad {command}")
     room = LINES - len(foot) - 2
     lines: list[str] = []
@@ -122,10 +125,14 @@ def _clause(text: str) -> str:
     return f"{text[: max(ends)].rstrip(';,')} \N{HORIZONTAL ELLIPSIS}" if max(ends) > 0 else text
 
 
-def _next(score: ContinuityScore, command: str, *, is_built: bool) -> str:
+def _next(score: ContinuityScore, command: str, fix: str, *, is_built: bool) -> str:
     """The exact next command, and what it does."""
     if score.verdict == "OUT_OF_MODEL_SCOPE":
         return f"change what the reason names, then optopad check {command}"
+    if score.trial is not None and score.trial.found == "move":
+        return f"optopad score {command} {set_options(score.trial)}   ({fix})"
+    if fix:
+        return f"optopad improve {command} --more-parts   ({fix})"
     if score.causes:
         return f"optopad improve {command}   (up to three changes that mend it, verified: minutes)"
     if score.tolerance is not None and score.tolerance.flipping and not is_built:

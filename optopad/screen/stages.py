@@ -20,6 +20,7 @@ STAGE_TITLES = {
     "bounds": "light, bounds of place and depth",
     "tolerance": "tolerance of open values",
     "what matters": "what matters: a step of each field",
+    "trial": "trial: heights and thickness moved",
     "builds": "builds, everything off at once",
     "oracle": "ray tracer",
     "rays": "sample paths",

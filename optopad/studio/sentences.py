@@ -48,6 +48,7 @@ def _judged(now: Version, judged: Judged) -> str:
         return _block(GREY, "catching up", words)
     head = said.verdict
     words = [_label("why" if judged.score.causes else "weakest", said.why)]
+    words.append(_label("fix", said.fix))
     if judged.level != "draft":
         words.append(_label("sure", said.sure))
     words.append(_label("resolution", said.worth))

@@ -343,6 +343,7 @@ class Workshop:
         from sims.continuity.build_tolerance import with_tolerance
         from sims.continuity.field_steps import with_field_steps
         from sims.continuity.scoring import score
+        from sims.continuity.trials import with_trial
 
         design = wish.design
         found = score(design, tolerance=False, seed=self._seed, on_step=self._step)
@@ -351,4 +352,5 @@ class Workshop:
         self._post(Judged(digest=design.digest, level="score", score=found))
         found = with_tolerance(design, found, seed=self._seed, on_step=self._step)
         found = with_field_steps(design, found, seed=self._seed, on_step=self._step)
+        found = with_trial(design, found, seed=self._seed, on_step=self._step)
         return Judged(digest=design.digest, level="whole", score=found)

@@ -22,6 +22,7 @@ from sims.verdict.pad_map import PadMap
 from sims.verdict.pair.pair_score import PairScore
 from sims.verdict.presses import PairCurves
 from sims.verdict.tolerance import ToleranceBand
+from sims.verdict.trial import Trial
 
 FloatArray = NDArray[np.float64]
 Verdict = Literal["CONTIGUOUS", "DEADBAND", "OUT_OF_MODEL_SCOPE"]
@@ -69,6 +70,7 @@ class ContinuityScore:
     steps : what a small step of each field changes; None where not worked out
     pad_map, pad_signals : what the places of the workspace say, and the light behind it
     causes : why depth is not told, for every blind interval of a place, or of a facing pair, the worst first
+    trial : what moving heights or thickness does about the worst of them; None where not tried
     bounds : what all readings together can tell of a press's place and depth, at the map's places; None for a verdict
         only
     """
@@ -107,6 +109,7 @@ class ContinuityScore:
     tolerance: ToleranceBand | None = None
     builds: BuildStudy | None = None
     steps: FieldSteps | None = None
+    trial: Trial | None = None
     warnings: tuple[str, ...] = ()
 
     @property
@@ -159,6 +162,7 @@ class ContinuityScore:
             "tolerance": None if self.tolerance is None else self.tolerance.to_json(),
             "builds": None if self.builds is None else self.builds.to_json(),
             "what_matters": None if self.steps is None else self.steps.to_json(),
+            "trial": None if self.trial is None else self.trial.to_json(),
             "seed": self.seed,
             "fine": self.fine,
             "full": self.full,

@@ -29,6 +29,7 @@ from sims.continuity.cautions import margin_caution, noise_caution
 from sims.continuity.field_steps import with_field_steps
 from sims.continuity.judge import Judge
 from sims.continuity.result import ContinuityScore, JudgedPair
+from sims.continuity.trials import with_trial
 from sims.readings.readout import Readout
 from sims.verdict.boundary_forces import boundary_forces, place_force
 from sims.verdict.figure_errors import drawn_figures, figure_errors, figures_of
@@ -56,8 +57,8 @@ def score(
     fine : the same, with finer light, and bounds at more depths
     seed : of the light model's random shifts
     verdict_only : leave out what the verdict does not need: tolerance, what matters, and the map of facing rows
-    tolerance : try both ends of every open value and a step of each field, as `with_tolerance` and `with_field_steps`
-        do afterwards
+    tolerance : try both ends of every open value, a step of each field, and moves that would help, as
+        `with_tolerance`, `with_field_steps` and `with_trial` do afterwards
     on_step : called with the stage's name and the share of it that is done
 
     Raises
@@ -72,8 +73,8 @@ def score(
     except ModelScopeError as err:
         return replace(base, reason=str(err), warnings=tuple(str(finding) for finding in check(design)))
     if tolerance and not verdict_only:
-        found = with_tolerance(design, found, seed=seed, on_step=judge.tell)
-        found = with_field_steps(design, found, seed=seed, on_step=judge.tell)
+        for added in (with_tolerance, with_field_steps, with_trial):
+            found = added(design, found, seed=seed, on_step=judge.tell)
     return found
 
 

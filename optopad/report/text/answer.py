@@ -10,7 +10,9 @@ from typing import Any
 from design.fields.paths import get_at
 from design.spec import SensorDesign
 from design.spec.properties import used_values
+from optopad.report.text.measuring import tool_words
 from optopad.report.text.numbers import counted, spans
+from optopad.report.text.trials import fix_words, no_fix_words
 from sims.bounds.observability import PadBounds
 from sims.continuity.result import ContinuityScore
 from sims.verdict.causes import Cause
@@ -41,12 +43,14 @@ class Answer:
     ----------
     verdict : what holds, where and to what depth
     why : the mechanism of the worst blind interval; of a pad that has none, how near it is to one
+    fix : the moves that a trial found to help, with the verdict that was traced with them
     sure : whether a value that nobody has measured, or the light's own error, turns it, and what to measure how well
     worth : the resolution: the Cramér-Rao bound of one frame, of noise alone and near the true press
     """
 
     verdict: str
     why: str
+    fix: str
     sure: str
     worth: str
 
@@ -54,10 +58,11 @@ class Answer:
 def answer_of(design: SensorDesign, score: ContinuityScore) -> Answer:
     """The sentences of a score."""
     if score.verdict == "OUT_OF_MODEL_SCOPE":
-        return Answer(verdict=f"OUT_OF_MODEL_SCOPE: {score.reason}", why="", sure="", worth="")
+        return Answer(verdict=f"OUT_OF_MODEL_SCOPE: {score.reason}", why="", fix="", sure="", worth="")
     return Answer(
         verdict=_verdict(design, score),
-        why=cause_sentence(score.causes[0]) if score.causes else _margin(score),
+        why=_why(score),
+        fix=fix_words(score.trial),
         sure=_sure(design, score),
         worth=_worth(score),
     )
@@ -116,6 +121,13 @@ def _margin(score: ContinuityScore) -> str:
     )
 
 
+def _why(score: ContinuityScore) -> str:
+    """The mechanism of the worst interval, and that no move fixes it; without one, how near the pad is to one."""
+    if not score.causes:
+        return _margin(score)
+    return "; ".join(filter(None, [cause_sentence(score.causes[0]), no_fix_words(score.trial)]))
+
+
 def cause_sentence(cause: Cause) -> str:
     """The mechanism by name, with what is missing."""
     typical = cause.typical
@@ -123,20 +135,16 @@ def cause_sentence(cause: Cause) -> str:
         return "no pair near: no light between two parts runs under the tip there"
     several = f"{len(cause.witnesses)} pairs under the tip"
     under = several if len(cause.witnesses) > 1 else typical.pair
-    short = "" if cause.short_mm is None else f" by about {cause.short_mm:.1f} mm"
     match cause.lack:
         case "apart":
             onset = typical.mode2_onset_mm
             meets = "no press" if onset is None else f"the tip from {onset:.1f} mm on"
             return (
                 f"modes too far apart: mirrored light is spent at {typical.mode1_end_mm:.1f} mm, {meets} takes "
-                f"straight light ({typical.pair}); parts too low{short}"
+                f"straight light ({typical.pair})"
             )
         case "used up":
-            return (
-                f"light used up: by {cause.depth_mm[0]:.1f} mm the tip has blocked the straight light of {under}; "
-                f"parts too high{short}"
-            )
+            return f"light used up: by {cause.depth_mm[0]:.1f} mm the tip has blocked the straight light of {under}"
         case "clipped":
             return f"clipped: {under} at full scale there; lower gain.target_counts"
         case "dim":
@@ -165,7 +173,7 @@ def _sure(design: SensorDesign, score: ContinuityScore) -> str:
         return f"firm: {none}" + (f"; {len(band.unbanded)} have no band" if band.unbanded else "")
     path, apart = turning[0]
     more = f"; {counted(len(turning) - 1, 'more value')} can" if len(turning) > 1 else ""
-    return f"open: {path} turns it; measure it to within {apart:.2g}{unit_of(path)}{more}"
+    return f"open: {path} turns it; measure it to within {apart:.2g}{unit_of(path)}{tool_words(path, apart)}{more}"
 
 
 def _doubtful(score: ContinuityScore) -> str:

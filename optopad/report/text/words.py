@@ -180,7 +180,7 @@ def banner(design: SensorDesign, score: ContinuityScore) -> Html:
     lines = [element("p", _sentence(after), class_="meaning")]
     why = said.why if score.causes or not said.why else f"weakest at {said.why}"
     worth = f"resolution: {said.worth}" if said.worth else ""
-    lines += [element("p", _sentence(text)) for text in (why, said.sure, worth) if text]
+    lines += [element("p", _sentence(text)) for text in (why, said.fix, said.sure, worth) if text]
     if score.verdict != "OUT_OF_MODEL_SCOPE":
         lines.append(element("p", RULE, class_="note"))
     rests = rests_on(score)

@@ -142,6 +142,7 @@ def slow_score(monkeypatch: pytest.MonkeyPatch, pair_draft: ContinuityScore) -> 
     monkeypatch.setattr("sims.continuity.scoring.score", stand_in)
     monkeypatch.setattr("sims.continuity.build_tolerance.with_tolerance", lambda _design, found, **_: found)
     monkeypatch.setattr("sims.continuity.field_steps.with_field_steps", lambda _design, found, **_: found)
+    monkeypatch.setattr("sims.continuity.trials.with_trial", lambda _design, found, **_: found)
     return state
 
 

@@ -1,0 +1,369 @@
+"""A trial of what would help: component heights and layer thickness are moved, and the moved designs are traced.
+
+    cause of the worst interval ──► lines to move along ──► moves judged in brief at that location
+        ──► the least move without a deadband ──► all locations of the moved pad ──► verdict
+
+A line moves both heights, one of them, or the thickness. Its direction follows from the cause: components up or a
+thinner layer where the modes are too far apart, the other way where light is used up, both ways else. A move is enough
+where no deadband is left and the margin is `ENOUGH_MARGIN`. Where no move is enough, one more component a side is
+tried.
+
+Left out: causes that heights do not fix (saturated or dim readings); two lines at once; pitch, shift and gain, which
+`optopad improve` varies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from design.errors import OptopadError
+from design.fields.paths import get_at
+from design.geometry.cavity import cavity_of
+from design.geometry.pairs import is_facing_rows, judged_pairs, mask_of
+from design.rules.check import check
+from design.spec import SensorDesign
+from design.spec.cheap_fields import CLEAR, HEIGHTS
+from sims.continuity.build_tolerance import governing_judge
+from sims.continuity.map_judging import places_judged
+from sims.continuity.result import ContinuityScore
+from sims.optics.tracing import trace
+from sims.press.depths import COARSE_STEP_MM, depth_schedule_mm
+from sims.readings.readout import readout_of
+from sims.verdict.build_judge import Judge, facing_judge
+from sims.verdict.builds import Brief, accuracy_of_builds
+from sims.verdict.causes import Cause
+from sims.verdict.pad_map import COARSE_PLACES, PadMap, grid_places_mm, map_grid_mm
+from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
+from sims.verdict.presses import pad_light
+from sims.verdict.trial import Found, Move, Trial, TriedMove
+
+OnStep = Callable[[str, float], None]
+Line = tuple[tuple[str, int], ...]
+"""Fields that move together, each with its sign."""
+
+ENOUGH_MARGIN = 1.5 * DEADBAND_THRESHOLD
+"""Margin of a moved design that is enough: half of the threshold in reserve for the light of a trial [noise units]."""
+GAIN_MM = 0.3
+"""Usable depth that a move must add where none reaches the deepest press; a deadband's least length [mm]."""
+MOST_BRIEFS = 10
+"""Moves judged in brief at most: a tenth of a score's processor time."""
+GRID_MM = 0.1
+"""Moves are multiples of it: what a printer places."""
+LENGTHS_MM = (0.8, 3.0)
+"""First length of a move, at least and at most; by the cause where it has one [mm]."""
+SHARES = (0.5, 0.8, 0.25)
+"""Moves along the first line, as shares of that length, until one is enough."""
+BISECTIONS = 2
+FIXED_BY_HEIGHTS = ("apart", "used up", "cancel", "slight", "none near")
+MORE_PARTS = {
+    "alternating_ring": "parts_per_side",
+    "facing_rows": "count",
+    "disc_ring": "count",
+}
+"""Field of each pattern that says how many components it has."""
+NEARER = 0.94
+"""Pitch over an even spacing where that is too near to the corners [-]."""
+
+
+def with_trial(
+    design: SensorDesign, score: ContinuityScore, *, seed: int = 0, on_step: OnStep | None = None
+) -> ContinuityScore:
+    """A score with a trial of what would help; as it is where there is no cause, or one that heights do not fix.
+
+    Parameters
+    ----------
+    score : of that design, with its map if it is a pad
+    on_step : called with the stage's name and the share of it that is done
+    """
+    if score.readout is None or not score.causes or score.causes[0].lack not in FIXED_BY_HEIGHTS:
+        return score
+    search = _Search(design, score, seed, on_step or (lambda _stage, _share: None))
+    return replace(score, trial=search.outcome())
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Tried:
+    line: Line
+    length_mm: float
+    build: SensorDesign
+    brief: Brief
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Whole:
+    """Verdict on all locations of a moved pad, or on all facing pairs."""
+
+    verdict: str
+    deadband_mm: float
+    usable_mm: float
+    margin: float
+    judged: str
+
+
+class _Search:
+    """Moves along the lines of one cause, cheapest first."""
+
+    def __init__(self, design: SensorDesign, score: ContinuityScore, seed: int, tell: OnStep) -> None:
+        self.design, self.score, self.seed, self.tell = design, score, seed, tell
+        self.cause = score.causes[0]
+        self.searched, self.judge = _judge_at(design, score, self.cause, seed)
+        self.deepest_mm = design.operating.max_depth_mm
+        self.known = {str(one) for one in check(design)}
+        self.tried: dict[tuple[Line, float], _Tried | None] = {}
+        self.more_parts_tried = False
+
+    def outcome(self) -> Trial:
+        """Search, and judge what it found as a whole."""
+        self._search()
+        rows = [one for one in self.tried.values() if one is not None]
+        for one in self._candidates(rows):
+            changes = _changes(self.design, one.line, one.length_mm)
+            whole = self._whole(one.build, one.brief)
+            if whole is not None and self._is_better(whole):
+                return self._trial("move", _moves(self.design, changes), whole, rows)
+        for changes, build in _with_more_parts(self.design):
+            self.more_parts_tried = True
+            whole = self._whole(build, None)
+            if whole is not None and self._is_better(whole) and whole.margin >= ENOUGH_MARGIN:
+                return self._trial("more parts", _moves(self.design, changes), whole, rows)
+        return self._trial("none", (), None, rows)
+
+    def _candidates(self, rows: Sequence[_Tried]) -> list[_Tried]:
+        """The least useful move, then the one with the largest margin: another location may need more."""
+        useful = [one for one in rows if self._is_useful(one.brief)]
+        if not useful:
+            return []
+        least = min(useful, key=self._rank)
+        safest = max(useful, key=lambda one: one.brief.margin)
+        return [least] if safest is least else [least, safest]
+
+    def _trial(
+        self, found: Found, moves: tuple[Move, ...], whole: _Whole | None, rows: Sequence[_Tried]
+    ) -> Trial:
+        return Trial(
+            kind=self.cause.kind,
+            found=found,
+            moves=moves,
+            verdict=None if whole is None else whole.verdict,
+            deadband_mm=None if whole is None else whole.deadband_mm,
+            usable_mm=None if whole is None else whole.usable_mm,
+            margin=None if whole is None else whole.margin,
+            judged="" if whole is None else whole.judged,
+            searched=self.searched,
+            tried=tuple(
+                TriedMove(
+                    changes=_changes(self.design, one.line, one.length_mm),
+                    deadband_mm=one.brief.deadband_mm,
+                    usable_mm=self._usable(one.brief),
+                    margin=one.brief.margin,
+                )
+                for one in rows
+            ),
+            farthest_mm=max((one.length_mm for one in rows), default=0.0),
+            more_parts_tried=self.more_parts_tried,
+        )
+
+    def _search(self) -> None:
+        start = _on_grid(min(max(self.cause.short_mm or 0.0, LENGTHS_MM[0]), LENGTHS_MM[1]))
+        for side in _sides(self.cause):
+            both, receivers, emitters, clear = _lines(self.design, side)
+            enough = next((s for s in SHARES if self._reaches(both, s * start)), None)
+            if enough is None:
+                for line, share in ((clear, 0.5), *product((receivers, emitters), (1.0, 0.5))):
+                    self._reaches(line, share * start)
+                continue
+            least = self._shortened(both, _on_grid(enough * start))
+            for line, share in ((receivers, 2.0), (emitters, 2.0), (clear, 1.0)):
+                self._reaches(line, share * least)
+
+    def _shortened(self, line: Line, enough_mm: float) -> float:
+        """The least move along a line that is enough, by bisection against the longest that is not [mm]."""
+        below = [
+            length for (of, length), one in self.tried.items() if of == line and length < enough_mm and one
+        ]
+        low = max(below, default=0.0)
+        for _ in range(BISECTIONS):
+            middle = _on_grid(0.5 * (low + enough_mm))
+            if not low < middle < enough_mm:
+                break
+            if self._reaches(line, middle):
+                enough_mm = middle
+            else:
+                low = middle
+        return enough_mm
+
+    def _reaches(self, line: Line, length_mm: float) -> bool:
+        """Whether a move is enough, judged in brief; not where it is no design, or all briefs are spent."""
+        length_mm = _on_grid(length_mm)
+        if (line, length_mm) not in self.tried and line and length_mm > 0.0:
+            if sum(one is not None for one in self.tried.values()) >= MOST_BRIEFS:
+                return False
+            self.tried[line, length_mm] = self._brief(line, length_mm)
+            self.tell("trial", min(len(self.tried) / MOST_BRIEFS, 1.0))
+        one = self.tried.get((line, length_mm))
+        return one is not None and self._is_enough(one.brief)
+
+    def _brief(self, line: Line, length_mm: float) -> _Tried | None:
+        build = _changed(self.design, _changes(self.design, line, length_mm))
+        if build is None or is_facing_rows(cavity_of(build)) != self.score.is_facing_rows:
+            return None
+        try:
+            return _Tried(line=line, length_mm=length_mm, build=build, brief=self.judge(build))
+        except OptopadError:
+            return None
+
+    def _usable(self, brief: Brief) -> float:
+        return self.deepest_mm if brief.usable_mm is None else brief.usable_mm
+
+    def _is_enough(self, brief: Brief) -> bool:
+        is_deep = self.cause.kind == "deadband" or self._usable(brief) >= self.deepest_mm - 1e-9
+        return brief.deadband_mm == 0.0 and brief.margin >= ENOUGH_MARGIN and is_deep
+
+    def _is_useful(self, brief: Brief) -> bool:
+        """Enough, or an end of the range that lies deeper."""
+        deeper = self._usable(brief) - (self.score.usable_depth_mm or 0.0)
+        is_clear = brief.deadband_mm == 0.0 and brief.margin >= ENOUGH_MARGIN
+        return self._is_enough(brief) or (is_clear and self.cause.kind == "fade" and deeper >= GAIN_MM)
+
+    def _is_better(self, whole: _Whole) -> bool:
+        """Whether all locations of the moved design do better than those of the design as it is."""
+        deeper = whole.usable_mm - (self.score.usable_depth_mm or 0.0)
+        is_clear = whole.deadband_mm == 0.0 and whole.margin >= DEADBAND_THRESHOLD
+        return is_clear and (self.cause.kind == "deadband" or deeper >= GAIN_MM)
+
+    def _rank(self, one: _Tried) -> tuple[int, int, int, float]:
+        """Depth that is not usable in steps of `GAIN_MM`; new findings of the rules; fields; length."""
+        lost = round((self.deepest_mm - self._usable(one.brief)) / GAIN_MM)
+        news = sum(str(finding) not in self.known for finding in check(one.build))
+        return lost, news, len(one.line), one.length_mm
+
+    def _whole(self, build: SensorDesign, brief: Brief | None) -> _Whole | None:
+        try:
+            if self.score.is_facing_rows:
+                found = brief or facing_judge(seed=self.seed)[1](build)
+                return _Whole(
+                    verdict="DEADBAND" if found.deadband_mm > 0.0 else "CONTIGUOUS",
+                    deadband_mm=found.deadband_mm,
+                    usable_mm=self._usable(found),
+                    margin=found.margin,
+                    judged="all facing pairs, coarse light",
+                )
+            return _whole_pad(build, self.seed)
+        except OptopadError:
+            return None
+
+
+def _judge_at(design: SensorDesign, score: ContinuityScore, cause: Cause, seed: int) -> tuple[str, Judge]:
+    """What judges moves in brief: all facing pairs, or a pad at the cause's location."""
+    if score.is_facing_rows or score.pad_map is None:
+        return facing_judge(seed=seed)
+    here = min(
+        score.pad_map.places,
+        key=lambda one: (one.x_mm - cause.place_mm[0]) ** 2 + (one.y_mm - cause.place_mm[1]) ** 2,
+    )
+    name, judge, _ = governing_judge(
+        design, replace(score, pad_map=replace(score.pad_map, places=(here,))), seed
+    )
+    return name, judge
+
+
+def _sides(cause: Cause) -> tuple[int, ...]:
+    """1 to move components nearer to the top, -1 to move them away from it; both where the cause says neither."""
+    return {"apart": (1,), "used up": (-1,)}.get(cause.lack, (1, -1))
+
+
+def _lines(design: SensorDesign, side: int) -> tuple[Line, Line, Line, Line]:
+    """Both heights, the receivers', the emitters', the thickness; empty where a field moves nothing."""
+    fields = {part.height_field for part in cavity_of(design).parts}
+    emitters, receivers = (((path, side),) if path in fields else () for path in HEIGHTS)
+    both = emitters + receivers if emitters and receivers else ()
+    return both, receivers, emitters, ((CLEAR, -side),)
+
+
+def _on_grid(length_mm: float) -> float:
+    return round(GRID_MM * round(length_mm / GRID_MM), 6)
+
+
+def _changes(design: SensorDesign, line: Line, length_mm: float) -> dict[str, float]:
+    values = design.model_dump(mode="json")
+    return {path: round(float(get_at(values, path)) + sign * length_mm, 6) for path, sign in line}
+
+
+def _changed(design: SensorDesign, changes: dict[str, float]) -> SensorDesign | None:
+    """The design with these fields changed; None where that breaks a rule."""
+    try:
+        build = design.with_(**changes)
+        return None if any(one.severity == "error" for one in check(build)) else build
+    except OptopadError:
+        return None
+
+
+def _moves(design: SensorDesign, changes: dict[str, float]) -> tuple[Move, ...]:
+    values = design.model_dump(mode="json")
+    parts = cavity_of(design).parts
+    return tuple(
+        Move(
+            path=path,
+            parts=_span([part.name for part in parts if part.height_field == path]),
+            was=get_at(values, path),
+            to=to,
+        )
+        for path, to in changes.items()
+    )
+
+
+def _span(names: Sequence[str]) -> str:
+    """First and last of several names."""
+    return f"{names[0]}-{names[-1]}" if len(names) > 1 else "".join(names)
+
+
+def _with_more_parts(design: SensorDesign) -> Iterator[tuple[dict[str, float], SensorDesign]]:
+    """The design with one more component a side in its first pattern that has a number of them; two where one breaks
+    a rule, and nearer together where an even spacing does.
+    """
+    for number, pattern in enumerate(design.layout):
+        name = MORE_PARTS.get(pattern.pattern)
+        count = getattr(pattern, name) if name else None
+        if not isinstance(count, int):
+            continue
+        for more in (1, 2):
+            changes: dict[str, float] = {f"layout.{number}.{name}": count + more}
+            nearer_mm = _on_grid(
+                NEARER * min(design.cavity.length_mm, design.cavity.width_mm) / (count + more)
+            )
+            closer = changes | {f"layout.{number}.pitch_mm": nearer_mm}
+            for tried in (changes, closer) if pattern.pattern == "alternating_ring" else (changes,):
+                build = _changed(design, tried)
+                if build is not None:
+                    yield tried, build
+                    return
+
+
+def _whole_pad(design: SensorDesign, seed: int) -> _Whole:
+    """All locations of a pad by the light of a trial."""
+    cavity = cavity_of(design)
+    accuracy, judged = accuracy_of_builds(design), judged_pairs(cavity)
+    middle = np.array([[0.5 * cavity.length_mm, 0.5 * cavity.width_mm, 0.0]])
+    flux = trace(design, middle, accuracy=accuracy, seed=seed).flux[0]
+    readout = readout_of(design, flux, mask_of(judged, cavity))
+    x_mm, y_mm = map_grid_mm(cavity, COARSE_PLACES)
+    places_mm = grid_places_mm(cavity.workspace, x_mm, y_mm)
+    depth_mm = depth_schedule_mm(design.operating.max_depth_mm, 2.0 * COARSE_STEP_MM)
+    light = pad_light(design, places_mm, depth_mm, accuracy=accuracy, seed=seed)
+    pad_map = PadMap(
+        x_mm=tuple(x_mm.tolist()),
+        y_mm=tuple(y_mm.tolist()),
+        places=places_judged(design, cavity, readout, places_mm, depth_mm, light),
+    )
+    weakest = pad_map.weakest
+    return _Whole(
+        verdict="DEADBAND" if pad_map.worst.deadbands_mm else "CONTIGUOUS",
+        deadband_mm=pad_map.worst.deadband_total_mm,
+        usable_mm=pad_map.usable_depth_mm,
+        margin=weakest.margin,
+        judged=f"all {len(places_mm)} locations, coarse light",
+    )

@@ -1,0 +1,107 @@
+"""What a trial found: a few fields moved, and the verdict on the design with them moved."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from sims.verdict.causes import Kind
+
+Found = Literal["move", "more parts", "none"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Move:
+    """One field that is moved.
+
+    Attributes
+    ----------
+    path : dotted path of the field
+    parts : names of the components that it moves, as "R1-R8"; empty where it moves none
+    was, to : values as designed and moved [unit of the field]; was is None for a field that the design leaves out
+    """
+
+    path: str
+    parts: str
+    was: float | None
+    to: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class TriedMove:
+    """One move, judged in brief.
+
+    Attributes
+    ----------
+    changes : moved values by dotted path
+    deadband_mm, usable_mm : summed deadband and usable depth of what is judged [mm]
+    margin : distance of frames over the least resolved 0.3 mm of depth [noise units]; below 3 is a deadband
+    """
+
+    changes: Mapping[str, float]
+    deadband_mm: float
+    usable_mm: float
+    margin: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trial:
+    """The moves that were tried to remove a deadband, or to extend the usable depth.
+
+    Attributes
+    ----------
+    kind : what is to be fixed: "deadband", or "fade" where the usable depth ends early
+    found : "move" or "more parts" by what helps; "none" where nothing that was tried does
+    moves : fields of what helps
+    verdict, deadband_mm, usable_mm, margin : on the moved design [-, mm, mm, noise units]; None where nothing helps
+    judged : what the verdict is about, and by which light
+    searched : what the search judged in brief, in words
+    tried : the moves that were judged in brief, in order
+    farthest_mm : largest move that was tried [mm]
+    more_parts_tried : whether one more component a side was tried
+    """
+
+    kind: Kind
+    found: Found
+    moves: tuple[Move, ...]
+    verdict: str | None
+    deadband_mm: float | None
+    usable_mm: float | None
+    margin: float | None
+    judged: str
+    searched: str
+    tried: tuple[TriedMove, ...]
+    farthest_mm: float
+    more_parts_tried: bool
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {
+            "kind": self.kind,
+            "found": self.found,
+            "moves": [
+                {"path": one.path, "parts": one.parts, "from": one.was, "to": one.to} for one in self.moves
+            ],
+            "verdict": self.verdict,
+            "deadband_mm": _rounded(self.deadband_mm),
+            "usable_depth_mm": _rounded(self.usable_mm),
+            "margin_noise_units": _rounded(self.margin),
+            "judged_by": self.judged,
+            "searched_by": self.searched,
+            "farthest_mm": _rounded(self.farthest_mm),
+            "more_parts_tried": self.more_parts_tried,
+            "tried": [
+                {
+                    "changes": dict(one.changes),
+                    "deadband_mm": _rounded(one.deadband_mm),
+                    "usable_depth_mm": _rounded(one.usable_mm),
+                    "margin_noise_units": _rounded(one.margin),
+                }
+                for one in self.tried
+            ],
+        }
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 4)

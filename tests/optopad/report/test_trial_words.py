@@ -1,0 +1,100 @@
+"""Words of a trial and of measuring: which component, by how much, with which verdict; which tool is fine enough."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from design.preset import preset
+from optopad.report.text.answer import answer_of
+from optopad.report.text.measuring import tool_words
+from optopad.report.text.trials import fix_words, no_fix_words
+from optopad.screen.one_screen import verdict_screen
+from sims.verdict.trial import Move, Trial, TriedMove
+from tests.sims.made_up_scores import dead_score
+
+PAD = preset("piacenza2017-pad")
+LOWER = Move(path="receivers.height_mm", parts="R1-R8", was=6.0, to=5.1)
+MORE = Move(path="layout.0.parts_per_side", parts="", was=4, to=5)
+FOUND = Trial(
+    kind="deadband",
+    found="move",
+    moves=(LOWER,),
+    verdict="CONTIGUOUS",
+    deadband_mm=0.0,
+    usable_mm=5.0,
+    margin=6.24,
+    judged="all 25 locations, coarse light",
+    searched="the pad at x 16, y 16 mm",
+    tried=(TriedMove(changes={LOWER.path: 5.1}, deadband_mm=0.0, usable_mm=5.0, margin=6.5),),
+    farthest_mm=0.9,
+    more_parts_tried=False,
+)
+NONE = replace(
+    FOUND, found="none", moves=(), verdict=None, margin=None, usable_mm=None, more_parts_tried=True
+)
+
+
+def test_a_fix_names_the_components_the_move_and_the_traced_verdict():
+    assert fix_words(FOUND) == (
+        "receivers R1-R8 from 6 to 5.1 mm: CONTIGUOUS to 5 mm, margin 6.2 sigma (traced at all 25 locations, "
+        "coarse light)"
+    )
+    assert no_fix_words(FOUND) == ""
+
+
+def test_too_few_components_is_said_with_the_number_that_helps():
+    more = replace(FOUND, found="more parts", moves=(MORE,))
+    assert fix_words(more).startswith("too few components: with parts per side 5 in place of 4: CONTIGUOUS")
+    assert (
+        no_fix_words(more)
+        == "none of 1 move of heights and thickness by up to 0.9 mm fixes it at every location"
+    )
+
+
+def test_where_nothing_helps_it_says_what_was_tried():
+    assert fix_words(NONE) == fix_words(None) == no_fix_words(None) == ""
+    assert no_fix_words(NONE).endswith("fixes it at every location, nor does one more component a side")
+    assert "extends it" in no_fix_words(replace(NONE, kind="fade"))
+
+
+def test_the_next_command_makes_the_move_that_helps():
+    lines = verdict_screen(PAD, replace(dead_score(), trial=FOUND), [], command="pad.toml")
+    said = " ".join(" ".join(lines).split())
+    assert (
+        "next optopad score pad.toml --set receivers.height_mm=5.1 (receivers R1-R8 from 6 to 5.1 mm:" in said
+    )
+    assert answer_of(PAD, replace(dead_score(), trial=FOUND)).fix == fix_words(FOUND)
+    more = replace(FOUND, found="more parts", moves=(MORE,))
+    lines = verdict_screen(PAD, replace(dead_score(), trial=more), [], command="pad.toml")
+    assert "optopad improve pad.toml --more-parts" in " ".join(" ".join(lines).split())
+
+
+@pytest.mark.parametrize(
+    ("path", "within", "words"),
+    [
+        ("receivers.height_mm", 0.2, ": by a calliper"),
+        (
+            "receivers.height_mm",
+            0.022,
+            ": not by a calliper; by a measuring microscope or by optopad calibrate with 30 presses",
+        ),
+        ("receivers.height_mm", 0.012, ": not by a calliper; by a measuring microscope"),
+        (
+            "receivers.height_mm",
+            0.004,
+            ": finer than a measuring microscope resolves; a design with more margin is the way out",
+        ),
+        ("part_measurements.x.active_height_mm", 0.35, ": by a measuring microscope"),
+        ("elastomer.refractive_index", 0.004, ": by an Abbe refractometer"),
+        (
+            "surfaces.wall_reflectance",
+            0.004,
+            ": not by a lamp and a photodiode against a white standard; by optopad calibrate with 30 presses",
+        ),
+        ("elastomer.youngs_modulus_mpa", 0.1, ""),
+    ],
+)
+def test_the_tool_is_one_that_resolves_what_must_be_known(path, within, words):
+    assert tool_words(path, within) == words
