@@ -7,16 +7,18 @@ from typing import Literal
 
 from design.errors import readable
 
-Severity = Literal["error", "warning"]
+Severity = Literal["error", "warning", "note"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """An error (the design cannot be built or simulated) or a warning (it can, with this in mind).
+    """An error (the design cannot be built or simulated), a warning (it can, with this in mind) or a note.
+
+    A note is true of every usual design of its kind, so it is no warning: what the pad cannot do, and what would.
 
     Attributes
     ----------
-    severity : error or warning
+    severity : error, warning or note
     field : dotted path in the design that the finding is about
     value : what the design has, with its unit
     limit : what it is held against, with its unit
@@ -51,6 +53,18 @@ def warning(field: str, message: str, *, value: object, limit: object, way_out: 
     """A finding that lets the design through."""
     return Finding(
         severity="warning",
+        field=field,
+        value=str(value),
+        limit=str(limit),
+        message=message,
+        way_out=way_out,
+    )
+
+
+def note(field: str, message: str, *, value: object, limit: object, way_out: str) -> Finding:
+    """A finding that is true of every usual design of its kind."""
+    return Finding(
+        severity="note",
         field=field,
         value=str(value),
         limit=str(limit),

@@ -26,7 +26,7 @@ from design.rules.light import (
     path_findings,
     workspace_findings,
 )
-from design.rules.mold import mold_findings
+from design.rules.mold import mold_findings, reach_notes
 from design.rules.reference import entry_findings, found_board, part_findings
 from design.rules.shape import is_spanned, shape_findings, span_findings
 from design.rules.webs import web_findings
@@ -35,7 +35,7 @@ from design.spec.layout import MAX_PER_KIND, Placement, expand
 from design.spec.properties import entries_of
 from design.spec.tolerances import tolerance_findings
 
-__all__ = ["Finding", "check", "require_valid"]
+__all__ = ["Finding", "check", "notes", "require_valid"]
 
 SMALLEST_LENGTH_MM = 0.01
 """No printer, mold or caliper resolves less; a shorter length was most likely given in metres."""
@@ -65,6 +65,11 @@ def check(design: SensorDesign) -> tuple[Finding, ...]:
         found += _geometry_findings(design, counts)
         found += circuit_findings(design, board) if board is not None and all(counts) else ()
     return tuple(sorted(found, key=lambda finding: finding.severity != "error"))
+
+
+def notes(design: SensorDesign) -> tuple[Finding, ...]:
+    """What is true of a usual design and a user may not expect; of one without errors."""
+    return tuple(reach_notes(design))
 
 
 def require_valid(design: SensorDesign) -> None:

@@ -1,4 +1,4 @@
-"""Options of the mold that need something of the rest: a cover's seat, a parted mold, fits.
+"""Options of the mold that need something of the rest: a cover's seat, a parted mold, fits; what stands above the pad.
 
 Names that find no room on the outer face are told by the printed parts' checks (`cad.checks`).
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from design.fields.finding import Finding, error, mm, warning
+from design.fields.finding import Finding, error, mm, note, warning
 from design.fields.units import ROUNDING_MM
 from design.geometry.mold_outline import MoldOutline, outline_of
 from design.spec import SensorDesign
@@ -102,3 +102,28 @@ def _piece_findings(design: SensorDesign) -> Iterator[Finding]:
             limit="mold.fixing_hole_diameter_mm above 0",
             way_out="give fixing holes for screws, or set mold.pieces = 'one'",
         )
+
+
+def reach_notes(design: SensorDesign) -> Iterator[Finding]:
+    """A flat top below its rim, which no flat object larger than the opening touches."""
+    outline = outline_of(design)
+    above_mm = outline.highest_mm - outline.fill_mm
+    if design.crown is not None or outline.ledge_mm or above_mm <= ROUNDING_MM:
+        return
+    half_mm = min(outline.length_mm, outline.width_mm) / 2 + outline.mouth_out_mm
+    flattest_mm = (half_mm**2 + above_mm**2) / (2.0 * above_mm)
+    bodies_mm = max((one.part.body_top_mm for one in outline.sockets), default=0.0) - outline.fill_mm
+    is_by_body = bodies_mm > ROUNDING_MM
+    yield note(
+        "mold.rim_mm",
+        "the pad lies below the mold around it: a flat object larger than the opening never touches it",
+        value=f"{mm(above_mm)} below; an object touches if its radius of curvature is below {flattest_mm:.0f} mm",
+        limit="0.00 mm for flat objects",
+        way_out=(
+            f"use components whose bodies end below the surface (now up to {mm(bodies_mm)} above it), then set "
+            "mold.rim_mm = 0"
+            if is_by_body
+            else "set mold.rim_mm = 0 and pour to the brim (no pour gauge then)"
+        )
+        + "; a fingertip or a tip smaller than the opening needs neither",
+    )

@@ -59,7 +59,14 @@ class Mold(Model):
     ] = None
     floor_mm: Annotated[float, Field(ge=0.6, le=30.0, description="thickness below the black layer")] = 3.0
     rim_mm: Annotated[
-        float, Field(ge=0.0, le=20.0, description="wall above the clear layer, to pour against")
+        float,
+        Field(
+            ge=0.0,
+            le=20.0,
+            description="wall above the clear layer: its lip shows the fill level, blade and gauge rest on it, and "
+            "1.5 mm cover the bodies of the paper's photodiodes, 1.45 mm above the layer; a flat object larger than "
+            "the pad touches it only at 0, with bodies below the surface",
+        ),
     ] = 1.5
     fixing_hole_diameter_mm: Annotated[
         float, Field(ge=0.0, le=20.0, description="corner holes; 0 for none")

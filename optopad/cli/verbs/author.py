@@ -63,6 +63,7 @@ def check(
     from dataclasses import asdict
 
     from design.rules.check import check as findings_of
+    from design.rules.check import notes
     from optopad.report.text.numbers import counted
     from optopad.screen.one_screen import as_typed, findings_screen
 
@@ -70,6 +71,7 @@ def check(
     findings = findings_of(read)
     errors = [finding for finding in findings if finding.severity == "error"]
     total = f"{read.name}: {counted(len(errors), 'error')}, {counted(len(findings) - len(errors), 'warning')}"
+    findings = findings if errors else (*findings, *notes(read))
     tell(
         as_json,
         lambda: {"name": read.name, "digest": read.digest, "findings": [asdict(f) for f in findings]},

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from design.fields.finding import Finding
 from design.geometry.webs import clearances, rim_clearances
-from design.rules.check import check
+from design.preset import preset
+from design.rules.check import check, notes
 from design.rules.webs import WORDS, web_findings
 from design.spec import SensorDesign
 from tests.design.rules.rule_cases import BENCHMARK, about, and_more, facing, only, single
@@ -233,3 +234,26 @@ def test_the_rules_refuse_a_mold_exactly_if_a_clearance_is_not_kept(
     assert bool(errors) == bool(broken)
     assert {finding.field for finding in errors} <= {one.field for one in broken}
     assert sum(1 + places_more(finding) for finding in errors) == len(broken)
+
+
+def test_a_flat_pad_below_its_rim_is_noted_with_what_never_touches_it():
+    (found,) = notes(preset("piacenza2017-pad"))
+    assert (found.severity, found.field) == ("note", "mold.rim_mm")
+    assert "a flat object larger than the opening never touches it" in found.message
+    assert found.value.startswith("1.50 mm below")
+    assert "bodies end below the surface (now up to 1.45 mm above it)" in found.way_out
+
+
+def test_the_radius_that_still_touches_is_a_sphere_s_over_the_opening():
+    (found,) = notes(preset("piacenza2017-pad"))
+    radius = float(found.value.split("below ")[-1].split(" mm")[0])
+    half = 16.0 + 1.5  # the lip opens the rim
+    assert radius - (radius**2 - half**2) ** 0.5 == pytest.approx(1.5, abs=0.02)
+
+
+def test_a_flush_pad_has_no_note():
+    flush = preset("fingertip-16").with_(**{"mold.rim_mm": 0.0})
+    assert notes(flush) == ()
+    (sunk,) = notes(preset("fingertip-16"))
+    assert "set mold.rim_mm = 0" in sunk.way_out
+    assert notes(preset("fingertip-dome")) == ()  # proud of its rim
