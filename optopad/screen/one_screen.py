@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from design.spec import SensorDesign
 from optopad.report.text.answer import answer_of
 from optopad.report.text.numbers import counted
-from optopad.report.text.trials import set_options
+from optopad.report.text.trials import command_words, set_options
 
 if TYPE_CHECKING:
     from design.fields.finding import Finding
@@ -130,7 +130,7 @@ def _next(score: ContinuityScore, command: str, fix: str, *, is_built: bool) -> 
     if score.verdict == "OUT_OF_MODEL_SCOPE":
         return f"change what the reason names, then optopad check {command}"
     if score.trial is not None and score.trial.found == "move":
-        return f"optopad score {command} {set_options(score.trial)}   ({fix})"
+        return f"optopad score {command} {set_options(score.trial)}   ({command_words(score.trial)})"
     if fix:
         return f"optopad improve {command} --more-parts   ({fix})"
     if score.causes:

@@ -10,10 +10,12 @@ from optopad.report.text.builds import builds_table, builds_words
 from optopad.report.text.markup import Html, element, section, table
 from optopad.report.text.numbers import DASH, counted, depth, ends, signed, spans
 from optopad.report.text.scripts import data_element
+from optopad.report.text.trials import fix_words, no_fix_words
 from optopad.report.text.words import governing, ranked, reading
 from sims.continuity.result import ContinuityScore, JudgedPair
 from sims.verdict.pair.defaults import DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT
 from sims.verdict.tolerance import ToleranceBand
+from sims.verdict.trial import Trial
 
 Drawings = dict[str, Drawing]
 
@@ -40,6 +42,7 @@ CAUSE_HEADS = (
     "mode 2 begins at [mm]",
     "tip meets its straight path at [mm]",
 )
+TRIAL_HEADS = ("move", "deadband [mm]", "usable depth [mm]", "margin [noise units]")
 PAIR_HEADS = (
     "pair",
     "press at x, y",
@@ -101,7 +104,28 @@ def causes_section(score: ContinuityScore, drawings: Drawings) -> Html:
             "begins and, dashed, where it ends. The table is of the pairs under the tip in the first picture.",
             class_="note",
         ),
+        *_trial_parts(score.trial),
     )
+
+
+def _trial_parts(trial: Trial | None) -> list[Html]:
+    """The moves that were tried, each with what was traced for it."""
+    if trial is None:
+        return []
+    rows = [
+        (
+            ", ".join(f"{path} = {value:g}" for path, value in one.changes.items()),
+            f"{one.deadband_mm:.2f}",
+            f"{one.usable_mm:.2f}",
+            f"{one.margin:.1f}",
+        )
+        for one in trial.tried
+    ]
+    said = "; ".join(filter(None, [fix_words(trial), no_fix_words(trial)]))
+    return [
+        element("p", f"Moves that were traced, judged by {trial.searched}: {said}."),
+        table(TRIAL_HEADS, rows, label="Moves that were traced", numeric=range(1, len(TRIAL_HEADS))),
+    ]
 
 
 def signal_section(design: SensorDesign, score: ContinuityScore, drawings: Drawings) -> Html:

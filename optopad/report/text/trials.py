@@ -17,10 +17,22 @@ def fix_words(trial: Trial | None) -> str:
     if trial is None or trial.found == "none":
         return ""
     moved = ", ".join(_moved(one) for one in trial.moves)
+    verdict = f"{moved}: {verdict_words(trial)} (traced: {trial.judged})"
+    return f"too few components: with {verdict}" if trial.found == "more parts" else verdict
+
+
+def verdict_words(trial: Trial) -> str:
+    """The verdict of a trial, its usable depth and its margin."""
     depth = "" if trial.usable_mm is None else f" to {trial.usable_mm:.3g} mm"
     margin = "" if trial.margin is None else f", margin {trial.margin:.1f} sigma"
-    verdict = f"{moved}: {trial.verdict}{depth}{margin} (traced at {trial.judged})"
-    return f"too few components: with {verdict}" if trial.found == "more parts" else verdict
+    return f"{trial.verdict}{depth}{margin}"
+
+
+def command_words(trial: Trial) -> str:
+    """What the next command does, in short: the components that it moves, and the traced verdict."""
+    parts = " and ".join(one.parts for one in trial.moves if one.parts)
+    moves = f"moves {parts}; " if parts else ""
+    return f"{moves}trial: {verdict_words(trial)}"
 
 
 def no_fix_words(trial: Trial | None) -> str:

@@ -15,6 +15,7 @@ from optopad.report.scenes.cause_drawing import plot_cause
 from optopad.report.text.answer import cause_sentence
 from optopad.screen.summary import step_lines
 from sims.verdict.field_effects import Effect, FieldStep, FieldSteps
+from sims.verdict.trial import Move, Trial, TriedMove
 from tests.optopad.report.page_reader import Page
 from tests.optopad.screen.test_one_screen import cause
 from tests.sims.made_up_scores import CHECKS, contiguous_score, dead_score
@@ -38,6 +39,21 @@ STEPS = FieldSteps(
     ),
 )
 
+FOUND = Trial(
+    kind="deadband",
+    found="move",
+    moves=(Move(path="receivers.height_mm", parts="R1-R8", was=6.0, to=5.1),),
+    verdict="CONTIGUOUS",
+    deadband_mm=0.0,
+    usable_mm=5.0,
+    margin=6.24,
+    judged="all 25 locations, coarse light",
+    searched="the pad at x 16, y 16 mm",
+    tried=(TriedMove(changes={"receivers.height_mm": 5.1}, deadband_mm=0.0, usable_mm=5.0, margin=6.5),),
+    farthest_mm=0.9,
+    more_parts_tried=False,
+)
+
 
 def page(folder: Path, score) -> str:
     return write_report(PAD, folder, score, CHECKS, seed=7).read_text(encoding="utf-8")
@@ -56,6 +72,15 @@ def test_a_deadband_has_its_picture_and_the_words_of_the_screen(tmp_path: Path):
     for name in ("plot-cause-1.svg", "plot-field-steps.svg"):
         assert (tmp_path / "sims" / name).is_file()
     assert "Section through E1-R5 under the press" in text
+
+
+def test_the_moves_that_were_traced_are_listed_with_what_helps(tmp_path: Path):
+    text = page(tmp_path, replace(dead_score(), causes=(cause("none near"),), trial=FOUND))
+    assert (
+        "Moves that were traced, judged by the pad at x 16, y 16 mm: receivers R1-R8 from 6 to 5.1 mm" in text
+    )
+    assert "receivers.height_mm = 5.1" in text
+    assert "Moves that were traced" not in page(tmp_path, replace(dead_score(), causes=(cause("none near"),)))
 
 
 def test_without_a_blind_interval_nothing_is_asked(tmp_path: Path):

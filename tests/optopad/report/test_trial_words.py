@@ -38,7 +38,7 @@ NONE = replace(
 
 def test_a_fix_names_the_components_the_move_and_the_traced_verdict():
     assert fix_words(FOUND) == (
-        "receivers R1-R8 from 6 to 5.1 mm: CONTIGUOUS to 5 mm, margin 6.2 sigma (traced at all 25 locations, "
+        "receivers R1-R8 from 6 to 5.1 mm: CONTIGUOUS to 5 mm, margin 6.2 sigma (traced: all 25 locations, "
         "coarse light)"
     )
     assert no_fix_words(FOUND) == ""
@@ -63,8 +63,9 @@ def test_the_next_command_makes_the_move_that_helps():
     lines = verdict_screen(PAD, replace(dead_score(), trial=FOUND), [], command="pad.toml")
     said = " ".join(" ".join(lines).split())
     assert (
-        "next optopad score pad.toml --set receivers.height_mm=5.1 (receivers R1-R8 from 6 to 5.1 mm:" in said
-    )
+        "next optopad score pad.toml --set receivers.height_mm=5.1 "
+        "(moves R1-R8; trial: CONTIGUOUS to 5 mm, margin 6.2 sigma)"
+    ) in said
     assert answer_of(PAD, replace(dead_score(), trial=FOUND)).fix == fix_words(FOUND)
     more = replace(FOUND, found="more parts", moves=(MORE,))
     lines = verdict_screen(PAD, replace(dead_score(), trial=more), [], command="pad.toml")
