@@ -6,7 +6,7 @@
 A line moves both heights, one of them, or the thickness. Its direction follows from the cause: components up or a
 thinner layer where the modes are too far apart, the other way where light is used up, both ways else. A move is enough
 where no deadband is left and the margin is `ENOUGH_MARGIN`. Where no move is enough, one more component a side is
-tried.
+tried; where no chord runs near the location, that comes first.
 
 Left out: causes that heights do not fix (saturated or dim readings); two lines at once; pitch, shift and gain, which
 `optopad improve` varies.
@@ -50,7 +50,7 @@ ENOUGH_MARGIN = 1.5 * DEADBAND_THRESHOLD
 GAIN_MM = 0.3
 """Usable depth that a move must add where none reaches the deepest press; a deadband's least length [mm]."""
 MOST_BRIEFS = 10
-"""Moves judged in brief at most: a tenth of a score's processor time."""
+"""Moves judged in brief at most: about a tenth of a score's processor time."""
 GRID_MM = 0.1
 """Moves are multiples of it: what a printer places."""
 LENGTHS_MM = (0.8, 3.0)
@@ -117,33 +117,45 @@ class _Search:
         self.more_parts_tried = False
 
     def outcome(self) -> Trial:
-        """Search, and judge what it found as a whole."""
+        """Search, and judge what it found as a whole; more components first where no chord runs near."""
+        steps = (self._move_that_helps, self._parts_that_help)
+        for step in steps[::-1] if self.cause.lack == "none near" else steps:
+            found = step()
+            if found is not None:
+                return found
+        return self._trial("none", (), None)
+
+    def _move_that_helps(self) -> Trial | None:
         self._search()
-        rows = [one for one in self.tried.values() if one is not None]
-        for one in self._candidates(rows):
-            changes = _changes(self.design, one.line, one.length_mm)
+        for one in self._candidates():
             whole = self._whole(one.build, one.brief)
             if whole is not None and self._is_better(whole):
-                return self._trial("move", _moves(self.design, changes), whole, rows)
+                changes = _changes(self.design, one.line, one.length_mm)
+                return self._trial("move", _moves(self.design, changes), whole)
+        return None
+
+    def _parts_that_help(self) -> Trial | None:
         for changes, build in _with_more_parts(self.design):
             self.more_parts_tried = True
             whole = self._whole(build, None)
-            if whole is not None and self._is_better(whole) and whole.margin >= ENOUGH_MARGIN:
-                return self._trial("more parts", _moves(self.design, changes), whole, rows)
-        return self._trial("none", (), None, rows)
+            if whole is not None and self._is_better(whole):
+                return self._trial("more parts", _moves(self.design, changes), whole)
+        return None
 
-    def _candidates(self, rows: Sequence[_Tried]) -> list[_Tried]:
+    def _rows(self) -> list[_Tried]:
+        return [one for one in self.tried.values() if one is not None]
+
+    def _candidates(self) -> list[_Tried]:
         """The least useful move, then the one with the largest margin: another location may need more."""
-        useful = [one for one in rows if self._is_useful(one.brief)]
+        useful = [one for one in self._rows() if self._is_useful(one.brief)]
         if not useful:
             return []
         least = min(useful, key=self._rank)
         safest = max(useful, key=lambda one: one.brief.margin)
         return [least] if safest is least else [least, safest]
 
-    def _trial(
-        self, found: Found, moves: tuple[Move, ...], whole: _Whole | None, rows: Sequence[_Tried]
-    ) -> Trial:
+    def _trial(self, found: Found, moves: tuple[Move, ...], whole: _Whole | None) -> Trial:
+        rows = self._rows()
         return Trial(
             kind=self.cause.kind,
             found=found,
@@ -200,7 +212,7 @@ class _Search:
         """Whether a move is enough, judged in brief; not where it is no design, or all briefs are spent."""
         length_mm = _on_grid(length_mm)
         if (line, length_mm) not in self.tried and line and length_mm > 0.0:
-            if sum(one is not None for one in self.tried.values()) >= MOST_BRIEFS:
+            if len(self._rows()) >= MOST_BRIEFS:
                 return False
             self.tried[line, length_mm] = self._brief(line, length_mm)
             self.tell("trial", min(len(self.tried) / MOST_BRIEFS, 1.0))
@@ -230,9 +242,9 @@ class _Search:
         return self._is_enough(brief) or (is_clear and self.cause.kind == "fade" and deeper >= GAIN_MM)
 
     def _is_better(self, whole: _Whole) -> bool:
-        """Whether all locations of the moved design do better than those of the design as it is."""
+        """Whether the moved design has no deadband at any location, margin enough, and more depth if that is asked."""
         deeper = whole.usable_mm - (self.score.usable_depth_mm or 0.0)
-        is_clear = whole.deadband_mm == 0.0 and whole.margin >= DEADBAND_THRESHOLD
+        is_clear = whole.deadband_mm == 0.0 and whole.margin >= ENOUGH_MARGIN
         return is_clear and (self.cause.kind == "deadband" or deeper >= GAIN_MM)
 
     def _rank(self, one: _Tried) -> tuple[int, int, int, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from optopad.report.text.numbers import counted
+from sims.continuity.trials import ENOUGH_MARGIN
 from sims.verdict.trial import Move, Trial
 
 NAMES = {
@@ -39,12 +40,12 @@ def no_fix_words(trial: Trial | None) -> str:
     """That no move helps, and what was tried; empty where one does or none was tried."""
     if trial is None or trial.found == "move" or not trial.tried:
         return ""
-    helps = "extends it" if trial.kind == "fade" else "fixes it at every location"
+    helps = "reaches deeper" if trial.kind == "fade" else "fixes it at every location"
     more = ", nor does one more component a side" if trial.found == "none" and trial.more_parts_tried else ""
     within = (
         f"of {counted(len(trial.tried), 'move')} of heights and thickness by up to {trial.farthest_mm:g} mm"
     )
-    return f"none {within} {helps}{more}"
+    return f"none {within} {helps}{more} (margin {ENOUGH_MARGIN:g} sigma or more)"
 
 
 def set_options(trial: Trial) -> str:

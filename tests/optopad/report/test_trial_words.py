@@ -47,16 +47,18 @@ def test_a_fix_names_the_components_the_move_and_the_traced_verdict():
 def test_too_few_components_is_said_with_the_number_that_helps():
     more = replace(FOUND, found="more parts", moves=(MORE,))
     assert fix_words(more).startswith("too few components: with parts per side 5 in place of 4: CONTIGUOUS")
-    assert (
-        no_fix_words(more)
-        == "none of 1 move of heights and thickness by up to 0.9 mm fixes it at every location"
+    assert no_fix_words(more) == (
+        "none of 1 move of heights and thickness by up to 0.9 mm fixes it at every location "
+        "(margin 4.5 sigma or more)"
     )
 
 
 def test_where_nothing_helps_it_says_what_was_tried():
     assert fix_words(NONE) == fix_words(None) == no_fix_words(None) == ""
-    assert no_fix_words(NONE).endswith("fixes it at every location, nor does one more component a side")
-    assert "extends it" in no_fix_words(replace(NONE, kind="fade"))
+    assert no_fix_words(NONE).endswith(
+        "fixes it at every location, nor does one more component a side (margin 4.5 sigma or more)"
+    )
+    assert "reaches deeper" in no_fix_words(replace(NONE, kind="fade"))
 
 
 def test_the_next_command_makes_the_move_that_helps():

@@ -99,6 +99,12 @@ def test_too_few_components_is_said_only_where_more_help(monkeypatch):
     ]
 
 
+def test_where_no_chord_runs_near_more_components_come_first(monkeypatch):
+    trial, judged = tried(monkeypatch, caused("none near", short_mm=None))
+    assert trial.found == "more parts"
+    assert judged == []
+
+
 def test_the_components_that_move_are_named(monkeypatch):
     trial, _ = tried(monkeypatch, caused(), enough=(1.0, 1.0))
     document = trial.to_json()
