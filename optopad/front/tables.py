@@ -18,7 +18,15 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-FIGURES = ("deadband_mm", "mode_gap_mm", "continuity", "evenness", "untouched_flux", "resolvable_steps")
+FIGURES = (
+    "deadband_mm",
+    "usable_depth_mm",
+    "mode_gap_mm",
+    "continuity",
+    "evenness",
+    "untouched_flux",
+    "resolvable_steps",
+)
 """Figures of a sweep that are numbers."""
 
 
@@ -61,20 +69,32 @@ class Swept:
         return tuple(row.score["verdict"] for row in self.found.rows)
 
     @property
+    def headlines(self) -> tuple[str, ...]:
+        """Verdict at each value in the words of `optopad score`, with usable depth, and undecided where it is."""
+        return tuple(row.headline for row in self.found.rows)
+
+    @property
     def table(self) -> xr.Dataset:
-        """Figures over the field's values; NaN where one does not exist. Lengths in mm, light over emitted power."""
+        """Figures over the field's values, whose coordinate has the field's dotted path as its name.
+
+        NaN where a figure does not exist. Lengths in mm, light over emitted power.
+        """
         import xarray as xr
 
         cells = [table_row(row) for row in self.found.rows]
-        columns = {
+        columns: dict[str, Any] = {
             name: (
-                "value",
+                self.field,
                 np.array([np.nan if cell.get(name) is None else cell[name] for cell in cells], dtype=float),
             )
             for name in FIGURES
         }
-        found = xr.Dataset(columns, coords={"value": list(self.values)}, attrs={"field": self.field})
-        return found.assign(verdict=("value", list(self.verdicts)))
+        columns |= {
+            "verdict": (self.field, list(self.verdicts)),
+            "headline": (self.field, list(self.headlines)),
+            "is_open": (self.field, [bool(cell.get("is_open")) for cell in cells]),
+        }
+        return xr.Dataset(columns, coords={self.field: list(self.values)}, attrs={"field": self.field})
 
     def to_dict(self) -> dict[str, Any]:
         """The same as `optopad sweep --json`."""
@@ -95,13 +115,14 @@ class Swept:
         rows = [
             (
                 str(row.value),
-                row.score["verdict"],
+                row.headline,
                 number(cell.get("deadband_mm")),
+                number(cell.get("usable_depth_mm")),
                 number(cell.get("mode_gap_mm")),
             )
             for row, cell in ((row, table_row(row)) for row in self.found.rows)
         ]
-        head = (self.field, "verdict", "deadband, mm", "mode gap, mm")
+        head = (self.field, "verdict", "deadband, mm", "usable depth, mm", "mode gap, mm")
         return block(f"sweep of {self.field}", (), table(head, rows), picture(self.plot, "sweep"))
 
 
@@ -122,6 +143,11 @@ class Compared:
         return {
             label: row.score["verdict"] for label, row in zip(self.found.labels, self.found.rows, strict=True)
         }
+
+    @property
+    def headlines(self) -> dict[str, str]:
+        """Verdict of each design in the words of `optopad score`, by its name."""
+        return {label: row.headline for label, row in zip(self.found.labels, self.found.rows, strict=True)}
 
     @property
     def changes(self) -> dict[str, tuple[Any, ...]]:
@@ -155,5 +181,5 @@ class Compared:
             (f"{one.name}, {one.unit}".rstrip(", "), *(number(value, 3) for value in one.values))
             for one in self.found.measures
         ]
-        rows = [("verdict", *self.verdicts.values()), *rows]
+        rows = [("verdict", *self.headlines.values()), *rows]
         return block("comparison", (), table(("", *self.found.labels), rows), picture(self.plot, "compare"))

@@ -27,6 +27,7 @@ OnStep = Callable[[str, float], None]
 MOST_DESIGNS = 12
 ABSENT = "(absent)"
 SIGNAL = "untouched signal"
+USABLE = "usable depth"
 BOUNDARY_STEP_MM = 0.04
 """How far a depth step twice as long moves a mode boundary [mm]; a deadband has two ends."""
 
@@ -97,8 +98,9 @@ def measures_of(
             floor if a is None or b is None else max(floor, abs(a - b))
             for a, b in zip(values, others, strict=True)
         )
-        if name == SIGNAL:
-            spread = tuple(max(one, _signal_error(row)) for one, row in zip(spread, rows, strict=True))
+        own_error = _OWN_ERRORS.get(name)
+        if own_error is not None:
+            spread = tuple(max(one, own_error(row)) for one, row in zip(spread, rows, strict=True))
         found.append(_measure(name, unit, better, values, spread))
     sizes = tuple(_pad_height_mm(design) for design in designs)
     counts = tuple(float(len(cavity_of(design).parts)) for design in designs)
@@ -165,6 +167,7 @@ def _onset_n(row: SweepRow) -> float | None:
 
 _FIGURES: dict[str, tuple[str, Better, float, Callable[[SweepRow], float | None]]] = {
     "deadband": ("mm", "lower", 2 * BOUNDARY_STEP_MM, _deadband),
+    USABLE: ("mm", "higher", BOUNDARY_STEP_MM, _headline("usable_depth_mm")),
     "pairs with a deadband": ("share", "lower", 0.0, _dead_pairs),
     "mode gap": ("mm", "", BOUNDARY_STEP_MM, _headline("mode_gap_mm")),
     "mode 2 begins": ("N", "", 0.0, _onset_n),
@@ -179,6 +182,16 @@ _FIGURES: dict[str, tuple[str, Better, float, Callable[[SweepRow], float | None]
 def _signal_error(row: SweepRow) -> float:
     """Standard error of the untouched signal; two seeds may agree by chance."""
     return 0.0 if row.curve is None else row.curve.standard_error[0]
+
+
+def _usable_error(row: SweepRow) -> float:
+    """How far the light's own error may move the usable depth [mm]."""
+    usable_mm, between_mm = row.score["usable_depth_mm"], row.score["usable_range_mm"]
+    return 0.0 if between_mm is None else max(abs(float(usable_mm - end)) for end in between_mm)
+
+
+_OWN_ERRORS: dict[str, Callable[[SweepRow], float]] = {SIGNAL: _signal_error, USABLE: _usable_error}
+"""Figures whose error a row states itself."""
 
 
 def _pad_height_mm(design: SensorDesign) -> float:

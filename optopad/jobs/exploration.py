@@ -78,9 +78,8 @@ def search(
     own_folder(own_folder(folder, WAY_OUT) / "designs", WAY_OUT)
     further = _further_places(folder, also_mm)
     url = storage or f"sqlite:///{(folder / 'study.db').absolute()}"
-    wanted = tuple(objective.figure for objective in space.objectives)
     objective = functools.partial(
-        judge, wanted=(*wanted, "strength"), accuracy=space.accuracy, also_mm=further
+        judge, wanted=figures_wanted(space), accuracy=space.accuracy, also_mm=further
     )
     with _alone(folder) if storage is None else nullcontext(), _fanning_out(scheduler) as fan_out:
         found = explore(
@@ -95,6 +94,21 @@ def search(
             refine=refine,
         )
         return write_search(folder, found, importances(space, url))
+
+
+def figures_wanted(space: SearchSpace) -> tuple[str, ...]:
+    """Figures to work out besides those of the limits: the objectives, the strength, and the usable depth.
+
+    The usable depth is left out where nothing else needs a pad's map: the map is the costly step.
+    """
+    from design.geometry.cavity import cavity_of
+    from design.geometry.pairs import is_facing_rows
+    from sims.continuity.objective import MAP_FIGURES
+
+    objectives = tuple(objective.figure for objective in space.objectives)
+    needed = {*objectives, *(constraint.figure for constraint in space.constraints)}
+    has_depth = bool(needed & MAP_FIGURES) or is_facing_rows(cavity_of(space.base))
+    return (*objectives, "strength", *(("usable_depth_mm",) if has_depth else ()))
 
 
 def _further_places(folder: Path, wanted: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
@@ -122,8 +136,8 @@ def write_search(folder: Path, found: Findings, importance: dict[str, dict[str, 
     result = Search(folder=folder, findings=found, files=files, importance=importance)
     texts = {
         "space.json": json.dumps(found.space.model_dump(mode="json"), indent=2) + "\n",
-        "designs.csv": table_csv(found, found.tried),
-        "front.csv": table_csv(found, found.front),
+        "designs.csv": table_csv(result, found.tried),
+        "front.csv": table_csv(result, found.front),
         "front.json": json.dumps(summary(result), indent=2) + "\n",
         "front.svg": front_svg(found.space, found.base, found.tried, found.front),
         "report.html": search_page(result),
@@ -154,6 +168,7 @@ def summary(search: Search) -> dict[str, Any]:
             "digest": found.space.base.digest,
             "figures": found.base.figures,
             "verdict": found.base.verdict,
+            "headline": search.base_headline,
         },
         "front": [
             {
@@ -163,6 +178,8 @@ def summary(search: Search) -> dict[str, Any]:
                 "parameters": {name: plain(value) for name, value in one.parameters.items()},
                 "figures": one.judged.figures,
                 "verdict": one.judged.verdict,
+                "headline": search.headline(one),
+                "is_open": search.is_open(one.judged),
             }
             for one, file in zip(found.front, search.files, strict=True)
         ],
@@ -177,8 +194,9 @@ def plain(value: Any) -> Any:
     return json.loads(value)
 
 
-def table_csv(found: Findings, rows: Sequence[Tried]) -> str:
+def table_csv(search: Search, rows: Sequence[Tried]) -> str:
     """Designs as CSV: number, digest, fields, figures, verdict, and why the judging stopped."""
+    found = search.findings
     figures = [name for name in FIGURES if any(name in one.judged.figures for one in found.tried)]
     paths = [field.path for field in found.space.fields]
     front = {one.number for one in found.front}
@@ -195,6 +213,7 @@ def table_csv(found: Findings, rows: Sequence[Tried]) -> str:
             "on_front",
             "seconds",
             "stopped_because",
+            "headline",
         ]
     )
     for one in rows:
@@ -210,6 +229,7 @@ def table_csv(found: Findings, rows: Sequence[Tried]) -> str:
                 one.number in front,
                 one.seconds,
                 one.judged.reason,
+                search.headline(one),
             ]
         )
     return stream.getvalue()

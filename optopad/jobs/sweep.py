@@ -153,10 +153,16 @@ def _write(design: SensorDesign, out: Path, sweep: Sweep, seed: int) -> None:
 
 COLUMNS = (
     "verdict",
+    "headline",
     "reason",
     "governing_pair",
     "deadband_mm",
     "deadbands_from_to_mm",
+    "usable_depth_mm",
+    "usable_from_mm",
+    "usable_to_mm",
+    "is_open",
+    "refined",
     "shown_pair",
     "shown_pair_deadband_mm",
     "possible_deadband_mm",
@@ -178,8 +184,8 @@ COLUMNS = (
     "swing",
     "resolvable_steps",
 )
-"""Columns of the table after the value. Verdict and deadband are the design's; what follows `shown_pair` is that
-pair's, loads with the ends of the modulus's band."""
+"""Columns of the table after the value. Verdict, deadband and usable depth (with what the light's own error leaves of
+it) are the design's; what follows `shown_pair` is that pair's, loads with the ends of the modulus's band."""
 
 
 def sweep_csv(sweep: Sweep) -> str:
@@ -196,11 +202,21 @@ def sweep_csv(sweep: Sweep) -> str:
 def table_row(row: SweepRow) -> dict[str, Any]:
     """The table's columns of a row by name."""
     score = row.score
-    cells: dict[str, Any] = {"verdict": score["verdict"], "reason": score["reason"]}
+    cells: dict[str, Any] = {
+        "verdict": score["verdict"],
+        "headline": row.headline,
+        "reason": score["reason"],
+        "refined": row.refined or None,
+    }
     if row.curve is None or row.forces_n is None:
         return cells
     pair = row.shown
+    least_mm, most_mm = score["usable_range_mm"] or (None, None)
     cells |= {
+        "usable_depth_mm": score["usable_depth_mm"],
+        "usable_from_mm": least_mm,
+        "usable_to_mm": most_mm,
+        "is_open": score["is_open"],
         "governing_pair": score["governing_pair"],
         "deadband_mm": score["deadband_mm"]["total"],
         "shown_pair": pair["pair"],
@@ -226,15 +242,16 @@ def table_row(row: SweepRow) -> dict[str, Any]:
 def sweep_lines(sweep: Sweep) -> list[str]:
     """The table for people, short."""
     width = max(len(sweep.path), *(len(str(row.value)) for row in sweep.rows))
+    words = max(len("verdict"), *(len(row.headline) for row in sweep.rows if row.is_judged), 0)
     lines = [
-        f"{sweep.path:<{width}}  verdict      deadband mm    pair   mode 1 mm     mode 2 mm     gap mm  "
-        "mode 2 from, N (band)  contin.  even.  untouched"
+        f"{sweep.path:<{width}}  {'verdict':<{words}}  deadband mm    usable mm  pair   mode 1 mm     mode 2 mm     "
+        "gap mm  mode 2 from, N (band)  contin.  even.  untouched"
     ]
     for row in sweep.rows:
         if not row.is_judged:
             lines.append(f"{row.value!s:<{width}}  {row.score['verdict']}: {row.score['reason']}")
         else:
-            lines.append(f"{row.value!s:<{width}}  {_cells(row)}")
+            lines.append(f"{row.value!s:<{width}}  {row.headline:<{words}}  {_cells(row)}")
     if any(row.is_of_another_pair for row in sweep.rows):
         lines.append(
             "A pair behind a deadband is the one that has it; the other figures are those of the pair shown."
@@ -253,9 +270,10 @@ def _cells(row: SweepRow) -> str:
         if onset is None
         else f"{cells['mode2_onset_n']:.2f} ({cells['mode2_onset_low_n']:.2f}..{cells['mode2_onset_high_n']:.2f})"
     )
+    usable = "-" if cells["usable_depth_mm"] is None else f"{cells['usable_depth_mm']:.2f}"
     dead = f"{cells['deadband_mm']:.2f}" + (f" {cells['governing_pair']}" if row.is_of_another_pair else "")
     return (
-        f"{cells['verdict']:<11}  {dead:<13}  {cells['shown_pair']:<6} "
+        f"{dead:<13}  {usable:>9}  {cells['shown_pair']:<6} "
         f"{cells['mode1_start_mm']:.2f} to {cells['mode1_end_mm']:.2f}  {mode2:<12} "
         f"{'open' if gap is None else f'{gap:+.2f}':>6}  {load:<21}  {cells['continuity']:>7.2f}  "
         f"{cells['evenness']:>5.2f}  {cells['untouched_flux']:.3e}"

@@ -29,7 +29,7 @@ def compare_lines(found: Comparison) -> list[str]:
     """The comparison as text: designs, what differs, figures; a star marks a winner."""
     labels = [_short(label) for label in found.labels]
     verdicts = [
-        row.score["verdict"] + (" *" if number == found.winner_of_verdict else "")
+        row.headline + (" *" if number == found.winner_of_verdict else "")
         for number, row in enumerate(found.rows)
     ]
     table = [["", *labels], *([one.path, *map(_text, one.values)] for one in found.changes)]
@@ -53,7 +53,7 @@ def compare_html(found: Comparison, figure_svg: str) -> str:
     )
     verdicts = _row(
         "verdict",
-        [(row.score["verdict"], number == found.winner_of_verdict) for number, row in enumerate(found.rows)],
+        [(row.headline, number == found.winner_of_verdict) for number, row in enumerate(found.rows)],
     )
     figures = "".join(
         _row(_named(one), [(_value(one, k), k == one.winner) for k in range(len(found.labels))])

@@ -10,7 +10,7 @@ from optopad.report.text.assets import still_page
 from optopad.report.text.markup import Html, bullets, element, facts, section, table
 from optopad.report.text.numbers import counted
 from optopad.results.improvement import Improvement
-from optopad.results.search_result import Search
+from optopad.results.search_result import QUICK_ERRORS, Search
 from sims.plots.front import choice_text, front_panels, importance_svg, parallel_svg, words
 
 SHOWN_REASONS = 12
@@ -112,14 +112,19 @@ def _front_section(search: Search) -> Html:
         "verdict",
     ]
     rows = [
-        ["base design", *_base_values(search), *_figures(found.base, (*names, *others)), found.base.verdict]
+        [
+            "base design",
+            *_base_values(search),
+            *_figures(found.base, (*names, *others)),
+            search.base_headline,
+        ]
     ]
     for one, file in zip(found.front, search.files, strict=True):
         values = [
             _value(one.parameters[field.path], field.choices is not None) for field in found.space.fields
         ]
         link = element("a", f"{one.number}", href=file)
-        rows.append([link, *values, *_figures(one.judged, (*names, *others)), one.judged.verdict])
+        rows.append([link, *values, *_figures(one.judged, (*names, *others)), search.headline(one)])
     grid = table(
         heads,
         rows,
@@ -129,11 +134,23 @@ def _front_section(search: Search) -> Html:
     )
     note = element(
         "p",
-        "A number opens the design file: check it with optopad check, make its bundle with optopad run. Figures are "
-        "those of the search's quick light; optopad score gives the verdict's own.",
+        "A number opens the design file: check it with optopad check, make its bundle with optopad run. "
+        + _light(search),
         class_="note",
     )
     return section("front", "Pareto front", figure, grid, note)
+
+
+def _light(search: Search) -> str:
+    """Which light judged the rows, and what it leaves undecided."""
+    accuracy = search.findings.space.accuracy
+    if accuracy == "score":
+        return "The rows were judged by the light of optopad score, each place traced once."
+    return (
+        "The rows were judged by the quick light of a search and a coarse map; optopad score gives the verdict's own "
+        f"figures. Undecided: the margin is within {QUICK_ERRORS[accuracy]:g} noise units of a deadband, which is the "
+        "error of the quick margins (docs/validation/search.md); score the design."
+    )
 
 
 def _coordinates_section(search: Search) -> Html:

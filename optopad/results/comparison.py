@@ -48,7 +48,7 @@ class Comparison:
     labels, digests : one a design, the first is what the others are held against
     rows : score and shown curve of each
     changes : fields that differ; measures : figures of all
-    winner_of_verdict : number of the only design without a deadband; None otherwise
+    winner_of_verdict : number of the only design without a deadband; None otherwise, or where a verdict is undecided
     folder, stem : where it was written
     """
 
@@ -62,7 +62,9 @@ class Comparison:
 
     @property
     def winner_of_verdict(self) -> int | None:
-        """Number of the only contiguous design."""
+        """Number of the only contiguous design, no verdict being undecided."""
+        if any(row.score["is_open"] for row in self.rows):
+            return None
         safe = [number for number, row in enumerate(self.rows) if row.score["verdict"] == "CONTIGUOUS"]
         return safe[0] if len(safe) == 1 else None
 
@@ -74,6 +76,9 @@ class Comparison:
                     "label": label,
                     "digest": digest,
                     "verdict": row.score["verdict"],
+                    "headline": row.headline,
+                    "usable_depth_mm": row.score["usable_depth_mm"],
+                    "is_open": row.score["is_open"],
                     "reason": row.score["reason"],
                 }
                 for label, digest, row in zip(self.labels, self.digests, self.rows, strict=True)

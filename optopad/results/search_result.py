@@ -6,6 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from design.search.explore import Findings
+from design.search.judged import Judged, Tried
+from design.spec import SensorDesign
+from sims.verdict.headline import headline
+from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
+
+QUICK_ERRORS = {"search": 1.0, "score": 0.0}
+"""How far margins near the threshold were from the score's, by the accuracy of a search [noise units]; measured in
+docs/validation/search.md."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,3 +32,30 @@ class Search:
     findings: Findings
     files: tuple[str, ...]
     importance: dict[str, dict[str, float]]
+
+    @property
+    def base_headline(self) -> str:
+        """The base design's verdict in the words of a score."""
+        return self._headline(self.findings.base, self.findings.space.base)
+
+    def headline(self, one: Tried) -> str:
+        """A design's verdict in the words of a score, undecided where the search's light may err; empty without one."""
+        design = self.findings.space.design_at(one.parameters) if one.judged.verdict else None
+        return self._headline(one.judged, design)
+
+    def is_open(self, judged: Judged) -> bool:
+        """Whether the error of the search's light may change the verdict."""
+        margin = judged.figures.get("margin")
+        error = QUICK_ERRORS[self.findings.space.accuracy]
+        return margin is not None and abs(margin - DEADBAND_THRESHOLD) < error
+
+    def _headline(self, judged: Judged, design: SensorDesign | None) -> str:
+        if design is None or not judged.verdict:
+            return ""
+        return headline(
+            judged.verdict,
+            is_open=self.is_open(judged),
+            usable_mm=judged.figures.get("usable_depth_mm"),
+            asked_mm=design.operating.max_depth_mm,
+            is_short=True,
+        )

@@ -102,7 +102,7 @@ def pins_html(pinned: Sequence[Version], now: Version, found: Mapping[str, Judge
     rows = []
     for name, version in [*((f"pin {k + 1}", one) for k, one in enumerate(pinned)), ("now", now)]:
         judged = found.get(version.design.digest)
-        cells = ["…"] * 4
+        cells = ["…"] * 5
         if judged is not None:
             score = judged.score
             margin = None if score.pad_map is None else score.pad_map.weakest.margin
@@ -110,13 +110,15 @@ def pins_html(pinned: Sequence[Version], now: Version, found: Mapping[str, Judge
             cells = [
                 verdict_words(score),
                 f"{score.deadband_total_mm:.2f}",
+                "" if score.usable_depth_mm is None else f"{score.usable_depth_mm:.2f}",
                 "" if margin is None else f"{margin:.1f}",
                 "" if place is None else f"{place:.3f}",
             ]
         told = "".join(f"<td>{escape(cell)}</td>" for cell in cells)
         rows.append(f"<tr><td title='{escape(version.words, quote=True)}'>{name}</td>{told}</tr>")
     head = "".join(
-        f"<th style='text-align:left'>{one}</th>" for one in ("", "verdict", "dead mm", "margin", "place mm")
+        f"<th style='text-align:left'>{one}</th>"
+        for one in ("", "verdict", "dead mm", "usable mm", "margin", "place mm")
     )
     table = f"<table style='width:100%;font-size:11px'><tr>{head}</tr>{''.join(rows)}</table>"
     return _wrapped(f'<div style="font-size:12px"><b>Pinned</b></div>{table}')

@@ -17,6 +17,7 @@ from design.rules.check import require_valid
 from design.spec import SensorDesign
 from sims.continuity.result import ContinuityScore, JudgedPair
 from sims.verdict.boundary_forces import BoundaryForces, boundary_forces, place_force
+from sims.verdict.headline import headline
 from sims.verdict.pair.deadbands import total_length_mm
 
 
@@ -51,6 +52,7 @@ class SweepRow:
     curve : light of the pair that is shown; None out of the model's scope
     forces_n : loads at its mode boundaries with the band of the modulus [N]; None likewise
     possible_deadband_mm : summed deadband of that pair with what the light trace's error may hide [mm]
+    refined : why the row was judged again with the finer map; empty where it was not
     """
 
     value: Any
@@ -58,6 +60,7 @@ class SweepRow:
     curve: SweptCurve | None
     forces_n: dict[str, Any] | None
     possible_deadband_mm: float | None
+    refined: str = ""
 
     @property
     def is_judged(self) -> bool:
@@ -77,10 +80,29 @@ class SweepRow:
             "pair"
         )
 
+    @property
+    def asked_mm(self) -> float | None:
+        """Deepest press that the design asks for [mm]; None out of scope."""
+        force = self.score["force"]
+        return None if force is None else float(force["depth_mm"][-1])
+
+    @property
+    def headline(self) -> str:
+        """The verdict in the words of `optopad score`, short."""
+        return headline(
+            self.score["verdict"],
+            is_open=self.score["is_open"],
+            usable_mm=self.score["usable_depth_mm"],
+            asked_mm=self.asked_mm,
+            is_short=True,
+        )
+
     def to_json(self) -> dict[str, Any]:
-        """Plain data: the value and the keys of a score, with curve and loads beside them."""
+        """Plain data: the value and the keys of a score, with headline, curve and loads beside them."""
         return {
             "value": self.value,
+            "headline": self.headline,
+            "refined": self.refined,
             **self.score,
             "curve": None if self.curve is None else asdict(self.curve),
             "mode_forces_n": self.forces_n,
@@ -90,13 +112,14 @@ class SweepRow:
     @classmethod
     def from_json(cls, document: dict[str, Any]) -> SweepRow:
         """The row of `to_json`."""
-        own = ("value", "curve", "mode_forces_n", "possible_deadband_mm")
+        own = ("value", "headline", "refined", "curve", "mode_forces_n", "possible_deadband_mm")
         return cls(
             value=document["value"],
             score={name: found for name, found in document.items() if name not in own},
             curve=None if document["curve"] is None else _curve_of(document["curve"]),
             forces_n=document["mode_forces_n"],
             possible_deadband_mm=document["possible_deadband_mm"],
+            refined=document["refined"],
         )
 
 

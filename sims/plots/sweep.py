@@ -2,8 +2,9 @@
 
 All panels share one scale, the brightest untouched signal of the sweep, so that what a value costs in signal is
 seen beside what it does to the modes. The middle one of facing pairs is shown, or the governing pair of a pad; a
-deadband in another pair is named in the title. A value outside the models' scope stands as an empty panel with the
-reason.
+deadband in another pair is named in the title. A title has the verdict's words and the deadband; a line marks the
+usable depth of the design where that is less than the design asks for. A value outside the models' scope stands as an
+empty panel with the reason.
 """
 
 from __future__ import annotations
@@ -20,21 +21,28 @@ from matplotlib.patches import Patch
 
 from sims.continuity.sweep import SweepRow
 from sims.plots.signal import DIRECT, TOP, TOTAL
-from sims.plots.style import GRID, MUTED, PALE_BLUE, PALE_ORANGE
+from sims.plots.style import GRID, INK, MUTED, PALE_BLUE, PALE_ORANGE
+from sims.verdict.headline import NEGLIGIBLE_MM
 
+USABLE: dict[str, Any] = {"color": INK, "linestyle": ":", "linewidth": 1.2}
 PANEL_IN = (1.75, 1.55)
 MOST_COLUMNS = 4
 FRAME_IN = 0.75
 REASON_CHARACTERS = 30
-SHORT_VALUE, LONGEST_VALUE = 10, 27
-"""Longer values have a line of their own, and no more characters than a panel is wide."""
+SHORT_VALUE, LONGEST_LINE = 10, 27
+"""Longer values have a line of their own; no line of a title has more characters than a panel is wide."""
+TITLE_LINE_IN = 0.14
 
 
 def plot_sweep(path: str, rows: Sequence[SweepRow]) -> Figure:
     """Light over the brightest untouched signal of the sweep [-] against depth [mm], a panel a value."""
     columns = min(MOST_COLUMNS, len(rows))
     lines = ceil(len(rows) / columns)
-    size = (max(PANEL_IN[0] * columns, 2.6) + 0.4, PANEL_IN[1] * lines + FRAME_IN)
+    more = max(_title(row).count("\n") for row in rows)
+    size = (
+        max(PANEL_IN[0] * columns, 2.6) + 0.4,
+        (PANEL_IN[1] + TITLE_LINE_IN * more) * lines + FRAME_IN,
+    )
     figure = Figure(figsize=size, layout="constrained")
     panels = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True)
     brightest = max((row.curve.total[0] for row in rows if row.curve is not None), default=1.0)
@@ -69,32 +77,32 @@ def plot_swept_value(row: SweepRow, brightest: float, ax: Axes) -> Axes:
         ax.text(0.5, 0.5, reason, transform=ax.transAxes, ha="center", va="center", fontsize=6, color=MUTED)
         return ax
     _shade(ax, row.shown, row.curve.depth_mm[-1])
+    usable_mm = row.score["usable_depth_mm"]
+    if usable_mm is not None and usable_mm < row.curve.depth_mm[-1] - NEGLIGIBLE_MM:
+        ax.axvline(usable_mm, **USABLE).set_gid("usable-depth")
     for light, look in ((row.curve.total, TOTAL), (row.curve.direct, DIRECT), (row.curve.top, TOP)):
         ax.plot(row.curve.depth_mm, [value / brightest for value in light], **look | {"linewidth": 1.2})
     return ax
 
 
 def _title(row: SweepRow) -> str:
+    """Value, verdict in its own words, deadband; broken where they are wider than a panel."""
     value = f"{row.value:g}" if isinstance(row.value, float) else str(row.value)
+    words = "out of scope" if row.curve is None else row.headline
+    lines = textwrap.wrap(f"{value}: {words}", LONGEST_LINE)
     if len(value) > SHORT_VALUE:
-        cut = value if len(value) <= LONGEST_VALUE else f"{value[: LONGEST_VALUE - 3]}..."
-        return f"{cut}\n{_outcome(row)}"
-    return f"{value}: {_outcome(row)}"
+        cut = value if len(value) <= LONGEST_LINE else f"{value[: LONGEST_LINE - 3]}..."
+        lines = [cut, *textwrap.wrap(words, LONGEST_LINE)]
+    return "\n".join([*lines, *_deadband(row)])
 
 
-def _outcome(row: SweepRow) -> str:
-    if row.curve is None:
-        return "out of scope"
+def _deadband(row: SweepRow) -> list[str]:
     total = row.score["deadband_mm"]["total"]
     if not total:
-        return "contiguous"
-    if row.score["judged_by"] == "pad":
-        return f"pad dead {total:.2f} mm"
-    return (
-        f"{row.score['governing_pair']} dead {total:.2f} mm"
-        if row.is_of_another_pair
-        else f"deadband {total:.2f} mm"
-    )
+        return []
+    where = f"{row.score['governing_pair']} " if row.is_of_another_pair else ""
+    where = "pad " if row.score["judged_by"] == "pad" else where
+    return [f"{where}dead {total:.2f} mm"]
 
 
 def _shade(ax: Axes, pair: dict[str, Any], deepest_mm: float) -> None:
@@ -114,6 +122,7 @@ def _legend() -> list[Any]:
             Line2D([], [], label=label, **look | {"linewidth": 1.2})
             for label, look in (("total", TOTAL), ("direct", DIRECT), ("top, mirrored", TOP))
         ),
+        Line2D([], [], label="usable depth ends", **USABLE),
         Patch(facecolor=PALE_ORANGE, label="mode 1"),
         Patch(facecolor=PALE_BLUE, label="mode 2"),
         Patch(facecolor="none", edgecolor=MUTED, hatch="////", linewidth=0, label="deadband of the pair"),

@@ -142,13 +142,16 @@ def _say(result: Search) -> None:
     names = [objective.figure for objective in found.space.objectives]
     for limit in found.limits:
         say(f"limit     {limit}")
-    say(f"{'design':<28}" + "".join(f"{name:>20}" for name in names))
-    rows = [("base", found.base)] + [
-        (file, one.judged) for file, one in zip(result.files, found.front, strict=True)
+    if "usable_depth_mm" in found.base.figures and "usable_depth_mm" not in names:
+        names.append("usable_depth_mm")
+    say(f"{'design':<28}" + "".join(f"{name:>20}" for name in names) + "  verdict")
+    rows = [("base", found.base, result.base_headline)] + [
+        (file, one.judged, result.headline(one)) for file, one in zip(result.files, found.front, strict=True)
     ]
-    for label, judged in rows:
+    for label, judged, words in rows:
         values = [judged.figures.get(name) for name in names]
-        say(f"{label:<28}" + "".join(f"{'-' if value is None else f'{value:.4g}':>20}" for value in values))
+        told = "".join(f"{'-' if value is None else f'{value:.4g}':>20}" for value in values)
+        say(f"{label:<28}{told}  {words}")
     if not found.front:
         say("front     empty: no design was judged to the end within all limits; designs.csv says why")
     say(f"files     {result.folder}")

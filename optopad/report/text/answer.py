@@ -16,6 +16,7 @@ from optopad.report.text.trials import fix_words, no_fix_words
 from sims.bounds.observability import PadBounds
 from sims.continuity.result import ContinuityScore
 from sims.verdict.causes import Cause
+from sims.verdict.headline import headline
 from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
 from sims.verdict.tolerance import ToleranceBand, ToleranceRow
 
@@ -69,16 +70,15 @@ def answer_of(design: SensorDesign, score: ContinuityScore) -> Answer:
 
 
 def verdict_words(score: ContinuityScore) -> str:
-    """The verdict, with the usable depth where it is less than what is asked for, and whether it is open."""
-    words: str = score.verdict
-    if score.is_open:
-        words += ", open"
-    depth, asked = score.usable_depth_mm, None if score.force is None else float(score.force.depth_mm[-1])
+    """The headline, with the range that the light's own error leaves of a usable depth."""
+    asked = None if score.force is None else float(score.force.depth_mm[-1])
+    depth = score.usable_depth_mm
+    words = headline(score.verdict, is_open=score.is_open, usable_mm=depth, asked_mm=asked)
     if depth is None or asked is None or depth >= asked:
         return words
     low, high = score.usable_range_mm or (depth, depth)
     doubt = f" ({low:.1f} to {high:.1f} by the light trace's error)" if high - low > USABLE_DOUBT_MM else ""
-    return f"{words}, to {depth:.1f} of the {asked:g} mm asked{doubt}"
+    return f"{words}{doubt}"
 
 
 def _verdict(design: SensorDesign, score: ContinuityScore) -> str:

@@ -138,7 +138,10 @@ def test_out_of_scope_says_why_and_has_no_map():
 def test_a_sweep_is_a_table_over_the_values(judged, tmp_path):
     found = optopad.sweep(PAIR, "cavity.clear_thickness_mm", [8.0, 10.0], out=tmp_path)
     assert found.verdicts == ("CONTIGUOUS", "DEADBAND")
-    assert found.table.value.values.tolist() == [8.0, 10.0]
+    assert found.table["cavity.clear_thickness_mm"].values.tolist() == [8.0, 10.0]
+    at_10 = found.table.sel({"cavity.clear_thickness_mm": 10.0})
+    assert (float(at_10.usable_depth_mm), str(at_10.headline.values)) == (5.0, "DEADBAND")
+    assert "usable depth, mm" in found._repr_html_()
     assert found.table.deadband_mm.values[0] == 0.0
     assert found.table.deadband_mm.values[1] > 0.0
     assert found._repr_html_().count("<tr>") == 3

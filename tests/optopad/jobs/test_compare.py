@@ -1,6 +1,7 @@
 """Designs side by side: what differs, which is better and by how much, what is refused."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -70,6 +71,33 @@ def test_the_contiguous_design_wins_verdict_and_deadband(judged, tmp_path):
     assert measures["parts"].winner is None  # six each
     assert measures["pad height"].winner == 1
     assert measures["mode gap"].winner is None  # no better way
+
+
+def test_the_deeper_usable_depth_wins_by_more_than_its_own_error(judged, tmp_path, monkeypatch):
+    def row(design, label, _fine, _seed):
+        thick = design.cavity.clear_thickness_mm > 8
+        depth_mm, between_mm = (4.0, (3.9, 4.1)) if thick else (3.0, (2.7, 3.1))
+        made = replace(contiguous_score(design), usable_depth_mm=depth_mm, usable_range_mm=between_mm)
+        return sweep_row(design, label, made)
+
+    monkeypatch.setattr(comparing, "_row", row)
+    found = compared(tmp_path, PAIR, THICK)
+    usable = next(one for one in found.measures if one.name == "usable depth")
+    assert (usable.winner, usable.values) == (1, (3.0, 4.0))
+    assert usable.uncertainty == pytest.approx((0.3, 0.1))
+    assert any("CONTIGUOUS to 3.0 of 5 mm" in line for line in compare_lines(found))
+    assert "CONTIGUOUS to 4.0 of 5 mm" in compare_html(found, "<svg></svg>")
+
+
+def test_an_undecided_verdict_makes_no_winner(judged, tmp_path, monkeypatch):
+    def row(design, label, _fine, _seed):
+        made = dead_score(design) if design.cavity.clear_thickness_mm > 8 else contiguous_score(design)
+        return sweep_row(design, label, replace(made, is_open=made.verdict == "DEADBAND"))
+
+    monkeypatch.setattr(comparing, "_row", row)
+    found = compared(tmp_path, PAIR, THICK)
+    assert found.winner_of_verdict is None
+    assert any("DEADBAND, undecided" in line for line in compare_lines(found))
 
 
 def test_a_lead_within_the_uncertainties_is_no_win():

@@ -14,6 +14,7 @@ from optopad.jobs import sweep as sweeping
 from optopad.jobs.sweep import marked, run_sweep, sweep_csv, sweep_lines
 from optopad.work.finished import FinishedWork
 from sims.continuity.sweep import SweepRow, sweep_row
+from sims.plots.sweep import plot_sweep
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 
 PAIR = preset("piacenza2017-pair")
@@ -63,6 +64,27 @@ def test_rows_hold_the_value_and_the_keys_of_a_score(judged, tmp_path):
         document["rows"][0]
     )
     json.dumps(document, allow_nan=False)
+
+
+def test_table_file_and_figure_show_the_usable_depth_beside_the_deadband(tmp_path):
+    faded = replace(contiguous_score(PAIR), usable_depth_mm=3.1, usable_range_mm=(3.0, 3.2))
+    rows = (sweep_row(PAIR, 8.0, faded), sweep_row(PAIR, 9.0, out_of_scope_score(PAIR)))
+    made = sweeping.Sweep(path=THICKNESS, rows=rows, taken_up=0, folder=tmp_path)
+    head, line, _ = sweep_lines(made)
+    assert "deadband mm    usable mm" in head
+    assert "CONTIGUOUS to 3.1 of 5 mm" in line
+    assert " 3.10 " in line
+    written = list(csv.DictReader(sweep_csv(made).splitlines()))
+    assert (written[0]["usable_depth_mm"], written[0]["usable_from_mm"]) == ("3.1", "3.0")
+    assert (written[0]["headline"], written[1]["headline"]) == (
+        "CONTIGUOUS to 3.1 of 5 mm",
+        "OUT_OF_MODEL_SCOPE",
+    )
+    assert made.to_json()["rows"][0]["headline"] == "CONTIGUOUS to 3.1 of 5 mm"
+    panel = plot_sweep(THICKNESS, rows).axes[0]
+    assert "CONTIGUOUS to 3.1" in panel.get_title(loc="left")
+    marks = [line for line in panel.lines if line.get_gid() == "usable-depth"]
+    assert [mark.get_xdata()[0] for mark in marks] == [3.1]
 
 
 def test_a_row_is_the_same_after_a_file():
