@@ -1,4 +1,9 @@
-"""One field at several values: judged one after another, kept as they finish, then table and figure in the bundle."""
+"""One field at several values: judged one after another, kept as they finish, then table and figure in the bundle.
+
+Where neighbours disagree (`sims.continuity.sweep.disputed`), their rows are judged again as `optopad score --full` or
+`--fine` judges, and say so. A sweep with `--fine` has the finest light already; with `--build` a row is the score of
+its bundle.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +12,7 @@ import io
 import json
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +21,11 @@ from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
 from optopad.work.finished import FinishedWork
 from optopad.work.plot_files import write_plot
-from sims.continuity.sweep import SweepRow, sweep_row, swept_designs
+from sims.continuity.sweep import SweepRow, disputed, sweep_row, swept_designs
 
 OnStep = Callable[[str, float], None]
+FULL, FINE = "full", "fine"
+"""Settings of `optopad score` by which rows in dispute are judged again."""
 NAME_LIMIT = 63
 """Longest name of a design."""
 
@@ -81,6 +88,11 @@ def run_sweep(
     for done, (variant, value) in enumerate(zip(variants, values, strict=True)):
         on_step(f"sweep of {path}", done / len(values))
         rows.append(_row(variant, value, out, kept, fine=fine, seed=seed, build=build))
+    if not (fine or build):
+        again = disputed(rows)
+        for done, number in enumerate(again):
+            on_step("rows in dispute", done / len(again))
+            rows[number] = _refined(variants[number], rows[number], kept, seed)
     on_step(f"sweep of {path}", 1.0)
     sweep = Sweep(
         path=path,
@@ -122,6 +134,25 @@ def _row(
     row = sweep_row(variant, value, _judged(variant, out, fine=fine, seed=seed, build=build))
     kept.put(variant.digest, row.to_json())
     return row
+
+
+def _refined(variant: SensorDesign, row: SweepRow, kept: FinishedWork, seed: int) -> SweepRow:
+    """The row judged again: a pad with the finer map, facing pairs with finer light."""
+    setting = FULL if row.score["judged_by"] == "pad" else FINE
+    name = f"{variant.digest}-{setting}"
+    earlier = kept.get(name)
+    if earlier is not None:
+        return SweepRow.from_json(earlier)
+    found = sweep_row(variant, row.value, _judged_finer(variant, setting, seed))
+    again = replace(found, refined=setting)
+    kept.put(name, again.to_json())
+    return again
+
+
+def _judged_finer(variant: SensorDesign, setting: str, seed: int) -> Any:
+    from sims.continuity.scoring import score
+
+    return score(variant, fine=setting == FINE, full=setting == FULL, seed=seed, verdict_only=True)
 
 
 def _judged(variant: SensorDesign, out: Path, *, fine: bool, seed: int, build: bool) -> Any:
@@ -256,9 +287,18 @@ def sweep_lines(sweep: Sweep) -> list[str]:
         lines.append(
             "A pair behind a deadband is the one that has it; the other figures are those of the pair shown."
         )
+    lines += [
+        f"{_listed(sweep, setting)} judged again as optopad score --{setting} judges: neighbours disagreed"
+        for setting in (FULL, FINE)
+        if any(row.refined == setting for row in sweep.rows)
+    ]
     if sweep.taken_up:
         lines.append(f"{sweep.taken_up} of {len(sweep.rows)} values were taken up from an interrupted sweep")
     return lines
+
+
+def _listed(sweep: Sweep, setting: str) -> str:
+    return ", ".join(str(row.value) for row in sweep.rows if row.refined == setting)
 
 
 def _cells(row: SweepRow) -> str:

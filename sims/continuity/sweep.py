@@ -20,6 +20,9 @@ from sims.verdict.boundary_forces import BoundaryForces, boundary_forces, place_
 from sims.verdict.headline import headline
 from sims.verdict.pair.deadbands import total_length_mm
 
+SAMPLING_MM = 0.15
+"""How far depth steps twice as long change the length of a deadband (docs/understand/model.md) [mm]."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class SweptCurve:
@@ -52,7 +55,7 @@ class SweepRow:
     curve : light of the pair that is shown; None out of the model's scope
     forces_n : loads at its mode boundaries with the band of the modulus [N]; None likewise
     possible_deadband_mm : summed deadband of that pair with what the light trace's error may hide [mm]
-    refined : why the row was judged again with the finer map; empty where it was not
+    refined : the finer setting of `score` by which the row was judged again, full or fine; empty where it was not
     """
 
     value: Any
@@ -85,6 +88,13 @@ class SweepRow:
         """Deepest press that the design asks for [mm]; None out of scope."""
         force = self.score["force"]
         return None if force is None else float(force["depth_mm"][-1])
+
+    @property
+    def lost_mm(self) -> float:
+        """What is lost of the depth asked for: deadbands, and what lies beyond the usable depth [mm]."""
+        asked, usable = self.asked_mm, self.score["usable_depth_mm"]
+        beyond = 0.0 if asked is None or usable is None else max(asked - usable, 0.0)
+        return float(self.score["deadband_mm"]["total"] or 0.0) + beyond
 
     @property
     def headline(self) -> str:
@@ -144,6 +154,31 @@ def sweep_row(design: SensorDesign, value: Any, score: ContinuityScore) -> Sweep
         forces_n=_forces(design, pair).to_json(),
         possible_deadband_mm=None if possible is None else round(total_length_mm(possible), 4),
     )
+
+
+def disputed(rows: Sequence[SweepRow]) -> tuple[int, ...]:
+    """Numbers of the rows at which neighbours disagree, and of their neighbours; none unless the values are numbers.
+
+    Neighbours disagree about a row where its verdict differs from both of theirs, or where the depth lost rises and
+    falls again, or falls and rises again, by more than the sampling's error. Which of the three is wrong is not known.
+    """
+    if not all(isinstance(row.value, int | float) for row in rows):
+        return ()
+    order = sorted(range(len(rows)), key=lambda number: float(rows[number].value))
+    found: set[int] = set()
+    for three in zip(order, order[1:], order[2:], strict=False):
+        before, row, after = (rows[number] for number in three)
+        if before.is_judged and row.is_judged and after.is_judged and _stands_out(before, row, after):
+            found.update(three)
+    return tuple(sorted(found))
+
+
+def _stands_out(before: SweepRow, row: SweepRow, after: SweepRow) -> bool:
+    verdict = row.score["verdict"]
+    if verdict not in (before.score["verdict"], after.score["verdict"]):
+        return True
+    steps = (row.lost_mm - before.lost_mm, row.lost_mm - after.lost_mm)
+    return min(steps) > SAMPLING_MM or max(steps) < -SAMPLING_MM
 
 
 def swept_designs(design: SensorDesign, path: str, values: Sequence[Any]) -> tuple[SensorDesign, ...]:

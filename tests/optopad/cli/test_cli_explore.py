@@ -17,6 +17,7 @@ from design.rules.check import check
 from design.search.judged import Judged
 from design.search.space import SPACES, load_space
 from optopad.cli import main
+from optopad.jobs.exploration import figures_wanted
 
 SPACE = """
 name = "cheap"
@@ -50,6 +51,7 @@ trials = 12
 """
 
 
+LAYOUTS = SPACE[SPACE.index("choices = [") + 10 : SPACE.index("\n\n[[objectives]]")]
 NAMED = 'name = "cheap"'
 ATTACK = 'description = "<script>alert(1)</script>"'
 
@@ -134,6 +136,53 @@ def test_progress_says_the_best_so_far(space, tmp_path, capsys):
     assert "evenness" in told.err
     assert "(base 0.5)" in told.err
     assert "report    " in told.out
+
+
+def test_every_row_shows_the_usable_depth_and_the_score_words_of_its_verdict(
+    space, tmp_path, capsys, monkeypatch
+):
+    asked = []
+
+    def judged(design, limits, *, wanted, **_):
+        asked.append(wanted)
+        near = design.cavity.clear_thickness_mm < 9.0
+        figures = {
+            "evenness": 0.5,
+            "part_count": 6.0,
+            "strength": 1.0,
+            "usable_depth_mm": 3.1,
+            "deadband_mm": 0.0,
+        }
+        return Judged(figures=figures | {"margin": 3.1 if near else 9.0}, verdict="CONTIGUOUS")
+
+    monkeypatch.setattr("sims.continuity.objective.judge", judged)
+    assert main(["explore", str(space), "--out", str(tmp_path / "out"), "--trials", "1"]) == 0
+    assert asked[0][-1] == "usable_depth_mm"
+    told = capsys.readouterr().out
+    assert "usable_depth_mm  verdict" in told
+    assert "3.1  CONTIGUOUS, undecided, to 3.1 of 5 mm" in told  # the base: 8 mm, margin near the threshold
+    found = explored(space, tmp_path / "out", capsys, "--trials", "12")
+    folder = Path(found["folder"])
+    words = {row["headline"] for row in csv.DictReader((folder / "designs.csv").read_text().splitlines())}
+    assert words == {"CONTIGUOUS, undecided, to 3.1 of 5 mm", "CONTIGUOUS to 3.1 of 5 mm"}
+    assert {one["is_open"] for one in found["front"]} <= {True, False}
+    page = Path(found["report"]).read_text(encoding="utf-8")
+    assert "CONTIGUOUS, undecided, to 3.1 of 5 mm" in page
+    assert "quick light of a search" in page
+
+
+def test_the_usable_depth_alone_makes_no_search_trace_the_map_of_a_pad(space):
+    pair = load_space(str(space))
+    pad = SPACE.replace("piacenza2017-pair", "piacenza2017-pad")
+    plain = space.with_name("pad.toml")
+    plain.write_text(
+        pad.replace('path = "layout"', 'path = "gain.target_counts"').replace(LAYOUTS, "[200.0]")
+    )
+    assert "usable_depth_mm" in figures_wanted(pair)
+    assert "usable_depth_mm" not in figures_wanted(load_space(str(plain)))
+    assert "usable_depth_mm" in figures_wanted(
+        load_space("pad-layout")
+    )  # its limit on the verdict needs the map
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from optopad.cli import main
 from optopad.jobs import sweep as sweeping
 from optopad.jobs.sweep import marked, run_sweep, sweep_csv, sweep_lines
 from optopad.work.finished import FinishedWork
-from sims.continuity.sweep import SweepRow, sweep_row
+from sims.continuity.sweep import SweepRow, disputed, sweep_row
 from sims.plots.sweep import plot_sweep
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 
@@ -39,9 +39,9 @@ def judged(monkeypatch):
     return asked
 
 
-def swept(out, values, **options):
+def swept(out, values, design=PAIR, **options):
     settings = {"fine": False, "seed": 0, "build": False, "on_step": lambda *_: None} | options
-    return run_sweep(PAIR, THICKNESS, values, out, **settings)
+    return run_sweep(design, THICKNESS, values, out, **settings)
 
 
 def test_a_sweep_writes_table_and_figure_into_the_bundle(judged, tmp_path):
@@ -85,6 +85,71 @@ def test_table_file_and_figure_show_the_usable_depth_beside_the_deadband(tmp_pat
     assert "CONTIGUOUS to 3.1" in panel.get_title(loc="left")
     marks = [line for line in panel.lines if line.get_gid() == "usable-depth"]
     assert [mark.get_xdata()[0] for mark in marks] == [3.1]
+
+
+PAD = preset("piacenza2017-pad")
+
+
+def dead_for(length_mm, *, usable_mm=5.0, design=PAD):
+    """A score with one deadband of a length; none: 0 mm."""
+    bands = ((1.0, 1.0 + length_mm),) if length_mm else ()
+    score = replace(contiguous_score(design), deadbands_mm=bands, usable_depth_mm=usable_mm)
+    return replace(score, verdict="DEADBAND" if bands else "CONTIGUOUS")
+
+
+def rows_of(*scores, values=None):
+    given = values or [5.0 + 0.5 * number for number in range(len(scores))]
+    return [sweep_row(PAD, value, score) for value, score in zip(given, scores, strict=True)]
+
+
+def test_rows_whose_verdict_differs_from_both_neighbours_are_in_dispute_with_them():
+    dead, sound = dead_for(0.4), dead_for(0.0)
+    assert disputed(rows_of(sound, sound, dead, dead)) == ()
+    assert disputed(rows_of(sound, dead, sound, sound)) == (0, 1, 2)
+    assert disputed(rows_of(dead, sound, sound, dead, sound)) == (2, 3, 4)
+
+
+def test_a_depth_lost_that_rises_and_falls_beyond_the_sampling_error_is_in_dispute():
+    lengths = [dead_for(mm) for mm in (0.4, 0.8, 0.5)]
+    assert disputed(rows_of(*lengths)) == (0, 1, 2)
+    assert disputed(rows_of(*(dead_for(mm) for mm in (0.4, 0.5, 0.45)))) == ()
+    # a blind interval that reaches the end of the range is no deadband, but as much is lost
+    faded = [dead_for(0.0, usable_mm=mm) for mm in (4.6, 4.2, 4.6)]
+    assert disputed(rows_of(*faded)) == (0, 1, 2)
+
+
+def test_neighbours_are_those_of_the_values_and_categories_have_none():
+    dead, sound = dead_for(0.4), dead_for(0.0)
+    assert disputed(rows_of(sound, dead, dead, sound, values=[1, 4, 3, 2])) == ()
+    assert disputed(rows_of(sound, dead, sound, values=["a", "b", "c"])) == ()
+    assert disputed([*rows_of(sound), sweep_row(PAD, 6.0, out_of_scope_score(PAD)), *rows_of(sound)]) == ()
+
+
+@pytest.mark.parametrize(("design", "setting"), [(PAD, "full"), (PAIR, "fine")])
+def test_rows_in_dispute_are_judged_again_more_finely_and_say_so(monkeypatch, tmp_path, design, setting):
+    asked = []
+
+    def coarse(variant, *_, **__):
+        return dead_for(0.5 if variant.cavity.clear_thickness_mm == 8.5 else 0.0, design=variant)
+
+    def finer(variant, name, _seed):
+        asked.append((variant.cavity.clear_thickness_mm, name))
+        return dead_for(0.0, design=variant)
+
+    monkeypatch.setattr(sweeping, "_judged", coarse)
+    monkeypatch.setattr(sweeping, "_judged_finer", finer)
+    made = swept(tmp_path, [7.5, 8.0, 8.5, 9.0], design=design)
+    assert asked == [(8.0, setting), (8.5, setting), (9.0, setting)]
+    assert [row.refined for row in made.rows] == ["", setting, setting, setting]
+    assert {row.score["verdict"] for row in made.rows} == {"CONTIGUOUS"}
+    assert (
+        f"8.0, 8.5, 9.0 judged again as optopad score --{setting} judges: neighbours disagreed"
+        in sweep_lines(made)
+    )
+    assert [row["refined"] for row in csv.DictReader(sweep_csv(made).splitlines())] == ["", *[setting] * 3]
+    asked.clear()
+    assert not any(row.refined for row in swept(tmp_path, [7.5, 8.0, 8.5], design=design, fine=True).rows)
+    assert asked == []
 
 
 def test_a_row_is_the_same_after_a_file():
