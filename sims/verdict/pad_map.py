@@ -185,7 +185,10 @@ def place_of(
 
 
 def map_grid_mm(cavity: CavityGeometry, places: int) -> tuple[FloatArray, FloatArray]:
-    """Grid lines over the workspace: ``places`` along its longer side, the same pitch along the other [mm]."""
+    """Grid lines over the workspace: ``places`` along its longer side, nearly the same pitch along the other [mm].
+
+    Both numbers are odd, so that the lines through the middle are among them.
+    """
     space = cavity.workspace
     spans = (space.x1_mm - space.x0_mm, space.y1_mm - space.y0_mm)
     pitch = max(spans) / (places - 1) if max(spans) > 0 else 1.0
@@ -221,4 +224,7 @@ def _lines(start_mm: float, span_mm: float, pitch_mm: float) -> FloatArray:
     count = round(span_mm / pitch_mm) + 1
     if count < 2:
         return np.array([start_mm + span_mm / 2])
+    count += (
+        1 - count % 2
+    )  # odd: the middle of a pad, where parts may be symmetric about, is a place of its map
     return np.linspace(start_mm, start_mm + span_mm, count)

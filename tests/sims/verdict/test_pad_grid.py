@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -76,3 +78,17 @@ def test_presses_of_a_protocol_lie_in_the_workspace(name: str) -> None:
     space = cavity_of(preset(name)).workspace
     places = space.spread(np.random.default_rng(1).random((200, 2)))
     assert all(space.contains(*place) for place in places)
+
+
+@pytest.mark.parametrize(("length_mm", "width_mm"), [(22.0, 14.0), (28.0, 13.0), (40.0, 9.0), (14.0, 22.0)])
+def test_the_middle_of_a_pad_is_a_place_of_its_map_whatever_its_sides(
+    length_mm: float, width_mm: float
+) -> None:
+    space = Workspace(x0_mm=4.0, x1_mm=4.0 + length_mm, y0_mm=4.0, y1_mm=4.0 + width_mm)
+    cavity = replace(cavity_of(preset("piacenza2017-pad")), workspace=space)
+    for places in (3, 5, 11):
+        x_mm, y_mm = map_grid_mm(cavity, places)
+        middle = np.array([4.0 + length_mm / 2, 4.0 + width_mm / 2])
+        away = np.abs(grid_places_mm(space, x_mm, y_mm) - middle).max(axis=1)
+        assert away.min() < 1e-9
+        assert max(len(x_mm), len(y_mm)) == places
