@@ -149,7 +149,7 @@ def _light(search: Search) -> str:
     return (
         "The rows were judged by the quick light of a search and a coarse map; optopad score gives the verdict's own "
         f"figures. Undecided: the margin is within {QUICK_ERRORS[accuracy]:g} noise units of a deadband, which is the "
-        "error of the quick margins (docs/validation/search.md); score the design."
+        "largest error found of quick margins; score the design."
     )
 
 

@@ -11,9 +11,9 @@ from design.spec import SensorDesign
 from sims.verdict.headline import headline
 from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
 
-QUICK_ERRORS = {"search": 1.0, "score": 0.0}
-"""How far margins near the threshold were from the score's, by the accuracy of a search [noise units]; measured in
-docs/validation/search.md."""
+QUICK_ERRORS = {"search": 2.0, "score": 0.0}
+"""How far margins may be from the score's, by the accuracy of a search [noise units]: the largest difference, on 13
+pads of docs/understand/model.md near the threshold, was 1.94, and 0.86 without that one (mean +0.5)."""
 
 
 @dataclass(frozen=True, kw_only=True)

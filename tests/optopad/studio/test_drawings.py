@@ -351,7 +351,7 @@ def test_pins_stand_beside_the_design_with_figures_of_the_judged_ones() -> None:
     words = Words(html)
     assert "as in the file" in words.titles
     assert f"{score.deadband_total_mm:.2f}" in words.text
-    assert words.text.count("…") == 4
+    assert words.text.count("…") == 5
     assert pins_html([], version(design), {}) == ""
 
 
