@@ -176,7 +176,7 @@ def banner(design: SensorDesign, score: ContinuityScore) -> Html:
         element("strong", score.verdict.replace("_", " ")),
         class_="word",
     )
-    after = said.verdict.removeprefix(score.verdict).removeprefix(": ").removeprefix(", ")
+    after = said.verdict.removeprefix(score.verdict).lstrip(":, ")
     lines = [element("p", _sentence(after), class_="meaning")]
     why = said.why if score.causes or not said.why else f"weakest at {said.why}"
     worth = f"resolution: {said.worth}" if said.worth else ""
