@@ -159,8 +159,9 @@ def sweep_row(design: SensorDesign, value: Any, score: ContinuityScore) -> Sweep
 def disputed(rows: Sequence[SweepRow]) -> tuple[int, ...]:
     """Numbers of the rows at which neighbours disagree, and of their neighbours; none unless the values are numbers.
 
-    Neighbours disagree about a row where its verdict differs from both of theirs, or where the depth lost rises and
-    falls again, or falls and rises again, by more than the sampling's error. Which of the three is wrong is not known.
+    Neighbours disagree about a row where its verdict differs from both of theirs, or where more depth is lost at it
+    than at either by more than the sampling's error. A row that loses less than both may be an optimum. Which of the
+    three is wrong is not known.
     """
     if not all(isinstance(row.value, int | float) for row in rows):
         return ()
@@ -177,8 +178,7 @@ def _stands_out(before: SweepRow, row: SweepRow, after: SweepRow) -> bool:
     verdict = row.score["verdict"]
     if verdict not in (before.score["verdict"], after.score["verdict"]):
         return True
-    steps = (row.lost_mm - before.lost_mm, row.lost_mm - after.lost_mm)
-    return min(steps) > SAMPLING_MM or max(steps) < -SAMPLING_MM
+    return row.lost_mm - max(before.lost_mm, after.lost_mm) > SAMPLING_MM
 
 
 def swept_designs(design: SensorDesign, path: str, values: Sequence[Any]) -> tuple[SensorDesign, ...]:

@@ -116,6 +116,8 @@ def test_a_depth_lost_that_rises_and_falls_beyond_the_sampling_error_is_in_dispu
     # a blind interval that reaches the end of the range is no deadband, but as much is lost
     faded = [dead_for(0.0, usable_mm=mm) for mm in (4.6, 4.2, 4.6)]
     assert disputed(rows_of(*faded)) == (0, 1, 2)
+    # a layer between too thin and too thick loses least: an optimum is no dispute
+    assert disputed(rows_of(*(dead_for(0.0, usable_mm=mm) for mm in (2.6, 3.6, 3.1)))) == ()
 
 
 def test_neighbours_are_those_of_the_values_and_categories_have_none():
