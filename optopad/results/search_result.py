@@ -12,8 +12,8 @@ from sims.verdict.headline import headline
 from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
 
 QUICK_ERRORS = {"search": 2.0, "score": 0.0}
-"""How far margins may be from the score's, by the accuracy of a search [noise units]: the largest difference, on 13
-pads of docs/understand/model.md near the threshold, was 1.94, and 0.86 without that one (mean +0.5)."""
+"""How far margins may be from the score's, by the accuracy of a search [noise units]: the largest difference was 1.94
+on 13 pads (docs/how-to/search-layouts.md), and 0.86 without that one. The largest of 13 is no bound."""
 
 
 @dataclass(frozen=True, kw_only=True)
