@@ -23,12 +23,12 @@ import numpy as np
 from design.errors import OptopadError
 from design.fields.paths import get_at
 from design.geometry.cavity import cavity_of
-from design.geometry.pairs import is_facing_rows, judged_pairs, mask_of
+from design.geometry.pairs import direct_path_pairs, is_facing_rows, judged_pairs, mask_of
 from design.rules.check import check
 from design.spec import SensorDesign
 from design.spec.cheap_fields import CLEAR, HEIGHTS
 from sims.continuity.build_tolerance import governing_judge
-from sims.continuity.map_judging import places_judged
+from sims.continuity.map_judging import MapFrames
 from sims.continuity.result import ContinuityScore
 from sims.optics.tracing import trace
 from sims.press.depths import COARSE_STEP_MM, depth_schedule_mm
@@ -366,10 +366,11 @@ def _whole_pad(design: SensorDesign, seed: int) -> _Whole:
     places_mm = grid_places_mm(cavity.workspace, x_mm, y_mm)
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm, 2.0 * COARSE_STEP_MM)
     light = pad_light(design, places_mm, depth_mm, accuracy=accuracy, seed=seed)
+    frames = MapFrames.traced_once(direct_path_pairs(cavity), depth_mm, places_mm, light, readout)
     pad_map = PadMap(
         x_mm=tuple(x_mm.tolist()),
         y_mm=tuple(y_mm.tolist()),
-        places=places_judged(design, cavity, readout, places_mm, depth_mm, light),
+        places=tuple(frames.place(design, number) for number in range(len(places_mm))),
     )
     weakest = pad_map.weakest
     return _Whole(
