@@ -6,7 +6,7 @@ import shlex
 from typing import TYPE_CHECKING
 
 from optopad.report.text.answer import answer_of, changes_words, verdict_words
-from optopad.screen.one_screen import row
+from optopad.screen.one_screen import LABEL, row
 
 if TYPE_CHECKING:
     from optopad.results.improvement import Alternative, Improvement
@@ -27,13 +27,14 @@ def improvement_screen(made: Improvement) -> list[str]:
     if made.is_interrupted:
         lines += row("stopped", "nothing that was judged is lost; the same command goes on")
     elif made.alternatives:
+        files = ", ".join(one.file for one in made.alternatives)
         lines += [
-            f"files     {made.folder}/{', '.join(one.file for one in made.alternatives)}",
-            f"next      optopad run {shlex.quote(str(made.folder / made.alternatives[0].file))}",
+            f"{'files':<{LABEL}}{made.folder}/{files}",
+            f"{'next':<{LABEL}}optopad run {shlex.quote(str(made.folder / made.alternatives[0].file))}",
         ]
     else:
         lines += _without(made)
-    return [*lines, f"report    {made.folder / 'report.html'}"]
+    return [*lines, f"{'report':<{LABEL}}{made.folder / 'report.html'}"]
 
 
 def _worth(made: Improvement, one: Alternative) -> str:

@@ -14,7 +14,6 @@ import pytest
 
 import optopad
 import optopad.jobs.improvement as improvement
-import optopad.jobs.judged_again as judged_again
 import sims.continuity.objective as objective
 from design.io import load_design
 from design.preset import preset, preset_text
@@ -63,9 +62,9 @@ def with_made_up_physics(monkeypatch: pytest.MonkeyPatch) -> None:
         return replace(dead_score(design), causes=(replace(cause("apart"), short_mm=3.3),))
 
     monkeypatch.setattr(objective, "judge", lambda design, limits, **_: judge(design, limits))
-    monkeypatch.setattr(judged_again, "verdict_of", scored)
-    for room, also in ((judged_again, "with_tolerance"), (improvement, "with_field_steps")):
-        monkeypatch.setattr(room, also, lambda _design, found, **_: found)
+    monkeypatch.setattr(improvement, "verdict_of", scored)
+    for also in ("with_tolerance", "with_field_steps"):
+        monkeypatch.setattr(improvement, also, lambda _design, found, **_: found)
 
 
 def improved(file: Path, capsys: pytest.CaptureFixture[str], *options: str) -> dict:
@@ -198,14 +197,14 @@ def test_none_is_never_said_over_a_design_that_a_score_finds_better(design_file,
 
 
 def test_what_comes_nearest_is_told_with_the_verdict_of_a_score(design_file, capsys, monkeypatch):
-    monkeypatch.setattr(judged_again, "verdict_of", lambda design, **_: dead_score(design))
+    monkeypatch.setattr(improvement, "verdict_of", lambda design, **_: dead_score(design))
     said = improved(design_file, capsys, "--out", "dead")
     assert said["alternatives"] == []
     assert said["nearest"]["verdict"] == "DEADBAND"
-    assert said["judged_by_score"] >= judged_again.ATTEMPTS
+    assert said["judged_by_score"] >= improvement.ATTEMPTS
     assert main(["improve", str(design_file), "--budget", "0.5", "--out", "dead"]) == 0
     text = capsys.readouterr().out
-    assert re.search(r"nearest   .+: DEADBAND", text)
+    assert re.search(r"nearest +.+: DEADBAND", text)
     assert "\N{HORIZONTAL ELLIPSIS}" not in text
 
 
@@ -237,11 +236,11 @@ def test_from_python_it_gives_designs(design_file, tmp_path, found):
 def test_the_screen_names_what_changes_and_the_next_command(design_file, capsys):
     assert main(["improve", str(design_file), "--budget", "0.5"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[1].startswith("before    DEADBAND")
+    assert lines[1].startswith("before      DEADBAND")
     first = next(line for line in lines if line.startswith("1 "))
-    assert re.fullmatch(r"1         fewest changes: [a-z_.]+ [\d.]+ to [\d.]+ mm", first)
+    assert re.fullmatch(r"1 +fewest changes: [a-z_.]+ [\d.]+ to [\d.]+ mm", first)
     assert len(lines) <= LINES
-    assert any(line.startswith("next      optopad run ") for line in lines)
+    assert any(line.startswith("next        optopad run ") for line in lines)
 
 
 def test_what_binds_is_named_where_nothing_mends_it(design_file, capsys):
@@ -250,7 +249,7 @@ def test_what_binds_is_named_where_nothing_mends_it(design_file, capsys):
     assert said["alternatives"] == []
     assert said["nearest"]["figures"]["deadband_mm"] > 0.0
     assert main(["improve", str(design_file), "--budget", "0.5", *options]) == 0
-    assert "none      no better design among" in capsys.readouterr().out
+    assert "none        no better design among" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

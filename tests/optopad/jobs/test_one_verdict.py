@@ -11,13 +11,12 @@ from design.preset import preset
 from design.spec import SensorDesign
 from design.spec.cheap_fields import CLEAR
 from optopad.jobs.compare import compare
-from optopad.jobs.judged_again import verdict_of
 from optopad.jobs.sweep import run_sweep, table_row
 from optopad.studio.answers import Judged
 from optopad.studio.session import Press
 from sims.continuity.objective import judge
 from sims.continuity.result import ContinuityScore
-from sims.continuity.scoring import score
+from sims.continuity.scoring import score, verdict_of
 from tests.optopad.studio.test_workshop import Answers, Wish, working
 
 ROW = preset("piacenza2017-pair").with_(
