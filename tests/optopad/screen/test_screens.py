@@ -28,7 +28,7 @@ CASES = {
     "oblong, LEDs at 3 mm": ("oblong-60x40", {"emitters.height_mm": 3.0}),
 }
 NUMBER = r"\d+(?:\.\d+)?(?:e-?\d+)?"
-UNIT = r"(?:mm|noise units|N|%|counts|dB/cm|mW|nm|MPa|°|minutes|s)\b|[%°]"
+UNIT = r"(?:mm|noise units|sigma|N|%|counts|dB/cm|mW|nm|MPa|°|minutes|s)\b|[%°]"
 NOUN = r"(?:more )?(?:of \d+ )?(?:more )?(?:pairs?|places?|values?|warnings?|have|errors?)\b"
 FIELD = re.compile(r"(?<![\w/.-])[a-z_]+(?:\.[a-z0-9_-]+)+")
 FILE = re.compile(r"\.(?:toml|html|md|stl|json|3mf)$")
