@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from design.errors import readable
@@ -63,14 +63,7 @@ def warning(field: str, message: str, *, value: object, limit: object, way_out: 
 
 def note(field: str, message: str, *, value: object, limit: object, way_out: str) -> Finding:
     """A finding that is true of every usual design of its kind."""
-    return Finding(
-        severity="note",
-        field=field,
-        value=str(value),
-        limit=str(limit),
-        message=message,
-        way_out=way_out,
-    )
+    return replace(warning(field, message, value=value, limit=limit, way_out=way_out), severity="note")
 
 
 def mm(length_mm: float) -> str:

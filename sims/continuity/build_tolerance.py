@@ -9,7 +9,7 @@ from design.spec import SensorDesign
 from design.spec.tolerances import build_tolerances
 from sims.continuity.cautions import band_caution
 from sims.continuity.result import ContinuityScore
-from sims.verdict.build_judge import Judge, pair_judge, place_judge, verdict_judge
+from sims.verdict.build_judge import BuildJudge, pair_judge, place_judge, verdict_judge
 from sims.verdict.build_study import Memo, build_study, remembered
 from sims.verdict.tolerance import ToleranceBand, tolerance_band
 
@@ -38,7 +38,7 @@ def with_tolerance(
 
 def governing_judge(
     design: SensorDesign, score: ContinuityScore, seed: int
-) -> tuple[str, Judge, tuple[float, float]]:
+) -> tuple[str, BuildJudge, tuple[float, float]]:
     """What a score turns on, in words; the function that judges a build by it; and where it is pressed [mm]."""
     pad_map, light, readout = score.pad_map, score.pad_signals, score.readout
     if pad_map is None or light is None or readout is None or score.is_facing_rows:

@@ -27,7 +27,7 @@ from sims.bounds.observability import own_readout
 from sims.bounds.stencil import Steps, sensitivity
 from sims.continuity.build_tolerance import governing_judge
 from sims.continuity.result import ContinuityScore
-from sims.verdict.build_judge import Judge
+from sims.verdict.build_judge import BuildJudge
 from sims.verdict.builds import ACCURACY, accuracy_of_builds
 from sims.verdict.field_effects import Effect, FieldStep, FieldSteps
 
@@ -89,7 +89,7 @@ def _stepped(design: SensorDesign, path: str, by: float) -> SensorDesign | None:
 
 
 def _tried(
-    build: SensorDesign, judge: Judge, place_mm: tuple[float, float], seed: int, *, is_facing: bool
+    build: SensorDesign, judge: BuildJudge, place_mm: tuple[float, float], seed: int, *, is_facing: bool
 ) -> Effect | None:
     """Figures of a build; None where the models do not answer."""
     try:
@@ -99,7 +99,7 @@ def _tried(
 
 
 def _effect(
-    build: SensorDesign, judge: Judge, place_mm: tuple[float, float], seed: int, *, is_facing: bool
+    build: SensorDesign, judge: BuildJudge, place_mm: tuple[float, float], seed: int, *, is_facing: bool
 ) -> Effect:
     brief = judge(build)
     location_mm, depth_mm = _bounds_mm(build, place_mm, seed, is_facing=is_facing)

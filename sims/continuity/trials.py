@@ -18,27 +18,21 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
-import numpy as np
-
 from design.errors import OptopadError
 from design.fields.paths import get_at
 from design.geometry.cavity import cavity_of
-from design.geometry.pairs import direct_path_pairs, is_facing_rows, judged_pairs, mask_of
+from design.geometry.pairs import is_facing_rows
 from design.rules.check import check
 from design.spec import SensorDesign
 from design.spec.cheap_fields import CLEAR, HEIGHTS
 from sims.continuity.build_tolerance import governing_judge
-from sims.continuity.map_judging import MapFrames
+from sims.continuity.judge import Judge
 from sims.continuity.result import ContinuityScore
-from sims.optics.tracing import trace
-from sims.press.depths import COARSE_STEP_MM, depth_schedule_mm
-from sims.readings.readout import readout_of
-from sims.verdict.build_judge import Judge, facing_judge
+from sims.continuity.settings import SETTINGS
+from sims.verdict.build_judge import BuildJudge, facing_judge
 from sims.verdict.builds import Brief, accuracy_of_builds
 from sims.verdict.causes import Cause
-from sims.verdict.pad_map import COARSE_PLACES, PadMap, grid_places_mm, map_grid_mm
 from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
-from sims.verdict.presses import pad_light
 from sims.verdict.trial import Found, Move, Trial, TriedMove
 
 OnStep = Callable[[str, float], None]
@@ -269,7 +263,9 @@ class _Search:
             return None
 
 
-def _judge_at(design: SensorDesign, score: ContinuityScore, cause: Cause, seed: int) -> tuple[str, Judge]:
+def _judge_at(
+    design: SensorDesign, score: ContinuityScore, cause: Cause, seed: int
+) -> tuple[str, BuildJudge]:
     """What judges moves in brief: all facing pairs, or a pad at the cause's location."""
     if score.is_facing_rows or score.pad_map is None:
         return facing_judge(seed=seed)
@@ -357,26 +353,16 @@ def _with_more_parts(design: SensorDesign) -> Iterator[tuple[dict[str, float], S
 
 def _whole_pad(design: SensorDesign, seed: int) -> _Whole:
     """All locations of a pad by the light of a trial."""
-    cavity = cavity_of(design)
-    accuracy, judged = accuracy_of_builds(design), judged_pairs(cavity)
-    middle = np.array([[0.5 * cavity.length_mm, 0.5 * cavity.width_mm, 0.0]])
-    flux = trace(design, middle, accuracy=accuracy, seed=seed).flux[0]
-    readout = readout_of(design, flux, mask_of(judged, cavity))
-    x_mm, y_mm = map_grid_mm(cavity, COARSE_PLACES)
-    places_mm = grid_places_mm(cavity.workspace, x_mm, y_mm)
-    depth_mm = depth_schedule_mm(design.operating.max_depth_mm, 2.0 * COARSE_STEP_MM)
-    light = pad_light(design, places_mm, depth_mm, accuracy=accuracy, seed=seed)
-    frames = MapFrames.traced_once(direct_path_pairs(cavity), depth_mm, places_mm, light, readout)
-    pad_map = PadMap(
-        x_mm=tuple(x_mm.tolist()),
-        y_mm=tuple(y_mm.tolist()),
-        places=tuple(frames.place(design, number) for number in range(len(places_mm))),
+    light = accuracy_of_builds(design)
+    judge = Judge(
+        design,
+        replace(SETTINGS["draft"], untouched=light, map=light, near_tips=None, settled="none"),
+        seed=seed,
     )
-    weakest = pad_map.weakest
     return _Whole(
-        verdict="DEADBAND" if pad_map.worst.deadbands_mm else "CONTIGUOUS",
-        deadband_mm=pad_map.worst.deadband_total_mm,
-        usable_mm=pad_map.usable_depth_mm,
-        margin=weakest.margin,
-        judged=f"all {len(places_mm)} locations, coarse light",
+        verdict=judge.verdict,
+        deadband_mm=judge.pad_map.worst.deadband_total_mm,
+        usable_mm=judge.usable_depth_mm,
+        margin=judge.pad_map.weakest.margin,
+        judged=f"all {len(judge.places)} locations, coarse light",
     )

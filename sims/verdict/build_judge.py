@@ -18,22 +18,22 @@ from sims.verdict.builds import Brief, facing_brief, pair_brief, place_brief, re
 from sims.verdict.pad_map import PadMap
 from sims.verdict.presses import Pair
 
-Judge = Callable[[SensorDesign], Brief]
+BuildJudge = Callable[[SensorDesign], Brief]
 
 
-def pair_judge(pair: Pair, name: str, *, seed: int) -> tuple[str, Judge]:
+def pair_judge(pair: Pair, name: str, *, seed: int) -> tuple[str, BuildJudge]:
     """Builds judged by one pair under its own press."""
     return name, lambda build: pair_brief(build, pair, seed=seed)
 
 
-def facing_judge(*, seed: int) -> tuple[str, Judge]:
+def facing_judge(*, seed: int) -> tuple[str, BuildJudge]:
     """Builds of facing rows judged by all facing pairs, as the verdict is."""
     return "the facing pairs", lambda build: facing_brief(build, seed=seed)
 
 
 def place_judge(
     design: SensorDesign, pad_map: PadMap, light: LightSignals, readout: Readout, *, seed: int
-) -> tuple[str, Judge]:
+) -> tuple[str, BuildJudge]:
     """Builds of a pad judged at the design's weakest place, by the pairs that answer there."""
     weak = pad_map.weakest
     place_mm = (weak.x_mm, weak.y_mm)
@@ -49,7 +49,7 @@ def verdict_judge(
     readout: Readout,
     *,
     seed: int,
-) -> tuple[str, Judge]:
+) -> tuple[str, BuildJudge]:
     """Builds judged by what the verdict of the design is about."""
     if pad_map is None or light is None or is_facing_rows(cavity_of(design)):
         return facing_judge(seed=seed)

@@ -224,7 +224,5 @@ def _lines(start_mm: float, span_mm: float, pitch_mm: float) -> FloatArray:
     count = round(span_mm / pitch_mm) + 1
     if count < 2:
         return np.array([start_mm + span_mm / 2])
-    count += (
-        1 - count % 2
-    )  # odd: the middle of a pad, where parts may be symmetric about, is a place of its map
+    count += 1 - count % 2  # odd, so that the middle of the pad is a place
     return np.linspace(start_mm, start_mm + span_mm, count)
