@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-LAST = ("trace_further", "trace_emitter", "next_path")
-"""Entry points that take most of the time, and are called after the small ones."""
+LAST = ("trace_further", "trace_emitter", "next_path", "straight_matrix")
+"""Entry points that are called after all others of their kind of pad, or of the ray tracer."""
 
 _ASKED: list[_Word] = []
 _LISTENERS: list[Any] = []

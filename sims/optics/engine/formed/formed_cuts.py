@@ -16,8 +16,8 @@ from sims.optics.surface.radial import fresnel, inlined, kernel
 GAUSS = 0.5773502691896258
 """Places of Gauss' rule with two, from -1 to 1."""
 # columns of a point of the top
-PX, PY, PZ, MX, MY, MZ, DA, SKIRT, BATCH = range(9)
-POINT_COLUMNS = 9
+PX, PY, PZ, MX, MY, MZ, DA, SKIRT, BATCH, CHAINS = range(10)
+POINT_COLUMNS = 10
 
 
 @inlined

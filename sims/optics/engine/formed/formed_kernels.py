@@ -74,7 +74,7 @@ def straight_matrix(
 def points_on(
     at: FloatArray, origin: FloatArray, axes: FloatArray, numbers: FloatArray, rows: FloatArray
 ) -> FloatArray:
-    """(n, 9) points of the top at places of its frame's plan."""
+    """(n, 10) points of the top at places of its frame's plan."""
     out = np.zeros((at.shape[0], POINT_COLUMNS))
     top_points(at, FormedTop(origin, axes, numbers, rows), out)
     return out

@@ -16,7 +16,7 @@ ray meets first.
 
 P runs over a grid of the untouched top and, around the press, over rings (`formed_points`). A press changes light by
 the same points with and without it. Points go by batches, each an even lattice by itself, which tell the lattice's
-error.
+error. Light mirrored often is followed through some of the points only, each of which stands for its neighbours.
 
 Left out: what varies of later Fresnel shares within one part's pencil; chains of more than `formed_chains.MOST`
 mirrors; a part of which both ends of a column are seen and its middle is hidden.
@@ -37,6 +37,7 @@ from sims.optics.engine.formed.formed_chains import (
 )
 from sims.optics.engine.formed.formed_cuts import (
     BATCH,
+    CHAINS,
     DA,
     GAUSS,
     MX,
@@ -112,7 +113,8 @@ def mirrored_flux(
     skirt.
 
     wanted : (receiver,) which of them
-    points : (n, 9) places and normals out of the elastomer, elements of area [mm2], 1 within the skirt, batch
+    points : (n, 10) places and normals out of the elastomer, elements of area [mm2], 1 within the skirt, batch, for how
+        many points this one stands in what is mirrored often
     share : size of a part over its distance from a point, at most
     work : (`SIGHTS` + `SIGHT` (receivers + 1),) room
     """
@@ -136,14 +138,16 @@ def mirrored_flux(
         distance = math.sqrt(away * away + beside * beside + above * above)
         parts = 0
         # what is mirrored once, and what is mirrored often
-        for often in range(2 if pressed or top.numbers[KIND] != FLAT else 1):
+        for often in range(2 if p[CHAINS] > 0.0 and (pressed or top.numbers[KIND] != FLAT) else 1):
             size = (CHAINS_SHARE if often else 1.0) * share * distance
             parts_u = min(int(2.0 * e[HALF_U] / size) + 1, MOST_PARTS)
             parts_v = min(int(2.0 * e[HALF_V] / size) + 1, MOST_PARTS)
             levels = LEVELS + (1 if parts_u * parts_v < parts else 0)
             parts = parts_u * parts_v
             size_u, size_v = e[HALF_U] / parts_u, e[HALF_V] / parts_v
-            element = 4.0 * size_u * size_v / e[AREA] * p[DA]
+            if often == 0 and not _may_land(p, e, receivers, wanted):
+                continue
+            element = 4.0 * size_u * size_v / e[AREA] * p[DA] * (p[CHAINS] if often else 1.0)
             for a in range(parts_u):
                 for b in range(parts_v):
                     x0, y0, z0 = window_point(
@@ -159,6 +163,35 @@ def mirrored_flux(
                     else:
                         _follow(x0, y0, z0, size_u, size_v, p, element, receivers, wanted, e, absorbs, index, top,
                                 pressed, out, work)  # fmt: skip
+
+
+@kernel
+def _may_land(p: FloatArray, e: FloatArray, receivers: FloatArray, wanted: BoolArray) -> bool:
+    """Whether some ray of an emitter that a point of the top mirrors may come to a window.
+
+    Seen from the point the emitter lies within a cone about the way to its middle, which the mirror keeps, and so does
+    a window; where the cones do not meet, no ray lands.
+    """
+    x, y, z = p[PX] - e[CX], p[PY] - e[CY], p[PZ] - e[CZ]
+    away = math.sqrt(x * x + y * y + z * z)
+    sine = math.hypot(e[HALF_U], e[HALF_V]) / away
+    if sine >= 1.0:
+        return True
+    cosine = math.sqrt(1.0 - sine * sine)
+    dx, dy, dz = mirrored(x / away, y / away, z / away, p[MX], p[MY], p[MZ])
+    for j in range(receivers.shape[0]):
+        r = receivers[j]
+        if not wanted[j] or r[WALL] == e[WALL]:
+            continue
+        x, y, z = r[CX] - p[PX], r[CY] - p[PY], r[CZ] - p[PZ]
+        far2 = x * x + y * y + z * z
+        wide2 = r[HALF_U] * r[HALF_U] + r[HALF_V] * r[HALF_V]
+        if wide2 >= far2:
+            return True
+        nearest = cosine * math.sqrt(far2 - wide2) - sine * math.sqrt(wide2)
+        if x * dx + y * dy + z * dz > nearest - 1e-9 * far2:
+            return True
+    return False
 
 
 @kernel
@@ -389,7 +422,11 @@ def _passes(
 
 @kernel
 def top_points(at: FloatArray, top: FormedTop, out: FloatArray) -> None:
-    """Fill (n, 9) points of the top: at (n, 4) places in the plan of its frame, elements of that plan [mm2], batch."""
+    """Fill (n, 10) points of the top.
+
+    at : (n, 5) places in the plan of its frame, elements of that plan [mm2], batch, and for how many points each stands
+        in what is mirrored often
+    """
     for n in range(at.shape[0]):
         x, y = at[n, 0], at[n, 1]
         down, _ = rise(top, x * x + y * y)
@@ -399,7 +436,7 @@ def top_points(at: FloatArray, top: FormedTop, out: FloatArray) -> None:
         out[n, PX], out[n, PY], out[n, PZ] = px + top.origin[0], py + top.origin[1], pz + top.origin[2]
         out[n, MX], out[n, MY], out[n, MZ] = out_of(top, nx, ny, nz)
         out[n, DA] = at[n, 2] / nz
-        out[n, BATCH] = at[n, 3]
+        out[n, BATCH], out[n, CHAINS] = at[n, 3], at[n, 4]
         out[n, SKIRT] = 1.0 if is_skirt(top, x, y) else 0.0
         if is_contact(top, x, y):
             out[n, DA] = 0.0

@@ -6,6 +6,8 @@ with and without it; what they bring without is here, too.
 
 from __future__ import annotations
 
+import hashlib
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from dataclasses import fields as dataclass_fields
@@ -13,6 +15,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from sims.cache.compiling import listen_to_numba
 from sims.optics.accuracy import Accuracy
 from sims.optics.engine.formed.formed_lower import formed_top, walls_of, windows_of
 from sims.optics.engine.formed.formed_patches import PatchLayout, patch_layout
@@ -44,6 +47,10 @@ FINER_LATTICE = 2.0**-1.5
 """Error of a lattice over that of one with every other point, of a function with jumps."""
 STRAIGHT_NODES, LEAST_NODES = 12, (5, 24, 4)
 """Nodes of straight light in the untouched pad; of emitter, columns and heights under a press, at least."""
+MOST_MIRRORED = 1000
+_MIRRORED: dict[bytes, FloatArray] = {}
+_LOCK = threading.Lock()
+"""Mirrored light by what it depends on, the latest so many: pads that differ in what scatters alone share it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,16 +92,29 @@ class FormedPad:
         return np.asarray(straight_matrix(self.emitters, self.receivers, wanted, absorbs, *top, *rules))
 
     def mirrored(self, top: FormedTop, wanted: BoolArray, at: FloatArray) -> FloatArray:
-        """(2, batch, emitter, receiver) light mirrored through points (n, 4) of the plan of the top's frame."""
+        """(2, batch, emitter, receiver) light mirrored through points (n, 5) of the plan of the top's frame."""
         from sims.optics.engine.formed.formed_kernels import mirrored_matrix, points_on
 
         scene = self.scene
         share = SPHERE_PART_SHARE if top.numbers[KIND] == SPHERE else PART_SHARE
-        brought = mirrored_matrix(
-            self.emitters, self.receivers, wanted, points_on(np.ascontiguousarray(at), *top), share,
-            scene.absorption_per_mm, scene.refractive_index, self.walls, self.round_wall, *top,
+        places = np.ascontiguousarray(at)
+        absorbs, index = scene.absorption_per_mm, scene.refractive_index
+        name = _name_of(
+            self.emitters, self.receivers, wanted, places, self.walls, self.round_wall, *top,
+            np.array([share, absorbs, index]),
         )  # fmt: skip
-        return np.asarray(brought)
+        known = _MIRRORED.get(name)
+        if known is None:
+            brought = mirrored_matrix(
+                self.emitters, self.receivers, wanted, points_on(places, *top), share, absorbs, index, self.walls,
+                self.round_wall, *top,
+            )  # fmt: skip
+            known = np.asarray(brought)
+            with _LOCK:
+                _MIRRORED[name] = known
+                if len(_MIRRORED) > MOST_MIRRORED:
+                    del _MIRRORED[next(iter(_MIRRORED))]
+        return known.copy()
 
     def deposits(
         self,
@@ -146,6 +166,15 @@ class FormedWays:
     straight: FloatArray
 
 
+def _name_of(*arrays: FloatArray | BoolArray) -> bytes:
+    """Same arrays, same name."""
+    digest = hashlib.blake2b(digest_size=16)
+    for one in arrays:
+        digest.update(repr((one.dtype.str, one.shape)).encode())
+        digest.update(one.tobytes())
+    return digest.digest()
+
+
 class _Key:
     """A scene as a key: equal content, equal key."""
 
@@ -170,11 +199,14 @@ def formed_ways(scene: OpticalScene, settings: Accuracy, seed: int) -> FormedWay
 def _remembered_ways(key: _Key, settings: Accuracy, seed: int) -> FormedWays:
     pad, scene = _remembered_pad(key, seed, min(settings.reference_rays // 2, REFERENCE_RAYS)), key.scene
     windows = _all_windows(pad)
-    grid = top_grid(scene, windows, pitch_of(settings, windows))
+    grid = top_grid(scene, windows, pitch_of(settings, pad.emitters, pad.receivers))
     count = settings.replicates
     random = np.random.default_rng((seed, 1))
     shifts = np.asarray((random.random(2) + np.arange(count)[:, None] / count) % 1.0)
-    points = tuple(points_of(grid, scene, pad.walls, pad.round_wall, shift) for shift in shifts)
+    all_chains = pad.top.numbers[KIND] == SPHERE
+    points = tuple(
+        points_of(grid, scene, pad.walls, pad.round_wall, shift, all_chains=all_chains) for shift in shifts
+    )
     mirrored = np.zeros((count, 2, 4, *pad.every.shape))
     rays = random.random((count, DIMENSIONS))
     deposits: list[tuple[FloatArray, FloatArray]] = [(np.empty(0), np.empty(0))] * count
@@ -194,6 +226,7 @@ def _remembered_ways(key: _Key, settings: Accuracy, seed: int) -> FormedWays:
 
 @lru_cache(maxsize=4)
 def _remembered_pad(key: _Key, seed: int, rays: int) -> FormedPad:
+    listen_to_numba()
     scene = key.scene
     walls, round_wall = walls_of(scene)
     emitters, receivers = windows_of(scene, "emitter"), windows_of(scene, "receiver")
@@ -221,12 +254,12 @@ def _remembered_pad(key: _Key, seed: int, rays: int) -> FormedPad:
 def _untouched_mirrored(pad: FormedPad, shift: FloatArray, settings: Accuracy) -> FloatArray:
     """(grid, 2, batch, emitter, receiver) light that the untouched top mirrors."""
     windows = _all_windows(pad)
-    grid = top_grid(pad.scene, windows, pitch_of(settings, windows))
+    grid = top_grid(pad.scene, windows, pitch_of(settings, pad.emitters, pad.receivers))
     out = np.zeros((REFERENCE_GRIDS, 2, 4, *pad.every.shape))
 
     def one(number: int) -> None:
         moved = (shift + number / REFERENCE_GRIDS) % 1.0
-        points = points_of(grid, pad.scene, pad.walls, pad.round_wall, moved)
+        points = points_of(grid, pad.scene, pad.walls, pad.round_wall, moved, all_chains=True)
         out[number] = pad.mirrored(pad.top, pad.every, points.in_frame(pad.top))
 
     run_each(one, REFERENCE_GRIDS)
