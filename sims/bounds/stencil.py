@@ -25,7 +25,13 @@ from numpy.typing import NDArray
 
 from design.geometry.plan import plan_of
 from design.spec import SensorDesign
-from sims.bounds.defaults import DEPTH_STEP_MM, LARGEST_DEPTH_STEP_SHARE, LATERAL_STEP_MM, SPIKE
+from sims.bounds.defaults import (
+    DEPTH_STEP_MM,
+    FORMED_SPIKE,
+    LARGEST_DEPTH_STEP_SHARE,
+    LATERAL_STEP_MM,
+    SPIKE,
+)
 from sims.bounds.fisher import Sensitivity
 from sims.optics.accuracy import Accuracy
 from sims.optics.tracing import trace
@@ -97,8 +103,8 @@ def sensitivity(
     Returns
     -------
     Sensitivity with the leading axis voxel, pairs with the emitter outermost. Pairs that read above full scale at any
-    of the presses tell nothing, nor do those that the trace itself does not know to `SPIKE` noise units: leaving a pair
-    out can but widen the bounds.
+    of the presses tell nothing, nor do those that the trace itself does not know to `SPIKE` (`FORMED_SPIKE`) noise
+    units: leaving a pair out can but widen the bounds.
     """
     offsets = steps.offsets_mm(voxels_mm[:, 2])
     presses = stencil_presses(voxels_mm, offsets)
@@ -107,14 +113,13 @@ def sensitivity(
         for half in range(2)
     ]
     (first, first_error), (second, second_error) = halves
-    if plan_of(design).is_flat_rectangle:
-        errors = np.concatenate([first_error, second_error], axis=1)
-    else:
-        errors = _apart(first, second)
+    errors, spike = np.concatenate([first_error, second_error], axis=1), SPIKE
+    if not plan_of(design).is_flat_rectangle:
+        errors, spike = _apart(first, second), FORMED_SPIKE
     return Sensitivity(
         first=stencil_derivatives(first, offsets),
         second=stencil_derivatives(second, offsets),
-        weight=_weights(design, np.concatenate([first, second], axis=1), errors, readout),
+        weight=_weights(design, np.concatenate([first, second], axis=1), errors, spike, readout),
     )
 
 
@@ -148,8 +153,10 @@ def _share_of_half(on_step: OnStep | None, half: int) -> Callable[[int, int], No
     return None if on_step is None else lambda done, total: on_step(0.5 * (half + done / total))
 
 
-def _weights(design: SensorDesign, readings: FloatArray, errors: FloatArray, readout: Readout) -> FloatArray:
+def _weights(
+    design: SensorDesign, readings: FloatArray, errors: FloatArray, spike: float, readout: Readout
+) -> FloatArray:
     """(voxel, pair) 1/variance of the mean reading [1/counts²]; 0 where a press is above full scale or badly traced."""
     sigma = sigma_counts(readings.mean(axis=1), design.noise.read_noise_counts, design.noise.relative_noise)
-    is_lost = (readings.max(axis=1) >= readout.full_scale_counts) | (errors.max(axis=1) > SPIKE * sigma)
+    is_lost = (readings.max(axis=1) >= readout.full_scale_counts) | (errors.max(axis=1) > spike * sigma)
     return np.where(is_lost, 0.0, sigma**-2.0)
