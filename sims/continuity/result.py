@@ -21,6 +21,7 @@ from sims.verdict.mode_errors import mode_errors_mm
 from sims.verdict.pad_map import PadMap
 from sims.verdict.pair.pair_score import PairScore
 from sims.verdict.presses import PairCurves
+from sims.verdict.rises import Rise, rise_of
 from sims.verdict.tolerance import ToleranceBand
 from sims.verdict.trial import Trial
 
@@ -118,6 +119,13 @@ class ContinuityScore:
         return sum(end - start for start, end in self.deadbands_mm)
 
     @property
+    def rise(self) -> Rise | None:
+        """The judged pair that reads most above untouched under a press of the map; None where none does."""
+        if self.pad_signals is None or self.pad_signals.presses.ndim != 2:
+            return None
+        return rise_of(self.pad_signals, {pair.name: pair.curves.pair for pair in self.pairs})
+
+    @property
     def pairs_with_deadband(self) -> int:
         """How many judged pairs have a deadband of their own."""
         return sum(bool(pair.score.deadbands_mm) for pair in self.pairs)
@@ -157,6 +165,7 @@ class ContinuityScore:
             "untouched_flux": None if self.untouched_flux is None else _rows(self.untouched_flux),
             "map": None if self.pad_map is None else _map_json(self.pad_map),
             "causes": [cause.to_json() for cause in self.causes],
+            "rises": None if (rise := self.rise) is None else rise.to_json(),
             "bounds": None if self.bounds is None else bounds_json(self.bounds),
             "force": None if self.force is None else _force_json(self.force),
             "tolerance": None if self.tolerance is None else self.tolerance.to_json(),

@@ -52,6 +52,7 @@ def map_section(score: ContinuityScore, drawings: Drawings, scene: MapScene | No
         "Map of the pad",
         element("p", lead),
         *bounds_words(score),
+        *([element("p", f"{rise.sentence}.")] if (rise := score.rise) else []),
         *parts,
         element("div", *_still(score, drawings), *_by_depth(scene, drawings), class_="grid", id="maps-still"),
         element(
