@@ -21,8 +21,10 @@ ANNOUNCED = "kernels"
 """A stage that is named when it begins, also where only lines are printed: it is long, and not of the user's asking."""
 
 
-def foretell_score(design: SensorDesign, *, fine: bool, full: bool, quiet: bool) -> None:
-    """Say on standard error how long a score will take, where it takes long.
+def foretell_score(
+    design: SensorDesign, *, fine: bool, full: bool, quiet: bool, is_run: bool = False
+) -> None:
+    """Say on standard error how long a score, or a whole run, will take, where it takes long.
 
     Raises
     ------
@@ -32,7 +34,10 @@ def foretell_score(design: SensorDesign, *, fine: bool, full: bool, quiet: bool)
     from sims.continuity.score_cost import score_cost
 
     require_valid(design)
-    if not quiet and (said := score_cost(design, fine=fine, full=full).sentence(os.cpu_count() or 1)):
+    if quiet:
+        return
+    cost = score_cost(design, fine=fine, full=full, is_run=is_run)
+    if said := cost.sentence(os.cpu_count() or 1):
         print(said, file=sys.stderr, flush=True)
 
 

@@ -139,6 +139,12 @@ def tolerance_band(
     )
 
 
+def tried_values(design: SensorDesign) -> list[tuple[UsedValue, tuple[float, float]]]:
+    """Unmeasured parameters that have a band, and its ends."""
+    used = (one for one in used_values(design) if one.is_open or _band_is_wide(one))
+    return [(one, ends) for one in used if (ends := _ends(one)) is not None]
+
+
 def _row(
     design: SensorDesign, used: UsedValue, as_designed: Brief, judge: Callable[[SensorDesign], Brief]
 ) -> ToleranceRow:

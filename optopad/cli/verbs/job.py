@@ -29,7 +29,7 @@ def run(
     from optopad.screen.summary import checks_line, checks_words, score_lines
 
     read = read_design(design, set_)
-    foretell_score(read, fine=fine, full=False, quiet=as_json)
+    foretell_score(read, fine=fine, full=False, quiet=as_json, is_run=True)
     with progress(quiet=as_json) as step:
         made = make(read, out, fine=fine, seed=seed, on_step=step)
     place = {"bundle": str(made.folder), "checks_ok": made.checks["ok"]}
