@@ -14,14 +14,13 @@ only: not that of the models, nor the coarseness of the grid.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from design.geometry.cavity import CavityGeometry, cavity_of
 from design.geometry.pairs import judged_pairs, mask_of
-from design.geometry.plan import plan_of
 from design.spec import SensorDesign
 from sims.bounds.defaults import (
     COARSE_DEPTHS_MM,
@@ -36,7 +35,7 @@ from sims.bounds.fisher import Bounds, bounds_of
 from sims.bounds.losses import PartLoss, part_losses
 from sims.bounds.pad_answers import pad_answers
 from sims.bounds.stencil import Steps
-from sims.optics.accuracy import ACCURACIES, MIRRORED_FINER, Accuracy
+from sims.optics.accuracy import MIRRORED_FINER, Accuracy
 from sims.readings.readout import Readout, readout_of
 from sims.verdict.pad_map import grid_inside, grid_places_mm, map_grid_mm, on_grid
 from sims.verdict.presses import untouched_flux
@@ -45,12 +44,9 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 OnStep = Callable[[float], None]
 
-FORMED_BOUND_ACCURACY = replace(ACCURACIES["score"], image_step=0.7)
 BOUND_ACCURACIES = ("score", MIRRORED_FINER)
 """Settings of the light for derivatives, cheapest first: a common lattice takes most of the error out, and voxels
-where that is not enough are traced again with the next. The first are those of a map, whose light is found again; on
-discs and crowned pads `FORMED_BOUND_ACCURACY`, for light of half as many points costs half as much and leaves one in
-twelve voxels deeper than 0.3 mm to the next."""
+where that is not enough are traced again with the next. The first are those of a map, whose light is found again."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -228,7 +224,7 @@ def pad_bounds(
     y_mm: FloatArray | None = None,
     places: int = 5,
     depths_mm: tuple[float, ...] = COARSE_DEPTHS_MM,
-    accuracies: Sequence[str | Accuracy] | None = None,
+    accuracies: Sequence[str | Accuracy] = BOUND_ACCURACIES,
     seed: int = 0,
     readout: Readout | None = None,
     felt: FeltForce | None = None,
@@ -244,7 +240,7 @@ def pad_bounds(
     x_mm, y_mm : lines of the grid [mm]; by default ``places`` along the workspace's longer side, at equal pitch
     depths_mm : depths of the voxels; those beyond the range of use are left out, its end is added [mm]
     accuracies : settings of the light, each as `sims.optics.trace` takes it; voxels whose bounds the first leaves
-        open are traced again with the next; by default those of the kind of pad (`bound_accuracies`)
+        open are traced again with the next
     seed : of the first half's offsets
     readout : common gain; by default set on the untouched pad, at a trace more
     felt : lightest press felt, passed through to the result
@@ -258,7 +254,6 @@ def pad_bounds(
     """
     cavity = cavity_of(design)
     steps, limits = steps or Steps(), limits or Limits()
-    accuracies = accuracies or bound_accuracies(design)
     if x_mm is None or y_mm is None:
         x_mm, y_mm = map_grid_mm(cavity, places)
     readout = readout or own_readout(design, seed=seed)
@@ -303,19 +298,10 @@ def pad_bounds(
     )
 
 
-def bound_accuracies(design: SensorDesign) -> tuple[str | Accuracy, ...]:
-    """Settings of the light for derivatives, by the kind of pad."""
-    if plan_of(design).is_flat_rectangle:
-        return BOUND_ACCURACIES
-    return (FORMED_BOUND_ACCURACY, *BOUND_ACCURACIES[1:])
-
-
 def _name_of(accuracy: str | Accuracy) -> str:
     """What settings are called in files."""
     if isinstance(accuracy, str):
         return accuracy
-    if accuracy == FORMED_BOUND_ACCURACY:
-        return "score, mirrored light by half as many points"
     return "score, mirrored light as standard" if accuracy == MIRRORED_FINER else "own settings"
 
 

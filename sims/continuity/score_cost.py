@@ -20,7 +20,7 @@ from design.geometry.pairs import chord_midpoint_mm, is_facing_rows, judged_pair
 from design.spec import SensorDesign
 from design.spec.cheap_fields import TARGET, cheap_fields
 from sims.bounds.defaults import COARSE_DEPTHS_MM, FINE_DEPTHS_MM, SHALLOW_MM
-from sims.bounds.observability import bound_accuracies, bound_depths_mm
+from sims.bounds.observability import BOUND_ACCURACIES, bound_depths_mm
 from sims.bounds.stencil import PRESSES, Steps, stencil_presses
 from sims.optics.accuracy import ACCURACIES, accuracy_of
 from sims.optics.scene.lower import scene_of
@@ -152,8 +152,8 @@ def _bounds_s(design: SensorDesign, places_mm: FloatArray, *, fine: bool) -> flo
     sides = stencil_presses(voxels, steps.offsets_mm(voxels[:, 2])).reshape(-1, PRESSES, 3)
     beside, middle = _distinct(design, sides[:, :4, :2].reshape(-1, 2)), 2 * _distinct(design, places_mm)
     deep = int(np.sum(depths >= SHALLOW_MM))
-    first, then = (accuracy_of(one) for one in bound_accuracies(design))
-    known = middle if first == MAP_ACCURACY and not fine else 0  # the first half's, from the map
+    first, then = (accuracy_of(one) for one in BOUND_ACCURACIES)
+    known = 0 if fine else middle  # the first half's, from the map
     finer = (len(depths) - deep + TRACED_AGAIN * deep) * 2 * (beside + middle)
     return (
         deep * (2 * (beside + middle) - known) * state_cost_s(scene, first)
