@@ -41,7 +41,7 @@ def _worth(made: Improvement, one: Alternative) -> str:
     """Verdict, confidence and margin by the score's light; the bound of the location by the search's."""
     said = answer_of(one.design, one.score)
     told = [verdict_words(one.score), said.sure.partition(":")[0]]
-    told.append(f"margin {_number(one.score.margin, 1)} noise units (was {_number(made.before.margin, 1)})")
+    told.append(f"margin {_number(one.score.margin, 1)} sigma (was {_number(made.before.margin, 1)})")
     now, was = one.figures.get("location_bound_mm"), made.figures.get("location_bound_mm")
     if now is not None:
         told.append(f"location {now:.3f} mm by quick light (was {_number(was, 3)})")
@@ -56,7 +56,7 @@ def _without(made: Improvement) -> list[str]:
     if nearest is not None:
         dead = nearest.score.deadband_total_mm
         left = (
-            f"{dead:.2f} mm of deadband" if dead else f"margin {_number(nearest.score.margin, 1)} noise units"
+            f"{dead:.2f} mm of deadband" if dead else f"margin {_number(nearest.score.margin, 1)} sigma"
         )
         words = changes_words(made.design, nearest.changes)
         lines += row("nearest", f"{words}: {verdict_words(nearest.score)}; {left}", WHOLE)

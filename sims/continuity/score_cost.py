@@ -19,21 +19,19 @@ from design.geometry.cavity import CavityGeometry, cavity_of
 from design.geometry.pairs import chord_midpoint_mm, is_facing_rows, judged_pairs
 from design.spec import SensorDesign
 from design.spec.cheap_fields import TARGET, cheap_fields
-from sims.bounds.defaults import COARSE_DEPTHS_MM, FINE_DEPTHS_MM, SHALLOW_MM
-from sims.bounds.observability import BOUND_ACCURACIES, bound_depths_mm
+from sims.bounds.defaults import SHALLOW_MM
+from sims.bounds.observability import bound_depths_mm
 from sims.bounds.stencil import PRESSES, Steps, stencil_presses
-from sims.optics.accuracy import ACCURACIES, accuracy_of
+from sims.continuity.settings import Settings, settings_of
+from sims.optics.accuracy import accuracy_of
 from sims.optics.scene.lower import scene_of
 from sims.optics.scene.symmetry import state_classes
 from sims.optics.trace_cost import emitter_cost_s, pair_cost_s, state_cost_s, untouched_cost_s
-from sims.press.depths import COARSE_STEP_MM, STEP_MM, depth_schedule_mm
+from sims.press.depths import COARSE_STEP_MM, depth_schedule_mm
 from sims.verdict.builds import accuracy_of_builds
-from sims.verdict.pad_map import COARSE_PLACES, FINE_PLACES, grid_places_mm, map_grid_mm
+from sims.verdict.pad_map import grid_places_mm, map_grid_mm
 from sims.verdict.presses import (
-    MAP_ACCURACY,
-    NEAR_ACCURACY,
     NEAR_MM,
-    PAIR_ACCURACY,
     accuracy_of_pairs,
     map_depths_mm,
 )
@@ -89,14 +87,14 @@ def score_cost(design: SensorDesign, *, fine: bool, full: bool, is_run: bool = F
     is_run : the whole `optopad run`, with mold, report and the firmware's files
     """
     cavity = cavity_of(design)
-    places, step_mm = (FINE_PLACES, STEP_MM) if fine or full else (COARSE_PLACES, COARSE_STEP_MM)
-    places_mm = grid_places_mm(cavity.workspace, *map_grid_mm(cavity, places))
-    depth_mm = map_depths_mm(design.operating.max_depth_mm, step_mm)
+    row = settings_of(fine=fine, full=full)
+    places_mm = grid_places_mm(cavity.workspace, *map_grid_mm(cavity, row.map_places))
+    depth_mm = map_depths_mm(design.operating.max_depth_mm, row.map_step_mm)
     stages = {
-        "untouched": untouched_cost_s(scene_of(design), ACCURACIES["standard"]),
-        "pairs": _pairs_s(design, cavity),
-        "map": _map_s(design, places_mm, depth_mm, fine=fine),
-        "bounds": _bounds_s(design, places_mm, fine=fine),
+        "untouched": untouched_cost_s(scene_of(design), accuracy_of(row.untouched)),
+        "pairs": _pairs_s(design, cavity, row),
+        "map": _map_s(design, places_mm, depth_mm, row),
+        "bounds": _bounds_s(design, places_mm, row),
         "builds": _builds_s(design, cavity),
         "rest": REST_S + (RUN_S if is_run else 0.0),
     }
@@ -115,12 +113,12 @@ def _distinct(design: SensorDesign, places_mm: FloatArray) -> int:
     return len(found.first)
 
 
-def _pairs_s(design: SensorDesign, cavity: CavityGeometry) -> float:
+def _pairs_s(design: SensorDesign, cavity: CavityGeometry, row: Settings) -> float:
     """Single pairs, each under its own press; a pair's image under a symmetry is not traced again."""
-    settings = accuracy_of(accuracy_of_pairs(design, PAIR_ACCURACY))
+    settings = accuracy_of(accuracy_of_pairs(design, row.pairs))
     pairs = judged_pairs(cavity)
     alike = len(pairs) / max(_distinct_pairs(design, cavity), 1)
-    depths = len(depth_schedule_mm(design.operating.max_depth_mm))
+    depths = len(depth_schedule_mm(design.operating.max_depth_mm, row.step_mm))
     return len(pairs) / alike * depths * emitter_cost_s(scene_of(design), settings, 1)
 
 
@@ -131,29 +129,26 @@ def _distinct_pairs(design: SensorDesign, cavity: CavityGeometry) -> int:
     return round(len(places) * _distinct(design, distinct) / len(distinct))
 
 
-def _map_s(design: SensorDesign, places_mm: FloatArray, depth_mm: FloatArray, *, fine: bool) -> float:
+def _map_s(design: SensorDesign, places_mm: FloatArray, depth_mm: FloatArray, row: Settings) -> float:
     scene = scene_of(design)
     near = int(np.sum(depth_mm <= NEAR_MM))
-    at_a_place = near * state_cost_s(scene, NEAR_ACCURACY)
-    at_a_place += (len(depth_mm) - near) * state_cost_s(
-        scene, ACCURACIES["standard"] if fine else MAP_ACCURACY
-    )
+    at_a_place = near * state_cost_s(scene, row.near or row.map)
+    at_a_place += (len(depth_mm) - near) * state_cost_s(scene, row.map)
     return _distinct(design, places_mm) * at_a_place
 
 
-def _bounds_s(design: SensorDesign, places_mm: FloatArray, *, fine: bool) -> float:
+def _bounds_s(design: SensorDesign, places_mm: FloatArray, row: Settings) -> float:
     """Both halves of all stencils."""
     if is_facing_rows(cavity_of(design)):
         return 0.0
     scene, steps = scene_of(design), Steps()
-    wanted = FINE_DEPTHS_MM if fine else COARSE_DEPTHS_MM
-    depths = bound_depths_mm(wanted, design.operating.max_depth_mm, steps.depth_mm)
+    depths = bound_depths_mm(row.bound_depths_mm, design.operating.max_depth_mm, steps.depth_mm)
     voxels = np.column_stack([places_mm, np.ones(len(places_mm))])
     sides = stencil_presses(voxels, steps.offsets_mm(voxels[:, 2])).reshape(-1, PRESSES, 3)
     beside, middle = _distinct(design, sides[:, :4, :2].reshape(-1, 2)), 2 * _distinct(design, places_mm)
     deep = int(np.sum(depths >= SHALLOW_MM))
-    first, then = (accuracy_of(one) for one in BOUND_ACCURACIES)
-    known = 0 if fine else middle  # the first half's, from the map
+    first, then = (accuracy_of(one) for one in row.bounds)
+    known = middle if first == row.map else 0  # the first half's, from the map
     finer = (len(depths) - deep + TRACED_AGAIN * deep) * 2 * (beside + middle)
     return (
         deep * (2 * (beside + middle) - known) * state_cost_s(scene, first)

@@ -29,6 +29,7 @@ from sims.continuity.cautions import margin_caution, noise_caution
 from sims.continuity.field_steps import with_field_steps
 from sims.continuity.judge import Judge
 from sims.continuity.result import ContinuityScore, JudgedPair
+from sims.continuity.settings import settings_of
 from sims.continuity.trials import with_trial
 from sims.readings.readout import Readout
 from sims.verdict.boundary_forces import boundary_forces, place_force
@@ -66,7 +67,7 @@ def score(
     DesignError : the design breaks a rule (`optopad check` lists them).
     """
     require_valid(design)
-    judge = Judge(design, "fine" if fine else "full" if full else "score", seed=seed, on_step=on_step)
+    judge = Judge(design, settings_of(fine=fine, full=full), seed=seed, on_step=on_step)
     base = _base_of(design, seed=seed, fine=fine, full=full)
     try:
         found = _scored(judge, base, verdict_only=verdict_only)

@@ -141,3 +141,8 @@ SETTINGS = {
     ),
 }
 """Rows by name."""
+
+
+def settings_of(*, fine: bool, full: bool) -> Settings:
+    """The row of a score."""
+    return SETTINGS["fine" if fine else "full" if full else "score"]
