@@ -8,7 +8,7 @@ from pathlib import Path
 from design.search.explore import Findings
 from design.search.judged import Judged, Tried
 from design.spec import SensorDesign
-from sims.verdict.headline import headline
+from sims.continuity.headline import headline
 from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
 
 QUICK_ERRORS = {"draft": 3.0, "search": 2.0, "score": 0.0}

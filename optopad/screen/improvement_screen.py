@@ -55,9 +55,7 @@ def _without(made: Improvement) -> list[str]:
     nearest = made.nearest
     if nearest is not None:
         dead = nearest.score.deadband_total_mm
-        left = (
-            f"{dead:.2f} mm of deadband" if dead else f"margin {_number(nearest.score.margin, 1)} sigma"
-        )
+        left = f"{dead:.2f} mm of deadband" if dead else f"margin {_number(nearest.score.margin, 1)} sigma"
         words = changes_words(made.design, nearest.changes)
         lines += row("nearest", f"{words}: {verdict_words(nearest.score)}; {left}", WHOLE)
         if nearest.at_ends:

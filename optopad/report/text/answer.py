@@ -14,9 +14,9 @@ from optopad.report.text.measuring import tool_words
 from optopad.report.text.numbers import counted, spans
 from optopad.report.text.trials import fix_words, no_fix_words
 from sims.bounds.observability import PadBounds
+from sims.continuity.headline import headline
 from sims.continuity.result import ContinuityScore
 from sims.verdict.causes import Cause
-from sims.verdict.headline import headline
 from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
 from sims.verdict.tolerance import ToleranceBand, ToleranceRow
 
