@@ -1,7 +1,7 @@
 """From a layout to better ones: what may change, where the search begins, which of the designs tried are worth having.
 
     base design ──► fields that cost little to change, around their values ──► single changes first, then the sampler
-        ──► of the designs without a deadband: fewest changes, most robust, best accuracy
+        ──► of the designs without a deadband: fewest changes, most robust, most depth, best accuracy
 
 A search space like any other (`design.search.space`), so it resumes, is seeded and knows nothing of light. Wanted of a
 design, in this order: no deadband; the usable depth; margin to a deadband; accuracy; few changes.
@@ -9,6 +9,7 @@ design, in this order: no deadband; the usable depth; margin to a deadband; accu
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,15 +17,15 @@ from typing import Any, Literal
 
 from design.errors import InputError
 from design.fields.paths import get_at, known_paths, nearest, unknown_path
-from design.search.figures import FIGURES
+from design.search.figures import BOUND_FIGURES, FIGURES
 from design.search.judged import Judged, Tried
 from design.search.space import ROUND_DIGITS, SearchSpace, SpaceField, Value, space_from
 from design.spec import SensorDesign
 from design.spec.cheap_fields import ALONG, CLEAR, HEIGHTS, TARGET, cheap_fields
 
-Kind = Literal["fewest changes", "most robust", "best accuracy"]
+Kind = Literal["fewest changes", "most robust", "most depth", "best accuracy"]
 Range = tuple[float, float]
-KINDS: tuple[Kind, ...] = ("fewest changes", "most robust", "best accuracy")
+KINDS: tuple[Kind, ...] = ("fewest changes", "most robust", "most depth", "best accuracy")
 STEPS = {**dict.fromkeys(HEIGHTS, 0.1), CLEAR: 0.25, TARGET: 25.0}
 """Step of each field that varies by default; of others a fiftieth of the range [unit of the field]."""
 REACH = {**dict.fromkeys(HEIGHTS, 3.0), CLEAR: 4.0, TARGET: 200.0}
@@ -36,6 +37,8 @@ FIRST_SHARES = (0.15, 0.3, 0.5, 0.8)
 WIDE_SHARES = (0.5, 1.0)
 """The same where nothing is short and there is no least change to find, as shares of `WIDE_MM`."""
 WIDE_MM = 1.0
+LEAST_SPREAD, TOP_MM = 3, 1.0
+"""Values of each field at least in a lattice over the ranges; how far below the top its heights end [mm]."""
 SAFE_MARGIN = 4.5
 """Margin at search accuracy from which a design is taken to have no deadband at score accuracy either [noise units]."""
 AMPLE_MARGIN = 2.0 * SAFE_MARGIN
@@ -48,6 +51,8 @@ MOVES = (4.0, 2.0, 2.0, 1.0)
 """Moves around the best design, round by round [steps of a field]."""
 MOST_A_ROUND = 10
 """Designs of a round at most."""
+PROMISE = 3.0
+"""Usable depth that a millimetre of deadband outweighs where a search looks for depth [mm/mm]."""
 ENOUGH_SHARE = 0.6
 """Share of the deepest usable depth that few changes may leave [-]."""
 
@@ -212,6 +217,41 @@ def first_points(
     return points
 
 
+def spread_points(space: SearchSpace, most: int) -> list[dict[str, Value]]:
+    """A lattice over part heights and thickness, the rest as it is: the deepest designs are often far from the base.
+
+    Parameters
+    ----------
+    most : points at most; none where that leaves fewer than three values of a field
+    """
+    base = start_of(space)
+    thickness = next((field for field in space.fields if field.path == CLEAR and field.low is not None), None)
+    heights = [field for field in space.fields if field.path in HEIGHTS and field.low is not None]
+    each = int(most ** (1.0 / max(len(heights) + (thickness is not None), 1)) + 1e-9)
+    if each < LEAST_SPREAD or not heights:
+        return []
+    shares = [number / (each - 1) for number in range(each)]
+    paths = [one.path for one in heights] + ([CLEAR] if thickness is not None else [])
+    points = []
+    for clear in (
+        [space.base.cavity.clear_thickness_mm]
+        if thickness is None
+        else [_at(space, thickness, one, math.inf) for one in shares]
+    ):
+        values = [[_at(space, field, one, float(clear) - TOP_MM) for one in shares] for field in heights]
+        for found in itertools.product(*values):
+            points.append(base | dict(zip(paths, (*found, clear), strict=False)))
+    return points
+
+
+def _at(space: SearchSpace, field: SpaceField, share: float, highest: float) -> Value:
+    """The field's value nearest to a share of its range, of what is no higher than a limit."""
+    assert field.low is not None
+    assert field.high is not None
+    at = field.low + share * (max(min(field.high, highest), field.low) - field.low)
+    return min(space.values_of(field) or [round(at, ROUND_DIGITS)], key=lambda one: abs(float(one) - at))
+
+
 def _moved(space: SearchSpace, field: SpaceField, base: dict[str, Value], by: float) -> Value:
     """The field's value nearest to its base's and so much more, one step away at least."""
     start = float(base[field.path])
@@ -233,17 +273,35 @@ def changes_of(space: SearchSpace, parameters: Mapping[str, Value]) -> dict[str,
     }
 
 
-def refinements(space: SearchSpace, tried: Sequence[Tried], number: int) -> list[dict[str, Value]]:
-    """Points around the best design: each change of it taken back by itself, then moved either way.
+def refinements(
+    space: SearchSpace, tried: Sequence[Tried], number: int, *, starts: int = 1
+) -> list[dict[str, Value]]:
+    """Points around the best designs: each change of one taken back by itself, then moved either way.
 
     Parameters
     ----------
     number : of the round; moves shrink from round to round (`MOVES`), and end
+    starts : 1 for the one that is worth most; 2 for that and the one that has most depth but for a short deadband
     """
     if number >= len(MOVES) or not tried:
         return []
-    best = max(tried, key=lambda one: (*worth(one.judged), -_cost(space, one)[0], -one.number))
-    base, here = start_of(space), best.parameters
+    orders = (lambda one: (*worth(one.judged), -_cost(space, one)[0], -one.number), _promise)
+    found, known = list[dict[str, Value]](), [one.parameters for one in tried]
+    for order in orders[:starts]:
+        points = _around(space, max(tried, key=order).parameters, MOVES[number])
+        fresh = [one for place, one in enumerate(points) if one not in (*known, *found, *points[:place])]
+        found += fresh[:MOST_A_ROUND]
+    return found
+
+
+def _promise(one: Tried) -> tuple[float, int]:
+    short = PROMISE * float(one.judged.figures.get("deadband_mm") or 0.0)
+    return usable_of(one.judged) - short, -one.number
+
+
+def _around(space: SearchSpace, here: dict[str, Value], steps: float) -> list[dict[str, Value]]:
+    """Points around one: its changes taken back, then heights, thickness and what it changes moved by so many steps."""
+    base = start_of(space)
     points = [here | {path: base[path]} for path in here if here[path] != base[path]]
     heights = [field for field in space.fields if field.path in HEIGHTS]
     groups = [heights] if len(heights) > 1 else []
@@ -255,13 +313,10 @@ def refinements(space: SearchSpace, tried: Sequence[Tried], number: int) -> list
     ]
     for group in groups:
         for side in (1.0, -1.0):
-            length = side * MOVES[number]
-            points.append(here | {one.path: _moved(space, one, here, length * _step(one)) for one in group})
-    known = [one.parameters for one in tried]
-    fresh = [
-        point for place, point in enumerate(points) if point not in known and point not in points[:place]
-    ]
-    return fresh[:MOST_A_ROUND]
+            points.append(
+                here | {one.path: _moved(space, one, here, side * steps * _step(one)) for one in group}
+            )
+    return points
 
 
 def _step(field: SpaceField) -> float:
@@ -276,7 +331,7 @@ def worth(judged: Judged) -> tuple[bool, float, float, float]:
     return (
         is_possible(judged),
         -float(judged.figures.get("deadband_mm") or 0.0) if judged.figures else -math.inf,
-        round(_usable(judged) / NEAR_BEST_MM),
+        round(usable_of(judged) / NEAR_BEST_MM),
         min(margin_of(judged), AMPLE_MARGIN),
     )
 
@@ -286,29 +341,36 @@ def picks(space: SearchSpace, base: Judged, tried: Sequence[Tried], accuracy: st
 
     Parameters
     ----------
-    accuracy : figure that the most accurate is best in
+    accuracy : figure that the most accurate is best in; none is picked for it that is not of the pad
     """
     possible = [one for one in tried if is_possible(one.judged) and changes_of(space, one.parameters)]
     if not possible:
         return []
-    most = max(_usable(one.judged) for one in possible)
+    most = max(usable_of(one.judged) for one in possible)
     changed = [one for one in possible if betters(base, one.judged, accuracy)]
-    deep = [one for one in changed if _usable(one.judged) >= most - NEAR_BEST_MM]
-    enough = [one for one in changed if _usable(one.judged) >= ENOUGH_SHARE * most]
+    fine = [
+        one for one in changed if accuracy in BOUND_FIGURES and math.isfinite(_accuracy(one.judged, accuracy))
+    ]
+    deep = [one for one in changed if usable_of(one.judged) >= most - NEAR_BEST_MM]
+    enough = [one for one in changed if usable_of(one.judged) >= ENOUGH_SHARE * most]
     orders = {
         "fewest changes": lambda one: (_cost(space, one), -margin_of(one.judged)),
-        "most robust": lambda one: (-margin_of(one.judged), _cost(space, one)),
+        "most robust": lambda one: (-min(margin_of(one.judged), AMPLE_MARGIN), -usable_of(one.judged)),
+        "most depth": lambda one: (-round(usable_of(one.judged) / NEAR_BEST_MM), -margin_of(one.judged)),
         "best accuracy": lambda one: (_accuracy(one.judged, accuracy), _cost(space, one)),
     }
     chosen = {
         "fewest changes": enough,
-        "most robust": deep,
-        "best accuracy": [one for one in deep if math.isfinite(_accuracy(one.judged, accuracy))],
+        "most robust": enough,
+        "most depth": changed,
+        "best accuracy": [one for one in fine if one in deep],
     }
     if is_sound(base) and enough:  # nothing needs mending: the second must beat what is offered first
         first = min(enough, key=orders["fewest changes"]).judged
-        chosen["most robust"] = [one for one in deep if _is_stronger(one.judged, first)]
-        chosen["best accuracy"] = [one for one in deep if _is_finer(one.judged, first, accuracy)]
+        chosen["most robust"] = [one for one in enough if _is_stronger(one.judged, first)]
+        chosen["best accuracy"] = [
+            one for one in chosen["best accuracy"] if _is_finer(one.judged, first, accuracy)
+        ]
     return [Pick(kind=kind, tried=one) for kind in KINDS for one in sorted(chosen[kind], key=orders[kind])]
 
 
@@ -331,7 +393,7 @@ def betters(base: Judged, judged: Judged, accuracy: str, safe: float = SAFE_MARG
     """
     if not is_sound(base, safe):
         return is_possible(judged)
-    deeper = _usable(judged) - _usable(base)
+    deeper = usable_of(judged) - usable_of(base)
     if deeper > NEAR_BEST_MM:
         return True
     keeps = margin_of(judged) >= min(margin_of(base), AMPLE_MARGIN)
@@ -357,7 +419,8 @@ def margin_of(judged: Judged) -> float:
     return float(judged.figures.get("margin") or 0.0)
 
 
-def _usable(judged: Judged) -> float:
+def usable_of(judged: Judged) -> float:
+    """Usable depth, 0 where it is not known [mm]."""
     return float(judged.figures.get("usable_depth_mm") or 0.0)
 
 

@@ -161,14 +161,14 @@ def improve(
     out: str | PathLike[str] = OUT,
     on_step: OnStep | None = None,
 ) -> Improved:
-    """Up to three verified changes that mend or better a design, as designs and as files; the same call goes on.
+    """Up to four verified changes that mend or better a design, as designs and as files; the same call goes on.
 
     Parameters
     ----------
     vary : fields to vary besides the usual ones, with their range; None for the usual range
     keep : fields to leave as they are
     more_parts : whether more parts a side may help, too
-    budget_min : how long it may take about, on two idle cores [min]; 3 for a pad, 1 for facing rows
+    budget_min : how long it may take about, on two idle cores [min]; 3 for a pad, 2 for facing rows
 
     Raises
     ------

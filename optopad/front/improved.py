@@ -16,7 +16,7 @@ from optopad.screen.improvement_screen import improvement_screen
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Improved:
-    """Up to three changes that mend or better a design.
+    """Up to four changes that mend or better a design.
 
     Attributes
     ----------

@@ -29,9 +29,11 @@ from design.io import dump_design, load_design, write_text_atomically
 from design.rules.check import require_valid
 from design.search.explore import OnTried
 from design.search.improve import (
+    ENOUGH_SHARE,
     KINDS,
     MOST_A_ROUND,
     MOVES,
+    NEAR_BEST_MM,
     SAFE_MARGIN,
     Kind,
     Pick,
@@ -44,6 +46,8 @@ from design.search.improve import (
     margin_of,
     picks,
     refinements,
+    spread_points,
+    usable_of,
     worth,
 )
 from design.search.judged import Judged, Tried
@@ -62,15 +66,17 @@ from sims.continuity.scoring import verdict_of
 from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
 
 OnStep = Callable[[str, float], None]
-PAD_MINUTES, ROW_MINUTES = 3.0, 1.0
+PAD_MINUTES, ROW_MINUTES = 3.0, 2.0
 """Budgets of a pad and of facing rows by default [min on two cores]."""
 CORES = 2
-PAD_S, PAIR_S, ROW_S = 1.5, 0.04, 0.8
+PAD_S, PAIR_S, ROW_S = 1.5, 0.04, 0.6
 """Processor time of a design of a pad: of any, and more a pair (measured on 16 to 64); of facing rows [s]."""
 CURVED = 4.0
 """So many times more for a disc or a crowned pad."""
 SEARCH = 0.4
 """Share of the budget that the search takes; scores take the rest [-]."""
+SPREAD = 0.6
+"""Share of them that a lattice over heights and thickness may take [-]."""
 FEWEST, MOST = 12, 400
 """Designs of a search at least and at most, before those around the best."""
 ATTEMPTS = 4
@@ -119,7 +125,7 @@ def improve(
         more_parts=more_parts,
         trials=trials_of(design, budget_min),
         seed=seed,
-        figures=("margin", "resolvable_steps" if facing else "usable_depth_mm"),
+        figures=("margin", "usable_depth_mm"),
     )
     again = JudgedAgain(space, accuracy, seed=seed, tell=on_step or (lambda _stage, _share: None))
     before = again.before
@@ -128,14 +134,15 @@ def improve(
             f"{design.name}: {before.reason}; improve begins with a design that the models cover"
         )
     before = with_field_steps(design, before, seed=seed, on_step=again.tell)
-    first = _first(space, before)
+    trials = trials_of(design, budget_min)
+    first = _first(space, before, trials)
     found = search(
         space,
         out,
-        trials=max(trials_of(design, budget_min), len(first) + 1),
+        trials=max(trials, len(first) + 1),
         on_tried=on_tried,
         first=first,
-        refine=lambda findings, number: refinements(space, findings.tried, number),
+        refine=lambda findings, number: refinements(space, findings.tried, number, starts=2 if facing else 1),
         also_mm=_deciding_places(before),
     )
     made = Improvement(
@@ -173,19 +180,20 @@ def trials_of(design: SensorDesign, budget_min: float | None) -> int:
     pairs = len(cavity.emitters) * len(cavity.receivers)
     each_s = ROW_S if facing else PAD_S + PAIR_S * pairs
     each_s *= 1.0 if plan_of(design).is_flat_rectangle else CURVED
-    around = len(MOVES) * MOST_A_ROUND
+    around = len(MOVES) * MOST_A_ROUND * (2 if facing else 1)
     return min(max(int(SEARCH * budget * 60.0 * CORES / each_s) - around, FEWEST), MOST)
 
 
-def _first(space: SearchSpace, before: ContinuityScore) -> list[dict[str, Any]]:
-    """Points to begin with: what the cause of the worst blind interval asks for, then what small steps gain."""
+def _first(space: SearchSpace, before: ContinuityScore, trials: int) -> list[dict[str, Any]]:
+    """Points to begin with: what the cause of the worst blind interval asks for, what small steps gain, a lattice."""
     cause = before.causes[0] if before.causes else None
     side = 0 if cause is None else {"apart": 1, "used up": -1}.get(cause.lack, 0)
     sides = {**dict.fromkeys(HEIGHTS[::-1], side), CLEAR: -side} if side else {}
     if before.steps is not None:
         sides |= {path: way for path, way in before.steps.better_sides().items() if path not in sides}
     short = None if cause is None else max(cause.short_mm or 2.0, 0.5)
-    return first_points(space, sides=sides, short_mm=short)
+    points = first_points(space, sides=sides, short_mm=short)
+    return points + [one for one in spread_points(space, int(SPREAD * trials)) if one not in points]
 
 
 def _deciding_places(before: ContinuityScore) -> list[tuple[float, float]]:
@@ -279,8 +287,16 @@ class JudgedAgain:
     def alternatives(self, picks: Sequence[Pick], tried: Sequence[Tried]) -> tuple[Alternative, ...]:
         """Of every kind the first that keeps its promise, different from the others; else any that is better at all."""
         found: list[Alternative] = []
+        enough_mm = ENOUGH_SHARE * max((usable_of(pick.tried.judged) for pick in picks), default=0.0)
         for kind in KINDS:
-            one = self._first_of(kind, [pick.tried for pick in picks if pick.kind == kind], ATTEMPTS)
+            candidates = [pick.tried for pick in picks if pick.kind == kind]
+            least_mm = enough_mm
+            if kind == "most depth":
+                least_mm = max(
+                    (usable_of(self._as_judged(Judged(), one.score)) for one in found), default=0.0
+                )
+                least_mm += NEAR_BEST_MM
+            one = self._first_of(kind, candidates, ATTEMPTS, least_mm)
             if one is not None and all(other.design.digest != one.design.digest for other in found):
                 found.append(replace(one, file=f"{len(found) + 1}-{kind.replace(' ', '-')}.toml"))
         if not found:
@@ -290,17 +306,25 @@ class JudgedAgain:
             found += [] if one is None else [one]
         return tuple(found)
 
-    def _first_of(self, kind: Kind, candidates: list[Tried], attempts: int) -> Alternative | None:
-        """The first candidate that is better by a score, and whose verdict no unmeasured parameter changes, if any."""
+    def _first_of(
+        self, kind: Kind, candidates: list[Tried], attempts: int, least_mm: float = 0.0
+    ) -> Alternative | None:
+        """The first candidate that is better by a score, and whose verdict no unmeasured parameter changes, if any.
+
+        Parameters
+        ----------
+        least_mm : usable depth that it must have [mm]
+        """
+        candidates = [one for one in candidates if usable_of(one.judged) >= least_mm]
         undecided: Alternative | None = None
         for _ in range(min(attempts, len(candidates))):
-            one = self._next_of(candidates)
+            one = self._next_of(candidates, DEADBAND_THRESHOLD if kind == "most depth" else SAFE_MARGIN)
             candidates.remove(one)
             changed = self.space.changed(one.parameters)
             self.tell(kind, 0.0)
             score = self.verdict(changed)
             self._learn(one.judged, score)
-            if not self._is_better(one, score):
+            if not self._is_better(one, score) or (score.usable_depth_mm or 0.0) < least_mm:
                 continue
             if score.tolerance is None:
                 score = with_tolerance(changed, score, seed=self.seed, on_step=self.tell)
@@ -318,9 +342,9 @@ class JudgedAgain:
             undecided = undecided or made
         return undecided
 
-    def _next_of(self, candidates: Sequence[Tried]) -> Tried:
-        """The first whose margin stays safe without what quick light overrates, else the one with most of it."""
-        safe = [one for one in candidates if margin_of(one.judged) - self.overrated >= SAFE_MARGIN]
+    def _next_of(self, candidates: Sequence[Tried], margin: float) -> Tried:
+        """The first that keeps a margin without what quick light overrates, else the one that is worth most."""
+        safe = [one for one in candidates if margin_of(one.judged) - self.overrated >= margin]
         return safe[0] if safe else max(candidates, key=_worth)
 
     def _learn(self, judged: Judged, score: ContinuityScore) -> None:

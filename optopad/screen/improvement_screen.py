@@ -1,4 +1,4 @@
-"""What an improvement found, on one screen: before, up to three alternatives with what they cost, the next command."""
+"""What an improvement found, on one screen: before, up to four alternatives with what they cost, the next command."""
 
 from __future__ import annotations
 

@@ -33,14 +33,14 @@ def improve(
     budget: Annotated[
         float | None,
         typer.Option(
-            "--budget", metavar="MINUTES", help="Time to search, about: 3 for a pad, 1 for facing rows."
+            "--budget", metavar="MINUTES", help="Time to search, about: 3 for a pad, 2 for facing rows."
         ),
     ] = None,
     out: options.Out = options.DEFAULT_OUT,
     seed: options.Seed = 0,
     as_json: options.Json = False,
 ) -> None:
-    """Up to three verified changes that mend or better a design, as design files; the same command goes on."""
+    """Up to four verified changes that mend or better a design, as design files; the same command goes on."""
     from optopad.jobs.improvement import improve as search_around
     from optopad.screen.improvement_screen import improvement_screen
 

@@ -26,6 +26,7 @@ from optopad.jobs.exploration import search
 from optopad.work.finished import source_digest
 from sims.continuity.objective import judge
 from sims.plots.front import choice_text, front_svg
+from tests.validation.verdict import improve_table
 
 ROOT = Path(__file__).parents[3]
 FOLDER = ROOT / "build" / "validation" / "search"
@@ -79,7 +80,11 @@ def main() -> None:
         (one.judged, judged_again(pair.space.design_at(one.parameters), "pair-heights")) for one in sample
     ]
     write_text_atomically(PICTURE, front_svg(pad.space, pad.base, pad.tried, pad.front))
-    write_text_atomically(PAGE, page(pad, chosen, again, pair, pairs))
+    written, made = PAGE.read_text(encoding="utf-8"), page(pad, chosen, again, pair, pairs)
+    if improve_table.BEGIN in written:  # its section stays
+        kept = written[written.index(improve_table.BEGIN) : written.index(improve_table.END)] + improve_table.END
+        made = made.replace("## What it means", f"{kept}\n\n## What it means", 1)
+    write_text_atomically(PAGE, made)
 
 
 def searched(name: str) -> Findings:
