@@ -336,17 +336,20 @@ def worth(judged: Judged) -> tuple[bool, float, float, float]:
     )
 
 
-def picks(space: SearchSpace, base: Judged, tried: Sequence[Tried], accuracy: str) -> list[Pick]:
+def picks(
+    space: SearchSpace, base: Judged, tried: Sequence[Tried], accuracy: str, most_mm: float = math.inf
+) -> list[Pick]:
     """Designs worth having, as far as their light and its error tell, each kind's best first.
 
     Parameters
     ----------
     accuracy : figure that the most accurate is best in; none is picked for it that is not of the pad
+    most_mm : the deepest usable depth that is believed [mm]
     """
     possible = [one for one in tried if is_possible(one.judged) and changes_of(space, one.parameters)]
     if not possible:
         return []
-    most = max(usable_of(one.judged) for one in possible)
+    most = min(max(usable_of(one.judged) for one in possible), most_mm)
     changed = [one for one in possible if betters(base, one.judged, accuracy)]
     fine = [
         one for one in changed if accuracy in BOUND_FIGURES and math.isfinite(_accuracy(one.judged, accuracy))

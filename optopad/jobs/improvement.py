@@ -15,9 +15,11 @@ design that is judged again, the one before included, and taken off the others.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 from design.errors import InputError
@@ -36,7 +38,6 @@ from design.search.improve import (
     NEAR_BEST_MM,
     SAFE_MARGIN,
     Kind,
-    Pick,
     Range,
     betters,
     changes_of,
@@ -79,8 +80,10 @@ SPREAD = 0.6
 """Share of them that a lattice over heights and thickness may take [-]."""
 FEWEST, MOST = 12, 400
 """Designs of a search at least and at most, before those around the best."""
-ATTEMPTS = 4
-"""Designs of a kind that are judged again before the kind is given up."""
+ATTEMPTS, ROW_ATTEMPTS = 4, 12
+"""Designs of a kind that are judged again before the kind is given up, of a pad and of facing rows."""
+FIRMER = 1.3
+"""So many times the margin of one that an unmeasured parameter turns has the next, where there is one [-]."""
 MOST_JUDGED = 12
 """Designs that are judged again before none is said to be better."""
 LEAST_JUDGED = 2
@@ -158,7 +161,7 @@ def improve(
     if made.is_interrupted:
         return made
     tried = again.found_by_search(found.findings.base, found.findings.tried)
-    alternatives = again.alternatives(picks(space, again.base, tried, accuracy), tried)
+    alternatives = again.alternatives(tried)
     made = replace(
         made,
         figures=again.base.figures,
@@ -253,6 +256,7 @@ class JudgedAgain:
         self.space, self.accuracy, self.seed, self.tell = space, accuracy, seed, tell
         self.scores: dict[str, ContinuityScore] = {}
         self.overrated = 0.0
+        self._differences = [0.0]
         self.base, self.before = Judged(), self.verdict(space.base)
 
     def verdict(self, design: SensorDesign) -> ContinuityScore:
@@ -284,19 +288,21 @@ class JudgedAgain:
         more = judge(design, (), wanted=(PLACE,), accuracy=self.space.accuracy, seed=self.seed)
         return replace(judged, figures=more.figures | judged.figures)
 
-    def alternatives(self, picks: Sequence[Pick], tried: Sequence[Tried]) -> tuple[Alternative, ...]:
+    def alternatives(self, tried: Sequence[Tried]) -> tuple[Alternative, ...]:
         """Of every kind the first that keeps its promise, different from the others; else any that is better at all."""
+        attempts = ATTEMPTS if self.accuracy == PLACE else ROW_ATTEMPTS
+        deepest = self._first_of("most depth", self._picked("most depth", tried), attempts)
+        most_mm = math.inf if deepest is None else deepest.score.usable_depth_mm or 0.0
         found: list[Alternative] = []
-        enough_mm = ENOUGH_SHARE * max((usable_of(pick.tried.judged) for pick in picks), default=0.0)
         for kind in KINDS:
-            candidates = [pick.tried for pick in picks if pick.kind == kind]
-            least_mm = enough_mm
             if kind == "most depth":
-                least_mm = max(
-                    (usable_of(self._as_judged(Judged(), one.score)) for one in found), default=0.0
+                least_mm = (
+                    max((one.score.usable_depth_mm or 0.0 for one in found), default=0.0) + NEAR_BEST_MM
                 )
-                least_mm += NEAR_BEST_MM
-            one = self._first_of(kind, candidates, ATTEMPTS, least_mm)
+                one = deepest if most_mm >= least_mm else None
+            else:
+                least_mm = 0.0 if deepest is None else ENOUGH_SHARE * most_mm
+                one = self._first_of(kind, self._picked(kind, tried, most_mm), attempts, least_mm)
             if one is not None and all(other.design.digest != one.design.digest for other in found):
                 found.append(replace(one, file=f"{len(found) + 1}-{kind.replace(' ', '-')}.toml"))
         if not found:
@@ -306,10 +312,16 @@ class JudgedAgain:
             found += [] if one is None else [one]
         return tuple(found)
 
+    def _picked(self, kind: Kind, tried: Sequence[Tried], most_mm: float = math.inf) -> list[Tried]:
+        every = picks(self.space, self.base, tried, self.accuracy, most_mm)
+        return [pick.tried for pick in every if pick.kind == kind]
+
     def _first_of(
         self, kind: Kind, candidates: list[Tried], attempts: int, least_mm: float = 0.0
     ) -> Alternative | None:
         """The first candidate that is better by a score, and whose verdict no unmeasured parameter changes, if any.
+
+        Most depth is most depth with and without the latter.
 
         Parameters
         ----------
@@ -317,29 +329,33 @@ class JudgedAgain:
         """
         candidates = [one for one in candidates if usable_of(one.judged) >= least_mm]
         undecided: Alternative | None = None
-        for _ in range(min(attempts, len(candidates))):
-            one = self._next_of(candidates, DEADBAND_THRESHOLD if kind == "most depth" else SAFE_MARGIN)
-            candidates.remove(one)
-            changed = self.space.changed(one.parameters)
+        for _ in range(attempts):
+            if not candidates:
+                break
+            tried = self._next_of(candidates, DEADBAND_THRESHOLD if kind == "most depth" else SAFE_MARGIN)
+            candidates.remove(tried)
+            changed = self.space.changed(tried.parameters)
             self.tell(kind, 0.0)
             score = self.verdict(changed)
-            self._learn(one.judged, score)
-            if not self._is_better(one, score) or (score.usable_depth_mm or 0.0) < least_mm:
+            self._learn(tried.judged, score)
+            if not self._is_better(tried, score) or (score.usable_depth_mm or 0.0) < least_mm:
                 continue
             if score.tolerance is None:
                 score = with_tolerance(changed, score, seed=self.seed, on_step=self.tell)
                 self.scores[changed.digest] = score
             made = Alternative(
                 kind=kind,
-                changes=changes_of(self.space, one.parameters),
+                changes=changes_of(self.space, tried.parameters),
                 design=changed,
                 file=f"1-{kind.replace(' ', '-')}.toml",
-                figures=one.judged.figures,
+                figures=tried.judged.figures,
                 score=score,
             )
-            if score.tolerance is None or not score.tolerance.flipping:
+            if score.tolerance is None or not score.tolerance.flipping or kind == "most depth":
                 return made
             undecided = undecided or made
+            firmer = [one for one in candidates if margin_of(one.judged) >= FIRMER * margin_of(tried.judged)]
+            candidates = firmer or candidates
         return undecided
 
     def _next_of(self, candidates: Sequence[Tried], margin: float) -> Tried:
@@ -349,7 +365,8 @@ class JudgedAgain:
 
     def _learn(self, judged: Judged, score: ContinuityScore) -> None:
         if score.margin is not None and judged.figures.get("margin") is not None:
-            self.overrated = max(self.overrated, margin_of(judged) - score.margin)
+            self._differences.append(margin_of(judged) - score.margin)
+            self.overrated = max(median(self._differences), 0.0)
 
     def _is_better(self, one: Tried, score: ContinuityScore) -> bool:
         return (

@@ -13,6 +13,8 @@ from typing import Any
 LAST = ("trace_further", "trace_emitter", "next_path", "straight_matrix")
 """Entry points that are called after all others of their kind of pad, or of the ray tracer."""
 
+_TOLD = set(LAST)
+"""Entry points, which take long; what is compiled for a caller in Python takes less than a second."""
 _ASKED: list[_Word] = []
 _LISTENERS: list[Any] = []
 """At most one."""
@@ -47,8 +49,9 @@ def listen_to_numba() -> None:
     from numba.core import event
 
     class Listener(event.Listener):
-        def on_start(self, _event: Any) -> None:
-            _say(0.0)
+        def on_start(self, event: Any) -> None:
+            if event.data["dispatcher"].py_func.__name__ in _TOLD:
+                _say(0.0)
 
         def on_end(self, event: Any) -> None:
             is_there(event.data["dispatcher"].py_func.__name__)
@@ -56,6 +59,11 @@ def listen_to_numba() -> None:
     if not _LISTENERS:
         _LISTENERS.append(Listener())
         event.register("numba:compile", _LISTENERS[0])  # type: ignore[no-untyped-call]
+
+
+def tell_of(entry_point: str) -> None:
+    """Tell when this function is compiled, too."""
+    _TOLD.add(entry_point)
 
 
 def is_there(entry_point: str) -> None:

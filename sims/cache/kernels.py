@@ -27,7 +27,7 @@ from numba import njit
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 
 from design.whole_file import folder_fault
-from sims.cache.compiling import is_there
+from sims.cache.compiling import is_there, tell_of
 from sims.cache.fingerprint import source_fingerprint
 from sims.cache.folder import kernel_folder
 
@@ -50,6 +50,7 @@ def entry_points(modules: Sequence[ModuleType], **options: Any) -> Callable[[Fun
     def entry_point(function: Function) -> Function:
         dispatcher: Any = njit(**options)(function)
         dispatcher._cache = _KernelFiles(function, name)
+        tell_of(function.__name__)
         return dispatcher  # type: ignore[no-any-return]
 
     return entry_point

@@ -10,7 +10,7 @@ import pytest
 from numba import njit
 
 from optopad.cli.progress import progress
-from sims.cache.compiling import compiling_told, is_there, listen_to_numba
+from sims.cache.compiling import compiling_told, is_there, listen_to_numba, tell_of
 
 ROOT = Path(__file__).parents[2]
 LINE = "compiling the light kernels, once on this machine: a minute or two"
@@ -23,14 +23,17 @@ def kernel_under(name: str):
         return x + 1
 
     trace_further.__name__ = name
+    tell_of("flat_matrix")
     return njit(trace_further)
 
 
 def test_compiling_is_told_when_it_begins_and_when_the_last_entry_point_is_done() -> None:
     listen_to_numba()
     told: list[float] = []
-    small, last = kernel_under("flat_matrix"), kernel_under("trace_further")
+    helper, small, last = map(kernel_under, ("a_helper", "flat_matrix", "trace_further"))
     with compiling_told(told.append):
+        helper(1)
+        assert told == []  # compiled in no time
         small(1)
         assert told == [0.0]
         last(1)

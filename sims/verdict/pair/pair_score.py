@@ -67,7 +67,8 @@ class PairScore:
     modes : the two modes and their gap
     deadbands_mm : disjoint intervals (from, to) up to the end depth [mm]
     deadband_total_mm, deadband_longest_mm : their summed and their largest length [mm]
-    saturation_mm : flat interval beyond the end depth that lasts to the deepest press [mm]
+    saturation_mm : flat interval beyond the end depth that lasts to the deepest press [mm]; changes that one standard
+        error of the trace feigns are flat
     continuity : 1 - deadband / end depth [-], the gate
     evenness : smallest over mean range of a 0.5 mm window [-], the rank
     strength : counts, swing, steps
@@ -139,11 +140,12 @@ def score_pair(
     noise = {"read_noise_counts": read_noise_counts, "relative_noise": relative_noise}
     rule = {"end_mm": end, "min_length_mm": min_length_mm, **noise}
     found = deadband_intervals_mm(at_mm, counts, threshold=threshold, **rule)
-    margin, possible = None, None
+    margin, possible, feigned = None, None, 0.0
     if standard_error is not None:
         error = gain_counts_per_flux * require_samples("standard_error", standard_error, depth)
         readings = np.minimum(unlimited, full_scale_counts)
         margin = noise_margin(depth, readings, error, within_mm=(0.0, end), **noise)
+        feigned = noise_margin(depth, readings, error, within_mm=(end, float(depth[-1])), **noise)
         doubtful = widened_threshold(margin, threshold=threshold)
         possible = deadband_intervals_mm(at_mm, counts, threshold=doubtful, **rule)
     _, judged_units = between(at_mm, noise_units(counts, **noise), 0.0, end)
@@ -153,7 +155,7 @@ def score_pair(
         deadbands_mm=found,
         deadband_total_mm=total_length_mm(found),
         deadband_longest_mm=longest_mm(found),
-        saturation_mm=saturation_interval_mm(at_mm, counts, threshold=threshold, **rule),
+        saturation_mm=saturation_interval_mm(at_mm, counts, threshold=threshold + feigned, **rule),
         continuity=continuity(found, end),
         evenness=evenness(at_mm, counts, end_mm=end, window_mm=window_mm, **noise),
         strength=_strength(counts, judged_units, threshold),

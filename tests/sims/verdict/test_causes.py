@@ -141,11 +141,11 @@ def test_a_thick_pair_s_cause_is_seen_in_its_light(clear_mm):
 
 
 @pytest.mark.full
-def test_a_thick_pad_s_cause_is_seen_by_the_ray_tracer():
-    """Where the pad's frames go blind, the tracer that shares no code sees straight light whole at both ends of the
+def test_a_thick_pair_s_cause_is_seen_by_the_ray_tracer():
+    """Where the middle pair goes blind, the tracer that shares no code sees straight light whole at both ends of the
     interval, and mirrored light gone: of the pairs that the cause names, together.
     """
-    design = PAD.with_(**{"cavity.clear_thickness_mm": 11.0})
+    design = PAIR.with_(**{"cavity.clear_thickness_mm": 10.0})
     dead = next(one for one in score(design, verdict_only=True).causes if one.kind == "deadband")
     assert dead.lack == "apart"
     states = np.array([[*dead.place_mm, depth] for depth in (0.0, *dead.depth_mm)])
