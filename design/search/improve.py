@@ -53,6 +53,8 @@ MOST_A_ROUND = 10
 """Designs of a round at most."""
 PROMISE = 3.0
 """Usable depth that a millimetre of deadband outweighs where a search looks for depth [mm/mm]."""
+NEAR_SHARE = 0.08
+"""Share of a field's range over which designs are alike [-]."""
 ENOUGH_SHARE = 0.6
 """Share of the deepest usable depth that few changes may leave [-]."""
 
@@ -415,6 +417,17 @@ def _is_finer(judged: Judged, other: Judged, accuracy: str) -> bool:
     if math.isinf(was):
         return math.isfinite(_accuracy(judged, accuracy))
     return was - _accuracy(judged, accuracy) > WORTH_ACCURACY * abs(was)
+
+
+def is_near(space: SearchSpace, one: Tried, other: Tried) -> bool:
+    """Whether two designs differ little in every field."""
+    return all(
+        one.parameters[field.path] == other.parameters[field.path]
+        if field.low is None or field.high is None
+        else abs(float(one.parameters[field.path]) - float(other.parameters[field.path]))
+        <= NEAR_SHARE * (field.high - field.low)
+        for field in space.fields
+    )
 
 
 def margin_of(judged: Judged) -> float:

@@ -43,6 +43,7 @@ from design.search.improve import (
     changes_of,
     first_points,
     improvement_space,
+    is_near,
     is_possible,
     margin_of,
     picks,
@@ -80,10 +81,10 @@ SPREAD = 0.6
 """Share of them that a lattice over heights and thickness may take [-]."""
 FEWEST, MOST = 12, 400
 """Designs of a search at least and at most, before those around the best."""
-ATTEMPTS, ROW_ATTEMPTS = 4, 12
+ATTEMPTS, ROW_ATTEMPTS = 4, 8
 """Designs of a kind that are judged again before the kind is given up, of a pad and of facing rows."""
 FIRMER = 1.3
-"""So many times the margin of one that an unmeasured parameter turns has the next, where there is one [-]."""
+"""So many times the margin of one that an unmeasured parameter turns have those beside it that are judged, too [-]."""
 MOST_JUDGED = 12
 """Designs that are judged again before none is said to be better."""
 LEAST_JUDGED = 2
@@ -354,8 +355,12 @@ class JudgedAgain:
             if score.tolerance is None or not score.tolerance.flipping or kind == "most depth":
                 return made
             undecided = undecided or made
-            firmer = [one for one in candidates if margin_of(one.judged) >= FIRMER * margin_of(tried.judged)]
-            candidates = firmer or candidates
+            safe = FIRMER * margin_of(tried.judged)
+            candidates = [
+                one
+                for one in candidates
+                if margin_of(one.judged) >= safe or not is_near(self.space, one, tried)
+            ]
         return undecided
 
     def _next_of(self, candidates: Sequence[Tried], margin: float) -> Tried:
