@@ -1,6 +1,6 @@
-"""From a layout to better ones: what may change, where the search begins, which of the designs tried are worth having.
+"""From a layout to better ones: what may change, and which of the designs tried are worth having.
 
-    base design ──► fields that cost little to change, around their values ──► single changes first, then the sampler
+    base design ──► fields that cost little to change, around their values ──► `design.search.points`, then the sampler
         ──► of the designs without a deadband: fewest changes, most robust, most depth, best accuracy
 
 A search space like any other (`design.search.space`), so it resumes, is seeded and knows nothing of light. Wanted of a
@@ -9,7 +9,6 @@ design, in this order: no deadband; the usable depth; margin to a deadband; accu
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,7 +18,7 @@ from design.errors import InputError
 from design.fields.paths import get_at, known_paths, nearest, unknown_path
 from design.search.figures import BOUND_FIGURES, FIGURES
 from design.search.judged import Judged, Tried
-from design.search.space import ROUND_DIGITS, SearchSpace, SpaceField, Value, space_from
+from design.search.space import ROUND_DIGITS, SearchSpace, Value, space_from
 from design.spec import SensorDesign
 from design.spec.cheap_fields import ALONG, CLEAR, HEIGHTS, TARGET, cheap_fields
 
@@ -32,13 +31,6 @@ REACH = {**dict.fromkeys(HEIGHTS, 3.0), CLEAR: 4.0, TARGET: 200.0}
 """How far from its value a field varies by default [unit of the field]."""
 ALONG_REACH_MM, ALONG_STEP_MM = 2.0, 0.25
 """The same of pitch and shift of parts along a wall."""
-FIRST_SHARES = (0.15, 0.3, 0.5, 0.8)
-"""Single changes that a search begins with, as shares of what the parts are short of."""
-WIDE_SHARES = (0.5, 1.0)
-"""The same where nothing is short and there is no least change to find, as shares of `WIDE_MM`."""
-WIDE_MM = 1.0
-LEAST_SPREAD, TOP_MM = 3, 1.0
-"""Values of each field at least in a lattice over the ranges; how far below the top its heights end [mm]."""
 SAFE_MARGIN = 4.5
 """Margin at search accuracy from which a design is taken to have no deadband at score accuracy either [noise units]."""
 AMPLE_MARGIN = 2.0 * SAFE_MARGIN
@@ -47,12 +39,6 @@ NEAR_BEST_MM = 0.5
 """Usable depths that differ by less are as good [mm]."""
 WORTH_MARGIN, WORTH_ACCURACY = 0.2, 0.05
 """Gains of margin and of accuracy, over the base's, from which a change of a sound design is worth it [-]."""
-MOVES = (4.0, 2.0, 2.0, 1.0)
-"""Moves around the best design, round by round [steps of a field]."""
-MOST_A_ROUND = 10
-"""Designs of a round at most."""
-PROMISE = 3.0
-"""Usable depth that a millimetre of deadband outweighs where a search looks for depth [mm/mm]."""
 NEAR_SHARE = 0.08
 """Share of a field's range over which designs are alike [-]."""
 ENOUGH_SHARE = 0.6
@@ -168,102 +154,6 @@ def _step_within(path: str, value: float, low: float, high: float) -> float | No
     return usual if all(abs(count - round(count)) < 1e-6 for count in counts) else None
 
 
-def start_of(space: SearchSpace) -> dict[str, Value]:
-    """The base design as a point; of a range that leaves the base out, the value nearest to it."""
-    found, document = dict[str, Value](), space.base.model_dump(mode="json")
-    for field in space.fields:
-        value = space.base_value(field)
-        if value is None:
-            now = float(get_at(document, field.path))
-            ends = [end for end in (field.low, field.high) if end is not None]
-            value = min(space.values_of(field) or ends, key=lambda one: abs(float(one) - now))
-        found[field.path] = value
-    return found
-
-
-def first_points(
-    space: SearchSpace, *, sides: Mapping[str, int], short_mm: float | None
-) -> list[dict[str, Value]]:
-    """Where a search begins: one change at a time, small ones first, and both heights together.
-
-    Parameters
-    ----------
-    sides : 1 for fields that had better be higher, -1 for lower, the most promising first; part heights and thickness
-        that are not among them go both ways
-    short_mm : by how much [mm]; steps are shares of it; None where nothing is
-    """
-    base = start_of(space)
-    order = [*sides, *(path for path in (*HEIGHTS, CLEAR) if path not in sides)]
-    groups = [
-        [field] for path in order for field in space.fields if field.path == path and field.low is not None
-    ]
-    heights = [field for field in space.fields if field.path in HEIGHTS]
-    if len(heights) > 1:
-        groups.insert(0, heights)
-    points: list[dict[str, Value]] = [] if space.base_parameters() == base else [base]
-    lengths = (
-        [share * WIDE_MM for share in WIDE_SHARES]
-        if short_mm is None
-        else [share * short_mm for share in FIRST_SHARES]
-    )
-    for length in lengths:
-        for group in groups:
-            known = sides.get(group[0].path)
-            for side in (1, -1) if known is None else (known,):
-                point = base | {
-                    field.path: _moved(space, field, base, sides.get(field.path, side) * length)
-                    for field in group
-                }
-                if point != base and point not in points:
-                    points.append(point)
-    return points
-
-
-def spread_points(space: SearchSpace, most: int) -> list[dict[str, Value]]:
-    """A lattice over part heights and thickness, the rest as it is: the deepest designs are often far from the base.
-
-    Parameters
-    ----------
-    most : points at most; none where that leaves fewer than three values of a field
-    """
-    base = start_of(space)
-    thickness = next((field for field in space.fields if field.path == CLEAR and field.low is not None), None)
-    heights = [field for field in space.fields if field.path in HEIGHTS and field.low is not None]
-    each = int(most ** (1.0 / max(len(heights) + (thickness is not None), 1)) + 1e-9)
-    if each < LEAST_SPREAD or not heights:
-        return []
-    shares = [number / (each - 1) for number in range(each)]
-    paths = [one.path for one in heights] + ([CLEAR] if thickness is not None else [])
-    points = []
-    for clear in (
-        [space.base.cavity.clear_thickness_mm]
-        if thickness is None
-        else [_at(space, thickness, one, math.inf) for one in shares]
-    ):
-        values = [[_at(space, field, one, float(clear) - TOP_MM) for one in shares] for field in heights]
-        for found in itertools.product(*values):
-            points.append(base | dict(zip(paths, (*found, clear), strict=False)))
-    return points
-
-
-def _at(space: SearchSpace, field: SpaceField, share: float, highest: float) -> Value:
-    """The field's value nearest to a share of its range, of what is no higher than a limit."""
-    assert field.low is not None
-    assert field.high is not None
-    at = field.low + share * (max(min(field.high, highest), field.low) - field.low)
-    return min(space.values_of(field) or [round(at, ROUND_DIGITS)], key=lambda one: abs(float(one) - at))
-
-
-def _moved(space: SearchSpace, field: SpaceField, base: dict[str, Value], by: float) -> Value:
-    """The field's value nearest to its base's and so much more, one step away at least."""
-    start = float(base[field.path])
-    assert field.low is not None
-    assert field.high is not None
-    anywhere: list[Value] = [round(min(max(start + by, field.low), field.high), ROUND_DIGITS)]
-    beyond = [one for one in space.values_of(field) or anywhere if (float(one) - start) * by > 1e-9]
-    return min(beyond, key=lambda one: abs(float(one) - start - by), default=base[field.path])
-
-
 def changes_of(space: SearchSpace, parameters: Mapping[str, Value]) -> dict[str, Any]:
     """What differs from the base design, by path."""
     changed = space.changed(parameters).model_dump(mode="json")
@@ -273,59 +163,6 @@ def changes_of(space: SearchSpace, parameters: Mapping[str, Value]) -> dict[str,
         for field in space.fields
         if get_at(changed, field.path) != get_at(base, field.path)
     }
-
-
-def refinements(
-    space: SearchSpace, tried: Sequence[Tried], number: int, *, starts: int = 1
-) -> list[dict[str, Value]]:
-    """Points around the best designs: each change of one taken back by itself, then moved either way.
-
-    Parameters
-    ----------
-    number : of the round; moves shrink from round to round (`MOVES`), and end
-    starts : 1 for the one that is worth most; 2 for that and the one that has most depth but for a short deadband
-    """
-    if number >= len(MOVES) or not tried:
-        return []
-    orders = (lambda one: (*worth(one.judged), -_cost(space, one)[0], -one.number), _promise)
-    found, known = list[dict[str, Value]](), [one.parameters for one in tried]
-    for order in orders[:starts]:
-        points = _around(space, max(tried, key=order).parameters, MOVES[number])
-        fresh = [one for place, one in enumerate(points) if one not in (*known, *found, *points[:place])]
-        found += fresh[:MOST_A_ROUND]
-    return found
-
-
-def _promise(one: Tried) -> tuple[float, int]:
-    short = PROMISE * float(one.judged.figures.get("deadband_mm") or 0.0)
-    return usable_of(one.judged) - short, -one.number
-
-
-def _around(space: SearchSpace, here: dict[str, Value], steps: float) -> list[dict[str, Value]]:
-    """Points around one: its changes taken back, then heights, thickness and what it changes moved by so many steps."""
-    base = start_of(space)
-    points = [here | {path: base[path]} for path in here if here[path] != base[path]]
-    heights = [field for field in space.fields if field.path in HEIGHTS]
-    groups = [heights] if len(heights) > 1 else []
-    groups += [[field] for field in space.fields if field.path in (*HEIGHTS, CLEAR)]
-    groups += [
-        [field]
-        for field in space.fields
-        if field.low is not None and here[field.path] != base[field.path] and [field] not in groups
-    ]
-    for group in groups:
-        for side in (1.0, -1.0):
-            points.append(
-                here | {one.path: _moved(space, one, here, side * steps * _step(one)) for one in group}
-            )
-    return points
-
-
-def _step(field: SpaceField) -> float:
-    """Step of a field that varies [its unit]."""
-    assert field.low is not None
-    assert field.high is not None
-    return field.step or (field.high - field.low) / 50.0
 
 
 def worth(judged: Judged) -> tuple[bool, float, float, float]:
@@ -359,10 +196,10 @@ def picks(
     deep = [one for one in changed if usable_of(one.judged) >= most - NEAR_BEST_MM]
     enough = [one for one in changed if usable_of(one.judged) >= ENOUGH_SHARE * most]
     orders = {
-        "fewest changes": lambda one: (_cost(space, one), -margin_of(one.judged)),
+        "fewest changes": lambda one: (cost_of(space, one), -margin_of(one.judged)),
         "most robust": lambda one: (-min(margin_of(one.judged), AMPLE_MARGIN), -usable_of(one.judged)),
         "most depth": lambda one: (-round(usable_of(one.judged) / NEAR_BEST_MM), -margin_of(one.judged)),
-        "best accuracy": lambda one: (_accuracy(one.judged, accuracy), _cost(space, one)),
+        "best accuracy": lambda one: (_accuracy(one.judged, accuracy), cost_of(space, one)),
     }
     chosen = {
         "fewest changes": enough,
@@ -448,7 +285,7 @@ def _accuracy(judged: Judged, figure: str) -> float:
     return value if FIGURES[figure].better == "minimize" else -value
 
 
-def _cost(space: SearchSpace, one: Tried) -> tuple[int, float]:
+def cost_of(space: SearchSpace, one: Tried) -> tuple[int, float]:
     """Fields changed, and by how much of their ranges together."""
     changes, base = changes_of(space, one.parameters), space.base.model_dump(mode="json")
     changed = [field for field in space.fields if field.path in changes]

@@ -33,26 +33,22 @@ from design.search.explore import OnTried
 from design.search.improve import (
     ENOUGH_SHARE,
     KINDS,
-    MOST_A_ROUND,
-    MOVES,
     NEAR_BEST_MM,
     SAFE_MARGIN,
     Kind,
     Range,
     betters,
     changes_of,
-    first_points,
     improvement_space,
     is_near,
     is_possible,
     margin_of,
     picks,
-    refinements,
-    spread_points,
     usable_of,
     worth,
 )
 from design.search.judged import Judged, Tried
+from design.search.points import MOST_A_ROUND, MOVES, first_points, refinements, spread_points
 from design.search.space import SearchSpace
 from design.spec import SensorDesign
 from design.spec.cheap_fields import CLEAR, HEIGHTS

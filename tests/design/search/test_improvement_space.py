@@ -13,17 +13,14 @@ from design.search.improve import (
     HEIGHTS,
     KINDS,
     changes_of,
-    first_points,
     improvement_space,
     is_sound,
     margin_of,
     picks,
-    refinements,
-    spread_points,
-    start_of,
     usable_of,
 )
 from design.search.judged import Judged, Tried
+from design.search.points import first_points, refinements, spread_points, start_of
 
 PAIR, PAD = preset("piacenza2017-pair"), preset("piacenza2017-pad")
 RAISED = {HEIGHTS[0]: 1, HEIGHTS[1]: 1, CLEAR: -1}
