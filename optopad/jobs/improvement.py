@@ -318,7 +318,7 @@ class JudgedAgain:
     ) -> Alternative | None:
         """The first candidate that is better by a score, and whose verdict no unmeasured parameter changes, if any.
 
-        Most depth is most depth with and without the latter.
+        What nothing turns may have `NEAR_BEST_MM` less of most depth.
 
         Parameters
         ----------
@@ -348,14 +348,17 @@ class JudgedAgain:
                 figures=tried.judged.figures,
                 score=score,
             )
-            if score.tolerance is None or not score.tolerance.flipping or kind == "most depth":
+            if score.tolerance is None or not score.tolerance.flipping:
                 return made
             undecided = undecided or made
+            if kind == "most depth":
+                least_mm = max(least_mm, (score.usable_depth_mm or 0.0) - NEAR_BEST_MM)
             safe = FIRMER * margin_of(tried.judged)
             candidates = [
                 one
                 for one in candidates
-                if margin_of(one.judged) >= safe or not is_near(self.space, one, tried)
+                if usable_of(one.judged) >= least_mm
+                and (margin_of(one.judged) >= safe or not is_near(self.space, one, tried))
             ]
         return undecided
 
