@@ -204,7 +204,7 @@ def test_what_comes_nearest_is_told_with_the_verdict_of_a_score(design_file, cap
     assert said["judged_by_score"] >= improvement.ATTEMPTS
     assert main(["improve", str(design_file), "--budget", "0.5", "--out", "dead"]) == 0
     text = capsys.readouterr().out
-    assert re.search(r"nearest +.+: DEADBAND", text)
+    assert re.search(r"nearest +[^:]+:\s+DEADBAND", text)
     assert "\N{HORIZONTAL ELLIPSIS}" not in text
 
 
