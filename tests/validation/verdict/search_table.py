@@ -82,7 +82,9 @@ def main() -> None:
     write_text_atomically(PICTURE, front_svg(pad.space, pad.base, pad.tried, pad.front))
     written, made = PAGE.read_text(encoding="utf-8"), page(pad, chosen, again, pair, pairs)
     if improve_table.BEGIN in written:  # its section stays
-        kept = written[written.index(improve_table.BEGIN) : written.index(improve_table.END)] + improve_table.END
+        kept = (
+            written[written.index(improve_table.BEGIN) : written.index(improve_table.END)] + improve_table.END
+        )
         made = made.replace("## What it means", f"{kept}\n\n## What it means", 1)
     write_text_atomically(PAGE, made)
 
