@@ -42,7 +42,7 @@ WORTH_MARGIN, WORTH_ACCURACY = 0.2, 0.05
 NEAR_SHARE = 0.08
 """Share of a field's range over which designs are alike [-]."""
 ENOUGH_SHARE = 0.6
-"""Share of the deepest usable depth that few changes may leave [-]."""
+"""Share of the deepest usable depth that an alternative keeps at least [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -80,7 +80,7 @@ FEWEST, MOST = 12, 400
 ATTEMPTS, ROW_ATTEMPTS = 4, 8
 """Designs of a kind that are judged again before the kind is given up, of a pad and of facing rows."""
 FIRMER = 1.3
-"""So many times the margin of one that an unmeasured parameter turns have those beside it that are judged, too [-]."""
+"""After a design whose verdict an unmeasured parameter changes, similar designs need so many times its margin [-]."""
 MOST_JUDGED = 12
 """Designs that are judged again before none is said to be better."""
 LEAST_JUDGED = 2
@@ -185,7 +185,7 @@ def trials_of(design: SensorDesign, budget_min: float | None) -> int:
 
 
 def _first(space: SearchSpace, before: ContinuityScore, trials: int) -> list[dict[str, Any]]:
-    """Points to begin with: what the cause of the worst blind interval asks for, what small steps gain, a lattice."""
+    """Points to begin with: changes that the worst deadband's cause asks for, small steps that gain, then a lattice."""
     cause = before.causes[0] if before.causes else None
     side = 0 if cause is None else {"apart": 1, "used up": -1}.get(cause.lack, 0)
     sides = {**dict.fromkeys(HEIGHTS[::-1], side), CLEAR: -side} if side else {}
@@ -318,7 +318,7 @@ class JudgedAgain:
     ) -> Alternative | None:
         """The first candidate that is better by a score, and whose verdict no unmeasured parameter changes, if any.
 
-        What nothing turns may have `NEAR_BEST_MM` less of most depth.
+        For "most depth", such a design may resolve `NEAR_BEST_MM` less than the deepest one.
 
         Parameters
         ----------

@@ -67,8 +67,8 @@ class PairScore:
     modes : the two modes and their gap
     deadbands_mm : disjoint intervals (from, to) up to the end depth [mm]
     deadband_total_mm, deadband_longest_mm : their summed and their largest length [mm]
-    saturation_mm : flat interval beyond the end depth that lasts to the deepest press [mm]; changes that one standard
-        error of the trace feigns are flat
+    saturation_mm : flat interval beyond the end depth that lasts to the deepest press [mm]; changes within one
+        standard error of the light model count as flat
     continuity : 1 - deadband / end depth [-], the gate
     evenness : smallest over mean range of a 0.5 mm window [-], the rank
     strength : counts, swing, steps

@@ -142,8 +142,8 @@ def test_a_thick_pair_s_cause_is_seen_in_its_light(clear_mm):
 
 @pytest.mark.full
 def test_a_thick_pair_s_cause_is_seen_by_the_ray_tracer():
-    """Where the middle pair goes blind, the tracer that shares no code sees straight light whole at both ends of the
-    interval, and mirrored light gone: of the pairs that the cause names, together.
+    """At both ends of the deadband an independent ray tracer finds the direct light of the named pairs whole, and
+    their mirrored light gone.
     """
     design = PAIR.with_(**{"cavity.clear_thickness_mm": 10.0})
     dead = next(one for one in score(design, verdict_only=True).causes if one.kind == "deadband")

@@ -42,7 +42,7 @@ def test_contiguous_modes_have_no_deadband():
     assert result.saturation_mm == pytest.approx((3.0 - 3.0 * sigma_counts(0.0) / 320.0, 5.0), abs=1e-4)
 
 
-def test_what_a_trace_s_error_feigns_is_no_depth():
+def test_a_trace_s_error_is_no_resolved_depth():
     """The tip blocks all light at 3 mm; beyond it a coarse trace wavers by 5 counts, a standard error of as much."""
     direct, top, total = light(1.0, 3.0)
     wavering = total + np.where(DEPTH_MM > 3.0, 5.0e-3 / 800.0 * np.sin(9.0 * DEPTH_MM) ** 2, 0.0)
