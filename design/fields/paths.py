@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterator
+from functools import cache
 from types import NoneType
 from typing import Any, get_args
 
@@ -12,6 +13,7 @@ from pydantic import BaseModel
 from design.errors import DesignError
 
 
+@cache
 def known_paths(model: type[BaseModel], prefix: str = "") -> tuple[str, ...]:
     """Dotted paths of all fields of a model and of the models nested in it."""
     found: list[str] = []

@@ -44,7 +44,9 @@ TRACED_AGAIN = 0.15
 """Share of the bounds' deep voxels that the first light leaves open."""
 SAME_MIRRORS = 0.2
 """Cost of a build of a disc or crowned pad that scatters otherwise and mirrors alike, over that of another one."""
-REST_S, RUN_S = 6.0, 8.0
+TRACED_TWICE = 1.25
+"""Cost of builds of discs and crowned pads, over that of one trace: those close to a deadband take two."""
+REST_S, RUN_S = 10.0, 24.0
 """Processor time of all but light [s]: of a score (start, contact, drawings), and what a run adds (mold, report)."""
 WORTH_SAYING_S = 20.0
 """Nobody wonders before."""
@@ -174,7 +176,11 @@ def _builds_s(design: SensorDesign, cavity: CavityGeometry) -> float:
             judged_s = emitter_cost_s(own, settings, 1)
         bounds_s = (2 * PRESSES + 1) * state_cost_s(own, settings) if is_step else 0.0
         mirrors = SAME_MIRRORS if not is_flat and build is not design and _mirrors_alike(own, scene) else 1.0
-        total += mirrors * (untouched_cost_s(own, settings) + depths * judged_s + bounds_s)
+        total += (
+            (1.0 if is_flat else TRACED_TWICE)
+            * mirrors
+            * (untouched_cost_s(own, settings) + depths * judged_s + bounds_s)
+        )
     return total
 
 

@@ -11,7 +11,7 @@ from sims.optics.engine.formed.formed_lower import windows_of
 from sims.optics.engine.formed.formed_points import pitch_of
 from sims.optics.scene.optical_scene import OpticalScene
 
-CELL_S = {"flat": 0.30e-6, "cylinder": 0.38e-6, "sphere": 3.0e-6}
+CELL_S = {"flat": 0.70e-6, "cylinder": 0.43e-6, "sphere": 4.9e-6}
 """Of a cell of the grid, a replicate and an emitter, by the top: a sphere mirrors most light often [s]."""
 DEPOSITS_S = 1.5e-3
 """Of a part's scattered light in a state [s]."""
