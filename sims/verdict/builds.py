@@ -21,14 +21,13 @@ from sims.optics.light_signals import LightSignals
 from sims.optics.tracing import trace
 from sims.press.depths import COARSE_STEP_MM, depth_schedule_mm
 from sims.readings.readout import Readout, readout_of
-from sims.verdict.frame_depths import DepthReading
 from sims.verdict.pad_map import place_of
 from sims.verdict.pair.deadbands import total_length_mm
 from sims.verdict.pair.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
 from sims.verdict.pair.depth_curve import between, clipped
 from sims.verdict.pair.noise_units import noise_of, noise_units, sigma_counts
 from sims.verdict.pair.pair_score import PairScore, score_pair
-from sims.verdict.pair.trace_noise import widened_threshold
+from sims.verdict.pair.trace_noise import samples_between, widened_threshold
 from sims.verdict.pair.window_range import smallest_range
 from sims.verdict.presses import SECOND_SEED, Pair, PairCurves, curves_of, pair_curves, states_of
 
@@ -41,7 +40,7 @@ FORMED_ACCURACY = replace(ACCURACY, image_step=0.7, rings=16, columns=40)
 """The same for discs and crowned pads. On three presets four seeds' margins spread by 3 to 5 % of themselves, twice
 as much as with `ACCURACY`, at half the cost."""
 NEARLY_BLIND = 1.5 * DEADBAND_THRESHOLD
-"""Margin below which a build is traced a second time, to take the light's own error out [noise units]."""
+"""Distance below which depths of a build are traced a second time, to take the light's own error out [noise units]."""
 RESPONSE_WINDOW_MM = 0.5
 """Part of the depth in which the most responsive pairs of a place are looked for [mm]."""
 RESPONSE_SHARE = 0.9
@@ -150,12 +149,21 @@ def _usable_mm(design: SensorDesign, score: PairScore) -> float:
 def place_brief(
     design: SensorDesign, place_mm: tuple[float, float], pairs: tuple[Pair, ...], *, seed: int
 ) -> Brief:
-    """A build judged at one place by some pairs together, over all depths; near to being blind by two traces."""
+    """A build judged at one place by some pairs together, over all depths; where nearly blind, by two traces."""
     depth_mm, light, readout = _pressed(design, place_mm, pairs, seed)
-    found = _depths(design, place_mm, depth_mm, (light, light), pairs, readout)
-    if found.margin < NEARLY_BLIND or found.blind.usable_mm < depth_mm[-1]:
-        _, second, _ = _pressed(design, place_mm, pairs, seed + SECOND_SEED)
-        found = _depths(design, place_mm, depth_mm, (light, second), pairs, readout)
+    counts = np.stack([_counts(light, pairs, readout, first=1)] * 2)
+    full_scale, once = readout.full_scale_counts, np.zeros_like(counts[0])
+    nearly = place_of(
+        design, place_mm, depth_mm, counts, once, full_scale, threshold=NEARLY_BLIND
+    ).depths.blind
+    again = np.zeros(len(depth_mm), dtype=np.bool_)
+    for interval in (*nearly.deadbands_mm, (nearly.usable_mm, float(depth_mm[-1]))):
+        if interval[1] > interval[0]:
+            again[samples_between(depth_mm, *interval)] = True
+    if again.any():
+        second = _light(design, place_mm, depth_mm[again], pairs, seed + SECOND_SEED)
+        counts[1, again] = _counts(second, pairs, readout)
+    found = place_of(design, place_mm, depth_mm, counts, once, full_scale).depths
     return Brief(
         gap_mm=None,
         deadband_mm=total_length_mm(found.blind.deadbands_mm),
@@ -165,19 +173,10 @@ def place_brief(
     )
 
 
-def _depths(
-    design: SensorDesign,
-    place_mm: tuple[float, float],
-    depth_mm: FloatArray,
-    halves: tuple[LightSignals, LightSignals],
-    pairs: tuple[Pair, ...],
-    readout: Readout,
-) -> DepthReading:
-    """What frames of some pairs tell of depth at a place, by two traces; the untouched state is the first of each."""
+def _counts(light: LightSignals, pairs: tuple[Pair, ...], readout: Readout, *, first: int = 0) -> FloatArray:
+    """(state, pair) readings from a state on."""
     emitters, receivers = np.array(pairs).T
-    counts = np.stack([light.flux[1:, emitters, receivers] * readout.of_pairs(pairs) for light in halves])
-    nothing = np.zeros_like(counts[0])
-    return place_of(design, place_mm, depth_mm, counts, nothing, readout.full_scale_counts).depths
+    return np.asarray(light.flux[first:, emitters, receivers] * readout.of_pairs(pairs))
 
 
 def responsive_pairs(
@@ -209,11 +208,25 @@ def _pressed(
     """Depths, light and gain of one press: state 0 is the untouched pad with all pairs, then a state a depth."""
     cavity = cavity_of(design)
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm, COARSE_STEP_MM)
-    states = states_of(np.array([place_mm]), np.concatenate([[0.0], depth_mm]))
-    masks = np.repeat(mask_of(pairs, cavity)[np.newaxis], len(states), axis=0)
-    masks[0] = True
-    light = trace(design, states, accuracy=accuracy_of_builds(design), seed=seed, pairs=masks)
+    light = _light(design, place_mm, depth_mm, pairs, seed, is_after_untouched=True)
     return depth_mm, light, readout_of(design, light.flux[0], mask_of(judged_pairs(cavity), cavity))
+
+
+def _light(
+    design: SensorDesign,
+    place_mm: tuple[float, float],
+    depth_mm: FloatArray,
+    pairs: tuple[Pair, ...],
+    seed: int,
+    *,
+    is_after_untouched: bool = False,
+) -> LightSignals:
+    """Light of some pairs at some depths; of all pairs on the untouched pad before them where it is asked for."""
+    begin = [0.0] if is_after_untouched else []
+    states = states_of(np.array([place_mm]), np.concatenate([begin, depth_mm]))
+    masks = np.repeat(mask_of(pairs, cavity_of(design))[np.newaxis], len(states), axis=0)
+    masks[: len(begin)] = True
+    return trace(design, states, accuracy=accuracy_of_builds(design), seed=seed, pairs=masks)
 
 
 def _margin(

@@ -158,6 +158,8 @@ def place_of(
     counts: FloatArray,
     errors: FloatArray,
     full_scale_counts: float,
+    *,
+    threshold: float = DEADBAND_THRESHOLD,
 ) -> Place:
     """Judge one place.
 
@@ -165,6 +167,7 @@ def place_of(
     ----------
     counts : (2, depth, pair) unlimited counts of all judged pairs by independent traces, or twice by one
     errors : (depth, pair) standard errors where there is one trace, else 0 [counts]
+    threshold : distance at which two depths are told apart [noise units]
     """
     noise = noise_of(design)
     knots_mm, readings = clipped(depth_mm, np.concatenate(list(counts), axis=1), full_scale_counts)
@@ -179,7 +182,7 @@ def place_of(
     return Place(
         x_mm=place_mm[0],
         y_mm=place_mm[1],
-        depths=read_depths(frames),
+        depths=read_depths(frames, threshold=threshold),
         answering_pairs=int((change >= DEADBAND_THRESHOLD).sum()),
     )
 
