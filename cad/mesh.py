@@ -20,6 +20,8 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import FloatArray, IntArray
+
 if TYPE_CHECKING:
     import cadquery as cq
 
@@ -48,12 +50,12 @@ class Mesh:
     """
 
     vertices: NDArray[np.float32]
-    triangles: NDArray[np.int64]
+    triangles: IntArray
 
     @property
-    def corners(self) -> NDArray[np.float64]:
+    def corners(self) -> FloatArray:
         """(m, 3, 3) triangle, corner, coordinate [mm]."""
-        corners: NDArray[np.float64] = self.vertices.astype(np.float64)[self.triangles]
+        corners: FloatArray = self.vertices.astype(np.float64)[self.triangles]
         return corners
 
 
@@ -96,12 +98,12 @@ def stl_bytes(mesh: Mesh) -> bytes:
     return _STL_HEADER + struct.pack("<I", len(rows)) + rows.tobytes()
 
 
-def unit_normals(mesh: Mesh) -> NDArray[np.float64]:
+def unit_normals(mesh: Mesh) -> FloatArray:
     """(m, 3) outward unit normals; zero for a triangle without area."""
     corners = mesh.corners
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    unit: NDArray[np.float64] = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
+    unit: FloatArray = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
     return unit
 
 

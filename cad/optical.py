@@ -16,16 +16,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cad.lid_size import lid_size, turned_over
 from cad.mesh import Mesh
+from design.arrays import BoolArray, FloatArray
 from design.geometry.mold_outline import MoldOutline, bed_lift_mm, outline_of
 from design.geometry.plan import WallLine
 from design.geometry.sockets import Socket
 from design.spec import SensorDesign
 
-Floats = NDArray[np.float64]
+Floats = FloatArray
 
 CHUNK_RAYS = 64
 EDGE_MM = 1e-6
@@ -202,9 +202,7 @@ def _random_rays(outline: MoldOutline, count: int, seed: int) -> tuple[Floats, F
     return origins, directions
 
 
-def _exits(
-    outline: MoldOutline, origins: Floats, directions: Floats
-) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+def _exits(outline: MoldOutline, origins: Floats, directions: Floats) -> tuple[Floats, Floats, BoolArray]:
     """Distance to the modelled cavity, up to the rim, where it ends, and whether on the round wall."""
     plan = outline.plan
     to_flat = [_to_level(directions[:, 2], origins[:, 2], outline.cavity_bottom_mm, outline.top_mm)]
@@ -246,7 +244,7 @@ def _off_round_wall_mm(outline: MoldOutline, places: Floats) -> Floats:
     return np.asarray(np.abs(np.hypot(away[:, 0], away[:, 1]) - outline.plan.radius_mm))
 
 
-def _in_filling_holes(outline: MoldOutline, ends: Floats) -> NDArray[np.bool_]:
+def _in_filling_holes(outline: MoldOutline, ends: Floats) -> BoolArray:
     """Which ends lie on the floor in a filling hole, or too close to its edge to tell."""
     found = np.zeros(len(ends), dtype=bool)
     on_floor = ends[:, 2] < outline.cavity_bottom_mm + EDGE_MM
@@ -256,7 +254,7 @@ def _in_filling_holes(outline: MoldOutline, ends: Floats) -> NDArray[np.bool_]:
     return found
 
 
-def _beside_facets(outline: MoldOutline, ends: Floats) -> NDArray[np.bool_]:
+def _beside_facets(outline: MoldOutline, ends: Floats) -> BoolArray:
     """Which ends on the round wall lie too close to a facet to tell."""
     corners = [wall.point(along) for wall in outline.plan.walls for along in (0.0, wall.length_mm)]
     found = np.zeros(len(ends), dtype=bool)
@@ -265,7 +263,7 @@ def _beside_facets(outline: MoldOutline, ends: Floats) -> NDArray[np.bool_]:
     return found
 
 
-def _windows(outline: MoldOutline, ends: Floats) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _windows(outline: MoldOutline, ends: Floats) -> tuple[BoolArray, BoolArray]:
     """Which ends lie in a socket's opening, and which too close to an opening's edge to tell."""
     inside = np.zeros(len(ends), dtype=bool)
     near = np.zeros(len(ends), dtype=bool)

@@ -20,8 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.mesh import Mesh, read_stl, unit_normals
+from design.arrays import FloatArray, IntArray
 
-Floats = NDArray[np.float64]
+Floats = FloatArray
 
 AZIMUTH_DEG, ELEVATION_DEG = 245.0, 42.0
 CUT_ELEVATION_DEG = 16.0
@@ -132,7 +133,7 @@ def _fill(image: Floats, depth: Floats, corners: Floats, normal: Floats, colour:
     image[rows, columns][inside] = (*colour, 1.0)
 
 
-def creases(mesh: Mesh) -> NDArray[np.int64]:
+def creases(mesh: Mesh) -> IntArray:
     """(n, 2) vertices of the edges where two faces meet at more than `CREASE_DEG`."""
     triangles, normals = mesh.triangles, unit_normals(mesh)
     edges = np.sort(
@@ -143,11 +144,11 @@ def creases(mesh: Mesh) -> NDArray[np.int64]:
     edges, face = edges[order], face[order]
     pairs = np.flatnonzero((edges[1:] == edges[:-1]).all(axis=1))
     cosine = np.einsum("ij,ij->i", normals[face[pairs]], normals[face[pairs + 1]])
-    sharp: NDArray[np.int64] = edges[pairs[cosine < np.cos(np.radians(CREASE_DEG))]]
+    sharp: IntArray = edges[pairs[cosine < np.cos(np.radians(CREASE_DEG))]]
     return sharp
 
 
-def _draw_edges(image: Floats, depth: Floats, points: Floats, edges: NDArray[np.int64]) -> None:
+def _draw_edges(image: Floats, depth: Floats, points: Floats, edges: IntArray) -> None:
     """Lines two pixels wide where they are not behind the faces drawn so far."""
     for a, b in points[edges]:
         steps = int(np.abs(b - a)[:2].max()) + 2

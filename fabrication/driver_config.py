@@ -10,11 +10,10 @@ from collections.abc import Sequence
 from statistics import median
 from typing import Any
 
-import numpy as np
 import tomlkit
-from numpy.typing import NDArray
 from tomlkit.items import AoT, Table
 
+from design.arrays import FloatArray
 from design.circuit import timing
 from design.circuit.pins import board_of
 from design.circuit.transimpedance import feedbacks_of
@@ -30,7 +29,6 @@ from fabrication.firmware.settings import firmware_gaps, firmware_settings
 
 __all__ = ["driver_config", "dump_driver_config", "load_driver_config"]
 
-FloatArray = NDArray[np.float64]
 
 US_PER_MS = timing.US_PER_MS
 

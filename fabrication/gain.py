@@ -6,15 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.circuit.transimpedance import Feedback, feedbacks_of
 from design.geometry.cavity import cavity_of
 from design.geometry.pairs import pair_name
 from design.spec import SensorDesign
 from sims.readings.readout import full_scale_counts
 
-Floats = NDArray[np.float64]
+Floats = FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,8 +18,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.errors import DesignError
 from design.geometry.fits import clearance_mm
 from design.geometry.plan import Plan, WallLine, facet, plan_of, rectangle_walls
@@ -27,8 +27,6 @@ from design.parts.catalog import Part
 from design.spec import SensorDesign
 from design.spec.layout import Kind, Placement, expand, wall_length_mm
 from design.spec.properties import part_of
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,12 +9,10 @@ opposite one) the judged pairs are the facing ones, the middle one first.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray
 from design.geometry.cavity import CavityGeometry
 from design.spec.layout import OPPOSITE
-
-BoolArray = NDArray[np.bool_]
 
 FACING_TOLERANCE_MM = 1e-6
 """Two parts face each other when their places along the wall agree; patterns make them agree exactly."""

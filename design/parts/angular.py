@@ -13,13 +13,11 @@ from itertools import pairwise
 from typing import Annotated, Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
+from design.arrays import FloatArray
 from design.fields.base import Model, without_defaults
 from design.fields.quantity import Confidence, Text
-
-FloatArray = NDArray[np.float64]
 
 MAX_POINTS = 400
 FLAT_FACE_LEAST_DEG = 40.0

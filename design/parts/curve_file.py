@@ -19,12 +19,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.csv_table import numbered_points
 from design.errors import DesignError
 
-FloatArray = NDArray[np.float64]
 CURVE_FILE = "curve_csv"
 CURVES = {
     "angular_pattern": ("angle_deg", "relative"),

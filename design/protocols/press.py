@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
 
+from design.arrays import BoolArray, FloatArray
 from design.errors import DesignError, InputError, ModelScopeError
 from design.fields.base import FileName, Model
 from design.fields.packaged import packaged_or_own
@@ -28,7 +28,6 @@ from design.geometry.cavity import Workspace, workspace_of
 from design.io import read_toml
 from design.spec import SensorDesign, canonical_json
 
-FloatArray = NDArray[np.float64]
 PROTOCOLS = ("piacenza2017", "piacenza2017-quick")
 """Packaged protocols."""
 MOST_PLACES = 20_000
@@ -165,7 +164,7 @@ class PressProtocol(Model):
         return np.array([*down, *back])
 
     @cached_property
-    def is_retracting(self) -> NDArray[np.bool_]:
+    def is_retracting(self) -> BoolArray:
         """(sample,) whether a sample of a press is on the way back."""
         return np.arange(len(self.depth_mm)) >= len(self.approach_mm)
 

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray
 from design.search.judged import Tried
 from design.search.space import SearchSpace
 
-FloatArray = NDArray[np.float64]
 
-
-def not_dominated(losses: FloatArray) -> NDArray[np.bool_]:
+def not_dominated(losses: FloatArray) -> BoolArray:
     """(n,) whether no other row is at most as large in every column and smaller in one.
 
     Parameters

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import BoolArray
 from design.errors import InputError
 from fabrication.driver.descriptor import Descriptor
 from fabrication.driver.link.frames import Frame
@@ -28,7 +29,6 @@ from fabrication.driver.pattern import (
     CLIP_SHARE,
     FLOOR_COUNTS,
     SEEN_COUNTS,
-    BoolArray,
     Pattern,
     Problem,
     emitter_text,

@@ -7,11 +7,10 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from fabrication.driver_file import DriverConfig, EmitterEntry, ReceiverEntry, SurfaceEntry, WorkspaceLimits
 
-FloatArray = NDArray[np.float64]
 OFF = "off"
 
 

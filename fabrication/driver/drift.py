@@ -35,13 +35,11 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.errors import InputError
 from fabrication.driver.gain_pattern import GainPattern, relative_change
 from fabrication.driver.link.frames import WEAKEST_BASELINE_COUNTS
-
-FloatArray = NDArray[np.float64]
 
 TIME_CONSTANT_S, GUARD_S = 10.0, 0.5
 SHORT_S = 0.2

@@ -15,11 +15,9 @@ is taken for gain, whatever made it: a finger over a single part's window cannot
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray
 from fabrication.driver.link.frames import WEAKEST_BASELINE_COUNTS
-
-FloatArray = NDArray[np.float64]
 
 LEAST_SIGMA = 1e-4
 """A pair's noise over its signal is taken as no less than this: rounding can hide all of it [-]."""
@@ -44,7 +42,7 @@ class GainPattern:
     def __init__(self, untouched: FloatArray, noise: FloatArray, full_scale: float = np.inf) -> None:
         self.shape = untouched.shape
         level = untouched.ravel()
-        self.used: NDArray[np.bool_] = (level >= WEAKEST_BASELINE_COUNTS) & (level < full_scale)
+        self.used: BoolArray = (level >= WEAKEST_BASELINE_COUNTS) & (level < full_scale)
         share = np.divide(noise.ravel(), level, out=np.ones(level.size), where=self.used)
         self.sigma: FloatArray = np.where(self.used, np.maximum(share, LEAST_SIGMA), 1.0)
         weight = np.where(self.used, 1.0 / self.sigma, 0.0)

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray
 from fabrication.driver.descriptor import Descriptor, PartArray
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 FLOOR_COUNTS = 8.0
 """Below this readings are alike: ambient light, noise, and light that the model does not follow."""

@@ -20,8 +20,8 @@ from types import TracebackType
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.errors import DeviceError, InputError
 from fabrication.driver.descriptor import Descriptor, descriptor_of
 from fabrication.driver.link.frames import Frame, FrameDecoder
@@ -31,8 +31,6 @@ from fabrication.driver.link.protocol import Hello, SelfTest, frame_format
 from fabrication.driver.recording.raw import Recorder
 from fabrication.driver.stream import LinkCounts, Stream
 from fabrication.driver_file import DriverConfig, load_driver_config
-
-FloatArray = NDArray[np.float64]
 
 BASELINE_S = 0.5
 PATIENCE_S = 10.0

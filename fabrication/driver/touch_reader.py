@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.errors import DeviceError, InputError
 from fabrication.driver.descriptor import Descriptor
 from fabrication.driver.drift import GUARD_S, LEAST_START_FRAMES, TIME_CONSTANT_S, DriftState, DriftTracker
@@ -30,7 +30,6 @@ from sims.learning.inference.header import ModelHeader, require_design
 from sims.learning.inference.prediction import Prediction
 from sims.learning.inference.touch_model import TouchModel
 
-FloatArray = NDArray[np.float64]
 MOST_TOGETHER = 64
 """Frames answered together, at most: a second of them."""
 

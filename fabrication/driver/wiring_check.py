@@ -17,11 +17,10 @@ from itertools import combinations
 
 import numpy as np
 
+from design.arrays import BoolArray, FloatArray
 from fabrication.driver.pattern import (
     FLOOR_COUNTS,
     SEEN_COUNTS,
-    BoolArray,
-    FloatArray,
     Pattern,
     Problem,
     emitter_text,

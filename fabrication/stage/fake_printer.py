@@ -16,11 +16,11 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from design.arrays import FloatArray
 from design.errors import InputError
 
-FloatArray = NDArray[np.float64]
 FAULTS = ("silent", "error", "shifted", "restarted")
 BUSY_EVERY_S = 2.0
 BOOT_S = 0.2

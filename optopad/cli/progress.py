@@ -5,17 +5,17 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from design.progress import OnStep
 from optopad.screen.stages import STAGE_TITLES
 from sims.cache.compiling import compiling_told
 
 if TYPE_CHECKING:
     from design.spec import SensorDesign
 
-OnStep = Callable[[str, float], None]
 
 ANNOUNCED = "kernels"
 """A stage that is named when it begins, also where only lines are printed: it is long, and not of the user's asking."""

@@ -6,10 +6,12 @@ and the share of it that is done, and write into the bundles of `out` where the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from design.progress import OnStep
 
 if TYPE_CHECKING:
     from design.spec import SensorDesign
@@ -20,7 +22,6 @@ if TYPE_CHECKING:
     from optopad.front.tables import Compared, Swept
     from optopad.front.written import Bundle
 
-OnStep = Callable[[str, float], None]
 OUT = "outputs"
 """Folder of the bundles, as on the command line."""
 

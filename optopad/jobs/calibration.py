@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from design.io import save_design, write_text_atomically, written_together
+from design.progress import OnStep
 from design.spec import SensorDesign
 from sims.learning.calibration.build import Calibration, calibrated
 from sims.learning.calibration.report import CalibrationReport, report_of
@@ -17,8 +17,6 @@ from sims.learning.inference.signal_map.signal_map_model import SignalMapModel
 from sims.learning.signal_map.map_learner import fit_signal_map, map_header, mapped
 from sims.readings.dataset import read_data, require_design
 from sims.readings.press_data import PressData, data_notes
-
-OnStep = Callable[[str, float], None]
 
 MODEL_FILE = "build.optomodel"
 """The build's model beside its design and facts."""

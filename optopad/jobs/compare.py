@@ -17,13 +17,13 @@ from design.errors import InputError
 from design.fields.paths import leaves
 from design.geometry.cavity import cavity_of
 from design.io import write_text_atomically
+from design.progress import OnStep
 from design.rules.check import require_valid
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
 from optopad.results.comparison import Better, Change, Comparison, Measure
 from sims.continuity.sweep import SweepRow, sweep_row
 
-OnStep = Callable[[str, float], None]
 MOST_DESIGNS = 12
 ABSENT = "(absent)"
 SIGNAL = "untouched signal"

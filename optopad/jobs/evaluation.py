@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.errors import InputError
 from design.geometry.cavity import Workspace, workspace_of
+from design.progress import OnStep
 from design.spec import SensorDesign
 from optopad.results.accuracy import Accuracy, ModelAccuracy, accuracy_of
 from sims.evaluation.judged import judged
@@ -22,7 +23,6 @@ from sims.plots.accuracy import shown_places_mm
 from sims.readings.dataset import read_data, require_design
 from sims.readings.press_data import PressData, data_notes
 
-OnStep = Callable[[str, float], None]
 FEWEST_SAMPLES = 10
 
 
@@ -140,6 +140,6 @@ def _named(loaded: Sequence[tuple[str, TouchModel]]) -> Mapping[str, TouchModel]
 
 
 def _range_of(data: PressData) -> Workspace:
-    low: NDArray[np.float64] = data.press_mm[:, :2].min(axis=0)
-    high: NDArray[np.float64] = data.press_mm[:, :2].max(axis=0)
+    low: FloatArray = data.press_mm[:, :2].min(axis=0)
+    high: FloatArray = data.press_mm[:, :2].max(axis=0)
     return Workspace(x0_mm=float(low[0]), x1_mm=float(high[0]), y0_mm=float(low[1]), y1_mm=float(high[1]))

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from statistics import median
@@ -28,6 +28,7 @@ from design.geometry.cavity import cavity_of
 from design.geometry.pairs import is_facing_rows
 from design.geometry.plan import plan_of
 from design.io import dump_design, load_design, write_text_atomically
+from design.progress import OnStep
 from design.rules.check import require_valid
 from design.search.explore import OnTried
 from design.search.improve import (
@@ -63,7 +64,6 @@ from sims.continuity.result import ContinuityScore
 from sims.continuity.scoring import verdict_of
 from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
 
-OnStep = Callable[[str, float], None]
 PAD_MINUTES, ROW_MINUTES = 3.0, 2.0
 """Budgets of a pad and of facing rows by default [min on two cores]."""
 CORES = 2

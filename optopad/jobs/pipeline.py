@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from design.errors import InputError, OutputError
 from design.io import save_design, write_text_atomically
 from design.parts.printer import Bed
+from design.progress import OnStep
 from design.rules.check import require_valid
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
 REFUSED = 2
 """Exit code of a process that ended with a message for the user."""
 
-OnStep = Callable[[str, float], None]
 Press = tuple[float, float, float]
 
 

@@ -6,7 +6,7 @@ training sets ──► learners ──► models ──► test sets ──► 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ import numpy as np
 
 from design.errors import InputError
 from design.geometry.cavity import workspace_of
+from design.progress import OnStep
 from design.protocols.press import PressProtocol, load_protocol_file
 from design.rules.check import require_valid
 from design.spec import SensorDesign
@@ -36,7 +37,6 @@ from sims.readings.chain import chain_of
 from sims.readings.press_data import clipped_note
 from sims.readings.protocol import ProtocolCurves, draw, protocol_curves
 
-OnStep = Callable[[str, float], None]
 MOST_DRAWS = 50
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.errors import InputError
 from design.fields.quantity import Quantity
 from design.protocols.load import LoadProtocol, load_protocol
@@ -33,7 +33,6 @@ from sims.press.indentation import Indentation
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FloatArray = NDArray[np.float64]
 
 TIP_POINTS = 400
 TIP_LENGTH = 8.0

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from design.progress import OnStep
 from design.protocols.press import PressProtocol
 from design.rules.check import require_valid
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
 from optopad.work.finished import source_digest
-
-OnStep = Callable[[str, float], None]
 
 
 def data_file_name(protocol: PressProtocol, seed: int) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ import numpy as np
 from design.errors import InputError
 from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
 from design.geometry.pairs import chord_midpoint_mm, pair_name
+from design.progress import OnStep
 from design.rules.check import require_valid
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
@@ -26,8 +27,6 @@ from sims.plots.ray_sheet import ray_sheet
 from sims.plots.style import plain_style, svg_text
 from sims.rays.light_kinds import KINDS, LOST, kind_of
 from sims.rays.ray_states import Pair, Press, RayChoice, RayState, ray_states
-
-OnStep = Callable[[str, float], None]
 
 PREFIX = "rays"
 PNG_DPI = 200

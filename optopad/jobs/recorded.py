@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from design.errors import InputError
 from design.io import write_text_atomically
+from design.progress import OnStep
 from design.rules.check import require_valid
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
 from sims.evaluation.recorded_press import RecordedPair, RecordedPress, recorded_press
 from sims.readings.recording import read_recording
-
-OnStep = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.errors import InputError, ModelScopeError
 from design.geometry.cavity import CavityGeometry, cavity_of
 from design.geometry.pairs import direct_path_pairs
+from design.progress import OnStep
 from design.spec import SensorDesign
 from sims.contact.indentation import solved_press
 from sims.contact.scope import require_depth
@@ -19,9 +19,6 @@ from sims.optics.light_signals import LightSignals
 from sims.optics.tracing import trace
 from sims.press.depths import depth_schedule_mm
 from sims.readings.signal_file import save_dataset, signals_dataset
-
-FloatArray = NDArray[np.float64]
-OnStep = Callable[[str, float], None]
 
 ORACLE_DEPTHS_MM = (0.0, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0)
 """Depths of the default presses when the ray tracer is asked for: it needs seconds a state."""

@@ -11,19 +11,19 @@ import csv
 import io
 import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from design.io import write_text_atomically
+from design.progress import OnStep
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
 from optopad.work.finished import FinishedWork
 from optopad.work.plot_files import write_plot
 from sims.continuity.sweep import SweepRow, disputed, sweep_row, swept_designs
 
-OnStep = Callable[[str, float], None]
 FULL, FINE = "full", "fine"
 """Settings of `optopad score` by which rows in dispute are judged again."""
 NAME_LIMIT = 63

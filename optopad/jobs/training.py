@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from design.errors import InputError
+from design.progress import OnStep
 from design.spec import SensorDesign
 from design.whole_file import made_folder
 from sims.learning.inference.header import ForceCurve, ModelHeader
@@ -17,8 +18,6 @@ from sims.learning.learners import LEARNERS, Learner
 from sims.learning.samples.settings import EFFORTS
 from sims.learning.samples.training_data import prepared
 from sims.readings.dataset import PressData, data_notes, joined, read_data, require_design
-
-OnStep = Callable[[str, float], None]
 
 SUFFIX = ".optomodel"
 ALL = "all"

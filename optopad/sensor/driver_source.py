@@ -7,13 +7,13 @@ in `outputs`, or, where it has none yet, one made here, in memory.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from design.errors import DesignError, InputError
 from design.io import read_design_text
+from design.progress import OnStep
 from design.spec import SensorDesign
 from design.toml_text import parsed_toml
 from fabrication.driver.simulated.press_table import PressTable, table_from_signals, table_of, untouched_table
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from fabrication.gain import SimulatedGain
     from sims.learning.inference.touch_model import TouchModel
 
-OnStep = Callable[[str, float], None]
 
 TABLE_DEPTHS_MM = (0.0, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
 """Depths of a table that is simulated for the fake board; those beyond the design's are left out, its end is added."""

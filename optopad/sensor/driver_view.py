@@ -6,8 +6,8 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from fabrication.driver.check import Verdict
 from fabrication.driver.link.frames import Frame
 from fabrication.driver.sensor import Sensor
@@ -114,7 +114,7 @@ def check_lines(verdict: Verdict) -> list[str]:
     return lines
 
 
-def _cell(frame: Frame, ratio: NDArray[np.float64], i: int, j: int) -> Any:
+def _cell(frame: Frame, ratio: FloatArray, i: int, j: int) -> Any:
     from rich.text import Text
 
     mark = "!" if frame.saturated[i, j] else ""
@@ -131,5 +131,5 @@ def _style(change: float) -> str:
     return f"white on rgb({red},{green},{blue})"
 
 
-def _plain(values: NDArray[np.float64]) -> list[list[float | None]]:
+def _plain(values: FloatArray) -> list[list[float | None]]:
     return [[float(value) if math.isfinite(value) else None for value in row] for row in values]

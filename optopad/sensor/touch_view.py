@@ -6,8 +6,8 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from fabrication.driver.touch_reader import Touch, TouchReader
 from optopad.sensor.driver_view import link_line
 
@@ -143,9 +143,9 @@ def _note(touch: Touch) -> str:
 
 def _set(
     cells: list[list[str]],
-    place: NDArray[np.float64],
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
+    place: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
     mark: str,
 ) -> None:
     share = np.clip((place - low) / np.maximum(high - low, 1e-9), 0.0, 1.0)
@@ -154,5 +154,5 @@ def _set(
     cells[row][column] = mark
 
 
-def _plain(values: NDArray[np.float64], digits: int) -> list[float | None]:
+def _plain(values: FloatArray, digits: int) -> list[float | None]:
     return [round(float(value), digits) if math.isfinite(value) else None for value in values]

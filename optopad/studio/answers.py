@@ -5,15 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
+from design.arrays import FloatArray, IntArray
 from optopad.studio.session import Press
 from sims.continuity.draft import PlaceCurves
 from sims.continuity.result import ContinuityScore
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Level = Literal["draft", "score", "whole"]
 
 

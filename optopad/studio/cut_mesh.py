@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from design.arrays import BoolArray, FloatArray, IntArray
 
 
 def cut_open(points_mm: FloatArray, triangles: IntArray, y_mm: float) -> tuple[FloatArray, IntArray]:
@@ -41,7 +39,7 @@ def cut_open(points_mm: FloatArray, triangles: IntArray, y_mm: float) -> tuple[F
     return corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
 
 
-def _turned(triangles: IntArray, marked: NDArray[np.bool_]) -> IntArray:
+def _turned(triangles: IntArray, marked: BoolArray) -> IntArray:
     """Triangles with their one marked corner first, the sense of rotation kept."""
     first = marked.argmax(axis=1)[:, None]
     return np.take_along_axis(triangles, (first + np.arange(3)) % 3, axis=1)

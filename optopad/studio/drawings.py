@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from html import escape
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.geometry.cavity import CavityGeometry, PlacedPart
 from optopad.studio.pad_mesh import outline_mm
 from optopad.studio.session import Press
@@ -20,7 +20,6 @@ from sims.continuity.result import ContinuityScore, JudgedPair
 from sims.verdict.pad_map import PadMap
 from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
 
-FloatArray = NDArray[np.float64]
 Place = Callable[[float], float]
 
 MODE_1, MODE_2, DEAD, FADE = "#d55e00", "#0077c8", "#d1242f", "#8c8c8c"

@@ -25,6 +25,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from design.arrays import BoolArray, FloatArray
 from design.errors import DeviceError, InputError
 from design.spec import SensorDesign
 from fabrication.driver.check import check_frames
@@ -37,9 +38,6 @@ from fabrication.driver.stream import LinkCounts
 from fabrication.driver.touch_reader import Touch, TouchReader
 from optopad.sensor.driver_source import fitting_model, source_of
 from optopad.studio.board_process import STARTING_BOARD, BoardProcess
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 FAKE = "fake"
 """The port's name that asks for a simulated board."""

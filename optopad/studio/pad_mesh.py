@@ -10,12 +10,9 @@ import math
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray, IntArray
 from design.geometry.plan import Plan
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 TURN_DEG = 7.5
 PIECES, RINGS = 16, 14

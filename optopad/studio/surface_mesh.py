@@ -9,16 +9,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray, IntArray
 from design.geometry.cavity import cavity_of
 from design.geometry.plan import Plan
 from design.spec import SensorDesign
 from optopad.studio.pad_mesh import outline_mm, ring_triangles, top_mm
 from sims.contact.pad_surface import PadSurface, curve_height_mm, pad_surface
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 SPOKES, RINGS = 72, 28
 BORDER_STEPS = 6
@@ -54,9 +51,7 @@ def pressed_top(
     return points, ring_triangles(len(radii), len(angles)), surface
 
 
-def _pressed_crown(
-    plan: Plan, surface: PadSurface, points: FloatArray, is_border: NDArray[np.bool_]
-) -> FloatArray:
+def _pressed_crown(plan: Plan, surface: PadSurface, points: FloatArray, is_border: BoolArray) -> FloatArray:
     """(n, 3) the pressed top over points (n, 3) of the untouched one; border points stay in their walls [mm]."""
     normal = np.array(plan.normal(*surface.at_mm))
     foot = np.array([*surface.at_mm, plan.top_mm(*surface.at_mm)])

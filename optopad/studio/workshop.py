@@ -18,8 +18,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.errors import DesignError, OptopadError
 from design.geometry.cavity import cavity_of
 from design.geometry.pairs import pair_name
@@ -27,7 +27,6 @@ from design.spec import SensorDesign
 from optopad.studio.answers import Answer, Curves, Doing, Failed, Judged, Look, Ray, Rays, Readings
 from optopad.studio.session import Press
 
-FloatArray = NDArray[np.float64]
 Post = Callable[[Answer], None]
 TOLD_EVERY_S = 0.15
 OF_A_PRESS = ("curves", "look", "rays", "readings", "fine curves")

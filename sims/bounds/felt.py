@@ -13,8 +13,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.spec import SensorDesign
 from design.spec.properties import modulus
 from sims.bounds.defaults import BAND
@@ -23,8 +23,6 @@ from sims.contact.indentation import solved_press
 from sims.readings.readout import Readout
 from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
 from sims.verdict.pair.noise_units import noise_units, sigma_counts
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,13 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from sims.bounds.defaults import BAND
 from sims.bounds.fisher import Bounds
-
-FloatArray = NDArray[np.float64]
-
 
 ROUND_OFF_DIGITS = 12
 """Decimals of a share that are more than round-off."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from sims.bounds.felt import FeltForce
 from sims.bounds.figures import Figure
 from sims.bounds.losses import PartLoss
@@ -54,7 +54,7 @@ def _number(value: float) -> float | None:
     return float(f"{value:.5g}") if np.isfinite(value) else None
 
 
-def _layers(values: NDArray[np.float64]) -> list[list[list[float | None]]]:
+def _layers(values: FloatArray) -> list[list[list[float | None]]]:
     return [[[_number(value) for value in row] for row in layer] for layer in np.moveaxis(values, -1, 0)]
 
 

@@ -13,14 +13,15 @@ only: not that of the models, nor the coarseness of the grid.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray
 from design.geometry.cavity import CavityGeometry, cavity_of
 from design.geometry.pairs import judged_pairs, mask_of
+from design.progress import OnShare
 from design.spec import SensorDesign
 from sims.bounds.defaults import (
     COARSE_DEPTHS_MM,
@@ -39,10 +40,6 @@ from sims.optics.accuracy import MIRRORED_FINER, Accuracy
 from sims.readings.readout import Readout, readout_of
 from sims.verdict.pad_map import grid_inside, grid_places_mm, map_grid_mm, on_grid
 from sims.verdict.presses import untouched_flux
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-OnStep = Callable[[float], None]
 
 BOUND_ACCURACIES = ("score", MIRRORED_FINER)
 """Settings of the light for derivatives, cheapest first: a common lattice takes most of the error out, and voxels
@@ -231,7 +228,7 @@ def pad_bounds(
     limits: Limits | None = None,
     steps: Steps | None = None,
     with_losses: bool = True,
-    on_step: OnStep | None = None,
+    on_step: OnShare | None = None,
 ) -> PadBounds:
     """Bounds of place and depth over the workspace.
 

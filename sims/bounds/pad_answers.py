@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray, IntArray
+from design.progress import OnShare
 from design.spec import SensorDesign
 from sims.bounds.defaults import CLEAR_ERROR, SHALLOW_MM
 from sims.bounds.fisher import Bounds, Sensitivity, bounds_of
 from sims.bounds.stencil import Steps, sensitivity
 from sims.optics.accuracy import Accuracy
 from sims.readings.readout import Readout
-
-FloatArray = NDArray[np.float64]
-OnStep = Callable[[float], None]
 
 FIRST_STAGE_SHARE = 0.8
 """Share of the progress that the first settings stand for, where others follow."""
@@ -30,7 +28,7 @@ def pad_answers(
     accuracies: Sequence[str | Accuracy],
     seed: int,
     steps: Steps,
-    on_step: OnStep | None = None,
+    on_step: OnShare | None = None,
 ) -> Sensitivity:
     """Derivatives of all pairs at every place and depth. Presses that a symmetry joins are traced once, by the engine.
 
@@ -68,14 +66,14 @@ def pad_answers(
     )
 
 
-def _share_of_stage(on_step: OnStep, stage: int, stages: int) -> OnStep:
+def _share_of_stage(on_step: OnShare, stage: int, stages: int) -> OnShare:
     if stages == 1:
         return on_step
     start, span = (0.0, FIRST_STAGE_SHARE) if stage == 0 else (FIRST_STAGE_SHARE, 1.0 - FIRST_STAGE_SHARE)
     return lambda share: on_step(start + span * share)
 
 
-def _is_unclear(bounds: Bounds) -> NDArray[np.bool_]:
+def _is_unclear(bounds: Bounds) -> BoolArray:
     """(voxel,) whether the trace's error leaves a bound open."""
     is_known = ~bounds.is_blind
     clear = [
@@ -97,7 +95,7 @@ def _nothing(like: Sensitivity, voxels: int) -> Sensitivity:
     return Sensitivity(first=zeros, second=zeros, weight=np.zeros((voxels, pairs)))
 
 
-def _put(into: Sensitivity, rows: NDArray[np.int64], finer: Sensitivity) -> Sensitivity:
+def _put(into: Sensitivity, rows: IntArray, finer: Sensitivity) -> Sensitivity:
     first, second, weight = into.first.copy(), into.second.copy(), into.weight.copy()
     first[rows], second[rows], weight[rows] = finer.first, finer.second, finer.weight
     return Sensitivity(first=first, second=second, weight=weight)

@@ -21,9 +21,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.geometry.plan import plan_of
+from design.progress import OnShare
 from design.spec import SensorDesign
 from sims.bounds.defaults import (
     DEPTH_STEP_MM,
@@ -37,9 +38,6 @@ from sims.optics.accuracy import Accuracy
 from sims.optics.tracing import trace
 from sims.readings.readout import Readout
 from sims.verdict.pair.noise_units import sigma_counts
-
-FloatArray = NDArray[np.float64]
-OnStep = Callable[[float], None]
 
 PRESSES = 6
 """Presses of one half at one voxel."""
@@ -90,7 +88,7 @@ def sensitivity(
     accuracy: str | Accuracy,
     seed: int,
     steps: Steps,
-    on_step: OnStep | None = None,
+    on_step: OnShare | None = None,
 ) -> Sensitivity:
     """Derivatives of all pairs at each voxel.
 
@@ -149,7 +147,7 @@ def _readings(
     )
 
 
-def _share_of_half(on_step: OnStep | None, half: int) -> Callable[[int, int], None] | None:
+def _share_of_half(on_step: OnShare | None, half: int) -> Callable[[int, int], None] | None:
     return None if on_step is None else lambda done, total: on_step(0.5 * (half + done / total))
 
 

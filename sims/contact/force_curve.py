@@ -13,14 +13,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.fields.quantity import Quantity
 from design.spec import SensorDesign
 from design.spec.properties import modulus
 from sims.contact.library.solved_press import SolvedPress
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

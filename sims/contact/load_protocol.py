@@ -19,12 +19,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray, IntArray
 from design.protocols.load import LoadProtocol
 from sims.contact.viscoelastic import StandardLinearSolid, loop_energy_mj, viscoelastic_load_n
-
-FloatArray = NDArray[np.float64]
 
 SAMPLES_PER_STEP = 20
 """Samples of a step, and of a pause; ten times as many change the load by less than 1e-5 of its peak."""
@@ -47,8 +45,8 @@ class LoadHistory:
     depth_mm: FloatArray
     elastic_n: FloatArray
     load_n: FloatArray
-    has_left: NDArray[np.bool_]
-    pause_ends: NDArray[np.int64]
+    has_left: BoolArray
+    pause_ends: IntArray
 
     @property
     def turn(self) -> int:
@@ -66,7 +64,7 @@ class LoadHistory:
         return loop_energy_mj(self.depth_mm, self.load_n)
 
 
-def protocol_path(protocol: LoadProtocol) -> tuple[FloatArray, FloatArray, NDArray[np.int64]]:
+def protocol_path(protocol: LoadProtocol) -> tuple[FloatArray, FloatArray, IntArray]:
     """Times [s], depths [mm], and the indices at which pauses end."""
     step_mm, steps = protocol.step_mm.value, protocol.steps
     moving_s, pause_s = step_mm / protocol.speed_mm_per_s.value, protocol.pause_s.value

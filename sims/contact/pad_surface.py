@@ -10,9 +10,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from design.arrays import FloatArray
 from design.geometry.plan import plan_of
 from design.spec import SensorDesign
 from sims.contact.indentation import solved_press
@@ -20,7 +20,6 @@ from sims.contact.library.placed_press import PlacedPress
 from sims.contact.library.solved_press import SolvedPress
 from sims.press.indentation import Indentation
 
-FloatArray = NDArray[np.float64]
 _STEP = 1e-6
 MOST_SURFACES = 1024
 """Surfaces that are remembered: 30 kB each."""

@@ -18,14 +18,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from design.arrays import FloatArray
 from sims.contact.library.smooth_press import LOAD_SHARES
 from sims.contact.library.solved_press import SolvedPress
 from sims.contact.tip import TipOutline, tip_outline
-
-FloatArray = NDArray[np.float64]
 
 FEWEST_SPACINGS = 4.0
 """Contact radius over node spacing below which no pressure is quoted [-]."""

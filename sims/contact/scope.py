@@ -10,8 +10,8 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.errors import DesignError, InputError, ModelScopeError
 from design.geometry.plan import plan_of
 from design.rules.contact_scope import (
@@ -24,7 +24,6 @@ from design.rules.contact_scope import (
 if TYPE_CHECKING:
     from design.spec import SensorDesign
 
-FloatArray = NDArray[np.float64]
 
 HALF_WIDTH = 16 / 3
 """Half width of the published pad [tip radii]: 16 mm for a 3 mm tip."""

@@ -17,12 +17,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.spec import Indenter
 from design.spec.tip_shape import tip_outline as outline_pieces
 
-FloatArray = NDArray[np.float64]
 Row = tuple[float, float, float, float, float, float, float]
 
 _KINK = 1e-6

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
+from design.progress import OnStep
 from design.spec import SensorDesign
 from design.spec.tolerances import build_tolerances
 from sims.continuity.cautions import band_caution
@@ -13,7 +13,6 @@ from sims.verdict.build_judge import BuildJudge, pair_judge, place_judge, verdic
 from sims.verdict.build_study import Memo, build_study, remembered
 from sims.verdict.tolerance import ToleranceBand, tolerance_band
 
-OnStep = Callable[[str, float], None]
 DEFAULT_BUILDS = 200
 
 

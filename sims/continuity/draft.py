@@ -10,13 +10,13 @@ nearly not, are traced again, finely. Left out: tolerance, what matters, single 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from design.geometry.cavity import CavityGeometry
 from design.geometry.pairs import beside_chord, judged_pairs, mask_of, pair_name
+from design.progress import OnStep
 from design.rules.check import require_valid
 from design.spec import SensorDesign
 from sims.contact.indentation import round_press
@@ -30,7 +30,6 @@ from sims.verdict.builds import score_curves
 from sims.verdict.presses import accuracy_of_pairs, curves_of, states_of
 
 Pair = tuple[int, int]
-OnStep = Callable[[str, float], None]
 
 MOST_PAIRS = 8
 """Pairs under a press that are traced at most, the nearest first."""

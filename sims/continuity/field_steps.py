@@ -10,7 +10,7 @@ a step's change is good to some tenths of a noise unit.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +19,7 @@ from design.errors import OptopadError
 from design.fields.paths import get_at
 from design.geometry.cavity import cavity_of
 from design.geometry.pairs import is_facing_rows
+from design.progress import OnStep
 from design.rules.check import require_valid
 from design.spec import SensorDesign
 from design.spec.cheap_fields import CLEAR, HEIGHTS, TARGET, cheap_fields
@@ -31,7 +32,6 @@ from sims.verdict.build_judge import BuildJudge
 from sims.verdict.builds import ACCURACY, accuracy_of_builds
 from sims.verdict.field_effects import Effect, FieldStep, FieldSteps
 
-OnStep = Callable[[str, float], None]
 STEPS = {**dict.fromkeys(HEIGHTS, 0.1), CLEAR: 0.5, TARGET: 25.0}
 """Steps of fields by name [unit of the field]."""
 ALONG_STEP_MM = 0.5

@@ -10,18 +10,19 @@ map alone, that of facing rows their pairs alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray
 from design.errors import ModelScopeError
 from design.geometry.cavity import CavityGeometry, cavity_of
 from design.geometry.pairs import beside_chord, direct_path_pairs, is_facing_rows, judged_pairs, mask_of
 from design.geometry.pairs import pair_name as name_of
+from design.progress import OnStep
 from design.spec import SensorDesign
 from sims.bounds.felt import FeltForce, felt_force
 from sims.bounds.observability import PadBounds, pad_bounds
@@ -48,10 +49,6 @@ from sims.verdict.presses import (
     states_of,
     untouched_flux,
 )
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-OnStep = Callable[[str, float], None]
 
 
 class Judge:

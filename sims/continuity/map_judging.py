@@ -7,12 +7,13 @@ map's light, once ──► what is open by the light's own error ──► a se
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray
+from design.progress import OnShare
 from design.spec import SensorDesign
 from sims.optics.accuracy import Accuracy
 from sims.optics.light_signals import LightSignals
@@ -21,9 +22,6 @@ from sims.readings.readout import Readout
 from sims.verdict.pad_map import PadMap, Place, place_of
 from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
 from sims.verdict.presses import MOST_TRACED_AGAIN, SECOND_SEED, pad_light
-
-FloatArray = NDArray[np.float64]
-OnStep = Callable[[float], None]
 
 CLOSE_UNITS = 1.0
 """Places of a draft whose margin is this near to the threshold are traced again [noise units]: a draft's margins were
@@ -38,7 +36,7 @@ def settled_open(
     frames: MapFrames,
     doubts: Sequence[Accuracy],
     seed: int,
-    on_step: OnStep,
+    on_step: OnShare,
 ) -> PadMap:
     """The map with its open places judged by two independent traces, and by finer ones while they stay open.
 
@@ -74,7 +72,7 @@ def settled_close(
     frames: MapFrames,
     doubts: Sequence[Accuracy],
     seed: int,
-    on_step: OnStep,
+    on_step: OnShare,
 ) -> PadMap:
     """The map with the places closest to the threshold judged by one finer trace, whose settings are the first."""
     away = [abs(place.margin - DEADBAND_THRESHOLD) for place in pad_map.places]
@@ -99,7 +97,7 @@ class MapFrames:
     errors : (place, depth, pair) standard errors of light traced once; 0 elsewhere [counts]
     """
 
-    mask: NDArray[np.bool_]
+    mask: BoolArray
     readout: Readout
     places_mm: FloatArray
     depth_mm: FloatArray
@@ -109,7 +107,7 @@ class MapFrames:
     @classmethod
     def traced_once(
         cls,
-        mask: NDArray[np.bool_],
+        mask: BoolArray,
         depth_mm: FloatArray,
         places_mm: FloatArray,
         light: LightSignals,
@@ -130,7 +128,7 @@ class MapFrames:
             errors=errors,
         )
 
-    def put(self, half: int, places: list[int], depths: NDArray[np.bool_], light: LightSignals) -> None:
+    def put(self, half: int, places: list[int], depths: BoolArray, light: LightSignals) -> None:
         """Replace a half's readings at some places and depths."""
         counts = light.flux[:, self.mask] * self.readout.of_mask(self.mask)
         rows = np.ix_(np.array(places), np.flatnonzero(depths))

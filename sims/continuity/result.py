@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from sims.bounds.json_form import bounds_json
 from sims.bounds.observability import PadBounds
 from sims.contact.force_curve import ForceCurve
@@ -25,7 +25,6 @@ from sims.verdict.rises import Rise, rise_of
 from sims.verdict.tolerance import ToleranceBand
 from sims.verdict.trial import Trial
 
-FloatArray = NDArray[np.float64]
 Verdict = Literal["CONTIGUOUS", "DEADBAND", "OUT_OF_MODEL_SCOPE"]
 Interval = tuple[float, float]
 

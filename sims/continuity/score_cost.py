@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.geometry.cavity import CavityGeometry, cavity_of
 from design.geometry.pairs import chord_midpoint_mm, is_facing_rows, judged_pairs
 from design.spec import SensorDesign
@@ -37,7 +37,6 @@ from sims.verdict.presses import (
 )
 from sims.verdict.tolerance import tried_values
 
-FloatArray = NDArray[np.float64]
 ANSWERING_PAIRS = 0.35
 """Share of a pad's pairs that answer at its weakest place, by which builds are judged: 0.17 to 0.7 on the presets."""
 TRACED_AGAIN = 0.15

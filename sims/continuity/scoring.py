@@ -11,16 +11,16 @@ again below; where it stays blind, the usable depth ends.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.circuit.transimpedance import given_ohms, settling_findings
 from design.errors import ModelScopeError
 from design.geometry.cavity import CavityGeometry, cavity_of
 from design.geometry.pairs import is_facing_rows, judged_pairs, mask_of, pair_name
+from design.progress import OnStep
 from design.rules.check import check, require_valid
 from design.spec import SensorDesign
 from sims.contact.press_notes import contact_notes
@@ -35,9 +35,6 @@ from sims.readings.readout import Readout
 from sims.verdict.boundary_forces import boundary_forces, place_force
 from sims.verdict.figure_errors import drawn_figures, figure_errors, figures_of
 from sims.verdict.pad_map import PadMap
-
-FloatArray = NDArray[np.float64]
-OnStep = Callable[[str, float], None]
 
 
 def score(

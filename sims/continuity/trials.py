@@ -14,7 +14,7 @@ Left out: causes that heights do not fix (saturated or dim readings); two lines 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -22,6 +22,7 @@ from design.errors import OptopadError
 from design.fields.paths import get_at
 from design.geometry.cavity import cavity_of
 from design.geometry.pairs import is_facing_rows
+from design.progress import OnStep
 from design.rules.check import check
 from design.spec import SensorDesign
 from design.spec.cheap_fields import CLEAR, HEIGHTS
@@ -35,7 +36,6 @@ from sims.verdict.causes import Cause
 from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
 from sims.verdict.trial import Found, Move, Trial, TriedMove
 
-OnStep = Callable[[str, float], None]
 Line = tuple[tuple[str, int], ...]
 """Fields that move together, each with its sign."""
 

@@ -36,19 +36,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.geometry.cavity import workspace_of
+from design.progress import OnShare
 from design.spec import SensorDesign
 from sims.bounds.fisher import Bounds, Sensitivity, bounds_of
 from sims.bounds.stencil import SEED_GAP, Steps, stencil_derivatives, stencil_presses
 from sims.learning.inference.signal_map.reading_noise import ReadingNoise
 from sims.optics.accuracy import Accuracy
 from sims.optics.tracing import trace
-
-FloatArray = NDArray[np.float64]
-OnStep = Callable[[float], None]
-
 
 EVENLY = np.array([0.7548776662466927, 0.5698402909980532])
 """Steps of an even sequence of places, 1/p and 1/p² with p³ = p + 1 (M. Roberts, "The unreasonable effectiveness of
@@ -128,7 +125,7 @@ def chain_bounds(
     accuracy: str | Accuracy = "draft",
     seed: int = 0,
     steps: Steps | None = None,
-    on_step: OnStep | None = None,
+    on_step: OnShare | None = None,
 ) -> ChainBounds:
     """Bounds at presses, 12 states of light each.
 
@@ -164,7 +161,7 @@ def chain_bounds(
     return bounds_under(first, second, reached, noise, stage or stage_errors(design))
 
 
-def _share_of(on_step: OnStep, half: int) -> Callable[[int, int], None]:
+def _share_of(on_step: OnShare, half: int) -> Callable[[int, int], None]:
     return lambda done, total: on_step(0.5 * (half + done / total))
 
 
@@ -177,7 +174,7 @@ def bounds_by_depth(
     places: int = 9,
     accuracy: str | Accuracy = "draft",
     seed: int = 0,
-    on_step: OnStep | None = None,
+    on_step: OnShare | None = None,
 ) -> dict[float, tuple[float, float]]:
     """Medians over places of the workspace of the location and the depth bound, at depths.
 

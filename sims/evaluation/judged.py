@@ -6,16 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray, IntArray
 from design.errors import InputError
 from sims.learning.inference.prediction import Prediction
 from sims.press.same_places import place_numbers
 from sims.readings.press_data import PressData
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
 
 DEPTH_TOLERANCE_MM = 0.04
 """A sample belongs to a row of a table when its depth is this near; schedules step by 0.1 mm."""

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.errors import InputError
 from design.geometry.cavity import cavity_of
 from design.geometry.pairs import chord_midpoint_mm, judged_pairs, mask_of, pair_name
@@ -26,7 +27,6 @@ from sims.readings.recording import SIGNAL, Recording
 from sims.verdict.builds import score_curves
 from sims.verdict.presses import PAIR_ACCURACY, Pair, curves_of, states_of
 
-FloatArray = NDArray[np.float64]
 SAME_PLACE_MM = 0.25
 """Readings within this distance of a place belong to it: a stage's step is ten times as fine."""
 FEWEST_READINGS = 5

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from sims.evaluation.judged import DEPTH_TOLERANCE_MM
 from sims.evaluation.tables import ERROR_DEPTHS_MM, TOUCH_DEPTHS_MM
 from sims.readings.press_data import PressData
-
-FloatArray = NDArray[np.float64]
 
 
 def needed_samples(data: PressData, places_mm: FloatArray) -> PressData:

@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from sims.evaluation.judged import JudgedPresses
-
-FloatArray = NDArray[np.float64]
 
 TOUCH_DEPTHS_MM = (-0.4, -0.2, 0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 ERROR_DEPTHS_MM = (0.1, 0.5, 1.0, 2.0, 3.0, 5.0)

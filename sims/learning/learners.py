@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Protocol
 
+from design.progress import OnStep
 from sims.learning.fits.extra_trees import fit_extra_trees
 from sims.learning.fits.gaussian_process import fit_gaussian_process
 from sims.learning.fits.kernel_ridge import fit_kernel_ridge
@@ -12,8 +12,6 @@ from sims.learning.fits.network import fit_network
 from sims.learning.inference.touch_model import TouchModel
 from sims.learning.samples.settings import FitSettings
 from sims.readings.dataset import PressData
-
-OnStep = Callable[[str, float], None]
 
 
 class Learner(Protocol):

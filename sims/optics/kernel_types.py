@@ -10,7 +10,7 @@ from typing import Protocol, TypeVar
 
 from numba.core.dispatcher import Dispatcher
 
-from sims.optics.scene.optical_scene import FloatArray, IntArray
+from design.arrays import FloatArray, IntArray
 
 Function = TypeVar("Function", bound=Callable[..., object])
 

@@ -5,10 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-FloatArray = NDArray[np.float64]
+from design.arrays import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +34,7 @@ class LightSignals:
     digest: str
     seed: int
     relative_error: FloatArray | None = None
-    is_met: NDArray[np.bool_] | None = None
+    is_met: BoolArray | None = None
     change_error: FloatArray | None = None
 
     @property

@@ -15,8 +15,8 @@ from weakref import WeakKeyDictionary
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray
 from design.errors import InputError
 from design.spec import SensorDesign
 from sims.cache.fingerprint import folder_fingerprint
@@ -38,7 +38,6 @@ from sims.press.indentation import Indentation
 if TYPE_CHECKING:
     from sims.contact.pad_surface import PadSurface
 
-FloatArray = NDArray[np.float64]
 Profile = Indentation | Sequence[Indentation | Sequence[Indentation | None] | None]
 Tips = list[list[Indentation | None]]
 _SMOOTH_PARTS: WeakKeyDictionary[PadSurface, SmoothField] = WeakKeyDictionary()
@@ -72,7 +71,7 @@ def trace(
     profile: Profile | None = None,
     accuracy: str | float | Accuracy = "standard",
     seed: int = 0,
-    pairs: NDArray[np.bool_] | None = None,
+    pairs: BoolArray | None = None,
     on_step: Callable[[int, int], None] | None = None,
     fields: Sequence[SmoothField | None] | None = None,
 ) -> LightSignals:

@@ -12,15 +12,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.geometry.cavity import Workspace
 from sims.evaluation.judged import JudgedPresses
 from sims.evaluation.published import PublishedTouch
 from sims.evaluation.tables import ErrorRow, TouchRow
 from sims.plots.style import BLUE, GREEN, GREY, GRID, INK, MUTED, VERMILLION, WIDTH_IN
 
-FloatArray = NDArray[np.float64]
 LOOKS = ((BLUE, "-", "o"), (VERMILLION, "-", "s"), (GREEN, "-", "^"), (INK, ":", "D"), (GREY, "-.", "v"))
 """Colour, line and mark of each model in turn: none is told by colour alone."""
 

@@ -15,15 +15,14 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Colormap, LinearSegmentedColormap, LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.geometry.cavity import CavityGeometry
 from sims.bounds.felt import FeltForce
 from sims.bounds.observability import PadBounds
 from sims.plots.shapes.pad_outline import clip_to_pad, outline_patch
 from sims.plots.style import BLUE, INK, MUTED, WIDTH_IN, axes_or_new
 
-FloatArray = NDArray[np.float64]
 Quantity = Literal["location", "depth"]
 
 BOUND_COLOURS = LinearSegmentedColormap.from_list("bound", ["#f2f6f9", "#9cc9e6", BLUE, "#002e4a"])

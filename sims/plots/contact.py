@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.fields.quantity import Quantity
 from sims.contact.force_curve import ForceCurve
 from sims.contact.load_protocol import LoadHistory
@@ -25,8 +25,6 @@ from sims.plots.style import (
     axes_or_new,
 )
 from sims.press.indentation import Indentation
-
-FloatArray = NDArray[np.float64]
 
 HEIGHT_IN = 3.2
 PROFILE_HEIGHT_IN = 3.0

@@ -13,14 +13,13 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.search.figures import FIGURES
 from design.search.judged import Judged, Tried
 from design.search.space import SearchSpace, SpaceField, Value
 from sims.plots.style import BLUE, GREY, GRID, INK, MUTED, VERMILLION, axes_or_new, plain_style, svg_text
 
-FloatArray = NDArray[np.float64]
 PANEL_IN = (4.6, 3.4)
 AXIS_IN = 1.05
 """Width of a parallel coordinate: room for its name and its two ends."""

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.geometry.cavity import CavityGeometry, PlacedPart
 from sims.plots.shapes.pad_outline import outline_mm, wall_reached_mm
 
-FloatArray = NDArray[np.float64]
 SILHOUETTE_POINTS = 60
 
 

@@ -19,8 +19,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon, Rectangle
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
 from design.spec import SensorDesign
 from sims.contact.tip import tip_of
@@ -38,8 +38,6 @@ from sims.plots.shapes.pressed_top import (
 from sims.plots.style import GREY, INK, MUTED, PALE_BLUE, axes_or_new
 from sims.rays.light_kinds import KINDS, LOST, LightKind, kind_of
 from sims.rays.ray_states import RayState
-
-FloatArray = NDArray[np.float64]
 
 SECTION_IN = (6.6, 2.3)
 PLAN_IN = (3.6, 3.2)

@@ -9,14 +9,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from sims.continuity.result import JudgedPair
 from sims.plots.style import BLUE, GREEN, INK, MUTED, PALE_BLUE, PALE_ORANGE, VERMILLION, axes_or_new
 
-FloatArray = NDArray[np.float64]
 HEIGHT_IN = 3.9
 SPANS = ("mode", "deadband")
 """How the labels of shaded areas begin; they follow the curves in the legend."""

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from design.arrays import FloatArray
 
 NEAR_CONTACT_MM = (0.0, 0.02, 0.05, 0.1, 0.15)
 """First depths [mm]; from the study of depth steps."""

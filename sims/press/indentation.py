@@ -11,10 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-FloatArray = NDArray[np.float64]
+from design.arrays import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

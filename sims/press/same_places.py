@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-FloatArray = NDArray[np.float64]
+from design.arrays import FloatArray, IntArray
 
 SAME_PLACE_MM = 0.15
 """Places this near are one: seven positioning errors of the default stage, random places lie a millimetre apart."""
 
 
-def place_numbers(at_mm: FloatArray, within_mm: float = SAME_PLACE_MM) -> NDArray[np.int64]:
+def place_numbers(at_mm: FloatArray, within_mm: float = SAME_PLACE_MM) -> IntArray:
     """Number the places of samples.
 
     Parameters

@@ -19,8 +19,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.spec import SensorDesign
 from sims.optics.engine.trace_states import Accuracy
 from sims.optics.light_signals import LightSignals
@@ -30,7 +30,6 @@ from sims.optics.tracing import trace
 from sims.press.indentation import Indentation
 from sims.rays.light_kinds import kind_of
 
-FloatArray = NDArray[np.float64]
 Pair = tuple[int, int]
 Press = tuple[float, float, float]
 

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import FloatArray, IntArray
 from design.errors import InputError
 from sims.press.same_places import SAME_PLACE_MM
 from sims.readings.data_writer import DataWriter, header_of, save_data
@@ -207,8 +208,8 @@ def _off_last(found: xr.Dataset) -> tuple[tuple[str, ...], NDArray[np.float32]]:
 
 
 def _sets_of(
-    found: xr.Dataset, press_mm: NDArray[np.float64], file: Path
-) -> tuple[tuple[DataSetInfo, ...], NDArray[np.int64], NDArray[np.int64]]:
+    found: xr.Dataset, press_mm: FloatArray, file: Path
+) -> tuple[tuple[DataSetInfo, ...], IntArray, IntArray]:
     if "sets" not in found.attrs or "set" not in found.variables or "place" not in found.variables:
         one = DataSetInfo(name="unnamed", role="train", pattern="unknown", is_ambient=True)
         return (one,), np.zeros(len(press_mm), dtype=np.int64), _presses(np.nan_to_num(press_mm))
@@ -239,7 +240,7 @@ def _json(found: xr.Dataset, name: str, absent: Any, file: Path) -> Any:
     return value
 
 
-def _presses(press_mm: NDArray[np.float64]) -> NDArray[np.int64]:
+def _presses(press_mm: FloatArray) -> IntArray:
     """(sample,) number of the press of each sample; untouched ones belong to the nearer of the presses around them."""
     touched = np.flatnonzero(press_mm[:, 2] > 0.0)
     if not len(touched):

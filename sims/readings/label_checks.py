@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.errors import InputError, shown
 
 if TYPE_CHECKING:
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 
     from design.spec import SensorDesign
 
-FloatArray = NDArray[np.float64]
 
 LENGTHS_MM = {"mm": 1.0, "millimetre": 1.0, "millimeter": 1.0, "um": 1e-3, "micrometre": 1e-3, "micrometer": 1e-3,
               "micron": 1e-3, "cm": 10.0, "centimetre": 10.0, "centimeter": 10.0, "m": 1e3, "metre": 1e3,

@@ -20,14 +20,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray, IntArray
 from design.errors import InputError, ModelScopeError
 from design.spec import SensorDesign
 from sims.optics.accuracy import Accuracy
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 OnStep = Callable[[int, int], None]
 
 KNOTS_MM = (

@@ -16,11 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray, IntArray
 from design.errors import InputError
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 OFF = "off"
 CONVERTED = "converted"
 """Attribute of data that says what was done to the unit of their readings."""

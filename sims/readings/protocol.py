@@ -10,16 +10,17 @@ Order of the places, offsets, drift, lamps and noise depend on the seed of the d
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray, IntArray
 from design.errors import InputError
 from design.geometry.cavity import cavity_of
 from design.geometry.pairs import judged_pairs, mask_of
+from design.progress import OnStep
 from design.protocols.press import PressProtocol
 from design.spec import SensorDesign
 from sims.optics.accuracy import Accuracy
@@ -30,9 +31,6 @@ from sims.readings.press_curves import PressCurves, knots_mm, traced_curves
 from sims.readings.press_data import OFF, DataSetInfo, PressData
 from sims.readings.readout import Readout, readout_of
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-OnStep = Callable[[str, float], None]
 ORDER, SET, PRESS, FRAME = range(4)
 """What a stream of random numbers is for."""
 

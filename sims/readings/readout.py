@@ -17,16 +17,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray
 from design.circuit.transimpedance import fitted_counts_per_flux
 from design.errors import ModelScopeError
 from design.parts.catalog import find_board
 from design.spec import SensorDesign
 from design.spec.properties import entries_of
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 HEADROOM = 0.75
 """Share of full scale that the brightest judged pair of a receiver reads untouched at most, by the rule `each`: on the

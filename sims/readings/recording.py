@@ -26,8 +26,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.csv_table import CsvTable, read_csv
 from design.errors import InputError
 from design.text_file import TEXT_KINDS, kind_of_file
@@ -37,7 +37,6 @@ from sims.readings.netcdf_file import read_netcdf, require_numbers
 if TYPE_CHECKING:
     from design.spec import SensorDesign
 
-FloatArray = NDArray[np.float64]
 OFF = "off"
 SIGNAL = "signal"
 DIGEST = re.compile(r"[0-9a-f]{8,64}")

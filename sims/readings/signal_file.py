@@ -9,13 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from design.geometry.cavity import CavityGeometry
 from design.whole_file import whole_file
 from sims.optics.light_signals import LightSignals
-
-FloatArray = NDArray[np.float64]
 
 COMPRESSION = {"zlib": True, "complevel": 4}
 

@@ -25,14 +25,13 @@ from math import ceil, log2
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray
 from design.errors import InputError, OptopadError
 from design.spec import SensorDesign
 from design.spec.tolerances import Tolerance
 from sims.verdict.builds import Brief
 
-FloatArray = NDArray[np.float64]
 CONFIDENCE = 0.95
 NORMAL_95 = 1.959964
 CUT_SIGMA = 2.0
@@ -73,7 +72,7 @@ class BuildStudy:
     values: FloatArray
     deadband_mm: FloatArray
     margin: FloatArray
-    in_doubt: NDArray[np.bool_]
+    in_doubt: BoolArray
     unjudged: dict[str, int]
 
     @property

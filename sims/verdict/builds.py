@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.geometry.cavity import cavity_of
 from design.geometry.pairs import chord_midpoint_mm, judged_pairs, mask_of
 from design.geometry.plan import plan_of
@@ -30,8 +30,6 @@ from sims.verdict.pair.pair_score import PairScore, score_pair
 from sims.verdict.pair.trace_noise import samples_between, widened_threshold
 from sims.verdict.pair.window_range import smallest_range
 from sims.verdict.presses import SECOND_SEED, Pair, PairCurves, curves_of, pair_curves, states_of
-
-FloatArray = NDArray[np.float64]
 
 ACCURACY = replace(ACCURACIES["draft"], reference_rays=4096)
 """Light settings of tried builds; the design as it is is traced the same way for comparison. On the paper's pad and

@@ -26,8 +26,8 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.geometry.cavity import CavityGeometry, cavity_of
 from design.geometry.pairs import beside_chord, direct_path_pairs, pair_name
 from design.spec import SensorDesign
@@ -42,7 +42,6 @@ from sims.verdict.pair.noise_units import noise_of, noise_units, sigma_counts
 from sims.verdict.pair.pair_score import PairScore
 from sims.verdict.presses import PairCurves, curves_of
 
-FloatArray = NDArray[np.float64]
 Lack = Literal["clipped", "dim", "cancel", "apart", "used up", "slight", "none near"]
 Kind = Literal["deadband", "fade"]
 

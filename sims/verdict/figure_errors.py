@@ -15,8 +15,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.spec import SensorDesign
 from sims.readings.readout import Readout
 from sims.verdict.pair.deadbands import continuity, deadband_intervals_mm, evenness
@@ -25,8 +25,6 @@ from sims.verdict.pair.depth_curve import between, clipped
 from sims.verdict.pair.noise_units import noise_of, noise_units
 from sims.verdict.pair.pair_score import PairScore
 from sims.verdict.presses import PairCurves
-
-FloatArray = NDArray[np.float64]
 
 FIGURES = ("continuity", "evenness", "swing", "resolvable_steps")
 """Columns of drawn figures: shares [-], and a number of steps."""

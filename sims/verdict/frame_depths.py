@@ -25,12 +25,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray
 from sims.verdict.pair.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
 from sims.verdict.pair.depth_curve import interpolated
 
-FloatArray = NDArray[np.float64]
 Interval = tuple[float, float]
 
 STEPS = 15
@@ -170,7 +169,7 @@ def _widest(square: FloatArray) -> FloatArray:
     return widest
 
 
-def _blindness(starts: FloatArray, length: float, is_blind: NDArray[np.bool_], deepest: float) -> Blindness:
+def _blindness(starts: FloatArray, length: float, is_blind: BoolArray, deepest: float) -> Blindness:
     """Deadbands and usable depth from which windows are blind."""
     merged: list[list[float]] = []
     for start in starts[is_blind]:

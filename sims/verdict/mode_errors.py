@@ -9,12 +9,11 @@ curve's range) and of neighbouring depths, which partly cancel, are left out.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from sims.verdict.pair.modes import Modes
 from sims.verdict.presses import PairCurves
 
-FloatArray = NDArray[np.float64]
 Errors = tuple[float | None, float | None]
 
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray
 from design.geometry.cavity import CavityGeometry, Workspace
 from design.spec import SensorDesign
 from sims.verdict.frame_depths import DepthReading, Frames, Interval, read_depths
@@ -15,8 +15,6 @@ from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
 from sims.verdict.pair.depth_curve import clipped, interpolated
 from sims.verdict.pair.noise_units import noise_of, noise_units, sigma_counts
 from sims.verdict.pair.trace_noise import samples_between
-
-FloatArray = NDArray[np.float64]
 
 COARSE_PLACES = 5
 FINE_PLACES = 11
@@ -111,7 +109,7 @@ class PadMap:
         found = [number for number, place in enumerate(self.places) if place.depths.open_mm]
         return sorted(found, key=lambda number: self.places[number].margin)[:most]
 
-    def open_depths(self, depth_mm: FloatArray, places: list[int]) -> NDArray[np.bool_]:
+    def open_depths(self, depth_mm: FloatArray, places: list[int]) -> BoolArray:
         """(depth,) which of the traced depths some places are in doubt by."""
         found = np.zeros(len(depth_mm), dtype=np.bool_)
         for number in places:
@@ -201,7 +199,7 @@ def map_grid_mm(cavity: CavityGeometry, places: int) -> tuple[FloatArray, FloatA
     )
 
 
-def grid_inside(workspace: Workspace, x_mm: FloatArray, y_mm: FloatArray) -> NDArray[np.bool_]:
+def grid_inside(workspace: Workspace, x_mm: FloatArray, y_mm: FloatArray) -> BoolArray:
     """(ny, nx) which crossings of a grid's lines are press centres; round-off counts as inside."""
     return np.array([[workspace.contains(float(x), float(y), 1e-6) for x in x_mm] for y in y_mm])
 
@@ -212,7 +210,7 @@ def grid_places_mm(workspace: Workspace, x_mm: FloatArray, y_mm: FloatArray) -> 
     return np.array([workspace.clamped(float(x_mm[k]), float(y_mm[n])) for n, k in np.argwhere(inside)])
 
 
-def on_grid(of_places: FloatArray, inside: NDArray[np.bool_]) -> FloatArray:
+def on_grid(of_places: FloatArray, inside: BoolArray) -> FloatArray:
     """(ny, nx, ...) from (place, ...) in the order of `grid_places_mm`; NaN outside."""
     found = np.full((*inside.shape, *of_places.shape[1:]), np.nan)
     found[inside] = of_places

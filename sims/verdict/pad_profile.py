@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray
 from design.geometry.cavity import cavity_of
 from design.geometry.pairs import direct_path_pairs
 from design.spec import SensorDesign
@@ -22,8 +22,6 @@ from sims.verdict.pad_map import PadMap
 from sims.verdict.pair.defaults import DEADBAND_MIN_LENGTH_MM
 from sims.verdict.pair.depth_curve import clipped, interpolated
 from sims.verdict.pair.noise_units import noise_of, noise_units
-
-FloatArray = NDArray[np.float64]
 
 READ_EVERY_MM = 0.05
 
@@ -42,7 +40,7 @@ class PadProfile:
 
     depth_mm: FloatArray
     change: FloatArray | None
-    is_dead: NDArray[np.bool_]
+    is_dead: BoolArray
 
 
 def pad_profile(

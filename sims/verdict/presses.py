@@ -11,20 +11,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.geometry.cavity import CavityGeometry
 from design.geometry.pairs import chord_midpoint_mm
 from design.geometry.plan import plan_of
+from design.progress import OnShare
 from design.spec import SensorDesign
 from sims.optics.accuracy import ACCURACIES, MIRRORED_FINER, Accuracy
 from sims.optics.light_signals import LightSignals
 from sims.optics.tracing import trace
 from sims.press.depths import NEAR_CONTACT_MM, depth_schedule_mm
 
-FloatArray = NDArray[np.float64]
 Pair = tuple[int, int]
-OnStep = Callable[[float], None]
 
 NEAR_SHARE = 0.3
 """Share of a map's progress that its depths near contact stand for."""
@@ -109,7 +108,7 @@ def pair_curves(
     *,
     accuracy: str | Accuracy = PAIR_ACCURACY,
     seed: int,
-    on_step: OnStep | None = None,
+    on_step: OnShare | None = None,
 ) -> tuple[PairCurves, ...]:
     """Trace every pair under its own press, all depths of the schedule; pairs with one press share its states."""
     places = [chord_midpoint_mm(cavity, pair) for pair in pairs]
@@ -134,7 +133,7 @@ def pad_light(
     *,
     accuracy: str | Accuracy,
     seed: int,
-    on_step: OnStep | None = None,
+    on_step: OnShare | None = None,
 ) -> LightSignals:
     """All pairs at every place and depth; states run through depths first.
 
@@ -161,7 +160,7 @@ def map_light(
     accuracy: str | Accuracy,
     seed: int,
     near: Accuracy = NEAR_ACCURACY,
-    on_step: OnStep | None = None,
+    on_step: OnShare | None = None,
 ) -> LightSignals:
     """As `pad_light`, but with the settings `near` up to `NEAR_MM`."""
     is_near = depth_mm <= NEAR_MM
@@ -176,7 +175,7 @@ def map_light(
     return _joined(parts, len(places_mm))
 
 
-def _part_of(on_step: OnStep | None, part: int) -> OnStep | None:
+def _part_of(on_step: OnShare | None, part: int) -> OnShare | None:
     """The share of a map of which one of two parts tells its own share."""
     start, end = ((0.0, NEAR_SHARE), (NEAR_SHARE, 1.0))[part]
     return None if on_step is None else lambda share: on_step(start + (end - start) * share)
@@ -201,7 +200,7 @@ def _joined(parts: Sequence[LightSignals], places: int) -> LightSignals:
     )
 
 
-def _as_share(on_step: OnStep | None) -> Callable[[int, int], None] | None:
+def _as_share(on_step: OnShare | None) -> Callable[[int, int], None] | None:
     return None if on_step is None else lambda done, total: on_step(done / total)
 
 

@@ -14,11 +14,9 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sims.optics.light_signals import LightSignals
 
-FloatArray = NDArray[np.float64]
 Part = Literal["smooth top", "flank of the dimple", "other light"]
 LEAST_RISE = 0.05
 """A smaller share of the untouched light is not named [-]: 5 % are 15 noise units at a relative noise of 0.3 %."""

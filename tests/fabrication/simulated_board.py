@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import FloatArray, IntArray
 from design.spec import SensorDesign
 from fabrication.driver.link.protocol import (
     FrameFormat,
@@ -91,11 +92,11 @@ class Run:
         """All answers to self-tests."""
         return [unpack_self_test(message) for message in self.of(Kind.SELF_TEST)]
 
-    def times_us(self, kind: Kind) -> NDArray[np.float64]:
+    def times_us(self, kind: Kind) -> FloatArray:
         """When the messages of one kind began to leave, since the reset [us]."""
         return np.array([at for one, at, _ in self.messages if one is kind])
 
-    def first_conversions_us(self, mux: int) -> NDArray[np.float64]:
+    def first_conversions_us(self, mux: int) -> FloatArray:
         """When the first emitter's reading of one input was held, since the reset [us]."""
         held = self.log[(self.log["kind"] == INPUT_HELD) & (self.log["number"] == mux)]
         return np.asarray(held["cycle"] / self.clock_hz * US_PER_S)
@@ -135,18 +136,18 @@ def not_by_the_simulator(settings: FirmwareSettings) -> str:
     return f"the simulator converts A0 to A7, and the harness around it {names}" if others else ""
 
 
-def quantised(table_mv: NDArray[np.int64]) -> NDArray[np.int64]:
+def quantised(table_mv: IntArray) -> IntArray:
     """Counts of whole millivolts, as the simulated converter makes them."""
     return table_mv * FULL_SCALE // SUPPLY_MV
 
 
-def random_table(settings: FirmwareSettings, seed: int = 0) -> NDArray[np.int64]:
+def random_table(settings: FirmwareSettings, seed: int = 0) -> IntArray:
     """(state, receiver) made-up voltages over the whole range [mV]."""
     shape = len(settings.emitters) + 1, len(settings.receivers)
     return np.random.default_rng(seed).integers(0, SUPPLY_MV, shape)
 
 
-def light_table_mv(design: SensorDesign) -> NDArray[np.int64]:
+def light_table_mv(design: SensorDesign) -> IntArray:
     """(state, receiver) voltages of a pressed pad by the light model, at the design's gain, on ambient light [mV]."""
     from design.geometry.cavity import cavity_of
     from design.geometry.pairs import judged_pairs, mask_of
@@ -163,7 +164,7 @@ def light_table_mv(design: SensorDesign) -> NDArray[np.int64]:
 
 def scene_text(
     settings: FirmwareSettings,
-    table_mv: NDArray[np.int64],
+    table_mv: IntArray,
     said: Sequence[Say] = (),
     *,
     hold_adc_clocks: float = 1.5,
@@ -213,7 +214,7 @@ def simulate(
     harness: Path,
     folder: Path,
     design: SensorDesign,
-    table_mv: NDArray[np.int64],
+    table_mv: IntArray,
     said: Sequence[Say],
     *,
     duration_us: float,
@@ -246,7 +247,7 @@ def simulate_elf(
     elf: Path,
     folder: Path,
     settings: FirmwareSettings,
-    table_mv: NDArray[np.int64],
+    table_mv: IntArray,
     said: Sequence[Say],
     *,
     duration_us: float,
@@ -263,9 +264,7 @@ def simulate_elf(
 
 
 @contextmanager
-def board_on_a_port(
-    harness: Path, folder: Path, design: SensorDesign, table_mv: NDArray[np.int64]
-) -> Iterator[str]:
+def board_on_a_port(harness: Path, folder: Path, design: SensorDesign, table_mv: IntArray) -> Iterator[str]:
     """A simulated board on a pseudo-terminal, no faster than real time; the name of the port."""
     elf, scene = elf_of(design, folder), folder / "scene"
     scene.write_text(scene_text(firmware_settings(design), table_mv), encoding="ascii")

@@ -6,7 +6,8 @@ from collections import deque
 
 import numpy as np
 
-from fabrication.driver.link.protocol import STAMP, WRAP, CountArray, IntArray
+from design.arrays import IntArray
+from fabrication.driver.link.protocol import STAMP, WRAP, CountArray
 
 REMEMBERED_FRAMES = 256
 """So far back a repeat is looked for: 0.6 s at 400 Hz."""

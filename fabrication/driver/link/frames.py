@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray
 from design.errors import DeviceError
 from fabrication.driver.link.counters import Repeats, WrappingCounter
 from fabrication.driver.link.protocol import FrameFormat, unpack_frames
 from fabrication.driver_file import DriverConfig
 
-FloatArray = NDArray[np.float64]
 US_PER_S = 1e6
 RATE_FRAMES = 256
 """Frames over which the rate is measured, at most."""
@@ -46,7 +46,7 @@ class Frame:
     lost_before: int
     counts: NDArray[np.uint16]
     signals: NDArray[np.int32]
-    saturated: NDArray[np.bool_]
+    saturated: BoolArray
     baseline: FloatArray | None = None
 
     @property

@@ -29,6 +29,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import IntArray
 from design.errors import DeviceError
 from fabrication.driver_file import DriverConfig
 
@@ -42,7 +43,6 @@ WRAP = 2**32
 STAMP = slice(3, 11)
 """Where sequence number and device time are in a message of readings."""
 
-IntArray = NDArray[np.int64]
 CountArray = NDArray[np.uint32]
 _HELLO = struct.Struct("<2sB7BHII32s")
 _SELF_TEST = struct.Struct("<2sBHIHI")
@@ -299,7 +299,7 @@ def _unpacked(layout: FrameFormat, packed: NDArray[np.uint8]) -> NDArray[np.uint
 
 
 @cache
-def _places(layout: FrameFormat) -> tuple[NDArray[np.int64], CountArray]:
+def _places(layout: FrameFormat) -> tuple[IntArray, CountArray]:
     """First byte of each reading, and how many bits of it belong to the one before; both (readings,)."""
     first, shift = np.divmod(np.arange(layout.readings) * layout.bits, 8)
     return first, shift.astype(np.uint32)

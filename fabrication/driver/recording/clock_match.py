@@ -20,14 +20,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray
 from design.errors import InputError
 from fabrication.driver.gain_pattern import GainPattern, relative_change
 from fabrication.driver.recording.position_log import PositionLog
 
-FloatArray = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+Mask = BoolArray
 
 STEP_S = 0.02
 """Grid of the correlation."""

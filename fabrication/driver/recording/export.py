@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray, IntArray
 from design.errors import InputError, OutputError
 from design.whole_file import require_suffix, whole_file
 from fabrication.driver.descriptor import UNITS, descriptor_of
@@ -24,7 +25,6 @@ from fabrication.driver_file import DriverConfig
 if TYPE_CHECKING:
     import xarray as xr
 
-FloatArray = NDArray[np.float64]
 US_PER_S = 1e6
 CLOCK_SLACK_S = 1.0
 """Records are written in the order of their times to within this, unless the clock was set back."""
@@ -51,8 +51,8 @@ class Recorded:
 
     config: DriverConfig
     counts: NDArray[np.uint16]
-    connection: NDArray[np.int64]
-    sequence: NDArray[np.int64]
+    connection: IntArray
+    sequence: IntArray
     device_s: FloatArray
     host_s: FloatArray
     labels: PressLabels | None
@@ -74,7 +74,7 @@ class Recorded:
         found: FloatArray = self.counts[:, lit].astype(np.float64) - self.counts[:, [dark]]
         return found
 
-    def only(self, kept: NDArray[np.bool_]) -> Recorded:
+    def only(self, kept: BoolArray) -> Recorded:
         """Some of the frames; what was lost stays lost."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         cut: dict[str, Any] = {
@@ -257,7 +257,7 @@ def _without_repeats(records: list[Record]) -> list[Record]:
     return kept
 
 
-def _connections(records: list[Record], found: Unpacked) -> NDArray[np.int64]:
+def _connections(records: list[Record], found: Unpacked) -> IntArray:
     """(time,) counts from 1 up with every hello between frames, and where a sequence goes back."""
     begins, number = np.zeros(len(found.sequence), dtype=bool), 0
     is_new = False
@@ -269,13 +269,11 @@ def _connections(records: list[Record], found: Unpacked) -> NDArray[np.int64]:
             number, is_new = number + 1, False
     begins[restarts(found.sequence, int(found.sequence[0]) - 1)] = True
     begins[0] = False
-    numbers: NDArray[np.int64] = 1 + np.cumsum(begins)
+    numbers: IntArray = 1 + np.cumsum(begins)
     return numbers
 
 
-def _unwrapped(
-    found: Unpacked, connection: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
+def _unwrapped(found: Unpacked, connection: IntArray) -> tuple[IntArray, IntArray, int]:
     sequence, device_us = np.empty(len(connection), np.int64), np.empty(len(connection), np.int64)
     lost = 0
     for number in np.unique(connection):

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.errors import InputError
 from fabrication.driver.descriptor import descriptor_of
 from fabrication.driver.recording.clock_match import (
@@ -24,8 +24,6 @@ from fabrication.driver.recording.clock_match import (
 )
 from fabrication.driver.recording.export import Recorded
 from fabrication.driver.recording.position_log import PositionLog
-
-FloatArray = NDArray[np.float64]
 
 LATE_S = 0.05
 """A frame that came so much later than others near it had waited: this machine was busy or slept."""

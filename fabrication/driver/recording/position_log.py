@@ -18,13 +18,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray, IntArray
 from design.csv_table import CsvTable, is_number, read_csv
 from design.errors import InputError, shown
 from fabrication.driver.recording.press_labels import PressLabels, SetEntry
-
-FloatArray = NDArray[np.float64]
 
 LENGTHS_MM = {"_mm": 1.0, "_um": 1e-3, "_m": 1e3}
 TICKS_S = {"_s": 1.0, "_ms": 1e-3, "_us": 1e-6, "_ns": 1e-9}
@@ -63,11 +61,11 @@ class PositionLog:
     file: str
     time_s: FloatArray
     press_mm: FloatArray
-    set_number: NDArray[np.int64] | None = None
-    place_number: NDArray[np.int64] | None = None
+    set_number: IntArray | None = None
+    place_number: IntArray | None = None
     sets: tuple[SetEntry, ...] = ()
 
-    def labels_at(self, time_s: FloatArray) -> tuple[PressLabels, NDArray[np.bool_]]:
+    def labels_at(self, time_s: FloatArray) -> tuple[PressLabels, BoolArray]:
         """Labels at times of the log's own clock, linear between rows, and whether each is known.
 
         Unknown is what lies outside the log, in a gap in which the tip moved, or in a row that belongs to no set.
@@ -201,7 +199,7 @@ def _lengths(table: CsvTable, axis: str) -> FloatArray:
     )
 
 
-def _sets(table: CsvTable) -> tuple[tuple[SetEntry, ...], NDArray[np.int64] | None]:
+def _sets(table: CsvTable) -> tuple[tuple[SetEntry, ...], IntArray | None]:
     if "set" not in table.heading:
         return (), None
     names = table.column("set")
@@ -229,7 +227,7 @@ def set_entry(where: str, row: dict[str, str]) -> SetEntry:
     )
 
 
-def _places(table: CsvTable) -> NDArray[np.int64] | None:
+def _places(table: CsvTable) -> IntArray | None:
     if "place" not in table.heading:
         return None
     texts = table.column("place")

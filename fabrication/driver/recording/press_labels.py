@@ -5,12 +5,9 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from design.arrays import BoolArray, FloatArray, IntArray
 from design.errors import InputError
 
-FloatArray = NDArray[np.float64]
 ROLES = ("train", "test")
 PATTERNS = ("grid", "random", "unknown", "measured")
 """The last is what older files have for unknown."""
@@ -51,11 +48,11 @@ class PressLabels:
     """
 
     press_mm: FloatArray
-    set_number: NDArray[np.int64] | None = None
-    place_number: NDArray[np.int64] | None = None
+    set_number: IntArray | None = None
+    place_number: IntArray | None = None
     sets: tuple[SetEntry, ...] = ()
 
-    def only(self, kept: NDArray[np.bool_]) -> PressLabels:
+    def only(self, kept: BoolArray) -> PressLabels:
         """The labels of some samples; all sets stay."""
         return PressLabels(
             press_mm=self.press_mm[kept],

@@ -15,6 +15,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from fabrication.driver.link.protocol import (
     COMMAND_BYTES,
     COMMAND_MAGIC,
@@ -113,9 +114,9 @@ class FakeBoard:
         """Whether it sends frames."""
         return self._is_started
 
-    def press_mm(self, now_s: float) -> NDArray[np.float64]:
+    def press_mm(self, now_s: float) -> FloatArray:
         """(3,) x, y, depth of the finger [mm]."""
-        found: NDArray[np.float64] = self._path.at(now_s - self._reset_s)
+        found: FloatArray = self._path.at(now_s - self._reset_s)
         return found
 
     def heard(self, piece: bytes, now_s: float) -> bytes:

@@ -14,10 +14,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray
 from design.errors import InputError
 from fabrication.driver_file import DriverConfig
 
-FloatArray = NDArray[np.float64]
 DIM_SHARE = 0.2
 KINDS = ("swap", "dead", "saturated", "dim")
 
@@ -38,7 +38,7 @@ class Faults:
     receiver_of_channel: NDArray[np.intp]
     emitter_share: FloatArray
     receiver_share: FloatArray
-    is_saturated: NDArray[np.bool_]
+    is_saturated: BoolArray
 
     def applied(self, signals: FloatArray) -> FloatArray:
         """(..., emitter, receiver) signals as this build has them, by pin and channel [counts]."""

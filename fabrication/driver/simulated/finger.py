@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from design.arrays import FloatArray
 from design.csv_table import read_csv
 from design.errors import InputError
 from fabrication.driver_file import WorkspaceLimits
 
-FloatArray = NDArray[np.float64]
 HEADING = ("t_s", "x_mm", "y_mm", "depth_mm")
 HOVER_MM = -1.0
 """Depth of a finger that is lifted; 0 or less is untouched."""

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from design.arrays import FloatArray
 from design.errors import InputError
 from fabrication.driver_file import DriverConfig
 
 if TYPE_CHECKING:
     import xarray as xr
 
-FloatArray = NDArray[np.float64]
 MOST_BYTES = 500_000_000
 """Of the arrays unpacked: 6,000 states of 1,024 pairs have 50 MB."""
 SAME_MM = 1e-6

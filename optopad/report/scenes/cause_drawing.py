@@ -13,8 +13,8 @@ from itertools import product
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon, Rectangle
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
 from design.spec import SensorDesign
 from optopad.report.scenes.layout_drawing import BLACK
@@ -24,7 +24,6 @@ from sims.plots.shapes.pressed_top import CutPlane, cut_tip_mm, cut_top_mm, pres
 from sims.plots.style import BLUE, GREEN, INK, MUTED, PALE_BLUE, VERMILLION, WIDTH_IN, axes_or_new
 from sims.verdict.causes import GONE, WHOLE, Cause, Witness
 
-FloatArray = NDArray[np.float64]
 SMALL = 7.5
 WORDS = 0.3
 """Share of the section that words take."""

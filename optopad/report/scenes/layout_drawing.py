@@ -14,16 +14,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Polygon, Rectangle
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
 from design.geometry.mold_outline import MoldOutline, outline_of
 from design.spec import SensorDesign
 from sims.contact.tip import tip_of
 from sims.plots.shapes.pad_outline import outline_patch, workspace_patch
 from sims.plots.style import BLUE, GRID, INK, MUTED, PALE_BLUE, VERMILLION, WIDTH_IN
-
-FloatArray = NDArray[np.float64]
 
 BLACK = "#33383f"
 """Colour of the black layer."""

@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray
 from design.geometry.cavity import CavityGeometry
 from optopad.report.scenes.pair_scene import plan_of
 from sims.verdict.pad_map import PadMap
 from sims.verdict.pad_profile import PadProfile
 from sims.verdict.pair.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
-
-FloatArray = NDArray[np.float64]
 
 CHANGE = ("#f2f6f9", "#9cc9e6", "#0072b2", "#002e4a")
 DEAD = ("#eef1f4", "#c24e00")
@@ -52,7 +50,7 @@ class DepthMap:
     tells: str
     depth_mm: FloatArray
     values: FloatArray
-    is_hatched: NDArray[np.bool_]
+    is_hatched: BoolArray
     hatched: str
     absent: str
     colours: Sequence[str]

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.geometry.cavity import PlacedPart, cavity_of
 from design.geometry.mold_outline import MoldOutline, bed_lift_mm, outline_of
 from design.spec import SensorDesign
@@ -24,7 +25,6 @@ from sims.plots.shapes.pad_outline import outline_mm
 if TYPE_CHECKING:
     from cad.mesh import Mesh
 
-FloatArray = NDArray[np.float64]
 
 STEPS = 32_000
 """Steps that the longest side of the mesh is divided into."""

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from design.arrays import FloatArray
 from design.geometry.cavity import CavityGeometry, cavity_of
 from design.spec import SensorDesign
 from optopad.report.text.words import governing, reading
 from sims.continuity.result import ContinuityScore, JudgedPair
 from sims.plots.shapes.pad_outline import outline_mm
 from sims.verdict.boundary_forces import Load
-
-FloatArray = NDArray[np.float64]
 
 STEPS = 10_000
 """Steps that a pair's untouched light is divided into."""

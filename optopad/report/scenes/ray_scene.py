@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.geometry.cavity import CavityGeometry, cavity_of
 from design.geometry.pairs import beside_chord, judged_pairs, pair_name
 from design.spec import SensorDesign
@@ -24,7 +24,6 @@ from sims.plots.shapes.pressed_top import press_frame
 from sims.rays.light_kinds import KINDS, LOST, LightKind, kind_of
 from sims.rays.ray_states import Pair, Press, RayChoice, RayState, ray_states
 
-FloatArray = NDArray[np.float64]
 Interval = tuple[float, float]
 
 MOST_PAIRS = 8

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.spec import SensorDesign
 from design.spec.properties import modulus
 from optopad.report.scenes.map_scene import DepthMap
@@ -14,8 +14,6 @@ from sims.bounds.observability import PadBounds
 from sims.continuity.result import ContinuityScore
 from sims.verdict.boundary_forces import place_force
 from sims.verdict.pad_map import PadMap
-
-FloatArray = NDArray[np.float64]
 
 FINE_TO_POOR = ("#00343f", "#00785a", "#8fc7a2", "#f6f2d8", "#f2b98a", "#a33f00")
 LOAD = ("#f7f4ef", "#f2b98a", "#c24e00", "#5c2200")

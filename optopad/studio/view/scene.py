@@ -10,9 +10,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
 from cad.mesh import Mesh
+from design.arrays import FloatArray
 from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
 from design.geometry.plan import Plan
 from design.spec import SensorDesign
@@ -37,7 +37,6 @@ from optopad.studio.view.shapes import (
 )
 from sims.rays.light_kinds import KINDS, LOST
 
-FloatArray = NDArray[np.float64]
 Colour = tuple[int, int, int]
 PartDrag = viser.SceneNodeDragEvent[viser.BoxHandle]
 

@@ -5,16 +5,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray, IntArray
 from design.geometry.cavity import PlacedPart
 from design.geometry.mold_outline import outline_of
 from design.geometry.plan import Plan
 from design.spec import SensorDesign
-from optopad.studio.pad_mesh import IntArray, ring_triangles
+from optopad.studio.pad_mesh import ring_triangles
 from sims.contact.tip import tip_of
 
-FloatArray = NDArray[np.float64]
 Quaternion = tuple[float, float, float, float]
 Box = tuple[FloatArray, FloatArray]
 

@@ -14,8 +14,8 @@ from multiprocessing import active_children, get_context
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.errors import OutputError
 from design.whole_file import folder_fault, made_folder, require_file_name, whole_file
 from sims.contact.library.incompressible import POISSON_RATIOS, nearly_incompressible
@@ -38,7 +38,6 @@ from sims.contact.library.smooth_press import SmoothPress
 from sims.contact.library.stored_press import RECIPE, PressInputs, stored_press
 from sims.contact.scope import DEPTH_STEP, FIRST_DEPTHS, WALL_RADIUS
 
-FloatArray = NDArray[np.float64]
 Pad = tuple[float, float]
 """Layer and radius of the wall [tip radii]."""
 

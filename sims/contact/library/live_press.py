@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 from design.errors import InputError
+from design.progress import OnShare
 from design.spec import SensorDesign
 from sims.contact.library.incompressible import POISSON_RATIOS, nearly_incompressible
 from sims.contact.library.press_fit import fit_press
@@ -24,7 +24,6 @@ edge, finer ones may chatter at deep presses (which is refused, not hidden)."""
 LEAST_DEPTH = 0.4 / 3
 """A live solve goes at least so deep, so that a smooth description has enough depths [tip radii]."""
 
-OnStep = Callable[[float], None]
 
 _SMOOTH: dict[tuple[int, int], tuple[UnitPress, UnitPress, SmoothPress]] = {}
 """Presses made of this process's solutions, by their identity (they are kept alive beside it)."""
@@ -47,7 +46,7 @@ def mesh_size(design: SensorDesign, mesh_mm: float | None) -> float:
 
 
 def live_press(
-    design: SensorDesign, spacing: float, deepest: float, on_step: OnStep | None
+    design: SensorDesign, spacing: float, deepest: float, on_step: OnShare | None
 ) -> tuple[UnitPress, SmoothPress, tuple[str, ...]]:
     """The press of a design's tip, from the cache or solved now.
 
@@ -79,7 +78,7 @@ def live_press(
 
 
 def both_ratios(
-    inputs: PressInputs, on_step: OnStep | None
+    inputs: PressInputs, on_step: OnShare | None
 ) -> tuple[UnitPress, SmoothPress, tuple[str, ...]]:
     """The press at both `POISSON_RATIOS`, whatever that of the inputs is; returns and errors of `live_press`.
 
@@ -112,7 +111,7 @@ def live_note(design: SensorDesign, mesh_mm: float | None) -> str:
 class _Progress:
     """The mean progress of both solves."""
 
-    def __init__(self, on_step: OnStep | None) -> None:
+    def __init__(self, on_step: OnShare | None) -> None:
         self.on_step, self.shares = on_step, dict.fromkeys(POISSON_RATIOS, 0.0)
 
     def advance(self, ratio: float, share: float) -> None:

@@ -23,17 +23,15 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from design.arrays import FloatArray
 from design.errors import InputError, ModelScopeError
 from design.rules.contact_scope import NEAREST_WALL
 from sims.contact.library.smooth_press import SmoothPress, outward, runs_back
 from sims.contact.library.surface_curve import TopCurve
 from sims.contact.walls.block_layer import Size
 from sims.contact.walls.surroundings import Surroundings, surroundings
-
-FloatArray = NDArray[np.float64]
 
 NEAR, FAR = 2.0, 3.5
 LARGEST_CHANGE = 0.25

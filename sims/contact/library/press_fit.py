@@ -9,9 +9,9 @@ light is differentiated with respect to depth. `FitResidual` says how far the so
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator, make_lsq_spline
 
+from design.arrays import FloatArray
 from sims.contact.library.profiles import UnitPress
 from sims.contact.library.smooth_press import (
     LOAD_SHARES,
@@ -23,8 +23,6 @@ from sims.contact.library.smooth_press import (
 )
 from sims.contact.library.surface_curve import contact_tolerance, free_surface
 from sims.contact.tip import tip_coordinate, tip_outline
-
-FloatArray = NDArray[np.float64]
 
 DEPTHS_PER_INTERVAL = 3
 """Solved depths for one interval of the splines."""

@@ -21,17 +21,15 @@ from dataclasses import dataclass, fields, replace
 from functools import cache, cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
+from design.arrays import BoolArray, FloatArray
 from design.errors import ModelScopeError
 from sims.contact.library.surface_curve import TopCurve, contact_radius_at, whole_curve
 from sims.contact.scope import WALL_RADIUS
 from sims.contact.solver.crown import crown_drop, crown_slope
 from sims.contact.tip import HEMISPHERE, TipOutline, tip_outline
 from sims.contact.walls.far_press import FarPress, far_press
-
-FloatArray = NDArray[np.float64]
 
 FIRST_SPACING, SPACING_GROWTH, LARGEST_SPACING = 0.003, 1.04, 0.015
 """First spacing, ratio of neighbouring ones and bound of the surface samples [share of the arc length]."""
@@ -75,7 +73,7 @@ VALUES = 2 + 2 * SAMPLES + LOAD_SHARES.size
 """Numbers that describe a state: ln force, ln edge, radii, heights, shares of the load."""
 
 
-def runs_back(curve: TopCurve) -> NDArray[np.bool_]:
+def runs_back(curve: TopCurve) -> BoolArray:
     """(n,) points nearer to the axis than one before them."""
     return np.asarray(curve.radius < np.maximum.accumulate(curve.radius) - _RUN_BACK)
 

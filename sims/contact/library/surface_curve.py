@@ -23,13 +23,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
+from design.arrays import FloatArray
 from sims.contact.tip import HEMISPHERE, TipOutline, outside_tip, tip_coordinate, tip_gap, tip_outline
-
-FloatArray = NDArray[np.float64]
 
 NEAR_SPACING = 0.02
 """Spacing of the curve on the tip and beside it [tip radii]."""

@@ -15,11 +15,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.errors import InputError, ModelScopeError
-
-FloatArray = NDArray[np.float64]
 
 LEAST_RIM_SHARE = 0.15
 """Least thickness at the rim over that at the apex [-]. The rows of the mesh are as many there as at the apex."""

@@ -25,12 +25,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray, IntArray
 from sims.contact.solver.crown import crown_drop, require_rim
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 FINE_RADIUS = 4 / 3
 """Radius of the fine zone [tip radii]."""
@@ -64,7 +61,7 @@ class RadialMesh:
     nodes: FloatArray
     triangles: IntArray
     top: IntArray
-    is_bonded: NDArray[np.bool_]
+    is_bonded: BoolArray
 
 
 def graded_spacing(length: float, fine_length: float, fine: float, largest: float) -> FloatArray:

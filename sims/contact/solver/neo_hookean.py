@@ -15,10 +15,8 @@ It equals the forces of MuJoCo 4.0's `elastic3d = 1` to 3e-16; a test repeats th
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from design.arrays import FloatArray, IntArray
 
 
 def lame_parameters(youngs_modulus: float, poisson_ratio: float) -> tuple[float, float]:

@@ -10,13 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray, IntArray
 from sims.contact.solver.neo_hookean import elastic_energy, nodal_forces, volumes
 from sims.contact.solver.settling import CHATTER_LIMIT
 from sims.contact.tip import HEMISPHERE, TipOutline, tip_gap
-
-FloatArray = NDArray[np.float64]
 
 SETTLED_LIMIT = 1e-4
 """Largest last step of any vertex [tip radii]."""
@@ -59,8 +57,8 @@ class PressState:
     depth: float
     rest: FloatArray
     deformed: FloatArray
-    elements: NDArray[np.int64]
-    is_bonded: NDArray[np.bool_]
+    elements: IntArray
+    is_bonded: BoolArray
     poisson_ratio: float
     copies: float
     contact_force: float

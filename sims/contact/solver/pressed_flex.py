@@ -8,9 +8,8 @@ from threading import Lock
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from design.arrays import FloatArray, IntArray
 
 CONTACT_TIME = 0.1
 """Time constant of the contact over the time step [-]; smaller ones chatter, larger ones sink in."""
@@ -41,7 +40,7 @@ def add_flex(
     spec: mujoco.MjSpec,
     owners: list[str],
     offsets: list[float],
-    elements: NDArray[np.int64],
+    elements: IntArray,
     **material: float,
 ) -> None:
     """The layer, of vertices that bodies or the world own; `material`: poisson and damping [-]."""

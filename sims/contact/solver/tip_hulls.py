@@ -15,11 +15,9 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from sims.contact.tip import TipOutline
-
-FloatArray = NDArray[np.float64]
 
 SAGITTA = 1e-6
 """How far an arc's chord may lie inside the arc [tip radii]."""

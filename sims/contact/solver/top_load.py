@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from design.arrays import FloatArray
 
 
 def contact_forces(data: mujoco.MjData) -> tuple[FloatArray, FloatArray]:

@@ -36,8 +36,8 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray, IntArray
 from sims.contact.solver import pressed_flex
 from sims.contact.solver.mesh import RadialMesh
 from sims.contact.solver.press_checks import PressState, StepCheck, check_press, is_balanced, settled_limit
@@ -45,9 +45,6 @@ from sims.contact.solver.settling import WINDOW, History
 from sims.contact.solver.tip_hulls import tip_hulls
 from sims.contact.solver.top_load import contact_forces, shared_out
 from sims.contact.tip import HEMISPHERE, TipOutline
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 WEDGE_ANGLE = 0.1
 """Opening angle of the wedge [rad]."""

@@ -17,14 +17,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import bmat, csr_matrix
 from scipy.sparse.linalg import splu
 
+from design.arrays import BoolArray, FloatArray
 from sims.contact.walls.elements import QuadraticAxis, graded_ticks, product
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 Size = tuple[float, float]
 
 STEP, STEP_SHARE, GROWTH = 0.7, 0.23, 1.4

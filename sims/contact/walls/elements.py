@@ -12,10 +12,10 @@ from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, kron
 
-FloatArray = NDArray[np.float64]
+from design.arrays import FloatArray, IntArray
+
 Weight = Callable[[FloatArray], FloatArray]
 Shape = Literal["value", "slope", "pressure"]
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(5)
@@ -47,7 +47,7 @@ class QuadraticAxis:
             "pressure": hats[None] * each[:, None],
         }
 
-    def _places(self, shape: Shape) -> NDArray[np.int64]:
+    def _places(self, shape: Shape) -> IntArray:
         """(element, shape) numbers of an element's nodes."""
         step, count = (1, 2) if shape == "pressure" else (2, 3)
         return step * np.arange(len(self.ticks) - 1)[:, None] + np.arange(count)

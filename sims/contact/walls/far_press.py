@@ -19,12 +19,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
+from design.arrays import FloatArray
 from sims.contact.walls.round_layer import LayerField, RoundLayer
 
-FloatArray = NDArray[np.float64]
 Top = Callable[[float], tuple[FloatArray, FloatArray, float]]
 """Depth to (radius, height) of the top from the axis to the wall, and contact radius."""
 

@@ -12,14 +12,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, RectBivariateSpline
 from scipy.sparse import bmat
 from scipy.sparse.linalg import splu
 
+from design.arrays import FloatArray
 from sims.contact.walls.elements import QuadraticAxis, Weight, graded_ticks, product
-
-FloatArray = NDArray[np.float64]
 
 FINE_RADIUS, FINE_STEP, LARGEST_STEP = 1.6, 0.1, 0.5
 """Grid along the radius: even under the loads, then growing [tip radii]."""

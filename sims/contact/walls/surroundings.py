@@ -14,15 +14,12 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import RectBivariateSpline
 
+from design.arrays import FloatArray
 from sims.contact.walls.block_layer import BlockLayer, Size, block_layer
 from sims.contact.walls.far_press import load_fields, wide_fields
 from sims.contact.walls.round_layer import LayerField
-
-FloatArray = NDArray[np.float64]
-
 
 MOST_PLACES = 4096
 """Places of a pad that are remembered: 10 kB each."""

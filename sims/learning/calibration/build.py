@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
+from design.progress import OnStep
 from design.spec import SensorDesign
 from sims.bounds.stencil import SEED_GAP
 from sims.learning.calibration.fit import Fitted, fitted
@@ -18,8 +18,6 @@ from sims.learning.signal_map.map_learner import chain_noise
 from sims.optics.tracing import trace
 from sims.readings.dataset import PressData
 
-FloatArray = NDArray[np.float64]
-OnStep = Callable[[str, float], None]
 LIGHT_SEED = 15_485_863
 """Added to the seed for the fit's light: simulated data have the seed itself, and must not share its errors."""
 SMALLEST_STAGE_MM = 0.005

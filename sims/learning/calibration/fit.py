@@ -57,16 +57,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from design.arrays import FloatArray
+from design.progress import OnStep
 from sims.bounds.defaults import TOLD_FROM_ZERO
-from sims.learning.calibration.problem import HALVES, LIGHTS, Light, OnStep, Problem
+from sims.learning.calibration.problem import HALVES, LIGHTS, Light, Problem
 from sims.learning.calibration.samples import CalibrationSamples
 from sims.learning.inference.signal_map.reading_noise import ReadingNoise
 from sims.learning.signal_map.map_learner import fitted_gains
-
-FloatArray = NDArray[np.float64]
 
 GAIN_SPREAD = 0.5
 POLISH = 4

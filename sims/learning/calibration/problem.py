@@ -9,17 +9,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
+from design.progress import OnStep
 from sims.learning.calibration.samples import CalibrationSamples
 from sims.learning.calibration.shared_error import shared_error
 from sims.learning.inference.signal_map.reading_noise import ReadingNoise
 from sims.learning.signal_map.map_learner import gain_parts
 
-FloatArray = NDArray[np.float64]
 Light = Callable[[FloatArray, FloatArray, int], FloatArray]
 """Flux (n, pair) of parameters (unknown,) in spreads and presses (n, 3), depth 0 untouched; by one of several seeds."""
-OnStep = Callable[[str, float], None]
 
 MODEL_SHARE = 0.004
 SLOPE_STEP = 0.5

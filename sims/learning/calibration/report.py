@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from sims.learning.calibration.build import Calibration
 from sims.learning.calibration.unknowns import Unknown
-
-FloatArray = NDArray[np.float64]
 
 DETERMINED = 0.5
 """A parameter, or a combination, counts as determined if its spread fell to this share of the doubt before, or less."""

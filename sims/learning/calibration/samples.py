@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray, IntArray
 from design.errors import InputError
 from sims.learning.signal_map.map_learner import Untouched, untouched_of
 from sims.readings.dataset import PressData
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 FEWEST_PRESSES = 5
 STATES = 95

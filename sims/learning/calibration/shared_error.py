@@ -24,10 +24,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from design.arrays import FloatArray, IntArray
+
 DIGITS = 11
 """Light that agrees to so many digits of the brightest is one number of the model, renumbered by a symmetry."""
 

@@ -12,13 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.errors import InputError
 from design.spec import SensorDesign
 from design.spec.tolerances import UNIT_ENDS, Tolerance, build_tolerances
-
-FloatArray = NDArray[np.float64]
 
 OPTICAL_ENDS = (
     "emitters.height_mm",

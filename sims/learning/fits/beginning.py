@@ -8,15 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from design.progress import OnStep
 from sims.learning.fits.touch import fit_tuned_touch
 from sims.learning.inference.touch_svm import TouchSvm
 from sims.learning.samples.press_samples import PressSamples, press_samples
 from sims.learning.samples.settings import FitSettings
 from sims.learning.samples.training_data import TrainingData, prepared
 from sims.readings.dataset import PressData
-
-OnStep = Callable[[str, float], None]
-
 
 FitTouch = Callable[[TrainingData, np.random.Generator, int], tuple[TouchSvm, dict[str, Any]]]
 

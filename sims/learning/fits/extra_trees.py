@@ -11,7 +11,6 @@ What it leaves out: trees answer with means of what they have seen, so that the 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -19,6 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.ensemble import ExtraTreesRegressor
 
+from design.arrays import BoolArray, FloatArray
+from design.progress import OnStep
 from sims.learning.fits.beginning import begun
 from sims.learning.fits.trust import trust_of
 from sims.learning.inference.extra_trees import ExtraTreesModel, Forest
@@ -29,8 +30,6 @@ from sims.learning.samples.press_samples import PressSamples
 from sims.learning.samples.scalings import counts_scaling
 from sims.learning.samples.settings import DEFAULT, FitSettings
 from sims.readings.dataset import PressData
-
-OnStep = Callable[[str, float], None]
 
 FEWEST_IN_LEAF = 2
 SHARE_OF_FEATURES = 0.33
@@ -77,7 +76,7 @@ def fit_extra_trees(
 
 def _forest(
     samples: PressSamples,
-    used: NDArray[np.bool_],
+    used: BoolArray,
     scaling: FeatureScaling,
     trees: int,
     rng: np.random.Generator,
@@ -94,7 +93,7 @@ def _forest(
     return flat_forest([one.tree_ for one in grown.estimators_], scale_mm)
 
 
-def flat_forest(trees: list[Any], scale_mm: NDArray[np.float64]) -> Forest:
+def flat_forest(trees: list[Any], scale_mm: FloatArray) -> Forest:
     """scikit-learn's trees one after another in shared arrays.
 
     Parameters
@@ -128,7 +127,7 @@ def flat_forest(trees: list[Any], scale_mm: NDArray[np.float64]) -> Forest:
     )
 
 
-def _rounded_down(threshold: NDArray[np.float64]) -> NDArray[np.float32]:
+def _rounded_down(threshold: FloatArray) -> NDArray[np.float32]:
     """(node,) largest single-precision numbers that are not above the thresholds."""
     near = threshold.astype(np.float32)
     below = np.nextafter(near, np.float32(-np.inf))

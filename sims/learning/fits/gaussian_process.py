@@ -17,9 +17,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
+from design.arrays import BoolArray
+from design.progress import OnStep
 from sims.learning.fits.beginning import begun
 from sims.learning.fits.trust import trust_of
 from sims.learning.inference.feature_scaling import FeatureScaling
@@ -31,10 +32,6 @@ from sims.learning.samples.press_samples import PressSamples
 from sims.learning.samples.scalings import standard_scaling
 from sims.learning.samples.settings import DEFAULT, FitSettings
 from sims.readings.dataset import PressData
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-OnStep = Callable[[str, float], None]
 
 LENGTH_TIMES_MEDIAN = (0.5, 1.0, 2.0, 4.0)
 NOISES = (0.03, 0.1, 0.3)

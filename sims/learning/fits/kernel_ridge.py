@@ -18,7 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
+from design.arrays import FloatArray
 from design.errors import InputError
+from design.progress import OnStep
 from sims.learning.fits.beginning import touch_told
 from sims.learning.fits.block_cholesky import substituted
 from sims.learning.fits.kernel_solve import factorise, method_for, solve_kernel
@@ -31,9 +33,6 @@ from sims.learning.samples.settings import DEFAULT, FitSettings
 from sims.learning.samples.splits import held_out, spread_samples
 from sims.learning.samples.training_data import TrainingData
 from sims.readings.dataset import PressData
-
-FloatArray = NDArray[np.float64]
-OnStep = Callable[[str, float], None]
 
 GAMMA_TIMES_MEDIAN = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 RIDGES = (1e-2, 1e-1, 1.0, 10.0)

@@ -17,7 +17,6 @@ lower triangle only, so that nothing else of its size exists.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -27,11 +26,10 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.spatial.distance import cdist
 
+from design.arrays import FloatArray
 from design.errors import InputError
+from design.progress import OnShare
 from sims.learning.fits.block_cholesky import factorise_in_place, substituted
-
-FloatArray = NDArray[np.float64]
-OnShare = Callable[[float], None]
 
 BLOCK_ROWS = 500
 CHECKED_ROWS = 1_000

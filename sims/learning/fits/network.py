@@ -9,14 +9,14 @@ Sources: Rumelhart, Hinton and Williams, Nature 323 (1986); Kingma and Ba, Adam,
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPRegressor
 
+from design.arrays import BoolArray, FloatArray
+from design.progress import OnShare, OnStep
 from sims.learning.fits.beginning import begun
 from sims.learning.fits.trust import trust_of
 from sims.learning.inference.network import Network, NetworkModel
@@ -25,10 +25,6 @@ from sims.learning.samples.model_header import trained_header
 from sims.learning.samples.scalings import standard_scaling
 from sims.learning.samples.settings import DEFAULT, FitSettings
 from sims.readings.dataset import PressData
-
-FloatArray = NDArray[np.float64]
-OnStep = Callable[[str, float], None]
-OnShare = Callable[[float], None]
 
 HIDDEN = (256, 128, 64)
 WEIGHT_DECAY = 1e-2
@@ -61,7 +57,7 @@ def fit_network(
         "epochs": settings.epochs,
     }
 
-    def fitted(used: NDArray[np.bool_], on_share: OnShare) -> Network:
+    def fitted(used: BoolArray, on_share: OnShare) -> Network:
         targets = (samples.press_mm[used] - mean_mm) / scale_mm
         features = scaling.features(samples.signals[used])
         return _network(features, targets, settings.epochs, int(rng.integers(2**31)), on_share)

@@ -29,10 +29,10 @@ from statistics import NormalDist
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.svm import LinearSVC
 
+from design.arrays import BoolArray, FloatArray, IntArray
 from sims.learning.inference.feature_scaling import FeatureScaling
 from sims.learning.inference.touch_svm import TouchSvm
 from sims.learning.samples.scalings import LEAST_SCALE_COUNTS, counts_scaling, standard_scaling
@@ -110,7 +110,7 @@ def untouched_limit(plane: TouchSvm, data: TrainingData) -> float:
     return float(np.mean([one.mean() for one in scores]) + NormalDist().inv_cdf(1.0 - FALSE_ALARMS) * spread)
 
 
-def _variance_between(plane: TouchSvm, means: NDArray[np.float64], emitters: int) -> float:
+def _variance_between(plane: TouchSvm, means: FloatArray, emitters: int) -> float:
     """Variance of the untouched score from set to set [-].
 
     Parameters
@@ -134,7 +134,7 @@ def _variance_between(plane: TouchSvm, means: NDArray[np.float64], emitters: int
     return float(of_gain * ((columns.T @ weights) ** 2).sum() + of_pair * (weights**2).sum())
 
 
-def _chosen(data: TrainingData, rng: np.random.Generator, most_samples: int) -> NDArray[np.int64]:
+def _chosen(data: TrainingData, rng: np.random.Generator, most_samples: int) -> IntArray:
     return spread_samples(data.press, data.press_mm[:, 2], min(most_samples, MOST_SAMPLES), rng)
 
 
@@ -146,7 +146,7 @@ def _plane(machine: LinearSVC, scaling: FeatureScaling) -> TouchSvm:
     )
 
 
-def _fitted(features: NDArray[np.float64], labels: NDArray[np.bool_], cost: float) -> tuple[LinearSVC, bool]:
+def _fitted(features: FloatArray, labels: BoolArray, cost: float) -> tuple[LinearSVC, bool]:
     """A machine, and whether its solver came to an end."""
     machine = LinearSVC(C=cost, dual=False, max_iter=MOST_ITERATIONS)
     with warnings.catch_warnings():

@@ -14,13 +14,11 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from sims.learning.inference.sigma_table import SigmaTable
 from sims.learning.samples.errors_mm import held_out_figures
 from sims.learning.samples.press_samples import PressSamples
-
-FloatArray = NDArray[np.float64]
 
 BINS = 10
 """Depth said is cut into so many shares of equal numbers of samples."""

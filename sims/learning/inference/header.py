@@ -7,11 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 LARGEST_NUMBER = 1e30
 """In a model's file: well within single precision, which many of its arrays are kept in."""

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.errors import InputError
 from sims.learning.inference.feature_scaling import scaling_of_arrays
 from sims.learning.inference.header import ModelHeader
-from sims.learning.inference.prediction import FloatArray
 from sims.learning.inference.sigma_table import sigma_table_of_arrays
 from sims.learning.inference.touch_model import Arrays, taken
 from sims.learning.inference.touch_svm import touch_svm_of_arrays

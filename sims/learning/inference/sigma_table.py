@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.errors import InputError
-from sims.learning.inference.prediction import FloatArray
 from sims.learning.inference.touch_model import Arrays, taken
 
 

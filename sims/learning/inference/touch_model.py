@@ -8,9 +8,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.errors import InputError
 from sims.learning.inference.header import LARGEST_NUMBER, ModelHeader
-from sims.learning.inference.prediction import FloatArray, Prediction
+from sims.learning.inference.prediction import Prediction
 
 Arrays = Mapping[str, NDArray[np.generic]]
 """The numbers of a model, by name; what its file holds beside the header."""
@@ -85,7 +86,7 @@ def prediction_of(
 
 def taken(
     arrays: Arrays, name: str, axes: tuple[int | None, ...], *, largest: float = LARGEST_NUMBER
-) -> NDArray[np.float64]:
+) -> FloatArray:
     """One array of numbers from a model's file, in double precision.
 
     Parameters

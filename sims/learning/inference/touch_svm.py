@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from sims.learning.inference.feature_scaling import FeatureScaling, scaling_of_arrays
-from sims.learning.inference.prediction import FloatArray
 from sims.learning.inference.touch_model import Arrays, taken
 
 

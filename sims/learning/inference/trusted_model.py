@@ -5,9 +5,10 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
+from design.arrays import FloatArray
 from sims.learning.inference.feature_scaling import FeatureScaling
 from sims.learning.inference.header import ModelHeader
-from sims.learning.inference.prediction import FloatArray, Prediction
+from sims.learning.inference.prediction import Prediction
 from sims.learning.inference.sigma_table import SigmaTable
 from sims.learning.inference.touch_model import Arrays, checked_signals, prediction_of
 from sims.learning.inference.touch_svm import TouchSvm

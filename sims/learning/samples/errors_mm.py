@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from design.arrays import FloatArray
+
 FROM_DEPTH_MM = 1.0
 """Lighter presses change few pairs: where they are is hardly in the signal, and would hide what a learner does."""
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray
 from sims.learning.samples.splits import held_out, spread_samples
 from sims.learning.samples.training_data import TrainingData
 
-FloatArray = NDArray[np.float64]
 HELD_OUT_SHARE = 0.2
 """Of the locations, for the table of trust."""
 
@@ -28,7 +27,7 @@ class PressSamples:
 
     signals: FloatArray
     press_mm: FloatArray
-    is_held_out: NDArray[np.bool_]
+    is_held_out: BoolArray
 
     def __len__(self) -> int:
         return len(self.press_mm)

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from sims.learning.inference.feature_scaling import FeatureScaling
 
-FloatArray = NDArray[np.float64]
 LEAST_SCALE_COUNTS = 1.0
 """About the noise of a reading less the off state (0.5 count each and the converter's steps): a pair whose signal
 varies less than that is not blown up."""

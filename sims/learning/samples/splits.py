@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from design.arrays import BoolArray, FloatArray, IntArray
 
 
 def held_out(location: IntArray, share: float, rng: np.random.Generator) -> BoolArray:
@@ -22,9 +20,7 @@ def held_out(location: IntArray, share: float, rng: np.random.Generator) -> Bool
     return np.asarray(np.isin(location, rng.permutation(numbers)[:count]))
 
 
-def spread_samples(
-    press: IntArray, depth_mm: NDArray[np.float64], count: int, rng: np.random.Generator
-) -> IntArray:
+def spread_samples(press: IntArray, depth_mm: FloatArray, count: int, rng: np.random.Generator) -> IntArray:
     """Numbers of at most ``count`` samples, spread over presses and depths, in rising order.
 
     Every press gives its share, taken at even steps along its depths from a start of its own: each press covers the

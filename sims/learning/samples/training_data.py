@@ -13,13 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray, IntArray
 from design.errors import InputError
 from sims.press.same_places import place_numbers
 from sims.readings.dataset import PressData
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 CLEARLY_UNTOUCHED_MM = -0.25
 """Frames above this depth touch nothing, whatever the reference depth's error."""

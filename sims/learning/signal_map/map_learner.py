@@ -16,16 +16,16 @@ which the model does not learn (`sims.learning.calibration` does).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from platform import python_version
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray
 from design.errors import InputError
+from design.progress import OnStep
 from design.spec import SensorDesign
 from sims.contact.force_curve import force_curve
 from sims.contact.indentation import solved_press
@@ -52,9 +52,6 @@ from sims.readings.dataset import PressData
 if TYPE_CHECKING:
     from sims.learning.learners import Learner
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-OnStep = Callable[[str, float], None]
 
 MAP_SEED = 104_729
 """Added to the seed for the map's light: simulated data have the seed itself, and must not share the map's errors."""

@@ -18,24 +18,20 @@ Left out: two tips at once.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray, IntArray
 from design.errors import InputError
 from design.geometry.cavity import Workspace, cavity_of
+from design.progress import OnStep
 from design.rules.contact_scope import NEAREST_WALL
 from design.spec import SensorDesign
 from sims.contact.scope import depth_limit_mm
 from sims.learning.inference.signal_map.tensor_spline import TensorSpline, fitted_spline
 from sims.optics.accuracy import Accuracy
 from sims.optics.tracing import trace
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-OnStep = Callable[[str, float], None]
 
 PITCH_MM = 1.0
 QUICK_PITCH_MM = 1.5

@@ -8,6 +8,7 @@ import sys
 import numpy as np
 from numba import njit
 
+from design.arrays import BoolArray, FloatArray, IntArray
 from sims.cache.compiling import listen_to_numba
 from sims.cache.kernels import entry_points
 from sims.optics.engine import states
@@ -19,7 +20,6 @@ from sims.optics.engine.scattered.orders import all_orders
 from sims.optics.engine.straight import direct, marches, polygon, rays
 from sims.optics.engine.straight.direct import flat_flux
 from sims.optics.kernel_types import ImageRules, Orders, Patches, StraightRules, UntouchedLight, UntouchedRays
-from sims.optics.scene.optical_scene import BoolArray, FloatArray, IntArray
 from sims.optics.surface import curves, radial, radial_table, top, top_grid
 from sims.optics.surface.top import Top
 

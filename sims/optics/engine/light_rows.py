@@ -19,14 +19,12 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray, IntArray
 from sims.cache.fingerprint import folder_fingerprint
 from sims.optics.accuracy import Accuracy
 from sims.optics.scene.optical_scene import OpticalScene
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 NAME_BYTES = 20
 FORMAT = 1
 """Version of a row's layout."""
@@ -62,7 +60,7 @@ class Tops(Protocol):
 def row_names(
     scene: OpticalScene,
     tops: Tops,
-    states: NDArray[np.int64],
+    states: IntArray,
     asked: BoolArray,
     settings: Accuracy,
     seed: int,

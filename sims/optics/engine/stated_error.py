@@ -11,12 +11,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from sims.optics.accuracy import Accuracy
 from sims.optics.engine.untouched import Untouched
-
-FloatArray = NDArray[np.float64]
 
 RULES_ERROR = 1e-4
 """Median error of pairs whose replicates agree: docs/validation/light.md [-]."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from design.arrays import BoolArray, FloatArray, IntArray
 from sims.optics.engine.mirrored.image_cells import BOX_COLUMNS, PATCH_COLUMNS, patch_boxes, patch_table
 from sims.optics.engine.mirrored.images import single_reflection
 from sims.optics.engine.scattered.diffuse import deposit, golden_shift
@@ -25,7 +26,6 @@ from sims.optics.engine.scattered.top_light import (
 from sims.optics.engine.straight.direct import direct_flux, misses_all, reach_of
 from sims.optics.engine.straight.rays import TIP
 from sims.optics.kernel_types import ImageRules, Orders, Patches, StraightRules, UntouchedLight, UntouchedRays
-from sims.optics.scene.optical_scene import BoolArray, FloatArray, IntArray
 from sims.optics.surface.curves import OUTER_R
 from sims.optics.surface.radial import array_kernel, kernel
 from sims.optics.surface.top import FIELD_ON, Top, is_touched

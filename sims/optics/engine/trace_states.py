@@ -48,8 +48,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray, IntArray
 from sims.optics.accuracy import ACCURACIES, LADDER, Accuracy, accuracy_of, checked_target
 from sims.optics.engine.formed.formed_lower import FormedStack, check_formed, stack_formed
 from sims.optics.engine.formed.trace_formed import trace_formed
@@ -66,7 +66,6 @@ from sims.press.indentation import Indentation
 
 __all__ = ["ACCURACIES", "CLASS_NAMES", "Accuracy", "RawLight", "trace_scene"]
 
-FloatArray = NDArray[np.float64]
 CLASS_NAMES = ("direct", "top", "skirt", "wall", "diffuse")
 BATCH_STATES = 32
 OF_CLASSES = slice(0, len(CLASS_NAMES))
@@ -93,7 +92,7 @@ class RawLight:
     standard_error: FloatArray
     change_error: FloatArray
     relative_error: FloatArray
-    is_met: NDArray[np.bool_]
+    is_met: BoolArray
 
 
 def trace_scene(
@@ -105,7 +104,7 @@ def trace_scene(
     classes: StateClasses | None = None,
     accuracy: str | float | Accuracy = "standard",
     seed: int = 0,
-    pairs: NDArray[np.bool_] | None = None,
+    pairs: BoolArray | None = None,
     on_step: Callable[[int, int], None] | None = None,
     kept: KeptRows | None = None,
 ) -> RawLight:
@@ -173,7 +172,7 @@ def trace_tops(
     *,
     accuracy: str | float | Accuracy = "standard",
     seed: int = 0,
-    pairs: NDArray[np.bool_] | None = None,
+    pairs: BoolArray | None = None,
     on_step: Callable[[int, int], None] | None = None,
     kept: KeptRows | None = None,
 ) -> RawLight:
@@ -229,8 +228,8 @@ class _Work:
     """
 
     tops: Tops
-    states: NDArray[np.int64]
-    asked: NDArray[np.bool_]
+    states: IntArray
+    asked: BoolArray
     settings: Accuracy
     seed: int
 
@@ -270,9 +269,7 @@ def _names(work: _Work, kept: KeptRows) -> list[list[bytes]]:
     return names
 
 
-def _read(
-    rows: FloatArray, wanted: NDArray[np.bool_], names: list[list[bytes]], kept: KeptRows
-) -> NDArray[np.bool_]:
+def _read(rows: FloatArray, wanted: BoolArray, names: list[list[bytes]], kept: KeptRows) -> BoolArray:
     """(n, emitter) which of the wanted rows are kept; those are filled in."""
     places = [(int(k), int(i)) for k, i in np.argwhere(wanted)]
     found = kept.read([names[k][i] for k, i in places])
@@ -284,7 +281,7 @@ def _read(
     return there
 
 
-def _traced_rows(work: _Work, part: NDArray[np.int64], wanted: NDArray[np.bool_]) -> FloatArray:
+def _traced_rows(work: _Work, part: IntArray, wanted: BoolArray) -> FloatArray:
     """(n, emitter, line, receiver) rows of some states."""
     rows = np.empty((*wanted.shape[:2], ROW, wanted.shape[2]))
     scene, stack = work.tops.scene, work.tops.stack
@@ -328,7 +325,7 @@ def _classes(
     return state_classes(scene, np.nan_to_num(centres_mm).reshape(len(pressed), -1, 2), press_keys(pressed))
 
 
-def _class_pairs(wanted: NDArray[np.bool_], classes: StateClasses) -> NDArray[np.bool_]:
+def _class_pairs(wanted: BoolArray, classes: StateClasses) -> BoolArray:
     """(class, emitter, receiver) every pair that some state of a class wants."""
     asked = np.zeros((len(classes.first), *wanted.shape[1:]), dtype=np.bool_)
     for state, number in enumerate(classes.member):
@@ -336,14 +333,14 @@ def _class_pairs(wanted: NDArray[np.bool_], classes: StateClasses) -> NDArray[np
     return asked
 
 
-def _pooled(share: FloatArray, asked: NDArray[np.bool_]) -> FloatArray:
+def _pooled(share: FloatArray, asked: BoolArray) -> FloatArray:
     """(state,) root mean square over the asked pairs of a (state, emitter, receiver) share."""
     count = np.maximum(asked.sum(axis=(1, 2)), 1)
     return np.asarray(np.sqrt(np.where(asked, share**2, 0.0).sum(axis=(1, 2)) / count))
 
 
 def _trace_batch(
-    wanted: NDArray[np.bool_], tops: TopStack, part: NDArray[np.int64], fixed: Untouched, settings: Accuracy
+    wanted: BoolArray, tops: TopStack, part: IntArray, fixed: Untouched, settings: Accuracy
 ) -> tuple[FloatArray, FloatArray]:
     """(state, replicate, class, emitter, receiver) flux, and (state, replicate, emitter, receiver) mirrored once."""
     from sims.optics.engine.compiled import trace_further, trace_once

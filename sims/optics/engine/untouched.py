@@ -8,8 +8,8 @@ from dataclasses import fields as dataclass_fields
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray, IntArray
 from sims.optics.accuracy import Accuracy
 from sims.optics.kernel_types import StraightRules
 from sims.optics.scene.optical_scene import OpticalScene
@@ -18,8 +18,7 @@ from sims.optics.scene.pad_form import PadForm
 if TYPE_CHECKING:
     from sims.optics.surface.top import Top
 
-FloatArray = NDArray[np.float64]
-Orders = tuple[NDArray[np.int64], FloatArray, FloatArray]
+Orders = tuple[IntArray, FloatArray, FloatArray]
 Kept = TypeVar("Kept")
 POINT_SEED = 20170603
 PATCH_MM = 2.0
@@ -62,7 +61,7 @@ class UnshiftedPad:
     joined: FloatArray
     orders: Orders
     points: FloatArray
-    layout: NDArray[np.int64]
+    layout: IntArray
     areas: FloatArray
     reflectances: FloatArray
 
@@ -147,7 +146,7 @@ def packed(scene: OpticalScene) -> tuple[FloatArray, FloatArray, FloatArray]:
     return box, _with_table(emitters, scene.emitter_pattern), _with_table(receivers, response)
 
 
-def _clipped(walls: NDArray[np.int64], patches: FloatArray, orders: FloatArray, height: float) -> FloatArray:
+def _clipped(walls: IntArray, patches: FloatArray, orders: FloatArray, height: float) -> FloatArray:
     low = np.clip(patches[:, 1] - patches[:, 3], 0.0, height)
     high = np.clip(patches[:, 1] + patches[:, 3], 0.0, height)
     full_area = 4 * patches[:, 2] * patches[:, 3]
@@ -192,7 +191,7 @@ class _Parts:
     reflectances: FloatArray
 
     def deposits(
-        self, shift: FloatArray, count: int, layout: NDArray[np.int64]
+        self, shift: FloatArray, count: int, layout: IntArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Deposits of emitters and of receivers, and wall-mirrored flux."""
         from sims.optics.engine import compiled
@@ -203,9 +202,7 @@ class _Parts:
         taken, _ = compiled.untouched_deposits(self.receivers, True, *rest, first_r, layout)
         return given, taken, seen
 
-    def joined(
-        self, given: FloatArray, taken: FloatArray, layout: NDArray[np.int64], areas: FloatArray
-    ) -> FloatArray:
+    def joined(self, given: FloatArray, taken: FloatArray, layout: IntArray, areas: FloatArray) -> FloatArray:
         """(emitter, receiver) once-scattered flux."""
         from sims.optics.engine import compiled
 
@@ -215,7 +212,7 @@ class _Parts:
         self,
         given: FloatArray,
         taken: FloatArray,
-        patches: tuple[NDArray[np.int64], FloatArray],
+        patches: tuple[IntArray, FloatArray],
         orders: Orders,
     ) -> FloatArray:
         """(emitter, receiver) scattered flux of all orders."""

@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from sims.optics.oracle.border import fresnel_reflectance, refracted_direction
 from sims.optics.oracle.chance import draw, lobe_direction
 from sims.optics.oracle.scene import (
@@ -28,8 +28,6 @@ from sims.optics.oracle.scene import (
 )
 from sims.optics.oracle.surface import NOTHING
 from sims.optics.oracle.top import Top, tip_met, top_entry
-
-FloatArray = NDArray[np.float64]
 
 BACK_INSIDE, OVER_THE_WALLS, ON_A_TIP, ON_A_WALL, GIVEN_UP = range(5)
 """How a flight in air ends."""

@@ -10,6 +10,7 @@ import sys
 import numpy as np
 from numba import prange
 
+from design.arrays import BoolArray, FloatArray
 from sims.cache.compiling import listen_to_numba
 from sims.cache.kernels import entry_points
 from sims.optics.oracle import (
@@ -30,7 +31,6 @@ from sims.optics.oracle.chance import ray_stream
 from sims.optics.oracle.scene import Scene
 from sims.optics.oracle.top import Top
 from sims.optics.oracle.walk import CROSSING, FATES, UNSUBMERGED, VOLUME, walk
-from sims.optics.scene.optical_scene import BoolArray, FloatArray
 
 MODULES = (
     air,

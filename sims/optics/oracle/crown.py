@@ -9,14 +9,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from sims.optics.oracle.heights import SummedSurface, crown_fall
 from sims.optics.oracle.march import is_under_sum, summed_hit
-
-FloatArray = NDArray[np.float64]
 
 
 class CrownedTop(NamedTuple):

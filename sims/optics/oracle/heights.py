@@ -38,15 +38,14 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from design.arrays import FloatArray, IntArray
 from design.errors import ModelScopeError
 from sims.optics.oracle.profile import SEAM_MM, check_indentation, free_curve
 from sims.optics.scene.smooth_field import SmoothField
 from sims.press.indentation import Indentation
 
-FloatArray = NDArray[np.float64]
 Tip = tuple[FloatArray, Indentation]
 
 STEEPEST, SPHERE_KNOTS = 30.0, 97
@@ -129,7 +128,7 @@ class SummedSurface(NamedTuple):
     highest: float
     tips: FloatArray
     curve: FloatArray
-    starts: NDArray[np.int64]
+    starts: IntArray
     bends: FloatArray
     origin: FloatArray
     step: FloatArray
@@ -260,9 +259,7 @@ def _cubic_pieces(knots: FloatArray) -> FloatArray:
     return np.column_stack([knots[:-1, 0], spline.c[::-1].T])
 
 
-def _rings(
-    row: tuple[float, ...], pieces: FloatArray, mean_radius_mm: float
-) -> tuple[NDArray[np.int64], FloatArray]:
+def _rings(row: tuple[float, ...], pieces: FloatArray, mean_radius_mm: float) -> tuple[IntArray, FloatArray]:
     """For each ring the first piece that reaches into it, and the bound of curvature."""
     edge, contact, sphere = row[EDGE], row[CONTACT_RADIUS], row[SPHERE]
     border = np.linspace(0.0, edge, BINS + 1)

@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.errors import InputError
 from sims.optics.oracle.heights import REACH_SHARE
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.scene.pad_form import PadForm
-
-FloatArray = NDArray[np.float64]
 
 UNIT_TOLERANCE = 1e-9
 """Rounding of unit vectors and of places that lie on a wall [-, mm]."""

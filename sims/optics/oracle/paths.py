@@ -10,8 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from design.arrays import BoolArray, FloatArray
 from design.errors import InputError
 from sims.optics.oracle.compiled import next_path
 from sims.optics.oracle.scene import lower_scene
@@ -20,9 +21,6 @@ from sims.optics.oracle.tracer import check_seed
 from sims.optics.oracle.walk import FATES
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.scene.smooth_field import SmoothField
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 LOST = -1
 """In place of a receiver's number: light that no receiver gets."""

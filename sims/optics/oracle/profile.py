@@ -10,12 +10,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.errors import InputError
 from sims.press.indentation import Indentation
-
-FloatArray = NDArray[np.float64]
 
 SEAM_MM = 1e-6
 """Overlap of neighbouring pieces of a surface [mm], so that no ray slips through a seam; points nearer are one."""

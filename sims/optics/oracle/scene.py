@@ -11,16 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray, IntArray
 from design.errors import InputError
 from sims.optics.oracle.chance import pattern_shares
 from sims.optics.oracle.heights import crown_fall
 from sims.optics.oracle.outline import UNIT_TOLERANCE, check_form, rectangle_walls, wall_runs
 from sims.optics.scene.optical_scene import OpticalScene
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 NO_FACE, BOTTOM_FACE, ROUND_FACE = -1, -2, -3
 """Faces besides the flat walls, which are numbered from 0."""

@@ -26,13 +26,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from design.arrays import FloatArray
 from sims.optics.oracle.profile import SEAM_MM, check_indentation, free_curve
 from sims.press.indentation import Indentation
-
-FloatArray = NDArray[np.float64]
 
 TURN_LIMIT = 0.01
 """Largest turn of the curve within one straight piece [rad]."""

@@ -19,8 +19,9 @@ from typing import Any
 import numpy as np
 from numba import njit
 from numba.extending import overload
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from design.arrays import FloatArray
 from design.errors import InputError, ModelScopeError
 from sims.optics.oracle.crown import (
     CrownedTop,
@@ -47,7 +48,6 @@ from sims.optics.scene.pad_form import PadForm
 from sims.optics.scene.smooth_field import SmoothField
 from sims.press.indentation import Indentation
 
-FloatArray = NDArray[np.float64]
 Presses = Indentation | None | Sequence[Indentation | None]
 """What presses on the pad in one state: one tip, none, or one press or None for each tip."""
 

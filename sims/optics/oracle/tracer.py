@@ -30,8 +30,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from design.arrays import FloatArray
 from design.errors import InputError
 from sims.optics.oracle.compiled import trace_emitter
 from sims.optics.oracle.scene import lower_scene
@@ -39,8 +40,6 @@ from sims.optics.oracle.top import Presses, lower_presses
 from sims.optics.oracle.walk import CROSSING, FATES
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.scene.smooth_field import SmoothField
-
-FloatArray = NDArray[np.float64]
 
 CLASSES = FATES[: CROSSING + 1]
 """Classes of received light, in the order of `OracleLight.flux`."""

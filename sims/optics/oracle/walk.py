@@ -27,8 +27,8 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from sims.optics.oracle.air import BACK_INSIDE, NUDGE_MM, ON_A_TIP, ON_A_WALL, OVER_THE_WALLS, fly, record
 from sims.optics.oracle.border import fresnel_reflectance, refracted_direction
 from sims.optics.oracle.chance import direction_about, draw, lobe_direction, pattern_cosine, table_value
@@ -43,8 +43,6 @@ from sims.optics.oracle.scene import (
 )
 from sims.optics.oracle.surface import CONTACT, NOTHING
 from sims.optics.oracle.top import Top, is_in_elastomer, is_steep, is_untouched, top_exit
-
-FloatArray = NDArray[np.float64]
 
 FATES = (
     "direct",

@@ -30,13 +30,11 @@ epoxy's side faces, polarisation.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.parts.angular import AngularTable
 from design.parts.catalog import Part
 from sims.optics.scene.emission import COSINE_NODES, cosine_nodes
-
-FloatArray = NDArray[np.float64]
 
 FARTHEST_DEG = 80.0
 """Towards grazing a sheet divides one small number by another; beyond 80 degrees a sheet says little."""

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray, IntArray
 from design.errors import InputError
 from sims.optics.scene.emission import pattern_power
-from sims.optics.scene.optical_scene import FloatArray, OpticalScene
+from sims.optics.scene.optical_scene import OpticalScene
 
 WALLS = 4
 POWER_TOLERANCE = 1e-6
@@ -36,9 +36,7 @@ def check_scene(scene: OpticalScene) -> None:
         _require("wall_index", scene.wall_index, 1.0, 4.0)
 
 
-def wanted_pairs(
-    pairs: NDArray[np.bool_] | None, states: int, emitters: int, receivers: int
-) -> NDArray[np.bool_]:
+def wanted_pairs(pairs: BoolArray | None, states: int, emitters: int, receivers: int) -> BoolArray:
     """(state, emitter, receiver) mask of pairs to trace, from None, one mask, or one per state."""
     if pairs is None:
         return np.ones((states, emitters, receivers), dtype=np.bool_)
@@ -59,9 +57,7 @@ def _require(name: str, value: float, low: float, high: float, *, open_low: bool
         )
 
 
-def _check_patches(
-    kind: str, walls: NDArray[np.int64], patches: NDArray[np.float64], scene: OpticalScene
-) -> None:
+def _check_patches(kind: str, walls: IntArray, patches: FloatArray, scene: OpticalScene) -> None:
     if np.ndim(walls) != 1 or len(walls) == 0 or np.shape(patches) != (len(walls), 4):
         raise InputError(
             f"{kind}_patch: shape {np.shape(patches)}, needs ({np.size(walls)}, 4) and one or more"

@@ -14,12 +14,10 @@ refraction at its face is left out (a Lambertian source behind a flat face stays
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.errors import InputError
 from design.parts.angular import AngularTable
-
-FloatArray = NDArray[np.float64]
 
 COSINE_NODES = 129
 GRAZING_NODES = 32

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from design.arrays import FloatArray, IntArray
 from design.geometry.cavity import PlacedPart, cavity_of
 from design.geometry.plan import Plan
 from design.spec import SensorDesign
 from design.spec.properties import absorption_coefficient_per_mm, emitter_order, refractive_index, wall_index
 from sims.optics.scene.acceptance import response_nodes
 from sims.optics.scene.emission import COSINE_NODES, table_pattern
-from sims.optics.scene.optical_scene import FloatArray, IntArray, OpticalScene
+from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.scene.pad_form import PadForm
 
 

@@ -20,9 +20,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[np.float64]
+from design.arrays import FloatArray
 
 WALL_COLUMNS = ("x", "y", "tx", "ty", "nx", "ny")
 

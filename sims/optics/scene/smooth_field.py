@@ -15,11 +15,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray, IntArray
 from design.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 MIN_CELLS = 4
 """A bicubic spline needs four points a side; one cell more keeps its ends apart."""
@@ -159,7 +157,7 @@ def _spline_slopes(count: int, size: float, finer: int) -> FloatArray:
     return np.asarray(CubicSpline(t, np.eye(count))(t[::finer], 1))
 
 
-def _cell(place: FloatArray, origin: float, step: float, count: int) -> tuple[FloatArray, NDArray[np.int64]]:
+def _cell(place: FloatArray, origin: float, step: float, count: int) -> tuple[FloatArray, IntArray]:
     """Fraction within, and number of, the cell of a place; the fraction leaves 0 to 1 outside the grid."""
     t = (place - origin) / step
     cell = np.clip(np.floor(t), 0, count - 2).astype(np.int64)

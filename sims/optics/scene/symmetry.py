@@ -14,14 +14,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray, IntArray
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.scene.pad_form import PadForm
 from sims.press.indentation import Indentation
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 SAME_PLACE_MM = 1e-6
 """Two places are one when they agree to this: patterns make them agree to round-off."""
 SAME_WAY = 1e-9

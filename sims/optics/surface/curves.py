@@ -35,15 +35,13 @@ from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import Akima1DInterpolator
 
+from design.arrays import FloatArray
 from design.errors import InputError, ModelScopeError
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.surface.radial_table import CELLS, LEVELS, PIECE_COLUMNS, RadialTable, radial_table
 from sims.press.indentation import Indentation
-
-FloatArray = NDArray[np.float64]
 
 MAX_SLOPE = 30.0
 CUT_HEIGHT_MM = 5e-5

@@ -14,8 +14,8 @@ from typing import Any
 
 from numba import njit
 
+from design.arrays import FloatArray
 from sims.optics.kernel_types import KernelDecorator
-from sims.optics.scene.optical_scene import FloatArray
 from sims.optics.surface.curves import (
     CONTACT,
     CONTACT_PARTS,

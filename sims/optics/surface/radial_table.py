@@ -16,10 +16,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
-FloatArray = NDArray[np.float64]
+from design.arrays import FloatArray
 
 CELLS = 320
 LEVELS = 64

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from sims.optics.scene.optical_scene import FloatArray
+from design.arrays import FloatArray
 from sims.optics.surface.curves import ACTIVE, COLUMNS, CONTACT_R, FIELD_COLUMNS, OUTER_R, SKIRT_R, TOP, X, Y
 from sims.optics.surface.radial import distance, height, height_and_turn, height_turn_bend, inlined, kernel
 

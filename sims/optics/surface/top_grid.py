@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from sims.optics.scene.optical_scene import FloatArray
+from design.arrays import FloatArray
 from sims.optics.surface.curves import ACTIVE, CONTACT_R, X, Y
 from sims.optics.surface.radial import array_kernel, contact_radius_2, kernel
 from sims.optics.surface.top import Top, surface_bend, surface_gradient

@@ -15,8 +15,8 @@ from functools import cache
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray, IntArray
 from design.errors import InputError, ModelScopeError
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.scene.smooth_field import SmoothField
@@ -37,7 +37,6 @@ from sims.optics.surface.radial_table import CELLS, PIECE_COLUMNS, lowest_of_pie
 from sims.optics.surface.top import FIELD_BEND, FIELD_LOWEST, FIELD_ON, FIELD_SLOPE, SLACK
 from sims.press.indentation import Indentation
 
-FloatArray = NDArray[np.float64]
 Presses = Sequence[Indentation | Sequence[Indentation | None] | None]
 SUBDIVISION = 2
 SLOPE_RESERVE, BEND_RESERVE = 1.1, 1.2
@@ -60,7 +59,7 @@ class TopStack:
     field: FloatArray
     step_mm: FloatArray
 
-    def part(self, states: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
+    def part(self, states: IntArray) -> tuple[FloatArray, FloatArray]:
         """Arrays of some states in the order of `sims.optics.surface.top.Top`."""
         return self.rows[states], _cells(self.field[states], self.step_mm)
 

@@ -6,12 +6,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.patches import Circle, Patch, Polygon, Rectangle
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.geometry.cavity import CavityGeometry, Workspace
 from design.geometry.plan import Plan
-
-FloatArray = NDArray[np.float64]
 
 ROUND_POINTS = 96
 """Corners that a round wall is drawn with: it stands out between two of them by 5e-4 of its radius."""

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.geometry.plan import Plan
 from design.spec import SensorDesign
 from sims.contact.pad_surface import curve_height_mm
@@ -22,7 +22,6 @@ from sims.contact.tip import tip_of
 from sims.optics.scene.lower import scene_of
 from sims.press.indentation import Indentation
 
-FloatArray = NDArray[np.float64]
 Place = tuple[float, float]
 
 CUT_POINTS = 500

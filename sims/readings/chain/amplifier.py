@@ -13,8 +13,8 @@ resistor's thermal noise, which no data sheet of a chosen amplifier allows to be
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.circuit.pins import board_of
 from design.circuit.transimpedance import emitted_mw, feedbacks_of, responsivity_at
 from design.geometry.cavity import cavity_of
@@ -22,7 +22,6 @@ from design.parts.assumptions import assumption
 from design.spec import SensorDesign
 from sims.readings.readout import Readout
 
-FloatArray = NDArray[np.float64]
 ELECTRON_C = 1.602176634e-19
 """Charge of the electron, exact in the SI [C]."""
 F_PER_PF = 1e-12

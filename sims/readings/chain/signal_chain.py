@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.circuit.pins import board_of
 from design.circuit.timing import MS_PER_S, US_PER_S, conversion_time_ms
 from design.geometry.cavity import cavity_of
@@ -31,7 +32,6 @@ from design.spec.noise import PURE, Noise
 from sims.readings.chain.amplifier import relative_power, shot_variance_per_count
 from sims.readings.readout import Readout
 
-FloatArray = NDArray[np.float64]
 S_PER_HOUR = 3600.0
 
 

@@ -17,12 +17,10 @@ walls the bond goes, and the change of force and shape.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.errors import ModelScopeError
 from design.spec import SensorDesign
-
-FloatArray = NDArray[np.float64]
 
 
 def unbonded_share(

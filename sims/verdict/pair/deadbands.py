@@ -23,8 +23,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from design.arrays import FloatArray
 from design.errors import InputError
 from sims.verdict.pair.defaults import (
     DEADBAND_MIN_LENGTH_MM,
@@ -36,8 +37,6 @@ from sims.verdict.pair.defaults import (
 from sims.verdict.pair.depth_curve import between, require_depths_mm, require_samples
 from sims.verdict.pair.noise_units import noise_units
 from sims.verdict.pair.window_range import Interval, flat_intervals_mm, smallest_range
-
-FloatArray = NDArray[np.float64]
 
 
 def deadband_intervals_mm(

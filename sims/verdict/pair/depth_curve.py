@@ -7,11 +7,10 @@ it does not depend on any finer grid. What the samples themselves miss between t
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from design.arrays import FloatArray
 from design.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 
 def require_depths_mm(depth_mm: ArrayLike) -> FloatArray:

@@ -21,14 +21,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
+from design.arrays import FloatArray
 from design.errors import InputError
 from sims.verdict.pair.defaults import MODE_TOLERANCE
 from sims.verdict.pair.depth_curve import require_depths_mm, require_samples
 
-FloatArray = NDArray[np.float64]
 HALVINGS = 50
 """Halvings of a segment until the crossing is known to round-off."""
 

@@ -15,13 +15,12 @@ Source: Bartlett, "The use of transformations", Biometrics 3 (1947); default fig
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from design.arrays import FloatArray
 from design.errors import InputError
 from design.spec import SensorDesign
 from sims.verdict.pair.defaults import QUANTISATION_VARIANCE, READ_NOISE_COUNTS, RELATIVE_NOISE
-
-FloatArray = NDArray[np.float64]
 
 _SERIES_BELOW = 1e-8  # there asinh(x)/x and sinh(x)/x differ from 1 by x²/6 < 2e-17, less than rounding
 

@@ -13,8 +13,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from design.arrays import FloatArray
 from design.errors import InputError
 from sims.verdict.pair.deadbands import (
     continuity,
@@ -37,8 +38,6 @@ from sims.verdict.pair.modes import Modes, find_modes
 from sims.verdict.pair.noise_units import noise_units
 from sims.verdict.pair.trace_noise import noise_margin, widened_threshold
 from sims.verdict.pair.window_range import Interval
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

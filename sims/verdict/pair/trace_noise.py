@@ -17,8 +17,9 @@ so they cannot be subtracted in quadrature. What is given instead:
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from design.arrays import FloatArray
 from design.errors import InputError
 from sims.verdict.pair.defaults import (
     DEADBAND_THRESHOLD,
@@ -30,8 +31,6 @@ from sims.verdict.pair.defaults import (
 from sims.verdict.pair.depth_curve import between, require_depths_mm, require_samples
 from sims.verdict.pair.noise_units import sigma_counts
 from sims.verdict.pair.window_range import Interval
-
-FloatArray = NDArray[np.float64]
 
 
 def samples_between(depth_mm: FloatArray, start_mm: float, end_mm: float) -> slice:

@@ -14,11 +14,10 @@ which follows in closed form; the smallest range of a cell is the lowest point o
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray
 from sims.verdict.pair.depth_curve import interpolated
 
-FloatArray = NDArray[np.float64]
 Interval = tuple[float, float]
 
 GOLDEN = (5.0**0.5 - 1.0) / 2.0
@@ -144,7 +143,7 @@ def _range_lines(
 
 def _inner_extremes(
     depth_mm: FloatArray, units: FloatArray, start_mm: FloatArray, length_mm: float
-) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Smallest and largest sample strictly inside each window, and which windows hold none."""
     begin = np.searchsorted(depth_mm, start_mm, side="right")
     stop = np.searchsorted(depth_mm, start_mm + length_mm, side="left")

@@ -15,8 +15,8 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray
 from design.io import load_design
 from design.spec import SensorDesign
 from sims.contact import indent
@@ -24,8 +24,6 @@ from sims.optics.scene.lower import scene_of
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.surface.analytic import compact_dimple
 from sims.press.indentation import Indentation
-
-FloatArray = NDArray[np.float64]
 
 DESIGN_FILE = Path(__file__).with_name("light-benchmark.toml")
 DEPTHS_MM = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0)
@@ -66,7 +64,7 @@ def benchmark_scene() -> OpticalScene:
     return scene_of(benchmark_design())
 
 
-def different_walls(scene: OpticalScene) -> NDArray[np.bool_]:
+def different_walls(scene: OpticalScene) -> BoolArray:
     """(emitter, receiver) whether a pair faces each other from two walls: the pairs that are judged."""
     return np.asarray(scene.emitter_wall[:, None] != scene.receiver_wall[None, :])
 

@@ -8,8 +8,8 @@ from time import process_time
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from sims.optics.engine.straight.rays import top_hit
 from sims.optics.surface.radial import wall_hit
 from sims.optics.surface.top import Top
@@ -18,8 +18,6 @@ from sims.press.indentation import Indentation
 from tests.bench.measures import forward_walk
 from tests.bench.measures.benchmark_states import benchmark_scene
 from tests.bench.measures.surface_mesh import box_mesh, top_mesh
-
-FloatArray = NDArray[np.float64]
 
 START_MM = 1e-4
 """Embree starts this far along each ray, off the wall that it leaves [mm]."""

@@ -8,13 +8,12 @@ from time import process_time
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray
 from sims.optics.engine.trace_states import Accuracy, trace_scene
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.press.indentation import Indentation
 
-FloatArray = NDArray[np.float64]
 Setting = str | float | Accuracy
 
 SEEDS = (11, 12, 13, 14, 15, 16)
@@ -36,7 +35,7 @@ class Cost:
     seconds: float
     error: FloatArray
 
-    def worst(self, pairs: NDArray[np.bool_]) -> float:
+    def worst(self, pairs: BoolArray) -> float:
         """Largest error of the wanted pairs."""
         return float(self.error[pairs].max())
 
@@ -83,7 +82,7 @@ def costs(
     return found
 
 
-def cheapest(found: Sequence[Cost], limit: float, pairs: NDArray[np.bool_]) -> Cost:
+def cheapest(found: Sequence[Cost], limit: float, pairs: BoolArray) -> Cost:
     """The cheapest setting whose worst wanted pair is within a relative error."""
     good = [cost for cost in found if cost.worst(pairs) <= limit]
     if not good:

@@ -18,12 +18,10 @@ from time import process_time
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.press.indentation import Indentation
-
-FloatArray = NDArray[np.float64]
 
 SHORTEST_MM = 0.02
 FAINT, KEPT = 1e-3, 0.1
@@ -56,13 +54,13 @@ class Walked:
     seconds: float
     groups: FloatArray | None = None
 
-    def rays_for(self, relative_error: float, pairs: NDArray[np.bool_]) -> FloatArray:
+    def rays_for(self, relative_error: float, pairs: BoolArray) -> FloatArray:
         """(e,) rays until the worst wanted pair of an emitter has this relative standard error."""
         flux = np.where(pairs & (self.flux > 0.0), self.flux, np.inf)
         relative = np.where(pairs, self.variance, 0.0) / flux**2
         return np.asarray(relative.max(axis=1) / relative_error**2)
 
-    def seconds_for(self, relative_error: float, pairs: NDArray[np.bool_]) -> float:
+    def seconds_for(self, relative_error: float, pairs: BoolArray) -> float:
         """Processor time for it, each emitter traced for as long as its own worst pair needs."""
         each = self.seconds / (self.rays * len(self.flux))
         return float(self.rays_for(relative_error, pairs).sum() * each)

@@ -9,13 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, RectBivariateSpline
 
+from design.arrays import FloatArray, IntArray
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.scene.pad_form import PadForm
 from sims.press.indentation import Indentation
 from tests.bench.measures.forward_walk import dimple_row
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 GRID = 192
 """Squares along each side of the top; two triangles each, 73,728 in all."""

@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
+from design.arrays import FloatArray
 from design.errors import InputError
 from design.preset import preset
 from sims.contact.viscoelastic import StandardLinearSolid, loop_energy_mj, solid_of, viscoelastic_load_n
 
-FloatArray = NDArray[np.float64]
 SOLID = StandardLinearSolid(relaxed_share=0.3, time_constant_s=2.0)
 EXCESS = 0.3 / 0.7
 ROUNDING = 1e-12

@@ -15,14 +15,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from design.arrays import BoolArray, FloatArray
 from sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
 from sims.optics.oracle.tracer import CLASSES, trace_oracle
 from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene, shank_press
-
-FloatArray = NDArray[np.float64]
 
 STATES = {
     "flat": ((16.0, 16.0), None),
@@ -65,7 +63,7 @@ class Comparison:
     variance: FloatArray
     rays: int
 
-    def pulls(self, state: int, wanted: NDArray[np.bool_]) -> FloatArray:
+    def pulls(self, state: int, wanted: BoolArray) -> FloatArray:
         """Differences in combined standard errors; the faint pairs as one."""
         oracle, fast, variance = (x[state][wanted] for x in (self.oracle, self.fast, self.variance))
         faint = fast * self.rays < 25.0
@@ -74,7 +72,7 @@ class Comparison:
         assert (parts[0][~keep] == 0.0).all()
         return np.asarray((parts[1] - parts[0])[keep] / np.sqrt(parts[2][keep]))
 
-    def sum_pull(self, state: int, wanted: NDArray[np.bool_]) -> float:
+    def sum_pull(self, state: int, wanted: BoolArray) -> float:
         """Difference of the sums in combined standard errors."""
         difference = (self.fast - self.oracle)[state][wanted].sum()
         return float(difference / np.sqrt(self.variance[state][wanted].sum()))

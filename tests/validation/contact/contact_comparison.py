@@ -16,13 +16,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from design.arrays import FloatArray
 from sims.press.indentation import Indentation
 from tests.validation.contact.contact_reference import ReferenceState, contact_edge, sampled_curve
-
-FloatArray = NDArray[np.float64]
 
 NEAR_RADIUS = 3.0
 """Radius to which surfaces are compared [tip radii]: 9 mm for a 3 mm tip."""

@@ -21,11 +21,10 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from tests.validation.elements.layer_mesh import Grading
 from tests.validation.elements.press_oracle import Press
 from tests.validation.elements.tip_outlines import sphere_tip
-
-FloatArray = NDArray[np.float64]
 
 STORED = Path(__file__).with_name("contact_reference.npz")
 BUILD = Path(__file__).parents[3] / "build" / "validation"

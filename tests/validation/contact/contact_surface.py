@@ -21,7 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from tests.validation.elements.hyperelastic import FloatArray, IntArray, scattered
+from design.arrays import FloatArray, IntArray
+from tests.validation.elements.hyperelastic import scattered
 
 GapFunction = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 """Points (..., dimension) -> distance (...), its gradient (..., dimension), its Hessian (..., dimension, dimension)."""

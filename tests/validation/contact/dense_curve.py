@@ -12,13 +12,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
+from design.arrays import FloatArray
 from sims.optics.surface.curves import TAIL_MM
 from sims.press.indentation import Indentation
-
-FloatArray = NDArray[np.float64]
 
 POINTS_A_PIECE = 8
 TAIL_POINTS = 80

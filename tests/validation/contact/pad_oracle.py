@@ -20,14 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CloughTocher2DInterpolator
 
+from design.arrays import FloatArray
 from design.preset import preset
 from design.spec import SensorDesign
 from tests.validation.contact.contact_reference import BUILD, POISSON_RATIO, reference_state
 from tests.validation.elements.block_oracle import BlockGrading, BlockPress, Walls
 from tests.validation.elements.continuation import interpolated
 from tests.validation.elements.newton import OracleError
-
-FloatArray = NDArray[np.float64]
 
 STORED = Path(__file__).with_name("pad_oracle.npz")
 TIP_RADIUS_MM = 3.0

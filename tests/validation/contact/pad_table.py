@@ -21,8 +21,8 @@ from pathlib import Path
 import numba
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray
 from design.geometry.cavity import cavity_of
 from design.geometry.pairs import direct_path_pairs
 from sims.contact.indentation import modulus_mpa
@@ -44,8 +44,6 @@ from tests.validation.contact.pad_oracle import (
     pad_press,
 )
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 Size = tuple[float, float]
 """Root mean square and largest of a difference."""
 

@@ -17,8 +17,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import IntArray
 from design.circuit.pins import board_of
 from design.circuit.timing import MS_PER_S, US_PER_S, frame_time_ms
 from design.io import write_text_atomically
@@ -117,7 +117,7 @@ def _counted(harness: Path, design: SensorDesign, change: str, duration_us: floa
 def freely_run(
     harness: Path,
     design: SensorDesign,
-    table_mv: NDArray[np.int64],
+    table_mv: IntArray,
     change: str,
     duration_us: float,
     *,

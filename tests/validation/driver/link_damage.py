@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray
 from fabrication.driver.link.protocol import FrameFormat, message_lengths, pack_frames
 from fabrication.driver.link.scanner import Scanner
 
@@ -63,9 +63,7 @@ def through_the_line(frames: int, chances: Chances, seed: int) -> Tally:
     return tally
 
 
-def damaged(
-    frames: list[bytes], chances: Chances, rng: np.random.Generator
-) -> tuple[bytes, NDArray[np.bool_]]:
+def damaged(frames: list[bytes], chances: Chances, rng: np.random.Generator) -> tuple[bytes, BoolArray]:
     """The stream behind the line, and which of the frames are intact, (n,)."""
     stream = np.frombuffer(b"".join(frames), np.uint8).copy()
     size = len(stream) // len(frames)

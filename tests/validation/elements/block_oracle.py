@@ -15,9 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from skfem import ElementHex2, FacetBasis, MeshHex
 
+from design.arrays import FloatArray, IntArray
 from tests.validation.contact.contact_surface import ContactSurface, GapFunction, facet_nodes
 from tests.validation.elements.continuation import Continuation
-from tests.validation.elements.hyperelastic import FloatArray, IntArray, Solid, Spatial
+from tests.validation.elements.hyperelastic import Solid, Spatial
 from tests.validation.elements.layer_mesh import graded, halved
 from tests.validation.elements.tip_outlines import Tip, sphere_tip
 

@@ -16,9 +16,10 @@ from collections.abc import Callable
 import numpy as np
 from scipy.sparse import csc_matrix
 
+from design.arrays import FloatArray, IntArray
 from tests.validation.contact.contact_surface import ContactSurface, GapFunction
 from tests.validation.elements.elimination import nested_dissection
-from tests.validation.elements.hyperelastic import FloatArray, IntArray, Solid
+from tests.validation.elements.hyperelastic import Solid
 from tests.validation.elements.newton import MOST_ITERATIONS, OracleError, solve_newton
 
 LADDERS = ((1.0,), (0.5, 0.7, 1.0), (0.3, 0.2, 0.1, 0.03, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0))

@@ -8,10 +8,8 @@ eliminated last, and each side is cut again the same way (George, SIAM J. Numer.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from design.arrays import FloatArray, IntArray
 
 LEAST = 60
 """Fewest unknowns that are cut."""

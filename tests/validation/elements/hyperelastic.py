@@ -24,14 +24,11 @@ from itertools import product
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 from skfem import Basis, ElementHex1, ElementHex2, ElementQuad1, ElementQuad2, Mesh
 
+from design.arrays import FloatArray, IntArray
 from tests.validation.elements.newton import InvertedElementError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 QUADRATURE = 5
 """Polynomial order that the volume quadrature integrates exactly: 3 Gauss points an axis."""

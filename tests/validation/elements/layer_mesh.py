@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import MeshQuad
 
-FloatArray = NDArray[np.float64]
+from design.arrays import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)

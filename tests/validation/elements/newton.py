@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from design.arrays import FloatArray, IntArray
 
 RESIDUAL_LIMIT = 1e-9
 """Largest residual of a converged state [E R²]."""

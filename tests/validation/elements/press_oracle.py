@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from skfem import ElementQuad2, FacetBasis
 
+from design.arrays import FloatArray, IntArray
 from tests.validation.contact.contact_surface import ContactSurface, GapFunction, facet_nodes
 from tests.validation.elements.continuation import Continuation
-from tests.validation.elements.hyperelastic import FloatArray, IntArray, Solid
+from tests.validation.elements.hyperelastic import Solid
 from tests.validation.elements.layer_mesh import Grading, layer_mesh
 from tests.validation.elements.tip_outlines import Tip, sphere_tip
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from skfem import MeshHex
 
+from design.arrays import FloatArray
 from tests.validation.contact.contact_reference import POISSON_RATIO
 from tests.validation.elements.block_oracle import BlockGrading, BlockPress, BlockState, Walls
-from tests.validation.elements.hyperelastic import FloatArray, Solid, Spatial
+from tests.validation.elements.hyperelastic import Solid, Spatial
 
 COARSE = BlockGrading(size=1.2, growth=2.0)
 

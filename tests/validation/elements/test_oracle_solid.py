@@ -7,7 +7,8 @@ import pytest
 from scipy.optimize import brentq
 from skfem import MeshQuad
 
-from tests.validation.elements.hyperelastic import FloatArray, Solid, lame
+from design.arrays import FloatArray
+from tests.validation.elements.hyperelastic import Solid, lame
 from tests.validation.elements.newton import InvertedElementError, solve_newton
 
 

@@ -18,9 +18,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from design.arrays import FloatArray
 
 SHANK_LENGTH = 1e3
 """Length of the shank [tip radii]; beyond any depth."""

@@ -13,14 +13,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
+from design.arrays import FloatArray
 from design.preset import preset
 from sims.readings.press_curves import COARSE_KNOTS_MM, KNOTS_MM, PressCurves, traced_curves
 from sims.readings.protocol import untouched_readout
 
-FloatArray = NDArray[np.float64]
 PLACES_MM = np.array([[16.5, 19.1], [6.4, 18.3], [10.9, 6.2], [8.0, 8.0], [20.3, 12.7], [25.1, 24.2]])
 """Those of the paper's depth plots, and three more."""
 DEPTHS_MM = np.unique(

@@ -20,8 +20,8 @@ from pathlib import Path
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from sims.optics.oracle.tracer import CLASSES, trace_oracle
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.press.indentation import Indentation
@@ -34,8 +34,6 @@ from tests.bench.measures.benchmark_states import (
     surface_of,
 )
 from tests.validation.contact.contact_table import markdown_table, with_table
-
-FloatArray = NDArray[np.float64]
 
 ROOT = Path(__file__).parents[3]
 BUILD = ROOT / "build" / "validation" / "crossing"

@@ -10,9 +10,9 @@ from time import perf_counter, process_time
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 import sims.optics
+from design.arrays import FloatArray
 from sims.optics.engine.trace_states import Accuracy, trace_scene
 from sims.optics.surface.analytic import compact_dimple
 from tests.bench.measures.benchmark_states import benchmark_scene, benchmark_states, different_walls
@@ -20,7 +20,6 @@ from tests.bench.measures.closest_hits import engine_hits, plain_hits
 from tests.bench.measures.surface_mesh import cosine_rays
 from tests.validation.light.light_reference import BUILD, GROUPS, Reference, grouped, reference
 
-FloatArray = NDArray[np.float64]
 Setting = str | float | Accuracy
 
 SEED = 5

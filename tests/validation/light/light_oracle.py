@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from sims.optics.oracle.tracer import CLASSES, trace_oracle
 from tests.bench.measures.benchmark_states import (
     DEPTHS_MM,
@@ -33,8 +33,6 @@ from tests.validation.contact.contact_table import markdown_table, with_table
 from tests.validation.contact.dense_curve import dense_press
 from tests.validation.light.light_reference import BUILD, GROUPS, grouped, reference
 from tests.validation.light.light_table import PAGE
-
-FloatArray = NDArray[np.float64]
 
 MARKS = "<!-- made by tests/validation/light/light_oracle.py -->", "<!-- end of the oracle -->"
 RAYS = {"analytic": 4_000_000, "contact": 100_000}

@@ -14,8 +14,8 @@ from time import process_time
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.geometry.cavity import cavity_of
 from design.io import write_text_atomically
 from design.preset import preset
@@ -27,7 +27,6 @@ from tests.validation.contact.contact_table import markdown_table, with_table
 from tests.validation.light.light_figures import Errors, errors_of
 from tests.validation.light.light_table import ERROR_HEAD, PAGE, error_cells
 
-FloatArray = NDArray[np.float64]
 MARKS = "<!-- made by tests/validation/light/light_pad.py -->", "<!-- end of pad -->"
 SETTINGS = ("draft", "score", "standard")
 DEPTHS_MM = (0.3, 0.7, 1.5, 2.5, 3.6, 4.9)

@@ -13,11 +13,9 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from sims.optics.engine.trace_states import CLASS_NAMES
-
-FloatArray = NDArray[np.float64]
 
 STORED = Path(__file__).parent / "data" / "light_reference.npz"
 BUILD = Path(__file__).parents[3] / "build" / "validation" / "light"

@@ -20,11 +20,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from sims.optics.engine.trace_states import ACCURACIES, Accuracy, trace_scene
 from tests.bench.measures.benchmark_states import DEPTHS_MM, benchmark_scene, benchmark_states
 from tests.validation.light.light_reference import BUILD, STORED, grouped
-
-FloatArray = NDArray[np.float64]
 
 RECIPES = {"analytic": 5, "contact": 6}
 """Version of the surfaces, the physics and the method behind states kept in the build folder. Raise it when results

@@ -19,16 +19,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from design.arrays import FloatArray
 from tests.bench.measures.benchmark_states import benchmark_scene, benchmark_states, different_walls
 from tests.bench.measures.forward_walk import even_walk
 from tests.validation.contact.contact_table import markdown_table, with_table
 from tests.validation.light.light_reference import BUILD, GROUPS, reference
 from tests.validation.light.light_table import PAGE
-
-FloatArray = NDArray[np.float64]
 
 MARKS = "<!-- made by tests/validation/light/light_walk.py -->", "<!-- end of the even walk -->"
 DRAWS, DRAW_SEED = 24, 17

@@ -19,10 +19,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import RectBivariateSpline
 
 import optopad
+from design.arrays import BoolArray, FloatArray
 from design.whole_file import write_whole
 from sims.contact.pad_surface import pad_surface
 from sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
@@ -42,7 +42,6 @@ from tests.validation.contact.contact_table import markdown_table, with_table
 if TYPE_CHECKING:
     from tests.validation.light.mitsuba_walk import Counted
 
-FloatArray = NDArray[np.float64]
 
 PAGE = Path(__file__).parents[3] / "docs" / "validation" / "mitsuba.md"
 FOLDER = Path("build/validation/mitsuba")
@@ -193,7 +192,7 @@ class Compared:
     walk: FloatArray
     stated: FloatArray
     untouched: FloatArray
-    judged: NDArray[np.bool_]
+    judged: BoolArray
     seconds: float
 
     def of_pairs(self, classes: list[int]) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -20,8 +20,8 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.scene.pad_form import PadForm
 from tests.bench.measures.forward_walk import FAINT, KEPT, MOST_FLIGHTS
@@ -29,7 +29,6 @@ from tests.bench.measures.surface_mesh import TopMesh, form_of
 
 mi.set_variant("llvm_ad_rgb")
 
-FloatArray = NDArray[np.float64]
 
 LANES = 1 << 20
 """Rays of one launch."""

@@ -24,9 +24,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 import optopad
+from design.arrays import FloatArray
 from design.spec import SensorDesign
 from sims.optics.accuracy import ACCURACIES, MIRRORED_FINER, Accuracy
 from sims.optics.engine.formed import formed_pad
@@ -40,7 +40,6 @@ from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.surface.tops import Presses
 from sims.optics.tracing import pressed_tops
 
-FloatArray = NDArray[np.float64]
 EPOXY = ", receivers behind epoxy"
 """What comes after a preset's name where its receivers have a half angle of 40 degrees in epoxy of index 1.55."""
 PADS = ("levi2013-disc", "crowned-40x25", "fingertip-dome", f"levi2013-disc{EPOXY}", f"fingertip-dome{EPOXY}")

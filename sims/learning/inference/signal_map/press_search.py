@@ -25,9 +25,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from sims.learning.inference.signal_map.reading_noise import Whitening
 
-FloatArray = NDArray[np.float64]
 Answers = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """Signals (n, pair) and their slopes (n, 3, pair) at presses (n, 3)."""
 

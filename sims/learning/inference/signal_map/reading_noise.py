@@ -26,7 +26,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from design.arrays import FloatArray
+
 CLIP_MARGIN = 3.0
 """A reading within this many standard deviations of full scale counts as clipped."""
 

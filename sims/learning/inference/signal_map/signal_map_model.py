@@ -18,8 +18,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.errors import InputError
 from sims.learning.inference.header import ModelHeader
 from sims.learning.inference.prediction import Prediction
@@ -29,7 +29,6 @@ from sims.learning.inference.signal_map.reading_noise import ReadingNoise
 from sims.learning.inference.signal_map.tensor_spline import FEWEST_NODES, TensorSpline
 from sims.learning.inference.touch_model import Arrays, checked_signals, prediction_of, taken
 
-FloatArray = NDArray[np.float64]
 KIND = "signal-map"
 FRAMES_AT_ONCE = 200
 """Frames searched side by side: their products stay within a few megabytes."""

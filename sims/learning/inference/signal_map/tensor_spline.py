@@ -22,7 +22,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from design.arrays import FloatArray, IntArray
+
 CHUNK = 256
 """Points evaluated at once: 64 coefficients of every pair are gathered for each, 4 MB with 64 pairs."""
 FEWEST_NODES = 5
@@ -97,7 +98,7 @@ class TensorSpline:
         products = _products(rows.reshape(-1, 3, 4)).astype(np.float32)
         return np.asarray(products.reshape(*rows.shape[:2], 64) @ self._gathered(cell), dtype=np.float64)
 
-    def _gathered(self, cell: NDArray[np.int64]) -> NDArray[np.float32]:
+    def _gathered(self, cell: IntArray) -> NDArray[np.float32]:
         """(n, 64, pair) coefficients around each cell."""
         across, along = self.coefficients.shape[1:3]
         corner = (cell[:, 0] * across + cell[:, 1]) * along + cell[:, 2]
@@ -162,7 +163,7 @@ def _products(weights: FloatArray) -> FloatArray:
 
 
 @cache
-def _offsets(across: int, along: int) -> NDArray[np.int64]:
+def _offsets(across: int, along: int) -> IntArray:
     """(64,) distance in the flat table from a cell's first coefficient to each of its 64."""
     i, j, k = np.meshgrid(np.arange(4), np.arange(4), np.arange(4), indexing="ij")
     return ((i * across + j) * along + k).ravel()

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 
+from design.arrays import BoolArray, FloatArray
 from sims.optics.engine.formed.formed_cuts import (
     BATCH,
     GAUSS,
@@ -59,7 +60,6 @@ from sims.optics.engine.formed.formed_top import (
     top_hit,
     turn,
 )
-from sims.optics.scene.optical_scene import BoolArray, FloatArray
 from sims.optics.surface.radial import fresnel, inlined, kernel
 
 MOST = 24

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 
+from design.arrays import FloatArray
 from sims.optics.engine.formed.formed_rays import NX, NY, UX, UY, lobe
-from sims.optics.scene.optical_scene import FloatArray
 from sims.optics.surface.radial import fresnel, inlined, kernel
 
 GAUSS = 0.5773502691896258

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import math
 
+from design.arrays import FloatArray
 from sims.optics.engine.formed.formed_rays import (
     BOTTOM,
     HALF_U,
@@ -34,7 +35,6 @@ from sims.optics.engine.formed.formed_rays import (
 )
 from sims.optics.engine.formed.formed_scattered import FAINT, about, number, window_at
 from sims.optics.engine.formed.formed_top import FormedTop, into, is_contact, normal_at, out_of
-from sims.optics.scene.optical_scene import FloatArray
 from sims.optics.surface.curves import CONTACT, CONTACT_PARTS
 from sims.optics.surface.radial import fresnel, kernel
 

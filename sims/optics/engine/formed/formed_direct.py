@@ -14,9 +14,9 @@ from __future__ import annotations
 
 import math
 
+from design.arrays import FloatArray
 from sims.optics.engine.formed.formed_rays import AREA, HALF_U, HALF_V, NX, NY, WALL, lobe, sees, window_point
 from sims.optics.engine.formed.formed_top import OUTER, FormedTop
-from sims.optics.scene.optical_scene import FloatArray
 from sims.optics.surface.radial import kernel
 
 HALVINGS = 12

@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 
+from design.arrays import BoolArray, FloatArray
 from sims.cache.kernels import entry_points
 from sims.optics.engine.formed import (
     formed_chains,
@@ -30,7 +31,6 @@ from sims.optics.engine.formed.formed_mirrored import (
 )
 from sims.optics.engine.formed.formed_scattered import scattered_flux
 from sims.optics.engine.formed.formed_top import FormedTop
-from sims.optics.scene.optical_scene import BoolArray, FloatArray
 from sims.optics.surface import curves, radial, radial_table
 
 KERNEL_MODULES = (

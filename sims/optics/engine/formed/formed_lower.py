@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from design.arrays import FloatArray
 from design.errors import InputError, ModelScopeError
 from sims.optics.engine.formed.formed_top import (
     CUPS,
@@ -21,7 +22,7 @@ from sims.optics.engine.formed.formed_top import (
     FormedTop,
     empty_rows,
 )
-from sims.optics.scene.optical_scene import FloatArray, OpticalScene
+from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.scene.pad_form import PadForm
 from sims.optics.surface.curves import (
     CONTACT_R,

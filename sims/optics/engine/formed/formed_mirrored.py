@@ -26,6 +26,7 @@ from __future__ import annotations
 
 import math
 
+from design.arrays import BoolArray, FloatArray
 from sims.optics.engine.formed.formed_chains import (
     CHAIN_WORK,
     FAINT,
@@ -83,7 +84,6 @@ from sims.optics.engine.formed.formed_top import (
     out_of,
     rise,
 )
-from sims.optics.scene.optical_scene import BoolArray, FloatArray
 from sims.optics.surface.radial import inlined, kernel
 
 COLUMNS, HALVINGS = 4, 5

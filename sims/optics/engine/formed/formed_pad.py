@@ -15,6 +15,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from design.arrays import BoolArray, FloatArray
 from sims.cache.compiling import listen_to_numba
 from sims.optics.accuracy import Accuracy
 from sims.optics.engine.formed.formed_lower import formed_top, walls_of, windows_of
@@ -25,7 +26,7 @@ from sims.optics.engine.formed.formed_scattered import DIMENSIONS
 from sims.optics.engine.formed.formed_top import FLAT, KIND, SPHERE, FormedTop
 from sims.optics.engine.threads import run_each
 from sims.optics.engine.untouched import above_zero
-from sims.optics.scene.optical_scene import BoolArray, FloatArray, OpticalScene
+from sims.optics.scene.optical_scene import OpticalScene
 
 CLASSES = 5
 REFERENCE = Accuracy(image_step=0.06)

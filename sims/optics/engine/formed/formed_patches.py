@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray
 from sims.optics.engine.formed.formed_deposits import TIP_PATCHES
-from sims.optics.scene.optical_scene import FloatArray, OpticalScene
+from sims.optics.scene.optical_scene import OpticalScene
 
 PATCH_MM = 2.0
 LEAST_TURNS = 24
@@ -52,7 +52,7 @@ def patch_layout(
     return PatchLayout(numbers=numbers, weight=np.concatenate([weight, np.zeros(TIP_PATCHES)]))
 
 
-def is_in_plan(x: FloatArray, y: FloatArray, walls: FloatArray, round_wall: FloatArray) -> NDArray[np.bool_]:
+def is_in_plan(x: FloatArray, y: FloatArray, walls: FloatArray, round_wall: FloatArray) -> BoolArray:
     """Whether places of the plan lie in the pad."""
     inside = np.ones(np.shape(x), dtype=np.bool_)
     for nx, ny, level in walls:

@@ -17,13 +17,13 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray
 from sims.optics.accuracy import Accuracy
 from sims.optics.engine.formed.formed_patches import is_in_plan
 from sims.optics.engine.formed.formed_rays import CX, CY, CZ, HALF_U, HALF_V, NX, NY, UX, UY
 from sims.optics.engine.formed.formed_top import CONTACT_EDGE, KIND, OUTER, SKIRT_EDGE, SPHERE, FormedTop
-from sims.optics.scene.optical_scene import FloatArray, OpticalScene
+from sims.optics.scene.optical_scene import OpticalScene
 
 GRADE = 0.35
 """Largest size of a cell over its distance from a window."""
@@ -55,14 +55,14 @@ class TopGrid:
     corner: FloatArray
     size: FloatArray
     batch: FloatArray
-    divided: NDArray[np.bool_]
+    divided: BoolArray
 
     @cached_property
-    def is_part(self) -> NDArray[np.bool_]:
+    def is_part(self) -> BoolArray:
         """(n,) whether a cell is part of a divided one."""
         return np.asarray(self.size < 0.75 * self.pitch_mm)
 
-    def is_divided(self, x_mm: FloatArray, y_mm: FloatArray) -> NDArray[np.bool_]:
+    def is_divided(self, x_mm: FloatArray, y_mm: FloatArray) -> BoolArray:
         """Whether places of the plan lie in a divided cell."""
         columns, rows = self.divided.shape
         i = np.clip((x_mm / self.pitch_mm).astype(np.int64), 0, columns - 1)
@@ -85,7 +85,7 @@ class GridPoints:
     normal: FloatArray
     area: FloatArray
     batch: FloatArray
-    is_part: NDArray[np.bool_]
+    is_part: BoolArray
     chains: FloatArray
 
     def in_frame(self, top: FormedTop) -> FloatArray:

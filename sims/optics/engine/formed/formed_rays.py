@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import math
 
+from design.arrays import FloatArray
 from sims.optics.engine.formed.formed_top import FormedTop, into, top_hit, turn
-from sims.optics.scene.optical_scene import FloatArray
 from sims.optics.surface.radial import inlined, kernel, lobe_at
 
 NEVER = 1e30

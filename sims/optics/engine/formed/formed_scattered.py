@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 
+from design.arrays import FloatArray
 from sims.optics.engine.formed.formed_rays import (
     BOTTOM,
     CX,
@@ -39,7 +40,6 @@ from sims.optics.engine.formed.formed_rays import (
     window_point,
 )
 from sims.optics.engine.formed.formed_top import OUTER, FormedTop, into, is_contact, normal_at, out_of
-from sims.optics.scene.optical_scene import FloatArray
 from sims.optics.surface.radial import fresnel, kernel
 
 FAINT = 1e-7

@@ -33,7 +33,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sims.optics.scene.optical_scene import FloatArray
+from design.arrays import FloatArray
 from sims.optics.surface.curves import OFFSET, PIECES, ROW, SCALE, SPHERE_2, START
 from sims.optics.surface.radial import height_and_turn, inlined, kernel
 from sims.optics.surface.radial_table import CELLS, PIECE_COLUMNS, STEEP

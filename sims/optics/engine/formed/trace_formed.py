@@ -26,8 +26,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray, IntArray
 from sims.optics.accuracy import Accuracy
 from sims.optics.engine.formed.formed_deposits import TIP_PATCHES
 from sims.optics.engine.formed.formed_lower import FormedStack
@@ -47,7 +47,7 @@ from sims.optics.engine.formed.formed_top import (
     out_of_frame,
 )
 from sims.optics.engine.threads import run_each
-from sims.optics.scene.optical_scene import BoolArray, FloatArray, OpticalScene
+from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.surface.curves import CONTACT_AREA
 
 RULES_ERROR = 3e-4
@@ -81,7 +81,7 @@ class FormedLight:
 def trace_formed(
     scene: OpticalScene,
     tops: FormedStack,
-    states: NDArray[np.int64],
+    states: IntArray,
     settings: Accuracy,
     seed: int,
     wanted: BoolArray,

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from sims.optics.scene.optical_scene import FloatArray, IntArray
+from design.arrays import FloatArray, IntArray
 from sims.optics.surface.radial import kernel, wall_point
 from sims.optics.surface.top import Top, surface_bend
 from sims.optics.surface.top_grid import GX, GY, HXX, HXY, HYY, NX, NY, NZ, place_on_top, ring_edge

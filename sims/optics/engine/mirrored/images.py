@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 
+from design.arrays import FloatArray, IntArray
 from sims.optics.engine.mirrored.image_cells import (
     across,
     closeness,
@@ -23,7 +24,6 @@ from sims.optics.engine.mirrored.image_cells import (
 from sims.optics.engine.mirrored.mirror_paths import whole_image
 from sims.optics.engine.mirrored.pinhole import pinhole
 from sims.optics.kernel_types import ImageRules
-from sims.optics.scene.optical_scene import FloatArray, IntArray
 from sims.optics.surface.radial import kernel
 from sims.optics.surface.top import Top, is_beyond, touching_tip
 from sims.optics.surface.top_grid import NX, NY, ring_edge

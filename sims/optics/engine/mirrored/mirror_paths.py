@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 
+from design.arrays import FloatArray, IntArray
 from sims.optics.engine.straight.rays import is_clear
 from sims.optics.kernel_types import ImageRules
-from sims.optics.scene.optical_scene import FloatArray, IntArray
 from sims.optics.surface.radial import fresnel, kernel, radiance, wall_normal, wall_point
 from sims.optics.surface.top import Top, surface_bend, surface_gradient, touching_tip
 from sims.optics.surface.top_grid import cell_at

@@ -20,10 +20,10 @@ from __future__ import annotations
 
 import math
 
+from design.arrays import FloatArray
 from sims.optics.engine.straight.direct import plan_distance
 from sims.optics.engine.straight.polygon import area_and_centroid, cut, cut_to_rectangle
 from sims.optics.engine.straight.rays import is_clear
-from sims.optics.scene.optical_scene import FloatArray
 from sims.optics.surface.curves import ACTIVE, X, Y
 from sims.optics.surface.radial import (
     fall_bound,

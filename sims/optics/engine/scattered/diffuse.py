@@ -19,8 +19,8 @@ import math
 
 import numpy as np
 
+from design.arrays import FloatArray, IntArray
 from sims.optics.engine.straight.rays import BOTTOM, LOST_WEIGHT, TIP, chain
-from sims.optics.scene.optical_scene import FloatArray, IntArray
 from sims.optics.surface.curves import CONTACT, CONTACT_AREA, CONTACT_PARTS, X, Y
 from sims.optics.surface.radial import (
     array_kernel,

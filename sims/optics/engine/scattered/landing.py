@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from design.arrays import FloatArray
 from sims.optics.engine.scattered.top_light import AREA, GX, GY, PX, PY, PZ, echo, first_leg
-from sims.optics.scene.optical_scene import FloatArray
 from sims.optics.surface.radial import kernel, wall_normal, wall_point
 from sims.optics.surface.top import Top, surface_gradient, surface_height
 from sims.optics.surface.top_grid import place_on_top

@@ -21,6 +21,7 @@ import math
 
 import numpy as np
 
+from design.arrays import FloatArray, IntArray
 from sims.optics.engine.scattered.diffuse import (
     TIP_RINGS,
     TIP_SECTORS,
@@ -36,7 +37,6 @@ from sims.optics.engine.scattered.diffuse import (
 from sims.optics.engine.scattered.top_light import AREA, GX, GY, PX, PY, contact_cell_area, parts_of
 from sims.optics.engine.straight.rays import BOTTOM, TIP
 from sims.optics.kernel_types import Orders, Patches
-from sims.optics.scene.optical_scene import FloatArray, IntArray
 from sims.optics.surface.radial import array_kernel, kernel, wall_point
 from sims.optics.surface.top import Top, surface_gradient
 

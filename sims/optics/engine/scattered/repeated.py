@@ -17,6 +17,7 @@ import math
 
 import numpy as np
 
+from design.arrays import FloatArray
 from sims.optics.engine.scattered.diffuse import golden_pair, receiver_at
 from sims.optics.engine.scattered.landing import landing, put_point
 from sims.optics.engine.scattered.repeated_cells import (
@@ -35,7 +36,6 @@ from sims.optics.engine.scattered.repeated_cells import (
     put_first,
 )
 from sims.optics.engine.scattered.top_light import AREA, ECHO_COLUMNS, SECTOR, U0, U1, V0, V1, first_free_row
-from sims.optics.scene.optical_scene import FloatArray
 from sims.optics.surface.radial import array_kernel, kernel, radiance
 from sims.optics.surface.top import Top
 

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 
+from design.arrays import FloatArray
 from sims.optics.engine.scattered.landing import landing, put_point, unit_there
 from sims.optics.engine.scattered.top_light import ALONG, ECHO_COLUMNS, KIND, POWER, TOPS, UP
-from sims.optics.scene.optical_scene import FloatArray
 from sims.optics.surface.radial import kernel
 from sims.optics.surface.top import Top
 

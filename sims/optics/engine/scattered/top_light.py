@@ -19,9 +19,9 @@ from __future__ import annotations
 
 import math
 
+from design.arrays import FloatArray, IntArray
 from sims.optics.engine.scattered.diffuse import add_deposit, golden_pair, receiver_at
 from sims.optics.engine.straight.rays import BOTTOM, LOST, TIP, chain, is_clear
-from sims.optics.scene.optical_scene import FloatArray, IntArray
 from sims.optics.surface.curves import CONTACT_AREA, TOP
 from sims.optics.surface.radial import fresnel, kernel, radiance, wall_hit, wall_normal, wall_point
 from sims.optics.surface.top import FIELD_ON, Top, is_beyond, surface_gradient, surface_height, touching_tip

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 
-from sims.optics.scene.optical_scene import FloatArray
+from design.arrays import FloatArray
 from sims.optics.surface.curves import ACTIVE, LOWEST, OUTER_R, TOP, X, Y
 from sims.optics.surface.radial import (
     distance,

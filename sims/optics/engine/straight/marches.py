@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 
-from sims.optics.scene.optical_scene import FloatArray
+from design.arrays import FloatArray
 from sims.optics.surface.curves import (
     ACTIVE,
     LOWEST,

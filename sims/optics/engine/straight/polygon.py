@@ -5,7 +5,7 @@ Sutherland and Hodgman's clipping, one half plane at a time; w lets a point lie 
 
 from __future__ import annotations
 
-from sims.optics.scene.optical_scene import FloatArray
+from design.arrays import FloatArray
 from sims.optics.surface.radial import kernel
 
 

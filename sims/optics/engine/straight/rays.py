@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 
+from design.arrays import FloatArray
 from sims.optics.engine.straight.marches import MIN_STEP_MM, march, march_any, march_field
-from sims.optics.scene.optical_scene import FloatArray
 from sims.optics.surface.curves import X, Y
 from sims.optics.surface.radial import fresnel, height_and_turn, inlined, kernel, wall_hit
 from sims.optics.surface.top import Top, is_plain, surface_gradient, touching_tip

@@ -19,10 +19,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-FloatArray = NDArray[np.float64]
+from design.arrays import FloatArray
+
 Slope = Callable[[FloatArray], FloatArray]
 
 POINTS = 48

@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from design.arrays import FloatArray
 from design.errors import InputError, ModelScopeError
 from design.preset import preset
 from sims.optics.engine.formed import formed_pad
 from sims.optics.engine.trace_states import CLASS_NAMES, RawLight, trace_scene
 from sims.optics.oracle.tracer import trace_oracle
 from sims.optics.scene.lower import scene_of
-from sims.optics.scene.optical_scene import FloatArray, OpticalScene
+from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.surface.analytic import compact_dimple
 from sims.optics.tracing import pressed_tops
 from tests.sims.optics.oracle.form_scenes import (

@@ -6,13 +6,12 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.scene.pad_form import PadForm
 from sims.press.indentation import Indentation
 
-FloatArray = NDArray[np.float64]
 DISC_MM = 12.0
 """Radius of the round pads."""
 

@@ -6,12 +6,10 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.press.indentation import Indentation
-
-FloatArray = NDArray[np.float64]
 
 
 def scene_of(

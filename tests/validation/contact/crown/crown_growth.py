@@ -22,8 +22,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from sims.contact.library.profile_library import shipped_library
 from sims.press.indentation import Indentation
 from tests.validation.contact.contact_comparison import PressError, press_error
@@ -39,8 +39,6 @@ from tests.validation.contact.crown.crown_reference import (
     Pad,
     crown_state,
 )
-
-FloatArray = NDArray[np.float64]
 
 FRAGMENT = Path(__file__).with_name("crown_growth.md")
 FLAT = SERIES[0]

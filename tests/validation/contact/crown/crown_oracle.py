@@ -27,8 +27,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from skfem import Basis, MeshQuad
 
+from design.arrays import FloatArray
 from tests.validation.elements.continuation import Continuation
-from tests.validation.elements.hyperelastic import Axisymmetric, FloatArray, Solid
+from tests.validation.elements.hyperelastic import Axisymmetric, Solid
 from tests.validation.elements.layer_mesh import Grading, halved, layer_mesh
 from tests.validation.elements.press_oracle import Press, PressedState, _top_of
 from tests.validation.elements.tip_outlines import sphere_tip

@@ -24,6 +24,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from tests.validation.contact.contact_reference import (
     FIELDS,
     POISSON_RATIO,
@@ -33,8 +34,6 @@ from tests.validation.contact.contact_reference import (
 )
 from tests.validation.contact.crown.crown_oracle import CrownedPress
 from tests.validation.elements.layer_mesh import Grading
-
-FloatArray = NDArray[np.float64]
 
 STORED = Path(__file__).with_name("crown_reference.npz")
 TIP_MM = 3.0

@@ -32,6 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Basis, MeshHex
 
+from design.arrays import FloatArray
 from tests.validation.contact.contact_reference import BUILD, POISSON_RATIO
 from tests.validation.contact.contact_surface import ContactSurface, GapFunction
 from tests.validation.contact.crown.crown_oracle import Crown
@@ -41,8 +42,6 @@ from tests.validation.elements.hyperelastic import Solid, Spatial
 from tests.validation.elements.layer_mesh import halved
 from tests.validation.elements.newton import OracleError
 from tests.validation.elements.tip_outlines import sphere_tip
-
-FloatArray = NDArray[np.float64]
 
 STORED = Path(__file__).with_name("offset_oracle.npz")
 GRADING = BlockGrading(size=0.5, fine_radius=1.0, fine_depth=0.5, growth=2.0, largest=3.0)

@@ -24,8 +24,8 @@ from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from design.arrays import BoolArray, FloatArray
 from sims.contact.library.crowned_press import CrownedPad, CrownedPress, crowned_press
 from sims.contact.library.profile_library import shipped_library
 from sims.contact.library.run_out import run_out
@@ -47,8 +47,6 @@ from tests.validation.contact.crown.offset_oracle import (
 from tests.validation.contact.pad_oracle import dense_top
 from tests.validation.elements.continuation import interpolated
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 Size = tuple[float, float]
 """Root mean square and largest of a difference."""
 
