@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+)
 
 from design.whole_file import name_fault
 
@@ -34,9 +40,18 @@ class Model(BaseModel):
         frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True, strict=False
     )
 
+    unsaid: ClassVar[tuple[str, ...]] = ()
+    """Fields that a dump leaves out at their default: content from before them keeps its digest."""
 
-def without_defaults(document: dict[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
-    """Leave options out that have their default value: content from before them keeps its digest."""
-    return {
-        name: value for name, value in document.items() if name not in defaults or value != defaults[name]
-    }
+    @model_serializer(mode="wrap")
+    def _as_said(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        document = plain(self)
+        for name in self.unsaid:
+            usual = type(self).model_fields[name].get_default(call_default_factory=True)
+            if name in document and document[name] == usual:
+                del document[name]
+        return self._outlined(document)
+
+    def _outlined(self, document: dict[str, Any]) -> dict[str, Any]:
+        """What a dump becomes at last; a disc has a diameter in place of length and width."""
+        return document

@@ -10,13 +10,13 @@ Left out: emission that differs between the two axes of a package.
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated, Any, Self
+from typing import Annotated, Self
 
 import numpy as np
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import Field, model_validator
 
 from design.arrays import FloatArray
-from design.fields.base import Model, without_defaults
+from design.fields.base import Model
 from design.fields.quantity import Confidence, Text
 
 MAX_POINTS = 400
@@ -30,6 +30,8 @@ Relative = Annotated[float, Field(ge=0.0, le=1e6)]
 class AngularTable(Model):
     """Relative intensity of an emitter, or response of a receiver, over the angle to its axis."""
 
+    unsaid = ("adapted",)
+
     angle_deg: Annotated[
         tuple[AngleDeg, ...],
         Field(min_length=2, max_length=MAX_POINTS, description="from 0, the axis, outward; in air"),
@@ -42,10 +44,6 @@ class AngularTable(Model):
     confidence: Confidence
     adapted: Text | None = None
     """What was done to the points of a file, where anything was."""
-
-    @model_serializer(mode="wrap")
-    def _without_absent_file(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return without_defaults(plain(self), {"adapted": None})
 
     @model_validator(mode="after")
     def _is_a_table(self) -> Self:

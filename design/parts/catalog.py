@@ -29,17 +29,11 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import (
-    Field,
-    SerializerFunctionWrapHandler,
-    ValidationError,
-    model_serializer,
-    model_validator,
-)
+from pydantic import Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
 from design.errors import DesignError, shown
-from design.fields.base import Model, PartId, without_defaults
+from design.fields.base import Model, PartId
 from design.fields.packaged import data_table
 from design.fields.quantity import (
     CapacitancePf,
@@ -116,6 +110,8 @@ DEFAULT_BOOT_S = 2.5
 class Part(Model):
     """An emitter or a receiver: what light sees of it, and the room it takes in the wall."""
 
+    unsaid = (*_EMITTER_OPTIONS, *_RECEIVER_OPTIONS)
+
     kind: Literal["emitter", "receiver"]
     title: Text
     manufacturer: Text
@@ -178,11 +174,6 @@ class Part(Model):
     cost: Cost | None = None
     notes: tuple[Text, ...] = ()
 
-    @model_serializer(mode="wrap")
-    def _without_absent_options(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Designs with parts of their own from before these options keep their digest."""
-        return without_defaults(plain(self), dict.fromkeys((*_EMITTER_OPTIONS, *_RECEIVER_OPTIONS)))
-
     @model_validator(mode="after")
     def _has_the_fields_of_its_kind(self) -> Self:
         emits = self.kind == "emitter"
@@ -237,6 +228,8 @@ class Part(Model):
 class MoldMaterial(Model):
     """What the mold is printed of; its inner faces are the walls that light meets."""
 
+    unsaid = ("refractive_index",)
+
     title: Text
     wall_reflectance: Annotated[Reflectance, Field(description="diffuse share of the light that lands on it")]
     density_g_per_cm3: DensityGPerCm3
@@ -246,14 +239,11 @@ class MoldMaterial(Model):
     ] = None
     notes: tuple[Text, ...] = ()
 
-    @model_serializer(mode="wrap")
-    def _without_an_absent_index(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Designs with materials of their own from before this field keep their digest."""
-        return without_defaults(plain(self), {"refractive_index": None})
-
 
 class Board(Model):
     """A microcontroller board: converter, pins, clock, serial line."""
+
+    unsaid = ("link_number", "usb_ids", "bridge_usb_ids", "boot_s", "firmware")
 
     title: Text
     source: Annotated[Text, Field(description="where the plain numbers of this entry come from")]
@@ -292,12 +282,6 @@ class Board(Model):
         BoardFirmware | None, Field(description="what the generated program needs; absent: none is made")
     ] = None
     notes: tuple[Text, ...] = ()
-
-    @model_serializer(mode="wrap")
-    def _without_absent_link(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Designs with boards of their own from before these fields keep their digest."""
-        absent = {"link_number": 0, "usb_ids": (), "bridge_usb_ids": (), "boot_s": DEFAULT_BOOT_S}
-        return without_defaults(plain(self), absent | {"firmware": None})
 
     @model_validator(mode="after")
     def _pins_are_free_and_single(self) -> Self:

@@ -14,11 +14,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil, sqrt
-from typing import Annotated, Any, Self
+from typing import Annotated, Self
 
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import Field, model_validator
 
-from design.fields.base import Model, without_defaults
+from design.fields.base import Model
 from design.fields.quantity import Confidence, Quantity, Text, weakest
 from design.fields.units import NM_PER_UM
 
@@ -32,6 +32,8 @@ Weight = Annotated[float, Field(ge=0.0, le=1e9)]
 class Spectrum(Model):
     """Relative weight of an emitter's wavelengths: its spectral power, better times the receiver's responsivity."""
 
+    unsaid = ("adapted",)
+
     wavelength_nm: Annotated[tuple[Nanometres, ...], Field(min_length=2, max_length=MAX_POINTS)]
     weight: Annotated[
         tuple[Weight, ...], Field(min_length=2, max_length=MAX_POINTS, description="in any unit")
@@ -40,10 +42,6 @@ class Spectrum(Model):
     confidence: Confidence
     adapted: Text | None = None
     """What was done to the points of a file, where anything was."""
-
-    @model_serializer(mode="wrap")
-    def _without_absent_file(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return without_defaults(plain(self), {"adapted": None})
 
     @model_validator(mode="after")
     def _is_a_table(self) -> Self:

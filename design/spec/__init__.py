@@ -6,7 +6,6 @@ Imports of ours: parts, fields.
 from design.spec.indenter import Indenter
 from design.spec.pad import Cavity, Crown
 from design.spec.sensor import (
-    MOLD_OPTIONS,
     SCHEMA_VERSION,
     BoardUse,
     Elastomer,
@@ -22,7 +21,6 @@ from design.spec.sensor import (
 )
 
 __all__ = [
-    "MOLD_OPTIONS",
     "SCHEMA_VERSION",
     "BoardUse",
     "Cavity",

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
+from pydantic import Field
 
 from design.fields.base import Model
 
 
 class Indenter(Model):
     """The tip that stands for a finger, and its shank of the same radius."""
+
+    unsaid = ("shape", "edge_radius_mm", "cone_half_angle_deg", "apex_radius_mm", "profile_mm")
 
     tip_radius_mm: Annotated[float, Field(ge=0.5, le=20.0)] = 3.0
     shape: Literal["hemisphere", "flat_punch", "cone", "profile"] = "hemisphere"
@@ -36,11 +38,3 @@ class Indenter(Model):
             description="profile: radius and height above the apex of each point, from [0, 0] to the shank",
         ),
     ] = None
-
-    @model_serializer(mode="wrap")
-    def _without_what_is_not_said(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """A hemisphere is its radius alone, so that designs from before other shapes keep their digest."""
-        document: dict[str, Any] = handler(self)
-        return {
-            name: value for name, value in document.items() if value is not None and value != "hemisphere"
-        }

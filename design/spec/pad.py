@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import Field, model_validator
 
-from design.fields.base import Model, without_defaults
+from design.fields.base import Model
 
 
 class Cavity(Model):
@@ -14,6 +14,8 @@ class Cavity(Model):
 
     A disc has `diameter_mm` in place of length and width, which then read as the diameter.
     """
+
+    unsaid = ("outline", "diameter_mm")
 
     outline: Annotated[
         Literal["rectangle", "disc"], Field(description="seen from above; a disc has diameter_mm")
@@ -50,10 +52,7 @@ class Cavity(Model):
             raise ValueError("diameter_mm is missing: outline = 'disc' needs it; add it")
         return {**given, "length_mm": given["diameter_mm"], "width_mm": given["diameter_mm"]}
 
-    @model_serializer(mode="wrap")
-    def _size_as_given(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """What the outline has: rectangles keep the digest that they had before there were discs."""
-        document = without_defaults(plain(self), {"outline": "rectangle", "diameter_mm": None})
+    def _outlined(self, document: dict[str, Any]) -> dict[str, Any]:
         if self.outline == "disc":
             del document["length_mm"], document["width_mm"]
         return document

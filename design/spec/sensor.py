@@ -11,17 +11,11 @@ import json
 from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import (
-    Field,
-    SerializerFunctionWrapHandler,
-    ValidationError,
-    model_serializer,
-    model_validator,
-)
+from pydantic import Field, ValidationError, model_validator
 
 from design.errors import DesignError
 from design.fields import paths
-from design.fields.base import FileName, Model, PartId, without_defaults
+from design.fields.base import FileName, Model, PartId
 from design.fields.validation import design_error
 from design.parts.catalog import CatalogEntries, identifiers
 from design.spec.indenter import Indenter
@@ -36,21 +30,20 @@ SCHEMA_VERSION = 1
 Ohm = Annotated[float, Field(ge=100.0, le=1e10)]
 """Resistance of an amplifier's feedback."""
 
-MOLD_OPTIONS: dict[str, Any] = {
-    "outer_diameter_mm": None,
-    "label": "",
-    "fits": {},
-    "numbers": "engraved",
-    "strain_relief": "pinch",
-    "raised_sockets": True,
-    "cover_ledge_mm": 0.0,
-    "pieces": "one",
-}
-"""Options of the mold and their defaults, which no file needs to say."""
-
 
 class Mold(Model):
     """The printed part around the cavity; round around a disc, with `outer_diameter_mm` for length and width."""
+
+    unsaid = (
+        "outer_diameter_mm",
+        "label",
+        "fits",
+        "numbers",
+        "strain_relief",
+        "raised_sockets",
+        "cover_ledge_mm",
+        "pieces",
+    )
 
     outer_length_mm: Annotated[float, Field(ge=6.0, le=400.0, description="outside along x, of a rectangle")]
     outer_width_mm: Annotated[float, Field(ge=6.0, le=400.0, description="outside along y, of a rectangle")]
@@ -133,10 +126,7 @@ class Mold(Model):
         across = given["outer_diameter_mm"]
         return {**given, "outer_length_mm": across, "outer_width_mm": across}
 
-    @model_serializer(mode="wrap")
-    def _without_usual_options(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave out options that have their default: designs from before them keep their digest."""
-        document = without_defaults(plain(self), MOLD_OPTIONS)
+    def _outlined(self, document: dict[str, Any]) -> dict[str, Any]:
         if self.outer_diameter_mm is not None:
             del document["outer_length_mm"], document["outer_width_mm"]
         return document
@@ -157,6 +147,8 @@ class Viscoelastic(Model):
 class Elastomer(Model):
     """The clear elastomer; a value given here replaces the catalogue's and counts as measured."""
 
+    unsaid = ("viscoelastic",)
+
     material: PartId = "sylgard-184"
     mixing_ratio: Annotated[float, Field(gt=0.0, le=100.0, description="base over curing agent by weight")]
     refractive_index: Annotated[float | None, Field(ge=1.0, le=2.5)] = None
@@ -167,14 +159,11 @@ class Elastomer(Model):
         Field(description="load that depends on the past, in the load protocol only; absent: elastic"),
     ] = None
 
-    @model_serializer(mode="wrap")
-    def _without_an_absent_option(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave the option out where it is absent: designs without it keep their digest."""
-        return without_defaults(plain(self), {"viscoelastic": None})
-
 
 class Surfaces(Model):
     """Diffuse (Lambertian) reflectance of everything light can land on [-], and the finish of the walls."""
+
+    unsaid = ("wall_finish", "wall_index")
 
     wall_reflectance: Annotated[float, Field(ge=0.0, le=0.99)] = 0.05
     bottom_reflectance: Annotated[float, Field(ge=0.0, le=0.99)] = 0.03
@@ -190,11 +179,6 @@ class Surfaces(Model):
         float | None,
         Field(ge=1.0, le=2.5, description="glossy: index of the wall; the mold material's if left out"),
     ] = None
-
-    @model_serializer(mode="wrap")
-    def _without_the_usual_finish(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave finish and index out where they are the default: designs without them keep their digest."""
-        return without_defaults(plain(self), {"wall_finish": "diffuse", "wall_index": None})
 
 
 class Emitters(Model):
@@ -247,16 +231,13 @@ class Gain(Model):
     instead. With these two brighter pairs may clip at full scale and are listed.
     """
 
+    unsaid = ("feedback_ohm",)
+
     target_counts: Annotated[float, Field(gt=0.0, le=65535.0)] = 300.0
     feedback_ohm: Annotated[
         Ohm | tuple[Ohm, ...] | Literal["common", "each"],
         Field(description="a rule, one resistance for all receivers, or one for each in their order"),
     ] = "each"
-
-    @model_serializer(mode="wrap")
-    def _without_the_usual_rule(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave the rule out where it is the default: designs without it keep their digest."""
-        return without_defaults(plain(self), {"feedback_ohm": "each"})
 
 
 class Operating(Model):
@@ -270,6 +251,8 @@ class Operating(Model):
 
 class SensorDesign(Model):
     """One sensor: cavity, mold, materials, parts and their places, board, noise, range of use."""
+
+    unsaid = ("tolerances", "crown")
 
     schema_version: Literal[1]
     name: FileName
@@ -348,11 +331,6 @@ class SensorDesign(Model):
                     f"layout.{number}.pattern: '{pattern.pattern}' does not fit the outline, {where}; use {needs}"
                 )
         return self
-
-    @model_serializer(mode="wrap")
-    def _without_absent_options(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave out what is absent: designs without tolerances or a crown keep their digest."""
-        return without_defaults(plain(self), {"tolerances": {}, "crown": None})
 
     @cached_property
     def digest(self) -> str:
