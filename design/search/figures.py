@@ -78,8 +78,6 @@ FIGURES: dict[str, Figure] = {
 BOUND_FIGURES = frozenset({"location_bound_mm", "depth_bound_mm", "dead_share"})
 """Figures that need the Fisher information of the whole pad: the costly ones."""
 
-FREE_FIGURES = frozenset({"part_count", "cost", "pad_height_mm"})
-"""Figures that need no light at all."""
 
 NO_OBJECTIVE_ALONE = frozenset({"continuity", "deadband_mm"})
 """Thin pads win these, with half the signal and a third of the range: no objectives by themselves."""

@@ -51,7 +51,6 @@ from design.spec.layout import AlternatingRing, AtAngles, DiscRing, FacingRows, 
 
 Sampler = Literal["tpe", "nsga2", "gp", "grid", "qmc", "random"]
 Value = bool | int | float | str
-VERDICTS = ("CONTIGUOUS", "DEADBAND")
 ROUND_DIGITS = 9
 """Decimals of a sampled value: steps of 0.1 stay 0.1."""
 

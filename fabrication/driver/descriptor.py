@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -99,10 +97,3 @@ def _parts(entries: tuple[EmitterEntry, ...] | tuple[ReceiverEntry, ...], pins: 
         position_mm=np.array([entry.position_mm for entry in entries]),
         normal=np.array([entry.normal for entry in entries]),
     )
-
-
-def plain_descriptor(found: Descriptor) -> dict[str, Any]:
-    """The descriptor as plain data, for JSON."""
-    text = json.dumps(asdict(found), default=lambda value: np.asarray(value).tolist())
-    plain: dict[str, Any] = json.loads(text)
-    return plain

@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sims.optics.surface.analytic import compact_dimple
 from tests.bench.measures.benchmark_states import benchmark_scene
 from tests.bench.measures.closest_hits import embree_hits, engine_hits, plain_hits
 from tests.bench.measures.surface_mesh import compact_height, cosine_rays
+from tests.sims.optics.surface.analytic import compact_dimple
 
 CENTRE_MM = np.array([14.0, 17.0])
 PRESS = compact_dimple(3.0)

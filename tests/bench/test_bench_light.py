@@ -5,7 +5,7 @@ import pytest
 
 from sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
 from sims.optics.scene.optical_scene import OpticalScene
-from sims.optics.surface.analytic import compact_dimple
+from tests.sims.optics.surface.analytic import compact_dimple
 
 PLACES = (4.0, 12.0, 20.0, 28.0)
 STATES = 4

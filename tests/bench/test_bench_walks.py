@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from sims.optics.oracle.tracer import trace_oracle
-from sims.optics.surface.analytic import compact_dimple
 from tests.bench.measures.benchmark_states import benchmark_scene, different_walls
 from tests.bench.measures.forward_walk import Walked, walk
 from tests.bench.measures.walk_cost import (
@@ -20,6 +19,7 @@ from tests.bench.measures.walk_cost import (
     mitsuba_walk,
     plain_walk,
 )
+from tests.sims.optics.surface.analytic import compact_dimple
 
 SEGMENTS_PER_SECOND = 8e6
 """Below this the plain walk would be no fair opponent."""

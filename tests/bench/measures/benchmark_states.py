@@ -3,8 +3,8 @@
 The scene is `light-benchmark.toml` beside this file. Places are drawn once, evenly over the square of 5 to 27 mm, so
 that every tip stays 2 mm and more from the walls and no place is special. Depths are 0.5 to 5 mm.
 
-Surfaces: `analytic` is a sphere with a compact cubic skirt (`sims.optics.surface.analytic`), which ends 7 mm from the
-axis at most; `contact` is what the contact model gives for this pad, curved out to the walls.
+Surfaces: `analytic` is a sphere with a compact cubic skirt (`tests.sims.optics.surface.analytic`), which ends 7 mm from
+the axis at most; `contact` is what the contact model gives for this pad, curved out to the walls.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from design.spec import SensorDesign
 from sims.contact import indent
 from sims.optics.scene.lower import scene_of
 from sims.optics.scene.optical_scene import OpticalScene
-from sims.optics.surface.analytic import compact_dimple
 from sims.press.indentation import Indentation
+from tests.sims.optics.surface.analytic import compact_dimple
 
 DESIGN_FILE = Path(__file__).with_name("light-benchmark.toml")
 DEPTHS_MM = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0)

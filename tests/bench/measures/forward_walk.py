@@ -3,7 +3,8 @@
 Every emitter sends rays by its cosine law; a ray flies to the nearest of walls, bottom and top, is mirrored at the top
 with its Fresnel share as weight, is scattered by walls and bottom by chance, and ends on a receiver, on the tip or
 where it is not scattered. No path is guided towards a receiver: this is the tracer that one writes first. It knows the
-compact dimple of `sims.optics.surface.analytic` (without pile-up) in closed form and shares no code with `sims.optics`.
+compact dimple of `tests.sims.optics.surface.analytic` (without pile-up) in closed form and shares no code with
+`sims.optics`.
 
 The dimple is met by testing intervals of the ray: the top is lowest where the interval comes nearest to the axis, so an
 interval whose highest end lies below that is passed over and the next one is twice as long; else it is cut, down to
@@ -69,7 +70,7 @@ class Walked:
 def dimple_row(centre_mm: FloatArray, press: Indentation | None, top_mm: float) -> FloatArray:
     """Centre x, y, top, tip radius, contact radius squared, height of the tip's centre, drop, skirt width, rim, lowest.
 
-    The numbers of `sims.optics.surface.analytic.compact_dimple`, found from its definition [mm].
+    The numbers of `tests.sims.optics.surface.analytic.compact_dimple`, found from its definition [mm].
     """
     if press is None:
         return np.array([centre_mm[0], centre_mm[1], top_mm, 1.0, 0.0, top_mm, 0.0, 1.0, 0.0, top_mm])

@@ -17,7 +17,7 @@ import hashlib
 import json
 import numpy as np
 from design.io import load_design
-from sims.optics.surface.analytic import compact_dimple
+from tests.sims.optics.surface.analytic import compact_dimple
 from sims.optics.scene.lower import scene_of
 from sims.optics.engine.trace_states import trace_scene
 imported = perf_counter()

@@ -17,10 +17,10 @@ from importlib.util import find_spec
 import numpy as np
 
 from sims.optics.engine.trace_states import ACCURACIES
-from sims.optics.surface.analytic import compact_dimple
 from tests.bench.measures.benchmark_states import benchmark_scene, different_walls
 from tests.bench.measures.engine_cost import Cost, cheapest, costs
 from tests.bench.measures.forward_walk import Walked, walk
+from tests.sims.optics.surface.analytic import compact_dimple
 
 CENTRE_MM = np.array([14.0, 17.0])
 DEPTH_MM = 3.0

@@ -11,8 +11,8 @@ import pytest
 
 from sims.optics.engine.trace_states import ACCURACIES, CLASS_NAMES, trace_scene
 from sims.optics.oracle.tracer import trace_oracle
-from sims.optics.surface.analytic import compact_dimple
 from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene, scene_of
+from tests.sims.optics.surface.analytic import compact_dimple
 
 DIRECT, DIFFUSE = CLASS_NAMES.index("direct"), CLASS_NAMES.index("diffuse")
 PLACES = np.array([[16.0, 16.0], [11.0, 9.0], [20.0, 14.0], [9.0, 21.0]])

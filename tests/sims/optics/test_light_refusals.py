@@ -8,10 +8,10 @@ import pytest
 from design.errors import InputError, ModelScopeError
 from design.preset import preset
 from sims.optics.engine.trace_states import Accuracy, accuracy_of, trace_scene
-from sims.optics.surface.analytic import compact_dimple
 from sims.optics.tracing import trace
 from sims.press.indentation import Indentation
 from tests.sims.optics.oracle.oracle_scenes import scene_of
+from tests.sims.optics.surface.analytic import compact_dimple
 
 SCENE = scene_of([(0, 8.0, 4.0, 0.5, 0.5)], [(2, 8.0, 4.0, 1.3, 1.3)], length_mm=24.0, width_mm=20.0)
 

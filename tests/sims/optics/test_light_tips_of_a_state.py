@@ -7,7 +7,7 @@ from design.errors import InputError
 from design.preset import preset
 from sims.optics import tracing
 from sims.optics.engine.trace_states import CLASS_NAMES, RawLight
-from sims.optics.surface.analytic import compact_dimple
+from tests.sims.optics.surface.analytic import compact_dimple
 
 PAD = preset("piacenza2017-pad")
 NONE = [np.nan] * 3

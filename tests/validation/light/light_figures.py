@@ -14,10 +14,10 @@ import numpy as np
 import sims.optics
 from design.arrays import FloatArray
 from sims.optics.engine.trace_states import Accuracy, trace_scene
-from sims.optics.surface.analytic import compact_dimple
 from tests.bench.measures.benchmark_states import benchmark_scene, benchmark_states, different_walls
 from tests.bench.measures.closest_hits import engine_hits, plain_hits
 from tests.bench.measures.surface_mesh import cosine_rays
+from tests.sims.optics.surface.analytic import compact_dimple
 from tests.validation.light.light_reference import BUILD, GROUPS, Reference, grouped, reference
 
 Setting = str | float | Accuracy

@@ -16,7 +16,6 @@ from pathlib import Path
 from platform import machine, python_version
 from tempfile import TemporaryDirectory
 
-from sims.optics.surface.analytic import compact_dimple
 from tests.bench.measures.benchmark_states import SURFACES, benchmark_scene, surface_of
 from tests.bench.measures.closest_hits import embree_hits, engine_hits, plain_hits
 from tests.bench.measures.forward_walk import Walked
@@ -31,6 +30,7 @@ from tests.bench.measures.walk_cost import (
     mitsuba_walk,
     plain_walk,
 )
+from tests.sims.optics.surface.analytic import compact_dimple
 from tests.validation.contact.contact_table import markdown_table, with_table
 from tests.validation.light.light_table import PAGE
 

@@ -31,12 +31,12 @@ from sims.optics.scene.emission import cosine_nodes
 from sims.optics.scene.lower import scene_of
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.scene.smooth_field import SmoothField
-from sims.optics.surface.analytic import compact_dimple
 from sims.optics.tracing import pressed_tops
 from sims.press.indentation import Indentation
 from tests.bench.measures import surface_mesh
 from tests.bench.measures.benchmark_states import DESIGN_FILE, different_walls
 from tests.bench.measures.surface_mesh import TopMesh, compact_curve, pressed_mesh
+from tests.sims.optics.surface.analytic import compact_dimple
 from tests.validation.contact.contact_table import markdown_table, with_table
 
 if TYPE_CHECKING:

@@ -15,7 +15,6 @@ from sims.optics.engine.trace_states import CLASS_NAMES, RawLight, trace_scene
 from sims.optics.oracle.tracer import trace_oracle
 from sims.optics.scene.lower import scene_of
 from sims.optics.scene.optical_scene import OpticalScene
-from sims.optics.surface.analytic import compact_dimple
 from sims.optics.tracing import pressed_tops
 from tests.sims.optics.oracle.form_scenes import (
     crown_press,
@@ -23,6 +22,7 @@ from tests.sims.optics.oracle.form_scenes import (
     rectangle_form,
     vault_scene,
 )
+from tests.sims.optics.surface.analytic import compact_dimple
 
 PAIR = preset("piacenza2017-pair")
 FLAT = scene_of(PAIR)

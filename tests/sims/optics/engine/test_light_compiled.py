@@ -17,9 +17,9 @@ from sims.optics.engine.threads import between_pieces, run_each
 from sims.optics.engine.trace_states import trace_scene
 from sims.optics.scene.emission import lambertian_pattern
 from sims.optics.scene.smooth_field import smooth_field
-from sims.optics.surface.analytic import compact_dimple
 from tests.bench.measures.start_time import first_trace
 from tests.sims.optics.oracle.oracle_scenes import ring_scene
+from tests.sims.optics.surface.analytic import compact_dimple
 
 ENTRY_POINTS = (
     "flat_matrix", "untouched_deposits", "joined", "scattered", "bounce_matrix", "trace_once", "trace_further",

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from sims.optics.engine.trace_states import ACCURACIES, CLASS_NAMES, trace_scene
-from sims.optics.surface.analytic import compact_dimple
 from tests.sims.optics.oracle.oracle_scenes import scene_of
+from tests.sims.optics.surface.analytic import compact_dimple
 
 PLACES = (4.0, 12.0, 20.0, 28.0)
 DIRECT, TOP, SKIRT, WALL, DIFFUSE = range(5)

@@ -19,11 +19,11 @@ from sims.optics.engine.light_rows import row_names
 from sims.optics.engine.trace_states import RawLight, trace_scene
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.scene.smooth_field import smooth_field
-from sims.optics.surface.analytic import compact_dimple
 from sims.optics.surface.tops import stack_tops
 from sims.optics.tracing import trace
 from sims.press.indentation import Indentation
 from tests.sims.optics.oracle.oracle_scenes import ring_scene
+from tests.sims.optics.surface.analytic import compact_dimple
 
 SCENE = ring_scene()
 DIMPLE, DEEPER = compact_dimple(1.5), compact_dimple(2.5)

@@ -11,9 +11,9 @@ from sims.optics.oracle.tracer import CLASSES, trace_oracle
 from sims.optics.scene.emission import lambertian_pattern
 from sims.optics.scene.smooth_field import smooth_field
 from sims.optics.scene.symmetry import symmetries_of
-from sims.optics.surface.analytic import compact_dimple
 from tests.sims.optics.form_factors import parallel_factor
 from tests.sims.optics.oracle.oracle_scenes import ring_scene, scene_of
+from tests.sims.optics.surface.analytic import compact_dimple
 
 DIRECT, TOP, SKIRT, WALL, DIFFUSE = range(5)
 SCENE = ring_scene()

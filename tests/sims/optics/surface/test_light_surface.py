@@ -8,7 +8,6 @@ import pytest
 from sims.optics.engine.straight.rays import MIN_STEP_MM
 from sims.optics.scene.smooth_field import smooth_field
 from sims.optics.surface import curves as surface
-from sims.optics.surface.analytic import compact_dimple
 from sims.optics.surface.radial_table import BEND, CELLS, PIECE_COLUMNS, WINDOW, node_radii_mm
 from sims.optics.surface.top import Top
 from sims.optics.surface.tops import stack_tops
@@ -26,6 +25,7 @@ from tests.sims.optics.engine.called_kernels import (
     top_hit,
 )
 from tests.sims.optics.oracle.oracle_scenes import scene_of, shank_press
+from tests.sims.optics.surface.analytic import compact_dimple
 
 SCENE = scene_of([(0, 8.0, 4.0, 0.5, 0.5)], [(2, 8.0, 4.0, 1.3, 1.3)])
 

@@ -21,7 +21,6 @@ from pathlib import Path
 
 import numpy as np
 
-from sims.contact.library.crowned_press import CrownedPad, crowned_press
 from sims.contact.library.store import CACHE_VARIABLE
 from sims.press.indentation import Indentation
 from tests.validation.contact.contact_comparison import PressError, oracle_error, press_error
@@ -36,6 +35,7 @@ from tests.validation.contact.crown.crown_reference import (
     Pad,
     crown_state,
 )
+from tests.validation.contact.crown.crowned_press import CrownedPad, crowned_press
 
 PRESSES = Path(__file__).with_name("crown_presses.npz")
 FRAGMENT = PRESSES.with_name("crown_table.md")

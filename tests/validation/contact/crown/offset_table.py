@@ -26,7 +26,6 @@ from pathlib import Path
 import numpy as np
 
 from design.arrays import BoolArray, FloatArray
-from sims.contact.library.crowned_press import CrownedPad, CrownedPress, crowned_press
 from sims.contact.library.profile_library import shipped_library
 from sims.contact.library.run_out import run_out
 from sims.contact.library.store import CACHE_VARIABLE
@@ -36,6 +35,7 @@ from tests.validation.contact.contact_reference import BUILD
 from tests.validation.contact.contact_table import markdown_table
 from tests.validation.contact.crown.crown_oracle import Crown
 from tests.validation.contact.crown.crown_reference import SHARP, crown_state
+from tests.validation.contact.crown.crowned_press import CrownedPad, CrownedPress, crowned_press
 from tests.validation.contact.crown.offset_oracle import (
     PADS,
     STORED,

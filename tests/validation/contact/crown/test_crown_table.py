@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sims.contact.library.crowned_press import crowned_press
 from sims.contact.library.store import CACHE_VARIABLE
 from tests.validation.contact.crown.crown_reference import CROWNS, DEPTHS, MILD, SHARP, TIP_MM, Pad
 from tests.validation.contact.crown.crown_table import (
@@ -21,6 +20,7 @@ from tests.validation.contact.crown.crown_table import (
     model_press,
     rows,
 )
+from tests.validation.contact.crown.crowned_press import crowned_press
 
 
 @pytest.fixture(scope="module")
