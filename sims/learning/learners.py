@@ -6,7 +6,6 @@ from typing import Protocol
 
 from design.progress import OnStep
 from sims.learning.fits.extra_trees import fit_extra_trees
-from sims.learning.fits.gaussian_process import fit_gaussian_process
 from sims.learning.fits.kernel_ridge import fit_kernel_ridge
 from sims.learning.fits.network import fit_network
 from sims.learning.inference.touch_model import TouchModel
@@ -28,6 +27,5 @@ LEARNERS: dict[str, Learner] = {
     "kernel-ridge": fit_kernel_ridge,
     "extra-trees": fit_extra_trees,
     "network": fit_network,
-    "gaussian-process": fit_gaussian_process,
 }
 """Name, which is also the kind of the model -> its fit."""

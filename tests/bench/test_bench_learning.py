@@ -46,7 +46,7 @@ def test_a_frame_by_kernel_ridge_of_10_000_samples(benchmark, bench_size, presse
     assert not bench_size.is_timed or benchmark.stats["median"] < LIMIT_S
 
 
-@pytest.mark.parametrize("name", ["extra-trees", "network", "gaussian-process"])
+@pytest.mark.parametrize("name", ["extra-trees", "network"])
 def test_a_frame_by_the_better_learners(benchmark, bench_size, name, pressed, frames):
     settings = replace(
         bench_size.of(DEFAULT, QUICK),

@@ -14,7 +14,6 @@ from fabrication.driver.recording.raw import Recorder
 from fabrication.driver_config import dump_driver_config
 from sims.learning.inference.extra_trees import ExtraTreesModel, Forest
 from sims.learning.inference.feature_scaling import FeatureScaling
-from sims.learning.inference.gaussian_process import GaussianProcessModel
 from sims.learning.inference.model_file import save_model
 from sims.learning.inference.network import Network, NetworkModel
 from sims.learning.inference.sigma_table import UNIT_SIGMA
@@ -81,15 +80,6 @@ def _write_models(folder: Path) -> None:
         "extra-trees": ExtraTreesModel(header=made_up_header(kind="extra-trees"), forest=forest, **shared),
         "network": NetworkModel(
             header=made_up_header(kind="network"), networks=(network, network), **spread, **shared
-        ),
-        "gaussian-process": GaussianProcessModel(
-            header=made_up_header(kind="gaussian-process"),
-            length=1.0,
-            points=chance.normal(size=(5, PAIRS)),
-            weights=chance.normal(size=(5, 3)),
-            known=np.eye(5, dtype=np.float32),
-            **spread,
-            **shared,
         ),
     }
     for name, model in models.items():

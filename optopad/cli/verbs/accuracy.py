@@ -57,7 +57,7 @@ def predict(
         typer.Option(
             "--learner",
             metavar="NAME",
-            help="kernel-ridge (the paper's), extra-trees, network, gaussian-process, signal-map, or all.",
+            help="kernel-ridge (the paper's), extra-trees, network, signal-map, or all.",
         ),
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A thinned protocol: a first look.")] = False,

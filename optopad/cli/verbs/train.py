@@ -25,7 +25,7 @@ def train(
         typer.Option(
             "--learner",
             metavar="NAME",
-            help="kernel-ridge (the paper's), extra-trees, network, gaussian-process, `all` of these; or signal-map.",
+            help="kernel-ridge (the paper's), extra-trees, network, `all` of these; or signal-map.",
         ),
     ] = "extra-trees",
     design: Annotated[

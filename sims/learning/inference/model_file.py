@@ -57,7 +57,9 @@ def load_model(file: str | os.PathLike[str]) -> TouchModel:
     try:
         header = header_of_json(json.loads(arrays.pop(_HEADER).tobytes()))
         if header.kind not in KINDS:
-            raise InputError(f"is of kind {header.kind!r}, this optopad knows {', '.join(KINDS)}")
+            raise InputError(
+                f"is of kind {header.kind!r}, this optopad knows {', '.join(KINDS)}; train one of these on its data"
+            )
         return KINDS[header.kind](header, arrays)
     except InputError as err:
         raise InputError(f"{path}: {err}") from None

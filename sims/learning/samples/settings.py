@@ -13,12 +13,11 @@ class FitSettings:
     ----------
     search_samples : touched samples that the grid search sees, fitted and held out together
     fit_samples : touched samples of the final kernel-ridge fit; those beyond are used by the approximation only
-    network_samples : touched samples of trees, network and Gaussian process
+    network_samples : touched samples of trees and network
     memory_gb : of the kernel matrix of the final fit [GB]
     landmarks : kept samples of the approximation that serves what does not fit into memory_gb
     trees : of the forest
     epochs : passes of the network over its samples
-    inducing : points that carry the Gaussian process
     """
 
     search_samples: int = 6_000
@@ -28,15 +27,12 @@ class FitSettings:
     landmarks: int = 8_000
     trees: int = 80
     epochs: int = 60
-    inducing: int = 1_500
 
 
 DEFAULT = FitSettings()
-QUICK = FitSettings(
-    search_samples=2_000, fit_samples=4_000, network_samples=8_000, trees=40, epochs=40, inducing=500
-)
+QUICK = FitSettings(search_samples=2_000, fit_samples=4_000, network_samples=8_000, trees=40, epochs=40)
 """Seconds instead of minutes, for a first look."""
-FULL = FitSettings(fit_samples=24_000, network_samples=60_000, trees=120, epochs=100, inducing=2_000)
+FULL = FitSettings(fit_samples=24_000, network_samples=60_000, trees=120, epochs=100)
 """Half of the paper's touched training samples in one exact kernel."""
 WHOLE = replace(FULL, fit_samples=60_000, memory_gb=12.0)
 """All of the paper's touched training samples, 49,368, in one kernel: single precision, 9.8 GB."""

@@ -18,9 +18,7 @@ from sims.learning.learners import LEARNERS
 from sims.learning.samples.settings import QUICK
 from tests.sims.learning.pressed_pad import grid_mm, made_up_data, random_places_mm, require_places_found
 
-SMALL = replace(
-    QUICK, fit_samples=500, network_samples=2_000, search_samples=400, trees=15, epochs=20, inducing=200
-)
+SMALL = replace(QUICK, fit_samples=500, network_samples=2_000, search_samples=400, trees=15, epochs=20)
 BETTER = [name for name in LEARNERS if name not in ("kernel-ridge", "signal-map")]
 
 

@@ -46,7 +46,7 @@ MARKS = "<!-- made by tests/validation/learning/reality_check.py -->", "<!-- end
 DESIGN = "piacenza2017-pad"
 PROTOCOL = "piacenza2017"
 OFTEN = {"kernel-ridge": 5, "extra-trees": 5, SIGNAL_MAP: 5}
-ONCE = {"network": 1, "gaussian-process": 1}
+ONCE = {"network": 1}
 """Draws of the chain that each learner is trained and judged on, the paper's learner first; the slow ones last."""
 NEAR_PAPER = 0.15
 """A row of touch from 0.2 mm on agrees with the paper within this [-]."""
@@ -80,7 +80,7 @@ TOUCH_OF = {
     "extra-trees": "linear SVM, pairs standardised, C by held-out locations",
     SIGNAL_MAP: "likelihood ratio",
 }
-"""Learners whose touch is shown, and what decides it; network and Gaussian process share the trees' classifier."""
+"""Learners whose touch is shown, and what decides it; the network shares the trees' classifier."""
 
 Judged = dict[tuple[str, str], list[JudgedPresses]]
 """By learner and test set, a draw each."""
