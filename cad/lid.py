@@ -70,15 +70,13 @@ def _frustum(plug: Plug, centre_mm: tuple[float, float], seat_mm: float) -> cq.S
 
 def crown_body(plan: Plan) -> cq.Solid:
     """The crown's sphere or cylinder, wider than the pad and deeper than any plug; its seam is below."""
-    crown = plan.crown
-    assert crown is not None
-    radius, (x, y) = crown.radius_mm, plan.centre_mm
+    radius, (x, y) = plan.top.radius_mm, plan.centre_mm
     centre = plan.clear_mm - radius
-    if crown.axis is None:
+    if plan.top.straight is None:
         ball = cq.Solid.makeSphere(radius, cq.Vector(x, y, centre), cq.Vector(-1, 0, 0), -90, 90, 360)
         return cast(cq.Solid, ball)
     length = 2 * plan.radius_mm + 2 * BEYOND_MM
-    along = cq.Vector(-1, 0, 0) if crown.axis == "x" else cq.Vector(0, -1, 0)
+    along = cq.Vector(-1, 0, 0) if plan.top.straight == "x" else cq.Vector(0, -1, 0)
     return cq.Solid.makeCylinder(radius, length, cq.Vector(x, y, centre) - along * (length / 2), along)
 
 

@@ -112,9 +112,9 @@ def lid_size(design: SensorDesign) -> LidSize | None:
     """A design's lid in numbers; None for a flat top, which is poured from above."""
     outline = outline_of(design)
     plan = outline.plan
-    if plan.crown is None:
+    if plan.top.is_flat:
         return None
-    touches = plan.crown.axis is not None and plan.clear_mm > outline.top_mm - CLEAR_OF_TANGENT_MM
+    touches = plan.top.straight is not None and plan.clear_mm > outline.top_mm - CLEAR_OF_TANGENT_MM
     seat = outline.top_mm + (CLEAR_OF_TANGENT_MM if touches else 0.0)
     plug = _plug(plan, seat)
     back = max(outline.top_mm + FLANGE_MM, plan.clear_mm + OVER_CROWN_MM)
@@ -208,7 +208,7 @@ def _notched_walls(outline: MoldOutline, depth_mm: float) -> list[WallFrame]:
         thickness = outline.wall_y_mm if along_x else outline.wall_x_mm
         return [WallFrame(line=line, thickness_mm=thickness) for line in plan.walls if line.name in names]
 
-    axis = plan.crown.axis if plan.crown is not None else None
+    axis = plan.top.straight
     turns = NOTCH_TURNS_DEG if axis is None else (0,) if axis == "x" else (90,)
 
     def pair(turn_deg: float) -> list[WallFrame]:

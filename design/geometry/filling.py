@@ -35,7 +35,7 @@ def filling_holes(plan: Plan, bottom_mm: float, floor_mm: float) -> tuple[Hole, 
     ----------
     bottom_mm, floor_mm : underside of the mold and floor of the cavity, in the cavity frame
     """
-    if plan.crown is None:
+    if plan.top.is_flat:
         return ()
     (x, y), (across, deep) = plan.centre_mm, filling_offsets_mm(plan)
     return tuple(

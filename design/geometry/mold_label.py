@@ -118,7 +118,7 @@ def _room_mm(design: SensorDesign) -> tuple[float, float]:
     """Length and width of the rectangle that a label may cover: below the cavity, between sprue and vents."""
     plan = plan_of(design)
     length, width = plan.length_mm, plan.width_mm
-    if plan.crown is not None:  # sprue and vents stand in the corners
+    if not plan.top.is_flat:  # sprue and vents stand in the corners
         width = 2 * (filling_offsets_mm(plan)[1] - SPRUE_RADIUS_MM)
     if plan.is_disc:
         width = min(width, length / math.sqrt(2))

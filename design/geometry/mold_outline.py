@@ -141,7 +141,7 @@ def outline_of(design: SensorDesign) -> MoldOutline:
     wall_x = (mold.outer_length_mm - plan.length_mm) / 2
     wall_y = (mold.outer_width_mm - plan.width_mm) / 2
     wall = max(min(wall_x, wall_y), 0.0)
-    fill = plan.clear_mm if plan.crown is None else plan.rim_mm[1]
+    fill = plan.clear_mm if plan.top.is_flat else plan.rim_mm[1]
     bottom, top = -cavity.black_mm - mold.floor_mm, fill + mold.rim_mm
     ledge = mold.cover_ledge_mm
     has_lip = plan.is_flat_rectangle and not ledge

@@ -11,9 +11,7 @@ as wide as the part's socket, on which the part's face lies. The facet is a chor
           \             /
            '-._______.-'
 
-The top is flat, or convex with its highest point over the middle of the pad: z = clear - (C - sqrt(C² - d²)) with the
-radius C of the crown and the distance d from the middle (`sphere`), or from the middle line (`cylinder`). A press goes
-along the outward normal of the untouched top.
+The top, flat or convex, has its highest point over the middle of the pad (`design.shape.top`).
 """
 
 from __future__ import annotations
@@ -24,7 +22,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from design.spec import Crown, SensorDesign
+from design.arrays import FloatArray
+from design.shape.top import Top
+from design.spec import SensorDesign
 from design.spec.layout import angle_name
 
 Point = tuple[float, float]
@@ -118,21 +118,24 @@ class Plan:
     length_mm, width_mm : of the rectangle; both the diameter of a disc
     is_disc : whether the outline is round
     walls : the flat walls: four of a rectangle, one for each part of a disc
-    clear_mm : height of the top at its highest point
-    crown : None for a flat top
+    top : untouched
     """
 
     length_mm: float
     width_mm: float
     is_disc: bool
     walls: tuple[WallLine, ...]
-    clear_mm: float
-    crown: Crown | None
+    top: Top
 
     @property
     def is_flat_rectangle(self) -> bool:
         """Whether it is a plain block."""
-        return self.crown is None and not self.is_disc
+        return self.top.is_flat and not self.is_disc
+
+    @property
+    def clear_mm(self) -> float:
+        """Height of the top at its highest point [mm]."""
+        return self.top.clear_mm
 
     @property
     def centre_mm(self) -> Point:
@@ -168,29 +171,14 @@ class Plan:
             heights = [self.top_mm(px, py) for px in (0.0, x) for py in (0.0, y) if (px, py) != (x, y)]
         return min(heights), max(heights)
 
-    def sag_mm(self, x_mm: float, y_mm: float) -> float:
-        """How far the untouched top lies below its highest point [mm]; not a number beyond the crown's radius."""
-        if self.crown is None:
-            return 0.0
-        x, y = x_mm - self.centre_mm[0], y_mm - self.centre_mm[1]
-        away = {"x": abs(y), "y": abs(x), None: math.hypot(x, y)}[self.crown.axis]
-        radius = self.crown.radius_mm
-        if away >= radius:
-            return math.nan
-        return away**2 / (radius + math.sqrt(radius**2 - away**2))
-
     def top_mm(self, x_mm: float, y_mm: float) -> float:
         """Height of the untouched top above the bottom of the clear layer [mm]."""
-        return self.clear_mm - self.sag_mm(x_mm, y_mm)
+        return float(self.top.height_mm(x_mm, y_mm))
 
     def normal(self, x_mm: float, y_mm: float) -> tuple[float, float, float]:
         """Unit vector out of the untouched top: a press goes against it."""
-        if self.crown is None:
-            return 0.0, 0.0, 1.0
-        radius = self.crown.radius_mm
-        x = 0.0 if self.crown.axis == "x" else (x_mm - self.centre_mm[0]) / radius
-        y = 0.0 if self.crown.axis == "y" else (y_mm - self.centre_mm[1]) / radius
-        return x, y, math.sqrt(max(1.0 - x * x - y * y, 0.0))
+        nx, ny, nz = self.top.normal(x_mm, y_mm).tolist()
+        return nx, ny, nz
 
     def contains(self, x_mm: float, y_mm: float) -> bool:
         """Whether a place lies in the pad, its border included."""
@@ -210,29 +198,26 @@ class Plan:
         return self.area_mm2 * self.clear_mm - self._sag_volume_mm3()
 
     def _sag_volume_mm3(self) -> float:
-        if self.crown is None:
-            return 0.0
         x0, y0 = self.centre_mm
         if not self.is_disc:
-            across = _gauss(0.0, self.length_mm)
-            return sum(u * v * self.sag_mm(x, y) for x, u in across for y, v in _gauss(0.0, self.width_mm))
-        around = [2.0 * math.pi * k / NODES for k in range(NODES)]
-        whole = sum(
-            u * r * 2.0 * math.pi / NODES * self.sag_mm(x0 + r * math.cos(turn), y0 + r * math.sin(turn))
-            for r, u in _gauss(0.0, self.radius_mm)
-            for turn in around
-        )
+            (x, u), (y, v) = _gauss(0.0, self.length_mm), _gauss(0.0, self.width_mm)
+            return float(u @ self.top.sag_mm(x[:, None], y) @ v)
+        r, u = _gauss(0.0, self.radius_mm)
+        turn = 2.0 * np.pi * np.arange(NODES) / NODES
+        sags = self.top.sag_mm(x0 + r[:, None] * np.cos(turn), y0 + r[:, None] * np.sin(turn))
+        whole = float(u * r @ sags.mean(axis=1)) * 2.0 * math.pi
         return whole - sum(self._segment_sag_mm3(wall) for wall in self.walls)
 
     def _segment_sag_mm3(self, wall: WallLine) -> float:
         """What a facet's segment would have had of the sag's integral."""
         half = wall.length_mm / 2
         stands = self.stands_mm(wall)
-        return sum(
-            u * v * self.sag_mm(*wall.point(half + t, out))
-            for t, u in _gauss(-half, half)
-            for out, v in _gauss(0.0, math.sqrt(self.radius_mm**2 - t**2) - stands)
-        )
+        found = 0.0
+        for t, u in zip(*(each.tolist() for each in _gauss(-half, half)), strict=True):
+            out, v = _gauss(0.0, math.sqrt(self.radius_mm**2 - t**2) - stands)
+            (x, y), (nx, ny) = wall.point(half + t), wall.outward
+            found += u * float(v @ self.top.sag_mm(x + nx * out, y + ny * out))
+        return found
 
 
 def plan_of(design: SensorDesign, facets: Sequence[WallLine] = ()) -> Plan:
@@ -240,13 +225,20 @@ def plan_of(design: SensorDesign, facets: Sequence[WallLine] = ()) -> Plan:
     size = design.cavity
     is_disc = size.outline == "disc"
     walls = tuple(facets) if is_disc else tuple(rectangle_walls(size.length_mm, size.width_mm).values())
+    crown = design.crown
+    curvature = 0.0 if crown is None else 1.0 / crown.radius_mm
+    straight = None if crown is None else crown.axis
     return Plan(
         length_mm=size.length_mm,
         width_mm=size.width_mm,
         is_disc=is_disc,
         walls=walls,
-        clear_mm=size.clear_thickness_mm,
-        crown=design.crown,
+        top=Top(
+            clear_mm=size.clear_thickness_mm,
+            apex_mm=(size.length_mm / 2, size.width_mm / 2),
+            kx=0.0 if straight == "x" else curvature,
+            ky=0.0 if straight == "y" else curvature,
+        ),
     )
 
 
@@ -257,8 +249,8 @@ def _segment_mm2(radius_mm: float, half_width_mm: float) -> float:
     return radius_mm**2 * (angle - half * math.cos(angle))
 
 
-def _gauss(low: float, high: float) -> list[tuple[float, float]]:
+def _gauss(low: float, high: float) -> tuple[FloatArray, FloatArray]:
     """Nodes and weights of Gauss' rule from low to high."""
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     middle, half = (low + high) / 2, (high - low) / 2
-    return [(middle + half * float(x), half * float(w)) for x, w in zip(nodes, weights, strict=True)]
+    return middle + half * nodes, half * weights

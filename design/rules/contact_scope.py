@@ -29,12 +29,10 @@ LARGEST_CROWN = 0.25
 def thinnest_elastic_mm(design: SensorDesign) -> float:
     """Clear and black layer together where the workspace is thinnest: under a crown, at its border [mm]."""
     elastic = design.cavity.clear_thickness_mm + design.cavity.black_thickness_mm
-    if design.crown is None:
-        return elastic
     plan, space = plan_of(design), workspace_of(design)
     y = plan.centre_mm[1]
     border = (space.x0_mm, y if space.is_disc else space.y0_mm)
-    return elastic if space.is_empty else elastic - plan.sag_mm(*border)
+    return elastic if space.is_empty else elastic - float(plan.top.sag_mm(*border))
 
 
 def deepest_modelled_mm(design: SensorDesign) -> float:

@@ -77,7 +77,7 @@ def area_findings(cavity: CavityGeometry) -> Iterator[Finding]:
         key = (part.height_field, part.part_id, round(part.clear_mm, 9))
         if key not in seen:  # parts that share all of it share their finding
             seen.add(key)
-            yield from _area_of(part, is_crowned=cavity.plan.crown is not None)
+            yield from _area_of(part, is_crowned=not cavity.plan.top.is_flat)
 
 
 def path_findings(cavity: CavityGeometry) -> Iterator[Finding]:

@@ -31,7 +31,7 @@ def is_spanned(design: SensorDesign) -> bool:
 def span_findings(design: SensorDesign) -> Iterator[Finding]:
     """A crown smaller than its pad, a rim that is too thin, facets too wide for their disc."""
     plan = plan_of(design)
-    if plan.crown is not None:
+    if not plan.top.is_flat:
         yield from _crown_findings(plan)
     if plan.is_disc:
         yield from _facet_findings(design, plan)
@@ -43,7 +43,7 @@ def shape_findings(design: SensorDesign) -> Iterator[Finding]:
     if plan.is_flat_rectangle:
         return
     yield from _option_findings(design)
-    if plan.crown is not None:
+    if not plan.top.is_flat:
         yield from _lid_findings(design)
         yield from _filling_findings(plan)
         yield from _press_findings(design, plan)
@@ -51,13 +51,11 @@ def shape_findings(design: SensorDesign) -> Iterator[Finding]:
 
 def _reach_mm(plan: Plan) -> float:
     """How far the pad reaches from the crown's highest point or line [mm]."""
-    assert plan.crown is not None
-    return {"x": plan.width_mm / 2, "y": plan.length_mm / 2, None: plan.radius_mm}[plan.crown.axis]
+    return {"x": plan.width_mm / 2, "y": plan.length_mm / 2, None: plan.radius_mm}[plan.top.straight]
 
 
 def _crown_findings(plan: Plan) -> Iterator[Finding]:
-    assert plan.crown is not None
-    reach, radius = _reach_mm(plan), plan.crown.radius_mm
+    reach, radius = _reach_mm(plan), plan.top.radius_mm
     least = reach / math.sin(math.radians(STEEPEST_RIM_DEG))
     if radius < least - ROUNDING_MM:
         yield error(

@@ -46,7 +46,7 @@ def pours(design: SensorDesign) -> tuple[Pour, ...]:
     plan = cavity.plan
     black, clear = plan.area_mm2 * cavity.black_mm, plan.clear_volume_mm3
     layers = (("black", cavity.black_mm, black), ("clear", cavity.clear_mm, clear))
-    if plan.crown is not None:  # cast upside down
+    if not plan.top.is_flat:  # cast upside down
         layers = layers[::-1]
     return tuple(_pour(design, *layer) for layer in layers if layer[1] > 0)
 

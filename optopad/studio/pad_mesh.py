@@ -29,7 +29,7 @@ def outline_mm(plan: Plan) -> FloatArray:
 def _straight_outline(plan: Plan) -> FloatArray:
     length, width = plan.length_mm, plan.width_mm
     corners = [(0.0, 0.0), (length, 0.0), (length, width), (0.0, width), (0.0, 0.0)]
-    pieces = 1 if plan.crown is None else PIECES
+    pieces = 1 if plan.top.is_flat else PIECES
     sides = [np.linspace(start, end, pieces, endpoint=False) for start, end in pairwise(corners)]
     return np.concatenate(sides)
 
@@ -52,7 +52,7 @@ def _round_outline(plan: Plan) -> FloatArray:
 
 def top_mm(plan: Plan, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
     """(...,) height of the untouched top at (...,) places [mm]; 0 where a crown that is too tight has none."""
-    if plan.crown is None:
+    if plan.top.is_flat:
         return np.full(np.shape(x_mm), plan.clear_mm)
     heights = [plan.top_mm(x, y) for x, y in zip(np.ravel(x_mm), np.ravel(y_mm), strict=True)]
     return np.asarray(np.nan_to_num(np.reshape(heights, np.shape(x_mm)), nan=0.0), dtype=np.float64)
@@ -61,7 +61,7 @@ def top_mm(plan: Plan, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
 def untouched_top(plan: Plan) -> tuple[FloatArray, IntArray]:
     """Points (n, 3) [mm] and triangles (m, 3) of the untouched top: rings from its middle to its edge."""
     edge, middle = outline_mm(plan), np.array(plan.centre_mm)
-    shares = np.linspace(0.0, 1.0, 2 if plan.crown is None else RINGS)
+    shares = np.linspace(0.0, 1.0, 2 if plan.top.is_flat else RINGS)
     places = middle + shares[:, None, None] * (edge - middle)
     heights = top_mm(plan, places[..., 0], places[..., 1])
     points = np.concatenate([places, heights[..., None]], axis=-1).reshape(-1, 3)
@@ -104,8 +104,8 @@ def struck_place(plan: Plan, eye_mm: FloatArray, way: FloatArray) -> tuple[float
     """
     if abs(way[2]) < 1e-9:
         return None
-    low = plan.clear_mm if plan.crown is None else max(np.nan_to_num(plan.rim_mm[0], nan=0.0), 0.0)
-    for height in np.linspace(plan.clear_mm, low, 1 if plan.crown is None else LOOKS).tolist():
+    low = plan.clear_mm if plan.top.is_flat else max(np.nan_to_num(plan.rim_mm[0], nan=0.0), 0.0)
+    for height in np.linspace(plan.clear_mm, low, 1 if plan.top.is_flat else LOOKS).tolist():
         x, y, _ = (eye_mm + way * (height - eye_mm[2]) / way[2]).tolist()
         if height <= plan.top_mm(x, y) and plan.contains(x, y):
             return x, y

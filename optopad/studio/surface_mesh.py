@@ -44,7 +44,7 @@ def pressed_top(
     x = np.clip(place_mm[0] + at * np.cos(angles), 0.0, plan.length_mm)
     y = np.clip(place_mm[1] + at * np.sin(angles), 0.0, plan.width_mm)
     points = np.stack([x, y, top_mm(plan, x, y)], axis=-1).reshape(-1, 3)
-    if surface is not None and plan.crown is not None:
+    if surface is not None and not plan.top.is_flat:
         points = _pressed_crown(plan, surface, points, (at >= reach).ravel())
     elif surface is not None:
         points[:, 2] += _height(surface, at, x, y, is_rectangle=not plan.is_disc).ravel()

@@ -69,8 +69,8 @@ def layer_depth(design: SensorDesign, at_mm: tuple[float, float] | None = None) 
     radius = tip_radius_mm(design)
     depth = elastic_depth_mm(design)
     if at_mm is not None:
-        plan = plan_of(design)
-        depth = (depth - plan.sag_mm(*at_mm)) / plan.normal(*at_mm)[2]
+        top = plan_of(design).top
+        depth = float((depth - top.sag_mm(*at_mm)) / top.normal(*at_mm)[2])
     ratio = depth / radius
     low, high = LAYER_DEPTH_RANGE
     if not low - 1e-9 <= ratio <= high + 1e-9:
@@ -114,10 +114,7 @@ def wall_radius(design: SensorDesign) -> float:
 
 def mean_crown(design: SensorDesign) -> float:
     """Tip radius times the mean curvature of the untouched top [-]; 0 for a flat one."""
-    crown = design.crown
-    if crown is None:
-        return 0.0
-    return tip_radius_mm(design) / (crown.radius_mm if crown.axis is None else 2.0 * crown.radius_mm)
+    return tip_radius_mm(design) * plan_of(design).top.mean_curvature
 
 
 def depth_limit_mm(design: SensorDesign) -> float:

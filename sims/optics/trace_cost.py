@@ -31,9 +31,8 @@ def emitter_cost_s(scene: OpticalScene, settings: Accuracy, emitters: int) -> fl
     """Of a state in which some emitters are traced, each with one pair."""
     if scene.form is None:
         return emitters * pair_cost_s(scene, settings)
-    kind = (
-        "flat" if not scene.form.is_crowned else "sphere" if scene.form.crown_axis == "none" else "cylinder"
-    )
+    top = scene.form.top
+    kind = "flat" if top.is_flat else "sphere" if top.straight is None else "cylinder"
     of_cells = CELL_S[kind] * settings.replicates * _cells(scene, settings)
     return emitters * (of_cells + 2.0 * DEPOSITS_S)
 

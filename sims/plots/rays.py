@@ -139,7 +139,7 @@ def _draw_block(ax: Axes, cavity: CavityGeometry, cut: Cut, reach: tuple[float, 
     look: dict[str, Any] = {"color": PALE_BLUE, "alpha": 0.25, "lw": 0}
     ax.add_patch(
         Rectangle((reach[0], 0.0), reach[1] - reach[0], cavity.clear_mm, **look)
-        if cavity.plan.crown is None
+        if cavity.plan.top.is_flat
         else Polygon(cut.silhouette_mm(cavity, reach), **look)
     )
     ax.text(

@@ -111,7 +111,7 @@ def _pressed_top(
 ) -> list[tuple[float, float]]:
     """Places along the chord and heights of the top where the blind interval begins, from part to part [mm]."""
     depth_mm = cause.depth_mm[0]
-    if cavity.plan.crown is not None:
+    if not cavity.plan.top.is_flat:
         frame, press = press_frame(design, cause.place_mm), indent(design, depth_mm, cause.place_mm)
         line = cut_top_mm(frame, press, cut.plane(cavity.clear_mm + design.indenter.tip_radius_mm))
         return [(float(along), float(height)) for along, height in line]
@@ -129,7 +129,7 @@ def _draw_layers(ax: Axes, cavity: CavityGeometry, cut: _Cut, pressed_top: list[
     ax.add_patch(
         Rectangle((0.0, -cavity.black_mm), cut.length_mm, cavity.black_mm, facecolor=BLACK, linewidth=0)
     )
-    if cavity.plan.crown is not None:
+    if not cavity.plan.top.is_flat:
         untouched = cut.plane(cavity.clear_mm).untouched_mm(cavity.plan)
         ax.plot(*untouched.T, color=MUTED, linewidth=0.7, linestyle=(0, (1, 1.5)))
     outline = [(0.0, 0.0), *pressed_top, (cut.length_mm, 0.0)]
@@ -163,7 +163,7 @@ def _draw_tip(
     is_first: bool,
 ) -> None:
     scale = design.indenter.tip_radius_mm
-    if cavity.plan.crown is not None:
+    if not cavity.plan.top.is_flat:
         plane = cut.plane(cavity.clear_mm + SHANK * scale)
         along, height = cut_tip_mm(design, press_frame(design, place_mm), depth_mm, plane).T
     else:
@@ -189,7 +189,7 @@ def _mirror_place(cavity: CavityGeometry, cut: _Cut) -> tuple[float, float]:
     low, high = cut.emitter.height_mm, cut.receiver.height_mm
     below = cavity.clear_mm - low, cavity.clear_mm - high
     turn = cut.length_mm * below[0] / (below[0] + below[1]) if sum(below) > 0.0 else 0.5 * cut.length_mm
-    if cavity.plan.crown is None:
+    if cavity.plan.top.is_flat:
         return turn, cavity.clear_mm
     along, height = cut.plane(cavity.clear_mm).untouched_mm(cavity.plan).T
     way = np.hypot(along, height - low) + np.hypot(cut.length_mm - along, height - high)
@@ -202,7 +202,7 @@ def _mirror_place(cavity: CavityGeometry, cut: _Cut) -> tuple[float, float]:
 
 def _over_words_mm(cavity: CavityGeometry, cut: _Cut) -> float:
     """Height of the untouched top where words stand over it, at the emitter's side [mm]."""
-    if cavity.plan.crown is None:
+    if cavity.plan.top.is_flat:
         return cavity.clear_mm
     along, height = cut.plane(cavity.clear_mm).untouched_mm(cavity.plan).T
     return float(height[along <= WORDS * cut.length_mm].max())

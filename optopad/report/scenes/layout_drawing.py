@@ -189,7 +189,7 @@ class _Section:
     def top_mm(self) -> FloatArray:
         """(n, 2) place along the section and height of the untouched top [mm]."""
         plan = self.cavity.plan
-        along = np.linspace(self.start_mm, self.end_mm, 2 if plan.crown is None else CROWN_POINTS)
+        along = np.linspace(self.start_mm, self.end_mm, 2 if plan.top.is_flat else CROWN_POINTS)
         x, y = plan.centre_mm
         places = [(x, float(t)) if self.is_across else (float(t), y) for t in along]
         return np.column_stack([along, [plan.top_mm(*place) for place in places]])
@@ -197,7 +197,7 @@ class _Section:
 
 def _section_of(cavity: CavityGeometry, outline: MoldOutline) -> _Section:
     plan = cavity.plan
-    is_across = plan.crown is not None and plan.crown.axis == "x"
+    is_across = plan.top.straight == "x"
     length = cavity.width_mm if is_across else cavity.length_mm
     inset = [0.0, 0.0]
     if plan.is_disc:
@@ -238,7 +238,7 @@ def _draw_section(ax: Axes, design: SensorDesign, section: _Section, room: float
     top = section.top_mm()
     ax.add_patch(
         Rectangle((start, 0), end - start, cavity.clear_mm, **look)
-        if cavity.plan.crown is None
+        if cavity.plan.top.is_flat
         else Polygon([(start, 0.0), *top, (end, 0.0)], **look)
     )
     _draw_tip(ax, design, cavity, section.length_mm / 2)
@@ -247,15 +247,15 @@ def _draw_section(ax: Axes, design: SensorDesign, section: _Section, room: float
     _heights(ax, cavity.emitters[0], 0.10 * section.length_mm, VERMILLION)
     _heights(ax, cavity.receivers[0], 0.62 * section.length_mm, BLUE)
     first, second = right + 0.30 * room, right + 0.72 * room
-    apex = end if cavity.plan.crown is None else section.length_mm / 2
+    apex = end if cavity.plan.top.is_flat else section.length_mm / 2
     _upright(ax, 0.0, cavity.clear_mm, first, f"clear {cavity.clear_mm:g}", from_mm=apex)
     _upright(ax, low, high, second, f"mold {outline.height_mm:.4g}", from_mm=right)
     fill, beside = outline.fill_mm, left - 0.30 * room
-    if cavity.plan.crown is not None:
+    if not cavity.plan.top.is_flat:
         edge_low, edge_high = (f"{edge:.3g}" for edge in cavity.plan.rim_mm)
         words = f"edge {edge_high}" if edge_low == edge_high else f"edge {edge_low} to {edge_high}"
         _upright(ax, 0.0, float(top[0, 1]), beside, words, from_mm=start)
-    if cavity.plan.crown is None or high > fill:
+    if cavity.plan.top.is_flat or high > fill:
         _upright(ax, fill, high, beside, f"rim {high - fill:.3g}", from_mm=left)
     if cavity.black_mm > 0:
         below = section.length_mm / 2, -cavity.black_mm - 0.05 * room

@@ -208,12 +208,11 @@ def scene_json(scene: RayScene) -> dict[str, Any]:
 def _frame(scene: RayScene) -> dict[str, Any]:
     """Where the presses go in and along what, and the crown that they meet; its radius is None for a flat top."""
     frame = press_frame(scene.design, scene.place_mm)
-    is_crowned = bool(np.isfinite(frame.crown_radius_mm))
     return {
         "origin": frame.origin_mm.tolist(),
         "axes": frame.axes.tolist(),
-        "crown": frame.crown_radius_mm if is_crowned else None,
-        "along": frame.along,
+        "crown": None if frame.top.is_flat else frame.top.radius_mm,
+        "along": 1.0 if frame.top.straight is None else 0.0,
     }
 
 

@@ -119,7 +119,7 @@ def _uprights(eye: _Eye, scene: RayScene, edge: list[Place]) -> list[Place]:
 def _crown_lines(scene: RayScene) -> list[list[Place]]:
     """Lines over an untouched crown, along x and along y through the middle."""
     plan = scene.cavity.plan
-    if plan.crown is None:
+    if plan.top.is_flat:
         return []
     x, y = plan.centre_mm
     shares = [k / RINGS for k in range(RINGS + 1)]

@@ -104,12 +104,12 @@ def check_form(scene: OpticalScene, form: PadForm) -> None:
                 f"form: the plan runs from {axis} = {first:g} to {last:g} mm, outside its box of 0 to {size:g} mm;"
                 f" move the walls or correct {name}"
             )
-    if beyond_walls_mm(form, np.asarray(form.apex_mm)).max() > UNIT_TOLERANCE:
+    if beyond_walls_mm(form, np.asarray(form.top.apex_mm)).max() > UNIT_TOLERANCE:
         raise InputError(
-            f"form.apex_mm: {tuple(form.apex_mm)} lies outside the walls; it is the middle of the pad, and the walls'"
-            " normals point away from it"
+            f"form.top.apex_mm: {tuple(form.top.apex_mm)} lies outside the walls; it is the middle of the pad, and the"
+            " walls' normals point away from it"
         )
-    if form.is_crowned:
+    if not form.top.is_flat:
         _check_crown(scene, form, outline)
 
 
@@ -139,25 +139,24 @@ def _check_numbers(form: PadForm) -> None:
             raise InputError(
                 f"form.walls[{number}]: tangent and normal are not at right angles; turn one of them"
             )
-    if form.crown_axis not in ("none", "x", "y"):
-        raise InputError(f'form.crown_axis: {form.crown_axis!r} is none of "none", "x", "y"')
-    if not form.crown_radius_mm > 0.0:
+    kx, ky = form.top.kx, form.top.ky
+    if not (0.0 <= kx < np.inf and 0.0 <= ky < np.inf and (kx == ky or 0.0 in (kx, ky))):
         raise InputError(
-            f"form.crown_radius_mm: {form.crown_radius_mm:g} must be > 0; infinite for a flat top"
+            f"form.top: curvatures of {kx:g} and {ky:g} 1/mm must be >= 0, and equal or one of them 0"
         )
-    if np.shape(form.apex_mm) != (2,) or not np.isfinite(form.apex_mm).all():
-        raise InputError(f"form.apex_mm: {form.apex_mm}, needs finite x and y")
+    if np.shape(form.top.apex_mm) != (2,) or not np.isfinite(form.top.apex_mm).all():
+        raise InputError(f"form.top.apex_mm: {form.top.apex_mm}, needs finite x and y")
 
 
 def _check_crown(scene: OpticalScene, form: PadForm, outline: FloatArray) -> None:
-    used = np.array([form.crown_axis != "x", form.crown_axis != "y"])
-    reach = float(np.hypot(*((outline - form.apex_mm) * used).T).max())
-    if reach > REACH_SHARE * form.crown_radius_mm:
+    used = np.array([form.top.kx > 0.0, form.top.ky > 0.0])
+    reach = float(np.hypot(*((outline - form.top.apex_mm) * used).T).max())
+    if reach > REACH_SHARE * form.top.radius_mm:
         raise InputError(
-            f"form.crown_radius_mm: {form.crown_radius_mm:g} mm over a plan that reaches {reach:g} mm from the apex,"
+            f"form.top: a crown of {form.top.radius_mm:g} mm over a plan that reaches {reach:g} mm from the apex,"
             f" needs >= {reach / REACH_SHARE:g} mm; flatten the crown"
         )
-    rim = float(form.top_mm(outline[:, 0], outline[:, 1], scene.height_mm).min())
+    rim = float(form.top.height_mm(outline[:, 0], outline[:, 1]).min())
     if rim <= 0.0:
         raise InputError(
             f"form: the rim of the crown lies {-rim:g} mm below the bottom, with a height_mm of {scene.height_mm:g} mm"

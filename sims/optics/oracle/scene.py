@@ -103,11 +103,12 @@ def _lowered_form(scene: OpticalScene) -> tuple[FloatArray, FloatArray, FloatArr
     if form is None:
         return rectangle_walls(float(scene.length_mm), float(scene.width_mm)), np.zeros(3), np.zeros(5)
     check_form(scene, form)
-    weights = float(form.crown_axis != "x"), float(form.crown_axis != "y")
+    top = form.top
+    weights = float(top.straight != "x"), float(top.straight != "y")
     return (
         np.ascontiguousarray(form.walls, dtype=np.float64),
         np.ascontiguousarray(form.round_wall, dtype=np.float64),
-        np.array([form.crown_radius_mm if form.is_crowned else 0.0, *weights, *form.apex_mm]),
+        np.array([0.0 if top.is_flat else top.radius_mm, *weights, *top.apex_mm]),
     )
 
 

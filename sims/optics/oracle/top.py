@@ -129,7 +129,7 @@ def _check_place(scene: OpticalScene, centre: FloatArray, name: str) -> None:
 
 def _lower_top(scene: OpticalScene, tips: list[Tip], field: SmoothField | None, where: str) -> Top:
     top_mm = scene.height_mm
-    if scene.form is not None and scene.form.is_crowned:
+    if scene.form is not None and not scene.form.top.is_flat:
         return _lower_crowned(scene, scene.form, tips, field, where)
     solids = _solids(tips, top_mm, where)
     if field is not None or len(tips) > 1:
@@ -147,10 +147,10 @@ def _lower_crowned(
         )
     if field is not None and not tips:
         raise InputError(f"{where}: a field without a press on a crown has no frame; leave it out")
-    place, press = tips[0] if tips else (np.array(form.apex_mm), None)
-    origin, axes = form.press_frame(float(place[0]), float(place[1]), scene.height_mm)
-    along = 1.0 if form.crown_axis == "none" else 0.0
-    crown = Crown(float(form.crown_radius_mm), along, _reach_mm(scene, form, origin, axes, along))
+    place, press = tips[0] if tips else (np.array(form.top.apex_mm), None)
+    origin, axes = form.top.press_frame(float(place[0]), float(place[1]))
+    along = 1.0 if form.top.straight is None else 0.0
+    crown = Crown(form.top.radius_mm, along, _reach_mm(scene, form, origin, axes, along))
     if crown.reach > REACH_SHARE * crown.radius:
         raise ModelScopeError(
             f"{where}: seen along the press the pad reaches {crown.reach:g} mm from its axis, and a crown of radius"
@@ -172,7 +172,7 @@ def _reach_mm(
 ) -> float:
     """Farthest place of bottom or untouched top from a frame's axis, for a cylinder across it [mm]."""
     outline = outline_mm(form)
-    top = form.top_mm(outline[:, 0], outline[:, 1], scene.height_mm)
+    top = form.top.height_mm(outline[:, 0], outline[:, 1])
     ends = np.vstack([np.column_stack([outline, height]) for height in (np.zeros(len(top)), top)])
     sideways = (ends - origin) @ axes[:2].T
     return float(np.sqrt(along * sideways[:, 0] ** 2 + sideways[:, 1] ** 2).max())

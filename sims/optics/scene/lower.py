@@ -48,13 +48,11 @@ def scene_of(design: SensorDesign) -> OpticalScene:
 
 
 def _form_of(plan: Plan) -> PadForm:
-    crown, radius = plan.crown, plan.radius_mm if plan.is_disc else 0.0
+    radius = plan.radius_mm if plan.is_disc else 0.0
     return PadForm(
         walls=np.array([(*wall.origin, *wall.tangent, *wall.outward) for wall in plan.walls]),
         round_wall=np.array([*plan.centre_mm, radius]),
-        crown_radius_mm=np.inf if crown is None else crown.radius_mm,
-        crown_axis="none" if crown is None or crown.axis is None else crown.axis,
-        apex_mm=plan.centre_mm,
+        top=plan.top,
     )
 
 

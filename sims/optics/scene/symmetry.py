@@ -183,14 +183,10 @@ def _keeps(form: PadForm, matrix: FloatArray, offset_mm: FloatArray) -> bool:
     near = (np.abs(moved[:, None] - normals).max(axis=2) <= SAME_WAY) & (
         np.abs(moved_levels[:, None] - levels) <= SAME_PLACE_MM
     )
-    apex = np.asarray(form.apex_mm, dtype=np.float64)
-    stays = np.abs(matrix @ apex + offset_mm - apex)
-    if form.is_crowned and form.crown_axis != "none":
-        straight = np.array([1.0, 0.0] if form.crown_axis == "x" else [0.0, 1.0])
-        if 1.0 - abs(straight @ matrix @ straight) > SAME_WAY:
-            return False
-        stays = stays * (1.0 - straight)
-    if form.is_crowned and stays.max() > SAME_PLACE_MM:
+    apex, bends = np.asarray(form.top.apex_mm, dtype=np.float64), np.array([form.top.kx, form.top.ky])
+    if np.abs(matrix @ np.diag(bends) @ matrix.T - np.diag(bends)).max() > SAME_WAY:
+        return False
+    if (np.abs(matrix @ apex + offset_mm - apex)[bends > 0.0] > SAME_PLACE_MM).any():
         return False
     return bool(near.any(axis=1).all())
 

@@ -46,9 +46,9 @@ def _around(plan: Plan, shares: tuple[float, ...]) -> FloatArray:
 def edge_mm(plan: Plan) -> FloatArray:
     """(n, 3) edge of the untouched top: corners in plan, more of them under a crown, and its height there [mm]."""
     corners = outline_mm(plan)
-    if plan.crown is not None and plan.is_disc:
+    if not plan.top.is_flat and plan.is_disc:
         corners = _around(plan, FACET_SHARES)
-    elif plan.crown is not None:
+    elif not plan.top.is_flat:
         share = np.linspace(0.0, 1.0, ALONG_POINTS, endpoint=False)[:, None]
         corners = np.concatenate(
             [a + share * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)]

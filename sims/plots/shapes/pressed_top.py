@@ -1,6 +1,6 @@
 """The top of a crowned pad under a press, in space and where a vertical plane cuts it.
 
-A press goes along the normal of the untouched top. In its frame (`sims.optics.scene.pad_form`) the top is the crown
+A press goes along the normal of the untouched top. In its frame (`design.shape.top`) the top is the crown
 less its fall, and the height of the press over it, a curve around the axis; where the curve runs back beside the
 shank its lowest height is taken, as in `sims.contact.pad_surface`. The tip is its outline turned about the axis.
 A vertical plane does not hold the axis, so that its cut is found as the line along which a point is neither in nor out.
@@ -15,11 +15,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from design.arrays import FloatArray
-from design.geometry.plan import Plan
+from design.geometry.plan import Plan, plan_of
+from design.shape.top import Top
 from design.spec import SensorDesign
 from sims.contact.pad_surface import curve_height_mm
 from sims.contact.tip import tip_of
-from sims.optics.scene.lower import scene_of
 from sims.press.indentation import Indentation
 
 Place = tuple[float, float]
@@ -38,14 +38,12 @@ class PressFrame:
     ----------
     origin_mm : (3,) on the untouched top [mm]
     axes : (3, 3) a row each, the third along the press, upward [-]
-    crown_radius_mm : radius of the crown [mm]; infinite for a flat top
-    along : 1 for a sphere; 0 for a cylinder, which is straight along the first axis
+    top : untouched, as it is seen from the frame
     """
 
     origin_mm: FloatArray
     axes: FloatArray
-    crown_radius_mm: float
-    along: float
+    top: Top
 
     def places_mm(self, across_mm: FloatArray, aside_mm: FloatArray, over_mm: FloatArray) -> FloatArray:
         """(..., 3) places in the cavity frame, of (...,) first and second axis and height along the third [mm]."""
@@ -58,11 +56,8 @@ class PressFrame:
 
     def fall_mm(self, across_mm: FloatArray, aside_mm: FloatArray) -> FloatArray:
         """(...,) how far the untouched top lies below the frame's plane [mm]."""
-        if not np.isfinite(self.crown_radius_mm):
-            return np.zeros(np.broadcast_shapes(np.shape(across_mm), np.shape(aside_mm)))
-        radius = self.crown_radius_mm
-        square = np.minimum(self.along * across_mm**2 + aside_mm**2, radius**2)
-        return np.asarray(square / (radius + np.sqrt(radius**2 - square)))
+        fall = self.top.sag_mm(across_mm, aside_mm)
+        return np.asarray(np.where(np.isnan(fall), self.top.radius_mm, fall))
 
     def top_mm(self, press: Indentation | None, across_mm: FloatArray, aside_mm: FloatArray) -> FloatArray:
         """(...,) height of the pressed top along the third axis [mm]; None: untouched."""
@@ -72,14 +67,9 @@ class PressFrame:
 
 def press_frame(design: SensorDesign, at_mm: Place) -> PressFrame:
     """The frame of a press at a place; upright on a flat top."""
-    scene = scene_of(design)
-    form = scene.form
-    if form is None:
-        origin = np.array([*at_mm, scene.height_mm])
-        return PressFrame(origin_mm=origin, axes=np.eye(3), crown_radius_mm=np.inf, along=1.0)
-    origin, axes = form.press_frame(*at_mm, scene.height_mm)
-    along = 1.0 if form.crown_axis == "none" else 0.0
-    return PressFrame(origin_mm=origin, axes=axes, crown_radius_mm=float(form.crown_radius_mm), along=along)
+    top = plan_of(design).top
+    origin, axes = top.press_frame(*at_mm)
+    return PressFrame(origin_mm=origin, axes=axes, top=top.in_frame)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, RectBivariateSpline
 
 from design.arrays import FloatArray, IntArray
+from design.shape.top import Top
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.scene.pad_form import PadForm
 from sims.press.indentation import Indentation
@@ -58,9 +59,7 @@ def form_of(scene: OpticalScene) -> PadForm:
             ]
         ),
         round_wall=np.zeros(3),
-        crown_radius_mm=np.inf,
-        crown_axis="none",
-        apex_mm=(0.5 * length, 0.5 * width),
+        top=Top(clear_mm=scene.height_mm, apex_mm=(0.5 * length, 0.5 * width)),
     )
 
 
@@ -101,9 +100,9 @@ def pressed_mesh(
     step_mm : longest side of a triangle along a spoke, and at the farthest corner along a ring [mm]
     """
     form, clear = form_of(scene), scene.height_mm
-    origin, axes = form.press_frame(*at_mm, clear)
+    origin, axes = form.top.press_frame(*at_mm)
     corners = np.array([(x, y) for x in (0.0, scene.length_mm) for y in (0.0, scene.width_mm)])
-    far = min(float(np.hypot(*(corners - at_mm).T).max()) + clear, 0.985 * form.crown_radius_mm)
+    far = min(float(np.hypot(*(corners - at_mm).T).max()) + clear, 0.985 * form.top.radius_mm)
     points, tangents, edge = _generator(press, far, step_mm)
     spokes = int(np.ceil(2.0 * np.pi * far / step_mm))
     angle = np.linspace(0.0, 2.0 * np.pi, spokes, endpoint=False)
@@ -174,9 +173,9 @@ def _generator(
 
 def _crown_fall(form: PadForm, across: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(n,) fall of the untouched top below its tangent plane [mm] and its (n, 2) slopes, in the frame of a press."""
-    if not form.is_crowned:
+    if form.top.is_flat:
         return np.zeros(len(across)), np.zeros_like(across)
-    radius, used = form.crown_radius_mm, across * (1.0 if form.crown_axis == "none" else [0.0, 1.0])
+    radius, used = form.top.radius_mm, across * (1.0 if form.top.straight is None else [0.0, 1.0])
     square = np.sum(used**2, axis=1)
     root = np.sqrt(radius**2 - square)
     return square / (radius + root), used / root[:, None]

@@ -21,15 +21,8 @@ DISC, CROWNED, DOME = (preset(name) for name in SHAPED_PRESETS)
 
 def plan_with(crown: Crown | None, *, is_disc: bool, sides: int = 0) -> Plan:
     walls = tuple(facet(11.0, 360.0 / sides * k, 1.5) for k in range(sides))
-    base = plan_of(DOME if is_disc else CROWNED, walls)
-    return Plan(
-        length_mm=22.0 if is_disc else 40.0,
-        width_mm=22.0 if is_disc else 25.0,
-        is_disc=is_disc,
-        walls=walls if is_disc else base.walls,
-        clear_mm=8.0,
-        crown=crown,
-    )
+    base = (DOME if is_disc else CROWNED).with_(**{"cavity.clear_thickness_mm": 8.0})
+    return plan_of(base.model_copy(update={"crown": crown}), walls)
 
 
 def sphere(radius_mm: float) -> Crown:

@@ -108,11 +108,11 @@ def test_a_pressed_top_is_the_crown_with_the_press_on_it_in_the_frame_of_the_pre
     assert surface is not None
     form = scene_of(design).form
     assert form is not None
-    origin, axes = form.press_frame(*place, design.cavity.clear_thickness_mm)
+    origin, axes = form.top.press_frame(*place)
     u, v, w = axes @ (points - origin).T
-    reach = {"none": u**2 + v**2, "x": v**2, "y": v**2}[form.crown_axis]
-    radius = form.crown_radius_mm
-    fall = reach / (radius + np.sqrt(radius**2 - reach)) if form.is_crowned else 0.0
+    radius = form.top.radius_mm
+    reach = u**2 + v**2 if form.top.straight is None else v**2
+    fall = 0.0 if form.top.is_flat else reach / (radius + np.sqrt(radius**2 - reach))
     assert w + fall == pytest.approx(curve_height_mm(surface.near, np.hypot(u, v)), abs=1e-5)
     apex = points[np.argmin(np.hypot(u, v))]
     assert apex == pytest.approx(tip_apex_mm(cavity_of(design).plan, place, depth), abs=ROUND_OFF_MM)

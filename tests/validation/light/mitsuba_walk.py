@@ -187,13 +187,13 @@ def _looked_up(table: Any, first: Any, count: int, share: Any) -> Any:
 
 def _untouched_top(given: Pad, place: Any) -> Any:
     """Height of the untouched top."""
-    form, height = given.form, given.scene.height_mm
-    if not form.is_crowned:
+    top, height = given.form.top, given.scene.height_mm
+    if top.is_flat:
         return height
-    x = 0.0 if form.crown_axis == "x" else place.x - form.apex_mm[0]
-    y = 0.0 if form.crown_axis == "y" else place.y - form.apex_mm[1]
+    x = 0.0 if top.straight == "x" else place.x - top.apex_mm[0]
+    y = 0.0 if top.straight == "y" else place.y - top.apex_mm[1]
     fall = x * x + y * y
-    return height - fall / (form.crown_radius_mm + dr.sqrt(dr.maximum(form.crown_radius_mm**2 - fall, 0.0)))
+    return height - fall / (top.radius_mm + dr.sqrt(dr.maximum(top.radius_mm**2 - fall, 0.0)))
 
 
 def _start(given: Pad, emitter: int, chosen: list[Any]) -> tuple[Any, Any, Any]:

@@ -40,7 +40,7 @@ def test_every_mesh_lies_on_the_surface_that_the_oracle_traces(state: State) -> 
 def test_the_contact_of_every_mesh_ends_at_its_edge(state: State) -> None:
     scene, mesh, (press, _) = state.scene(), state.mesh(step_mm=0.5), state.surface()
     assert press is not None
-    origin, axes = form_of(scene).press_frame(*state.at_mm, scene.height_mm)
+    origin, axes = form_of(scene).top.press_frame(*state.at_mm)
     radii = [
         np.linalg.norm(((mesh.vertices[part] - origin) @ axes[:2].T), axis=-1)
         for part in (mesh.triangles[: mesh.touched], mesh.triangles[mesh.touched :])

@@ -10,6 +10,7 @@ import numpy as np
 
 from design.arrays import FloatArray
 from design.errors import InputError, ModelScopeError
+from design.shape.top import Top
 from sims.optics.engine.formed.formed_top import (
     CUPS,
     CYLINDER,
@@ -142,13 +143,13 @@ def check_place(scene: OpticalScene, state: int, centre_mm: FloatArray, press: I
             f"state {state}: contact radius {press.contact_radius_mm:.2f} mm but only {room:.2f} mm to the wall; "
             "the surface model is axisymmetric: press further inside"
         )
-    if not form.is_crowned:
+    if form.top.is_flat:
         return
-    reach, limit = _reach_mm(scene, form, x, y), REACH_SHARE * form.crown_radius_mm
+    reach, limit = _reach_mm(scene, form, x, y), REACH_SHARE * form.top.radius_mm
     if reach > limit:
         raise ModelScopeError(
             f"state {state}: seen along the press the pad reaches {reach:g} mm from its axis, and a crown of radius "
-            f"{form.crown_radius_mm:g} mm is traced to {limit:g} mm; press nearer to the apex or flatten the crown"
+            f"{form.top.radius_mm:g} mm is traced to {limit:g} mm; press nearer to the apex or flatten the crown"
         )
 
 
@@ -169,11 +170,11 @@ def _reach_mm(scene: OpticalScene, form: PadForm, x_mm: float, y_mm: float) -> f
         gap = np.full(len(way), level - middle @ (nx, ny))
         far = np.minimum(far, np.divide(gap, toward, out=np.full(len(way), np.inf), where=toward > 1e-9))
     outline = middle + far[:, None] * way
-    top = form.top_mm(outline[:, 0], outline[:, 1], scene.height_mm)
+    top = form.top.height_mm(outline[:, 0], outline[:, 1])
     ends = np.vstack([np.column_stack([outline, height]) for height in (np.zeros(len(top)), top)])
-    origin, axes = form.press_frame(x_mm, y_mm, scene.height_mm)
+    origin, axes = form.top.press_frame(x_mm, y_mm)
     along, across = ((ends - origin) @ axes[:2].T).T
-    reach = np.abs(across) if form.crown_axis != "none" else np.hypot(along, across)
+    reach = np.hypot(along, across) if form.top.straight is None else np.abs(across)
     return float(np.nanmax(reach))
 
 
@@ -190,7 +191,7 @@ def windows_of(scene: OpticalScene, kind: str) -> FloatArray:
     for k, (wall, (along, z, half_u, half_v)) in enumerate(zip(walls, patches, strict=True)):
         x, y, tx, ty, nx, ny = form.walls[wall]
         ends = [(x + (along + s) * tx, y + (along + s) * ty) for s in (-half_u, 0.0, half_u)]
-        top = min(float(form.top_mm(*end, scene.height_mm)) for end in ends)
+        top = min(float(form.top.height_mm(*end)) for end in ends)
         high = min(z + half_v, top)
         low = z - half_v
         order = float(scene.emitter_order[k]) if kind == "emitter" else 1.0
@@ -225,9 +226,9 @@ def formed_top(scene: OpticalScene, centre_mm: FloatArray, press: Indentation | 
     """The top of one state; None is untouched, in the frame of the apex."""
     form = scene.form
     assert form is not None
-    place = form.apex_mm if press is None else (float(centre_mm[0]), float(centre_mm[1]))
-    origin, axes = form.press_frame(*place, scene.height_mm)
-    kind, radius, mean = _crown_numbers(form)
+    place = form.top.apex_mm if press is None else (float(centre_mm[0]), float(centre_mm[1]))
+    origin, axes = form.top.press_frame(*place)
+    kind, radius, mean = _crown_numbers(form.top)
     numbers = np.zeros(NUMBERS)
     numbers[:3] = kind, radius, mean
     rows = empty_rows()
@@ -237,11 +238,10 @@ def formed_top(scene: OpticalScene, centre_mm: FloatArray, press: Indentation | 
     return FormedTop(origin, np.ascontiguousarray(axes), numbers, rows)
 
 
-def _crown_numbers(form: PadForm) -> tuple[float, float, float]:
-    if not form.is_crowned:
+def _crown_numbers(top: Top) -> tuple[float, float, float]:
+    if top.is_flat:
         return FLAT, 0.0, 0.0
-    radius = form.crown_radius_mm
-    return (SPHERE, radius, radius) if form.crown_axis == "none" else (CYLINDER, radius, 2.0 * radius)
+    return SPHERE if top.straight is None else CYLINDER, top.radius_mm, 1.0 / top.mean_curvature
 
 
 def _lowered(press: Indentation, mean_mm: float, clear_mm: float) -> tuple[FloatArray, tuple[float, ...]]:

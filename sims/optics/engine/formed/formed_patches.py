@@ -104,7 +104,7 @@ def _wall_areas(
     place = middle + reach[:, None] * way
     step = np.hypot(*np.diff(place, axis=0).T)
     between = (place[1:] + place[:-1]) / 2.0
-    top = form.top_mm(between[:, 0], between[:, 1], scene.height_mm)
+    top = form.top.height_mm(between[:, 0], between[:, 1])
     high = scene.height_mm / levels
     covered = np.clip(top[:, None] - high * np.arange(levels), 0.0, high)
     return np.asarray((step[:, None] * covered).reshape(turns, SAMPLES, levels).sum(axis=1))

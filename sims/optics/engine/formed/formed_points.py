@@ -111,7 +111,7 @@ def top_grid(scene: OpticalScene, windows: FloatArray, pitch_mm: float) -> TopGr
     divided = np.zeros((columns, rows), dtype=np.bool_)
     for level in range(DIVISIONS + 1):
         middle = (index + 0.5) * size
-        height = form.top_mm(middle[:, 0], middle[:, 1], scene.height_mm)
+        height = form.top.height_mm(middle[:, 0], middle[:, 1])
         height = np.where(np.isfinite(height), height, 0.0)
         near = _distance_mm(np.column_stack([middle, height]), windows)
         is_large = (size > GRADE * near) & (level < DIVISIONS)
@@ -157,8 +157,8 @@ def points_of(
     inside = is_in_plan(x, y, walls, round_wall)
     x, y, size = x[inside], y[inside], grid.size[inside]
     return GridPoints(
-        place=np.column_stack([x, y, form.top_mm(x, y, scene.height_mm)]),
-        normal=np.asarray(form.normal(x, y)) if form.is_crowned else np.tile([0.0, 0.0, 1.0], (len(x), 1)),
+        place=np.column_stack([x, y, form.top.height_mm(x, y)]),
+        normal=form.top.normal(x, y),
         area=size**2,
         batch=grid.batch[inside],
         is_part=grid.is_part[inside],

@@ -16,7 +16,7 @@ from sims.optics.engine.light_rows import row_names
 from sims.optics.engine.trace_states import RawLight, trace_scene
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.scene.symmetry import each_its_own, state_classes, symmetries_of
-from tests.sims.optics.oracle.form_scenes import crown_press, disc_scene
+from tests.sims.optics.oracle.form_scenes import crown_press, disc_scene, with_top
 
 SCENE = disc_scene(6, 40.0)
 SHALLOW, DEEP = crown_press(1.0, 40.0), crown_press(2.0, 40.0)
@@ -99,7 +99,7 @@ def test_a_name_holds_all_that_a_row_depends_on():
         {"place": (12.5, 11.000001)},
         {"settings": ACCURACIES["score"]},
         {"seed": 1},
-        {"scene": replace(SCENE, form=replace(SCENE.form, crown_radius_mm=40.001))},
+        {"scene": replace(SCENE, form=with_top(SCENE.form, kx=1 / 40.001, ky=1 / 40.001))},
         {"scene": replace(SCENE, wall_reflectance=0.07)},
     ]
     every = [name for change in [{}, *changed] for name in names(**change)]

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from design.arrays import FloatArray
+from design.shape.top import Top
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.scene.pad_form import PadForm
 from sims.press.indentation import Indentation
@@ -29,7 +31,24 @@ def block(form: PadForm | None, size: tuple[float, float], **changes: Any) -> Op
         "tip_reflectance": 0.0,
         "form": form,
     }
-    return OpticalScene(**(fields | changes))
+    scene = OpticalScene(**(fields | changes))
+    return scene if form is None else replace(scene, form=with_top(form, clear_mm=scene.height_mm))
+
+
+def with_top(form: PadForm, **changes: Any) -> PadForm:
+    """A form with another top."""
+    return replace(form, top=replace(form.top, **changes))
+
+
+def top_of(x_mm: float, y_mm: float, radius_mm: float = math.inf, axis: str = "none") -> Top:
+    """A top, 8 mm high at x, y; straight along an axis, or a sphere."""
+    bend = 1.0 / radius_mm
+    return Top(
+        clear_mm=8.0,
+        apex_mm=(x_mm, y_mm),
+        kx=0.0 if axis == "x" else bend,
+        ky=0.0 if axis == "y" else bend,
+    )
 
 
 def parts(
@@ -58,9 +77,7 @@ def disc_form(facets: int, crown_radius_mm: float = math.inf, half_mm: float = 1
     return PadForm(
         walls=np.array(rows, dtype=np.float64).reshape(-1, 6),
         round_wall=np.array([DISC_MM, DISC_MM, DISC_MM]),
-        crown_radius_mm=crown_radius_mm,
-        crown_axis="none",
-        apex_mm=(DISC_MM, DISC_MM),
+        top=top_of(DISC_MM, DISC_MM, crown_radius_mm),
     )
 
 
@@ -86,9 +103,7 @@ def rectangle_form(
             ]
         ),
         round_wall=np.zeros(3),
-        crown_radius_mm=radius_mm,
-        crown_axis=axis,
-        apex_mm=(length_mm / 2, width_mm / 2),
+        top=top_of(length_mm / 2, width_mm / 2, radius_mm, axis),
     )
 
 

@@ -364,24 +364,24 @@ def test_a_bad_press_on_a_form_is_refused_by_name(scene, centre, press, field, e
     ],
 )
 def test_the_frame_of_a_press_is_right_handed_and_its_crown_the_same_curve_as_the_top(form):
-    origin, axes = form.press_frame(15.0, 12.5, 8.0)
+    origin, axes = form.top.press_frame(15.0, 12.5)
     assert axes @ axes.T == pytest.approx(np.eye(3), abs=1e-14)
     assert np.linalg.det(axes) == pytest.approx(1.0, abs=1e-12)
     step = 1e-5
     slopes = [
-        (form.top_mm(15.0 + dx, 12.5 + dy, 8.0) - form.top_mm(15.0 - dx, 12.5 - dy, 8.0)) / (2.0 * step)
+        (form.top.height_mm(15.0 + dx, 12.5 + dy) - form.top.height_mm(15.0 - dx, 12.5 - dy)) / (2.0 * step)
         for dx, dy in ((step, 0.0), (0.0, step))
     ]
     upright = np.array([-slopes[0], -slopes[1], 1.0])
     assert axes[2] == pytest.approx(upright / np.linalg.norm(upright), abs=1e-9)
     rng = np.random.default_rng(5)
     for u, v in rng.uniform(-5.0, 5.0, (50, 2)):
-        across = 0.0 if not form.is_crowned else math.hypot(u if form.crown_axis == "none" else 0.0, v)
-        fall = float(fall_mm(across, form.crown_radius_mm)) if form.is_crowned else 0.0
+        across = math.hypot(u if form.top.straight is None else 0.0, v)
+        fall = 0.0 if form.top.is_flat else float(fall_mm(across, form.top.radius_mm))
         x, y, z = origin + u * axes[0] + v * axes[1] - fall * axes[2]
-        assert z == pytest.approx(float(form.top_mm(x, y, 8.0)), abs=1e-12)
-    if form.crown_axis != "none":
-        assert axes[0] == pytest.approx([1.0, 0.0, 0.0] if form.crown_axis == "x" else [0.0, 1.0, 0.0])
+        assert z == pytest.approx(float(form.top.height_mm(x, y)), abs=1e-12)
+    if form.top.straight is not None:
+        assert axes[0] == pytest.approx([1.0, 0.0, 0.0] if form.top.straight == "x" else [0.0, 1.0, 0.0])
 
 
 def test_forms_have_one_text_only_where_they_are_the_same():

@@ -24,6 +24,7 @@ from tests.sims.optics.oracle.form_scenes import (
     parts,
     rectangle_form,
     vault_scene,
+    with_top,
 )
 from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene, wrapped_press
 
@@ -153,7 +154,7 @@ def test_a_crown_of_ten_metres_is_flat(axis, depth_mm):
     dome = disc_scene(crown_radius_mm=1e4) if axis == "none" else vault_scene(axis)
     lights = []
     for crown_mm in (math.inf, 1e4):
-        scene = replace(dome, form=replace(dome.form, crown_radius_mm=crown_mm))
+        scene = replace(dome, form=with_top(dome.form, **bends(crown_mm, axis)))
         lights.append(trace_oracle(scene, [[14.5, 10.0]], [press], rays=60_000, seed=5))
     flat, crowned = lights
     for name in (DIRECT, TOP, SKIRT, DIFFUSE, CROSSING):
@@ -262,6 +263,14 @@ def disc_with(**changes):
     return {"form": replace(disc_form(8), **changes)}
 
 
+def disc_topped(**changes):
+    return {"form": with_top(disc_form(8), **changes)}
+
+
+def bends(radius_mm, axis="none"):
+    return {name: 0.0 if axis == name[1] else 1.0 / radius_mm for name in ("kx", "ky")}
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -291,17 +300,17 @@ def disc_with(**changes):
             "form.walls[0]: runs on without end",
         ),
         ({"length_mm": 20.0}, "outside its box of 0 to 20 mm; move the walls or correct length_mm"),
-        (disc_with(apex_mm=(25.0, 12.0)), "form.apex_mm: (25.0, 12.0) lies outside the walls"),
-        (disc_with(apex_mm=(math.nan, 12.0)), "form.apex_mm: (nan, 12.0), needs finite x and y"),
-        (disc_with(crown_axis="z"), 'form.crown_axis: \'z\' is none of "none", "x", "y"'),
-        (disc_with(crown_radius_mm=-3.0), "form.crown_radius_mm: -3 must be > 0"),
-        (disc_with(crown_radius_mm=math.nan), "form.crown_radius_mm: nan must be > 0"),
+        (disc_topped(apex_mm=(25.0, 12.0)), "form.top.apex_mm: (25.0, 12.0) lies outside the walls"),
+        (disc_topped(apex_mm=(math.nan, 12.0)), "form.top.apex_mm: (nan, 12.0), needs finite x and y"),
+        (disc_topped(kx=0.1, ky=0.2), "form.top: curvatures of 0.1 and 0.2 1/mm must be >= 0, and equal"),
+        (disc_topped(kx=-0.1, ky=-0.1), "form.top: curvatures of -0.1 and -0.1 1/mm must be >= 0"),
+        (disc_topped(kx=math.nan), "form.top: curvatures of nan and 0 1/mm must be >= 0"),
         (
-            disc_with(crown_radius_mm=12.2),
-            "form.crown_radius_mm: 12.2 mm over a plan that reaches 12 mm from the apex, needs >= 12.3711 mm",
+            disc_topped(**bends(12.2)),
+            "form.top: a crown of 12.2 mm over a plan that reaches 12 mm from the apex, needs >= 12.3711 mm",
         ),
         (
-            disc_with(crown_radius_mm=13.0) | {"height_mm": 7.0},
+            disc_topped(**bends(13.0), clear_mm=7.0) | {"height_mm": 7.0},
             "form: the rim of the crown lies 1 mm below the bottom, with a height_mm of 7 mm at the apex",
         ),
         ({"emitter_wall": np.array([0, 2, 4, 8])}, "emitter_wall[3]: 8 is no wall; the form has 8, from 0"),

@@ -80,9 +80,9 @@ def test_a_shaped_pad_has_the_walls_top_and_windows_of_its_cavity(name: str) -> 
         assert tuple(wall[4:]) == part.line.outward
     x, y = np.random.default_rng(3).uniform(0.2, 0.8, (2, 50)) * [[scene.length_mm], [scene.width_mm]]
     wanted = [cavity.plan.top_mm(*place) for place in zip(x, y, strict=True)]
-    assert form.top_mm(x, y, scene.height_mm) == pytest.approx(wanted)
+    assert form.top.height_mm(x, y) == pytest.approx(wanted)
     normals = [cavity.plan.normal(*place) for place in zip(x, y, strict=True)]
-    assert form.normal(x, y) == pytest.approx(np.array(normals))
+    assert form.top.normal(x, y) == pytest.approx(np.array(normals))
 
 
 def test_a_window_of_no_wall_of_its_form_is_refused() -> None:

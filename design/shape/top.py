@@ -1,0 +1,104 @@
+r"""The untouched top of a pad: flat, or convex with its highest point over the middle.
+
+With the curvatures kx and ky along x and y [1/mm], the place (x, y) from the highest point, and k the larger of both,
+
+    sag = (kx x² + ky y²) / (1 + √(1 - kx² x² - ky² y²)),      normal = (kx x, ky y, √(1 - kx² x² - ky² y²)).
+
+kx = ky = 0 is flat, kx = ky a sphere of radius 1 / k, and with one of them 0 the top is a cylinder that stays straight
+along that direction. A press goes against the normal. Its frame stands on the top where the press goes in: the third
+axis is the normal, the first two are x and y turned by the least rotation that carries z to it; on a cylinder the
+first is the straight direction.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from design.arrays import FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Top:
+    """A pad's untouched top.
+
+    Attributes
+    ----------
+    clear_mm : height of its highest point above the bottom of the clear layer
+    apex_mm : x, y of that point; of a flat top the middle of the pad
+    kx, ky : curvatures along x and y [1/mm]; both equal, or one or both 0
+    """
+
+    clear_mm: float
+    apex_mm: tuple[float, float]
+    kx: float = 0.0
+    ky: float = 0.0
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether it is a plane."""
+        return self.kx == self.ky == 0.0
+
+    @property
+    def straight(self) -> Literal["x", "y"] | None:
+        """Direction in which a cylinder is straight; None for a sphere, or flat."""
+        if self.kx == self.ky:
+            return None
+        return "x" if self.kx == 0.0 else "y"
+
+    @property
+    def radius_mm(self) -> float:
+        """Radius of curvature; infinite for a flat top [mm]."""
+        return math.inf if self.is_flat else 1.0 / max(self.kx, self.ky)
+
+    @property
+    def mean_curvature(self) -> float:
+        """Mean of both curvatures [1/mm]."""
+        return (self.kx + self.ky) / 2
+
+    def sag_mm(self, x_mm: ArrayLike, y_mm: ArrayLike) -> FloatArray:
+        """(...,) how far the top lies below its highest point at (...,) places [mm]; NaN beyond the crown."""
+        x, y, root = self._from_apex(x_mm, y_mm)
+        fall: FloatArray = (self.kx * x * x + self.ky * y * y) / (1.0 + root)
+        return fall
+
+    def height_mm(self, x_mm: ArrayLike, y_mm: ArrayLike) -> FloatArray:
+        """(...,) height above the bottom of the clear layer at (...,) places [mm]; NaN beyond the crown."""
+        return self.clear_mm - self.sag_mm(x_mm, y_mm)
+
+    def normal(self, x_mm: ArrayLike, y_mm: ArrayLike) -> FloatArray:
+        """(..., 3) unit vector out of the top at (...,) places; level, and longer, beyond the crown."""
+        x, y, root = self._from_apex(x_mm, y_mm)
+        return np.stack([self.kx * x, self.ky * y, np.nan_to_num(root)], axis=-1)
+
+    @property
+    def in_frame(self) -> Top:
+        """The top as it is seen from the frame of a press: a cylinder is straight along the first axis."""
+        low, high = sorted((self.kx, self.ky))
+        return Top(clear_mm=0.0, apex_mm=(0.0, 0.0), kx=low, ky=high)
+
+    def press_frame(self, x_mm: float, y_mm: float) -> tuple[FloatArray, FloatArray]:
+        """Frame of a press at a place.
+
+        Returns
+        -------
+        origin (3,) on the untouched top [mm], and axes (3, 3): a row each, the third along the normal [-]
+        """
+        origin = np.array([x_mm, y_mm, float(self.height_mm(x_mm, y_mm))])
+        normal = self.normal(x_mm, y_mm)
+        nx, ny, nz = normal
+        first = np.array([1.0 - nx * nx / (1.0 + nz), -nx * ny / (1.0 + nz), -nx])
+        second = np.array([-nx * ny / (1.0 + nz), 1.0 - ny * ny / (1.0 + nz), -ny])
+        if self.straight == "y":
+            first, second = second, -first
+        return origin, np.stack([first, second, normal]) + 0.0
+
+    def _from_apex(self, x_mm: ArrayLike, y_mm: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Distances from the apex along x and y [mm], and the normal's part along z [-]."""
+        x, y = np.asarray(x_mm, np.float64) - self.apex_mm[0], np.asarray(y_mm, np.float64) - self.apex_mm[1]
+        with np.errstate(invalid="ignore"):
+            return x, y, np.sqrt(1.0 - (self.kx * x) ** 2 - (self.ky * y) ** 2)
