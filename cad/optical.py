@@ -21,8 +21,8 @@ from cad.lid_size import lid_size, turned_over
 from cad.mesh import Mesh
 from design.arrays import BoolArray, FloatArray
 from design.geometry.mold_outline import MoldOutline, bed_lift_mm, outline_of
-from design.geometry.plan import WallLine
 from design.geometry.sockets import Socket
+from design.shape.outline import Line
 from design.spec import SensorDesign
 
 Floats = FloatArray
@@ -284,7 +284,7 @@ def _inside_window_mm(socket: Socket, ends: Floats) -> Floats:
     return signed
 
 
-def _outward_mm(line: WallLine, points: Floats) -> Floats:
+def _outward_mm(line: Line, points: Floats) -> Floats:
     """How far points lie outside of a flat wall; negative inside."""
     return np.asarray((points[:, :2] - np.array(line.origin)) @ np.array(line.outward))
 

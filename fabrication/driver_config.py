@@ -194,7 +194,7 @@ def _workspace(design: SensorDesign) -> dict[str, Any]:
         "y0_mm": area.y0_mm,
         "y1_mm": area.y1_mm,
         "max_depth_mm": design.operating.max_depth_mm,
-        **({"outline": "disc"} if area.is_disc else {}),
+        **({} if area.kind == "rectangle" else {"outline": area.kind}),
     }
 
 

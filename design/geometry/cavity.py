@@ -14,16 +14,13 @@ active face is flush with the inner face of the wall, its body reaches outward.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
-import numpy as np
-
-from design.arrays import FloatArray
 from design.errors import DesignError
 from design.geometry.fits import clearance_mm
-from design.geometry.plan import Plan, WallLine, facet, plan_of, rectangle_walls
+from design.geometry.plan import Plan, facet, plan_of
 from design.parts.catalog import Part
+from design.shape.outline import Line, Outline, outline_in
 from design.spec import SensorDesign
 from design.spec.layout import Kind, Placement, expand, wall_length_mm
 from design.spec.properties import part_of
@@ -45,7 +42,7 @@ class PlacedPart:
 
     name: str
     kind: Kind
-    line: WallLine
+    line: Line
     along_mm: float
     height_mm: float
     part_id: str
@@ -93,68 +90,6 @@ class PlacedPart:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Workspace:
-    """Press centres that the verdict is about, in the cavity frame [mm]: a rectangle, or the disc within it.
-
-    Attributes
-    ----------
-    x0_mm, x1_mm, y0_mm, y1_mm : of the rectangle
-    is_disc : whether only the disc counts that touches its sides
-    """
-
-    x0_mm: float
-    x1_mm: float
-    y0_mm: float
-    y1_mm: float
-    is_disc: bool = False
-
-    @property
-    def is_empty(self) -> bool:
-        """Whether no press centre is left."""
-        return self.x1_mm < self.x0_mm or self.y1_mm < self.y0_mm
-
-    def clamped(self, x_mm: float, y_mm: float) -> tuple[float, float]:
-        """Nearest point of the workspace [mm]."""
-        if self.is_disc:
-            (x, y), radius = self._centre_mm, (self.x1_mm - self.x0_mm) / 2
-            away = math.hypot(x_mm - x, y_mm - y)
-            share = radius / away if away > radius else 1.0
-            return x + share * (x_mm - x), y + share * (y_mm - y)
-        return min(max(x_mm, self.x0_mm), self.x1_mm), min(max(y_mm, self.y0_mm), self.y1_mm)
-
-    def spread(self, shares: FloatArray) -> FloatArray:
-        """(n, 2) places [mm] from (n, 2) shares of 0 to 1: evenly spread shares give evenly spread places."""
-        low, high = np.array([self.x0_mm, self.y0_mm]), np.array([self.x1_mm, self.y1_mm])
-        if not self.is_disc:
-            return np.asarray(low + shares * (high - low))
-        away, turn = np.sqrt(shares[:, 0]), 2.0 * np.pi * shares[:, 1]
-        around = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-        return np.asarray((low + high) / 2 + (high - low) / 2 * away[:, None] * around)
-
-    @property
-    def words(self) -> str:
-        """Where it lies, for messages: `x 6 to 26 and y 6 to 26 mm`."""
-        if self.is_disc:
-            (x, y), radius = self._centre_mm, (self.x1_mm - self.x0_mm) / 2
-            return f"within {radius:g} mm of x {x:g}, y {y:g} mm"
-        return f"x {self.x0_mm:g} to {self.x1_mm:g} and y {self.y0_mm:g} to {self.y1_mm:g} mm"
-
-    def contains(self, x_mm: float, y_mm: float, slack_mm: float = 1e-9) -> bool:
-        """Whether a press centre lies in the workspace."""
-        if self.is_disc:
-            x, y = self._centre_mm
-            return math.hypot(x_mm - x, y_mm - y) <= (self.x1_mm - self.x0_mm) / 2 + slack_mm
-        return (
-            self.x0_mm - slack_mm <= x_mm <= self.x1_mm + slack_mm
-            and self.y0_mm - slack_mm <= y_mm <= self.y1_mm + slack_mm
-        )
-
-    @property
-    def _centre_mm(self) -> tuple[float, float]:
-        return (self.x0_mm + self.x1_mm) / 2, (self.y0_mm + self.y1_mm) / 2
-
-
-@dataclass(frozen=True, kw_only=True)
 class CavityGeometry:
     """Inner block, placed parts and workspace.
 
@@ -171,7 +106,7 @@ class CavityGeometry:
     black_mm: float
     emitters: tuple[PlacedPart, ...]
     receivers: tuple[PlacedPart, ...]
-    workspace: Workspace
+    workspace: Outline
     tip_radius_mm: float
 
     @property
@@ -215,13 +150,12 @@ def cavity_of(design: SensorDesign) -> CavityGeometry:
     DesignError : a part that the catalogue does not have, or has as the other kind.
     """
     size = design.cavity
-    walls = rectangle_walls(size.length_mm, size.width_mm)
-    flat = plan_of(design)
+    bare = plan_of(design)
     placed = tuple(
-        _placed(design, place, walls, flat) for place in expand(design.layout, size.length_mm, size.width_mm)
+        _placed(design, place, bare) for place in expand(design.layout, size.length_mm, size.width_mm)
     )
     return CavityGeometry(
-        plan=plan_of(design, [part.line for part in placed]) if flat.is_disc else flat,
+        plan=plan_of(design, [part.line for part in placed if part.line not in bare.walls]),
         black_mm=size.black_thickness_mm,
         emitters=tuple(part for part in placed if part.kind == "emitter"),
         receivers=tuple(part for part in placed if part.kind == "receiver"),
@@ -230,16 +164,10 @@ def cavity_of(design: SensorDesign) -> CavityGeometry:
     )
 
 
-def workspace_of(design: SensorDesign) -> Workspace:
-    """Press centres whose tip keeps the margin to every wall."""
-    inset = design.indenter.tip_radius_mm + design.operating.workspace_margin_mm
-    return Workspace(
-        x0_mm=inset,
-        x1_mm=design.cavity.length_mm - inset,
-        y0_mm=inset,
-        y1_mm=design.cavity.width_mm - inset,
-        is_disc=design.cavity.outline == "disc",
-    )
+def workspace_of(design: SensorDesign) -> Outline:
+    """Press centres whose tip keeps the margin to every wall; empty in a pad that is too small."""
+    size, inset = design.cavity, design.indenter.tip_radius_mm + design.operating.workspace_margin_mm
+    return outline_in(size.outline, (inset, inset, size.length_mm - inset, size.width_mm - inset))
 
 
 def part_field(place: Placement) -> str:
@@ -260,17 +188,17 @@ def part_half_width_mm(design: SensorDesign, place: Placement) -> tuple[float, s
     return body / 2 + clearance_mm(design.mold, part_id), part_id
 
 
-def _placed(design: SensorDesign, place: Placement, walls: dict[str, WallLine], flat: Plan) -> PlacedPart:
+def _placed(design: SensorDesign, place: Placement, bare: Plan) -> PlacedPart:
     section = design.emitters if place.kind == "emitter" else design.receivers
     part_id = place.part or section.part
     try:
         part = part_of(design, part_id, place.kind)
     except DesignError as err:
         raise DesignError(f"{part_field(place)}: {err}") from None
-    line, along = walls.get(place.wall), place.along_mm
-    if place.angle_deg is not None or line is None:
+    line, along = next((wall for wall in bare.walls if wall.name == place.wall), None), place.along_mm
+    if line is None:
         half = part_half_width_mm(design, place)[0]
-        line, along = facet(flat.radius_mm, place.angle_deg or 0.0, half), half
+        line, along = facet(bare.radius_mm, place.angle_deg or 0.0, half), half
     return PlacedPart(
         name=place.name,
         kind=place.kind,
@@ -279,12 +207,12 @@ def _placed(design: SensorDesign, place: Placement, walls: dict[str, WallLine], 
         height_mm=section.height_mm if place.height_mm is None else place.height_mm,
         part_id=part_id,
         part=part,
-        clear_mm=_top_over_mm(flat, line, along, part.active_width_mm.value / 2),
+        clear_mm=_top_over_mm(bare, line, along, part.active_width_mm.value / 2),
         origin=place.origin,
         height_field=f"{place.kind}s.height_mm" if place.height_mm is None else f"{place.origin}.height_mm",
     )
 
 
-def _top_over_mm(flat: Plan, line: WallLine, along_mm: float, half_width_mm: float) -> float:
+def _top_over_mm(bare: Plan, line: Line, along_mm: float, half_width_mm: float) -> float:
     """Height of the untouched top over an active area: at its lower side [mm]."""
-    return min(flat.top_mm(*line.point(along_mm + side)) for side in (-half_width_mm, half_width_mm))
+    return min(bare.top_mm(*line.point(along_mm + side)) for side in (-half_width_mm, half_width_mm))

@@ -24,9 +24,10 @@ from design.geometry.cavity import CavityGeometry, cavity_of
 from design.geometry.filling import filling_holes
 from design.geometry.mold_label import MoldLabel, mold_label
 from design.geometry.part_numbers import PartNumber, part_numbers
-from design.geometry.plan import Plan, WallLine
+from design.geometry.plan import Plan
 from design.geometry.raised_sockets import Collar, by_wall, raised
 from design.geometry.sockets import Box, Hole, Socket, WallFrame, socket_of
+from design.shape.outline import Line
 from design.spec import Mold, SensorDesign
 
 LIP_MAX_MM = 1.5
@@ -212,7 +213,7 @@ def _origin_cut_mm(mold: Mold, wall_mm: float) -> float:
     return max(min(cut, 2 * mold.fixing_hole_inset_mm - math.sqrt(2) * keep), 0.0)
 
 
-def _frame(line: WallLine, plan: Plan, wall_x: float, wall_y: float) -> WallFrame:
+def _frame(line: Line, plan: Plan, wall_x: float, wall_y: float) -> WallFrame:
     if plan.is_disc:
         outer = plan.radius_mm + wall_x
         return WallFrame(line=line, thickness_mm=outer - plan.stands_mm(line), outer_radius_mm=outer)

@@ -32,8 +32,8 @@ from dataclasses import dataclass, replace
 
 from design.geometry.cavity import PlacedPart
 from design.geometry.fits import clearance_mm, fit
-from design.geometry.plan import WallLine
 from design.parts.catalog import Part
+from design.shape.outline import Line
 from design.spec import Mold
 
 NECK_MM = 1.5
@@ -78,7 +78,7 @@ class WallFrame:
     outer_radius_mm : of a round mold, whose centre lies behind the middle of the facet; 0 for a flat outer face
     """
 
-    line: WallLine
+    line: Line
     thickness_mm: float
     outer_radius_mm: float = 0.0
 

@@ -24,8 +24,9 @@ from design.errors import DesignError, InputError, ModelScopeError
 from design.fields.base import FileName, Model
 from design.fields.packaged import packaged_or_own
 from design.fields.validation import design_error
-from design.geometry.cavity import Workspace, workspace_of
+from design.geometry.cavity import workspace_of
 from design.io import read_toml
+from design.shape.outline import Outline, rectangle
 from design.spec import SensorDesign, canonical_json
 
 PROTOCOLS = ("piacenza2017", "piacenza2017-quick")
@@ -223,7 +224,7 @@ class PressProtocol(Model):
             where=self.name,
         )
 
-    def _workspace(self, design: SensorDesign) -> Workspace:
+    def _workspace(self, design: SensorDesign) -> Outline:
         whole = workspace_of(design)
         if whole.is_empty:
             raise ModelScopeError(
@@ -242,7 +243,7 @@ class PressProtocol(Model):
                 f"protocol {self.name}: workspace_mm {list(self.workspace_mm)} leaves the design's, "
                 f"{whole.words}; narrow it, or lower operating.workspace_margin_mm"
             )
-        return Workspace(x0_mm=x0, x1_mm=x1, y0_mm=y0, y1_mm=y1)
+        return rectangle((x0, y0, x1, y1))
 
 
 def load_protocol_file(where: str | Path) -> PressProtocol:
@@ -274,7 +275,7 @@ def protocol_from(document: dict[str, Any], *, where: str) -> PressProtocol:
         ) from None
 
 
-def _places_mm(one: PressSet, number: int, space: Workspace) -> FloatArray:
+def _places_mm(one: PressSet, number: int, space: Outline) -> FloatArray:
     if one.grid_mm is not None:
         x_mm, y_mm = (
             _grid_line_mm(low, high, one.grid_mm)

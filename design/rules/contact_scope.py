@@ -6,6 +6,8 @@ Layers beyond it are solved live, take minutes and were compared with nothing; l
 
 from __future__ import annotations
 
+import math
+
 from design.geometry.cavity import workspace_of
 from design.geometry.plan import plan_of
 from design.spec import SensorDesign
@@ -30,9 +32,9 @@ def thinnest_elastic_mm(design: SensorDesign) -> float:
     """Clear and black layer together where the workspace is thinnest: under a crown, at its border [mm]."""
     elastic = design.cavity.clear_thickness_mm + design.cavity.black_thickness_mm
     plan, space = plan_of(design), workspace_of(design)
-    y = plan.centre_mm[1]
-    border = (space.x0_mm, y if space.is_disc else space.y0_mm)
-    return elastic if space.is_empty else elastic - float(plan.top.sag_mm(*border))
+    if space.is_empty:
+        return elastic
+    return elastic - float(plan.top.sag_mm(*space.points(math.pi / 2).T).max())
 
 
 def deepest_modelled_mm(design: SensorDesign) -> float:

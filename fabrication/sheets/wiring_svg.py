@@ -19,9 +19,10 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from design.geometry.cavity import PlacedPart, Workspace, workspace_of
+from design.geometry.cavity import PlacedPart, workspace_of
 from design.geometry.mold_outline import MoldOutline, outline_of
 from design.geometry.sockets import Socket
+from design.shape.outline import Outline
 from design.spec import SensorDesign
 from design.spec.layout import WALLS, Wall
 from fabrication.connections import Connection, connections_of
@@ -238,13 +239,13 @@ def _mold(sheet: Sheet) -> Iterator[Element]:
         )
 
 
-def _inside(sheet: Sheet, workspace: Workspace, design: SensorDesign) -> Iterator[Element]:
+def _inside(sheet: Sheet, workspace: Outline, design: SensorDesign) -> Iterator[Element]:
     out, step = sheet.outline, LINE_PX / sheet.scale
     if not workspace.is_empty:
         low = sheet.at(workspace.x0_mm, workspace.y0_mm)
         high = sheet.at(workspace.x1_mm, workspace.y1_mm)
         style = {"fill": "none", "stroke": WORKSPACE_COLOUR, "stroke_dasharray": "7 5"}
-        if workspace.is_disc:
+        if workspace.arcs:
             yield svg.circle(sheet.at(*out.plan.centre_mm), (high[0] - low[0]) / 2, **style)
         else:
             yield svg.rectangle(low, high, **style)

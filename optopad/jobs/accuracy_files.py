@@ -7,8 +7,8 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from design.geometry.cavity import Workspace
 from design.io import write_text_atomically, written_together
+from design.shape.outline import Outline
 from optopad.report.accuracy import accuracy_page
 from optopad.report.sections.drawings import Drawing
 from optopad.results.accuracy import Accuracy
@@ -18,7 +18,7 @@ from sims.plots.accuracy import plot_arrows, plot_depths, plot_errors, plot_touc
 from sims.plots.style import plain_style
 
 
-def write_accuracy(found: Accuracy, workspace: Workspace, folder: Path, stem: str) -> tuple[Path, ...]:
+def write_accuracy(found: Accuracy, workspace: Outline, folder: Path, stem: str) -> tuple[Path, ...]:
     """Write ``<stem>.json``, ``<stem>.html`` and the pictures ``<stem>-*`` into a folder; what was written.
 
     Parameters
@@ -36,7 +36,7 @@ def write_accuracy(found: Accuracy, workspace: Workspace, folder: Path, stem: st
     return tuple(folder / name for name in names)
 
 
-def _figures(found: Accuracy, workspace: Workspace) -> dict[str, tuple[Figure, str]]:
+def _figures(found: Accuracy, workspace: Outline) -> dict[str, tuple[Figure, str]]:
     pooled = found.pooled()
     first = pooled[found.learners[0]]
     sets = {one.test_set: one.touch for one in found.found if one.learner == first.learner}

@@ -9,8 +9,9 @@ import numpy as np
 
 from design.arrays import FloatArray
 from design.errors import InputError
-from design.geometry.cavity import Workspace, workspace_of
+from design.geometry.cavity import workspace_of
 from design.progress import OnStep
+from design.shape.outline import Outline, rectangle
 from design.spec import SensorDesign
 from optopad.results.accuracy import Accuracy, ModelAccuracy, accuracy_of
 from sims.evaluation.judged import judged
@@ -28,7 +29,7 @@ FEWEST_SAMPLES = 10
 
 def evaluate(
     file: Path, models: Sequence[Path], design: SensorDesign | None, *, on_step: OnStep
-) -> tuple[Accuracy, Workspace]:
+) -> tuple[Accuracy, Outline]:
     """Hold models against a data set.
 
     Parameters
@@ -75,7 +76,7 @@ def evaluate(
 
 
 def accuracies(
-    model: TouchModel, data: PressData, workspace: Workspace, *, on_step: OnStep, learner: str = ""
+    model: TouchModel, data: PressData, workspace: Outline, *, on_step: OnStep, learner: str = ""
 ) -> list[ModelAccuracy]:
     """Tables of one model, a test set each.
 
@@ -139,7 +140,7 @@ def _named(loaded: Sequence[tuple[str, TouchModel]]) -> Mapping[str, TouchModel]
     return found
 
 
-def _range_of(data: PressData) -> Workspace:
+def _range_of(data: PressData) -> Outline:
     low: FloatArray = data.press_mm[:, :2].min(axis=0)
     high: FloatArray = data.press_mm[:, :2].max(axis=0)
-    return Workspace(x0_mm=float(low[0]), x1_mm=float(high[0]), y0_mm=float(low[1]), y1_mm=float(high[1]))
+    return rectangle((float(low[0]), float(low[1]), float(high[0]), float(high[1])))

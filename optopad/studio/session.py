@@ -18,7 +18,7 @@ from typing import Any
 from design.errors import InputError, OptopadError
 from design.fields.finding import Finding
 from design.fields.paths import is_value
-from design.geometry.cavity import Workspace, cavity_of, workspace_of
+from design.geometry.cavity import cavity_of, workspace_of
 from design.rules.check import check
 from design.spec import SensorDesign
 from optopad.report.text.answer import changes_words
@@ -303,9 +303,7 @@ class Session:
         """The nearest press of the workspace; of a pad that has none, the nearest in the pad."""
         size, space = self.design.cavity, workspace_of(self.design)
         if space.is_empty:
-            space = Workspace(
-                x0_mm=0.0, x1_mm=size.length_mm, y0_mm=0.0, y1_mm=size.width_mm, is_disc=space.is_disc
-            )
+            space = space.in_box((0.0, 0.0, size.length_mm, size.width_mm))
         x_mm, y_mm = space.clamped(*wanted.place_mm)
         deepest = self.design.operating.max_depth_mm
         return Press(x_mm=x_mm, y_mm=y_mm, depth_mm=min(max(wanted.depth_mm, 0.0), deepest))

@@ -403,6 +403,6 @@ def _pairs_near(cavity: CavityGeometry, places_mm: FloatArray, tips: float) -> B
 def _is_further(cavity: CavityGeometry, places_mm: FloatArray, place_mm: tuple[float, float]) -> bool:
     """Whether a place is in this design's workspace, and not among those already."""
     return (
-        cavity.workspace.contains(*place_mm, 0.0)
+        bool(cavity.workspace.contains(*place_mm, 0.0))
         and not (np.abs(places_mm - place_mm).max(axis=1) < 1e-9).any()
     )

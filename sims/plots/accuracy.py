@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from design.arrays import FloatArray
-from design.geometry.cavity import Workspace
+from design.shape.outline import Outline
 from sims.evaluation.judged import JudgedPresses
 from sims.evaluation.published import PublishedTouch
 from sims.evaluation.tables import ErrorRow, TouchRow
@@ -92,7 +92,7 @@ def _error_line(
     )  # fmt: skip
 
 
-def plot_arrows(presses: JudgedPresses, depths_mm: Sequence[float], workspace: Workspace) -> Figure:
+def plot_arrows(presses: JudgedPresses, depths_mm: Sequence[float], workspace: Outline) -> Figure:
     """Arrows from true to said place, a panel a depth; hollow where the model finds no touch."""
     columns = min(3, len(depths_mm))
     lines = -(-len(depths_mm) // columns)
@@ -114,7 +114,7 @@ def plot_arrows(presses: JudgedPresses, depths_mm: Sequence[float], workspace: W
     return figure
 
 
-def _arrow_panel(ax: Axes, presses: JudgedPresses, depth_mm: float, workspace: Workspace) -> None:
+def _arrow_panel(ax: Axes, presses: JudgedPresses, depth_mm: float, workspace: Outline) -> None:
     found, lost = presses.only(presses.is_found), presses.only(~presses.is_found)
     start, step = found.press_mm[:, :2], (found.said_mm - found.press_mm)[:, :2]
     if len(found):
@@ -168,7 +168,7 @@ def _nearest_press(presses: JudgedPresses, place_mm: FloatArray) -> JudgedPresse
     return presses.only(presses.place_number == presses.place_number[nearest])
 
 
-def shown_places_mm(workspace: Workspace) -> FloatArray:
+def shown_places_mm(workspace: Outline) -> FloatArray:
     """(3, 2) the workspace's centre, and places near the middles of two edges [mm]."""
     x_mm, y_mm = 0.5 * (workspace.x0_mm + workspace.x1_mm), 0.5 * (workspace.y0_mm + workspace.y1_mm)
     return np.array([(x_mm, y_mm), (workspace.x0_mm, y_mm), (x_mm, workspace.y0_mm)])

@@ -8,7 +8,7 @@ import numpy as np
 
 from design.arrays import FloatArray
 from design.geometry.cavity import CavityGeometry, PlacedPart
-from sims.plots.shapes.pad_outline import outline_mm, wall_reached_mm
+from sims.plots.shapes.pad_outline import outline_mm
 
 SILHOUETTE_POINTS = 60
 
@@ -75,19 +75,19 @@ def cut_of_pair(cavity: CavityGeometry, pair: tuple[int, int]) -> Cut:
 def cut_across(cavity: CavityGeometry, part: PlacedPart) -> Cut:
     """The line from a part straight across to the opposite wall."""
     x, y, _ = part.position_mm
-    if cavity.plan.is_disc:
-        right, up = part.line.outward
-        far = wall_reached_mm(cavity.plan, (x, y), (-right, -up))
-    else:
-        far = (cavity.length_mm - x, y) if part.wall in ("east", "west") else (x, cavity.width_mm - y)
-    return Cut(start_mm=(x, y), end_mm=far, name=f"from {part.name} straight across")
+    right, up = part.line.outward
+    far = cavity.plan.outline.way_out_mm((x, y), (-right, -up))
+    end = (x - far * right, y - far * up)
+    return Cut(start_mm=(x, y), end_mm=end, name=f"from {part.name} straight across")
 
 
 def cut_through(cavity: CavityGeometry, x_mm: float, y_mm: float) -> Cut:
-    """The line through a place along the longer side; of a disc along x."""
-    if cavity.plan.is_disc:
-        ends = [wall_reached_mm(cavity.plan, (x_mm, y_mm), (way, 0.0)) for way in (-1.0, 1.0)]
-        return Cut(start_mm=ends[0], end_mm=ends[1], name=f"along x at y = {y_mm:g} mm")
+    """The line through a place from wall to wall along the longer side; of a disc along x."""
+    outline, place = cavity.plan.outline, (x_mm, y_mm)
     if cavity.length_mm >= cavity.width_mm:
-        return Cut(start_mm=(0.0, y_mm), end_mm=(cavity.length_mm, y_mm), name=f"along x at y = {y_mm:g} mm")
-    return Cut(start_mm=(x_mm, 0.0), end_mm=(x_mm, cavity.width_mm), name=f"along y at x = {x_mm:g} mm")
+        back, far = (outline.way_out_mm(place, (way, 0.0)) for way in (-1.0, 1.0))
+        return Cut(
+            start_mm=(x_mm - back, y_mm), end_mm=(x_mm + far, y_mm), name=f"along x at y = {y_mm:g} mm"
+        )
+    back, far = (outline.way_out_mm(place, (0.0, way)) for way in (-1.0, 1.0))
+    return Cut(start_mm=(x_mm, y_mm - back), end_mm=(x_mm, y_mm + far), name=f"along y at x = {x_mm:g} mm")

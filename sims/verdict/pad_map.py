@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from design.arrays import BoolArray, FloatArray
-from design.geometry.cavity import CavityGeometry, Workspace
+from design.geometry.cavity import CavityGeometry
+from design.shape.outline import Outline
 from design.spec import SensorDesign
 from sims.verdict.frame_depths import DepthReading, Frames, Interval, read_depths
 from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
@@ -199,12 +200,12 @@ def map_grid_mm(cavity: CavityGeometry, places: int) -> tuple[FloatArray, FloatA
     )
 
 
-def grid_inside(workspace: Workspace, x_mm: FloatArray, y_mm: FloatArray) -> BoolArray:
+def grid_inside(workspace: Outline, x_mm: FloatArray, y_mm: FloatArray) -> BoolArray:
     """(ny, nx) which crossings of a grid's lines are press centres; round-off counts as inside."""
-    return np.array([[workspace.contains(float(x), float(y), 1e-6) for x in x_mm] for y in y_mm])
+    return workspace.contains(x_mm[None, :], y_mm[:, None], 1e-6)
 
 
-def grid_places_mm(workspace: Workspace, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
+def grid_places_mm(workspace: Outline, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
     """(place, 2) press centres of a grid, y outermost, clamped to the workspace against round-off [mm]."""
     inside = grid_inside(workspace, x_mm, y_mm)
     return np.array([workspace.clamped(float(x_mm[k]), float(y_mm[n])) for n, k in np.argwhere(inside)])

@@ -69,15 +69,15 @@ function areaOf(p) {
 }
 
 function drawMap() {
-  const {length, width, parts, outline} = data.plan, size = Math.max(length, width), room = 0.09 * size;
+  const {length, width, parts} = data.plan, size = Math.max(length, width), room = 0.09 * size;
   map.replaceChildren();
   map.setAttribute("viewBox", `${-room} ${-room} ${length + 2 * room} ${width + 2 * room}`);
   drawn(map, "title", {}, `${current.title} over the pad${atDepth()}`);
   const pattern = drawn(drawn(map, "defs", {}), "pattern", {id: "maps-hatch", width: 0.03 * size, height: 0.03 * size, patternUnits: "userSpaceOnUse", patternTransform: "rotate(45)"});
   drawn(pattern, "line", {class: "hatch", x1: 0, x2: 0, y1: 0, y2: 0.03 * size, style: `stroke-width:${0.012 * size}px`});
   const plan = optopadPlan(data.plan, (tag, attributes) => drawn(map, tag, attributes)).outline({class: "pad"});
-  if (outline) optopadPlan(data.plan, (tag, attributes) => drawn(drawn(map, "clipPath", {id: "maps-disc"}), tag, attributes)).outline({});
-  const cells = drawn(map, "g", outline ? {"clip-path": "url(#maps-disc)"} : {});
+  optopadPlan(data.plan, (tag, attributes) => drawn(drawn(map, "clipPath", {id: "maps-pad"}), tag, attributes)).outline({});
+  const cells = drawn(map, "g", {"clip-path": "url(#maps-pad)"});
   const tall = Math.min(...EY.slice(1).map((value, k) => value - EY[k])), wide = Math.min(...EX.slice(1).map((value, k) => value - EX[k]));
   const font = Math.min(0.34 * tall, 0.25 * wide);
   data.cells.forEach((_, p) => {

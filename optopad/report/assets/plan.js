@@ -1,20 +1,12 @@
-// The pad from above, in a drawing whose y runs downward: a rectangle, or a disc with a facet for each part.
+// The pad and its workspace from above, in a drawing whose y runs downward.
 const optopadPlan = (pad, draw) => {
 "use strict";
-const {length, width, space, outline} = pad;
-const up = (y) => width - y;
+const {width, space, outline} = pad;
+const polygon = (corners, look) =>
+  draw("polygon", {...look, points: corners.map(([x, y]) => `${x},${width - y}`).join(" ")});
 const plan = {
-  outline(look) {
-    if (outline) draw("polygon", {...look, points: outline.map(([x, y]) => `${x},${up(y)}`).join(" ")});
-    else draw("rect", {...look, x: 0, y: 0, width: length, height: width});
-    return plan;
-  },
-  workspace(look) {
-    const [x0, x1, y0, y1] = space;
-    if (outline) draw("circle", {...look, cx: (x0 + x1) / 2, cy: up((y0 + y1) / 2), r: (x1 - x0) / 2});
-    else draw("rect", {...look, x: x0, y: up(y1), width: x1 - x0, height: y1 - y0});
-    return plan;
-  },
+  outline(look) { polygon(outline, look); return plan; },
+  workspace(look) { polygon(space, look); return plan; },
 };
 return plan;
 };

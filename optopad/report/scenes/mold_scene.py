@@ -9,7 +9,6 @@ file onto the mold.
 from __future__ import annotations
 
 import base64
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +19,7 @@ from design.arrays import FloatArray
 from design.geometry.cavity import PlacedPart, cavity_of
 from design.geometry.mold_outline import MoldOutline, bed_lift_mm, outline_of
 from design.spec import SensorDesign
-from sims.plots.shapes.pad_outline import outline_mm
+from sims.plots.shapes.pad_outline import TURN_RAD
 
 if TYPE_CHECKING:
     from cad.mesh import Mesh
@@ -86,13 +85,10 @@ def _lid(design: SensorDesign, stl: Path) -> dict[str, Any] | None:
 
 def _mouth_mm(outline: MoldOutline) -> list[list[float]]:
     """Corners of the opening at the rim [mm]."""
-    plan, box, out = outline.plan, outline.mouth, outline.mouth_out_mm
-    if not plan.is_disc:
-        return [[box.x0, box.y0], [box.x1, box.y0], [box.x1, box.y1], [box.x0, box.y1]]
-    ring = outline_mm(plan if out == 0.0 else replace(plan, walls=()))
-    middle = np.array(plan.centre_mm)
-    opened: list[list[float]] = (middle + (ring - middle) * (1.0 + out / plan.radius_mm)).tolist()
-    return opened
+    inner, box = outline.plan.outline, outline.mouth
+    opened = inner.in_box((box.x0, box.y0, box.x1, box.y1)) if outline.mouth_out_mm else inner
+    corners: list[list[float]] = opened.points(TURN_RAD).tolist()
+    return corners
 
 
 def _packed(numbers: NDArray[Any], kind: str) -> str:

@@ -9,7 +9,7 @@ from design.geometry.cavity import CavityGeometry, cavity_of
 from design.spec import SensorDesign
 from optopad.report.text.words import governing, reading
 from sims.continuity.result import ContinuityScore, JudgedPair
-from sims.plots.shapes.pad_outline import outline_mm
+from sims.plots.shapes.pad_outline import TURN_RAD
 from sims.verdict.boundary_forces import Load
 
 STEPS = 10_000
@@ -33,16 +33,16 @@ def plan_of(cavity: CavityGeometry, tip_mm: float) -> dict[str, Any]:
 
     Returns
     -------
-    length, width of the pad, or of the square around a disc; tip radius; workspace (x0, x1, y0, y1), of a disc the
-    circle within; parts: name, kind, x, y, and their walls' outward normal; outline: corners of a disc, else None [mm]
+    length, width of the pad; tip radius; corners of outline and workspace, counter-clockwise; parts: name, kind, x, y,
+    and their walls' outward normal [mm]
     """
     space, plan = cavity.workspace, cavity.plan
     return {
         "length": cavity.length_mm,
         "width": cavity.width_mm,
         "tip": tip_mm,
-        "outline": outline_mm(plan).round(3).tolist() if plan.is_disc else None,
-        "space": [space.x0_mm, space.x1_mm, space.y0_mm, space.y1_mm],
+        "outline": plan.outline.points(TURN_RAD).round(3).tolist(),
+        "space": space.points(TURN_RAD).round(3).tolist(),
         "parts": [
             [
                 part.name,

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from design.geometry.cavity import CavityGeometry, PlacedPart, Workspace, cavity_of
+from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
 from design.geometry.mold_outline import bed_lift_mm
 from design.preset import true_description
+from design.shape.outline import Outline
 from design.spec import Crown, SensorDesign
 from design.spec.tip_shape import tip_words
 from optopad.report.sections.drawings import Drawing, figure_of
@@ -193,8 +194,8 @@ def _crown_words(crown: Crown, cavity: CavityGeometry) -> str:
     return f"convex, a {crown.shape} of {crown.radius_mm:g} mm radius{straight}; its edge {edge} mm above the bottom"
 
 
-def _workspace_words(space: Workspace) -> str:
-    if space.is_disc:
+def _workspace_words(space: Outline) -> str:
+    if space.arcs:
         x, y = (space.x0_mm + space.x1_mm) / 2, (space.y0_mm + space.y1_mm) / 2
         return f"disc of {space.x1_mm - space.x0_mm:g} mm around x {x:g}, y {y:g} mm"
     return f"x {space.x0_mm:g} to {space.x1_mm:g}, y {space.y0_mm:g} to {space.y1_mm:g} mm"

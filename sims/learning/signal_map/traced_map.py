@@ -24,9 +24,10 @@ import numpy as np
 
 from design.arrays import FloatArray, IntArray
 from design.errors import InputError
-from design.geometry.cavity import Workspace, cavity_of
+from design.geometry.cavity import cavity_of
 from design.progress import OnStep
 from design.rules.contact_scope import NEAREST_WALL
+from design.shape.outline import Outline
 from design.spec import SensorDesign
 from sims.contact.scope import depth_limit_mm
 from sims.learning.inference.signal_map.tensor_spline import TensorSpline, fitted_spline
@@ -67,7 +68,7 @@ class SignalMap:
     y_mm: FloatArray
     root_depth: FloatArray
     flux: FloatArray
-    workspace: Workspace
+    workspace: Outline
     digest: str
     accuracy: str
     seed: int
@@ -148,11 +149,11 @@ class _Nodes:
         return np.where(is_own, at_places[self.border], mirrored)
 
 
-def _nodes_of(space: Workspace, x_mm: FloatArray, y_mm: FloatArray) -> _Nodes:
+def _nodes_of(space: Outline, x_mm: FloatArray, y_mm: FloatArray) -> _Nodes:
     """The nodes of a grid, x outermost; those outside a round one from two places each."""
     nodes = np.stack([axis.ravel() for axis in np.meshgrid(x_mm, y_mm, indexing="ij")], axis=1)
     every = np.arange(len(nodes))
-    if not space.is_disc:
+    if not space.arcs:
         return _Nodes(traced_mm=nodes, border=every, inner=every)
     middle, radius = np.array([x_mm.mean(), y_mm.mean()]), 0.5 * (x_mm[-1] - x_mm[0])
     away = np.hypot(*(nodes - middle).T)

@@ -4,9 +4,9 @@ import pytest
 
 from design.geometry.cavity import cavity_of
 from design.geometry.mold_outline import outline_of
-from design.geometry.plan import rectangle_walls
 from design.geometry.sockets import Cut, WallFrame
 from design.preset import preset
+from design.shape.outline import rectangle
 
 PAD = preset("piacenza2017-pad")
 LED = "sunled-xscwd23mb"
@@ -26,7 +26,8 @@ def sockets(design):
     ],
 )
 def test_a_cut_lies_behind_its_wall(wall, wanted):
-    frame = WallFrame(line=rectangle_walls(32.0, 32.0)[wall], thickness_mm=6.5)
+    walls = {line.name: line for line in rectangle((0.0, 0.0, 32.0, 32.0)).lines}
+    frame = WallFrame(line=walls[wall], thickness_mm=6.5)
     box = frame.box(Cut(along0=1.0, along1=3.0, out0=0.0, out1=4.0, floor=2.0, top=9.0))
     assert (box.x0, box.x1, box.y0, box.y1) == wanted
     assert (box.z0, box.z1) == (2.0, 9.0)

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from design.errors import DesignError
-from design.geometry.cavity import Workspace
 from design.preset import preset
+from design.shape.outline import rectangle
 from optopad.cli import main
 from optopad.jobs.accuracy_files import write_accuracy
 from optopad.jobs.evaluation import _named
@@ -15,7 +15,7 @@ from sims.evaluation.judged import JudgedPresses
 from sims.evaluation.published import published_touch
 from tests.sims.learning.made_up_models import made_up_kernel_ridge
 
-SPACE = Workspace(x0_mm=6.0, x1_mm=26.0, y0_mm=6.0, y1_mm=26.0)
+SPACE = rectangle((6.0, 6.0, 26.0, 26.0))
 
 
 def found_accuracy(**changes) -> Accuracy:

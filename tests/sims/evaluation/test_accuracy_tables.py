@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from design.errors import InputError
-from design.geometry.cavity import Workspace
 from design.preset import preset
+from design.shape.outline import rectangle
 from sims.evaluation.judged import JudgedPresses, joined, judged
 from sims.evaluation.published import published_touch
 from sims.evaluation.rows import needed_samples
@@ -203,7 +203,7 @@ def test_pictures_are_drawn_for_presses_that_are_all_lost_or_all_found():
     from sims.plots.accuracy import plot_arrows, plot_depths, plot_errors, plot_touch, shown_places_mm
     from sims.plots.style import plain_style
 
-    space = Workspace(x0_mm=6.0, x1_mm=26.0, y0_mm=6.0, y1_mm=26.0)
+    space = rectangle((6.0, 6.0, 26.0, 26.0))
     presses = MadeUp().presses()
     with plain_style():
         for is_found in (presses.is_found, ~presses.is_found):

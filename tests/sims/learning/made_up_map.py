@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from design.geometry.cavity import Workspace
+from design.shape.outline import rectangle
 from sims.learning.inference.header import ForceCurve, ModelHeader
 from sims.learning.inference.signal_map.press_search import Box
 from sims.learning.inference.signal_map.reading_noise import ReadingNoise
@@ -25,7 +25,7 @@ EMITTER_MM = np.concatenate(
 )
 EMITTER_MM += np.repeat([[0.0, 0.0], [32.0, 0.0], [32.0, 32.0], [0.0, 32.0]], 2, axis=0)
 RECEIVER_MM = SIDE_MM - EMITTER_MM[:, ::-1]
-WORKSPACE = Workspace(x0_mm=6.0, x1_mm=26.0, y0_mm=6.0, y1_mm=26.0)
+WORKSPACE = rectangle((6.0, 6.0, 26.0, 26.0))
 DEEPEST_MM = 5.0
 PAIRS = COUNT * COUNT
 

@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.geometry.cavity import Workspace, cavity_of
+from design.geometry.cavity import cavity_of
 from design.preset import PRESETS, SHAPED_PRESETS, preset
+from design.shape.outline import disc, rectangle
 from fabrication.driver.simulated.press_table import table_of
 from sims.verdict.pad_map import grid_inside, grid_places_mm, map_grid_mm, on_grid
 
-DISC = Workspace(x0_mm=2.0, x1_mm=12.0, y0_mm=2.0, y1_mm=12.0, is_disc=True)
+DISC = disc((2.0, 2.0, 12.0, 12.0))
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -23,7 +24,7 @@ def test_every_place_of_a_map_is_a_press_centre_on_its_lines(name: str) -> None:
     assert all(cavity.workspace.contains(*place) for place in places)
     for axis, lines in ((0, x_mm), (1, y_mm)):
         assert np.abs(places[:, axis, None] - lines).min(axis=1).max() < 1e-9
-    if not cavity.workspace.is_disc:
+    if not cavity.workspace.arcs:
         assert len(places) == len(x_mm) * len(y_mm)
 
 
@@ -57,7 +58,7 @@ def test_even_shares_fill_a_disc_evenly() -> None:
     assert away.max() <= 5.0
     assert np.mean(away < 2.5) == pytest.approx(0.25, abs=0.005)  # a quarter of the area
     assert np.mean(places[:, 0] > 0) == pytest.approx(0.5, abs=0.005)
-    square = Workspace(x0_mm=0.0, x1_mm=2.0, y0_mm=1.0, y1_mm=5.0)
+    square = rectangle((0.0, 1.0, 2.0, 5.0))
     assert square.spread(np.array([[0.25, 0.5]])) == pytest.approx(np.array([[0.5, 3.0]]))
 
 
@@ -84,7 +85,7 @@ def test_presses_of_a_protocol_lie_in_the_workspace(name: str) -> None:
 def test_the_middle_of_a_pad_is_a_place_of_its_map_whatever_its_sides(
     length_mm: float, width_mm: float
 ) -> None:
-    space = Workspace(x0_mm=4.0, x1_mm=4.0 + length_mm, y0_mm=4.0, y1_mm=4.0 + width_mm)
+    space = rectangle((4.0, 4.0, 4.0 + length_mm, 4.0 + width_mm))
     cavity = replace(cavity_of(preset("piacenza2017-pad")), workspace=space)
     for places in (3, 5, 11):
         x_mm, y_mm = map_grid_mm(cavity, places)

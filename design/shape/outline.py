@@ -1,0 +1,325 @@
+r"""A pad in plan: a closed, convex loop of flat walls and arcs, counter-clockwise.
+
+    rectangle   four lines
+    disc        arcs, and a flat facet for each part, on which the part's face lies: a chord as wide as its socket
+
+            facet of E1 (half width w)
+              ___|___            a round wall of radius R; the facet stands sqrt(R² - w²) from the centre
+           .-'       '-.
+          /             \        x and y run from 0 to the diameter, as in a rectangle's frame
+         |       +       |
+          \             /
+           '-._______.-'
+
+A place is inside where it lies behind every line, and within the radius of every arc whose sector it is in.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from design.arrays import BoolArray, FloatArray
+
+Point = tuple[float, float]
+Box = tuple[float, float, float, float]
+"""x0, y0, x1, y1 [mm]."""
+Kind = Literal["rectangle", "disc"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line:
+    """A flat wall in plan.
+
+    Attributes
+    ----------
+    name : south, east, north, west; of a facet, its direction, as `45-degree`
+    origin : x, y of the place from which `along` is counted [mm]
+    tangent, outward : unit vectors along the wall and out of the pad
+    length_mm : inner length of the wall
+    """
+
+    name: str
+    origin: Point
+    tangent: Point
+    outward: Point
+    length_mm: float
+
+    def point(self, along_mm: float, outward_mm: float = 0.0) -> Point:
+        """Position (x, y) in the cavity frame [mm]."""
+        (x, y), (tx, ty), (nx, ny) = self.origin, self.tangent, self.outward
+        return x + along_mm * tx + outward_mm * nx, y + along_mm * ty + outward_mm * ny
+
+    def along_and_outward_mm(self, x_mm: float, y_mm: float) -> Point:
+        """The way back from `point` [mm]."""
+        x, y = x_mm - self.origin[0], y_mm - self.origin[1]
+        (tx, ty), (nx, ny) = self.tangent, self.outward
+        return x * tx + y * ty, x * nx + y * ny
+
+    @property
+    def ends(self) -> tuple[Point, Point]:
+        """Both ends, counter-clockwise [mm]."""
+        (tx, ty), (nx, ny) = self.tangent, self.outward
+        ends = self.point(0.0), self.point(self.length_mm)
+        return ends if nx * ty - ny * tx > 0.0 else ends[::-1]
+
+    def points(self, shares: FloatArray) -> FloatArray:
+        """(n, 2) places at (n,) shares of the way from end to end, counter-clockwise [mm]."""
+        start, end = np.array(self.ends)
+        return np.asarray(start + shares[:, None] * (end - start))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arc:
+    """A piece of a round wall, counter-clockwise.
+
+    Attributes
+    ----------
+    centre_mm : x, y of its centre
+    radius_mm : of curvature
+    start_rad, turn_rad : direction in which it begins, and by how much it turns
+    """
+
+    centre_mm: Point
+    radius_mm: float
+    start_rad: float
+    turn_rad: float
+
+    def points(self, shares: FloatArray) -> FloatArray:
+        """(n, 2) places at (n,) shares of the way from end to end [mm]."""
+        angle = self.start_rad + shares * self.turn_rad
+        ring = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        return np.asarray(np.array(self.centre_mm) + self.radius_mm * ring)
+
+    def spans(self, angle_rad: FloatArray) -> BoolArray:
+        """(...,) whether directions from the centre lie in its sector, its ends included."""
+        return np.asarray((angle_rad - self.start_rad + 1e-12) % (2.0 * np.pi) <= self.turn_rad + 2e-12)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outline:
+    """A convex closed loop.
+
+    Attributes
+    ----------
+    kind : its name in a design file
+    box_mm : what it lies in and touches
+    lines : flat walls, which carry parts
+    arcs : the rest
+    """
+
+    kind: Kind
+    box_mm: Box
+    lines: tuple[Line, ...]
+    arcs: tuple[Arc, ...] = ()
+
+    @property
+    def x0_mm(self) -> float:
+        """Least x [mm]."""
+        return self.box_mm[0]
+
+    @property
+    def y0_mm(self) -> float:
+        """Least y [mm]."""
+        return self.box_mm[1]
+
+    @property
+    def x1_mm(self) -> float:
+        """Greatest x [mm]."""
+        return self.box_mm[2]
+
+    @property
+    def y1_mm(self) -> float:
+        """Greatest y [mm]."""
+        return self.box_mm[3]
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing lies in it."""
+        return self.x1_mm < self.x0_mm or self.y1_mm < self.y0_mm
+
+    def in_box(self, box_mm: Box) -> Outline:
+        """The same kind, without facets, in another box."""
+        return outline_in(self.kind, box_mm)
+
+    @property
+    def centre_mm(self) -> Point:
+        """Middle of the box (x, y) [mm]."""
+        x0, y0, x1, y1 = self.box_mm
+        return (x0 + x1) / 2, (y0 + y1) / 2
+
+    @cached_property
+    def loop(self) -> tuple[Line | Arc, ...]:
+        """Lines and arcs in the order in which they follow each other, counter-clockwise."""
+        x, y = self.centre_mm
+
+        def turn(one: Line | Arc) -> float:
+            px, py = one.points(np.array([0.5]))[0]
+            return math.atan2(py - y, px - x)
+
+        return tuple(sorted((*self.lines, *self.arcs), key=turn))
+
+    def gap_mm(self, x_mm: ArrayLike, y_mm: ArrayLike) -> FloatArray:
+        """(...,) distance to the nearest wall of places inside, below 0 outside [mm]."""
+        x, y = np.broadcast_arrays(np.asarray(x_mm, np.float64), np.asarray(y_mm, np.float64))
+        gap = np.full(x.shape, np.inf)
+        for line in self.lines:
+            (ox, oy), (nx, ny) = line.origin, line.outward
+            gap = np.minimum(gap, -((x - ox) * nx + (y - oy) * ny))
+        for arc in self.arcs:
+            px, py = x - arc.centre_mm[0], y - arc.centre_mm[1]
+            within = np.where(arc.spans(np.arctan2(py, px)), arc.radius_mm - np.hypot(px, py), np.inf)
+            gap = np.minimum(gap, within)
+        return gap
+
+    def contains(self, x_mm: ArrayLike, y_mm: ArrayLike, slack_mm: float = 1e-9) -> BoolArray:
+        """(...,) whether places lie inside, the border included."""
+        return np.asarray(self.gap_mm(x_mm, y_mm) >= -slack_mm)
+
+    def clamped(self, x_mm: float, y_mm: float) -> Point:
+        """The place itself, or one on the border: moved back over every line and arc that it is past [mm]."""
+        x, y = x_mm, y_mm
+        for line in self.lines:
+            (ox, oy), (nx, ny) = line.origin, line.outward
+            past = (x - ox) * nx + (y - oy) * ny
+            if past > 0.0:
+                x, y = x - past * nx, y - past * ny
+        for arc in self.arcs:
+            px, py = x - arc.centre_mm[0], y - arc.centre_mm[1]
+            away = math.hypot(px, py)
+            if away > arc.radius_mm and arc.spans(np.array(math.atan2(py, px))):
+                share = arc.radius_mm / away
+                x, y = arc.centre_mm[0] + share * px, arc.centre_mm[1] + share * py
+        return x, y
+
+    def spread(self, shares: FloatArray) -> FloatArray:
+        """(n, 2) places [mm] from (n, 2) shares of 0 to 1: evenly spread shares give evenly spread places."""
+        low, high = np.array(self.box_mm[:2]), np.array(self.box_mm[2:])
+        if not self.arcs:
+            return np.asarray(low + shares * (high - low))
+        away, turn = np.sqrt(shares[:, 0]), 2.0 * np.pi * shares[:, 1]
+        around = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        return np.asarray((low + high) / 2 + (high - low) / 2 * away[:, None] * around)
+
+    @property
+    def words(self) -> str:
+        """Where it lies, for messages: `x 6 to 26 and y 6 to 26 mm`."""
+        x0, y0, x1, y1 = self.box_mm
+        if self.arcs:
+            x, y = self.centre_mm
+            return f"within {(x1 - x0) / 2:g} mm of x {x:g}, y {y:g} mm"
+        return f"x {x0:g} to {x1:g} and y {y0:g} to {y1:g} mm"
+
+    def way_out_mm(self, start_mm: Point, direction: Point) -> float:
+        """Distance from a place inside to the wall along a unit vector [mm]."""
+        (x, y), (dx, dy) = start_mm, direction
+        found = math.inf
+        for line in self.lines:
+            toward = dx * line.outward[0] + dy * line.outward[1]
+            if toward > 1e-12:
+                found = min(found, -line.along_and_outward_mm(x, y)[1] / toward)
+        for arc in self.arcs:
+            px, py = x - arc.centre_mm[0], y - arc.centre_mm[1]
+            along = px * dx + py * dy
+            square = along**2 - (px**2 + py**2 - arc.radius_mm**2)
+            if square >= 0.0:
+                far = math.sqrt(square) - along
+                if arc.spans(np.array(math.atan2(py + far * dy, px + far * dx))):
+                    found = min(found, far)
+        return found
+
+    def points(self, step_rad: float, pieces: int = 1) -> FloatArray:
+        """(n, 2) corners, counter-clockwise: arcs in steps of at most an angle, lines in some pieces [mm]."""
+        parts = [
+            one.points(np.linspace(0.0, 1.0, pieces, endpoint=False))
+            if isinstance(one, Line)
+            else one.points(np.linspace(0.0, 1.0, math.ceil(one.turn_rad / step_rad - 1e-9), endpoint=False))
+            for one in self.loop
+        ]
+        return np.concatenate(parts)
+
+    def integral(self, about_mm: Point, nodes: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Places x, y (n,) [mm] and weights (n,) [mm²] of a rule for integrals over the plan.
+
+        Gauss' rule along every line and arc, and from `about_mm` to it: with p along the border, the area of the sector
+        between is ∫ (x dy - y dx) ∫ s ds. It needs a function that is smooth along every ray from there.
+        """
+        nodes_at, weights = np.polynomial.legendre.leggauss(nodes)
+        share, weight = (1.0 + nodes_at) / 2, weights / 2
+        xs, ys, found = [], [], []
+        for one in self.loop:
+            if isinstance(one, Line):
+                places, slopes = one.points(share), np.array(one.ends[1]) - np.array(one.ends[0])
+            else:
+                places = one.points(share)
+                away = places - np.array(one.centre_mm)
+                slopes = one.turn_rad * np.stack([-away[:, 1], away[:, 0]], axis=-1)
+            px, py = (places - np.array(about_mm)).T
+            dx, dy = np.broadcast_to(slopes, places.shape).T
+            xs.append((about_mm[0] + np.outer(share, px)).ravel())
+            ys.append((about_mm[1] + np.outer(share, py)).ravel())
+            found.append(np.outer(weight * share, weight * (px * dy - py * dx)).ravel())
+        return np.concatenate(xs), np.concatenate(ys), np.concatenate(found)
+
+    @property
+    def area_mm2(self) -> float:
+        """Area in plan; of a disc whose facets overlap, which cannot be built, about."""
+        x0, y0, _, _ = self.box_mm
+        found = 0.0
+        for one in self.loop:
+            (ax, ay), (bx, by) = (one.points(np.array([0.0, 1.0])) - (x0, y0)).tolist()
+            found += ax * by - bx * ay
+            if isinstance(one, Arc):
+                found += one.radius_mm**2 * (one.turn_rad - math.sin(one.turn_rad))
+        return found / 2
+
+
+def outline_in(kind: Kind, box_mm: Box, facets: Sequence[Line] = ()) -> Outline:
+    """An outline of a kind in a box, with the facets of parts on its arcs."""
+    return disc(box_mm, facets) if kind == "disc" else rectangle(box_mm)
+
+
+def rectangle(box_mm: Box) -> Outline:
+    """Four walls: along runs with x on south and north, with y on east and west."""
+    x0, y0, x1, y1 = box_mm
+    along_x, along_y = (1.0, 0.0), (0.0, 1.0)
+    walls = (
+        ("south", (x0, y0), along_x, (0.0, -1.0), x1 - x0),
+        ("east", (x1, y0), along_y, (1.0, 0.0), y1 - y0),
+        ("north", (x0, y1), along_x, (0.0, 1.0), x1 - x0),
+        ("west", (x0, y0), along_y, (-1.0, 0.0), y1 - y0),
+    )
+    return Outline(
+        kind="rectangle",
+        box_mm=box_mm,
+        lines=tuple(
+            Line(name=name, origin=origin, tangent=tangent, outward=outward, length_mm=run)
+            for name, origin, tangent, outward, run in walls
+        ),
+    )
+
+
+def disc(box_mm: Box, facets: Sequence[Line] = ()) -> Outline:
+    """A round wall, less the facets of its parts."""
+    x0, y0, x1, y1 = box_mm
+    centre, radius = ((x0 + x1) / 2, (y0 + y1) / 2), (x1 - x0) / 2
+    spans = sorted(
+        (math.atan2(line.outward[1], line.outward[0]), math.asin(min(line.length_mm / 2 / radius, 1.0)))
+        for line in facets
+    )
+    if not spans:
+        whole = Arc(centre_mm=centre, radius_mm=radius, start_rad=0.0, turn_rad=2.0 * math.pi)
+        return Outline(kind="disc", box_mm=box_mm, lines=(), arcs=(whole,))
+    arcs = []
+    for (low, half), (high, other) in zip(spans, (*spans[1:], spans[0]), strict=True):
+        turn = (high - low) % (2.0 * math.pi) or (2.0 * math.pi if len(spans) == 1 else 0.0)
+        turn -= half + other
+        if turn > 0.0:
+            arcs.append(Arc(centre_mm=centre, radius_mm=radius, start_rad=low + half, turn_rad=turn))
+    return Outline(kind="disc", box_mm=box_mm, lines=tuple(facets), arcs=tuple(arcs))
