@@ -20,11 +20,10 @@ from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
 from design.geometry.mold_outline import MoldOutline, outline_of
 from design.spec import SensorDesign
 from sims.contact.tip import tip_of
+from sims.plots.rays import BLACK
 from sims.plots.shapes.pad_outline import outline_patch, workspace_patch
 from sims.plots.style import BLUE, GRID, INK, MUTED, PALE_BLUE, VERMILLION, WIDTH_IN
 
-BLACK = "#33383f"
-"""Colour of the black layer."""
 SMALL, MEDIUM = 7.0, 8.5
 LINE: dict[str, Any] = {"color": MUTED, "linewidth": 0.7, "solid_capstyle": "butt"}
 MOST_NUMBERS = 40

@@ -11,7 +11,7 @@ from design.protocols.load import load_protocol
 from design.spec import SensorDesign
 from design.spec.properties import modulus
 from optopad.report.scenes.cause_drawing import plot_cause
-from optopad.report.scenes.layout_drawing import BLACK, plot_layout
+from optopad.report.scenes.layout_drawing import plot_layout
 from optopad.report.scenes.map_scene import MapScene
 from optopad.report.scenes.map_still import plot_by_depth
 from optopad.report.sections.published import published_load
@@ -32,6 +32,7 @@ from sims.plots.contact import (
     plot_load_protocol,
 )
 from sims.plots.pad import plot_deadband_map, plot_margin_map, plot_usable_map
+from sims.plots.rays import BLACK
 from sims.plots.signal import plot_signal
 from sims.plots.spans import plot_spans
 from sims.plots.style import (

@@ -1,4 +1,4 @@
-"""The top of a crowned pad under a press, in space and where a vertical plane cuts it.
+"""The top of a pad under a press, in space and where a vertical plane cuts it.
 
 A press goes along the normal of the untouched top. In its frame (`sims.optics.scene.pad_form`) the top is the crown
 less its fall, and the height of the press over it, a curve around the axis; where the curve runs back beside the
@@ -110,10 +110,16 @@ class CutPlane:
         places = self.places_mm(along, np.zeros_like(along))
         return np.column_stack([along, [plan.top_mm(float(x), float(y)) for x, y, _ in places]])
 
-    def line_mm(self, beyond_mm: Callable[[FloatArray], FloatArray], lowest_mm: float) -> FloatArray:
-        """(n, 2) distance and height of the longest line along which a field of places is zero; empty without one."""
-        along = np.linspace(*self.reach_mm, CUT_POINTS)
-        height = np.linspace(lowest_mm, self.ceiling_mm, CUT_POINTS)
+    def line_mm(self, beyond_mm: Callable[[FloatArray], FloatArray], through_mm: FloatArray) -> FloatArray:
+        """(n, 2) distance and height of the longest line along which a field of places is zero; empty without one.
+
+        Parameters
+        ----------
+        through_mm : (3,) a place next to which the line is found exactly, as the foot of a press's axis [mm]
+        """
+        foot = (through_mm[:2] - np.array(self.start_mm)) @ np.array(self.direction)
+        along = np.union1d(np.linspace(*self.reach_mm, CUT_POINTS), np.clip(foot, *self.reach_mm))
+        height = np.linspace(0.0, self.ceiling_mm, CUT_POINTS)
         field = beyond_mm(self.places_mm(*np.meshgrid(along, height)))
         if not field.min() < 0.0 < field.max():
             return np.empty((0, 2))
@@ -129,7 +135,7 @@ def cut_top_mm(frame: PressFrame, press: Indentation, plane: CutPlane) -> FloatA
         across, aside, over = frame.seen_from_it(places)
         return np.asarray(over - frame.top_mm(press, across, aside))
 
-    return plane.line_mm(beyond, 0.0)
+    return plane.line_mm(beyond, frame.origin_mm)
 
 
 def seen_tip_mm(design: SensorDesign, frame: PressFrame, depth_mm: float, plane: CutPlane) -> FloatArray:
@@ -157,4 +163,4 @@ def cut_tip_mm(design: SensorDesign, frame: PressFrame, depth_mm: float, plane: 
         half = np.interp(high, size * tall, size * radius)
         return np.asarray(np.hypot(across, aside) - np.where(high < 0.0, high, half))
 
-    return plane.line_mm(beyond, 0.0)
+    return plane.line_mm(beyond, frame.origin_mm)

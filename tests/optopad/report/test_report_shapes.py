@@ -79,7 +79,9 @@ def test_a_tip_comes_along_the_normal_in_the_section_of_a_cause(made_up_contact)
     normal, top = np.array(cavity.plan.normal(*at)), cavity.plan.top_mm(*at)
     chord = (end - start) / np.hypot(*(end - start))
     # the axis leans a little out of the plane, by the part of the normal square to the chord
-    tips = [np.array(line.get_data()).T for line in axes.lines if line.get_color() == "#1b1f24"]
+    (begins,) = [patch.get_xy() for patch in axes.patches if patch.get_gid() == "tip"]
+    (ends,) = [np.array(line.get_data()).T for line in axes.lines if line.get_gid() == "deepest-tip"]
+    tips = (begins, ends)
     for tip, depth in zip(tips, found.depth_mm, strict=True):
         apex = 0.35 * np.hypot(*(end - start)) - depth * float(normal[:2] @ chord), top - depth * normal[2]
         assert np.hypot(*(tip - apex).T).min() < 0.06
