@@ -156,10 +156,11 @@ def tolerance_drawings(score: ContinuityScore) -> dict[str, Drawing]:
 
 
 def _all_drawn(plots: dict[str, tuple[Axes, str]]) -> dict[str, Drawing]:
-    return {name: _drawn(name, *plot) for name, plot in plots.items()}
+    return {name: drawn(name, *plot) for name, plot in plots.items()}
 
 
-def _drawn(name: str, axes: Axes, shows: str) -> Drawing:
+def drawn(name: str, axes: Axes, shows: str) -> Drawing:
+    """A plot as SVG text; call it inside `plain_style`."""
     figure = axes.get_figure(root=True)
     assert figure is not None
     return Drawing(stem=PREFIX + name, shows=shows, svg=svg_text(figure, name))
