@@ -19,11 +19,11 @@ from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon, Rectangle
 
-from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
+from design.geometry.cavity import CavityGeometry, cavity_of
 from design.spec import SensorDesign
 from sims.optics.oracle.paths import LightPath
 from sims.plots.ray_cut import Cut
-from sims.plots.shapes.pad_outline import outline_patch
+from sims.plots.shapes.pad_outline import draw_part, outline_patch
 from sims.plots.shapes.pressed_top import (
     PressFrame,
     cut_tip_mm,
@@ -49,8 +49,6 @@ ON_AXIS_MM = 0.05
 """Distance of the press's axis from the section's plane below which they count as one [mm]."""
 CUT_FACE_MM = 0.15
 """Half the drawn thickness of a face that the section cuts [mm]."""
-NAME_POINTS = 5
-"""Distance of a part's name from its mark [points]."""
 RING_POINTS = 72
 MOST_LABELS, MOST_LABELS_IN_SECTION = 32, 2
 """Parts with their names beside them; more would overlap."""
@@ -145,7 +143,9 @@ def plot_ray_plan(
     _draw_paths(ax, state, lambda places: places[:, :2])
     shown = _shown_parts(state, cavity)
     for part in cavity.parts:
-        _draw_part(ax, part, cavity, part.name in shown)
+        is_shown = part.name in shown
+        named = is_shown or len(cavity.parts) <= MOST_LABELS
+        draw_part(ax, part, INK if is_shown else GREY, size=5.0, is_named=named)
     room = PLAN_ROOM * max(size)
     ax.set_xlim(-room, size[0] + room)
     ax.set_ylim(-room, size[1] + room)
@@ -344,30 +344,3 @@ def _ring(frame: PressFrame, radius_mm: float, over_mm: float, **look: Any) -> P
     turn = np.linspace(0.0, 2.0 * np.pi, RING_POINTS)
     across, aside = radius_mm * np.cos(turn), radius_mm * np.sin(turn)
     return Polygon(frame.places_mm(across, aside, np.full_like(turn, over_mm))[:, :2], **look)
-
-
-def _draw_part(ax: Axes, part: PlacedPart, cavity: CavityGeometry, is_shown: bool) -> None:
-    x, y, _ = part.position_mm
-    colour = INK if is_shown else GREY
-    ax.plot(
-        x,
-        y,
-        marker="o" if part.kind == "emitter" else "s",
-        markersize=5,
-        markerfacecolor=colour if part.kind == "emitter" else "white",
-        markeredgecolor=colour,
-        clip_on=False,
-        zorder=5,
-    )
-    if is_shown or len(cavity.parts) <= MOST_LABELS:
-        right, up = part.line.outward
-        ax.annotate(
-            part.name,
-            (x, y),
-            xytext=(NAME_POINTS * right, NAME_POINTS * up),
-            textcoords="offset points",
-            ha=("center", "left", "right")[round(right)],
-            va=("center", "bottom", "top")[round(up)],
-            fontsize=7,
-            color=colour,
-        )

@@ -31,7 +31,7 @@ from sims.plots.contact import (
     plot_load_over_time,
     plot_load_protocol,
 )
-from sims.plots.pad import plot_deadband_map, plot_margin_map, plot_usable_map
+from sims.plots.maps import plot_deadband_map, plot_margin_map, plot_usable_map
 from sims.plots.rays import BLACK
 from sims.plots.signal import plot_signal
 from sims.plots.spans import plot_spans

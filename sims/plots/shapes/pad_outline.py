@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Patch, Polygon, Rectangle
 
 from design.arrays import FloatArray
-from design.geometry.cavity import CavityGeometry, Workspace
+from design.geometry.cavity import CavityGeometry, PlacedPart, Workspace
 from design.geometry.plan import Plan
 
 ROUND_POINTS = 96
@@ -20,6 +21,8 @@ FACET_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
 APART_MM = 0.01
 """Corners nearer to the one before are left out."""
 HALVINGS = 60
+NAME_POINTS = 5
+"""Distance of a part's name from its mark [points]."""
 
 
 def outline_mm(plan: Plan) -> FloatArray:
@@ -76,6 +79,33 @@ def clip_to_pad(artist: Any, ax: Any, cavity: CavityGeometry) -> None:
     """Leave of cells only what lies in a disc; those of a rectangle end at its walls."""
     if cavity.plan.is_disc:
         artist.set_clip_path(outline_patch(cavity.plan, transform=ax.transData))
+
+
+def draw_part(ax: Axes, part: PlacedPart, colour: str, *, size: float, is_named: bool) -> None:
+    """A part from above: an emitter as a dot, a receiver as an open square, its name outward of it.
+
+    Parameters
+    ----------
+    size : of the mark [points]
+    """
+    x, y, _ = part.position_mm
+    is_emitter = part.kind == "emitter"
+    look: dict[str, Any] = {"markersize": size, "markeredgecolor": colour, "clip_on": False, "zorder": 5}
+    ax.plot(
+        x, y, marker="o" if is_emitter else "s", markerfacecolor=colour if is_emitter else "white", **look
+    )
+    if is_named:
+        right, up = part.line.outward
+        ax.annotate(
+            part.name,
+            (x, y),
+            xytext=(NAME_POINTS * right, NAME_POINTS * up),
+            textcoords="offset points",
+            ha=("center", "left", "right")[round(right)],
+            va=("center", "bottom", "top")[round(up)],
+            fontsize=7,
+            color=colour,
+        )
 
 
 def wall_reached_mm(

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.collections import QuadMesh
 from matplotlib.patches import Polygon
 
 from design.geometry.cavity import cavity_of
@@ -97,8 +98,8 @@ def test_maps_know_the_cell_of_every_place(made_up_contact):
     for one in data["maps"]:
         assert {len(row) for row in one["values"]} == {len(data["cells"])}
     ax = plot_by_depth(scene, scene.maps[0])
-    cells = [patch for patch in ax.patches if patch.get_linewidth() == 0.4]
-    assert len(cells) == len(data["cells"])
+    mesh = next(one for one in ax.collections if isinstance(one, QuadMesh))
+    assert np.ma.count(mesh.get_array()) == len(data["cells"])
 
 
 def test_the_plan_of_a_disc_has_its_outline_and_directions_of_its_parts():
