@@ -1,53 +1,26 @@
 """The untouched pad as meshes for a picture: its outline in plan, walls, layers and top; lengths in mm.
 
-The outline is a polygon with the plan's corners among its own. Along a round wall its sides turn by `TURN_DEG` at
-most; under a crown straight walls are divided, so that their upper edge follows it.
+The outline is a polygon with the plan's corners among its own; under a crown straight walls are divided, so that their
+upper edge follows it.
 """
 
 from __future__ import annotations
 
-import math
-from itertools import pairwise
-
 import numpy as np
 
 from design.arrays import FloatArray, IntArray
+from design.geometry.pad_outline import edge_mm
 from design.geometry.plan import Plan
 
-TURN_DEG = 7.5
-PIECES, RINGS = 16, 14
-"""Pieces of a straight wall under a crown, and rings from the middle of a crown to its edge."""
+RINGS = 14
+"""Rings from the middle of a crown to its edge."""
 LOOKS = 400
 """Heights at which a ray is compared with a crown."""
 
 
 def outline_mm(plan: Plan) -> FloatArray:
     """(n, 2) corners of the pad in plan, counter-clockwise."""
-    return _round_outline(plan) if plan.is_disc else _straight_outline(plan)
-
-
-def _straight_outline(plan: Plan) -> FloatArray:
-    length, width = plan.length_mm, plan.width_mm
-    corners = [(0.0, 0.0), (length, 0.0), (length, width), (0.0, width), (0.0, 0.0)]
-    pieces = 1 if plan.crown is None else PIECES
-    sides = [np.linspace(start, end, pieces, endpoint=False) for start, end in pairwise(corners)]
-    return np.concatenate(sides)
-
-
-def _round_outline(plan: Plan) -> FloatArray:
-    """Even angles and both ends of each facet; the distance is that of the nearest wall in each direction."""
-    radius = plan.radius_mm
-    facing = np.array([math.atan2(*wall.outward[::-1]) for wall in plan.walls])
-    stands = np.array([plan.stands_mm(wall) for wall in plan.walls])
-    half = np.arccos(np.minimum(stands / radius, 1.0))
-    even = np.radians(np.arange(0.0, 360.0, TURN_DEG))
-    turns = np.concatenate([even, facing - half, facing + half]) % (2.0 * np.pi)
-    turns = np.unique(np.round(turns, 9))
-    cosine = np.cos(turns[:, None] - facing[None, :])
-    to_facet = np.where(cosine > 1e-9, stands / np.maximum(cosine, 1e-9), np.inf)
-    away = np.minimum(radius, to_facet.min(axis=1, initial=np.inf))
-    ring = np.stack([np.cos(turns), np.sin(turns)], axis=1)
-    return np.asarray(np.array(plan.centre_mm) + away[:, None] * ring, dtype=np.float64)
+    return edge_mm(plan)[:, :2]
 
 
 def top_mm(plan: Plan, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:

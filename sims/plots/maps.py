@@ -21,7 +21,7 @@ from design.arrays import BoolArray, FloatArray
 from design.geometry.cavity import CavityGeometry
 from sims.bounds.felt import FeltForce
 from sims.bounds.observability import PadBounds
-from sims.plots.shapes.pad_outline import clip_to_pad, draw_part, outline_patch, workspace_patch
+from sims.plots.shapes.pad_patches import clip_to_pad, draw_part, outline_patch, workspace_patch
 from sims.plots.style import BLUE, INK, MUTED, VERMILLION, WIDTH_IN, axes_or_new
 from sims.verdict.pad_map import PadMap, Place
 

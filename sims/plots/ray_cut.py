@@ -8,7 +8,7 @@ import numpy as np
 
 from design.arrays import FloatArray
 from design.geometry.cavity import CavityGeometry, PlacedPart
-from sims.plots.shapes.pad_outline import outline_mm, wall_reached_mm
+from design.geometry.pad_outline import outline_mm, wall_reached_mm
 from sims.plots.shapes.pressed_top import CutPlane
 
 SILHOUETTE_POINTS = 60

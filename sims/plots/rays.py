@@ -23,7 +23,7 @@ from design.geometry.cavity import CavityGeometry, cavity_of
 from design.spec import SensorDesign
 from sims.optics.oracle.paths import LightPath
 from sims.plots.ray_cut import Cut
-from sims.plots.shapes.pad_outline import draw_part, outline_patch
+from sims.plots.shapes.pad_patches import draw_part, outline_patch
 from sims.plots.shapes.pressed_top import (
     PressFrame,
     cut_tip_mm,

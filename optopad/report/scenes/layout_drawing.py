@@ -21,7 +21,7 @@ from design.geometry.mold_outline import MoldOutline, outline_of
 from design.spec import SensorDesign
 from sims.contact.tip import tip_of
 from sims.plots.rays import BLACK
-from sims.plots.shapes.pad_outline import outline_patch, workspace_patch
+from sims.plots.shapes.pad_patches import outline_patch, workspace_patch
 from sims.plots.style import BLUE, GRID, INK, MUTED, PALE_BLUE, VERMILLION, WIDTH_IN
 
 SMALL, MEDIUM = 7.0, 8.5

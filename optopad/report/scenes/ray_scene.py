@@ -13,13 +13,13 @@ import numpy as np
 
 from design.arrays import FloatArray
 from design.geometry.cavity import CavityGeometry, cavity_of
+from design.geometry.pad_outline import edge_mm
 from design.geometry.pairs import beside_chord, judged_pairs, pair_name
 from design.spec import SensorDesign
 from optopad.report.text.words import governing
 from sims.contact.tip import tip_of
 from sims.continuity.result import ContinuityScore
 from sims.optics.oracle.paths import LightPath
-from sims.plots.shapes.pad_outline import edge_mm
 from sims.plots.shapes.pressed_top import press_frame
 from sims.rays.light_kinds import KINDS, LOST, LightKind, kind_of
 from sims.rays.ray_states import Pair, Press, RayChoice, RayState, ray_states

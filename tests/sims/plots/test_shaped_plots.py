@@ -10,6 +10,7 @@ from matplotlib.collections import QuadMesh
 from matplotlib.patches import Circle, Polygon, Rectangle
 
 from design.geometry.cavity import cavity_of
+from design.geometry.pad_outline import edge_mm, outline_mm, wall_reached_mm
 from design.preset import preset
 from sims.plots.contact import plot_profile
 from sims.plots.maps import (
@@ -20,7 +21,7 @@ from sims.plots.maps import (
     plot_usable_map,
 )
 from sims.plots.ray_cut import cut_across, cut_through
-from sims.plots.shapes.pad_outline import edge_mm, outline_mm, outline_patch, wall_reached_mm
+from sims.plots.shapes.pad_patches import outline_patch
 from sims.plots.shapes.pressed_top import CutPlane, cut_tip_mm, cut_top_mm, press_frame
 from tests.sims.plots.shaped_pads import BENT, DISC, DOME, made_up_press, shaped_bounds, shaped_map
 
