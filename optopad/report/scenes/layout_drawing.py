@@ -19,6 +19,7 @@ from design.arrays import FloatArray
 from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
 from design.geometry.mold_outline import MoldOutline, outline_of
 from design.spec import SensorDesign
+from optopad.report.scenes.mold_scene import body_corners_mm
 from sims.contact.tip import tip_of
 from sims.plots.rays import BLACK
 from sims.plots.shapes.pad_patches import outline_patch, workspace_patch
@@ -134,15 +135,7 @@ def _draw_part(
 
 def _body(part: PlacedPart, **look: Any) -> Patch:
     """A part's body from above, its face on its wall."""
-    wide, deep = part.part.body_width_mm.value, part.part.body_depth_mm.value
-    if part.wall not in ("south", "east", "north", "west"):
-        half = wide / 2
-        corners = ((-half, 0.0), (half, 0.0), (half, deep), (-half, deep))
-        return Polygon([part.line.point(part.along_mm + along, out) for along, out in corners], **look)
-    (x, y, _), (right, up) = part.position_mm, part.line.outward
-    size = (wide, deep) if part.wall in ("south", "north") else (deep, wide)
-    corner = x + right * deep / 2 - size[0] / 2, y + up * deep / 2 - size[1] / 2
-    return Rectangle(corner, *size, **look)
+    return Polygon(body_corners_mm(part)[:4, :2], **look)
 
 
 def _write_place(ax: Axes, part: PlacedPart, cavity: CavityGeometry, outline: MoldOutline) -> None:
