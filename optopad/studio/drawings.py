@@ -245,16 +245,9 @@ def map_svg(cavity: CavityGeometry, shown: Quantity | None, press: Press, bad: S
 
     body = [_HATCH]
     cells = [] if shown is None else _cells(cavity, shown, x, y, scale)
-    if cavity.plan.is_disc:
-        corners = " ".join(f"{x(at_x):.1f},{y(at_y):.1f}" for at_x, at_y in outline_mm(cavity.plan))
-        body.append(f'<clipPath id="pad"><polygon points="{corners}"/></clipPath><g clip-path="url(#pad)">')
-        body += [*cells, f'</g><polygon points="{corners}" fill="none" stroke="currentColor"/>']
-    else:
-        body += cells
-        body.append(
-            f'<rect x="{x(0):.1f}" y="{edge}" width="{scale * cavity.length_mm:.1f}" height="{high:.1f}" fill="none" '
-            'stroke="currentColor"/>'
-        )
+    corners = " ".join(f"{x(at_x):.1f},{y(at_y):.1f}" for at_x, at_y in outline_mm(cavity.plan))
+    body.append(f'<clipPath id="pad"><polygon points="{corners}"/></clipPath><g clip-path="url(#pad)">')
+    body += [*cells, f'</g><polygon points="{corners}" fill="none" stroke="currentColor"/>']
     body += [_part(part, x, y, is_bad=part.name in bad) for part in cavity.parts]
     radius = scale * cavity.tip_radius_mm
     body.append(

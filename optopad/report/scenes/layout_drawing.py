@@ -20,7 +20,7 @@ from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
 from design.geometry.mold_outline import MoldOutline, outline_of
 from design.spec import SensorDesign
 from optopad.report.scenes.mold_scene import body_corners_mm
-from sims.contact.tip import tip_of
+from sims.contact.tip import tip_points_mm
 from sims.plots.rays import BLACK
 from sims.plots.shapes.pad_patches import outline_patch, workspace_patch
 from sims.plots.style import BLUE, GRID, INK, MUTED, PALE_BLUE, VERMILLION, WIDTH_IN
@@ -262,12 +262,9 @@ def _draw_section(ax: Axes, design: SensorDesign, section: _Section, room: float
 
 def _draw_tip(ax: Axes, design: SensorDesign, cavity: CavityGeometry, middle: float) -> None:
     """The tip as it touches the undisturbed top."""
-    radius, tall = tip_of(design.indenter).points(np.linspace(0.0, 2.0, 80))
-    scale = design.indenter.tip_radius_mm
-    top = cavity.clear_mm + 1.25 * scale
-    keep = cavity.clear_mm + scale * tall <= top
-    side = np.column_stack([radius[keep] * scale, cavity.clear_mm + scale * tall[keep]])
-    outline = np.concatenate([side[::-1] * (-1.0, 1.0), side]) + np.array([middle, 0.0])
+    side = tip_points_mm(design.indenter, 2.0, 80)
+    side = side[side[:, 1] <= 1.25 * design.indenter.tip_radius_mm]
+    outline = np.concatenate([side[::-1] * (-1.0, 1.0), side]) + np.array([middle, cavity.clear_mm])
     ax.add_patch(Polygon(outline, closed=False, fill=False, edgecolor=INK, linewidth=0.9))
 
 

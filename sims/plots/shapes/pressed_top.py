@@ -18,7 +18,7 @@ from design.arrays import FloatArray
 from design.geometry.plan import Plan
 from design.spec import SensorDesign
 from sims.contact.pad_surface import curve_height_mm
-from sims.contact.tip import tip_of
+from sims.contact.tip import tip_points_mm
 from sims.optics.scene.lower import scene_of
 from sims.press.indentation import Indentation
 
@@ -140,13 +140,12 @@ def cut_top_mm(frame: PressFrame, press: Indentation, plane: CutPlane) -> FloatA
 
 def seen_tip_mm(design: SensorDesign, frame: PressFrame, depth_mm: float, plane: CutPlane) -> FloatArray:
     """(n, 2) distance and height of the tip's outline through its axis, as seen square to a vertical plane [mm]."""
-    size = design.indenter.tip_radius_mm
-    radius, tall = tip_of(design.indenter).points(np.linspace(0.0, TIP_LENGTH, TIP_POINTS))
+    radius, tall = tip_points_mm(design.indenter, TIP_LENGTH, TIP_POINTS).T
     (right, up), upward = plane.direction, frame.axes[2]
     sideways = np.cross(np.array([-up, right, 0.0]), upward)
     sideways /= np.linalg.norm(sideways)
-    across = size * np.concatenate([-radius[::-1], radius])
-    over = size * np.concatenate([tall[::-1], tall]) - depth_mm
+    across = np.concatenate([-radius[::-1], radius])
+    over = np.concatenate([tall[::-1], tall]) - depth_mm
     places = frame.origin_mm + across[:, None] * sideways + over[:, None] * upward
     along = (places[:, :2] - np.array(plane.start_mm)) @ np.array(plane.direction)
     return np.column_stack([along, places[:, 2]])
@@ -154,13 +153,12 @@ def seen_tip_mm(design: SensorDesign, frame: PressFrame, depth_mm: float, plane:
 
 def cut_tip_mm(design: SensorDesign, frame: PressFrame, depth_mm: float, plane: CutPlane) -> FloatArray:
     """(n, 2) distance and height where a vertical plane cuts the tip [mm]; empty where it misses it."""
-    size = design.indenter.tip_radius_mm
-    radius, tall = tip_of(design.indenter).points(np.linspace(0.0, TIP_LENGTH, TIP_POINTS))
+    radius, tall = tip_points_mm(design.indenter, TIP_LENGTH, TIP_POINTS).T
 
     def beyond(places: FloatArray) -> FloatArray:
         across, aside, over = frame.seen_from_it(places)
         high = over + depth_mm
-        half = np.interp(high, size * tall, size * radius)
+        half = np.interp(high, tall, radius)
         return np.asarray(np.hypot(across, aside) - np.where(high < 0.0, high, half))
 
     return plane.line_mm(beyond, frame.origin_mm)
