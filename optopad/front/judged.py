@@ -147,7 +147,7 @@ class Score:
 
     def plot_map(self, ax: Axes | None = None) -> Axes:
         """Deadband at each place of the pad."""
-        from sims.plots.pad import plot_deadband_map
+        from sims.plots.maps import plot_deadband_map
 
         self._require_answer()
         found = self.found.pad_map
@@ -156,7 +156,7 @@ class Score:
 
     def plot_margin(self, ax: Axes | None = None) -> Axes:
         """How far each place of the pad is from a deadband, in noise units."""
-        from sims.plots.pad import plot_margin_map
+        from sims.plots.maps import plot_margin_map
 
         self._require_answer()
         found = self.found.pad_map

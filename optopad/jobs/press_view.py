@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,7 +37,6 @@ TIP_POINTS = 400
 TIP_LENGTH = 8.0
 """Points and length of the tip's outline in a picture [-], [tip radii]."""
 PREFIX = "contact-"
-PNG_DPI = 200
 HOW_TO_RELAX = (
     "press and retract have the same load, because relaxation is off; to turn it on, give values measured on the "
     "build: --set elastomer.viscoelastic.relaxed_share=... --set elastomer.viscoelastic.time_constant_s=..."
@@ -301,9 +299,8 @@ def write_pictures(view: PressView, out: Path, *, seed: int) -> list[Path]:
     DesignError : the design breaks a rule; nothing is written
     OutputError : the folder cannot be written; an earlier bundle is intact
     """
-    from design.io import write_text_atomically
-    from design.whole_file import write_whole
-    from sims.plots.style import plain_style, svg_text
+    from optopad.work.plot_files import write_plot
+    from sims.plots.style import plain_style
 
     require_valid(view.design)
     names = []
@@ -314,9 +311,5 @@ def write_pictures(view: PressView, out: Path, *, seed: int) -> list[Path]:
         for name, axes in view_plots(view).items():
             figure = axes.get_figure(root=True)
             assert figure is not None
-            write_text_atomically(folder / "sims" / f"{PREFIX}{name}.svg", svg_text(figure, name))
-            png = io.BytesIO()
-            figure.savefig(png, format="png", dpi=PNG_DPI, metadata={"Software": None})
-            write_whole(folder / "sims" / f"{PREFIX}{name}.png", png.getvalue())
-            names += [f"{PREFIX}{name}.svg", f"{PREFIX}{name}.png"]
+            names += [file.name for file in write_plot(figure, folder / "sims" / f"{PREFIX}{name}")]
     return [out / bundle_name(view.design) / "sims" / name for name in names]

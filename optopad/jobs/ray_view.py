@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import re
 from collections.abc import Sequence
@@ -24,12 +23,11 @@ from sims.contact.indentation import solved_press
 from sims.optics.oracle.paths import LightPath
 from sims.plots.ray_cut import Cut, cut_across, cut_of_pair, cut_through
 from sims.plots.ray_sheet import ray_sheet
-from sims.plots.style import plain_style, svg_text
+from sims.plots.style import plain_style
 from sims.rays.light_kinds import KINDS, LOST, kind_of
 from sims.rays.ray_states import Pair, Press, RayChoice, RayState, ray_states
 
 PREFIX = "rays"
-PNG_DPI = 200
 DEFAULT_DEPTHS = (0.2, 0.4, 0.8)
 """Default presses, over the deepest press of the design, where no verdict says what to look at."""
 
@@ -311,7 +309,7 @@ def write_pictures(view: RayView, out: Path) -> list[Path]:
     OutputError : the folder cannot be written; an earlier bundle is intact
     """
     from design.io import write_text_atomically
-    from design.whole_file import write_whole
+    from optopad.work.plot_files import write_plot
 
     stem = f"{PREFIX}-{view.name}"
     with bundle(view.design, out, seed=view.seed) as folder, plain_style():
@@ -329,10 +327,7 @@ def write_pictures(view: RayView, out: Path) -> list[Path]:
             caption=caption(view),
             is_of_untouched=view.is_aimed,
         )
-        write_text_atomically(sims / f"{stem}.svg", svg_text(figure, stem))
-        png = io.BytesIO()
-        figure.savefig(png, format="png", dpi=PNG_DPI, metadata={"Software": None})
-        write_whole(sims / f"{stem}.png", png.getvalue())
+        write_plot(figure, sims / stem)
         write_text_atomically(sims / f"{PREFIX}.json", json.dumps(paths_json(view)) + "\n")
     names = (f"{stem}.svg", f"{stem}.png", f"{PREFIX}.json")
     return [out / bundle_name(view.design) / "sims" / name for name in names]

@@ -9,7 +9,7 @@ from optopad.report.text.answer import answer_of, changes_words
 from optopad.report.text.markup import Html, element, section, table
 from optopad.results.improvement import Figures, Improvement
 from sims.continuity.result import ContinuityScore, JudgedPair
-from sims.plots.pad import plot_margin_map
+from sims.plots.maps import plot_margin_map
 from sims.plots.signal import plot_signal
 from sims.plots.style import plain_style, svg_text
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from design.arrays import FloatArray
 from design.geometry.cavity import CavityGeometry, PlacedPart
-from optopad.studio.pad_mesh import outline_mm
+from design.geometry.pad_outline import outline_mm
 from optopad.studio.session import Press
 from sims.continuity.draft import PlaceCurves
 from sims.continuity.result import ContinuityScore, JudgedPair

@@ -1,28 +1,26 @@
 """The untouched pad as meshes for a picture: its outline in plan, walls, layers and top; lengths in mm.
 
-The outline is a polygon with the plan's corners among its own. Along a round wall its sides turn by `TURN_RAD` at
-most; under a crown straight walls are divided, so that their upper edge follows it.
+The outline is a polygon with the plan's corners among its own; under a crown straight walls are divided, so that their
+upper edge follows it.
 """
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from design.arrays import FloatArray, IntArray
+from design.geometry.pad_outline import edge_mm
 from design.geometry.plan import Plan
 
-TURN_RAD = math.radians(7.5)
-PIECES, RINGS = 16, 14
-"""Pieces of a straight wall under a crown, and rings from the middle of a crown to its edge."""
+RINGS = 14
+"""Rings from the middle of a crown to its edge."""
 LOOKS = 400
 """Heights at which a ray is compared with a crown."""
 
 
 def outline_mm(plan: Plan) -> FloatArray:
     """(n, 2) corners of the pad in plan, counter-clockwise."""
-    return plan.outline.points(TURN_RAD, 1 if plan.top.is_flat else PIECES)
+    return edge_mm(plan)[:, :2]
 
 
 def top_mm(plan: Plan, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from design.io import write_text_atomically
 from design.spec import SensorDesign
 from design.whole_file import write_whole
 from sims.bounds.observability import PadBounds
-from sims.plots.bounds import plot_bound_sheet, plot_felt_map
+from sims.plots.maps import plot_bound_sheet, plot_felt_map
 from sims.plots.style import plain_style, svg_text
 
 PNG_DPI = 160

@@ -198,3 +198,13 @@ def outside_tip(
     inside = tip_gap(radius, height, depth, tip) < 0.0
     on_radius, on_height = tip_outline(tip_coordinate(radius, height, depth, tip), depth, tip)
     return np.where(inside, on_radius, radius), np.where(inside, on_height, height)
+
+
+def tip_points_mm(indenter: Indenter, length: float, count: int) -> FloatArray:
+    """(count, 2) radius and height above its apex of a tip's outline and shank [mm].
+
+    Parameters
+    ----------
+    length : arc length from the apex [tip radii]
+    """
+    return indenter.tip_radius_mm * np.column_stack(tip_of(indenter).points(np.linspace(0.0, length, count)))

@@ -8,7 +8,8 @@ import numpy as np
 
 from design.arrays import FloatArray
 from design.geometry.cavity import CavityGeometry, PlacedPart
-from sims.plots.shapes.pad_outline import outline_mm
+from design.geometry.pad_outline import outline_mm
+from sims.plots.shapes.pressed_top import CutPlane
 
 SILHOUETTE_POINTS = 60
 
@@ -36,6 +37,12 @@ class Cut:
     def direction(self) -> FloatArray:
         """(2,) unit vector from start to end [-]."""
         return np.subtract(self.end_mm, self.start_mm) / self.length_mm
+
+    def plane(self, ceiling_mm: float) -> CutPlane:
+        """The vertical plane over the line, up to a height [mm]."""
+        right, up = self.direction.tolist()
+        reach = 0.0, self.length_mm
+        return CutPlane(start_mm=self.start_mm, direction=(right, up), reach_mm=reach, ceiling_mm=ceiling_mm)
 
     def reach_mm(self, cavity: CavityGeometry) -> tuple[float, float]:
         """Ends of the whole block as seen from the side, along the line [mm]."""

@@ -2,33 +2,29 @@
 
 The section is cut along a line between two walls, for a pair its chord. Paths are projected onto it straight
 from the side, so a path that leaves the section's plane may seem to end at a wall that it does not touch; the
-plan beside it shows where it goes. The press is cut where the plane meets it; when its axis is not in the
-plane, its outline through the axis is drawn dashed. On a crowned pad the press goes along the normal of its place, and
-the section cuts it and the pressed top as they stand in space (`shapes.pressed_top`).
+plan beside it shows where it goes. Tip and pressed top are cut where the plane meets them in space
+(`shapes.pressed_top`); when the tip's axis is not in the plane, its outline through the axis is drawn dotted.
 
 Lines are samples, `sims.rays.ray_states` says of what; powers stand in the legend and come from the light model.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
-from matplotlib.patches import Circle, Patch, Polygon, Rectangle
+from matplotlib.patches import Patch, Polygon, Rectangle
 
-from design.arrays import FloatArray
-from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
+from design.geometry.cavity import CavityGeometry, cavity_of
 from design.spec import SensorDesign
-from sims.contact.tip import tip_of
 from sims.optics.oracle.paths import LightPath
 from sims.plots.ray_cut import Cut
-from sims.plots.shapes.pad_outline import outline_patch
+from sims.plots.shapes.pad_patches import draw_part, outline_patch
 from sims.plots.shapes.pressed_top import (
-    CutPlane,
     PressFrame,
     cut_tip_mm,
     cut_top_mm,
@@ -36,6 +32,7 @@ from sims.plots.shapes.pressed_top import (
     seen_tip_mm,
 )
 from sims.plots.style import GREY, INK, MUTED, PALE_BLUE, axes_or_new
+from sims.press.indentation import Indentation
 from sims.rays.light_kinds import KINDS, LOST, LightKind, kind_of
 from sims.rays.ray_states import RayState
 
@@ -44,9 +41,6 @@ PLAN_IN = (3.6, 3.2)
 BLACK = "#33383f"
 """The black layer; not quite black, so that marks on it can be seen."""
 RAY_WIDTH, LOST_WIDTH = 0.55, 0.8
-TIP_POINTS = 400
-TIP_LENGTH = 6.0
-"""Length of the tip's outline [tip radii]."""
 HEAD_ROOM = 0.95
 """Height of a section above the undisturbed surface [tip radii]."""
 SECTION_ROOM, PLAN_ROOM = 0.07, 0.11
@@ -55,8 +49,6 @@ ON_AXIS_MM = 0.05
 """Distance of the press's axis from the section's plane below which they count as one [mm]."""
 CUT_FACE_MM = 0.15
 """Half the drawn thickness of a face that the section cuts [mm]."""
-NAME_POINTS = 5
-"""Distance of a part's name from its mark [points]."""
 RING_POINTS = 72
 MOST_LABELS, MOST_LABELS_IN_SECTION = 32, 2
 """Parts with their names beside them; more would overlap."""
@@ -80,16 +72,9 @@ def plot_ray_section(
     """
     ax = axes_or_new(ax, SECTION_IN[1], SECTION_IN[0])
     cavity = cavity_of(design)
-    reach = cut.reach_mm(cavity)
-    ceiling = cavity.clear_mm + HEAD_ROOM * design.indenter.tip_radius_mm
-    _draw_block(ax, cavity, cut, reach)
-    _draw_press(ax, state, design, cut, reach)
+    draw_cut_pad(ax, design, cut, cut.reach_mm(cavity), state.press_mm[:2], state.indentation)
     _draw_paths(ax, state, lambda places: np.column_stack([cut.along_mm(places), places[:, 2]]))
-    _draw_faces(ax, state, cavity, cut)
-    margin = SECTION_ROOM * (reach[1] - reach[0])
-    ax.set_xlim(reach[0] - margin, reach[1] + margin)
-    ax.set_ylim(-cavity.black_mm, ceiling)
-    ax.set_aspect("equal")
+    draw_cut_faces(ax, cavity, cut, _shown_parts(state, cavity))
     ax.set_xlabel(f"distance {cut.name} [mm]")
     ax.set_ylabel("height [mm]")
     ax.legend(
@@ -100,6 +85,46 @@ def plot_ray_section(
         handlelength=2.8,
     )
     return ax
+
+
+def draw_cut_pad(
+    ax: Axes,
+    design: SensorDesign,
+    cut: Cut,
+    reach_mm: tuple[float, float],
+    place_mm: tuple[float, float],
+    press: Indentation | None,
+) -> None:
+    """Layers, pressed top and tip where a section cuts them; the axes get their limits.
+
+    Parameters
+    ----------
+    reach_mm : least and greatest distance along the section that is drawn; beyond the walls the block is pale
+    place_mm : (x, y) of the press
+    press : the deformed top; None: untouched
+    """
+    cavity = cavity_of(design)
+    plane = cut.plane(ceiling_mm(design))
+    _draw_block(ax, cavity, cut, reach_mm)
+    top = untouched = plane.untouched_mm(cavity.plan)
+    if press is not None:
+        frame = press_frame(design, place_mm)
+        ax.plot(*untouched.T, color=MUTED, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1.5)
+        _draw_tip(ax, design, cut, frame, press.depth_mm)
+        top = cut_top_mm(frame, press, plane)
+    outline = np.concatenate([[(0.0, 0.0)], top, [(cut.length_mm, 0.0)]])
+    ax.add_patch(Polygon(outline, facecolor=PALE_BLUE, alpha=0.6, linewidth=0, zorder=0.9))
+    (surface,) = ax.plot(*top.T, color=INK, linewidth=1.4, zorder=2.6)
+    surface.set_gid("surface")
+    margin = SECTION_ROOM * (reach_mm[1] - reach_mm[0])
+    ax.set_xlim(reach_mm[0] - margin, reach_mm[1] + margin)
+    ax.set_ylim(-cavity.black_mm, plane.ceiling_mm)
+    ax.set_aspect("equal")
+
+
+def ceiling_mm(design: SensorDesign) -> float:
+    """Height up to which a section is drawn [mm]."""
+    return design.cavity.clear_thickness_mm + HEAD_ROOM * design.indenter.tip_radius_mm
 
 
 def plot_ray_plan(
@@ -118,7 +143,9 @@ def plot_ray_plan(
     _draw_paths(ax, state, lambda places: places[:, :2])
     shown = _shown_parts(state, cavity)
     for part in cavity.parts:
-        _draw_part(ax, part, cavity, part.name in shown)
+        is_shown = part.name in shown
+        named = is_shown or len(cavity.parts) <= MOST_LABELS
+        draw_part(ax, part, INK if is_shown else GREY, size=5.0, is_named=named)
     room = PLAN_ROOM * max(size)
     ax.set_xlim(-room, size[0] + room)
     ax.set_ylim(-room, size[1] + room)
@@ -155,106 +182,19 @@ def _draw_block(ax: Axes, cavity: CavityGeometry, cut: Cut, reach: tuple[float, 
         ax.plot([along, along], [-cavity.black_mm, cavity.plan.top_mm(*place)], color=INK, linewidth=1.2)
 
 
-def _draw_press(
-    ax: Axes, state: RayState, design: SensorDesign, cut: Cut, reach: tuple[float, float]
-) -> None:
-    """The clear layer under its deformed top, and the tip, where the section cuts them."""
-    if design.crown is not None:
-        _draw_surface(ax, cut, *_crowned_press(ax, state, design, cut).T)
-        return
-    top = design.cavity.clear_thickness_mm
-    ends = 0.0, cut.length_mm
-    press = state.indentation
-    if press is None:
-        along, height = np.array(ends), np.array([top, top])
-    else:
-        axis, aside = float(cut.along_mm(np.array(state.press_mm[:2]))), cut.beside_mm(state.press_mm[:2])
-        across, relative = _cut_curve(press.radius_mm, press.height_mm, aside)
-        along = np.concatenate(
-            [[min(ends[0], axis + across[0])], axis + across, [max(ends[1], axis + across[-1])]]
-        )
-        height = top + np.concatenate([[0.0], relative, [0.0]])
-        _draw_tip(ax, state, design, axis, aside)
-        ax.plot(reach, [top, top], color=MUTED, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1.5)
-    _draw_surface(ax, cut, *_clipped(along, height, *ends))
-
-
-def _draw_surface(ax: Axes, cut: Cut, along: FloatArray, height: FloatArray) -> None:
-    """The clear layer that the section cuts, under its top."""
-    outline = np.column_stack([[0.0, *along, cut.length_mm], [0.0, *height, 0.0]])
-    ax.add_patch(Polygon(outline, facecolor=PALE_BLUE, alpha=0.6, linewidth=0, zorder=0.9))
-    (surface,) = ax.plot(along, height, color=INK, linewidth=1.4, zorder=2.6)
-    surface.set_gid("surface")
-
-
-def _crowned_press(ax: Axes, state: RayState, design: SensorDesign, cut: Cut) -> FloatArray:
-    """(n, 2) distance and height of a crowned pad's top; its tip and its untouched top are drawn."""
-    plan, (right, up) = cavity_of(design).plan, cut.direction.tolist()
-    plane = CutPlane(
-        start_mm=cut.start_mm,
-        direction=(right, up),
-        reach_mm=(0.0, cut.length_mm),
-        ceiling_mm=plan.clear_mm + HEAD_ROOM * design.indenter.tip_radius_mm,
-    )
-    untouched, press = plane.untouched_mm(plan), state.indentation
-    if press is None:
-        return untouched
-    frame = press_frame(design, state.press_mm[:2])
-    ax.plot(*untouched.T, color=MUTED, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1.5)
-    outline = cut_tip_mm(design, frame, press.depth_mm, plane)
+def _draw_tip(ax: Axes, design: SensorDesign, cut: Cut, frame: PressFrame, depth_mm: float) -> None:
+    """The tip where the section cuts it, and dotted its outline through the axis where that is beside the plane."""
+    plane = cut.plane(ceiling_mm(design))
+    outline = cut_tip_mm(design, frame, depth_mm, plane)
     if len(outline):
-        _add_tip(ax, outline)
-    if cut.beside_mm(state.press_mm[:2]) > ON_AXIS_MM:
-        beside = seen_tip_mm(design, frame, press.depth_mm, plane)
+        look: dict[str, Any] = {"facecolor": "white", "edgecolor": GREY, "hatch": "////", "linewidth": 0}
+        tip = ax.add_patch(Polygon(outline, closed=False, zorder=1.2, **look))
+        tip.set_gid("tip")
+        ax.plot(*outline.T, color=MUTED, linewidth=1.0, zorder=1.3)
+    x, y, _ = frame.origin_mm.tolist()
+    if cut.beside_mm((x, y)) > ON_AXIS_MM:
+        beside = seen_tip_mm(design, frame, depth_mm, plane)
         ax.plot(*beside.T, color=MUTED, linewidth=0.8, linestyle=(0, (1, 1.5)), zorder=1.4)
-    return cut_top_mm(frame, press, plane)
-
-
-def _clipped(along: FloatArray, height: FloatArray, low: float, high: float) -> tuple[FloatArray, FloatArray]:
-    """A curve from left to right between two places, its ends interpolated; it may run back in between."""
-    first, last = int(np.argmax(along >= low)), len(along) - int(np.argmax(along[::-1] <= high))
-    left = np.interp(low, along[max(first - 1, 0) : first + 1], height[max(first - 1, 0) : first + 1])
-    right = np.interp(high, along[last - 1 : last + 1], height[last - 1 : last + 1])
-    return (
-        np.concatenate([[low], along[first:last], [high]]),
-        np.concatenate([[left], height[first:last], [right]]),
-    )
-
-
-def _draw_tip(ax: Axes, state: RayState, design: SensorDesign, axis_mm: float, aside_mm: float) -> None:
-    press = state.indentation
-    assert press is not None
-    apex = design.cavity.clear_thickness_mm - press.depth_mm
-    radius, height = tip_of(design.indenter).points(np.linspace(0.0, TIP_LENGTH, TIP_POINTS))
-    if aside_mm < press.tip_radius_mm:
-        across, up = _cut_curve(radius * press.tip_radius_mm, height * press.tip_radius_mm, aside_mm)
-        _add_tip(ax, np.column_stack([axis_mm + across, apex + up]))
-    if aside_mm > ON_AXIS_MM:
-        across, up = _cut_curve(radius * press.tip_radius_mm, height * press.tip_radius_mm, 0.0)
-        ax.plot(axis_mm + across, apex + up, color=MUTED, linewidth=0.8, linestyle=(0, (1, 1.5)), zorder=1.4)
-
-
-def _add_tip(ax: Axes, outline: FloatArray) -> None:
-    tip = Polygon(
-        outline, closed=False, facecolor="white", edgecolor=GREY, hatch="////", linewidth=0, zorder=1.2
-    )
-    tip.set_gid("tip")
-    ax.add_patch(tip)
-    ax.plot(*outline.T, color=MUTED, linewidth=1.0, zorder=1.3)
-
-
-def _cut_curve(radius: FloatArray, height: FloatArray, aside: float) -> tuple[FloatArray, FloatArray]:
-    """A revolved curve cut by a plane beside its axis: distance along the plane and height, from left to right."""
-    inside = radius < aside
-    if inside.all():
-        return np.array([0.0]), height[-1:]
-    first = int(np.argmin(inside))
-    if first > 0:
-        share = (aside - radius[first - 1]) / (radius[first] - radius[first - 1])
-        height = np.insert(height, first, height[first - 1] + share * (height[first] - height[first - 1]))
-        radius = np.insert(radius, first, aside)
-    across = np.sqrt(np.maximum(radius[first:] ** 2 - aside**2, 0.0))
-    return np.concatenate([-across[::-1], across]), np.concatenate([height[first:][::-1], height[first:]])
 
 
 def _draw_paths(ax: Axes, state: RayState, projected: Any) -> None:
@@ -346,9 +286,8 @@ def _shown_parts(state: RayState, cavity: CavityGeometry) -> set[str]:
     }
 
 
-def _draw_faces(ax: Axes, state: RayState, cavity: CavityGeometry, cut: Cut) -> None:
-    """Active faces of the parts that light runs between: those that the section cuts, and outlines of the others."""
-    names = _shown_parts(state, cavity)
+def draw_cut_faces(ax: Axes, cavity: CavityGeometry, cut: Cut, names: Collection[str]) -> None:
+    """Active faces of named parts: those that the section cuts, and outlines of the others."""
     for part in cavity.parts:
         if part.name not in names:
             continue
@@ -388,49 +327,20 @@ def _draw_dimple(ax: Axes, state: RayState, design: SensorDesign) -> None:
     press = state.indentation
     if press is None:
         return
-    frame = None if design.crown is None else press_frame(design, state.press_mm[:2])
+    frame = press_frame(design, state.press_mm[:2])
     heights = press.tip_radius_mm - press.depth_mm, 0.0
     look: dict[str, Any] = {"facecolor": "white", "alpha": 0.7, "edgecolor": MUTED, "linestyle": (0, (3, 2))}
-    tip = _ring(state, frame, press.tip_radius_mm, heights[0], **look)
+    tip = _ring(frame, press.tip_radius_mm, heights[0], **look)
     tip.set_linewidth(0.8)
     ax.add_patch(tip)
     look = {"facecolor": "none", "edgecolor": GREY, "hatch": "////", "linewidth": 0.8}
-    contact = _ring(state, frame, press.contact_radius_mm, heights[1], **look)
+    contact = _ring(frame, press.contact_radius_mm, heights[1], **look)
     contact.set_gid("contact")
     ax.add_patch(contact)
 
 
-def _ring(state: RayState, frame: PressFrame | None, radius_mm: float, over_mm: float, **look: Any) -> Patch:
+def _ring(frame: PressFrame, radius_mm: float, over_mm: float, **look: Any) -> Patch:
     """A circle about the press from above: beside a crown's top tilted, hence an ellipse."""
-    if frame is None:
-        return Circle(state.press_mm[:2], radius_mm, **look)
     turn = np.linspace(0.0, 2.0 * np.pi, RING_POINTS)
     across, aside = radius_mm * np.cos(turn), radius_mm * np.sin(turn)
     return Polygon(frame.places_mm(across, aside, np.full_like(turn, over_mm))[:, :2], **look)
-
-
-def _draw_part(ax: Axes, part: PlacedPart, cavity: CavityGeometry, is_shown: bool) -> None:
-    x, y, _ = part.position_mm
-    colour = INK if is_shown else GREY
-    ax.plot(
-        x,
-        y,
-        marker="o" if part.kind == "emitter" else "s",
-        markersize=5,
-        markerfacecolor=colour if part.kind == "emitter" else "white",
-        markeredgecolor=colour,
-        clip_on=False,
-        zorder=5,
-    )
-    if is_shown or len(cavity.parts) <= MOST_LABELS:
-        right, up = part.line.outward
-        ax.annotate(
-            part.name,
-            (x, y),
-            xytext=(NAME_POINTS * right, NAME_POINTS * up),
-            textcoords="offset points",
-            ha=("center", "left", "right")[round(right)],
-            va=("center", "bottom", "top")[round(up)],
-            fontsize=7,
-            color=colour,
-        )

@@ -7,18 +7,11 @@ const data = JSON.parse(source.textContent);
 const slider = box.querySelector("input[type=range]"), map = box.querySelector("[data-map]"), scale = box.querySelector("[data-scale]");
 const profile = box.querySelector("[data-profile]"), reading = box.querySelector("[data-reading]"), shown = box.querySelector("output");
 const about = box.querySelector("[data-about]"), summary = box.querySelector("[data-summary]");
-const NS = map.namespaceURI;
+const drawn = optopadDrawn;
 const xOf = (p) => data.x[data.cells[p][1]], yOf = (p) => data.y[data.cells[p][0]];
 let which = 0, depth = 0, place = data.first;
 let current = data.maps[0];
 
-function drawn(parent, tag, attributes, text) {
-  const made = document.createElementNS(NS, tag);
-  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
-  if (text !== undefined) made.textContent = text;
-  parent.append(made);
-  return made;
-}
 const round = (value) => Math.round(100 * value) / 100;
 const isDead = (d, p) => Boolean(current.dead[d][p]);
 const valueAt = (d, p) => current.values[d][p];
@@ -69,14 +62,11 @@ function areaOf(p) {
 }
 
 function drawMap() {
-  const {length, width, parts} = data.plan, size = Math.max(length, width), room = 0.09 * size;
-  map.replaceChildren();
-  map.setAttribute("viewBox", `${-room} ${-room} ${length + 2 * room} ${width + 2 * room}`);
-  drawn(map, "title", {}, `${current.title} over the pad${atDepth()}`);
-  const pattern = drawn(drawn(map, "defs", {}), "pattern", {id: "maps-hatch", width: 0.03 * size, height: 0.03 * size, patternUnits: "userSpaceOnUse", patternTransform: "rotate(45)"});
-  drawn(pattern, "line", {class: "hatch", x1: 0, x2: 0, y1: 0, y2: 0.03 * size, style: `stroke-width:${0.012 * size}px`});
-  const plan = optopadPlan(data.plan, (tag, attributes) => drawn(map, tag, attributes)).outline({class: "pad"});
-  optopadPlan(data.plan, (tag, attributes) => drawn(drawn(map, "clipPath", {id: "maps-pad"}), tag, attributes)).outline({});
+  const {length, width, parts} = data.plan, size = Math.max(length, width);
+  optopadSheet(map, data.plan, 0.09 * size, `${current.title} over the pad${atDepth()}`);
+  optopadHatch(map, "maps-hatch", 0.03 * size, `stroke-width:${0.012 * size}px`);
+  const plan = optopadPlan(data.plan, map).outline({class: "pad"});
+  optopadPlan(data.plan, drawn(map, "clipPath", {id: "maps-pad"})).outline({});
   const cells = drawn(map, "g", {"clip-path": "url(#maps-pad)"});
   const tall = Math.min(...EY.slice(1).map((value, k) => value - EY[k])), wide = Math.min(...EX.slice(1).map((value, k) => value - EX[k]));
   const font = Math.min(0.34 * tall, 0.25 * wide);
@@ -94,11 +84,7 @@ function drawMap() {
       drawn(map, "text", {class: tone, ...place, "font-size": round(font), "text-anchor": "middle", "dominant-baseline": "central"}, value >= 10 ? value.toFixed(0) : value.toPrecision(2));
     });
   }
-  for (const [, kind, x, y] of parts) {
-    const half = 0.014 * size;
-    if (kind === "emitter") drawn(map, "circle", {class: "part emitter", cx: x, cy: up(y), r: half});
-    else drawn(map, "rect", {class: "part receiver", x: x - half, y: up(y) - half, width: 2 * half, height: 2 * half});
-  }
+  for (const part of parts) plan.part(part, 0.014 * size, "");
   drawn(map, "rect", {class: "chosen", ...areaOf(place)});
 }
 

@@ -7,17 +7,10 @@ const data = JSON.parse(source.textContent), STEP = 10000;
 const choice = box.querySelector("select"), slider = box.querySelector("input[type=range]");
 const plot = box.querySelector("[data-plot]"), plan = box.querySelector("[data-plan]");
 const told = box.querySelector("[data-reading]"), at = box.querySelector("[data-at]"), shown = box.querySelector("output");
-const NS = plot.namespaceURI;
+const drawn = optopadDrawn;
 const CURVES = ["total", "direct", "top", "other"];
 let number = 0, frame = null;
 
-function drawn(parent, tag, attributes, text) {
-  const made = document.createElementNS(NS, tag);
-  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
-  if (text !== undefined) made.textContent = text;
-  parent.append(made);
-  return made;
-}
 const round = (value) => Math.round(10 * value) / 10;
 const mm = (value) => value.toFixed(2);
 
@@ -60,8 +53,7 @@ function drawPlot(pair) {
   frame.x = (depth) => frame.left + (frame.right - frame.left) * depth / deepest;
   frame.y = (share) => frame.bottom - (frame.bottom - frame.top) * share / highest;
   drawn(plot, "title", {}, `Signal of ${pair.name} against depth by path of light. ${pair.reading}`);
-  const pattern = drawn(drawn(plot, "defs", {}), "pattern", {id: "pairs-hatch", width: 7, height: 7, patternUnits: "userSpaceOnUse", patternTransform: "rotate(45)"});
-  drawn(pattern, "line", {class: "hatch", x1: 0, x2: 0, y1: 0, y2: 7});
+  optopadHatch(plot, "pairs-hatch", 7);
   band(frame, pair.mode1, "mode1", "mode 1", 0);
   if (pair.mode2) band(frame, [pair.mode2[0], pair.mode2[1] ?? deepest], "mode2", pair.mode2[1] === null ? "mode 2, open" : "mode 2", 1);
   for (const interval of pair.dead) band(frame, interval, "dead", "deadband", 2);
@@ -113,20 +105,17 @@ function moveCursor(pair) {
 }
 
 function drawPlan(pair) {
-  const {length, width, parts} = data.plan, room = 0.1 * Math.max(length, width);
-  plan.replaceChildren();
-  plan.setAttribute("viewBox", `${-room} ${-room} ${length + 2 * room} ${width + 2 * room}`);
-  const size = Math.max(length, width), up = (y) => width - y;
-  drawn(plan, "title", {}, `${pair.name} in the pad, seen from above; the press is at x ${pair.press[0]}, y ${pair.press[1]} mm`);
-  optopadPlan(data.plan, (tag, attributes) => drawn(plan, tag, attributes)).outline({class: "pad"}).workspace({class: "space"});
+  const {length, width, parts} = data.plan, size = Math.max(length, width), up = (y) => width - y;
+  const where = `${pair.name} in the pad, seen from above; the press is at x ${pair.press[0]}, y ${pair.press[1]} mm`;
+  optopadSheet(plan, data.plan, 0.1 * size, where);
+  const pad = optopadPlan(data.plan, plan).outline({class: "pad"}).workspace({class: "space"});
   const ends = pair.name.split("-"), place = Object.fromEntries(parts.map(([name, , x, y]) => [name, [x, y]]));
   const [from, to] = ends.map((name) => place[name]);
   drawn(plan, "line", {class: "chord", x1: from[0], y1: up(from[1]), x2: to[0], y2: up(to[1])});
   drawn(plan, "circle", {class: "tip", cx: pair.press[0], cy: up(pair.press[1]), r: data.plan.tip});
-  for (const [name, kind, x, y, ox, oy] of parts) {
-    const active = ends.includes(name), half = (active ? 0.024 : 0.014) * size;
-    if (kind === "emitter") drawn(plan, "circle", {class: `part emitter${active ? "" : " idle"}`, cx: x, cy: up(y), r: half});
-    else drawn(plan, "rect", {class: `part receiver${active ? "" : " idle"}`, x: x - half, y: up(y) - half, width: 2 * half, height: 2 * half});
+  for (const part of parts) {
+    const [name, , x, y, ox, oy] = part, active = ends.includes(name);
+    pad.part(part, (active ? 0.024 : 0.014) * size, active ? "" : " idle");
     if (active) {
       const out = 0.055 * size;
       drawn(plan, "text", {x: x + ox * out, y: up(y) - oy * out, "text-anchor": "middle", "dominant-baseline": "central", "font-size": 0.05 * size}, name);

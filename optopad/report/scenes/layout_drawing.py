@@ -19,12 +19,12 @@ from design.arrays import FloatArray
 from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
 from design.geometry.mold_outline import MoldOutline, outline_of
 from design.spec import SensorDesign
-from sims.contact.tip import tip_of
-from sims.plots.shapes.pad_outline import outline_patch, workspace_patch
+from optopad.report.scenes.mold_scene import body_corners_mm
+from sims.contact.tip import tip_points_mm
+from sims.plots.rays import BLACK
+from sims.plots.shapes.pad_patches import outline_patch, workspace_patch
 from sims.plots.style import BLUE, GRID, INK, MUTED, PALE_BLUE, VERMILLION, WIDTH_IN
 
-BLACK = "#33383f"
-"""Colour of the black layer."""
 SMALL, MEDIUM = 7.0, 8.5
 LINE: dict[str, Any] = {"color": MUTED, "linewidth": 0.7, "solid_capstyle": "butt"}
 MOST_NUMBERS = 40
@@ -135,15 +135,7 @@ def _draw_part(
 
 def _body(part: PlacedPart, **look: Any) -> Patch:
     """A part's body from above, its face on its wall."""
-    wide, deep = part.part.body_width_mm.value, part.part.body_depth_mm.value
-    if part.wall not in ("south", "east", "north", "west"):
-        half = wide / 2
-        corners = ((-half, 0.0), (half, 0.0), (half, deep), (-half, deep))
-        return Polygon([part.line.point(part.along_mm + along, out) for along, out in corners], **look)
-    (x, y, _), (right, up) = part.position_mm, part.line.outward
-    size = (wide, deep) if part.wall in ("south", "north") else (deep, wide)
-    corner = x + right * deep / 2 - size[0] / 2, y + up * deep / 2 - size[1] / 2
-    return Rectangle(corner, *size, **look)
+    return Polygon(body_corners_mm(part)[:4, :2], **look)
 
 
 def _write_place(ax: Axes, part: PlacedPart, cavity: CavityGeometry, outline: MoldOutline) -> None:
@@ -270,12 +262,9 @@ def _draw_section(ax: Axes, design: SensorDesign, section: _Section, room: float
 
 def _draw_tip(ax: Axes, design: SensorDesign, cavity: CavityGeometry, middle: float) -> None:
     """The tip as it touches the undisturbed top."""
-    radius, tall = tip_of(design.indenter).points(np.linspace(0.0, 2.0, 80))
-    scale = design.indenter.tip_radius_mm
-    top = cavity.clear_mm + 1.25 * scale
-    keep = cavity.clear_mm + scale * tall <= top
-    side = np.column_stack([radius[keep] * scale, cavity.clear_mm + scale * tall[keep]])
-    outline = np.concatenate([side[::-1] * (-1.0, 1.0), side]) + np.array([middle, 0.0])
+    side = tip_points_mm(design.indenter, 2.0, 80)
+    side = side[side[:, 1] <= 1.25 * design.indenter.tip_radius_mm]
+    outline = np.concatenate([side[::-1] * (-1.0, 1.0), side]) + np.array([middle, cavity.clear_mm])
     ax.add_patch(Polygon(outline, closed=False, fill=False, edgecolor=INK, linewidth=0.9))
 
 

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from design.arrays import FloatArray
 from design.geometry.cavity import PlacedPart, cavity_of
 from design.geometry.mold_outline import MoldOutline, bed_lift_mm, outline_of
+from design.geometry.pad_outline import TURN_RAD
 from design.spec import SensorDesign
-from sims.plots.shapes.pad_outline import TURN_RAD
 
 if TYPE_CHECKING:
     from cad.mesh import Mesh

@@ -6,10 +6,10 @@ from typing import Any
 
 from design.arrays import FloatArray
 from design.geometry.cavity import CavityGeometry, cavity_of
+from design.geometry.pad_outline import TURN_RAD
 from design.spec import SensorDesign
 from optopad.report.text.words import governing, reading
 from sims.continuity.result import ContinuityScore, JudgedPair
-from sims.plots.shapes.pad_outline import TURN_RAD
 from sims.verdict.boundary_forces import Load
 
 STEPS = 10_000

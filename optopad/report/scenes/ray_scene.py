@@ -13,13 +13,13 @@ import numpy as np
 
 from design.arrays import FloatArray
 from design.geometry.cavity import CavityGeometry, cavity_of
+from design.geometry.pad_outline import edge_mm
 from design.geometry.pairs import beside_chord, judged_pairs, pair_name
 from design.spec import SensorDesign
 from optopad.report.text.words import governing
-from sims.contact.tip import tip_of
+from sims.contact.tip import tip_points_mm
 from sims.continuity.result import ContinuityScore
 from sims.optics.oracle.paths import LightPath
-from sims.plots.shapes.pad_outline import edge_mm
 from sims.plots.shapes.pressed_top import press_frame
 from sims.rays.light_kinds import KINDS, LOST, LightKind, kind_of
 from sims.rays.ray_states import Pair, Press, RayChoice, RayState, ray_states
@@ -255,8 +255,7 @@ def _curve(state: RayState) -> list[list[float]]:
 
 def _tip(scene: RayScene) -> list[list[float]]:
     """The tip's outline, radius and height above its apex [mm]."""
-    radius, height = tip_of(scene.design.indenter).points(np.linspace(0.0, TIP_LENGTH, 200))
-    points = _thinned(np.column_stack([radius, height]) * scene.design.indenter.tip_radius_mm, 0.02)
+    points = _thinned(tip_points_mm(scene.design.indenter, TIP_LENGTH, 200), 0.02)
     return [[round(float(r), 2), round(float(z), 3)] for r, z in points]
 
 

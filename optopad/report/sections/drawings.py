@@ -11,7 +11,7 @@ from design.protocols.load import load_protocol
 from design.spec import SensorDesign
 from design.spec.properties import modulus
 from optopad.report.scenes.cause_drawing import plot_cause
-from optopad.report.scenes.layout_drawing import BLACK, plot_layout
+from optopad.report.scenes.layout_drawing import plot_layout
 from optopad.report.scenes.map_scene import MapScene
 from optopad.report.scenes.map_still import plot_by_depth
 from optopad.report.sections.published import published_load
@@ -31,7 +31,8 @@ from sims.plots.contact import (
     plot_load_over_time,
     plot_load_protocol,
 )
-from sims.plots.pad import plot_deadband_map, plot_margin_map, plot_usable_map
+from sims.plots.maps import plot_deadband_map, plot_margin_map, plot_usable_map
+from sims.plots.rays import BLACK
 from sims.plots.signal import plot_signal
 from sims.plots.spans import plot_spans
 from sims.plots.style import (
@@ -155,10 +156,11 @@ def tolerance_drawings(score: ContinuityScore) -> dict[str, Drawing]:
 
 
 def _all_drawn(plots: dict[str, tuple[Axes, str]]) -> dict[str, Drawing]:
-    return {name: _drawn(name, *plot) for name, plot in plots.items()}
+    return {name: drawn(name, *plot) for name, plot in plots.items()}
 
 
-def _drawn(name: str, axes: Axes, shows: str) -> Drawing:
+def drawn(name: str, axes: Axes, shows: str) -> Drawing:
+    """A plot as SVG text; call it inside `plain_style`."""
     figure = axes.get_figure(root=True)
     assert figure is not None
     return Drawing(stem=PREFIX + name, shows=shows, svg=svg_text(figure, name))

@@ -1,22 +1,27 @@
-"""The section on where the light goes: a view of the pad to turn, its still for print, and the numbers behind it.
+"""The section on where the light goes: a view of the pad to turn, a sheet for print, and the numbers behind it.
 
 Mold, bodies of the parts, pad, tip and light are drawn by the page's script from the data that lie beside it.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
+from design.geometry.pairs import beside_chord
 from optopad.report.scenes.ray_scene import RayScene, scene_json
-from optopad.report.scenes.ray_still import still
+from optopad.report.sections.drawings import drawn, figure_of
 from optopad.report.text.markup import Html, element, radios, section, table
 from optopad.report.text.scripts import data_element
+from sims.plots.ray_cut import cut_of_pair
+from sims.plots.ray_sheet import ray_sheet
 from sims.plots.rays import percent
+from sims.plots.style import plain_style
 from sims.rays.light_kinds import LOST, LightKind
 
 TITLE = "The sensor in three dimensions, and where its light goes"
-STILLS = 2
-"""States drawn as stills: untouched and the middle one of the presses."""
+THIN = 2
+"""One path in so many is drawn on the sheet: files stay small."""
 BUTTONS = (
     ("left", "\N{ANTICLOCKWISE OPEN CIRCLE ARROW}", "Turn left"),
     ("right", "\N{CLOCKWISE OPEN CIRCLE ARROW}", "Turn right"),
@@ -37,7 +42,7 @@ CAPTION = (
 
 
 def rays_section(scene: RayScene | str | None, mold: dict[str, Any] | None = None) -> Html:
-    """The view with its controls, the stills, the table, and the data; or why there is none.
+    """The view with its controls, the sheet, the table, and the data; or why there is none.
 
     Parameters
     ----------
@@ -52,7 +57,7 @@ def rays_section(scene: RayScene | str | None, mold: dict[str, Any] | None = Non
         TITLE,
         element("p", _lead(scene)),
         _view(scene, mold),
-        element("div", element("div", *_stills(scene), class_="grid"), _legend(scene), id="rays-still"),
+        element("div", _sheet(scene), id="rays-still"),
         element("p", CAPTION, class_="note"),
         _table(scene),
         data_element("rays-data", scene_json(scene)),
@@ -142,22 +147,22 @@ def _title(kind: LightKind) -> str:
     return "lost under the press" if kind is LOST else kind.title
 
 
-def _legend(scene: RayScene) -> Html:
-    """What the lines of the stills are."""
-    items = (element("span", _swatch(kind), f" {_title(kind)}") for kind in scene.kinds)
-    return element("p", *items, class_="legend")
-
-
-def _stills(scene: RayScene) -> list[Html]:
-    chosen = sorted({0, len(scene.states) // 2})[:STILLS]
-    return [
-        element(
-            "figure",
-            element("div", still(scene, number), class_="card"),
-            element("figcaption", scene.labels[number]),
-        )
-        for number in chosen
-    ]
+def _sheet(scene: RayScene) -> Html:
+    """Section and plan of the untouched pad and of the middle press, for print and where scripts do not run."""
+    cut = cut_of_pair(
+        scene.cavity, min(scene.pairs, key=lambda pair: beside_chord(scene.cavity, pair, scene.place_mm)[0])
+    )
+    chosen = [scene.states[number] for number in sorted({0, len(scene.states) // 2})]
+    states = [replace(one, paths=one.paths[::THIN], lost=one.lost[::THIN]) for one in chosen]
+    title = f"{scene.design.name}: light of {', '.join(scene.pair_names)}"
+    with plain_style():
+        sheet = ray_sheet(states, scene.design, cut, title=title, caption="", is_of_untouched=True)
+        drawing = drawn("rays", sheet.axes[0], "Sections and plans of the pad with sample paths of light")
+    return figure_of(
+        drawing,
+        f"Section {cut.name} and plan, untouched and pressed. Tip and top are drawn where the section cuts them, paths "
+        "as seen from the side.",
+    )
 
 
 def _table(scene: RayScene) -> Html:

@@ -100,8 +100,9 @@ def causes_section(score: ContinuityScore, drawings: Drawings) -> Html:
         else Html(""),
         element(
             "p",
-            "Solid: light that is whole; dashed: some is left; dotted: gone. The tip is drawn where the interval "
-            "begins and, dashed, where it ends. The table is of the pairs under the tip in the first picture.",
+            "Solid: light that is whole; dashed: some is left; dotted: gone. Hatched: the tip where the interval "
+            "begins; dashed: where it ends; dotted: the tip beside the section. The table lists the pairs under the "
+            "tip in the first picture.",
             class_="note",
         ),
         *_trial_parts(score.trial),

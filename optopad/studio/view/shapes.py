@@ -12,7 +12,7 @@ from design.geometry.mold_outline import outline_of
 from design.geometry.plan import Plan
 from design.spec import SensorDesign
 from optopad.studio.pad_mesh import ring_triangles
-from sims.contact.tip import tip_of
+from sims.contact.tip import tip_points_mm
 
 Quaternion = tuple[float, float, float, float]
 Box = tuple[FloatArray, FloatArray]
@@ -51,8 +51,7 @@ def tip_apex_mm(plan: Plan, place_mm: tuple[float, float], depth_mm: float) -> F
 
 def tip_body(design: SensorDesign) -> tuple[FloatArray, IntArray]:
     """The tip as a body of revolution about z, its apex at the origin."""
-    radius, height = tip_of(design.indenter).points(np.linspace(0.0, TIP_LENGTH, 40))
-    outline = np.column_stack([radius, height]) * design.indenter.tip_radius_mm
+    outline = tip_points_mm(design.indenter, TIP_LENGTH, 40)
     turns = np.linspace(0.0, 2 * np.pi, TIP_TURNS, endpoint=False)
     points = np.stack(
         [

@@ -1,4 +1,4 @@
-"""The top of a crowned pad under a press, in space and where a vertical plane cuts it.
+"""The top of a pad under a press, in space and where a vertical plane cuts it.
 
 A press goes along the normal of the untouched top. In its frame (`design.shape.top`) the top is the crown
 less its fall, and the height of the press over it, a curve around the axis; where the curve runs back beside the
@@ -19,7 +19,7 @@ from design.geometry.plan import Plan, plan_of
 from design.shape.top import Top
 from design.spec import SensorDesign
 from sims.contact.pad_surface import curve_height_mm
-from sims.contact.tip import tip_of
+from sims.contact.tip import tip_points_mm
 from sims.press.indentation import Indentation
 
 Place = tuple[float, float]
@@ -100,10 +100,16 @@ class CutPlane:
         places = self.places_mm(along, np.zeros_like(along))
         return np.column_stack([along, [plan.top_mm(float(x), float(y)) for x, y, _ in places]])
 
-    def line_mm(self, beyond_mm: Callable[[FloatArray], FloatArray], lowest_mm: float) -> FloatArray:
-        """(n, 2) distance and height of the longest line along which a field of places is zero; empty without one."""
-        along = np.linspace(*self.reach_mm, CUT_POINTS)
-        height = np.linspace(lowest_mm, self.ceiling_mm, CUT_POINTS)
+    def line_mm(self, beyond_mm: Callable[[FloatArray], FloatArray], through_mm: FloatArray) -> FloatArray:
+        """(n, 2) distance and height of the longest line along which a field of places is zero; empty without one.
+
+        Parameters
+        ----------
+        through_mm : (3,) a place next to which the line is found exactly, as the foot of a press's axis [mm]
+        """
+        foot = (through_mm[:2] - np.array(self.start_mm)) @ np.array(self.direction)
+        along = np.union1d(np.linspace(*self.reach_mm, CUT_POINTS), np.clip(foot, *self.reach_mm))
+        height = np.linspace(0.0, self.ceiling_mm, CUT_POINTS)
         field = beyond_mm(self.places_mm(*np.meshgrid(along, height)))
         if not field.min() < 0.0 < field.max():
             return np.empty((0, 2))
@@ -119,18 +125,17 @@ def cut_top_mm(frame: PressFrame, press: Indentation, plane: CutPlane) -> FloatA
         across, aside, over = frame.seen_from_it(places)
         return np.asarray(over - frame.top_mm(press, across, aside))
 
-    return plane.line_mm(beyond, 0.0)
+    return plane.line_mm(beyond, frame.origin_mm)
 
 
 def seen_tip_mm(design: SensorDesign, frame: PressFrame, depth_mm: float, plane: CutPlane) -> FloatArray:
     """(n, 2) distance and height of the tip's outline through its axis, as seen square to a vertical plane [mm]."""
-    size = design.indenter.tip_radius_mm
-    radius, tall = tip_of(design.indenter).points(np.linspace(0.0, TIP_LENGTH, TIP_POINTS))
+    radius, tall = tip_points_mm(design.indenter, TIP_LENGTH, TIP_POINTS).T
     (right, up), upward = plane.direction, frame.axes[2]
     sideways = np.cross(np.array([-up, right, 0.0]), upward)
     sideways /= np.linalg.norm(sideways)
-    across = size * np.concatenate([-radius[::-1], radius])
-    over = size * np.concatenate([tall[::-1], tall]) - depth_mm
+    across = np.concatenate([-radius[::-1], radius])
+    over = np.concatenate([tall[::-1], tall]) - depth_mm
     places = frame.origin_mm + across[:, None] * sideways + over[:, None] * upward
     along = (places[:, :2] - np.array(plane.start_mm)) @ np.array(plane.direction)
     return np.column_stack([along, places[:, 2]])
@@ -138,13 +143,12 @@ def seen_tip_mm(design: SensorDesign, frame: PressFrame, depth_mm: float, plane:
 
 def cut_tip_mm(design: SensorDesign, frame: PressFrame, depth_mm: float, plane: CutPlane) -> FloatArray:
     """(n, 2) distance and height where a vertical plane cuts the tip [mm]; empty where it misses it."""
-    size = design.indenter.tip_radius_mm
-    radius, tall = tip_of(design.indenter).points(np.linspace(0.0, TIP_LENGTH, TIP_POINTS))
+    radius, tall = tip_points_mm(design.indenter, TIP_LENGTH, TIP_POINTS).T
 
     def beyond(places: FloatArray) -> FloatArray:
         across, aside, over = frame.seen_from_it(places)
         high = over + depth_mm
-        half = np.interp(high, size * tall, size * radius)
+        half = np.interp(high, tall, radius)
         return np.asarray(np.hypot(across, aside) - np.where(high < 0.0, high, half))
 
-    return plane.line_mm(beyond, 0.0)
+    return plane.line_mm(beyond, frame.origin_mm)

@@ -107,7 +107,9 @@ def test_the_section_is_that_of_the_pair_under_the_press():
         line for line in axes.lines if list(np.ravel(line.get_xdata())) == pytest.approx([0, length])
     )
     assert list(straight.get_ydata()) == [e1.height_mm, r5.height_mm]
-    lowest = sorted(float(np.min(line.get_ydata())) for line in axes.lines if len(line.get_xdata()) > 20)
+    (begins,) = [patch for patch in axes.patches if patch.get_gid() == "tip"]
+    (ends,) = [line for line in axes.lines if line.get_gid() == "deepest-tip"]
+    lowest = sorted([float(begins.get_xy()[:, 1].min()), float(np.min(ends.get_ydata()))])
     radius = PAD.indenter.tip_radius_mm
     bulge = radius - np.sqrt(radius**2 - ASIDE_MM**2)
     wanted = sorted(cavity.clear_mm - depth + bulge for depth in found.depth_mm)

@@ -174,12 +174,12 @@ def test_a_design_that_the_ray_tracer_refuses_still_has_a_page(tmp_path, monkeyp
     assert 'id="rays-data"' not in page
 
 
-def test_without_scripts_there_are_stills_and_the_numbers(text, scene):
+def test_without_scripts_there_are_a_sheet_and_the_numbers(text, scene):
     page = Page(text)
     assert ("div", "hidden", "") in page.attributes  # the view waits for its script
     rows = [" ".join((label, *shares_of(scene, number))) for number, label in enumerate(scene.labels)]
     assert [row for row in rows if row not in page.text] == []
-    assert text.count("Block, parts and sample paths of light") == 2
+    assert text.count("Sections and plans of the pad with sample paths of light") == 1
 
 
 def shares_of(scene: RayScene, number: int) -> list[str]:

@@ -74,7 +74,7 @@ def test_an_outline_is_convex_and_has_the_pad_s_walls(name: str) -> None:
     )
     assert area == pytest.approx(
         plan.area_mm2, rel=1.5e-3 if plan.is_disc else 1e-12
-    )  # chords of 7.5 degrees
+    )  # chords of 3.75 degrees
 
 
 @pytest.mark.parametrize("name", PRESETS)

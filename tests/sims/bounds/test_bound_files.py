@@ -11,7 +11,7 @@ from design.preset import preset
 from sims.bounds.json_form import bounds_json
 from sims.bounds.observability import bound_depths_mm
 from sims.continuity.maps_file import bounds_dataset, provenance
-from sims.plots.bounds import plot_bound_map, plot_bound_sheet, plot_felt_map
+from sims.plots.maps import plot_bound_sheet, plot_felt_map
 from sims.plots.style import plain_style
 from sims.readings.signal_file import save_dataset
 from tests.sims.made_up_bounds import made_up_bounds
@@ -69,7 +69,7 @@ def test_every_depth_gets_a_panel_and_blind_cells_are_hatched(bounds):
             0,
             0,
         ]
-        assert plot_bound_map(bounds, cavity, "depth", 2).get_xlabel() == "x [mm]"
+        assert plot_bound_sheet(bounds, cavity, "depth").axes[2].get_xlabel() == "x [mm]"
         assert plot_felt_map(bounds.felt, cavity).get_ylabel() == "y [mm]"
 
 

@@ -32,7 +32,7 @@ from sims.plots.contact import (
     plot_pressure,
     plot_profile,
 )
-from sims.plots.pad import plot_deadband_map, plot_margin_map
+from sims.plots.maps import plot_deadband_map, plot_margin_map
 from sims.plots.signal import plot_signal
 from sims.plots.spans import plot_spans
 from sims.plots.style import plain_style, svg_text
@@ -358,7 +358,7 @@ def test_svg_is_the_same_each_time_and_holds_text_but_no_date():
 
 @pytest.mark.slow
 def test_no_display_and_no_global_figures_are_needed():
-    modules = "sims.plots.pad, sims.plots.signal, sims.plots.contact, sims.plots.tolerance"
+    modules = "sims.plots.maps, sims.plots.signal, sims.plots.contact, sims.plots.tolerance"
     program = f"import sys, {modules}; print('matplotlib.pyplot' in sys.modules)"
     root = Path(__file__).parents[3]
     found = subprocess.run(

@@ -10,12 +10,18 @@ from matplotlib.collections import QuadMesh
 from matplotlib.patches import Polygon
 
 from design.geometry.cavity import cavity_of
+from design.geometry.pad_outline import edge_mm, outline_mm
 from design.preset import preset
-from sims.plots.bounds import plot_bound_map, plot_felt_map
 from sims.plots.contact import plot_profile
-from sims.plots.pad import plot_deadband_map, plot_margin_map, plot_usable_map
+from sims.plots.maps import (
+    plot_bound_sheet,
+    plot_deadband_map,
+    plot_felt_map,
+    plot_margin_map,
+    plot_usable_map,
+)
 from sims.plots.ray_cut import cut_across, cut_through
-from sims.plots.shapes.pad_outline import edge_mm, outline_mm, outline_patch
+from sims.plots.shapes.pad_patches import outline_patch
 from sims.plots.shapes.pressed_top import CutPlane, cut_tip_mm, cut_top_mm, press_frame
 from tests.sims.plots.shaped_pads import BENT, DISC, DOME, made_up_press, shaped_bounds, shaped_map
 
@@ -81,7 +87,7 @@ def test_a_framed_place_is_framed_in_its_own_cell():
 
 def test_only_blind_voxels_are_hatched():
     bounds = shaped_bounds(DISC)
-    ax = plot_bound_map(bounds, cavity_of(DISC), "location", 0)
+    ax = plot_bound_sheet(bounds, cavity_of(DISC), "location").axes[0]
     assert len([patch for patch in ax.patches if patch.get_hatch()]) == 1
     assert len(ax.texts) == int(bounds.inside.sum()) - 1
     assert any(isinstance(patch, Polygon) for patch in ax.patches)

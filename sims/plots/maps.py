@@ -1,0 +1,265 @@
+"""Maps over the pad: deadband, margin and usable depth, bounds of location and depth, and the lightest press felt.
+
+A cell stands for the press at its centre; nothing is interpolated between places. Cells at the border
+reach half a pitch beyond the workspace, which is drawn dashed; where the workspace has no place there is no cell.
+Places without a finite value are hatched. Maps of several depths share one scale, so that they compare.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Colormap, LinearSegmentedColormap, LogNorm, Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from design.arrays import BoolArray, FloatArray
+from design.geometry.cavity import CavityGeometry
+from sims.bounds.felt import FeltForce
+from sims.bounds.observability import PadBounds
+from sims.plots.shapes.pad_patches import clip_to_pad, draw_part, outline_patch, workspace_patch
+from sims.plots.style import BLUE, INK, MUTED, VERMILLION, WIDTH_IN, axes_or_new
+from sims.verdict.pad_map import PadMap, Place
+
+Quantity = Literal["location", "depth"]
+Lines = tuple[tuple[float, ...], tuple[float, ...]]
+"""x and y of a map's places [mm]."""
+
+DEAD_COLOURS = LinearSegmentedColormap.from_list("deadband", ["#f7f4ef", "#f2b98a", VERMILLION, "#5c2200"])
+CHANGE_COLOURS = LinearSegmentedColormap.from_list("change", ["#f2f6f9", "#9cc9e6", BLUE, "#002e4a"])
+NONE, HATCH = "#e4e7eb", "////"
+"""Look of a place without a value."""
+UM_PER_MM = 1000.0
+COLUMNS, PANEL_IN, LEAST_WIDTH_IN = 3, 2.9, 3.0
+LABELS = {"location": "location bound, one frame [µm]", "depth": "depth bound, place unknown, one frame [µm]"}
+MOST_NUMBERED = 13
+"""Places along a side with numbers in their cells; more would not be legible."""
+FEW, LETTERS = 7, ((7.0, 4.6), (8.0, 5.5))
+"""Numbers in a panel of a sheet and in a large map, with so few places along a side and with more [points]."""
+MOST_NAMED = 32
+"""Parts with their names beside them; more would overlap."""
+
+
+def plot_deadband_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None = None) -> Axes:
+    """Summed deadband at each place [mm], with the worst place framed if there is any deadband."""
+    dead_mm = pad_map.deadband_grid_mm()
+    norm = Normalize(0.0, max(float(np.nanmax(dead_mm)), 1e-9))
+    framed = pad_map.worst if pad_map.worst.deadbands_mm else None
+    return _plot_map(ax, pad_map, cavity, dead_mm, norm, "deadband at this place [mm]", framed, DEAD_COLOURS)
+
+
+def plot_margin_map(
+    pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None = None, *, most: float | None = None
+) -> Axes:
+    """Distance of frames over the least told 0.3 mm of depth [noise units]; the weakest place framed.
+
+    Parameters
+    ----------
+    most : end of the colours [noise units]; None for the largest margin
+    """
+    margin = pad_map.grid([place.margin for place in pad_map.places])
+    norm = Normalize(0.0, most or float(np.nanmax(margin)) or 1.0)
+    label = "frames apart over the least told 0.3 mm [noise units]"
+    return _plot_map(ax, pad_map, cavity, margin, norm, label, pad_map.weakest)
+
+
+def plot_usable_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None = None) -> Axes:
+    """Depth to which each place tells depth [mm]; the weakest place framed."""
+    usable = pad_map.usable_grid_mm()
+    norm = Normalize(0.0, float(np.nanmax(usable)) or 1.0)
+    return _plot_map(ax, pad_map, cavity, usable, norm, "usable depth [mm]", pad_map.weakest)
+
+
+def plot_felt_map(felt: FeltForce, cavity: CavityGeometry, ax: Axes | None = None) -> Axes:
+    """Lightest press that the pad answers to, place by place [N]."""
+    ax = axes_or_new(ax, _height_in(cavity))
+    norm = _log_scale(felt.force_n)
+    draw_map(ax, cavity, (felt.x_mm, felt.y_mm), felt.force_n, CHANGE_COLOURS, norm)
+    label = f"lightest press felt: {felt.threshold:g} noise units in a pair [N]"
+    add_scale(ax.get_figure(root=True), [ax], label, CHANGE_COLOURS, norm)
+    return ax
+
+
+def plot_bound_sheet(bounds: PadBounds, cavity: CavityGeometry, quantity: Quantity) -> Figure:
+    """Least standard deviation of place or depth [µm], one map a depth, side by side."""
+    values = UM_PER_MM * (bounds.location_mm if quantity == "location" else bounds.depth_bound_mm)
+    figure, panels = map_sheet(cavity, [f"{depth:g} mm deep" for depth in bounds.depth_mm], PANEL_IN)
+    norm, lines = _log_scale(values), (bounds.x_mm, bounds.y_mm)
+    for layer, ax in enumerate(panels):
+        draw_map(ax, cavity, lines, values[:, :, layer], CHANGE_COLOURS, norm)
+    add_scale(figure, panels, LABELS[quantity], CHANGE_COLOURS, norm)
+    return figure
+
+
+def map_sheet(cavity: CavityGeometry, titles: Sequence[str], panel_in: float) -> tuple[Figure, list[Axes]]:
+    """A figure with titled axes for maps side by side, three in a row.
+
+    Parameters
+    ----------
+    panel_in : width of one of them [inch]
+    """
+    columns = min(COLUMNS, len(titles))
+    rows = -(-len(titles) // columns)
+    tall = panel_in * cavity.width_mm / cavity.length_mm + 0.45
+    figure = Figure(
+        figsize=(max(LEAST_WIDTH_IN, panel_in * columns + 0.9), tall * rows), layout="constrained"
+    )
+    panels = figure.subplots(rows, columns, squeeze=False).ravel().tolist()
+    for ax, title in zip(panels, titles, strict=False):
+        ax.set_title(title, fontsize=9, color=INK)
+    for ax in panels[len(titles) :]:
+        ax.set_axis_off()
+    return figure, panels[: len(titles)]
+
+
+def draw_map(
+    ax: Axes,
+    cavity: CavityGeometry,
+    lines: Lines,
+    values: FloatArray,
+    colours: Colormap,
+    norm: Normalize,
+    *,
+    hatched: BoolArray | None = None,
+    is_numbered: bool = True,
+    is_large: bool = False,
+) -> None:
+    """Cells of a map, with the pad's outline and parts.
+
+    Parameters
+    ----------
+    lines : x and y of the places [mm]
+    values : (ny, nx); NaN where there is no cell
+    hatched : (ny, nx) cells that stand out; None: those that are infinite
+    is_numbered : whether the cells have numbers, where those are legible
+    is_large : whether there is room for names of parts and the workspace
+    """
+    x, y = _edges_mm(lines, cavity)
+    known = np.ma.masked_invalid(values)
+    mesh = ax.pcolormesh(x, y, known, cmap=colours, norm=norm, edgecolor="white", linewidth=0.5)
+    clip_to_pad(mesh, ax, cavity)
+    for row, column in np.argwhere(np.isinf(values) if hatched is None else hatched):
+        cell = _cell(x, y, int(row), int(column), edgecolor=INK, hatch=HATCH, linewidth=0.0)
+        cell.set_facecolor("none" if np.isfinite(values[row, column]) else NONE)
+        ax.add_patch(cell)
+        clip_to_pad(cell, ax, cavity)
+    _draw_pad(ax, cavity, is_large=is_large)
+    places = max(values.shape)
+    if not is_numbered or places > MOST_NUMBERED:
+        return
+    letters = LETTERS[is_large][places > FEW]
+    for (row, column), value in np.ndenumerate(values):
+        if np.isfinite(value):
+            ground = colours(float(norm(value)))
+            look: dict[str, Any] = {
+                "ha": "center",
+                "va": "center",
+                "fontsize": letters,
+                "color": _ink_on(ground),
+            }
+            box = {"facecolor": ground, "linewidth": 0, "pad": 0.6} if is_large else None
+            ax.text(lines[0][column], lines[1][row], _number(float(value)), bbox=box, **look)
+
+
+def add_scale(
+    figure: Figure | None, panels: Sequence[Axes], label: str, colours: Colormap, norm: Normalize
+) -> None:
+    """A colour bar beside the panels; a logarithmic one with ticks at 1, 2 and 5 times powers of ten."""
+    assert figure is not None
+    assert norm.vmin is not None
+    assert norm.vmax is not None
+    bar = figure.colorbar(
+        ScalarMappable(norm, colours), ax=list(panels), label=label, shrink=0.8, aspect=26, pad=0.02
+    )
+    if isinstance(norm, LogNorm):
+        decades = range(int(np.floor(np.log10(norm.vmin))), int(np.ceil(np.log10(norm.vmax))) + 1)
+        ticks = [lead * 10.0**decade for decade in decades for lead in (1, 2, 5)]
+        inside = [tick for tick in ticks if norm.vmin <= tick <= norm.vmax]
+        bar.set_ticks(inside, labels=[f"{tick:g}" for tick in inside])
+        bar.minorticks_off()
+
+
+def _plot_map(
+    ax: Axes | None,
+    pad_map: PadMap,
+    cavity: CavityGeometry,
+    values: FloatArray,
+    norm: Normalize,
+    label: str,
+    framed: Place | None,
+    colours: Colormap = CHANGE_COLOURS,
+) -> Axes:
+    """A large map with its scale; a frame around one place's cell has the group identifier ``marked``."""
+    ax = axes_or_new(ax, _height_in(cavity))
+    lines = pad_map.x_mm, pad_map.y_mm
+    draw_map(ax, cavity, lines, values, colours, norm, is_large=True)
+    add_scale(ax.get_figure(root=True), [ax], label, colours, norm)
+    if framed is not None:
+        place = pad_map.cells[pad_map.places.index(framed)]
+        frame = _cell(*_edges_mm(lines, cavity), *place, fill=False, edgecolor=INK, linewidth=2.2, zorder=4.0)
+        frame.set_gid("marked")
+        ax.add_patch(frame)
+    return ax
+
+
+def _height_in(cavity: CavityGeometry) -> float:
+    return max(2.2, (WIDTH_IN - 1.4) * cavity.width_mm / cavity.length_mm + 0.8)
+
+
+def _log_scale(values: FloatArray) -> LogNorm:
+    known = values[np.isfinite(values) & (values > 0.0)]
+    low, high = (float(known.min()), float(known.max())) if known.size else (1.0, 10.0)
+    return LogNorm(low, max(high, 1.5 * low))
+
+
+def _edges_mm(lines: Lines, cavity: CavityGeometry) -> tuple[FloatArray, FloatArray]:
+    """Cell borders half-way between places, kept inside the cavity; a single line has the pitch of the others [mm]."""
+    space = cavity.workspace
+    side = max(space.x1_mm - space.x0_mm, space.y1_mm - space.y0_mm, 1.0)
+    pitch = next((line[1] - line[0] for line in lines if len(line) > 1), side)
+    found = []
+    for line, limit in zip(lines, (cavity.length_mm, cavity.width_mm), strict=True):
+        step = line[1] - line[0] if len(line) > 1 else pitch
+        found.append(np.append(np.array(line) - step / 2, line[-1] + step / 2).clip(0.0, limit))
+    return found[0], found[1]
+
+
+def _cell(x: FloatArray, y: FloatArray, row: int, column: int, **look: Any) -> Rectangle:
+    """A cell between borders [mm]."""
+    wide, tall = float(x[column + 1] - x[column]), float(y[row + 1] - y[row])
+    return Rectangle((float(x[column]), float(y[row])), wide, tall, **look)
+
+
+def _number(value: float) -> str:
+    """Two digits that count."""
+    return f"{value:.0f}" if value == 0.0 or value >= 9.95 else f"{value:.2g}"
+
+
+def _ink_on(ground: tuple[float, float, float, float]) -> str:
+    red, green, blue, _ = ground
+    return INK if 0.299 * red + 0.587 * green + 0.114 * blue > 0.55 else "white"
+
+
+def _draw_pad(ax: Axes, cavity: CavityGeometry, *, is_large: bool) -> None:
+    ax.add_patch(outline_patch(cavity.plan, fill=False, edgecolor=INK, linewidth=1.2 if is_large else 0.8))
+    if is_large:
+        space = cavity.workspace
+        ax.add_patch(workspace_patch(space, fill=False, edgecolor="white", linewidth=1.6))
+        inner = workspace_patch(space, fill=False, edgecolor=INK, linewidth=0.8, linestyle=(0, (4, 3)))
+        inner.set_gid("workspace")
+        ax.add_patch(inner)
+    for part in cavity.parts:
+        colour = (VERMILLION if part.kind == "emitter" else BLUE) if is_large else MUTED
+        named = is_large and len(cavity.parts) <= MOST_NAMED
+        draw_part(ax, part, colour, size=5.0 if is_large else 3.5, is_named=named)
+    room = (0.10 if is_large else 0.03) * max(cavity.length_mm, cavity.width_mm)
+    ax.set_xlim(-room, cavity.length_mm + room)
+    ax.set_ylim(-room, cavity.width_mm + room)
+    ax.set_aspect("equal")
+    ax.spines[["left", "bottom"]].set_visible(False)
+    ax.set_xlabel("x [mm]")
+    ax.set_ylabel("y [mm]")
