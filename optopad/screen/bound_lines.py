@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from optopad.report.text.answer import unresolved
+from optopad.screen.answer import unresolved
 
 if TYPE_CHECKING:
     from sims.bounds.felt import FeltForce

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from design.spec import SensorDesign
-from optopad.results.prediction_cost import STEM, quick_prediction_s
+from optopad.work.prediction_cost import STEM, quick_prediction_s
 
 LEAST_DEPTH_MM = 1.0
 """Depth from which on errors are told: a lighter press is detected, but hardly located [mm]."""

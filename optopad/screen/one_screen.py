@@ -8,9 +8,9 @@ from textwrap import shorten, wrap
 from typing import TYPE_CHECKING
 
 from design.spec import SensorDesign
-from optopad.report.text.answer import answer_of
-from optopad.report.text.numbers import counted
-from optopad.report.text.trials import command_words, set_options
+from optopad.screen.answer import answer_of
+from optopad.screen.numbers import counted
+from optopad.screen.trials import command_words, set_options
 
 if TYPE_CHECKING:
     from design.fields.finding import Finding

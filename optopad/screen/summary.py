@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from optopad.report.text.answer import unit_of, verdict_words
-from optopad.report.text.numbers import counted
+from optopad.screen.answer import unit_of, verdict_words
 from optopad.screen.bound_lines import bound_lines
+from optopad.screen.numbers import counted
 
 if TYPE_CHECKING:
     from sims.continuity.result import ContinuityScore, JudgedPair

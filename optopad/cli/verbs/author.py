@@ -64,7 +64,7 @@ def check(
 
     from design.rules.check import check as findings_of
     from design.rules.check import notes
-    from optopad.report.text.numbers import counted
+    from optopad.screen.numbers import counted
     from optopad.screen.one_screen import as_typed, findings_screen
 
     read = read_design(design, set_)

@@ -36,13 +36,13 @@ def run(
     page, typed = str(made.folder / "report.html"), as_typed(design, set_)
     tell(
         as_json,
-        lambda: place | {"score": made.score.to_json()},
+        lambda: place | {"score": made.score.to_dict()},
         lambda: (
-            [*score_lines(made.score), checks_line(made.checks), f"report    {page}"]
+            [*score_lines(made.score.found), checks_line(made.checks), f"report    {page}"]
             if details
             else verdict_screen(
                 read,
-                made.score,
+                made.score.found,
                 [*row("mold", checks_words(made.checks), 2), f"report      {page}"],
                 command=typed,
                 is_built=True,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from optopad.report.text.markup import Html, element, table
-from optopad.report.text.numbers import counted
+from optopad.screen.numbers import counted
 from sims.verdict.build_study import BuildStudy
 
 Tile = tuple[str, str, str]

@@ -7,11 +7,11 @@ changes by less than so many standard deviations of one reading.
 from __future__ import annotations
 
 from design.spec import SensorDesign
-from optopad.report.text.answer import answer_of
 from optopad.report.text.bounds import bounds_tile
 from optopad.report.text.builds import builds_tile
 from optopad.report.text.markup import Html, element, joined
-from optopad.report.text.numbers import counted, signed, spans
+from optopad.screen.answer import answer_of
+from optopad.screen.numbers import counted, signed, spans
 from sims.continuity.result import ContinuityScore, JudgedPair, Verdict
 from sims.verdict.pair.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
 

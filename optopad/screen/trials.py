@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from optopad.report.text.numbers import counted
+from optopad.screen.numbers import counted
 from sims.continuity.trials import ENOUGH_MARGIN
 from sims.verdict.trial import Move, Trial
 

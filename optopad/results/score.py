@@ -1,93 +1,47 @@
-"""A scored design: verdict, figures, maps and plots."""
+"""A scored design: verdict, figures, maps and plots; and the bundle that a run makes of it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from design.errors import InputError
 from design.geometry.cavity import cavity_of
 from design.spec import SensorDesign
-from optopad.front.shown import block, drawn, picture
-from optopad.report.text.answer import answer_of
+from optopad.results.shown import block, drawn, picture
+from optopad.screen.answer import answer_of
 from optopad.screen.one_screen import verdict_screen
-from sims.continuity.result import ContinuityScore, JudgedPair
+from optopad.screen.summary import checks_line
+from sims.continuity.result import ContinuityScore, JudgedPair, KeyFigures
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
-Bound = Literal["location", "depth"]
 
-
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Score:
-    """The verdict on a design.
+@dataclass(frozen=True, init=False, repr=False)
+class Score(KeyFigures):
+    """The verdict on a design: figures, maps and plots.
 
     Attributes
     ----------
     design : what was judged
-    found : the whole score (`sims.continuity.ContinuityScore`), pairs, map, bounds and tolerance inside
+    found : the whole score (`sims.continuity.ContinuityScore`): pairs, map, bounds and tolerance
     """
 
     design: SensorDesign
     found: ContinuityScore
 
-    @property
-    def verdict(self) -> str:
-        """CONTIGUOUS, DEADBAND or OUT_OF_MODEL_SCOPE."""
-        return self.found.verdict
-
-    @property
-    def reason(self) -> str:
-        """Why the models do not answer; empty where they do."""
-        return self.found.reason
+    def __init__(self, *, design: SensorDesign, found: ContinuityScore) -> None:
+        figures = {one.name: getattr(found, one.name) for one in fields(KeyFigures)}
+        vars(self).update(figures, design=design, found=found)
 
     @property
     def deadband_mm(self) -> float:
-        """Summed length of the headline's deadbands [mm]."""
+        """Summed length of the deadbands [mm]."""
         return self.found.deadband_total_mm
-
-    @property
-    def deadbands_mm(self) -> tuple[tuple[float, float], ...]:
-        """Depths from and to of the headline's deadbands [mm]."""
-        return self.found.deadbands_mm
-
-    @property
-    def usable_depth_mm(self) -> float | None:
-        """Least depth of any place from which on depth is not told any more, or the deepest press [mm]."""
-        return self.found.usable_depth_mm
-
-    @property
-    def is_open(self) -> bool:
-        """Whether the light trace's own error may make or hide every deadband."""
-        return self.found.is_open
-
-    @property
-    def mode_gap_mm(self) -> float | None:
-        """From the end of mode 1 to the start of mode 2 [mm]; None where it is open."""
-        return self.found.mode_gap_mm
-
-    @property
-    def continuity(self) -> float | None:
-        """Of the governing pair, or the median pair [-]."""
-        return self.found.continuity
-
-    @property
-    def evenness(self) -> float | None:
-        """How evenly the signal is spread over depth [-]."""
-        return self.found.evenness
-
-    @property
-    def strength(self) -> dict[str, float] | None:
-        """Untouched light and counts, swing, resolvable steps."""
-        return self.found.strength
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What the verdict says beside itself."""
-        return self.found.warnings
 
     @property
     def pairs(self) -> tuple[str, ...]:
@@ -203,3 +157,40 @@ class Score:
     def _require_answer(self) -> None:
         if self.found.pad_map is None or not self.found.pairs:
             raise InputError(f"{self.design.name}: nothing was computed, {self.reason or 'a verdict only'}")
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Bundle:
+    """The bundle of a design: mold, verdict, sheets, firmware, driver configuration, report.
+
+    Attributes
+    ----------
+    folder : the bundle's folder
+    score : the verdict
+    checks : the mold's checks, as in `cad/checks.json`
+    """
+
+    folder: Path
+    score: Score
+    checks: dict[str, Any]
+
+    @property
+    def report(self) -> Path:
+        """The page with everything at a glance."""
+        return self.folder / "report.html"
+
+    @property
+    def driver(self) -> Path:
+        """The configuration that `fabrication.driver.Sensor` takes."""
+        return self.folder / "fabrication" / "driver.toml"
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Every file of the bundle."""
+        return tuple(sorted(path for path in self.folder.rglob("*") if path.is_file()))
+
+    def __repr__(self) -> str:
+        return f"{self.folder}\n{self.score!r}\n{checks_line(self.checks)}"
+
+    def _repr_html_(self) -> str:
+        return block(str(self.folder), (checks_line(self.checks),), self.score._repr_html_())

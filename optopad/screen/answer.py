@@ -10,9 +10,9 @@ from typing import Any
 from design.fields.paths import get_at
 from design.spec import SensorDesign
 from design.spec.properties import used_values
-from optopad.report.text.measuring import tool_words
-from optopad.report.text.numbers import counted, spans
-from optopad.report.text.trials import fix_words, no_fix_words
+from optopad.screen.measuring import tool_words
+from optopad.screen.numbers import counted, spans
+from optopad.screen.trials import fix_words, no_fix_words
 from sims.bounds.observability import PadBounds
 from sims.continuity.headline import headline
 from sims.continuity.result import ContinuityScore
