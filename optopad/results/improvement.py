@@ -13,7 +13,7 @@ from design.spec import SensorDesign
 from optopad.results.score import Score
 from optopad.results.shown import Result, block, number, table
 from optopad.screen.answer import answer_of, changes_words, verdict_words
-from optopad.screen.one_screen import LABEL, row
+from optopad.screen.verdict import LABEL, row
 from sims.continuity.result import ContinuityScore
 
 Figures = dict[str, float | None]

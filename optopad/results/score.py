@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 from design.errors import InputError
 from design.geometry.cavity import cavity_of
 from design.spec import SensorDesign
-from optopad.results.shown import block, drawn, picture
+from optopad.results.shown import WIDTH_IN, block, drawn, picture
 from optopad.screen.answer import answer_of
-from optopad.screen.one_screen import verdict_screen
-from optopad.screen.summary import checks_line
+from optopad.screen.verdict import checks_line, verdict_screen
 from sims.continuity.result import ContinuityScore, JudgedPair, KeyFigures
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -62,8 +62,7 @@ class Score(KeyFigures):
         """
         from sims.continuity.maps_file import maps_dataset
 
-        self._require_answer()
-        return maps_dataset(self.design, self.found)
+        return maps_dataset(self.design, self._answered())
 
     @cached_property
     def signals(self) -> xr.Dataset:
@@ -75,8 +74,7 @@ class Score(KeyFigures):
         """
         from sims.readings.signal_file import signals_dataset
 
-        self._require_answer()
-        light, readout = self.found.pad_signals, self.found.readout
+        light, readout = self._answered().pad_signals, self.found.readout
         assert light is not None
         assert readout is not None
         return signals_dataset(light, cavity_of(self.design), counts_per_flux=readout.counts_per_flux)
@@ -96,15 +94,14 @@ class Score(KeyFigures):
         """Modes and deadbands of every judged pair."""
         from sims.plots.spans import plot_spans
 
-        self._require_answer()
-        return drawn(lambda own: plot_spans(self.found.pairs, own), ax, 1.0 + 0.22 * len(self.pairs))
+        pairs = self._answered().pairs
+        return drawn(lambda own: plot_spans(pairs, own), ax, 1.0 + 0.22 * len(self.pairs))
 
     def plot_map(self, ax: Axes | None = None) -> Axes:
         """Deadband at each place of the pad."""
         from sims.plots.pad import plot_deadband_map
 
-        self._require_answer()
-        found = self.found.pad_map
+        found = self._answered().pad_map
         assert found is not None
         return drawn(lambda own: plot_deadband_map(found, cavity_of(self.design), own), ax, 4.8)
 
@@ -112,8 +109,7 @@ class Score(KeyFigures):
         """How far each place of the pad is from a deadband, in noise units."""
         from sims.plots.pad import plot_margin_map
 
-        self._require_answer()
-        found = self.found.pad_map
+        found = self._answered().pad_map
         assert found is not None
         return drawn(lambda own: plot_margin_map(found, cavity_of(self.design), own), ax, 4.8)
 
@@ -121,8 +117,7 @@ class Score(KeyFigures):
         """Deadband of the governing pair at both ends of every value that nobody has measured."""
         from sims.plots.tolerance import plot_tolerance
 
-        self._require_answer()
-        band = self.found.tolerance
+        band = self._answered().tolerance
         assert band is not None
         return drawn(lambda own: plot_tolerance(band, own), ax, 1.2 + 0.3 * len(band.rows))
 
@@ -135,28 +130,29 @@ class Score(KeyFigures):
         rest = [text for text in (said.verdict, said.why, said.sure, said.worth) if text]
         if self.verdict == "OUT_OF_MODEL_SCOPE":
             return block(head, rest)
+        return block(head, rest, picture(self._sheet, f"score-{self.design.digest[:8]}"))
+
+    def _sheet(self) -> Figure:
+        """The signal of the governing pair on a figure of its own, which no window shows."""
         from matplotlib.figure import Figure
 
-        from sims.plots.signal import plot_signal
-
-        def figure() -> Figure:
-            sheet = Figure(figsize=(6.4, 3.6), layout="constrained")
-            plot_signal(self._pair(None), sheet.add_subplot())
-            return sheet
-
-        return block(head, rest, picture(figure, f"score-{self.design.digest[:8]}"))
+        sheet = Figure(figsize=(WIDTH_IN, 3.6), layout="constrained")
+        self.plot_signal(ax=sheet.add_subplot())
+        return sheet
 
     def _pair(self, name: str | None) -> JudgedPair:
-        self._require_answer()
-        wanted = self.found.governing if name is None else name
-        for pair in self.found.pairs:
+        found = self._answered()
+        wanted = found.governing if name is None else name
+        for pair in found.pairs:
             if pair.name == wanted:
                 return pair
         raise InputError(f"plot_signal: {wanted!r} is no judged pair; there are {', '.join(self.pairs)}")
 
-    def _require_answer(self) -> None:
+    def _answered(self) -> ContinuityScore:
+        """The whole score; refused where the models do not cover the design."""
         if self.found.pad_map is None or not self.found.pairs:
             raise InputError(f"{self.design.name}: nothing was computed, {self.reason or 'a verdict only'}")
+        return self.found
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

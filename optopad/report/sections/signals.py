@@ -9,9 +9,8 @@ from optopad.report.text.builds import builds_table, builds_words
 from optopad.report.text.markup import Html, element, section, table
 from optopad.report.text.scripts import data_element
 from optopad.report.text.words import governing, ranked, reading
-from optopad.screen.answer import cause_sentence
+from optopad.screen.answer import cause_sentence, fix_words, no_fix_words
 from optopad.screen.numbers import DASH, counted, depth, ends, signed, spans
-from optopad.screen.trials import fix_words, no_fix_words
 from sims.continuity.result import ContinuityScore, JudgedPair
 from sims.verdict.pair.defaults import DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT
 from sims.verdict.tolerance import ToleranceBand

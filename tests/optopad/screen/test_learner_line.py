@@ -3,7 +3,7 @@ import json
 import pytest
 
 from design.preset import preset
-from optopad.screen.learner_line import learner_line
+from optopad.screen.verdict import learner_line
 from optopad.work.prediction_cost import quick_prediction_s
 
 PAD = preset("piacenza2017-pad")
