@@ -9,8 +9,8 @@ from typing import Any
 
 from optopad.report.scenes.ray_scene import RayScene, scene_json
 from optopad.report.scenes.ray_still import still
+from optopad.report.text.assets import data_element
 from optopad.report.text.markup import Html, element, radios, section, table
-from optopad.report.text.scripts import data_element
 from sims.plots.rays import percent
 from sims.rays.light_kinds import LOST, LightKind
 
