@@ -6,9 +6,9 @@
     optopad.score(design).verdict
     optopad.score(design.with_(**{"cavity.clear_thickness_mm": 10})).deadbands_mm
 
-Rooms, from the ground up: results, work, report, jobs, sensor, screen; the doors are front (Python) and cli (terminal).
+Rooms, from the ground up: work, screen, results, report, jobs, sensor; the doors are api (Python) and cli (terminal).
 """
 
-from optopad.front.calls import check, compare, improve, load, predict, presets, run, save, score, sweep
+from optopad.api import check, compare, improve, load, predict, presets, run, save, score, sweep
 
 __all__ = ["check", "compare", "improve", "load", "predict", "presets", "run", "save", "score", "sweep"]

@@ -43,7 +43,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
     "sims/learning": ("inference", "samples", "fits", "signal_map", "calibration"),
     "fabrication": ("driver_file", "firmware", "driver_config", "sheets", "driver", "stage"),
     "fabrication/driver": ("link", "simulated", "recording", "stream", "sensor"),
-    "optopad": ("results", "work", "report", "jobs", "sensor", "screen", "studio", "front", "cli"),
+    "optopad": ("work", "screen", "results", "report", "jobs", "sensor", "studio", "api", "cli"),
     "optopad/report": ("text", "scenes", "sections", "page"),
     "optopad/studio": ("session", "workshop", "live", "view"),
 }

@@ -21,7 +21,7 @@ from design.progress import OnStep
 from design.rules.check import require_valid
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
-from optopad.results.comparison import Better, Change, Comparison, Measure
+from optopad.results.comparison import Better, Comparison, Measure
 from sims.continuity.sweep import SweepRow, sweep_row
 
 MOST_DESIGNS = 12
@@ -68,17 +68,14 @@ def compare(
     return found
 
 
-def changes_of(designs: Sequence[SensorDesign]) -> tuple[Change, ...]:
-    """Every field in which designs differ, by its dotted path; the name last."""
+def changes_of(designs: Sequence[SensorDesign]) -> dict[str, tuple[object, ...]]:
+    """Fields in which designs differ: the value in each, by dotted path; the name last."""
     documents = [dict(leaves(design.model_dump(mode="json"))) for design in designs]
     known = dict.fromkeys(path for document in documents for path in document)
     own = ("name", "description")
     ordered = sorted(known, key=lambda path: path in own)
-    changes = (
-        Change(path=path, values=tuple(_given(document.get(path)) for document in documents))
-        for path in ordered
-    )
-    return tuple(one for one in changes if any(value != one.values[0] for value in one.values))
+    changes = {path: tuple(_given(document.get(path)) for document in documents) for path in ordered}
+    return {path: values for path, values in changes.items() if any(one != values[0] for one in values)}
 
 
 def _given(value: object) -> object:

@@ -28,7 +28,7 @@ from design.geometry.cavity import cavity_of
 from design.geometry.pairs import is_facing_rows
 from design.geometry.plan import plan_of
 from design.io import dump_design, load_design, write_text_atomically
-from design.progress import OnStep
+from design.progress import OnStep, silent
 from design.rules.check import require_valid
 from design.search.explore import OnTried
 from design.search.improve import (
@@ -56,6 +56,7 @@ from design.spec.cheap_fields import CLEAR, HEIGHTS
 from optopad.jobs.exploration import search
 from optopad.report.search import search_page
 from optopad.results.improvement import Alternative, Improvement, Nearest
+from optopad.results.score import Score
 from optopad.results.search_result import Search
 from sims.continuity.build_tolerance import with_tolerance
 from sims.continuity.field_steps import with_field_steps
@@ -127,7 +128,7 @@ def improve(
         seed=seed,
         figures=("margin", "usable_depth_mm"),
     )
-    again = JudgedAgain(space, accuracy, seed=seed, tell=on_step or (lambda _stage, _share: None))
+    again = JudgedAgain(space, accuracy, seed=seed, tell=on_step or silent)
     before = again.before
     if before.verdict == "OUT_OF_MODEL_SCOPE":
         raise InputError(
@@ -147,7 +148,7 @@ def improve(
     )
     made = Improvement(
         design=design,
-        before=before,
+        before=Score(design=design, found=before),
         figures=found.findings.base.figures,
         alternatives=(),
         nearest=None,

@@ -27,6 +27,7 @@ from optopad.work.program import started
 if TYPE_CHECKING:
     from fabrication.gain import SimulatedGain
     from optopad.report.sections.early import EarlyDrawings
+    from optopad.results.score import Bundle
     from sims.continuity.result import ContinuityScore
 
 REFUSED = 2
@@ -35,23 +36,7 @@ REFUSED = 2
 Press = tuple[float, float, float]
 
 
-@dataclass(frozen=True, kw_only=True)
-class RunResult:
-    """What the main job made.
-
-    Attributes
-    ----------
-    folder : the bundle
-    score : the verdict
-    checks : the mold's checks, as in ``checks.json``
-    """
-
-    folder: Path
-    score: ContinuityScore
-    checks: dict[str, Any]
-
-
-def run(design: SensorDesign, out: Path, *, fine: bool, seed: int, on_step: OnStep) -> RunResult:
+def run(design: SensorDesign, out: Path, *, fine: bool, seed: int, on_step: OnStep) -> Bundle:
     """Make the whole bundle.
 
     Raises
@@ -59,6 +44,8 @@ def run(design: SensorDesign, out: Path, *, fine: bool, seed: int, on_step: OnSt
     DesignError : the design breaks a rule; nothing is written.
     OutputError : the folder cannot be written; an earlier bundle is intact.
     """
+    from optopad.results.score import Bundle, Score
+
     require_valid(design)
     with bundle(design, out, seed=seed) as folder, _mold_beside(design, folder) as mold:
         score, early = _scored(design, folder, fine=fine, seed=seed, on_step=on_step, with_page=True)
@@ -69,7 +56,7 @@ def run(design: SensorDesign, out: Path, *, fine: bool, seed: int, on_step: OnSt
         _write_fabrication(design, folder, _gain_of(score))
         _write_report(design, folder, score, checks, seed, early)
         on_step("files", 1.0)
-    return RunResult(folder=out / bundle_name(design), score=score, checks=checks)
+    return Bundle(folder=out / bundle_name(design), score=Score(design=design, found=score), checks=checks)
 
 
 def write_parts(

@@ -23,7 +23,7 @@ from fabrication.bundle import bundle, bundle_name
 from optopad.jobs.accuracy_files import write_accuracy
 from optopad.jobs.evaluation import accuracies
 from optopad.results.accuracy import Accuracy, ModelAccuracy, accuracy_of
-from optopad.results.prediction_cost import QUICK_PROTOCOL, STEM
+from optopad.work.prediction_cost import QUICK_PROTOCOL, STEM
 from sims.evaluation.chain_bounds import bounds_by_depth
 from sims.evaluation.published import published_touch
 from sims.evaluation.tables import ERROR_DEPTHS_MM

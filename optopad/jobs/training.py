@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from design.errors import InputError
-from design.progress import OnStep
+from design.progress import OnStep, silent
 from design.spec import SensorDesign
 from design.whole_file import made_folder
 from sims.learning.inference.header import ForceCurve, ModelHeader
@@ -22,6 +22,20 @@ from sims.readings.dataset import PressData, data_notes, joined, read_data, requ
 SUFFIX = ".optomodel"
 ALL = "all"
 SIGNAL_MAP = "signal-map"
+
+
+SHOWN = {
+    "gamma_times_median": "gamma x median distance",
+    "lambda": "lambda",
+    "method": "solved",
+    "fit_samples": "samples",
+    "trees": "trees",
+    "epochs": "passes",
+    "held_out_location_mm": "held-out location, median mm",
+    "held_out_depth_mm": "depth, median mm",
+    "touch_held_out_right": "touch, held out",
+}
+"""What of a model's settings is shown, in words; the file's header has all of them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,6 +84,31 @@ class Training:
             "notes": list(self.notes),
         }
 
+    def lines(self) -> list[str]:
+        """Data, what was left out, and each model with its file."""
+        facts = self.facts
+        lines = [
+            f"data      {facts['samples']} samples, {facts['touched_samples']} touched; "
+            f"{facts['locations']} locations, {facts['presses']} presses; {', '.join(facts['sets'])}"
+        ]
+        lines += [f"left out  {text}" for text in facts["left_out"]]
+        lines += [f"note      {text}" for text in self.notes]
+        for model in self.models:
+            lines.append(f"model     {model.header.kind}: {_chosen(model.header.settings)}")
+            lines.append(f"file      {model.file} ({model.file.stat().st_size / 1e6:.1f} MB)")
+        return lines
+
+
+def _chosen(settings: Any) -> str:
+    shown = [f"{words} {_number(settings[name])}" for name, words in SHOWN.items() if name in settings]
+    border = settings.get("search_at_border", [])
+    warned = [f"the search ended at the border of its grid of {' and '.join(border)}"] if border else []
+    return ", ".join(shown + warned)
+
+
+def _number(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
 
 def train_models(
     files: Sequence[Path],
@@ -79,7 +118,7 @@ def train_models(
     design: SensorDesign | None = None,
     effort: str = "default",
     seed: int = 0,
-    on_step: OnStep = lambda _stage, _share: None,
+    on_step: OnStep = silent,
 ) -> Training:
     """Train one learner, or all, on the training sets of one or several files.
 

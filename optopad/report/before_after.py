@@ -5,9 +5,9 @@ from __future__ import annotations
 from design.geometry.cavity import cavity_of
 from design.search.figures import FIGURES
 from design.spec import SensorDesign
-from optopad.report.text.answer import answer_of, changes_words
 from optopad.report.text.markup import Html, element, section, table
 from optopad.results.improvement import Figures, Improvement
+from optopad.screen.answer import answer_of, changes_words
 from sims.continuity.result import ContinuityScore, JudgedPair
 from sims.plots.maps import plot_margin_map
 from sims.plots.signal import plot_signal
@@ -31,7 +31,7 @@ def before_and_after(made: Improvement) -> Html:
         return Html("")
     labels = ["before", *(f"{number}: {one.kind}" for number, one in enumerate(made.alternatives, 1))]
     designs = [made.design, *(one.design for one in made.alternatives)]
-    scores = [made.before, *(one.score for one in made.alternatives)]
+    scores = [made.before.found, *(one.score for one in made.alternatives)]
     figures = [made.figures, *(one.figures for one in made.alternatives)]
     changes = ["as it is", *(changes_words(made.design, one.changes) for one in made.alternatives)]
     files = [
@@ -60,8 +60,8 @@ def before_and_after(made: Improvement) -> Html:
         for number, (label, design, score) in enumerate(zip(labels, designs, scores, strict=True))
     ]
     what = (
-        f"The signal of {made.before.governing} against depth."
-        if made.before.is_facing_rows
+        f"The signal of {made.before.found.governing} against depth."
+        if made.before.found.is_facing_rows
         else "How far frames of all readings are apart over the least told 0.3 mm; below 3 noise units is blind."
     )
     return section(
@@ -92,7 +92,7 @@ def _figure_rows(figures: list[Figures]) -> list[list[str]]:
 def _same_pair(made: Improvement, score: ContinuityScore) -> JudgedPair:
     """The pair that governed before; of a layout without it the one that governs now."""
     named = {pair.name: pair for pair in score.pairs}
-    return named.get(made.before.governing or "") or named[score.governing or ""]
+    return named.get(made.before.found.governing or "") or named[score.governing or ""]
 
 
 def _number(value: float | None) -> str:

@@ -1,14 +1,12 @@
-"""A comparison for people: lines in the terminal, and one self-contained page."""
+"""A comparison as one self-contained page."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
-from typing import Any
 
-from optopad.results.comparison import Comparison, Measure
+from optopad.results.comparison import Comparison, shown_value
 
-WIDEST = 26
 STYLE = """
 :root { color-scheme: light dark; }
 body { font: 15px/1.45 system-ui, sans-serif; margin: 1.2rem auto; max-width: 70rem; padding: 0 1rem; }
@@ -25,38 +23,21 @@ LEGEND = (
 )
 
 
-def compare_lines(found: Comparison) -> list[str]:
-    """The comparison as text: designs, what differs, figures; a star marks a winner."""
-    labels = [_short(label) for label in found.labels]
-    verdicts = [
-        row.headline + (" *" if number == found.winner_of_verdict else "")
-        for number, row in enumerate(found.rows)
-    ]
-    table = [["", *labels], *([one.path, *map(_text, one.values)] for one in found.changes)]
-    table += [["", *[""] * len(labels)], ["verdict", *verdicts]]
-    table += [[_named(one), *_cells(one)] for one in found.measures]
-    reasons = [
-        f"{label}: {row.score['reason']}"
-        for label, row in zip(found.labels, found.rows, strict=True)
-        if row.score["reason"]
-    ]
-    return [*_aligned(table), *reasons, "* better than every other by more than the uncertainties of both"]
-
-
 def compare_html(found: Comparison, figure_svg: str) -> str:
     """The comparison as a page; `figure_svg` is its figure."""
     head = "".join(
         f"<th>{escape(label)}<br><small>{digest[:8]}</small></th>" for label, digest in _heads(found)
     )
     changes = "".join(
-        _row(one.path, [(_text(value), False) for value in one.values]) for one in found.changes
+        _row(path, [(shown_value(value), False) for value in values])
+        for path, values in found.changes.items()
     )
     verdicts = _row(
         "verdict",
         [(row.headline, number == found.winner_of_verdict) for number, row in enumerate(found.rows)],
     )
     figures = "".join(
-        _row(_named(one), [(_value(one, k), k == one.winner) for k in range(len(found.labels))])
+        _row(one.title, [(one.shown(k), k == one.winner) for k in range(len(found.labels))])
         for one in found.measures
     )
     svg = figure_svg[figure_svg.index("<svg") :]
@@ -79,34 +60,3 @@ def _heads(found: Comparison) -> list[tuple[str, str]]:
 def _row(name: str, cells: Sequence[tuple[str, bool]]) -> str:
     shown = "".join(f"<td{' class=best' if best else ''}>{escape(text)}</td>" for text, best in cells)
     return f"<tr><th>{escape(name)}</th>{shown}</tr>"
-
-
-def _named(one: Measure) -> str:
-    return f"{one.name} [{one.unit}]" if one.unit else one.name
-
-
-def _cells(one: Measure) -> list[str]:
-    return [_value(one, k) + (" *" if k == one.winner else "") for k in range(len(one.values))]
-
-
-def _value(one: Measure, number: int) -> str:
-    value, spread = one.values[number], one.uncertainty[number]
-    if value is None:
-        return "open" if one.name == "mode gap" else "-"
-    return f"{value:.4g} ± {spread:.1g}" if spread else f"{value:.4g}"
-
-
-def _text(value: Any) -> str:
-    return _short(f"{value:g}" if isinstance(value, float) else str(value))
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= WIDEST else f"{text[: WIDEST - 3]}..."
-
-
-def _aligned(table: Sequence[Sequence[str]]) -> list[str]:
-    widths = [max(len(row[column]) for row in table) for column in range(len(table[0]))]
-    return [
-        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in table
-    ]

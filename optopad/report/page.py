@@ -41,9 +41,8 @@ from optopad.report.sections.signals import (
     signal_section,
     tolerance_section,
 )
-from optopad.report.text.assets import asset
+from optopad.report.text.assets import asset, script_element, script_policy
 from optopad.report.text.markup import Html, element, joined
-from optopad.report.text.scripts import script_element, script_policy
 from optopad.report.text.words import banner, headline
 from sims.continuity.result import ContinuityScore
 

@@ -8,9 +8,9 @@ from fabrication.bundle import versions
 from optopad.report.before_after import before_and_after
 from optopad.report.text.assets import still_page
 from optopad.report.text.markup import Html, bullets, element, facts, section, table
-from optopad.report.text.numbers import counted
 from optopad.results.improvement import Improvement
 from optopad.results.search_result import QUICK_ERRORS, Search
+from optopad.screen.numbers import counted
 from sims.plots.front import choice_text, front_panels, importance_svg, parallel_svg, words
 
 SHOWN_REASONS = 12

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
+from design.spec import SensorDesign
+from optopad.results.shown import Result, block, number, picture, table
 from sims.continuity.sweep import SweepRow
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+WIDEST = 26
+"""Longest value that is shown whole."""
 Better = Literal["lower", "higher", ""]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Change:
-    """A field in which designs differ: dotted path, and its value in each."""
-
-    path: str
-    values: tuple[Any, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,16 +38,33 @@ class Measure:
     uncertainty: tuple[float, ...]
     winner: int | None
 
+    @property
+    def title(self) -> str:
+        """Name and unit."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
 
-@dataclass(frozen=True, kw_only=True)
-class Comparison:
+    def shown(self, place: int) -> str:
+        """The value of one design with its uncertainty."""
+        value, spread = self.values[place], self.uncertainty[place]
+        if value is None:
+            return "open" if self.name == "mode gap" else "-"
+        return f"{value:.4g} ± {spread:.1g}" if spread else f"{value:.4g}"
+
+    def cells(self) -> list[str]:
+        """The values of all designs; a star marks the winner."""
+        return [self.shown(k) + (" *" if k == self.winner else "") for k in range(len(self.values))]
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Comparison(Result):
     """Designs side by side.
 
     Attributes
     ----------
     labels, digests : one a design, the first is what the others are held against
     rows : score and shown curve of each
-    changes : fields that differ; measures : figures of all
+    changes : fields in which the designs differ: the value in each, by dotted path
+    measures : figures of all
     winner_of_verdict : number of the only design without a deadband; None otherwise, or where a verdict is undecided
     folder, stem : where it was written
     """
@@ -55,7 +72,7 @@ class Comparison:
     labels: tuple[str, ...]
     digests: tuple[str, ...]
     rows: tuple[SweepRow, ...]
-    changes: tuple[Change, ...]
+    changes: dict[str, tuple[Any, ...]]
     measures: tuple[Measure, ...]
     folder: Path
     stem: str
@@ -67,6 +84,54 @@ class Comparison:
             return None
         safe = [number for number, row in enumerate(self.rows) if row.score["verdict"] == "CONTIGUOUS"]
         return safe[0] if len(safe) == 1 else None
+
+    @property
+    def verdicts(self) -> dict[str, str]:
+        """Verdict of each design by its name."""
+        return {label: row.score["verdict"] for label, row in zip(self.labels, self.rows, strict=True)}
+
+    @property
+    def headlines(self) -> dict[str, str]:
+        """Verdict of each design in the words of `optopad score`, by its name."""
+        return {label: row.headline for label, row in zip(self.labels, self.rows, strict=True)}
+
+    @property
+    def winners(self) -> dict[str, str]:
+        """Figures in which one design is better than all others by more than the uncertainties: its name."""
+        return {one.name: self.labels[one.winner] for one in self.measures if one.winner is not None}
+
+    def plot(self) -> Figure:
+        """Signal against depth, a panel a design."""
+        from sims.plots.style import plain_style
+        from sims.plots.sweep import plot_sweep
+
+        with plain_style():
+            return plot_sweep("designs", self.rows)
+
+    def lines(self) -> list[str]:
+        """The comparison as text: designs, what differs, figures; a star marks a winner."""
+        labels = [shown_value(label) for label in self.labels]
+        verdicts = [
+            row.headline + (" *" if number == self.winner_of_verdict else "")
+            for number, row in enumerate(self.rows)
+        ]
+        rows = [["", *labels], *([path, *map(shown_value, values)] for path, values in self.changes.items())]
+        rows += [["", *[""] * len(labels)], ["verdict", *verdicts]]
+        rows += [[one.title, *one.cells()] for one in self.measures]
+        reasons = [
+            f"{label}: {row.score['reason']}"
+            for label, row in zip(self.labels, self.rows, strict=True)
+            if row.score["reason"]
+        ]
+        return [*_aligned(rows), *reasons, "* better than every other by more than the uncertainties of both"]
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (f"{one.name}, {one.unit}".rstrip(", "), *(number(value, 3) for value in one.values))
+            for one in self.measures
+        ]
+        rows = [("verdict", *self.headlines.values()), *rows]
+        return block("comparison", (), table(("", *self.labels), rows), picture(self.plot, "compare"))
 
     def to_json(self) -> dict[str, Any]:
         """Plain data for JSON."""
@@ -83,7 +148,7 @@ class Comparison:
                 }
                 for label, digest, row in zip(self.labels, self.digests, self.rows, strict=True)
             ],
-            "changes": [{"path": one.path, "values": list(one.values)} for one in self.changes],
+            "changes": [{"path": path, "values": list(values)} for path, values in self.changes.items()],
             "measures": [
                 {
                     "name": one.name,
@@ -98,3 +163,29 @@ class Comparison:
             "verdict_winner": None if self.winner_of_verdict is None else self.labels[self.winner_of_verdict],
             "files": str(self.folder),
         }
+
+
+def labelled(designs: Mapping[str, SensorDesign] | Sequence[SensorDesign]) -> dict[str, SensorDesign]:
+    """Designs by a name each; names that are alike get their number."""
+    if isinstance(designs, Mapping):
+        return dict(designs)
+    names = [design.name for design in designs]
+    alike = len(set(names)) < len(names)
+    return {
+        f"{name} ({place})" if alike else name: design
+        for place, (name, design) in enumerate(zip(names, designs, strict=True), start=1)
+    }
+
+
+def shown_value(value: Any) -> str:
+    """A field's value, or a label, as text; a long one is cut."""
+    text = f"{value:g}" if isinstance(value, float) else str(value)
+    return text if len(text) <= WIDEST else f"{text[: WIDEST - 3]}..."
+
+
+def _aligned(table: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(len(row[column]) for row in table) for column in range(len(table[0]))]
+    return [
+        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in table
+    ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,9 +10,15 @@ from typing import Any
 from design.search.improve import Kind
 from design.search.judged import Judged
 from design.spec import SensorDesign
+from optopad.results.score import Score
+from optopad.results.shown import Result, block, number, table
+from optopad.screen.answer import answer_of, changes_words, verdict_words
+from optopad.screen.verdict import LABEL, row
 from sims.continuity.result import ContinuityScore
 
 Figures = dict[str, float | None]
+WHOLE = 12
+"""Lines that any text may take: nothing is cut."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,9 +70,9 @@ class Nearest:
         }
 
 
-@dataclass(frozen=True, kw_only=True)
-class Improvement:
-    """What was found around a design.
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Improvement(Result):
+    """Up to four verified changes that improve a design.
 
     Attributes
     ----------
@@ -78,7 +85,7 @@ class Improvement:
     """
 
     design: SensorDesign
-    before: ContinuityScore
+    before: Score
     figures: Figures
     alternatives: tuple[Alternative, ...]
     nearest: Nearest | None
@@ -87,10 +94,40 @@ class Improvement:
     is_interrupted: bool
     judged_again: int = 0
 
+    @property
+    def designs(self) -> tuple[SensorDesign, ...]:
+        """The alternatives; empty where nothing in reach is better."""
+        return tuple(one.design for one in self.alternatives)
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """In what each is best."""
+        return tuple(one.kind for one in self.alternatives)
+
+    @property
+    def changes(self) -> tuple[dict[str, Any], ...]:
+        """New values of each by dotted path."""
+        return tuple(one.changes for one in self.alternatives)
+
+    @property
+    def scores(self) -> tuple[Score, ...]:
+        """The verdict on each."""
+        return tuple(Score(design=one.design, found=one.score) for one in self.alternatives)
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Design file of each."""
+        return tuple(self.folder / one.file for one in self.alternatives)
+
+    @property
+    def page(self) -> Path:
+        """The page with before and after."""
+        return self.folder / "report.html"
+
     def to_json(self) -> dict[str, Any]:
         """Plain data for JSON."""
         return {
-            "before": {**self.before.to_json(), "search_figures": self.figures},
+            "before": {**self.before.to_dict(), "search_figures": self.figures},
             "alternatives": [
                 {
                     "kind": one.kind,
@@ -107,3 +144,59 @@ class Improvement:
             "interrupted": self.is_interrupted,
             "folder": str(self.folder),
         }
+
+    def lines(self) -> list[str]:
+        """Before, up to four alternatives with what they cost, the next command; as `optopad improve` prints them."""
+        judged = f"; {self.tried} designs judged by quick light, {self.judged_again} of them by the score's"
+        lines = row("design", f"{self.design.name}  {self.design.digest[:8]}{judged}", WHOLE)
+        lines += row("before", answer_of(self.design, self.before.found).verdict, WHOLE)
+        for place, one in enumerate(self.alternatives, 1):
+            lines += row(str(place), f"{one.kind}: {changes_words(self.design, one.changes)}", WHOLE)
+            lines += row("", self._resolution(one), WHOLE)
+        if self.is_interrupted:
+            lines += row("stopped", "nothing that was judged is lost; the same command goes on")
+        elif self.alternatives:
+            files = ", ".join(one.file for one in self.alternatives)
+            lines += [
+                f"{'files':<{LABEL}}{self.folder}/{files}",
+                f"{'next':<{LABEL}}optopad run {shlex.quote(str(self.folder / self.alternatives[0].file))}",
+            ]
+        else:
+            lines += self._without_alternatives()
+        return [*lines, f"{'report':<{LABEL}}{self.folder / 'report.html'}"]
+
+    def _resolution(self, one: Alternative) -> str:
+        """Verdict, confidence and margin by the score's light; the bound of the location by the search's."""
+        said = answer_of(one.design, one.score)
+        told = [verdict_words(one.score), said.sure.partition(":")[0]]
+        told.append(f"margin {number(one.score.margin, 1)} sigma (was {number(self.before.found.margin, 1)})")
+        now, was = one.figures.get("location_bound_mm"), self.figures.get("location_bound_mm")
+        if now is not None:
+            told.append(f"location {now:.3f} mm by quick light (was {number(was, 3)})")
+        return "; ".join(part for part in told if part)
+
+    def _without_alternatives(self) -> list[str]:
+        """The best design that was judged, what is missing, and what to try."""
+        none = (
+            "no better design" if self.before.verdict == "DEADBAND" else "nothing better by enough to matter"
+        )
+        lines = row("none", f"{none} among {self.tried} designs", WHOLE)
+        nearest = self.nearest
+        if nearest is not None:
+            dead = nearest.score.deadband_total_mm
+            left = f"{dead:.2f} mm of deadband" if dead else f"margin {number(nearest.score.margin, 1)} sigma"
+            words = changes_words(self.design, nearest.changes)
+            lines += row("nearest", f"{words}: {verdict_words(nearest.score)}; {left}", WHOLE)
+            if nearest.at_ends:
+                lines += row("limit", f"{', '.join(nearest.at_ends)} at the end of its range", WHOLE)
+        return lines + row(
+            "next", "widen a range with --vary FIELD=A:B, allow --more-parts, or raise --budget"
+        )
+
+    def _repr_html_(self) -> str:
+        rows = [("before", "as it is", verdict_words(self.before.found))]
+        rows += [
+            (one.kind, changes_words(self.design, one.changes), verdict_words(one.score))
+            for one in self.alternatives
+        ]
+        return block(f"improve {self.design.name}", (), table(("", "what changes", "verdict"), rows))

@@ -1,4 +1,4 @@
-"""What a job says in the terminal, in a few lines.
+"""What a verdict says in sentences: the few lines of the terminal, and the words that the report shares with them.
 
-Imports of ours: report, jobs, the rooms below.
+Imports of ours: design, sims, work.
 """

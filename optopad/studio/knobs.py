@@ -19,7 +19,7 @@ from design.spec.layout import (
     wall_length_mm,
 )
 from design.spec.properties import entries_of
-from optopad.report.text.answer import unit_of
+from optopad.screen.answer import unit_of
 
 Kind = Literal["number", "whole", "choice"]
 BY_HAND = "by hand"

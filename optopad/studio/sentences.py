@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 
 from design.geometry.cavity import PlacedPart
-from optopad.report.text.answer import answer_of, verdict_words
+from optopad.screen.answer import answer_of, verdict_words
 from optopad.screen.stages import STAGE_TITLES
 from optopad.sensor.touch_view import touch_line
 from optopad.studio.answers import Doing, Judged

@@ -21,7 +21,7 @@ from design.fields.paths import is_value
 from design.geometry.cavity import cavity_of, workspace_of
 from design.rules.check import check
 from design.spec import SensorDesign
-from optopad.report.text.answer import changes_words
+from optopad.screen.answer import changes_words
 from optopad.studio.design_file import DesignFile
 from optopad.studio.knobs import changes_of
 from optopad.studio.moves import angle_of, moved, part_named

@@ -43,25 +43,51 @@ class JudgedPair:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ContinuityScore:
-    """The verdict on a design.
+class KeyFigures:
+    """The verdict on a design and its most important figures.
 
     Attributes
     ----------
-    verdict, reason : the verdict and, for OUT_OF_MODEL_SCOPE, why
+    verdict : CONTIGUOUS, DEADBAND or OUT_OF_MODEL_SCOPE
+    reason : why the models do not cover the design; empty where they do
+    deadbands_mm : depths from and to of each deadband: of the governing facing pair, or the worst location of the pad
+        [mm]
+    usable_depth_mm : least depth of any location, or facing pair, from which on depth is not resolved, or the deepest
+        press [mm]
+    is_open : whether the numerical error of the light model may make or hide every deadband
+    mode_gap_mm : from the end of mode 1 to the start of mode 2, of the governing pair, or the median judged pair [mm];
+        None when open
+    continuity, evenness : of the governing pair, or the medians over judged pairs [-]
+    strength : baseline light and counts, swing, resolvable steps
+    warnings : what to keep in mind
+    """
+
+    verdict: Verdict
+    reason: str = ""
+    deadbands_mm: tuple[Interval, ...] = ()
+    usable_depth_mm: float | None = None
+    is_open: bool = False
+    mode_gap_mm: float | None = None
+    continuity: float | None = None
+    evenness: float | None = None
+    strength: dict[str, float] | None = None
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContinuityScore(KeyFigures):
+    """The verdict on a design, with all that it follows from.
+
+    Attributes
+    ----------
     digest, name, seed, fine, full : what was scored, and how
     is_facing_rows : whether the verdict is that of facing pairs (else of the pad)
-    usable_depth_mm : least depth of any place, or facing pair, from which on depth is not told any more [mm]
     usable_range_mm : between what depths the light's own error leaves that [mm]
     margin : least distance of frames, or change of a facing pair's signal, over 0.3 mm of depth before the range ends
         [noise units]; below 3 is a deadband
-    is_open : whether the light's own error may make or hide every deadband
-    deadbands_mm : intervals of the headline: the governing facing pair, or the worst place of the pad
     governing : name of the pair that stands for the rest: the middle facing one; of a pad the unclipped one with
         most deadband, then least evenness
     worst_pair_mm, worst_pair : largest summed deadband of a judged pair, and its name
-    mode_gap_mm : of the governing pair, or the median judged pair; None when open
-    continuity, evenness : of the governing pair, or the medians over judged pairs [-]
     figure_errors : standard errors of continuity, evenness and strength by name; None where not worked out
     untouched_flux : (emitter, receiver) [-]; counts follow from readout
     pairs : judged pairs in order; unjudged : names and untouched counts of the others
@@ -75,26 +101,17 @@ class ContinuityScore:
         only
     """
 
-    verdict: Verdict
-    reason: str
     digest: str
     name: str
     seed: int
     fine: bool
     is_facing_rows: bool
     full: bool = False
-    usable_depth_mm: float | None = None
     usable_range_mm: Interval | None = None
     margin: float | None = None
-    is_open: bool = False
-    deadbands_mm: tuple[Interval, ...] = ()
     governing: str | None = None
     worst_pair_mm: float | None = None
     worst_pair: str | None = None
-    mode_gap_mm: float | None = None
-    continuity: float | None = None
-    evenness: float | None = None
-    strength: dict[str, float] | None = None
     figure_errors: dict[str, float] | None = None
     pairs: tuple[JudgedPair, ...] = ()
     unjudged: dict[str, float] = field(default_factory=dict)
@@ -110,7 +127,6 @@ class ContinuityScore:
     builds: BuildStudy | None = None
     steps: FieldSteps | None = None
     trial: Trial | None = None
-    warnings: tuple[str, ...] = ()
 
     @property
     def deadband_total_mm(self) -> float:

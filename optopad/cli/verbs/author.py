@@ -64,8 +64,8 @@ def check(
 
     from design.rules.check import check as findings_of
     from design.rules.check import notes
-    from optopad.report.text.numbers import counted
-    from optopad.screen.one_screen import as_typed, findings_screen
+    from optopad.screen.numbers import counted
+    from optopad.screen.verdict import as_typed, findings_screen
 
     read = read_design(design, set_)
     findings = findings_of(read)

@@ -32,7 +32,7 @@ def build(
     """Mold and tools as STL, STEP and 3MF, with their checks."""
     from design.parts.printer import bed_of
     from optopad.jobs.pipeline import write_parts
-    from optopad.screen.summary import checks_line, finding_line
+    from optopad.screen.verdict import checks_line, finding_line
 
     read, room = read_design(design, set_), None if bed is None else bed_of(bed)
     with progress(quiet=as_json) as step:

@@ -54,13 +54,12 @@ def compare(
         return
     _refuse(pair or at, "--pair and --at are for a recording; leave them out, or name a .nc or .csv file")
     from optopad.jobs.compare import compare as hold
-    from optopad.report.compare_page import compare_lines
 
     designs, labels = _designs(what, with_, set_)
     with progress(quiet=as_json) as step:
         found = hold(designs, labels, out, fine=fine, seed=seed, on_step=step)
     files = f"files     {found.folder} ({found.stem}: html, json, svg, png)"
-    tell(as_json, found.to_json, lambda: [*compare_lines(found), files])
+    tell(as_json, found.to_json, lambda: [*found.lines(), files])
 
 
 def _designs(

@@ -42,7 +42,6 @@ def improve(
 ) -> None:
     """Up to four verified changes that mend or better a design, as design files; the same command goes on."""
     from optopad.jobs.improvement import improve as search_around
-    from optopad.screen.improvement_screen import improvement_screen
 
     read = read_design(design, set_)
     with progress(quiet=as_json) as step, telling(quiet=as_json) as tell:
@@ -61,7 +60,7 @@ def improve(
     if as_json:
         print_json(made.to_json())
     else:
-        say("\n".join(improvement_screen(made)))
+        say("\n".join(made.lines()))
     if made.is_interrupted:
         raise typer.Exit(INTERRUPTED)
 

@@ -24,9 +24,15 @@ def run(
 ) -> None:
     """The main job: mold, verdict, driver config and report in one bundle."""
     from optopad.jobs.pipeline import run as make
-    from optopad.screen.learner_line import learner_line
-    from optopad.screen.one_screen import as_typed, row, verdict_screen
-    from optopad.screen.summary import checks_line, checks_words, score_lines
+    from optopad.screen.verdict import (
+        as_typed,
+        checks_line,
+        checks_words,
+        learner_line,
+        row,
+        score_lines,
+        verdict_screen,
+    )
 
     read = read_design(design, set_)
     foretell_score(read, fine=fine, full=False, quiet=as_json, is_run=True)
@@ -36,13 +42,13 @@ def run(
     page, typed = str(made.folder / "report.html"), as_typed(design, set_)
     tell(
         as_json,
-        lambda: place | {"score": made.score.to_json()},
+        lambda: place | {"score": made.score.to_dict()},
         lambda: (
-            [*score_lines(made.score), checks_line(made.checks), f"report    {page}"]
+            [*score_lines(made.score.found), checks_line(made.checks), f"report    {page}"]
             if details
             else verdict_screen(
                 read,
-                made.score,
+                made.score.found,
                 [*row("mold", checks_words(made.checks), 2), f"report      {page}"],
                 command=typed,
                 is_built=True,

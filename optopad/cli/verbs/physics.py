@@ -41,9 +41,7 @@ def score(
     """Verdict: modes, deadbands, continuity, strength, map of the pad; written into the bundle."""
     drawn = _drawn_builds(tolerance, builds)
     from optopad.jobs.pipeline import write_score
-    from optopad.screen.learner_line import learner_line
-    from optopad.screen.one_screen import as_typed, verdict_screen
-    from optopad.screen.summary import score_lines
+    from optopad.screen.verdict import as_typed, learner_line, score_lines, verdict_screen
 
     read = read_design(design, set_)
     foretell_score(read, fine=fine, full=full, quiet=as_json)

@@ -33,13 +33,13 @@ def sweep(
     """Score a design at several values of one field: table and figure. Interrupted, it goes on where it stopped."""
     path, values = parsed_sweep(field)
     read = read_design(design, set_)
-    from optopad.jobs.sweep import run_sweep, sweep_lines
+    from optopad.jobs.sweep import run_sweep
 
     with progress(quiet=as_json) as step:
         made = run_sweep(read, path, values, out, fine=fine, seed=seed, build=build, on_step=step)
     bundles = [f"bundle    {folder}" for folder in made.bundles]
     files = f"files     {made.folder / 'sims'} (sweep-{path}: csv, json, svg, png)"
-    tell(as_json, made.to_json, lambda: [*sweep_lines(made), *bundles, files])
+    tell(as_json, made.to_json, lambda: [*made.lines(), *bundles, files])
 
 
 def parsed_sweep(text: str) -> tuple[str, list[Any]]:

@@ -54,11 +54,10 @@ def train(
     """Train a model that tells touch, place and depth, on simulated or recorded presses; one file a model."""
     from design.errors import InputError
     from optopad.jobs.training import train_models
-    from optopad.screen.training_lines import training_lines
 
     if set_ and design is None:
         raise InputError("--set: changes a design; name it with --design")
     read = None if design is None else read_design(design, set_)
     with progress(quiet=as_json) as step:
         found = train_models(data, learner, out, design=read, effort=effort, seed=seed, on_step=step)
-    tell(as_json, found.to_json, lambda: training_lines(found))
+    tell(as_json, found.to_json, found.lines)

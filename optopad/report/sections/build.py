@@ -17,7 +17,7 @@ from optopad.report.sections.sensor import (
 )
 from optopad.report.text.markdown import html_of
 from optopad.report.text.markup import Html, element, section, table
-from optopad.report.text.numbers import counted
+from optopad.screen.numbers import counted
 
 CASTING, BILL, WIRING = "fabrication/casting.md", "fabrication/bom.csv", "fabrication/wiring.csv"
 BILL_COLUMNS = (

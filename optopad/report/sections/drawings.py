@@ -15,10 +15,10 @@ from optopad.report.scenes.layout_drawing import plot_layout
 from optopad.report.scenes.map_scene import MapScene
 from optopad.report.scenes.map_still import plot_by_depth
 from optopad.report.sections.published import published_load
-from optopad.report.text.answer import unit_of
 from optopad.report.text.markup import Html, element
-from optopad.report.text.numbers import spans
 from optopad.report.text.words import governing, ranked
+from optopad.screen.answer import unit_of
+from optopad.screen.numbers import spans
 from sims.contact.force_curve import ForceCurve
 from sims.contact.load_protocol import load_history
 from sims.contact.viscoelastic import solid_of

@@ -9,7 +9,7 @@ from design.spec.properties import modulus
 from optopad.report.sections.drawings import PROTOCOL, Drawing, figure_of
 from optopad.report.sections.published import compared, published_load
 from optopad.report.text.markup import Html, element, section, table
-from optopad.report.text.numbers import ends
+from optopad.screen.numbers import ends
 from sims.contact.force_curve import ForceCurve
 from sims.continuity.result import ContinuityScore
 

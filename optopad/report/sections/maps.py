@@ -7,10 +7,10 @@ from design.spec import SensorDesign
 from optopad.report.scenes.map_scene import MapScene, depth_maps
 from optopad.report.sections.bound_maps import bound_maps, load_map
 from optopad.report.sections.drawings import Drawing, figure_of
-from optopad.report.text.bounds import bounds_words, losses_table
+from optopad.report.text.assets import data_element
 from optopad.report.text.markup import Html, element, radios, section
-from optopad.report.text.numbers import counted, spans
-from optopad.report.text.scripts import data_element
+from optopad.report.text.words import bounds_words, losses_table
+from optopad.screen.numbers import counted, spans
 from sims.continuity.result import ContinuityScore
 from sims.verdict.pad_profile import pad_profile
 from sims.verdict.pair.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD

@@ -11,8 +11,8 @@ from typing import Any
 from design.geometry.pairs import beside_chord
 from optopad.report.scenes.ray_scene import RayScene, scene_json
 from optopad.report.sections.drawings import drawn, figure_of
+from optopad.report.text.assets import data_element
 from optopad.report.text.markup import Html, element, radios, section, table
-from optopad.report.text.scripts import data_element
 from sims.plots.ray_cut import cut_of_pair
 from sims.plots.ray_sheet import ray_sheet
 from sims.plots.rays import percent

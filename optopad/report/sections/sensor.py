@@ -17,7 +17,7 @@ from design.spec import Crown, SensorDesign
 from design.spec.tip_shape import tip_words
 from optopad.report.sections.drawings import Drawing, figure_of
 from optopad.report.text.markup import Html, element, facts, section, table
-from optopad.report.text.numbers import counted
+from optopad.screen.numbers import counted
 
 MOLD_STL, LID_STL = "cad/mold.stl", "cad/lid.stl"
 ALONG = ", along the normal of the top where the tip touches"

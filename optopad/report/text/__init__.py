@@ -1,4 +1,4 @@
 """Words, numbers and marks of a page.
 
-Imports of ours: sims, design.
+Imports of ours: sims, design, screen.
 """

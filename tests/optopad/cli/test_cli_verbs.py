@@ -8,7 +8,7 @@ from design.io import load_design
 from design.preset import PRESETS, preset
 from optopad.cli import main
 from optopad.cli.verbs.sweep import parsed_sweep
-from optopad.screen.summary import checks_line
+from optopad.screen.verdict import checks_line
 from optopad.work.designs import parsed_change, parsed_value
 
 

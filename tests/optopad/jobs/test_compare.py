@@ -10,7 +10,7 @@ from fabrication.bundle import altered_files, bundle_name
 from optopad.cli import main
 from optopad.jobs import compare as comparing
 from optopad.jobs.compare import changes_of, compare
-from optopad.report.compare_page import compare_html, compare_lines
+from optopad.report.compare_page import compare_html
 from sims.continuity.sweep import sweep_row
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 
@@ -38,7 +38,7 @@ def compared(out, *designs):
 
 def test_what_differs_is_told_by_dotted_path():
     other = THICK.with_(**{"receivers.part": "generic-receiver"})
-    assert {one.path: one.values for one in changes_of((PAIR, other))} == {
+    assert changes_of((PAIR, other)) == {
         "cavity.clear_thickness_mm": (8.0, 10.0),
         "receivers.part": ("osram-sfh206k", "generic-receiver"),
     }
@@ -51,7 +51,7 @@ def test_a_layout_with_more_entries_shows_what_the_other_lacks():
             {"pattern": "single", "kind": "emitter", "wall": "north", "along_mm": 10.0},
         ]
     )
-    found = {one.path: one.values for one in changes_of((PAIR, grown))}
+    found = changes_of((PAIR, grown))
     assert found["layout.1.wall"] == (comparing.ABSENT, "north")
 
 
@@ -59,7 +59,7 @@ def test_a_value_that_is_not_given_is_absent_however_it_is_left_out():
     ring = {"pattern": "single", "kind": "emitter", "wall": "north", "along_mm": 10.0}
     rows = [entry.model_dump(mode="json") for entry in PAIR.layout]
     first, second = (PAIR.with_(layout=[*rows, one]) for one in (ring, ring | {"height_mm": 4.0}))
-    found = {one.path: one.values for one in changes_of((PAIR, first, second))}
+    found = changes_of((PAIR, first, second))
     assert found["layout.1.height_mm"] == (comparing.ABSENT, comparing.ABSENT, 4.0)
 
 
@@ -85,7 +85,7 @@ def test_the_deeper_usable_depth_wins_by_more_than_its_own_error(judged, tmp_pat
     usable = next(one for one in found.measures if one.name == "usable depth")
     assert (usable.winner, usable.values) == (1, (3.0, 4.0))
     assert usable.uncertainty == pytest.approx((0.3, 0.1))
-    assert any("CONTIGUOUS to 3.0 of 5 mm" in line for line in compare_lines(found))
+    assert any("CONTIGUOUS to 3.0 of 5 mm" in line for line in found.lines())
     assert "CONTIGUOUS to 4.0 of 5 mm" in compare_html(found, "<svg></svg>")
 
 
@@ -97,7 +97,7 @@ def test_an_undecided_verdict_makes_no_winner(judged, tmp_path, monkeypatch):
     monkeypatch.setattr(comparing, "_row", row)
     found = compared(tmp_path, PAIR, THICK)
     assert found.winner_of_verdict is None
-    assert any("DEADBAND, undecided" in line for line in compare_lines(found))
+    assert any("DEADBAND, undecided" in line for line in found.lines())
 
 
 def test_a_lead_within_the_uncertainties_is_no_win():
@@ -123,12 +123,12 @@ def test_the_page_and_the_lines_mark_winners_and_escape_what_was_typed(judged, t
     assert "&lt;b&gt;&amp;" in page
     assert "class=best>CONTIGUOUS" in page
     assert "http" not in page.replace("http://www.w3.org", "")  # opens offline
-    assert any("CONTIGUOUS *" in line for line in compare_lines(found))
+    assert any("CONTIGUOUS *" in line for line in found.lines())
 
 
 def test_a_design_out_of_scope_is_compared_by_its_reason(judged, tmp_path):
     found = compared(tmp_path, PAIR, PAIR.with_(**{"indenter.tip_radius_mm": 2.0}))
-    lines = "\n".join(compare_lines(found))
+    lines = "\n".join(found.lines())
     assert "OUT_OF_MODEL_SCOPE" in lines
     assert "press less deep" in lines
 

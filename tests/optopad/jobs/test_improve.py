@@ -19,7 +19,7 @@ from design.io import load_design
 from design.preset import preset, preset_text
 from optopad.cli.main import main
 from optopad.cli.verbs.explore import INTERRUPTED
-from optopad.screen.one_screen import LINES
+from optopad.screen.verdict import LINES
 from tests.design.search.test_improvement_space import judge
 from tests.optopad.screen.test_one_screen import cause
 from tests.sims.made_up_scores import contiguous_score, dead_score

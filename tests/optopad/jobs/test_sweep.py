@@ -11,7 +11,8 @@ from design.preset import preset
 from fabrication.bundle import altered_files, bundle_name
 from optopad.cli import main
 from optopad.jobs import sweep as sweeping
-from optopad.jobs.sweep import marked, run_sweep, sweep_csv, sweep_lines
+from optopad.jobs.sweep import marked, run_sweep
+from optopad.results.sweep import Sweep
 from optopad.work.finished import FinishedWork
 from sims.continuity.sweep import SweepRow, disputed, sweep_row
 from sims.plots.sweep import plot_sweep
@@ -69,12 +70,12 @@ def test_rows_hold_the_value_and_the_keys_of_a_score(judged, tmp_path):
 def test_table_file_and_figure_show_the_usable_depth_beside_the_deadband(tmp_path):
     faded = replace(contiguous_score(PAIR), usable_depth_mm=3.1, usable_range_mm=(3.0, 3.2))
     rows = (sweep_row(PAIR, 8.0, faded), sweep_row(PAIR, 9.0, out_of_scope_score(PAIR)))
-    made = sweeping.Sweep(path=THICKNESS, rows=rows, taken_up=0, folder=tmp_path)
-    head, line, _ = sweep_lines(made)
+    made = Sweep(field=THICKNESS, rows=rows, taken_up=0, folder=tmp_path)
+    head, line, _ = made.lines()
     assert "deadband mm    usable mm" in head
     assert "CONTIGUOUS to 3.1 of 5 mm" in line
     assert " 3.10 " in line
-    written = list(csv.DictReader(sweep_csv(made).splitlines()))
+    written = list(csv.DictReader(made.to_csv().splitlines()))
     assert (written[0]["usable_depth_mm"], written[0]["usable_from_mm"]) == ("3.1", "3.0")
     assert (written[0]["headline"], written[1]["headline"]) == (
         "CONTIGUOUS to 3.1 of 5 mm",
@@ -146,9 +147,9 @@ def test_rows_in_dispute_are_judged_again_more_finely_and_say_so(monkeypatch, tm
     assert {row.score["verdict"] for row in made.rows} == {"CONTIGUOUS"}
     assert (
         f"8.0, 8.5, 9.0 judged again as optopad score --{setting} judges: neighbours disagreed"
-        in sweep_lines(made)
+        in made.lines()
     )
-    assert [row["refined"] for row in csv.DictReader(sweep_csv(made).splitlines())] == ["", *[setting] * 3]
+    assert [row["refined"] for row in csv.DictReader(made.to_csv().splitlines())] == ["", *[setting] * 3]
     asked.clear()
     assert not any(row.refined for row in swept(tmp_path, [7.5, 8.0, 8.5], design=design, fine=True).rows)
     assert asked == []
@@ -176,7 +177,7 @@ def test_an_interrupted_sweep_goes_on_where_it_stopped(monkeypatch, tmp_path):
     made = swept(tmp_path, [8.0, 8.5, 10.0])
     assert asked == [8.0, 8.5, 8.5, 10.0]
     assert made.taken_up == 1
-    assert "1 of 3 values were taken up" in sweep_lines(made)[-1]
+    assert "1 of 3 values were taken up" in made.lines()[-1]
 
 
 @pytest.mark.parametrize("other", [{"seed": 1}, {"fine": True}])
@@ -212,9 +213,9 @@ def test_an_open_boundary_has_no_load(tmp_path, monkeypatch):
     never = replace(score, pairs=(replace(pair, score=replace(pair.score, modes=modes)), *score.pairs[1:]))
     row = sweep_row(PAIR, 12, never)
     assert row.forces_n["mode2_onset"] is None
-    sweep = sweeping.Sweep(path=THICKNESS, rows=(row,), taken_up=0, folder=tmp_path)
-    assert "never" in sweep_lines(sweep)[1]
-    assert "None" not in sweep_csv(sweep)
+    sweep = Sweep(field=THICKNESS, rows=(row,), taken_up=0, folder=tmp_path)
+    assert "never" in sweep.lines()[1]
+    assert "None" not in sweep.to_csv()
 
 
 def test_categories_are_swept_too(judged, tmp_path, capsys):

@@ -12,8 +12,8 @@ from design.geometry.cavity import cavity_of
 from design.preset import preset
 from optopad.report.page import write_report
 from optopad.report.scenes.cause_drawing import plot_cause
-from optopad.report.text.answer import cause_sentence
-from optopad.screen.summary import step_lines
+from optopad.screen.answer import cause_sentence
+from optopad.screen.verdict import step_lines
 from sims.verdict.field_effects import Effect, FieldStep, FieldSteps
 from sims.verdict.trial import Move, Trial, TriedMove
 from tests.optopad.report.page_reader import Page

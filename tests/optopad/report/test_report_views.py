@@ -21,9 +21,9 @@ from optopad.report.scenes.mold_scene import mold_scene
 from optopad.report.scenes.pair_scene import STEPS, pair_scene
 from optopad.report.sections.bound_maps import load_map
 from optopad.report.sections.maps import map_scene
-from optopad.report.text.bounds import bounds_tile, bounds_words, losses_table
+from optopad.report.text.assets import data_element, script_text
 from optopad.report.text.markdown import html_of
-from optopad.report.text.scripts import data_element, script_text
+from optopad.report.text.words import bounds_tile, bounds_words, losses_table
 from sims.optics.light_signals import LightSignals
 from sims.verdict.build_study import BuildStudy
 from sims.verdict.builds import Brief

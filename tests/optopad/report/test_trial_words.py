@@ -7,10 +7,8 @@ from dataclasses import replace
 import pytest
 
 from design.preset import preset
-from optopad.report.text.answer import answer_of
-from optopad.report.text.measuring import tool_words
-from optopad.report.text.trials import fix_words, no_fix_words
-from optopad.screen.one_screen import verdict_screen
+from optopad.screen.answer import answer_of, fix_words, no_fix_words, tool_words
+from optopad.screen.verdict import verdict_screen
 from sims.verdict.trial import Move, Trial, TriedMove
 from tests.sims.made_up_scores import dead_score
 

@@ -9,10 +9,9 @@ import numpy as np
 
 from design.fields.finding import error, warning
 from design.preset import preset
-from optopad.report.text.answer import answer_of, cause_sentence, unit_of
-from optopad.report.text.bounds import bounds_words
-from optopad.screen.bound_lines import bound_lines
-from optopad.screen.one_screen import LINES, WIDTH, as_typed, findings_screen, verdict_screen
+from optopad.report.text.words import bounds_words
+from optopad.screen.answer import answer_of, cause_sentence, unit_of
+from optopad.screen.verdict import LINES, WIDTH, as_typed, bound_lines, findings_screen, verdict_screen
 from sims.verdict.causes import Cause, Witness
 from tests.design.for_each import for_each
 from tests.sims.made_up_bounds import made_up_bounds

@@ -13,7 +13,7 @@ from design.fields.paths import get_at
 from design.preset import preset
 from design.spec import SensorDesign
 from design.spec.properties import used_values
-from optopad.screen.one_screen import LINES, WIDTH, verdict_screen
+from optopad.screen.verdict import LINES, WIDTH, verdict_screen
 from sims.continuity.scoring import score
 
 CASES = {

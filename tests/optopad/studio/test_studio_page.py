@@ -12,7 +12,7 @@ import viser
 from design.geometry.cavity import cavity_of
 from design.io import load_design
 from design.preset import SHAPED_PRESETS, preset_text
-from optopad.report.text.answer import answer_of
+from optopad.screen.answer import answer_of
 from optopad.studio.design_file import DesignFile
 from optopad.studio.moves import angle_of, part_named
 from optopad.studio.session import Session

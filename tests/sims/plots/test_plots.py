@@ -14,7 +14,6 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 
 from design.geometry.cavity import cavity_of
 from design.preset import preset
@@ -57,8 +56,12 @@ TIP_MM = (np.array([0.0, 2.0, 3.0, 3.0]), np.array([0.0, 3.0 - 5.0**0.5, 3.0, 9.
 
 def areas(ax: Axes, gid: str) -> list[tuple[float, float]]:
     """Left and right end of the shaded areas with a group identifier."""
-    found = [patch for patch in ax.patches if patch.get_gid() == gid and isinstance(patch, Rectangle)]
-    return [(patch.get_x(), patch.get_x() + patch.get_width()) for patch in found]
+    found = [
+        patch.get_patch_transform().transform_path(patch.get_path())
+        for patch in ax.patches
+        if patch.get_gid() == gid
+    ]
+    return [(float(path.vertices[:, 0].min()), float(path.vertices[:, 0].max())) for path in found]
 
 
 def line(ax: Axes, label: str) -> np.ndarray:

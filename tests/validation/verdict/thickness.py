@@ -16,7 +16,7 @@ from textwrap import fill
 from typing import Literal
 
 from design.preset import preset
-from optopad.jobs.sweep import Sweep, sweep_csv
+from optopad.results.sweep import Sweep
 from sims.continuity.scoring import score
 from sims.continuity.sweep import SweepRow, sweep_row, swept_designs
 from sims.plots.style import plain_style, svg_text
@@ -251,8 +251,8 @@ TAIL = (
 def write(rows: Sequence[SweepRow]) -> None:
     """Page, table and figure."""
     PAGE.write_text(page(rows), encoding="utf-8")
-    sweep = Sweep(path=PATH, rows=tuple(rows), taken_up=0, folder=DOCS)
-    TABLE.write_text(sweep_csv(sweep), encoding="utf-8")
+    sweep = Sweep(field=PATH, rows=tuple(rows), taken_up=0, folder=DOCS)
+    TABLE.write_text(sweep.to_csv(), encoding="utf-8")
     with plain_style():
         FIGURE.write_text(svg_text(plot_sweep(PATH, rows), "thickness"), encoding="utf-8")
 

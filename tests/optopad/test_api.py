@@ -12,18 +12,18 @@ import pytest
 
 import optopad
 from design.errors import DesignError, InputError
-from optopad.front.judged import Score
-from optopad.front.predicted import Prediction
-from optopad.front.tables import labelled
 from optopad.jobs import compare as comparing
 from optopad.jobs import sweep as sweeping
 from optopad.results.accuracy import Accuracy, accuracy_of
+from optopad.results.comparison import labelled
+from optopad.results.prediction import Prediction
+from optopad.results.score import Score
 from sims.continuity import scoring
 from sims.continuity.sweep import sweep_row
 from sims.evaluation.judged import JudgedPresses
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 PAIR = optopad.load("piacenza2017-pair")
 THICK = PAIR.with_(**{"cavity.clear_thickness_mm": 10.0})
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from design.spec import SensorDesign
-from optopad.front.shown import block, number, picture, table
 from optopad.results.accuracy import Accuracy, accuracy_lines
+from optopad.results.shown import block, number, picture, table
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -1,4 +1,10 @@
-"""The answer in sentences: what the verdict is, why, how sure, what it is worth. Screen and report say the same."""
+"""The sentences of a verdict: what holds, why, how robust it is, the resolution, what helps, how to measure a value.
+
+Tools by kind of quantity, coarsest first, with what each resolves. A calliper reads 0.01 or 0.02 mm and is 0.05 mm off
+on small or soft bodies; a measuring microscope is good to 0.01 mm. What a calibration resolves is the error of fitted
+values over ten simulated builds of thirty presses (docs/validation/calibration.md), rounded up: on a build it may be
+more. The other tools are usual ones of an optics bench, by order of magnitude.
+"""
 
 from __future__ import annotations
 
@@ -10,15 +16,15 @@ from typing import Any
 from design.fields.paths import get_at
 from design.spec import SensorDesign
 from design.spec.properties import used_values
-from optopad.report.text.measuring import tool_words
-from optopad.report.text.numbers import counted, spans
-from optopad.report.text.trials import fix_words, no_fix_words
+from optopad.screen.numbers import counted, spans
 from sims.bounds.observability import PadBounds
 from sims.continuity.headline import headline
 from sims.continuity.result import ContinuityScore
+from sims.continuity.trials import ENOUGH_MARGIN
 from sims.verdict.causes import Cause
 from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
 from sims.verdict.tolerance import ToleranceBand, ToleranceRow
+from sims.verdict.trial import Move, Trial
 
 USABLE_DOUBT_MM = 0.2
 """Range of the usable depth from which on it is told."""
@@ -34,6 +40,11 @@ UNITS = (
     ("_counts", " counts"),
     ("_ohm", " Ω"),
 )
+NAMES = {
+    "emitters.height_mm": "emitters",
+    "receivers.height_mm": "receivers",
+    "cavity.clear_thickness_mm": "clear layer",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -250,3 +261,115 @@ def unresolved(bounds: PadBounds, *, is_facing: bool) -> str:
         return ""
     words = "less than 1 %" if share < LEAST_SHARE else f"{100 * share:.0f} %"
     return f"; in {words} of the volume x, y and depth together are not resolved"
+
+
+def fix_words(trial: Trial | None) -> str:
+    """What helps, and the verdict that was traced with it; empty where nothing that was tried helps."""
+    if trial is None or trial.found == "none":
+        return ""
+    moved = ", ".join(_moved(one) for one in trial.moves)
+    verdict = f"{moved}: {trial_words(trial)} (traced: {trial.judged})"
+    return f"too few components: with {verdict}" if trial.found == "more parts" else verdict
+
+
+def trial_words(trial: Trial) -> str:
+    """The verdict of a trial, its usable depth and its margin."""
+    depth = "" if trial.usable_mm is None else f" to {trial.usable_mm:.3g} mm"
+    margin = "" if trial.margin is None else f", margin {trial.margin:.1f} sigma"
+    return f"{trial.verdict}{depth}{margin}"
+
+
+def command_words(trial: Trial) -> str:
+    """What the next command does, in short: the components that it moves, and the traced verdict."""
+    parts = " and ".join(one.parts for one in trial.moves if one.parts)
+    moves = f"moves {parts}; " if parts else ""
+    return f"{moves}trial: {trial_words(trial)}"
+
+
+def no_fix_words(trial: Trial | None) -> str:
+    """That no move helps, and what was tried; empty where one does or none was tried."""
+    if trial is None or trial.found == "move" or not trial.tried:
+        return ""
+    helps = "reaches deeper" if trial.kind == "fade" else "fixes it at every location"
+    more = ", nor does one more component a side" if trial.found == "none" and trial.more_parts_tried else ""
+    within = (
+        f"of {counted(len(trial.tried), 'move')} of heights and thickness by up to {trial.farthest_mm:g} mm"
+    )
+    return f"none {within} {helps}{more} (margin {ENOUGH_MARGIN:g} sigma or more)"
+
+
+def set_options(trial: Trial) -> str:
+    """The moves as options of a command."""
+    return " ".join(f"--set {one.path}={one.to:g}" for one in trial.moves)
+
+
+def _moved(move: Move) -> str:
+    if move.path not in NAMES:
+        field = move.path.rpartition(".")[2].replace("_", " ")
+        return f"{field} {move.to:g}" + ("" if move.was is None else f" in place of {move.was:g}")
+    assert move.was is not None
+    named = f"{NAMES[move.path]} {move.parts}".strip()
+    return f"{named} from {move.was:g} to {move.to:g} mm"
+
+
+PRESSES = 30
+"""Presses of the calibrations that `CALIBRATED` is from."""
+CALIBRATED = {
+    "height_mm": 0.015,
+    "clear_thickness_mm": 0.015,
+    "active_width_mm": 0.025,
+    "active_height_mm": 0.025,
+    "half_angle_deg": 0.02,
+    "refractive_index": 0.008,
+    "absorption_db_per_cm": 0.002,
+    "reflectance": 0.0015,
+}
+"""What a calibration resolves, by the end of a field's path [unit of the field]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Tool:
+    """A tool by name, and what it resolves [unit of the field]."""
+
+    name: str
+    resolves: float
+
+
+_CALLIPER = _Tool(name="a calliper", resolves=0.05)
+_MICROSCOPE = _Tool(name="a measuring microscope", resolves=0.01)
+TOOLS: dict[str, tuple[_Tool, ...]] = {
+    "active_width_mm": (_MICROSCOPE,),
+    "active_height_mm": (_MICROSCOPE,),
+    "_mm": (_CALLIPER, _MICROSCOPE),
+    "half_angle_deg": (_Tool(name="a photodiode turned around the LED", resolves=1.0),),
+    "_deg": (_Tool(name="a protractor", resolves=1.0),),
+    "refractive_index": (_Tool(name="an Abbe refractometer", resolves=0.0005),),
+    "absorption_db_per_cm": (
+        _Tool(name="a lamp and a photodiode through two lengths of silicone", resolves=0.1),
+    ),
+    "reflectance": (_Tool(name="a lamp and a photodiode against a white standard", resolves=0.01),),
+    "_ohm": (_Tool(name="a multimeter", resolves=1.0),),
+}
+"""By the end of a field's path, the coarsest first; the first end that fits counts."""
+
+
+def tool_words(path: str, within: float) -> str:
+    """How to measure a field to within that, with a colon before it; empty for a kind of quantity without tools here.
+
+    Parameters
+    ----------
+    path : dotted path of the field
+    within : how finely it must be known [unit of the field]
+    """
+    tools = next((found for end, found in TOOLS.items() if path.endswith(end)), ())
+    reach = next((value for end, value in CALIBRATED.items() if path.endswith(end)), None)
+    if not tools:
+        return ""
+    fine = next((one for one in tools if one.resolves <= within), None)
+    by = [] if fine is None else [f"by {fine.name}"]
+    if reach is not None and reach <= within and fine is not tools[0]:
+        by.append(f"by optopad calibrate with {PRESSES} presses")
+    if not by:
+        return f": finer than {tools[-1].name} resolves; a design with more margin is the way out"
+    coarse = f"not by {tools[0].name}; " if fine is not tools[0] else ""
+    return f": {coarse}{' or '.join(by)}"

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from design.fields.finding import Finding
 from design.spec import SensorDesign
-from optopad.front.shown import block, table
-from optopad.report.text.numbers import counted
+from optopad.results.shown import block, table
+from optopad.screen.numbers import counted
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -1,16 +1,40 @@
-"""How results show themselves in a notebook: a headline, a small table, one picture."""
+"""How results show themselves: as the command line's text; in a notebook as a headline, a small table, one picture."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Self
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 WIDTH_IN = 6.4
+
+
+class Result:
+    """A result that prints as the command line does."""
+
+    @property
+    def found(self) -> Self:
+        """This result; scripts for earlier versions ask it for the figures."""
+        return self
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        raise NotImplementedError
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as the command line prints with ``--json``."""
+        return self.to_json()
+
+    def lines(self) -> list[str]:
+        """The same as the command line prints, a line an entry."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        return "\n".join(self.lines())
 
 
 def block(title: str, lines: Iterable[str], *parts: str) -> str:

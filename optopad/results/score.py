@@ -1,93 +1,47 @@
-"""A scored design: verdict, figures, maps and plots."""
+"""A scored design: verdict, figures, maps and plots; and the bundle that a run makes of it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from design.errors import InputError
 from design.geometry.cavity import cavity_of
 from design.spec import SensorDesign
-from optopad.front.shown import block, drawn, picture
-from optopad.report.text.answer import answer_of
-from optopad.screen.one_screen import verdict_screen
-from sims.continuity.result import ContinuityScore, JudgedPair
+from optopad.results.shown import WIDTH_IN, block, drawn, picture
+from optopad.screen.answer import answer_of
+from optopad.screen.verdict import checks_line, verdict_screen
+from sims.continuity.result import ContinuityScore, JudgedPair, KeyFigures
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-Bound = Literal["location", "depth"]
 
-
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Score:
-    """The verdict on a design.
+@dataclass(frozen=True, init=False, repr=False)
+class Score(KeyFigures):
+    """The verdict on a design: figures, maps and plots.
 
     Attributes
     ----------
     design : what was judged
-    found : the whole score (`sims.continuity.ContinuityScore`), pairs, map, bounds and tolerance inside
+    found : the whole score (`sims.continuity.ContinuityScore`): pairs, map, bounds and tolerance
     """
 
     design: SensorDesign
     found: ContinuityScore
 
-    @property
-    def verdict(self) -> str:
-        """CONTIGUOUS, DEADBAND or OUT_OF_MODEL_SCOPE."""
-        return self.found.verdict
-
-    @property
-    def reason(self) -> str:
-        """Why the models do not answer; empty where they do."""
-        return self.found.reason
+    def __init__(self, *, design: SensorDesign, found: ContinuityScore) -> None:
+        figures = {one.name: getattr(found, one.name) for one in fields(KeyFigures)}
+        vars(self).update(figures, design=design, found=found)
 
     @property
     def deadband_mm(self) -> float:
-        """Summed length of the headline's deadbands [mm]."""
+        """Summed length of the deadbands [mm]."""
         return self.found.deadband_total_mm
-
-    @property
-    def deadbands_mm(self) -> tuple[tuple[float, float], ...]:
-        """Depths from and to of the headline's deadbands [mm]."""
-        return self.found.deadbands_mm
-
-    @property
-    def usable_depth_mm(self) -> float | None:
-        """Least depth of any place from which on depth is not told any more, or the deepest press [mm]."""
-        return self.found.usable_depth_mm
-
-    @property
-    def is_open(self) -> bool:
-        """Whether the light trace's own error may make or hide every deadband."""
-        return self.found.is_open
-
-    @property
-    def mode_gap_mm(self) -> float | None:
-        """From the end of mode 1 to the start of mode 2 [mm]; None where it is open."""
-        return self.found.mode_gap_mm
-
-    @property
-    def continuity(self) -> float | None:
-        """Of the governing pair, or the median pair [-]."""
-        return self.found.continuity
-
-    @property
-    def evenness(self) -> float | None:
-        """How evenly the signal is spread over depth [-]."""
-        return self.found.evenness
-
-    @property
-    def strength(self) -> dict[str, float] | None:
-        """Untouched light and counts, swing, resolvable steps."""
-        return self.found.strength
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What the verdict says beside itself."""
-        return self.found.warnings
 
     @property
     def pairs(self) -> tuple[str, ...]:
@@ -108,8 +62,7 @@ class Score:
         """
         from sims.continuity.maps_file import maps_dataset
 
-        self._require_answer()
-        return maps_dataset(self.design, self.found)
+        return maps_dataset(self.design, self._answered())
 
     @cached_property
     def signals(self) -> xr.Dataset:
@@ -121,8 +74,7 @@ class Score:
         """
         from sims.readings.signal_file import signals_dataset
 
-        self._require_answer()
-        light, readout = self.found.pad_signals, self.found.readout
+        light, readout = self._answered().pad_signals, self.found.readout
         assert light is not None
         assert readout is not None
         return signals_dataset(light, cavity_of(self.design), counts_per_flux=readout.counts_per_flux)
@@ -142,15 +94,14 @@ class Score:
         """Modes and deadbands of every judged pair."""
         from sims.plots.spans import plot_spans
 
-        self._require_answer()
-        return drawn(lambda own: plot_spans(self.found.pairs, own), ax, 1.0 + 0.22 * len(self.pairs))
+        pairs = self._answered().pairs
+        return drawn(lambda own: plot_spans(pairs, own), ax, 1.0 + 0.22 * len(self.pairs))
 
     def plot_map(self, ax: Axes | None = None) -> Axes:
         """Deadband at each place of the pad."""
         from sims.plots.maps import plot_deadband_map
 
-        self._require_answer()
-        found = self.found.pad_map
+        found = self._answered().pad_map
         assert found is not None
         return drawn(lambda own: plot_deadband_map(found, cavity_of(self.design), own), ax, 4.8)
 
@@ -158,8 +109,7 @@ class Score:
         """How far each place of the pad is from a deadband, in noise units."""
         from sims.plots.maps import plot_margin_map
 
-        self._require_answer()
-        found = self.found.pad_map
+        found = self._answered().pad_map
         assert found is not None
         return drawn(lambda own: plot_margin_map(found, cavity_of(self.design), own), ax, 4.8)
 
@@ -167,8 +117,7 @@ class Score:
         """Deadband of the governing pair at both ends of every value that nobody has measured."""
         from sims.plots.tolerance import plot_tolerance
 
-        self._require_answer()
-        band = self.found.tolerance
+        band = self._answered().tolerance
         assert band is not None
         return drawn(lambda own: plot_tolerance(band, own), ax, 1.2 + 0.3 * len(band.rows))
 
@@ -181,25 +130,63 @@ class Score:
         rest = [text for text in (said.verdict, said.why, said.sure, said.worth) if text]
         if self.verdict == "OUT_OF_MODEL_SCOPE":
             return block(head, rest)
+        return block(head, rest, picture(self._sheet, f"score-{self.design.digest[:8]}"))
+
+    def _sheet(self) -> Figure:
+        """The signal of the governing pair on a figure of its own, which no window shows."""
         from matplotlib.figure import Figure
 
-        from sims.plots.signal import plot_signal
-
-        def figure() -> Figure:
-            sheet = Figure(figsize=(6.4, 3.6), layout="constrained")
-            plot_signal(self._pair(None), sheet.add_subplot())
-            return sheet
-
-        return block(head, rest, picture(figure, f"score-{self.design.digest[:8]}"))
+        sheet = Figure(figsize=(WIDTH_IN, 3.6), layout="constrained")
+        self.plot_signal(ax=sheet.add_subplot())
+        return sheet
 
     def _pair(self, name: str | None) -> JudgedPair:
-        self._require_answer()
-        wanted = self.found.governing if name is None else name
-        for pair in self.found.pairs:
+        found = self._answered()
+        wanted = found.governing if name is None else name
+        for pair in found.pairs:
             if pair.name == wanted:
                 return pair
         raise InputError(f"plot_signal: {wanted!r} is no judged pair; there are {', '.join(self.pairs)}")
 
-    def _require_answer(self) -> None:
+    def _answered(self) -> ContinuityScore:
+        """The whole score; refused where the models do not cover the design."""
         if self.found.pad_map is None or not self.found.pairs:
             raise InputError(f"{self.design.name}: nothing was computed, {self.reason or 'a verdict only'}")
+        return self.found
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Bundle:
+    """The bundle of a design: mold, verdict, sheets, firmware, driver configuration, report.
+
+    Attributes
+    ----------
+    folder : the bundle's folder
+    score : the verdict
+    checks : the mold's checks, as in `cad/checks.json`
+    """
+
+    folder: Path
+    score: Score
+    checks: dict[str, Any]
+
+    @property
+    def report(self) -> Path:
+        """The page with everything at a glance."""
+        return self.folder / "report.html"
+
+    @property
+    def driver(self) -> Path:
+        """The configuration that `fabrication.driver.Sensor` takes."""
+        return self.folder / "fabrication" / "driver.toml"
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Every file of the bundle."""
+        return tuple(sorted(path for path in self.folder.rglob("*") if path.is_file()))
+
+    def __repr__(self) -> str:
+        return f"{self.folder}\n{self.score!r}\n{checks_line(self.checks)}"
+
+    def _repr_html_(self) -> str:
+        return block(str(self.folder), (checks_line(self.checks),), self.score._repr_html_())

@@ -11,16 +11,16 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from design.progress import OnStep
+from design.progress import OnStep, silent
 
 if TYPE_CHECKING:
     from design.spec import SensorDesign
-    from optopad.front.checked import Checked
-    from optopad.front.improved import Improved
-    from optopad.front.judged import Score
-    from optopad.front.predicted import Prediction
-    from optopad.front.tables import Compared, Swept
-    from optopad.front.written import Bundle
+    from optopad.results.checked import Checked
+    from optopad.results.comparison import Comparison
+    from optopad.results.improvement import Improvement
+    from optopad.results.prediction import Prediction
+    from optopad.results.score import Bundle, Score
+    from optopad.results.sweep import Sweep
 
 OUT = "outputs"
 """Folder of the bundles, as on the command line."""
@@ -66,7 +66,7 @@ def save(design: SensorDesign, file: str | PathLike[str]) -> Path:
 def check(design: SensorDesign) -> Checked:
     """Does it fit, can it be built, can it be judged? What `optopad check` lists."""
     from design.rules.check import check as findings_of
-    from optopad.front.checked import Checked
+    from optopad.results.checked import Checked
 
     return Checked(design=design, findings=findings_of(design))
 
@@ -91,7 +91,7 @@ def score(
     ------
     DesignError : the design breaks a rule; `check` lists them.
     """
-    from optopad.front.judged import Score
+    from optopad.results.score import Score
     from sims.continuity.scoring import score as judge
 
     return Score(design=design, found=judge(design, fine=fine, full=full, seed=seed, on_step=on_step))
@@ -106,20 +106,18 @@ def sweep(
     seed: int = 0,
     out: str | PathLike[str] = OUT,
     on_step: OnStep | None = None,
-) -> Swept:
+) -> Sweep:
     """A design judged at several values of one field; table and figure also go into its bundle.
 
     Raises
     ------
     DesignError, InputError : a field or value that is refused; nothing was computed.
     """
-    from optopad.front.tables import Swept
     from optopad.jobs.sweep import run_sweep
 
-    made = run_sweep(
-        design, field, values, Path(out), fine=fine, seed=seed, build=False, on_step=on_step or _silent
+    return run_sweep(
+        design, field, values, Path(out), fine=fine, seed=seed, build=False, on_step=on_step or silent
     )
-    return Swept(found=made)
 
 
 def compare(
@@ -129,7 +127,7 @@ def compare(
     seed: int = 0,
     out: str | PathLike[str] = OUT,
     on_step: OnStep | None = None,
-) -> Compared:
+) -> Comparison:
     """Designs side by side: what differs, and which is better at what. Page and figure go into the first one's bundle.
 
     Parameters
@@ -141,14 +139,11 @@ def compare(
     ------
     DesignError, InputError : too few, the same one twice, or one that breaks a rule.
     """
-    from optopad.front.tables import Compared, labelled
     from optopad.jobs.compare import compare as hold
+    from optopad.results.comparison import labelled
 
     named = labelled(designs)
-    found = hold(
-        list(named.values()), list(named), Path(out), fine=fine, seed=seed, on_step=on_step or _silent
-    )
-    return Compared(found=found)
+    return hold(list(named.values()), list(named), Path(out), fine=fine, seed=seed, on_step=on_step or silent)
 
 
 def improve(
@@ -161,7 +156,7 @@ def improve(
     seed: int = 0,
     out: str | PathLike[str] = OUT,
     on_step: OnStep | None = None,
-) -> Improved:
+) -> Improvement:
     """Up to four verified changes that mend or better a design, as designs and as files; the same call goes on.
 
     Parameters
@@ -175,10 +170,9 @@ def improve(
     ------
     DesignError, InputError : a design, field, range or budget that is refused.
     """
-    from optopad.front.improved import Improved
     from optopad.jobs.improvement import improve as search_around
 
-    made = search_around(
+    return search_around(
         design,
         Path(out),
         vary=vary,
@@ -186,9 +180,8 @@ def improve(
         more_parts=more_parts,
         budget_min=budget_min,
         seed=seed,
-        on_step=on_step or _silent,
+        on_step=on_step,
     )
-    return Improved(found=made)
 
 
 def predict(
@@ -211,9 +204,9 @@ def predict(
     ------
     DesignError, InputError : the design or a name that is refused.
     """
-    from optopad.front.predicted import Prediction
     from optopad.jobs.prediction import QUICK, USUAL
     from optopad.jobs.prediction import predict as foretell
+    from optopad.results.prediction import Prediction
 
     found, folder = foretell(
         design,
@@ -221,7 +214,7 @@ def predict(
         effort=QUICK if quick else USUAL,
         learners=learners,
         seed=seed,
-        on_step=on_step or _silent,
+        on_step=on_step or silent,
     )
     return Prediction(design=design, found=found, folder=folder)
 
@@ -241,13 +234,6 @@ def run(
     DesignError : the design breaks a rule.
     OutputError : the folder cannot be written.
     """
-    from optopad.front.judged import Score
-    from optopad.front.written import Bundle
     from optopad.jobs.pipeline import run as make
 
-    made = make(design, Path(out), fine=fine, seed=seed, on_step=on_step or _silent)
-    return Bundle(folder=made.folder, score=Score(design=design, found=made.score), checks=made.checks)
-
-
-def _silent(_stage: str, _share: float) -> None:
-    return None
+    return make(design, Path(out), fine=fine, seed=seed, on_step=on_step or silent)
