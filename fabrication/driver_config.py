@@ -1,12 +1,13 @@
 """Driver configuration of exactly this geometry: design in, `driver.toml` out.
 
 Every index, pin and place comes from `fabrication.connections`; times and bytes from
-`design.circuit.timing`. Reading it back needs nothing of this: see `fabrication.driver_file`.
+`design.circuit.timing`. The records, and their reader, are in `fabrication.driver_file`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from statistics import median
 from typing import Any
 
@@ -23,14 +24,26 @@ from design.parts.assumptions import assumption
 from design.parts.catalog import Board
 from design.spec import SensorDesign
 from fabrication.bundle import versions
-from fabrication.connections import Connection, Connections, connections_of
-from fabrication.driver_file import CHECKSUM, FORMAT_VERSION, content_sha256, load_driver_config
+from fabrication.connections import Connection, connections_of
+from fabrication.driver_file import (
+    FORMAT_VERSION,
+    AmbientRule,
+    BoardSetup,
+    DriverConfig,
+    EmitterEntry,
+    ExpectedPattern,
+    FrameLayout,
+    GainNote,
+    ReceiverEntry,
+    StateEntry,
+    SurfaceEntry,
+    TimingBudget,
+    Units,
+    WorkspaceLimits,
+    content_sha256,
+)
 from fabrication.firmware.settings import firmware_gaps, firmware_settings
-
-__all__ = ["driver_config", "dump_driver_config", "load_driver_config"]
-
-
-US_PER_MS = timing.US_PER_MS
+from fabrication.record import plain_of
 
 HEADING = (
     "Driver configuration of one sensor design; written by optopad, read by the PC beside the sensor.",
@@ -57,8 +70,8 @@ def driver_config(
     design: SensorDesign,
     counts_per_flux: float | Sequence[float] | None = None,
     untouched_counts: FloatArray | None = None,
-) -> dict[str, Any]:
-    """The configuration as plain data.
+) -> DriverConfig:
+    """The configuration of a design.
 
     Parameters
     ----------
@@ -70,28 +83,40 @@ def driver_config(
     DesignError : pins or parts that the board or the catalogue does not have.
     """
     connections, board = connections_of(design), board_of(design)
-    counts = len(connections.emitters), len(connections.receivers)
-    document = {
-        "format_version": FORMAT_VERSION,
-        "design": design.name,
-        "digest": design.digest,
-        "optopad": versions()["optopad"],
-        CHECKSUM: "",
-        "units": {"length": "mm", "time": "us or ms, as named", "rate": "Hz", "reading": "ADC counts"},
-        "board": _board(design, board),
-        "frame": _frame(board, *counts),
-        "timing": _timing(design, board, *counts),
-        "workspace": _workspace(design),
-        "surface": _surface(design),
-        "ambient": {"subtract_state": counts[0]},
-        "gain": _gain(design, counts_per_flux, counts[1]),
-        "states": _states(connections),
-        "emitters": [_emitter(one) for one in connections.emitters],
-        "receivers": [_receiver(one) for one in connections.receivers],
-        **_expected(untouched_counts),
-    }
-    document[CHECKSUM] = content_sha256(document)
-    return document
+    lit = [one.part.name for one in connections.emitters]
+    counts = len(lit), len(connections.receivers)
+    config = DriverConfig(
+        format_version=FORMAT_VERSION,
+        design=design.name,
+        digest=design.digest,
+        optopad=versions()["optopad"],
+        content_sha256="",
+        units=Units(length="mm", time="us or ms, as named", rate="Hz", reading="ADC counts"),
+        board=_board(design, board),
+        frame=_frame(board, *counts),
+        timing=_timing(design, board, *counts),
+        workspace=_workspace(design),
+        surface=_surface(design),
+        ambient=AmbientRule(subtract_state=counts[0]),
+        gain=_gain(design, counts_per_flux, counts[1]),
+        states=tuple(StateEntry(number=k, emitter=name) for k, name in enumerate([*lit, ""])),
+        emitters=tuple(
+            EmitterEntry(name=one.part.name, pin=one.pin_number, state=one.number, **_place(one))
+            for one in connections.emitters
+        ),
+        receivers=tuple(
+            ReceiverEntry(
+                name=one.part.name,
+                channel=one.pin,
+                channel_number=one.pin_number,
+                column=one.number,
+                **_place(one),
+            )
+            for one in connections.receivers
+        ),
+        expected=_expected(untouched_counts),
+    )
+    return replace(config, content_sha256=content_sha256(plain_of(config)))
 
 
 def dump_driver_config(
@@ -99,171 +124,144 @@ def dump_driver_config(
     counts_per_flux: float | Sequence[float] | None = None,
     untouched_counts: FloatArray | None = None,
 ) -> str:
-    """The configuration as TOML text with comments."""
+    """The configuration as TOML text with comments; parameters and errors as `driver_config`."""
     text = tomlkit.document()
     for line in HEADING:
         text.add(tomlkit.comment(line))
-    for key, value in driver_config(design, counts_per_flux, untouched_counts).items():
+    for key, value in plain_of(driver_config(design, counts_per_flux, untouched_counts)).items():
         if isinstance(value, dict):
-            text.add(key, _table(key, value))
+            text.add(key, _table(value, TABLE_COMMENTS.get(key)))
         elif isinstance(value, list):
-            text.add(key, _tables(key, value))
+            text.add(key, _tables(value, TABLE_COMMENTS[key]))
         else:
             text.add(key, value)
     return tomlkit.dumps(text)
 
 
-def _board(design: SensorDesign, board: Board) -> dict[str, Any]:
+def _board(design: SensorDesign, board: Board) -> BoardSetup:
     use = design.board
-    return {
-        "kind": use.kind,
-        "title": board.title,
-        "clock_hz": board.clock_hz,
-        "adc_bits": board.adc_bits,
-        "adc_reference": f"board supply, taken as {assumption('supply_v').value:g} V",
-        "adc_clocks_per_conversion": board.adc_clocks_per_conversion,
-        "adc_prescaler": use.adc_prescaler,
-        "settle_us": use.settle_us,
-        "baud": use.baud,
-        "made_baud": timing.made_baud(board.clock_hz, use.baud),
-        "baud_error": timing.baud_error(board.clock_hz, use.baud),
-        "link_number": board.link_number,
-        "usb_ids": list(board.usb_ids),
-        "bridge_usb_ids": list(board.bridge_usb_ids),
-        "boot_s": board.boot_s,
-        **_program(design),
-    }
+    return BoardSetup(
+        kind=use.kind,
+        title=board.title,
+        clock_hz=board.clock_hz,
+        adc_bits=board.adc_bits,
+        adc_reference=f"board supply, taken as {assumption('supply_v').value:g} V",
+        adc_clocks_per_conversion=board.adc_clocks_per_conversion,
+        adc_prescaler=use.adc_prescaler,
+        settle_us=use.settle_us,
+        baud=use.baud,
+        made_baud=timing.made_baud(board.clock_hz, use.baud),
+        baud_error=timing.baud_error(board.clock_hz, use.baud),
+        link_number=board.link_number,
+        usb_ids=tuple(board.usb_ids),
+        bridge_usb_ids=tuple(board.bridge_usb_ids),
+        boot_s=board.boot_s,
+        config_crc=None if firmware_gaps(design) else firmware_settings(design).config_crc(),
+    )
 
 
-def _program(design: SensorDesign) -> dict[str, int]:
-    """What the firmware says of itself, where one can be made for the board."""
-    return {} if firmware_gaps(design) else {"config_crc": firmware_settings(design).config_crc()}
-
-
-def _frame(board: Board, emitter_count: int, receiver_count: int) -> dict[str, Any]:
+def _frame(board: Board, emitter_count: int, receiver_count: int) -> FrameLayout:
     states = timing.state_count(emitter_count)
     total = timing.frame_bytes(emitter_count, receiver_count, board.adc_bits)
-    around = {
-        "magic_bytes": timing.MAGIC_BYTES,
-        "version_bytes": timing.VERSION_BYTES,
-        "sequence_bytes": timing.SEQUENCE_BYTES,
-        "time_bytes": timing.TIME_BYTES,
-        "check_bytes": timing.CHECK_BYTES,
-    }
-    return {
-        "order": ["state", "receiver"],
-        "states": states,
-        "receivers": receiver_count,
-        "readings": states * receiver_count,
-        "bits_per_reading": board.adc_bits,
-        **around,
-        "reading_bytes": total - sum(around.values()),
-        "total_bytes": total,
-    }
+    head = timing.MAGIC_BYTES + timing.VERSION_BYTES + timing.SEQUENCE_BYTES + timing.TIME_BYTES
+    return FrameLayout(
+        order=("state", "receiver"),
+        states=states,
+        receivers=receiver_count,
+        readings=states * receiver_count,
+        bits_per_reading=board.adc_bits,
+        magic_bytes=timing.MAGIC_BYTES,
+        version_bytes=timing.VERSION_BYTES,
+        sequence_bytes=timing.SEQUENCE_BYTES,
+        time_bytes=timing.TIME_BYTES,
+        check_bytes=timing.CHECK_BYTES,
+        reading_bytes=total - head - timing.CHECK_BYTES,
+        total_bytes=total,
+    )
 
 
-def _timing(design: SensorDesign, board: Board, emitter_count: int, receiver_count: int) -> dict[str, Any]:
+def _timing(design: SensorDesign, board: Board, emitter_count: int, receiver_count: int) -> TimingBudget:
     use = design.board
     sent = timing.frame_bytes(emitter_count, receiver_count, board.adc_bits)
     frame_ms = timing.frame_time_ms(board, use, emitter_count, receiver_count)
-    return {
-        "conversion_us": timing.conversion_time_ms(board, use.adc_prescaler) * US_PER_MS,
-        "settle_us": use.settle_us,
-        "link_ms": timing.link_time_ms(sent, use.baud),
-        "frame_ms": frame_ms,
-        "possible_hz": timing.MS_PER_S / frame_ms,
-        "wanted_hz": use.frame_rate_hz,
-    }
+    return TimingBudget(
+        conversion_us=timing.conversion_time_ms(board, use.adc_prescaler) * timing.US_PER_MS,
+        settle_us=use.settle_us,
+        link_ms=timing.link_time_ms(sent, use.baud),
+        frame_ms=frame_ms,
+        possible_hz=timing.MS_PER_S / frame_ms,
+        wanted_hz=use.frame_rate_hz,
+    )
 
 
-def _surface(design: SensorDesign) -> dict[str, Any]:
+def _surface(design: SensorDesign) -> SurfaceEntry:
     plan, crown = plan_of(design), design.crown
-    return {
-        "top_mm": [*plan.centre_mm, plan.clear_mm],
-        "crown": "none" if crown is None else crown.shape,
-        **({} if crown is None else {"radius_mm": crown.radius_mm}),
-        **({} if crown is None or crown.axis is None else {"axis": crown.axis}),
-    }
+    top_mm = (*plan.centre_mm, plan.clear_mm)
+    if crown is None:
+        return SurfaceEntry(top_mm=top_mm, crown="none")
+    return SurfaceEntry(top_mm=top_mm, crown=crown.shape, radius_mm=crown.radius_mm, axis=crown.axis)
 
 
-def _workspace(design: SensorDesign) -> dict[str, Any]:
+def _workspace(design: SensorDesign) -> WorkspaceLimits:
     area = workspace_of(design)
-    return {
-        "x0_mm": area.x0_mm,
-        "x1_mm": area.x1_mm,
-        "y0_mm": area.y0_mm,
-        "y1_mm": area.y1_mm,
-        "max_depth_mm": design.operating.max_depth_mm,
-        **({} if area.kind == "rectangle" else {"outline": area.kind}),
-    }
+    return WorkspaceLimits(
+        x0_mm=area.x0_mm,
+        x1_mm=area.x1_mm,
+        y0_mm=area.y0_mm,
+        y1_mm=area.y1_mm,
+        max_depth_mm=design.operating.max_depth_mm,
+        outline="disc" if area.kind == "disc" else None,
+    )
 
 
-def _gain(
-    design: SensorDesign, counts_per_flux: float | Sequence[float] | None, receivers: int
-) -> dict[str, Any]:
-    given, rule = design.gain.feedback_ohm, {"target_counts": design.gain.target_counts}
-    document: dict[str, Any] = {**rule, "rule": given if isinstance(given, str) else "ohms"}
+def _gain(design: SensorDesign, counts_per_flux: float | Sequence[float] | None, receivers: int) -> GainNote:
+    given = design.gain.feedback_ohm
     if isinstance(counts_per_flux, (int, float)):
         counts_per_flux = (float(counts_per_flux),) * receivers
     feedbacks = feedbacks_of(design, counts_per_flux)
     if feedbacks is not None:
         counts_per_flux = counts_per_flux or [one.counts_per_flux for one in feedbacks]
-    if counts_per_flux is not None:
-        document["counts_per_flux"] = float(median(counts_per_flux))
-        document["receiver_counts_per_flux"] = [float(one) for one in counts_per_flux]
-    if feedbacks is not None:
-        document["feedback_ohm"] = [one.standard_ohm for one in feedbacks]
-        document["feedback_pf"] = [one.capacitor_pf for one in feedbacks]
-    return document
-
-
-def _states(connections: Connections) -> list[dict[str, Any]]:
-    lit = [{"number": one.number, "emitter": one.part.name} for one in connections.emitters]
-    return [*lit, {"number": len(lit), "emitter": ""}]
-
-
-def _emitter(one: Connection) -> dict[str, Any]:
-    return {"name": one.part.name, "pin": one.pin_number, "state": one.number, **_place(one)}
-
-
-def _receiver(one: Connection) -> dict[str, Any]:
-    wired = {"channel": one.pin, "channel_number": one.pin_number, "column": one.number}
-    return {"name": one.part.name, **wired, **_place(one)}
+    each = None if counts_per_flux is None else tuple(float(one) for one in counts_per_flux)
+    return GainNote(
+        target_counts=design.gain.target_counts,
+        rule=given if isinstance(given, str) else "ohms",
+        counts_per_flux=None if each is None else median(each),
+        receiver_counts_per_flux=each,
+        feedback_ohm=None if feedbacks is None else tuple(one.standard_ohm for one in feedbacks),
+        feedback_pf=None if feedbacks is None else tuple(one.capacitor_pf for one in feedbacks),
+    )
 
 
 def _place(one: Connection) -> dict[str, Any]:
+    """The fields that emitters and receivers share."""
+    part = one.part.part
     return {
-        "position_mm": list(one.position_mm),
+        "position_mm": one.position_mm,
         "wall": one.part.wall,
-        "normal": list(one.normal),
+        "normal": one.normal,
         "part": one.part.part_id,
-        "active_mm": [one.part.part.active_width_mm.value, one.part.part.active_height_mm.value],
+        "active_mm": (part.active_width_mm.value, part.active_height_mm.value),
     }
 
 
-def _expected(untouched_counts: FloatArray | None) -> dict[str, Any]:
+def _expected(untouched_counts: FloatArray | None) -> ExpectedPattern | None:
     if untouched_counts is None:
-        return {}
-    rows = [[round(float(count), 1) for count in row] for row in untouched_counts]
-    return {"expected": {"source": "simulated, untouched", "untouched_counts": rows}}
+        return None
+    rows = tuple(tuple(round(float(count), 1) for count in row) for row in untouched_counts)
+    return ExpectedPattern(source="simulated, untouched", untouched_counts=rows)
 
 
-def _table(key: str, values: dict[str, Any]) -> Table:
+def _table(values: dict[str, Any], comment: str | None) -> Table:
     table = tomlkit.table()
-    if key in TABLE_COMMENTS:
-        table.comment(TABLE_COMMENTS[key])
+    if comment is not None:
+        table.comment(comment)
     for name, value in values.items():
         table.add(name, value)
     return table
 
 
-def _tables(key: str, rows: list[dict[str, Any]]) -> AoT:
+def _tables(rows: list[dict[str, Any]], comment: str) -> AoT:
     tables = tomlkit.aot()
     for place, row in enumerate(rows):
-        table = tomlkit.table()
-        if place == 0:
-            table.comment(TABLE_COMMENTS[key])
-        for name, value in row.items():
-            table.add(name, value)
-        tables.append(table)
+        tables.append(_table(row, comment if place == 0 else None))
     return tables

@@ -130,26 +130,9 @@ class FrameLayout:
     version_bytes: int
     sequence_bytes: int
     time_bytes: int
-    reading_bytes: int
     check_bytes: int
+    reading_bytes: int
     total_bytes: int
-
-    def index_of(self, state: int, column: int) -> int:
-        """Place of a reading in the frame, from 0."""
-        if not (0 <= state < self.states and 0 <= column < self.receivers):
-            raise InputError(
-                f"reading (state {state}, column {column}) is not in a frame of {self.states} states and "
-                f"{self.receivers} columns; both count from 0"
-            )
-        return state * self.receivers + column
-
-    def reading_at(self, index: int) -> tuple[int, int]:
-        """State and column of the reading at a place in the frame."""
-        if not 0 <= index < self.readings:
-            raise InputError(
-                f"reading {index} is not in a frame of {self.readings} readings, which count from 0"
-            )
-        return divmod(index, self.receivers)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -276,13 +259,13 @@ class DriverConfig:
     frame: FrameLayout
     timing: TimingBudget
     workspace: WorkspaceLimits
+    surface: SurfaceEntry | None = None
     ambient: AmbientRule
     gain: GainNote
     states: tuple[StateEntry, ...]
     emitters: tuple[EmitterEntry, ...]
     receivers: tuple[ReceiverEntry, ...]
     expected: ExpectedPattern | None = None
-    surface: SurfaceEntry | None = None
 
 
 def load_driver_config(path: str | os.PathLike[str], *, digest: str | None = None) -> DriverConfig:

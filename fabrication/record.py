@@ -1,4 +1,4 @@
-"""Plain data from a file into frozen dataclasses: every field there, none beside, each of its type.
+"""Plain data from a file into frozen dataclasses and back; missing, unknown and mistyped fields are refused.
 
 Understands str, int, float (finite; whole numbers pass), lists as tuples, nested dataclasses, and
 `X | None` for what may be absent. Needs the standard library only.
@@ -42,6 +42,14 @@ def record_of(kind: type[Record], data: Any, path: str = "") -> Record:
         elif field.default is MISSING:
             raise RecordError(f"{_join(path, field.name)}: is missing")
     return kind(**values)
+
+
+def plain_of(value: Any) -> Any:
+    """A frozen dataclass as the nested plain data that `record_of` reads; fields that are None are left out."""
+    if is_dataclass(value):
+        named = {field.name: getattr(value, field.name) for field in fields(value)}
+        return {name: plain_of(entry) for name, entry in named.items() if entry is not None}
+    return [plain_of(entry) for entry in value] if isinstance(value, tuple) else value
 
 
 def _value(hint: Any, value: Any, path: str) -> Any:

@@ -26,6 +26,7 @@ from design.fields.packaged import packaged_or_own
 from design.fields.validation import design_error
 from design.geometry.cavity import workspace_of
 from design.io import read_toml
+from design.recordings import DataSetInfo
 from design.shape.outline import Outline, rectangle
 from design.spec import SensorDesign, canonical_json
 
@@ -85,6 +86,11 @@ class PressSet(Model):
         if (self.grid_mm is None) == (self.random_places is None):
             raise ValueError(f"{self.name}: give grid_mm or random_places, one of the two")
         return self
+
+    @property
+    def info(self) -> DataSetInfo:
+        """What a recording says of the set."""
+        return DataSetInfo(name=self.name, role=self.role, pattern=self.pattern, is_ambient=self.is_ambient)
 
     @property
     def pattern(self) -> str:

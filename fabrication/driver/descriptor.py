@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from design.arrays import FloatArray
+from design.recordings import OFF
 from fabrication.driver_file import DriverConfig, EmitterEntry, ReceiverEntry, SurfaceEntry, WorkspaceLimits
-
-OFF = "off"
 
 
 @dataclass(frozen=True, kw_only=True)

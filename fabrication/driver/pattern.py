@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.arrays import BoolArray, FloatArray
+from design.recordings import signals_of
 from fabrication.driver.descriptor import Descriptor, PartArray
 
 FLOOR_COUNTS = 8.0
@@ -54,10 +55,10 @@ class Pattern:
 def pattern_of(counts: NDArray[np.uint16], found: Descriptor) -> Pattern:
     """Mean readings of (n, state, receiver) counts beside the descriptor's expected ones, which it must have."""
     assert found.expected_counts is not None, "asked for by the caller"
-    mean = counts.mean(axis=0)
+    mean: FloatArray = counts.mean(axis=0)
     lit = mean[:-1]
     return Pattern(
-        measured=lit - mean[-1],
+        measured=signals_of(mean),
         expected=found.expected_counts,
         is_clipped=lit >= CLIP_SHARE * found.full_scale,
         is_meant_to_clip=found.expected_counts >= CLIP_SHARE * found.full_scale,

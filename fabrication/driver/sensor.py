@@ -100,13 +100,13 @@ class Sensor:
         self._not_ports = tuple(not_ports)
         self._on_wait = on_wait or on_standard_error
         self._gather_s = gather_s
-        self._decoder = FrameDecoder(self.config, frame_format(self.config))
+        self._decoder = FrameDecoder(frame_format(self.config))
         self._stream: Stream | None = None
         self._found_port: str | None = None
 
     def __enter__(self) -> Self:
         self._found_port = None
-        self._decoder = FrameDecoder(self.config, frame_format(self.config))
+        self._decoder = FrameDecoder(frame_format(self.config))
         self._stream = Stream(self._connected, self._decoder, interval_us(self._rate_hz), self._checked)
         try:
             self._stream.begin()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -63,8 +64,7 @@ def write_protocol_data(
         "file": str(out / bundle_name(design) / "sims" / file.name),
         "protocol": counted,
         "sets": [
-            {"name": one.name, "role": one.role, "pattern": one.pattern, "is_ambient": one.is_ambient}
-            | {"presses": presses}
+            asdict(one) | {"presses": presses}
             for one, presses in zip(data.sets, counted["presses"], strict=True)
         ],
         "samples": len(data),

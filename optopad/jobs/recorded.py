@@ -20,7 +20,7 @@ from sims.readings.recording import read_recording
 
 
 @dataclass(frozen=True, kw_only=True)
-class Recorded:
+class ComparedRecording:
     """A comparison with a recording, and where it was written."""
 
     press: RecordedPress
@@ -50,7 +50,7 @@ def compare_recording(
     at: str | None,
     seed: int,
     on_step: OnStep,
-) -> Recorded:
+) -> ComparedRecording:
     """Lay a recording over the simulated press.
 
     Raises
@@ -67,7 +67,7 @@ def compare_recording(
     press = recorded_press(design, recording, pairs=tuple(pairs), at_mm=_parsed_place(at), seed=seed)
     on_step("light", 1.0)
     name = hashlib.sha256(file.read_bytes()).hexdigest()[:8]
-    found = Recorded(
+    found = ComparedRecording(
         press=press,
         digest=design.digest,
         recording=str(file),
@@ -84,7 +84,7 @@ def compare_recording(
     return found
 
 
-def recorded_lines(found: Recorded) -> list[str]:
+def recorded_lines(found: ComparedRecording) -> list[str]:
     """The comparison in a few lines."""
     x_mm, y_mm = found.press.place_mm
     lines = [f"press     at x {x_mm:g}, y {y_mm:g} mm"]

@@ -6,7 +6,6 @@ in `outputs`, or, where it has none yet, one made here, in memory.
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,7 +16,7 @@ from design.progress import OnStep
 from design.spec import SensorDesign
 from design.toml_text import parsed_toml
 from fabrication.driver.simulated.press_table import PressTable, table_from_signals, table_of, untouched_table
-from fabrication.driver_file import DriverConfig, config_from_document, load_driver_config
+from fabrication.driver_file import DriverConfig, load_driver_config
 
 if TYPE_CHECKING:
     from fabrication.gain import SimulatedGain
@@ -134,12 +133,11 @@ def _simulated_table(design: SensorDesign, gain: SimulatedGain, *, seed: int, on
 
 
 def _config(design: SensorDesign, gain: SimulatedGain | None) -> DriverConfig:
-    from fabrication.driver_config import dump_driver_config
+    from fabrication.driver_config import driver_config
 
-    each = None if gain is None else gain.counts_per_flux
-    untouched = None if gain is None else gain.untouched_readings(design)
-    text = dump_driver_config(design, each, untouched)
-    return config_from_document(tomllib.loads(text), where="driver.toml")
+    if gain is None:
+        return driver_config(design)
+    return driver_config(design, gain.counts_per_flux, gain.untouched_readings(design))
 
 
 def source_of(design: SensorDesign, out: Path) -> DriverSource:

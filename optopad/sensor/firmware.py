@@ -80,9 +80,8 @@ def image_to_upload(design: SensorDesign, out: Path, *, seed: int) -> Path:
 def board_setup(design: SensorDesign) -> BoardSetup:
     """The board as the driver sees it: its USB identities, its line."""
     from fabrication.driver_config import driver_config
-    from fabrication.driver_file import config_from_document
 
-    return config_from_document(driver_config(design), where="driver.toml").board
+    return driver_config(design).board
 
 
 def given_image(file: Path) -> Path:

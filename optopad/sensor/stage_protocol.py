@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from design.protocols.press import load_protocol_file
+from design.recordings import DataSetInfo
 from design.spec import SensorDesign
-from fabrication.driver.recording.press_labels import SetEntry
 from fabrication.stage.press_list import PressList, press_list
 from fabrication.stage.stage import Position
 
@@ -28,11 +28,10 @@ def protocol_presses(design: SensorDesign, protocol: str, *, seed: int = 0) -> P
     said = load_protocol_file(protocol)
     depths = said.depth_mm.tolist()
 
-    def rows() -> Iterator[tuple[SetEntry, int, Position]]:
+    def rows() -> Iterator[tuple[DataSetInfo, int, Position]]:
         for number, (one, places) in enumerate(zip(said.sets, said.places_mm(design), strict=True)):
-            entry = SetEntry(name=one.name, role=one.role, pattern=one.pattern, is_ambient=one.is_ambient)
             order = np.random.default_rng([seed, number]).permutation(len(places))
             for place, (x, y) in enumerate(places[order].tolist()):
-                yield from ((entry, place, (x, y, depth)) for depth in depths)
+                yield from ((one.info, place, (x, y, depth)) for depth in depths)
 
     return press_list(rows())

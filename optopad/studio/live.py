@@ -125,8 +125,6 @@ class LiveSensor:
     ) -> None:
         self._config = source_of(design, bundles).config
         self._said: Descriptor = descriptor_of(self._config)
-        self._lit = [emitter.state for emitter in self._config.emitters]
-        self._dark = self._config.ambient.subtract_state
         self._model = None if model is None else fitting_model(model, self._config)
         require_digest(accept_digest)
         self._accept_digest = accept_digest
@@ -330,7 +328,7 @@ class LiveSensor:
             signals=frame.signals,
             baseline=baseline,
             normalised=None if baseline is None else normalised(frame.signals, baseline),
-            saturated=frame.saturated[self._lit] | frame.saturated[self._dark],
+            saturated=frame.saturated[:-1] | frame.saturated[-1],
             expected=self._expected,
             touch=touch,
             problems=self._problems,

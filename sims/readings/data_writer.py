@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import InputError
+from design.recordings import sets_json
 from design.whole_file import made_folder, unwritable, whole_file
 from sims.readings.press_data import PressData
 
@@ -289,7 +290,7 @@ def _columns(header: PressData) -> dict[str, tuple[str, int | None, str, dict[st
 def _attributes(header: PressData) -> dict[str, Any]:
     found: dict[str, Any] = {
         "title": "optopad press data",
-        "sets": json.dumps([asdict(one) for one in header.sets]),
+        "sets": sets_json(header.sets),
         "attributes": json.dumps(dict(header.attributes), sort_keys=True),
     }
     if header.design_digest is not None:

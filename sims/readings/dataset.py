@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from design.arrays import FloatArray, IntArray
 from design.errors import InputError
+from design.recordings import OFF, UNNAMED, DataSetInfo
 from sims.press.same_places import SAME_PLACE_MM
 from sims.readings.data_writer import DataWriter, header_of, save_data
 from sims.readings.label_checks import (
@@ -39,10 +40,6 @@ from sims.readings.label_checks import (
 from sims.readings.netcdf_file import read_netcdf, require_numbers
 from sims.readings.press_data import (
     CONVERTED,
-    OFF,
-    PATTERNS,
-    ROLES,
-    DataSetInfo,
     PressData,
     clipped_note,
     data_notes,
@@ -142,7 +139,8 @@ def _require_parts(found: xr.Dataset, file: Path) -> None:
 
 
 def _data_of(found: xr.Dataset, file: Path, design: SensorDesign | None) -> PressData:
-    states, counts = _off_last(found)
+    states, counts = off_last(found)
+    counts = counts.astype(np.float32)
     digest = _digest(found, file)
     known = known_design(design, digest)
     counts_per_unit = counts_factor(found, known or design)
@@ -197,10 +195,10 @@ def _digest(found: xr.Dataset, file: Path) -> str | None:
     return value
 
 
-def _off_last(found: xr.Dataset) -> tuple[tuple[str, ...], NDArray[np.float32]]:
-    """Names of the states and the readings, the off state moved to the end; without one, as they are."""
+def off_last(found: xr.Dataset) -> tuple[tuple[str, ...], NDArray[Any]]:
+    """Names of the states and (time, state, receiver) readings as in the file, the off state moved to the end."""
     names = [str(name) for name in found["state"].values]
-    counts = found["counts"].transpose(*AXES).values.astype(np.float32)
+    counts = found["counts"].transpose(*AXES).values
     order = [k for k, name in enumerate(names) if name != OFF] + [
         k for k, name in enumerate(names) if name == OFF
     ]
@@ -211,23 +209,18 @@ def _sets_of(
     found: xr.Dataset, press_mm: FloatArray, file: Path
 ) -> tuple[tuple[DataSetInfo, ...], IntArray, IntArray]:
     if "sets" not in found.attrs or "set" not in found.variables or "place" not in found.variables:
-        one = DataSetInfo(name="unnamed", role="train", pattern="unknown", is_ambient=True)
-        return (one,), np.zeros(len(press_mm), dtype=np.int64), _presses(np.nan_to_num(press_mm))
+        return (UNNAMED,), np.zeros(len(press_mm), dtype=np.int64), _presses(np.nan_to_num(press_mm))
     sets = tuple(_set_of(row, file) for row in _json(found, "sets", [], file))
     return sets, found["set"].values.astype(np.int64), found["place"].values.astype(np.int64)
 
 
 def _set_of(row: Any, file: Path) -> DataSetInfo:
     try:
-        one = DataSetInfo(**row)
+        return DataSetInfo(**row)
     except TypeError:
         raise InputError(f"{file}: attribute sets: {row!r} is no set") from None
-    if one.role not in ROLES or one.pattern not in PATTERNS or not isinstance(one.is_ambient, bool):
-        raise InputError(
-            f"{file}: attribute sets: {row!r} is refused: role is {' or '.join(ROLES)}, pattern {', '.join(PATTERNS)}, "
-            "is_ambient true or false"
-        )
-    return one
+    except InputError as err:
+        raise InputError(f"{file}: attribute sets: {err}") from None
 
 
 def _json(found: xr.Dataset, name: str, absent: Any, file: Path) -> Any:

@@ -118,6 +118,28 @@ def known_design(design: SensorDesign | None, digest: str | None) -> SensorDesig
     return next((one for one in map(preset, PRESETS) if one.digest.startswith(digest)), None)
 
 
+def require_finite(named: Mapping[str, NDArray[Any] | None], *, where: str, row: str) -> None:
+    """Refuse values that are no numbers: a gap must not pass for a signal.
+
+    Parameters
+    ----------
+    named : (row, ...) values by name; None is left out
+    where, row : for the message: the file, and what a row is called
+
+    Raises
+    ------
+    InputError : the first name with such values, how many rows have them, and the first of these.
+    """
+    for name, values in named.items():
+        if values is None or np.isfinite(values).all():
+            continue
+        bad = np.flatnonzero(~np.isfinite(values.reshape(len(values), -1)).all(axis=1))
+        raise InputError(
+            f"{where}: {name} is not a number in {len(bad)} of {len(values)} {row}s, first in {row} {bad[0] + 1}; "
+            f"drop these {row}s"
+        )
+
+
 def require_true_labels(
     depth_mm: FloatArray,
     location_mm: FloatArray | None,

@@ -18,31 +18,11 @@ from numpy.typing import NDArray
 
 from design.arrays import BoolArray, FloatArray, IntArray
 from design.errors import InputError
+from design.recordings import OFF, ROLES, DataSetInfo, signals_of
+from sims.readings.label_checks import require_finite
 
-OFF = "off"
 CONVERTED = "converted"
 """Attribute of data that says what was done to the unit of their readings."""
-ROLES = ("train", "test")
-PATTERNS = ("grid", "random", "unknown", "measured")
-"""The last is what older files have for unknown."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class DataSetInfo:
-    """One session of presses.
-
-    Attributes
-    ----------
-    name : as ``grid-ambient-1``
-    role : ``train`` or ``test``
-    pattern : ``grid``, ``random`` or ``unknown``
-    is_ambient : whether it was taken in ambient light
-    """
-
-    name: str
-    role: str
-    pattern: str
-    is_ambient: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +59,8 @@ class PressData:
 
     def __post_init__(self) -> None:
         _require_shapes(self)
-        _require_numbers(self)
+        arrays = {name: getattr(self, name) for name in ("counts", "press_mm", "time_s", "true_press_mm")}
+        require_finite(arrays, where="data", row="sample")
 
     def __len__(self) -> int:
         return len(self.counts)
@@ -96,7 +77,7 @@ class PressData:
 
     def signals(self) -> NDArray[np.float32]:
         """(sample, emitter, receiver) readings less those of the off state [counts]."""
-        return np.asarray(self.counts[:, :-1] - self.counts[:, -1:])
+        return signals_of(self.counts)
 
     def features(self) -> NDArray[np.float32]:
         """(sample, pair) the same, emitter outermost [counts]."""
@@ -221,17 +202,4 @@ def _require_shapes(data: PressData) -> None:
         raise InputError(
             f"data: set_number runs from {data.set_number.min()} to {data.set_number.max()}, "
             f"there are {len(data.sets)} sets"
-        )
-
-
-def _require_numbers(data: PressData) -> None:
-    """Refuse values without any number: a gap must not pass for a signal."""
-    for name in ("counts", "press_mm", "time_s", "true_press_mm"):
-        values = getattr(data, name)
-        if values is None or np.isfinite(values).all():
-            continue
-        bad = np.flatnonzero(~np.isfinite(values.reshape(len(values), -1)).all(axis=1))
-        raise InputError(
-            f"data: {name} is not a number in {len(bad)} of {len(values)} samples, first in sample {bad[0] + 1}; "
-            "drop these samples"
         )

@@ -22,13 +22,14 @@ from design.geometry.cavity import cavity_of
 from design.geometry.pairs import judged_pairs, mask_of
 from design.progress import OnStep
 from design.protocols.press import PressProtocol
+from design.recordings import OFF
 from design.spec import SensorDesign
 from sims.optics.accuracy import Accuracy
 from sims.readings.chain.signal_chain import SetDraw, SignalChain, chain_of
 from sims.readings.chain.stage import drawn_press, drawn_set_offset_mm, true_depth_mm
 from sims.readings.chain.walls import blended, unbonded_share, with_loose_walls
 from sims.readings.press_curves import PressCurves, knots_mm, traced_curves
-from sims.readings.press_data import OFF, DataSetInfo, PressData
+from sims.readings.press_data import PressData
 from sims.readings.readout import Readout, readout_of
 
 ORDER, SET, PRESS, FRAME = range(4)
@@ -191,10 +192,7 @@ def data_header(curves: ProtocolCurves, chain: SignalChain, seed: int) -> PressD
         time_s=np.zeros(0),
         set_number=np.zeros(0, dtype=np.int64),
         place_number=np.zeros(0, dtype=np.int64),
-        sets=tuple(
-            DataSetInfo(name=one.name, role=one.role, pattern=one.pattern, is_ambient=one.is_ambient)
-            for one in curves.protocol.sets
-        ),
+        sets=tuple(one.info for one in curves.protocol.sets),
         state_names=states,
         receiver_names=receivers,
         full_scale_counts=chain.full_scale_counts,

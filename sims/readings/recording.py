@@ -30,18 +30,18 @@ import numpy as np
 from design.arrays import FloatArray
 from design.csv_table import CsvTable, read_csv
 from design.errors import InputError
+from design.recordings import OFF, signals_of
 from design.text_file import TEXT_KINDS, kind_of_file
-from sims.readings.label_checks import LENGTHS_MM, in_unit, known_design, require_true_labels
+from sims.readings.dataset import AXES, off_last
+from sims.readings.label_checks import LENGTHS_MM, in_unit, known_design, require_finite, require_true_labels
 from sims.readings.netcdf_file import read_netcdf, require_numbers
 
 if TYPE_CHECKING:
     from design.spec import SensorDesign
 
-OFF = "off"
 SIGNAL = "signal"
 DIGEST = re.compile(r"[0-9a-f]{8,64}")
 PAIR_NAME = re.compile(r"^[A-Za-z0-9]+-[A-Za-z0-9]+$")
-AXES = ("time", "state", "receiver")
 MAX_BYTES = 500_000_000
 CSV_UNITS = ("mm", "um", "m")
 NEEDED_CSV = f"CSV with depth_mm (or depth_um, depth_m) and a column a pair (as E1-R1), or one named {SIGNAL}"
@@ -83,7 +83,8 @@ def read_recording(file: Path, design: SensorDesign | None = None) -> Recording:
         contradict the pad or the signals.
     """
     found = _read_csv(file) if kind_of_file(file) in TEXT_KINDS else _read_netcdf(file)
-    _require_numbers(found)
+    places = {} if found.place_mm is None else {"x": found.place_mm[:, 0], "y": found.place_mm[:, 1]}
+    require_finite({"depth": found.depth_mm, **found.counts, **places}, where=str(file), row="reading")
     signals = np.stack(list(found.counts.values()), axis=1)
     known = known_design(design, found.design_digest)
     try:
@@ -111,24 +112,21 @@ def _read_netcdf(file: Path) -> Recording:
         press_mm = in_unit(dataset, lengths, LENGTHS_MM)
     except InputError as err:
         raise InputError(f"{file}: {err}") from None
-    counts = dataset["counts"].transpose(*AXES).values.astype(np.float64)
-    states, receivers = ([str(name) for name in dataset[axis].values] for axis in ("state", "receiver"))
-    notes: tuple[str, ...] = ()
-    if OFF in states:
-        counts = counts - counts[:, [states.index(OFF)], :]
-        notes = ("readings of the off state were subtracted",)
+    states, counts = off_last(dataset)
+    has_off = states[-1:] == (OFF,)
+    signals = signals_of(counts.astype(np.float64)) if has_off else counts.astype(np.float64)
     return Recording(
         file=file,
         design_digest=_checked_digest(file, dataset.attrs.get("design_digest")),
         depth_mm=press_mm[:, 0],
         place_mm=press_mm[:, 1:] if has_place else None,
         counts={
-            f"{state}-{receiver}": counts[:, i, j]
+            f"{state}-{receiver}": signals[:, i, j]
             for i, state in enumerate(states)
-            for j, receiver in enumerate(receivers)
+            for j, receiver in enumerate(dataset["receiver"].values)
             if state != OFF
         },
-        notes=notes,
+        notes=("readings of the off state were subtracted",) if has_off else (),
     )
 
 
@@ -183,17 +181,3 @@ def _has_place(file: Path, names: Container[Any], x: str, y: str) -> bool:
         one, other = (x, y) if x in names else (y, x)
         raise InputError(f"{file}: has {one} without {other}; give both, or neither and --at X,Y")
     return x in names
-
-
-def _require_numbers(found: Recording) -> None:
-    """Refuse readings without any number: a gap must not pass for a signal."""
-    named: dict[str, Any] = {"depth": found.depth_mm, **found.counts}
-    if found.place_mm is not None:
-        named |= {"x": found.place_mm[:, 0], "y": found.place_mm[:, 1]}
-    for name, values in named.items():
-        bad = np.flatnonzero(~np.isfinite(values))
-        if bad.size:
-            raise InputError(
-                f"{found.file}: {name} is not a number in {bad.size} of {len(values)} readings, first in reading "
-                f"{bad[0] + 1}; drop these readings"
-            )

@@ -35,9 +35,9 @@ def bill(gain: SimulatedGain | None = GAIN, **changes: object) -> dict[str, dict
 
 
 def test_sheet_bill_and_driver_name_the_same_resistor_and_capacitor() -> None:
-    driver = driver_config(PAD, GAIN.counts_per_flux)["gain"]
-    assert driver["feedback_ohm"] == [150e3] * 8
-    assert driver["feedback_pf"] == [15.0] * 8
+    driver = driver_config(PAD, GAIN.counts_per_flux).gain
+    assert driver.feedback_ohm == (150e3,) * 8
+    assert driver.feedback_pf == (15.0,) * 8
     assert bill()["feedback resistor"]["value"] == "150 kohm"
     assert bill()["feedback capacitor"]["value"] == "15 pF"
     sheet = casting_md(PAD, GAIN)
@@ -63,15 +63,15 @@ def test_no_clipped_pair_is_said_too() -> None:
 def test_a_rule_without_a_simulation_leaves_the_resistor_open() -> None:
     assert bill(None)["feedback resistor"]["value"] == "set by gain"
     assert "nothing has been simulated yet" in casting_md(PAD)
-    assert "feedback_ohm" not in driver_config(PAD)["gain"]
+    assert driver_config(PAD).gain.feedback_ohm is None
 
 
 def test_given_ohms_are_known_without_a_simulation() -> None:
     fitted = PAD.with_(**{"gain.feedback_ohm": 2.2e6})
-    driver = driver_config(fitted)["gain"]
-    assert driver["rule"] == "ohms"
-    assert driver["feedback_ohm"] == [2.2e6] * 8
-    assert driver["counts_per_flux"] == pytest.approx(0.6846745 * 2.2e6, rel=1e-6)
+    driver = driver_config(fitted).gain
+    assert driver.rule == "ohms"
+    assert driver.feedback_ohm == (2.2e6,) * 8
+    assert driver.counts_per_flux == pytest.approx(0.6846745 * 2.2e6, rel=1e-6)
     assert bill(None, **{"gain.feedback_ohm": 2.2e6})["feedback resistor"]["value"] == "2.2 Mohm"
 
 

@@ -20,7 +20,7 @@ from design.geometry.cavity import cavity_of
 from design.preset import PRESETS, SHAPED_PRESETS, preset
 from design.spec import SensorDesign
 from design.spec.properties import part_of
-from fabrication.driver_config import load_driver_config
+from fabrication.driver_file import load_driver_config
 from fabrication.gain import SimulatedGain
 from fabrication.sheets import all_sheets as sheets
 from fabrication.sheets.all_sheets import sheet_texts, write_sheets

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from design.arrays import BoolArray, FloatArray
 from design.errors import DeviceError
+from design.recordings import signals_of
 from fabrication.driver.link.counters import Repeats, WrappingCounter
 from fabrication.driver.link.protocol import FrameFormat, unpack_frames
-from fabrication.driver_file import DriverConfig
 
 US_PER_S = 1e6
 RATE_FRAMES = 256
@@ -79,10 +79,8 @@ class FrameDecoder:
     baseline : given to the frames from now on
     """
 
-    def __init__(self, config: DriverConfig, layout: FrameFormat) -> None:
+    def __init__(self, layout: FrameFormat) -> None:
         self._layout = layout
-        self._dark = config.ambient.subtract_state
-        self._lit = [emitter.state for emitter in config.emitters]
         self.frames = 0
         self.lost = 0
         self.doubled = 0
@@ -118,7 +116,7 @@ class FrameDecoder:
         """
         found = unpack_frames(self._layout, messages)
         counts = found.counts
-        signals = counts[:, self._lit].astype(np.int32) - counts[:, [self._dark]]
+        signals = signals_of(counts.astype(np.int32))
         saturated = counts >= self._layout.full_scale
         frames = []
         for k, number in enumerate(found.sequence.tolist()):

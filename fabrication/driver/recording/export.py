@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from design.arrays import BoolArray, FloatArray, IntArray
 from design.errors import InputError, OutputError
+from design.recordings import sets_json, signals_of
 from design.whole_file import require_suffix, whole_file
 from fabrication.driver.descriptor import UNITS, descriptor_of
 from fabrication.driver.link.counters import Repeats, WrappingCounter, restarts
 from fabrication.driver.link.protocol import Unpacked, frame_format, unpack_frames
-from fabrication.driver.recording.press_labels import PressLabels, sets_json
+from fabrication.driver.recording.press_labels import PressLabels
 from fabrication.driver.recording.raw import PRESS_BYTES, Record, RecordKind, press_of, read_records
 from fabrication.driver.simulated.finger import FingerPath
 from fabrication.driver_file import DriverConfig
@@ -69,10 +70,7 @@ class Recorded:
     @property
     def signals(self) -> FloatArray:
         """(time, emitter, receiver) less the dark state's [counts]."""
-        lit = [entry.state for entry in self.config.emitters]
-        dark = self.config.ambient.subtract_state
-        found: FloatArray = self.counts[:, lit].astype(np.float64) - self.counts[:, [dark]]
-        return found
+        return signals_of(self.counts.astype(np.float64))
 
     def only(self, kept: BoolArray) -> Recorded:
         """Some of the frames; what was lost stays lost."""

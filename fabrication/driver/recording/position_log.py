@@ -22,7 +22,8 @@ import numpy as np
 from design.arrays import BoolArray, FloatArray, IntArray
 from design.csv_table import CsvTable, is_number, read_csv
 from design.errors import InputError, shown
-from fabrication.driver.recording.press_labels import PressLabels, SetEntry
+from design.recordings import UNNAMED, DataSetInfo
+from fabrication.driver.recording.press_labels import PressLabels
 
 LENGTHS_MM = {"_mm": 1.0, "_um": 1e-3, "_m": 1e3}
 TICKS_S = {"_s": 1.0, "_ms": 1e-3, "_us": 1e-6, "_ns": 1e-9}
@@ -63,7 +64,7 @@ class PositionLog:
     press_mm: FloatArray
     set_number: IntArray | None = None
     place_number: IntArray | None = None
-    sets: tuple[SetEntry, ...] = ()
+    sets: tuple[DataSetInfo, ...] = ()
 
     def labels_at(self, time_s: FloatArray) -> tuple[PressLabels, BoolArray]:
         """Labels at times of the log's own clock, linear between rows, and whether each is known.
@@ -111,7 +112,7 @@ def read_position_log(file: Path) -> PositionLog:
     if set_number is not None and place_number is None:
         raise InputError(f"{file}: has set without place; number the presses of each set in a column place")
     if place_number is not None and set_number is None:
-        sets, set_number = (SetEntry(name="unnamed"),), np.zeros(len(place_number), dtype=np.int64)
+        sets, set_number = (UNNAMED,), np.zeros(len(place_number), dtype=np.int64)
     return PositionLog(
         file=str(file),
         time_s=time_s,
@@ -199,11 +200,11 @@ def _lengths(table: CsvTable, axis: str) -> FloatArray:
     )
 
 
-def _sets(table: CsvTable) -> tuple[tuple[SetEntry, ...], IntArray | None]:
+def _sets(table: CsvTable) -> tuple[tuple[DataSetInfo, ...], IntArray | None]:
     if "set" not in table.heading:
         return (), None
     names = table.column("set")
-    entries: dict[str, SetEntry] = {}
+    entries: dict[str, DataSetInfo] = {}
     for k, row in enumerate(table.records()):
         if row["set"] and row["set"] not in entries:
             entries[row["set"]] = set_entry(table.where(k), row)
@@ -214,12 +215,12 @@ def _sets(table: CsvTable) -> tuple[tuple[SetEntry, ...], IntArray | None]:
     return tuple(entries.values()), numbers
 
 
-def set_entry(where: str, row: dict[str, str]) -> SetEntry:
+def set_entry(where: str, row: dict[str, str]) -> DataSetInfo:
     """The set that a row of a table says: `set`, and as given `role`, `pattern`, `ambient`."""
     ambient = (row.get("ambient") or "yes").lower()
     if ambient not in YES | NO:
         raise InputError(f"{where}: ambient is {ambient!r}, needs yes or no")
-    return SetEntry(
+    return DataSetInfo(
         name=row["set"],
         role=row.get("role") or "train",
         pattern=row.get("pattern") or "unknown",

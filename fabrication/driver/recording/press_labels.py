@@ -2,39 +2,10 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 from design.arrays import BoolArray, FloatArray, IntArray
-from design.errors import InputError
-
-ROLES = ("train", "test")
-PATTERNS = ("grid", "random", "unknown", "measured")
-"""The last is what older files have for unknown."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class SetEntry:
-    """One set of presses.
-
-    Attributes
-    ----------
-    role : what a learner does with it, `train` or `test`
-    pattern : `grid`, `random`, or `unknown`
-    is_ambient : whether the room was lit
-    """
-
-    name: str
-    role: str = "train"
-    pattern: str = "unknown"
-    is_ambient: bool = True
-
-    def __post_init__(self) -> None:
-        for field, value, allowed in (("role", self.role, ROLES), ("pattern", self.pattern, PATTERNS)):
-            if value not in allowed:
-                raise InputError(
-                    f"set {self.name!r}: {field} is {value!r}, needs one of {', '.join(allowed)}"
-                )
+from design.recordings import DataSetInfo
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +21,7 @@ class PressLabels:
     press_mm: FloatArray
     set_number: IntArray | None = None
     place_number: IntArray | None = None
-    sets: tuple[SetEntry, ...] = ()
+    sets: tuple[DataSetInfo, ...] = ()
 
     def only(self, kept: BoolArray) -> PressLabels:
         """The labels of some samples; all sets stay."""
@@ -60,8 +31,3 @@ class PressLabels:
             place_number=None if self.place_number is None else self.place_number[kept],
             sets=self.sets,
         )
-
-
-def sets_json(sets: tuple[SetEntry, ...]) -> str:
-    """The sets as the attribute `sets` of a netCDF file."""
-    return json.dumps([asdict(entry) for entry in sets])

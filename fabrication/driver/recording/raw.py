@@ -19,7 +19,7 @@ import threading
 import time
 import zlib
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
 from types import TracebackType
@@ -31,6 +31,7 @@ from design.errors import InputError, OutputError
 from design.text_file import BYTES_FOR_KIND, kind_of, read_bytes
 from design.whole_file import require_suffix
 from fabrication.driver_file import DriverConfig, config_from_document
+from fabrication.record import plain_of
 
 FORMAT, VERSION = "optopad-recording", 1
 SUFFIX = ".optorec"
@@ -83,18 +84,6 @@ def packed_record(kind: RecordKind, host_s: float, content: bytes) -> bytes:
     return body + _CRC.pack(zlib.crc32(body))
 
 
-def document_of(config: DriverConfig) -> dict[str, Any]:
-    """A driver configuration as the plain data that `config_from_document` reads."""
-    plain = json.loads(json.dumps(asdict(config)))
-    return {key: _without_none(value) for key, value in plain.items() if value is not None}
-
-
-def _without_none(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: entry for key, entry in value.items() if entry is not None}
-    return value
-
-
 class Recorder:
     """Writes a recording; a context manager, used by the stream's thread and the caller's.
 
@@ -130,7 +119,7 @@ class Recorder:
         self._writing = threading.RLock()
         self._over = threading.Event()
         started = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
-        header = {"format": FORMAT, "version": VERSION, "started": started, "config": document_of(config)}
+        header = {"format": FORMAT, "version": VERSION, "started": started, "config": plain_of(config)}
         try:
             self._stream = (opened or _new_file)(self.file)
         except OSError as err:

@@ -22,10 +22,11 @@ from design.preset import PRESETS
 from fabrication.driver import Sensor
 from fabrication.driver.link.protocol import FrameFormat, pack_frames
 from fabrication.driver.recording.export import export_netcdf, read_recorded, write_csv, write_netcdf
-from fabrication.driver.recording.raw import Recorder, RecordKind, document_of, packed_record, read_records
+from fabrication.driver.recording.raw import Recorder, RecordKind, packed_record, read_records
 from fabrication.driver.simulated.finger import FingerPath
 from fabrication.driver.simulated.port import FakePort, PtyWire
 from fabrication.driver_file import config_from_document
+from fabrication.record import plain_of
 from sims.readings.recording import read_recording
 from tests.fabrication.driver.made_up_pad import board, pad_config
 
@@ -52,7 +53,7 @@ def frames_of(file: Path) -> list[bytes]:
 @pytest.mark.parametrize("name", PRESETS)
 def test_the_configuration_inside_a_recording_is_the_sensor_s(name: str) -> None:
     config = pad_config(name)
-    assert config_from_document(document_of(config), where="header") == config
+    assert config_from_document(plain_of(config), where="header") == config
 
 
 def test_a_recording_holds_every_frame_byte_for_byte(tmp_path: Path) -> None:

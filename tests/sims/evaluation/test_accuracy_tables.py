@@ -5,13 +5,14 @@ import pytest
 
 from design.errors import InputError
 from design.preset import preset
+from design.recordings import DataSetInfo
 from design.shape.outline import rectangle
 from sims.evaluation.judged import JudgedPresses, joined, judged
 from sims.evaluation.published import published_touch
 from sims.evaluation.rows import needed_samples
 from sims.evaluation.tables import error_json, error_rows, touch_rows
 from sims.learning.inference.prediction import Prediction
-from sims.readings.press_data import DataSetInfo, PressData
+from sims.readings.press_data import PressData
 
 DEPTHS_MM = (-0.4, -0.2, 0.0, 0.2, 0.5, 1.0, 2.0)
 PRESSES = 400

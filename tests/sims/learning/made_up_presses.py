@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sims.readings.press_data import DataSetInfo, PressData
+from design.recordings import DataSetInfo
+from sims.readings.press_data import PressData
 from tests.sims.learning.made_up_map import COUNT, EMITTERS, RECEIVERS, made_up_noise
 
 DEPTHS_MM = np.concatenate([[-2.0, -1.5, -1.0, -0.5], np.arange(0.0, 5.01, 0.25)])
