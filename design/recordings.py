@@ -26,7 +26,7 @@ Number = TypeVar("Number", bound=np.number[Any])
 
 
 @dataclass(frozen=True, kw_only=True)
-class DataSetInfo:
+class SetEntry:
     """One session of presses.
 
     Attributes
@@ -56,11 +56,11 @@ class DataSetInfo:
             raise InputError(f"set {self.name!r}: is_ambient is {self.is_ambient!r}, needs true or false")
 
 
-UNNAMED = DataSetInfo(name="unnamed", role="train", pattern="unknown", is_ambient=True)
+UNNAMED = SetEntry(name="unnamed", role="train", pattern="unknown", is_ambient=True)
 """The one set of a recording that names none."""
 
 
-def sets_json(sets: Iterable[DataSetInfo]) -> str:
+def sets_json(sets: Iterable[SetEntry]) -> str:
     """The sets as the attribute `sets` of a netCDF file."""
     return json.dumps([asdict(entry) for entry in sets])
 

@@ -26,7 +26,7 @@ from design.fields.packaged import packaged_or_own
 from design.fields.validation import design_error
 from design.geometry.cavity import workspace_of
 from design.io import read_toml
-from design.recordings import DataSetInfo
+from design.recordings import SetEntry
 from design.shape.outline import Outline, rectangle
 from design.spec import SensorDesign, canonical_json
 
@@ -88,9 +88,9 @@ class PressSet(Model):
         return self
 
     @property
-    def info(self) -> DataSetInfo:
+    def info(self) -> SetEntry:
         """What a recording says of the set."""
-        return DataSetInfo(name=self.name, role=self.role, pattern=self.pattern, is_ambient=self.is_ambient)
+        return SetEntry(name=self.name, role=self.role, pattern=self.pattern, is_ambient=self.is_ambient)
 
     @property
     def pattern(self) -> str:

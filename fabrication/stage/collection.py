@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from design.errors import DeviceError, InputError
-from design.recordings import DataSetInfo
+from design.recordings import SetEntry
 from fabrication.driver.link.frames import Frame
 from fabrication.driver.recording.export import write_netcdf
 from fabrication.driver.sensor import Sensor
@@ -108,9 +108,9 @@ class Collector:
             if number not in there and (not only or names[press.set_number] in only)
         ]
 
-    def lights(self, numbers: Iterable[int]) -> list[DataSetInfo]:
+    def lights(self, numbers: Iterable[int]) -> list[SetEntry]:
         """The first set of every change of the room's light along these presses."""
-        changes: list[DataSetInfo] = []
+        changes: list[SetEntry] = []
         for number in numbers:
             entry = self._presses.sets[self._presses.presses[number].set_number]
             if not changes or changes[-1].is_ambient != entry.is_ambient:
@@ -123,7 +123,7 @@ class Collector:
         numbers: Iterable[int],
         *,
         on_step: Callable[[float], None] = lambda _share: None,
-        on_light: Callable[[DataSetInfo], None] = lambda _entry: None,
+        on_light: Callable[[SetEntry], None] = lambda _entry: None,
     ) -> int:
         """Make presses; returns how many.
 

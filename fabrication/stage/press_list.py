@@ -16,7 +16,7 @@ from pathlib import Path
 
 from design.csv_table import read_csv
 from design.errors import InputError
-from design.recordings import DataSetInfo
+from design.recordings import SetEntry
 from fabrication.driver.recording.position_log import set_entry, whole_place
 from fabrication.stage.stage import Position, StageLimits
 
@@ -43,7 +43,7 @@ class Press:
 class PressList:
     """Presses in the order in which they are made."""
 
-    sets: tuple[DataSetInfo, ...]
+    sets: tuple[SetEntry, ...]
     presses: tuple[Press, ...]
 
     @property
@@ -63,7 +63,7 @@ class PressList:
                     raise InputError(f"press {press.place_number} of set {name!r}: {err}") from None
 
 
-def press_list(rows: Iterable[tuple[DataSetInfo, int, Position]]) -> PressList:
+def press_list(rows: Iterable[tuple[SetEntry, int, Position]]) -> PressList:
     """A list from rows of set, number of the press within it, and position.
 
     Raises

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from design.protocols.press import load_protocol_file
-from design.recordings import DataSetInfo
+from design.recordings import SetEntry
 from design.spec import SensorDesign
 from fabrication.stage.press_list import PressList, press_list
 from fabrication.stage.stage import Position
@@ -28,7 +28,7 @@ def protocol_presses(design: SensorDesign, protocol: str, *, seed: int = 0) -> P
     said = load_protocol_file(protocol)
     depths = said.depth_mm.tolist()
 
-    def rows() -> Iterator[tuple[DataSetInfo, int, Position]]:
+    def rows() -> Iterator[tuple[SetEntry, int, Position]]:
         for number, (one, places) in enumerate(zip(said.sets, said.places_mm(design), strict=True)):
             order = np.random.default_rng([seed, number]).permutation(len(places))
             for place, (x, y) in enumerate(places[order].tolist()):

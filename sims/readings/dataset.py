@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from design.arrays import FloatArray, IntArray
 from design.errors import InputError
-from design.recordings import OFF, UNNAMED, DataSetInfo
+from design.recordings import OFF, UNNAMED, SetEntry
 from sims.press.same_places import SAME_PLACE_MM
 from sims.readings.data_writer import DataWriter, header_of, save_data
 from sims.readings.label_checks import (
@@ -52,9 +52,9 @@ if TYPE_CHECKING:
     from design.spec import SensorDesign
 
 __all__ = [
-    "DataSetInfo",
     "DataWriter",
     "PressData",
+    "SetEntry",
     "clipped_note",
     "data_notes",
     "header_of",
@@ -207,16 +207,16 @@ def off_last(found: xr.Dataset) -> tuple[tuple[str, ...], NDArray[Any]]:
 
 def _sets_of(
     found: xr.Dataset, press_mm: FloatArray, file: Path
-) -> tuple[tuple[DataSetInfo, ...], IntArray, IntArray]:
+) -> tuple[tuple[SetEntry, ...], IntArray, IntArray]:
     if "sets" not in found.attrs or "set" not in found.variables or "place" not in found.variables:
         return (UNNAMED,), np.zeros(len(press_mm), dtype=np.int64), _presses(np.nan_to_num(press_mm))
     sets = tuple(_set_of(row, file) for row in _json(found, "sets", [], file))
     return sets, found["set"].values.astype(np.int64), found["place"].values.astype(np.int64)
 
 
-def _set_of(row: Any, file: Path) -> DataSetInfo:
+def _set_of(row: Any, file: Path) -> SetEntry:
     try:
-        return DataSetInfo(**row)
+        return SetEntry(**row)
     except TypeError:
         raise InputError(f"{file}: attribute sets: {row!r} is no set") from None
     except InputError as err:

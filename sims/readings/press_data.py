@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from design.arrays import BoolArray, FloatArray, IntArray
 from design.errors import InputError
-from design.recordings import OFF, ROLES, DataSetInfo, signals_of
+from design.recordings import OFF, ROLES, SetEntry, signals_of
 from sims.readings.label_checks import require_finite
 
 CONVERTED = "converted"
@@ -49,7 +49,7 @@ class PressData:
     time_s: FloatArray
     set_number: IntArray
     place_number: IntArray
-    sets: tuple[DataSetInfo, ...]
+    sets: tuple[SetEntry, ...]
     state_names: tuple[str, ...]
     receiver_names: tuple[str, ...]
     full_scale_counts: float | None = None

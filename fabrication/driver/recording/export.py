@@ -170,19 +170,6 @@ def _label(dataset: xr.Dataset, labels: PressLabels) -> None:
         dataset.attrs["sets"] = sets_json(labels.sets)
 
 
-def export_netcdf(file: Path, out: Path, path: FingerPath | None = None) -> Recorded:
-    """Write a recording as netCDF, whole or not at all.
-
-    Raises
-    ------
-    InputError : as `read_recorded`.
-    OutputError : the folder cannot be written, or xarray is missing.
-    """
-    recorded = read_recorded(file, path)
-    write_netcdf(recorded, out, file.name)
-    return recorded
-
-
 def write_netcdf(recorded: Recorded, out: Path, name: str) -> None:
     """Write frames as netCDF, whole or not at all.
 

@@ -22,7 +22,7 @@ import numpy as np
 from design.arrays import BoolArray, FloatArray, IntArray
 from design.csv_table import CsvTable, is_number, read_csv
 from design.errors import InputError, shown
-from design.recordings import UNNAMED, DataSetInfo
+from design.recordings import UNNAMED, SetEntry
 from fabrication.driver.recording.press_labels import PressLabels
 
 LENGTHS_MM = {"_mm": 1.0, "_um": 1e-3, "_m": 1e3}
@@ -64,7 +64,7 @@ class PositionLog:
     press_mm: FloatArray
     set_number: IntArray | None = None
     place_number: IntArray | None = None
-    sets: tuple[DataSetInfo, ...] = ()
+    sets: tuple[SetEntry, ...] = ()
 
     def labels_at(self, time_s: FloatArray) -> tuple[PressLabels, BoolArray]:
         """Labels at times of the log's own clock, linear between rows, and whether each is known.
@@ -200,11 +200,11 @@ def _lengths(table: CsvTable, axis: str) -> FloatArray:
     )
 
 
-def _sets(table: CsvTable) -> tuple[tuple[DataSetInfo, ...], IntArray | None]:
+def _sets(table: CsvTable) -> tuple[tuple[SetEntry, ...], IntArray | None]:
     if "set" not in table.heading:
         return (), None
     names = table.column("set")
-    entries: dict[str, DataSetInfo] = {}
+    entries: dict[str, SetEntry] = {}
     for k, row in enumerate(table.records()):
         if row["set"] and row["set"] not in entries:
             entries[row["set"]] = set_entry(table.where(k), row)
@@ -215,12 +215,12 @@ def _sets(table: CsvTable) -> tuple[tuple[DataSetInfo, ...], IntArray | None]:
     return tuple(entries.values()), numbers
 
 
-def set_entry(where: str, row: dict[str, str]) -> DataSetInfo:
+def set_entry(where: str, row: dict[str, str]) -> SetEntry:
     """The set that a row of a table says: `set`, and as given `role`, `pattern`, `ambient`."""
     ambient = (row.get("ambient") or "yes").lower()
     if ambient not in YES | NO:
         raise InputError(f"{where}: ambient is {ambient!r}, needs yes or no")
-    return DataSetInfo(
+    return SetEntry(
         name=row["set"],
         role=row.get("role") or "train",
         pattern=row.get("pattern") or "unknown",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from design.arrays import BoolArray, FloatArray, IntArray
-from design.recordings import DataSetInfo
+from design.recordings import SetEntry
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +21,7 @@ class PressLabels:
     press_mm: FloatArray
     set_number: IntArray | None = None
     place_number: IntArray | None = None
-    sets: tuple[DataSetInfo, ...] = ()
+    sets: tuple[SetEntry, ...] = ()
 
     def only(self, kept: BoolArray) -> PressLabels:
         """The labels of some samples; all sets stay."""

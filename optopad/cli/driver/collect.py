@@ -18,7 +18,7 @@ from optopad.cli.output import print_json, say
 from optopad.cli.progress import progress
 
 if TYPE_CHECKING:
-    from design.recordings import DataSetInfo
+    from design.recordings import SetEntry
     from fabrication.stage.collection import Collected, Collector
     from fabrication.stage.gcode_stage import GcodeStage
     from fabrication.stage.press_list import PressList
@@ -154,7 +154,7 @@ def _pressed(
     numbers: list[int],
     stand: Position,
     home: Position | None,
-    ask: Callable[[DataSetInfo], None],
+    ask: Callable[[SetEntry], None],
     *,
     quiet: bool,
 ) -> None:
@@ -189,7 +189,7 @@ def _presses(source: DriverSource, protocol: str, seed: int) -> PressList:
     return protocol_presses(source.design, protocol, seed=seed)
 
 
-def _light(collector: Collector, numbers: list[int], as_json: bool) -> Callable[[DataSetInfo], None]:
+def _light(collector: Collector, numbers: list[int], as_json: bool) -> Callable[[SetEntry], None]:
     """What to do where the room's light changes: ask, or refuse where nobody is there to be asked."""
     changes = collector.lights(numbers)
     if len(changes) < 2:
@@ -203,11 +203,11 @@ def _light(collector: Collector, numbers: list[int], as_json: bool) -> Callable[
     return lambda entry: _wait_for_light(entry)
 
 
-def _wait_for_light(entry: DataSetInfo) -> None:
+def _wait_for_light(entry: SetEntry) -> None:
     input(f"set {entry.name}: the room must be {_lit(entry)}; press Enter to go on ")
 
 
-def _lit(entry: DataSetInfo) -> str:
+def _lit(entry: SetEntry) -> str:
     return "lit" if entry.is_ambient else "dark"
 
 

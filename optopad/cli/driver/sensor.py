@@ -377,13 +377,13 @@ def _default_file(source: DriverSource) -> Path:
 
 def _netcdf_beside(file: Path) -> Path | None:
     """The netCDF of a recording that ended well; None where it cannot be made, or a file of its name exists."""
-    from fabrication.driver.recording.export import can_export, export_netcdf
+    from fabrication.driver.recording.export import can_export, read_recorded, write_netcdf
 
     target = file.with_suffix(".nc")
     if not can_export() or target.exists():  # another recording's is not overwritten
         return None
     try:
-        export_netcdf(file, target)
+        write_netcdf(read_recorded(file), target, file.name)
     except InputError:
         return None  # not one frame came before the end
     return target

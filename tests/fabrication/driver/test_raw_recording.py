@@ -21,7 +21,7 @@ from design.errors import InputError, OutputError
 from design.preset import PRESETS
 from fabrication.driver import Sensor
 from fabrication.driver.link.protocol import FrameFormat, pack_frames
-from fabrication.driver.recording.export import export_netcdf, read_recorded, write_csv, write_netcdf
+from fabrication.driver.recording.export import read_recorded, write_csv, write_netcdf
 from fabrication.driver.recording.raw import Recorder, RecordKind, packed_record, read_records
 from fabrication.driver.simulated.finger import FingerPath
 from fabrication.driver.simulated.port import FakePort, PtyWire
@@ -291,7 +291,8 @@ def test_the_netcdf_is_one_that_compare_reads(tmp_path: Path) -> None:
             list(sensor.frames(count=20))
             recorder.press(16.0, 16.0, 1.5)
             list(sensor.frames(count=20))
-        found = export_netcdf(file, tmp_path / "a.nc")
+        found = read_recorded(file)
+        write_netcdf(found, tmp_path / "a.nc", file.name)
     read = read_recording(tmp_path / "a.nc")
     assert read.design_digest == CONFIG.digest
     assert set(read.depth_mm) == {0.0, 1.5}
@@ -317,7 +318,7 @@ def test_presses_stay_with_their_frames_when_the_machine_s_clock_is_set_back(tmp
 def test_presses_may_come_from_a_path_by_the_board_s_clock(tmp_path: Path) -> None:
     written(tmp_path / "a.optorec")
     path = FingerPath(time_s=np.array([0.0, 1.0]), press_mm=np.array([[1.0, 2.0, 0.0], [1.0, 2.0, 4.0]]))
-    export_netcdf(tmp_path / "a.optorec", tmp_path / "a.nc", path)
+    write_netcdf(read_recorded(tmp_path / "a.optorec", path), tmp_path / "a.nc", "a.optorec")
     with xr.open_dataset(tmp_path / "a.nc", engine="h5netcdf") as dataset:
         assert np.allclose(dataset["press_depth"], 4.0 * 0.0025 * np.arange(100))
         assert dataset["counts"].attrs["units"] == "ADC counts"
@@ -328,7 +329,8 @@ def test_presses_may_come_from_a_path_by_the_board_s_clock(tmp_path: Path) -> No
 def test_a_torn_recording_exports_what_is_whole(tmp_path: Path) -> None:
     file = tmp_path / "a.optorec"
     file.write_bytes(written(tmp_path / "whole.optorec")[:-700])
-    found = export_netcdf(file, tmp_path / "a.nc")
+    found = read_recorded(file)
+    write_netcdf(found, tmp_path / "a.nc", file.name)
     assert not found.ended_cleanly
     assert 90 <= len(found.sequence) < 100
     assert 0 < found.stray_bytes < 122

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from design.errors import DeviceError, InputError
-from design.recordings import DataSetInfo
+from design.recordings import SetEntry
 from fabrication.stage.collection import Collector
 from fabrication.stage.press_list import PressList, press_list, read_press_list
 from sims.readings.dataset import read_data
@@ -17,8 +17,8 @@ from tests.fabrication.driver.made_up_pad import press_table
 from tests.fabrication.stage.made_up_bench import MIDDLE, bench
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals")
-GRID = DataSetInfo(name="grid-dark", role="train", pattern="grid", is_ambient=False)
-RANDOM = DataSetInfo(name="random", role="test", pattern="random", is_ambient=True)
+GRID = SetEntry(name="grid-dark", role="train", pattern="grid", is_ambient=False)
+RANDOM = SetEntry(name="random", role="test", pattern="random", is_ambient=True)
 PLACES = ((GRID, 0, 10.0, 10.0), (GRID, 1, 20.0, 12.0), (RANDOM, 0, 14.0, 22.0))
 DEPTHS_MM = (-1.0, 1.0, 4.0)
 PRESSES = press_list((one, place, (x, y, depth)) for one, place, x, y in PLACES for depth in DEPTHS_MM)
@@ -153,7 +153,7 @@ def test_a_list_that_leaves_the_limits_moves_nothing(tmp_path: Path) -> None:
 def test_rows_of_a_table_become_presses_by_set_and_place(tmp_path: Path) -> None:
     text = "x_mm,y_mm,depth_mm,set,place,role,ambient\n8,8,-1,a,3,test,no\n8,8,1,a,3,test,no\n9,8,1,a,4,test,no\n"
     found = read_press_list(written(tmp_path, text))
-    assert found.sets == (DataSetInfo(name="a", role="test", pattern="unknown", is_ambient=False),)
+    assert found.sets == (SetEntry(name="a", role="test", pattern="unknown", is_ambient=False),)
     assert [(one.place_number, len(one.steps_mm)) for one in found.presses] == [(3, 2), (4, 1)]
     plain = read_press_list(written(tmp_path, "x_mm,y_mm,depth_mm\n8,8,-1\n8,8,1\n9,8,1\n8,8,1\n"))
     assert [(one.place_number, len(one.steps_mm)) for one in plain.presses] == [(0, 2), (1, 1), (2, 1)]
@@ -180,3 +180,8 @@ def test_rows_of_a_table_become_presses_by_set_and_place(tmp_path: Path) -> None
 def test_a_table_that_says_no_presses_is_refused(text: str, told: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=told):
         read_press_list(written(tmp_path, text))
+
+
+def test_a_list_has_the_digest_that_half_finished_collections_hold() -> None:
+    """A collection is resumed only with the same digest, so that it must not change from version to version."""
+    assert PRESSES.digest == "f3e8741003fd483c8512b8335f984a93e3d9ab9dc7afaa5e7cc951b94c86c511"

@@ -5,7 +5,7 @@ import pytest
 
 from design.errors import InputError
 from design.preset import preset
-from design.recordings import DataSetInfo
+from design.recordings import SetEntry
 from design.shape.outline import rectangle
 from sims.evaluation.judged import JudgedPresses, joined, judged
 from sims.evaluation.published import published_touch
@@ -163,7 +163,7 @@ def made_up_data() -> PressData:
         time_s=np.arange(count, dtype=np.float64),
         set_number=np.zeros(count, dtype=np.int64),
         place_number=np.repeat(np.arange(len(places)), len(depth)),
-        sets=(DataSetInfo(name="random-dark", role="test", pattern="random", is_ambient=False),),
+        sets=(SetEntry(name="random-dark", role="test", pattern="random", is_ambient=False),),
         state_names=("E1", "off"),
         receiver_names=("R1",),
     )

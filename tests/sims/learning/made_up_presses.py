@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from design.recordings import DataSetInfo
+from design.recordings import SetEntry
 from sims.readings.press_data import PressData
 from tests.sims.learning.made_up_map import COUNT, EMITTERS, RECEIVERS, made_up_noise
 
@@ -44,7 +44,7 @@ def made_up_data(
         time_s=np.arange(len(counts), dtype=np.float64),
         set_number=np.zeros(len(counts), dtype=np.int64),
         place_number=np.concatenate(number),
-        sets=(DataSetInfo(name="measured", role="train", pattern="measured", is_ambient=False),),
+        sets=(SetEntry(name="measured", role="train", pattern="measured", is_ambient=False),),
         state_names=(*EMITTERS, "off"),
         receiver_names=RECEIVERS,
         full_scale_counts=full_scale,

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from sims.learning.samples.errors_mm import location_error_mm
-from sims.readings.dataset import DataSetInfo, PressData
+from sims.readings.dataset import PressData, SetEntry
 
 FULL_SCALE = 1023.0
 DIGEST = "cd" * 32
@@ -79,7 +79,7 @@ def made_up_data(
         set_number=np.repeat(np.arange(sets), samples),
         place_number=np.concatenate([one[2] for one in parts]),
         sets=tuple(
-            DataSetInfo(name=f"{role}-{k}", role=role, pattern="grid", is_ambient=bool(k % 2))
+            SetEntry(name=f"{role}-{k}", role=role, pattern="grid", is_ambient=bool(k % 2))
             for k in range(sets)
         ),
         state_names=(*(f"E{k + 1}" for k in range(8)), "off"),

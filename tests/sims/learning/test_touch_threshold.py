@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from design.recordings import DataSetInfo
+from design.recordings import SetEntry
 from sims.learning.fits.touch import FALSE_ALARMS, fit_plain_touch, fit_tuned_touch, untouched_limit
 from sims.learning.samples.training_data import prepared
 from sims.readings.press_data import PressData
@@ -41,7 +41,7 @@ def made_up_sets(sets: int, seed: int, *, both_ways: bool) -> PressData:
         set_number=np.repeat(np.arange(sets), each),
         place_number=np.tile(np.repeat(np.arange(len(grid)), len(depth_mm)), sets),
         sets=tuple(
-            DataSetInfo(name=f"set {k}", role="train", pattern="grid", is_ambient=False) for k in range(sets)
+            SetEntry(name=f"set {k}", role="train", pattern="grid", is_ambient=False) for k in range(sets)
         ),
         state_names=("E1", "E2", "off"),
         receiver_names=("R1", "R2", "R3"),

@@ -20,9 +20,9 @@ from design.errors import InputError, OutputError
 from design.preset import preset
 from sims.learning.samples.training_data import prepared
 from sims.readings.dataset import (
-    DataSetInfo,
     DataWriter,
     PressData,
+    SetEntry,
     clipped_note,
     header_of,
     joined,
@@ -33,8 +33,8 @@ from sims.readings.dataset import (
 from sims.readings.recording import read_recording
 
 SETS = (
-    DataSetInfo(name="grid-ambient-1", role="train", pattern="grid", is_ambient=True),
-    DataSetInfo(name="random-dark", role="test", pattern="random", is_ambient=False),
+    SetEntry(name="grid-ambient-1", role="train", pattern="grid", is_ambient=True),
+    SetEntry(name="random-dark", role="test", pattern="random", is_ambient=False),
 )
 EMITTERS, RECEIVERS = ("E1", "E2"), ("R1", "R2", "R3")
 
@@ -111,7 +111,7 @@ def test_what_the_driver_exports_is_one_unnamed_set_with_presses_told_by_contact
     dataset["press_y"][:] = 7.0
     dataset.to_netcdf(tmp_path / "recorded.nc", engine="h5netcdf")
     found = read_data(tmp_path / "recorded.nc")
-    assert found.sets == (DataSetInfo(name="unnamed", role="train", pattern="unknown", is_ambient=True),)
+    assert found.sets == (SetEntry(name="unnamed", role="train", pattern="unknown", is_ambient=True),)
     assert found.state_names == (*EMITTERS, "off")
     np.testing.assert_array_equal(found.counts, np.floor(data.counts))
     np.testing.assert_array_equal(found.place_number, np.repeat(np.arange(4), 3))
