@@ -34,10 +34,9 @@ def _shares(study: optuna.Study, number: int) -> dict[str, float]:
         return sign * float(trial.values[number])
 
     with warnings.catch_warnings():
-        # It reminds of the sign, which `loss` sees to.
-        warnings.filterwarnings(
-            "ignore", message="PedAnovaImportanceEvaluator computes", category=UserWarning
-        )
+        # It reminds of the sign, which `loss` sees to, and of few designs, which the page counts.
+        for known in ("PedAnovaImportanceEvaluator computes", "Target and region quantiles"):
+            warnings.filterwarnings("ignore", message=known, category=UserWarning)
         evaluator = PedAnovaImportanceEvaluator()
         found = optuna.importance.get_param_importances(study, evaluator=evaluator, target=loss)
     return {name: float(share) for name, share in found.items()}

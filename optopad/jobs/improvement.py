@@ -68,7 +68,7 @@ from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
 PAD_MINUTES, ROW_MINUTES = 3.0, 2.0
 """Budgets of a pad and of facing rows by default [min on two cores]."""
 CORES = 2
-PAD_S, PAIR_S, ROW_S = 1.5, 0.04, 0.6
+PAD_S, PAIR_S, ROW_S = 1.9, 0.04, 0.6
 """Processor time of a design of a pad: of any, and more a pair (measured on 16 to 64); of facing rows [s]."""
 CURVED = 4.0
 """So many times more for a disc or a crowned pad."""
