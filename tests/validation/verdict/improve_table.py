@@ -13,8 +13,10 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 import sys
 import textwrap
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -38,14 +40,16 @@ from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
 ROOT = Path(__file__).parents[3]
 FOLDER = ROOT / "build" / "validation" / "improve"
 PAGE = ROOT / "docs" / "validation" / "search.md"
-ROWS, PADS = 24, 6
+ROWS, PADS = 24, 2
+"""Rows, and pads of each shape."""
 WIDTH = 118
 """Of a line of the page."""
 GRID = 6
 """Values of each of the three fields: 216 designs."""
 JUDGED_AGAIN = 3
 """Best designs of a grid that are judged by the score's light."""
-PAIR, PAD = preset("piacenza2017-pair"), preset("fingertip-16")
+SHAPES = ("rectangle", "disc", "dome")
+PAIR, PAD, DOME = (preset(name) for name in ("piacenza2017-pair", "fingertip-16", "fingertip-dome"))
 PARTS = (("sunled-xscwd23mb", "osram-sfh206k"), ("kingbright-apt2012zgc", "osram-sfh2400"))
 BEGIN, END = "<!-- improve: begin -->", "<!-- improve: end -->"
 
@@ -79,28 +83,43 @@ def random_row(seed: int) -> SensorDesign:
 
 
 def flat_disc() -> SensorDesign:
-    """The fingertip dome with a flat top, 6 mm thick, in an open mold."""
-    dome = preset("fingertip-dome")
-    document = dome.model_dump(mode="json") | {"crown": None}
+    """The fingertip dome with a flat top, in an open mold."""
+    document = DOME.model_dump(mode="json") | {"crown": None}
     document["cavity"] |= {"clear_thickness_mm": 6.0}
     document["mold"] |= {"rim_mm": 1.5}
     return SensorDesign.model_validate(document).with_(**{HEIGHTS[0]: 4.0, HEIGHTS[1]: 4.2})
 
 
-def random_pad(seed: int) -> SensorDesign:
-    """A small pad: a rectangle, a disc or a dome in turn."""
-    chance = np.random.default_rng([2, seed])
-    base = (preset("fingertip-16"), flat_disc(), preset("fingertip-dome"))[seed % 3]
-    clear = round(base.cavity.clear_thickness_mm * float(chance.uniform(0.9, 1.5)), 1)
-    edge = base.emitters.height_mm / base.cavity.clear_thickness_mm
-    low, high = 0.5 * edge * clear, 1.1 * edge * clear
+def random_pad(shape: str, seed: int) -> SensorDesign:
+    """A small pad of few parts, of one of `SHAPES`."""
+    chance = np.random.default_rng([2, SHAPES.index(shape), seed])
+    long, short = (round(float(chance.uniform(*of)), 0) for of in ((24.0, 36.0), (18.0, 26.0)))
+    rim, sunk = float(chance.uniform(4.0, 9.0)), 0.0
+    if shape == "dome":
+        radius = DOME.crown.radius_mm
+        rim, sunk = 0.7 * rim, radius - math.sqrt(radius**2 - (short / 2) ** 2)
+    clear = round(rim + sunk, 1)
+    heights = [round(float(share) * rim, 1) for share in chance.uniform(0.3, 0.8, 2)]
+    changes = {"name": f"pad-{shape}-{seed}", CLEAR: clear, HEIGHTS[0]: heights[0], HEIGHTS[1]: heights[1]}
+    if shape == "rectangle":
+        return PAD.with_(
+            **changes,
+            **{
+                "cavity.length_mm": long,
+                "cavity.width_mm": short,
+                "mold.outer_length_mm": long + 12.0,
+                "mold.outer_width_mm": short + 12.0,
+                "layout": [{"pattern": "alternating_ring", "parts_per_side": 2, "pitch_mm": 9.0}],
+            },
+        )
+    base = flat_disc() if shape == "disc" else DOME
     return base.with_(
+        **changes,
         **{
-            "name": f"pad-{seed}",
-            CLEAR: clear,
-            HEIGHTS[0]: round(float(chance.uniform(low, high)), 1),
-            HEIGHTS[1]: round(float(chance.uniform(low, high)), 1),
-        }
+            "cavity.diameter_mm": short,
+            "mold.outer_diameter_mm": short + 14.0,
+            "layout": [{"pattern": "disc_ring", "count": int(chance.integers(3, 5))}],
+        },
     )
 
 
@@ -160,7 +179,7 @@ def improved(design: SensorDesign) -> dict[str, Any]:
         )
     found: dict[str, Any] = {
         "name": design.name,
-        "before": plain(made.before.found),
+        "before": plain(made.before),
         "tried": made.tried,
         "judged_again": made.judged_again,
         "offered": offered,
@@ -303,7 +322,8 @@ def main() -> None:
     FOLDER.mkdir(parents=True, exist_ok=True)
     part = sys.argv[1] if len(sys.argv) > 1 else ""
     bad_rows = [] if part == "pads" else bad_designs(random_row, ROWS, "rows")
-    bad_pads = [] if part in ("rows", "grids") else bad_designs(random_pad, PADS, "pads")
+    shapes = [] if part in ("rows", "grids") else SHAPES
+    bad_pads = [one for of in shapes for one in bad_designs(partial(random_pad, of), PADS, f"{of}-pads")]
     grids = [grid(one) for one in bad_rows]
     rows = (
         []
