@@ -14,13 +14,16 @@ import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 from design.errors import InputError
 from design.text_file import read_text
 from design.toml_text import parsed_toml
 from design.whole_file import name_fault
 from fabrication.record import RecordError, record_of
+
+if TYPE_CHECKING:
+    from design.shape.outline import Kind, Outline
 
 FORMAT_VERSION = 2
 MOST_BYTES = 1_000_000
@@ -153,7 +156,7 @@ class WorkspaceLimits:
 
     Attributes
     ----------
-    outline : "disc" where only the disc counts that touches the sides; None for the rectangle
+    outline : of the press centres where it is no rectangle: "disc"; it touches the sides
     """
 
     x0_mm: float
@@ -164,9 +167,12 @@ class WorkspaceLimits:
     outline: str | None = None
 
     @property
-    def is_disc(self) -> bool:
-        """Whether only the disc counts."""
-        return self.outline == "disc"
+    def area(self) -> Outline:
+        """The press centres."""
+        from design.shape.outline import outline_in
+
+        box = (self.x0_mm, self.y0_mm, self.x1_mm, self.y1_mm)
+        return outline_in(cast("Kind", self.outline or "rectangle"), box)
 
 
 @dataclass(frozen=True, kw_only=True)

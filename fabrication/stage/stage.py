@@ -13,6 +13,7 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from design.errors import InputError
+from design.shape.outline import Outline
 from fabrication.driver_file import WorkspaceLimits
 
 Position = tuple[float, float, float]
@@ -26,19 +27,16 @@ LIMIT_SLACK_MM = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class StageLimits:
-    """Where the tip may go: the design's press centres and depth; above the pad up to 60 mm [mm].
+    """Where the tip may go: the design's press centres and depth; above the pad up to 60 mm.
 
     Attributes
     ----------
-    is_disc : whether the press centres are those of the disc that touches the sides
+    area : press centres
+    deepest_mm : deepest press
     """
 
-    x0_mm: float
-    x1_mm: float
-    y0_mm: float
-    y1_mm: float
+    area: Outline
     deepest_mm: float
-    is_disc: bool = False
 
     def require(self, x_mm: float, y_mm: float, depth_mm: float) -> None:
         """Refuse a position outside.
@@ -48,8 +46,8 @@ class StageLimits:
         InputError : which coordinate, its limits.
         """
         spans = (
-            ("x", x_mm, self.x0_mm, self.x1_mm),
-            ("y", y_mm, self.y0_mm, self.y1_mm),
+            ("x", x_mm, self.area.x0_mm, self.area.x1_mm),
+            ("y", y_mm, self.area.y0_mm, self.area.y1_mm),
             ("depth", depth_mm, -HIGHEST_MM, self.deepest_mm),
         )
         for name, value, low, high in spans:
@@ -57,27 +55,13 @@ class StageLimits:
                 raise InputError(
                     f"stage: {name} {value:g} mm is outside of {low:g} to {high:g} mm; nothing moves"
                 )
-        middle, radius = (
-            ((self.x0_mm + self.x1_mm) / 2, (self.y0_mm + self.y1_mm) / 2),
-            (self.x1_mm - self.x0_mm) / 2,
-        )
-        if self.is_disc and math.dist((x_mm, y_mm), middle) > radius + LIMIT_SLACK_MM:
-            raise InputError(
-                f"stage: x {x_mm:g}, y {y_mm:g} mm is not within {radius:g} mm of x {middle[0]:g}, y {middle[1]:g} mm; "
-                "nothing moves"
-            )
+        if not self.area.contains(x_mm, y_mm, LIMIT_SLACK_MM):
+            raise InputError(f"stage: x {x_mm:g}, y {y_mm:g} mm is not {self.area.words}; nothing moves")
 
 
 def limits_of(workspace: WorkspaceLimits) -> StageLimits:
     """Limits of a design, from its driver configuration."""
-    return StageLimits(
-        x0_mm=workspace.x0_mm,
-        x1_mm=workspace.x1_mm,
-        y0_mm=workspace.y0_mm,
-        y1_mm=workspace.y1_mm,
-        deepest_mm=workspace.max_depth_mm,
-        is_disc=workspace.is_disc,
-    )
+    return StageLimits(area=workspace.area, deepest_mm=workspace.max_depth_mm)
 
 
 class Stage(Protocol):

@@ -129,7 +129,7 @@ def _simulated_table(design: SensorDesign, gain: SimulatedGain, *, seed: int, on
         seed=seed,
         on_step=lambda done, total: on_step("light", done / total),
     )
-    return table_of(states, light.flux * np.array(gain.counts_per_flux), is_disc=bool(cavity.workspace.arcs))
+    return table_of(states, light.flux * np.array(gain.counts_per_flux), is_whole=not cavity.workspace.arcs)
 
 
 def _config(design: SensorDesign, gain: SimulatedGain | None) -> DriverConfig:

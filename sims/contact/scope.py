@@ -103,11 +103,7 @@ From 6.0 to 7.5 the force at 1 tip radius falls by 1 %."""
 
 def wall_radius(design: SensorDesign) -> float:
     """Radius of the round pad that stands for the design's [tip radii], moved into `WALL_RADIUS_RANGE`."""
-    cavity = design.cavity
-    if cavity.outline == "disc":
-        radius = 0.5 * cavity.length_mm / tip_radius_mm(design)
-    else:
-        radius = round_radius(cavity.length_mm, cavity.width_mm) / tip_radius_mm(design)
+    radius = math.sqrt(plan_of(design).area_mm2 / math.pi) / tip_radius_mm(design)
     low, high = WALL_RADIUS_RANGE
     return min(max(radius, low), high)
 

@@ -80,13 +80,10 @@ def require_place(design: SensorDesign, at_mm: Place) -> None:
     plan, tip = cavity_of(design).plan, tip_radius_mm(design)
     if not all(map(math.isfinite, at_mm)) or not plan.contains(*at_mm):
         raise InputError(f"at_mm: x = {at_mm[0]:g}, y = {at_mm[1]:g} mm must lie in the pad")
-    gaps = [-wall.along_and_outward_mm(*at_mm)[1] for wall in plan.walls]
-    if plan.is_disc:
-        x, y = plan.centre_mm
-        gaps.append(plan.radius_mm - math.hypot(at_mm[0] - x, at_mm[1] - y))
-    if min(gaps) < NEAREST_WALL * tip - 1e-9:
+    gap = float(plan.outline.gap_mm(*at_mm))
+    if gap < NEAREST_WALL * tip - 1e-9:
         raise ModelScopeError(
-            f"at_mm: the nearest wall is {min(gaps) / tip:.2f} tip radii from the press axis; the contact model "
+            f"at_mm: the nearest wall is {gap / tip:.2f} tip radii from the press axis; the contact model "
             f"covers {NEAREST_WALL:g} and more; press farther from it, raise operating.workspace_margin_mm, or use a "
             "smaller tip"
         )

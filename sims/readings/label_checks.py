@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from design.arrays import FloatArray
 from design.errors import InputError, shown
+from design.shape.outline import rectangle
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from design.spec import SensorDesign
-
 
 LENGTHS_MM = {"mm": 1.0, "millimetre": 1.0, "millimeter": 1.0, "um": 1e-3, "micrometre": 1e-3, "micrometer": 1e-3,
               "micron": 1e-3, "cm": 10.0, "centimetre": 10.0, "centimeter": 10.0, "m": 1e3, "metre": 1e3,
@@ -217,20 +217,17 @@ def _require_millimetres(depth_mm: FloatArray, design: SensorDesign | None) -> N
 
 def _require_in_the_cavity(location_mm: FloatArray, design: SensorDesign | None) -> None:
     x_mm, y_mm = location_mm.T
-    size = (LARGEST_MM, LARGEST_MM) if design is None else (design.cavity.length_mm, design.cavity.width_mm)
-    if design is not None and design.cavity.outline == "disc":
-        radius = size[0] / 2.0
-        beyond_mm = np.hypot(x_mm - radius, y_mm - radius) - radius
-        words = f"is a disc of {size[0]:g} mm around x {radius:g}, y {radius:g} mm"
-    else:
-        beyond_mm = np.max([-x_mm, -y_mm, x_mm - size[0], y_mm - size[1]], axis=0)
-        words = f"{'' if design else 'at most '}spans x 0 to {size[0]:g} and y 0 to {size[1]:g} mm"
-    out = np.flatnonzero(beyond_mm > SLACK_MM)
+    whole = rectangle((0.0, 0.0, LARGEST_MM, LARGEST_MM))
+    if design is not None:
+        from design.geometry.plan import plan_of
+
+        whole = plan_of(design).outline
+    out = np.flatnonzero(~whole.contains(x_mm, y_mm, SLACK_MM))
     if out.size:
         raise InputError(
-            f"press_x, press_y: {out.size} of {len(x_mm)} pressed samples are outside the cavity, which {words}; the "
-            f"first is at ({x_mm[out[0]]:g}, {y_mm[out[0]]:g}) mm; is the origin its corner, and are they in "
-            "millimetres? Correct them, or drop samples next to the pad"
+            f"press_x, press_y: {out.size} of {len(x_mm)} pressed samples are outside the cavity, "
+            f"{'' if design else 'at most '}{whole.words}; the first is at ({x_mm[out[0]]:g}, {y_mm[out[0]]:g}) mm; is "
+            "the origin its corner, and are they in millimetres? Correct them, or drop samples next to the pad"
         )
 
 

@@ -294,7 +294,7 @@ def test_a_press_has_its_point_and_normal_on_the_untouched_top(name: str) -> Non
     design = preset(name)
     surface, plan, space = config_of(design).surface, cavity_of(design).plan, config_of(design).workspace
     assert surface is not None
-    assert space.is_disc is plan.is_disc
+    assert space.area.kind == plan.outline.kind
     x, y = 0.3 * space.x0_mm + 0.7 * space.x1_mm, 0.6 * space.y0_mm + 0.4 * space.y1_mm
     point, normal = surface.point_and_normal(x, y)
     assert point == pytest.approx((x, y, plan.top_mm(x, y)), abs=1e-9)

@@ -92,20 +92,20 @@ def untouched_table(config: DriverConfig) -> PressTable:
     return PressTable(x_mm=zero, y_mm=zero, depth_mm=zero, counts=counts)
 
 
-def table_of(presses: FloatArray, counts: FloatArray, *, is_disc: bool = False) -> PressTable:
+def table_of(presses: FloatArray, counts: FloatArray, *, is_whole: bool = True) -> PressTable:
     """A table from states that form a full grid, in whatever order.
 
     Parameters
     ----------
     presses : (state, 3) x, y, depth; the least depth must be 0 [mm]
     counts : (state, emitter, receiver) signals [counts]
-    is_disc : whether places of the grid may be absent; the nearest one's signals stand for them
+    is_whole : whether every place of the grid is there; else the nearest one's signals stand for those that are not
 
     Raises
     ------
     InputError : the states are no full grid.
     """
-    if is_disc:
+    if not is_whole:
         presses, counts = _squared(presses, counts)
     lines = [np.unique(presses[:, k]) for k in range(3)]
     shape = tuple(len(line) for line in lines)
@@ -167,7 +167,7 @@ def table_from_signals(file: Path, config: DriverConfig) -> PressTable:
         raise InputError(
             f"{file}: flux of the shape {flux.shape}, needs (state, emitter, {len(gains)}); run `optopad score` again"
         )
-    return table_of(presses, flux * gains, is_disc=config.workspace.is_disc)
+    return table_of(presses, flux * gains, is_whole=not config.workspace.area.arcs)
 
 
 def _numbers(array: xr.DataArray) -> FloatArray:

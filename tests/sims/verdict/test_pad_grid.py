@@ -67,7 +67,7 @@ def test_a_table_of_a_disc_takes_the_nearest_place_where_it_has_none() -> None:
     places = grid_places_mm(DISC, lines, lines)
     presses = np.array([[*place, depth] for place in places for depth in (0.0, 1.0)])
     counts = (presses[:, 0] + 100.0 * presses[:, 1] + presses[:, 2])[:, None, None]
-    table = table_of(presses, counts, is_disc=True)
+    table = table_of(presses, counts, is_whole=False)
     assert table.counts.shape == (5, 5, 2, 1, 1)
     assert table.counts[2, 2, 1, 0, 0] == 7.0 + 700.0 + 1.0
     corner = table.counts[0, 0, 1, 0, 0]
