@@ -3,7 +3,7 @@
 Checked on the STL as written, not on the solid: one closed body with consistent winding (trimesh
 finds open seams that CAD kernels pass), a manifold by manifold3d, volume against the formula and
 against the solid, size, faces that overhang, the cavity and a lid's dish against the optical model. Walls and webs
-come from the parameters (`design.geometry.webs`, `cad.lid_size`).
+come from the parameters (`design.mold.webs`, `cad.lid_size`).
 Left out: slicing, warping, how a given printer renders a thin wall.
 """
 
@@ -25,13 +25,13 @@ from cad.optical import cavity_agreement, dish_agreement
 from cad.slicer import EXTRUDED_HIGH, EXTRUDED_LOW, Sliced, require_slicer, sliced
 from cad.slicer import VOLUME_LIMIT as SLICER_VOLUME_LIMIT
 from design.fields.units import ROUNDING_MM
-from design.geometry.cavity import cavity_of
-from design.geometry.lettering import OVERLAP
-from design.geometry.mold_outline import outline_of
-from design.geometry.part_numbers import unnumbered
-from design.geometry.webs import bodies_above_rim, clearances, pockets_below_clear_layer, tightest
+from design.mold.lettering import OVERLAP
+from design.mold.outline import outline_of
+from design.mold.part_numbers import unnumbered
+from design.mold.webs import bodies_above_rim, clearances, pockets_below_clear_layer, tightest
 from design.parts.catalog import find_mold_material
 from design.parts.printer import Bed, printer, usual_bed_mm
+from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from design.spec.properties import entries_of
 

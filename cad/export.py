@@ -28,8 +28,8 @@ from cad.mold import build_mold, part_mold
 from cad.pour_gauge import gauge_size, pour_gauge
 from cad.solder_jig import jig_size, solder_jig
 from cad.volume import base_volume_mm3, lid_volume_mm3, mold_volume_mm3
-from design.geometry.mold_outline import bed_lift_mm, outline_of
 from design.io import written_together
+from design.mold.outline import bed_lift_mm, outline_of
 from design.parts.printer import Bed
 from design.spec import SensorDesign
 from design.whole_file import temporary_folder

@@ -13,7 +13,7 @@ Its shoulders rest on the rim and its tongue reaches down into the cavity. Print
 
 It spans the shorter side of the cavity and is drawn along the longer one. On a disc it spans the diameter between the
 facets and is turned about the middle. Parts whose body stands above the rim are in its way
-(`design.geometry.webs.bodies_above_rim`). A crowned pad has none: its black layer is poured last, upside down.
+(`design.mold.webs.bodies_above_rim`). A crowned pad has none: its black layer is poured last, upside down.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 import cadquery as cq
 
-from design.geometry.cavity import cavity_of
+from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 
 PLAY_MM = 0.3

@@ -24,9 +24,9 @@ import cadquery as cq
 
 from cad.lid_size import Notch, Plug, lid_size, pin_chamfer_mm
 from cad.mold import BEYOND_MM, cut_solid, outer_prism
-from design.geometry.mold_outline import outline_of
-from design.geometry.plan import Plan
-from design.geometry.sockets import Hole
+from design.mold.outline import outline_of
+from design.mold.sockets import Hole
+from design.shape.plan import Plan
 from design.spec import SensorDesign
 
 

@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cad.mesh import Mesh
-from design.geometry.mold_outline import MoldOutline, outline_of
-from design.geometry.plan import Plan, facet
-from design.geometry.sockets import Cut, Hole, WallFrame
-from design.geometry.webs import Clearance
+from design.mold.outline import MoldOutline, outline_of
+from design.mold.sockets import Cut, Hole, WallFrame
+from design.mold.webs import Clearance
+from design.shape.plan import Plan, facet
 from design.spec import SensorDesign
 
 PLAY_MM = 0.15

@@ -16,8 +16,8 @@ Seen from above (L-shaped marks: sockets open to the cavity and upward), and cut
 
 The silicone's undisturbed top is where the lip starts, if the rim is no higher than the lip: pour to that
 line; a seat for a glass cover at that level replaces the lip. Names of the parts are sunk into the outer faces
-(`design.geometry.part_numbers`), a label into the underside (`design.geometry.mold_label`), bodies taller than the
-rim get collars (`design.geometry.raised_sockets`), and the mold may be parted at the cavity's floor.
+(`design.mold.part_numbers`), a label into the underside (`design.mold.label`), bodies taller than the
+rim get collars (`design.mold.raised_sockets`), and the mold may be parted at the cavity's floor.
 
 The mold of a disc is round. Its cavity is a circle cut by a facet for each part; sockets stand square to their facets,
 and wire slots, lead channels and names end in the round outer face:
@@ -29,7 +29,7 @@ and wire slots, lead channels and names end in the round outer face:
      _|__/              \__|_
 
 The mold of a crowned pad has no lip: its lid (`cad.lid`) shapes the top, and it is filled through holes in the floor.
-All numbers come from `design.geometry.mold_outline`; the frame is that of `design.geometry.cavity` (files are lifted
+All numbers come from `design.mold.outline`; the frame is that of `design.shape.cavity` (files are lifted
 onto the bed by `cad.export`).
 """
 
@@ -43,13 +43,13 @@ from typing import cast
 
 import cadquery as cq
 
-from design.geometry import part_numbers
-from design.geometry.lettering import Loop, Shape, shapes_of
-from design.geometry.mold_outline import MoldOutline, outline_of
-from design.geometry.part_numbers import PartNumber
-from design.geometry.plan import Plan
-from design.geometry.sockets import Box, Cut, Hole, Socket, WallFrame
+from design.mold import part_numbers
+from design.mold.lettering import Loop, Shape, shapes_of
+from design.mold.outline import MoldOutline, outline_of
+from design.mold.part_numbers import PartNumber
+from design.mold.sockets import Box, Cut, Hole, Socket, WallFrame
 from design.rules.check import require_valid
+from design.shape.plan import Plan
 from design.spec import SensorDesign
 
 BEYOND_MM = 1.0

@@ -1,6 +1,6 @@
 r"""Whether the printed cavity is the cavity that light travels in.
 
-The optical model knows a plan (`design.geometry.plan`): flat walls that carry active areas flush with their face, of a
+The optical model knows a plan (`design.shape.plan`): flat walls that carry active areas flush with their face, of a
 disc the round wall between its facets, the bottom at -black thickness, and the top. Rays from inside are followed to
 the printed mold's triangles and compared with that plan wherever no socket opens the wall and no hole the floor. A
 round wall is compared by the distance of the printed place from it, since chords lie a little inside.
@@ -20,8 +20,8 @@ import numpy as np
 from cad.lid_size import lid_size, turned_over
 from cad.mesh import Mesh
 from design.arrays import BoolArray, FloatArray
-from design.geometry.mold_outline import MoldOutline, bed_lift_mm, outline_of
-from design.geometry.sockets import Socket
+from design.mold.outline import MoldOutline, bed_lift_mm, outline_of
+from design.mold.sockets import Socket
 from design.shape.outline import Line
 from design.spec import SensorDesign
 

@@ -7,7 +7,7 @@ face (c: leg of the lip), a cut of width b from t0 to t1 shares
     b * integral of max(0, c - t) dt = b / 2 * ((c - t0)+^2 - (c - t1)+^2)
 
 with it. That is exact as long as every cut lies within its wall's inner length and its floor lies
-below the lip, which `design.geometry.webs` makes sure of. The lip itself is a frustum with mitred corners:
+below the lip, which `design.mold.webs` makes sure of. The lip itself is a frustum with mitred corners:
 
     integral over 0..c of (L + 2s)(W + 2s) - L W ds = (L + W) c^2 + 4/3 c^3
 
@@ -36,9 +36,9 @@ from itertools import pairwise
 import numpy as np
 
 from cad.lid_size import Plug, lid_size, pin_chamfer_mm
-from design.geometry.mold_outline import MoldOutline, outline_of
-from design.geometry.raised_sockets import Collar
-from design.geometry.sockets import Cut, Hole, WallFrame
+from design.mold.outline import MoldOutline, outline_of
+from design.mold.raised_sockets import Collar
+from design.mold.sockets import Cut, Hole, WallFrame
 from design.spec import Crown, SensorDesign
 
 NODES = 48

@@ -1,6 +1,6 @@
 """Which part hangs on which pin: the one list that every sheet is written from.
 
-Order, places and names come from `design.geometry.cavity`, pins and channels from `design.circuit.pins`. State i lights
+Order, places and names come from `design.shape.cavity`, pins and channels from `design.circuit.pins`. State i lights
 emitter i alone; the last state lights none. Column j of a state's readings is receiver j.
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from design.circuit.pins import assigned_pins, board_of
-from design.geometry.cavity import PlacedPart, cavity_of
+from design.shape.cavity import PlacedPart, cavity_of
 from design.spec import SensorDesign
 
 EMITTER_POLARITY = "anode to the series resistor, cathode to the transistor's collector"

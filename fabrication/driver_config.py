@@ -18,10 +18,10 @@ from design.arrays import FloatArray
 from design.circuit import timing
 from design.circuit.pins import board_of
 from design.circuit.transimpedance import feedbacks_of
-from design.geometry.cavity import workspace_of
-from design.geometry.plan import plan_of
 from design.parts.assumptions import assumption
 from design.parts.catalog import Board
+from design.shape.cavity import workspace_of
+from design.shape.plan import plan_of
 from design.spec import SensorDesign
 from fabrication.bundle import versions
 from fabrication.connections import Connection, connections_of

@@ -24,7 +24,18 @@ REASON = "More files than sixteen:"
 
 FLOORS: dict[str, tuple[str, ...]] = {
     "": ("design", "cad", "sims", "fabrication", "optopad"),
-    "design": ("errors", "fields", "parts", "spec", "geometry", "circuit", "rules", "protocols", "search"),
+    "design": (
+        "errors",
+        "fields",
+        "parts",
+        "spec",
+        "shape",
+        "mold",
+        "circuit",
+        "rules",
+        "protocols",
+        "search",
+    ),
     "sims": (
         *("press", "cache", "contact", "optics", "rays", "readings", "verdict", "bounds", "continuity"),
         *("learning", "evaluation", "plots"),

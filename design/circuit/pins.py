@@ -12,9 +12,9 @@ from typing import TypeVar
 
 from design.errors import DesignError
 from design.fields.finding import Finding, error
-from design.geometry.cavity import cavity_of
 from design.parts import catalog
 from design.parts.catalog import Board
+from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from design.spec.properties import entries_of
 

@@ -24,9 +24,9 @@ from design.errors import DesignError, InputError, ModelScopeError
 from design.fields.base import FileName, Model
 from design.fields.packaged import packaged_or_own
 from design.fields.validation import design_error
-from design.geometry.cavity import workspace_of
 from design.io import read_toml
 from design.recordings import SetEntry
+from design.shape.cavity import workspace_of
 from design.shape.outline import Outline, rectangle
 from design.spec import SensorDesign, canonical_json
 

@@ -14,10 +14,10 @@ from design.circuit.pins import pin_findings
 from design.circuit.timing import MS_PER_S, baud_error, frame_time_ms, made_baud
 from design.circuit.transimpedance import gain_findings, settling_findings
 from design.fields.finding import Finding, error, warning
-from design.geometry.cavity import cavity_of
 from design.parts.assumptions import assumption
 from design.parts.catalog import Board
 from design.rules.firmware import firmware_findings
+from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 
 BAUD_ERROR_LIMIT = 0.025

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 
-from design.geometry.cavity import workspace_of
-from design.geometry.plan import plan_of
+from design.shape.cavity import workspace_of
+from design.shape.plan import plan_of
 from design.spec import SensorDesign
 
 LARGEST_SHARE_OF_LAYER = 0.8

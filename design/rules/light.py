@@ -15,8 +15,6 @@ import numpy as np
 from design.errors import DesignError
 from design.fields.finding import Finding, error, mm, warning
 from design.fields.units import ROUNDING_MM
-from design.geometry.cavity import CavityGeometry, PlacedPart
-from design.geometry.pairs import beside_chord, direct_path_pairs, facing_pairs, is_facing_rows, pair_name
 from design.rules.contact_scope import (
     CROWNED_LAYER_RANGE,
     DEEPEST_PRESS,
@@ -27,6 +25,8 @@ from design.rules.contact_scope import (
     deepest_modelled_mm,
     thinnest_elastic_mm,
 )
+from design.shape.cavity import CavityGeometry, PlacedPart
+from design.shape.pairs import beside_chord, direct_path_pairs, facing_pairs, is_facing_rows, pair_name
 from design.spec import SensorDesign, properties
 from design.spec.layout import MAX_PER_KIND, Kind
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from design.fields.finding import Finding, error, mm, note, warning
 from design.fields.units import ROUNDING_MM
-from design.geometry.mold_outline import MoldOutline, outline_of
+from design.mold.outline import MoldOutline, outline_of
 from design.spec import SensorDesign
 from design.spec.properties import elastomer_of, entries_of
 

@@ -11,9 +11,9 @@ from collections.abc import Iterator
 from design.errors import DesignError
 from design.fields.finding import Finding, error
 from design.fields.paths import nearest
-from design.geometry.cavity import part_field
 from design.parts import catalog
 from design.parts.catalog import Board, CatalogEntries
+from design.shape.cavity import part_field
 from design.spec import SensorDesign
 from design.spec.layout import Kind, Placement
 from design.spec.properties import entries_of, part_of

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 
 from design.fields.finding import Finding, error, mm, warning
 from design.fields.units import ROUNDING_MM
-from design.geometry.cavity import cavity_of, part_half_width_mm, workspace_of
-from design.geometry.filling import INSET_MM, SPRUE_RADIUS_MM, VENT_RADIUS_MM, filling_offsets_mm
-from design.geometry.mold_outline import outline_of
-from design.geometry.plan import Plan, plan_of
+from design.mold.filling import INSET_MM, SPRUE_RADIUS_MM, VENT_RADIUS_MM, filling_offsets_mm
+from design.mold.outline import outline_of
 from design.rules.contact_scope import LARGEST_CROWN
+from design.shape.cavity import cavity_of, part_half_width_mm, workspace_of
+from design.shape.plan import Plan, plan_of
 from design.spec import SensorDesign
 from design.spec.layout import expand
 

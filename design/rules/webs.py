@@ -1,4 +1,4 @@
-"""Can the mold be printed? Every clearance of `design.geometry.webs` that is not kept, in the user's words.
+"""Can the mold be printed? Every clearance of `design.mold.webs` that is not kept, in the user's words.
 
 What one change mends is one finding, which tells the worst place and counts the others.
 """
@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from design.fields.finding import Finding, error, mm, warning
-from design.geometry.webs import Clearance, clearances, rim_clearances
+from design.mold.webs import Clearance, clearances, rim_clearances
 from design.spec import SensorDesign
 from design.spec.layout import wall_length_mm
 

@@ -1,4 +1,4 @@
-"""The shape of a pad: its outline in plan and its top. The one room that knows the names of shapes.
+"""The shape of a pad: outline and top, the parts around it, the pairs across it.
 
-Imports of ours: arrays.
+`outline` and `top` know nothing of designs. Imports of ours: spec and below.
 """

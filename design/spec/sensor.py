@@ -1,7 +1,7 @@
 """The specification of a sensor: everything that makes one design different from another.
 
 A design is frozen. Change it by copy (`with_`); its `digest` names its content, whatever the
-formatting of the file it came from. All lengths are in mm in the cavity frame of `design.geometry.cavity`.
+formatting of the file it came from. All lengths are in mm in the cavity frame of `design.shape.cavity`.
 """
 
 from __future__ import annotations

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from design.circuit.pins import board_of
 from design.circuit.timing import US_PER_S, baud_divisor
 from design.errors import DesignError
-from design.geometry.cavity import cavity_of
 from design.parts.board_firmware import BoardFirmware
 from design.rules.check import require_valid
 from design.rules.firmware import firmware_findings
+from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from fabrication.connections import Connection, connections_of
 

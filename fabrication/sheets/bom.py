@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from cad.volume import mold_volume_mm3
 from design.circuit.emitter_switch import EmitterSwitch, emitter_switch
 from design.circuit.pins import board_of
-from design.geometry.cavity import PlacedPart, cavity_of
-from design.geometry.mold_outline import outline_of
+from design.mold.outline import outline_of
 from design.parts.assumptions import assumption
 from design.parts.catalog import Board, Cost, Part, find_mold_material
 from design.parts.standard_values import ohm_text
+from design.shape.cavity import PlacedPart, cavity_of
 from design.spec import SensorDesign
 from design.spec.properties import elastomer_of, entries_of
 from fabrication.gain import SimulatedGain, feedbacks_for

@@ -11,16 +11,16 @@ import math
 from collections.abc import Iterator, Sequence
 
 from design.fields.quantity import Quantity
-from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
-from design.geometry.fits import clearance_mm, fit_name
-from design.geometry.mold_outline import outline_of
-from design.geometry.webs import bodies_above_rim, pockets_below_clear_layer
+from design.mold.outline import outline_of
+from design.mold.webs import bodies_above_rim, pockets_below_clear_layer
 from design.parts.assumptions import assumption
 from design.parts.catalog import find_mold_material
 from design.parts.elastomer import Cure
 from design.preset import true_description
 from design.rules.mold import is_inhibited
+from design.shape.cavity import CavityGeometry, PlacedPart, cavity_of
 from design.spec import SensorDesign
+from design.spec.fits import clearance_mm, fit_name
 from design.spec.properties import elastomer_of, entries_of, quantities_of
 from fabrication.connections import polarity_of
 from fabrication.gain import SimulatedGain
@@ -250,7 +250,7 @@ def _cast(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
 
 
 def _crowned_steps(design: SensorDesign, cavity: CavityGeometry) -> list[str]:
-    """The order of a crowned pad, which is filled upside down through its floor (`design.geometry.filling`)."""
+    """The order of a crowned pad, which is filled upside down through its floor (`design.mold.filling`)."""
     clear, *black = pours(design)
     where = f"{number(cavity.black_mm)} below the floor" if black else "in all narrow holes"
     steps = [

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from design.circuit.emitter_switch import emitter_switch
 from design.circuit.pins import board_of
 from design.circuit.supply_current import supply_current
-from design.geometry.cavity import cavity_of
 from design.parts.assumptions import assumption
 from design.parts.standard_values import ohm_text
+from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from fabrication.sheets.formats.table import number
 

@@ -8,17 +8,17 @@
      black   |  ||  leads or wires
     ---------+-------- bed
 
-What is drawn is what is printed: numbers come from `design.geometry.mold_outline`.
+What is drawn is what is printed: numbers come from `design.mold.outline`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from design.geometry.fits import clearance_mm, fit_name
-from design.geometry.mold_outline import MoldOutline, outline_of
-from design.geometry.sockets import Cut, Socket, lead_setback_mm
+from design.mold.outline import MoldOutline, outline_of
+from design.mold.sockets import Cut, Socket, lead_setback_mm
 from design.spec import SensorDesign
+from design.spec.fits import clearance_mm, fit_name
 from fabrication.connections import polarity_of
 from fabrication.sheets.formats import svg
 from fabrication.sheets.formats.svg import Element, Point

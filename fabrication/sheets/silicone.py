@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from design.geometry.cavity import cavity_of
 from design.parts.assumptions import assumption
+from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from design.spec.properties import elastomer_of
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from design.geometry.cavity import workspace_of
-from design.geometry.mold_outline import outline_of
+from design.mold.outline import outline_of
+from design.shape.cavity import workspace_of
 from design.spec import SensorDesign
 from fabrication.connections import Connection
 from fabrication.sheets.formats import svg

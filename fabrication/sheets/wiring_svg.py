@@ -10,7 +10,7 @@
 
 Around a disc each label stands at the side that its part looks away from most.
 
-Bodies and mold come from `design.geometry.mold_outline`, so what is drawn is what is printed.
+Bodies and mold come from `design.mold.outline`, so what is drawn is what is printed.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from design.geometry.cavity import PlacedPart, workspace_of
-from design.geometry.mold_outline import MoldOutline, outline_of
-from design.geometry.sockets import Socket
+from design.mold.outline import MoldOutline, outline_of
+from design.mold.sockets import Socket
+from design.shape.cavity import PlacedPart, workspace_of
 from design.shape.outline import Outline
 from design.spec import SensorDesign
 from design.spec.layout import WALLS, Wall

@@ -15,10 +15,10 @@ from pathlib import Path
 
 from design.errors import InputError
 from design.fields.paths import leaves
-from design.geometry.cavity import cavity_of
 from design.io import write_text_atomically
 from design.progress import OnStep
 from design.rules.check import require_valid
+from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
 from optopad.results.comparison import Better, Comparison, Measure

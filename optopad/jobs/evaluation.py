@@ -9,8 +9,8 @@ import numpy as np
 
 from design.arrays import FloatArray
 from design.errors import InputError
-from design.geometry.cavity import workspace_of
 from design.progress import OnStep
+from design.shape.cavity import workspace_of
 from design.shape.outline import Outline, rectangle
 from design.spec import SensorDesign
 from optopad.results.accuracy import Accuracy, ModelAccuracy, accuracy_of

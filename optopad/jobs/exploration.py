@@ -69,7 +69,7 @@ def search(
     ------
     InputError, DesignError, OutputError : nothing that was judged is lost.
     """
-    from design.geometry.cavity import cavity_of
+    from design.shape.cavity import cavity_of
     from sims.continuity.objective import judge, price_of
 
     if any(objective.figure == "cost" for objective in space.objectives):
@@ -101,8 +101,8 @@ def figures_wanted(space: SearchSpace) -> tuple[str, ...]:
 
     The usable depth is left out where nothing else needs a pad's map: the map is the costly step.
     """
-    from design.geometry.cavity import cavity_of
-    from design.geometry.pairs import is_facing_rows
+    from design.shape.cavity import cavity_of
+    from design.shape.pairs import is_facing_rows
     from sims.continuity.objective import MAP_FIGURES
 
     objectives = tuple(objective.figure for objective in space.objectives)

@@ -24,9 +24,6 @@ from typing import Any
 
 from design.errors import InputError
 from design.fields.paths import get_at, known_paths, set_at
-from design.geometry.cavity import cavity_of
-from design.geometry.pairs import is_facing_rows
-from design.geometry.plan import plan_of
 from design.io import dump_design, load_design, write_text_atomically
 from design.progress import OnStep, silent
 from design.rules.check import require_valid
@@ -51,6 +48,9 @@ from design.search.improve import (
 from design.search.judged import Judged, Tried
 from design.search.points import MOST_A_ROUND, MOVES, first_points, refinements, spread_points
 from design.search.space import SearchSpace
+from design.shape.cavity import cavity_of
+from design.shape.pairs import is_facing_rows
+from design.shape.plan import plan_of
 from design.spec import SensorDesign
 from design.spec.cheap_fields import CLEAR, HEIGHTS
 from optopad.jobs.exploration import search

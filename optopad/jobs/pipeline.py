@@ -245,7 +245,7 @@ def _without_tolerance(
     design: SensorDesign, score: ContinuityScore, sims: Path, seed: int, *, with_page: bool
 ) -> EarlyDrawings | None:
     """Write signals, maps and their plots; draw what a page shows of them."""
-    from design.geometry.cavity import cavity_of
+    from design.shape.cavity import cavity_of
     from optopad.report.sections.early import early_drawings
     from optopad.work.plot_files import write_bound_plots
     from sims.continuity.maps_file import maps_dataset

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from design.errors import InputError
-from design.geometry.cavity import workspace_of
 from design.progress import OnStep
 from design.protocols.press import PressProtocol, load_protocol_file
 from design.rules.check import require_valid
+from design.shape.cavity import workspace_of
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
 from optopad.jobs.accuracy_files import write_accuracy

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from design.errors import InputError
-from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
-from design.geometry.pairs import chord_midpoint_mm, pair_name
 from design.progress import OnStep
 from design.rules.check import require_valid
+from design.shape.cavity import CavityGeometry, PlacedPart, cavity_of
+from design.shape.pairs import chord_midpoint_mm, pair_name
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
 from optopad.jobs.signals import require_presses

@@ -9,9 +9,9 @@ import numpy as np
 
 from design.arrays import FloatArray
 from design.errors import InputError, ModelScopeError
-from design.geometry.cavity import CavityGeometry, cavity_of
-from design.geometry.pairs import direct_path_pairs
 from design.progress import OnStep
+from design.shape.cavity import CavityGeometry, cavity_of
+from design.shape.pairs import direct_path_pairs
 from design.spec import SensorDesign
 from sims.contact.indentation import solved_press
 from sims.contact.scope import require_depth

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from design.geometry.cavity import cavity_of
 from design.search.figures import FIGURES
+from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from optopad.report.text.markup import Html, element, section, table
 from optopad.results.improvement import Figures, Improvement

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from design.errors import InputError
-from design.geometry.cavity import cavity_of
+from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from optopad.results.shown import WIDTH_IN, block, drawn, picture
 from optopad.screen.answer import answer_of

@@ -93,8 +93,8 @@ def press_table(source: DriverSource, *, seed: int, on_step: OnStep) -> tuple[Dr
 
 def simulated_gain(design: SensorDesign, *, seed: int, on_step: OnStep) -> SimulatedGain:
     """Gains, and light of the untouched pad, as a score sets them."""
-    from design.geometry.cavity import cavity_of
-    from design.geometry.pairs import judged_pairs, mask_of
+    from design.shape.cavity import cavity_of
+    from design.shape.pairs import judged_pairs, mask_of
     from fabrication.gain import SimulatedGain
     from sims.readings.readout import readout_of
     from sims.verdict.presses import untouched_flux
@@ -111,7 +111,7 @@ def simulated_gain(design: SensorDesign, *, seed: int, on_step: OnStep) -> Simul
 def _simulated_table(design: SensorDesign, gain: SimulatedGain, *, seed: int, on_step: OnStep) -> PressTable:
     import numpy as np
 
-    from design.geometry.cavity import cavity_of
+    from design.shape.cavity import cavity_of
     from sims.contact.indentation import solved_press
     from sims.optics.tracing import trace
     from sims.verdict.pad_map import COARSE_PLACES, grid_places_mm, map_grid_mm

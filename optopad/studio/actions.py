@@ -14,8 +14,8 @@ from typing import Any
 
 from cad.mesh import Mesh, read_stl
 from design.errors import OptopadError
-from design.geometry.mold_outline import bed_lift_mm
 from design.io import save_design
+from design.mold.outline import bed_lift_mm
 from design.spec import SensorDesign
 from design.whole_file import temporary_folder
 from fabrication.bundle import bundle_name

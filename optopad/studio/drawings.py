@@ -12,8 +12,8 @@ from html import escape
 import numpy as np
 
 from design.arrays import FloatArray
-from design.geometry.cavity import CavityGeometry, PlacedPart
-from design.geometry.pad_outline import outline_mm
+from design.shape.cavity import CavityGeometry, PlacedPart
+from design.shape.plan import outline_mm
 from optopad.studio.session import Press
 from sims.continuity.draft import PlaceCurves
 from sims.continuity.result import ContinuityScore, JudgedPair

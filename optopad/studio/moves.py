@@ -15,7 +15,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from design.errors import InputError
-from design.geometry.cavity import PlacedPart, cavity_of
+from design.shape.cavity import PlacedPart, cavity_of
 from design.spec import SensorDesign
 from design.spec.layout import AtAngles, DiscRing, FacingRows, PerSide, Single, expand
 

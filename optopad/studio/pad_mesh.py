@@ -9,8 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from design.arrays import FloatArray, IntArray
-from design.geometry.pad_outline import edge_mm
-from design.geometry.plan import Plan
+from design.shape.plan import Plan, edge_mm
 
 RINGS = 14
 """Rings from the middle of a crown to its edge."""

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from html import escape
 
-from design.geometry.cavity import PlacedPart
+from design.shape.cavity import PlacedPart
 from optopad.screen.answer import answer_of, verdict_words
 from optopad.screen.stages import STAGE_TITLES
 from optopad.sensor.touch_view import touch_line

@@ -18,8 +18,8 @@ from typing import Any
 from design.errors import InputError, OptopadError
 from design.fields.finding import Finding
 from design.fields.paths import is_value
-from design.geometry.cavity import cavity_of, workspace_of
 from design.rules.check import check
+from design.shape.cavity import cavity_of, workspace_of
 from design.spec import SensorDesign
 from optopad.screen.answer import changes_words
 from optopad.studio.design_file import DesignFile

@@ -21,8 +21,8 @@ import numpy as np
 
 from design.arrays import FloatArray
 from design.errors import DesignError, OptopadError
-from design.geometry.cavity import cavity_of
-from design.geometry.pairs import pair_name
+from design.shape.cavity import cavity_of
+from design.shape.pairs import pair_name
 from design.spec import SensorDesign
 from optopad.studio.answers import Answer, Curves, Doing, Failed, Judged, Look, Ray, Rays, Readings
 from optopad.studio.session import Press

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from design.geometry.cavity import cavity_of
 from design.io import write_text_atomically
+from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from design.whole_file import write_whole
 from sims.bounds.observability import PadBounds

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from design.arrays import FloatArray
-from design.geometry.cavity import CavityGeometry
+from design.shape.cavity import CavityGeometry
 from sims.bounds.figures import Figure, median_of, share_of
 from sims.bounds.fisher import Sensitivity, bounds_of
 

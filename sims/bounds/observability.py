@@ -19,9 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from design.arrays import BoolArray, FloatArray
-from design.geometry.cavity import CavityGeometry, cavity_of
-from design.geometry.pairs import judged_pairs, mask_of
 from design.progress import OnShare
+from design.shape.cavity import CavityGeometry, cavity_of
+from design.shape.pairs import judged_pairs, mask_of
 from design.spec import SensorDesign
 from sims.bounds.defaults import (
     COARSE_DEPTHS_MM,

@@ -23,8 +23,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from design.arrays import FloatArray
-from design.geometry.plan import plan_of
 from design.progress import OnShare
+from design.shape.plan import plan_of
 from design.spec import SensorDesign
 from sims.bounds.defaults import (
     DEPTH_STEP_MM,

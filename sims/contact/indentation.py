@@ -15,7 +15,7 @@ from dataclasses import replace
 from functools import lru_cache
 
 from design.errors import DesignError, InputError, ModelScopeError
-from design.geometry.plan import plan_of
+from design.shape.plan import plan_of
 from design.spec import SensorDesign
 from design.spec.properties import youngs_modulus_mpa
 from sims.contact.library.live_press import live_note, live_press, mesh_size

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from design.arrays import FloatArray
-from design.geometry.plan import plan_of
+from design.shape.plan import plan_of
 from design.spec import SensorDesign
 from sims.contact.indentation import solved_press
 from sims.contact.library.placed_press import PlacedPress

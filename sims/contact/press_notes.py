@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from design.errors import ModelScopeError
-from design.geometry.cavity import cavity_of
-from design.geometry.plan import plan_of
+from design.shape.cavity import cavity_of
+from design.shape.plan import plan_of
 from design.spec import SensorDesign
 from sims.contact.indentation import solved_press
 

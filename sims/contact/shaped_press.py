@@ -23,8 +23,8 @@ from __future__ import annotations
 import math
 
 from design.errors import InputError, ModelScopeError
-from design.geometry.cavity import cavity_of
 from design.rules.contact_scope import CROWNED_LAYER_RANGE, NEAREST_WALL
+from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from sims.contact.library.profile_library import shipped_library
 from sims.contact.library.smooth_press import SmoothPress

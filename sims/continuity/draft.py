@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from design.geometry.cavity import CavityGeometry
-from design.geometry.pairs import beside_chord, judged_pairs, mask_of, pair_name
 from design.progress import OnStep
 from design.rules.check import require_valid
+from design.shape.cavity import CavityGeometry
+from design.shape.pairs import beside_chord, judged_pairs, mask_of, pair_name
 from design.spec import SensorDesign
 from sims.contact.indentation import round_press
 from sims.continuity.judge import Judge

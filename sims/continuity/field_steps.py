@@ -17,10 +17,10 @@ import numpy as np
 
 from design.errors import OptopadError
 from design.fields.paths import get_at
-from design.geometry.cavity import cavity_of
-from design.geometry.pairs import is_facing_rows
 from design.progress import OnStep
 from design.rules.check import require_valid
+from design.shape.cavity import cavity_of
+from design.shape.pairs import is_facing_rows
 from design.spec import SensorDesign
 from design.spec.cheap_fields import CLEAR, HEIGHTS, TARGET, cheap_fields
 from sims.bounds.fisher import bounds_of

@@ -19,10 +19,10 @@ import numpy as np
 
 from design.arrays import BoolArray, FloatArray
 from design.errors import ModelScopeError
-from design.geometry.cavity import CavityGeometry, cavity_of
-from design.geometry.pairs import beside_chord, direct_path_pairs, is_facing_rows, judged_pairs, mask_of
-from design.geometry.pairs import pair_name as name_of
 from design.progress import OnStep
+from design.shape.cavity import CavityGeometry, cavity_of
+from design.shape.pairs import beside_chord, direct_path_pairs, is_facing_rows, judged_pairs, mask_of
+from design.shape.pairs import pair_name as name_of
 from design.spec import SensorDesign
 from sims.bounds.felt import FeltForce, felt_force
 from sims.bounds.observability import PadBounds, pad_bounds

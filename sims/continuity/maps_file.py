@@ -87,7 +87,7 @@ def maps_dataset(design: SensorDesign, score: ContinuityScore) -> xr.Dataset:
 
 def pair_names_of(design: SensorDesign) -> list[str]:
     """Names of all pairs of a design, emitter outermost."""
-    from design.geometry.cavity import cavity_of
+    from design.shape.cavity import cavity_of
 
     return list(pair_names(cavity_of(design)))
 

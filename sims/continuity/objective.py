@@ -16,10 +16,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from design.errors import DesignError, ModelScopeError
-from design.geometry.cavity import CavityGeometry
 from design.rules.check import check
 from design.search.figures import BOUND_FIGURES
 from design.search.judged import Judged, Limit
+from design.shape.cavity import CavityGeometry
 from design.spec import SensorDesign
 from sims.continuity.judge import Judge, governing_pair, usable_of_pairs
 from sims.continuity.map_judging import CLOSE_UNITS

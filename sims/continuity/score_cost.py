@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from design.arrays import FloatArray
-from design.geometry.cavity import CavityGeometry, cavity_of
-from design.geometry.pairs import chord_midpoint_mm, is_facing_rows, judged_pairs
+from design.shape.cavity import CavityGeometry, cavity_of
+from design.shape.pairs import chord_midpoint_mm, is_facing_rows, judged_pairs
 from design.spec import SensorDesign
 from design.spec.cheap_fields import TARGET, cheap_fields
 from sims.bounds.defaults import SHALLOW_MM

@@ -18,10 +18,10 @@ import numpy as np
 from design.arrays import FloatArray
 from design.circuit.transimpedance import given_ohms, settling_findings
 from design.errors import ModelScopeError
-from design.geometry.cavity import CavityGeometry, cavity_of
-from design.geometry.pairs import is_facing_rows, judged_pairs, mask_of, pair_name
 from design.progress import OnStep
 from design.rules.check import check, require_valid
+from design.shape.cavity import CavityGeometry, cavity_of
+from design.shape.pairs import is_facing_rows, judged_pairs, mask_of, pair_name
 from design.spec import SensorDesign
 from sims.contact.press_notes import contact_notes
 from sims.continuity.build_tolerance import with_tolerance

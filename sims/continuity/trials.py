@@ -20,10 +20,10 @@ from itertools import product
 
 from design.errors import OptopadError
 from design.fields.paths import get_at
-from design.geometry.cavity import cavity_of
-from design.geometry.pairs import is_facing_rows
 from design.progress import OnStep
 from design.rules.check import check
+from design.shape.cavity import cavity_of
+from design.shape.pairs import is_facing_rows
 from design.spec import SensorDesign
 from design.spec.cheap_fields import CLEAR, HEIGHTS
 from sims.continuity.build_tolerance import governing_judge

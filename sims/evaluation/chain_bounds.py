@@ -38,8 +38,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from design.arrays import FloatArray
-from design.geometry.cavity import workspace_of
 from design.progress import OnShare
+from design.shape.cavity import workspace_of
 from design.spec import SensorDesign
 from sims.bounds.fisher import Bounds, Sensitivity, bounds_of
 from sims.bounds.stencil import SEED_GAP, Steps, stencil_derivatives, stencil_presses

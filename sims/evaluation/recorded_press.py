@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from design.arrays import FloatArray
 from design.errors import InputError
-from design.geometry.cavity import cavity_of
-from design.geometry.pairs import chord_midpoint_mm, judged_pairs, mask_of, pair_name
+from design.shape.cavity import cavity_of
+from design.shape.pairs import chord_midpoint_mm, judged_pairs, mask_of, pair_name
 from design.spec import SensorDesign
 from sims.continuity.result import JudgedPair
 from sims.optics.tracing import trace

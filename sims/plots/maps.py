@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from design.arrays import BoolArray, FloatArray
-from design.geometry.cavity import CavityGeometry
+from design.shape.cavity import CavityGeometry
 from sims.bounds.felt import FeltForce
 from sims.bounds.observability import PadBounds
 from sims.plots.shapes.pad_patches import clip_to_pad, draw_part, outline_patch, workspace_patch

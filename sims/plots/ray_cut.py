@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from design.arrays import FloatArray
-from design.geometry.cavity import CavityGeometry, PlacedPart
-from design.geometry.pad_outline import outline_mm
+from design.shape.cavity import CavityGeometry, PlacedPart
+from design.shape.plan import outline_mm
 from sims.plots.shapes.pressed_top import CutPlane
 
 SILHOUETTE_POINTS = 60

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
-from design.geometry.cavity import cavity_of
+from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from sims.plots.ray_cut import Cut
 from sims.plots.rays import (

@@ -19,7 +19,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon, Rectangle
 
-from design.geometry.cavity import CavityGeometry, cavity_of
+from design.shape.cavity import CavityGeometry, cavity_of
 from design.spec import SensorDesign
 from sims.optics.oracle.paths import LightPath
 from sims.plots.ray_cut import Cut

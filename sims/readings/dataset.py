@@ -105,7 +105,7 @@ def require_design(data: PressData, design: SensorDesign, *, what: str = "data")
     ------
     InputError : another digest, other emitters or receivers.
     """
-    from design.geometry.cavity import cavity_of
+    from design.shape.cavity import cavity_of
 
     if data.design_digest is not None and data.design_digest != design.digest:
         raise InputError(

@@ -18,11 +18,11 @@ import numpy as np
 
 from design.arrays import FloatArray, IntArray
 from design.errors import InputError
-from design.geometry.cavity import cavity_of
-from design.geometry.pairs import judged_pairs, mask_of
 from design.progress import OnStep
 from design.protocols.press import PressProtocol
 from design.recordings import OFF
+from design.shape.cavity import cavity_of
+from design.shape.pairs import judged_pairs, mask_of
 from design.spec import SensorDesign
 from sims.optics.accuracy import Accuracy
 from sims.readings.chain.signal_chain import SetDraw, SignalChain, chain_of

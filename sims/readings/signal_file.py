@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from design.geometry.cavity import CavityGeometry
+from design.shape.cavity import CavityGeometry
 from design.whole_file import whole_file
 from sims.optics.light_signals import LightSignals
 

@@ -9,8 +9,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from design.geometry.cavity import cavity_of
-from design.geometry.pairs import is_facing_rows, judged_pairs
+from design.shape.cavity import cavity_of
+from design.shape.pairs import is_facing_rows, judged_pairs
 from design.spec import SensorDesign
 from sims.optics.light_signals import LightSignals
 from sims.readings.readout import Readout

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from design.arrays import FloatArray
-from design.geometry.cavity import cavity_of
-from design.geometry.pairs import chord_midpoint_mm, judged_pairs, mask_of
-from design.geometry.plan import plan_of
+from design.shape.cavity import cavity_of
+from design.shape.pairs import chord_midpoint_mm, judged_pairs, mask_of
+from design.shape.plan import plan_of
 from design.spec import SensorDesign
 from sims.optics.accuracy import ACCURACIES, Accuracy
 from sims.optics.light_signals import LightSignals

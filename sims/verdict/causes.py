@@ -28,8 +28,8 @@ from typing import Any, Literal
 import numpy as np
 
 from design.arrays import FloatArray
-from design.geometry.cavity import CavityGeometry, cavity_of
-from design.geometry.pairs import beside_chord, direct_path_pairs, pair_name
+from design.shape.cavity import CavityGeometry, cavity_of
+from design.shape.pairs import beside_chord, direct_path_pairs, pair_name
 from design.spec import SensorDesign
 from sims.optics.light_signals import LightSignals
 from sims.readings.readout import Readout

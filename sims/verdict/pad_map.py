@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from design.arrays import BoolArray, FloatArray
-from design.geometry.cavity import CavityGeometry
+from design.shape.cavity import CavityGeometry
 from design.shape.outline import Outline
 from design.spec import SensorDesign
 from sims.verdict.frame_depths import DepthReading, Frames, Interval, read_depths

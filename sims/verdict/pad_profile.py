@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from design.arrays import BoolArray, FloatArray
-from design.geometry.cavity import cavity_of
-from design.geometry.pairs import direct_path_pairs
+from design.shape.cavity import cavity_of
+from design.shape.pairs import direct_path_pairs
 from design.spec import SensorDesign
 from sims.optics.light_signals import LightSignals
 from sims.readings.readout import Readout

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from design.arrays import FloatArray
-from design.geometry.cavity import CavityGeometry
-from design.geometry.pairs import chord_midpoint_mm
-from design.geometry.plan import plan_of
 from design.progress import OnShare
+from design.shape.cavity import CavityGeometry
+from design.shape.pairs import chord_midpoint_mm
+from design.shape.plan import plan_of
 from design.spec import SensorDesign
 from sims.optics.accuracy import ACCURACIES, MIRRORED_FINER, Accuracy
 from sims.optics.light_signals import LightSignals

@@ -8,8 +8,8 @@ import zipfile
 import pytest
 import trimesh
 
-from design.geometry.cavity import cavity_of
 from design.preset import PRESETS, preset
+from design.shape.cavity import cavity_of
 from tests.cad.golden_parts import RECORDED
 
 MM3 = 1e-3  # the record's own rounding, with room for another version of the kernel

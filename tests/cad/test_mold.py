@@ -19,10 +19,10 @@ from cad.mold import build_mold
 from cad.optical import cavity_agreement, first_hits_mm
 from cad.volume import mold_volume_mm3, shared_with_lip_mm3
 from design.errors import DesignError
-from design.geometry.cavity import cavity_of
-from design.geometry.mold_outline import bed_lift_mm, outline_of
-from design.geometry.sockets import Cut
+from design.mold.outline import bed_lift_mm, outline_of
+from design.mold.sockets import Cut
 from design.preset import preset
+from design.shape.cavity import cavity_of
 from design.spec.tip_shape import tip_height_mm
 from tests.cad.golden_parts import RECORDED
 

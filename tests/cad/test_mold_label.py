@@ -12,12 +12,12 @@ from cad.mold import build_mold
 from cad.optical import cavity_agreement
 from cad.volume import mold_volume_mm3
 from design.errors import DesignError
-from design.geometry.cavity import cavity_of
-from design.geometry.lettering import OVERLAP
-from design.geometry.mold_label import LARGEST_PITCH_MM, label_lines, letters, mold_label
-from design.geometry.mold_outline import outline_of
+from design.mold.label import LARGEST_PITCH_MM, label_lines, letters, mold_label
+from design.mold.lettering import OVERLAP
+from design.mold.outline import outline_of
 from design.preset import preset
 from design.rules.check import check, require_valid
+from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 
 PAIR = preset("piacenza2017-pair")

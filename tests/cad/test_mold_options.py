@@ -17,15 +17,15 @@ from cad.pour_gauge import gauge_size, pour_gauge
 from cad.solder_jig import jig_size, solder_jig
 from cad.volume import base_volume_mm3, mold_volume_mm3
 from design.errors import DesignError, InputError
-from design.geometry.cavity import cavity_of
-from design.geometry.fits import fit
-from design.geometry.lettering import area_mm2, shapes_of
-from design.geometry.mold_outline import bed_lift_mm, outline_of
-from design.geometry.part_numbers import DEPTH_MM, small_letters
+from design.mold.lettering import area_mm2, shapes_of
+from design.mold.outline import bed_lift_mm, outline_of
+from design.mold.part_numbers import DEPTH_MM, small_letters
 from design.parts.catalog import find_board, packaged
 from design.parts.printer import bed_of
 from design.preset import FLAT_PRESETS, PRESETS, preset
 from design.rules.check import require_valid
+from design.shape.cavity import cavity_of
+from design.spec.fits import fit
 from fabrication.connections import connections_of
 
 PAD, FINGER, PAIR = preset("piacenza2017-pad"), preset("fingertip-16"), preset("piacenza2017-pair")

@@ -21,9 +21,9 @@ from cad.optical import cavity_agreement, dish_agreement, first_hits_mm
 from cad.picture import northern_half, section_picture
 from cad.pour_gauge import gauge_size
 from cad.volume import lid_volume_mm3, mold_volume_mm3
-from design.geometry.cavity import cavity_of
-from design.geometry.mold_outline import bed_lift_mm, outline_of
+from design.mold.outline import bed_lift_mm, outline_of
 from design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
+from design.shape.cavity import cavity_of
 from tests.cad.conftest import presets
 
 DISC, CROWNED, DOME = (preset(name) for name in SHAPED_PRESETS)

@@ -149,8 +149,8 @@ def random_table(settings: FirmwareSettings, seed: int = 0) -> IntArray:
 
 def light_table_mv(design: SensorDesign) -> IntArray:
     """(state, receiver) voltages of a pressed pad by the light model, at the design's gain, on ambient light [mV]."""
-    from design.geometry.cavity import cavity_of
-    from design.geometry.pairs import judged_pairs, mask_of
+    from design.shape.cavity import cavity_of
+    from design.shape.pairs import judged_pairs, mask_of
     from sims.optics import trace
     from sims.readings.readout import readout_of
 

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from design.circuit.emitter_switch import emitter_switch
 from design.circuit.pins import board_of
-from design.geometry.cavity import cavity_of
 from design.parts.assumptions import assumption
 from design.parts.catalog import Part
 from design.parts.standard_values import E24, ohm_text, standard_at_least, standard_at_most
 from design.preset import PRESETS, preset
+from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from design.spec.properties import part_of
 from fabrication.sheets.bom import COLUMNS, bom_csv, bom_rows

@@ -14,8 +14,8 @@ import pytest
 from design.circuit import timing
 from design.circuit.pins import assigned_pins
 from design.errors import DesignError, InputError
-from design.geometry.cavity import cavity_of
 from design.preset import PRESETS, preset
+from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from fabrication.driver_config import driver_config, dump_driver_config
 from fabrication.driver_file import (

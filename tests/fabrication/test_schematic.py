@@ -9,10 +9,10 @@ import pytest
 from design.circuit.emitter_switch import emitter_switch
 from design.circuit.pins import assigned_pins
 from design.circuit.supply_current import supply_current
-from design.geometry.cavity import cavity_of
 from design.parts.assumptions import assumption
 from design.parts.standard_values import ohm_text
 from design.preset import PRESETS, preset
+from design.shape.cavity import cavity_of
 from design.spec.properties import part_of
 from fabrication.gain import SimulatedGain
 from fabrication.sheets.bom import NO_PRICE, bom_csv, bom_rows

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 from design.circuit.pins import assigned_pins, board_of
 from design.errors import OutputError
-from design.geometry.cavity import cavity_of
 from design.preset import PRESETS, SHAPED_PRESETS, preset
+from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from design.spec.properties import part_of
 from fabrication.driver_file import load_driver_config

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from design.geometry.cavity import CavityGeometry, cavity_of
 from design.preset import preset
+from design.shape.cavity import CavityGeometry, cavity_of
 from design.spec import SensorDesign
 from sims.bounds.felt import FeltForce
 from sims.bounds.figures import Figure

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from design.geometry.cavity import CavityGeometry, cavity_of
-from design.geometry.pairs import chord_midpoint_mm, is_facing_rows, judged_pairs
 from design.preset import preset
+from design.shape.cavity import CavityGeometry, cavity_of
+from design.shape.pairs import chord_midpoint_mm, is_facing_rows, judged_pairs
 from design.spec import SensorDesign
 from sims.contact.force_curve import ForceCurve
 from sims.continuity.result import ContinuityScore, JudgedPair

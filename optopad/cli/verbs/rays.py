@@ -45,7 +45,7 @@ def rays(
     presses = tuple(options.parsed_press(text) for text in press or [])
     read = read_design(design, set_)
 
-    from design.geometry.cavity import cavity_of
+    from design.shape.cavity import cavity_of
     from optopad.jobs.ray_view import (
         RayRequest,
         part_number,

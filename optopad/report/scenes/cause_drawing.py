@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 from matplotlib.axes import Axes
 
-from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
+from design.shape.cavity import CavityGeometry, PlacedPart, cavity_of
 from design.spec import SensorDesign
 from sims.contact.indentation import indent
 from sims.plots.ray_cut import Cut, cut_of_pair

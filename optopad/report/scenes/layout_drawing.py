@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Polygon, Rectangle
 
 from design.arrays import FloatArray
-from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
-from design.geometry.mold_outline import MoldOutline, outline_of
+from design.mold.outline import MoldOutline, outline_of
+from design.shape.cavity import CavityGeometry, PlacedPart, cavity_of
 from design.spec import SensorDesign
 from optopad.report.scenes.mold_scene import body_corners_mm
 from sims.contact.tip import tip_points_mm

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from design.arrays import BoolArray, FloatArray
-from design.geometry.cavity import CavityGeometry
+from design.shape.cavity import CavityGeometry
 from optopad.report.scenes.pair_scene import plan_of
 from sims.verdict.pad_map import PadMap
 from sims.verdict.pad_profile import PadProfile

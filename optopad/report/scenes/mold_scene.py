@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.arrays import FloatArray
-from design.geometry.cavity import PlacedPart, cavity_of
-from design.geometry.mold_outline import MoldOutline, bed_lift_mm, outline_of
-from design.geometry.pad_outline import TURN_RAD
+from design.mold.outline import MoldOutline, bed_lift_mm, outline_of
+from design.shape.cavity import PlacedPart, cavity_of
+from design.shape.plan import TURN_RAD
 from design.spec import SensorDesign
 
 if TYPE_CHECKING:

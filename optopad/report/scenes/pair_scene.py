@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from design.arrays import FloatArray
-from design.geometry.cavity import CavityGeometry, cavity_of
-from design.geometry.pad_outline import TURN_RAD
+from design.shape.cavity import CavityGeometry, cavity_of
+from design.shape.plan import TURN_RAD
 from design.spec import SensorDesign
 from optopad.report.text.words import governing, reading
 from sims.continuity.result import ContinuityScore, JudgedPair

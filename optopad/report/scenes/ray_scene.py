@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from design.arrays import FloatArray
-from design.geometry.cavity import CavityGeometry, cavity_of
-from design.geometry.pad_outline import edge_mm
-from design.geometry.pairs import beside_chord, judged_pairs, pair_name
+from design.shape.cavity import CavityGeometry, cavity_of
+from design.shape.pairs import beside_chord, judged_pairs, pair_name
+from design.shape.plan import edge_mm
 from design.spec import SensorDesign
 from optopad.report.text.words import governing
 from sims.contact.tip import tip_points_mm

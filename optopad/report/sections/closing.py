@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from design.geometry.plan import plan_of
+from design.shape.plan import plan_of
 from design.spec import SensorDesign
 from optopad.report.text.markup import Html, bullets, element, facts, section
 from sims.continuity.result import ContinuityScore

@@ -6,8 +6,8 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from design.geometry.cavity import cavity_of
 from design.protocols.load import load_protocol
+from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from design.spec.properties import modulus
 from optopad.report.scenes.cause_drawing import plot_cause

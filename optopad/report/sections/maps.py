@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from design.geometry.cavity import cavity_of
+from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from optopad.report.scenes.map_scene import MapScene, depth_maps
 from optopad.report.sections.bound_maps import bound_maps, load_map

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from design.geometry.pairs import beside_chord
+from design.shape.pairs import beside_chord
 from optopad.report.scenes.ray_scene import RayScene, scene_json
 from optopad.report.sections.drawings import drawn, figure_of
 from optopad.report.text.assets import data_element

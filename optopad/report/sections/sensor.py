@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
-from design.geometry.mold_outline import bed_lift_mm
+from design.mold.outline import bed_lift_mm
 from design.preset import true_description
+from design.shape.cavity import CavityGeometry, PlacedPart, cavity_of
 from design.shape.outline import Outline
 from design.spec import Crown, SensorDesign
 from design.spec.tip_shape import tip_words

@@ -8,7 +8,7 @@ import numpy as np
 import viser
 
 from design.errors import OptopadError
-from design.geometry.cavity import cavity_of
+from design.shape.cavity import cavity_of
 from optopad.studio.actions import Ghost
 from optopad.studio.answers import Answer, Curves, Doing, Failed, Judged, Look, Readings
 from optopad.studio.drawings import QUANTITIES, curves_svg, map_svg, quantity, readings_svg

@@ -7,7 +7,7 @@ from typing import Any
 
 import viser
 
-from design.geometry.cavity import cavity_of
+from design.shape.cavity import cavity_of
 from optopad.studio.knobs import Knob, knobs_of
 from optopad.studio.session import Session
 from optopad.studio.view.doing import Doing

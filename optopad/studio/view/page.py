@@ -17,7 +17,7 @@ import viser
 
 from cad.mesh import Mesh
 from design.errors import OptopadError
-from design.geometry.cavity import cavity_of
+from design.shape.cavity import cavity_of
 from optopad.studio import answers as found_by_work
 from optopad.studio.actions import Errand, Ghost, MoldShop
 from optopad.studio.answers import Answer, Failed, Judged, Look, Rays, Readings

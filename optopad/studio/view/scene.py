@@ -13,8 +13,8 @@ import viser
 
 from cad.mesh import Mesh
 from design.arrays import FloatArray
-from design.geometry.cavity import CavityGeometry, PlacedPart, cavity_of
-from design.geometry.plan import Plan
+from design.shape.cavity import CavityGeometry, PlacedPart, cavity_of
+from design.shape.plan import Plan
 from design.spec import SensorDesign
 from fabrication.driver.touch_reader import Touch
 from optopad.studio.actions import Ghost

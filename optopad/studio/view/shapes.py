@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from design.arrays import FloatArray, IntArray
-from design.geometry.cavity import PlacedPart
-from design.geometry.mold_outline import outline_of
-from design.geometry.plan import Plan
+from design.mold.outline import outline_of
+from design.shape.cavity import PlacedPart
+from design.shape.plan import Plan
 from design.spec import SensorDesign
 from optopad.studio.pad_mesh import ring_triangles
 from sims.contact.tip import tip_points_mm

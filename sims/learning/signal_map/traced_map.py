@@ -24,9 +24,9 @@ import numpy as np
 
 from design.arrays import FloatArray, IntArray
 from design.errors import InputError
-from design.geometry.cavity import cavity_of
 from design.progress import OnStep
 from design.rules.contact_scope import NEAREST_WALL
+from design.shape.cavity import cavity_of
 from design.shape.outline import Outline
 from design.spec import SensorDesign
 from sims.contact.scope import depth_limit_mm

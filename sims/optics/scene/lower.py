@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from design.arrays import FloatArray, IntArray
-from design.geometry.cavity import PlacedPart, cavity_of
-from design.geometry.plan import Plan
+from design.shape.cavity import PlacedPart, cavity_of
+from design.shape.plan import Plan
 from design.spec import SensorDesign
 from design.spec.properties import absorption_coefficient_per_mm, emitter_order, refractive_index, wall_index
 from sims.optics.scene.acceptance import response_nodes

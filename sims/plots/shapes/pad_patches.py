@@ -7,10 +7,9 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Polygon
 
-from design.geometry.cavity import CavityGeometry, PlacedPart
-from design.geometry.pad_outline import TURN_RAD, outline_mm
-from design.geometry.plan import Plan
+from design.shape.cavity import CavityGeometry, PlacedPart
 from design.shape.outline import Outline
+from design.shape.plan import TURN_RAD, Plan, outline_mm
 
 NAME_POINTS = 5
 """Distance of a part's name from its mark [points]."""

@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from design.arrays import FloatArray
-from design.geometry.plan import Plan, plan_of
+from design.shape.plan import Plan, plan_of
 from design.shape.top import Top
 from design.spec import SensorDesign
 from sims.contact.pad_surface import curve_height_mm

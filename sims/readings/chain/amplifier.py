@@ -17,8 +17,8 @@ import numpy as np
 from design.arrays import FloatArray
 from design.circuit.pins import board_of
 from design.circuit.transimpedance import emitted_mw, feedbacks_of, responsivity_at
-from design.geometry.cavity import cavity_of
 from design.parts.assumptions import assumption
+from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from sims.readings.readout import Readout
 

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from design.arrays import FloatArray
 from design.circuit.pins import board_of
 from design.circuit.timing import MS_PER_S, US_PER_S, conversion_time_ms
-from design.geometry.cavity import cavity_of
+from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from design.spec.noise import PURE, Noise
 from sims.readings.chain.amplifier import relative_power, shot_variance_per_count

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from design.fields.finding import Finding
-from design.geometry.webs import clearances, rim_clearances
+from design.mold.webs import clearances, rim_clearances
 from design.preset import preset
 from design.rules.check import check, notes
 from design.rules.webs import WORDS, web_findings

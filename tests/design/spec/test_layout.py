@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
 from design.errors import DesignError
-from design.geometry.cavity import cavity_of, workspace_of
-from design.geometry.pairs import (
+from design.shape.cavity import cavity_of, workspace_of
+from design.shape.pairs import (
     chord_midpoint_mm,
     direct_path_pairs,
     facing_pairs,

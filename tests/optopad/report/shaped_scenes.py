@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from design.geometry.cavity import cavity_of
+from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from optopad.report.scenes.ray_scene import RayScene
 from sims.continuity.result import ContinuityScore

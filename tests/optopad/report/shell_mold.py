@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from cad.mesh import Mesh, stl_bytes
-from design.geometry.cavity import cavity_of
-from design.geometry.mold_outline import bed_lift_mm, outline_of
+from design.mold.outline import bed_lift_mm, outline_of
+from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from design.geometry.cavity import cavity_of
 from design.preset import preset
+from design.shape.cavity import cavity_of
 from optopad.report.page import write_report
 from optopad.report.scenes.cause_drawing import plot_cause
 from optopad.screen.answer import cause_sentence

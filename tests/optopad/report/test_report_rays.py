@@ -82,7 +82,7 @@ def test_a_pad_is_shown_at_its_weakest_place_with_the_pairs_that_pass_there():
 
 
 def ray_scene_cavity():
-    from design.geometry.cavity import cavity_of
+    from design.shape.cavity import cavity_of
 
     return cavity_of(PAD)
 

@@ -10,8 +10,8 @@ import pytest
 from matplotlib.collections import QuadMesh
 from matplotlib.patches import Polygon
 
-from design.geometry.cavity import cavity_of
-from design.geometry.mold_outline import outline_of
+from design.mold.outline import outline_of
+from design.shape.cavity import cavity_of
 from optopad.report.page import write_report
 from optopad.report.scenes.cause_drawing import plot_cause
 from optopad.report.scenes.layout_drawing import plot_layout

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from cad.mesh import read_stl
-from design.geometry.cavity import cavity_of
-from design.geometry.mold_outline import bed_lift_mm, outline_of
-from design.geometry.pairs import direct_path_pairs
+from design.mold.outline import bed_lift_mm, outline_of
 from design.preset import preset
+from design.shape.cavity import cavity_of
+from design.shape.pairs import direct_path_pairs
 from design.spec.tolerances import Tolerance
 from fabrication.sheets.casting import casting_md
 from optopad.report.page import write_report

@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from design.geometry.cavity import cavity_of
 from design.preset import FLAT_PRESETS, preset
+from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from fabrication.driver.link.frames import Frame
 from optopad.studio.live import FAKE, LiveSensor

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from design.geometry.mold_outline import outline_of
+from design.mold.outline import outline_of
 from design.preset import preset
 from optopad.studio import actions
 from optopad.studio.actions import Errand, Ghost, MoldShop

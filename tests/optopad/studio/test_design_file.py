@@ -15,9 +15,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from design.errors import DesignError, InputError, OptopadError, OutputError
-from design.geometry.cavity import cavity_of
 from design.io import load_design, save_design
 from design.preset import FLAT_PRESETS, PRESETS, SHAPED_PRESETS, preset, preset_text
+from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from optopad.studio.design_file import DesignFile
 from optopad.studio.design_text import comments_of, edited_text

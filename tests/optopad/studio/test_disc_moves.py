@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from design.errors import InputError
-from design.geometry.cavity import cavity_of, workspace_of
 from design.preset import SHAPED_PRESETS, preset, preset_text
+from design.shape.cavity import cavity_of, workspace_of
 from design.spec import SensorDesign
 from optopad.studio.design_file import DesignFile
 from optopad.studio.moves import STEP_DEG, angle_of, moved, part_named

@@ -13,9 +13,9 @@ import pytest
 
 from design.errors import ModelScopeError
 from design.fields.finding import error
-from design.geometry.cavity import CavityGeometry, cavity_of, workspace_of
 from design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
 from design.rules.check import check
+from design.shape.cavity import CavityGeometry, cavity_of, workspace_of
 from design.spec import SensorDesign
 from fabrication.driver.pattern import Problem
 from optopad.studio.answers import Doing, Judged

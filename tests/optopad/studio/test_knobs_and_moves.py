@@ -10,9 +10,9 @@ import pytest
 
 from design.errors import DesignError, InputError
 from design.fields.paths import get_at
-from design.geometry.cavity import PlacedPart, cavity_of
 from design.io import file_schema
 from design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
+from design.shape.cavity import PlacedPart, cavity_of
 from design.spec import SensorDesign
 from optopad.studio.knobs import (
     BY_HAND,

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.geometry.cavity import cavity_of, workspace_of
 from design.preset import PRESETS, SHAPED_PRESETS, preset
+from design.shape.cavity import cavity_of, workspace_of
 from design.spec import SensorDesign
 from optopad.studio import surface_mesh
 from optopad.studio.cut_mesh import cut_open

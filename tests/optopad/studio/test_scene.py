@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import viser
 
-from design.geometry.cavity import cavity_of
 from design.preset import PRESETS, SHAPED_PRESETS
+from design.shape.cavity import cavity_of
 from optopad.studio.design_file import DesignFile
 from optopad.studio.session import Session
 from optopad.studio.view.local_server import local_server

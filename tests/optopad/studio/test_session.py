@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from design.errors import InputError
-from design.geometry.cavity import workspace_of
 from design.preset import preset, preset_text
 from design.rules.check import check
+from design.shape.cavity import workspace_of
 from optopad.studio import session as session_module
 from optopad.studio.design_file import DesignFile
 from optopad.studio.moves import part_named

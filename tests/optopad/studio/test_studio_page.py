@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import viser
 
-from design.geometry.cavity import cavity_of
 from design.io import load_design
 from design.preset import SHAPED_PRESETS, preset_text
+from design.shape.cavity import cavity_of
 from optopad.screen.answer import answer_of
 from optopad.studio.design_file import DesignFile
 from optopad.studio.moves import angle_of, part_named

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from design.geometry.cavity import cavity_of
 from design.preset import preset
+from design.shape.cavity import cavity_of
 from sims.bounds.json_form import bounds_json
 from sims.bounds.observability import bound_depths_mm
 from sims.continuity.maps_file import bounds_dataset, provenance

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from design.geometry.cavity import cavity_of
-from design.geometry.pairs import judged_pairs, mask_of
 from design.preset import preset
+from design.shape.cavity import cavity_of
+from design.shape.pairs import judged_pairs, mask_of
 from sims.bounds.fisher import bounds_of
 from sims.bounds.observability import own_readout, pad_bounds
 from sims.bounds.stencil import Steps, sensitivity

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from design.errors import DesignError, ModelScopeError, OptopadError
-from design.geometry.cavity import cavity_of
-from design.geometry.pairs import beside_chord, judged_pairs, pair_name
 from design.preset import FLAT_PRESETS, preset
+from design.shape.cavity import cavity_of
+from design.shape.pairs import beside_chord, judged_pairs, pair_name
 from design.spec import SensorDesign
 from sims.bounds.observability import pad_bounds
 from sims.contact.indentation import round_press, solved_press

@@ -11,9 +11,9 @@ import pytest
 
 import sims.continuity.judge as stages
 import sims.continuity.map_judging as judging
-from design.geometry.cavity import cavity_of
-from design.geometry.pairs import direct_path_pairs
 from design.preset import preset
+from design.shape.cavity import cavity_of
+from design.shape.pairs import direct_path_pairs
 from sims.continuity.cautions import margin_caution
 from sims.continuity.judge import Judge
 from sims.continuity.scoring import score

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.geometry.cavity import cavity_of
 from design.preset import preset
 from design.protocols.press import protocol_from
+from design.shape.cavity import cavity_of
 from sims.learning.calibration.build import calibrated
 from sims.learning.calibration.unknowns import unknowns_of, with_values
 from sims.optics.tracing import trace

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from design.errors import ModelScopeError
-from design.geometry.cavity import cavity_of
 from design.preset import FLAT_PRESETS, preset
+from design.shape.cavity import cavity_of
 from sims.contact.pad_surface import pad_surface
 from sims.optics import tracing
 from sims.optics.engine.trace_states import trace_scene

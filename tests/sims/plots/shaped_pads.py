@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from design.geometry.cavity import cavity_of
-from design.geometry.plan import plan_of
 from design.preset import preset
+from design.shape.cavity import cavity_of
+from design.shape.plan import plan_of
 from design.spec import SensorDesign
 from sims.bounds.felt import FeltForce
 from sims.bounds.observability import PadBounds

@@ -15,9 +15,9 @@ from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 
-from design.geometry.cavity import cavity_of
 from design.preset import preset
 from design.protocols.load import load_protocol
+from design.shape.cavity import cavity_of
 from design.spec.properties import modulus
 from sims.contact.load_protocol import LoadHistory, load_history
 from sims.contact.pressure import ContactPressure

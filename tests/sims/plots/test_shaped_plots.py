@@ -9,9 +9,9 @@ import pytest
 from matplotlib.collections import QuadMesh
 from matplotlib.patches import Polygon
 
-from design.geometry.cavity import cavity_of
-from design.geometry.pad_outline import edge_mm, outline_mm
 from design.preset import preset
+from design.shape.cavity import cavity_of
+from design.shape.plan import edge_mm, outline_mm
 from sims.plots.contact import plot_profile
 from sims.plots.maps import (
     plot_bound_sheet,

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from matplotlib.collections import LineCollection
 
-from design.geometry.cavity import cavity_of
 from design.preset import preset
+from design.shape.cavity import cavity_of
 from sims.optics.engine.trace_states import CLASS_NAMES
 from sims.optics.oracle.paths import LightPath
 from sims.optics.oracle.walk import FATES

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from design.geometry.cavity import cavity_of
+from design.shape.cavity import cavity_of
 from sims.plots.ray_cut import cut_of_pair
 from sims.plots.rays import plot_ray_plan, plot_ray_section
 from sims.plots.shapes.pressed_top import press_frame

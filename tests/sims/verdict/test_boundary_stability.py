@@ -2,9 +2,9 @@
 
 import pytest
 
-from design.geometry.cavity import cavity_of
-from design.geometry.pairs import judged_pairs, mask_of
 from design.preset import preset
+from design.shape.cavity import cavity_of
+from design.shape.pairs import judged_pairs, mask_of
 from sims.press.depths import depth_schedule_mm
 from sims.readings.readout import readout_of
 from sims.verdict.builds import score_curves

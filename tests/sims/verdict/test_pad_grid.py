@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.geometry.cavity import cavity_of
 from design.preset import PRESETS, SHAPED_PRESETS, preset
+from design.shape.cavity import cavity_of
 from design.shape.outline import disc, rectangle
 from fabrication.driver.simulated.press_table import table_of
 from sims.verdict.pad_map import grid_inside, grid_places_mm, map_grid_mm, on_grid

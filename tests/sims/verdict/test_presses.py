@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from design.geometry.cavity import cavity_of
-from design.geometry.pairs import chord_midpoint_mm, judged_pairs, mask_of
 from design.preset import preset
+from design.shape.cavity import cavity_of
+from design.shape.pairs import chord_midpoint_mm, judged_pairs, mask_of
 from sims.optics.tracing import trace
 from sims.verdict.presses import (
     MAP_ACCURACY,

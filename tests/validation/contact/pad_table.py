@@ -23,8 +23,8 @@ import numpy as np
 from numba import njit
 
 from design.arrays import BoolArray, FloatArray
-from design.geometry.cavity import cavity_of
-from design.geometry.pairs import direct_path_pairs
+from design.shape.cavity import cavity_of
+from design.shape.pairs import direct_path_pairs
 from sims.contact.indentation import modulus_mpa
 from sims.optics.accuracy import ACCURACIES, Accuracy
 from sims.optics.scene.lower import scene_of

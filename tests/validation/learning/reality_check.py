@@ -22,9 +22,9 @@ from time import perf_counter
 
 import numpy as np
 
-from design.geometry.cavity import workspace_of
 from design.preset import preset
 from design.protocols.press import load_protocol_file
+from design.shape.cavity import workspace_of
 from design.spec import SensorDesign
 from optopad.jobs.evaluation import accuracies
 from optopad.jobs.prediction import bound_mm

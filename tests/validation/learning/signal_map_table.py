@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from design.geometry.cavity import cavity_of
-from design.geometry.pairs import judged_pairs, mask_of
 from design.io import write_text_atomically
 from design.preset import preset
+from design.shape.cavity import cavity_of
+from design.shape.pairs import judged_pairs, mask_of
 from sims.learning.signal_map.map_learner import MAP_SEED
 from sims.learning.signal_map.traced_map import (
     DEPTH_NODES,

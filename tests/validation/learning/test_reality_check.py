@@ -6,9 +6,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from design.geometry.cavity import cavity_of
 from design.preset import preset
 from design.protocols.press import load_protocol_file
+from design.shape.cavity import cavity_of
 from sims.evaluation.published import published_touch
 from sims.learning.learners import LEARNERS
 from sims.learning.samples.settings import QUICK

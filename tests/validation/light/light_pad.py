@@ -16,9 +16,9 @@ import numba
 import numpy as np
 
 from design.arrays import FloatArray
-from design.geometry.cavity import cavity_of
 from design.io import write_text_atomically
 from design.preset import preset
+from design.shape.cavity import cavity_of
 from sims.optics.engine.trace_states import trace_scene
 from sims.optics.scene.lower import scene_of
 from sims.optics.tracing import pressed_tops

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from design.errors import InputError
-from design.geometry.cavity import cavity_of
 from design.preset import SHAPED_PRESETS, preset
+from design.shape.cavity import cavity_of
 from sims.optics.scene.acceptance import response_nodes
 from sims.optics.scene.checks import check_scene
 from sims.optics.scene.emission import COSINE_NODES, pattern_power

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.geometry.cavity import cavity_of
 from design.preset import preset
+from design.shape.cavity import cavity_of
 from sims.optics.scene.lower import scene_of
 from sims.optics.scene.symmetry import state_classes, symmetries_of
 from sims.verdict.pad_map import COARSE_PLACES, grid_places_mm, map_grid_mm

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from design.fields.packaged import data_table
-from design.geometry.lettering import (
+from design.mold.lettering import (
     OVERLAP,
     Point,
     Stroke,
@@ -29,7 +29,7 @@ from design.geometry.lettering import (
     strokes_of,
     upper_edges_mm,
 )
-from design.geometry.sockets import Hole, Socket, WallFrame
+from design.mold.sockets import Hole, Socket, WallFrame
 
 DEPTH_MM = 0.5
 """Deeper than the steps of layers and the seams of a print; shallow enough to bridge."""

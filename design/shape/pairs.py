@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from design.arrays import BoolArray
-from design.geometry.cavity import CavityGeometry
+from design.shape.cavity import CavityGeometry
 from design.spec.layout import OPPOSITE
 
 FACING_TOLERANCE_MM = 1e-6

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from design.geometry.cavity import cavity_of, workspace_of
-from design.geometry.filling import filling_holes
-from design.geometry.mold_outline import outline_of
-from design.geometry.plan import Plan, facet, plan_of
+from design.mold.filling import filling_holes
+from design.mold.outline import outline_of
 from design.preset import SHAPED_PRESETS, preset
+from design.shape.cavity import cavity_of, workspace_of
+from design.shape.plan import Plan, facet, plan_of
 from design.spec import Crown, SensorDesign
 
 DISC, CROWNED, DOME = (preset(name) for name in SHAPED_PRESETS)

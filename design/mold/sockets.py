@@ -14,7 +14,7 @@ is cast against the active face. Seen from above, for the south wall (t is measu
 
 Pocket and slots go down to the body's base less the clearance, wherever that is: a part is never
 raised. A base below the clear layer meets the black layer; below that, the pocket goes into the
-floor of the mold, and `design.geometry.webs` asks for enough floor under it.
+floor of the mold, and `design.mold.webs` asks for enough floor under it.
 
 Lead positions: in a row along the wall, centred on the active area; radial leads leave the body at
 half its depth (the catalogue does not say where). Wires that do not fit behind the body one
@@ -30,11 +30,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from design.geometry.cavity import PlacedPart
-from design.geometry.fits import clearance_mm, fit
 from design.parts.catalog import Part
+from design.shape.cavity import PlacedPart
 from design.shape.outline import Line
 from design.spec import Mold
+from design.spec.fits import clearance_mm, fit
 
 NECK_MM = 1.5
 """Length of a wire slot's neck, if the slot is at least twice as long."""

@@ -25,11 +25,11 @@ from dataclasses import dataclass
 from itertools import combinations, pairwise
 
 from design.fields.units import ROUNDING_MM
-from design.geometry.fits import clearance_mm
-from design.geometry.mold_outline import MoldOutline, outline_of
-from design.geometry.raised_sockets import by_wall
-from design.geometry.sockets import Cut, Hole, Socket, gap_mm
+from design.mold.outline import MoldOutline, outline_of
+from design.mold.raised_sockets import by_wall
+from design.mold.sockets import Cut, Hole, Socket, gap_mm
 from design.spec import Mold, SensorDesign
+from design.spec.fits import clearance_mm
 
 LEDGE_MM = 0.1
 """A lead hole starts at least this far inside the edge of its pocket's floor."""

@@ -2,10 +2,10 @@
 
 import pytest
 
-from design.geometry.cavity import cavity_of
-from design.geometry.mold_outline import outline_of
-from design.geometry.sockets import Cut, WallFrame
+from design.mold.outline import outline_of
+from design.mold.sockets import Cut, WallFrame
 from design.preset import preset
+from design.shape.cavity import cavity_of
 from design.shape.outline import rectangle
 
 PAD = preset("piacenza2017-pad")

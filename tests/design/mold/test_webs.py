@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from design.geometry.webs import bodies_above_rim, clearances, pockets_below_clear_layer, tightest
+from design.mold.webs import bodies_above_rim, clearances, pockets_below_clear_layer, tightest
 from design.preset import preset
 
 DESIGN = preset("piacenza2017-pad")
@@ -93,7 +93,7 @@ def test_tall_bodies_and_deep_pockets_are_named():
 
 def test_clearances_need_no_cad_kernel():
     code = (
-        "import sys, design.geometry.webs, design.geometry.mold_outline; "
+        "import sys, design.mold.webs, design.mold.outline; "
         "print('cadquery' in sys.modules, 'OCP' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

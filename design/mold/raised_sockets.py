@@ -9,7 +9,7 @@ r"""Collars: walls above the rim around the bodies that are taller than it, so t
 
 A collar starts behind the pour lip and is a web thicker than its pockets on the other three sides; pocket and slots
 stay open upward through it. None is built where it would meet a fixing hole: the body then stands free, as
-`design.geometry.webs.bodies_above_rim` tells.
+`design.mold.webs.bodies_above_rim` tells.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from design.fields.units import ROUNDING_MM
-from design.geometry.sockets import Box, Cut, Hole, Socket, WallFrame
+from design.mold.sockets import Box, Cut, Hole, Socket, WallFrame
 from design.spec import Mold
 from design.spec.layout import WALLS
 

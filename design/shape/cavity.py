@@ -17,11 +17,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from design.errors import DesignError
-from design.geometry.fits import clearance_mm
-from design.geometry.plan import Plan, facet, plan_of
 from design.parts.catalog import Part
 from design.shape.outline import Line, Outline, outline_in
+from design.shape.plan import Plan, facet, plan_of
 from design.spec import SensorDesign
+from design.spec.fits import clearance_mm
 from design.spec.layout import Kind, Placement, expand, wall_length_mm
 from design.spec.properties import part_of
 

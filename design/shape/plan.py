@@ -6,6 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from design.arrays import FloatArray
 from design.shape.outline import Line, Outline, Point, outline_in
 from design.shape.top import Top
 from design.spec import SensorDesign
@@ -13,6 +16,10 @@ from design.spec.layout import angle_name
 
 NODES = 32
 """Of Gauss' rule along each wall, and from the middle to it."""
+TURN_RAD = 2.0 * math.pi / 96
+"""Turn of a round wall between two corners: it stands out between them by 5e-4 of its radius."""
+PIECES = 16
+"""Pieces that a straight wall under a curved edge is drawn in."""
 
 
 def facet(radius_mm: float, angle_deg: float, half_width_mm: float) -> Line:
@@ -155,3 +162,17 @@ def plan_of(design: SensorDesign, facets: Sequence[Line] = ()) -> Plan:
         ky=0.0 if straight == "y" else bend,
     )
     return Plan(outline=outline, top=top)
+
+
+def outline_mm(plan: Plan) -> FloatArray:
+    """(n, 2) corners of a pad in plan, counter-clockwise [mm]."""
+    return plan.outline.points(TURN_RAD)
+
+
+def edge_mm(plan: Plan) -> FloatArray:
+    """(n, 3) edge of the untouched top: corners in plan, more of them under a crown, and its height there [mm].
+
+    Heights are not numbers where a crown is too tight for its pad.
+    """
+    corners = plan.outline.points(TURN_RAD, 1 if plan.top.is_flat else PIECES)
+    return np.column_stack([corners, plan.top.height_mm(*corners.T)])

@@ -1,6 +1,6 @@
 r"""The mold as plain numbers: what is printed, before any solid is made.
 
-Frame of `design.geometry.cavity`; the mold is centred on the cavity.
+Frame of `design.shape.cavity`; the mold is centred on the cavity.
 
       top   ____      lip, 45 deg      ____
            |    \                     /    |   rim
@@ -20,14 +20,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from design.geometry.cavity import CavityGeometry, cavity_of
-from design.geometry.filling import filling_holes
-from design.geometry.mold_label import MoldLabel, mold_label
-from design.geometry.part_numbers import PartNumber, part_numbers
-from design.geometry.plan import Plan
-from design.geometry.raised_sockets import Collar, by_wall, raised
-from design.geometry.sockets import Box, Hole, Socket, WallFrame, socket_of
+from design.mold.filling import filling_holes
+from design.mold.label import MoldLabel, mold_label
+from design.mold.part_numbers import PartNumber, part_numbers
+from design.mold.raised_sockets import Collar, by_wall, raised
+from design.mold.sockets import Box, Hole, Socket, WallFrame, socket_of
+from design.shape.cavity import CavityGeometry, cavity_of
 from design.shape.outline import Line
+from design.shape.plan import Plan
 from design.spec import Mold, SensorDesign
 
 LIP_MAX_MM = 1.5
@@ -136,7 +136,7 @@ class MoldOutline:
 
 
 def outline_of(design: SensorDesign) -> MoldOutline:
-    """The numbers of a design's mold; whether they can be built is the question of `design.geometry.webs`."""
+    """The numbers of a design's mold; whether they can be built is the question of `design.mold.webs`."""
     cavity, mold = cavity_of(design), design.mold
     plan = cavity.plan
     wall_x = (mold.outer_length_mm - plan.length_mm) / 2

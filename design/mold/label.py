@@ -24,9 +24,9 @@ from textwrap import wrap
 
 from design.fields.finding import Finding, error, mm
 from design.fields.packaged import data_table
-from design.geometry.filling import SPRUE_RADIUS_MM, filling_offsets_mm
-from design.geometry.lettering import OVERLAP, Stroke, area_mm2, strokes_of
-from design.geometry.plan import plan_of
+from design.mold.filling import SPRUE_RADIUS_MM, filling_offsets_mm
+from design.mold.lettering import OVERLAP, Stroke, area_mm2, strokes_of
+from design.shape.plan import plan_of
 from design.spec import SensorDesign
 
 DEPTH_MM = 0.6
