@@ -49,7 +49,7 @@ from design.mold.outline import MoldOutline, outline_of
 from design.mold.part_numbers import PartNumber
 from design.mold.sockets import Box, Cut, Hole, Socket, WallFrame
 from design.rules.check import require_valid
-from design.shape.plan import Plan
+from design.shape.outline import Line, Outline
 from design.spec import SensorDesign
 
 BEYOND_MM = 1.0
@@ -100,16 +100,12 @@ def _block(outline: MoldOutline) -> cq.Solid:
 
 def outer_prism(outline: MoldOutline, foot_mm: float, height_mm: float) -> cq.Solid:
     """The outer outline, moved up: of a disc round, else with rounded edges and the cut at the origin's corner."""
-    if outline.plan.is_disc:
-        foot = cq.Vector(*outline.plan.centre_mm, foot_mm)
-        return cq.Solid.makeCylinder(outline.outer_radius_mm, height_mm, foot, cq.Vector(0, 0, 1))
-    corner = (-outline.wall_x_mm, -outline.wall_y_mm, foot_mm)
-    block = cq.Workplane("XY").box(outline.outer_length_mm, outline.outer_width_mm, height_mm, centered=False)
+    block = cq.Workplane(obj=prism(outline.outer, foot_mm, height_mm))
     if outline.corner_radius_mm > 0:
         block = block.edges("|Z and (>X or >Y)").fillet(outline.corner_radius_mm)
     if outline.origin_cut_mm > 0:
         block = block.edges("|Z and <X and <Y").chamfer(outline.origin_cut_mm)
-    return cast(cq.Solid, block.translate(corner).val())
+    return cast(cq.Solid, block.val())
 
 
 def _filled(box: Box) -> cq.Solid:
@@ -120,45 +116,36 @@ def _filled(box: Box) -> cq.Solid:
 
 def _mouth(outline: MoldOutline) -> list[cq.Solid]:
     """Cavity and lip, or cavity and the cover's seat, up past the rim."""
-    if outline.plan.is_disc:
-        height = outline.top_mm + BEYOND_MM - outline.cavity_bottom_mm
-        around = _around(outline.plan, outline.cavity_bottom_mm)
-        return [cq.Solid.extrudeLinear(around, [], cq.Vector(0, 0, height))]
-    if not outline.ledge_mm:
+    if outline.lip_mm:
         return [_flared(outline)]
-    cavity = Box(
-        x0=0.0,
-        x1=outline.length_mm,
-        y0=0.0,
-        y1=outline.width_mm,
-        z0=outline.cavity_bottom_mm,
-        z1=outline.top_mm,
-    )
-    return [_filled(cavity), _filled(replace(outline.mouth, z1=outline.top_mm + BEYOND_MM))]
+    inside, foot = outline.plan.outline, outline.cavity_bottom_mm
+    if not outline.ledge_mm:
+        return [prism(inside, foot, outline.top_mm + BEYOND_MM - foot)]
+    seat = _filled(replace(outline.mouth, z1=outline.top_mm + BEYOND_MM))
+    return [prism(inside, foot, outline.top_mm - foot), seat]
 
 
-def _around(plan: Plan, z: float) -> cq.Wire:
-    """The outline of a disc: the chords of its facets, joined by arcs."""
-    facets = sorted(plan.walls, key=lambda wall: math.atan2(wall.outward[1], wall.outward[0]))
-    (x, y), edges = plan.centre_mm, []
-    for facet, following in zip(facets, facets[1:] + facets[:1], strict=True):
-        start, end = facet.point(0.0), facet.point(facet.length_mm)
-        edges.append(cq.Edge.makeLine(cq.Vector(*start, z), cq.Vector(*end, z)))
-        low, high = (math.degrees(math.atan2(py - y, px - x)) for px, py in (end, following.point(0.0)))
-        centre, up = cq.Vector(x, y, z), cq.Vector(0, 0, 1)
-        edges.append(cq.Edge.makeCircle(plan.radius_mm, centre, up, low, low + (high - low) % 360.0))
-    return cq.Wire.assembleEdges(edges)
+def prism(outline: Outline, foot_mm: float, height_mm: float) -> cq.Solid:
+    """An outline from a level upward."""
+    edges, up = [], cq.Vector(0, 0, 1)
+    for one in outline.loop:
+        if isinstance(one, Line):
+            edges.append(cq.Edge.makeLine(*(cq.Vector(*end, foot_mm) for end in one.ends)))
+        else:
+            start = math.degrees(one.start_rad)
+            turn, centre = math.degrees(one.turn_rad), cq.Vector(*one.centre_mm, foot_mm)
+            edges.append(cq.Edge.makeCircle(one.radius_mm, centre, up, start, start + turn))
+    around = cq.Wire.assembleEdges(edges)
+    return cq.Solid.extrudeLinear(around, [], cq.Vector(0, 0, height_mm))
 
 
 def _flared(outline: MoldOutline) -> cq.Solid:
     """Cavity and flared lip as one polyhedron."""
     foot, knee = outline.cavity_bottom_mm, outline.top_mm - outline.lip_mm
-    if outline.lip_mm == 0:
-        knee = outline.top_mm + BEYOND_MM
     rings = [_ring(outline, 0.0, foot), _ring(outline, 0.0, knee)]
-    if outline.lip_mm > 0 and not outline.collars:
+    if not outline.collars:
         rings.append(_ring(outline, outline.lip_mm + BEYOND_MM, outline.top_mm + BEYOND_MM))
-    elif outline.lip_mm > 0:  # straight up past the rim: collars stand right behind the lip
+    else:  # straight up past the rim: collars stand right behind the lip
         rings += [_ring(outline, outline.lip_mm, z) for z in (outline.top_mm, outline.top_mm + BEYOND_MM)]
     faces = [_polygon(rings[0][::-1]), _polygon(rings[-1])]
     for low, high in pairwise(rings):

@@ -65,14 +65,11 @@ def mold_volume_mm3(design: SensorDesign) -> float:
 def _socket_cuts_mm3(outline: MoldOutline) -> float:
     """Pockets, slots, necks and channels, less what lip or seat have taken of them."""
     channels = [(s.frame, s.channel) for s in outline.sockets if s.channel is not None]
-    if outline.plan.is_disc:
-        cuts = [(socket.frame, cut) for socket in outline.sockets for cut in socket.cuts]
-        return sum(cut_in_frame_mm3(frame, cut) for frame, cut in (*cuts, *channels))
-    below = [_below_rim(cut, outline) for socket in outline.sockets for cut in socket.cuts]
+    below = [(s.frame, _below_rim(cut, outline)) for s in outline.sockets for cut in s.cuts]
     return (
-        sum(_cut_mm3(cut) - shared_with_lip_mm3(cut, outline.lip_mm) for cut in below)
-        - sum(_shared_with_seat_mm3(cut, outline) for cut in below)
-        + sum(_cut_mm3(channel) for _, channel in channels)
+        sum(cut_in_frame_mm3(frame, cut) for frame, cut in (*below, *channels))
+        - sum(shared_with_lip_mm3(cut, outline.lip_mm) for _, cut in below)
+        - sum(_shared_with_seat_mm3(cut, outline) for _, cut in below)
     )
 
 
@@ -169,10 +166,8 @@ def _prism_mm3(outline: MoldOutline) -> float:
 
 
 def _section_mm2(outline: MoldOutline) -> float:
-    if outline.plan.is_disc:
-        return math.pi * outline.outer_radius_mm**2
     rounded = 3 * (1 - math.pi / 4) * outline.corner_radius_mm**2
-    return outline.outer_length_mm * outline.outer_width_mm - rounded - outline.origin_cut_mm**2 / 2
+    return outline.outer.area_mm2 - rounded - outline.origin_cut_mm**2 / 2
 
 
 def _cut_mm3(cut: Cut) -> float:

@@ -26,7 +26,7 @@ from design.mold.part_numbers import PartNumber, part_numbers
 from design.mold.raised_sockets import Collar, by_wall, raised
 from design.mold.sockets import Box, Hole, Socket, WallFrame, socket_of
 from design.shape.cavity import CavityGeometry, cavity_of
-from design.shape.outline import Line
+from design.shape.outline import Line, Outline
 from design.shape.plan import Plan
 from design.spec import Mold, SensorDesign
 
@@ -95,6 +95,12 @@ class MoldOutline:
     def outer_radius_mm(self) -> float:
         """Of the round mold of a disc; 0 for a block [mm]."""
         return self.plan.radius_mm + self.wall_x_mm if self.plan.is_disc else 0.0
+
+    @property
+    def outer(self) -> Outline:
+        """The outer faces in plan, without rounding and cut."""
+        x, y = self.wall_x_mm, self.wall_y_mm
+        return self.plan.outline.in_box((-x, -y, self.length_mm + x, self.width_mm + y))
 
     @property
     def outer_length_mm(self) -> float:
