@@ -179,7 +179,7 @@ def improved(design: SensorDesign) -> dict[str, Any]:
         )
     found: dict[str, Any] = {
         "name": design.name,
-        "before": plain(made.before),
+        "before": plain(made.before.found),
         "tried": made.tried,
         "judged_again": made.judged_again,
         "offered": offered,
