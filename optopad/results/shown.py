@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any, Self
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
 WIDTH_IN = 6.4
 
 
-class Result:
+class Result(ABC):
     """A result that prints as the command line does."""
 
     @property
@@ -21,17 +22,17 @@ class Result:
         """This result; scripts for earlier versions ask it for the figures."""
         return self
 
+    @abstractmethod
     def to_json(self) -> dict[str, Any]:
         """Plain data for JSON."""
-        raise NotImplementedError
 
     def to_dict(self) -> dict[str, Any]:
         """The same as the command line prints with ``--json``."""
         return self.to_json()
 
+    @abstractmethod
     def lines(self) -> list[str]:
         """The same as the command line prints, a line an entry."""
-        raise NotImplementedError
 
     def __repr__(self) -> str:
         return "\n".join(self.lines())
