@@ -7,7 +7,8 @@ from design.preset import preset
 from design.shape.cavity import cavity_of
 from design.shape.pairs import judged_pairs, mask_of
 from sims.bounds.fisher import bounds_of
-from sims.bounds.observability import own_readout, pad_bounds
+from sims.bounds.observability import BOUND_ACCURACIES, own_readout, pad_bounds
+from sims.bounds.pad_answers import pad_answers
 from sims.bounds.stencil import Steps, sensitivity
 from sims.continuity.maps_file import bounds_dataset
 from sims.optics.tracing import trace
@@ -95,11 +96,14 @@ def test_the_middle_of_the_press_is_told_to_microns_and_losses_only_worsen_it(bo
 def test_no_pair_of_a_dome_is_left_out_for_an_error_that_all_its_presses_share():
     """What rules may be off is some 2 % of a press's light, several noise units, and leaves derivatives alone."""
     design = preset("fingertip-dome")
-    voxels = np.array([[11.0, 7.5, 2.9], [11.0, 11.5, 2.9]])
-    readout = own_readout(design, seed=0)
-    quick, finer = (
-        sensitivity(design, voxels, readout, accuracy=accuracy, seed=0, steps=Steps())
-        for accuracy in ("score", "standard")
+    places, depth_mm, readout = (
+        np.array([[11.0, 7.5], [11.0, 11.5]]),
+        np.array([2.9]),
+        own_readout(design, seed=0),
     )
-    assert (quick.weight > 0.0).all()
-    assert bounds_of(quick).location_mm == pytest.approx(bounds_of(finer).location_mm, rel=0.1)
+    found, finer = (
+        pad_answers(design, places, depth_mm, readout, accuracies=accuracies, seed=0, steps=Steps())
+        for accuracies in (BOUND_ACCURACIES, ("standard",))
+    )
+    assert (found.weight > 0.0).all()
+    assert bounds_of(found).location_mm == pytest.approx(bounds_of(finer).location_mm, rel=0.1)
