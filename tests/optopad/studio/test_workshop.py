@@ -456,7 +456,12 @@ def test_the_score_has_the_bits_of_a_score_without_a_studio_although_presses_wer
     assert len(served) == 2
     assert whole.score.to_json() == true.to_json()
     told, whole_told = middle.score.to_json(), true.to_json()
-    assert {key for key in told if told[key] != whole_told[key]} <= {"tolerance", "what_matters", "warnings"}
+    assert {key for key in told if told[key] != whole_told[key]} <= {
+        "tolerance",
+        "trial",
+        "what_matters",
+        "warnings",
+    }
 
 
 def test_every_piece_of_a_press_is_named_as_one() -> None:

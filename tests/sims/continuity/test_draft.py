@@ -89,9 +89,11 @@ def test_the_draft_of_the_pair_says_what_its_score_says(changes: dict[str, float
 
 
 @pytest.mark.full
-@pytest.mark.parametrize(("clear_mm", "verdict"), [(8.0, "CONTIGUOUS"), (10.0, "DEADBAND")])
-def test_the_draft_of_the_pad_says_what_its_score_says(clear_mm: float, verdict: str) -> None:
-    design = preset(PAD).with_(**{CLEAR: clear_mm})
+@pytest.mark.parametrize(
+    ("changes", "verdict"), [({}, "CONTIGUOUS"), ({CLEAR: 10.0, "noise.relative_noise": 0.01}, "DEADBAND")]
+)
+def test_the_draft_of_the_pad_says_what_its_score_says(changes: dict[str, float], verdict: str) -> None:
+    design = preset(PAD).with_(**changes)
     found, true = draft_score(design), score(design, verdict_only=True)
     assert found.verdict == true.verdict == verdict
     assert found.usable_depth_mm == pytest.approx(true.usable_depth_mm, abs=0.4)
@@ -111,8 +113,8 @@ def test_pairs_far_from_a_place_may_be_left_as_untouched(monkeypatch: pytest.Mon
     margins = np.array(
         [[here.margin, there.margin] for here, there in zip(found.places, whole.places, strict=True)]
     )
-    low = margins[:, 1] < 20.0
-    assert low.sum() >= 8
+    low = margins[:, 1] < 4.0 * DEADBAND_THRESHOLD  # a verdict may depend on them
+    assert low.sum() >= 4
     assert np.abs(np.diff(margins[low])).max() < 0.3
     assert np.abs(np.diff(margins)).max() < 8.0
 
@@ -132,7 +134,7 @@ def test_a_place_that_is_nearly_blind_is_judged_by_finer_light(monkeypatch: pyte
     ]
     changed = [number for number, (fine, rough) in enumerate(margins) if fine != rough]
     assert changed == [12]  # the middle
-    assert margins[12][0] < DEADBAND_THRESHOLD < margins[12][1] < DEADBAND_THRESHOLD + 1.0
+    assert np.abs(np.array(margins[12]) - DEADBAND_THRESHOLD).max() < 1.0
 
 
 @pytest.mark.slow
