@@ -8,6 +8,8 @@ from pydantic import Field, model_validator
 
 from design.fields.base import Model
 
+Wall = Literal["south", "east", "north", "west"]
+
 
 class Cavity(Model):
     """The pad of silicone: its outline, inner size of the mold, and the thickness of its two layers.
@@ -51,6 +53,27 @@ class Cavity(Model):
         if given.get("diameter_mm") is None:
             raise ValueError("diameter_mm is missing: outline = 'disc' needs it; add it")
         return {**given, "length_mm": given["diameter_mm"], "width_mm": given["diameter_mm"]}
+
+    @property
+    def walls(self) -> dict[str, float]:
+        """The straight walls that parts may sit in: name and inner length [mm]."""
+        if self.outline == "disc":
+            return {}
+        return {
+            "south": self.length_mm,
+            "east": self.width_mm,
+            "north": self.length_mm,
+            "west": self.width_mm,
+        }
+
+    @property
+    def has_round_walls(self) -> bool:
+        """Whether parts may sit in facets of their own, by angle."""
+        return self.outline != "rectangle"
+
+    def wall_length_mm(self, wall: str) -> float:
+        """Inner length of a straight wall; 0 for one that the outline does not have [mm]."""
+        return self.walls.get(wall, 0.0)
 
     def _outlined(self, document: dict[str, Any]) -> dict[str, Any]:
         if self.outline == "disc":

@@ -19,7 +19,7 @@ from design.fields.base import FileName, Model, PartId
 from design.fields.validation import design_error
 from design.parts.catalog import CatalogEntries, identifiers
 from design.spec.indenter import Indenter
-from design.spec.layout import BY_ANGLE, BY_WALL, Pattern
+from design.spec.layout import BY_ANGLE, BY_WALL, Pattern, expand
 from design.spec.noise import Noise
 from design.spec.pad import Cavity, Crown
 from design.spec.tip_shape import shape_fault
@@ -323,14 +323,23 @@ class SensorDesign(Model):
                 "cavity.outline = 'disc'"
             )
         for number, pattern in enumerate(self.layout):
-            is_by_angle = pattern.pattern in BY_ANGLE
-            if is_by_angle != (self.cavity.outline == "disc"):
-                needs = " or ".join(f"'{name}'" for name in sorted(BY_ANGLE if not is_by_angle else BY_WALL))
-                where = "a disc has no straight walls" if not is_by_angle else "a rectangle has no angles"
+            fault = self._misfit(pattern)
+            if fault is not None:
                 raise ValueError(
-                    f"layout.{number}.pattern: '{pattern.pattern}' does not fit the outline, {where}; use {needs}"
+                    f"layout.{number}.pattern: '{pattern.pattern}' does not fit the outline, {fault}"
                 )
         return self
+
+    def _misfit(self, pattern: Pattern) -> str | None:
+        """What a pattern needs that the outline does not have, and what to use in its place."""
+        outline, walls = self.cavity.outline, self.cavity.walls
+        for place in expand((pattern,), self.cavity):
+            if place.angle_deg is not None and not self.cavity.has_round_walls:
+                return f"a {outline} has no angles; use {_or_of(BY_WALL)}"
+            if place.angle_deg is None and place.wall not in walls:
+                have = f"wall '{place.wall}', only {_or_of(tuple(walls))}" if walls else "walls"
+                return f"a {outline} has no straight {have}; use {_or_of(BY_ANGLE)}"
+        return None
 
     @cached_property
     def digest(self) -> str:
@@ -370,3 +379,7 @@ class SensorDesign(Model):
 def canonical_json(document: Any) -> str:
     """One text for equal content: sorted keys, no spaces, shortest float form."""
     return json.dumps(document, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+
+
+def _or_of(names: tuple[str, ...]) -> str:
+    return " or ".join(f"'{name}'" for name in sorted(names))
