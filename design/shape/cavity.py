@@ -196,7 +196,8 @@ def _placed(design: SensorDesign, place: Placement, bare: Plan) -> PlacedPart:
     line, along = next((wall for wall in bare.walls if wall.name == place.wall), None), place.along_mm
     if line is None:
         half = part_half_width_mm(design, place)[0]
-        line, along = facet(bare.radius_mm, place.angle_deg or 0.0, half), half
+        angle = place.angle_deg or 0.0
+        line, along = facet(bare.outline.arc_towards(angle), angle, half), half
     return PlacedPart(
         name=place.name,
         kind=place.kind,

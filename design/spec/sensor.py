@@ -32,7 +32,7 @@ Ohm = Annotated[float, Field(ge=100.0, le=1e10)]
 
 
 class Mold(Model):
-    """The printed part around the cavity; round around a disc, with `outer_diameter_mm` for length and width."""
+    """The printed part around the cavity, of its outline; around a disc `outer_diameter_mm` is length and width."""
 
     unsaid = (
         "outer_diameter_mm",
@@ -45,8 +45,8 @@ class Mold(Model):
         "pieces",
     )
 
-    outer_length_mm: Annotated[float, Field(ge=6.0, le=400.0, description="outside along x, of a rectangle")]
-    outer_width_mm: Annotated[float, Field(ge=6.0, le=400.0, description="outside along y, of a rectangle")]
+    outer_length_mm: Annotated[float, Field(ge=6.0, le=400.0, description="outside along x, not of a disc")]
+    outer_width_mm: Annotated[float, Field(ge=6.0, le=400.0, description="outside along y, not of a disc")]
     outer_diameter_mm: Annotated[
         float | None, Field(ge=6.0, le=400.0, description="outside of the mold of a disc")
     ] = None
@@ -321,6 +321,14 @@ class SensorDesign(Model):
                 if self.cavity.outline == "disc"
                 else "mold.outer_diameter_mm: is of a disc; give outer_length_mm and outer_width_mm, or set "
                 "cavity.outline = 'disc'"
+            )
+        size, mold = self.cavity, self.mold
+        if size.outline == "stadium" and (size.length_mm > size.width_mm) != (
+            mold.outer_length_mm > mold.outer_width_mm
+        ):
+            raise ValueError(
+                f"mold.outer_length_mm: {mold.outer_length_mm:g} x {mold.outer_width_mm:g} mm lies across a stadium of "
+                f"{size.length_mm:g} x {size.width_mm:g} mm; the longer sides run along each other: swap or change them"
             )
         for number, pattern in enumerate(self.layout):
             fault = self._misfit(pattern)
