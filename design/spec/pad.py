@@ -84,7 +84,7 @@ class Cavity(Model):
     def _longer_than_wide(self) -> Self:
         if self.outline == "stadium" and self.length_mm == self.width_mm:
             raise ValueError(
-                f"a stadium of {self.length_mm:g} x {self.width_mm:g} mm has no straight walls; make one side longer, or "
+                f"a stadium of {self.length_mm:g} x {self.width_mm:g} mm has no straight walls; make a side longer, or "
                 f"set outline = 'disc' and diameter_mm = {self.length_mm:g}"
             )
         return self
