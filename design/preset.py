@@ -1,4 +1,4 @@
-"""The packaged designs: the paper's pad and pair, a published disc, and four of our own."""
+"""The packaged designs: the paper's pad and pair, a published disc, and five of our own."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from design.spec import SensorDesign
 
 FLAT_PRESETS = ("piacenza2017-pad", "piacenza2017-pair", "oblong-60x40", "fingertip-16")
 """Flat rectangles."""
-SHAPED_PRESETS = ("levi2013-disc", "crowned-40x25", "fingertip-dome")
-"""Discs and crowned pads."""
+SHAPED_PRESETS = ("levi2013-disc", "crowned-40x25", "fingertip-dome", "gripper-stadium")
+"""Discs, stadiums and crowned pads."""
 PRESETS = FLAT_PRESETS + SHAPED_PRESETS
 
 

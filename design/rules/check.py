@@ -43,7 +43,7 @@ SMALLEST_LENGTH_MM = 0.01
 
 def check(design: SensorDesign) -> tuple[Finding, ...]:
     """All findings about a design, errors first."""
-    places = expand(design.layout, design.cavity.length_mm, design.cavity.width_mm)
+    places = expand(design.layout, design.cavity)
     counts = _count(places, "emitter"), _count(places, "receiver")
     unknown = part_findings(design, places)
     found = [

@@ -80,7 +80,7 @@ def _crown_findings(plan: Plan) -> Iterator[Finding]:
 def _facet_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
     most = WIDEST_FACET * plan.radius_mm
     told: set[str] = set()
-    for place in expand(design.layout, plan.length_mm, plan.width_mm):
+    for place in expand(design.layout, design.cavity):
         half, part_id = part_half_width_mm(design, place)
         if half > most + ROUNDING_MM and part_id not in told:
             told.add(part_id)

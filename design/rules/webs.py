@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from design.fields.finding import Finding, error, mm, warning
 from design.mold.webs import Clearance, clearances, rim_clearances
 from design.spec import SensorDesign
-from design.spec.layout import wall_length_mm
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,7 +143,7 @@ def _filling(one: Clearance, design: SensorDesign) -> dict[str, str | None]:
     """What fills the places in `Words`; lengths that are to be added are rounded up."""
     size = design.cavity
     is_disc = size.outline == "disc"
-    length = wall_length_mm(one.wall, size.length_mm, size.width_mm) if one.wall else 0.0
+    length = size.wall_length_mm(one.wall) if one.wall else 0.0
     lacking = math.ceil(round(-2 * one.spare_mm * 100, 6)) / 100
     return {
         "where": one.where,

@@ -22,7 +22,7 @@ from design.shape.outline import Line, Outline, outline_in
 from design.shape.plan import Plan, facet, plan_of
 from design.spec import SensorDesign
 from design.spec.fits import clearance_mm
-from design.spec.layout import Kind, Placement, expand, wall_length_mm
+from design.spec.layout import Kind, Placement, expand
 from design.spec.properties import part_of
 
 
@@ -138,8 +138,8 @@ class CavityGeometry:
         return plan.clear_volume_mm3 + plan.area_mm2 * self.black_mm
 
     def wall_length_mm(self, wall: str) -> float:
-        """Inner length of a wall of a rectangle [mm]."""
-        return wall_length_mm(wall, self.length_mm, self.width_mm)
+        """Inner length of a flat wall [mm]."""
+        return next(line.length_mm for line in self.plan.walls if line.name == wall)
 
 
 def cavity_of(design: SensorDesign) -> CavityGeometry:
@@ -151,9 +151,7 @@ def cavity_of(design: SensorDesign) -> CavityGeometry:
     """
     size = design.cavity
     bare = plan_of(design)
-    placed = tuple(
-        _placed(design, place, bare) for place in expand(design.layout, size.length_mm, size.width_mm)
-    )
+    placed = tuple(_placed(design, place, bare) for place in expand(design.layout, size))
     return CavityGeometry(
         plan=plan_of(design, [part.line for part in placed if part.line not in bare.walls]),
         black_mm=size.black_thickness_mm,
@@ -198,7 +196,8 @@ def _placed(design: SensorDesign, place: Placement, bare: Plan) -> PlacedPart:
     line, along = next((wall for wall in bare.walls if wall.name == place.wall), None), place.along_mm
     if line is None:
         half = part_half_width_mm(design, place)[0]
-        line, along = facet(bare.radius_mm, place.angle_deg or 0.0, half), half
+        angle = place.angle_deg or 0.0
+        line, along = facet(bare.outline.arc_towards(angle), angle, half), half
     return PlacedPart(
         name=place.name,
         kind=place.kind,

@@ -2,14 +2,16 @@ r"""A pad in plan: a closed, convex loop of flat walls and arcs, counter-clockwi
 
     rectangle   four lines
     disc        arcs, and a flat facet for each part, on which the part's face lies: a chord as wide as its socket
+    stadium     two lines along its longer side and a half round at each end, with facets as on a disc
 
-            facet of E1 (half width w)
-              ___|___            a round wall of radius R; the facet stands sqrt(R² - w²) from the centre
-           .-'       '-.
-          /             \        x and y run from 0 to the diameter, as in a rectangle's frame
-         |       +       |
-          \             /
-           '-._______.-'
+            facet of E1 (half width w)                     north
+              ___|___                              __________________
+           .-'       '-.                        .-'                  '-.    radius R of a disc, or of a round end:
+          /             \                      /                        \   the facet stands sqrt(R² - w²) from
+         |       +       |                    |       +          +       |  its centre
+          \             /                      \                        /
+           '-._______.-'                        '-.__________________.-'    x and y run from 0 to the inner sizes
+                                                           south
 
 A place is inside where it lies behind every line, and within the radius of every arc whose sector it is in.
 """
@@ -18,7 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -30,7 +32,7 @@ from design.arrays import BoolArray, FloatArray
 Point = tuple[float, float]
 Box = tuple[float, float, float, float]
 """x0, y0, x1, y1 [mm]."""
-Kind = Literal["rectangle", "disc"]
+Kind = Literal["rectangle", "disc", "stadium"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,6 +98,10 @@ class Arc:
         angle = self.start_rad + shares * self.turn_rad
         ring = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         return np.asarray(np.array(self.centre_mm) + self.radius_mm * ring)
+
+    def turn_to(self, line: Line) -> float:
+        """Angle from its start to the direction that a line faces, from 0 up [rad]."""
+        return (math.atan2(line.outward[1], line.outward[0]) - self.start_rad) % (2.0 * math.pi)
 
     def spans(self, angle_rad: FloatArray) -> BoolArray:
         """(...,) whether directions from the centre lie in its sector, its ends included."""
@@ -165,6 +171,16 @@ class Outline:
 
         return tuple(sorted((*self.lines, *self.arcs), key=turn))
 
+    def arc_towards(self, angle_deg: float) -> Arc:
+        """The round wall that a direction from its centre leads to: of those that have it, or else the nearest."""
+        turn = math.radians(angle_deg)
+
+        def off(arc: Arc) -> float:
+            away = abs((turn - arc.start_rad - arc.turn_rad / 2 + math.pi) % (2.0 * math.pi) - math.pi)
+            return max(away - arc.turn_rad / 2, 0.0)
+
+        return min(self.arcs, key=off)
+
     def gap_mm(self, x_mm: ArrayLike, y_mm: ArrayLike) -> FloatArray:
         """(...,) distance to the nearest wall of places inside, below 0 outside [mm]."""
         x, y = np.broadcast_arrays(np.asarray(x_mm, np.float64), np.asarray(y_mm, np.float64))
@@ -203,14 +219,31 @@ class Outline:
         low, high = np.array(self.box_mm[:2]), np.array(self.box_mm[2:])
         if not self.arcs:
             return np.asarray(low + shares * (high - low))
+        if self.lines:
+            return self._spread_by_chords(shares)
         away, turn = np.sqrt(shares[:, 0]), 2.0 * np.pi * shares[:, 1]
         around = np.stack([np.cos(turn), np.sin(turn)], axis=1)
         return np.asarray((low + high) / 2 + (high - low) / 2 * away[:, None] * around)
+
+    def _spread_by_chords(self, shares: FloatArray) -> FloatArray:
+        """As `spread`, of a stadium: the first share is that of the area before a chord, the second goes along it."""
+        low, span = np.array(self.box_mm[:2]), np.array(self.box_mm[2:]) - np.array(self.box_mm[:2])
+        long, across = (0, 1) if span[0] >= span[1] else (1, 0)
+        radius, at = span[across] / 2, span[long] * (1.0 - np.cos(np.linspace(0.0, np.pi, 2001))) / 2
+        past = np.maximum(radius - np.minimum(at, span[long] - at), 0.0)
+        half = np.sqrt(np.maximum(radius**2 - past**2, 0.0))
+        before = np.append(0.0, np.cumsum(np.diff(at) * (half[1:] + half[:-1])))
+        places = np.empty_like(shares)
+        places[:, long] = np.interp(shares[:, 0] * before[-1], before, at)
+        places[:, across] = radius + (2.0 * shares[:, 1] - 1.0) * np.interp(places[:, long], at, half)
+        return np.asarray(low + places)
 
     @property
     def words(self) -> str:
         """Where it lies, for messages: `x 6 to 26 and y 6 to 26 mm`."""
         x0, y0, x1, y1 = self.box_mm
+        if self.lines and self.arcs:
+            return f"x {x0:g} to {x1:g} and y {y0:g} to {y1:g} mm with half-round ends"
         if self.arcs:
             x, y = self.centre_mm
             return f"within {(x1 - x0) / 2:g} mm of x {x:g}, y {y:g} mm"
@@ -282,7 +315,9 @@ class Outline:
 
 def outline_in(kind: Kind, box_mm: Box, facets: Sequence[Line] = ()) -> Outline:
     """An outline of a kind in a box, with the facets of parts on its arcs."""
-    return disc(box_mm, facets) if kind == "disc" else rectangle(box_mm)
+    if kind == "rectangle":
+        return rectangle(box_mm)
+    return disc(box_mm, facets) if kind == "disc" else stadium(box_mm, facets)
 
 
 def rectangle(box_mm: Box) -> Outline:
@@ -323,3 +358,36 @@ def disc(box_mm: Box, facets: Sequence[Line] = ()) -> Outline:
         if turn > 0.0:
             arcs.append(Arc(centre_mm=centre, radius_mm=radius, start_rad=low + half, turn_rad=turn))
     return Outline(kind="disc", box_mm=box_mm, lines=tuple(facets), arcs=tuple(arcs))
+
+
+def stadium(box_mm: Box, facets: Sequence[Line] = ()) -> Outline:
+    """Two walls along the longer side, and a half round at each end, less the facets of its parts."""
+    x0, y0, x1, y1 = box_mm
+    radius = min(x1 - x0, y1 - y0) / 2
+    if x1 - x0 >= y1 - y0:
+        between, names, turned = (x0 + radius, y0, x1 - radius, y1), ("south", "north"), -math.pi / 2
+        centres = ((x1 - radius, (y0 + y1) / 2), (x0 + radius, (y0 + y1) / 2))
+    else:
+        between, names, turned = (x0, y0 + radius, x1, y1 - radius), ("east", "west"), 0.0
+        centres = (((x0 + x1) / 2, y1 - radius), ((x0 + x1) / 2, y0 + radius))
+    straight = tuple(line for line in rectangle(between).lines if line.name in names)
+    arcs = [
+        arc
+        for centre, start in zip(centres, (turned, turned + math.pi), strict=True)
+        for arc in _left_of_half(
+            Arc(centre_mm=centre, radius_mm=radius, start_rad=start, turn_rad=math.pi), facets
+        )
+    ]
+    return Outline(kind="stadium", box_mm=box_mm, lines=(*straight, *facets), arcs=tuple(arcs))
+
+
+def _left_of_half(half: Arc, facets: Sequence[Line]) -> list[Arc]:
+    """The pieces of a half round between the facets that are cut into it."""
+    left, done = [], 0.0
+    for line in sorted(facets, key=half.turn_to):
+        middle, cut = half.turn_to(line), math.asin(min(line.length_mm / 2 / half.radius_mm, 1.0))
+        if middle <= half.turn_rad:
+            left.append(replace(half, start_rad=half.start_rad + done, turn_rad=middle - cut - done))
+            done = middle + cut
+    left.append(replace(half, start_rad=half.start_rad + done, turn_rad=half.turn_rad - done))
+    return [piece for piece in left if piece.turn_rad > 0.0]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from design.arrays import FloatArray
-from design.shape.outline import Line, Outline, Point, outline_in
+from design.shape.outline import Arc, Line, Outline, Point, outline_in
 from design.shape.top import Top
 from design.spec import SensorDesign
 from design.spec.layout import angle_name
@@ -22,23 +22,23 @@ PIECES = 16
 """Pieces that a straight wall under a curved edge is drawn in."""
 
 
-def facet(radius_mm: float, angle_deg: float, half_width_mm: float) -> Line:
-    """The flat facet of a disc in a direction from its centre; along is 0 at its low end and grows with the angle.
+def facet(arc: Arc, angle_deg: float, half_width_mm: float) -> Line:
+    """A flat facet cut into a round wall; along is 0 at its low end and grows with the angle.
 
     Parameters
     ----------
-    radius_mm : of the disc
-    angle_deg : direction from the centre, 0 along x, 90 along y
+    arc : the round wall
+    angle_deg : direction from its centre, 0 along x, 90 along y
     half_width_mm : of the facet, below the radius
     """
     cosine, sine = _unit(angle_deg)
     outward, tangent = (cosine, sine), (-sine, cosine)
-    depth = math.sqrt(max(radius_mm**2 - half_width_mm**2, 0.0))
+    (x, y), depth = arc.centre_mm, math.sqrt(max(arc.radius_mm**2 - half_width_mm**2, 0.0))
     return Line(
         name=angle_name(angle_deg),
         origin=(
-            radius_mm + depth * cosine - half_width_mm * tangent[0],
-            radius_mm + depth * sine - half_width_mm * tangent[1],
+            x + depth * cosine - half_width_mm * tangent[0],
+            y + depth * sine - half_width_mm * tangent[1],
         ),
         tangent=tangent,
         outward=outward,

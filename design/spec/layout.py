@@ -19,8 +19,8 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from design.fields.base import Model, PartId
+from design.spec.pad import Cavity, Wall
 
-Wall = Literal["south", "east", "north", "west"]
 Kind = Literal["emitter", "receiver"]
 
 WALLS: tuple[Wall, ...] = ("south", "east", "north", "west")
@@ -126,9 +126,9 @@ Pattern = Annotated[
     AlternatingRing | FacingRows | PerSide | Single | DiscRing | AtAngles, Field(discriminator="pattern")
 ]
 BY_ANGLE = ("disc_ring", "at_angles")
-"""Patterns of a disc."""
+"""Patterns for round walls."""
 BY_WALL = ("alternating_ring", "facing_rows", "per_side", "single")
-"""Patterns of a rectangle."""
+"""Patterns for straight walls."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,8 +139,8 @@ class Placement:
     ----------
     name : E1, R1, ... or the user's own
     wall : its wall's name; of a disc its direction, as `45-degree`
-    along_mm : centre along the wall from its low corner; not used on a disc [mm]
-    angle_deg : direction from a disc's centre; None on a rectangle
+    along_mm : centre along the wall from its low end; not used in a round wall [mm]
+    angle_deg : direction that it faces from, of a round wall's centre; None in a straight wall
     height_mm, part : None stands for the section's default
     origin : the dotted path of the pattern that made it, for messages
     """
@@ -155,15 +155,14 @@ class Placement:
     angle_deg: float | None = None
 
 
-def expand(layout: tuple[Pattern, ...], length_mm: float, width_mm: float) -> tuple[Placement, ...]:
-    """All places of a layout on a cavity of the given inner size, emitters and receivers mixed, in order; a disc has
-    its diameter in place of both.
+def expand(layout: tuple[Pattern, ...], cavity: Cavity) -> tuple[Placement, ...]:
+    """All places of a layout on the walls of a cavity, emitters and receivers mixed, in order.
 
     Names run E1, E2, ... and R1, R2, ... in the order of the patterns; a single part keeps its own name.
     """
     bare: list[Placement] = []
     for index, pattern in enumerate(layout):
-        bare += _expand_one(pattern, f"layout.{index}", length_mm, width_mm)
+        bare += _expand_one(pattern, f"layout.{index}", cavity)
     counters = {"emitter": 0, "receiver": 0}
     named = []
     for place in bare:
@@ -172,19 +171,14 @@ def expand(layout: tuple[Pattern, ...], length_mm: float, width_mm: float) -> tu
     return tuple(named)
 
 
-def wall_length_mm(wall: str, length_mm: float, width_mm: float) -> float:
-    """Inner length of a wall [mm]."""
-    return length_mm if wall in ("south", "north") else width_mm
-
-
-def _expand_one(pattern: Pattern, origin: str, length_mm: float, width_mm: float) -> list[Placement]:
+def _expand_one(pattern: Pattern, origin: str, cavity: Cavity) -> list[Placement]:
     match pattern:
         case AlternatingRing():
-            return _ring(pattern, origin, length_mm, width_mm)
+            return _ring(pattern, origin, cavity)
         case FacingRows():
-            return _facing(pattern, origin, length_mm, width_mm)
+            return _facing(pattern, origin, cavity)
         case PerSide():
-            return _per_side(pattern, origin, length_mm, width_mm)
+            return _per_side(pattern, origin, cavity)
         case DiscRing():
             return _disc_ring(pattern, origin)
         case AtAngles():
@@ -217,14 +211,14 @@ def _plain(kind: Kind, wall: Wall, along_mm: float, origin: str) -> Placement:
     )
 
 
-def _ring(pattern: AlternatingRing, origin: str, length_mm: float, width_mm: float) -> list[Placement]:
+def _ring(pattern: AlternatingRing, origin: str, cavity: Cavity) -> list[Placement]:
     counts = pattern.parts_per_side
     per_wall = counts if isinstance(counts, tuple) else (counts,) * 4
     other: Kind = "receiver" if pattern.first == "emitter" else "emitter"
     kinds: tuple[Kind, Kind] = (pattern.first, other)
     places: list[Placement] = []
     for wall, count in zip(WALLS, per_wall, strict=True):
-        row = _row(count, wall_length_mm(wall, length_mm, width_mm), pattern.pitch_mm)
+        row = _row(count, cavity.wall_length_mm(wall), pattern.pitch_mm)
         walk = row if wall in ("south", "east") else row[::-1]  # counter-clockwise from the low corner
         places += [_plain(kinds[(len(places) + k) % 2], wall, along, origin) for k, along in enumerate(walk)]
     return places
@@ -259,15 +253,15 @@ def _disc_ring(pattern: DiscRing, origin: str) -> list[Placement]:
     ]
 
 
-def _facing(pattern: FacingRows, origin: str, length_mm: float, width_mm: float) -> list[Placement]:
+def _facing(pattern: FacingRows, origin: str, cavity: Cavity) -> list[Placement]:
     wall = pattern.emitter_wall
-    row = _row(pattern.count, wall_length_mm(wall, length_mm, width_mm), pattern.pitch_mm)
+    row = _row(pattern.count, cavity.wall_length_mm(wall), pattern.pitch_mm)
     emitters = [_plain("emitter", wall, along, origin) for along in row]
     receivers = [_plain("receiver", OPPOSITE[wall], along, origin) for along in row]
     return emitters + receivers
 
 
-def _per_side(pattern: PerSide, origin: str, length_mm: float, width_mm: float) -> list[Placement]:
+def _per_side(pattern: PerSide, origin: str, cavity: Cavity) -> list[Placement]:
     counts = (pattern.south, pattern.east, pattern.north, pattern.west)
     return [
         Placement(
@@ -280,7 +274,5 @@ def _per_side(pattern: PerSide, origin: str, length_mm: float, width_mm: float) 
             origin=origin,
         )
         for wall, count in zip(WALLS, counts, strict=True)
-        for along in _row(
-            count, wall_length_mm(wall, length_mm, width_mm), pattern.pitch_mm, pattern.shift_mm
-        )
+        for along in _row(count, cavity.wall_length_mm(wall), pattern.pitch_mm, pattern.shift_mm)
     ]

@@ -8,20 +8,24 @@ from pydantic import Field, model_validator
 
 from design.fields.base import Model
 
+Wall = Literal["south", "east", "north", "west"]
+
 
 class Cavity(Model):
     """The pad of silicone: its outline, inner size of the mold, and the thickness of its two layers.
 
-    A disc has `diameter_mm` in place of length and width, which then read as the diameter.
+    A disc has `diameter_mm` in place of length and width, which then read as the diameter. A stadium is a rectangle
+    whose shorter sides are half rounds.
     """
 
     unsaid = ("outline", "diameter_mm")
 
     outline: Annotated[
-        Literal["rectangle", "disc"], Field(description="seen from above; a disc has diameter_mm")
+        Literal["rectangle", "disc", "stadium"],
+        Field(description="seen from above; a disc has diameter_mm, a stadium half-round ends"),
     ] = "rectangle"
-    length_mm: Annotated[float, Field(ge=5.0, le=200.0, description="inner length along x, of a rectangle")]
-    width_mm: Annotated[float, Field(ge=5.0, le=200.0, description="inner width along y, of a rectangle")]
+    length_mm: Annotated[float, Field(ge=5.0, le=200.0, description="inner length along x, not of a disc")]
+    width_mm: Annotated[float, Field(ge=5.0, le=200.0, description="inner width along y, not of a disc")]
     diameter_mm: Annotated[float | None, Field(ge=5.0, le=200.0, description="inner diameter of a disc")] = (
         None
     )
@@ -51,6 +55,39 @@ class Cavity(Model):
         if given.get("diameter_mm") is None:
             raise ValueError("diameter_mm is missing: outline = 'disc' needs it; add it")
         return {**given, "length_mm": given["diameter_mm"], "width_mm": given["diameter_mm"]}
+
+    @property
+    def walls(self) -> dict[str, float]:
+        """The straight walls that parts may sit in: name and inner length [mm]."""
+        if self.outline == "disc":
+            return {}
+        if self.outline == "stadium":
+            names = ("south", "north") if self.length_mm > self.width_mm else ("east", "west")
+            return dict.fromkeys(names, abs(self.length_mm - self.width_mm))
+        return {
+            "south": self.length_mm,
+            "east": self.width_mm,
+            "north": self.length_mm,
+            "west": self.width_mm,
+        }
+
+    @property
+    def has_round_walls(self) -> bool:
+        """Whether parts may sit in facets of their own, by angle."""
+        return self.outline != "rectangle"
+
+    def wall_length_mm(self, wall: str) -> float:
+        """Inner length of a straight wall; 0 for one that the outline does not have [mm]."""
+        return self.walls.get(wall, 0.0)
+
+    @model_validator(mode="after")
+    def _longer_than_wide(self) -> Self:
+        if self.outline == "stadium" and self.length_mm == self.width_mm:
+            raise ValueError(
+                f"a stadium of {self.length_mm:g} x {self.width_mm:g} mm has no straight walls; make a side longer, or "
+                f"set outline = 'disc' and diameter_mm = {self.length_mm:g}"
+            )
+        return self
 
     def _outlined(self, document: dict[str, Any]) -> dict[str, Any]:
         if self.outline == "disc":

@@ -253,7 +253,7 @@ def _bands_in_use(design: SensorDesign) -> dict[str, Band]:
 
 
 def _placements(design: SensorDesign) -> tuple[Placement, ...]:
-    return expand(design.layout, design.cavity.length_mm, design.cavity.width_mm)
+    return expand(design.layout, design.cavity)
 
 
 def _section(design: SensorDesign, kind: Kind) -> Emitters | Receivers:

@@ -19,7 +19,7 @@ from design.fields.base import FileName, Model, PartId
 from design.fields.validation import design_error
 from design.parts.catalog import CatalogEntries, identifiers
 from design.spec.indenter import Indenter
-from design.spec.layout import BY_ANGLE, BY_WALL, Pattern
+from design.spec.layout import BY_ANGLE, BY_WALL, Pattern, expand
 from design.spec.noise import Noise
 from design.spec.pad import Cavity, Crown
 from design.spec.tip_shape import shape_fault
@@ -32,7 +32,7 @@ Ohm = Annotated[float, Field(ge=100.0, le=1e10)]
 
 
 class Mold(Model):
-    """The printed part around the cavity; round around a disc, with `outer_diameter_mm` for length and width."""
+    """The printed part around the cavity, of its outline; around a disc `outer_diameter_mm` is length and width."""
 
     unsaid = (
         "outer_diameter_mm",
@@ -45,8 +45,8 @@ class Mold(Model):
         "pieces",
     )
 
-    outer_length_mm: Annotated[float, Field(ge=6.0, le=400.0, description="outside along x, of a rectangle")]
-    outer_width_mm: Annotated[float, Field(ge=6.0, le=400.0, description="outside along y, of a rectangle")]
+    outer_length_mm: Annotated[float, Field(ge=6.0, le=400.0, description="outside along x, not of a disc")]
+    outer_width_mm: Annotated[float, Field(ge=6.0, le=400.0, description="outside along y, not of a disc")]
     outer_diameter_mm: Annotated[
         float | None, Field(ge=6.0, le=400.0, description="outside of the mold of a disc")
     ] = None
@@ -322,15 +322,32 @@ class SensorDesign(Model):
                 else "mold.outer_diameter_mm: is of a disc; give outer_length_mm and outer_width_mm, or set "
                 "cavity.outline = 'disc'"
             )
+        size, mold = self.cavity, self.mold
+        if size.outline == "stadium" and (size.length_mm > size.width_mm) != (
+            mold.outer_length_mm > mold.outer_width_mm
+        ):
+            raise ValueError(
+                f"mold.outer_length_mm: {mold.outer_length_mm:g} x {mold.outer_width_mm:g} mm lies across a stadium of "
+                f"{size.length_mm:g} x {size.width_mm:g} mm; the longer sides run along each other: swap or change them"
+            )
         for number, pattern in enumerate(self.layout):
-            is_by_angle = pattern.pattern in BY_ANGLE
-            if is_by_angle != (self.cavity.outline == "disc"):
-                needs = " or ".join(f"'{name}'" for name in sorted(BY_ANGLE if not is_by_angle else BY_WALL))
-                where = "a disc has no straight walls" if not is_by_angle else "a rectangle has no angles"
+            fault = self._misfit(pattern)
+            if fault is not None:
                 raise ValueError(
-                    f"layout.{number}.pattern: '{pattern.pattern}' does not fit the outline, {where}; use {needs}"
+                    f"layout.{number}.pattern: '{pattern.pattern}' does not fit the outline, {fault}"
                 )
         return self
+
+    def _misfit(self, pattern: Pattern) -> str | None:
+        """What a pattern needs that the outline does not have, and what to use in its place."""
+        outline, walls = self.cavity.outline, self.cavity.walls
+        for place in expand((pattern,), self.cavity):
+            if place.angle_deg is not None and not self.cavity.has_round_walls:
+                return f"a {outline} has no angles; use {_or_of(BY_WALL)}"
+            if place.angle_deg is None and place.wall not in walls:
+                have = f"wall '{place.wall}', only {_or_of(tuple(walls))}" if walls else "walls"
+                return f"a {outline} has no straight {have}; use {_or_of(BY_ANGLE)}"
+        return None
 
     @cached_property
     def digest(self) -> str:
@@ -370,3 +387,7 @@ class SensorDesign(Model):
 def canonical_json(document: Any) -> str:
     """One text for equal content: sorted keys, no spaces, shortest float form."""
     return json.dumps(document, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+
+
+def _or_of(names: tuple[str, ...]) -> str:
+    return " or ".join(f"'{name}'" for name in sorted(names))

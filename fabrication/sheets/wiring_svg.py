@@ -24,7 +24,8 @@ from design.mold.sockets import Socket
 from design.shape.cavity import PlacedPart, workspace_of
 from design.shape.outline import Outline
 from design.spec import SensorDesign
-from design.spec.layout import WALLS, Wall
+from design.spec.layout import WALLS
+from design.spec.pad import Wall
 from fabrication.connections import Connection, connections_of
 from fabrication.sheets.formats import svg
 from fabrication.sheets.formats.svg import Element, Point

@@ -16,7 +16,6 @@ from design.spec.layout import (
     FacingRows,
     PerSide,
     expand,
-    wall_length_mm,
 )
 from design.spec.properties import entries_of
 from optopad.screen.answer import unit_of
@@ -151,13 +150,13 @@ def pattern_of(design: SensorDesign) -> str:
 def _disc_ring(design: SensorDesign) -> dict[str, Any]:
     """As many emitters as there are, or receivers where these are more, from the first emitter's direction on."""
     count = max(_count(design, "emitter"), _count(design, "receiver"))
-    places = expand(design.layout, design.cavity.length_mm, design.cavity.width_mm)
+    places = expand(design.layout, design.cavity)
     first = next((one.angle_deg for one in places if one.kind == "emitter"), None) or 0.0
     return {"pattern": "disc_ring", "count": min(count, MOST_ON_A_WALL), "first_angle_deg": first}
 
 
 def _count(design: SensorDesign, kind: str | None = None) -> int:
-    places = expand(design.layout, design.cavity.length_mm, design.cavity.width_mm)
+    places = expand(design.layout, design.cavity)
     return sum(kind in (None, place.kind) for place in places)
 
 
@@ -239,7 +238,7 @@ def _layout(design: SensorDesign) -> Iterator[Knob]:
                     MOST_ON_A_WALL,
                     "Emitters in the row, and as many receivers.",
                 )
-                span = wall_length_mm(pattern.emitter_wall, design.cavity.length_mm, design.cavity.width_mm)
+                span = design.cavity.wall_length_mm(pattern.emitter_wall)
                 yield _pitch(at, pattern.pitch_mm, span / pattern.count)
             case PerSide():
                 for wall in WALLS:

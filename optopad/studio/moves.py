@@ -94,7 +94,7 @@ def _require_outline(
 
 def angle_of(design: SensorDesign, part: PlacedPart) -> float:
     """Direction of a disc's part from the centre, as the layout has it [degrees]."""
-    places = expand(design.layout, design.cavity.length_mm, design.cavity.width_mm)
+    places = expand(design.layout, design.cavity)
     return next(place.angle_deg or 0.0 for place in places if place.name == part.name)
 
 
@@ -113,7 +113,7 @@ def placed_singles(design: SensorDesign, numbers: Iterable[int]) -> list[dict[st
         if pattern["pattern"] == "disc_ring":
             found += _angles_of(design, number)
             continue
-        for place in expand((design.layout[number],), design.cavity.length_mm, design.cavity.width_mm):
+        for place in expand((design.layout[number],), design.cavity):
             single = {
                 "pattern": "single",
                 "kind": place.kind,
@@ -126,7 +126,7 @@ def placed_singles(design: SensorDesign, numbers: Iterable[int]) -> list[dict[st
 
 def _angles_of(design: SensorDesign, number: int) -> list[dict[str, Any]]:
     """Entries by angle with the parts of a ring, emitters first."""
-    places = expand((design.layout[number],), design.cavity.length_mm, design.cavity.width_mm)
+    places = expand((design.layout[number],), design.cavity)
     return [
         {
             "pattern": "at_angles",
@@ -154,7 +154,7 @@ def _turned(design: SensorDesign, part: PlacedPart, angle_deg: float, *, with_ro
         assert isinstance(pattern, DiscRing)
         return {f"{part.origin}.first_angle_deg": _direction(pattern.first_angle_deg + turn)}
     wanted = _direction(_whole_steps(angle_deg))
-    before = expand(design.layout[:number], design.cavity.length_mm, design.cavity.width_mm)
+    before = expand(design.layout[:number], design.cavity)
     rank = _rank(design, part) - sum(place.kind == part.kind for place in before)
     if isinstance(pattern, AtAngles):
         return {f"{part.origin}.angles_deg.{rank}": wanted}
@@ -188,8 +188,8 @@ def _along(design: SensorDesign, part: PlacedPart, along_mm: float, *, with_row:
         return {f"{part.origin}.along_mm": along_mm}
     if with_row:
         return _row_moved(design, part, along_mm)
-    before = expand(design.layout[:number], design.cavity.length_mm, design.cavity.width_mm)
-    mine = expand((pattern,), design.cavity.length_mm, design.cavity.width_mm)
+    before = expand(design.layout[:number], design.cavity)
+    mine = expand((pattern,), design.cavity)
     same = [k for k, place in enumerate(mine) if place.kind == part.kind]
     rank = _rank(design, part) - sum(place.kind == part.kind for place in before)
     layout = placed_singles(design, [number])

@@ -20,16 +20,21 @@ from design.shape.pairs import (
     judged_pairs,
     mask_of,
 )
-from design.spec.layout import OPPOSITE, WALLS, Pattern, Placement, expand, wall_length_mm
+from design.spec.layout import OPPOSITE, WALLS, Pattern, Placement, expand
+from design.spec.pad import Cavity
 from tests.design.spec.spec_fields import good, with_layout
 
 PATTERN: TypeAdapter[Any] = TypeAdapter(Pattern)
 
 
+def cavity(length_mm: float, width_mm: float) -> Cavity:
+    return Cavity(length_mm=length_mm, width_mm=width_mm, clear_thickness_mm=8.0)
+
+
 def places(
     *patterns: dict[str, Any], length_mm: float = 40.0, width_mm: float = 20.0
 ) -> tuple[Placement, ...]:
-    return expand(tuple(PATTERN.validate_python(p) for p in patterns), length_mm, width_mm)
+    return expand(tuple(PATTERN.validate_python(p) for p in patterns), cavity(length_mm, width_mm))
 
 
 def ring(parts_per_side: Any = 4, **more: Any) -> dict[str, Any]:
@@ -83,7 +88,7 @@ def test_facing_rows_face(count: int, wall: Any, pitch_mm: float | None) -> None
     assert {p.wall for p in emitters} == {wall}
     assert {p.wall for p in receivers} == {OPPOSITE[wall]}
     assert [p.along_mm for p in emitters] == [p.along_mm for p in receivers]
-    middle = wall_length_mm(wall, 40.0, 20.0) / 2
+    middle = cavity(40.0, 20.0).wall_length_mm(wall) / 2
     assert sum(p.along_mm for p in emitters) / count == pytest.approx(middle, rel=1e-12)
 
 
