@@ -79,6 +79,11 @@ class Plan:
         return self.top.is_flat and not self.is_disc
 
     @property
+    def is_block(self) -> bool:
+        """Whether top and walls are flat and at right angles: mirror images then give its light exactly."""
+        return self.top.is_flat and self.outline.kind == "rectangle"
+
+    @property
     def walls(self) -> tuple[Line, ...]:
         """The flat walls."""
         return self.outline.lines
