@@ -247,8 +247,9 @@ def _round_distance(arc: FloatArray, x: float, y: float, dx: float, dy: float) -
     a, b, c = dx * dx + dy * dy, px * dx + py * dy, px * px + py * py - radius * radius
     if a < 1e-28:
         return math.inf
-    root = math.sqrt(max(b * b - a * c, 0.0))
-    far = -c / (b + root) if b > 0.0 else (root - b) / a
+    gap = b * b - a * c
+    root = math.sqrt(max(gap, 0.0))
+    far = -c / (b + root) if b > 0.0 and gap > 0.0 else (root - b) / a
     qx, qy = px + far * dx, py + far * dy
     return float(far) if qx * arc[3] + qy * arc[4] >= arc[5] * math.hypot(qx, qy) else math.inf
 

@@ -52,11 +52,12 @@ def scene_of(design: SensorDesign) -> OpticalScene:
         emitter_pattern=_patterns(cavity.emitters),
         receiver_response=_responses(cavity.receivers, index),
         wall_index=None if behind is None else behind.value,
-        form=None if plan.is_block else _form_of(plan),
+        form=None if plan.is_block else form_of(plan),
     )
 
 
-def _form_of(plan: Plan) -> PadForm:
+def form_of(plan: Plan) -> PadForm:
+    """Walls and top of a pad that is no block."""
     return PadForm(
         walls=np.array([(*wall.origin, *wall.tangent, *wall.outward) for wall in plan.walls]).reshape(-1, 6),
         arcs=_round_walls(plan.outline),

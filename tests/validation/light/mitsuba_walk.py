@@ -240,8 +240,11 @@ def _face_hit(given: Pad, place: Any, direction: Any) -> tuple[Any, Any, Any]:
         px, py = place.x - cx, place.y - cy
         a, b = direction.x**2 + direction.y**2, px * direction.x + py * direction.y
         c = px * px + py * py - radius * radius
-        root = dr.sqrt(dr.maximum(b * b - a * c, 0.0))
-        at = dr.maximum(dr.select(b > 0, -c / (b + root), (root - b) / dr.maximum(a, 1e-12)), 0.0)
+        gap = b * b - a * c
+        root = dr.sqrt(dr.maximum(gap, 0.0))
+        at = dr.maximum(
+            dr.select((b > 0) & (gap > 0), -c / (b + root), (root - b) / dr.maximum(a, 1e-12)), 0.0
+        )
         sector = (px + at * direction.x) * ux + (py + at * direction.y) * uy
         is_round = (at < t) & (sector >= cosine * radius)
         nx = dr.select(is_round, -(px + at * direction.x) / radius, nx)
