@@ -1,4 +1,4 @@
-"""Presses on discs and crowned pads: local thickness and mean curvature.
+"""Presses on pads that are no blocks: local thickness and mean curvature.
 
 Model
 -----
@@ -10,7 +10,7 @@ the axisymmetric press at the apex of a round pad
 - with its wall at the radius of the pad's area, moved into what the library has. Between round walls its surface is
   followed to the nearest wall and runs out to the farthest one.
 
-A flat disc is pressed in the same way, without the crown, also by tips that are solved live. Heights are those above
+A flat pad is pressed in the same way, without the crown, also by tips that are solved live. Heights are those above
 the untouched top, along the normal. The exact case is the middle of a disc, flat or under a sphere.
 docs/validation/contact-crowns.md compares presses beside it with finite elements in three dimensions.
 

@@ -17,7 +17,7 @@ from sims.contact.tip import HEMISPHERE
 from sims.press.indentation import Indentation
 
 LEAST_RUN_OUT = 0.02
-"""So near to the middle of a disc, over its radius, the curve ends at the wall all around [-]."""
+"""So much farther than the nearest wall the farthest one may be, and the curve still ends at the wall [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,5 +1,5 @@
 # mypy: no-warn-return-any
-r"""Light that the top of a disc or crowned pad mirrors twice or more: pencils through points of the top.
+r"""Light that the top of a pad with a form mirrors twice or more: pencils through points of the top.
 
 A pencil holds what a part of the emitter sends through a point of the top. By its middle ray alone it is found whether
 it comes near a window; only then it is divided, `LEVELS` times at most. Last but once, five rays stand for it: one from

@@ -1,5 +1,5 @@
 # mypy: no-warn-return-any
-"""What windows of a disc or crowned pad give to, and take from, patches of wall, bottom and tip.
+"""What windows of a pad with a form give to, and take from, patches of wall, bottom and tip.
 
 Model
 -----

@@ -1,5 +1,5 @@
 # mypy: no-warn-return-any
-"""The compiled entry points of discs and crowned pads, cached on disk as those of `sims.optics.engine.compiled`."""
+"""The compiled entry points of pads with a form, cached on disk as those of `sims.optics.engine.compiled`."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ class FormedStack:
 
 
 def check_formed(scene: OpticalScene, presses: Sequence[object], fields: Sequence[object] | None) -> None:
-    """Refuse what is not traced on discs and crowned pads.
+    """Refuse what is not traced on pads with a form.
 
     Raises
     ------
@@ -78,9 +78,9 @@ def check_formed(scene: OpticalScene, presses: Sequence[object], fields: Sequenc
     ModelScopeError : a press that is not a single tip.
     """
     if fields is not None and any(field is not None for field in fields):
-        raise InputError("fields: on a disc or a crown none is traced; leave them out")
+        raise InputError("fields: only on a block with a flat top one is traced; leave them out")
     if scene.wall_index is not None:
-        raise InputError("wall_index: smooth walls of discs and crowned pads are traced by the oracle alone")
+        raise InputError("wall_index: smooth walls of pads that are no blocks are traced by the oracle alone")
     for press in presses:
         single_press(press)
 
@@ -89,7 +89,9 @@ def single_press(press: object) -> Indentation | None:
     """A state's one press, alone or in a list; None where the pad is untouched."""
     listed = list(press) if isinstance(press, Sequence) else [press]
     if len(listed) != 1 or not (listed[0] is None or isinstance(listed[0], Indentation)):
-        raise ModelScopeError("indentations: on a disc or a crown one tip alone is traced; press with one")
+        raise ModelScopeError(
+            "indentations: one tip alone is traced on pads that are no blocks; press with one"
+        )
     one = listed[0]
     return None if one is None or one.depth_mm <= 0.0 else one
 

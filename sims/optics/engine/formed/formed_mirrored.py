@@ -1,5 +1,5 @@
 # mypy: no-warn-return-any
-r"""Light that the top of a disc or crowned pad mirrors, once or often: pencils through points of the top.
+r"""Light that the top of a pad with a form mirrors, once or often: pencils through points of the top.
 
 Model
 -----

@@ -1,4 +1,4 @@
-"""What every state of a disc or crowned pad shares: the untouched light, and what settings and a seed fix.
+"""What every state of a pad with a form shares: the untouched light, and what settings and a seed fix.
 
 The untouched pad is traced once, finer than any press. A press changes its light by what the same points and rays bring
 with and without it; what they bring without is here, too.

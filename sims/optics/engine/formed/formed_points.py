@@ -1,4 +1,4 @@
-"""Points of the top of a disc or crowned pad through which mirrored light is followed.
+"""Points of the top of a pad with a form through which mirrored light is followed.
 
 A grid covers the untouched top. Its cells are divided by four where a window is near: while they are larger than
 `GRADE` of their distance from it. Around a press, where the top bends within a cell, rings take the grid's place; cells

@@ -1,5 +1,5 @@
 # mypy: no-warn-return-any
-"""Light that walls, bottom or tip of a disc or crowned pad scatter: rays of weight, with a look at every window.
+"""Light that walls, bottom or tip of a pad with a form scatter: rays of weight, with a look at every window.
 
 Model
 -----

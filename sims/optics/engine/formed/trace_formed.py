@@ -1,4 +1,4 @@
-"""Trace every pair of a disc or crowned pad, untouched or pressed: flux by path class, with a standard error.
+"""Trace every pair of a pad with a form, untouched or pressed: flux by path class, with a standard error.
 
 Method, class by class
 ----------------------

@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from design.arrays import FloatArray
 from design.shape.outline import Line
 from design.shape.plan import Plan
 from sims.optics.engine.formed import formed_deposits, formed_rays
 from sims.optics.engine.formed.formed_lower import walls_of
-from sims.optics.engine.formed.formed_patches import is_in_plan, patch_layout
+from sims.optics.engine.formed.formed_patches import PatchLayout, is_in_plan, patch_layout
 from sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
 from sims.optics.oracle import scene as oracle_scene
 from sims.optics.oracle.outline import outline_mm, wall_runs
@@ -118,27 +119,44 @@ def test_walls_run_as_far_as_the_outline_s() -> None:
     )
 
 
+def areas(layout: PatchLayout) -> tuple[FloatArray, FloatArray]:
+    """Areas of bottom and wall patches [mm2]."""
+    split, weight = int(layout.numbers[3] * layout.numbers[4]), layout.weight[: -formed_deposits.TIP_PATCHES]
+    per_weight = np.divide(1.0, weight, out=np.zeros(len(weight)), where=weight > 0.0)
+    return per_weight[:split] * SCENE.bottom_reflectance, per_weight[split:] * SCENE.wall_reflectance
+
+
+UPRIGHT = replace(
+    SCENE,
+    length_mm=WIDTH,
+    width_mm=LENGTH,
+    form=replace(
+        SCENE.form,
+        walls=SCENE.form.walls[:, [1, 0, 3, 2, 5, 4]],
+        arcs=SCENE.form.arcs[:, [1, 0, 2, 4, 3, 5]],
+        top=top_of(WIDTH / 2, LENGTH / 2),
+    ),
+)
+
+
+@pytest.mark.parametrize("scene", [SCENE, UPRIGHT], ids=["lying", "upright"])
 @pytest.mark.parametrize("patch_mm", [2.0, 0.5])
-def test_areas_of_patches_add_up_to_those_of_bottom_and_walls(patch_mm: float) -> None:
-    layout = patch_layout(SCENE, WALLS, ARCS, patch_mm)
-    _, _, _, columns, rows, *_ = layout.numbers
-    split, weight = int(columns * rows), layout.weight[: -formed_deposits.TIP_PATCHES]
-    area = np.divide(1.0, weight, out=np.zeros(len(weight)), where=weight > 0.0)
-    bottom, side = (
-        area[:split].sum() * SCENE.bottom_reflectance,
-        area[split:].sum() * SCENE.wall_reflectance,
-    )
-    round_mm = sum(
+def test_areas_of_patches_add_up_to_those_of_bottom_and_walls(scene: OpticalScene, patch_mm: float) -> None:
+    bottom, side = areas(patch_layout(scene, *walls_of(scene), patch_mm))
+    around = sum(
         one.length_mm if isinstance(one, Line) else one.radius_mm * one.turn_rad for one in OUTLINE.loop
     )
-    assert bottom == pytest.approx(OUTLINE.area_mm2, rel=3e-4)
-    assert side == pytest.approx(round_mm * HEIGHT, rel=3e-4)
-    # every place that light meets lies on a patch that has an area
+    assert bottom.sum() == pytest.approx(OUTLINE.area_mm2, rel=3e-4)
+    assert side.sum() == pytest.approx(around * HEIGHT, rel=3e-4)
+
+
+def test_every_place_that_light_meets_lies_on_a_patch_that_has_an_area() -> None:
+    layout = patch_layout(SCENE, WALLS, ARCS)
+    area = np.concatenate(areas(layout))
     for x, y, z, dx, dy, dz in rays(300):
         t, which = formed_rays.plan_exit.py_func(x, y, z, dx, dy, dz, WALLS, ARCS)
         z = min(z + t * dz, HEIGHT)
-        patch = formed_deposits.patch_of.py_func(which, x + t * dx, y + t * dy, z, layout.numbers)
-        assert area[patch] > 0.0
+        assert area[formed_deposits.patch_of.py_func(which, x + t * dx, y + t * dy, z, layout.numbers)] > 0.0
 
 
 def test_places_are_in_the_plan_where_the_outline_says_so() -> None:
