@@ -79,6 +79,16 @@ class Plan:
         return self.top.is_flat and not self.is_disc
 
     @property
+    def is_block(self) -> bool:
+        """Whether top and walls are flat and at right angles: mirror images then give its light exactly."""
+        return self.top.is_flat and self.outline.kind == "rectangle"
+
+    @property
+    def has_origin_corner(self) -> bool:
+        """Whether x and y are counted from a corner of its own, and not from one of the box around it."""
+        return self.contains(0.0, 0.0)
+
+    @property
     def walls(self) -> tuple[Line, ...]:
         """The flat walls."""
         return self.outline.lines
