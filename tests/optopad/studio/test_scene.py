@@ -12,6 +12,7 @@ import viser
 from design.preset import PRESETS, SHAPED_PRESETS
 from design.shape.cavity import cavity_of
 from optopad.studio.design_file import DesignFile
+from optopad.studio.moves import part_named
 from optopad.studio.session import Session
 from optopad.studio.view.local_server import local_server
 from optopad.studio.view.scene import Scene
@@ -55,7 +56,10 @@ def test_a_preset_is_drawn_with_its_parts_turned_to_their_walls_and_its_tip_alon
         assert np.asarray(frames["/tip"].position) == pytest.approx(apex)
         top = np.asarray(meshes["/pad/top"].vertices)
         assert top[:, 2] == pytest.approx([cavity.plan.top_mm(x, y) for x, y in top[:, :2]], abs=1e-5)
-        assert ("/pad/black" in meshes) == cavity.plan.is_disc
+        black = np.asarray(meshes["/pad/black"].vertices)
+        assert np.ptp(black, axis=0) == pytest.approx(
+            [cavity.length_mm, cavity.width_mm, cavity.black_mm], rel=0.01
+        )
 
 
 @pytest.mark.parametrize("name", SHAPED_PRESETS)
@@ -63,7 +67,7 @@ def test_a_part_that_is_moved_keeps_its_node_so_that_a_drag_goes_on(name: str) -
     with scene_of(name) as (scene, session, server):
         scene.draw_design(session.design, (), is_bad=False)
         before = nodes(server, viser.FrameHandle)["/parts/E1"]
-        where = {"angle_deg": 4.0} if cavity_of(session.design).plan.is_disc else {"along_mm": 4.0}
+        where = {"along_mm" if part_named(session.design, "E1").angle_deg is None else "angle_deg": 4.0}
         assert session.move_part("E1", **where)
         scene.draw_design(session.design, (), is_bad=False)
         now = nodes(server, viser.FrameHandle)["/parts/E1"]
