@@ -200,8 +200,8 @@ def _text_px(content: str, size: float) -> float:
 def _place(part: PlacedPart) -> str:
     if part.wall not in WALLS:
         return f"at {part.wall.removesuffix('-degree')} deg"
-    axis = "x" if part.wall in ("south", "north") else "y"
-    return f"{axis} {part.along_mm:.2f}"
+    x, y, _ = part.position_mm
+    return f"x {x:.2f}" if part.wall in ("south", "north") else f"y {y:.2f}"
 
 
 def _heading(design: SensorDesign) -> Iterator[Element]:
@@ -273,12 +273,15 @@ def _dimensions(sheet: Sheet) -> Iterator[Element]:
 
 
 def _ends_mm(bare: Outline, direction: Point, inset_mm: float) -> tuple[Point, Point]:
-    """Ends of a dimension line: short of the end of the wall that it leads to, or past where a round one is touched."""
-    across = direction[::-1]
-    start, end = (x * across[0] + y * across[1] for x, y in bare.touches_mm(direction))
-    at = end + inset_mm if start == end else max(start, end) - inset_mm
-    x, y = (at if way else middle for way, middle in zip(across, bare.centre_mm, strict=True))
-    dx, dy = direction
+    """Ends of a dimension line: at the far end of the wall that it leads to, but for an inset from the pad's corner.
+
+    One to a round wall passes above the words in the middle.
+    """
+    axis = int(direction == X)  # of the line's place beside other lines
+    start, end = (place[axis] for place in bare.touches_mm(direction))
+    at = list(bare.centre_mm)
+    at[axis] = end + inset_mm if start == end else min(max(start, end), bare.box_mm[2 + axis] - inset_mm)
+    (x, y), (dx, dy) = at, direction
     low, high = (bare.way_out_mm((x, y), (sign * dx, sign * dy)) for sign in (-1.0, 1.0))
     return (x - low * dx, y - low * dy), (x + high * dx, y + high * dy)
 
