@@ -21,6 +21,7 @@ from design.circuit.transimpedance import feedbacks_of
 from design.parts.assumptions import assumption
 from design.parts.catalog import Board
 from design.shape.cavity import workspace_of
+from design.shape.outline import PLAIN
 from design.shape.plan import plan_of
 from design.spec import SensorDesign
 from fabrication.bundle import versions
@@ -195,11 +196,13 @@ def _timing(design: SensorDesign, board: Board, emitter_count: int, receiver_cou
 
 
 def _surface(design: SensorDesign) -> SurfaceEntry:
-    plan, crown = plan_of(design), design.crown
-    top_mm = (*plan.centre_mm, plan.clear_mm)
-    if crown is None:
-        return SurfaceEntry(top_mm=top_mm, crown="none")
-    return SurfaceEntry(top_mm=top_mm, crown=crown.shape, radius_mm=crown.radius_mm, axis=crown.axis)
+    plan = plan_of(design)
+    return SurfaceEntry(
+        top_mm=(*plan.centre_mm, plan.clear_mm),
+        crown=plan.top.kind,
+        radius_mm=None if plan.top.is_flat else round(plan.top.radius_mm, 9),
+        axis=plan.top.straight,
+    )
 
 
 def _workspace(design: SensorDesign) -> WorkspaceLimits:
@@ -210,7 +213,7 @@ def _workspace(design: SensorDesign) -> WorkspaceLimits:
         y0_mm=area.y0_mm,
         y1_mm=area.y1_mm,
         max_depth_mm=design.operating.max_depth_mm,
-        outline="disc" if area.kind == "disc" else None,
+        outline=None if area.kind == PLAIN else area.kind,
     )
 
 

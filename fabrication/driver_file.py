@@ -156,7 +156,7 @@ class WorkspaceLimits:
 
     Attributes
     ----------
-    outline : of the press centres where it is no rectangle: "disc"; it touches the sides
+    outline : of the press centres, by its name in a design; None for the plain one, which is the four sides themselves
     """
 
     x0_mm: float
@@ -169,10 +169,10 @@ class WorkspaceLimits:
     @property
     def area(self) -> Outline:
         """The press centres."""
-        from design.shape.outline import outline_in
+        from design.shape.outline import PLAIN, outline_in
 
         box = (self.x0_mm, self.y0_mm, self.x1_mm, self.y1_mm)
-        return outline_in(cast("Kind", self.outline or "rectangle"), box)
+        return outline_in(cast("Kind", self.outline or PLAIN), box)
 
 
 @dataclass(frozen=True, kw_only=True)

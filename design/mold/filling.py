@@ -28,6 +28,11 @@ INSET_MM = 3.0
 """Middle of sprue and vents to the walls."""
 
 
+def is_cast_under_lid(plan: Plan) -> bool:
+    """Whether a lid shapes the pad's top, so that the mold is filled upside down through its floor."""
+    return not plan.top.is_flat
+
+
 def filling_holes(plan: Plan, bottom_mm: float, floor_mm: float) -> tuple[Hole, ...]:
     """The sprue, then three vents, in the corners of the floor; none for a flat top, which is poured from above.
 
@@ -35,7 +40,7 @@ def filling_holes(plan: Plan, bottom_mm: float, floor_mm: float) -> tuple[Hole, 
     ----------
     bottom_mm, floor_mm : underside of the mold and floor of the cavity, in the cavity frame
     """
-    if plan.top.is_flat:
+    if not is_cast_under_lid(plan):
         return ()
     (x, y), (across, deep) = plan.centre_mm, filling_offsets_mm(plan)
     return tuple(

@@ -38,6 +38,7 @@ class PlacedPart:
     part_id, part : catalogue identifier and entry (measured values applied)
     clear_mm : height of the untouched top at the lower side of its active area, for what sticks out of it
     origin, height_field : dotted paths of the layout entry that placed it and of what gave its height
+    angle_deg : direction of the facet that it has to itself in a round wall; None in a straight wall, which parts share
     """
 
     name: str
@@ -50,6 +51,7 @@ class PlacedPart:
     clear_mm: float
     origin: str
     height_field: str
+    angle_deg: float | None = None
 
     @property
     def wall(self) -> str:
@@ -209,6 +211,7 @@ def _placed(design: SensorDesign, place: Placement, bare: Plan) -> PlacedPart:
         clear_mm=_top_over_mm(bare, line, along, part.active_width_mm.value / 2),
         origin=place.origin,
         height_field=f"{place.kind}s.height_mm" if place.height_mm is None else f"{place.origin}.height_mm",
+        angle_deg=place.angle_deg,
     )
 
 

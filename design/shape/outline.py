@@ -111,6 +111,27 @@ class Arc:
         return np.asarray((angle_rad - self.start_rad + 1e-12) % (2.0 * np.pi) <= self.turn_rad + 2e-12)
 
 
+PLAIN: Kind = "rectangle"
+"""The kind that files and tables leave unsaid."""
+X, Y = (1.0, 0.0), (0.0, 1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dimension:
+    """A size of an outline, as drawings and tables give it.
+
+    Attributes
+    ----------
+    size_mm : the size itself
+    direction : unit vector along which it is taken, `X` or `Y`
+    is_diameter : whether it is the same in every direction, and all that there is to say
+    """
+
+    size_mm: float
+    direction: Point
+    is_diameter: bool = False
+
+
 @dataclass(frozen=True, kw_only=True)
 class Outline:
     """A convex closed loop.
@@ -156,6 +177,48 @@ class Outline:
     def in_box(self, box_mm: Box) -> Outline:
         """The same kind, without facets, in another box."""
         return outline_in(self.kind, box_mm)
+
+    @property
+    def bare(self) -> Outline:
+        """The same without facets: its straight walls are those that parts share."""
+        return self.in_box(self.box_mm)
+
+    @property
+    def dimensions(self) -> tuple[Dimension, ...]:
+        """Length and width, or a diameter alone."""
+        x0, y0, x1, y1 = self.box_mm
+        if self.kind == "disc":
+            return (Dimension(size_mm=x1 - x0, direction=X, is_diameter=True),)
+        return Dimension(size_mm=x1 - x0, direction=X), Dimension(size_mm=y1 - y0, direction=Y)
+
+    @property
+    def size_words(self) -> str:
+        """Its size, for tables: `40 x 25 mm`, `disc of 55 mm`."""
+        sizes = " x ".join(f"{one.size_mm:g}" for one in self.dimensions) + " mm"
+        return sizes if self.kind == PLAIN else f"{self.kind} of {sizes}"
+
+    @property
+    def place_words(self) -> str:
+        """Its size and place, for tables: `x 6 to 26, y 6 to 26 mm`, `disc of 20 mm around x 16, y 16 mm`."""
+        (x0, y0, x1, y1), (x, y) = self.box_mm, self.centre_mm
+        if self.kind == PLAIN:
+            return f"x {x0:g} to {x1:g}, y {y0:g} to {y1:g} mm"
+        return f"{self.size_words} around x {x:g}, y {y:g} mm"
+
+    def touches_mm(self, direction: Point) -> tuple[Point, Point]:
+        """Where it touches the side of its box that `direction` leads to: both ends of a wall, or one place twice [mm].
+
+        Parameters
+        ----------
+        direction : unit vector along an axis, out of the pad
+        """
+        for line in self.lines:
+            if line.outward == direction:
+                return line.ends
+        dx, dy = direction
+        arc = next(one for one in self.arcs if one.spans(np.array(math.atan2(dy, dx))))
+        place = arc.centre_mm[0] + arc.radius_mm * dx, arc.centre_mm[1] + arc.radius_mm * dy
+        return place, place
 
     @property
     def centre_mm(self) -> Point:

@@ -80,9 +80,13 @@ class Plan:
 
     @property
     def is_block(self) -> bool:
-        """Whether it fills its box under a flat top: mirror images then give its light exactly."""
-        x0, y0, x1, y1 = self.outline.box_mm
-        return self.top.is_flat and bool(self.outline.contains([x0, x1, x0, x1], [y0, y0, y1, y1]).all())
+        """Whether top and walls are flat and at right angles: mirror images then give its light exactly."""
+        return self.top.is_flat and self.outline.kind == "rectangle"
+
+    @property
+    def has_origin_corner(self) -> bool:
+        """Whether x and y are counted from a corner of its own, and not from one of the box around it."""
+        return self.contains(0.0, 0.0)
 
     @property
     def walls(self) -> tuple[Line, ...]:

@@ -51,6 +51,13 @@ class Top:
         return "x" if self.kx == 0.0 else "y"
 
     @property
+    def kind(self) -> Literal["none", "sphere", "cylinder"]:
+        """How it is curved, by the name that files have for it."""
+        if self.is_flat:
+            return "none"
+        return "sphere" if self.straight is None else "cylinder"
+
+    @property
     def radius_mm(self) -> float:
         """Radius of curvature; infinite for a flat top [mm]."""
         return math.inf if self.is_flat else 1.0 / max(self.kx, self.ky)

@@ -13,11 +13,13 @@ from dataclasses import dataclass
 from cad.volume import mold_volume_mm3
 from design.circuit.emitter_switch import EmitterSwitch, emitter_switch
 from design.circuit.pins import board_of
+from design.mold.filling import is_cast_under_lid
 from design.mold.outline import outline_of
 from design.parts.assumptions import assumption
 from design.parts.catalog import Board, Cost, Part, find_mold_material
 from design.parts.standard_values import ohm_text
 from design.shape.cavity import PlacedPart, cavity_of
+from design.shape.plan import plan_of
 from design.spec import SensorDesign
 from design.spec.properties import elastomer_of, entries_of
 from fabrication.gain import SimulatedGain, feedbacks_for
@@ -279,12 +281,13 @@ def _printed_rows(design: SensorDesign) -> Iterator[BomRow]:
 
 
 def _tools(design: SensorDesign) -> Iterator[tuple[str, str]]:
-    if design.crown is not None:
+    if is_cast_under_lid(plan_of(design)):
         yield "lid", "lid"
-    elif design.cavity.black_thickness_mm > 0:
-        yield "leveling blade", "leveling_blade"
-    if design.mold.rim_mm > 0 and design.crown is None:
-        yield "pour gauge", "pour_gauge"
+    else:
+        if design.cavity.black_thickness_mm > 0:
+            yield "leveling blade", "leveling_blade"
+        if design.mold.rim_mm > 0:
+            yield "pour gauge", "pour_gauge"
     yield "solder jig", "solder_jig"
     yield "indenter tip", "indenter_tip"
 

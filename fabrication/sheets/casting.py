@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from design.fields.quantity import Quantity
+from design.mold.filling import is_cast_under_lid
 from design.mold.outline import outline_of
 from design.mold.webs import bodies_above_rim, pockets_below_clear_layer
 from design.parts.assumptions import assumption
@@ -19,6 +20,7 @@ from design.parts.elastomer import Cure
 from design.preset import true_description
 from design.rules.mold import is_inhibited
 from design.shape.cavity import CavityGeometry, PlacedPart, cavity_of
+from design.shape.plan import plan_of
 from design.spec import SensorDesign
 from design.spec.fits import clearance_mm, fit_name
 from design.spec.properties import elastomer_of, entries_of, quantities_of
@@ -26,7 +28,7 @@ from fabrication.connections import polarity_of
 from fabrication.gain import SimulatedGain
 from fabrication.sheets.circuit_sheet import circuit_lines
 from fabrication.sheets.formats.markdown_text import plain
-from fabrication.sheets.formats.table import number
+from fabrication.sheets.formats.table import number, size_words
 from fabrication.sheets.gain_sheet import gain_lines
 from fabrication.sheets.silicone import pours
 
@@ -144,10 +146,7 @@ def _measure_first(cavity: CavityGeometry) -> Iterator[str]:
 
 def _print(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
     material, outline = find_mold_material(entries_of(design), design.mold.material), outline_of(design)
-    outside = f"{number(outline.outer_length_mm)} x {number(outline.outer_width_mm)}"
-    inside = f"{number(cavity.length_mm)} x {number(cavity.width_mm)}"
-    if cavity.plan.is_disc:
-        outside, inside = (f"{number(size)} across" for size in (outline.outer_length_mm, cavity.length_mm))
+    outside, inside = size_words(outline.outer), size_words(cavity.plan.outline)
     depth = outline.top_mm - outline.cavity_bottom_mm
     yield "## Print and check"
     yield ""
@@ -161,7 +160,7 @@ def _print(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
     yield f"   from rim to cavity floor {number(depth)}."
     yield "2. Clean the sockets; the active faces must sit flush with the cavity's walls."
     if outline.numbers:
-        corner = "" if cavity.plan.is_disc else "; the cut corner is the origin of x and y"
+        corner = "; the cut corner is the origin of x and y" if cavity.plan.has_origin_corner else ""
         yield f"3. The names in the outer faces are those of `wiring.csv`{corner}."
     yield ""
     for note in material.notes:
@@ -178,18 +177,19 @@ def _printed(design: SensorDesign, cavity: CavityGeometry) -> Iterator[tuple[str
             "walls and sockets; screwed to the base through the fixing holes, the joint taped",
         )
         yield "mold_base.stl", "cavity floor; taken off to push the pad out and cast again"
-    if design.crown is not None:
+    if is_cast_under_lid(cavity.plan):
         yield (
             "lid.stl",
             "shapes the crown; its pins stand in the fixing holes; print it on its back, in layers of 0.1 mm",
         )
-    elif cavity.black_mm > 0:
-        yield "leveling_blade.stl", f"leaves {number(cavity.black_mm)} of black layer"
-    if design.mold.rim_mm > 0 and design.crown is None:
-        yield (
-            "pour_gauge.stl",
-            f"its middle tooth ends {number(design.mold.rim_mm)} below the rim, at the clear layer's top",
-        )
+    else:
+        if cavity.black_mm > 0:
+            yield "leveling_blade.stl", f"leaves {number(cavity.black_mm)} of black layer"
+        if design.mold.rim_mm > 0:
+            yield (
+                "pour_gauge.stl",
+                f"its middle tooth ends {number(design.mold.rim_mm)} below the rim, at the clear layer's top",
+            )
     yield "solder_jig.stl", "holds a part of each kind while its wires are soldered at the sockets' pitch"
     yield "indenter_tip.stl", "the tip of the presses, with its shank"
 
@@ -223,10 +223,10 @@ def _fit(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
 def _cast(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
     yield "## Cast"
     yield ""
-    crowned = design.crown is not None
+    under_lid = is_cast_under_lid(cavity.plan)
     steps = (
         _crowned_steps(design, cavity)
-        if crowned
+        if under_lid
         else [*_black_steps(design, cavity), *_clear_steps(design, cavity)]
     )
     yield _duration_of_all(design)
@@ -240,7 +240,7 @@ def _cast(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
         yield "  post-cure it, coat it, and try some silicone on it before you cast."
     else:
         yield "- Keep to this material: the uncured resin of an SLA print inhibits the cure."
-    if crowned:
+    if under_lid:
         yield "- Layer lines of the lid copy into the crown, as haze: smooth its dish, or lay a formed film into it."
     else:
         yield "- Layer lines of a print copy into silicone: never cast the optical face against printed plastic."
@@ -340,11 +340,8 @@ def _leveling(design: SensorDesign) -> str:
             f"{' '.join(above)} stand above the rim, in the leveling blade's way: level between them by hand, "
             "or raise `mold.rim_mm`."
         )
-    way = (
-        "turn it half around its middle"
-        if design.cavity.outline == "disc"
-        else "draw it once along the longer side"
-    )
+    is_round = plan_of(design).outline.dimensions[0].is_diameter
+    way = "turn it half around its middle" if is_round else "draw it once along the longer side"
     return f"Rest the leveling blade on the rim and {way}; wipe off what it takes."
 
 
@@ -373,13 +370,13 @@ def _cure(design: SensorDesign) -> Iterator[str]:
 def _measure_after(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
     yield "## Measure after fitting, and tell the design"
     yield ""
-    if design.crown is None:
-        yield "The verdict hangs on the heights of the active areas. Before the clear layer is poured, with what is"
-        yield "below it cured, measure from its surface to the middle of each area with a depth gauge or on a level"
-    else:
+    if is_cast_under_lid(cavity.plan):
         black = f", less {number(cavity.black_mm)} for the black layer" if cavity.black_mm > 0 else ""
         yield "Light hangs on the heights of the active areas. Before the lid goes on, measure from the cavity's floor"
         yield f"to the middle of each active area{black}, with a depth gauge or on a level"
+    else:
+        yield "The verdict hangs on the heights of the active areas. Before the clear layer is poured, with what is"
+        yield "below it cured, measure from its surface to the middle of each area with a depth gauge or on a level"
     yield "photograph. Put the mean into the design and its path into `measured`, so that the verdict no longer"
     yield "carries their band of doubt:"
     yield ""

@@ -6,11 +6,13 @@ from collections.abc import Iterator, Sequence
 
 from design.mold.outline import outline_of
 from design.shape.cavity import workspace_of
+from design.shape.outline import Outline
+from design.shape.plan import Plan
 from design.spec import SensorDesign
 from fabrication.connections import Connection
 from fabrication.sheets.formats import svg
 from fabrication.sheets.formats.svg import Element, Point
-from fabrication.sheets.formats.table import number
+from fabrication.sheets.formats.table import number, size_words
 
 EMITTER_COLOUR = "#b34700"
 RECEIVER_COLOUR = "#00589e"
@@ -33,38 +35,34 @@ def legend_lines(design: SensorDesign, connections: Sequence[Connection]) -> lis
             (kind, f"{kind}: {', '.join(titles.values())}; centre {levels} mm above the black layer")
         )
     workspace = workspace_of(design)
-    if outline.plan.is_disc:
-        x, y = outline.plan.centre_mm
-        across = number(workspace.x1_mm - workspace.x0_mm)
-        return [
-            *lines,
-            (
-                "workspace",
-                f"workspace of press centres: {across} mm across, around x {number(x)}, y {number(y)} mm",
-            ),
-            (
-                "origin",
-                "origin of x and y: corner of the square around the disc; E1 tells the mold's direction",
-            ),
-            (
-                "",
-                "labels: reference, board pin (D digital, A analogue), direction from the middle, 0 along x",
-            ),
-            ("", f"mold outside {number(outline.outer_length_mm)} mm across"),
-        ]
-    lines.append(
-        (
-            "workspace",
-            f"workspace of press centres: x {number(workspace.x0_mm)} to {number(workspace.x1_mm)}, "
-            f"y {number(workspace.y0_mm)} to {number(workspace.y1_mm)} mm",
-        )
-    )
-    lines.append(("origin", "origin of x and y: inner corner next to the mold's cut edge"))
-    lines.append(("", "labels: reference, board pin (D digital, A analogue), place along the wall in mm"))
-    lines.append(
-        ("", f"mold outside {number(outline.outer_length_mm)} x {number(outline.outer_width_mm)} mm")
-    )
-    return lines
+    return [
+        *lines,
+        ("workspace", f"workspace of press centres: {_space_words(workspace)}"),
+        ("origin", f"origin of x and y: {_origin_words(outline.plan)}"),
+        ("", f"labels: reference, board pin (D digital, A analogue), {_places_words(connections)}"),
+        ("", f"mold outside {size_words(outline.outer, ' mm')}"),
+    ]
+
+
+def _space_words(space: Outline) -> str:
+    if space.dimensions[0].is_diameter:
+        x, y = (number(place) for place in space.centre_mm)
+        return f"{size_words(space, ' mm')}, around x {x}, y {y} mm"
+    x0, y0, x1, y1 = (number(side) for side in space.box_mm)
+    return f"x {x0} to {x1}, y {y0} to {y1} mm"
+
+
+def _origin_words(plan: Plan) -> str:
+    if plan.has_origin_corner:
+        return "inner corner next to the mold's cut edge"
+    box = "square" if plan.length_mm == plan.width_mm else "rectangle"
+    return f"corner of the {box} around the {plan.outline.kind}; E1 tells the mold's direction"
+
+
+def _places_words(connections: Sequence[Connection]) -> str:
+    by_angle = {one.part.angle_deg is not None for one in connections}
+    words = {False: "place along the wall in mm", True: "direction from the middle, 0 along x"}
+    return " or ".join(words[one] for one in sorted(by_angle))
 
 
 def legend(top: float, lines: Sequence[tuple[str, str]]) -> Iterator[Element]:

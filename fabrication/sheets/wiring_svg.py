@@ -15,14 +15,14 @@ Bodies and mold come from `design.mold.outline`, so what is drawn is what is pri
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from design.mold.outline import MoldOutline, outline_of
 from design.mold.sockets import Socket
 from design.shape.cavity import PlacedPart, workspace_of
-from design.shape.outline import Outline
+from design.shape.outline import Outline, X
+from design.shape.plan import TURN_RAD
 from design.spec import SensorDesign
 from design.spec.layout import WALLS
 from design.spec.pad import Wall
@@ -91,6 +91,10 @@ class Sheet:
     def at(self, x_mm: float, y_mm: float) -> Point:
         """Sheet position of a point of the cavity frame [px]."""
         return self.left + x_mm * self.scale, self.top + (self.outline.width_mm - y_mm) * self.scale
+
+    def around(self, outline: Outline) -> list[Point]:
+        """Sheet positions of an outline's corners, that at low x and low y first where it has one [px]."""
+        return [self.at(*corner) for corner in outline.points(TURN_RAD).tolist()]
 
     @property
     def low_corner(self) -> Point:
@@ -171,19 +175,12 @@ def _sheet(outline: MoldOutline, connections: Sequence[Connection]) -> Sheet:
     second = LABEL_START_PX + names + LABEL_GAP_PX
     columns = (LABEL_START_PX, second, second + pins + LABEL_GAP_PX)
     side = columns[2] + places
-    out = (
-        2 * outline.wall_x_mm if outline.plan.is_disc else 0.0
-    )  # beside a disc there is room for labels, too
-    spans = {
-        "south": outline.length_mm + out,
-        "north": outline.length_mm + out,
-        "east": outline.width_mm + out,
-    }
     needs = [PAD_PX / max(outline.length_mm, outline.width_mm)]
     for wall in WALLS:
         count = sum(_side(one) == wall for one in connections)
-        step = pitch if wall in ("south", "north") else SIDE_PITCH_PX
-        needs.append(count * step / spans.get(wall, outline.width_mm + out))
+        is_level = wall in ("south", "north")
+        step, span = (pitch, outline.length_mm) if is_level else (SIDE_PITCH_PX, outline.width_mm)
+        needs.append(count * step / span)
     scale = max(needs)
     above = MARGIN_PX + HEADING_PX + 2 * LINE_PX + LABEL_LINES * LINE_PX + LEADER_PX
     return Sheet(
@@ -204,8 +201,8 @@ def _text_px(content: str, size: float) -> float:
 def _place(part: PlacedPart) -> str:
     if part.wall not in WALLS:
         return f"at {part.wall.removesuffix('-degree')} deg"
-    axis = "x" if part.wall in ("south", "north") else "y"
-    return f"{axis} {part.along_mm:.2f}"
+    x, y, _ = part.position_mm
+    return f"x {x:.2f}" if part.wall in ("south", "north") else f"y {y:.2f}"
 
 
 def _heading(design: SensorDesign) -> Iterator[Element]:
@@ -217,54 +214,35 @@ def _heading(design: SensorDesign) -> Iterator[Element]:
 
 def _mold(sheet: Sheet) -> Iterator[Element]:
     out = sheet.outline
-    (x0, y0), (x1, y1), cut = sheet.low_corner, sheet.high_corner, out.origin_cut_mm * sheet.scale
-    if out.plan.is_disc:
-        middle = sheet.at(*out.plan.centre_mm)
-        yield svg.circle(middle, out.outer_radius_mm * sheet.scale, fill=WALL_COLOUR, stroke=LINE_COLOUR)
-    else:
-        yield svg.polygon(
-            [(x0 + cut, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0 - cut)],
-            fill=WALL_COLOUR,
-            stroke=LINE_COLOUR,
-        )
+    corners, cut = sheet.around(out.outer), out.origin_cut_mm * sheet.scale
+    if cut:
+        (x, y), *others = corners
+        corners = [(x + cut, y), *others, (x, y - cut)]
+    yield svg.polygon(corners, fill=WALL_COLOUR, stroke=LINE_COLOUR)
     for hole in out.fixing_holes:
         yield svg.circle(
             sheet.at(hole.x, hole.y), hole.radius * sheet.scale, fill="#ffffff", stroke=LINE_COLOUR
         )
-    if out.plan.is_disc:
-        radius = out.plan.radius_mm * sheet.scale
-        yield svg.circle(sheet.at(*out.plan.centre_mm), radius, fill=CAVITY_COLOUR, stroke=LINE_COLOUR)
-    else:
-        yield svg.rectangle(
-            sheet.at(0, 0), sheet.at(out.length_mm, out.width_mm), fill=CAVITY_COLOUR, stroke=LINE_COLOUR
-        )
+    yield svg.outline(sheet.around(out.plan.outline), fill=CAVITY_COLOUR, stroke=LINE_COLOUR)
 
 
 def _inside(sheet: Sheet, workspace: Outline, design: SensorDesign) -> Iterator[Element]:
     out, step = sheet.outline, LINE_PX / sheet.scale
     if not workspace.is_empty:
-        low = sheet.at(workspace.x0_mm, workspace.y0_mm)
-        high = sheet.at(workspace.x1_mm, workspace.y1_mm)
-        style = {"fill": "none", "stroke": WORKSPACE_COLOUR, "stroke_dasharray": "7 5"}
-        if workspace.arcs:
-            yield svg.circle(sheet.at(*out.plan.centre_mm), (high[0] - low[0]) / 2, **style)
-        else:
-            yield svg.rectangle(low, high, **style)
-    middle = (out.length_mm / 2, out.width_mm / 2)
-    for wall, (x, y), turn in (
-        ("north", (middle[0], out.width_mm - 1.3 * step), 0),
-        ("south", (middle[0], 0.9 * step), 0),
-        ("east", (out.length_mm - 1.0 * step, middle[1]), -90),
-        ("west", (1.2 * step, middle[1]), -90),
-    ):
-        if not out.plan.is_disc:
-            yield _turned(sheet.at(x, y), wall, turn)
+        yield svg.outline(
+            sheet.around(workspace), fill="none", stroke=WORKSPACE_COLOUR, stroke_dasharray="7 5"
+        )
+    walls = {line.name: line for line in out.plan.outline.bare.lines}
+    for name, steps, turn in (("north", 1.3, 0), ("south", 0.9, 0), ("east", 1.0, -90), ("west", 1.2, -90)):
+        if name in walls:
+            wall = walls[name]
+            yield _turned(sheet.at(*wall.point(wall.length_mm / 2, -steps * step)), name, turn)
     yield from _dimensions(sheet)
     yield from _axes(sheet)
     layers = f"clear {number(design.cavity.clear_thickness_mm)} mm"
     if design.cavity.black_thickness_mm > 0:
         layers += f" on black {number(design.cavity.black_thickness_mm)} mm"
-    yield svg.text(sheet.at(*middle), layers, PIN_PX, anchor="middle", fill=QUIET_COLOUR)
+    yield svg.text(sheet.at(*out.plan.centre_mm), layers, PIN_PX, anchor="middle", fill=QUIET_COLOUR)
 
 
 def _turned(at: Point, content: str, degrees: int) -> Element:
@@ -275,19 +253,16 @@ def _turned(at: Point, content: str, degrees: int) -> Element:
 
 
 def _dimensions(sheet: Sheet) -> Iterator[Element]:
-    out, inset = sheet.outline, DIMENSION_INSET_PX / sheet.scale
-    y, x = out.width_mm - inset, out.length_mm - inset
-    lines = [
-        (sheet.at(0, y), sheet.at(out.length_mm, y), out.length_mm, 0),
-        (sheet.at(x, 0), sheet.at(x, out.width_mm), out.width_mm, -90),
-    ]
-    if out.plan.is_disc:
-        lines = [_diameter(sheet)]
-    for start, end, size, turn in lines:
+    bare = sheet.outline.plan.outline.bare
+    for one in bare.dimensions:
+        start, end = (
+            sheet.at(*place) for place in _ends_mm(bare, one.direction, DIMENSION_INSET_PX / sheet.scale)
+        )
+        turn = 0 if one.direction == X else -90
         centre = ((start[0] + end[0]) / 2, (start[1] + end[1]) / 2)
         yield from svg.arrow(centre, start, LINE_COLOUR)
         yield from svg.arrow(centre, end, LINE_COLOUR)
-        label = f"{'diameter ' if out.plan.is_disc else ''}{number(size)} mm"
+        label = f"{'diameter ' if one.is_diameter else ''}{number(one.size_mm)} mm"
         half = (_text_px(label, PIN_PX) / 2 + 3, PIN_PX * 0.6)
         half = half if turn == 0 else half[::-1]
         low, high = (centre[0] - half[0], centre[1] - half[1]), (centre[0] + half[0], centre[1] + half[1])
@@ -298,16 +273,23 @@ def _dimensions(sheet: Sheet) -> Iterator[Element]:
         yield element
 
 
-def _diameter(sheet: Sheet) -> tuple[Point, Point, float, int]:
-    """Ends, length and turn of a disc's dimension line, a little above its middle."""
-    plan, above = sheet.outline.plan, DIMENSION_INSET_PX / sheet.scale
-    (x, y), half = plan.centre_mm, math.sqrt(max(plan.radius_mm**2 - above**2, 0.0))
-    return sheet.at(x - half, y + above), sheet.at(x + half, y + above), plan.length_mm, 0
+def _ends_mm(bare: Outline, direction: Point, inset_mm: float) -> tuple[Point, Point]:
+    """Ends of a dimension line: at the far end of the wall that it leads to, but for an inset from the pad's corner.
+
+    One to a round wall passes above the words in the middle.
+    """
+    axis = int(direction == X)  # of the line's place beside other lines
+    start, end = (place[axis] for place in bare.touches_mm(direction))
+    at = list(bare.centre_mm)
+    at[axis] = end + inset_mm if start == end else min(max(start, end), bare.box_mm[2 + axis] - inset_mm)
+    (x, y), (dx, dy) = at, direction
+    low, high = (bare.way_out_mm((x, y), (sign * dx, sign * dy)) for sign in (-1.0, 1.0))
+    return (x - low * dx, y - low * dy), (x + high * dx, y + high * dy)
 
 
 def _axes(sheet: Sheet) -> Iterator[Element]:
     x, y = sheet.at(0, 0)
-    inset = 0.0 if sheet.outline.plan.is_disc else AXIS_INSET_PX
+    inset = AXIS_INSET_PX if sheet.outline.plan.has_origin_corner else 0.0
     corner = (x + inset, y - inset)
     for end, name, label in (
         ((corner[0] + AXIS_PX, corner[1]), "x", (corner[0] + AXIS_PX + 5, corner[1] + 4)),
@@ -329,10 +311,8 @@ def _part(sheet: Sheet, one: Connection, socket: Socket) -> Element:
         return sheet.at(*frame.point(along_mm, outward_mm))
 
     def box(along0: float, along1: float, out0: float, out1: float, **style: str) -> Element:
-        if frame.runs_along_axes:
-            return svg.rectangle(place(along0, out0), place(along1, out1), **style)
         ends = ((along0, out0), (along1, out0), (along1, out1), (along0, out1))
-        return svg.polygon([place(*end) for end in ends], **style)
+        return svg.outline([place(*end) for end in ends], **style)
 
     shapes.append(box(pocket.along0, pocket.along1, pocket.out0, pocket.out1, fill=POCKET_COLOUR))
     body = (part.along_mm - half, part.along_mm + half, 0.0, depth)

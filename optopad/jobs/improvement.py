@@ -180,7 +180,7 @@ def trials_of(design: SensorDesign, budget_min: float | None) -> int:
         raise InputError(f"--budget: {budget:g} minutes is refused: give more than 0, up to 1440")
     pairs = len(cavity.emitters) * len(cavity.receivers)
     each_s = ROW_S if facing else PAD_S + PAIR_S * pairs
-    each_s *= 1.0 if plan_of(design).is_flat_rectangle else CURVED
+    each_s *= 1.0 if plan_of(design).is_block else CURVED
     around = len(MOVES) * MOST_A_ROUND * (2 if facing else 1)
     return min(max(int(SEARCH * budget * 60.0 * CORES / each_s) - around, FEWEST), MOST)
 

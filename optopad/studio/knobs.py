@@ -8,8 +8,10 @@ from functools import cache
 from typing import Any, Literal
 
 from design.fields.paths import get_at, is_value
+from design.shape.plan import plan_of
 from design.spec import SensorDesign
 from design.spec.layout import (
+    OPPOSITE,
     WALLS,
     AlternatingRing,
     DiscRing,
@@ -25,9 +27,9 @@ BY_HAND = "by hand"
 MOST_ON_A_WALL = 32
 SIZES = ("cavity.length_mm", "cavity.width_mm", "cavity.diameter_mm")
 ANGLES_DEG = (-360.0, 360.0)
-PATTERNS = ("alternating ring", "facing rows", "by side", BY_HAND)
-DISC_PATTERNS = ("disc ring", BY_HAND)
-"""Of a whole layout, of a rectangle and of a disc; `by hand` is anything else."""
+PATTERNS = ("alternating ring", "facing rows", "by side")
+ROUND_PATTERNS = ("disc ring",)
+"""Of a whole layout, for straight walls and for round ones; `by hand` is anything else."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,24 +121,28 @@ def relaid(design: SensorDesign, pattern: str) -> list[dict[str, Any]]:
     """A layout of another pattern with about as many parts; of "by hand" the parts as they stand, one by one."""
     from optopad.studio.moves import placed_singles
 
-    emitters = _count(design, "emitter")
+    emitters, walls = _count(design, "emitter"), _walls(design)
     if pattern == "disc ring":
         return [_disc_ring(design)]
     if pattern == "alternating ring":
-        return [{"pattern": "alternating_ring", "parts_per_side": max(round(_count(design) / 4), 1)}]
+        share = max(round(_count(design) / max(len(walls), 1)), 1)
+        counts = [share if wall in walls else 0 for wall in WALLS]
+        return [{"pattern": "alternating_ring", "parts_per_side": share if all(counts) else counts}]
     if pattern == "facing rows":
-        return [{"pattern": "facing_rows", "count": max(min(emitters, 3), 1)}]
+        row = {"pattern": "facing_rows", "count": max(min(emitters, 3), 1)}
+        return [row if "west" in walls else row | {"emitter_wall": "south"}]
     if pattern == "by side":
-        share = max(round(emitters / 2), 1)
+        lit = [wall for wall in ("south", "west") if wall in walls]
+        share = max(round(emitters / max(len(lit), 1)), 1)
         return [
-            {"pattern": "per_side", "kind": "emitter", "south": share, "west": share},
-            {"pattern": "per_side", "kind": "receiver", "north": share, "east": share},
+            {"pattern": "per_side", "kind": "emitter"} | dict.fromkeys(lit, share),
+            {"pattern": "per_side", "kind": "receiver"} | {OPPOSITE[wall]: share for wall in lit},
         ]
     return placed_singles(design, range(len(design.layout)))
 
 
 def pattern_of(design: SensorDesign) -> str:
-    """The name of a whole layout's pattern, of `PATTERNS`."""
+    """The name of a whole layout's pattern, or `BY_HAND`."""
     kinds: set[type] = {type(one) for one in design.layout}
     if len(design.layout) == 1 and kinds == {DiscRing}:
         return "disc ring"
@@ -153,6 +159,11 @@ def _disc_ring(design: SensorDesign) -> dict[str, Any]:
     places = expand(design.layout, design.cavity)
     first = next((one.angle_deg for one in places if one.kind == "emitter"), None) or 0.0
     return {"pattern": "disc_ring", "count": min(count, MOST_ON_A_WALL), "first_angle_deg": first}
+
+
+def _walls(design: SensorDesign) -> dict[str, float]:
+    """The straight walls that parts share: name and length [mm]."""
+    return {line.name: line.length_mm for line in plan_of(design).walls}
 
 
 def _count(design: SensorDesign, kind: str | None = None) -> int:
@@ -215,7 +226,8 @@ def _choices(design: SensorDesign) -> Iterator[Knob]:
         tells = "each: every receiver has its own gain; common: one gain for all."
         yield choice("Signal", "gain.feedback_ohm", "gain", rule, ("each", "common"), tells)
     tells = "Where parts sit. By hand: every part by itself, as dragging one makes it."
-    patterns = DISC_PATTERNS if design.cavity.outline == "disc" else PATTERNS
+    bare = plan_of(design).outline
+    patterns = (*(PATTERNS if bare.lines else ()), *(ROUND_PATTERNS if bare.arcs else ()), BY_HAND)
     yield choice("Layout", "layout", "pattern", pattern_of(design), patterns, tells)
 
 
@@ -241,7 +253,7 @@ def _layout(design: SensorDesign) -> Iterator[Knob]:
                 span = design.cavity.wall_length_mm(pattern.emitter_wall)
                 yield _pitch(at, pattern.pitch_mm, span / pattern.count)
             case PerSide():
-                for wall in WALLS:
+                for wall in _walls(design):
                     yield _whole(
                         at,
                         wall,
@@ -267,10 +279,13 @@ def _ring(design: SensorDesign, pattern: AlternatingRing, at: str) -> Iterator[K
             MOST_ON_A_WALL,
             "Emitters and receivers in turn, on each wall.",
         )
-        even = min(design.cavity.length_mm, design.cavity.width_mm) / counts
+        even = min(_walls(design).values()) / counts
         yield _pitch(at, pattern.pitch_mm, even)
     else:
+        walls = _walls(design)
         for wall, count in zip(WALLS, counts, strict=True):
+            if wall not in walls:
+                continue
             yield _whole(
                 at,
                 f"parts_per_side.{WALLS.index(wall)}",

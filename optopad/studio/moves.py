@@ -4,8 +4,8 @@ Along its wall a part of a pattern leaves the pattern, whose parts then stand on
 and order stay. With its whole row, the pattern's pitch or shift changes. In height a part takes all of its kind with
 it, unless it has a height of its own.
 
-On a disc a part goes by its direction from the centre: out of a ring, whose parts then have an angle each, or with the
-whole ring. Parts that were given by angles share their height with the others of their entry.
+In a round wall a part goes by its direction from the centre: out of a ring, whose parts then have an angle each, or
+with the whole ring. Parts that were given by angles share their height with the others of their entry.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ def moved(
 
     Parameters
     ----------
-    along_mm : of a rectangle, from the wall's low corner [mm]; None: as it is
-    angle_deg : of a disc, direction from the centre [degrees]; None: as it is
+    along_mm : in a straight wall, from its low end [mm]; None: as it is
+    angle_deg : in a round wall, direction from its centre [degrees]; None: as it is
     height_mm : above the clear layer's bottom [mm]; None: as it is
     with_row : move the whole row of its pattern along, too
 
@@ -64,11 +64,14 @@ def moved(
 
     Raises
     ------
-    InputError : no such part, a place that is no number, or of the other outline.
+    InputError : no such part, a place that is no number, or of the other kind of wall.
     DesignError : a place that the layout does not take.
     """
     part = part_named(design, name)
-    _require_outline(design, name, along_mm, angle_deg)
+    if part.angle_deg is not None and along_mm is not None:
+        raise InputError(f"{name}: along_mm: a round wall has no places along it; give angle_deg")
+    if part.angle_deg is None and angle_deg is not None:
+        raise InputError(f"{name}: angle_deg: a straight wall has no angles; give along_mm")
     changes: dict[str, Any] = {}
     if angle_deg is not None:
         changes |= _turned(design, part, angle_deg, with_row=with_row)
@@ -82,26 +85,10 @@ def moved(
     return changes
 
 
-def _require_outline(
-    design: SensorDesign, name: str, along_mm: float | None, angle_deg: float | None
-) -> None:
-    is_disc = design.cavity.outline == "disc"
-    if is_disc and along_mm is not None:
-        raise InputError(f"{name}: along_mm: a disc has no straight walls; give angle_deg")
-    if not is_disc and angle_deg is not None:
-        raise InputError(f"{name}: angle_deg: a rectangle has no angles; give along_mm")
-
-
-def angle_of(design: SensorDesign, part: PlacedPart) -> float:
-    """Direction of a disc's part from the centre, as the layout has it [degrees]."""
-    places = expand(design.layout, design.cavity)
-    return next(place.angle_deg or 0.0 for place in places if place.name == part.name)
-
-
 def placed_singles(design: SensorDesign, numbers: Iterable[int]) -> list[dict[str, Any]]:
     """The layout with some of its patterns taken apart into parts by themselves at the same places.
 
-    On a rectangle one entry a part; on a disc one of each kind, with an angle a part.
+    In straight walls one entry a part; of a ring one of each kind, with an angle a part.
     """
     document = design.model_dump(mode="json")["layout"]
     apart = set(numbers)
@@ -138,10 +125,10 @@ def _angles_of(design: SensorDesign, number: int) -> list[dict[str, Any]]:
 
 
 def _turned(design: SensorDesign, part: PlacedPart, angle_deg: float, *, with_row: bool) -> dict[str, Any]:
-    """A part of a disc, or its whole pattern, in another direction."""
+    """A part of a round wall, or its whole pattern, in another direction."""
     if not math.isfinite(angle_deg):
         raise InputError(f"{part.name}: angle_deg: {angle_deg} is refused: must be a finite number")
-    turn = _around(angle_deg - angle_of(design, part))
+    turn = _around(angle_deg - (part.angle_deg or 0.0))
     if abs(turn) < STEP_DEG / 2:
         return {}
     number = int(part.origin.split(".")[1])

@@ -24,7 +24,7 @@ from design.spec import SensorDesign
 from optopad.screen.answer import changes_words
 from optopad.studio.design_file import DesignFile
 from optopad.studio.knobs import changes_of
-from optopad.studio.moves import angle_of, moved, part_named
+from optopad.studio.moves import moved, part_named
 
 MERGE_S = 1.5
 """Edits of one thing that follow each other so soon are one step of the history [s]."""
@@ -343,8 +343,8 @@ def _words(design: SensorDesign, wanted: dict[str, Any]) -> str:
 def _place_words(design: SensorDesign, name: str) -> str:
     """Where a part sits."""
     part = part_named(design, name)
-    if design.cavity.outline == "disc":
-        return f"{name}: at {angle_of(design, part):g}°, {part.height_mm:g} mm high"
+    if part.angle_deg is not None:
+        return f"{name}: at {part.angle_deg:g}°, {part.height_mm:g} mm high"
     return f"{name}: {part.along_mm:g} mm along the {part.wall} wall, {part.height_mm:g} mm high"
 
 

@@ -47,7 +47,7 @@ def pressed_top(
     if surface is not None and not plan.top.is_flat:
         points = _pressed_crown(plan, surface, points, (at >= reach).ravel())
     elif surface is not None:
-        points[:, 2] += _height(surface, at, x, y, is_rectangle=not plan.is_disc).ravel()
+        points[:, 2] += _height(surface, at, x, y).ravel()
     return points, ring_triangles(len(radii), len(angles)), surface
 
 
@@ -70,13 +70,9 @@ def _pressed_crown(plan: Plan, surface: PadSurface, points: FloatArray, is_borde
     return found
 
 
-def _height(
-    surface: PadSurface, radius: FloatArray, x_mm: FloatArray, y_mm: FloatArray, *, is_rectangle: bool
-) -> FloatArray:
-    """The curve around the axis, and outside the contact of a rectangle the smooth rest between its own nodes."""
+def _height(surface: PadSurface, radius: FloatArray, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
+    """The curve around the axis, and outside the contact the smooth rest between its own nodes."""
     near = curve_height_mm(surface.near, radius)
-    if not is_rectangle:
-        return near
     lines = [np.linspace(0.0, size, math.ceil(size / REST_MM) + 1) for size in surface.size_mm]
     rest = surface.beside_mm(*lines)
     cells = [len(line) - 1 for line in lines]

@@ -112,7 +112,7 @@ def sensitivity(
     ]
     (first, first_error), (second, second_error) = halves
     errors, spike = np.concatenate([first_error, second_error], axis=1), SPIKE
-    if not plan_of(design).is_flat_rectangle:
+    if not plan_of(design).is_block:
         errors, spike = _apart(first, second), FORMED_SPIKE
     return Sensitivity(
         first=stencil_derivatives(first, offsets),

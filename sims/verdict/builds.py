@@ -68,7 +68,7 @@ class Brief:
 
 def accuracy_of_builds(design: SensorDesign) -> Accuracy:
     """Light settings of tried builds of a design."""
-    return ACCURACY if plan_of(design).is_flat_rectangle else FORMED_ACCURACY
+    return ACCURACY if plan_of(design).is_block else FORMED_ACCURACY
 
 
 def score_curves(design: SensorDesign, curves: PairCurves, readout: Readout) -> PairScore:

@@ -95,7 +95,7 @@ def untouched_flux(
 
 def accuracy_of_pairs(design: SensorDesign, accuracy: str | Accuracy = PAIR_ACCURACY) -> str | Accuracy:
     """Settings of a design's single pairs, of those asked for."""
-    if isinstance(accuracy, str) or plan_of(design).is_flat_rectangle:
+    if isinstance(accuracy, str) or plan_of(design).is_block:
         return accuracy
     return replace(accuracy, image_step=max(accuracy.image_step, FORMED_PAIR_STEP))
 

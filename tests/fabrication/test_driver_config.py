@@ -69,10 +69,9 @@ def test_places_names_and_normals_are_those_of_the_cavity(name: str) -> None:
         (x, y, _), (nx, ny, nz) = entry.position_mm, entry.normal
         assert (np.hypot(nx, ny), nz) == pytest.approx((1.0, 0.0))
         to_middle = (middle[0] - x) * nx + (middle[1] - y) * ny
-        if cavity.plan.is_disc:
-            facet = next(part.line for part in cavity.parts if part.name == entry.name)
-            assert to_middle == pytest.approx(cavity.plan.stands_mm(facet))
-        else:
+        part = next(part for part in cavity.parts if part.name == entry.name)
+        assert to_middle == pytest.approx(cavity.plan.stands_mm(part.line))
+        if part.angle_deg is None:
             assert to_middle == pytest.approx(middle[0] if ny == 0 else middle[1])
 
 

@@ -18,6 +18,7 @@ from design.circuit.pins import assigned_pins, board_of
 from design.errors import OutputError
 from design.preset import PRESETS, SHAPED_PRESETS, preset
 from design.shape.cavity import cavity_of
+from design.shape.plan import plan_of
 from design.spec import SensorDesign
 from design.spec.properties import part_of
 from fabrication.driver_file import load_driver_config
@@ -208,12 +209,13 @@ def test_the_build_sheet_has_the_design_s_own_numbers(name: str) -> None:
 def test_the_build_sheet_of_a_crown_casts_it_on_its_lid(name: str) -> None:
     design = preset(name)
     sheet, items = casting_md(design), {row.item for row in bom_rows(design, None)}
-    is_crowned = design.crown is not None
+    plan = plan_of(design)
+    is_crowned = not plan.top.is_flat
     assert ("`cad/lid.stl`" in sheet, "Set the mold on its lid" in sheet, "printed lid" in items) == (
         is_crowned,
     ) * 3
     assert ("leveling blade" in sheet, "printed leveling blade" in items) == (not is_crowned,) * 2
-    assert ("across, cavity" in sheet) == (design.cavity.outline == "disc")
+    assert ("across, cavity" in sheet) == any(one.is_diameter for one in plan.outline.dimensions)
 
 
 def test_every_unverified_number_of_the_build_sheet_is_marked() -> None:

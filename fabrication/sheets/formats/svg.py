@@ -71,6 +71,15 @@ def polygon(points: list[Point], **style: str) -> Element:
     return _shape("polygon", style, points=_points(points))
 
 
+def outline(corners: list[Point], **style: str) -> Element:
+    """A closed outline; one of four corners whose sides run along the sheet's is a rectangle."""
+    if len(corners) == 4 and {corners[0], corners[2]} <= {
+        (x, y) for x, _ in corners[1::2] for _, y in corners[1::2]
+    }:
+        return rectangle(corners[0], corners[2], **style)
+    return polygon(corners, **style)
+
+
 def polyline(points: list[Point], **style: str) -> Element:
     """A line through points."""
     return _shape("polyline", {"fill": "none", **style}, points=_points(points))

@@ -10,6 +10,8 @@ import csv
 import io
 from collections.abc import Iterable, Sequence
 
+from design.shape.outline import Outline
+
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r", "\n")
 
 Cell = str | int | float | None
@@ -39,6 +41,13 @@ def one_line(text: str) -> str:
 def number(value: float) -> str:
     """A number to a ten-thousandth, without trailing zeros."""
     return f"{value:.4f}".rstrip("0").rstrip(".")
+
+
+def size_words(outline: Outline, unit: str = "") -> str:
+    """What an outline measures [mm], as 40 x 25, or 55 across."""
+    sizes = outline.dimensions
+    across = " across" if sizes[0].is_diameter else ""
+    return f"{' x '.join(number(one.size_mm) for one in sizes)}{unit}{across}"
 
 
 def _shown(cell: Cell) -> str:

@@ -30,7 +30,9 @@ def build(
     as_json: options.Json = False,
 ) -> None:
     """Mold and tools as STL, STEP and 3MF, with their checks."""
+    from design.mold.filling import is_cast_under_lid
     from design.parts.printer import bed_of
+    from design.shape.plan import plan_of
     from optopad.jobs.pipeline import write_parts
     from optopad.screen.verdict import checks_line, finding_line
 
@@ -46,7 +48,7 @@ def build(
     for part, printed in checks.get("prints", {}).items():
         say(f"{part:<15} {printed['minutes']:6.0f} min {printed['filament_g']:7.2f} g")
     say(checks_line(checks))
-    if read.crown is not None:
+    if is_cast_under_lid(plan_of(read)):
         say("cast      upside down on the lid, by weight: " + ", then ".join(_weights(read)))
     say(f"files     {folder / 'cad'}")
 

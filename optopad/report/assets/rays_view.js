@@ -22,7 +22,7 @@ const TIP_TOP = data.tip[data.tip.length - 1][1];
 const HEAD = Math.max(0.9 * data.tip[data.tip.length - 1][0], 1);
 // walls stay where they are seen from so steep that they hide nothing
 const STEEP = 76, SHARP_AFTER_MS = 160;
-// a round mold is cut through its middle, in as many directions
+// a mold with round walls is cut through its middle, in as many directions
 const CUT_TURN = Math.PI / 12;
 const {walls: WALLS, edge: EDGE, axes: AXES, meshes, tip: TIP, hull} = optopadPad(data);
 let show = mold ? "cut" : "none", resting = null;

@@ -6,7 +6,6 @@ along x, under a crown that is straight along x across it.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +16,9 @@ from matplotlib.patches import Circle, Patch, Polygon, Rectangle
 
 from design.arrays import FloatArray
 from design.mold.outline import MoldOutline, outline_of
+from design.mold.sockets import Socket
 from design.shape.cavity import CavityGeometry, PlacedPart, cavity_of
+from design.shape.outline import X
 from design.spec import SensorDesign
 from optopad.report.scenes.mold_scene import body_corners_mm
 from sims.contact.tip import tip_points_mm
@@ -31,6 +32,8 @@ MOST_NUMBERS = 40
 """Parts with their places along the wall written beside them; more would overlap."""
 
 DIAMETER = "\N{LATIN CAPITAL LETTER O WITH STROKE}"
+DIMENSION_GAPS = (0.48, 0.80), (0.55, 0.84)
+"""From the mold to the sizes of cavity and outside, along x and along y, over the room around it."""
 CROWN_POINTS = 81
 ROUND_GAP = 2.8
 """Of a name from its part's face on a round wall, over that on a straight one: the name is centred there."""
@@ -73,15 +76,8 @@ def plot_layout(design: SensorDesign) -> Axes:
 def _draw_plan(
     ax: Axes, design: SensorDesign, cavity: CavityGeometry, outline: MoldOutline, room: float
 ) -> None:
-    left, low = -outline.wall_x_mm, -outline.wall_y_mm
-    size = outline.outer_length_mm, outline.outer_width_mm
-    mold: dict[str, Any] = {"facecolor": GRID, "edgecolor": INK, "linewidth": 1.0}
-    is_disc = cavity.plan.is_disc
-    ax.add_patch(
-        Circle(cavity.plan.centre_mm, outline.outer_radius_mm, **mold)
-        if is_disc
-        else Rectangle((left, low), *size, **mold)
-    )
+    left, low, right, high = outline.outer.box_mm
+    ax.add_patch(workspace_patch(outline.outer, facecolor=GRID, edgecolor=INK, linewidth=1.0))
     ax.add_patch(outline_patch(cavity.plan, facecolor=PALE_BLUE, edgecolor=INK, linewidth=1.0))
     for hole in outline.fixing_holes:
         ax.add_patch(Circle((hole.x, hole.y), hole.radius, fill=False, edgecolor=MUTED, linewidth=0.7))
@@ -96,41 +92,45 @@ def _draw_plan(
     ax.add_patch(Circle(middle, radius, fill=False, edgecolor=INK, linewidth=0.8))
     below = middle[0], middle[1] - 1.15 * radius
     ax.text(*below, f"tip R{radius:g}", ha="center", va="top", fontsize=SMALL, color=INK)
-    for part in cavity.parts:
-        _draw_part(ax, part, cavity, outline, written=len(cavity.parts) <= MOST_NUMBERS)
-    sign, from_mm = (DIAMETER, cavity.width_mm / 2) if is_disc else ("", low)
-    inner_mm = from_mm if is_disc else 0.0
-    _across(
-        ax, 0.0, cavity.length_mm, low - 0.48 * room, f"cavity {sign}{cavity.length_mm:g}", from_mm=inner_mm
-    )
-    _across(ax, left, left + size[0], low - 0.80 * room, f"outside {sign}{size[0]:g}", from_mm=from_mm)
-    if not is_disc:
-        _upright(ax, 0.0, cavity.width_mm, left - 0.55 * room, f"cavity {cavity.width_mm:g}", from_mm=0.0)
-        _upright(ax, low, low + size[1], left - 0.84 * room, f"outside {size[1]:g}", from_mm=left)
-    ax.text(left + size[0] / 2, low + size[1] + 0.5 * room, "from above", **_title())
+    for socket in outline.sockets:
+        _draw_part(ax, socket.part)
+        if len(cavity.parts) <= MOST_NUMBERS:
+            _write_name(ax, socket.part, cavity)
+            _write_place(ax, socket, cavity)
+    inner, outer = cavity.plan.outline.bare, outline.outer
+    for inside, outside, gaps in zip(inner.dimensions, outer.dimensions, DIMENSION_GAPS, strict=False):
+        for words, of, one, gap in zip(
+            ("cavity", "outside"), (inner, outer), (inside, outside), gaps, strict=True
+        ):
+            told = f"{words} {DIAMETER if one.is_diameter else ''}{one.size_mm:g}"
+            x, y = np.min(of.touches_mm(one.direction), axis=0)
+            if one.direction == X:
+                _across(ax, of.x0_mm, of.x1_mm, low - gap * room, told, from_mm=y)
+            else:
+                _upright(ax, of.y0_mm, of.y1_mm, left - gap * room, told, from_mm=x)
+    ax.text((left + right) / 2, high + 0.5 * room, "from above", **_title())
 
 
-def _draw_part(
-    ax: Axes, part: PlacedPart, cavity: CavityGeometry, outline: MoldOutline, *, written: bool
-) -> None:
+def _draw_part(ax: Axes, part: PlacedPart) -> None:
     x, y, _ = part.position_mm
-    right, up = part.line.outward
     colour = VERMILLION if part.kind == "emitter" else BLUE
     ax.add_patch(_body(part, facecolor=colour, alpha=0.25, edgecolor=colour, linewidth=0.7))
     marker = "o" if part.kind == "emitter" else "s"
     ax.plot(x, y, marker=marker, markersize=3.5, color=colour, markeredgecolor="white", markeredgewidth=0.5)
-    if not written:
-        return
+
+
+def _write_name(ax: Axes, part: PlacedPart, cavity: CavityGeometry) -> None:
+    x, y, _ = part.position_mm
+    right, up = part.line.outward
     gap = 0.02 * max(cavity.length_mm, cavity.width_mm)
     aside, level = "center", "center"
-    if cavity.plan.is_disc:
+    if part.angle_deg is not None:
         gap *= ROUND_GAP
     else:  # beside a corner, out of the way of the other wall's names
         aside, share = {"west": "left", "east": "right"}.get(part.wall, "center"), y / cavity.width_mm
         level = "bottom" if share <= NEAR_CORNER else "top" if share >= 1.0 - NEAR_CORNER else "center"
     look: dict[str, Any] = {"ha": aside, "va": level, "fontsize": SMALL, "color": INK}
     ax.text(x - right * gap, y - up * gap, part.name, **look)
-    _write_place(ax, part, cavity, outline)
 
 
 def _body(part: PlacedPart, **look: Any) -> Patch:
@@ -138,20 +138,18 @@ def _body(part: PlacedPart, **look: Any) -> Patch:
     return Polygon(body_corners_mm(part)[:4, :2], **look)
 
 
-def _write_place(ax: Axes, part: PlacedPart, cavity: CavityGeometry, outline: MoldOutline) -> None:
-    """How far along its wall a part is, of a disc its direction from the middle, outside the mold."""
+def _write_place(ax: Axes, socket: Socket, cavity: CavityGeometry) -> None:
+    """How far along its wall a part is, or the direction of its own facet, outside the mold."""
+    part, wall = socket.part, socket.frame.thickness_mm
     x, y, _ = part.position_mm
     right, up = part.line.outward
-    words, wall = f"{round(part.along_mm, 2):g}", outline.wall_x_mm
-    aside = {"west": "right", "east": "left"}.get(part.wall, "center")
-    level = {"south": "top", "north": "bottom"}.get(part.wall, "center")
-    if cavity.plan.is_disc:
-        words = f"{round(math.degrees(math.atan2(up, right)) % 360.0, 2):g}\N{DEGREE SIGN}"
-        wall = outline.outer_radius_mm - cavity.plan.stands_mm(part.line)
-        aside = "center" if abs(right) < LEVEL else "left" if right > 0 else "right"
-        level = "center" if abs(up) < LEVEL else "bottom" if up > 0 else "top"
-    elif part.wall in ("south", "north"):
-        wall = outline.wall_y_mm
+    words = (
+        f"{round(part.along_mm, 2):g}"
+        if part.angle_deg is None
+        else f"{round(part.angle_deg % 360.0, 2):g}\N{DEGREE SIGN}"
+    )
+    aside = "center" if abs(right) < LEVEL else "left" if right > 0 else "right"
+    level = "center" if abs(up) < LEVEL else "bottom" if up > 0 else "top"
     tick = 0.012 * max(cavity.length_mm, cavity.width_mm)
     out = [(wall + share * tick) for share in (0.0, 1.0, 1.6)]
     ax.plot((x + right * out[0], x + right * out[1]), (y + up * out[0], y + up * out[1]), **LINE)
@@ -191,15 +189,14 @@ def _section_of(cavity: CavityGeometry, outline: MoldOutline) -> _Section:
     plan = cavity.plan
     is_across = plan.top.straight == "x"
     length = cavity.width_mm if is_across else cavity.length_mm
-    inset = [0.0, 0.0]
-    if plan.is_disc:
-        inset = [plan.radius_mm - plan.stands_mm(row[0].line) for row in (cavity.emitters, cavity.receivers)]
+    faces = (row[0].position_mm[:2] for row in (cavity.emitters, cavity.receivers))
+    start, inset = (float(plan.outline.bare.gap_mm(*face)) + 0.0 for face in faces)
     return _Section(
         cavity=cavity,
         outline=outline,
         is_across=is_across,
-        start_mm=inset[0],
-        end_mm=length - inset[1],
+        start_mm=start,
+        end_mm=length - inset,
         length_mm=length,
         wall_mm=outline.wall_y_mm if is_across else outline.wall_x_mm,
     )

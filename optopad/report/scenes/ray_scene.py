@@ -165,7 +165,7 @@ def scene_json(scene: RayScene) -> dict[str, Any]:
     keys = [kind.key for kind in kinds]
     return {
         "box": [cavity.length_mm, cavity.width_mm, cavity.clear_mm, cavity.black_mm],
-        "round": cavity.plan.is_disc,
+        "round": bool(cavity.plan.outline.bare.arcs),
         "edge": edge_mm(cavity.plan).round(3).tolist(),
         "press": _frame(scene),
         "parts": [

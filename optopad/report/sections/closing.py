@@ -86,7 +86,7 @@ def warnings_section(score: ContinuityScore) -> Html:
 
 def limits_section(design: SensorDesign) -> Html:
     """What no figure on the page includes."""
-    is_plain = plan_of(design).is_flat_rectangle
+    is_plain = plan_of(design).is_block
     said = [SHAPED_WALLS if words is WALLS and not is_plain else words for words in LEFT_OUT]
     return section("limits", "What the models leave out", bullets(said))
 

@@ -68,7 +68,7 @@ def rays_section(scene: RayScene | str | None, mold: dict[str, Any] | None = Non
 def _lead(scene: RayScene) -> str:
     x_mm, y_mm = scene.place_mm
     where = "the middle of the middle facing pair" if scene.is_middle else "the pad's weakest place"
-    along = "" if scene.design.crown is None else ", along the normal of the top there"
+    along = "" if scene.cavity.plan.top.is_flat else ", along the normal of the top there"
     count = len(scene.pairs)
     which = (
         "of the facing pairs" if scene.is_middle else f"of the {count} judged pairs that pass nearest to it"

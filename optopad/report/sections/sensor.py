@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from design.mold.filling import is_cast_under_lid
 from design.mold.outline import bed_lift_mm
 from design.preset import true_description
 from design.shape.cavity import CavityGeometry, PlacedPart, cavity_of
-from design.shape.outline import Outline
-from design.spec import Crown, SensorDesign
+from design.shape.plan import Plan, plan_of
+from design.spec import SensorDesign
 from design.spec.tip_shape import tip_words
 from optopad.report.sections.drawings import Drawing, figure_of
 from optopad.report.text.markup import Html, element, facts, section, table
@@ -33,12 +34,12 @@ STATES = {"ok": "\N{CHECK MARK} ok", "warning": "! warning", "error": "\N{MULTIP
 
 @dataclass(frozen=True, kw_only=True)
 class Pictures:
-    """Pictures that a bundle holds as data addresses, None where a file is missing; and whether the mold is round."""
+    """Pictures of a bundle as data addresses, None where a file is missing; and whether x and y start at a corner."""
 
     mold: str | None
     wiring: str | None
     lid: str | None = None
-    is_round: bool = False
+    has_origin_corner: bool = True
     schematic: str | None = None
     orientation: str | None = None
 
@@ -48,7 +49,7 @@ def pictures_of(design: SensorDesign, folder: Path) -> Pictures:
     return Pictures(
         mold=_mold_address(folder / MOLD_STL),
         lid=_lid_address(design, folder),
-        is_round=design.cavity.outline == "disc",
+        has_origin_corner=plan_of(design).has_origin_corner,
         wiring=_svg_address(folder / WIRING_SVG),
         schematic=_svg_address(folder / SCHEMATIC_SVG),
         orientation=_svg_address(folder / ORIENTATION_SVG),
@@ -65,14 +66,15 @@ def _mold_address(stl: Path) -> str | None:
 
 def _lid_address(design: SensorDesign, folder: Path) -> str | None:
     lid, mold = folder / LID_STL, folder / MOLD_STL
-    if design.crown is None or not (lid.is_file() and mold.is_file()):
+    if not (lid.is_file() and mold.is_file()):
         return None
     from cad.lid_size import lid_size, turned_over
     from cad.mesh import Mesh, read_stl
     from cad.picture import section_picture
 
     size, whole = lid_size(design), read_stl(mold.read_bytes())
-    assert size is not None  # a crowned pad has a lid
+    if size is None:
+        return None
     lift = np.array([0.0, 0.0, bed_lift_mm(design)], dtype=np.float32)
     parts = (
         Mesh(vertices=whole.vertices - lift, triangles=whole.triangles),
@@ -91,22 +93,23 @@ def _address(kind: str, content: bytes) -> str:
 
 def sensor_section(design: SensorDesign, drawings: dict[str, Drawing]) -> Html:
     """What the sensor is, with its dimensions."""
-    about = facts(_facts(design, cavity_of(design)))
+    cavity = cavity_of(design)
+    about = facts(_facts(design, cavity))
     described = true_description(design)
     return section(
         "sensor",
         "Layout",
         *([element("p", described)] if described else []),
-        figure_of(drawings["layout"], _layout_words(design)),
+        figure_of(drawings["layout"], _layout_words(cavity)),
         about,
     )
 
 
-def _layout_words(design: SensorDesign) -> str:
-    is_disc = design.cavity.outline == "disc"
-    place = "the direction of each from the middle" if is_disc else "the place of each along its wall"
-    words = LAYOUT_WORDS.format(place=place)
-    if design.crown is None:
+def _layout_words(cavity: CavityGeometry) -> str:
+    places = {False: "the place of each along its wall", True: "the direction of each from the middle"}
+    by_angle = {part.angle_deg is not None for part in cavity.parts}
+    words = LAYOUT_WORDS.format(place=" or ".join(places[one] for one in sorted(by_angle)))
+    if not is_cast_under_lid(cavity.plan):
         return words
     return f"{words} Dotted: the floor's holes, which the clear layer is poured through upside down."
 
@@ -115,11 +118,13 @@ def mold_figure(pictures: Pictures) -> Html:
     """The mold's picture; nothing where the bundle has none."""
     if pictures.mold is None:
         return Html("")
-    seen = "the side" if pictures.is_round else "the corner"
+    seen = (
+        "the corner where x and y are 0" if pictures.has_origin_corner else "the side where x and y are low"
+    )
     return _picture(
         pictures.mold,
         "The mold, shaded",
-        f"The mold, seen from above {seen} where x and y are {'low' if pictures.is_round else '0'}",
+        f"The mold, seen from above {seen}",
         MOLD_STL,
     )
 
@@ -169,36 +174,31 @@ def _facts(design: SensorDesign, cavity: CavityGeometry) -> list[tuple[str, str]
     return [
         ("cavity", _cavity_words(cavity)),
         ("layers", f"{cavity.clear_mm:g} mm clear on {cavity.black_mm:g} mm black"),
-        *([] if design.crown is None else [("top", _crown_words(design.crown, cavity))]),
+        *([] if cavity.plan.top.is_flat else [("top", _top_words(cavity.plan))]),
         ("elastomer", f"{design.elastomer.material}, {design.elastomer.mixing_ratio:g} : 1 by weight"),
         ("emitters", _parts(cavity.emitters)),
         ("receivers", _parts(cavity.receivers)),
         ("tip", tip_words(design.indenter)),
-        ("workspace", _workspace_words(cavity.workspace)),
-        ("deepest press", f"{design.operating.max_depth_mm:g} mm{'' if design.crown is None else ALONG}"),
+        ("workspace", cavity.workspace.place_words),
+        ("deepest press", f"{design.operating.max_depth_mm:g} mm{'' if cavity.plan.top.is_flat else ALONG}"),
         ("board", f"{design.board.kind}, {design.board.frame_rate_hz:g} frames a second wanted"),
         ("measured on the build", ", ".join(design.measured) or "nothing yet"),
     ]
 
 
 def _cavity_words(cavity: CavityGeometry) -> str:
-    if cavity.plan.is_disc:
-        return f"disc of {cavity.length_mm:g} mm, a flat facet for each part"
-    return f"{cavity.length_mm:g} x {cavity.width_mm:g} mm"
+    by_angle = sum(part.angle_deg is not None for part in cavity.parts)
+    whose = "part" if by_angle == len(cavity.parts) else "part in a round wall"
+    return f"{cavity.plan.outline.size_words}{f', a flat facet for each {whose}' if by_angle else ''}"
 
 
-def _crown_words(crown: Crown, cavity: CavityGeometry) -> str:
-    low, high = (f"{edge:.2f}" for edge in cavity.plan.rim_mm)
-    straight = "" if crown.axis is None else f", straight along {crown.axis}"
+def _top_words(plan: Plan) -> str:
+    low, high = (f"{edge:.2f}" for edge in plan.rim_mm)
+    top, straight = plan.top, "" if plan.top.straight is None else f", straight along {plan.top.straight}"
     edge = low if low == high else f"{low} to {high}"
-    return f"convex, a {crown.shape} of {crown.radius_mm:g} mm radius{straight}; its edge {edge} mm above the bottom"
-
-
-def _workspace_words(space: Outline) -> str:
-    if space.arcs:
-        x, y = (space.x0_mm + space.x1_mm) / 2, (space.y0_mm + space.y1_mm) / 2
-        return f"disc of {space.x1_mm - space.x0_mm:g} mm around x {x:g}, y {y:g} mm"
-    return f"x {space.x0_mm:g} to {space.x1_mm:g}, y {space.y0_mm:g} to {space.y1_mm:g} mm"
+    return (
+        f"convex, a {top.kind} of {top.radius_mm:g} mm radius{straight}; its edge {edge} mm above the bottom"
+    )
 
 
 def _parts(parts: tuple[PlacedPart, ...]) -> str:

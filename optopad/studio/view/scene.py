@@ -6,6 +6,7 @@ Parts and tip are dragged: the pointer's ray is cut with what the thing moves in
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -20,7 +21,6 @@ from fabrication.driver.touch_reader import Touch
 from optopad.studio.actions import Ghost
 from optopad.studio.answers import Look, Rays
 from optopad.studio.cut_mesh import cut_open
-from optopad.studio.moves import angle_of
 from optopad.studio.pad_mesh import side_walls, slab, struck_place, untouched_top
 from optopad.studio.session import Press, Session
 from optopad.studio.view.shapes import (
@@ -114,19 +114,11 @@ class Scene:
             self._draw_part(part, is_bad=part.name in bad)
 
     def _draw_layers(self, cavity: CavityGeometry, *, is_bad: bool) -> None:
-        length, width = cavity.length_mm, cavity.width_mm
         if cavity.black_mm <= 0:
             self._scene.remove_by_name("/pad/black")
-        elif cavity.plan.is_disc:
+        else:
             points, triangles = slab(cavity.plan, cavity.black_mm)
             self._scene.add_mesh_simple("/pad/black", points, triangles, color=BLACK, flat_shading=True)
-        else:
-            self._scene.add_box(
-                "/pad/black",
-                color=BLACK,
-                dimensions=(length, width, cavity.black_mm),
-                position=(length / 2, width / 2, -cavity.black_mm / 2),
-            )
         points, triangles = side_walls(cavity.plan)
         self._scene.add_mesh_simple(
             "/pad/sides",
@@ -164,47 +156,52 @@ class Scene:
 
     def _drag_part(self, node: viser.BoxHandle, name: str) -> None:
         async def dragged(event: viser.SceneNodeDragEvent[viser.BoxHandle]) -> None:
-            cavity = cavity_of(self._session.design)
-            part = next((one for one in cavity.parts if one.name == name), None)
+            parts = cavity_of(self._session.design).parts
+            part = next((one for one in parts if one.name == name), None)
             if part is None:
                 return
-            drag = self._drag_round if cavity.plan.is_disc else self._drag_straight
-            where = drag(event, part, cavity)
+            where = self._dragged_to(event, part)
             row = self._with_row()
             self._later(f"move {name}", lambda: self._session.move_part(name, **where, with_row=row))
 
         node.on_drag("left")(dragged)
 
-    def _drag_straight(self, event: PartDrag, part: PlacedPart, cavity: CavityGeometry) -> dict[str, float]:
-        """Where on its straight wall a part is dragged [mm]."""
-        axis = 1 if part.wall in ("south", "north") else 0
-        level = {"south": 0.0, "west": 0.0, "north": cavity.width_mm, "east": cavity.length_mm}[part.wall]
-        here, eye = np.array(part.position_mm), np.array(event.client.camera.position)
-        if event.phase == "start":
-            self._grabs[part.name] = plane_cut(eye, np.array(event.start_position), axis, level)
-            self._grabs[f"{part.name} from"] = here
-        start = self._grabs.get(f"{part.name} from", here)
-        at = plane_cut(eye, np.array(event.end_position), axis, level)
-        way = at - self._grabs.get(part.name, here)
-        is_along, is_up = along_one_way(float(way[1 - axis]), float(way[2]))
-        return {
-            "along_mm": float(start[1 - axis] + is_along * way[1 - axis]),
-            "height_mm": float(start[2] + is_up * way[2]),
-        }
+    def _dragged_to(self, event: PartDrag, part: PlacedPart) -> dict[str, float]:
+        """Where the pointer drags a part: along its straight wall [mm], in its round one [degrees], or in height."""
+        if part.angle_deg is None:
+            return self._drag_straight(event, part)
+        return self._drag_round(event, part, part.angle_deg)
 
-    def _drag_round(self, event: PartDrag, part: PlacedPart, cavity: CavityGeometry) -> dict[str, float]:
-        """In what direction of a disc, and how high [mm], a part is dragged."""
-        plan, here = cavity.plan, np.array(part.position_mm)
-        eye, angle = np.array(event.client.camera.position), angle_of(self._session.design, part)
+    def _drag_straight(self, event: PartDrag, part: PlacedPart) -> dict[str, float]:
+        """Where on its straight wall a part is dragged [mm]."""
+        here, eye = np.array(part.position_mm), np.array(event.client.camera.position)
+        axis = int(np.argmax(np.abs(part.line.outward)))
+        if event.phase == "start":
+            self._grabs[part.name] = plane_cut(eye, np.array(event.start_position), axis, here[axis])
+            self._grabs[f"{part.name} from"] = np.array([part.along_mm, here[2]])
+        from_mm, from_up_mm = self._grabs.get(
+            f"{part.name} from", np.array([part.along_mm, here[2]])
+        ).tolist()
+        at = plane_cut(eye, np.array(event.end_position), axis, here[axis])
+        way = at - self._grabs.get(part.name, here)
+        along, rise = float(way[:2] @ part.line.tangent), float(way[2])
+        is_along, is_up = along_one_way(along, rise)
+        return {"along_mm": from_mm + is_along * along, "height_mm": from_up_mm + is_up * rise}
+
+    def _drag_round(self, event: PartDrag, part: PlacedPart, angle_deg: float) -> dict[str, float]:
+        """In what direction of its round wall, and how high [mm], a part is dragged."""
+        here, eye = np.array(part.position_mm), np.array(event.client.camera.position)
+        arcs = self._plan.outline.bare.arcs
+        wall = min(arcs, key=lambda arc: math.dist(arc.centre_mm, part.position_mm[:2]))
         if event.phase == "start":
             self._grabs[part.name] = np.array(event.start_position)
-            self._grabs[f"{part.name} from"] = np.array([angle, here[2]])
-        from_deg, from_mm = self._grabs.get(f"{part.name} from", np.array([angle, here[2]])).tolist()
+            self._grabs[f"{part.name} from"] = np.array([angle_deg, here[2]])
+        from_deg, from_mm = self._grabs.get(f"{part.name} from", np.array([angle_deg, here[2]])).tolist()
         grab = self._grabs.get(part.name, here)
-        radius = float(np.linalg.norm(grab[:2] - plan.centre_mm))
-        at = round_cut(eye, np.array(event.end_position), plan, radius, here)
-        turn, rise = turn_deg(plan, grab, at), float(at[2] - grab[2])
-        is_along, is_up = along_one_way(np.radians(turn) * plan.radius_mm, rise)
+        radius = math.dist(wall.centre_mm, grab[:2])
+        at = round_cut(eye, np.array(event.end_position), wall.centre_mm, radius, here)
+        turn, rise = turn_deg(wall.centre_mm, grab, at), float(at[2] - grab[2])
+        is_along, is_up = along_one_way(np.radians(turn) * wall.radius_mm, rise)
         return {"angle_deg": from_deg + is_along * turn, "height_mm": from_mm + is_up * rise}
 
     def draw_top(self, look: Look) -> None:

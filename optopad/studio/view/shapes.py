@@ -9,7 +9,8 @@ import numpy as np
 from design.arrays import FloatArray, IntArray
 from design.mold.outline import outline_of
 from design.shape.cavity import PlacedPart
-from design.shape.plan import Plan
+from design.shape.outline import Point, X, Y
+from design.shape.plan import TURN_RAD, Plan
 from design.spec import SensorDesign
 from optopad.studio.pad_mesh import ring_triangles
 from sims.contact.tip import tip_points_mm
@@ -19,7 +20,7 @@ Box = tuple[FloatArray, FloatArray]
 
 TIP_LENGTH = 3.0
 """Length of the drawn tip [tip radii]."""
-TIP_TURNS, MOLD_TURNS = 40, 72
+TIP_TURNS = 40
 
 
 def facing(part: PlacedPart) -> Quaternion:
@@ -65,22 +66,16 @@ def tip_body(design: SensorDesign) -> tuple[FloatArray, IntArray]:
 
 
 def mold_edges(design: SensorDesign) -> FloatArray:
-    """(edge, 2, 3) edges of the mold's outer box, or of the cylinder around a disc."""
+    """(edge, 2, 3) edges of the mold's outside: around its foot and its rim, and upright where it touches its box."""
     found = outline_of(design)
-    levels = (found.bottom_mm, found.top_mm)
-    if found.outer_radius_mm > 0:
-        turns = np.linspace(0.0, 2 * np.pi, MOLD_TURNS, endpoint=False)
-        circle = found.plan.centre_mm + found.outer_radius_mm * np.stack(
-            [np.cos(turns), np.sin(turns)], axis=1
-        )
-        low, high = (np.column_stack([circle, np.full(MOLD_TURNS, level)]) for level in levels)
-        around = [np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in (low, high)]
-        return np.concatenate([*around, np.stack([low, high], axis=1)[:: MOLD_TURNS // 4]])
-    x = (-found.wall_x_mm, found.length_mm + found.wall_x_mm)
-    y = (-found.wall_y_mm, found.width_mm + found.wall_y_mm)
-    corners = np.array([(a, b, c) for a in x for b in y for c in levels], dtype=np.float64)
-    edges = [(i, j) for i in range(8) for j in range(i + 1, 8) if (corners[i] != corners[j]).sum() == 1]
-    return np.array([(corners[i], corners[j]) for i, j in edges])
+    sides = (X, Y, (-1.0, 0.0), (0.0, -1.0))
+    upright = sorted({place for side in sides for place in found.outer.touches_mm(side)})
+    ring = found.outer.points(TURN_RAD).tolist()
+    low, high = found.bottom_mm, found.top_mm
+    around = [
+        ((*a, z), (*b, z)) for z in (low, high) for a, b in zip(ring, (*ring[1:], ring[0]), strict=True)
+    ]
+    return np.array([*around, *(((x, y, low), (x, y, high)) for x, y in upright)])
 
 
 def plane_cut(eye_mm: FloatArray, point_mm: FloatArray, axis: int, level_mm: float) -> FloatArray:
@@ -92,13 +87,13 @@ def plane_cut(eye_mm: FloatArray, point_mm: FloatArray, axis: int, level_mm: flo
 
 
 def round_cut(
-    eye_mm: FloatArray, point_mm: FloatArray, plan: Plan, radius_mm: float, near_mm: FloatArray
+    eye_mm: FloatArray, point_mm: FloatArray, centre_mm: Point, radius_mm: float, near_mm: FloatArray
 ) -> FloatArray:
-    """(3,) where the ray from the eye through a point meets a cylinder about a disc's middle, on the side of a place.
+    """(3,) where the ray from the eye through a point meets a cylinder about a centre (x, y), on the side of a place.
 
     A ray that passes beside the cylinder is taken where it is nearest to the middle.
     """
-    way, start = point_mm - eye_mm, eye_mm[:2] - plan.centre_mm
+    way, start = point_mm - eye_mm, eye_mm[:2] - centre_mm
     square, half = float(way[:2] @ way[:2]), float(start @ way[:2])
     if square < 1e-12:
         return point_mm
@@ -107,9 +102,9 @@ def round_cut(
     return min(meets, key=lambda one: float(np.hypot(*(one - near_mm)[:2])))
 
 
-def turn_deg(plan: Plan, start_mm: FloatArray, end_mm: FloatArray) -> float:
-    """The turn about a disc's middle from one place to another, from -180 to 180 [degrees]."""
-    (x0, y0), (x1, y1) = (one[:2] - plan.centre_mm for one in (start_mm, end_mm))
+def turn_deg(centre_mm: Point, start_mm: FloatArray, end_mm: FloatArray) -> float:
+    """The turn about a centre (x, y) from one place to another, from -180 to 180 [degrees]."""
+    (x0, y0), (x1, y1) = (one[:2] - centre_mm for one in (start_mm, end_mm))
     return math.degrees(math.atan2(x0 * y1 - y0 * x1, x0 * x1 + y0 * y1))
 
 

@@ -22,7 +22,7 @@ from design.spec import SensorDesign
 from optopad.studio.design_file import DesignFile
 from optopad.studio.design_text import comments_of, edited_text
 from optopad.studio.knobs import changes_of, knobs_of
-from optopad.studio.moves import angle_of, moved
+from optopad.studio.moves import moved
 from tests.design.parts.own_parts import own_part
 
 PAD, PAIR = "piacenza2017-pad", "piacenza2017-pair"
@@ -57,8 +57,8 @@ def copy_of(name: str, folder: Path, text: str | None = None) -> Path:
 def dragged(design: SensorDesign, number: int = 0, by_mm: float = 0.5) -> SensorDesign:
     """A design with one part dragged along its wall."""
     part = cavity_of(design).parts[number]
-    if design.cavity.outline == "disc":
-        return design.with_(**moved(design, part.name, angle_deg=angle_of(design, part) + 4.0 * by_mm))
+    if part.angle_deg is not None:
+        return design.with_(**moved(design, part.name, angle_deg=part.angle_deg + 4.0 * by_mm))
     return design.with_(**moved(design, part.name, along_mm=part.along_mm + by_mm))
 
 
@@ -512,8 +512,8 @@ def test_text_of_the_same_design_is_the_same_text() -> None:
 @st.composite
 def edited(draw: st.DrawFn, design: SensorDesign) -> SensorDesign:
     """A design after one edit that the studio offers; as it was where the fields refuse it."""
-    if draw(st.integers(0, 2)) == 0 and design.cavity.outline == "disc":
-        part = draw(st.sampled_from(cavity_of(design).parts))
+    part = draw(st.none() | st.sampled_from(cavity_of(design).parts))
+    if part is not None and part.angle_deg is not None:
         changes = moved(
             design,
             part.name,
@@ -521,8 +521,7 @@ def edited(draw: st.DrawFn, design: SensorDesign) -> SensorDesign:
             height_mm=draw(st.none() | st.floats(0.1, 9.0)),
             with_row=draw(st.booleans()),
         )
-    elif design.cavity.outline != "disc" and draw(st.integers(0, 2)) == 0:
-        part = draw(st.sampled_from(cavity_of(design).parts))
+    elif part is not None:
         changes = moved(
             design,
             part.name,

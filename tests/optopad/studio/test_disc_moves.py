@@ -10,10 +10,10 @@ import pytest
 
 from design.errors import InputError
 from design.preset import SHAPED_PRESETS, preset, preset_text
-from design.shape.cavity import cavity_of, workspace_of
+from design.shape.cavity import PlacedPart, cavity_of, workspace_of
 from design.spec import SensorDesign
 from optopad.studio.design_file import DesignFile
-from optopad.studio.moves import STEP_DEG, angle_of, moved, part_named
+from optopad.studio.moves import STEP_DEG, moved, part_named
 from optopad.studio.session import Session
 from tests.design.for_each import for_each
 
@@ -27,10 +27,16 @@ DESIGNS = {name: preset(name) for name in (DISC, DOME)} | {"mixed": preset(DISC)
 EACH = [(where, part.name) for where, design in DESIGNS.items() for part in cavity_of(design).parts]
 
 
+def angle_of(part: PlacedPart) -> float:
+    """Direction of a part in a round wall."""
+    assert part.angle_deg is not None
+    return part.angle_deg
+
+
 def directions(design: SensorDesign) -> dict[str, tuple[str, str, float, float]]:
     """Kind, catalogue part, angle from 0 on and height of each part, by name, in order."""
     return {
-        part.name: (part.kind, part.part_id, angle_of(design, part) % 360.0, part.height_mm)
+        part.name: (part.kind, part.part_id, angle_of(part) % 360.0, part.height_mm)
         for part in cavity_of(design).parts
     }
 
@@ -56,7 +62,7 @@ def test_a_part_that_is_turned_is_the_only_one_that_moves(where: str, name: str,
 @for_each(EACH)
 def test_with_its_whole_row_the_ring_turns(where: str, name: str) -> None:
     design = DESIGNS[where]
-    found = after(design, name, angle_deg=angle_of(design, part_named(design, name)) + 7.0, with_row=True)
+    found = after(design, name, angle_deg=angle_of(part_named(design, name)) + 7.0, with_row=True)
     assert [one.pattern for one in found.layout] == [one.pattern for one in design.layout]
     origins = {part.name: part.origin for part in cavity_of(design).parts}
     now = directions(found)
@@ -68,7 +74,7 @@ def test_with_its_whole_row_the_ring_turns(where: str, name: str) -> None:
 @for_each(EACH)
 def test_a_part_put_where_it_is_stays_in_its_ring(where: str, name: str) -> None:
     design = DESIGNS[where]
-    angle = angle_of(design, part_named(design, name))
+    angle = angle_of(part_named(design, name))
     for off in (0.0, 0.04, -360.04):
         for with_row in (False, True):
             assert moved(design, name, angle_deg=angle + off, with_row=with_row) == {}
@@ -84,10 +90,10 @@ def test_a_part_of_an_entry_with_a_height_takes_that_entry_up_and_no_other() -> 
     assert (found["E1"][2:], found["E2"][3], found["E3"][3]) == ((33.0, 4.0), 4.0, 4.4)
 
 
-def test_a_place_of_the_other_outline_and_one_that_is_no_number_are_refused() -> None:
-    with pytest.raises(InputError, match="E1: along_mm: a disc has no straight walls; give angle_deg"):
+def test_a_place_of_the_other_kind_of_wall_and_one_that_is_no_number_are_refused() -> None:
+    with pytest.raises(InputError, match="E1: along_mm: a round wall has no places along it; give angle_deg"):
         moved(preset(DISC), "E1", along_mm=3.0)
-    with pytest.raises(InputError, match="E1: angle_deg: a rectangle has no angles; give along_mm"):
+    with pytest.raises(InputError, match="E1: angle_deg: a straight wall has no angles; give along_mm"):
         moved(preset(CROWNED), "E1", angle_deg=3.0)
     with pytest.raises(InputError, match="E1: angle_deg: nan is refused: must be a finite number"):
         moved(preset(DOME), "E1", angle_deg=math.nan)
@@ -126,4 +132,4 @@ def test_a_dragged_part_is_told_by_its_angle_undone_and_saved(tmp_path: Path) ->
     session.undo()
     assert session.design.digest == before.digest
     assert session.move_part("R2", along_mm=3.0) is False
-    assert "a disc has no straight walls" in session.said.text
+    assert "a round wall has no places along it" in session.said.text

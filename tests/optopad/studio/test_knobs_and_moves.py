@@ -13,11 +13,12 @@ from design.fields.paths import get_at
 from design.io import file_schema
 from design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
 from design.shape.cavity import PlacedPart, cavity_of
+from design.shape.plan import plan_of
 from design.spec import SensorDesign
 from optopad.studio.knobs import (
     BY_HAND,
-    DISC_PATTERNS,
     PATTERNS,
+    ROUND_PATTERNS,
     Knob,
     changes_of,
     knobs_of,
@@ -190,10 +191,11 @@ def test_a_design_has_the_fields_of_its_outline_and_top() -> None:
     sides, round_ones = {"cavity.length_mm", "cavity.width_mm"}, {"cavity.diameter_mm"}
     for design in ALL.values():
         paths = {knob.path for knob in knobs_of(design)}
-        is_disc = design.cavity.outline == "disc"
-        assert paths & (sides | round_ones) == (round_ones if is_disc else sides)
-        assert ("crown.radius_mm" in paths) == (design.crown is not None)
-        assert ("layout.0.first_angle_deg" in paths) == is_disc
+        plan = plan_of(design)
+        is_round = any(one.is_diameter for one in plan.outline.dimensions)
+        assert paths & (sides | round_ones) == (round_ones if is_round else sides)
+        assert ("crown.radius_mm" in paths) == (not plan.top.is_flat)
+        assert ("layout.0.first_angle_deg" in paths) == (pattern_of(design) == ROUND_PATTERNS[0])
 
 
 @for_each([DISC, DOME])
@@ -250,7 +252,7 @@ def test_an_odd_step_at_the_end_of_the_range_takes_the_opposite_wall_the_other_w
     assert changes == {"layout.0.parts_per_side.0": 32, "layout.0.parts_per_side.2": 31}
 
 
-@for_each(product(DESIGNS, PATTERNS))
+@for_each(product(DESIGNS, (*PATTERNS, BY_HAND)))
 def test_another_pattern_is_that_pattern_and_has_both_kinds(where: str, pattern: str) -> None:
     design = DESIGNS[where]
     found = design.with_(**changes_of(design, "layout", pattern))
@@ -264,12 +266,12 @@ def test_another_pattern_is_that_pattern_and_has_both_kinds(where: str, pattern:
 @for_each(DISCS)
 def test_a_ring_taken_apart_and_made_again_is_the_same_ring(where: str) -> None:
     design = DISCS[where].with_(**{"layout.0.first_angle_deg": 12.5})
-    assert pattern_of(design) == DISC_PATTERNS[0]
+    assert pattern_of(design) == ROUND_PATTERNS[0]
     apart = design.with_(**changes_of(design, "layout", BY_HAND))
     assert pattern_of(apart) == BY_HAND
     assert {one.pattern for one in apart.layout} == {"at_angles"}
     assert places(apart) == places(design)
-    assert apart.with_(**changes_of(apart, "layout", DISC_PATTERNS[0])).digest == design.digest
+    assert apart.with_(**changes_of(apart, "layout", ROUND_PATTERNS[0])).digest == design.digest
 
 
 def test_a_layout_of_the_pattern_that_it_has_is_no_change() -> None:

@@ -73,7 +73,7 @@ def test_an_outline_is_convex_and_has_the_pad_s_walls(name: str) -> None:
         (corners[:, 0] * np.roll(corners[:, 1], -1) - corners[:, 1] * np.roll(corners[:, 0], -1)).sum()
     )
     assert area == pytest.approx(
-        plan.area_mm2, rel=1.5e-3 if plan.is_disc else 1e-12
+        plan.area_mm2, rel=1.5e-3 if plan.outline.arcs else 1e-12
     )  # chords of 3.75 degrees
 
 
@@ -216,8 +216,8 @@ def test_a_pointer_on_a_round_wall_is_met_on_its_own_side() -> None:
             [*(np.array(plan.centre_mm) + radius * np.array([math.cos(turn), math.sin(turn)])), 5.0]
         )
         for share in (0.4, 1.7):
-            assert round_cut(eye, eye + share * (at - eye), plan, radius, at) == pytest.approx(at)
-    beside = round_cut(eye, np.array([-40.0, 27.5, 5.0]), plan, radius, np.array([0.0, 27.5, 5.0]))
+            assert round_cut(eye, eye + share * (at - eye), plan.centre_mm, radius, at) == pytest.approx(at)
+    beside = round_cut(eye, np.array([-40.0, 27.5, 5.0]), plan.centre_mm, radius, np.array([0.0, 27.5, 5.0]))
     assert np.isfinite(beside).all()
     assert plane_cut(eye, np.array([20.0, 0.0, 5.0]), 2, 5.0) == pytest.approx([20.0, 0.0, 5.0])
 
@@ -225,8 +225,8 @@ def test_a_pointer_on_a_round_wall_is_met_on_its_own_side() -> None:
 def test_a_turn_is_counted_the_short_way_and_a_drag_goes_one_way() -> None:
     plan = cavity_of(preset(DISC)).plan
     east, north = np.array([55.0, 27.5, 5.0]), np.array([27.5, 55.0, 5.0])
-    assert turn_deg(plan, east, north) == pytest.approx(90.0)
-    assert turn_deg(plan, north, east) == pytest.approx(-90.0)
+    assert turn_deg(plan.centre_mm, east, north) == pytest.approx(90.0)
+    assert turn_deg(plan.centre_mm, north, east) == pytest.approx(-90.0)
     assert along_one_way(1.0, -0.5) == (True, False)
     assert along_one_way(0.2, -0.5) == (False, True)
 

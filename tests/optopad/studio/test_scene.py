@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import viser
 from design.preset import PRESETS, SHAPED_PRESETS
 from design.shape.cavity import cavity_of
 from optopad.studio.design_file import DesignFile
+from optopad.studio.moves import moved, part_named
 from optopad.studio.session import Session
 from optopad.studio.view.local_server import local_server
 from optopad.studio.view.scene import Scene
@@ -55,7 +57,10 @@ def test_a_preset_is_drawn_with_its_parts_turned_to_their_walls_and_its_tip_alon
         assert np.asarray(frames["/tip"].position) == pytest.approx(apex)
         top = np.asarray(meshes["/pad/top"].vertices)
         assert top[:, 2] == pytest.approx([cavity.plan.top_mm(x, y) for x, y in top[:, :2]], abs=1e-5)
-        assert ("/pad/black" in meshes) == cavity.plan.is_disc
+        black = np.asarray(meshes["/pad/black"].vertices)
+        assert np.ptp(black, axis=0) == pytest.approx(
+            [cavity.length_mm, cavity.width_mm, cavity.black_mm], rel=0.01
+        )
 
 
 @pytest.mark.parametrize("name", SHAPED_PRESETS)
@@ -63,7 +68,7 @@ def test_a_part_that_is_moved_keeps_its_node_so_that_a_drag_goes_on(name: str) -
     with scene_of(name) as (scene, session, server):
         scene.draw_design(session.design, (), is_bad=False)
         before = nodes(server, viser.FrameHandle)["/parts/E1"]
-        where = {"angle_deg": 4.0} if cavity_of(session.design).plan.is_disc else {"along_mm": 4.0}
+        where = {"along_mm" if part_named(session.design, "E1").angle_deg is None else "angle_deg": 4.0}
         assert session.move_part("E1", **where)
         scene.draw_design(session.design, (), is_bad=False)
         now = nodes(server, viser.FrameHandle)["/parts/E1"]
@@ -71,3 +76,27 @@ def test_a_part_that_is_moved_keeps_its_node_so_that_a_drag_goes_on(name: str) -
         part = next(one for one in cavity_of(session.design).parts if one.name == "E1")
         assert tuple(now.position) == pytest.approx(part.position_mm)
         assert tuple(now.wxyz) == pytest.approx(facing(part))
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_part_goes_where_the_pointer_drags_its_face(name: str) -> None:
+    with scene_of(name) as (scene, session, _):
+        eye = np.array([3.0, -90.0, 120.0])
+        for part in cavity_of(session.design).parts:
+            asked = (
+                {"along_mm": part.along_mm + 1.0}
+                if part.angle_deg is None
+                else {"angle_deg": part.angle_deg + 3.0}
+            )
+            there = part_named(session.design.with_(**moved(session.design, part.name, **asked)), part.name)
+            for phase, to in (("start", part), ("update", there)):
+                event = SimpleNamespace(
+                    phase=phase,
+                    start_position=part.position_mm,
+                    end_position=eye + 0.7 * (np.array(to.position_mm) - eye),
+                    client=SimpleNamespace(camera=SimpleNamespace(position=eye)),
+                )
+                where = scene._dragged_to(event, part)
+            assert where == pytest.approx(
+                asked | {"height_mm": part.height_mm}, abs=0.06
+            )  # a step of `moved`

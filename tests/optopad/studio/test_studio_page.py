@@ -14,7 +14,7 @@ from design.preset import SHAPED_PRESETS, preset_text
 from design.shape.cavity import cavity_of
 from optopad.screen.answer import answer_of
 from optopad.studio.design_file import DesignFile
-from optopad.studio.moves import angle_of, part_named
+from optopad.studio.moves import part_named
 from optopad.studio.session import Session
 from optopad.studio.view.page import Page
 from sims.continuity.scoring import score
@@ -110,9 +110,9 @@ def test_a_shaped_pad_is_pressed_by_a_click_and_a_disc_s_part_is_turned_undone_a
         browser.wait_for("new Promise((done) => setTimeout(() => done(true), 500))")
         assert session.press.place_mm == pytest.approx(place, abs=0.02 * plan.length_mm)  # a few pixels
 
-        if plan.is_disc:
-            part = cavity_of(before).receivers[-2]
-            middle, angle = np.array(plan.centre_mm), angle_of(before, part)
+        part = cavity_of(before).receivers[-2]
+        if part.angle_deg is not None:
+            middle, angle = np.array(plan.centre_mm), part.angle_deg
             out_mm = plan.stands_mm(part.line) + part.part.body_depth_mm.value
 
             def on_back(at_deg: float) -> tuple[float, float, float]:
@@ -125,7 +125,8 @@ def test_a_shaped_pad_is_pressed_by_a_click_and_a_disc_s_part_is_turned_undone_a
             browser.wait_for_text(f"{part.name}: at ", 10)
             browser.settle()
             found = part_named(session.design, part.name)
-            assert angle_of(session.design, found) - angle == pytest.approx(6.0, abs=1.5)
+            assert found.angle_deg is not None
+            assert found.angle_deg - angle == pytest.approx(6.0, abs=1.5)
             assert found.height_mm == part.height_mm
             while session.design.digest != before.digest:
                 browser.click_text("Undo")
