@@ -19,7 +19,7 @@ import manifold3d
 import numpy as np
 import trimesh
 
-from cad.lid_size import lid_clearances
+from cad.lid_size import lid_clearances, lid_size
 from cad.mesh import CHORD_LIMIT_MM, Mesh, read_stl, unit_normals
 from cad.optical import cavity_agreement, dish_agreement
 from cad.slicer import EXTRUDED_HIGH, EXTRUDED_LOW, Sliced, require_slicer, sliced
@@ -32,6 +32,7 @@ from design.mold.webs import bodies_above_rim, clearances, pockets_below_clear_l
 from design.parts.catalog import find_mold_material
 from design.parts.printer import Bed, printer, usual_bed_mm
 from design.shape.cavity import cavity_of
+from design.shape.plan import plan_of
 from design.spec import SensorDesign
 from design.spec.properties import entries_of
 
@@ -228,13 +229,15 @@ def _lid(design: SensorDesign) -> Iterator[Finding]:
             state=state,
             note=note,
         )
-    if design.crown is None:
+    size = lid_size(design)
+    if size is None:
         return
     cavity = cavity_of(design)
     clear, black = (
         volume / 1e3 for volume in (cavity.plan.clear_volume_mm3, cavity.plan.area_mm2 * cavity.black_mm)
     )
-    turned = design.cavity.outline == "disc" and design.crown.axis is not None
+    straight = cavity.plan.top.straight
+    turned = straight is not None and any(notch.frame.is_facet for notch in size.notches)
     yield Finding(
         name="lid: steps of layers in the dish, as printed",
         value=THIN_LAYER_MM,
@@ -244,7 +247,7 @@ def _lid(design: SensorDesign) -> Iterator[Finding]:
         note="they become haze on the crown: print it dish up in layers of 0.1 mm, then fill and wet-sand the dish, or "
         "smooth ABS in vapour; or lay a formed film of 0.1 to 0.2 mm PET into it, which makes the layer that much "
         f"thinner. Filled upside down: {clear:.2f} cm3 clear, then {black:.2f} cm3 black"
-        + (f". On the round mold its notches lie along {design.crown.axis}" if turned else ""),
+        + (f". On the round mold its notches lie along {straight}" if turned else ""),
     )
 
 
@@ -396,7 +399,7 @@ def _mold_size(design: SensorDesign, extents: np.ndarray[Any, Any]) -> list[Find
         _at_most(
             "mold: outer size against the design",
             round(float(np.abs(extents - wanted).max()), 6),
-            CHORD_LIMIT_MM if outline.plan.is_disc else WALL_LIMIT_MM,
+            CHORD_LIMIT_MM if outline.outer.arcs else WALL_LIMIT_MM,
             "mm",
             " x ".join(f"{side:.2f}" for side in extents),
         )
@@ -412,7 +415,7 @@ def _cavity(design: SensorDesign, mesh: Mesh) -> list[Finding]:
         "mm",
         f"{agreement.compared} rays from inside; {agreement.windows} more leave through sockets",
     )
-    if design.cavity.outline != "disc":
+    if not plan_of(design).outline.arcs:
         return [flat]
     worst = round(agreement.worst_round_mm, 6)
     return [

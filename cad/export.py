@@ -31,6 +31,7 @@ from cad.volume import base_volume_mm3, lid_volume_mm3, mold_volume_mm3
 from design.io import written_together
 from design.mold.outline import bed_lift_mm, outline_of
 from design.parts.printer import Bed
+from design.shape.plan import plan_of
 from design.spec import SensorDesign
 from design.whole_file import temporary_folder
 
@@ -128,7 +129,7 @@ class _Part:
 
 def _chord_mm(design: SensorDesign) -> float | None:
     """Of the mold's faces: round walls are printed finely, the few round faces of other molds as ever."""
-    return CHORD_MM if design.cavity.outline == "disc" else None
+    return CHORD_MM if plan_of(design).outline.arcs else None
 
 
 def _pieces(design: SensorDesign, mold: cq.Workplane) -> Iterator[_Part]:

@@ -11,8 +11,8 @@ Its shoulders rest on the rim and its tongue reaches down into the cavity. Print
          +------------------------+     v  edge at the black layer's top, bevelled
           play                play
 
-It spans the shorter side of the cavity and is drawn along the longer one. On a disc it spans the diameter between the
-facets and is turned about the middle. Parts whose body stands above the rim are in its way
+It spans the shorter side of the cavity and is drawn along the longer one. In a round wall it spans the diameter between
+the facets and is turned about the middle. Parts whose body stands above the rim are in its way
 (`design.mold.webs.bodies_above_rim`). A crowned pad has none: its black layer is poured last, upside down.
 """
 
@@ -23,7 +23,9 @@ from dataclasses import dataclass
 
 import cadquery as cq
 
+from design.mold.filling import is_cast_under_lid
 from design.shape.cavity import cavity_of
+from design.shape.plan import plan_of
 from design.spec import SensorDesign
 
 PLAY_MM = 0.3
@@ -60,7 +62,7 @@ class BladeSize:
 
 def blade_size(design: SensorDesign) -> BladeSize | None:
     """Lengths of a design's blade; None when there is no black layer to level, or when it is poured last."""
-    if design.cavity.black_thickness_mm == 0 or design.crown is not None:
+    if design.cavity.black_thickness_mm == 0 or is_cast_under_lid(plan_of(design)):
         return None
     spans_y = design.cavity.width_mm <= design.cavity.length_mm
     return BladeSize(
@@ -71,12 +73,12 @@ def blade_size(design: SensorDesign) -> BladeSize | None:
 
 
 def _tongue_mm(design: SensorDesign) -> float:
-    """Length of the tongue: of a disc its corners turn within the facets [mm]."""
+    """Length of the tongue: in a round wall its corners turn within the facets [mm]."""
     plan = cavity_of(design).plan
-    if not plan.is_disc:
+    turns = [float(plan.outline.gap_mm(*arc.centre_mm)) for arc in plan.outline.bare.arcs]
+    if not turns:
         return min(plan.length_mm, plan.width_mm) - 2 * PLAY_MM
-    nearest = min((plan.stands_mm(wall) for wall in plan.walls), default=plan.radius_mm)
-    return 2 * math.sqrt((nearest - PLAY_MM) ** 2 - (THICKNESS_MM / 2) ** 2)
+    return 2 * math.sqrt((min(turns) - PLAY_MM) ** 2 - (THICKNESS_MM / 2) ** 2)
 
 
 def leveling_blade(design: SensorDesign) -> cq.Workplane | None:

@@ -160,8 +160,9 @@ def lid_clearances(design: SensorDesign) -> Iterator[Clearance]:
 
 def _plug(plan: Plan, seat_mm: float) -> Plug | None:
     """The plug within the cavity; None where the top's edge is level with the seat."""
-    if plan.is_disc:
-        radius = min((plan.stands_mm(wall) for wall in plan.walls), default=plan.radius_mm) - PLAY_MM
+    is_round = not plan.has_origin_corner
+    if is_round:
+        radius = float(plan.outline.gap_mm(*plan.centre_mm)) - PLAY_MM
         half, corner = (radius, radius), (radius, 0.0)
         corners = [corner, corner[::-1]]
     else:
@@ -171,7 +172,7 @@ def _plug(plan: Plan, seat_mm: float) -> Plug | None:
     lowest = min(plan.top_mm(x + dx, y + dy) for dx, dy in corners)
     if seat_mm - lowest < LEAST_PLUG_MM:
         return None
-    return Plug(half_mm=half, is_round=plan.is_disc, floor_mm=lowest - BELOW_MM)
+    return Plug(half_mm=half, is_round=is_round, floor_mm=lowest - BELOW_MM)
 
 
 def pin_chamfer_mm(hole: Hole) -> float:
@@ -202,7 +203,7 @@ def _notches(outline: MoldOutline, seat_mm: float, back_mm: float, web_mm: float
 def _notched_walls(outline: MoldOutline, depth_mm: float) -> list[WallFrame]:
     """The two long walls of a rectangle; of a disc opposite places: furthest from the pins, or along a cylinder."""
     plan = outline.plan
-    if not plan.is_disc:
+    if plan.has_origin_corner:
         along_x = plan.length_mm >= plan.width_mm
         names = ("south", "north") if along_x else ("west", "east")
         thickness = outline.wall_y_mm if along_x else outline.wall_x_mm
@@ -221,16 +222,17 @@ def _notched_walls(outline: MoldOutline, depth_mm: float) -> list[WallFrame]:
 
 
 def _round_wall(outline: MoldOutline, turn_deg: float) -> WallFrame:
-    plan, outer = outline.plan, outline.outer_radius_mm
-    line = facet(plan.radius_mm, turn_deg, min(NOTCH_WIDTH_MM, plan.radius_mm) / 2)
-    return WallFrame(line=line, thickness_mm=outer - plan.stands_mm(line), outer_radius_mm=outer)
+    inner, outer = (one.arc_towards(turn_deg) for one in (outline.plan.outline.bare, outline.outer))
+    line = facet(inner, turn_deg, min(NOTCH_WIDTH_MM, inner.radius_mm) / 2)
+    stands = -line.along_and_outward_mm(*inner.centre_mm)[1]
+    return WallFrame(line=line, thickness_mm=outer.radius_mm - stands, outer_radius_mm=outer.radius_mm)
 
 
 def _notch_half_mm(frame: WallFrame, outline: MoldOutline, depth_mm: float, web_mm: float) -> float:
     """Half a notch's width: clear of the pins, and open to a round face over all of it."""
     half = min(NOTCH_WIDTH_MM / 2, frame.length_mm / 2, _to_pins_mm(frame, outline, depth_mm) - web_mm)
-    radius = outline.outer_radius_mm
-    return min(half, math.sqrt(radius * depth_mm - depth_mm**2 / 4)) if radius else half
+    radius = frame.outer_radius_mm
+    return min(half, math.sqrt(radius * depth_mm - depth_mm**2 / 4)) if frame.is_facet else half
 
 
 def _to_pins_mm(frame: WallFrame, outline: MoldOutline, depth_mm: float) -> float:

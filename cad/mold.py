@@ -19,8 +19,8 @@ line; a seat for a glass cover at that level replaces the lip. Names of the part
 (`design.mold.part_numbers`), a label into the underside (`design.mold.label`), bodies taller than the
 rim get collars (`design.mold.raised_sockets`), and the mold may be parted at the cavity's floor.
 
-The mold of a disc is round. Its cavity is a circle cut by a facet for each part; sockets stand square to their facets,
-and wire slots, lead channels and names end in the round outer face:
+A mold with round walls follows the cavity's outline. A round wall is cut by a facet for each part; sockets stand square
+to their facets, and wire slots, lead channels and names end in the round outer face:
 
            ____----____            arcs between facets, chords at facets: one exact outline, moved up past the rim
         .-'   _|  |_   '-.

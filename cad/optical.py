@@ -1,7 +1,7 @@
 r"""Whether the printed cavity is the cavity that light travels in.
 
-The optical model knows a plan (`design.shape.plan`): flat walls that carry active areas flush with their face, of a
-disc the round wall between its facets, the bottom at -black thickness, and the top. Rays from inside are followed to
+The optical model knows a plan (`design.shape.plan`): flat walls that carry active areas flush with their face, round
+walls between their facets, the bottom at -black thickness, and the top. Rays from inside are followed to
 the printed mold's triangles and compared with that plan wherever no socket opens the wall and no hole the floor. A
 round wall is compared by the distance of the printed place from it, since chords lie a little inside.
 
@@ -22,7 +22,7 @@ from cad.mesh import Mesh
 from design.arrays import BoolArray, FloatArray
 from design.mold.outline import MoldOutline, bed_lift_mm, outline_of
 from design.mold.sockets import Socket
-from design.shape.outline import Line
+from design.shape.outline import Arc, Line
 from design.spec import SensorDesign
 
 Floats = FloatArray
@@ -196,10 +196,8 @@ def _random_rays(outline: MoldOutline, count: int, seed: int) -> tuple[Floats, F
     directions = random.normal(size=(count, 3))
     origins = random.uniform(0.1, 0.9, (count, 3)) * size
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    if plan.is_disc:
-        within = [plan.contains(x, y) for x, y, _ in origins]
-        origins, directions = origins[within], directions[within]
-    return origins, directions
+    within = plan.outline.contains(origins[:, 0], origins[:, 1])
+    return origins[within], directions[within]
 
 
 def _exits(outline: MoldOutline, origins: Floats, directions: Floats) -> tuple[Floats, Floats, BoolArray]:
@@ -213,9 +211,9 @@ def _exits(outline: MoldOutline, origins: Floats, directions: Floats) -> tuple[F
         to_flat.append(_where_positive(gap, speed))
     distance = np.minimum.reduce(to_flat)
     is_round = np.zeros(len(origins), dtype=bool)
-    if plan.is_disc:
-        around = _to_round_wall(outline, origins, directions)
-        is_round, distance = around < distance, np.minimum(around, distance)
+    for arc in plan.outline.bare.arcs:
+        around = _to_arc(arc, origins, directions)
+        is_round, distance = is_round | (around < distance), np.minimum(around, distance)
     return distance, origins + distance[:, None] * directions, is_round
 
 
@@ -229,19 +227,27 @@ def _where_positive(gap: Floats, speed: Floats) -> Floats:
     return steps
 
 
-def _to_round_wall(outline: MoldOutline, origins: Floats, directions: Floats) -> Floats:
-    """Distance along each ray to the circle of a disc."""
-    from_middle = origins[:, :2] - np.array(outline.plan.centre_mm)
-    level = directions[:, :2]
+def _to_arc(arc: Arc, origins: Floats, directions: Floats) -> Floats:
+    """Distance along each ray to a round wall; infinite for one that leaves elsewhere."""
+    from_middle, level = origins[:, :2] - np.array(arc.centre_mm), directions[:, :2]
     speed2 = np.einsum("ij,ij->i", level, level)
     towards = np.einsum("ij,ij->i", from_middle, level)
-    room = outline.plan.radius_mm**2 - np.einsum("ij,ij->i", from_middle, from_middle)
-    return np.asarray((np.sqrt(towards**2 + speed2 * room) - towards) / speed2)
+    room = arc.radius_mm**2 - np.einsum("ij,ij->i", from_middle, from_middle)
+    square = towards**2 + speed2 * room
+    far = (np.sqrt(np.maximum(square, 0.0)) - towards) / speed2
+    end = from_middle + far[:, None] * level
+    return np.where((square >= 0.0) & arc.spans(np.arctan2(end[:, 1], end[:, 0])), far, np.inf)
 
 
 def _off_round_wall_mm(outline: MoldOutline, places: Floats) -> Floats:
-    away = places[:, :2] - np.array(outline.plan.centre_mm)
-    return np.asarray(np.abs(np.hypot(away[:, 0], away[:, 1]) - outline.plan.radius_mm))
+    """Distance of places from the nearest round wall that they lie before or behind; infinite without one [mm]."""
+    off = np.full(len(places), np.inf)
+    for arc in outline.plan.outline.bare.arcs:
+        x, y = (places[:, :2] - np.array(arc.centre_mm)).T
+        off = np.where(
+            arc.spans(np.arctan2(y, x)), np.minimum(off, np.abs(np.hypot(x, y) - arc.radius_mm)), off
+        )
+    return off
 
 
 def _in_filling_holes(outline: MoldOutline, ends: Floats) -> BoolArray:

@@ -19,6 +19,8 @@ from dataclasses import dataclass
 
 import cadquery as cq
 
+from design.mold.filling import is_cast_under_lid
+from design.shape.plan import plan_of
 from design.spec import SensorDesign
 
 GRIP_MM = 8.0
@@ -54,7 +56,7 @@ class GaugeSize:
 def gauge_size(design: SensorDesign) -> GaugeSize | None:
     """Lengths of a design's gauge; None without a rim, where one pours to the brim, and for a crowned pad."""
     rim, cavity, mold = design.mold.rim_mm, design.cavity, design.mold
-    if rim == 0 or design.crown is not None:
+    if rim == 0 or is_cast_under_lid(plan_of(design)):
         return None
     spans_y = cavity.width_mm <= cavity.length_mm
     step = min(STEP_MM, rim / 2)

@@ -39,7 +39,8 @@ from cad.lid_size import Plug, lid_size, pin_chamfer_mm
 from design.mold.outline import MoldOutline, outline_of
 from design.mold.raised_sockets import Collar
 from design.mold.sockets import Cut, Hole, WallFrame
-from design.spec import Crown, SensorDesign
+from design.shape.top import Top
+from design.spec import SensorDesign
 
 NODES = 48
 """Of Gauss' rule in each piece of a plug."""
@@ -75,7 +76,7 @@ def _socket_cuts_mm3(outline: MoldOutline) -> float:
 
 def cut_in_frame_mm3(frame: WallFrame, cut: Cut) -> float:
     """What a cut takes of a wall whose outer face may be round [mm3]."""
-    if frame.outer_radius_mm == 0.0:
+    if not frame.is_facet:
         return _cut_mm3(cut)
     area = _before_mm2(frame, cut, cut.out1) - _before_mm2(frame, cut, cut.out0)
     return area * (cut.top - cut.floor)
@@ -180,16 +181,17 @@ def _hole_mm3(hole: Hole) -> float:
 
 def lid_volume_mm3(design: SensorDesign) -> float:
     """Volume of the printed lid [mm3]; 0 for a flat top."""
-    outline, size, crown = outline_of(design), lid_size(design), design.crown
-    if size is None or crown is None:
+    outline, size = outline_of(design), lid_size(design)
+    if size is None:
         return 0.0
+    top = outline.plan.top
     over = outline.plan.clear_mm - size.seat_mm
     return (
         _section_mm2(outline) * size.flange_mm
         + sum(_pin_mm3(pin) for pin in size.pins)
         - sum(cut_in_frame_mm3(notch.frame, notch.cut) for notch in size.notches)
-        + (plug_volume_mm3(size.plug, crown, over) if size.plug is not None else 0.0)
-        - (_cap_mm3(crown.radius_mm, over) if over > 0 else 0.0)
+        + (plug_volume_mm3(size.plug, top, over) if size.plug is not None else 0.0)
+        - (_cap_mm3(top.radius_mm, over) if over > 0 else 0.0)
     )
 
 
@@ -204,36 +206,34 @@ def _cap_mm3(radius: float, height: float) -> float:
     return math.pi * height**2 * (3 * radius - height) / 3
 
 
-def plug_volume_mm3(plug: Plug, crown: Crown, over_mm: float) -> float:
+def plug_volume_mm3(plug: Plug, top: Top, over_mm: float) -> float:
     """Volume of a plug below the seat and above the crown, whose highest place is `over_mm` over the seat [mm3]."""
-    radius = crown.radius_mm
+    radius = top.radius_mm
     above = max(-over_mm, 0.0)
-    whole = _gauss(lambda depth: _outside_mm2(plug, crown, depth, 0.0), 0.0, above)
+    whole = _gauss(lambda depth: _outside_mm2(plug, top, depth, 0.0), 0.0, above)
     ends = [
-        angle
-        for sides in _meetings(plug, crown)
-        if (angle := _meets(plug, sides, radius, over_mm)) is not None
+        angle for sides in _meetings(plug, top) if (angle := _meets(plug, sides, radius, over_mm)) is not None
     ]
     start = math.acos(1 - max(over_mm, 0.0) / radius)
     pieces = sorted({start, *(angle for angle in ends if angle > start)})
 
     def rate(angle: float) -> float:
         depth = radius * (1 - math.cos(angle)) - over_mm
-        return _outside_mm2(plug, crown, depth, radius * math.sin(angle)) * radius * math.sin(angle)
+        return _outside_mm2(plug, top, depth, radius * math.sin(angle)) * radius * math.sin(angle)
 
     return whole + sum(_gauss(rate, low, high) for low, high in pairwise(pieces))
 
 
-def _outside_mm2(plug: Plug, crown: Crown, depth: float, level: float) -> float:
+def _outside_mm2(plug: Plug, top: Top, depth: float, level: float) -> float:
     """Area of a plug's section at a depth, outside of the crown's half width or radius there [mm2]."""
     a, b = (half - plug.inset_mm(depth) for half in plug.half_mm)
     if plug.is_round:
         if level >= a:
             return 0.0
         half_chord = math.pi * a**2 / 4 - _circle_mm2(level, a)
-        return math.pi * (a**2 - level**2) if crown.axis is None else 4 * half_chord
-    if crown.axis is not None:
-        along, across = (a, b) if crown.axis == "x" else (b, a)
+        return math.pi * (a**2 - level**2) if top.straight is None else 4 * half_chord
+    if top.straight is not None:
+        along, across = (a, b) if top.straight == "x" else (b, a)
         return 4 * along * max(across - level, 0.0)
     return 4 * (a * b - _quarter_mm2(level, a, b))
 
@@ -248,13 +248,13 @@ def _quarter_mm2(radius: float, a: float, b: float) -> float:
     return b * flat + _circle_mm2(min(a, radius), radius) - _circle_mm2(flat, radius)
 
 
-def _meetings(plug: Plug, crown: Crown) -> list[tuple[float, ...]]:
+def _meetings(plug: Plug, top: Top) -> list[tuple[float, ...]]:
     """Half widths at the seat of what the crown's level meets on its way out: sides, then the corner."""
     a, b = plug.half_mm
     if plug.is_round:
         return [(a,)]
-    if crown.axis is not None:
-        return [(b,)] if crown.axis == "x" else [(a,)]
+    if top.straight is not None:
+        return [(b,)] if top.straight == "x" else [(a,)]
     return [(a,), (b,), (a, b)]
 
 

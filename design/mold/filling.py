@@ -57,9 +57,8 @@ def filling_holes(plan: Plan, bottom_mm: float, floor_mm: float) -> tuple[Hole, 
 
 def filling_offsets_mm(plan: Plan) -> tuple[float, float]:
     """How far the holes lie from the middle of the pad along x and y [mm]."""
-    if plan.is_disc:
-        nearest = min((plan.stands_mm(wall) for wall in plan.walls), default=plan.radius_mm)
-        away = (nearest - INSET_MM) / math.sqrt(2)
-        return away, away
     x, y = plan.centre_mm
-    return x - INSET_MM, y - INSET_MM
+    if plan.has_origin_corner:
+        return x - INSET_MM, y - INSET_MM
+    away = (float(plan.outline.gap_mm(x, y)) - INSET_MM) / math.sqrt(2)
+    return away, away

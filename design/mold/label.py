@@ -16,7 +16,6 @@ rectangles, not a font of the system: equal designs give equal molds everywhere.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -24,7 +23,7 @@ from textwrap import wrap
 
 from design.fields.finding import Finding, error, mm
 from design.fields.packaged import data_table
-from design.mold.filling import SPRUE_RADIUS_MM, filling_offsets_mm
+from design.mold.filling import SPRUE_RADIUS_MM, filling_offsets_mm, is_cast_under_lid
 from design.mold.lettering import OVERLAP, Stroke, area_mm2, strokes_of
 from design.shape.plan import plan_of
 from design.spec import SensorDesign
@@ -117,12 +116,10 @@ def label_lines(text: str, design: SensorDesign) -> tuple[list[str], float]:
 def _room_mm(design: SensorDesign) -> tuple[float, float]:
     """Length and width of the rectangle that a label may cover: below the cavity, between sprue and vents."""
     plan = plan_of(design)
-    length, width = plan.length_mm, plan.width_mm
-    if not plan.top.is_flat:  # sprue and vents stand in the corners
+    width = plan.width_mm
+    if is_cast_under_lid(plan):  # sprue and vents stand in the corners
         width = 2 * (filling_offsets_mm(plan)[1] - SPRUE_RADIUS_MM)
-    if plan.is_disc:
-        width = min(width, length / math.sqrt(2))
-        length = math.sqrt(length**2 - width**2)
+    length, width = plan.outline.room_mm(width)
     return length - 2 * MARGIN_MM, max(width - 2 * MARGIN_MM, 1e-3)
 
 

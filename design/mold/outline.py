@@ -11,8 +11,9 @@ Frame of `design.shape.cavity`; the mold is centred on the cavity.
            <wall>
 
 A crowned top is cast by a lid (`cad.lid`): there is no pour lip, the rim is counted from the highest place of the top's
-edge, and the mold is filled upside down through holes in its floor, which is then the highest place. The mold of a disc
-is round, with a facet for each part; it has neither lip nor collars, and its fixing holes stand between parts.
+edge, and the mold is filled upside down through holes in its floor, which is then the highest place. A mold with round
+walls follows the cavity's outline, with a facet for each part in them; it has neither lip nor collars, and its fixing
+holes stand between parts.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ from design.mold.label import MoldLabel, mold_label
 from design.mold.part_numbers import PartNumber, part_numbers
 from design.mold.raised_sockets import Collar, by_wall, raised
 from design.mold.sockets import Box, Hole, Socket, WallFrame, socket_of
-from design.shape.cavity import CavityGeometry, cavity_of
-from design.shape.outline import Line, Outline
+from design.shape.cavity import CavityGeometry, PlacedPart, cavity_of
+from design.shape.outline import Outline, Point
 from design.shape.plan import Plan
 from design.spec import Mold, SensorDesign
 
@@ -40,7 +41,6 @@ ORIGIN_CUT_MM = 2.0
 """45-degree cut of the outer edge at the cavity's origin, so that the walls can be told apart."""
 CORNER_SHARE_OF_WALL = 1 / 3
 """Rounding and cut stay within this share of the thinner wall."""
-DIAGONALS_DEG = (45.0, 135.0, 225.0, 315.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,15 +92,9 @@ class MoldOutline:
         return self.plan.width_mm
 
     @property
-    def outer_radius_mm(self) -> float:
-        """Of the round mold of a disc; 0 for a block [mm]."""
-        return self.plan.radius_mm + self.wall_x_mm if self.plan.is_disc else 0.0
-
-    @property
     def outer(self) -> Outline:
         """The outer faces in plan, without rounding and cut."""
-        x, y = self.wall_x_mm, self.wall_y_mm
-        return self.plan.outline.in_box((-x, -y, self.length_mm + x, self.width_mm + y))
+        return _outer(self.plan, self.wall_x_mm, self.wall_y_mm)
 
     @property
     def outer_length_mm(self) -> float:
@@ -151,17 +145,18 @@ def outline_of(design: SensorDesign) -> MoldOutline:
     fill = plan.clear_mm if plan.top.is_flat else plan.rim_mm[1]
     bottom, top = -cavity.black_mm - mold.floor_mm, fill + mold.rim_mm
     ledge = mold.cover_ledge_mm
-    has_lip = plan.is_flat_rectangle and not ledge
+    has_lip = plan.is_block and not ledge
     lip = min(LIP_MAX_MM, mold.rim_mm, wall * LIP_SHARE_OF_WALL) if has_lip else 0.0
-    fixing_holes = _fixing_holes(mold, cavity, wall_x, wall_y, bottom, top)
+    outer = _outer(plan, wall_x, wall_y)
+    fixing_holes = _fixing_holes(mold, cavity, outer, bottom, top)
     sockets = tuple(
         _with_room(
-            socket_of(part, mold, _frame(part.line, plan, wall_x, wall_y), top, bottom), fixing_holes, mold
+            socket_of(part, mold, _frame(part, outer, wall_x, wall_y), top, bottom), fixing_holes, mold
         )
         for part in cavity.parts
     )
     collars: tuple[Collar, ...] = ()
-    if plan.is_flat_rectangle:
+    if plan.is_block:
         collars, sockets = raised(sockets, top, max(lip, ledge), fixing_holes, mold)
     return MoldOutline(
         plan=plan,
@@ -173,8 +168,8 @@ def outline_of(design: SensorDesign) -> MoldOutline:
         top_mm=top,
         lip_mm=lip,
         ledge_mm=ledge,
-        corner_radius_mm=0.0 if plan.is_disc else min(CORNER_RADIUS_MM, wall * CORNER_SHARE_OF_WALL),
-        origin_cut_mm=0.0 if plan.is_disc else _origin_cut_mm(mold, wall),
+        corner_radius_mm=min(CORNER_RADIUS_MM, wall * CORNER_SHARE_OF_WALL) if outer.corners_mm else 0.0,
+        origin_cut_mm=_origin_cut_mm(mold, wall) if outer.corners_mm else 0.0,
         fixing_holes=fixing_holes,
         filling=filling_holes(plan, bottom, -cavity.black_mm),
         sockets=sockets,
@@ -198,7 +193,7 @@ def _numbers(
 ) -> tuple[PartNumber, ...]:
     if mold.numbers == "none":
         return ()
-    around = sockets if any(socket.frame.outer_radius_mm for socket in sockets) else ()
+    around = sockets if any(socket.frame.is_facet for socket in sockets) else ()
     return tuple(
         number
         for row in by_wall(sockets).values()
@@ -219,42 +214,52 @@ def _origin_cut_mm(mold: Mold, wall_mm: float) -> float:
     return max(min(cut, 2 * mold.fixing_hole_inset_mm - math.sqrt(2) * keep), 0.0)
 
 
-def _frame(line: Line, plan: Plan, wall_x: float, wall_y: float) -> WallFrame:
-    if plan.is_disc:
-        outer = plan.radius_mm + wall_x
-        return WallFrame(line=line, thickness_mm=outer - plan.stands_mm(line), outer_radius_mm=outer)
-    return WallFrame(line=line, thickness_mm=wall_y if line.outward[0] == 0.0 else wall_x)
+def _outer(plan: Plan, wall_x: float, wall_y: float) -> Outline:
+    return plan.outline.in_box((-wall_x, -wall_y, plan.length_mm + wall_x, plan.width_mm + wall_y))
+
+
+def _frame(part: PlacedPart, outer: Outline, wall_x: float, wall_y: float) -> WallFrame:
+    line = part.line
+    if part.angle_deg is None:
+        return WallFrame(line=line, thickness_mm=wall_y if line.outward[0] == 0.0 else wall_x)
+    arc = outer.arc_towards(part.angle_deg)
+    stands = -line.along_and_outward_mm(*arc.centre_mm)[1]
+    return WallFrame(line=line, thickness_mm=arc.radius_mm - stands, outer_radius_mm=arc.radius_mm)
 
 
 def _fixing_holes(
-    mold: Mold, cavity: CavityGeometry, wall_x: float, wall_y: float, bottom: float, top: float
+    mold: Mold, cavity: CavityGeometry, outer: Outline, bottom: float, top: float
 ) -> tuple[Hole, ...]:
+    """In the corners; in a mold without, between its parts."""
     if mold.fixing_hole_diameter_mm == 0:
         return ()
     inset, radius = mold.fixing_hole_inset_mm, mold.fixing_hole_diameter_mm / 2
-    if cavity.plan.is_disc:
-        x, y = cavity.plan.centre_mm
-        away = cavity.plan.radius_mm + wall_x - inset
-        turns = [math.radians(angle) for angle in _between_parts_deg(cavity)]
-        places = [(x + away * math.cos(turn), y + away * math.sin(turn)) for turn in turns]
-        return tuple(Hole(x=hx, y=hy, radius=radius, z0=bottom, z1=top) for hx, hy in places)
-    xs = (inset - wall_x, cavity.length_mm + wall_x - inset)
-    ys = (inset - wall_y, cavity.width_mm + wall_y - inset)
-    return tuple(Hole(x=x, y=y, radius=radius, z0=bottom, z1=top) for x in xs for y in ys)
+    x0, y0, x1, y1 = outer.box_mm
+    within = outer.in_box((x0 + inset, y0 + inset, x1 - inset, y1 - inset))
+    places = within.corners_mm or _between_parts_mm(cavity, within)
+    return tuple(Hole(x=x, y=y, radius=radius, z0=bottom, z1=top) for x, y in places)
 
 
-def _between_parts_deg(cavity: CavityGeometry) -> list[float]:
-    """Directions of a disc's fixing holes: of the middles between neighbouring parts those nearest to the diagonals."""
-    at = sorted({math.degrees(math.atan2(*part.line.outward[::-1])) % 360.0 for part in cavity.parts})
+def _between_parts_mm(cavity: CavityGeometry, within: Outline) -> list[Point]:
+    """Places on an outline: of the middles between neighbouring parts those nearest to the diagonals of its box."""
+    (x, y), (x0, y0, x1, y1) = within.centre_mm, within.box_mm
+    at = sorted({_direction_deg(part.position_mm[0] - x, part.position_mm[1] - y) for part in cavity.parts})
     middles = [
         (low + ((high - low) % 360.0 or 360.0) / 2) % 360.0
         for low, high in zip(at, (*at[1:], at[0]), strict=True)
     ]
     found: list[float] = []
-    for diagonal in DIAGONALS_DEG:
+    for corner in ((x1, y1), (x0, y1), (x0, y0), (x1, y0)):
+        diagonal = _direction_deg(corner[0] - x, corner[1] - y)
         left = [angle for angle in middles if angle not in found]
         if left:
             found.append(
                 min(left, key=lambda angle: (round(abs((angle - diagonal + 180) % 360 - 180), 6), angle))
             )
-    return found
+    ways = [(math.cos(math.radians(angle)), math.sin(math.radians(angle))) for angle in found]
+    far = [within.way_out_mm((x, y), way) for way in ways]
+    return [(x + away * dx, y + away * dy) for away, (dx, dy) in zip(far, ways, strict=True)]
+
+
+def _direction_deg(x: float, y: float) -> float:
+    return round(math.degrees(math.atan2(y, x)), 9) % 360.0

@@ -67,7 +67,7 @@ class PartNumber:
     def volume_mm3(self) -> float:
         """What it takes from the mold [mm3]; a round outer face recedes from the plane at the facet's middle."""
         flat = area_mm2(self.strokes) * DEPTH_MM
-        if self.frame.outer_radius_mm == 0.0:
+        if not self.frame.is_facet:
             return flat
         middle, radius = self.frame.length_mm / 2, self.frame.outer_radius_mm
         return flat - integral(self.strokes, lambda x: below_chord_mm2(x - middle, radius))
@@ -90,7 +90,7 @@ def part_numbers(
     Parameters
     ----------
     sockets : of one wall, in their order along it
-    around : all sockets of a round mold; empty for a block
+    around : all sockets of a mold with a round wall; empty for a block
     fixing_holes : of the mold
     bottom_mm : underside of the mold, or of its frame where that is a piece of its own
     web_mm : thinnest wall that prints
@@ -102,7 +102,7 @@ def part_numbers(
     high = min(one.pocket.floor for one in beside) - MARGIN_MM
     found = []
     for place, socket in enumerate(sockets):
-        room = _room_around_mm(socket, around) if around else _room_mm(sockets, place)
+        room = _room_around_mm(socket, around) if socket.frame.is_facet else _room_mm(sockets, place)
         if _wall_left_mm(socket, fixing_holes, room) < web_mm:
             continue
         number = _number(socket, room, (low, high))

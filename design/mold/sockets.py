@@ -74,13 +74,18 @@ class WallFrame:
     Attributes
     ----------
     line : its inner face
-    thickness_mm : of the wall; of a round mold at the middle of the facet
-    outer_radius_mm : of a round mold, whose centre lies behind the middle of the facet; 0 for a flat outer face
+    thickness_mm : of the wall; of a round one at the middle of the facet
+    outer_radius_mm : of a round outer face, whose centre lies behind the middle of the facet; 0 for a flat one
     """
 
     line: Line
     thickness_mm: float
     outer_radius_mm: float = 0.0
+
+    @property
+    def is_facet(self) -> bool:
+        """Whether it is a facet that one part has to itself, in a round wall."""
+        return self.outer_radius_mm > 0.0
 
     @property
     def wall(self) -> str:
@@ -102,7 +107,7 @@ class WallFrame:
 
     def thickness_at_mm(self, along_mm: float) -> float:
         """From the inner face outward to the outer face [mm]."""
-        if self.outer_radius_mm == 0.0:
+        if not self.is_facet:
             return self.thickness_mm
         beside = along_mm - self.length_mm / 2
         radius = self.outer_radius_mm
@@ -214,13 +219,6 @@ class Socket:
             slots=tuple(replace(cut, top=top_mm) for cut in self.slots),
             necks=tuple(replace(cut, top=top_mm) for cut in self.necks),
         )
-
-
-def gap_mm(box: Box, hole: Hole) -> float:
-    """Distance in plan between a box and a hole; negative when they overlap."""
-    dx, dy = max(box.x0 - hole.x, hole.x - box.x1), max(box.y0 - hole.y, hole.y - box.y1)
-    signed = math.hypot(max(dx, 0.0), max(dy, 0.0)) + min(max(dx, dy), 0.0)
-    return signed - hole.radius
 
 
 def socket_of(part: PlacedPart, mold: Mold, frame: WallFrame, top_mm: float, bottom_mm: float) -> Socket:

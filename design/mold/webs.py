@@ -27,7 +27,7 @@ from itertools import combinations, pairwise
 from design.fields.units import ROUNDING_MM
 from design.mold.outline import MoldOutline, outline_of
 from design.mold.raised_sockets import by_wall
-from design.mold.sockets import Cut, Hole, Socket, gap_mm
+from design.mold.sockets import Cut, Hole, Socket
 from design.spec import Mold, SensorDesign
 from design.spec.fits import clearance_mm
 
@@ -37,14 +37,6 @@ LEDGE_MM = 0.1
 LEDGE = "mold.cover_ledge_mm"
 INSET = "mold.fixing_hole_inset_mm"
 LEADS = "mold.lead_clearance_mm"
-OUTSIDE = {
-    "south": "mold.outer_width_mm",
-    "north": "mold.outer_width_mm",
-    "east": "mold.outer_length_mm",
-    "west": "mold.outer_length_mm",
-}
-"""Field that makes a wall of a block thicker."""
-AROUND = "mold.outer_diameter_mm"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,10 +78,11 @@ def clearances(design: SensorDesign) -> tuple[Clearance, ...]:
     """Every clearance that the mold needs, in the order walls, fixing holes, pockets, leads."""
     outline, web = outline_of(design), design.mold.min_web_mm
     return (
-        *_walls(outline, web),
+        *_walls(outline, design.mold),
         *_between_fixing_holes(outline, web),
-        *(_around_disc if outline.plan.is_disc else _between_pockets)(outline, web, design.mold),
-        *(found for socket in outline.sockets for found in _of_socket(socket, outline, web)),
+        *_between_pockets(outline, design.mold),
+        *_between_facets(outline, design.mold),
+        *(found for socket in outline.sockets for found in _of_socket(socket, outline, design.mold)),
     )
 
 
@@ -128,20 +121,19 @@ def pockets_below_clear_layer(design: SensorDesign) -> tuple[str, ...]:
     return tuple(s.part.name for s in outline_of(design).sockets if s.pocket.floor < -ROUNDING_MM)
 
 
-def _outside(socket: Socket) -> str:
-    return OUTSIDE.get(socket.frame.wall, AROUND)
+def _outside(socket: Socket, mold: Mold) -> str:
+    """Field that makes a socket's wall thicker."""
+    x, y = socket.frame.line.outward
+    return mold.outside_fields[abs(y) > abs(x)]
 
 
-def _walls(outline: MoldOutline, web: float) -> Iterator[Clearance]:
-    if outline.plan.is_disc:
-        yield Clearance(
-            name="wall", value_mm=outline.wall_x_mm, needed_mm=web, parts="the walls", field=AROUND
-        )
-        return
-    for parts, field, value in (
-        ("the east and west walls", OUTSIDE["east"], outline.wall_x_mm),
-        ("the south and north walls", OUTSIDE["south"], outline.wall_y_mm),
-    ):
+def _walls(outline: MoldOutline, mold: Mold) -> Iterator[Clearance]:
+    web, (along_x, along_y) = mold.min_web_mm, mold.outside_fields
+    sides = [
+        ("the east and west walls", along_x, outline.wall_x_mm),
+        ("the south and north walls", along_y, outline.wall_y_mm),
+    ]
+    for parts, field, value in [("the walls", *sides[0][1:])] if along_x == along_y else sides:
         yield Clearance(name="wall", value_mm=value, needed_mm=web, parts=parts, field=field)
         if outline.ledge_mm:
             left = value - outline.ledge_mm
@@ -153,28 +145,24 @@ def _walls(outline: MoldOutline, web: float) -> Iterator[Clearance]:
 def _between_fixing_holes(outline: MoldOutline, web: float) -> Iterator[Clearance]:
     if not outline.fixing_holes:
         return
-    hole, last = outline.fixing_holes[0], outline.fixing_holes[-1]
-    if outline.plan.is_disc:
-        pairs = combinations(outline.fixing_holes, 2)
-        between = min((_apart_mm(*pair) for pair in pairs), default=math.inf)
-        inset = outline.outer_radius_mm - math.hypot(
-            hole.x - outline.plan.radius_mm, hole.y - outline.plan.radius_mm
-        )
-        to_cavity = outline.wall_x_mm - inset - hole.radius
-    else:
-        between = min(last.x - hole.x, last.y - hole.y) - 2 * hole.radius
-        to_cavity = gap_mm(outline.mouth, hole)
+    pairs = combinations(outline.fixing_holes, 2)
+    mouth = outline.mouth
+    opened = outline.plan.outline.in_box((mouth.x0, mouth.y0, mouth.x1, mouth.y1))
     for name, value in (
-        ("fixing hole to outer face", _to_outside_mm(hole, outline)),
-        ("fixing hole to fixing hole", between),
-        ("fixing hole to cavity", to_cavity),
+        ("fixing hole to outer face", min(_to_outside_mm(hole, outline) for hole in outline.fixing_holes)),
+        ("fixing hole to fixing hole", min((_apart_mm(*pair) for pair in pairs), default=math.inf)),
+        (
+            "fixing hole to cavity",
+            min(opened.outside_mm(hole.x, hole.y) - hole.radius for hole in outline.fixing_holes),
+        ),
     ):
         yield Clearance(name=name, value_mm=value, needed_mm=web, parts="the corners", field=INSET)
 
 
-def _between_pockets(outline: MoldOutline, web: float, mold: Mold) -> Iterator[Clearance]:
-    """Neighbours on each wall: the web of their pockets, or if even the bodies overlap, their distance."""
-    for wall, row in by_wall(outline.sockets).items():
+def _between_pockets(outline: MoldOutline, mold: Mold) -> Iterator[Clearance]:
+    """Neighbours on each straight wall: the web of their pockets, or if even the bodies overlap, their distance."""
+    web = mold.min_web_mm
+    for wall, row in by_wall(tuple(one for one in outline.sockets if not one.frame.is_facet)).items():
         for low, high in pairwise(row):
             room = clearance_mm(mold, low.part.part_id) + clearance_mm(mold, high.part.part_id)
             gap = high.pocket.along0 - low.pocket.along1
@@ -190,12 +178,14 @@ def _between_pockets(outline: MoldOutline, web: float, mold: Mold) -> Iterator[C
             )
 
 
-def _around_disc(outline: MoldOutline, web: float, mold: Mold) -> Iterator[Clearance]:
-    """Neighbours around a disc: the web between pockets, wire ways included, or the distance of overlapping bodies."""
-    around = sorted(
-        outline.sockets, key=lambda one: math.atan2(one.frame.line.outward[1], one.frame.line.outward[0])
-    )
+def _between_facets(outline: MoldOutline, mold: Mold) -> Iterator[Clearance]:
+    """Neighbours of facets: the web between pockets, wire ways included, or the distance of overlapping bodies."""
+    (x, y), web = outline.plan.centre_mm, mold.min_web_mm
+    places = [(one, one.part.position_mm) for one in outline.sockets]
+    around = [one for one, place in sorted(places, key=lambda one: math.atan2(one[1][1] - y, one[1][0] - x))]
     for low, high in pairwise((*around, around[0]) if len(around) > 1 else ()):
+        if not (low.frame.is_facet or high.frame.is_facet):
+            continue
         gap = min(low.frame.apart_mm(one, high.frame, other) for one in low.cuts for other in high.cuts)
         room = clearance_mm(mold, low.part.part_id) + clearance_mm(mold, high.part.part_id)
         overlap = gap + room < -ROUNDING_MM
@@ -208,12 +198,12 @@ def _around_disc(outline: MoldOutline, web: float, mold: Mold) -> Iterator[Clear
         )
 
 
-def _of_socket(socket: Socket, outline: MoldOutline, web: float) -> Iterator[Clearance]:
-    part, frame = socket.part, socket.frame
+def _of_socket(socket: Socket, outline: MoldOutline, mold: Mold) -> Iterator[Clearance]:
+    part, frame, outside = socket.part, socket.frame, _outside(socket, mold)
     for name, field, value, needed in (
-        *_of_pocket(socket, outline, web),
-        *_to_fixing_holes(socket, outline, web),
-        *_of_leads(socket, web),
+        *_of_pocket(socket, outline, mold.min_web_mm, outside),
+        *_to_fixing_holes(socket, outline, mold.min_web_mm),
+        *_of_leads(socket, mold.min_web_mm, outside),
     ):
         yield Clearance(
             name=name, value_mm=value, needed_mm=needed, parts=part.name, wall=frame.wall, field=field
@@ -224,13 +214,13 @@ Row = tuple[str, str, float, float]
 """Name, field, value and need of one clearance of a socket."""
 
 
-def _of_pocket(socket: Socket, outline: MoldOutline, web: float) -> Iterator[Row]:
+def _of_pocket(socket: Socket, outline: MoldOutline, web: float, outside: str) -> Iterator[Row]:
     pocket, frame, part = socket.pocket, socket.frame, socket.part
-    if not outline.plan.is_disc:
+    if not frame.is_facet:
         to_corner = min(pocket.along0, frame.length_mm - pocket.along1)
         yield "pocket to corner", part.origin, to_corner, web
     behind = min(frame.thickness_at_mm(along) for along in (pocket.along0, pocket.along1))
-    yield "pocket back to outer face", _outside(socket), behind - pocket.out1, web
+    yield "pocket back to outer face", outside, behind - pocket.out1, web
     yield "floor under pocket", part.height_field, pocket.floor - outline.bottom_mm, web
     yield "pocket below fill level", part.height_field, outline.fill_mm - pocket.floor, web
 
@@ -247,7 +237,7 @@ def _to_fixing_holes(socket: Socket, outline: MoldOutline, web: float) -> Iterat
         yield "lead hole to fixing hole", INSET, min(_apart_mm(*pair) for pair in pairs), web
 
 
-def _of_leads(socket: Socket, web: float) -> Iterator[Row]:
+def _of_leads(socket: Socket, web: float, outside: str) -> Iterator[Row]:
     pocket, frame = socket.pocket, socket.frame
     for before, after in pairwise(socket.slots):
         yield "wire slot to wire slot", LEADS, after.along0 - before.along1, web
@@ -262,7 +252,7 @@ def _of_leads(socket: Socket, web: float) -> Iterator[Row]:
     behind = min(frame.thickness_at_mm(along) for along in (low - radius, high + radius))
     to_edge = min(low - pocket.along0, pocket.along1 - high, pocket.out1 - far)
     yield "lead hole to cavity", LEADS, near - radius, web
-    yield "lead hole to outer face", _outside(socket), behind - far - radius, web
+    yield "lead hole to outer face", outside, behind - far - radius, web
     yield "lead hole to pocket edge", LEADS, to_edge - radius, LEDGE_MM
 
 
@@ -276,10 +266,7 @@ def _apart_mm(one: Hole, other: Hole) -> float:
 
 def _to_outside_mm(hole: Hole, outline: MoldOutline) -> float:
     """Distance of a fixing hole to the nearest outer face, rounding and origin cut included."""
-    if outline.plan.is_disc:
-        x, y = outline.plan.centre_mm
-        return outline.outer_radius_mm - math.hypot(hole.x - x, hole.y - y) - hole.radius
-    inset, radius = hole.x + outline.wall_x_mm, outline.corner_radius_mm
+    inset, radius = float(outline.outer.gap_mm(hole.x, hole.y)), outline.corner_radius_mm
     rounding = radius - math.sqrt(2) * (radius - inset) if inset < radius else inset
     cut = (2 * inset - outline.origin_cut_mm) / math.sqrt(2)
     return min(inset, rounding, cut) - hole.radius

@@ -27,6 +27,7 @@ from design.rules.contact_scope import (
 )
 from design.shape.cavity import CavityGeometry, PlacedPart
 from design.shape.pairs import beside_chord, direct_path_pairs, facing_pairs, is_facing_rows, pair_name
+from design.shape.plan import plan_of
 from design.spec import SensorDesign, properties
 from design.spec.layout import MAX_PER_KIND, Kind
 
@@ -90,7 +91,7 @@ def path_findings(cavity: CavityGeometry) -> Iterator[Finding]:
             value=f"all on the {walls['emitter'][0]} wall",
             limit="emitters and receivers in different walls",
             way_out="place receivers at other angles, for example with pattern = 'disc_ring'"
-            if cavity.plan.is_disc
+            if not cavity.plan.outline.bare.lines
             else "place receivers on another wall, for example with pattern = 'facing_rows'",
         )
     elif not is_facing_rows(cavity):
@@ -143,13 +144,12 @@ def workspace_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator
 
 def depth_findings(design: SensorDesign) -> Iterator[Finding]:
     """A layer that the contact model does not hold; a press deeper than the clear layer, or than the model holds."""
-    yield from _layer_findings(design) if design.crown is None else _crowned_layer_findings(design)
+    yield from _layer_findings(design) if plan_of(design).top.is_flat else _crowned_layer_findings(design)
     yield from _press_findings(design)
 
 
 def _crowned_layer_findings(design: SensorDesign) -> Iterator[Finding]:
-    tip, crown = design.indenter.tip_radius_mm, design.crown
-    assert crown is not None
+    tip = design.indenter.tip_radius_mm
     thickest = design.cavity.clear_thickness_mm + design.cavity.black_thickness_mm
     low, high = (radii * tip for radii in CROWNED_LAYER_RANGE)
     thinnest = thinnest_elastic_mm(design)

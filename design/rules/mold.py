@@ -10,6 +10,7 @@ from collections.abc import Iterator
 
 from design.fields.finding import Finding, error, mm, note, warning
 from design.fields.units import ROUNDING_MM
+from design.mold.filling import is_cast_under_lid
 from design.mold.outline import MoldOutline, outline_of
 from design.spec import SensorDesign
 from design.spec.properties import elastomer_of, entries_of
@@ -108,7 +109,7 @@ def reach_notes(design: SensorDesign) -> Iterator[Finding]:
     """A flat top below its rim, which no flat object larger than the opening touches."""
     outline = outline_of(design)
     above_mm = outline.highest_mm - outline.fill_mm
-    if design.crown is not None or outline.ledge_mm or above_mm <= ROUNDING_MM:
+    if is_cast_under_lid(outline.plan) or outline.ledge_mm or above_mm <= ROUNDING_MM:
         return
     half_mm = min(outline.length_mm, outline.width_mm) / 2 + outline.mouth_out_mm
     flattest_mm = (half_mm**2 + above_mm**2) / (2.0 * above_mm)

@@ -7,7 +7,13 @@ from collections.abc import Iterator
 
 from design.fields.finding import Finding, error, mm, warning
 from design.fields.units import ROUNDING_MM
-from design.mold.filling import INSET_MM, SPRUE_RADIUS_MM, VENT_RADIUS_MM, filling_offsets_mm
+from design.mold.filling import (
+    INSET_MM,
+    SPRUE_RADIUS_MM,
+    VENT_RADIUS_MM,
+    filling_offsets_mm,
+    is_cast_under_lid,
+)
 from design.mold.outline import outline_of
 from design.rules.contact_scope import LARGEST_CROWN
 from design.shape.cavity import cavity_of, part_half_width_mm, workspace_of
@@ -33,19 +39,18 @@ def span_findings(design: SensorDesign) -> Iterator[Finding]:
     plan = plan_of(design)
     if not plan.top.is_flat:
         yield from _crown_findings(plan)
-    if plan.is_disc:
-        yield from _facet_findings(design, plan)
+    yield from _facet_findings(design, plan)
 
 
 def shape_findings(design: SensorDesign) -> Iterator[Finding]:
     """What keeps a disc or a crown from being cast, or from being pressed as asked."""
     plan = cavity_of(design).plan
-    if plan.is_flat_rectangle:
+    if plan.is_block:
         return
-    yield from _option_findings(design)
+    yield from _option_findings(design, plan)
     if not plan.top.is_flat:
         yield from _lid_findings(design)
-        yield from _filling_findings(plan)
+        yield from _filling_findings(plan, design.cavity.size_fields[1])
         yield from _press_findings(design, plan)
 
 
@@ -78,23 +83,36 @@ def _crown_findings(plan: Plan) -> Iterator[Finding]:
 
 
 def _facet_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
-    most = WIDEST_FACET * plan.radius_mm
     told: set[str] = set()
     for place in expand(design.layout, design.cavity):
+        if place.angle_deg is None:
+            continue
         half, part_id = part_half_width_mm(design, place)
+        arc = plan.outline.arc_towards(place.angle_deg)
+        most = WIDEST_FACET * arc.radius_mm
+        past = arc.past_end_deg(place.angle_deg, half)
+        if past > 0.0 and half <= most + ROUNDING_MM:
+            yield error(
+                place.origin,
+                f"the facet of {part_id} at {place.angle_deg:g} degrees reaches past the end of the round wall",
+                value=f"by {past:.1f} degrees",
+                limit="facets within the round wall, which ends where the straight walls begin",
+                way_out=f"turn it {math.ceil(past):g} degrees or more towards the middle of the round wall, or use a "
+                "straight wall",
+            )
         if half > most + ROUNDING_MM and part_id not in told:
             told.add(part_id)
             yield error(
                 place.origin,
-                f"the facet of {part_id} is too wide for this disc",
+                f"the facet of {part_id} is too wide for its round wall",
                 value=mm(2 * half),
                 limit=f"at most half the diameter, {mm(2 * most)}",
-                way_out="use a part with less body_width_mm, or raise cavity.diameter_mm",
+                way_out=f"use a part with less body_width_mm, or raise {design.cavity.size_fields[1]}",
             )
 
 
-def _option_findings(design: SensorDesign) -> Iterator[Finding]:
-    field = "cavity.outline" if design.crown is None else "crown"
+def _option_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
+    field = "crown" if is_cast_under_lid(plan) else "cavity.outline"
     if design.mold.cover_ledge_mm:
         yield error(
             "mold.cover_ledge_mm",
@@ -136,13 +154,12 @@ def _lid_findings(design: SensorDesign) -> Iterator[Finding]:
         )
 
 
-def _filling_findings(plan: Plan) -> Iterator[Finding]:
+def _filling_findings(plan: Plan, size_field: str) -> Iterator[Finding]:
     across = min(filling_offsets_mm(plan))
     least = (SPRUE_RADIUS_MM + VENT_RADIUS_MM) / 2 + 0.5
     if across < least:
-        size = "cavity.diameter_mm" if plan.is_disc else "cavity.width_mm"
         yield error(
-            size,
+            size_field,
             "the floor has no room for sprue and vents, through which a crowned pad is filled",
             value=f"{mm(across)} from the middle to them",
             limit=f"at least {mm(least)}, with their middles {mm(INSET_MM)} from the walls",
@@ -152,13 +169,12 @@ def _filling_findings(plan: Plan) -> Iterator[Finding]:
 
 def _press_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
     space, depth = workspace_of(design), design.operating.max_depth_mm
-    tip, crown = design.indenter.tip_radius_mm, design.crown
-    assert crown is not None
-    if tip / crown.radius_mm > LARGEST_CROWN + ROUNDING_MM:
+    tip, bend_mm = design.indenter.tip_radius_mm, plan.top.radius_mm
+    if tip / bend_mm > LARGEST_CROWN + ROUNDING_MM:
         yield warning(
             "indenter.tip_radius_mm",
             "the crown is more curved than the contact model covers, so the verdict will be OUT_OF_MODEL_SCOPE",
-            value=f"{tip:g} mm on a crown of {crown.radius_mm:g} mm",
+            value=f"{tip:g} mm on a crown of {bend_mm:g} mm",
             limit=f"at most {LARGEST_CROWN:g} of the crown's radius",
             way_out="use a smaller tip, or raise crown.radius_mm",
         )

@@ -10,7 +10,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from design.fields.finding import Finding, error, mm, warning
+from design.mold.filling import is_cast_under_lid
 from design.mold.webs import Clearance, clearances, rim_clearances
+from design.shape.plan import plan_of
 from design.spec import SensorDesign
 
 
@@ -115,7 +117,7 @@ WORDS = {
 
 def web_findings(design: SensorDesign) -> Iterator[Finding]:
     """Everything that keeps the mold from being printed, and what will be in the blade's way."""
-    above_rim = rim_clearances(design) if design.crown is None else ()  # a lid has a rule of its own
+    above_rim = () if is_cast_under_lid(plan_of(design)) else rim_clearances(design)  # a lid has its own rule
     for finding, found in ((error, clearances(design)), (warning, above_rim)):
         for group in _groups([one for one in found if not one.is_kept]):
             worst, more = min(group, key=lambda one: one.spare_mm), len(group) - 1
@@ -142,7 +144,6 @@ def _groups(found: list[Clearance]) -> list[list[Clearance]]:
 def _filling(one: Clearance, design: SensorDesign) -> dict[str, str | None]:
     """What fills the places in `Words`; lengths that are to be added are rounded up."""
     size = design.cavity
-    is_disc = size.outline == "disc"
     length = size.wall_length_mm(one.wall) if one.wall else 0.0
     lacking = math.ceil(round(-2 * one.spare_mm * 100, 6)) / 100
     return {
@@ -155,6 +156,6 @@ def _filling(one: Clearance, design: SensorDesign) -> dict[str, str | None]:
         "overlap": mm(-one.value_mm),
         "twice": mm(lacking),
         "length": f"{length:g} mm",
-        "mouth": "cavity" if is_disc else "pour lip or cover seat of the cavity",
-        "outside": "mold.outer_diameter_mm" if is_disc else "mold.outer_length_mm and mold.outer_width_mm",
+        "mouth": "pour lip or cover seat of the cavity" if plan_of(design).is_block else "cavity",
+        "outside": " and ".join(dict.fromkeys(design.mold.outside_fields)),
     }

@@ -135,7 +135,7 @@ class CavityGeometry:
     def volume_mm3(self) -> float:
         """Volume of the cavity up to the undisturbed top, both layers, without sockets [mm3]."""
         plan = self.plan
-        if plan.is_flat_rectangle:
+        if plan.is_block:
             return plan.length_mm * plan.width_mm * (plan.clear_mm + self.black_mm)
         return plan.clear_volume_mm3 + plan.area_mm2 * self.black_mm
 

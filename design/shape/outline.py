@@ -106,6 +106,15 @@ class Arc:
         """Angle from its start to the direction that a line faces, from 0 up [rad]."""
         return (math.atan2(line.outward[1], line.outward[0]) - self.start_rad) % (2.0 * math.pi)
 
+    def past_end_deg(self, angle_deg: float, half_width_mm: float) -> float:
+        """By how much a facet, in a direction from its centre, reaches past its nearer end [degrees]."""
+        if self.turn_rad >= 2.0 * math.pi:
+            return 0.0
+        middle = self.start_rad + self.turn_rad / 2
+        away = abs((math.radians(angle_deg) - middle + math.pi) % (2.0 * math.pi) - math.pi)
+        half = math.asin(min(half_width_mm / self.radius_mm, 1.0)) if self.radius_mm > 0.0 else math.pi / 2
+        return math.degrees(away + half - self.turn_rad / 2)
+
     def spans(self, angle_rad: FloatArray) -> BoolArray:
         """(...,) whether directions from the centre lie in its sector, its ends included."""
         return np.asarray((angle_rad - self.start_rad + 1e-12) % (2.0 * np.pi) <= self.turn_rad + 2e-12)
@@ -264,20 +273,42 @@ class Outline:
         """(...,) whether places lie inside, the border included."""
         return np.asarray(self.gap_mm(x_mm, y_mm) >= -slack_mm)
 
+    def outside_mm(self, x_mm: float, y_mm: float) -> float:
+        """Distance of a place from the outline, below 0 inside [mm]."""
+        gap = float(self.gap_mm(x_mm, y_mm))
+        x, y = self.clamped(x_mm, y_mm)
+        return -gap if gap >= 0.0 else math.hypot(x_mm - x, y_mm - y)
+
+    @property
+    def corners_mm(self) -> tuple[Point, ...]:
+        """The corners of its box, if they are its own: low y before high y, low x before high x."""
+        x0, y0, x1, y1 = self.box_mm
+        corners = ((x0, y0), (x0, y1), (x1, y0), (x1, y1))
+        return corners if all(self.contains(*corner) for corner in corners) else ()
+
+    def room_mm(self, width_mm: float) -> Point:
+        """Length and width of a rectangle in its middle, no wider than asked; of a disc about the largest [mm]."""
+        length, width = self.x1_mm - self.x0_mm, self.y1_mm - self.y0_mm
+        if self.corners_mm:
+            return length, min(width_mm, width)
+        across = min(length, width)
+        wide = min(width_mm, width - across + across / math.sqrt(2))
+        return length - across + math.sqrt(across**2 - max(wide - (width - across), 0.0) ** 2), wide
+
     def clamped(self, x_mm: float, y_mm: float) -> Point:
-        """The place itself, or one on the border: moved back over every line and arc that it is past [mm]."""
+        """The place itself, or one on the border: moved back over the arc or the lines that it is past [mm]."""
+        for arc in self.arcs:
+            px, py = x_mm - arc.centre_mm[0], y_mm - arc.centre_mm[1]
+            away = math.hypot(px, py)
+            if away > arc.radius_mm and arc.spans(np.array(math.atan2(py, px))):
+                share = arc.radius_mm / away
+                return arc.centre_mm[0] + share * px, arc.centre_mm[1] + share * py
         x, y = x_mm, y_mm
         for line in self.lines:
             (ox, oy), (nx, ny) = line.origin, line.outward
             past = (x - ox) * nx + (y - oy) * ny
             if past > 0.0:
                 x, y = x - past * nx, y - past * ny
-        for arc in self.arcs:
-            px, py = x - arc.centre_mm[0], y - arc.centre_mm[1]
-            away = math.hypot(px, py)
-            if away > arc.radius_mm and arc.spans(np.array(math.atan2(py, px))):
-                share = arc.radius_mm / away
-                x, y = arc.centre_mm[0] + share * px, arc.centre_mm[1] + share * py
         return x, y
 
     def spread(self, shares: FloatArray) -> FloatArray:

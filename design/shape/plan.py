@@ -69,16 +69,6 @@ class Plan:
     top: Top
 
     @property
-    def is_disc(self) -> bool:
-        """Whether the outline is round."""
-        return self.outline.kind == "disc"
-
-    @property
-    def is_flat_rectangle(self) -> bool:
-        """Whether it is a plain block."""
-        return self.top.is_flat and not self.is_disc
-
-    @property
     def is_block(self) -> bool:
         """Whether top and walls are flat and at right angles: mirror images then give its light exactly."""
         return self.top.is_flat and self.outline.kind == "rectangle"
@@ -115,8 +105,10 @@ class Plan:
 
     @property
     def radius_mm(self) -> float:
-        """Of the disc; of a rectangle the distance of its corners from the middle [mm]."""
-        return self.length_mm / 2 if self.is_disc else math.hypot(self.length_mm, self.width_mm) / 2
+        """Distance of its farthest place from the middle; of a disc its radius [mm]."""
+        if self.has_origin_corner:
+            return math.hypot(self.length_mm, self.width_mm) / 2
+        return max(self.length_mm, self.width_mm) / 2
 
     def stands_mm(self, wall: Line) -> float:
         """Distance of a wall from the middle [mm]."""

@@ -76,6 +76,12 @@ class Cavity(Model):
         """Whether parts may sit in facets of their own, by angle."""
         return self.outline != "rectangle"
 
+    @property
+    def size_fields(self) -> tuple[str, str]:
+        """The fields that give its inner size along x and along y."""
+        own = ("length_mm", "width_mm") if self.diameter_mm is None else ("diameter_mm",) * 2
+        return f"cavity.{own[0]}", f"cavity.{own[1]}"
+
     def wall_length_mm(self, wall: str) -> float:
         """Inner length of a straight wall; 0 for one that the outline does not have [mm]."""
         return self.walls.get(wall, 0.0)

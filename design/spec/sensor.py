@@ -115,6 +115,12 @@ class Mold(Model):
         Field(description="frame_and_base: parted at the cavity's floor, held by the fixing holes' screws"),
     ] = "one"
 
+    @property
+    def outside_fields(self) -> tuple[str, str]:
+        """The fields that give its outer size along x and along y."""
+        own = ("length", "width") if self.outer_diameter_mm is None else ("diameter",) * 2
+        return f"mold.outer_{own[0]}_mm", f"mold.outer_{own[1]}_mm"
+
     @model_validator(mode="before")
     @classmethod
     def _diameter_stands_for_both(cls, given: Any) -> Any:
@@ -323,13 +329,19 @@ class SensorDesign(Model):
                 "cavity.outline = 'disc'"
             )
         size, mold = self.cavity, self.mold
-        if size.outline == "stadium" and (size.length_mm > size.width_mm) != (
-            mold.outer_length_mm > mold.outer_width_mm
-        ):
-            raise ValueError(
-                f"mold.outer_length_mm: {mold.outer_length_mm:g} x {mold.outer_width_mm:g} mm lies across a stadium of "
-                f"{size.length_mm:g} x {size.width_mm:g} mm; the longer sides run along each other: swap or change them"
-            )
+        if size.outline == "stadium":
+            along, across = mold.outer_length_mm - size.length_mm, mold.outer_width_mm - size.width_mm
+            if abs(along - across) > 1e-9:
+                raise ValueError(
+                    f"mold.outer_length_mm: {mold.outer_length_mm:g} x {mold.outer_width_mm:g} mm leave walls of "
+                    f"{along / 2:g} and {across / 2:g} mm; the mold of a stadium is as thick all around: set "
+                    f"mold.outer_length_mm = {size.length_mm + across:g}"
+                )
+            if self.crown is not None:
+                raise ValueError(
+                    "crown: the top of a stadium is flat, no lid is made for another; leave [crown] out, or use the "
+                    "outline 'rectangle' or 'disc'"
+                )
         for number, pattern in enumerate(self.layout):
             fault = self._misfit(pattern)
             if fault is not None:
