@@ -48,6 +48,7 @@ def shape_findings(design: SensorDesign) -> Iterator[Finding]:
     if plan.is_block:
         return
     yield from _option_findings(design, plan)
+    yield from _outside_findings(design, plan)
     if not plan.top.is_flat:
         yield from _lid_findings(design)
         yield from _filling_findings(plan, design.cavity.size_fields[1])
@@ -128,6 +129,25 @@ def _option_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
             value=f"'{design.mold.pieces}'",
             limit=f"'one' with this {field}",
             way_out="set it to 'one'",
+        )
+
+
+def _outside_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
+    """A round outer face has the centre of its round wall."""
+    along, across = (
+        (outer - inner) / 2
+        for outer, inner in (
+            (design.mold.outer_length_mm, plan.length_mm),
+            (design.mold.outer_width_mm, plan.width_mm),
+        )
+    )
+    if plan.outline.bare.arcs and abs(along - across) > ROUNDING_MM:
+        yield error(
+            design.mold.outside_fields[0],
+            "a mold with round walls is as thick all around",
+            value=f"walls of {mm(along)} along x, {mm(across)} along y",
+            limit="the same for both",
+            way_out=f"set it to {plan.length_mm + 2 * across:g} mm, or change {design.mold.outside_fields[1]}",
         )
 
 

@@ -296,20 +296,23 @@ class Outline:
         return length - across + math.sqrt(across**2 - max(wide - (width - across), 0.0) ** 2), wide
 
     def clamped(self, x_mm: float, y_mm: float) -> Point:
-        """The place itself, or one on the border: moved back over the arc or the lines that it is past [mm]."""
+        """The place itself, or one on the border: moved back over what it is past [mm]."""
+        x, y = self._within_arcs(x_mm, y_mm)
+        for line in self.lines:
+            (ox, oy), (nx, ny) = line.origin, line.outward
+            past = (x - ox) * nx + (y - oy) * ny
+            if past > 0.0:
+                x, y = x - past * nx, y - past * ny
+        return self._within_arcs(x, y)
+
+    def _within_arcs(self, x_mm: float, y_mm: float) -> Point:
         for arc in self.arcs:
             px, py = x_mm - arc.centre_mm[0], y_mm - arc.centre_mm[1]
             away = math.hypot(px, py)
             if away > arc.radius_mm and arc.spans(np.array(math.atan2(py, px))):
                 share = arc.radius_mm / away
                 return arc.centre_mm[0] + share * px, arc.centre_mm[1] + share * py
-        x, y = x_mm, y_mm
-        for line in self.lines:
-            (ox, oy), (nx, ny) = line.origin, line.outward
-            past = (x - ox) * nx + (y - oy) * ny
-            if past > 0.0:
-                x, y = x - past * nx, y - past * ny
-        return x, y
+        return x_mm, y_mm
 
     def spread(self, shares: FloatArray) -> FloatArray:
         """(n, 2) places [mm] from (n, 2) shares of 0 to 1: evenly spread shares give evenly spread places."""

@@ -330,12 +330,10 @@ class SensorDesign(Model):
             )
         size, mold = self.cavity, self.mold
         if size.outline == "stadium":
-            along, across = mold.outer_length_mm - size.length_mm, mold.outer_width_mm - size.width_mm
-            if abs(along - across) > 1e-9:
+            if (size.length_mm > size.width_mm) != (mold.outer_length_mm > mold.outer_width_mm):
                 raise ValueError(
-                    f"mold.outer_length_mm: {mold.outer_length_mm:g} x {mold.outer_width_mm:g} mm leave walls of "
-                    f"{along / 2:g} and {across / 2:g} mm; the mold of a stadium is as thick all around: set "
-                    f"mold.outer_length_mm = {size.length_mm + across:g}"
+                    f"mold.outer_length_mm: {mold.outer_length_mm:g} x {mold.outer_width_mm:g} mm lie across a stadium "
+                    f"of {size.length_mm:g} x {size.width_mm:g} mm; the longer sides run along each other"
                 )
             if self.crown is not None:
                 raise ValueError(

@@ -26,7 +26,7 @@ from design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
 from design.shape.cavity import cavity_of
 from tests.cad.conftest import presets
 
-DISC, CROWNED, DOME = (preset(name) for name in SHAPED_PRESETS)
+DISC, CROWNED, DOME, STADIUM = (preset(name) for name in SHAPED_PRESETS)
 CROWNS = ("crowned-40x25", "fingertip-dome")
 ROUNDING = 1e-9  # of a volume from sums of doubles
 LID_ROUNDING = 1e-7  # of the kernel's integrals over faces with curved borders, where the adaptive rule ends

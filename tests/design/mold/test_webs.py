@@ -66,7 +66,7 @@ def test_overlapping_bodies_are_told_by_their_own_distance():
         ({"mold.outer_length_mm": 32.0}, "wall", "mold.outer_length_mm"),
         ({"mold.fixing_hole_inset_mm": 2.0}, "fixing hole to outer face", "mold.fixing_hole_inset_mm"),
         ({"mold.fixing_hole_inset_mm": 4.5}, "fixing hole to cavity", "mold.fixing_hole_inset_mm"),
-        ({"mold.fixing_hole_inset_mm": 42.0}, "fixing hole to fixing hole", "mold.fixing_hole_inset_mm"),
+        ({"mold.fixing_hole_inset_mm": 21.5}, "fixing hole to fixing hole", "mold.fixing_hole_inset_mm"),
         ({"mold.floor_mm": 0.6, "receivers.height_mm": 2.0}, "floor under pocket", "receivers.height_mm"),
         ({"emitters.height_mm": 9.0}, "pocket below fill level", "emitters.height_mm"),
         ({"part_measurements": {SFH: {"lead_pitch_mm": 4.4}}}, "lead hole to pocket edge", LEADS),

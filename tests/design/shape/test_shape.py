@@ -9,20 +9,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from design.shape.outline import Outline, disc, rectangle
+from design.shape.outline import Arc, Outline, disc, rectangle, stadium
 from design.shape.plan import facet
 from design.shape.top import Top
-from tests.design.shape.stadium_outline import stadium
 
 RADIUS = 11.0
-FACETS = [facet(RADIUS, 37.0 * k, 1.5) for k in range(8)]
+WHOLE = Arc(centre_mm=(RADIUS, RADIUS), radius_mm=RADIUS, start_rad=0.0, turn_rad=2.0 * math.pi)
+FACETS = [facet(WHOLE, 37.0 * k, 1.5) for k in range(8)]
+BARE = stadium((0.0, 0.0, 32.0, 20.0))
+IN_ENDS = [facet(BARE.arc_towards(angle), angle, 1.5) for angle in (0.0, 50.0, 180.0, 235.0)]
 OUTLINES = {
     "rectangle": rectangle((2.0, 1.0, 30.0, 21.0)),
     "disc": disc((0.0, 0.0, 22.0, 22.0)),
     "one facet": disc((0.0, 0.0, 22.0, 22.0), FACETS[:1]),
     "eight facets": disc((0.0, 0.0, 22.0, 22.0), FACETS),
-    "stadium": stadium(32.0, 20.0),
-    "stadium with facets": stadium(32.0, 20.0, (0.0, 50.0, 180.0, 235.0)),
+    "stadium": BARE,
+    "upright stadium": stadium((0.0, 0.0, 20.0, 32.0)),
+    "stadium with facets": stadium((0.0, 0.0, 32.0, 20.0), IN_ENDS),
 }
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from design.arrays import FloatArray
-from design.shape.outline import Line
-from design.shape.plan import Plan
+from design.shape.outline import Line, Outline, stadium
+from design.shape.plan import Plan, facet
 from sims.optics.engine.formed import formed_deposits, formed_rays
 from sims.optics.engine.formed.formed_lower import walls_of
 from sims.optics.engine.formed.formed_patches import PatchLayout, is_in_plan, patch_layout
@@ -21,13 +21,19 @@ from sims.optics.oracle.tracer import trace_oracle
 from sims.optics.scene.lower import form_of
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.scene.symmetry import symmetries_of
-from tests.design.shape.stadium_outline import stadium
 from tests.sims.optics.oracle.form_scenes import block, crown_press, parts, top_of
 from tests.sims.optics.surface.analytic import compact_dimple
 
 LENGTH, WIDTH, HEIGHT = 32.0, 20.0, 8.0
 RADIUS = WIDTH / 2
-OUTLINE = stadium(LENGTH, WIDTH, (0.0, 50.0, 180.0, 230.0))
+BARE = stadium((0.0, 0.0, LENGTH, WIDTH))
+
+
+def with_facets(*angles_deg: float) -> Outline:
+    return stadium(BARE.box_mm, [facet(BARE.arc_towards(angle), angle, 1.5) for angle in angles_deg])
+
+
+OUTLINE = with_facets(180.0, 230.0, 0.0, 50.0)
 SOUTH, NORTH, NORTH_WEST, WEST, EAST, NORTH_EAST = 0, 1, 3, 2, 4, 5
 RANDOM = np.random.default_rng(8)
 
@@ -103,9 +109,9 @@ def is_by_a_corner(x: float, y: float) -> bool:
 
 def test_arcs_of_one_end_are_one_round_wall_and_a_disc_s_counts_whole() -> None:
     assert len(OUTLINE.arcs) == 6
-    assert pytest.approx(ARCS[:, :3]) == [(RADIUS, RADIUS, RADIUS), (LENGTH - RADIUS, RADIUS, RADIUS)]
-    bare = form_of(Plan(outline=stadium(LENGTH, WIDTH), top=SCENE.form.top))
-    assert bare.arcs[:, 3:] == pytest.approx(np.array([(-1.0, 0.0, 0.0), (1.0, 0.0, 0.0)]), abs=2e-9)
+    assert pytest.approx(ARCS[:, :3]) == [(LENGTH - RADIUS, RADIUS, RADIUS), (RADIUS, RADIUS, RADIUS)]
+    bare = form_of(Plan(outline=BARE, top=SCENE.form.top))
+    assert bare.arcs[:, 3:] == pytest.approx(np.array([(1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)]), abs=2e-9)
 
 
 def test_walls_run_as_far_as_the_outline_s() -> None:
@@ -166,8 +172,8 @@ def test_places_are_in_the_plan_where_the_outline_says_so() -> None:
 
 def test_a_stadium_has_the_half_turn_and_the_mirrors_that_its_facets_leave() -> None:
     none = parts([], [])
-    whole = form_of(Plan(outline=stadium(LENGTH, WIDTH, (0.0, 180.0)), top=SCENE.form.top))
-    turned = form_of(Plan(outline=stadium(LENGTH, WIDTH, (50.0, 230.0)), top=SCENE.form.top))
+    whole = form_of(Plan(outline=with_facets(0.0, 180.0), top=SCENE.form.top))
+    turned = form_of(Plan(outline=with_facets(50.0, 230.0), top=SCENE.form.top))
     moved = replace(whole, arcs=whole.arcs + np.array([[0.0] * 6, [0.0, 0.0, 0.01, 0.0, 0.0, 0.0]]))
     counts = [len(symmetries_of(replace(SCENE, form=form, **none))) for form in (whole, turned, moved)]
     assert counts == [4, 2, 2]
