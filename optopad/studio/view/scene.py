@@ -15,7 +15,6 @@ import viser
 from cad.mesh import Mesh
 from design.arrays import FloatArray
 from design.shape.cavity import CavityGeometry, PlacedPart, cavity_of
-from design.shape.outline import Outline
 from design.shape.plan import Plan
 from design.spec import SensorDesign
 from fabrication.driver.touch_reader import Touch
@@ -157,19 +156,21 @@ class Scene:
 
     def _drag_part(self, node: viser.BoxHandle, name: str) -> None:
         async def dragged(event: viser.SceneNodeDragEvent[viser.BoxHandle]) -> None:
-            cavity = cavity_of(self._session.design)
-            part = next((one for one in cavity.parts if one.name == name), None)
+            parts = cavity_of(self._session.design).parts
+            part = next((one for one in parts if one.name == name), None)
             if part is None:
                 return
-            where = (
-                self._drag_straight(event, part)
-                if part.angle_deg is None
-                else self._drag_round(event, part, cavity.plan.outline.bare, part.angle_deg)
-            )
+            where = self._dragged_to(event, part)
             row = self._with_row()
             self._later(f"move {name}", lambda: self._session.move_part(name, **where, with_row=row))
 
         node.on_drag("left")(dragged)
+
+    def _dragged_to(self, event: PartDrag, part: PlacedPart) -> dict[str, float]:
+        """Where the pointer drags a part: along its straight wall [mm], in its round one [degrees], or in height."""
+        if part.angle_deg is None:
+            return self._drag_straight(event, part)
+        return self._drag_round(event, part, part.angle_deg)
 
     def _drag_straight(self, event: PartDrag, part: PlacedPart) -> dict[str, float]:
         """Where on its straight wall a part is dragged [mm]."""
@@ -187,12 +188,11 @@ class Scene:
         is_along, is_up = along_one_way(along, rise)
         return {"along_mm": from_mm + is_along * along, "height_mm": from_up_mm + is_up * rise}
 
-    def _drag_round(
-        self, event: PartDrag, part: PlacedPart, bare: Outline, angle_deg: float
-    ) -> dict[str, float]:
+    def _drag_round(self, event: PartDrag, part: PlacedPart, angle_deg: float) -> dict[str, float]:
         """In what direction of its round wall, and how high [mm], a part is dragged."""
         here, eye = np.array(part.position_mm), np.array(event.client.camera.position)
-        wall = min(bare.arcs, key=lambda arc: math.dist(arc.centre_mm, part.position_mm[:2]))
+        arcs = self._plan.outline.bare.arcs
+        wall = min(arcs, key=lambda arc: math.dist(arc.centre_mm, part.position_mm[:2]))
         if event.phase == "start":
             self._grabs[part.name] = np.array(event.start_position)
             self._grabs[f"{part.name} from"] = np.array([angle_deg, here[2]])

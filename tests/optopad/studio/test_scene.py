@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ import viser
 from design.preset import PRESETS, SHAPED_PRESETS
 from design.shape.cavity import cavity_of
 from optopad.studio.design_file import DesignFile
-from optopad.studio.moves import part_named
+from optopad.studio.moves import moved, part_named
 from optopad.studio.session import Session
 from optopad.studio.view.local_server import local_server
 from optopad.studio.view.scene import Scene
@@ -75,3 +76,27 @@ def test_a_part_that_is_moved_keeps_its_node_so_that_a_drag_goes_on(name: str) -
         part = next(one for one in cavity_of(session.design).parts if one.name == "E1")
         assert tuple(now.position) == pytest.approx(part.position_mm)
         assert tuple(now.wxyz) == pytest.approx(facing(part))
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_part_goes_where_the_pointer_drags_its_face(name: str) -> None:
+    with scene_of(name) as (scene, session, _):
+        eye = np.array([*cavity_of(session.design).plan.centre_mm, 60.0]) + 1.0
+        for part in cavity_of(session.design).parts:
+            asked = (
+                {"along_mm": part.along_mm + 1.0}
+                if part.angle_deg is None
+                else {"angle_deg": part.angle_deg + 3.0}
+            )
+            there = part_named(session.design.with_(**moved(session.design, part.name, **asked)), part.name)
+            for phase, to in (("start", part), ("update", there)):
+                event = SimpleNamespace(
+                    phase=phase,
+                    start_position=part.position_mm,
+                    end_position=eye + 0.7 * (np.array(to.position_mm) - eye),
+                    client=SimpleNamespace(camera=SimpleNamespace(position=eye)),
+                )
+                where = scene._dragged_to(event, part)
+            assert where == pytest.approx(
+                asked | {"height_mm": part.height_mm}, abs=0.06
+            )  # a step of `moved`
