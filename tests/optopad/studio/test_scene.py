@@ -81,7 +81,7 @@ def test_a_part_that_is_moved_keeps_its_node_so_that_a_drag_goes_on(name: str) -
 @pytest.mark.parametrize("name", PRESETS)
 def test_a_part_goes_where_the_pointer_drags_its_face(name: str) -> None:
     with scene_of(name) as (scene, session, _):
-        eye = np.array([3.0, -90.0, 120.0])
+        eye = np.array([*cavity_of(session.design).plan.centre_mm, 60.0]) + 1.0
         for part in cavity_of(session.design).parts:
             asked = (
                 {"along_mm": part.along_mm + 1.0}
