@@ -34,6 +34,9 @@ Box = tuple[float, float, float, float]
 """x0, y0, x1, y1 [mm]."""
 Kind = Literal["rectangle", "disc", "stadium"]
 
+SPREAD_STEPS = 256
+"""Steps along each wall in which places are spread evenly."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Line:
@@ -219,24 +222,31 @@ class Outline:
         low, high = np.array(self.box_mm[:2]), np.array(self.box_mm[2:])
         if not self.arcs:
             return np.asarray(low + shares * (high - low))
-        if self.lines:
-            return self._spread_by_chords(shares)
-        away, turn = np.sqrt(shares[:, 0]), 2.0 * np.pi * shares[:, 1]
-        around = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-        return np.asarray((low + high) / 2 + (high - low) / 2 * away[:, None] * around)
+        middle, step = (low + high) / 2, np.linspace(0.0, 1.0, SPREAD_STEPS + 1)
+        at, areas = [], []
+        for k, one in enumerate(self.loop):
+            (ax, ay), (bx, by) = (one.points(step)[:-1] - middle).T, (one.points(step)[1:] - middle).T
+            turn = one.turn_rad / SPREAD_STEPS if isinstance(one, Arc) else 0.0
+            bulge = one.radius_mm**2 * (turn - math.sin(turn)) if isinstance(one, Arc) else 0.0
+            at.append(k + step)
+            areas.append(np.append(0.0, ax * by - ay * bx + bulge))
+        area = np.cumsum(np.concatenate(areas))
+        place = np.interp(shares[:, 1], area / area[-1], np.concatenate(at))
+        piece = np.minimum(place.astype(np.int64), len(self.loop) - 1)
+        border = np.empty((len(shares), 2))
+        for k, one in enumerate(self.loop):
+            border[piece == k] = one.points((place - piece)[piece == k])
+        return np.asarray(middle + np.sqrt(shares[:, :1]) * (border - middle))
 
-    def _spread_by_chords(self, shares: FloatArray) -> FloatArray:
-        """As `spread`, of a stadium: the first share is that of the area before a chord, the second goes along it."""
-        low, span = np.array(self.box_mm[:2]), np.array(self.box_mm[2:]) - np.array(self.box_mm[:2])
-        long, across = (0, 1) if span[0] >= span[1] else (1, 0)
-        radius, at = span[across] / 2, span[long] * (1.0 - np.cos(np.linspace(0.0, np.pi, 2001))) / 2
-        past = np.maximum(radius - np.minimum(at, span[long] - at), 0.0)
-        half = np.sqrt(np.maximum(radius**2 - past**2, 0.0))
-        before = np.append(0.0, np.cumsum(np.diff(at) * (half[1:] + half[:-1])))
-        places = np.empty_like(shares)
-        places[:, long] = np.interp(shares[:, 0] * before[-1], before, at)
-        places[:, across] = radius + (2.0 * shares[:, 1] - 1.0) * np.interp(places[:, long], at, half)
-        return np.asarray(low + places)
+    def farthest_mm(self, x_mm: float, y_mm: float) -> float:
+        """Distance from a place to the farthest one of the border [mm]."""
+        ends = np.concatenate([one.points(np.array([0.0, 1.0])) for one in self.loop])
+        found = float(np.hypot(*(ends - (x_mm, y_mm)).T).max())
+        for arc in self.arcs:
+            px, py = arc.centre_mm[0] - x_mm, arc.centre_mm[1] - y_mm
+            if arc.spans(np.array(math.atan2(py, px))):
+                found = max(found, arc.radius_mm + math.hypot(px, py))
+        return found
 
     @property
     def words(self) -> str:

@@ -79,6 +79,12 @@ class Plan:
         return self.top.is_flat and not self.is_disc
 
     @property
+    def is_block(self) -> bool:
+        """Whether it fills its box under a flat top: mirror images then give its light exactly."""
+        x0, y0, x1, y1 = self.outline.box_mm
+        return self.top.is_flat and bool(self.outline.contains([x0, x1, x0, x1], [y0, y0, y1, y1]).all())
+
+    @property
     def walls(self) -> tuple[Line, ...]:
         """The flat walls."""
         return self.outline.lines

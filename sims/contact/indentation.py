@@ -2,9 +2,9 @@
 
 A press belongs to one elastic depth over tip radius. It is taken from the shipped library (or solved live, where
 a mesh is asked for) and scaled: lengths with the tip radius R, force with E R² (a frictionless neo-Hookean
-layer has no other length or force). A rectangular pad is taken for the round one of its area (`scope.round_radius`),
-and then what its own walls change is added, for every place (`library.placed_press`). Discs and crowned pads have a
-model of their own (`shaped_press`).
+layer has no other length or force). A pad is taken for the round one of its area (`scope.wall_radius`). To a block what
+its own walls change is added, for every place (`library.placed_press`). Other pads have a model of their own
+(`shaped_press`).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from sims.contact.scope import (
     tip_radius_mm,
     wall_radius,
 )
-from sims.contact.shaped_press import crowned_press, disc_walls_mm, require_place
+from sims.contact.shaped_press import crowned_press, require_place, round_walls_mm
 from sims.contact.tip import HEMISPHERE, tip_of
 from sims.press.indentation import Indentation
 
@@ -95,7 +95,7 @@ def solved_press(
     ModelScopeError : a layer, depth or (with `at_mm`) place outside the model
     """
     press = round_press(design, max_depth_mm, mesh_mm, on_step, at_mm=at_mm)
-    if not plan_of(design).is_flat_rectangle:
+    if not plan_of(design).is_block:
         if at_mm is not None:
             require_place(design, at_mm)
         return press
@@ -113,13 +113,13 @@ def round_press(
 ) -> SolvedPress:
     """The press in the round pad of the same area: what `solved_press` is without its own walls, and sooner.
 
-    Parameters and errors are those of `solved_press`; the place matters on discs and under crowns alone.
+    Parameters and errors are those of `solved_press`; the place matters in other pads than blocks alone.
     """
     radius, layer, modulus = tip_radius_mm(design), round(layer_depth(design), 9), modulus_mpa(design)
     deepest = _deepest(design, max_depth_mm) / radius
     notes: tuple[str, ...] = ()
     unit: UnitPress | None = None
-    if design.crown is not None:
+    if not plan_of(design).top.is_flat:
         smooth = crowned_press(design, at_mm)
     elif mesh_mm is None and is_in_library(design):
         smooth = _library_press(layer, round(wall_radius(design), 9))
@@ -132,7 +132,7 @@ def round_press(
         tip_radius_mm=radius,
         youngs_modulus_mpa=modulus,
         placed=None,
-        walls_mm=disc_walls_mm(design, at_mm),
+        walls_mm=round_walls_mm(design, at_mm),
         notes=notes,
     )
 

@@ -100,15 +100,15 @@ def pad_surfaces(design: SensorDesign, presses_mm: FloatArray) -> Iterator[PadSu
     """The tops of many presses (n, 3) of x, y, depth > 0 [mm]; errors of `pad_surface`."""
     deepest = float(max(presses_mm[:, 2].max(initial=0.0), design.operating.max_depth_mm))
     middle, size = solved_press(design, deepest), (design.cavity.length_mm, design.cavity.width_mm)
-    tip, has_shape = middle.tip_radius_mm, not plan_of(design).is_flat_rectangle
+    tip, is_block = middle.tip_radius_mm, plan_of(design).is_block
     for x, y, depth_mm in presses_mm.tolist():
-        if has_shape:
-            solved = solved_press(design, deepest, at_mm=(x, y))
-        else:
+        if is_block:
             placed = PlacedPress(
                 smooth=middle.smooth, size=(size[0] / tip, size[1] / tip), at=(x / tip, y / tip)
             )
             solved = replace(middle, placed=placed)
+        else:
+            solved = solved_press(design, deepest, at_mm=(x, y))
         yield _remembered(solved, depth_mm, (x, y), size)
 
 

@@ -1,4 +1,4 @@
-"""Presses on discs and crowned pads: local thickness and mean curvature.
+"""Presses on pads that are no blocks: local thickness and mean curvature.
 
 Model
 -----
@@ -7,10 +7,10 @@ the axisymmetric press at the apex of a round pad
 
 - as thick as the pad is there, along the normal (nearer to finite elements than the height over the bottom),
 - under a sphere of the top's mean curvature: 1/C under a sphere of radius C, 1/(2C) under a cylinder,
-- with its wall at the disc's radius, or at that of the rectangle's area, moved into what the library has. Beside the
-  middle of a disc its surface is followed to the nearest wall and runs out to the farthest one.
+- with its wall at the radius of the pad's area, moved into what the library has. Between round walls its surface is
+  followed to the nearest wall and runs out to the farthest one.
 
-A flat disc is pressed in the same way, without the crown, also by tips that are solved live. Heights are those above
+A flat pad is pressed in the same way, without the crown, also by tips that are solved live. Heights are those above
 the untouched top, along the normal. The exact case is the middle of a disc, flat or under a sphere.
 docs/validation/contact-crowns.md compares presses beside it with finite elements in three dimensions.
 
@@ -25,6 +25,7 @@ import math
 from design.errors import InputError, ModelScopeError
 from design.rules.contact_scope import CROWNED_LAYER_RANGE, NEAREST_WALL
 from design.shape.cavity import cavity_of
+from design.shape.plan import plan_of
 from design.spec import SensorDesign
 from sims.contact.library.profile_library import shipped_library
 from sims.contact.library.smooth_press import SmoothPress
@@ -61,13 +62,11 @@ def crowned_press(design: SensorDesign, at_mm: Place | None) -> SmoothPress:
     return shipped_library().press(layer, wall_radius(design), mean_crown(design))
 
 
-def disc_walls_mm(design: SensorDesign, at_mm: Place | None) -> tuple[float, float] | None:
-    """Nearest and farthest wall of a disc from a place, None is the middle [mm]; None for a rectangle."""
-    if design.cavity.outline != "disc":
-        return None
-    radius = 0.5 * design.cavity.length_mm
-    beside = 0.0 if at_mm is None else math.hypot(at_mm[0] - radius, at_mm[1] - radius)
-    return radius - beside, radius + beside
+def round_walls_mm(design: SensorDesign, at_mm: Place | None) -> tuple[float, float] | None:
+    """Nearest and farthest wall of a pad with round walls from a place, None is the middle [mm]; else None."""
+    outline = plan_of(design).outline
+    place = outline.centre_mm if at_mm is None else at_mm
+    return (float(outline.gap_mm(*place)), outline.farthest_mm(*place)) if outline.arcs else None
 
 
 def require_place(design: SensorDesign, at_mm: Place) -> None:

@@ -5,7 +5,7 @@ axis, so its surface is still raised at half the width. Beyond lie the corners o
 undisturbed height in a cubic that never crosses it. An independent solution in three dimensions tells the error
 (docs/validation/walls.md): it is largest in the strip beside the walls, where the square pad is held down.
 
-Beside the middle of a disc the curve is followed to the nearest wall, and runs out to the farthest one.
+Between round walls the curve is followed to the nearest one, and runs out to the farthest.
 
 All lengths in tip radii.
 """

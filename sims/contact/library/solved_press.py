@@ -17,7 +17,7 @@ from sims.contact.tip import HEMISPHERE
 from sims.press.indentation import Indentation
 
 LEAST_RUN_OUT = 0.02
-"""So near to the middle of a disc, over its radius, the curve ends at the wall all around [-]."""
+"""So much farther than the nearest wall the farthest one may be, and the curve still ends at the wall [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +30,7 @@ class SolvedPress:
     tip_radius_mm : radius of the hemispherical tip [mm]
     youngs_modulus_mpa : modulus of the layer [MPa]; it scales the force only
     placed : the presses at a place of the pad; None: those of the round pad
-    walls_mm : of a disc, its nearest and farthest wall from the press axis; None: the pad is a rectangle [mm]
+    walls_mm : between round walls, the nearest and the farthest from the press axis; None: all walls are straight [mm]
     unit : the solver's states, where the press was solved live; None from the library
     notes : what the user should know about this solution
     """
@@ -93,7 +93,7 @@ class SolvedPress:
         if self.walls_mm is None:
             return self._indentation(run_out(curve, half_width_of(self.smooth.wall_radius)), depth_mm)
         nearest, farthest = (wall / self.tip_radius_mm for wall in self.walls_mm)
-        if self.smooth.wall_radius < 0.5 * (nearest + farthest) - 1e-9:  # a wall that the disc does not have
+        if self.smooth.wall_radius < 0.5 * (nearest + farthest) - 1e-9:  # a wall that the pad does not have
             nearest = min(nearest, half_width_of(self.smooth.wall_radius))
         if farthest - nearest > LEAST_RUN_OUT * nearest:
             curve = run_out(curve, nearest, farthest - nearest)

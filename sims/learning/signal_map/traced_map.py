@@ -1,6 +1,6 @@
 """Signals of a design over its whole workspace: traced on a grid of places and depths, smooth in between.
 
-    places   a grid that reaches a little beyond the workspace, 1 mm apart at most; what lies outside a round one is
+    places   a grid that reaches a little beyond the workspace, 1 mm apart at most; what lies past round ends of it is
              mirrored at its border, f(outside) = 2 f(border) - f(inside), so that the spline is smooth there
     depths   equal steps of √depth, 0 (the untouched pad) to the deepest press
     between  a tensor cubic spline of √(light / untouched light), pair by pair (`inference.tensor_spline`)
@@ -150,22 +150,17 @@ class _Nodes:
 
 
 def _nodes_of(space: Outline, x_mm: FloatArray, y_mm: FloatArray) -> _Nodes:
-    """The nodes of a grid, x outermost; those outside a round one from two places each."""
+    """The nodes of a grid, x outermost; those outside a workspace as large from two places each."""
     nodes = np.stack([axis.ravel() for axis in np.meshgrid(x_mm, y_mm, indexing="ij")], axis=1)
-    every = np.arange(len(nodes))
-    if not space.arcs:
-        return _Nodes(traced_mm=nodes, border=every, inner=every)
-    middle, radius = np.array([x_mm.mean(), y_mm.mean()]), 0.5 * (x_mm[-1] - x_mm[0])
-    away = np.hypot(*(nodes - middle).T)
-    outside = np.flatnonzero(away > radius + 1e-9)
-    toward = (nodes[outside] - middle) / away[outside, None]
-    own = np.setdiff1d(every, outside)
+    reach = space.in_box((x_mm[0], y_mm[0], x_mm[-1], y_mm[-1]))
+    is_own = reach.contains(*nodes.T)
+    own, outside = np.flatnonzero(is_own), np.flatnonzero(~is_own)
+    ends = np.array([reach.clamped(*node) for node in nodes[outside].tolist()]).reshape(-1, 2)
     border, inner = np.zeros(len(nodes), dtype=np.int64), np.zeros(len(nodes), dtype=np.int64)
     border[own] = inner[own] = np.arange(len(own))
     border[outside] = len(own) + np.arange(len(outside))
     inner[outside] = border[outside] + len(outside)
-    mirrored = (2.0 * radius - away[outside])[:, None] * toward
-    places = np.concatenate([nodes[own], middle + radius * toward, middle + mirrored])
+    places = np.concatenate([nodes[own], ends, 2.0 * ends - nodes[outside]])
     return _Nodes(traced_mm=places, border=border, inner=inner)
 
 

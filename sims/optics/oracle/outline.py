@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from design.arrays import FloatArray
+from design.arrays import BoolArray, FloatArray
 from design.errors import InputError
 from sims.optics.oracle.heights import REACH_SHARE
 from sims.optics.scene.optical_scene import OpticalScene
@@ -31,62 +31,91 @@ def rectangle_walls(length_mm: float, width_mm: float) -> FloatArray:
     )
 
 
-def wall_runs(walls: FloatArray, round_wall: FloatArray) -> FloatArray:
+def wall_runs(walls: FloatArray, arcs: FloatArray) -> FloatArray:
     """(k, 2) where each flat wall starts and ends along its tangent, cut by all others [mm]; start after end: nowhere.
 
-    walls (k, 6), round_wall (3,) as in a form.
+    walls (k, 6), arcs (m, 6) as in a form.
     """
     runs = np.empty((len(walls), 2))
     for number, (x, y, tx, ty, _, _) in enumerate(walls):
-        low, high = -math.inf, math.inf
-        for other, (ox, oy, _, _, nx, ny) in enumerate(walls):
-            beyond, growth = nx * (x - ox) + ny * (y - oy), nx * tx + ny * ty
-            if growth > UNIT_TOLERANCE:
-                high = min(high, -beyond / growth)
-            elif growth < -UNIT_TOLERANCE:
-                low = max(low, -beyond / growth)
-            elif other != number and beyond > UNIT_TOLERANCE:
-                low, high = math.inf, -math.inf
-        cx, cy, radius = round_wall
-        if radius > 0.0:
-            px, py = x - cx, y - cy
-            middle = px * tx + py * ty
-            gap = middle * middle - (px * px + py * py - radius * radius)
-            half = math.sqrt(gap) if gap > 0.0 else -math.inf
-            low, high = max(low, -middle - half), min(high, -middle + half)
+        cuts = np.array([*_line_cuts(walls, x, y, tx, ty), *_arc_cuts(arcs, x, y, tx, ty)])
+        # the pad is convex: its wall runs from the first to the last cut that lies in it, or on from there
+        kept = cuts[_lies_in(walls, arcs, x, y, tx, ty, cuts)]
+        low, high = kept.min(initial=math.inf), kept.max(initial=-math.inf)
+        if len(kept):
+            beyond = _lies_in(walls, arcs, x, y, tx, ty, np.array([low - 1.0, high + 1.0]))
+            low, high = (-math.inf if beyond[0] else low), (math.inf if beyond[1] else high)
         runs[number] = low, high
     return runs
 
 
-def beyond_walls_mm(form: PadForm, places_mm: FloatArray) -> FloatArray:
-    """(..., k + 1) how far (..., 2) places lie outside each flat wall and the round one, negative inside [mm]."""
-    places, walls = np.asarray(places_mm, dtype=np.float64), np.asarray(form.walls, dtype=np.float64)
+def _line_cuts(walls: FloatArray, x: float, y: float, tx: float, ty: float) -> list[float]:
+    """Where a line crosses flat walls, along its tangent [mm]."""
+    cuts = []
+    for ox, oy, _, _, nx, ny in walls:
+        beyond, growth = nx * (x - ox) + ny * (y - oy), nx * tx + ny * ty
+        if abs(growth) > UNIT_TOLERANCE:
+            cuts.append(-beyond / growth)
+    return cuts
+
+
+def _arc_cuts(arcs: FloatArray, x: float, y: float, tx: float, ty: float) -> list[float]:
+    """Where a line crosses circles, or comes nearest to one that it passes, along its tangent [mm]."""
+    cuts = []
+    for cx, cy, radius, *_ in arcs:
+        px, py = x - cx, y - cy
+        middle = px * tx + py * ty
+        gap = middle * middle - (px * px + py * py - radius * radius)
+        half = math.sqrt(max(gap, 0.0))
+        cuts += [-middle - half, -middle, -middle + half]
+    return cuts
+
+
+def _lies_in(
+    walls: FloatArray, arcs: FloatArray, x: float, y: float, tx: float, ty: float, along: FloatArray
+) -> BoolArray:
+    """(n,) whether places along a line lie in the pad or on its border."""
+    places = np.stack([x + along * tx, y + along * ty], axis=-1)
+    beyond = _beyond_mm(walls, arcs, places)
+    return np.asarray(beyond.max(axis=-1, initial=-math.inf) <= UNIT_TOLERANCE)
+
+
+def _beyond_mm(walls: FloatArray, arcs: FloatArray, places: FloatArray) -> FloatArray:
     flat = np.sum((places[..., None, :] - walls[:, :2]) * walls[:, 4:], axis=-1)
-    cx, cy, radius = form.round_wall
-    out = np.hypot(places[..., 0] - cx, places[..., 1] - cy) - radius
-    return np.concatenate([flat, np.where(radius > 0.0, out, -np.inf)[..., None]], axis=-1)
+    off = places[..., None, :] - arcs[:, :2]
+    away = np.hypot(off[..., 0], off[..., 1])
+    is_here = np.sum(off * arcs[:, 3:5], axis=-1) >= arcs[:, 5] * away
+    return np.concatenate([flat, np.where(is_here, away - arcs[:, 2], -np.inf)], axis=-1)
+
+
+def beyond_walls_mm(form: PadForm, places_mm: FloatArray) -> FloatArray:
+    """(..., k + m) how far (..., 2) places lie outside each flat wall and each round one, negative inside [mm]."""
+    return _beyond_mm(*form_rows(form), np.asarray(places_mm, dtype=np.float64))
+
+
+def form_rows(form: PadForm) -> tuple[FloatArray, FloatArray]:
+    """Walls (k, 6) and arcs (m, 6) of a form."""
+    walls, arcs = (np.ascontiguousarray(rows, dtype=np.float64) for rows in (form.walls, form.arcs))
+    return walls, arcs
 
 
 def outline_mm(form: PadForm) -> FloatArray:
-    """(n, 2) ends of the flat walls and points of the round one, which together enclose the plan [mm]."""
-    walls, (cx, cy, radius) = np.asarray(form.walls, dtype=np.float64), form.round_wall
-    runs = wall_runs(walls, form.round_wall)
-    ends = walls[:, None, :2] + runs[:, :, None] * walls[:, None, 2:4]
+    """(n, 2) ends of the flat walls and points of the round ones, which together enclose the plan [mm]."""
+    walls, arcs = form_rows(form)
+    ends = walls[:, None, :2] + wall_runs(walls, arcs)[:, :, None] * walls[:, None, 2:4]
     angle = np.linspace(0.0, 2.0 * math.pi, ROUND_POINTS, endpoint=False)
-    ring = np.stack([cx + radius * np.cos(angle), cy + radius * np.sin(angle)], axis=-1)
-    if radius > 0.0:
-        return np.vstack(
-            [ends.reshape(-1, 2), ring[beyond_walls_mm(form, ring).max(axis=-1) <= UNIT_TOLERANCE]]
-        )
-    return ends.reshape(-1, 2)
+    around = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    found = [ends.reshape(-1, 2)]
+    for arc in arcs:
+        ring = arc[:2] + arc[2] * around[around @ arc[3:5] >= arc[5]]
+        found.append(ring[beyond_walls_mm(form, ring).max(axis=-1) <= UNIT_TOLERANCE])
+    return np.vstack(found)
 
 
 def check_form(scene: OpticalScene, form: PadForm) -> None:
     """Refuse a form that encloses no pad, or whose crown does not reach over it."""
     _check_numbers(form)
-    for number, (low, high) in enumerate(
-        wall_runs(np.asarray(form.walls, dtype=np.float64), form.round_wall)
-    ):
+    for number, (low, high) in enumerate(wall_runs(*form_rows(form))):
         if not high - low > UNIT_TOLERANCE:
             raise InputError(
                 f"form.walls[{number}]: nothing of it bounds the pad; take it out, or turn the walls' normals outward"
@@ -114,15 +143,20 @@ def check_form(scene: OpticalScene, form: PadForm) -> None:
 
 
 def _check_numbers(form: PadForm) -> None:
-    walls, round_wall = (
-        np.asarray(form.walls, dtype=np.float64),
-        np.asarray(form.round_wall, dtype=np.float64),
-    )
+    walls, arcs = form_rows(form)
     if walls.ndim != 2 or walls.shape[1] != 6:
         raise InputError(f"form.walls: shape {walls.shape}, needs (k, 6): x, y, tx, ty, nx, ny")
-    if round_wall.shape != (3,) or not np.isfinite(round_wall).all() or round_wall[2] < 0.0:
-        raise InputError(f"form.round_wall: {round_wall.tolist()}, needs finite x, y and a radius >= 0 mm")
-    if round_wall[2] == 0.0 and len(walls) < 3:
+    if arcs.ndim != 2 or arcs.shape[1] != 6:
+        raise InputError(f"form.arcs: shape {arcs.shape}, needs (m, 6): x, y, radius, ux, uy, cosine")
+    for number, row in enumerate(arcs):
+        size = float(np.hypot(*row[3:5]))
+        is_sector = row[5] == -1.0 if size == 0.0 else abs(size - 1.0) <= UNIT_TOLERANCE
+        if not np.isfinite(row).all() or row[2] <= 0.0 or not is_sector:
+            raise InputError(
+                f"form.arcs[{number}]: {row.tolist()}, needs finite x, y, a radius > 0 mm, and a unit vector with the"
+                " cosine of half the sector's turn, or 0, 0, -1 for a whole circle"
+            )
+    if not len(arcs) and len(walls) < 3:
         raise InputError(
             f"form.walls: {len(walls)} flat walls and no round one enclose nothing; give at least 3"
         )

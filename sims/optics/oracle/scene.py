@@ -1,7 +1,7 @@
 """The pad as the oracle sees it: the optical scene as checked numbers, its walls, bottom, crown and patches.
 
-In plan the pad is convex: flat walls, each with a place, a tangent and an outward normal, and at most one round wall.
-A rectangle is four flat walls. The bottom is flat, z = 0; the untouched top is flat or a crown.
+In plan the pad is convex: flat walls, each with a place, a tangent and an outward normal, and round ones, each with a
+sector. A rectangle is four flat walls. The bottom is flat, z = 0; the untouched top is flat or a crown.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from design.arrays import FloatArray, IntArray
 from design.errors import InputError
 from sims.optics.oracle.chance import pattern_shares
 from sims.optics.oracle.heights import crown_fall
-from sims.optics.oracle.outline import UNIT_TOLERANCE, check_form, rectangle_walls, wall_runs
+from sims.optics.oracle.outline import UNIT_TOLERANCE, check_form, form_rows, rectangle_walls, wall_runs
 from sims.optics.scene.optical_scene import OpticalScene
 
 NO_FACE, BOTTOM_FACE, ROUND_FACE = -1, -2, -3
-"""Faces besides the flat walls, which are numbered from 0."""
+"""Faces besides the flat walls, which are numbered from 0; the round ones from ROUND_FACE downward."""
 POWER_TOLERANCE = 1e-6
 """Largest distance of a radiance table's power from 1 [-]: rounding of tables that were written down."""
 
@@ -30,8 +30,7 @@ class Scene(NamedTuple):
 
     Attributes that differ from the scene's
     ---------------------------------------
-    walls : (k, 6) flat walls, as in `PadForm`
-    round_wall : (3,) x, y of the axis and radius of the round wall [mm]; radius 0 for none
+    walls, arcs : (k, 6) flat and (m, 6) round walls, as in `PadForm`
     crown : (5,) radius of the untouched top [mm], 0 for flat; weights, 0 or 1, of x and y in the distance from the
         apex; x, y of the apex [mm]
     wall_ratio : index of the elastomer over that behind smooth walls [-]; 0 where walls only scatter
@@ -41,7 +40,7 @@ class Scene(NamedTuple):
     """
 
     walls: FloatArray
-    round_wall: FloatArray
+    arcs: FloatArray
     crown: FloatArray
     height: float
     refractive_index: float
@@ -67,7 +66,7 @@ def lower_scene(scene: OpticalScene) -> Scene:
     _require("absorption_per_mm", scene.absorption_per_mm, 0.0, np.inf)
     for name in ("wall_reflectance", "bottom_reflectance", "tip_reflectance"):
         _require(name, getattr(scene, name), 0.0, 1.0)
-    walls, round_wall, crown = _lowered_form(scene)
+    walls, arcs, crown = _lowered_form(scene)
     for kind in ("emitter", "receiver"):
         _check_patches(scene, kind)
     order = np.asarray(scene.emitter_order, dtype=np.float64)
@@ -78,7 +77,7 @@ def lower_scene(scene: OpticalScene) -> Scene:
     radiance = _lowered_patterns(scene)
     return Scene(
         walls,
-        round_wall,
+        arcs,
         crown,
         float(scene.height_mm),
         float(scene.refractive_index),
@@ -98,18 +97,16 @@ def lower_scene(scene: OpticalScene) -> Scene:
 
 
 def _lowered_form(scene: OpticalScene) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Walls, round wall and crown of `Scene`."""
+    """Walls, arcs and crown of `Scene`."""
     form = scene.form
     if form is None:
-        return rectangle_walls(float(scene.length_mm), float(scene.width_mm)), np.zeros(3), np.zeros(5)
+        walls = rectangle_walls(float(scene.length_mm), float(scene.width_mm))
+        return walls, np.empty((0, 6)), np.zeros(5)
     check_form(scene, form)
     top = form.top
     weights = float(top.straight != "x"), float(top.straight != "y")
-    return (
-        np.ascontiguousarray(form.walls, dtype=np.float64),
-        np.ascontiguousarray(form.round_wall, dtype=np.float64),
-        np.array([0.0 if top.is_flat else top.radius_mm, *weights, *top.apex_mm]),
-    )
+    crown = np.array([0.0 if top.is_flat else top.radius_mm, *weights, *top.apex_mm])
+    return *form_rows(form), crown
 
 
 def _wall_ratio(scene: OpticalScene) -> float:
@@ -169,7 +166,7 @@ def _check_patches(scene: OpticalScene, kind: str) -> None:
         runs = np.array([(0.0, run) for run in (scene.length_mm, scene.width_mm) * 2])
         words, slack = "south 0, east 1, north 2, west 3", 0.0
     else:
-        runs = wall_runs(np.asarray(scene.form.walls, dtype=np.float64), scene.form.round_wall)
+        runs = wall_runs(*form_rows(scene.form))
         words, slack = f"the form has {len(runs)}, from 0", UNIT_TOLERANCE
     for i, (wall, patch) in enumerate(zip(walls, patches, strict=True)):
         name = f"{kind}_patch[{i}]"
@@ -203,8 +200,9 @@ def inward_normal(scene: Scene, face: int, x: float, y: float) -> tuple[float, f
     """Unit normal, which points into the elastomer, of a wall or the bottom at a place."""
     if face == BOTTOM_FACE:
         return 0.0, 0.0, 1.0
-    if face == ROUND_FACE:
-        px, py = scene.round_wall[0] - x, scene.round_wall[1] - y
+    if face <= ROUND_FACE:
+        arc = scene.arcs[ROUND_FACE - face]
+        px, py = arc[0] - x, arc[1] - y
         size = math.hypot(px, py)
         return px / size, py / size, 0.0
     return 0.0 - scene.walls[face, 4], 0.0 - scene.walls[face, 5], 0.0
@@ -233,24 +231,27 @@ def face_hit(
             distance = -(nx * (x - ox) + ny * (y - oy)) / toward
             if distance < best:
                 best, face = distance, wall
-    if scene.round_wall[2] > 0.0:
-        distance = _round_distance(scene.round_wall, x, y, dx, dy)
+    for number in range(scene.arcs.shape[0]):
+        distance = _round_distance(scene.arcs[number], x, y, dx, dy)
         if distance < best:
-            best, face = distance, ROUND_FACE
+            best, face = distance, ROUND_FACE - number
     if dz < 0.0 and -z / dz < best:
         best, face = -z / dz, BOTTOM_FACE
     return max(best, 0.0), face
 
 
 @njit()
-def _round_distance(round_wall: FloatArray, x: float, y: float, dx: float, dy: float) -> float:
-    """Distance at which a ray from inside passes the round wall outward [mm]."""
-    px, py, radius = x - round_wall[0], y - round_wall[1], round_wall[2]
+def _round_distance(arc: FloatArray, x: float, y: float, dx: float, dy: float) -> float:
+    """Distance at which a ray from inside passes a round wall outward [mm]; infinite if it leaves by another wall."""
+    px, py, radius = x - arc[0], y - arc[1], arc[2]
     a, b, c = dx * dx + dy * dy, px * dx + py * dy, px * px + py * py - radius * radius
     if a < 1e-28:
         return math.inf
-    root = math.sqrt(max(b * b - a * c, 0.0))
-    return float(-c / (b + root) if b > 0.0 else (root - b) / a)
+    gap = b * b - a * c
+    root = math.sqrt(max(gap, 0.0))
+    far = -c / (b + root) if b > 0.0 and gap > 0.0 else (root - b) / a
+    qx, qy = px + far * dx, py + far * dy
+    return float(far) if qx * arc[3] + qy * arc[4] >= arc[5] * math.hypot(qx, qy) else math.inf
 
 
 @njit(forceinline=True)

@@ -121,7 +121,7 @@ def _check_place(scene: OpticalScene, centre: FloatArray, name: str) -> None:
         beyond = beyond_walls_mm(scene.form, centre)
         if beyond.max() > UNIT_TOLERANCE:
             wall = int(beyond.argmax())
-            wall_name = "the round wall" if wall == len(beyond) - 1 else f"wall {wall}"
+            wall_name = "the round wall" if wall >= len(scene.form.walls) else f"wall {wall}"
             raise InputError(
                 f"{name}: {centre[0]:g}, {centre[1]:g} mm is {beyond.max():g} mm outside {wall_name}; press inside"
             )

@@ -1,18 +1,27 @@
-"""Lower a design to the arrays of an optical scene: flat rectangles by themselves, other pads with their form."""
+"""Lower a design to the arrays of an optical scene: blocks by themselves, other pads with their form."""
 
 from __future__ import annotations
+
+import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from design.arrays import FloatArray, IntArray
 from design.shape.cavity import PlacedPart, cavity_of
+from design.shape.outline import Arc, Outline
 from design.shape.plan import Plan
 from design.spec import SensorDesign
 from design.spec.properties import absorption_coefficient_per_mm, emitter_order, refractive_index, wall_index
 from sims.optics.scene.acceptance import response_nodes
 from sims.optics.scene.emission import COSINE_NODES, table_pattern
 from sims.optics.scene.optical_scene import OpticalScene
-from sims.optics.scene.pad_form import PadForm
+from sims.optics.scene.pad_form import WHOLE_CIRCLE, PadForm
+
+TURN_RAD = 2.0 * math.pi
+BORDER_STEP_RAD = TURN_RAD / 96
+ROUNDING = 1e-9
+"""Of places [mm] and cosines [-]: a ray that meets two walls' common edge meets at least one of them."""
 
 
 def scene_of(design: SensorDesign) -> OpticalScene:
@@ -43,17 +52,42 @@ def scene_of(design: SensorDesign) -> OpticalScene:
         emitter_pattern=_patterns(cavity.emitters),
         receiver_response=_responses(cavity.receivers, index),
         wall_index=None if behind is None else behind.value,
-        form=None if plan.is_flat_rectangle else _form_of(plan),
+        form=None if plan.is_block else form_of(plan),
     )
 
 
-def _form_of(plan: Plan) -> PadForm:
-    radius = plan.radius_mm if plan.is_disc else 0.0
+def form_of(plan: Plan) -> PadForm:
+    """Walls and top of a pad that is no block."""
     return PadForm(
-        walls=np.array([(*wall.origin, *wall.tangent, *wall.outward) for wall in plan.walls]),
-        round_wall=np.array([*plan.centre_mm, radius]),
+        walls=np.array([(*wall.origin, *wall.tangent, *wall.outward) for wall in plan.walls]).reshape(-1, 6),
+        arcs=_round_walls(plan.outline),
         top=plan.top,
     )
+
+
+def _round_walls(outline: Outline) -> FloatArray:
+    """(m, 6) round walls: arcs of one circle are one, with the facets between them; whole if the pad lies within it."""
+    circles: dict[tuple[float, float, float], list[Arc]] = {}
+    for arc in outline.arcs:
+        circles.setdefault((*arc.centre_mm, arc.radius_mm), []).append(arc)
+    border = outline.points(BORDER_STEP_RAD)
+    rows = []
+    for (x, y, radius), arcs in circles.items():
+        is_whole = np.hypot(*(border - (x, y)).T).max() <= radius + ROUNDING
+        rows.append((x, y, radius, *(WHOLE_CIRCLE if is_whole else _sector_of(arcs))))
+    return np.array(rows, dtype=np.float64).reshape(-1, 6)
+
+
+def _sector_of(arcs: Sequence[Arc]) -> tuple[float, float, float]:
+    """Middle, as a unit vector, and cosine of half the turn of the least sector that holds arcs of one circle."""
+    arcs = sorted(arcs, key=lambda arc: arc.start_rad % TURN_RAD)
+    gaps = [
+        (after.start_rad - arc.start_rad - arc.turn_rad) % TURN_RAD
+        for arc, after in zip(arcs, (*arcs[1:], arcs[0]), strict=True)
+    ]
+    last = int(np.argmax(gaps))
+    end, half = arcs[last].start_rad + arcs[last].turn_rad, (TURN_RAD - gaps[last]) / 2
+    return math.cos(end - half), math.sin(end - half), math.cos(half) - ROUNDING
 
 
 def _walls(parts: tuple[PlacedPart, ...], plan: Plan) -> IntArray:

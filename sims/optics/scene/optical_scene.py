@@ -42,7 +42,7 @@ class OpticalScene:
         faces (emitters' faces count as wall) the unpolarised Fresnel share from `refractive_index` to it, 1 beyond
         the critical angle, is mirrored; of the rest `wall_reflectance` is scattered, the remainder absorbed.
         None: walls only scatter. The bottom never mirrors
-    form : walls and top of a pad that is no flat rectangle; None: the flat rectangle of the frame above. With a
+    form : walls and top of a pad that is no block; None: the block of the frame above. With a
         form `height_mm` is the height at the apex; `length_mm` and `width_mm` are those of the box around the plan,
         which begins at 0, 0; wall numbers are rows of `form.walls`, and a patch's along is measured there. The
         part of a patch above the untouched top at its own place is not in the scene

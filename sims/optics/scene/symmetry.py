@@ -1,11 +1,11 @@
 """Rotations and mirrors that carry a scene onto itself, and the states that they make one.
 
-A rectangle has four motions (identity, half turn, two mirrors), a square four more. A disc has any turn about its
-axis and any mirror through it; those come into question that carry its first emitter to the direction of one. A motion
-is a symmetry of the scene when every emitter comes to lie on an emitter and every receiver on a receiver that are the
-same in all but place, and, of a disc or a crowned pad, when it keeps the form: every flat wall comes to lie on one, and
-apex and straight direction of the crown stay. A press and its image then have the same light, with emitters and
-receivers renumbered: only one of them is traced.
+A box has four motions (identity, half turn, two mirrors), a square one four more. A pad within one circle has any turn
+about its axis and any mirror through it; those come into question that carry its first emitter to the direction of one.
+A motion is a symmetry of the scene when every emitter comes to lie on an emitter and every receiver on a receiver that
+are the same in all but place, and, of a pad with a form, when it keeps that: every wall comes to lie on one, and apex
+and straight direction of the crown stay. A press and its image then have the same light, with emitters and receivers
+renumbered: only one of them is traced.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 from design.arrays import FloatArray, IntArray
 from sims.optics.scene.optical_scene import OpticalScene
-from sims.optics.scene.pad_form import PadForm
+from sims.optics.scene.pad_form import WHOLE_CIRCLE, PadForm
 from sims.press.indentation import Indentation
 
 SAME_PLACE_MM = 1e-6
@@ -146,15 +146,16 @@ def _motions_of(scene: OpticalScene) -> list[tuple[FloatArray, FloatArray]]:
     form = scene.form
     if form is None:
         return _motions(scene.length_mm, scene.width_mm)
-    if form.round_wall[2] > 0.0:
-        motions = _turns_and_mirrors(scene, np.asarray(form.round_wall[:2]))
+    whole = [arc for arc in form.arcs if tuple(arc[3:]) == WHOLE_CIRCLE]
+    if whole:
+        motions = _turns_and_mirrors(scene, np.asarray(whole[0][:2]))
     else:
         motions = _motions(scene.length_mm, scene.width_mm)
     return [motion for motion in motions if _keeps(form, *motion)]
 
 
 def _turns_and_mirrors(scene: OpticalScene, centre_mm: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
-    """Turns about the axis of a disc, then mirrors through it, that carry its first emitter's direction to one's."""
+    """Turns about a round wall's axis, then mirrors through it, that carry the first emitter's direction to one's."""
     away = _places(scene, scene.emitter_wall, scene.emitter_patch) - centre_mm
     angles = np.arctan2(away[:, 1], away[:, 0])
     turns = _distinct(angles - angles[0])
@@ -174,8 +175,8 @@ def _distinct(angles: FloatArray) -> FloatArray:
 
 
 def _keeps(form: PadForm, matrix: FloatArray, offset_mm: FloatArray) -> bool:
-    """Whether a motion carries every flat wall onto one, and leaves apex and straight direction."""
-    walls = np.asarray(form.walls, dtype=np.float64).reshape(-1, 6)
+    """Whether a motion carries every wall onto one, and leaves apex and straight direction."""
+    walls, arcs = (np.asarray(rows, dtype=np.float64).reshape(-1, 6) for rows in (form.walls, form.arcs))
     places, normals = walls[:, :2], walls[:, 4:6]
     moved = normals @ matrix.T
     levels = np.sum(places * normals, axis=1)
@@ -183,12 +184,14 @@ def _keeps(form: PadForm, matrix: FloatArray, offset_mm: FloatArray) -> bool:
     near = (np.abs(moved[:, None] - normals).max(axis=2) <= SAME_WAY) & (
         np.abs(moved_levels[:, None] - levels) <= SAME_PLACE_MM
     )
+    bent = np.hstack([arcs[:, :2] @ matrix.T + offset_mm, arcs[:, 2:3], arcs[:, 3:5] @ matrix.T, arcs[:, 5:]])
+    off = np.abs(bent[:, None] - arcs) / ([SAME_PLACE_MM] * 3 + [SAME_WAY] * 3)
     apex, bends = np.asarray(form.top.apex_mm, dtype=np.float64), np.array([form.top.kx, form.top.ky])
     if np.abs(matrix @ np.diag(bends) @ matrix.T - np.diag(bends)).max() > SAME_WAY:
         return False
     if (np.abs(matrix @ apex + offset_mm - apex)[bends > 0.0] > SAME_PLACE_MM).any():
         return False
-    return bool(near.any(axis=1).all())
+    return bool(near.any(axis=1).all() and (off.max(axis=2) <= 1.0).any(axis=1).all())
 
 
 def _motions(length_mm: float, width_mm: float) -> list[tuple[FloatArray, FloatArray]]:

@@ -58,7 +58,7 @@ def form_of(scene: OpticalScene) -> PadForm:
                 (0.0, 0.0, 0.0, 1.0, -1.0, 0.0),
             ]
         ),
-        round_wall=np.zeros(3),
+        arcs=np.empty((0, 6)),
         top=Top(clear_mm=scene.height_mm, apex_mm=(0.5 * length, 0.5 * width)),
     )
 
@@ -195,9 +195,10 @@ def _beyond_mm(form: PadForm, places: FloatArray) -> FloatArray:
     beyond = np.full(len(places), -np.inf)
     for x, y, _, _, nx, ny in form.walls:
         beyond = np.maximum(beyond, (places[:, 0] - x) * nx + (places[:, 1] - y) * ny)
-    cx, cy, radius = form.round_wall
-    if radius > 0.0:
-        beyond = np.maximum(beyond, np.hypot(places[:, 0] - cx, places[:, 1] - cy) - radius)
+    for cx, cy, radius, ux, uy, cosine in form.arcs:
+        px, py = places[:, 0] - cx, places[:, 1] - cy
+        away = np.hypot(px, py)
+        beyond = np.where(px * ux + py * uy >= cosine * away, np.maximum(beyond, away - radius), beyond)
     return beyond
 
 

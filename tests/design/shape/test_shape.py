@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from design.shape.outline import Outline, disc, rectangle
 from design.shape.plan import facet
 from design.shape.top import Top
+from tests.design.shape.stadium_outline import stadium
 
 RADIUS = 11.0
 FACETS = [facet(RADIUS, 37.0 * k, 1.5) for k in range(8)]
@@ -20,6 +21,8 @@ OUTLINES = {
     "disc": disc((0.0, 0.0, 22.0, 22.0)),
     "one facet": disc((0.0, 0.0, 22.0, 22.0), FACETS[:1]),
     "eight facets": disc((0.0, 0.0, 22.0, 22.0), FACETS),
+    "stadium": stadium(32.0, 20.0),
+    "stadium with facets": stadium(32.0, 20.0, (0.0, 50.0, 180.0, 235.0)),
 }
 
 
@@ -86,6 +89,23 @@ def test_places_outside_are_moved_onto_the_border_and_places_inside_stay(outline
         assert outline.contains(*moved, 1e-6)
         if outline.contains(x, y, 0.0):
             assert moved == (x, y)
+
+
+def test_the_farthest_place_of_the_border_is_that_of_a_fine_polygon(outline):
+    border = outline.points(2e-4)
+    for place in places_around(outline, 40):
+        assert outline.farthest_mm(*place) == pytest.approx(np.hypot(*(border - place).T).max(), abs=1e-6)
+
+
+def test_evenly_spread_places_lie_inside_and_have_the_outline_s_moments(outline):
+    shares = np.stack(np.meshgrid(*[(np.arange(200) + 0.5) / 200] * 2), axis=-1).reshape(-1, 2)
+    places = outline.spread(shares)
+    assert outline.contains(*places.T).all()
+    x, y, weight = outline.integral(outline.centre_mm, 24)
+    for power in ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2)):
+        moment = np.prod(((np.stack([x, y]).T - outline.centre_mm) ** power), axis=1)
+        found = np.prod((places - outline.centre_mm) ** power, axis=1).mean()
+        assert found == pytest.approx(float(weight @ moment) / outline.area_mm2, abs=0.02)
 
 
 def test_spread_places_fill_a_disc_evenly():

@@ -74,7 +74,7 @@ class Pad:
 
     @property
     def round_face(self) -> int:
-        """Number of the round wall as a face; flat walls come before it, the bottom follows."""
+        """Number of round walls as a face; flat walls come before it, the bottom follows."""
         return len(self.form.walls)
 
 
@@ -235,17 +235,21 @@ def _face_hit(given: Pad, place: Any, direction: Any) -> tuple[Any, Any, Any]:
         at = dr.select(toward > 0, dr.maximum(gap, 0.0) / toward, big)
         nx, ny = dr.select(at < t, -ox, nx), dr.select(at < t, -oy, ny)
         face, t = dr.select(at < t, k, face), dr.minimum(at, t)
-    cx, cy, radius = (float(v) for v in given.form.round_wall)
-    if radius > 0.0:
+    for arc in given.form.arcs:
+        cx, cy, radius, ux, uy, cosine = (float(v) for v in arc)
         px, py = place.x - cx, place.y - cy
         a, b = direction.x**2 + direction.y**2, px * direction.x + py * direction.y
         c = px * px + py * py - radius * radius
-        root = dr.sqrt(dr.maximum(b * b - a * c, 0.0))
-        at = dr.maximum(dr.select(b > 0, -c / (b + root), (root - b) / dr.maximum(a, 1e-12)), 0.0)
-        is_round = at < t
+        gap = b * b - a * c
+        root = dr.sqrt(dr.maximum(gap, 0.0))
+        at = dr.maximum(
+            dr.select((b > 0) & (gap > 0), -c / (b + root), (root - b) / dr.maximum(a, 1e-12)), 0.0
+        )
+        sector = (px + at * direction.x) * ux + (py + at * direction.y) * uy
+        is_round = (at < t) & (sector >= cosine * radius)
         nx = dr.select(is_round, -(px + at * direction.x) / radius, nx)
         ny = dr.select(is_round, -(py + at * direction.y) / radius, ny)
-        face, t = dr.select(is_round, given.round_face, face), dr.minimum(at, t)
+        face, t = dr.select(is_round, given.round_face, face), dr.select(is_round, at, t)
     return t, face, dr.normalize(mi.Vector3f(nx, ny, dr.select(face == given.round_face + 1, 1.0, 0.0)))
 
 

@@ -1,5 +1,5 @@
 # mypy: no-warn-return-any
-r"""Light that the top of a disc or crowned pad mirrors twice or more: pencils through points of the top.
+r"""Light that the top of a pad with a form mirrors twice or more: pencils through points of the top.
 
 A pencil holds what a part of the emitter sends through a point of the top. By its middle ray alone it is found whether
 it comes near a window; only then it is divided, `LEVELS` times at most. Last but once, five rays stand for it: one from
@@ -95,7 +95,7 @@ FARTHEST = 20.0
 def follow_chains(
     x0: float, y0: float, z0: float, size_u: float, size_v: float, p: FloatArray, element: float, faint: float,
     row: int, levels: int, receivers: FloatArray, wanted: BoolArray, e: FloatArray, absorbs: float, index: float,
-    walls: FloatArray, round_wall: FloatArray, top: FormedTop, out: FloatArray, work: FloatArray,
+    walls: FloatArray, arcs: FloatArray, top: FormedTop, out: FloatArray, work: FloatArray,
 ) -> None:  # fmt: skip
     """Follow the pencil of a part of the emitter, of half sizes size_u and size_v, through a point of the top.
 
@@ -114,7 +114,7 @@ def follow_chains(
         near = COMES_NEAR
         if level < levels:
             near = _comes_near(x, y, z, size * max(size_u, size_v), p, size * size * element, size * size * faint,
-                               receivers, wanted, e, absorbs, index, walls, round_wall, top)  # fmt: skip
+                               receivers, wanted, e, absorbs, index, walls, arcs, top)  # fmt: skip
             if near == STAYS_FAR:
                 continue
         if near == COMES_DIM:
@@ -124,7 +124,7 @@ def follow_chains(
             x, y, z = x0 + a * size_u * e[UX], y0 + a * size_u * e[UY], z0 + b * size_v
         if level < levels - 1 or near == COMES_BENT or _follow(
             x, y, z, size * size_u, size * size_v, p, size * size * element, size * size * faint, row,
-            level == levels, receivers, wanted, e, absorbs, index, walls, round_wall, top, out, work,
+            level == levels, receivers, wanted, e, absorbs, index, walls, arcs, top, out, work,
         ):  # fmt: skip
             for n in range(DIVISIONS * DIVISIONS):
                 k = STACK + 4 * waiting
@@ -138,7 +138,7 @@ def follow_chains(
 @kernel
 def _comes_near(
     x0: float, y0: float, z0: float, size: float, p: FloatArray, weight: float, faint: float, receivers: FloatArray,
-    wanted: BoolArray, e: FloatArray, absorbs: float, index: float, walls: FloatArray, round_wall: FloatArray,
+    wanted: BoolArray, e: FloatArray, absorbs: float, index: float, walls: FloatArray, arcs: FloatArray,
     top: FormedTop,
 ) -> int:  # fmt: skip
     """Whether a pencil comes near a window after its second or a later mirror, by its middle ray alone.
@@ -156,7 +156,7 @@ def _comes_near(
     dx, dy, dz = beside(p[PX] - x0, p[PY] - y0, p[PZ] - z0, nx, ny, nz)
     x, y, z = p[PX] - 1e-7 * nx, p[PY] - 1e-7 * ny, p[PZ] - 1e-7 * nz
     for _ in range(MOST):
-        t, _ = _spare(x, y, z, dx, dy, dz, walls, round_wall, top)
+        t, _ = _spare(x, y, z, dx, dy, dz, walls, arcs, top)
         if t >= NEVER:
             return STAYS_FAR
         way += t
@@ -188,7 +188,7 @@ def _comes_near(
 def _follow(
     x0: float, y0: float, z0: float, size_u: float, size_v: float, p: FloatArray, weight: float, faint: float,
     row: int, is_sample: bool, receivers: FloatArray, wanted: BoolArray, e: FloatArray, absorbs: float, index: float,
-    walls: FloatArray, round_wall: FloatArray, top: FormedTop, out: FloatArray, work: FloatArray,
+    walls: FloatArray, arcs: FloatArray, top: FormedTop, out: FloatArray, work: FloatArray,
 ) -> bool:  # fmt: skip
     """Add what a pencil brings after its second and later mirrors; or add nothing, and True: it is better divided.
 
@@ -198,7 +198,7 @@ def _follow(
     nx, ny, nz = p[MX], p[MY], p[MZ]
     dx, dy, dz = beside(p[PX] - x0, p[PY] - y0, p[PZ] - z0, nx, ny, nz)
     x, y, z = p[PX] - 1e-7 * nx, p[PY] - 1e-7 * ny, p[PZ] - 1e-7 * nz
-    t, spare = _spare(x, y, z, dx, dy, dz, walls, round_wall, top)
+    t, spare = _spare(x, y, z, dx, dy, dz, walls, arcs, top)
     if t >= NEVER:
         return False
     landed, is_whole = 0, not is_sample
@@ -207,7 +207,7 @@ def _follow(
             ax, ay, az = _side_place(side, x0, y0, z0, size_u, size_v, e)
             ex, ey, ez = beside(p[PX] - ax, p[PY] - ay, p[PZ] - az, nx, ny, nz)
             put_ray(x, y, z, ex, ey, ez, side, work)
-    if spare < 0.0 and not (is_whole and _goes_on(spare, walls, round_wall, top, work)):
+    if spare < 0.0 and not (is_whole and _goes_on(spare, walls, arcs, top, work)):
         return False
     for _ in range(MOST):
         x, y, z = x + t * dx, y + t * dy, z + t * dz
@@ -285,8 +285,8 @@ def _follow(
                 k = LANDED + 3 * landed
                 work[k], work[k + 1], work[k + 2] = float(row), float(j), brings
                 landed += 1
-        t, spare = _spare(x, y, z, dx, dy, dz, walls, round_wall, top)
-        if t >= NEVER or (spare < 0.0 and not (is_whole and _goes_on(spare, walls, round_wall, top, work))):
+        t, spare = _spare(x, y, z, dx, dy, dz, walls, arcs, top)
+        if t >= NEVER or (spare < 0.0 and not (is_whole and _goes_on(spare, walls, arcs, top, work))):
             break
     for n in range(landed):
         k = LANDED + 3 * n
@@ -407,9 +407,7 @@ def is_lit(x0: float, y0: float, z0: float, p: FloatArray, top: FormedTop) -> bo
 
 
 @kernel
-def _goes_on(
-    spare: float, walls: FloatArray, round_wall: FloatArray, top: FormedTop, work: FloatArray
-) -> bool:
+def _goes_on(spare: float, walls: FloatArray, arcs: FloatArray, top: FormedTop, work: FloatArray) -> bool:
     """Whether some ray of a pencil meets the top before the walls, whose middle ray would meet it behind one."""
     more = 0.0
     for pair in range(2):
@@ -424,7 +422,7 @@ def _goes_on(
                 work[k + 4],
                 work[k + 5],
                 walls,
-                round_wall,
+                arcs,
                 top,
             )
             if near < NEVER:
@@ -435,11 +433,11 @@ def _goes_on(
 
 @inlined
 def _spare(
-    x: float, y: float, z: float, dx: float, dy: float, dz: float, walls: FloatArray, round_wall: FloatArray,
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, walls: FloatArray, arcs: FloatArray,
     top: FormedTop,
 ) -> tuple[float, float]:  # fmt: skip
     """Distance to the top, NEVER where a ray does not meet it, and how much farther walls are."""
-    wall, _ = plan_exit(x, y, z, dx, dy, dz, walls, round_wall)
+    wall, _ = plan_exit(x, y, z, dx, dy, dz, walls, arcs)
     limit = (1.0 + BEHIND) * wall
     if dz < 0.0:
         limit = min(limit, -z / dz)

@@ -1,5 +1,5 @@
 # mypy: no-warn-return-any
-"""What windows of a disc or crowned pad give to, and take from, patches of wall, bottom and tip.
+"""What windows of a pad with a form give to, and take from, patches of wall, bottom and tip.
 
 Model
 -----
@@ -49,7 +49,7 @@ MIDDLE_X, MIDDLE_Y, PER_MM, COLUMNS, ROWS, TURNS, LEVELS, PER_LEVEL = range(8)
 @kernel
 def deposits(
     window: FloatArray, receivers: FloatArray, rays: int, steps: FloatArray, shift: FloatArray, absorbs: float,
-    index: float, walls: FloatArray, round_wall: FloatArray, top: FormedTop, layout: FloatArray, out: FloatArray,
+    index: float, walls: FloatArray, arcs: FloatArray, top: FormedTop, layout: FloatArray, out: FloatArray,
 ) -> None:  # fmt: skip
     """Add to out (batch, patch) what the rays of a window bring to each patch; the last ones are the tip's."""
     unit = 4.0 * window[HALF_U] * window[HALF_V] / window[10] / rays
@@ -61,7 +61,7 @@ def deposits(
         dx, dy, dz = about(-window[NX], -window[NY], 0.0, cosine, number(n, 3, steps, shift))
         weight = math.pi * lobe(window, cosine) * unit
         for _ in range(MOST_MIRRORS):
-            t, what = meeting(x, y, z, dx, dy, dz, walls, round_wall, top)
+            t, what = meeting(x, y, z, dx, dy, dz, walls, arcs, top)
             weight *= math.exp(-absorbs * t)
             x, y, z = x + t * dx, y + t * dy, z + t * dz
             if what != TOP:

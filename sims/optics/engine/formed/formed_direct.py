@@ -1,5 +1,5 @@
 # mypy: no-warn-return-any
-"""Straight light between windows of a disc or crowned pad: quadrature, with the lit part of each column.
+"""Straight light between windows of a pad with a form: quadrature, with the lit part of each column.
 
     flux = ∫∫ L(c_e) c_e c_r e^(-μ s) A(c_r) / s² dA_e dA_r
 

@@ -1,5 +1,5 @@
 # mypy: no-warn-return-any
-"""The compiled entry points of discs and crowned pads, cached on disk as those of `sims.optics.engine.compiled`."""
+"""The compiled entry points of pads with a form, cached on disk as those of `sims.optics.engine.compiled`."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def points_on(
 @kernel
 def mirrored_matrix(
     emitters: FloatArray, receivers: FloatArray, wanted: BoolArray, points: FloatArray, share: float,
-    absorbs: float, index: float, walls: FloatArray, round_wall: FloatArray, origin: FloatArray,
+    absorbs: float, index: float, walls: FloatArray, arcs: FloatArray, origin: FloatArray,
     axes: FloatArray, numbers: FloatArray, rows: FloatArray,
 ) -> FloatArray:  # fmt: skip
     """(2, batch, emitter, receiver) light mirrored by the top, smooth and by the skirt."""
@@ -93,7 +93,7 @@ def mirrored_matrix(
     for i in range(emitters.shape[0]):
         if wanted[i].any():
             mirrored_flux(
-                emitters[i], receivers, wanted[i], points, share, absorbs, index, walls, round_wall, top, out[i],
+                emitters[i], receivers, wanted[i], points, share, absorbs, index, walls, arcs, top, out[i],
                 work,
             )  # fmt: skip
     return out.transpose(1, 2, 0, 3).copy()
@@ -102,7 +102,7 @@ def mirrored_matrix(
 @kernel
 def scattered_matrix(
     emitters: FloatArray, receivers: FloatArray, rays: int, steps: FloatArray, shift: FloatArray, absorbs: float,
-    index: float, reflectances: FloatArray, walls: FloatArray, round_wall: FloatArray, origin: FloatArray,
+    index: float, reflectances: FloatArray, walls: FloatArray, arcs: FloatArray, origin: FloatArray,
     axes: FloatArray, numbers: FloatArray, rows: FloatArray,
 ) -> FloatArray:  # fmt: skip
     """(2, emitter, receiver) light scattered once, and more often."""
@@ -120,7 +120,7 @@ def scattered_matrix(
             index,
             reflectances,
             walls,
-            round_wall,
+            arcs,
             top,
             out[i],
         )
@@ -130,7 +130,7 @@ def scattered_matrix(
 @kernel
 def deposit_matrix(
     windows: FloatArray, wanted: BoolArray, receivers: FloatArray, rays: int, steps: FloatArray,
-    shift: FloatArray, absorbs: float, index: float, walls: FloatArray, round_wall: FloatArray,
+    shift: FloatArray, absorbs: float, index: float, walls: FloatArray, arcs: FloatArray,
     origin: FloatArray, axes: FloatArray, numbers: FloatArray, rows: FloatArray, layout: FloatArray, patches: int,
 ) -> FloatArray:  # fmt: skip
     """(batch, window, patch) what the wanted windows give to patches."""
@@ -148,7 +148,7 @@ def deposit_matrix(
                 absorbs,
                 index,
                 walls,
-                round_wall,
+                arcs,
                 top,
                 layout,
                 out[i],

@@ -11,6 +11,7 @@ import numpy as np
 from design.arrays import FloatArray
 from design.errors import InputError, ModelScopeError
 from design.shape.top import Top
+from sims.optics.engine.formed.formed_patches import border_mm, from_arc
 from sims.optics.engine.formed.formed_top import (
     CUPS,
     CYLINDER,
@@ -69,7 +70,7 @@ class FormedStack:
 
 
 def check_formed(scene: OpticalScene, presses: Sequence[object], fields: Sequence[object] | None) -> None:
-    """Refuse what is not traced on discs and crowned pads.
+    """Refuse what is not traced on pads with a form.
 
     Raises
     ------
@@ -77,9 +78,9 @@ def check_formed(scene: OpticalScene, presses: Sequence[object], fields: Sequenc
     ModelScopeError : a press that is not a single tip.
     """
     if fields is not None and any(field is not None for field in fields):
-        raise InputError("fields: on a disc or a crown none is traced; leave them out")
+        raise InputError("fields: only on a block with a flat top one is traced; leave them out")
     if scene.wall_index is not None:
-        raise InputError("wall_index: smooth walls of discs and crowned pads are traced by the oracle alone")
+        raise InputError("wall_index: smooth walls of pads that are no blocks are traced by the oracle alone")
     for press in presses:
         single_press(press)
 
@@ -88,7 +89,9 @@ def single_press(press: object) -> Indentation | None:
     """A state's one press, alone or in a list; None where the pad is untouched."""
     listed = list(press) if isinstance(press, Sequence) else [press]
     if len(listed) != 1 or not (listed[0] is None or isinstance(listed[0], Indentation)):
-        raise ModelScopeError("indentations: on a disc or a crown one tip alone is traced; press with one")
+        raise ModelScopeError(
+            "indentations: one tip alone is traced on pads that are no blocks; press with one"
+        )
     one = listed[0]
     return None if one is None or one.depth_mm <= 0.0 else one
 
@@ -131,10 +134,11 @@ def check_place(scene: OpticalScene, state: int, centre_mm: FloatArray, press: I
     form = scene.form
     assert form is not None
     x, y = (float(value) for value in centre_mm)
-    walls, (cx, cy, radius) = walls_of(scene)
+    walls, arcs = walls_of(scene)
     gaps = [level - nx * x - ny * y for nx, ny, level in walls]
-    if radius > 0.0:
-        gaps.append(radius - math.hypot(x - cx, y - cy))
+    for arc in arcs:
+        away, is_here = from_arc(arc, np.array(x), np.array(y))
+        gaps.append(float(arc[2] - away) if is_here else math.inf)
     room = min(gaps) if math.isfinite(x) and math.isfinite(y) else -math.inf
     if room <= 0.0:
         raise InputError(f"state {state}: press at ({x:g}, {y:g}) mm is outside the pad; move it inside")
@@ -155,8 +159,7 @@ def check_place(scene: OpticalScene, state: int, centre_mm: FloatArray, press: I
 
 def _reach_mm(scene: OpticalScene, form: PadForm, x_mm: float, y_mm: float) -> float:
     """Farthest place of bottom or untouched top from the axis of a press, for a cylinder across it [mm]."""
-    walls, (cx, cy, radius) = walls_of(scene)
-    middle = np.array([cx, cy]) if radius > 0.0 else np.array([scene.length_mm, scene.width_mm]) / 2.0
+    middle = np.array([scene.length_mm, scene.width_mm]) / 2.0
     corners = [
         np.arctan2(y - middle[1], x - middle[0])
         for x in (0.0, scene.length_mm)
@@ -164,12 +167,7 @@ def _reach_mm(scene: OpticalScene, form: PadForm, x_mm: float, y_mm: float) -> f
     ]
     angle = np.concatenate([np.linspace(0.0, 2.0 * np.pi, OUTLINE_PLACES), corners])
     way = np.column_stack([np.cos(angle), np.sin(angle)])
-    far = np.full(len(way), radius if radius > 0.0 else np.inf)
-    for nx, ny, level in walls:
-        toward = way @ (nx, ny)
-        gap = np.full(len(way), level - middle @ (nx, ny))
-        far = np.minimum(far, np.divide(gap, toward, out=np.full(len(way), np.inf), where=toward > 1e-9))
-    outline = middle + far[:, None] * way
+    outline = border_mm(way, middle, *walls_of(scene))
     top = form.top.height_mm(outline[:, 0], outline[:, 1])
     ends = np.vstack([np.column_stack([outline, height]) for height in (np.zeros(len(top)), top)])
     origin, axes = form.top.press_frame(x_mm, y_mm)
@@ -214,12 +212,12 @@ def windows_of(scene: OpticalScene, kind: str) -> FloatArray:
 
 
 def walls_of(scene: OpticalScene) -> tuple[FloatArray, FloatArray]:
-    """(k, 3) outward normals and levels of the flat walls, and (3,) round wall."""
+    """(k, 3) outward normals and levels of the flat walls, and (m, 6) round walls."""
     form = scene.form
     assert form is not None
-    walls = np.asarray(form.walls, dtype=np.float64).reshape(-1, 6)
+    walls, arcs = (np.asarray(rows, dtype=np.float64).reshape(-1, 6) for rows in (form.walls, form.arcs))
     level = walls[:, 0] * walls[:, 4] + walls[:, 1] * walls[:, 5]
-    return np.column_stack([walls[:, 4:6], level]), np.asarray(form.round_wall, dtype=np.float64)
+    return np.column_stack([walls[:, 4:6], level]), np.ascontiguousarray(arcs)
 
 
 def formed_top(scene: OpticalScene, centre_mm: FloatArray, press: Indentation | None) -> FormedTop:

@@ -1,5 +1,5 @@
 # mypy: no-warn-return-any
-r"""Light that the top of a disc or crowned pad mirrors, once or often: pencils through points of the top.
+r"""Light that the top of a pad with a form mirrors, once or often: pencils through points of the top.
 
 Model
 -----
@@ -107,7 +107,7 @@ SIGHT = 4
 @kernel
 def mirrored_flux(
     e: FloatArray, receivers: FloatArray, wanted: BoolArray, points: FloatArray, share: float, absorbs: float,
-    index: float, walls: FloatArray, round_wall: FloatArray, top: FormedTop, out: FloatArray, work: FloatArray,
+    index: float, walls: FloatArray, arcs: FloatArray, top: FormedTop, out: FloatArray, work: FloatArray,
 ) -> None:  # fmt: skip
     """Add to out (2, batch, receiver) what pencils of an emitter through points of the top bring, smooth and by the
     skirt.
@@ -159,7 +159,7 @@ def mirrored_flux(
                     if often == 1:
                         follow_chains(x0, y0, z0, size_u, size_v, p, element, FAINT / weight,
                                       1 if p[SKIRT] > 0.0 else 0, levels, receivers, wanted, e, absorbs, index, walls,
-                                      round_wall, top, out, work)  # fmt: skip
+                                      arcs, top, out, work)  # fmt: skip
                     else:
                         _follow(x0, y0, z0, size_u, size_v, p, element, receivers, wanted, e, absorbs, index, top,
                                 pressed, out, work)  # fmt: skip

@@ -1,4 +1,4 @@
-"""What every state of a disc or crowned pad shares: the untouched light, and what settings and a seed fix.
+"""What every state of a pad with a form shares: the untouched light, and what settings and a seed fix.
 
 The untouched pad is traced once, finer than any press. A press changes its light by what the same points and rays bring
 with and without it; what they bring without is here, too.
@@ -60,7 +60,7 @@ class FormedPad:
 
     Attributes
     ----------
-    emitters, receivers : window rows; walls, round_wall : as kernels read them; top : untouched
+    emitters, receivers : window rows; walls, arcs : as kernels read them; top : untouched
     flux : (class, emitter, receiver) [-]
     error : (emitter, receiver) standard error of its sum [-]
     """
@@ -69,7 +69,7 @@ class FormedPad:
     emitters: FloatArray
     receivers: FloatArray
     walls: FloatArray
-    round_wall: FloatArray
+    arcs: FloatArray
     top: FormedTop
     patches: PatchLayout
     flux: FloatArray
@@ -101,14 +101,14 @@ class FormedPad:
         places = np.ascontiguousarray(at)
         absorbs, index = scene.absorption_per_mm, scene.refractive_index
         name = _name_of(
-            self.emitters, self.receivers, wanted, places, self.walls, self.round_wall, *top,
+            self.emitters, self.receivers, wanted, places, self.walls, self.arcs, *top,
             np.array([share, absorbs, index]),
         )  # fmt: skip
         known = _MIRRORED.get(name)
         if known is None:
             brought = mirrored_matrix(
                 self.emitters, self.receivers, wanted, points_on(places, *top), share, absorbs, index, self.walls,
-                self.round_wall, *top,
+                self.arcs, *top,
             )  # fmt: skip
             known = np.asarray(brought)
             with _LOCK:
@@ -132,7 +132,7 @@ class FormedPad:
         given, taken = (
             deposit_matrix(
                 windows, asked, self.receivers, rays, sequence_steps(), shift + 0.25 * k,
-                scene.absorption_per_mm, scene.refractive_index, self.walls, self.round_wall, *top,
+                scene.absorption_per_mm, scene.refractive_index, self.walls, self.arcs, *top,
                 layout.numbers, len(layout.weight),
             )
             for k, (windows, asked) in enumerate(
@@ -206,7 +206,7 @@ def _remembered_ways(key: _Key, settings: Accuracy, seed: int) -> FormedWays:
     shifts = np.asarray((random.random(2) + np.arange(count)[:, None] / count) % 1.0)
     all_chains = pad.top.numbers[KIND] == SPHERE
     points = tuple(
-        points_of(grid, scene, pad.walls, pad.round_wall, shift, all_chains=all_chains) for shift in shifts
+        points_of(grid, scene, pad.walls, pad.arcs, shift, all_chains=all_chains) for shift in shifts
     )
     mirrored = np.zeros((count, 2, 4, *pad.every.shape))
     rays = random.random((count, DIMENSIONS))
@@ -229,12 +229,12 @@ def _remembered_ways(key: _Key, settings: Accuracy, seed: int) -> FormedWays:
 def _remembered_pad(key: _Key, seed: int, rays: int) -> FormedPad:
     listen_to_numba()
     scene = key.scene
-    walls, round_wall = walls_of(scene)
+    walls, arcs = walls_of(scene)
     emitters, receivers = windows_of(scene, "emitter"), windows_of(scene, "receiver")
     dark = np.zeros((CLASSES, len(emitters), len(receivers)))
     pad = FormedPad(
-        scene=scene, emitters=emitters, receivers=receivers, walls=walls, round_wall=round_wall,
-        top=formed_top(scene, np.zeros(2), None), patches=patch_layout(scene, walls, round_wall), flux=dark,
+        scene=scene, emitters=emitters, receivers=receivers, walls=walls, arcs=arcs,
+        top=formed_top(scene, np.zeros(2), None), patches=patch_layout(scene, walls, arcs), flux=dark,
         error=dark[0],
     )  # fmt: skip
     random = np.random.default_rng((seed, 0))
@@ -260,7 +260,7 @@ def _untouched_mirrored(pad: FormedPad, shift: FloatArray, settings: Accuracy) -
 
     def one(number: int) -> None:
         moved = (shift + number / REFERENCE_GRIDS) % 1.0
-        points = points_of(grid, pad.scene, pad.walls, pad.round_wall, moved, all_chains=True)
+        points = points_of(grid, pad.scene, pad.walls, pad.arcs, moved, all_chains=True)
         out[number] = pad.mirrored(pad.top, pad.every, points.in_frame(pad.top))
 
     run_each(one, REFERENCE_GRIDS)
@@ -269,7 +269,7 @@ def _untouched_mirrored(pad: FormedPad, shift: FloatArray, settings: Accuracy) -
 
 def _untouched_once(pad: FormedPad, shift: FloatArray, rays: int) -> tuple[FloatArray, FloatArray]:
     """(emitter, receiver) light scattered once, joined on fine patches, and its standard error."""
-    patches = patch_layout(pad.scene, pad.walls, pad.round_wall, REFERENCE_PATCH_MM)
+    patches = patch_layout(pad.scene, pad.walls, pad.arcs, REFERENCE_PATCH_MM)
     found, error = jackknifed(
         pad.deposits(pad.top, pad.every, shift, patches, rays),
         lambda given, taken: (given * patches.weight) @ taken.T * pad.receivers[:, AREA],
@@ -288,7 +288,7 @@ def _untouched_more(pad: FormedPad, shifts: FloatArray, rays: int) -> FloatArray
     def one(number: int) -> None:
         out[number] = scattered_matrix(
             pad.emitters, pad.receivers, rays // len(shifts), sequence_steps(), shifts[number],
-            scene.absorption_per_mm, scene.refractive_index, reflectances, pad.walls, pad.round_wall, *pad.top,
+            scene.absorption_per_mm, scene.refractive_index, reflectances, pad.walls, pad.arcs, *pad.top,
         )[1]  # fmt: skip
 
     run_each(one, len(shifts))

@@ -1,4 +1,4 @@
-"""Patches of a disc's or crowned pad's walls and bottom: their numbers for kernels, their areas, their weights."""
+"""Patches of walls and bottom of a pad with a form: their numbers for kernels, their areas, their weights."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class PatchLayout:
 
 
 def patch_layout(
-    scene: OpticalScene, walls: FloatArray, round_wall: FloatArray, patch_mm: float = PATCH_MM
+    scene: OpticalScene, walls: FloatArray, arcs: FloatArray, patch_mm: float = PATCH_MM
 ) -> PatchLayout:
     """The patches of a scene with a form."""
     form = scene.form
@@ -41,8 +41,8 @@ def patch_layout(
     turns = max(LEAST_TURNS, int(np.pi * (scene.length_mm + scene.width_mm) / 2.0 / patch_mm))
     levels = max(int(np.ceil(scene.height_mm / patch_mm)), 1)
     middle = np.array([scene.length_mm / 2.0, scene.width_mm / 2.0])
-    bottom = _bottom_areas(columns, rows, patch_mm, walls, round_wall)
-    side = _wall_areas(scene, walls, round_wall, middle, turns, levels)
+    bottom = _bottom_areas(columns, rows, patch_mm, walls, arcs)
+    side = _wall_areas(scene, walls, arcs, middle, turns, levels)
     reflectance = np.concatenate(
         [np.full(bottom.size, scene.bottom_reflectance), np.full(side.size, scene.wall_reflectance)]
     )
@@ -52,18 +52,43 @@ def patch_layout(
     return PatchLayout(numbers=numbers, weight=np.concatenate([weight, np.zeros(TIP_PATCHES)]))
 
 
-def is_in_plan(x: FloatArray, y: FloatArray, walls: FloatArray, round_wall: FloatArray) -> BoolArray:
+def is_in_plan(x: FloatArray, y: FloatArray, walls: FloatArray, arcs: FloatArray) -> BoolArray:
     """Whether places of the plan lie in the pad."""
     inside = np.ones(np.shape(x), dtype=np.bool_)
     for nx, ny, level in walls:
         inside &= nx * x + ny * y <= level
-    if round_wall[2] > 0.0:
-        inside &= np.hypot(x - round_wall[0], y - round_wall[1]) <= round_wall[2]
+    for arc in arcs:
+        away, is_here = from_arc(arc, x, y)
+        inside &= ~is_here | (away <= arc[2])
     return inside
 
 
+def from_arc(arc: FloatArray, x: FloatArray, y: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Distances of places from the axis of a round wall (6,) [mm], and whether they lie in its sector."""
+    cx, cy, _, ux, uy, cosine = arc
+    away = np.hypot(x - cx, y - cy)
+    return away, np.asarray((x - cx) * ux + (y - cy) * uy >= cosine * away)
+
+
+def border_mm(way: FloatArray, start_mm: FloatArray, walls: FloatArray, arcs: FloatArray) -> FloatArray:
+    """(n, 2) where the plan ends along (n, 2) unit vectors from a place (2,) inside [mm]."""
+    reach = np.full(len(way), np.inf)
+    for nx, ny, level in walls:
+        toward = way @ (nx, ny)
+        gap = np.full(len(way), level - start_mm @ (nx, ny))
+        reach = np.minimum(reach, np.divide(gap, toward, out=np.full(len(way), np.inf), where=toward > 1e-9))
+    for arc in arcs:
+        from_axis = start_mm - arc[:2]
+        along = way @ from_axis
+        gap = along**2 - (from_axis @ from_axis - arc[2] ** 2)
+        far = np.sqrt(np.maximum(gap, 0.0)) - along
+        _, is_here = from_arc(arc, *(start_mm + far[:, None] * way).T)
+        reach = np.where(is_here, np.minimum(reach, far), reach)
+    return np.asarray(start_mm + reach[:, None] * way)
+
+
 def _bottom_areas(
-    columns: int, rows: int, patch_mm: float, walls: FloatArray, round_wall: FloatArray
+    columns: int, rows: int, patch_mm: float, walls: FloatArray, arcs: FloatArray
 ) -> FloatArray:
     """(columns, rows) areas within the plan [mm2]: slices across x, each cut where it leaves the convex plan."""
     x = (np.arange(columns * SAMPLES) + 0.5) * patch_mm / SAMPLES
@@ -75,9 +100,10 @@ def _bottom_areas(
             high = np.minimum(high, (level - nx * x) / ny)
         else:
             low = np.maximum(low, (level - nx * x) / ny)
-    if round_wall[2] > 0.0:
-        half = np.sqrt(np.maximum(round_wall[2] ** 2 - (x - round_wall[0]) ** 2, 0.0))
-        low, high = np.maximum(low, round_wall[1] - half), np.minimum(high, round_wall[1] + half)
+    for arc in arcs:
+        half = np.sqrt(np.maximum(arc[2] ** 2 - (x - arc[0]) ** 2, 0.0))
+        low = np.where(from_arc(arc, x, arc[1] - half)[1], np.maximum(low, arc[1] - half), low)
+        high = np.where(from_arc(arc, x, arc[1] + half)[1], np.minimum(high, arc[1] + half), high)
     edges = np.arange(rows + 1) * patch_mm
     below = np.minimum(np.maximum(edges, low[:, None]), np.maximum(high, low)[:, None])
     return np.asarray(np.diff(below, axis=1).reshape(columns, SAMPLES, rows).sum(axis=1) * patch_mm / SAMPLES)
@@ -86,7 +112,7 @@ def _bottom_areas(
 def _wall_areas(
     scene: OpticalScene,
     walls: FloatArray,
-    round_wall: FloatArray,
+    arcs: FloatArray,
     middle: FloatArray,
     turns: int,
     levels: int,
@@ -96,12 +122,7 @@ def _wall_areas(
     assert form is not None
     turn = np.linspace(-np.pi, np.pi, turns * SAMPLES + 1)
     way = np.column_stack([np.cos(turn), np.sin(turn)])
-    reach = np.full(len(turn), round_wall[2] if round_wall[2] > 0.0 else np.inf)
-    for nx, ny, level in walls:
-        toward = way @ (nx, ny)
-        with np.errstate(divide="ignore"):
-            reach = np.where(toward > 1e-9, np.minimum(reach, (level - middle @ (nx, ny)) / toward), reach)
-    place = middle + reach[:, None] * way
+    place = border_mm(way, middle, walls, arcs)
     step = np.hypot(*np.diff(place, axis=0).T)
     between = (place[1:] + place[:-1]) / 2.0
     top = form.top.height_mm(between[:, 0], between[:, 1])

@@ -1,4 +1,4 @@
-"""Points of the top of a disc or crowned pad through which mirrored light is followed.
+"""Points of the top of a pad with a form through which mirrored light is followed.
 
 A grid covers the untouched top. Its cells are divided by four where a window is near: while they are larger than
 `GRADE` of their distance from it. Around a press, where the top bends within a cell, rings take the grid's place; cells
@@ -142,7 +142,7 @@ def points_of(
     grid: TopGrid,
     scene: OpticalScene,
     walls: FloatArray,
-    round_wall: FloatArray,
+    arcs: FloatArray,
     shift: FloatArray,
     *,
     all_chains: bool,
@@ -154,7 +154,7 @@ def points_of(
     form = scene.form
     assert form is not None
     x, y = (grid.corner + np.asarray(shift) * grid.size[:, None]).T
-    inside = is_in_plan(x, y, walls, round_wall)
+    inside = is_in_plan(x, y, walls, arcs)
     x, y, size = x[inside], y[inside], grid.size[inside]
     return GridPoints(
         place=np.column_stack([x, y, form.top.height_mm(x, y)]),

@@ -1,9 +1,12 @@
 # mypy: no-warn-return-any
-"""Rays in a disc or crowned pad: walls, windows, sight, and the first meeting of either with the top.
+"""Rays in a pad with a form: walls, windows, sight, and the first meeting of either with the top.
 
 Places and directions are those of the cavity; the top is asked in its own frame. `walls` (k, 3) hold outward normals
-and levels of the flat walls, `round_wall` (3,) axis and radius (0: none); windows are rows of
+and levels of the flat walls, `arcs` (m, 6) the round ones as in `sims.optics.scene.pad_form`; windows are rows of
 `sims.optics.engine.formed.formed_lower`.
+
+The pad is convex. A ray from inside leaves a circle behind in one place; where that lies in the arc's sector, the ray
+meets the arc there, or another wall before.
 """
 
 from __future__ import annotations
@@ -15,14 +18,14 @@ from sims.optics.engine.formed.formed_top import FormedTop, into, top_hit, turn
 from sims.optics.surface.radial import inlined, kernel, lobe_at
 
 NEVER = 1e30
-BOTTOM, ROUND, TOP = -1, -2, -3
-"""What a ray meets besides flat walls, which go by their number."""
+BOTTOM, TOP = -1, -2
+"""What a ray meets besides walls, which go by their number, the round ones after the flat ones."""
 CX, CY, CZ, UX, UY, HALF_U, HALF_V, NX, NY, ORDER, AREA, WALL, TABLE = range(13)
 
 
 @inlined
 def plan_exit(
-    x: float, y: float, z: float, dx: float, dy: float, dz: float, walls: FloatArray, round_wall: FloatArray
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, walls: FloatArray, arcs: FloatArray
 ) -> tuple[float, int]:
     """Distance to the first wall or the bottom, and which."""
     best, which = NEVER, BOTTOM
@@ -34,37 +37,37 @@ def plan_exit(
             t = (walls[k, 2] - x * walls[k, 0] - y * walls[k, 1]) / toward
             if t < best:
                 best, which = t, k
-    if round_wall[2] > 0.0:
-        a = dx * dx + dy * dy
-        if a > 1e-14:
-            px, py = x - round_wall[0], y - round_wall[1]
+    a = dx * dx + dy * dy
+    if a > 1e-14:
+        for k in range(arcs.shape[0]):
+            radius = arcs[k, 2]
+            px, py = x - arcs[k, 0], y - arcs[k, 1]
             b = px * dx + py * dy
-            gap = b * b - a * (px * px + py * py - round_wall[2] * round_wall[2])
+            gap = b * b - a * (px * px + py * py - radius * radius)
             t = (-b + math.sqrt(max(gap, 0.0))) / a
-            if t < best:
-                best, which = t, ROUND
+            if t < best and (px + t * dx) * arcs[k, 3] + (py + t * dy) * arcs[k, 4] >= arcs[k, 5] * radius:
+                best, which = t, walls.shape[0] + k
     return max(best, 0.0), which
 
 
 @inlined
-def inward(
-    which: int, x: float, y: float, walls: FloatArray, round_wall: FloatArray
-) -> tuple[float, float, float]:
+def inward(which: int, x: float, y: float, walls: FloatArray, arcs: FloatArray) -> tuple[float, float, float]:
     """Unit normal into the elastomer at a wall or the bottom."""
     if which == BOTTOM:
         return 0.0, 0.0, 1.0
-    if which == ROUND:
-        return (round_wall[0] - x) / round_wall[2], (round_wall[1] - y) / round_wall[2], 0.0
+    if which >= walls.shape[0]:
+        k = which - walls.shape[0]
+        return (arcs[k, 0] - x) / arcs[k, 2], (arcs[k, 1] - y) / arcs[k, 2], 0.0
     return -walls[which, 0], -walls[which, 1], 0.0
 
 
 @kernel
 def meeting(
-    x: float, y: float, z: float, dx: float, dy: float, dz: float, walls: FloatArray, round_wall: FloatArray,
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, walls: FloatArray, arcs: FloatArray,
     top: FormedTop,
 ) -> tuple[float, int]:  # fmt: skip
-    """Distance to what a ray meets first, and which: a flat wall's number, `BOTTOM`, `ROUND` or `TOP`."""
-    limit, which = plan_exit(x, y, z, dx, dy, dz, walls, round_wall)
+    """Distance to what a ray meets first, and which: a wall's number, `BOTTOM` or `TOP`."""
+    limit, which = plan_exit(x, y, z, dx, dy, dz, walls, arcs)
     ax, ay, az = into(top, x, y, z)
     bx, by, bz = turn(top, dx, dy, dz)
     t = top_hit(top, ax, ay, az, bx, by, bz, limit)

@@ -1,5 +1,5 @@
 # mypy: no-warn-return-any
-"""Light that walls, bottom or tip of a disc or crowned pad scatter: rays of weight, with a look at every window.
+"""Light that walls, bottom or tip of a pad with a form scatter: rays of weight, with a look at every window.
 
 Model
 -----
@@ -52,7 +52,7 @@ DIMENSIONS = FIRST + PER_SCATTER * MOST_SCATTERED
 @kernel
 def scattered_flux(
     e: FloatArray, receivers: FloatArray, rays: int, steps: FloatArray, shift: FloatArray, absorbs: float,
-    index: float, reflectances: FloatArray, walls: FloatArray, round_wall: FloatArray, top: FormedTop, out: FloatArray,
+    index: float, reflectances: FloatArray, walls: FloatArray, arcs: FloatArray, top: FormedTop, out: FloatArray,
 ) -> None:  # fmt: skip
     """Add to out (2, receiver) the light of an emitter that is scattered once, and more often, over its power.
 
@@ -68,18 +68,18 @@ def scattered_flux(
         dx, dy, dz = about(-e[NX], -e[NY], 0.0, cosine, number(n, 3, steps, shift))
         weight = math.pi * lobe(e, cosine) * submerged / rays
         _walk(x, y, z, dx, dy, dz, weight, FAINT / rays, n, receivers, steps, shift, absorbs, index, reflectances,
-              walls, round_wall, top, out)  # fmt: skip
+              walls, arcs, top, out)  # fmt: skip
 
 
 @kernel
 def _walk(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, weight: float, faint: float, n: int,
     receivers: FloatArray, steps: FloatArray, shift: FloatArray, absorbs: float, index: float, reflectances: FloatArray,
-    walls: FloatArray, round_wall: FloatArray, top: FormedTop, out: FloatArray,
+    walls: FloatArray, arcs: FloatArray, top: FormedTop, out: FloatArray,
 ) -> None:  # fmt: skip
     times, is_mirrored = 0, False
     for _ in range(MOST_FLIGHTS):
-        t, what = meeting(x, y, z, dx, dy, dz, walls, round_wall, top)
+        t, what = meeting(x, y, z, dx, dy, dz, walls, arcs, top)
         weight *= math.exp(-absorbs * t)
         x, y, z = x + t * dx, y + t * dy, z + t * dz
         if what == TOP:
@@ -100,7 +100,7 @@ def _walk(
             nx, ny, nz = -nx, -ny, -nz
             weight *= reflectances[2]
         else:
-            nx, ny, nz = inward(what, x, y, walls, round_wall)
+            nx, ny, nz = inward(what, x, y, walls, arcs)
             j = window_at(what, x, y, z, receivers)
             if j >= 0:
                 if times > 0 and is_mirrored:

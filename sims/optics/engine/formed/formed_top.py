@@ -1,5 +1,5 @@
 # mypy: no-warn-return-any
-r"""The top of a disc or crowned pad under one press, in the frame of the press, and where rays leave through it.
+r"""The top of a pad with a form under one press, in the frame of the press, and where rays leave through it.
 
 Model
 -----

@@ -1,4 +1,4 @@
-"""Trace every pair of a disc or crowned pad, untouched or pressed: flux by path class, with a standard error.
+"""Trace every pair of a pad with a form, untouched or pressed: flux by path class, with a standard error.
 
 Method, class by class
 ----------------------
@@ -146,7 +146,7 @@ def _mirrored_change(ways: FormedWays, number: int, top: FormedTop, wanted: Bool
     of_grid = (reach >= outer) | (points.is_part & (reach >= inner))
     rings = ring_points(top, outer, ways.grid.pitch_mm, ways.settings, ways.shifts[number])
     x, y = out_of_frame(flat, rings[:, :2])[:, :2].T
-    is_ring = is_in_plan(x, y, pad.walls, pad.round_wall)
+    is_ring = is_in_plan(x, y, pad.walls, pad.arcs)
     is_ring &= ~(ways.grid.is_divided(x, y) & (np.hypot(rings[:, 0], rings[:, 1]) >= inner))
     rings = rings[is_ring]
     now = pad.mirrored(top, wanted, np.vstack([at[of_grid], rings]))

@@ -47,14 +47,14 @@ def test_light_mirrored_through_the_same_points_is_traced_once_whatever_scatters
     monkeypatch.setattr(formed_pad, "_MIRRORED", {})
     monkeypatch.setattr(formed_kernels, "points_on", lambda at, *_top: at)
     monkeypatch.setattr(formed_kernels, "mirrored_matrix", lambda *given: asked.append(given) or zeros)
-    walls, round_wall = formed_pad.walls_of(CROWN)
+    walls, arcs = formed_pad.walls_of(CROWN)
     emitters, receivers = windows_of(CROWN, "emitter"), windows_of(CROWN, "receiver")
     top = formed_pad.formed_top(CROWN, np.zeros(2), None)
-    layout = formed_pad.patch_layout(CROWN, walls, round_wall)
+    layout = formed_pad.patch_layout(CROWN, walls, arcs)
     places = np.array([[1.0, 2.0, 0.1, 0.0, 1.0]])
     for moved in (places, places.copy(), places + 0.5):
         pad = formed_pad.FormedPad(
-            scene=CROWN, emitters=emitters, receivers=receivers, walls=walls, round_wall=round_wall, top=top,
+            scene=CROWN, emitters=emitters, receivers=receivers, walls=walls, arcs=arcs, top=top,
             patches=layout, flux=np.zeros((5, 10, 10)), error=np.zeros((10, 10)),
         )  # fmt: skip
         pad.mirrored(top, pad.every, moved)

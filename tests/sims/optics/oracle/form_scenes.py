@@ -11,7 +11,7 @@ import numpy as np
 from design.arrays import FloatArray
 from design.shape.top import Top
 from sims.optics.scene.optical_scene import OpticalScene
-from sims.optics.scene.pad_form import PadForm
+from sims.optics.scene.pad_form import WHOLE_CIRCLE, PadForm
 from sims.press.indentation import Indentation
 
 DISC_MM = 12.0
@@ -76,7 +76,7 @@ def disc_form(facets: int, crown_radius_mm: float = math.inf, half_mm: float = 1
         rows.append((x, y, -ny, nx, nx, ny))
     return PadForm(
         walls=np.array(rows, dtype=np.float64).reshape(-1, 6),
-        round_wall=np.array([DISC_MM, DISC_MM, DISC_MM]),
+        arcs=np.array([(DISC_MM, DISC_MM, DISC_MM, *WHOLE_CIRCLE)]),
         top=top_of(DISC_MM, DISC_MM, crown_radius_mm),
     )
 
@@ -102,7 +102,7 @@ def rectangle_form(
                 (0.0, 0.0, 0.0, 1.0, -1.0, 0.0),
             ]
         ),
-        round_wall=np.zeros(3),
+        arcs=np.empty((0, 6)),
         top=top_of(length_mm / 2, width_mm / 2, radius_mm, axis),
     )
 

@@ -14,6 +14,7 @@ from design.errors import InputError
 from sims.optics.oracle.paths import LightWalker, sample_paths
 from sims.optics.oracle.tracer import CLASSES, trace_oracle
 from sims.optics.oracle.walk import FATES
+from sims.optics.scene.pad_form import ARC_COLUMNS
 from sims.optics.scene.smooth_field import smooth_field
 from tests.sims.optics.oracle.form_scenes import (
     DISC_MM,
@@ -259,6 +260,11 @@ def walls_with(number, column, value):
     return walls
 
 
+def arc_of(**changes):
+    row = dict(zip(ARC_COLUMNS, disc_form(8).arcs[0], strict=True))
+    return np.array([list((row | changes).values())])
+
+
 def disc_with(**changes):
     return {"form": replace(disc_form(8), **changes)}
 
@@ -289,10 +295,18 @@ def bends(radius_mm, axis="none"):
             "form.walls[1]: tangent and normal are not at",
         ),
         (disc_with(walls=walls_with(0, 0, 99.0)), "form.walls[0]: nothing of it bounds the pad"),
-        (disc_with(round_wall=np.zeros(2)), "form.round_wall: [0.0, 0.0], needs finite x, y and a radius"),
-        (disc_with(round_wall=np.array([12.0, 12.0, -1.0])), "form.round_wall: [12.0, 12.0, -1.0]"),
         (
-            {"form": replace(disc_form(2), round_wall=np.zeros(3))},
+            disc_with(arcs=np.zeros((1, 3))),
+            "form.arcs: shape (1, 3), needs (m, 6): x, y, radius, ux, uy, cosine",
+        ),
+        (
+            disc_with(arcs=arc_of(radius=-12.0)),
+            "form.arcs[0]: [12.0, 12.0, -12.0, 0.0, 0.0, -1.0], needs finite",
+        ),
+        (disc_with(arcs=arc_of(ux=0.5)), "form.arcs[0]: [12.0, 12.0, 12.0, 0.5, 0.0, -1.0], needs finite"),
+        (disc_with(arcs=arc_of(cosine=0.2)), "form.arcs[0]: [12.0, 12.0, 12.0, 0.0, 0.0, 0.2], needs finite"),
+        (
+            {"form": replace(disc_form(2), arcs=np.empty((0, 6)))},
             "form.walls: 2 flat walls and no round one enclose nothing",
         ),
         (
