@@ -3,7 +3,8 @@
     python -m tests.validation.contact.crown.stadium_oracle    (half an hour, resumable) writes stadium_oracle.npz
 
 The pad of `gripper-stadium`, flat: in its middle, and at the centre of a half round. The chart's first derivatives jump
-at the centres of the half rounds, where the mesh has edges; the second press is on one.
+at the centres of the half rounds, where the mesh has edges; the second press is on one. And, on elements of the same
+size, the round pad of its area, which the contact model takes it for.
 """
 
 from __future__ import annotations
@@ -25,7 +26,12 @@ MIDDLE = OffsetPad(
     depths_mm=(0.5, 1.0, 2.0),
     straight_mm=5,
 )
-PADS = {"middle": MIDDLE, "end": replace(MIDDLE, offset_mm=5)}
+AREA_MM2 = np.pi * MIDDLE.wall_mm**2 + 4.0 * MIDDLE.straight_mm * MIDDLE.wall_mm
+PADS = {
+    "middle": MIDDLE,
+    "end": replace(MIDDLE, offset_mm=5),
+    "round": replace(MIDDLE, straight_mm=0, wall_mm=float(np.sqrt(AREA_MM2 / np.pi))),
+}
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ normal of the oracle's, from 0.3 mm outside the model's contact. A side is the q
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -19,7 +19,6 @@ from scipy.interpolate import RegularGridInterpolator
 
 from design.arrays import FloatArray
 from design.preset import preset
-from design.spec import SensorDesign
 from sims.contact.indentation import modulus_mpa
 from sims.contact.pad_surface import PadSurface, curve_height_mm, pad_surface
 from tests.validation.contact.contact_table import markdown_table, with_table
@@ -38,6 +37,8 @@ from tests.validation.contact.crown.stadium_oracle import PADS, STORED
 
 PAGE = Path(__file__).parents[4] / "docs" / "validation" / "contact-crowns.md"
 MARKS = "<!-- made by tests/validation/contact/crown/stadium_table.py -->", "<!-- end -->"
+DEEPEST_MM = max(PADS["middle"].depths_mm)
+DESIGN = preset("gripper-stadium").with_(**{"operating.max_depth_mm": DEEPEST_MM})
 STEP_MM = 0.25
 """Grid on which that part of the model is read that is no curve around the axis; it is smooth."""
 
@@ -68,17 +69,18 @@ class Difference:
         return cls(error=error, along_um=(error.apex_um, error.rim_um), across_um=mean)
 
 
-def pressed(pad: OffsetPad, depth_mm: float) -> tuple[SensorDesign, PadSurface]:
-    """The design, and the model's press in it."""
-    design = preset("gripper-stadium")
-    middle = 0.5 * design.cavity.length_mm, 0.5 * design.cavity.width_mm
-    return design, pad_surface(design, depth_mm, (middle[0] + pad.offset_mm, middle[1]))
+def pressed(pad: OffsetPad, depth_mm: float) -> PadSurface:
+    """The model's press in the design, to be used as deep as the oracle's; or in the round pad of its area."""
+    x, y = 0.5 * DESIGN.cavity.length_mm, 0.5 * DESIGN.cavity.width_mm
+    found = pad_surface(DESIGN, depth_mm, (x + pad.offset_mm, y))
+    if pad.straight_mm:
+        return found
+    return replace(found, near=found.solved.round_pad_at(depth_mm), solved=replace(found.solved, placed=None))
 
 
-def model_difference_um(top: Surface, design: SensorDesign, press: PadSurface) -> FloatArray:
+def model_difference_um(top: Surface, press: PadSurface) -> FloatArray:
     """(nx, ny) the model's surface less the oracle's, along its normal [µm]."""
-    sizes = design.cavity.length_mm, design.cavity.width_mm
-    x, y = (np.linspace(0.0, size, round(size / STEP_MM) + 1) for size in sizes)
+    x, y = (np.linspace(0.0, size, round(size / STEP_MM) + 1) for size in press.size_mm)
     beside = RegularGridInterpolator(
         (x, y), press.beside_mm(x, y), "cubic", bounds_error=False, fill_value=0.0
     )
@@ -88,59 +90,58 @@ def model_difference_um(top: Surface, design: SensorDesign, press: PadSurface) -
 
 
 @cache
-def differences(name: str, depth_mm: float) -> dict[str, Difference]:
-    """The model's, the oracle's coarser mesh's, and the rise: the oracle's surface less the untouched one."""
+def differences(name: str, depth_mm: float) -> tuple[Difference, Difference]:
+    """The model's, and the oracle's coarser mesh's."""
     pad = PADS[name]
     fine, half = (offset_state(name, depth_mm, half=one, path=STORED) for one in (False, True))
-    (top, _), (design, press) = surface(pad, fine), pressed(pad, depth_mm)
+    (top, _), press = surface(pad, fine), pressed(pad, depth_mm)
     force_n, edge_mm = float(fine.force_n[2]), press.near.contact_radius_mm
-    modelled = press.near.force_n / modulus_mpa(design) / force_n
-    return {
-        "rise": Difference.of(pad, top, 1e3 * top.points_mm[..., 2] * top.normals[..., 2], 1.0, edge_mm),
-        "model": Difference.of(pad, top, model_difference_um(top, design, press), modelled, edge_mm),
-        "mesh": Difference.of(
-            pad, top, mesh_difference_um(pad, fine, half), float(half.force_n[2]) / force_n, edge_mm
-        ),
-    }
+    model = model_difference_um(top, press), press.near.force_n / modulus_mpa(DESIGN) / force_n
+    mesh = mesh_difference_um(pad, fine, half), float(half.force_n[2]) / force_n
+    return Difference.of(pad, top, *model, edge_mm), Difference.of(pad, top, *mesh, edge_mm)
 
 
 HEAD = [
     "pressed",
     "depth mm",
-    "",
-    "force %",
+    "force, the oracle's N",
+    "force",
     "surface to 3 tip radii: rms, largest µm",
     "whole pad: rms, largest µm",
-    "mean: along the pad, across µm",
+    "mean towards the ends, the straight walls µm",
+    "the oracle's coarser mesh: force, surface to 3 tip radii µm",
 ]
-PLACES = {"middle": "in the middle", "end": "at the centre of a half round"}
-KINDS = {"model": "model", "mesh": "the oracle's coarser mesh", "rise": "(the oracle's rise)"}
+PLACES = {
+    "middle": "the middle",
+    "end": "the centre of a half round",
+    "round": "(a round pad of its area)",
+}
 
 
-def _row(name: str, depth_mm: float, kind: str) -> list[str]:
-    found, pad = differences(name, depth_mm)[kind], PADS[name]
-    along = [f"{one:+.0f}" for one in found.along_um][: 2 if pad.offset_mm else 1]
-    force, *sizes = figures(found.error)
-    force = "" if kind == "rise" else force
+def _signed(number: float) -> str:
+    return f"{round(number):+d}" if round(number) else "0"
+
+
+def _row(name: str, depth_mm: float) -> list[str]:
+    model, mesh = differences(name, depth_mm)
+    sides = [_signed(one) for one in model.along_um][: 2 if PADS[name].offset_mm else 1]
+    force, near, whole = figures(model.error)
+    coarse, coarse_near, _ = figures(mesh.error)
     return [
         PLACES[name],
         f"{depth_mm:g}",
-        KINDS[kind],
-        force,
-        *sizes,
-        f"{' and '.join(along)}, {found.across_um:+.0f}",
+        f"{offset_state(name, depth_mm, path=STORED).force_n[2]:.3f}",
+        f"{force} %",
+        near,
+        whole,
+        f"{' and '.join(sides)}, {_signed(model.across_um)}",
+        f"{coarse} %, {coarse_near}",
     ]
 
 
 def markdown() -> str:
-    """The table."""
-    rows = [
-        _row(name, depth_mm, kind)
-        for name, pad in PADS.items()
-        for depth_mm in pad.depths_mm
-        for kind in KINDS
-    ]
-    return markdown_table(HEAD, rows)
+    """The table: a press a row."""
+    return markdown_table(HEAD, [_row(name, depth) for name, pad in PADS.items() for depth in pad.depths_mm])
 
 
 def main() -> None:
