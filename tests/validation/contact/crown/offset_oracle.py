@@ -9,7 +9,8 @@ Half a pad is meshed: the plane through its apex and the press axis is one of sy
     z = -s(r) + Z (1 - s(r)/H),   s of `Crown`,
 
 so the top is the sphere and the wall is the cylinder r = W, without chords. Two edges of the block lie flat in the
-wall, where the chart has no inverse; both are bonded, and no quadrature point lies on them.
+wall, where the chart has no inverse; both are bonded, and no quadrature point lies on them. Between the centres of a
+stadium's half rounds the block is as it is, and u counts from the nearer one (`stadium_oracle`).
 
 The tip presses along the normal of the untouched top at x = o, y = 0, to a depth from first touch. The frame of the
 press has its origin there; its axes are the meridian towards the rim, y, and the normal. Solid, contact and
@@ -73,6 +74,7 @@ class OffsetPad:
     offset_mm : of the press place from the axis of the pad, in plan [mm]
     depths_mm : of the tip along the normal [mm]
     grading : of the coarser mesh
+    straight_mm : of a stadium, half the length of its straight walls; a disc has none [mm]
     """
 
     tip_mm: float
@@ -82,16 +84,19 @@ class OffsetPad:
     offset_mm: float
     depths_mm: tuple[float, ...]
     grading: BlockGrading = GRADING
+    straight_mm: float = 0.0
 
     @property
-    def chart(self) -> DiscChart:
+    def chart(self) -> PadChart:
         """The pad in tip radii."""
-        layer, wall, offset = (one / self.tip_mm for one in (self.layer_mm, self.wall_mm, self.offset_mm))
-        return DiscChart(layer, wall, self.tip_mm / self.crown_mm, offset)
+        layer, wall, offset, straight = (
+            one / self.tip_mm for one in (self.layer_mm, self.wall_mm, self.offset_mm, self.straight_mm)
+        )
+        return PadChart(layer, wall, self.tip_mm / self.crown_mm, offset, straight)
 
 
 @dataclass(frozen=True)
-class DiscChart:
+class PadChart:
     """Places of a block's points in the pad; all lengths in tip radii.
 
     Attributes
@@ -99,17 +104,25 @@ class DiscChart:
     layer, wall : thickness at the apex, radius of the wall
     curvature : tip radius over the crown's radius
     offset : of the press place from the axis of the pad, in plan
+    straight : half the length of the straight walls, where the first derivatives jump
     """
 
     layer: float
     wall: float
     curvature: float
     offset: float
+    straight: float = 0.0
 
     @property
     def walls(self) -> Walls:
         """Walls of the block from the press axis."""
-        return self.wall + self.offset, self.wall - self.offset, 0.0, self.wall
+        half = self.straight + self.wall
+        return half + self.offset, half - self.offset, 0.0, self.wall
+
+    @property
+    def seams(self) -> tuple[float, ...]:
+        """Where along the block the chart's first derivatives jump."""
+        return (-self.straight - self.offset, self.straight - self.offset) if self.straight else ()
 
     @property
     def frame(self) -> FloatArray:
@@ -124,29 +137,33 @@ class DiscChart:
         return np.array([self.offset, 0.0, -float(Crown(self.curvature).drop(np.array(self.offset)))])
 
     def _plan(self, flat: FloatArray) -> tuple[FloatArray, ...]:
-        """u, v, and the roots that multiply them."""
-        u, v = (flat[0] + self.offset) / self.wall, flat[1] / self.wall
-        return u, v, np.sqrt(1.0 - 0.5 * v**2), np.sqrt(1.0 - 0.5 * u**2)
+        """What is straight of x, u, v, and the roots that multiply them."""
+        x = flat[0] + self.offset
+        straight = np.clip(x, -self.straight, self.straight)
+        u, v = (x - straight) / self.wall, flat[1] / self.wall
+        return straight, u, v, np.sqrt(1.0 - 0.5 * v**2), np.sqrt(1.0 - 0.5 * u**2)
 
     def places(self, flat: FloatArray) -> FloatArray:
         """(3, ...) points of the pad, from its apex, of (3, ...) points of the block."""
-        u, v, by_u, by_v = self._plan(flat)
-        drop = Crown(self.curvature).drop(self.wall * np.sqrt(u**2 + v**2 - u**2 * v**2))
-        return np.stack(
-            [self.wall * u * by_u, self.wall * v * by_v, -drop + flat[2] * (1.0 - drop / self.layer)]
-        )
+        straight, u, v, by_u, by_v = self._plan(flat)
+        x, y = straight + self.wall * u * by_u, self.wall * v * by_v
+        drop = Crown(self.curvature).drop(np.hypot(x, y))
+        return np.stack([x, y, -drop + flat[2] * (1.0 - drop / self.layer)])
 
     def jacobian(self, flat: FloatArray) -> FloatArray:
         """(..., 3, 3) derivatives of the places (row) by the block's coordinates (column)."""
-        u, v, by_u, by_v = self._plan(flat)
+        straight, u, v, by_u, by_v = self._plan(flat)
         found = np.zeros((*u.shape, 3, 3))
-        found[..., 0, 0], found[..., 0, 1] = by_u, -0.5 * u * v / by_u
-        found[..., 1, 0], found[..., 1, 1] = -0.5 * u * v / by_v, by_v
-        square = self.wall**2 * (u**2 + v**2 - u**2 * v**2)
+        found[..., 0, 0] = np.where(np.abs(straight) < self.straight, 1.0, by_u)
+        found[..., 0, 1], found[..., 1, 0] = -0.5 * u * v / by_u, -0.5 * u * v / by_v
+        found[..., 1, 1] = by_v
+        x, y = straight + self.wall * u * by_u, self.wall * v * by_v
+        square = x**2 + y**2
         root = np.sqrt(1.0 - self.curvature**2 * square)
-        down = self.curvature * self.wall / root * (1.0 + flat[2] / self.layer)
-        found[..., 2, 0] = -down * u * (1.0 - v**2)
-        found[..., 2, 1] = -down * v * (1.0 - u**2)
+        down = self.curvature / root * (1.0 + flat[2] / self.layer)
+        found[..., 2, :2] = -down[..., None] * (
+            x[..., None] * found[..., 0, :2] + y[..., None] * found[..., 1, :2]
+        )
         found[..., 2, 2] = 1.0 - self.curvature * square / (1.0 + root) / self.layer
         return found
 
@@ -158,7 +175,7 @@ class DiscChart:
 class ChartedSolid(Spatial):
     """Kinematics of a body whose rest shape is that of the chart."""
 
-    def __init__(self, chart: DiscChart) -> None:
+    def __init__(self, chart: PadChart) -> None:
         self.chart = chart
 
     def _jacobian(self, basis: Basis) -> FloatArray:
@@ -178,9 +195,11 @@ class ChartedSolid(Spatial):
         return operator
 
 
-def rim_mesh(chart: DiscChart, grading: BlockGrading, halvings: int) -> MeshHex:
-    """The block's mesh, with thinner elements at the walls."""
+def rim_mesh(chart: PadChart, grading: BlockGrading, halvings: int) -> MeshHex:
+    """The block's mesh, with thinner elements at the walls, and the seams on edges."""
     x, y, z = (np.unique(np.round(ticks, 12)) for ticks in block_mesh(chart.layer, chart.walls, grading, 0).p)
+    for seam in chart.seams:
+        x[np.abs(x - seam).argmin()] = seam
     west, east, north = (
         ticks[end] + RIM_SHARE * (ticks[beside] - ticks[end])
         for ticks, end, beside in ((x, 0, 1), (x, -1, -2), (y, -1, -2))
@@ -212,7 +231,7 @@ class OffsetPress(BlockPress):
     """A crowned pad under a tip beside its apex, pressed deeper and deeper."""
 
     def __init__(
-        self, chart: DiscChart, grading: BlockGrading, poisson_ratio: float, halvings: int = 0
+        self, chart: PadChart, grading: BlockGrading, poisson_ratio: float, halvings: int = 0
     ) -> None:
         self.chart, self.tip, self.copies = chart, sphere_tip(), 2
         solid = Solid(rim_mesh(chart, grading, halvings), poisson_ratio, ChartedSolid(chart))
@@ -304,19 +323,18 @@ PADS = {
 """The apex, which `crown_reference` has too; beside it; a fingertip's dome; and a flat disc."""
 
 
-def _path(name: str, depth_mm: float, level: int, folder: Path) -> Path:
+def _path(name: str, pad: OffsetPad, depth_mm: float, level: int, folder: Path) -> Path:
     """Where a finished state is kept."""
-    pad = asdict(PADS[name]) | {"depths_mm": None}
-    inputs = json.dumps([pad, POISSON_RATIO, RIM_SHARE, RECIPE])
+    inputs = json.dumps([asdict(pad) | {"depths_mm": None}, POISSON_RATIO, RIM_SHARE, RECIPE])
     return folder / f"offset-{name}-{sha256(inputs.encode()).hexdigest()[:8]}-{depth_mm:g}-{level}.npz"
 
 
 def solve_pad(
-    name: str, halvings: int = HALVINGS, folder: Path = BUILD
+    name: str, pad: OffsetPad, halvings: int = HALVINGS, folder: Path = BUILD
 ) -> dict[float, list[dict[str, FloatArray]]]:
     """Depth [mm] -> arrays of the state on each mesh, coarsest first; read if finished before."""
-    pad, levels = PADS[name], range(halvings + 1)
-    paths = {depth: [_path(name, depth, level, folder) for level in levels] for depth in pad.depths_mm}
+    levels = range(halvings + 1)
+    paths = {depth: [_path(name, pad, depth, level, folder) for level in levels] for depth in pad.depths_mm}
     if not all(path.exists() for one in paths.values() for path in one):
         presses = [OffsetPress(pad.chart, pad.grading, POISSON_RATIO, level) for level in levels]
         for depth, of_depth in paths.items():
@@ -391,21 +409,21 @@ def _stored_arrays(pad: OffsetPad, state: dict[str, FloatArray]) -> tuple[dict[s
     }
 
 
-def build(path: Path = STORED) -> None:
+def build(pads: dict[str, OffsetPad], path: Path, command: str) -> None:
     """Solve everything and write the stored file; the model's presses in it stay."""
     arrays: dict[str, NDArray[np.generic]] = {}
     if path.exists():
         arrays |= {name: array for name, array in read_arrays(path).items() if name.startswith("model/")}
-    for name, pad in PADS.items():
-        for depth, levels in solve_pad(name).items():
+    for name, pad in pads.items():
+        for depth, levels in solve_pad(name, pad).items():
             for mesh, state in zip(("half", "fine"), levels[-2:], strict=True):
                 for place, kept in zip(("", f"{depth:g}/"), _stored_arrays(pad, state), strict=True):
                     arrays |= {f"{name}/{mesh}/{place}{key}": value for key, value in kept.items()}
     made = {
-        "command": "python -m tests.validation.contact.crown.offset_oracle",
-        "model": "neo-Hookean crowned disc, hexahedra Q2/Q1 on a chart, frictionless hemisphere with shank, bonded",
+        "command": command,
+        "model": "neo-Hookean pad, hexahedra Q2/Q1 on a chart, frictionless hemisphere with shank, bonded",
         "poisson_ratio": POISSON_RATIO,
-        "pads": {name: asdict(pad) for name, pad in PADS.items()},
+        "pads": {name: asdict(pad) for name, pad in pads.items()},
         "halvings": HALVINGS,
         "versions": {name: version(name) for name in ("scikit-fem", "numpy", "scipy")},
     }
@@ -435,4 +453,4 @@ def offset_state(name: str, depth_mm: float, *, half: bool = False, path: Path =
 
 
 if __name__ == "__main__":
-    build()
+    build(PADS, STORED, "python -m tests.validation.contact.crown.offset_oracle")

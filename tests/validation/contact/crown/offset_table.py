@@ -304,7 +304,7 @@ HEAD = [
 APEX_HEAD = [HEAD[1], "elements", *HEAD[6:9]]
 
 
-def _figures(error: OffsetError) -> list[str]:
+def figures(error: OffsetError) -> list[str]:
     return [
         f"{100.0 * (error.force_ratio - 1.0):+.1f}",
         *(f"{rms:.0f}, {largest:.0f}" for rms, largest in (error.near_um, error.pad_um)),
@@ -322,7 +322,7 @@ def _rows(name: str, depth_mm: float) -> list[list[str]]:
             f"{thickness[kind]:.2f}" if kind in thickness else "",
             f"{force_n:.3f}",
             f"{rise.apex_um:.0f}, {rise.rim_um:.0f}",
-            *_figures(error),
+            *figures(error),
             f"{error.apex_um:+.0f}, {error.rim_um:+.0f}",
         ]
         for kind, error in errors(name, depth_mm).items()
@@ -337,7 +337,7 @@ def markdown() -> str:
         for name, pad in PADS.items()
     ]
     apex = [
-        [f"{depth:g}", {"fine": "0.25 radii", "half": "0.5"}[mesh], *_figures(error)]
+        [f"{depth:g}", {"fine": "0.25 radii", "half": "0.5"}[mesh], *figures(error)]
         for depth in PADS["apex"].depths_mm
         for mesh, error in apex_errors(depth).items()
     ]
