@@ -17,7 +17,7 @@ from design.shape.outline import Arc
 from design.shape.plan import Plan, facet, plan_of
 from design.spec import Crown, SensorDesign
 
-DISC, CROWNED, DOME = (preset(name) for name in SHAPED_PRESETS[:3])
+DISC, CROWNED, DOME, _ = (preset(name) for name in SHAPED_PRESETS)
 WHOLE = Arc(centre_mm=(11.0, 11.0), radius_mm=11.0, start_rad=0.0, turn_rad=2.0 * math.pi)
 
 

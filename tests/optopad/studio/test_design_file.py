@@ -26,7 +26,7 @@ from optopad.studio.moves import moved
 from tests.design.parts.own_parts import own_part
 
 PAD, PAIR = "piacenza2017-pad", "piacenza2017-pair"
-DISC, CROWNED, DOME = SHAPED_PRESETS
+DISC, CROWNED, DOME, STADIUM = SHAPED_PRESETS
 RECTANGLES = (*FLAT_PRESETS, CROWNED)
 IN_TURN = [name if name in (PAD, DOME) else pytest.param(name, marks=pytest.mark.slow) for name in PRESETS]
 """A flat and a crowned one; the others in every CI run."""

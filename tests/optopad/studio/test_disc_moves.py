@@ -17,7 +17,7 @@ from optopad.studio.moves import STEP_DEG, moved, part_named
 from optopad.studio.session import Session
 from tests.design.for_each import for_each
 
-DISC, CROWNED, DOME = SHAPED_PRESETS
+DISC, CROWNED, DOME, STADIUM = SHAPED_PRESETS
 BY_ANGLE = [
     {"pattern": "at_angles", "kind": "receiver", "angles_deg": [10.0, 200.0]},
     {"pattern": "disc_ring", "count": 2, "first": "receiver", "first_angle_deg": 60.0},

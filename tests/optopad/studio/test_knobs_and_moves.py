@@ -29,7 +29,7 @@ from optopad.studio.moves import STEP_MM, moved, part_named, placed_singles
 from tests.design.for_each import for_each
 
 PAD, PAIR, OBLONG = "piacenza2017-pad", "piacenza2017-pair", "oblong-60x40"
-DISC, CROWNED, DOME = SHAPED_PRESETS
+DISC, CROWNED, DOME, STADIUM = SHAPED_PRESETS
 ROUNDING_MM = STEP_MM / 2 + 1e-9
 SIDES = [
     {"pattern": "per_side", "kind": "emitter", "south": 2, "west": 2, "part": "generic-emitter", "height_mm": 4.4},

@@ -29,7 +29,7 @@ from optopad.studio.view.shapes import (
 from sims.contact.pad_surface import PadSurface, curve_height_mm, pad_surface
 from sims.optics.scene.lower import scene_of
 
-DISC, CROWNED, DOME = SHAPED_PRESETS
+DISC, CROWNED, DOME, STADIUM = SHAPED_PRESETS
 SPOTS = [(0.0, 0.0), (0.7, 0.4), (-0.6, -0.7)]
 ROUND_OFF_MM = 1e-9
 
