@@ -6,9 +6,12 @@ import difflib
 import re
 import tomllib
 from importlib.resources import files
+from typing import TYPE_CHECKING
 
 from design.errors import InputError
-from design.spec import SensorDesign
+
+if TYPE_CHECKING:
+    from design.spec import SensorDesign
 
 FLAT_PRESETS = ("piacenza2017-pad", "piacenza2017-pair", "oblong-60x40", "fingertip-16")
 """Flat rectangles."""
@@ -33,6 +36,8 @@ def preset_text(name: str) -> str:
 
 def preset(name: str) -> SensorDesign:
     """A preset as a design."""
+    from design.spec import SensorDesign
+
     return SensorDesign.from_document(tomllib.loads(preset_text(name)), where=name)
 
 

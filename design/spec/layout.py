@@ -248,8 +248,9 @@ def _disc_ring(pattern: DiscRing, origin: str) -> list[Placement]:
     other: Kind = "receiver" if pattern.first == "emitter" else "emitter"
     step = 180.0 / pattern.count
     return [
-        _at_angle((pattern.first, other)[k % 2], pattern.first_angle_deg + k * step, origin)
+        _at_angle((pattern.first, other)[k % 2], angle - 360.0 if angle > 360.0 else angle, origin)
         for k in range(2 * pattern.count)
+        for angle in [pattern.first_angle_deg + k * step]
     ]
 
 

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from design.preset import PRESETS
 from optopad.cli import options
 from optopad.cli.output import print_json, say, tell
 from optopad.work.designs import read_design
@@ -16,10 +17,7 @@ def new(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Design file to write.")],
     preset: Annotated[
         str,
-        typer.Option(
-            help="piacenza2017-pad, piacenza2017-pair, oblong-60x40, fingertip-16, levi2013-disc, crowned-40x25 "
-            "or fingertip-dome."
-        ),
+        typer.Option(help=f"{', '.join(PRESETS[:-1])} or {PRESETS[-1]}."),
     ] = "piacenza2017-pad",
     force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
     as_json: options.Json = False,

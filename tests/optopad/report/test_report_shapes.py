@@ -53,7 +53,7 @@ def words_of(axes) -> set[str]:
 def test_the_layout_of_a_disc_has_diameters_and_directions():
     words = words_of(plot_layout(DISC))
     assert {"cavity \N{LATIN CAPITAL LETTER O WITH STROKE}55", "22.5\N{DEGREE SIGN}"} <= words
-    assert f"outside \N{LATIN CAPITAL LETTER O WITH STROKE}{2 * outline_of(DISC).outer_radius_mm:g}" in words
+    assert f"outside \N{LATIN CAPITAL LETTER O WITH STROKE}{outline_of(DISC).outer_length_mm:g}" in words
 
 
 @pytest.mark.parametrize(("design", "edge"), [(DOME, "edge 4.25 to 4.32"), (BENT, "edge 6.68 to 8")])
