@@ -21,7 +21,7 @@ from sims.contact.walls.elements import QuadraticAxis, Weight, graded_ticks, pro
 
 FINE_RADIUS, FINE_STEP, LARGEST_STEP = 1.6, 0.1, 0.5
 """Grid along the radius: even under the loads, then growing [tip radii]."""
-GROWTH = 1.15
+RING_GROWTH = 1.15
 TOP_STEP, DEPTH_STEPS = 0.12, 10
 """Grid along the height: step at the top [tip radii], and number of steps."""
 
@@ -61,7 +61,7 @@ class RoundLayer:
 
     def __init__(self, layer: float, wall: float) -> None:
         """Assemble a layer of a depth with its wall at a radius."""
-        beyond = FINE_RADIUS + graded_ticks(wall - FINE_RADIUS, FINE_STEP * GROWTH, GROWTH, LARGEST_STEP)
+        beyond = FINE_RADIUS + graded_ticks(wall - FINE_RADIUS, FINE_STEP * RING_GROWTH, RING_GROWTH, LARGEST_STEP)
         radial = np.linspace(0.0, FINE_RADIUS, round(FINE_RADIUS / FINE_STEP) + 1)
         self.wall = wall
         self._r = QuadraticAxis(np.concatenate([radial, beyond[1:]]))
