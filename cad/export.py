@@ -21,19 +21,18 @@ import cadquery as cq
 from cad.checks import Checks, PartFile, check_parts, with_slices
 from cad.indenter_tip import indenter_tip, indenter_tip_volume_mm3
 from cad.leveling_blade import blade_size, leveling_blade
-from cad.lid import lid
-from cad.lid_size import lid_size, turned_over
+from cad.lid import lid, lid_size, turned_over
 from cad.mesh import CHORD_MM, Mesh, mesh_of, stl_bytes, threemf_bytes
 from cad.mold import build_mold, part_mold
 from cad.pour_gauge import gauge_size, pour_gauge
 from cad.solder_jig import jig_size, solder_jig
 from cad.volume import base_volume_mm3, lid_volume_mm3, mold_volume_mm3
+from design.files import temporary_folder
 from design.io import written_together
 from design.mold.outline import bed_lift_mm, outline_of
-from design.parts.printer import Bed
-from design.shape.plan import plan_of
+from design.parts.assumptions import Bed
+from design.shape.cavity import plan_of
 from design.spec import SensorDesign
-from design.whole_file import temporary_folder
 
 FILES = (
     "mold.stl",

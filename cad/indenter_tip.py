@@ -1,7 +1,7 @@
 r"""The indenter's tip: the outline of the design's tip on a plain shank, for a collet or chuck.
 
          ___
-       /     \     ^ outline (`design.spec.tip_shape`): hemisphere, flat punch, cone or profile
+       /     \     ^ outline (`design.spec.indenter`): hemisphere, flat punch, cone or profile
       |-------|    v
       |       |    shank of tip_radius_mm: silicone wraps it in deep presses
       |       |
@@ -19,7 +19,7 @@ import math
 import cadquery as cq
 
 from design.spec import SensorDesign
-from design.spec.tip_shape import tip_outline, tip_volume_mm3
+from design.spec.indenter import tip_outline, tip_volume_mm3
 
 SHANK_MM = 20.0
 """Held length of the shank, beyond the deepest press."""

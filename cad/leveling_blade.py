@@ -24,8 +24,7 @@ from dataclasses import dataclass
 import cadquery as cq
 
 from design.mold.filling import is_cast_under_lid
-from design.shape.cavity import cavity_of
-from design.shape.plan import plan_of
+from design.shape.cavity import cavity_of, plan_of
 from design.spec import SensorDesign
 
 PLAY_MM = 0.3

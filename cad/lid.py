@@ -13,21 +13,254 @@ the cavity's plan, of a disc a circle within its facets. Around the plug silicon
 the play and the draft, of a disc up to the round wall. A plug less deep than `LEAST_PLUG_MM` is left out.
 
 Printed on its back, dish up, without support: the file is turned over about the middle line along x.
+
+A lid in numbers: what `cad.lid` builds, and what volume, checks and pictures need without a CAD kernel.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import cast
 
 import cadquery as cq
+import numpy as np
 
-from cad.lid_size import Notch, Plug, lid_size, pin_chamfer_mm
+from cad.mesh import Mesh
 from cad.mold import BEYOND_MM, cut_solid, outer_prism
-from design.mold.outline import outline_of
-from design.mold.sockets import Hole
-from design.shape.plan import Plan
+from design.mold.outline import MoldOutline, outline_of
+from design.mold.sockets import Cut, Hole, WallFrame
+from design.mold.webs import Clearance
+from design.shape.cavity import Plan, facet
 from design.spec import SensorDesign
+
+PLAY_MM = 0.15
+"""Between plug and cavity at the rim, between pins and their holes: all around."""
+DRAFT_DEG = 2.0
+"""Of the plug's sides, so that it leaves the cured pad."""
+FLANGE_MM = 3.0
+"""Thickness over the rim, at least."""
+OVER_CROWN_MM = 2.5
+"""Thickness over the crown's highest place, at least."""
+BELOW_MM = 0.5
+"""How much deeper than its lowest place a plug is made; the dish cuts the rest away."""
+LEAST_PLUG_MM = 0.05
+"""Half of a thin layer: a plug less deep does not print, and the top's edge is level to that."""
+CLEAR_OF_TANGENT_MM = 0.005
+"""A cylinder's middle line level with the rim touches the flange along a line, which no boolean likes: the flange then
+starts this much higher. On the mold the lid lies that much lower: a twentieth of a thin layer."""
+PIN_MM, PIN_CHAMFER_MM = 3.0, 0.5
+"""Length of the pins, at most half of the mold's height, and the chamfer at their ends."""
+NOTCH_WIDTH_MM, NOTCH_DEPTH_MM, NOTCH_HEIGHT_MM = 6.0, 1.5, 1.5
+"""Of the two notches for a screwdriver, at most: inward a third of the wall, upward half of the flange."""
+LEAST_NOTCH_MM = 1.0
+"""Narrower notches are left out."""
+NOTCH_TURNS_DEG = range(0, 180, 5)
+"""Directions tried for the notches of a round lid under a sphere. Under a cylinder they tell how the lid is turned."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plug:
+    """What hangs into the cavity.
+
+    Attributes
+    ----------
+    half_mm : half of its length and width at the seat, or twice its radius there
+    is_round : whether it is round
+    floor_mm : level below its lowest place
+    """
+
+    half_mm: tuple[float, float]
+    is_round: bool
+    floor_mm: float
+
+    def inset_mm(self, depth_mm: float) -> float:
+        """How far its sides have come in, below the seat [mm]."""
+        return depth_mm * math.tan(math.radians(DRAFT_DEG))
+
+    def reaches(self, x_mm: float, y_mm: float, depth_mm: float, margin_mm: float) -> bool:
+        """Whether a place, counted from the middle, lies a margin within its sides at a depth below the seat."""
+        across, deep = (half - self.inset_mm(depth_mm) - margin_mm for half in self.half_mm)
+        if self.is_round:
+            return math.hypot(x_mm, y_mm) <= across
+        return abs(x_mm) <= across and abs(y_mm) <= deep
+
+
+@dataclass(frozen=True, kw_only=True)
+class Notch:
+    """A notch in the flange's underside, in the coordinates of the mold's wall below it."""
+
+    frame: WallFrame
+    cut: Cut
+
+
+@dataclass(frozen=True, kw_only=True)
+class LidSize:
+    """A lid in numbers, in the cavity frame [mm].
+
+    Attributes
+    ----------
+    seat_mm, back_mm : underside and back of the flange
+    plug : None where the dish lies wholly in the flange
+    has_dish : whether the crown rises above the seat or a plug ends in it
+    pins : from their ends up to the seat
+    notches : at opposite sides
+    """
+
+    seat_mm: float
+    back_mm: float
+    plug: Plug | None
+    has_dish: bool
+    pins: tuple[Hole, ...]
+    notches: tuple[Notch, ...]
+
+    @property
+    def flange_mm(self) -> float:
+        """Thickness of the flange [mm]."""
+        return self.back_mm - self.seat_mm
+
+    def forms_top(self, plan: Plan, x_mm: float, y_mm: float, *, margin_mm: float = 0.0) -> bool:
+        """Whether the dish is there at a place of the plan, not the play around the plug, a margin from its edge."""
+        (x, y), depth = plan.centre_mm, self.seat_mm - plan.top_mm(x_mm, y_mm)
+        if depth <= 0.0:
+            return self.has_dish
+        return self.plug is not None and self.plug.reaches(x_mm - x, y_mm - y, depth, margin_mm)
+
+
+def lid_size(design: SensorDesign) -> LidSize | None:
+    """A design's lid in numbers; None for a flat top, which is poured from above."""
+    outline = outline_of(design)
+    plan = outline.plan
+    if plan.top.is_flat:
+        return None
+    touches = plan.top.straight is not None and plan.clear_mm > outline.top_mm - CLEAR_OF_TANGENT_MM
+    seat = outline.top_mm + (CLEAR_OF_TANGENT_MM if touches else 0.0)
+    plug = _plug(plan, seat)
+    back = max(outline.top_mm + FLANGE_MM, plan.clear_mm + OVER_CROWN_MM)
+    length = min(PIN_MM, outline.height_mm / 2)
+    pins = tuple(
+        replace(hole, radius=hole.radius - PLAY_MM, z0=seat - length, z1=seat)
+        for hole in outline.fixing_holes
+        if hole.radius > PLAY_MM
+    )
+    return LidSize(
+        seat_mm=seat,
+        back_mm=back,
+        plug=plug,
+        has_dish=plug is not None or plan.clear_mm > seat,
+        pins=pins,
+        notches=tuple(_notches(outline, seat, back, design.mold.min_web_mm)),
+    )
+
+
+def turned_over(mesh: Mesh, design: SensorDesign, size: LidSize) -> Mesh:
+    """A lid between the cavity frame and its file, where it lies on its back at z = 0; the same way there and back."""
+    flip = np.array([1.0, -1.0, -1.0])
+    move = np.array([0.0, design.cavity.width_mm, float(np.float32(size.back_mm))])
+    turned = mesh.vertices.astype(np.float64) * flip + move
+    return Mesh(vertices=turned.astype(np.float32) + np.float32(0.0), triangles=mesh.triangles)
+
+
+def lid_clearances(design: SensorDesign) -> Iterator[Clearance]:
+    """What is thinnest of a lid, against what it needs; nothing for a flat top."""
+    size, web = lid_size(design), design.mold.min_web_mm
+    if size is None:
+        return
+    over = size.back_mm - max(design.cavity.clear_thickness_mm, size.seat_mm)
+    notch = max((one.cut.top - size.seat_mm for one in size.notches), default=0.0)
+    pin = min((2 * hole.radius for hole in size.pins), default=0.0)
+    for name, value, needed, field in (
+        ("over the crown", over, OVER_CROWN_MM, "crown.radius_mm"),
+        ("over a notch", size.flange_mm - notch, web, "mold.min_web_mm"),
+        ("thickness of a pin", pin, web, "mold.fixing_hole_diameter_mm"),
+    ):
+        yield Clearance(name=name, value_mm=value, needed_mm=needed, parts="the lid", field=field)
+
+
+def _plug(plan: Plan, seat_mm: float) -> Plug | None:
+    """The plug within the cavity; None where the top's edge is level with the seat."""
+    is_round = not plan.has_origin_corner
+    if is_round:
+        radius = float(plan.outline.gap_mm(*plan.centre_mm)) - PLAY_MM
+        half, corner = (radius, radius), (radius, 0.0)
+        corners = [corner, corner[::-1]]
+    else:
+        half = (plan.length_mm / 2 - PLAY_MM, plan.width_mm / 2 - PLAY_MM)
+        corners = [half]
+    x, y = plan.centre_mm
+    lowest = min(plan.top_mm(x + dx, y + dy) for dx, dy in corners)
+    if seat_mm - lowest < LEAST_PLUG_MM:
+        return None
+    return Plug(half_mm=half, is_round=is_round, floor_mm=lowest - BELOW_MM)
+
+
+def pin_chamfer_mm(hole: Hole) -> float:
+    """Chamfer at a pin's end [mm]."""
+    return min(PIN_CHAMFER_MM, hole.radius / 2, (hole.z1 - hole.z0) / 2)
+
+
+def _notches(outline: MoldOutline, seat_mm: float, back_mm: float, web_mm: float) -> Iterator[Notch]:
+    """Two, opposite to each other and a web away from the pins."""
+    depth = min(NOTCH_DEPTH_MM, min(outline.wall_x_mm, outline.wall_y_mm) / 3)
+    top = seat_mm + min(NOTCH_HEIGHT_MM, (back_mm - seat_mm) / 2)
+    for frame in _notched_walls(outline, depth):
+        half = _notch_half_mm(frame, outline, depth, web_mm)
+        if 2 * half < LEAST_NOTCH_MM:
+            continue
+        middle = frame.length_mm / 2
+        cut = Cut(
+            along0=middle - half,
+            along1=middle + half,
+            out0=frame.thickness_mm - depth,
+            out1=frame.thickness_mm,
+            floor=seat_mm,
+            top=top,
+        )
+        yield Notch(frame=frame, cut=cut)
+
+
+def _notched_walls(outline: MoldOutline, depth_mm: float) -> list[WallFrame]:
+    """The two long walls of a rectangle; of a disc opposite places: furthest from the pins, or along a cylinder."""
+    plan = outline.plan
+    if plan.has_origin_corner:
+        along_x = plan.length_mm >= plan.width_mm
+        names = ("south", "north") if along_x else ("west", "east")
+        thickness = outline.wall_y_mm if along_x else outline.wall_x_mm
+        return [WallFrame(line=line, thickness_mm=thickness) for line in plan.walls if line.name in names]
+
+    axis = plan.top.straight
+    turns = NOTCH_TURNS_DEG if axis is None else (0,) if axis == "x" else (90,)
+
+    def pair(turn_deg: float) -> list[WallFrame]:
+        return [_round_wall(outline, turn_deg + other) for other in (0.0, 180.0)]
+
+    def least(turn_deg: float) -> float:
+        return round(min(_to_pins_mm(frame, outline, depth_mm) for frame in pair(turn_deg)), 6)
+
+    return pair(max(turns, key=least))
+
+
+def _round_wall(outline: MoldOutline, turn_deg: float) -> WallFrame:
+    inner, outer = (one.arc_towards(turn_deg) for one in (outline.plan.outline.bare, outline.outer))
+    line = facet(inner, turn_deg, min(NOTCH_WIDTH_MM, inner.radius_mm) / 2)
+    stands = -line.along_and_outward_mm(*inner.centre_mm)[1]
+    return WallFrame(line=line, thickness_mm=outer.radius_mm - stands, outer_radius_mm=outer.radius_mm)
+
+
+def _notch_half_mm(frame: WallFrame, outline: MoldOutline, depth_mm: float, web_mm: float) -> float:
+    """Half a notch's width: clear of the pins, and open to a round face over all of it."""
+    half = min(NOTCH_WIDTH_MM / 2, frame.length_mm / 2, _to_pins_mm(frame, outline, depth_mm) - web_mm)
+    radius = frame.outer_radius_mm
+    return min(half, math.sqrt(radius * depth_mm - depth_mm**2 / 4)) if frame.is_facet else half
+
+
+def _to_pins_mm(frame: WallFrame, outline: MoldOutline, depth_mm: float) -> float:
+    """From the notch's middle to where a pin's hole starts, less the notch's depth [mm]."""
+    x, y = frame.point(frame.length_mm / 2, frame.thickness_mm)
+    holes = outline.fixing_holes
+    apart = min((math.hypot(hole.x - x, hole.y - y) - hole.radius for hole in holes), default=math.inf)
+    return apart - depth_mm
 
 
 def lid(design: SensorDesign) -> cq.Workplane | None:

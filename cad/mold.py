@@ -17,7 +17,7 @@ Seen from above (L-shaped marks: sockets open to the cavity and upward), and cut
 The silicone's undisturbed top is where the lip starts, if the rim is no higher than the lip: pour to that
 line; a seat for a glass cover at that level replaces the lip. Names of the parts are sunk into the outer faces
 (`design.mold.part_numbers`), a label into the underside (`design.mold.label`), bodies taller than the
-rim get collars (`design.mold.raised_sockets`), and the mold may be parted at the cavity's floor.
+rim get collars (`design.mold.sockets`), and the mold may be parted at the cavity's floor.
 
 A mold with round walls follows the cavity's outline. A round wall is cut by a facet for each part; sockets stand square
 to their facets, and wire slots, lead channels and names end in the round outer face:

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import cadquery as cq
 
 from design.mold.filling import is_cast_under_lid
-from design.shape.plan import plan_of
+from design.shape.cavity import plan_of
 from design.spec import SensorDesign
 
 GRIP_MM = 8.0

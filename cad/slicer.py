@@ -16,8 +16,8 @@ from importlib.resources import files
 from pathlib import Path
 
 from design.errors import InputError
-from design.parts.printer import Bed
-from design.whole_file import temporary_folder
+from design.files import temporary_folder
+from design.parts.assumptions import Bed
 
 COMMANDS = ("prusa-slicer", "PrusaSlicer", "prusa-slicer-console")
 USUAL_FILL = 0.2

@@ -35,10 +35,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from cad.lid_size import Plug, lid_size, pin_chamfer_mm
+from cad.lid import Plug, lid_size, pin_chamfer_mm
 from design.mold.outline import MoldOutline, outline_of
-from design.mold.raised_sockets import Collar
-from design.mold.sockets import Cut, Hole, WallFrame
+from design.mold.sockets import Collar, Cut, Hole, WallFrame
 from design.shape.top import Top
 from design.spec import SensorDesign
 

@@ -3,6 +3,11 @@
 A file is TOML in UTF-8. `catalog_files` at its top names files beside it with parts and materials
 of the user's own, `profile_csv` under `[indenter]` a file with the tip's points, `curve_csv` in a part's
 table a digitised curve; they are read into the design, so that a saved design stands alone.
+
+Lifting design files of older schema versions to the present one, step by step.
+
+Version 1 is the first, so no step exists yet; a step is a function from one version's plain data to
+the next one's, registered under the version that it starts from.
 """
 
 from __future__ import annotations
@@ -10,7 +15,7 @@ from __future__ import annotations
 import os
 import tempfile
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -18,14 +23,39 @@ from typing import Any
 import tomlkit
 
 from design.errors import DesignError, shown
+from design.files import made_folder, read_text, unwritable, write_whole
 from design.parts import catalog
-from design.parts.curve_file import CURVE_FILE, CURVES, with_curve
+from design.parts.spectrum import CURVE_FILE, CURVES, with_curve
 from design.spec import SCHEMA_VERSION, SensorDesign
-from design.spec.tip_profile import read_profile
-from design.text_file import read_text
-from design.toml_hints import explained
-from design.toml_text import parsed_toml
-from design.whole_file import made_folder, unwritable, write_whole
+from design.spec.indenter import read_profile
+from design.toml_text import explained, parsed_toml
+
+Document = dict[str, Any]
+Step = Callable[[Document], Document]
+STEPS: Mapping[int, Step] = {}
+
+
+def migrated(
+    document: Document, *, steps: Mapping[int, Step] = STEPS, target: int = SCHEMA_VERSION
+) -> Document:
+    """Plain data of an older version, lifted to ``target``; data of that version is returned as it is.
+
+    Raises
+    ------
+    DesignError : no version, a newer one, or one that no step starts from.
+    """
+    version = document.get("schema_version")
+    if not isinstance(version, int) or isinstance(version, bool):
+        raise DesignError(f"schema_version: {version!r} is no version; it is a whole number from 1")
+    if version > target:
+        raise DesignError(f"schema_version: {version} is newer than {target}; update optopad")
+    while version < target:
+        if version not in steps:
+            raise DesignError(f"schema_version: there is no way from {version} to {version + 1}")
+        document = steps[version](document) | {"schema_version": version + 1}
+        version += 1
+    return document
+
 
 MAX_FILE_BYTES = 1_000_000
 NEEDED = (
@@ -106,7 +136,7 @@ def check_version(document: Mapping[str, Any], file: Path) -> None:
 
 
 def write_text_atomically(file: Path, text: str) -> None:
-    """Write UTF-8 text at once or not at all; raises as `design.whole_file.whole_file`."""
+    """Write UTF-8 text at once or not at all; raises as `design.files.whole_file`."""
     write_whole(file, text.encode())
 
 

@@ -31,9 +31,9 @@ from pathlib import Path
 from typing import Any
 
 from design.errors import InputError, OutputError
+from design.files import unwritable
 from design.io import save_design, write_text_atomically
 from design.spec import SensorDesign
-from design.whole_file import unwritable
 
 MANIFEST = "manifest.json"
 FOLDERS = ("cad", "fabrication", "sims")

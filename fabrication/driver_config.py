@@ -1,7 +1,7 @@
 """Driver configuration of exactly this geometry: design in, `driver.toml` out.
 
 Every index, pin and place comes from `fabrication.connections`; times and bytes from
-`design.circuit.timing`. The records, and their reader, are in `fabrication.driver_file`.
+`design.circuit.pins`. The records, and their reader, are in `fabrication.driver_file`.
 """
 
 from __future__ import annotations
@@ -15,14 +15,13 @@ import tomlkit
 from tomlkit.items import AoT, Table
 
 from design.arrays import FloatArray
-from design.circuit import timing
+from design.circuit import pins as timing
 from design.circuit.pins import board_of
 from design.circuit.transimpedance import feedbacks_of
 from design.parts.assumptions import assumption
 from design.parts.catalog import Board
-from design.shape.cavity import workspace_of
+from design.shape.cavity import plan_of, workspace_of
 from design.shape.outline import PLAIN
-from design.shape.plan import plan_of
 from design.spec import SensorDesign
 from fabrication.bundle import versions
 from fabrication.connections import Connection, connections_of
@@ -43,7 +42,7 @@ from fabrication.driver_file import (
     WorkspaceLimits,
     content_sha256,
 )
-from fabrication.firmware.settings import firmware_gaps, firmware_settings
+from fabrication.firmware.sketch import firmware_gaps, firmware_settings
 from fabrication.record import plain_of
 
 HEADING = (

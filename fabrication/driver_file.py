@@ -17,9 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from design.errors import InputError
-from design.text_file import read_text
+from design.files import name_fault, read_text
 from design.toml_text import parsed_toml
-from design.whole_file import name_fault
 from fabrication.record import RecordError, record_of
 
 if TYPE_CHECKING:
@@ -140,7 +139,7 @@ class FrameLayout:
 
 @dataclass(frozen=True, kw_only=True)
 class TimingBudget:
-    """How long a frame takes by the plain sum of `design.circuit.timing`, and the rate that follows."""
+    """How long a frame takes by the plain sum of `design.circuit.pins`, and the rate that follows."""
 
     conversion_us: float
     settle_us: float

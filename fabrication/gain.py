@@ -9,8 +9,7 @@ import numpy as np
 
 from design.arrays import FloatArray
 from design.circuit.transimpedance import Feedback, feedbacks_of
-from design.shape.cavity import cavity_of
-from design.shape.pairs import pair_name
+from design.shape.cavity import cavity_of, pair_name
 from design.spec import SensorDesign
 from sims.readings.readout import full_scale_counts
 

@@ -15,11 +15,10 @@ from design.progress import OnStep, silent
 
 if TYPE_CHECKING:
     from design.spec import SensorDesign
-    from optopad.results.checked import Checked
     from optopad.results.comparison import Comparison
     from optopad.results.improvement import Improvement
     from optopad.results.prediction import Prediction
-    from optopad.results.score import Bundle, Score
+    from optopad.results.score import Bundle, Checked, Score
     from optopad.results.sweep import Sweep
 
 OUT = "outputs"
@@ -45,7 +44,7 @@ def load(where: str | PathLike[str], /, **changes: Any) -> SensorDesign:
     ------
     DesignError, InputError : what is wrong with the file or a change.
     """
-    from optopad.work.designs import read_design
+    from optopad.work import read_design
 
     design = read_design(str(where), None)
     return (
@@ -66,7 +65,7 @@ def save(design: SensorDesign, file: str | PathLike[str]) -> Path:
 def check(design: SensorDesign) -> Checked:
     """Does it fit, can it be built, can it be judged? What `optopad check` lists."""
     from design.rules.check import check as findings_of
-    from optopad.results.checked import Checked
+    from optopad.results.score import Checked
 
     return Checked(design=design, findings=findings_of(design))
 

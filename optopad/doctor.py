@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import Literal
 
 from design.errors import InputError
-from design.whole_file import folder_fault, nearest_existing
-from sims.cache.folder import CACHE_VARIABLE, NO_HOME, cache_folder, kernel_folder
+from design.files import folder_fault, nearest_existing
+from sims.cache import CACHE_VARIABLE, NO_HOME, cache_folder, kernel_folder
 
 State = Literal["ok", "missing", "warning"]
 
@@ -341,7 +341,7 @@ def temporary_finding() -> Finding:
 
 def light_finding() -> Finding:
     """How much traced light is kept, how to clear it and how to do without."""
-    from sims.cache.light_store import SIZE_VARIABLE, light_store
+    from sims.cache import SIZE_VARIABLE, light_store
 
     try:
         store = light_store()

@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 from platformdirs import user_cache_path
 
-from sims.cache.fingerprint import folder_fingerprint
-from sims.cache.folder import CACHE_VARIABLE, kernel_folder
+from sims.cache import CACHE_VARIABLE, folder_fingerprint, kernel_folder
 from tests.durations import write_durations
 
 KEPT_FOLDERS = 3

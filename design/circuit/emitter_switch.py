@@ -13,6 +13,11 @@
 Safe side: the forward voltage is the lower end of its band where there is one, and the transistor's own
 drop is left out, so the emitter's current stays below its maximum. Left out: the supply's tolerance,
 heating. The receivers' amplifiers are in `design.circuit.transimpedance`.
+
+What the supply has to give: the lit emitter and its base, the amplifiers, the board.
+
+One emitter is lit at a time, at full power; with all of them lit by a fault the supply sees their sum. Emitters at
+the largest current that their resistors let through; the rest is assumed (`design/data/assumptions.toml`).
 """
 
 from __future__ import annotations
@@ -20,9 +25,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from design.fields.quantity import Quantity
-from design.parts.assumptions import assumption
+from design.parts.assumptions import assumption, standard_at_least, standard_at_most
 from design.parts.catalog import Board, Part
-from design.parts.standard_values import standard_at_least, standard_at_most
+from design.shape.cavity import cavity_of
+from design.spec import SensorDesign
 
 MA_PER_A = 1e3
 MW_PER_W = 1e3
@@ -86,3 +92,43 @@ def _base_ohm(supply_v: float, most_a: float) -> float:
 
 def _least_forward_v(forward: Quantity) -> Quantity:
     return forward if forward.low is None else forward.model_copy(update={"value": forward.low})
+
+
+@dataclass(frozen=True, kw_only=True)
+class SupplyCurrent:
+    """Currents of the supply [mA].
+
+    Attributes
+    ----------
+    emitter_ma : the emitter that takes most, with the base current of its transistor
+    all_emitters_ma : all of them at once, which the firmware never does
+    amplifiers_ma, board_ma : assumed
+    """
+
+    emitter_ma: float
+    all_emitters_ma: float
+    amplifiers_ma: float
+    board_ma: float
+
+    @property
+    def full_power_ma(self) -> float:
+        """While the sensor runs: one emitter lit [mA]."""
+        return self.emitter_ma + self.amplifiers_ma + self.board_ma
+
+    @property
+    def fault_ma(self) -> float:
+        """With every emitter lit [mA]."""
+        return self.all_emitters_ma + self.amplifiers_ma + self.board_ma
+
+
+def supply_current(design: SensorDesign) -> SupplyCurrent:
+    """The currents of a design."""
+    cavity = cavity_of(design)
+    switches = [emitter_switch(one.part) for one in cavity.emitters]
+    each = [switch.current_ma + switch.base_current_ma for switch in switches]
+    return SupplyCurrent(
+        emitter_ma=max(each, default=0.0),
+        all_emitters_ma=sum(each),
+        amplifiers_ma=assumption("amplifier_supply_ma").value * len(cavity.receivers),
+        board_ma=assumption("board_supply_ma").value,
+    )

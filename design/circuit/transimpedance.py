@@ -29,9 +29,8 @@ from design.circuit.pins import board_of
 from design.errors import DesignError
 from design.fields.finding import Finding, error, warning
 from design.fields.quantity import Quantity, weakest
-from design.parts.assumptions import assumption
+from design.parts.assumptions import E12, assumption, standard_at_least, standard_at_most, standard_nearest
 from design.parts.catalog import Part
-from design.parts.standard_values import E12, standard_at_least, standard_at_most, standard_nearest
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 

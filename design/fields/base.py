@@ -1,8 +1,15 @@
-"""The base of every specification model, and the field types that several of them share."""
+"""The base of every specification model, and the field types that several of them share.
+
+Dotted paths into a design: listing them, setting one, and naming the nearest when one is unknown.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar
+import difflib
+from collections.abc import Iterator
+from functools import cache
+from types import NoneType
+from typing import Annotated, Any, ClassVar, get_args
 
 from pydantic import (
     AfterValidator,
@@ -13,7 +20,103 @@ from pydantic import (
     model_serializer,
 )
 
-from design.whole_file import name_fault
+from design.errors import DesignError
+from design.files import name_fault
+
+
+@cache
+def known_paths(model: type[BaseModel], prefix: str = "") -> tuple[str, ...]:
+    """Dotted paths of all fields of a model and of the models nested in it."""
+    found: list[str] = []
+    for name, field in model.model_fields.items():
+        path = f"{prefix}{name}"
+        options = get_args(field.annotation)
+        for inner in options if NoneType in options else (field.annotation,):
+            if isinstance(inner, type) and issubclass(inner, BaseModel):
+                found += known_paths(inner, f"{path}.")
+        found.append(path)
+    return tuple(found)
+
+
+def known_values(model: type[BaseModel]) -> tuple[str, ...]:
+    """Dotted paths of the fields that hold a value, not further fields."""
+    known = known_paths(model)
+    return tuple(path for path in known if not any(other.startswith(f"{path}.") for other in known))
+
+
+def get_at(document: Any, path: str) -> Any:
+    """The value at a dotted path of nested dicts and lists; KeyError when there is none."""
+    for key in path.split("."):
+        document = document[int(key)] if isinstance(document, list) else document[key]
+    return document
+
+
+def is_value(document: Any, path: str) -> bool:
+    """Whether a path leads to a value: not to nothing, and not to a table or list of values."""
+    try:
+        found = get_at(document, path)
+    except (KeyError, IndexError, ValueError, TypeError):
+        return False
+    return found is not None and not isinstance(found, dict | list)
+
+
+def set_at(document: dict[str, Any], path: str, value: Any, *, known: tuple[str, ...]) -> None:
+    """Set one dotted path in place; list items are addressed by number (``layout.0.count``).
+
+    Raises
+    ------
+    DesignError : the path does not exist; the nearest known names are offered.
+    """
+    *parents, last = path.split(".")
+    target: Any = document
+    try:
+        for key in parents:
+            target = target[int(key)] if isinstance(target, list) else _step_into(target, key, path, known)
+        if isinstance(target, list):
+            target[int(last)] = value
+        elif path in known or last in target or _free_keys(path):
+            target[last] = value
+        else:
+            raise KeyError(last)
+    except (KeyError, IndexError, ValueError, TypeError, AttributeError):
+        raise unknown_path(path, known) from None
+
+
+def leaves(document: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted path and value of everything in nested dicts and lists that is neither."""
+    if isinstance(document, dict | list):
+        items = document.items() if isinstance(document, dict) else enumerate(document)
+        for key, value in items:
+            yield from leaves(value, f"{path}.{key}" if path else str(key))
+    else:
+        yield path, document
+
+
+def nearest(name: str, known: tuple[str, ...]) -> list[str]:
+    """Up to three known names that look most like a mistyped one."""
+    return difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+
+
+def unknown_path(path: str, known: tuple[str, ...]) -> DesignError:
+    """The error for a path that no design has, with the nearest names."""
+    near = nearest(path, known)
+    if not near:
+        leaf = path.rsplit(".", 1)[-1]
+        near = [name for name in known if name.rsplit(".", 1)[-1] == leaf][:3]
+    hint = f"did you mean {', '.join(near)}?" if near else "`optopad schema` lists the fields"
+    return DesignError(f"{path}: no such field in a design; {hint}")
+
+
+def _step_into(target: dict[str, Any], key: str, path: str, known: tuple[str, ...]) -> Any:
+    if target.get(key) is None and (path in known or path.startswith("part_measurements.")):
+        target[key] = {}  # an optional table, or the user's first measurement of this part
+    return target[key]
+
+
+def _free_keys(path: str) -> bool:
+    """Whether a path lies in a part of the design whose keys the user chooses or may leave out."""
+    return path.startswith(("part_measurements.", "layout.")) and path.count(".") == 2
+
 
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,62}$"
 """Of designs, protocols and searches, which name files and folders."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from design.errors import DesignError
-from design.fields.paths import nearest
+from design.fields.base import nearest
 from design.fields.quantity import Quantity
 
 

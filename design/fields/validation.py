@@ -9,8 +9,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from design.errors import DesignError, shown
-from design.fields.base import IDENTIFIER_PATTERN, NAME_PATTERN
-from design.fields.paths import nearest
+from design.fields.base import IDENTIFIER_PATTERN, NAME_PATTERN, nearest
 
 LISTED_FINDINGS = 20
 WORDED_FINDINGS = 100

@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 
 from design.mold.sockets import Hole
-from design.shape.plan import Plan
+from design.shape.cavity import Plan
 
 SPRUE_RADIUS_MM, VENT_RADIUS_MM = 2.0, 1.0
 """A syringe's tip goes into the sprue; silicone rises in the vents when the mold is full."""

@@ -25,7 +25,7 @@ from design.fields.finding import Finding, error, mm
 from design.fields.packaged import data_table
 from design.mold.filling import SPRUE_RADIUS_MM, filling_offsets_mm, is_cast_under_lid
 from design.mold.lettering import OVERLAP, Stroke, area_mm2, strokes_of
-from design.shape.plan import plan_of
+from design.shape.cavity import plan_of
 from design.spec import SensorDesign
 
 DEPTH_MM = 0.6

@@ -24,11 +24,9 @@ from dataclasses import dataclass
 from design.mold.filling import filling_holes
 from design.mold.label import MoldLabel, mold_label
 from design.mold.part_numbers import PartNumber, part_numbers
-from design.mold.raised_sockets import Collar, by_wall, raised
-from design.mold.sockets import Box, Hole, Socket, WallFrame, socket_of
-from design.shape.cavity import CavityGeometry, PlacedPart, cavity_of
+from design.mold.sockets import Box, Collar, Hole, Socket, WallFrame, by_wall, raised, socket_of
+from design.shape.cavity import CavityGeometry, PlacedPart, Plan, cavity_of
 from design.shape.outline import Outline, Point
-from design.shape.plan import Plan
 from design.spec import Mold, SensorDesign
 
 LIP_MAX_MM = 1.5

@@ -14,7 +14,7 @@ for the south wall:
 Distances are in plan, except the floor under a pocket and the rim over a body. A negative value means
 that two cuts overlap. What is a wall of material needs `mold.min_web_mm`; a lead hole only has to stay
 inside its pocket. Pockets that keep a web to their wall's ends cannot meet around a corner. What a
-distance that is not kept means to the user is said in `design.rules.webs`.
+distance that is not kept means to the user is said in `design.rules.mold`.
 """
 
 from __future__ import annotations
@@ -24,10 +24,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 
-from design.fields.units import ROUNDING_MM
+from design.fields.quantity import ROUNDING_MM
 from design.mold.outline import MoldOutline, outline_of
-from design.mold.raised_sockets import by_wall
-from design.mold.sockets import Cut, Hole, Socket
+from design.mold.sockets import Cut, Hole, Socket, by_wall
 from design.spec import Mold, SensorDesign
 from design.spec.fits import clearance_mm
 

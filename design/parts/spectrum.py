@@ -6,6 +6,20 @@ responsivity, relative, in any unit. Simpson's rule on pieces of at most 10 nm; 
 
 What averaging the index, not the light, leaves out: a signal F(n) averages to F(mean) + F'' var(n) / 2 + ...; the
 first-order term vanishes by construction. `deviation` gives the root of var(n). Absorption is not averaged.
+
+Curves of data sheets as a digitiser writes them: an angular table or a spectrum from a CSV file.
+
+    angle_deg, relative        a heading, empty lines and lines that begin with # are skipped
+    -89.6, 0.02                rows in any order, as many as there are
+    0.31, 0.99
+
+What is done to the points, in this order, and said in the table:
+
+- Values below 0 by up to 2 % of the largest become 0; angles beyond 90 degrees by up to 1 become 90.
+- Points are sorted; of points at one angle or wavelength the mean is taken.
+- Angles on both sides of the axis are folded: the mean of both sides, where both have values.
+- A first angle of up to 2 degrees is taken for the axis.
+- More than 181 points become 181 at equal distances, by linear interpolation.
 """
 
 from __future__ import annotations
@@ -14,13 +28,137 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil, sqrt
-from typing import Annotated, Self
+from pathlib import Path
+from typing import Annotated, Any, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
+from design.arrays import FloatArray
+from design.errors import DesignError
 from design.fields.base import Model
-from design.fields.quantity import Confidence, Quantity, Text, weakest
-from design.fields.units import NM_PER_UM
+from design.fields.quantity import NM_PER_UM, Confidence, Quantity, Text, weakest
+from design.files import numbered_points
+
+CURVE_FILE = "curve_csv"
+CURVES = {
+    "angular_pattern": ("angle_deg", "relative"),
+    "angular_response": ("angle_deg", "relative"),
+    "spectrum": ("wavelength_nm", "weight"),
+}
+"""Tables of a part that may come from a file, and their two lists."""
+LARGEST_BELOW_ZERO = 0.02
+"""Of the largest value: what a digitiser reads below the axis of a diagram."""
+FARTHEST_FROM_AXIS_DEG = 2.0
+FARTHEST_BEYOND_DEG = 1.0
+MOST_POINTS = 181
+
+
+def with_curve(table: dict[str, Any], file: Path, kind: str) -> dict[str, Any]:
+    """A table with the points of its file in place of the file's name.
+
+    Parameters
+    ----------
+    table : fields of the table, `curve_csv` among them
+    file : that file
+    kind : one of `CURVES`
+
+    Raises
+    ------
+    DesignError : points are given twice, the file cannot be read, or its points are no such curve.
+    """
+    across, value = CURVES[kind]
+    if doubled := [name for name in (across, value) if name in table]:
+        raise DesignError(f"{file}: {kind} has {doubled[0]} and {CURVE_FILE}; keep one of the two")
+    needed = f"a CSV table with {across} and {value}, a row a point"
+    points = np.array([point for _, point in numbered_points(file, needed=needed, error=DesignError)])
+    changes: list[str] = []
+    where, values = points[:, 0], points[:, 1]
+    values = _from_zero(values, changes, file, value)
+    if across == "angle_deg":
+        where, values = _folded(where, values, changes, file)
+    elif where.max() < 20.0:
+        raise DesignError(f"{file}: {across} goes up to {where.max():g}; wavelengths are in nm, not in µm")
+    where, values = _sorted(where, values, changes)
+    if across == "angle_deg":
+        where = _from_axis(where, changes, file)
+    where, values, thinned = _thinned(where, values)
+    rest = {name: given for name, given in table.items() if name != CURVE_FILE}
+    adapted = {"adapted": f"{file.name}: {', '.join(changes + thinned)}"} if changes else {}
+    return rest | adapted | {across: where.round(6).tolist(), value: values.tolist()}
+
+
+def _from_zero(values: FloatArray, changes: list[str], file: Path, name: str) -> FloatArray:
+    largest, least = values.max(), values.min()
+    if largest <= 0.0 or least < -LARGEST_BELOW_ZERO * largest:
+        raise DesignError(
+            f"{file}: {name} goes from {least:g} to {largest:g}; needs values from 0, at most "
+            f"{LARGEST_BELOW_ZERO:.0%} of the largest below it; correct the axis of the digitised diagram"
+        )
+    if least < 0.0:
+        changes.append(f"{(values < 0.0).sum()} values down to {least:g} set to 0")
+    return np.maximum(values, 0.0)
+
+
+def _folded(
+    angles: FloatArray, values: FloatArray, changes: list[str], file: Path
+) -> tuple[FloatArray, FloatArray]:
+    """Angles of 0 to 90 degrees, and the mean of both sides of the axis."""
+    farthest = np.abs(angles).max()
+    if farthest > 90.0 + FARTHEST_BEYOND_DEG:
+        raise DesignError(
+            f"{file}: angle_deg goes up to {farthest:g}; needs angles to the axis, -90 to 90 degrees"
+        )
+    if farthest > 90.0:
+        changes.append(f"{(np.abs(angles) > 90.0).sum()} angles up to {farthest:g} deg set to 90")
+        angles = np.clip(angles, -90.0, 90.0)
+    if angles.min() >= 0.0:
+        return angles, values
+    if angles.max() < FARTHEST_FROM_AXIS_DEG:
+        changes.append("angles of the other side mirrored")
+        return -np.minimum(angles, 0.0), values
+    sides = [
+        _sorted(side * angles[side * angles >= 0.0], values[side * angles >= 0.0], [])
+        for side in (1.0, -1.0)
+        if (side * angles >= 0.0).any()
+    ]
+    grid = np.unique(np.concatenate([side for side, _ in sides]))
+    each = np.array([np.interp(grid, *side, right=np.nan) for side in sides])
+    apart = np.nanmax(np.ptp(each, axis=0)) / values.max()
+    changes.append(f"both sides of the axis averaged, {apart:.1%} of the largest apart at most")
+    return grid, np.nanmean(each, axis=0)
+
+
+def _sorted(where: FloatArray, values: FloatArray, changes: list[str]) -> tuple[FloatArray, FloatArray]:
+    """Rising points; one for each location."""
+    found, place, counts = np.unique(where, return_inverse=True, return_counts=True)
+    if (np.diff(where) < 0.0).any():
+        changes.append("points sorted")
+    if len(found) < len(where):
+        changes.append(f"{len(where) - len(found)} points at a location of another averaged")
+    return found, np.bincount(place, weights=values) / counts
+
+
+def _from_axis(angles: FloatArray, changes: list[str], file: Path) -> FloatArray:
+    first = angles[0]
+    if first > FARTHEST_FROM_AXIS_DEG:
+        raise DesignError(
+            f"{file}: angle_deg starts at {first:g}; needs a point at {FARTHEST_FROM_AXIS_DEG:g} or less"
+        )
+    if first > 0.0:
+        changes.append(f"the first angle, {first:g} deg, taken for the axis")
+    return np.concatenate([[0.0], angles[1:]])
+
+
+def _thinned(where: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, list[str]]:
+    """At most `MOST_POINTS` points; what is said of it."""
+    if len(where) <= MOST_POINTS:
+        return where, values, []
+    grid = np.linspace(where[0], where[-1], MOST_POINTS)
+    kept = np.interp(grid, where, values)
+    off = np.abs(np.interp(where, grid, kept) - values).max() / values.max()
+    return grid, kept, [f"{len(where)} points thinned to {MOST_POINTS}, {off:.1%} of the largest off at most"]
+
 
 LONGEST_PIECE_NM = 10.0
 MAX_POINTS = 400

@@ -4,6 +4,11 @@ A file is TOML (docs/how-to/simulate-data-set.md); `piacenza2017` and `piacenza2
 Depth is positive into the pad, 0 or less is untouched. Places lie in the workspace of the design unless `workspace_mm`
 says less. Grids are centred; the order of places is shuffled when data are drawn. Random places belong to the
 protocol, by their `place_seed`, so that the light of a protocol is one, whatever the seed of noise and order.
+
+How a tip is driven while its load is read: steps to a depth and back, with pauses.
+
+Values with their sources are data (`data/load_protocols.toml`). What load belongs to a protocol is the
+contact model's business.
 """
 
 from __future__ import annotations
@@ -11,7 +16,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -21,14 +26,65 @@ from pydantic import Field, ValidationError, model_validator
 
 from design.arrays import BoolArray, FloatArray
 from design.errors import DesignError, InputError, ModelScopeError
-from design.fields.base import FileName, Model
-from design.fields.packaged import packaged_or_own
+from design.fields.base import FileName, Model, nearest
+from design.fields.packaged import data_table, packaged_or_own
+from design.fields.quantity import Quantity, Text
 from design.fields.validation import design_error
 from design.io import read_toml
 from design.recordings import SetEntry
 from design.shape.cavity import workspace_of
 from design.shape.outline import Outline, rectangle
 from design.spec import SensorDesign, canonical_json
+
+
+class LoadProtocol(Model):
+    """Steps of one size at one speed to the deepest press and back, and a pause after each."""
+
+    title: Text
+    step_mm: Quantity
+    deepest_mm: Quantity
+    pause_s: Quantity
+    speed_mm_per_s: Quantity
+
+    @model_validator(mode="after")
+    def _can_be_driven(self) -> Self:
+        for name in ("step_mm", "speed_mm_per_s"):
+            if not getattr(self, name).value > 0.0:
+                raise ValueError(f"{name}: {getattr(self, name).value:g} must be above 0")
+        if self.pause_s.value < 0.0:
+            raise ValueError(f"pause_s: {self.pause_s.value:g} must be at least 0")
+        count = self.deepest_mm.value / self.step_mm.value
+        if round(count) < 1 or abs(count - round(count)) > 1e-9:
+            raise ValueError(
+                f"deepest_mm: {self.deepest_mm.value:g} must be a whole number of steps of {self.step_mm.value:g}"
+            )
+        return self
+
+    @property
+    def steps(self) -> int:
+        """Steps from contact to the deepest press."""
+        return round(self.deepest_mm.value / self.step_mm.value)
+
+
+@cache
+def _packaged() -> dict[str, LoadProtocol]:
+    return {name: LoadProtocol.model_validate(row) for name, row in data_table("load_protocols.toml").items()}
+
+
+def load_protocol(name: str) -> LoadProtocol:
+    """A packaged protocol.
+
+    Raises
+    ------
+    InputError : there is none of that name; the nearest, or all, are named
+    """
+    known = _packaged()
+    if name not in known:
+        near = nearest(name, tuple(known))
+        hint = f"did you mean {near[0]}?" if near else f"there are: {', '.join(sorted(known))}"
+        raise InputError(f"load protocol: {name!r} is not known; {hint}")
+    return known[name]
+
 
 PROTOCOLS = ("piacenza2017", "piacenza2017-quick")
 """Packaged protocols."""

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from design.errors import DesignError
+from design.fields.base import leaves
 from design.fields.finding import Finding, warning
-from design.fields.paths import leaves
 from design.mold.label import label_findings
 from design.rules.board import board_findings, circuit_findings
 from design.rules.finish import angle_findings, finish_findings
@@ -25,10 +25,9 @@ from design.rules.light import (
     path_findings,
     workspace_findings,
 )
-from design.rules.mold import mold_findings, reach_notes
+from design.rules.mold import mold_findings, reach_notes, web_findings
 from design.rules.reference import entry_findings, found_board, part_findings
 from design.rules.shape import is_spanned, shape_findings, span_findings
-from design.rules.webs import web_findings
 from design.shape.cavity import CavityGeometry, cavity_of
 from design.spec import SensorDesign
 from design.spec.layout import MAX_PER_KIND, Placement, expand

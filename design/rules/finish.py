@@ -8,7 +8,7 @@ from design.errors import DesignError
 from design.fields.finding import Finding, error, warning
 from design.parts.angular import FLAT_FACE_LEAST_DEG
 from design.parts.catalog import Part
-from design.parts.curve_file import CURVES
+from design.parts.spectrum import CURVES
 from design.shape.cavity import CavityGeometry
 from design.spec import SensorDesign
 from design.spec.properties import entries_of, wall_index

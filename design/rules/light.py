@@ -14,8 +14,8 @@ import numpy as np
 
 from design.errors import DesignError
 from design.fields.finding import Finding, error, mm, warning
-from design.fields.units import ROUNDING_MM
-from design.rules.contact_scope import (
+from design.fields.quantity import ROUNDING_MM
+from design.rules.shape import (
     CROWNED_LAYER_RANGE,
     DEEPEST_PRESS,
     LARGEST_SHARE_OF_LAYER,
@@ -25,9 +25,16 @@ from design.rules.contact_scope import (
     deepest_modelled_mm,
     thinnest_elastic_mm,
 )
-from design.shape.cavity import CavityGeometry, PlacedPart
-from design.shape.pairs import beside_chord, direct_path_pairs, facing_pairs, is_facing_rows, pair_name
-from design.shape.plan import plan_of
+from design.shape.cavity import (
+    CavityGeometry,
+    PlacedPart,
+    beside_chord,
+    direct_path_pairs,
+    facing_pairs,
+    is_facing_rows,
+    pair_name,
+    plan_of,
+)
 from design.spec import SensorDesign, properties
 from design.spec.layout import MAX_PER_KIND, Kind
 

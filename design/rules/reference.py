@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from design.errors import DesignError
+from design.fields.base import nearest
 from design.fields.finding import Finding, error
-from design.fields.paths import nearest
 from design.parts import catalog
 from design.parts.catalog import Board, CatalogEntries
 from design.shape.cavity import part_field

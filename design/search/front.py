@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from design.arrays import BoolArray, FloatArray
-from design.search.judged import Tried
+from design.search.improve import Tried
 from design.search.space import SearchSpace
 
 

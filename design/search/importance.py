@@ -12,8 +12,8 @@ import optuna
 from optuna.importance import PedAnovaImportanceEvaluator
 from optuna.trial import FrozenTrial, TrialState
 
+from design.search.explore import opened_study, trials_in
 from design.search.space import SearchSpace
-from design.search.study import opened_study, trials_in
 
 LEAST_DESIGNS = 20
 """Fewer say nothing about a tenth of them."""

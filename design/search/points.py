@@ -6,9 +6,8 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 
-from design.fields.paths import get_at
-from design.search.improve import cost_of, usable_of, worth
-from design.search.judged import Tried
+from design.fields.base import get_at
+from design.search.improve import Tried, cost_of, usable_of, worth
 from design.search.space import ROUND_DIGITS, SearchSpace, SpaceField, Value
 from design.spec.cheap_fields import CLEAR, HEIGHTS
 

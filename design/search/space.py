@@ -39,9 +39,8 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, ValidationError, model_validator
 
 from design.errors import DesignError, shown
-from design.fields.base import FileName, Model
+from design.fields.base import FileName, Model, get_at, known_paths, nearest, set_at, unknown_path
 from design.fields.packaged import packaged_or_own
-from design.fields.paths import get_at, known_paths, nearest, set_at, unknown_path
 from design.fields.validation import design_error
 from design.io import load_design, read_toml
 from design.preset import PRESETS, preset

@@ -10,20 +10,199 @@ active face is flush with the inner face of the wall, its body reaches outward.
         |  |______|        0: bottom of the clear layer
         |  | black |       -black thickness
         |  | floor |       -black thickness - floor
+
+The pad of a design in plan, and its top: the outline with the facets of its parts, and the crown.
+
+Which emitter-receiver pairs are judged, in which order, and where each is pressed.
+
+A pair has a direct path when its parts sit in different walls. It is judged, under a press at its chord's midpoint
+clamped to the workspace, if the tip comes over the chord there: pairs of one wall, and those across a corner that no
+press comes between, are reported and not judged. In facing rows (all emitters in one wall, all receivers in the
+opposite one) the judged pairs are the facing ones, the middle one first.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from design.arrays import BoolArray, FloatArray
 from design.errors import DesignError
 from design.parts.catalog import Part
-from design.shape.outline import Line, Outline, outline_in
-from design.shape.plan import Plan, facet, plan_of
+from design.shape.outline import Arc, Line, Outline, Point, outline_in
+from design.shape.top import Top
 from design.spec import SensorDesign
 from design.spec.fits import clearance_mm
-from design.spec.layout import Kind, Placement, expand
+from design.spec.layout import OPPOSITE, Kind, Placement, angle_name, expand
 from design.spec.properties import part_of
+
+NODES = 32
+"""Of Gauss' rule along each wall, and from the middle to it."""
+TURN_RAD = 2.0 * math.pi / 96
+"""Turn of a round wall between two corners: it stands out between them by 5e-4 of its radius."""
+PIECES = 16
+"""Pieces that a straight wall under a curved edge is drawn in."""
+
+
+def facet(arc: Arc, angle_deg: float, half_width_mm: float) -> Line:
+    """A flat facet cut into a round wall; along is 0 at its low end and grows with the angle.
+
+    Parameters
+    ----------
+    arc : the round wall
+    angle_deg : direction from its centre, 0 along x, 90 along y
+    half_width_mm : of the facet, below the radius
+    """
+    cosine, sine = _unit(angle_deg)
+    outward, tangent = (cosine, sine), (-sine, cosine)
+    (x, y), depth = arc.centre_mm, math.sqrt(max(arc.radius_mm**2 - half_width_mm**2, 0.0))
+    return Line(
+        name=angle_name(angle_deg),
+        origin=(
+            x + depth * cosine - half_width_mm * tangent[0],
+            y + depth * sine - half_width_mm * tangent[1],
+        ),
+        tangent=tangent,
+        outward=outward,
+        length_mm=2.0 * half_width_mm,
+    )
+
+
+def _unit(angle_deg: float) -> Point:
+    """Cosine and sine, exact at quarter turns."""
+    turns, rest = divmod(angle_deg % 360.0, 90.0)
+    cosine, sine = math.cos(math.radians(rest)), math.sin(math.radians(rest))
+    for _ in range(int(turns)):
+        cosine, sine = -sine, cosine
+    return cosine + 0.0, sine + 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """Outline and top of a pad.
+
+    Attributes
+    ----------
+    outline : in plan, with the facets of a disc's parts
+    top : untouched
+    """
+
+    outline: Outline
+    top: Top
+
+    @property
+    def is_block(self) -> bool:
+        """Whether top and walls are flat and at right angles: mirror images then give its light exactly."""
+        return self.top.is_flat and self.outline.kind == "rectangle"
+
+    @property
+    def has_origin_corner(self) -> bool:
+        """Whether x and y are counted from a corner of its own, and not from one of the box around it."""
+        return self.contains(0.0, 0.0)
+
+    @property
+    def walls(self) -> tuple[Line, ...]:
+        """The flat walls."""
+        return self.outline.lines
+
+    @property
+    def length_mm(self) -> float:
+        """Inner size along x [mm]."""
+        return self.outline.box_mm[2]
+
+    @property
+    def width_mm(self) -> float:
+        """Inner size along y [mm]."""
+        return self.outline.box_mm[3]
+
+    @property
+    def clear_mm(self) -> float:
+        """Height of the top at its highest point [mm]."""
+        return self.top.clear_mm
+
+    @property
+    def centre_mm(self) -> Point:
+        """Middle of the pad, under the highest point (x, y)."""
+        return self.outline.centre_mm
+
+    @property
+    def radius_mm(self) -> float:
+        """Distance of its farthest place from the middle; of a disc its radius [mm]."""
+        if self.has_origin_corner:
+            return math.hypot(self.length_mm, self.width_mm) / 2
+        return max(self.length_mm, self.width_mm) / 2
+
+    def stands_mm(self, wall: Line) -> float:
+        """Distance of a wall from the middle [mm]."""
+        return -wall.along_and_outward_mm(*self.centre_mm)[1]
+
+    @property
+    def area_mm2(self) -> float:
+        """Area in plan."""
+        return self.outline.area_mm2
+
+    @property
+    def rim_mm(self) -> tuple[float, float]:
+        """Lowest and highest place of the top's edge: where the untouched top meets the walls [mm]."""
+        (x, y), (x0, y0, x1, y1) = self.centre_mm, self.outline.box_mm
+        places = [end for line in self.walls for end in line.ends]
+        places += [line.point(line.along_and_outward_mm(x, y)[0]) for line in self.walls]
+        sides = [(x, y0), (x1, y), (x, y1), (x0, y)]
+        places += [place for place in sides if self.outline.contains(*place)]
+        heights = [self.top_mm(*place) for place in places]
+        return min(heights), max(heights)
+
+    def top_mm(self, x_mm: float, y_mm: float) -> float:
+        """Height of the untouched top above the bottom of the clear layer [mm]."""
+        return float(self.top.height_mm(x_mm, y_mm))
+
+    def normal(self, x_mm: float, y_mm: float) -> tuple[float, float, float]:
+        """Unit vector out of the untouched top: a press goes against it."""
+        nx, ny, nz = self.top.normal(x_mm, y_mm).tolist()
+        return nx, ny, nz
+
+    def contains(self, x_mm: float, y_mm: float) -> bool:
+        """Whether a place lies in the pad, its border included."""
+        return bool(self.outline.contains(x_mm, y_mm))
+
+    @property
+    def clear_volume_mm3(self) -> float:
+        """Volume of the clear layer below the untouched top [mm3]."""
+        x, y, weight = self.outline.integral(self.centre_mm, NODES)
+        return self.area_mm2 * self.clear_mm - float(weight @ self.top.sag_mm(x, y))
+
+
+def plan_of(design: SensorDesign, facets: Sequence[Line] = ()) -> Plan:
+    """The plan of a design; `facets` of a disc are those of its placed parts."""
+    size, crown = design.cavity, design.crown
+    box = (0.0, 0.0, size.length_mm, size.width_mm)
+    outline = outline_in(size.outline, box, facets)
+    bend = 0.0 if crown is None else 1.0 / crown.radius_mm
+    straight = None if crown is None else crown.axis
+    top = Top(
+        clear_mm=size.clear_thickness_mm,
+        apex_mm=outline.centre_mm,
+        kx=0.0 if straight == "x" else bend,
+        ky=0.0 if straight == "y" else bend,
+    )
+    return Plan(outline=outline, top=top)
+
+
+def outline_mm(plan: Plan) -> FloatArray:
+    """(n, 2) corners of a pad in plan, counter-clockwise [mm]."""
+    return plan.outline.points(TURN_RAD)
+
+
+def edge_mm(plan: Plan) -> FloatArray:
+    """(n, 3) edge of the untouched top: corners in plan, more of them under a crown, and its height there [mm].
+
+    Heights are not numbers where a crown is too tight for its pad.
+    """
+    corners = plan.outline.points(TURN_RAD, 1 if plan.top.is_flat else PIECES)
+    return np.column_stack([corners, plan.top.height_mm(*corners.T)])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -218,3 +397,89 @@ def _placed(design: SensorDesign, place: Placement, bare: Plan) -> PlacedPart:
 def _top_over_mm(bare: Plan, line: Line, along_mm: float, half_width_mm: float) -> float:
     """Height of the untouched top over an active area: at its lower side [mm]."""
     return min(bare.top_mm(*line.point(along_mm + side)) for side in (-half_width_mm, half_width_mm))
+
+
+FACING_TOLERANCE_MM = 1e-6
+"""Two parts face each other when their places along the wall agree; patterns make them agree exactly."""
+
+
+def direct_path_pairs(cavity: CavityGeometry) -> BoolArray:
+    """(emitter, receiver) pairs whose parts sit in different walls."""
+    return np.array(
+        [[e.wall != r.wall for r in cavity.receivers] for e in cavity.emitters], dtype=np.bool_
+    ).reshape(len(cavity.emitters), len(cavity.receivers))
+
+
+def is_facing_rows(cavity: CavityGeometry) -> bool:
+    """Whether emitters and receivers sit in opposite walls and at least one of each face each other."""
+    return bool(facing_pairs(cavity))
+
+
+def _sit_opposite(cavity: CavityGeometry) -> bool:
+    """Whether all emitters sit in one wall and all receivers in the opposite one."""
+    emitter_walls = {part.wall for part in cavity.emitters}
+    receiver_walls = {part.wall for part in cavity.receivers}
+    opposite = {wall: other for wall, other in OPPOSITE.items() if emitter_walls == {wall}}
+    return receiver_walls == set(opposite.values()) and bool(opposite)
+
+
+def facing_pairs(cavity: CavityGeometry) -> tuple[tuple[int, int], ...]:
+    """(emitter, receiver) numbers at the same place along facing rows, the middle pair first."""
+    if not _sit_opposite(cavity):
+        return ()
+    pairs = [
+        (i, j)
+        for i, e in enumerate(cavity.emitters)
+        for j, r in enumerate(cavity.receivers)
+        if abs(e.along_mm - r.along_mm) <= FACING_TOLERANCE_MM
+    ]
+    middle = cavity.wall_length_mm(cavity.emitters[0].wall) / 2
+    return tuple(sorted(pairs, key=lambda pair: abs(cavity.emitters[pair[0]].along_mm - middle)))
+
+
+def judged_pairs(cavity: CavityGeometry) -> tuple[tuple[int, int], ...]:
+    """(emitter, receiver) numbers that are judged one by one, and that set the gain; facing pairs in facing rows.
+
+    Of a pad, pairs whose straight path lies within a tip radius of their press; all with a direct path if none does.
+    """
+    facing = facing_pairs(cavity)
+    if facing:
+        return facing
+    direct = tuple((int(i), int(j)) for i, j in np.argwhere(direct_path_pairs(cavity)))
+    return tuple(pair for pair in direct if _comes_between(cavity, pair)) or direct
+
+
+def _comes_between(cavity: CavityGeometry, pair: tuple[int, int]) -> bool:
+    """Whether the tip is over a pair's chord where the pair is pressed."""
+    return beside_chord(cavity, pair, chord_midpoint_mm(cavity, pair))[0] <= cavity.tip_radius_mm
+
+
+def beside_chord(
+    cavity: CavityGeometry, pair: tuple[int, int], place_mm: tuple[float, float]
+) -> tuple[float, float]:
+    """Distance of a place from a pair's chord [mm], and where along it it is nearest, from 0 (emitter) to 1 [-]."""
+    ends = (cavity.emitters[pair[0]], cavity.receivers[pair[1]])
+    start, end = (np.array(part.position_mm[:2]) for part in ends)
+    along, to_place = end - start, np.array(place_mm) - start
+    share = float(np.clip(to_place @ along / (along @ along), 0.0, 1.0))
+    return float(np.hypot(*(to_place - share * along))), share
+
+
+def pair_name(cavity: CavityGeometry, pair: tuple[int, int]) -> str:
+    """A pair's name, as E1-R3."""
+    return f"{cavity.emitters[pair[0]].name}-{cavity.receivers[pair[1]].name}"
+
+
+def mask_of(pairs: tuple[tuple[int, int], ...], cavity: CavityGeometry) -> BoolArray:
+    """(emitter, receiver) mask of a list of pairs."""
+    mask = np.zeros((len(cavity.emitters), len(cavity.receivers)), dtype=np.bool_)
+    for i, j in pairs:
+        mask[i, j] = True
+    return mask
+
+
+def chord_midpoint_mm(cavity: CavityGeometry, pair: tuple[int, int]) -> tuple[float, float]:
+    """Midpoint of a pair's chord, clamped to the workspace (x, y) [mm]."""
+    ex, ey, _ = cavity.emitters[pair[0]].position_mm
+    rx, ry, _ = cavity.receivers[pair[1]].position_mm
+    return cavity.workspace.clamped((ex + rx) / 2, (ey + ry) / 2)

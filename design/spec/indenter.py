@@ -1,12 +1,68 @@
-"""The tip that presses: its fields. Its outline is in `design.spec.tip_shape`."""
+r"""The tip that presses: its fields. Its outline is in `design.spec.indenter`.
+
+A tip's radial profile from a CSV file: radius and height above the apex of each point, in mm.
+
+    r_mm, height_mm        a heading, empty lines and lines that begin with # are skipped
+    0.0, 0.0               the apex
+    1.5, 0.4
+    3.0, 3.0               the shank, at indenter.tip_radius_mm
+
+Numbers are separated by a comma, a semicolon or blanks, with a point for decimals. A file that is no
+function of radius is refused with its row.
+
+The tip's outline: what the solver presses, what the printer makes and what the report says, from one place.
+
+       |  |      shank, of tip_radius_mm, as long as wanted
+       |  |
+       \  /     outline: arcs and straight lines from the apex (0, 0) to the shank
+        --       apex; heights are above it
+
+| shape      | outline                                                                                |
+|------------|----------------------------------------------------------------------------------------|
+| hemisphere | a quarter of a circle                                                                  |
+| flat_punch | a flat face, and an edge of edge_radius_mm                                             |
+| cone       | an apex of apex_radius_mm, a flank, an edge of edge_radius_mm; cone_half_angle_deg is  |
+|            | between axis and flank                                                                 |
+| profile    | straight lines through the user's points                                               |
+
+Everything here is plain geometry; whether the contact model resolves a small radius is its own affair.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
+from design.errors import DesignError
 from design.fields.base import Model
+from design.files import numbered_points
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    pass
+
+NEEDED = "a CSV table with the radius and height of a tip in mm, a row a point"
+
+
+def read_profile(file: Path) -> list[list[float]]:
+    """Radius and height of the points of a profile [mm].
+
+    Raises
+    ------
+    DesignError : the file cannot be read, a row is no pair of numbers, or the points are no tip.
+    """
+    found = numbered_points(file, needed=NEEDED, error=DesignError)
+    rows, points = [number for number, _ in found], [point for _, point in found]
+    fault = profile_fault(points, None, lambda index: f"{file}: row {rows[index]}")
+    if fault is not None:
+        raise DesignError(fault)
+    return [list(point) for point in points]
 
 
 class Indenter(Model):
@@ -38,3 +94,205 @@ class Indenter(Model):
             description="profile: radius and height above the apex of each point, from [0, 0] to the shank",
         ),
     ] = None
+
+
+DEFAULT_ROUNDING = 0.1
+"""Edge and apex radius where none is given [tip radii]."""
+DEFAULT_HALF_ANGLE_DEG = 60.0
+"""Half angle of a cone where none is given [deg]."""
+SMALLEST_STEP_MM = 1e-3
+"""Least distance between the radii of neighbouring points of a profile [mm]."""
+END_TOLERANCE_MM = 1e-6
+"""How far a profile may end from the shank [mm]."""
+HIGHEST_PROFILE_MM = 50.0
+"""Highest point of a profile [mm]."""
+OWN_FIELDS = {
+    "hemisphere": (),
+    "flat_punch": ("edge_radius_mm",),
+    "cone": ("cone_half_angle_deg", "apex_radius_mm", "edge_radius_mm"),
+    "profile": ("profile_mm",),
+}
+"""Fields beside `tip_radius_mm` that each shape has."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Piece:
+    """A straight line or an arc of a tip's outline, from the axis outward; lengths in mm.
+
+    Attributes
+    ----------
+    start, end : radius and height above the apex
+    centre : of an arc; (0, 0) for a line
+    radius : of an arc, which bulges outward; 0 for a line
+    """
+
+    start: tuple[float, float]
+    end: tuple[float, float]
+    centre: tuple[float, float] = (0.0, 0.0)
+    radius: float = 0.0
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """The point half-way along the piece."""
+        if self.radius == 0.0:
+            return 0.5 * (self.start[0] + self.end[0]), 0.5 * (self.start[1] + self.end[1])
+        angle = 0.5 * (_angle(self, self.start) + _angle(self, self.end))
+        return self.centre[0] + self.radius * math.sin(angle), self.centre[1] - self.radius * math.cos(angle)
+
+
+def tip_outline(indenter: Indenter) -> tuple[Piece, ...]:
+    """The outline from the apex to the shank."""
+    tip = indenter.tip_radius_mm
+    if indenter.shape == "hemisphere":
+        return (_arc((0.0, tip), tip, 0.0, 0.5 * math.pi),)
+    if indenter.shape == "profile":
+        points = indenter.profile_mm or ()
+        return tuple(Piece(start=a, end=b) for a, b in pairwise(points))
+    edge = DEFAULT_ROUNDING * tip if indenter.edge_radius_mm is None else indenter.edge_radius_mm
+    if indenter.shape == "flat_punch":
+        return _pieces(tip, apex=edge, edge=edge, steepness=0.0)
+    half_angle = indenter.cone_half_angle_deg or DEFAULT_HALF_ANGLE_DEG
+    apex = DEFAULT_ROUNDING * tip if indenter.apex_radius_mm is None else indenter.apex_radius_mm
+    return _pieces(tip, apex=apex, edge=edge, steepness=0.5 * math.pi - math.radians(half_angle))
+
+
+def tip_height_mm(indenter: Indenter) -> float:
+    """Height of the shank's beginning above the apex [mm]."""
+    return tip_outline(indenter)[-1].end[1]
+
+
+def tip_volume_mm3(indenter: Indenter) -> float:
+    """Volume between the apex and the shank's beginning [mm3]."""
+    return math.fsum(_volume_mm3(piece) for piece in tip_outline(indenter))
+
+
+def tip_words(indenter: Indenter) -> str:
+    """The tip in words, for reports and messages."""
+    tip, pieces = indenter.tip_radius_mm, tip_outline(indenter)
+    if indenter.shape == "flat_punch":
+        return f"flat punch of {tip:g} mm radius, its edge rounded by {pieces[-1].radius:g} mm"
+    if indenter.shape == "cone":
+        half_angle = indenter.cone_half_angle_deg or DEFAULT_HALF_ANGLE_DEG
+        return (
+            f"cone of {half_angle:g} degrees between axis and flank, {tip:g} mm radius, its apex rounded by "
+            f"{pieces[0].radius:g} mm, its edge by {pieces[-1].radius:g} mm"
+        )
+    if indenter.shape == "profile":
+        return f"own profile of {len(pieces) + 1} points, {tip:g} mm radius"
+    return f"hemisphere of {tip:g} mm radius"
+
+
+def shape_fault(indenter: Indenter) -> str | None:
+    """What is wrong with the fields taken together: field, value, limit and way out; None if nothing."""
+    own = OWN_FIELDS[indenter.shape]
+    for field in sorted({name for names in OWN_FIELDS.values() for name in names} - set(own)):
+        if getattr(indenter, field) is not None:
+            owners = " or ".join(repr(shape) for shape, names in OWN_FIELDS.items() if field in names)
+            return (
+                f"indenter.{field}: belongs to indenter.shape {owners}, and the shape is "
+                f"{indenter.shape!r}; remove it or change the shape"
+            )
+    for field in ("edge_radius_mm", "apex_radius_mm"):
+        value = getattr(indenter, field)
+        if value is not None and value > indenter.tip_radius_mm:
+            return (
+                f"indenter.{field}: {value:g} is refused: must be at most indenter.tip_radius_mm = "
+                f"{indenter.tip_radius_mm:g} mm"
+            )
+    if indenter.shape != "profile":
+        return None
+    if indenter.profile_mm is None:
+        return (
+            "indenter.profile_mm: is missing; indenter.shape 'profile' needs the tip's points as [[radius, "
+            "height], ...], or indenter.profile_csv with the name of a file that holds them"
+        )
+    return profile_fault(
+        indenter.profile_mm, indenter.tip_radius_mm, lambda index: f"indenter.profile_mm.{index}"
+    )
+
+
+def profile_fault(
+    points: Sequence[tuple[float, float]], tip_radius_mm: float | None, name: Callable[[int], str]
+) -> str | None:
+    """Why points are no tip: height has to be a function of radius, from the apex to the shank.
+
+    Parameters
+    ----------
+    points : radius and height above the apex of each point [mm]
+    tip_radius_mm : radius of the shank, where the profile has to end [mm]; None leaves that open
+    name : what to call the point of an index
+    """
+    if math.hypot(*points[0]) > END_TOLERANCE_MM:
+        return f"{name(0)}: {_shown(points[0])} is refused: a profile starts at its apex, [0, 0]"
+    for index in range(1, len(points)):
+        (r0, h0), (r1, h1) = points[index - 1], points[index]
+        if r1 < r0 + SMALLEST_STEP_MM:
+            return (
+                f"{name(index)}: radius {r1:g} mm after {r0:g} mm is refused: height must be a function of radius, "
+                f"which has to grow by {SMALLEST_STEP_MM:g} mm at least; sort the points or leave this one out"
+            )
+        if h1 < h0:
+            return (
+                f"{name(index)}: height {h1:g} mm after {h0:g} mm is refused: heights above the apex must not fall, "
+                "because the apex touches first; give heights upward from the lowest point"
+            )
+    last = len(points) - 1
+    if tip_radius_mm is not None and abs(points[last][0] - tip_radius_mm) > END_TOLERANCE_MM:
+        return (
+            f"{name(last)}: radius {points[last][0]:g} mm is refused: the profile has to end at the shank, "
+            f"indenter.tip_radius_mm = {tip_radius_mm:g} mm; add the missing points or change the tip radius"
+        )
+    if points[last][1] > HIGHEST_PROFILE_MM:
+        return (
+            f"{name(last)}: height {points[last][1]:g} mm is refused: at most {HIGHEST_PROFILE_MM:g} mm "
+            "(heights are in millimetres)"
+        )
+    return None
+
+
+def _shown(point: tuple[float, float]) -> str:
+    return f"[{point[0]:g}, {point[1]:g}]"
+
+
+def _arc(centre: tuple[float, float], radius: float, first: float, last: float) -> Piece:
+    """An arc between two angles from the downward direction [rad]."""
+    start, end = (
+        (centre[0] + radius * math.sin(angle), centre[1] - radius * math.cos(angle))
+        if 0.0 < angle < 0.5 * math.pi
+        else ((centre[0], centre[1] - radius) if angle == 0.0 else (centre[0] + radius, centre[1]))
+        for angle in (first, last)
+    )
+    return Piece(start=start, end=end, centre=centre, radius=radius)
+
+
+def _pieces(tip: float, *, apex: float, edge: float, steepness: float) -> tuple[Piece, ...]:
+    """Apex arc, straight flank and edge arc, tangent to each other; steepness is the flank's angle [rad]."""
+    sine, cosine = math.sin(steepness), math.cos(steepness)
+    flank = max(0.0, (tip - edge + edge * sine - apex * sine) / cosine)
+    low = (apex * sine, apex * (1.0 - cosine))
+    high = (low[0] + flank * cosine, low[1] + flank * sine)
+    found = [_arc((0.0, apex), apex, 0.0, steepness)] if steepness > 0.0 else []
+    if flank > 0.0:
+        found.append(Piece(start=low, end=high))
+    found.append(_arc((tip - edge, high[1] + edge * cosine), edge, steepness, 0.5 * math.pi))
+    return tuple(found)
+
+
+def _volume_mm3(piece: Piece) -> float:
+    """Integral of pi r² dh along a piece."""
+    (r0, h0), (r1, h1) = piece.start, piece.end
+    if piece.radius == 0.0:
+        return math.pi / 3.0 * (h1 - h0) * (r0 * r0 + r0 * r1 + r1 * r1)
+    return _arc_volume(piece, _angle(piece, piece.end)) - _arc_volume(piece, _angle(piece, piece.start))
+
+
+def _angle(piece: Piece, point: tuple[float, float]) -> float:
+    """Angle of an arc's point from the downward direction [rad]."""
+    return math.atan2(point[0] - piece.centre[0], piece.centre[1] - point[1])
+
+
+def _arc_volume(piece: Piece, angle: float) -> float:
+    """Antiderivative of pi (c + q sin a)² q sin a over the angle a."""
+    c, q, cosine = piece.centre[0], piece.radius, math.cos(angle)
+    square = 0.5 * angle - 0.25 * math.sin(2.0 * angle)
+    return math.pi * (-c * c * q * cosine + 2.0 * c * q * q * square + q**3 * (cosine**3 / 3.0 - cosine))

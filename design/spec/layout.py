@@ -1,7 +1,7 @@
 """Where emitters and receivers sit: patterns, and their expansion to single places.
 
 On a disc parts go by angle: their direction from the centre, 0 degrees along x, 90 along y. Each has a flat facet of
-its own in the round wall (`design.shape.plan`). On a rectangle they go by wall. Walls seen from above; `along` runs
+its own in the round wall (`design.shape.cavity`). On a rectangle they go by wall. Walls seen from above; `along` runs
 with x on south and north, with y on east and west:
 
         y                north

@@ -1,4 +1,4 @@
-"""The pad of silicone: outline, size, layers, and the crown of its top. What they look like: `design.shape.plan`."""
+"""The pad of silicone: outline, size, layers, and the crown of its top. What they look like: `design.shape.cavity`."""
 
 from __future__ import annotations
 

@@ -12,10 +12,9 @@ from functools import cache
 from pydantic import ValidationError
 
 from design.errors import DesignError
+from design.fields.base import get_at
 from design.fields.packaged import data_table
-from design.fields.paths import get_at
-from design.fields.quantity import Confidence
-from design.fields.units import NM_PER_UM, absorption_per_mm, lambertian_order
+from design.fields.quantity import NM_PER_UM, Confidence, absorption_per_mm, lambertian_order
 from design.parts import catalog
 from design.parts.catalog import CatalogEntries, Elastomer, Part, Quantity
 from design.parts.spectrum import SpectralIndex, spectral_index

@@ -16,9 +16,9 @@ from functools import cache
 from typing import Literal
 
 from design.errors import DesignError
+from design.fields.base import get_at, is_value, known_values, unknown_path
 from design.fields.finding import Finding, error
 from design.fields.packaged import data_table
-from design.fields.paths import get_at, is_value, known_values, unknown_path
 from design.fields.quantity import Quantity
 from design.spec import SensorDesign
 from design.spec.properties import UsedValue, used_values

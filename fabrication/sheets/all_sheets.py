@@ -1,19 +1,63 @@
-"""All sheets of a design, written into the bundle's folder."""
+"""All sheets of a design, written into the bundle's folder.
+
+The wiring table: every part, where it sits, and what its leads go to.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from design.io import write_text_atomically
 from design.spec import SensorDesign
+from fabrication.connections import Connection, connections_of
 from fabrication.driver_config import dump_driver_config
 from fabrication.gain import SimulatedGain
 from fabrication.sheets.bom import bom_csv
 from fabrication.sheets.casting import casting_md
 from fabrication.sheets.orientation_svg import orientation_svg
 from fabrication.sheets.schematic_svg import schematic_svg
-from fabrication.sheets.wiring import wiring_csv
+from fabrication.sheets.table import Cell, csv_text
 from fabrication.sheets.wiring_svg import wiring_svg
+
+COLUMNS = (
+    "reference",
+    "kind",
+    "part",
+    "wall",
+    "along_mm",
+    "height_mm",
+    "pin",
+    "state",
+    "column",
+    "polarity",
+)
+
+
+def wiring_csv(design: SensorDesign) -> str:
+    """The wiring table as CSV: emitters in the order of states, then receivers in the order of columns.
+
+    Raises
+    ------
+    DesignError : parts or pins that the catalogue or the board does not have.
+    """
+    return csv_text(COLUMNS, (_cells(one) for one in connections_of(design).all))
+
+
+def _cells(one: Connection) -> Sequence[Cell]:
+    is_emitter = one.part.kind == "emitter"
+    return (
+        one.part.name,
+        one.part.kind,
+        one.part.part_id,
+        one.part.wall,
+        one.part.along_mm,
+        one.part.height_mm,
+        one.pin,
+        one.number if is_emitter else None,
+        None if is_emitter else one.number,
+        one.polarity,
+    )
 
 
 def sheet_texts(design: SensorDesign, gain: SimulatedGain | None = None) -> dict[str, str]:

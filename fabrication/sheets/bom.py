@@ -15,16 +15,14 @@ from design.circuit.emitter_switch import EmitterSwitch, emitter_switch
 from design.circuit.pins import board_of
 from design.mold.filling import is_cast_under_lid
 from design.mold.outline import outline_of
-from design.parts.assumptions import assumption
+from design.parts.assumptions import assumption, ohm_text
 from design.parts.catalog import Board, Cost, Part, find_mold_material
-from design.parts.standard_values import ohm_text
-from design.shape.cavity import PlacedPart, cavity_of
-from design.shape.plan import plan_of
+from design.shape.cavity import PlacedPart, cavity_of, plan_of
 from design.spec import SensorDesign
 from design.spec.properties import elastomer_of, entries_of
 from fabrication.gain import SimulatedGain, feedbacks_for
-from fabrication.sheets.formats.table import csv_text, number
-from fabrication.sheets.silicone import MM3_PER_CM3, Pour, pours
+from fabrication.sheets.casting import MM3_PER_CM3, Pour, pours
+from fabrication.sheets.table import csv_text, number
 
 COLUMNS = (
     "item",

@@ -3,12 +3,19 @@
 Every number comes from the design, the catalogue or `design/data/assumptions.toml`; values that
 nobody has read at a source are marked with a star, among them the times of degassing and the share of carbon
 black, which neither the paper nor the catalogue gives.
+
+How much silicone a pad takes: base and curing agent of each layer, by weight.
+
+Model: volume of the layer (area in plan x thickness, less what a crown takes) times density, plus a share that stays
+in the cup. Base and agent follow from the mixing ratio. Left out: the parts' bodies and the gaps around
+them, which the share covers; carbon black's own volume.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 from design.fields.quantity import Quantity
 from design.mold.filling import is_cast_under_lid
@@ -19,18 +26,68 @@ from design.parts.catalog import find_mold_material
 from design.parts.elastomer import Cure
 from design.preset import true_description
 from design.rules.mold import is_inhibited
-from design.shape.cavity import CavityGeometry, PlacedPart, cavity_of
-from design.shape.plan import plan_of
+from design.shape.cavity import CavityGeometry, PlacedPart, cavity_of, plan_of
 from design.spec import SensorDesign
 from design.spec.fits import clearance_mm, fit_name
 from design.spec.properties import elastomer_of, entries_of, quantities_of
 from fabrication.connections import polarity_of
 from fabrication.gain import SimulatedGain
-from fabrication.sheets.circuit_sheet import circuit_lines
-from fabrication.sheets.formats.markdown_text import plain
-from fabrication.sheets.formats.table import number, size_words
 from fabrication.sheets.gain_sheet import gain_lines
-from fabrication.sheets.silicone import pours
+from fabrication.sheets.schematic_svg import circuit_lines
+from fabrication.sheets.table import number, plain, size_words
+
+MM3_PER_CM3 = 1e3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pour:
+    """One layer's silicone.
+
+    Attributes
+    ----------
+    layer : "black" or "clear"
+    thickness_mm : of the layer, at its highest place
+    net_g : what the layer weighs
+    mixed_g : what to mix, waste included
+    base_g, agent_g : the two components of what to mix
+    carbon_g : carbon black to stir in, by the assumed share; 0 in the clear layer
+    """
+
+    layer: str
+    thickness_mm: float
+    net_g: float
+    mixed_g: float
+    base_g: float
+    agent_g: float
+    carbon_g: float
+
+
+def pours(design: SensorDesign) -> tuple[Pour, ...]:
+    """The layers in the order in which they are cast; no black one where its thickness is 0."""
+    cavity = cavity_of(design)
+    plan = cavity.plan
+    black, clear = plan.area_mm2 * cavity.black_mm, plan.clear_volume_mm3
+    layers = (("black", cavity.black_mm, black), ("clear", cavity.clear_mm, clear))
+    if not plan.top.is_flat:  # cast upside down
+        layers = layers[::-1]
+    return tuple(_pour(design, *layer) for layer in layers if layer[1] > 0)
+
+
+def _pour(design: SensorDesign, layer: str, thickness_mm: float, volume_mm3: float) -> Pour:
+    volume_cm3 = volume_mm3 / MM3_PER_CM3
+    net = volume_cm3 * elastomer_of(design).density_g_per_cm3.value
+    mixed = net * (1 + assumption("silicone_waste").value)
+    parts = design.elastomer.mixing_ratio + 1
+    return Pour(
+        layer=layer,
+        thickness_mm=thickness_mm,
+        net_g=net,
+        mixed_g=mixed,
+        base_g=mixed * design.elastomer.mixing_ratio / parts,
+        agent_g=mixed / parts,
+        carbon_g=mixed * assumption("carbon_black_share").value if layer == "black" else 0.0,
+    )
+
 
 MEASURED_FIELDS = ("body_width_mm", "body_depth_mm", "body_height_mm", "active_height_in_body_mm")
 """Lengths of a part that its socket is cut from."""

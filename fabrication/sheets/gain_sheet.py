@@ -6,13 +6,11 @@ from collections.abc import Iterator
 
 from design.circuit.pins import board_of
 from design.circuit.transimpedance import Feedback, counts_per_flux_per_ohm, settling_findings
-from design.parts.standard_values import ohm_text
-from design.shape.cavity import cavity_of
-from design.shape.pairs import facing_pairs
+from design.parts.assumptions import ohm_text
+from design.shape.cavity import cavity_of, facing_pairs
 from design.spec import SensorDesign
 from fabrication.gain import SimulatedGain, clipped_pairs, feedbacks_for
-from fabrication.sheets.formats.markdown_text import plain
-from fabrication.sheets.formats.table import number
+from fabrication.sheets.table import number, plain
 
 SHOWN_CLIPPED = 24
 """Clipped pairs that are named one by one; more are counted."""

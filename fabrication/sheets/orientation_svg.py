@@ -20,10 +20,10 @@ from design.mold.sockets import Cut, Socket, lead_setback_mm
 from design.spec import SensorDesign
 from design.spec.fits import clearance_mm, fit_name
 from fabrication.connections import polarity_of
-from fabrication.sheets.formats import svg
-from fabrication.sheets.formats.svg import Element, Point
-from fabrication.sheets.formats.table import number
-from fabrication.sheets.wiring_legend import EMITTER_COLOUR, RECEIVER_COLOUR
+from fabrication.sheets import svg
+from fabrication.sheets.svg import Element, Point
+from fabrication.sheets.table import number
+from fabrication.sheets.wiring_svg import EMITTER_COLOUR, RECEIVER_COLOUR
 
 SCALE = 16.0
 """Drawing units a millimetre."""

@@ -8,24 +8,50 @@ r"""The schematic: an NPN switch for each emitter, an amplifier for each receive
                                      ground
 
 Values are those of bom.csv; what nobody knows yet is written as such.
+
+The build sheet's section on the emitters' switches: resistors, currents, what the supply gives.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from design.circuit.emitter_switch import emitter_switch
+from design.circuit.emitter_switch import emitter_switch, supply_current
 from design.circuit.pins import board_of
-from design.circuit.supply_current import supply_current
 from design.circuit.transimpedance import Feedback
-from design.parts.assumptions import assumption
-from design.parts.standard_values import ohm_text
+from design.parts.assumptions import assumption, ohm_text
+from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from fabrication.connections import Connection, connections_of
 from fabrication.gain import SimulatedGain, feedbacks_for
-from fabrication.sheets.formats import svg, symbols
-from fabrication.sheets.formats.svg import Element, Point
-from fabrication.sheets.formats.table import number
+from fabrication.sheets import svg
+from fabrication.sheets.svg import Element, Point
+from fabrication.sheets.table import number
+
+
+def circuit_lines(design: SensorDesign) -> Iterator[str]:
+    """The section's lines."""
+    kinds = {one.part_id: one.part for one in cavity_of(design).emitters}
+    board, current = board_of(design), supply_current(design)
+    yield "## Wire the emitters"
+    yield ""
+    yield "One NPN transistor each, as `schematic.svg` draws it."
+    yield ""
+    yield "| emitter | series resistor | base resistor | through the emitter mA | out of the pin mA |"
+    yield "|---|---|---|---|---|"
+    for part_id, part in kinds.items():
+        switch = emitter_switch(part)
+        series = "none fits: a higher supply" if switch.series_ohm is None else ohm_text(switch.series_ohm)
+        pin = f"{switch.base_current_ma:.1f}" + (" TOO MUCH" if switch.overloads_pin(board) else "")
+        lit = f"{switch.usual_current_ma:.1f} usual, {switch.current_ma:.1f} at most"
+        yield f"| {part_id} | {series} | {ohm_text(switch.base_ohm)} | {lit} | {pin} |"
+    yield ""
+    supply = number(assumption("supply_v").value)
+    yield f"The supply, {supply}* V, gives {current.full_power_ma:.0f}* mA at full power: one emitter"
+    yield f"lit with its base current ({current.emitter_ma:.0f}), the amplifiers ({current.amplifiers_ma:.0f}*) and the"
+    yield f"board ({current.board_ma:.0f}*). With all emitters lit by a fault it would be {current.fault_ma:.0f}*."
+    yield ""
+
 
 CELL_X, CELL_Y = 264.0, 210.0
 MARGIN = 24.0
@@ -88,22 +114,22 @@ def _switch(one: Connection, corner: Point) -> Element:
     name = one.part.name
     cell = svg.group(f"{name}: {one.polarity}")
     cell.append(svg.text((x - 8, y + 16), f"+{assumption('supply_v').value:g} V", VALUE_PX, anchor="end"))
-    cell.extend([symbols.wire((x - 9, y + 10), (x + 9, y + 10)), symbols.wire((x, y + 10), (x, y + 26))])
-    cell.append(symbols.resistor((x, y + 43), upright=True))
+    cell.extend([svg.wire((x - 9, y + 10), (x + 9, y + 10)), svg.wire((x, y + 10), (x, y + 26))])
+    cell.append(svg.resistor((x, y + 43), upright=True))
     cell.extend(_labels((x + 11, y + 40), f"{name}-RS", series))
-    cell.append(symbols.wire((x, y + 60), (x, y + 82)))
-    cell.extend(symbols.diode((x, y + 90), emits=True))
+    cell.append(svg.wire((x, y + 60), (x, y + 82)))
+    cell.extend(svg.diode((x, y + 90), emits=True))
     cell.append(svg.text((x - 14, y + 86), name, TEXT_PX, anchor="end", font_weight="bold"))
     cell.append(svg.text((x - 14, y + 101), "anode up", VALUE_PX, anchor="end", fill=QUIET))
-    cell.append(symbols.wire((x, y + 98), (x, y + 116)))
-    cell.extend(symbols.npn((x - 24, y + 138)))
+    cell.append(svg.wire((x, y + 98), (x, y + 116)))
+    cell.extend(svg.npn((x - 24, y + 138)))
     cell.extend(_labels((x + 8, y + 136), f"{name}-Q", "NPN"))
-    cell.append(symbols.wire((x, y + 160), (x, y + 168)))
-    cell.extend(symbols.ground((x, y + 168)))
-    cell.append(symbols.wire((x - 90, y + 138), (x - 76, y + 138)))
-    cell.append(symbols.resistor((x - 59, y + 138), upright=False))
-    cell.append(symbols.wire((x - 42, y + 138), (x - 24, y + 138)))
-    cell.append(symbols.terminal((x - 94, y + 138)))
+    cell.append(svg.wire((x, y + 160), (x, y + 168)))
+    cell.extend(svg.ground((x, y + 168)))
+    cell.append(svg.wire((x - 90, y + 138), (x - 76, y + 138)))
+    cell.append(svg.resistor((x - 59, y + 138), upright=False))
+    cell.append(svg.wire((x - 42, y + 138), (x - 24, y + 138)))
+    cell.append(svg.terminal((x - 94, y + 138)))
     cell.append(svg.text((x - 104, y + 142), one.pin, TEXT_PX, anchor="end", font_weight="bold"))
     cell.extend(_labels((x - 78, y + 158), f"{name}-RB", ohm_text(switch.base_ohm)))
     return cell
@@ -116,33 +142,31 @@ def _amplifier(one: Connection, feedback: Feedback | None, corner: Point) -> Ele
     farads = UNKNOWN if feedback is None else f"{feedback.capacitor_pf:g} pF"
     cell = svg.group(f"{name}: {one.polarity}")
     tip, node = (x + 140, y + 128), (x + 66, y + 116)
-    cell.extend(symbols.amplifier(tip))
+    cell.extend(svg.amplifier(tip))
     cell.append(svg.text((tip[0] - 30, tip[1] + 38), f"{name}-A", VALUE_PX))
-    cell.extend([symbols.wire((x, node[1]), (tip[0] - 46, node[1])), symbols.dot(node)])
-    cell.append(symbols.wire((x, node[1]), (x, y + 136)))
-    cell.extend(symbols.diode((x, y + 144), emits=False))
+    cell.extend([svg.wire((x, node[1]), (tip[0] - 46, node[1])), svg.dot(node)])
+    cell.append(svg.wire((x, node[1]), (x, y + 136)))
+    cell.extend(svg.diode((x, y + 144), emits=False))
     cell.append(svg.text((x - 14, y + 132), name, TEXT_PX, anchor="end", font_weight="bold"))
     cell.append(svg.text((x - 14, y + 158), "cathode", VALUE_PX, anchor="end", fill=QUIET))
     cell.append(svg.text((x - 14, y + 171), "up", VALUE_PX, anchor="end", fill=QUIET))
-    cell.append(symbols.wire((x, y + 152), (x, y + 168)))
-    cell.extend(symbols.ground((x, y + 168)))
+    cell.append(svg.wire((x, y + 152), (x, y + 168)))
+    cell.extend(svg.ground((x, y + 168)))
     plus = (tip[0] - 46, tip[1] + 12)
-    cell.extend(
-        [symbols.wire(plus, (node[0], plus[1]), (node[0], y + 168)), *symbols.ground((node[0], y + 168))]
-    )
+    cell.extend([svg.wire(plus, (node[0], plus[1]), (node[0], y + 168)), *svg.ground((node[0], y + 168))])
     right, middle = x + 156, (node[0] + x + 156) / 2
     for level in (52.0, 88.0):
-        cell.append(symbols.wire((node[0], y + level), (middle - (17 if level < 60 else 3), y + level)))
-        cell.append(symbols.wire((middle + (17 if level < 60 else 3), y + level), (right, y + level)))
-    cell.append(symbols.resistor((middle, y + 52), upright=False))
-    cell.extend(symbols.capacitor((middle, y + 88)))
-    cell.append(symbols.wire(node, (node[0], y + 52)))
-    cell.append(symbols.wire((right, y + 52), (right, tip[1])))
-    cell.extend([symbols.dot((node[0], y + 88)), symbols.dot((right, y + 88)), symbols.dot((right, tip[1]))])
+        cell.append(svg.wire((node[0], y + level), (middle - (17 if level < 60 else 3), y + level)))
+        cell.append(svg.wire((middle + (17 if level < 60 else 3), y + level), (right, y + level)))
+    cell.append(svg.resistor((middle, y + 52), upright=False))
+    cell.extend(svg.capacitor((middle, y + 88)))
+    cell.append(svg.wire(node, (node[0], y + 52)))
+    cell.append(svg.wire((right, y + 52), (right, tip[1])))
+    cell.extend([svg.dot((node[0], y + 88)), svg.dot((right, y + 88)), svg.dot((right, tip[1]))])
     cell.append(svg.text((middle, y + 40), f"{name}-RF {ohms}", VALUE_PX, anchor="middle"))
     cell.append(svg.text((middle, y + 75), f"{name}-CF {farads}", VALUE_PX, anchor="middle"))
-    cell.append(symbols.wire(tip, (x + 170, tip[1])))
-    cell.append(symbols.terminal((x + 174, tip[1])))
+    cell.append(svg.wire(tip, (x + 170, tip[1])))
+    cell.append(svg.terminal((x + 174, tip[1])))
     cell.append(svg.text((x + 181, tip[1] + 5), one.pin, TEXT_PX, font_weight="bold"))
     return cell
 

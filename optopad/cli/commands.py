@@ -1,4 +1,9 @@
-"""The command tree: every verb under one name, in the groups and the order of the help."""
+"""The command tree: every verb under one name, in the groups and the order of the help.
+
+The verb doctor.
+
+The verb group driver: everything about the built sensor.
+"""
 
 from __future__ import annotations
 
@@ -9,60 +14,99 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from optopad.cli.driver.verbs import driver
-from optopad.cli.verbs import (
-    accuracy,
-    author,
-    bench,
-    build,
-    calibrate,
-    compare,
-    contact,
-    explore,
-    improve,
-    job,
-    physics,
-    rays,
-    studio,
-    sweep,
-    train,
+from optopad.cli import collect, design, firmware, job, learning, options, physics, search, sensor
+from optopad.cli.output import print_json, say
+from optopad.work import read_design
+
+
+def doctor(as_json: options.Json = False) -> None:
+    """What this machine can and cannot do."""
+    from dataclasses import asdict
+
+    from optopad.doctor import examine
+
+    findings = examine()
+    if as_json:
+        print_json({"findings": [asdict(finding) for finding in findings]})
+    else:
+        for finding in findings:
+            way_out = f"  -> {finding.way_out}" if finding.way_out else ""
+            say(f"{finding.state:<8} {finding.name:<16} {finding.detail}{way_out}")
+
+
+driver = typer.Typer(
+    name="driver",
+    help="The built sensor: its configuration, firmware, readings.",
+    no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+@driver.command()
+def config(
+    design: options.Design,
+    set_: options.Set = None,
+    out: options.Out = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
+) -> None:
+    """driver.toml, wiring table and bill of materials for exactly this geometry."""
+    from optopad.jobs.pipeline import write_driver_config
+
+    folder = write_driver_config(read_design(design, set_), out, seed=seed) / "fabrication"
+    if as_json:
+        print_json({"files": sorted(str(file) for file in folder.iterdir() if file.is_file())})
+    else:
+        say(f"files     {folder}")
+
+
+for verb in (
+    firmware.firmware,
+    firmware.flash,
+    sensor.read,
+    sensor.record,
+    sensor.check,
+    sensor.export,
+    collect.collect,
+    sensor.fake,
+):
+    driver.command()(verb)
 
 Verb = Callable[..., None] | typer.Typer
 GROUPS: dict[str, dict[Verb, str]] = {
     "Main job": {
         job.run: "Make mold, verdict, driver configuration and report of a design.",
         job.report: "Find the report of a bundle, and check the bundle's files.",
-        studio.studio: "Edit and press a design in a browser, with live signals.",
-        bench.doctor: "Show what this machine can do, and what is missing.",
+        design.studio: "Edit and press a design in a browser, with live signals.",
+        doctor: "Show what this machine can do, and what is missing.",
     },
     "Design": {
-        author.new: "Write a commented design file to start from.",
-        author.check: "List everything in a design that cannot work.",
-        author.schema: "Print the JSON Schema of design files, for editors.",
-        author.migrate: "Lift a design file to the present schema version.",
+        design.new: "Write a commented design file to start from.",
+        design.check: "List everything in a design that cannot work.",
+        design.schema: "Print the JSON Schema of design files, for editors.",
+        design.migrate: "Lift a design file to the present schema version.",
     },
     "Mold": {
-        build.build: "Write the mold and its tools as STL, STEP and 3MF.",
+        design.build: "Write the mold and its tools as STL, STEP and 3MF.",
     },
     "Physics": {
         physics.score: "Report the deadbands, the usable depth and the resolution.",
         physics.simulate: "Compute the signals of presses, or a whole data set.",
-        sweep.sweep: "Score a design at several values of one field.",
-        compare.compare: "Compare designs, or a measured press with the simulation.",
-        rays.rays: "Draw paths of light, without contact and pressed.",
-        contact.contact: "Compute surface and force of a press.",
-        accuracy.predict: "Predict the errors of location and depth of a sensor.",
+        physics.sweep: "Score a design at several values of one field.",
+        physics.compare: "Compare designs, or a measured press with the simulation.",
+        physics.rays: "Draw paths of light, without contact and pressed.",
+        physics.contact: "Compute surface and force of a press.",
+        learning.predict: "Predict the errors of location and depth of a sensor.",
     },
     "Search": {
-        improve.improve: "Change a design until its verdict is better.",
-        explore.explore: "Search a space of designs for the best ones.",
+        search.improve: "Change a design until its verdict is better.",
+        search.explore: "Search a space of designs for the best ones.",
     },
     "Built sensor": {
         driver: "Configure, program, check, read and record the sensor.",
-        train.train: "Train a model that estimates touch, location and depth.",
-        accuracy.evaluate: "Report the errors of models on known presses.",
-        calibrate.calibrate: "Fit the simulated sensor to presses of the built one.",
+        learning.train: "Train a model that estimates touch, location and depth.",
+        learning.evaluate: "Report the errors of models on known presses.",
+        learning.calibrate: "Fit the simulated sensor to presses of the built one.",
     },
 }
 

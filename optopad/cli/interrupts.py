@@ -170,7 +170,7 @@ def _end_compiled() -> None:
         frame = frame.f_back
     if not computes:
         return
-    for module, clean in (("optopad.work.program", "end_started"), ("fabrication.bundle", "abandon")):
+    for module, clean in (("optopad.work", "end_started"), ("fabrication.bundle", "abandon")):
         if module in sys.modules:
             getattr(sys.modules[module], clean)()
     with suppress(OSError):

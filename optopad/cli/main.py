@@ -67,7 +67,7 @@ def _outcome(arguments: list[str]) -> int:
 
     gc.set_threshold(*COLLECTED_AFTER)
     if os.path.expanduser("~") == "~":  # libraries would fail at their import
-        from sims.cache.folder import NO_HOME
+        from sims.cache import NO_HOME
 
         os.environ["HOME"] = str(NO_HOME)
     import typer

@@ -10,7 +10,7 @@ from typing import Annotated, TypeVar
 import typer
 
 from design.errors import InputError, OutputError
-from design.whole_file import folder_fault, has_file_suffix, require_folder_name, require_suffix
+from design.files import folder_fault, has_file_suffix, require_folder_name, require_suffix
 
 Folder = TypeVar("Folder", Path, Path | None)
 LARGEST_SEED = 2**31 - 1

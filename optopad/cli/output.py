@@ -1,12 +1,26 @@
-"""What a verb says: lines for people, or one JSON object for machines."""
+"""What a verb says: lines for people, or one JSON object for machines.
+
+Progress on standard error: a live bar on a terminal, a line a stage elsewhere, silence with --json.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
-from typing import Any
+import os
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
 
 import typer
+
+from design.progress import OnStep
+from optopad.screen.answer import STAGE_TITLES
+from sims.cache import compiling_told
+
+if TYPE_CHECKING:
+    from design.spec import SensorDesign
 
 
 def tell(as_json: bool, document: Callable[[], dict[str, Any]], lines: Callable[[], Iterable[str]]) -> None:
@@ -25,3 +39,75 @@ def print_json(document: dict[str, Any]) -> None:
 def say(text: str = "") -> None:
     """A line for people on standard output."""
     typer.echo(text)
+
+
+ANNOUNCED = "kernels"
+"""A stage that is named when it begins, also where only lines are printed: it is long, and not of the user's asking."""
+
+
+def foretell_score(
+    design: SensorDesign, *, fine: bool, full: bool, quiet: bool, is_run: bool = False
+) -> None:
+    """Say on standard error how long a score, or a whole run, will take, where it takes long.
+
+    Raises
+    ------
+    DesignError : the design breaks a rule; nothing is said.
+    """
+    from design.rules.check import require_valid
+    from sims.continuity.scoring import score_cost
+
+    require_valid(design)
+    if quiet:
+        return
+    cost = score_cost(design, fine=fine, full=full, is_run=is_run)
+    if said := cost.sentence(os.cpu_count() or 1):
+        print(said, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def progress(*, quiet: bool) -> Iterator[OnStep]:
+    """A function to call with a stage's name and the share of it that is done."""
+    if quiet:
+        yield lambda _stage, _share: None
+    elif sys.stderr.isatty():
+        with _live() as step, compiling_told(lambda share: step(ANNOUNCED, share)):
+            yield step
+    else:
+        step = _plain()
+        with compiling_told(lambda share: step(ANNOUNCED, share)):
+            yield step
+
+
+@contextmanager
+def _live() -> Iterator[OnStep]:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description:<26}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
+    with Progress(*columns, TimeElapsedColumn(), console=Console(stderr=True)) as bars:
+        tasks: dict[str, TaskID] = {}
+
+        def step(stage: str, share: float) -> None:
+            if stage not in tasks:
+                tasks[stage] = bars.add_task(STAGE_TITLES.get(stage, stage), total=1.0)
+            bars.update(tasks[stage], completed=share)
+
+        yield step
+
+
+def _plain() -> OnStep:
+    started: dict[str, float] = {}
+    done: set[str] = set()
+
+    def step(stage: str, share: float) -> None:
+        if stage == ANNOUNCED and stage not in started:
+            print(STAGE_TITLES[stage], file=sys.stderr, flush=True)
+        started.setdefault(stage, time.monotonic())
+        if share >= 1.0 and stage not in done:
+            done.add(stage)
+            seconds = time.monotonic() - started[stage]
+            title = "light kernels compiled" if stage == ANNOUNCED else STAGE_TITLES.get(stage, stage)
+            print(f"{title:<26} {seconds:6.1f} s", file=sys.stderr)
+
+    return step

@@ -1,7 +1,7 @@
 """Designs side by side: what differs between them, what that does to the score, and which is better at what.
 
 Each design is judged with two seeds of the light model. A figure is that of the first; its uncertainty is how far the
-second is from it, and at least what the depth step leaves (0.04 mm at a mode boundary, `sims.press.depths`). A winner
+second is from it, and at least what the depth step leaves (0.04 mm at a mode boundary, `sims.press`). A winner
 is marked only where it beats every other design by more than both uncertainties together. What the models leave out is
 common to all designs and no part of it.
 """
@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from design.errors import InputError
-from design.fields.paths import leaves
+from design.fields.base import leaves
 from design.io import write_text_atomically
 from design.progress import OnStep
 from design.rules.check import require_valid
@@ -218,8 +218,8 @@ def _require_comparable(designs: Sequence[SensorDesign], labels: Sequence[str]) 
 
 
 def _write(design: SensorDesign, out: Path, found: Comparison, seed: int) -> None:
-    from optopad.report.compare_page import compare_html
-    from optopad.work.plot_files import write_plot
+    from optopad.report.before_after import compare_html
+    from optopad.work import write_plot
     from sims.plots.style import plain_style, svg_text
     from sims.plots.sweep import plot_sweep
 

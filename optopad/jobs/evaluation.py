@@ -13,10 +13,8 @@ from design.progress import OnStep
 from design.shape.cavity import workspace_of
 from design.shape.outline import Outline, rectangle
 from design.spec import SensorDesign
-from optopad.results.accuracy import Accuracy, ModelAccuracy, accuracy_of
-from sims.evaluation.judged import judged
-from sims.evaluation.published import published_touch
-from sims.evaluation.rows import needed_samples
+from optopad.results.prediction import Accuracy, ModelAccuracy, accuracy_of
+from sims.evaluation.tables import judged, needed_samples, published_touch
 from sims.learning.inference.header import require_design as require_model_of
 from sims.learning.inference.model_file import load_model
 from sims.learning.inference.touch_model import TouchModel

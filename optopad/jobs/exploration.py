@@ -25,14 +25,14 @@ from pathlib import Path
 from typing import Any
 
 from design.errors import InputError
+from design.files import own_folder, unwritable
 from design.io import dump_design, write_text_atomically
 from design.search.explore import Findings, OnTried, Refine, explore
 from design.search.figures import FIGURES
 from design.search.importance import importances
-from design.search.judged import FanOut, Tried, one_by_one
+from design.search.improve import FanOut, Tried, one_by_one
 from design.search.space import SearchSpace, Value
-from design.whole_file import own_folder, unwritable
-from optopad.results.search_result import Search
+from optopad.results.shown import Search
 
 PLACES = "places.json"
 WAY_OUT = "choose another folder with --out"
@@ -101,8 +101,7 @@ def figures_wanted(space: SearchSpace) -> tuple[str, ...]:
 
     The usable depth is left out where nothing else needs a pad's map: the map is the costly step.
     """
-    from design.shape.cavity import cavity_of
-    from design.shape.pairs import is_facing_rows
+    from design.shape.cavity import cavity_of, is_facing_rows
     from sims.continuity.objective import MAP_FIGURES
 
     objectives = tuple(objective.figure for objective in space.objectives)
@@ -271,7 +270,7 @@ def _fanning_out(scheduler: str | None) -> Iterator[FanOut]:
     if scheduler is None:
         yield one_by_one
         return
-    from optopad.work.fan_out import on_cluster
+    from optopad.work import on_cluster
 
     with on_cluster(scheduler) as fan_out:
         yield fan_out

@@ -23,7 +23,7 @@ from statistics import median
 from typing import Any
 
 from design.errors import InputError
-from design.fields.paths import get_at, known_paths, set_at
+from design.fields.base import get_at, known_paths, set_at
 from design.io import dump_design, load_design, write_text_atomically
 from design.progress import OnStep, silent
 from design.rules.check import require_valid
@@ -33,8 +33,10 @@ from design.search.improve import (
     KINDS,
     NEAR_BEST_MM,
     SAFE_MARGIN,
+    Judged,
     Kind,
     Range,
+    Tried,
     betters,
     changes_of,
     improvement_space,
@@ -45,25 +47,22 @@ from design.search.improve import (
     usable_of,
     worth,
 )
-from design.search.judged import Judged, Tried
 from design.search.points import MOST_A_ROUND, MOVES, first_points, refinements, spread_points
 from design.search.space import SearchSpace
-from design.shape.cavity import cavity_of
-from design.shape.pairs import is_facing_rows
-from design.shape.plan import plan_of
+from design.shape.cavity import cavity_of, is_facing_rows, plan_of
 from design.spec import SensorDesign
 from design.spec.cheap_fields import CLEAR, HEIGHTS
 from optopad.jobs.exploration import search
 from optopad.report.search import search_page
 from optopad.results.improvement import Alternative, Improvement, Nearest
 from optopad.results.score import Score
-from optopad.results.search_result import Search
+from optopad.results.shown import Search
 from sims.continuity.build_tolerance import with_tolerance
 from sims.continuity.field_steps import with_field_steps
 from sims.continuity.objective import judge
 from sims.continuity.result import ContinuityScore
 from sims.continuity.scoring import verdict_of
-from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
+from sims.verdict.depth_curve import DEADBAND_THRESHOLD
 
 PAD_MINUTES, ROW_MINUTES = 3.0, 2.0
 """Budgets of a pad and of facing rows by default [min on two cores]."""

@@ -16,13 +16,12 @@ from typing import TYPE_CHECKING, Any
 
 from design.errors import InputError, OutputError
 from design.io import save_design, write_text_atomically
-from design.parts.printer import Bed
+from design.parts.assumptions import Bed
 from design.progress import OnStep
 from design.rules.check import require_valid
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
-from optopad.work.finished import FinishedWork
-from optopad.work.program import started
+from optopad.work import FinishedWork, started
 
 if TYPE_CHECKING:
     from fabrication.gain import SimulatedGain
@@ -217,7 +216,7 @@ def _scored(
     study: _Study | None = None,
 ) -> tuple[ContinuityScore, EarlyDrawings | None]:
     """The score, its files, and what a page can draw of it; all but the tolerance is written beside the tolerance."""
-    from optopad.work.beside import beside
+    from optopad.work import beside
     from sims.continuity.build_tolerance import with_tolerance
     from sims.continuity.field_steps import with_field_steps
     from sims.continuity.scoring import score as judge
@@ -247,9 +246,9 @@ def _without_tolerance(
     """Write signals, maps and their plots; draw what a page shows of them."""
     from design.shape.cavity import cavity_of
     from optopad.report.sections.early import early_drawings
-    from optopad.work.plot_files import write_bound_plots
+    from optopad.work import write_bound_plots
     from sims.continuity.maps_file import maps_dataset
-    from sims.readings.signal_file import save_dataset, signals_dataset
+    from sims.readings.readout import save_dataset, signals_dataset
 
     if score.pad_signals is not None and score.readout is not None:
         gain = score.readout.counts_per_flux
@@ -274,7 +273,7 @@ def _write_builds(score: ContinuityScore, sims: Path) -> None:
     """The plot of a study of builds, if there was one."""
     if score.builds is None or score.tolerance is None:
         return
-    from optopad.work.plot_files import write_plot
+    from optopad.work import write_plot
     from sims.plots.builds import plot_builds
     from sims.plots.style import plain_style
 
@@ -314,8 +313,7 @@ def _known_gain(folder: Path) -> SimulatedGain | None:
 
 
 def _write_fabrication(design: SensorDesign, folder: Path, gain: SimulatedGain | None) -> None:
-    from fabrication.firmware.settings import firmware_gaps
-    from fabrication.firmware.sketch import write_sketch
+    from fabrication.firmware.sketch import firmware_gaps, write_sketch
     from fabrication.sheets.all_sheets import write_sheets
 
     (folder / "fabrication").mkdir(exist_ok=True)

@@ -12,7 +12,7 @@ import numpy as np
 from design.arrays import FloatArray
 from design.errors import InputError
 from design.fields.quantity import Quantity
-from design.protocols.load import LoadProtocol, load_protocol
+from design.protocols.press import LoadProtocol, load_protocol
 from design.rules.check import require_valid
 from design.spec import SensorDesign
 from design.spec.properties import modulus
@@ -20,14 +20,12 @@ from fabrication.bundle import bundle, bundle_name
 from optopad.report.sections.published import LoadComparison, compared, published_load
 from sims.contact.force_curve import ForceCurve, force_curve
 from sims.contact.indentation import indent, solved_press
-from sims.contact.load_protocol import LoadHistory, load_history
-from sims.contact.press_notes import contact_notes
+from sims.contact.load_protocol import LoadHistory, load_history, solid_of
+from sims.contact.pad_surface import contact_notes
 from sims.contact.pressure import ContactPressure, contact_pressure
 from sims.contact.scope import mean_crown, require_depth
 from sims.contact.tip import tip_of
-from sims.contact.viscoelastic import solid_of
-from sims.press.depths import depth_schedule_mm
-from sims.press.indentation import Indentation
+from sims.press import Indentation, depth_schedule_mm
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -299,7 +297,7 @@ def write_pictures(view: PressView, out: Path, *, seed: int) -> list[Path]:
     DesignError : the design breaks a rule; nothing is written
     OutputError : the folder cannot be written; an earlier bundle is intact
     """
-    from optopad.work.plot_files import write_plot
+    from optopad.work import write_plot
     from sims.plots.style import plain_style
 
     require_valid(view.design)

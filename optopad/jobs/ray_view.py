@@ -14,18 +14,16 @@ import numpy as np
 from design.errors import InputError
 from design.progress import OnStep
 from design.rules.check import require_valid
-from design.shape.cavity import CavityGeometry, PlacedPart, cavity_of
-from design.shape.pairs import chord_midpoint_mm, pair_name
+from design.shape.cavity import CavityGeometry, PlacedPart, cavity_of, chord_midpoint_mm, pair_name
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
 from optopad.jobs.signals import require_presses
 from sims.contact.indentation import solved_press
 from sims.optics.oracle.paths import LightPath
-from sims.plots.ray_cut import Cut, cut_across, cut_of_pair, cut_through
 from sims.plots.ray_sheet import ray_sheet
+from sims.plots.rays import Cut, cut_across, cut_of_pair, cut_through
 from sims.plots.style import plain_style
-from sims.rays.light_kinds import KINDS, LOST, kind_of
-from sims.rays.ray_states import Pair, Press, RayChoice, RayState, ray_states
+from sims.rays import KINDS, LOST, Pair, Press, RayChoice, RayState, kind_of, ray_states
 
 PREFIX = "rays"
 DEFAULT_DEPTHS = (0.2, 0.4, 0.8)
@@ -309,7 +307,7 @@ def write_pictures(view: RayView, out: Path) -> list[Path]:
     OutputError : the folder cannot be written; an earlier bundle is intact
     """
     from design.io import write_text_atomically
-    from optopad.work.plot_files import write_plot
+    from optopad.work import write_plot
 
     stem = f"{PREFIX}-{view.name}"
     with bundle(view.design, out, seed=view.seed) as folder, plain_style():

@@ -1,22 +1,108 @@
-"""A design beside a recording of its build: figure and figures into the design's bundle."""
+"""A design beside a recording of its build: figure and figures into the design's bundle.
+
+A press protocol's data set into a design's bundle: traced, drawn press by press, resumed where it was stopped.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from design.errors import InputError
 from design.io import write_text_atomically
 from design.progress import OnStep
+from design.protocols.press import PressProtocol
 from design.rules.check import require_valid
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
+from optopad.work import source_digest
 from sims.evaluation.recorded_press import RecordedPair, RecordedPress, recorded_press
 from sims.readings.recording import read_recording
+
+
+def data_file_name(protocol: PressProtocol, seed: int) -> str:
+    """Name of the data set's file in the bundle's ``sims`` folder."""
+    return f"data-{protocol.name}-{seed}.nc"
+
+
+def write_protocol_data(
+    design: SensorDesign, protocol: PressProtocol, out: Path, *, seed: int, on_step: OnStep
+) -> dict[str, Any]:
+    """Simulate a protocol into the bundle; returns a summary.
+
+    Light that was traced before is read from disk, and presses that an interrupted run of the same work had drawn are
+    taken up from its journal in ``out``.
+
+    Raises
+    ------
+    DesignError : the design breaks a rule; nothing is written.
+    ModelScopeError : the protocol leaves the design's workspace or range.
+    OutputError : the folder cannot be written; an earlier bundle is intact.
+    """
+    from sims.readings.data_writer import DataWriter
+    from sims.readings.dataset import clipped_note, read_data
+    from sims.readings.protocol import data_header, drawn_presses, protocol_curves
+    from sims.readings.signal_chain import chain_of
+
+    require_valid(design)
+    counted = protocol.summary(design)
+    curves = protocol_curves(design, protocol, on_step=on_step)
+    chain = chain_of(design, curves.readout)
+    header = data_header(curves, chain, seed)
+    with bundle(design, out, seed=seed) as folder:
+        (folder / "sims").mkdir(exist_ok=True)
+        file = folder / "sims" / data_file_name(protocol, seed)
+        with DataWriter(file, header, asked=[seed, source_digest()], journal_folder=out) as writer:
+            taken_up, total = len(writer.done), sum(counted["presses"])
+            for press in drawn_presses(curves, chain, seed=seed, but=writer.done):
+                writer.add(press)
+                on_step("data", len(writer.done) / total)
+            writer.write()
+        data = read_data(file)
+    writer.forget()  # the file came to its place with the bundle
+    left = chain.flicker_sigma_counts()
+    return {
+        "name": design.name,
+        "digest": design.digest,
+        "seed": seed,
+        "file": str(out / bundle_name(design) / "sims" / file.name),
+        "protocol": counted,
+        "sets": [
+            asdict(one) | {"presses": presses}
+            for one, presses in zip(data.sets, counted["presses"], strict=True)
+        ],
+        "samples": len(data),
+        "taken_up_presses": taken_up,
+        "counts_per_flux": list(curves.readout.of_each(len(data.receiver_names))),
+        "ambient_residual_counts": float(np.sqrt((left**2).mean())),
+        "clipped": clipped_note(data),
+    }
+
+
+def data_lines(summary: dict[str, Any]) -> list[str]:
+    """The summary for people."""
+    protocol = summary["protocol"]
+    lines = [
+        f"protocol  {protocol['name']}: {protocol['points_per_press']} points a press, "
+        f"{protocol['touched_per_press']} of them at 0 mm or deeper; {summary['samples']} samples, "
+        f"{protocol['hours']:.1f} h on a stage"
+    ]
+    lines += [
+        f"set       {one['name']:<20} {one['role']:<6} {one['pattern']:<7} "
+        f"{'ambient' if one['is_ambient'] else 'dark':<8} {one['presses']} presses"
+        for one in summary["sets"]
+    ]
+    if summary["taken_up_presses"]:
+        lines.append(f"taken up  {summary['taken_up_presses']} presses of an interrupted run")
+    if summary["clipped"]:
+        lines.append(f"warning   {summary['clipped']}")
+    return [*lines, f"file      {summary['file']}"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,8 +143,8 @@ def compare_recording(
     ------
     DesignError, InputError : a design, recording, pair or place that is refused; nothing is written.
     """
-    from optopad.work.plot_files import write_plot
-    from sims.plots.recorded import plot_recorded
+    from optopad.work import write_plot
+    from sims.plots.signal import plot_recorded
     from sims.plots.style import plain_style
 
     require_valid(design)

@@ -10,15 +10,14 @@ import numpy as np
 from design.arrays import FloatArray
 from design.errors import InputError, ModelScopeError
 from design.progress import OnStep
-from design.shape.cavity import CavityGeometry, cavity_of
-from design.shape.pairs import direct_path_pairs
+from design.shape.cavity import CavityGeometry, cavity_of, direct_path_pairs
 from design.spec import SensorDesign
 from sims.contact.indentation import solved_press
 from sims.contact.scope import require_depth
 from sims.optics.light_signals import LightSignals
 from sims.optics.tracing import trace
-from sims.press.depths import depth_schedule_mm
-from sims.readings.signal_file import save_dataset, signals_dataset
+from sims.press import depth_schedule_mm
+from sims.readings.readout import save_dataset, signals_dataset
 
 ORACLE_DEPTHS_MM = (0.0, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0)
 """Depths of the default presses when the ray tracer is asked for: it needs seconds a state."""

@@ -19,8 +19,7 @@ from design.progress import OnStep, silent
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
 from optopad.results.sweep import FINE, FULL, Sweep
-from optopad.work.finished import FinishedWork
-from optopad.work.plot_files import write_plot
+from optopad.work import FinishedWork, write_plot
 from sims.continuity.sweep import SweepRow, disputed, sweep_row, swept_designs
 
 NAME_LIMIT = 63

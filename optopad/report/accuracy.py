@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from optopad.report.sections.drawings import Drawing, figure_of
-from optopad.report.text.assets import still_page
-from optopad.report.text.markup import Html, bullets, element, section, table
-from optopad.results.accuracy import Accuracy, ModelAccuracy, bound_text
+from optopad.report.words import Html, bullets, element, section, still_page, table
+from optopad.results.prediction import Accuracy, ModelAccuracy, bound_text
 from sims.evaluation.tables import WITHIN_MM, ErrorRow, Spread
 
 TITLES = {

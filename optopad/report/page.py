@@ -20,7 +20,6 @@ from fabrication.bundle import versions
 from optopad.report.scenes.map_scene import MapScene
 from optopad.report.scenes.mold_scene import mold_scene
 from optopad.report.scenes.ray_scene import RayScene
-from optopad.report.sections.build import Sheets, build_section, sheets_of
 from optopad.report.sections.closing import (
     bundle_files,
     files_section,
@@ -30,7 +29,7 @@ from optopad.report.sections.closing import (
 )
 from optopad.report.sections.drawings import PREFIX, Drawing, tolerance_drawings
 from optopad.report.sections.early import EarlyDrawings, early_drawings
-from optopad.report.sections.load import force_section
+from optopad.report.sections.load import Sheets, build_section, force_section, sheets_of
 from optopad.report.sections.maps import map_section
 from optopad.report.sections.rays import rays_section
 from optopad.report.sections.sensor import Pictures, checks_section, pictures_of, sensor_section
@@ -41,9 +40,7 @@ from optopad.report.sections.signals import (
     signal_section,
     tolerance_section,
 )
-from optopad.report.text.assets import asset, script_element, script_policy
-from optopad.report.text.markup import Html, element, joined
-from optopad.report.text.words import banner, headline
+from optopad.report.words import Html, asset, banner, element, headline, joined, script_element, script_policy
 from sims.continuity.result import ContinuityScore
 
 PAGE = "report.html"

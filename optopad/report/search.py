@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from design.search.figures import FIGURES
-from design.search.judged import Judged
+from design.search.improve import Judged
 from fabrication.bundle import versions
 from optopad.report.before_after import before_and_after
-from optopad.report.text.assets import still_page
-from optopad.report.text.markup import Html, bullets, element, facts, section, table
+from optopad.report.words import Html, bullets, element, facts, section, still_page, table
 from optopad.results.improvement import Improvement
-from optopad.results.search_result import QUICK_ERRORS, Search
-from optopad.screen.numbers import counted
+from optopad.results.shown import QUICK_ERRORS, Search
+from optopad.screen.answer import counted
 from sims.plots.front import choice_text, front_panels, importance_svg, parallel_svg, words
 
 SHOWN_REASONS = 12
@@ -242,7 +241,7 @@ def _files_section(search: Search) -> Html:
 
 
 def _base_values(search: Search) -> list[str]:
-    from design.fields.paths import get_at
+    from design.fields.base import get_at
 
     document = search.findings.space.base.model_dump(mode="json")
     found = []

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from design.search.improve import Kind
-from design.search.judged import Judged
+from design.search.improve import Judged, Kind
 from design.spec import SensorDesign
 from optopad.results.score import Score
 from optopad.results.shown import Result, block, number, table

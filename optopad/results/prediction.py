@@ -1,20 +1,268 @@
-"""A predicted accuracy: how well touch, place and depth will be told."""
+"""A predicted accuracy: how well touch, place and depth will be told.
+
+How well presses are told, as found: by model and test set, with the bound and what was published beside it.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from design.spec import SensorDesign
-from optopad.results.accuracy import Accuracy, accuracy_lines
 from optopad.results.shown import block, number, picture, table
+from sims.evaluation.tables import (
+    ErrorRow,
+    JudgedPresses,
+    PublishedTouch,
+    Spread,
+    TouchRow,
+    error_json,
+    error_rows,
+    joined,
+    touch_json,
+    touch_rows,
+)
+from sims.learning.inference.signal_map import KIND as SIGNAL_MAP
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
+
+FALSE_ALARM_LIMIT = 0.05
+"""Share of untouched frames called touched above which a classifier is a finding [-]."""
+LEAST_FOUND = 0.95
+"""Share of the presses of the touch table's last row, 1 mm deep, below which a classifier is a finding [-]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelAccuracy:
+    """One model on one test set.
+
+    Attributes
+    ----------
+    learner : kind of the model, as `kernel-ridge`
+    test_set : name of the set
+    is_ambient : whether it was taken in ambient light
+    presses : samples and answers
+    touch, errors : the tables
+    """
+
+    learner: str
+    test_set: str
+    is_ambient: bool
+    presses: JudgedPresses
+    touch: tuple[TouchRow, ...]
+    errors: tuple[ErrorRow, ...]
+
+    @property
+    def title(self) -> str:
+        """Model and set."""
+        return f"{self.learner}, {self.test_set}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Accuracy:
+    """All models on all test sets.
+
+    Attributes
+    ----------
+    name, digest : of the design; the digest is None where a recording does not say
+    found : in the order of models, then of sets
+    bound_mm : depth to the Cramér-Rao bound of place and of depth, standard deviations [mm]; infinite where the light's
+        own error leaves it open; empty where none was asked for
+    published : of the same sensor; None for others
+    notes : what was done and what is assumed
+    settings : plain data: seeds, protocol, samples
+    """
+
+    name: str
+    digest: str | None
+    found: tuple[ModelAccuracy, ...]
+    bound_mm: Mapping[float, tuple[float, float]] = field(default_factory=dict)
+    published: PublishedTouch | None = None
+    notes: tuple[str, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def learners(self) -> tuple[str, ...]:
+        """Models by name, in order."""
+        return tuple(dict.fromkeys(one.learner for one in self.found))
+
+    def findings(self) -> tuple[str, ...]:
+        """Where touch is not decided well, why as far as known, and the way out; often empty."""
+        return tuple(
+            text for learner, one in self.pooled().items() for text in self._findings_of(learner, one)
+        )
+
+    def _findings_of(self, learner: str, pooled: ModelAccuracy) -> list[str]:
+        made = []
+        sets = {
+            one.test_set: share
+            for one in self.found
+            if one.learner == learner and (share := one.presses.false_alarms) is not None
+        }
+        worst = max(sets, key=lambda name: sets[name], default=None)
+        if worst is not None and sets[worst] > FALSE_ALARM_LIMIT:
+            made.append(
+                f"{learner}: {100.0 * sets[worst]:.0f} % of the untouched frames of {worst} are called touched (limit "
+                f"{100.0 * FALSE_ALARM_LIMIT:g} %), so its touches mean little; the threshold follows from how far the "
+                "training sets differ from one another, and this set differs by more; train on more sets"
+            )
+        last = pooled.touch[-1]
+        if last.right is not None and last.right < LEAST_FOUND:
+            missed, limit = 100.0 * (1.0 - last.right), 100.0 * (1.0 - LEAST_FOUND)
+            made.append(
+                f"{learner}: {missed:.0f} % of the presses {last.depth_mm:g} mm deep are called untouched (limit "
+                f"{limit:.0f} %); {_why_missed(learner)}"
+            )
+        return made
+
+    def pooled(self) -> dict[str, ModelAccuracy]:
+        """Every model on all of its test sets as one."""
+        return {
+            learner: accuracy_of(
+                learner, "all test sets", True, [one.presses for one in self.found if one.learner == learner]
+            )
+            for learner in self.learners
+        }
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data; `touch` and `errors` are those of the first model, its sets together."""
+        pooled = self.pooled()
+        first = next(iter(pooled.values()))
+        return {
+            "name": self.name,
+            "digest": self.digest,
+            **self.settings,
+            "learner": first.learner,
+            "touch": [self._touch_line(row) for row in touch_json(first.touch)],
+            "errors": [_medians(row) for row in first.errors],
+            "false_alarms": first.presses.false_alarms,
+            "false_alarm_limit": FALSE_ALARM_LIMIT,
+            "findings": list(self.findings()),
+            "learners": [
+                {
+                    "learner": name,
+                    "errors": [_medians(row) for row in one.errors],
+                    "false_alarms": one.presses.false_alarms,
+                }
+                for name, one in pooled.items()
+            ],
+            "bound_mm": [
+                {"depth_mm": depth, "location": _finite(location), "depth": _finite(of_depth)}
+                for depth, (location, of_depth) in self.bound_mm.items()
+            ],
+            "models": [
+                {
+                    "learner": one.learner,
+                    "test_set": one.test_set,
+                    "is_ambient": one.is_ambient,
+                    "false_alarms": one.presses.false_alarms,
+                    "touch": touch_json(one.touch),
+                    "errors": error_json(one.errors),
+                }
+                for one in self.found
+            ],
+            "published_touch": None if self.published is None else self.published.source,
+            "notes": list(self.notes),
+        }
+
+    def _touch_line(self, row: dict[str, Any]) -> dict[str, Any]:
+        if self.published is None:
+            return row
+        sides = {"published_ambient": True, "published_dark": False}
+        return row | {
+            name: self.published.right(row["depth_mm"], is_ambient=side) for name, side in sides.items()
+        }
+
+
+def _why_missed(learner: str) -> str:
+    if learner.startswith(SIGNAL_MAP):
+        return "there the signals change by little more than untouched ones do from set to set"
+    return (
+        "one linear plane decides touch, and where few pairs look across a location a press hardly moves the signals "
+        f"off it; --learner {SIGNAL_MAP} decides by the light model"
+    )
+
+
+def accuracy_of(
+    learner: str, test_set: str, is_ambient: bool, presses: Sequence[JudgedPresses]
+) -> ModelAccuracy:
+    """Tables of one model on one set, from one or several draws of it."""
+    together = joined(presses)
+    return ModelAccuracy(
+        learner=learner,
+        test_set=test_set,
+        is_ambient=is_ambient,
+        presses=together,
+        touch=touch_rows(together),
+        errors=error_rows(together),
+    )
+
+
+def accuracy_lines(found: Accuracy) -> list[str]:
+    """Findings first, then the tables as text, every model on all of its sets together."""
+    lines = [f"finding   {text}" for text in found.findings()]
+    for learner, one in found.pooled().items():
+        lines += [f"{learner}", *_touch_lines(one.touch, found.published), *_error_lines(one.errors, found)]
+    return [*lines, *found.notes]
+
+
+def _touch_lines(rows: Sequence[TouchRow], published: PublishedTouch | None) -> list[str]:
+    head = "  depth [mm]   touch told rightly" + ("   published: ambient, dark" if published else "")
+    lines = [head]
+    for row in rows:
+        if row.right is None:
+            continue
+        error = "" if row.right_error is None else f" +- {row.right_error:.2f}"
+        beside = ""
+        if published is not None:
+            both = [published.right(row.depth_mm, is_ambient=side) for side in (True, False)]
+            beside = "   " + ", ".join("-" if share is None else f"{share:.2f}" for share in both)
+        lines.append(f"  {row.depth_mm:10.1f}   {row.right:.2f}{error:<12}{beside}".rstrip())
+    return lines
+
+
+def _error_lines(rows: Sequence[ErrorRow], found: Accuracy) -> list[str]:
+    bound = "   bound" if found.bound_mm else ""
+    lines = [f"  depth [mm]   location: median mean sd{bound}   depth: median mean sd{bound} [mm]   found"]
+    for row in rows:
+        if row.location is None or row.depth is None:
+            continue
+        limits = found.bound_mm.get(row.depth_mm)
+        sides = [
+            f"{_spread(spread)}" + (f"   {bound_text(limits[number])}" if limits else "")
+            for number, spread in enumerate((row.location, row.depth))
+        ]
+        lines.append(f"  {row.depth_mm:10.1f}   {sides[0]}   {sides[1]}   {row.found:.0%}")
+    return lines
+
+
+def _spread(one: Spread) -> str:
+    return f"{one.median:.3f} {one.mean:.3f} {one.deviation:.3f}"
+
+
+def bound_text(bound_mm: float) -> str:
+    """A bound for people; infinite where the light's own error hides what the readings tell."""
+    return f"{bound_mm:.3f}" if math.isfinite(bound_mm) else "open"
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _medians(row: ErrorRow) -> dict[str, Any]:
+    return {
+        "depth_mm": row.depth_mm,
+        "location_median_mm": None if row.location is None else row.location.median,
+        "depth_median_mm": None if row.depth is None else row.depth.median,
+        "found": row.found,
+    }
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -24,7 +272,7 @@ class Prediction:
     Attributes
     ----------
     design : what was pressed
-    found : tables of every model and test set (`optopad.results.accuracy.Accuracy`)
+    found : tables of every model and test set (`optopad.results.prediction.Accuracy`)
     folder : the bundle, with page, pictures and trained models
     """
 

@@ -1,4 +1,7 @@
-"""A scored design: verdict, figures, maps and plots; and the bundle that a run makes of it."""
+"""A scored design: verdict, figures, maps and plots; and the bundle that a run makes of it.
+
+What a check of a design found.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +11,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from design.errors import InputError
+from design.fields.finding import Finding
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
-from optopad.results.shown import WIDTH_IN, block, drawn, picture
-from optopad.screen.answer import answer_of
+from optopad.results.shown import WIDTH_IN, block, drawn, picture, table
+from optopad.screen.answer import answer_of, counted
 from optopad.screen.verdict import checks_line, verdict_screen
 from sims.continuity.result import ContinuityScore, JudgedPair, KeyFigures
 
@@ -19,6 +23,47 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Checked:
+    """Findings of the rules: errors stop a design, warnings are to be kept in mind.
+
+    Attributes
+    ----------
+    design : what was checked
+    findings : severity, field, value, limit, message and way out of each
+    """
+
+    design: SensorDesign
+    findings: tuple[Finding, ...]
+
+    @property
+    def errors(self) -> tuple[Finding, ...]:
+        """What stops the design."""
+        return tuple(one for one in self.findings if one.severity == "error")
+
+    @property
+    def warnings(self) -> tuple[Finding, ...]:
+        """What lets it through."""
+        return tuple(one for one in self.findings if one.severity == "warning")
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing stops the design."""
+        return not self.errors
+
+    def __repr__(self) -> str:
+        return "\n".join([self._title, *map(str, self.findings)])
+
+    def _repr_html_(self) -> str:
+        rows = [(one.severity, one.field, one.message, one.limit, one.way_out) for one in self.findings]
+        head = ("", "field", "what is wrong", "limit", "way out")
+        return block(self._title, (), table(head, rows) if rows else "")
+
+    @property
+    def _title(self) -> str:
+        return f"{self.design.name}: {counted(len(self.errors), 'error')}, {counted(len(self.warnings), 'warning')}"
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -72,7 +117,7 @@ class Score(KeyFigures):
         ------
         InputError : the models do not answer for this design.
         """
-        from sims.readings.signal_file import signals_dataset
+        from sims.readings.readout import signals_dataset
 
         light, readout = self._answered().pad_signals, self.found.readout
         assert light is not None
@@ -92,7 +137,7 @@ class Score(KeyFigures):
 
     def plot_pairs(self, ax: Axes | None = None) -> Axes:
         """Modes and deadbands of every judged pair."""
-        from sims.plots.spans import plot_spans
+        from sims.plots.style import plot_spans
 
         pairs = self._answered().pairs
         return drawn(lambda own: plot_spans(pairs, own), ax, 1.0 + 0.22 * len(self.pairs))

@@ -4,27 +4,86 @@ Tools by kind of quantity, coarsest first, with what each resolves. A calliper r
 on small or soft bodies; a measuring microscope is good to 0.01 mm. What a calibration resolves is the error of fitted
 values over ten simulated builds of thirty presses (docs/validation/calibration.md), rounded up: on a build it may be
 more. The other tools are usual ones of an optics bench, by order of magnitude.
+
+Numbers as the page writes them: depths to the hundredth of a millimetre, open ends as words.
+
+Stages of the work in words, for whoever shows how far it is.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from design.fields.paths import get_at
+from design.fields.base import get_at
 from design.spec import SensorDesign
 from design.spec.properties import used_values
-from optopad.screen.numbers import counted, spans
 from sims.bounds.observability import PadBounds
-from sims.continuity.headline import headline
-from sims.continuity.result import ContinuityScore
+from sims.continuity.result import ContinuityScore, headline
 from sims.continuity.trials import ENOUGH_MARGIN
 from sims.verdict.causes import Cause
-from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
+from sims.verdict.depth_curve import DEADBAND_THRESHOLD
 from sims.verdict.tolerance import ToleranceBand, ToleranceRow
 from sims.verdict.trial import Move, Trial
+
+DASH = "\N{EN DASH}"
+Interval = tuple[float, float]
+
+
+def depth(value_mm: float | None, absent: str = "open") -> str:
+    """A depth without its unit."""
+    return absent if value_mm is None else f"{value_mm:.2f}"
+
+
+def signed(value_mm: float | None, absent: str = "open") -> str:
+    """A mode gap without its unit, always with its sign."""
+    return absent if value_mm is None else f"{value_mm:+.2f}".replace("-", "\N{MINUS SIGN}")
+
+
+def spans(intervals_mm: Iterable[Interval], absent: str = "none", between: str = " to ") -> str:
+    """Depth intervals without their unit."""
+    return ", ".join(f"{start:.2f}{between}{end:.2f}" for start, end in intervals_mm) or absent
+
+
+def ends(low: float, high: float) -> str:
+    """Both ends of a band."""
+    return f"{low:.3g} to {high:.3g}"
+
+
+def counted(count: int, one: str, many: str | None = None) -> str:
+    """A number with its noun."""
+    return f"{count} {one if count == 1 else many or one + 's'}"
+
+
+STAGE_TITLES = {
+    "kernels": "compiling the light kernels, once on this machine: a minute or two",
+    "contact": "contact (MuJoCo)",
+    "pairs": "light, pair by pair",
+    "light": "light",
+    "loose walls": "light, walls torn loose",
+    "data": "samples",
+    "map": "light, map of the pad",
+    "doubtful places": "light, doubtful places again",
+    "map error": "light, between the map's nodes",
+    "calibration": "fit of the build's optics",
+    "fit": "model",
+    "curves": "light, pairs under the tip",
+    "open pairs": "light, open pairs again",
+    "open places": "light, open places again",
+    "bounds": "light, bounds of place and depth",
+    "tolerance": "tolerance of open values",
+    "what matters": "what matters: a step of each field",
+    "trial": "trial: heights and thickness moved",
+    "builds": "builds, everything off at once",
+    "oracle": "ray tracer",
+    "rays": "sample paths",
+    "mold": "mold and tools",
+    "mold beside": "mold and tools: wait",
+    "presses": "presses of the stage",
+    "files": "build sheet, driver config, report",
+}
 
 USABLE_DOUBT_MM = 0.2
 """Range of the usable depth from which on it is told."""

@@ -12,18 +12,24 @@ from textwrap import shorten, wrap
 from typing import TYPE_CHECKING, Any
 
 from design.spec import SensorDesign
-from optopad.screen.answer import answer_of, command_words, set_options, unit_of, unresolved, verdict_words
-from optopad.screen.numbers import counted
-from optopad.work.prediction_cost import STEM, quick_prediction_s
+from optopad.screen.answer import (
+    answer_of,
+    command_words,
+    counted,
+    set_options,
+    unit_of,
+    unresolved,
+    verdict_words,
+)
+from optopad.work import STEM, quick_prediction_s
 
 if TYPE_CHECKING:
     from design.fields.finding import Finding
     from sims.bounds.felt import FeltForce
-    from sims.bounds.figures import Figure
-    from sims.bounds.observability import PadBounds
+    from sims.bounds.observability import Figure, PadBounds
     from sims.continuity.result import ContinuityScore, JudgedPair
-    from sims.verdict.build_study import BuildStudy
-    from sims.verdict.field_effects import Effect, FieldSteps
+    from sims.verdict.builds import BuildStudy
+    from sims.verdict.tolerance import Effect, FieldSteps
 
 WIDTH, LINES = 100, 12
 LABEL = 12

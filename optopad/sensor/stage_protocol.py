@@ -9,8 +9,7 @@ import numpy as np
 from design.protocols.press import load_protocol_file
 from design.recordings import SetEntry
 from design.spec import SensorDesign
-from fabrication.stage.press_list import PressList, press_list
-from fabrication.stage.stage import Position
+from fabrication.stage.stage import Position, PressList, press_list
 
 
 def protocol_presses(design: SensorDesign, protocol: str, *, seed: int = 0) -> PressList:

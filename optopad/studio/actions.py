@@ -14,13 +14,13 @@ from typing import Any
 
 from cad.mesh import Mesh, read_stl
 from design.errors import OptopadError
+from design.files import temporary_folder
 from design.io import save_design
 from design.mold.outline import bed_lift_mm
 from design.spec import SensorDesign
-from design.whole_file import temporary_folder
 from fabrication.bundle import bundle_name
 from optopad.studio.session import Said
-from optopad.work.program import started
+from optopad.work import started
 
 Tell = Callable[[Said], None]
 

@@ -12,13 +12,12 @@ from html import escape
 import numpy as np
 
 from design.arrays import FloatArray
-from design.shape.cavity import CavityGeometry, PlacedPart
-from design.shape.plan import outline_mm
+from design.shape.cavity import CavityGeometry, PlacedPart, outline_mm
 from optopad.studio.session import Press
-from sims.continuity.draft import PlaceCurves
+from sims.continuity.objective import PlaceCurves
 from sims.continuity.result import ContinuityScore, JudgedPair
+from sims.verdict.depth_curve import DEADBAND_THRESHOLD
 from sims.verdict.pad_map import PadMap
-from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
 
 Place = Callable[[float], float]
 

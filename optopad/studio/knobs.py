@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal
 
-from design.fields.paths import get_at, is_value
-from design.shape.plan import plan_of
+from design.fields.base import get_at, is_value
+from design.shape.cavity import plan_of
 from design.spec import SensorDesign
 from design.spec.layout import (
     OPPOSITE,

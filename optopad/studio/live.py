@@ -10,23 +10,31 @@ expected pattern of the untouched pad comes from the bundle, or from the owner b
 
 Leave the pad alone for the first 1.5 s after every connection: baseline, check of the wiring and the model's levels
 are taken then. A press at that time is taken for the untouched pad until `rebase`.
+
+What the studio's work finds, piece by piece, each with the digest of the design that it is of.
+
+A simulated board as a process of its own, for want of a real one: `optopad driver fake`, which ends with us.
 """
 
 from __future__ import annotations
 
+import subprocess
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from design.arrays import BoolArray, FloatArray
+from design.arrays import BoolArray, FloatArray, IntArray
 from design.errors import DeviceError, InputError
+from design.files import temporary_folder
+from design.io import save_design
 from design.spec import SensorDesign
 from fabrication.driver.check import check_frames
 from fabrication.driver.descriptor import Descriptor, descriptor_of
@@ -36,8 +44,216 @@ from fabrication.driver.pattern import Problem
 from fabrication.driver.sensor import Sensor
 from fabrication.driver.stream import LinkCounts
 from fabrication.driver.touch_reader import Touch, TouchReader
-from optopad.sensor.driver_source import fitting_model, source_of
-from optopad.studio.board_process import STARTING_BOARD, BoardProcess
+from optopad.sensor.driver_view import fitting_model, source_of
+from optopad.studio.session import Press
+from optopad.work import started
+from sims.continuity.objective import PlaceCurves
+from sims.continuity.result import ContinuityScore
+
+Level = Literal["draft", "score", "whole"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Look:
+    """The pressed top.
+
+    Attributes
+    ----------
+    press : where, how deep
+    points_mm : (n, 3) of the top's mesh [mm]; triangles : (m, 3) numbers of points
+    force_n, contact_radius_mm : of the press; 0 where untouched
+    """
+
+    digest: str
+    press: Press
+    points_mm: FloatArray
+    triangles: IntArray
+    force_n: float
+    contact_radius_mm: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curves:
+    """Pairs under the tip against depth."""
+
+    digest: str
+    found: PlaceCurves
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ray:
+    """One sample path of light: the key of its kind, its pair's name, places (n, 3) [mm]."""
+
+    kind: str
+    pair: str
+    places_mm: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rays:
+    """Sample paths under the press as it is."""
+
+    digest: str
+    press: Press
+    rays: tuple[Ray, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Readings:
+    """What a built sensor should read.
+
+    Attributes
+    ----------
+    untouched, pressed : (emitter, receiver) of the untouched pad, and under the press [counts]
+    """
+
+    digest: str
+    press: Press
+    untouched: FloatArray
+    pressed: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judged:
+    """A verdict.
+
+    Attributes
+    ----------
+    level : draft (a search's light), score (as `optopad score`, tolerance to come), whole (all of it)
+    score : verdict, map, bounds
+    """
+
+    digest: str
+    level: Level
+    score: ContinuityScore
+
+
+@dataclass(frozen=True, kw_only=True)
+class Doing:
+    """What is being worked at, and the share of it that is done; an empty stage: nothing."""
+
+    stage: str
+    share: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Failed:
+    """Why there is no answer for a design."""
+
+    digest: str
+    text: str
+
+
+Answer = Look | Curves | Rays | Readings | Judged | Doing | Failed
+
+STARTING_BOARD = "starting the simulated board"
+
+GENTLE_S = 1.0
+"""How long it may take to end before it is killed."""
+
+BOARD_PROGRAM = """
+import os, signal, threading
+def follow():
+    while os.read(0, 64):
+        pass
+    os.kill(os.getpid(), signal.SIGTERM)
+threading.Thread(target=follow, daemon=True).start()
+from optopad.cli import main
+main()
+"""
+"""`optopad`, which ends when the other end of its standard input does, however that came about."""
+
+
+class BoardProcess:
+    """`optopad driver fake` of a design as a process that ends with this one.
+
+    Parameters
+    ----------
+    say : is told how far it is
+    """
+
+    def __init__(self, design: SensorDesign, bundles: Path, seed: int, say: Callable[[str], None]) -> None:
+        self._folder = temporary_folder()
+        file = Path(self._folder.name) / "design.toml"
+        save_design(design, file)
+        command = ["driver", "fake", str(file), "--bundles", str(bundles)]
+        self._command = ["-c", BOARD_PROGRAM, *command, "--seed", str(seed)]
+        self._say = say
+        self._lock, self._is_closed = threading.Lock(), False
+        self._process: subprocess.Popen[str] | None = None
+        self._port = ""
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether it ended, although nobody asked it to."""
+        return self._process is not None and self._process.poll() is not None
+
+    def port(self) -> str:
+        """Name of its port; it is started where it does not run.
+
+        Raises
+        ------
+        DeviceError : closed meanwhile.
+        InputError : it ended before it had a port, and its own words why.
+        """
+        if self._process is not None and not self.has_ended:
+            return self._port
+        self._say(STARTING_BOARD)
+        process, told = self._started(), ""
+        assert process.stdout is not None
+        for line in process.stdout:
+            word, _, rest = line.strip().partition(" ")
+            if word == "port":
+                self._port = rest.strip()
+                return self._port
+            told = " ".join(line.split()) or told
+            self._say(f"{STARTING_BOARD}: {told}")
+        if self._is_closed:
+            raise DeviceError("the simulated board: closed before it had started")
+        raise InputError(
+            f"the simulated board did not start: {told.removeprefix('optopad: ') or 'no word of it'}"
+        )
+
+    def end(self) -> None:
+        """End it, by force where it does not listen; it is not started again."""
+        with self._lock:
+            self._is_closed = True
+        if self._process is not None:
+            _end(self._process)
+
+    def tidy(self) -> None:
+        """Close its pipes and remove its folder, when nobody listens to it any more; twice is once."""
+        if self._process is not None:
+            _close_pipes(self._process)
+        self._folder.cleanup()
+
+    def _started(self) -> subprocess.Popen[str]:
+        with self._lock:
+            if self._is_closed:
+                raise DeviceError("the simulated board: closed before it had started")
+            if self._process is not None:
+                _close_pipes(self._process)
+            self._process = started(
+                self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+            )
+            return self._process
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    process.terminate()
+    try:
+        process.wait(GENTLE_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+def _close_pipes(process: subprocess.Popen[str]) -> None:
+    for pipe in (process.stdin, process.stdout):
+        if pipe is not None:
+            with suppress(OSError):
+                pipe.close()
+
 
 FAKE = "fake"
 """The port's name that asks for a simulated board."""

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from design.errors import InputError, OptopadError
+from design.fields.base import is_value
 from design.fields.finding import Finding
-from design.fields.paths import is_value
 from design.rules.check import check
 from design.shape.cavity import cavity_of, workspace_of
 from design.spec import SensorDesign

@@ -11,8 +11,7 @@ import math
 import numpy as np
 
 from design.arrays import BoolArray, FloatArray, IntArray
-from design.shape.cavity import cavity_of
-from design.shape.plan import Plan
+from design.shape.cavity import Plan, cavity_of
 from design.spec import SensorDesign
 from optopad.studio.pad_mesh import outline_mm, ring_triangles, top_mm
 from sims.contact.pad_surface import PadSurface, curve_height_mm, pad_surface

@@ -5,7 +5,7 @@
 
 A wish is a design, a press and whether rays are shown. Another design gives up what is under way, but for the pairs
 under the tip, which are done in a moment and keep a drag alive. Another press leaves a score under way: the new top and
-pairs are worked out in between, between two pieces of its light (`sims.optics.engine.threads.between_pieces`).
+pairs are worked out in between, between two pieces of its light (`sims.optics.engine.compiled.between_pieces`).
 Light that was traced once is found again on disk, so that work given up is not lost.
 """
 
@@ -21,10 +21,9 @@ import numpy as np
 
 from design.arrays import FloatArray
 from design.errors import DesignError, OptopadError
-from design.shape.cavity import cavity_of
-from design.shape.pairs import pair_name
+from design.shape.cavity import cavity_of, pair_name
 from design.spec import SensorDesign
-from optopad.studio.answers import Answer, Curves, Doing, Failed, Judged, Look, Ray, Rays, Readings
+from optopad.studio.live import Answer, Curves, Doing, Failed, Judged, Look, Ray, Rays, Readings
 from optopad.studio.session import Press
 
 Post = Callable[[Answer], None]
@@ -107,8 +106,8 @@ class Workshop:
             self._thread.join(wait_s)
 
     def _run(self) -> None:
-        from sims.cache.compiling import compiling_told
-        from sims.optics.engine.threads import between_pieces
+        from sims.cache import compiling_told
+        from sims.optics.engine.compiled import between_pieces
 
         with between_pieces(self._attend), compiling_told(lambda share: self._doing("kernels", share)):
             while not self._is_closing:
@@ -256,14 +255,14 @@ class Workshop:
 
     def _curves(self, wish: Wish) -> Curves:
         from sims.contact.indentation import round_press
-        from sims.continuity.draft import curves_under
+        from sims.continuity.objective import curves_under
 
         round_press(wish.design, on_step=self._contact_step)  # where it is solved live
         found = curves_under(wish.design, wish.press.place_mm, seed=self._seed)
         return Curves(digest=wish.design.digest, found=found)
 
     def _fine_curves(self, wish: Wish) -> Curves:
-        from sims.continuity.draft import curves_under
+        from sims.continuity.objective import curves_under
 
         found = curves_under(
             wish.design, wish.press.place_mm, is_draft=False, seed=self._seed, on_step=self._step
@@ -271,9 +270,8 @@ class Workshop:
         return Curves(digest=wish.design.digest, found=found)
 
     def _rays(self, wish: Wish) -> Rays:
-        from sims.continuity.draft import pairs_under
-        from sims.rays.light_kinds import LOST, kind_of
-        from sims.rays.ray_states import RayChoice, ray_states
+        from sims.continuity.objective import pairs_under
+        from sims.rays import LOST, RayChoice, kind_of, ray_states
 
         cavity, press = cavity_of(wish.design), wish.press
         pairs = pairs_under(cavity, press.place_mm)[:RAY_PAIRS]
@@ -304,7 +302,7 @@ class Workshop:
 
     def _readings(self, wish: Wish) -> Readings:
         """The untouched pad as for `driver check`, and how much of it the press leaves of each pair."""
-        from optopad.sensor.driver_source import simulated_gain
+        from optopad.sensor.driver_view import simulated_gain
         from sims.optics.tracing import trace
 
         design, press = wish.design, wish.press
@@ -322,14 +320,14 @@ class Workshop:
         return Readings(digest=design.digest, press=press, untouched=untouched, pressed=untouched * share)
 
     def _draft_map(self, wish: Wish) -> Judged:
-        from sims.continuity.draft import draft_score
+        from sims.continuity.objective import draft_score
 
         found = draft_score(wish.design, seed=self._seed, on_step=self._step)
         self._draft = Judged(digest=wish.design.digest, level="draft", score=found)
         return self._draft
 
     def _draft_bounds(self, wish: Wish) -> Judged | None:
-        from sims.continuity.draft import with_draft_bounds
+        from sims.continuity.objective import with_draft_bounds
 
         if self._draft is None or self._draft.score.pad_map is None:
             return None

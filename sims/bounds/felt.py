@@ -17,12 +17,11 @@ import numpy as np
 from design.arrays import FloatArray
 from design.spec import SensorDesign
 from design.spec.properties import modulus
-from sims.bounds.defaults import BAND
+from sims.bounds.fisher import BAND
 from sims.contact.force_curve import band_factors
 from sims.contact.indentation import solved_press
 from sims.readings.readout import Readout
-from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
-from sims.verdict.pair.noise_units import noise_units, sigma_counts
+from sims.verdict.depth_curve import DEADBAND_THRESHOLD, noise_units, sigma_counts
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,7 @@
 """What a pad can tell of a press at best: bounds of its place and depth in every voxel of the workspace.
 
 For every (x, y, depth) the Cramér-Rao bounds of one frame of readings of all pairs (`sims.bounds.fisher`), from
-derivatives by offset presses in two independent halves (`sims.bounds.stencil`); what of it is lost when an emitter or
+derivatives by offset presses in two independent halves (`sims.bounds.fisher`); what of it is lost when an emitter or
 receiver dies; the lightest press that is felt. Helps to compare layouts; a trained estimator does no better on
 average, and usually worse.
 
@@ -9,37 +9,183 @@ Summaries are shares of the volume that the bounds' grid stands for: every place
 distance half-way to its neighbours. Their low and high ends come from all bounds moved together by two standard
 errors of the trace, which is the worst case (voxels' errors are nearly independent). They hold the error of the trace
 only: not that of the models, nor the coarseness of the grid.
+
+Summaries of bounds over a volume, each with the ends that the error of the light trace leaves.
+
+What is lost when one emitter or one receiver dies: the bounds again without its pairs.
+
+Bounds as plain data for JSON: summaries with the ends of their bands, maps by depth; blind is None.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from design.arrays import BoolArray, FloatArray
 from design.progress import OnShare
-from design.shape.cavity import CavityGeometry, cavity_of
-from design.shape.pairs import judged_pairs, mask_of
+from design.shape.cavity import CavityGeometry, cavity_of, judged_pairs, mask_of
 from design.spec import SensorDesign
-from sims.bounds.defaults import (
+from sims.bounds.felt import FeltForce
+from sims.bounds.fisher import (
+    BAND,
     COARSE_DEPTHS_MM,
     COVERED_DEPTH_MM,
     COVERED_LOCATION_MM,
     DEAD_DEPTH_MM,
     DEAD_LOCATION_MM,
+    Bounds,
+    Sensitivity,
+    Steps,
+    bounds_of,
+    pad_answers,
 )
-from sims.bounds.felt import FeltForce
-from sims.bounds.figures import Figure, depth_weights, median_of, share_of
-from sims.bounds.fisher import Bounds, bounds_of
-from sims.bounds.losses import PartLoss, part_losses
-from sims.bounds.pad_answers import pad_answers
-from sims.bounds.stencil import Steps
 from sims.optics.accuracy import MIRRORED_FINER, Accuracy
 from sims.readings.readout import Readout, readout_of
 from sims.verdict.pad_map import grid_inside, grid_places_mm, map_grid_mm, on_grid
 from sims.verdict.presses import untouched_flux
+
+if TYPE_CHECKING:
+    pass
+
+ROUND_OFF_DIGITS = 12
+"""Decimals of a share that are more than round-off."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figure:
+    """A number and the ends of its band; infinite where not bounded."""
+
+    value: float
+    low: float
+    high: float
+
+    def percent(self) -> str:
+        """A share in whole per cent, with its ends where they round to others."""
+        same = round(100 * self.low) == round(100 * self.high)
+        return f"{self.value:.0%}" if same else f"{self.value:.0%} ({self.low:.0%} to {self.high:.0%})"
+
+    def complement(self) -> Figure:
+        """One minus it, of a share: sums of shares are off by round-off, which is cut off."""
+        value, low, high = (
+            max(0.0, round(1.0 - share, ROUND_OFF_DIGITS)) for share in (self.value, self.high, self.low)
+        )
+        return Figure(value=value, low=low, high=high)
+
+
+def depth_weights(depth_mm: Sequence[float] | FloatArray, max_depth_mm: float) -> FloatArray:
+    """(n,) share of 0 to the deepest press that each depth stands for: half-way to its neighbours [-].
+
+    Parameters
+    ----------
+    depth_mm : (n,) rising depths
+    max_depth_mm : where the last share ends
+    """
+    depth = np.asarray(depth_mm, dtype=np.float64)
+    edges = np.concatenate([[0.0], 0.5 * (depth[1:] + depth[:-1]), [max_depth_mm]])
+    return np.asarray(np.diff(edges) / max_depth_mm)
+
+
+def median_of(values: FloatArray, errors: FloatArray, weight: FloatArray) -> Figure:
+    """Weighted median of bounds, and of all of them lowered and raised by `BAND` standard errors."""
+    low, high = _ends(values, errors)
+    return Figure(
+        value=_median(values, weight),
+        low=_median(low, weight),
+        high=_median(high, weight),
+    )
+
+
+def share_of(bounds: Bounds, location_mm: float, depth_mm: float, weight: FloatArray) -> Figure:
+    """Share of the volume that is not blind and has both bounds below the limits [-]."""
+    location_low, location_high = _ends(bounds.location_mm, bounds.location_error_mm)
+    depth_low, depth_high = _ends(bounds.depth_mm, bounds.depth_error_mm)
+
+    def share(location: FloatArray, depth: FloatArray) -> float:
+        is_inside = np.isfinite(location) & (location < location_mm) & (depth < depth_mm)
+        return float(weight[is_inside].sum())
+
+    return Figure(
+        value=share(bounds.location_mm, bounds.depth_mm),
+        low=share(location_high, depth_high),
+        high=share(location_low, depth_low),
+    )
+
+
+def _ends(values: FloatArray, errors: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Values less and plus `BAND` errors; infinite ones stay so."""
+    is_known = np.isfinite(values)
+    moved = BAND * np.where(is_known, errors, 0.0)
+    return np.maximum(values - moved, 0.0), values + moved
+
+
+def _median(values: FloatArray, weight: FloatArray) -> float:
+    order = np.argsort(values, axis=None)
+    total = np.cumsum(weight.ravel()[order])
+    return float(values.ravel()[order[min(np.searchsorted(total, 0.5 * total[-1]), order.size - 1)]])
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartLoss:
+    """The pad without one part.
+
+    Attributes
+    ----------
+    part : its name, as E3
+    coverage : share of the workspace's volume still covered [-]
+    median_location_mm, median_depth_mm : median bounds of what is left [mm]; infinite where half is blind
+    blind_share : share of the volume where some direction cannot be told [-]
+    """
+
+    part: str
+    coverage: Figure
+    median_location_mm: Figure
+    median_depth_mm: Figure
+    blind_share: float
+
+
+def part_losses(
+    answers: Sensitivity,
+    cavity: CavityGeometry,
+    weight: FloatArray,
+    covered_location_mm: float,
+    covered_depth_mm: float,
+) -> tuple[PartLoss, ...]:
+    """The pad without each part in turn, emitters first.
+
+    Parameters
+    ----------
+    answers : derivatives of all pairs, emitter outermost
+    weight : (...) share of the volume that each voxel stands for
+    """
+    emitter, receiver = (index.ravel() for index in np.indices((len(cavity.emitters), len(cavity.receivers))))
+    lost = [(part.name, emitter == k) for k, part in enumerate(cavity.emitters)]
+    lost += [(part.name, receiver == k) for k, part in enumerate(cavity.receivers)]
+    return tuple(
+        _loss(name, answers.without(is_lost), weight, covered_location_mm, covered_depth_mm)
+        for name, is_lost in lost
+    )
+
+
+def _loss(
+    name: str,
+    answers: Sensitivity,
+    weight: FloatArray,
+    covered_location_mm: float,
+    covered_depth_mm: float,
+) -> PartLoss:
+    found = bounds_of(answers)
+    return PartLoss(
+        part=name,
+        coverage=share_of(found, covered_location_mm, covered_depth_mm, weight),
+        median_location_mm=median_of(found.location_mm, found.location_error_mm, weight),
+        median_depth_mm=median_of(found.depth_mm, found.depth_error_mm, weight),
+        blind_share=float(weight[found.is_blind].sum()),
+    )
+
 
 BOUND_ACCURACIES = ("score", MIRRORED_FINER)
 """Settings of the light for derivatives, cheapest first: a common lattice takes most of the error out, and voxels
@@ -48,7 +194,7 @@ where that is not enough are traced again with the next. The first are those of 
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What counts as covered and as dead [mm]: see `sims.bounds.defaults`."""
+    """What counts as covered and as dead [mm]: see `sims.bounds.fisher`."""
 
     covered_location_mm: float = COVERED_LOCATION_MM
     covered_depth_mm: float = COVERED_DEPTH_MM
@@ -90,7 +236,7 @@ class PadBounds:
     pairs : names of the pairs that tell, as E1-R3
     steps : offsets of the presses behind the derivatives [mm]
     accuracies, seed, digest : settings of the light, cheapest first, and of what design; the second half has seed +
-        `sims.bounds.stencil.SEED_GAP`
+        `sims.bounds.fisher.SEED_GAP`
     """
 
     x_mm: tuple[float, ...]
@@ -312,3 +458,71 @@ def own_readout(design: SensorDesign, *, seed: int, accuracy: str | Accuracy = "
 def pair_names(cavity: CavityGeometry) -> tuple[str, ...]:
     """Names of all pairs as E1-R3, emitter outermost."""
     return tuple(f"{e.name}-{r.name}" for e in cavity.emitters for r in cavity.receivers)
+
+
+def bounds_json(bounds: PadBounds) -> dict[str, Any]:
+    """Everything that a `PadBounds` tells; maps are lists over depth of rows over y of values over x."""
+    worst = bounds.worst_loss
+    return {
+        "x_mm": list(bounds.x_mm),
+        "y_mm": list(bounds.y_mm),
+        "depth_mm": list(bounds.depth_mm),
+        "limits_mm": vars(bounds.limits),
+        "median_location_mm": figure_json(bounds.median_location_mm),
+        "median_depth_mm": figure_json(bounds.median_depth_mm),
+        "median_depth_place_known_mm": figure_json(bounds.median_depth_alone_mm),
+        "coverage": figure_json(bounds.coverage),
+        "dead_share": figure_json(bounds.dead_share),
+        "dead_depth_share": figure_json(bounds.dead_depth_share),
+        "blind_share": _number(bounds.blind_share),
+        "worst_voxel": _voxel_json(bounds.worst),
+        "location_mm": _layers(bounds.location_mm),
+        "location_error_mm": _layers(bounds.location_error_mm),
+        "depth_bound_mm": _layers(bounds.depth_bound_mm),
+        "depth_error_mm": _layers(bounds.depth_error_mm),
+        "depth_place_known_mm": _layers(bounds.depth_alone_mm),
+        "depth_place_known_error_mm": _layers(bounds.depth_alone_error_mm),
+        "losses": [_loss_json(loss) for loss in bounds.losses],
+        "worst_loss": None if worst is None else worst.part,
+        "felt": None if bounds.felt is None else _felt_json(bounds.felt),
+        "accuracies": list(bounds.accuracies),
+        "steps_mm": vars(bounds.steps),
+    }
+
+
+def figure_json(figure: Figure) -> dict[str, float | None]:
+    """Value and ends; infinite is None."""
+    return {"value": _number(figure.value), "low": _number(figure.low), "high": _number(figure.high)}
+
+
+def _number(value: float) -> float | None:
+    return float(f"{value:.5g}") if np.isfinite(value) else None
+
+
+def _layers(values: FloatArray) -> list[list[list[float | None]]]:
+    return [[[_number(value) for value in row] for row in layer] for layer in np.moveaxis(values, -1, 0)]
+
+
+def _voxel_json(voxel: Voxel) -> dict[str, float | None]:
+    return {name: _number(value) for name, value in vars(voxel).items()}
+
+
+def _loss_json(loss: PartLoss) -> dict[str, Any]:
+    return {
+        "part": loss.part,
+        "coverage": figure_json(loss.coverage),
+        "median_location_mm": figure_json(loss.median_location_mm),
+        "median_depth_mm": figure_json(loss.median_depth_mm),
+        "blind_share": _number(loss.blind_share),
+    }
+
+
+def _felt_json(felt: FeltForce) -> dict[str, Any]:
+    row, column = felt.worst
+    maps = ("depth_mm", "force_n", "force_error_low_n", "force_error_high_n", "low_n", "high_n")
+    return {
+        "threshold_noise_units": felt.threshold,
+        "worst_place_mm": [felt.x_mm[column], felt.y_mm[row]],
+        "worst_force_n": _number(float(felt.force_n[row, column])),
+        "median_force_n": _number(float(np.nanmedian(felt.force_n))),
+    } | {name: [[_number(value) for value in values] for values in getattr(felt, name)] for name in maps}

@@ -13,13 +13,13 @@ import numpy as np
 
 from design.arrays import FloatArray
 from design.errors import DesignError, InputError, ModelScopeError
-from design.rules.contact_scope import (
+from design.rules.shape import (
     DEEPEST_PRESS,
     LARGEST_SHARE_OF_LAYER,
     LAYER_DEPTH_RANGE,
     deepest_modelled_mm,
 )
-from design.shape.plan import plan_of
+from design.shape.cavity import plan_of
 
 if TYPE_CHECKING:
     from design.spec import SensorDesign

@@ -20,7 +20,7 @@ import numpy as np
 
 from design.arrays import FloatArray
 from design.spec import Indenter
-from design.spec.tip_shape import tip_outline as outline_pieces
+from design.spec.indenter import tip_outline as outline_pieces
 
 Row = tuple[float, float, float, float, float, float, float]
 

@@ -7,10 +7,16 @@ from dataclasses import replace
 from design.progress import OnStep
 from design.spec import SensorDesign
 from design.spec.tolerances import build_tolerances
-from sims.continuity.cautions import band_caution
-from sims.continuity.result import ContinuityScore
-from sims.verdict.build_judge import BuildJudge, pair_judge, place_judge, verdict_judge
-from sims.verdict.build_study import Memo, build_study, remembered
+from sims.continuity.result import ContinuityScore, band_caution
+from sims.verdict.builds import (
+    BuildJudge,
+    Memo,
+    build_study,
+    pair_judge,
+    place_judge,
+    remembered,
+    verdict_judge,
+)
 from sims.verdict.tolerance import ToleranceBand, tolerance_band
 
 DEFAULT_BUILDS = 200

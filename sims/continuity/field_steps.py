@@ -16,21 +16,18 @@ from dataclasses import replace
 import numpy as np
 
 from design.errors import OptopadError
-from design.fields.paths import get_at
+from design.fields.base import get_at
 from design.progress import OnStep
 from design.rules.check import require_valid
-from design.shape.cavity import cavity_of
-from design.shape.pairs import is_facing_rows
+from design.shape.cavity import cavity_of, is_facing_rows
 from design.spec import SensorDesign
 from design.spec.cheap_fields import CLEAR, HEIGHTS, TARGET, cheap_fields
-from sims.bounds.fisher import bounds_of
+from sims.bounds.fisher import Steps, bounds_of, sensitivity
 from sims.bounds.observability import own_readout
-from sims.bounds.stencil import Steps, sensitivity
 from sims.continuity.build_tolerance import governing_judge
 from sims.continuity.result import ContinuityScore
-from sims.verdict.build_judge import BuildJudge
-from sims.verdict.builds import ACCURACY, accuracy_of_builds
-from sims.verdict.field_effects import Effect, FieldStep, FieldSteps
+from sims.verdict.builds import ACCURACY, BuildJudge, accuracy_of_builds
+from sims.verdict.tolerance import Effect, FieldStep, FieldSteps
 
 STEPS = {**dict.fromkeys(HEIGHTS, 0.1), CLEAR: 0.5, TARGET: 25.0}
 """Steps of fields by name [unit of the field]."""

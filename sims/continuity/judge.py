@@ -6,12 +6,31 @@
 
 How finely is a row of `SETTINGS`; the stages are the same for a score, a draft and a search. A pad's verdict needs the
 map alone, that of facing rows their pairs alone.
+
+How finely a design is judged: a row of settings for each use, from a layout that is being moved to a fine score.
+
+| row    | for                                     | time on a pad of 48 pairs, two cores   |
+|--------|-----------------------------------------|----------------------------------------|
+| draft  | what is being moved about by hand       | one to six seconds, bounds two to ten  |
+| search | designs of a search, base included      | two to eight seconds                   |
+| score  | `optopad score`                         | ten to forty seconds                   |
+| full   | the same, the map at 11 places a side   | minutes                                |
+| fine   | the same with finer light, more bounds  | minutes                                |
+
+How far the figures of a search are from those of a score is measured in docs/validation/search.md. Designs of a search
+are judged alike, so their order suffers less than the figures do.
+
+The readings of a map's places, and which of the places are traced again.
+
+map's light, once ──► what is open by the light's own error ──► a second, independent trace
+                 │                                └─► finer ones, two each, while it stays open
+                 └──► of a draft: what is close to the threshold ──► a finer trace
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -19,27 +38,47 @@ import numpy as np
 
 from design.arrays import BoolArray, FloatArray
 from design.errors import ModelScopeError
-from design.progress import OnStep
-from design.shape.cavity import CavityGeometry, cavity_of
-from design.shape.pairs import beside_chord, direct_path_pairs, is_facing_rows, judged_pairs, mask_of
-from design.shape.pairs import pair_name as name_of
+from design.progress import OnShare, OnStep
+from design.shape.cavity import (
+    CavityGeometry,
+    beside_chord,
+    cavity_of,
+    direct_path_pairs,
+    is_facing_rows,
+    judged_pairs,
+    mask_of,
+)
+from design.shape.cavity import pair_name as name_of
 from design.spec import SensorDesign
 from sims.bounds.felt import FeltForce, felt_force
-from sims.bounds.observability import PadBounds, pad_bounds
+from sims.bounds.fisher import COARSE_DEPTHS_MM, FINE_DEPTHS_MM
+from sims.bounds.observability import BOUND_ACCURACIES, PadBounds, pad_bounds
 from sims.contact.force_curve import ForceCurve, force_curve
 from sims.contact.indentation import solved_press
-from sims.continuity.map_judging import MapFrames, settled_close, settled_open
 from sims.continuity.result import Interval, JudgedPair
-from sims.continuity.settings import SETTINGS, Settings
+from sims.optics.accuracy import ACCURACIES, Accuracy
 from sims.optics.light_signals import LightSignals
 from sims.optics.tracing import trace
-from sims.press.depths import depth_schedule_mm
+from sims.press import COARSE_STEP_MM, STEP_MM, depth_schedule_mm
 from sims.readings.readout import Readout, readout_of
 from sims.verdict.builds import pair_margin, score_curves
 from sims.verdict.causes import Cause, causes_of_pad, causes_of_pairs
-from sims.verdict.pad_map import PadMap, Place, grid_places_mm, map_grid_mm, place_of
-from sims.verdict.pair.defaults import DEADBAND_MIN_LENGTH_MM, TRACE_ERROR_LIMIT
+from sims.verdict.depth_curve import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT
+from sims.verdict.pad_map import (
+    COARSE_PLACES,
+    FINE_PLACES,
+    PadMap,
+    Place,
+    grid_places_mm,
+    map_grid_mm,
+    place_of,
+)
 from sims.verdict.presses import (
+    DOUBT_ACCURACIES,
+    MAP_ACCURACY,
+    MOST_TRACED_AGAIN,
+    NEAR_ACCURACY,
+    PAIR_ACCURACY,
     SECOND_SEED,
     Pair,
     map_depths_mm,
@@ -49,6 +88,253 @@ from sims.verdict.presses import (
     states_of,
     untouched_flux,
 )
+
+NEAR_TIPS = 4.0
+"""Pairs whose chord is farther from a place are left as untouched there by a draft [tip radii]: on the paper's pad 28
+of 48 are nearer. Margins of up to 20 noise units then differ by 0.3 from those of all, larger ones by up to 7."""
+HALF_OF_DEPTH = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """How finely designs are judged.
+
+    Attributes
+    ----------
+    untouched, pairs, map, bounds : settings of the light
+    near : settings of the map's light near contact, where the map then has all depths; None: as the rest of it
+    step_mm, map_step_mm : of the depths of pairs and of the map [mm]
+    map_places, bound_places : places along the longer side of the workspace [-]
+    bound_depths_mm : depths of the bounds; the end of the range of use is added [mm]
+    bound_depth_share : share of the deepest press that these depths are limited to [-]
+    near_tips : pairs of the map farther from a press are taken as untouched there [tip radii]; None traces all
+    settled : places of the map that are traced again: those that the light's own error leaves open, by two independent
+        traces; those close to the threshold, by a finer one; or none
+    doubts : settings of these traces, tried in turn
+    has_felt, has_losses : whether bounds come with the lightest press felt, and with what is lost with each part
+    """
+
+    untouched: str | Accuracy
+    pairs: str | Accuracy
+    map: Accuracy
+    near: Accuracy | None
+    bounds: tuple[Accuracy | str, ...]
+    step_mm: float
+    map_step_mm: float
+    map_places: int
+    bound_places: int
+    bound_depths_mm: tuple[float, ...]
+    bound_depth_share: float = 1.0
+    near_tips: float | None = None
+    settled: Literal["open", "close", "none"] = "none"
+    doubts: tuple[Accuracy, ...] = ()
+    has_felt: bool = False
+    has_losses: bool = False
+
+
+_QUICK = replace(ACCURACIES["draft"], reference_rays=4096)
+
+_DRAFT_MAP = replace(
+    ACCURACIES["score"],
+    reference_rays=4096,
+    rings=12,
+    columns=30,
+    top_rings=8,
+    top_columns=20,
+    repeat_share=0.2,
+    image_step=0.7,
+    ray_share=1.0,
+)
+"""A third of the time a state of a search's; 1 % rms of the untouched signal, most of it common to all depths."""
+
+_SCORE = Settings(
+    untouched="standard",
+    pairs=PAIR_ACCURACY,
+    map=MAP_ACCURACY,
+    near=NEAR_ACCURACY,
+    bounds=BOUND_ACCURACIES,
+    step_mm=STEP_MM,
+    map_step_mm=COARSE_STEP_MM,
+    map_places=COARSE_PLACES,
+    bound_places=COARSE_PLACES,
+    bound_depths_mm=COARSE_DEPTHS_MM,
+    settled="open",
+    doubts=(MAP_ACCURACY, *DOUBT_ACCURACIES),
+    has_felt=True,
+    has_losses=True,
+)
+_FULL = replace(_SCORE, map_step_mm=STEP_MM, map_places=FINE_PLACES, bound_places=FINE_PLACES)
+
+SETTINGS = {
+    "draft": Settings(
+        untouched=_QUICK,
+        pairs=replace(_QUICK, rings=16, columns=40, image_step=0.2, top_rings=14, top_columns=32),
+        map=_DRAFT_MAP,
+        near=None,
+        bounds=(ACCURACIES["score"],),  # coarser light leaves voxels open, which then pass for blind
+        step_mm=COARSE_STEP_MM,
+        map_step_mm=2 * COARSE_STEP_MM,
+        map_places=COARSE_PLACES,
+        bound_places=3,
+        bound_depths_mm=(1.5,),
+        bound_depth_share=HALF_OF_DEPTH,
+        near_tips=NEAR_TIPS,
+        settled="close",
+        doubts=DOUBT_ACCURACIES[:1],
+        has_felt=True,
+    ),
+    "search": Settings(
+        untouched=_QUICK,
+        pairs=replace(_QUICK, image_step=0.1, top_rings=14, top_columns=32, repeat_share=1e-3),
+        map=_QUICK,
+        near=None,
+        bounds=(_QUICK,),
+        step_mm=COARSE_STEP_MM,
+        map_step_mm=2 * COARSE_STEP_MM,
+        map_places=3,
+        bound_places=3,
+        bound_depths_mm=(0.7, 2.5),
+    ),
+    "score": _SCORE,
+    "full": _FULL,
+    "fine": replace(
+        _FULL,
+        pairs="fine",
+        map=ACCURACIES["standard"],
+        bound_depths_mm=FINE_DEPTHS_MM,
+        doubts=(ACCURACIES["standard"], *DOUBT_ACCURACIES),
+    ),
+}
+"""Rows by name."""
+
+
+def settings_of(*, fine: bool, full: bool) -> Settings:
+    """The row of a score."""
+    return SETTINGS["fine" if fine else "full" if full else "score"]
+
+
+CLOSE_UNITS = 1.0
+"""Places of a draft whose margin is this near to the threshold are traced again [noise units]: a draft's margins were
+off by 0.3 there, enough to hide the deadband in the middle of the paper's pad of 10 mm."""
+MOST_CLOSE = 3
+"""So many of them, the nearest first."""
+
+
+def settled_open(
+    design: SensorDesign,
+    pad_map: PadMap,
+    frames: MapFrames,
+    doubts: Sequence[Accuracy],
+    seed: int,
+    on_step: OnShare,
+) -> PadMap:
+    """The map with its open places judged by two independent traces, and by finer ones while they stay open.
+
+    Parameters
+    ----------
+    doubts : settings of the light, tried in turn; the first are the map's own
+    """
+    for settings in doubts:
+        doubtful = pad_map.doubtful(MOST_TRACED_AGAIN)
+        if not doubtful:
+            break
+        again = pad_map.open_depths(frames.depth_mm, doubtful)
+        for half in (0, 1):
+            if half == 0 and settings == doubts[0]:
+                continue  # the map itself
+            finer = pad_light(
+                design,
+                frames.places_mm[doubtful],
+                frames.depth_mm[again],
+                accuracy=settings,
+                seed=seed + half * SECOND_SEED,
+                on_step=on_step,
+            )
+            frames.put(half, doubtful, again, finer)
+        frames.errors[np.ix_(np.array(doubtful), np.flatnonzero(again))] = 0.0
+        pad_map = pad_map.with_places({number: frames.place(design, number) for number in doubtful})
+    return pad_map
+
+
+def settled_close(
+    design: SensorDesign,
+    pad_map: PadMap,
+    frames: MapFrames,
+    doubts: Sequence[Accuracy],
+    seed: int,
+    on_step: OnShare,
+) -> PadMap:
+    """The map with the places closest to the threshold judged by one finer trace, whose settings are the first."""
+    away = [abs(place.margin - DEADBAND_THRESHOLD) for place in pad_map.places]
+    close = [number for number in np.argsort(away, kind="stable").tolist() if away[number] <= CLOSE_UNITS]
+    close = close[:MOST_CLOSE]
+    if not close:
+        return pad_map
+    places_mm = np.array([[pad_map.places[number].x_mm, pad_map.places[number].y_mm] for number in close])
+    depth_mm = depth_schedule_mm(design.operating.max_depth_mm, COARSE_STEP_MM)
+    light = pad_light(design, places_mm, depth_mm, accuracy=doubts[0], seed=seed, on_step=on_step)
+    finer = MapFrames.traced_once(frames.mask, depth_mm, places_mm, light, frames.readout)
+    return pad_map.with_places({number: finer.place(design, k) for k, number in enumerate(close)})
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapFrames:
+    """The frames of a map's places.
+
+    Attributes
+    ----------
+    counts : (2, place, depth, pair) unlimited readings of two halves, the same where light was traced once
+    errors : (place, depth, pair) standard errors of light traced once; 0 elsewhere [counts]
+    """
+
+    mask: BoolArray
+    readout: Readout
+    places_mm: FloatArray
+    depth_mm: FloatArray
+    counts: FloatArray
+    errors: FloatArray
+
+    @classmethod
+    def traced_once(
+        cls,
+        mask: BoolArray,
+        depth_mm: FloatArray,
+        places_mm: FloatArray,
+        light: LightSignals,
+        readout: Readout,
+    ) -> MapFrames:
+        """From a map's light, whose states run through depths first, and the (emitter, receiver) pairs to judge."""
+        shape = (len(places_mm), len(depth_mm), -1)
+        counts, errors = (
+            (values[:, mask] * readout.of_mask(mask)).reshape(shape)
+            for values in (light.flux, light.error_of_changes)
+        )
+        return cls(
+            mask=mask,
+            readout=readout,
+            places_mm=places_mm,
+            depth_mm=depth_mm,
+            counts=np.stack([counts, counts]),
+            errors=errors,
+        )
+
+    def put(self, half: int, places: list[int], depths: BoolArray, light: LightSignals) -> None:
+        """Replace a half's readings at some places and depths."""
+        counts = light.flux[:, self.mask] * self.readout.of_mask(self.mask)
+        rows = np.ix_(np.array(places), np.flatnonzero(depths))
+        self.counts[half][rows] = counts.reshape(len(places), int(depths.sum()), -1)
+
+    def place(self, design: SensorDesign, number: int) -> Place:
+        """One place judged."""
+        x_mm, y_mm = self.places_mm[number].tolist()
+        return place_of(
+            design,
+            (x_mm, y_mm),
+            self.depth_mm,
+            self.counts[:, number],
+            self.errors[number],
+            self.readout.full_scale_counts,
+        )
 
 
 class Judge:
@@ -321,7 +607,7 @@ class Judge:
     def _pairs_are_open(self) -> bool:
         """Whether a second trace leaves a deadband of facing pairs open.
 
-        Two traces err independently of each other, so what both agree on is no error (`sims.verdict.frame_depths`).
+        Two traces err independently of each other, so what both agree on is no error (`sims.verdict.pad_map`).
         """
         if any(pair.score.deadbands_mm for pair in self.pairs):
             return False

@@ -1,4 +1,9 @@
-"""What a verdict says: pairs, pad, tolerance, warnings; and its form as plain data."""
+"""What a verdict says: pairs, pad, tolerance, warnings; and its form as plain data.
+
+The words of a verdict, the same wherever one is shown: never a bare verdict where more has to be said.
+
+What a verdict says beside itself: how near it is to turning, and what it rests on.
+"""
 
 from __future__ import annotations
 
@@ -8,22 +13,94 @@ from typing import Any, Literal
 import numpy as np
 
 from design.arrays import FloatArray
-from sims.bounds.json_form import bounds_json
-from sims.bounds.observability import PadBounds
+from sims.bounds.observability import PadBounds, bounds_json
 from sims.contact.force_curve import ForceCurve
 from sims.optics.light_signals import LightSignals
 from sims.readings.readout import Readout
-from sims.verdict.boundary_forces import BoundaryForces
-from sims.verdict.build_study import BuildStudy
-from sims.verdict.causes import Cause
-from sims.verdict.field_effects import FieldSteps
-from sims.verdict.mode_errors import mode_errors_mm
+from sims.verdict.builds import BuildStudy
+from sims.verdict.causes import Cause, Rise, rise_of
+from sims.verdict.depth_curve import DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT, trace_noise_warning
+from sims.verdict.figure_errors import BoundaryForces, mode_errors_mm
 from sims.verdict.pad_map import PadMap
-from sims.verdict.pair.pair_score import PairScore
+from sims.verdict.pair_score import PairScore
 from sims.verdict.presses import PairCurves
-from sims.verdict.rises import Rise, rise_of
-from sims.verdict.tolerance import ToleranceBand
+from sims.verdict.tolerance import FieldSteps, ToleranceBand, ToleranceRow
 from sims.verdict.trial import Trial
+
+NEGLIGIBLE_MM = 5e-4
+"""Usable depths this near to the depth asked for are that depth: plain data is rounded [mm]."""
+
+
+def headline(
+    verdict: str,
+    *,
+    is_open: bool,
+    usable_mm: float | None,
+    asked_mm: float | None,
+    is_short: bool = False,
+) -> str:
+    """The verdict, whether it is undecided, and the usable depth where the design asks for more.
+
+    Parameters
+    ----------
+    is_open : whether the numerical error of the light model leaves the verdict undecided
+    usable_mm, asked_mm : usable depth, and deepest press of the design; None where nothing was judged [mm]
+    is_short : for the column of a table
+    """
+    words = f"{verdict}, undecided" if is_open else verdict
+    if usable_mm is None or asked_mm is None or usable_mm > asked_mm - NEGLIGIBLE_MM:
+        return words
+    joint = " to" if words == "CONTIGUOUS" else ", to" if is_open else ", usable to"
+    asked = f"{asked_mm:g} mm" if is_short else f"the {asked_mm:g} mm asked"
+    return f"{words}{joint} {_depth(usable_mm, asked_mm)} of {asked}"
+
+
+def _depth(usable_mm: float, asked_mm: float) -> str:
+    """To a tenth, or as many digits as tell it from the depth asked for."""
+    digits = next(n for n in (1, 2, 3) if n == 3 or round(usable_mm, n) < asked_mm - NEGLIGIBLE_MM)
+    return f"{usable_mm:.{digits}f}"
+
+
+def margin_caution(pad_map: PadMap) -> list[str]:
+    """A pad so near to a deadband somewhere that the trace's own error leaves the verdict open."""
+    if not pad_map.is_open:
+        return []
+    place = min((one for one in pad_map.places if one.depths.most.deadbands_mm), key=lambda one: one.margin)
+    start, end = place.depths.margin_mm
+    return [
+        f"the verdict is open: at x {place.x_mm:g}, y {place.y_mm:g} mm frames from {start:.2f} to {end:.2f} mm of "
+        f"depth differ by {place.margin:.1f} noise units, give or take {place.depths.margin_error:.1f} by the light "
+        f"trace's own error, and {DEADBAND_THRESHOLD:g} are needed; run with --fine"
+    ]
+
+
+def band_caution(band: ToleranceBand | None) -> str | None:
+    """One line: what the verdict rests on that nobody has measured, the strongest effect first."""
+    if band is None or not (band.rows or band.unbanded):
+        return None
+    ranked = [f"{row.path} {row.values[0]:.3g}..{row.values[1]:.3g} ({_effect(row)})" for row in band.rows]
+    others = [f"{path} (no band)" for path in band.unbanded] + [
+        f"{text} (not tried)" for text in band.untried
+    ]
+    return (
+        f"rests on values not measured on the build, tried on {band.judged} (deadband {band.deadband_mm:.2f} mm, "
+        f"margin {band.margin:.0f} noise units): " + "; ".join(ranked + others)
+    )
+
+
+def _effect(row: ToleranceRow) -> str:
+    dead, margin = row.deadband_mm, row.margin
+    turns = ", turns the verdict" if row.flips else ""
+    return f"{row.confidence}: {dead[0]:.2f}..{dead[1]:.2f} mm, {margin[0]:.0f}..{margin[1]:.0f}{turns}"
+
+
+def noise_caution(judged: tuple[JudgedPair, ...]) -> str | None:
+    """A line where the trace's jitter can pass for signal."""
+    margins = [pair.score.noise_margin for pair in judged if pair.score.noise_margin is not None]
+    if not margins or max(margins) <= TRACE_ERROR_LIMIT:
+        return None
+    return trace_noise_warning(max(margins))
+
 
 Verdict = Literal["CONTIGUOUS", "DEADBAND", "OUT_OF_MODEL_SCOPE"]
 Interval = tuple[float, float]

@@ -15,10 +15,9 @@ from typing import Any
 from design.errors import DesignError, InputError
 from design.rules.check import require_valid
 from design.spec import SensorDesign
-from sims.continuity.headline import headline
-from sims.continuity.result import ContinuityScore, JudgedPair
-from sims.verdict.boundary_forces import BoundaryForces, boundary_forces, place_force
-from sims.verdict.pair.deadbands import total_length_mm
+from sims.continuity.result import ContinuityScore, JudgedPair, headline
+from sims.verdict.figure_errors import BoundaryForces, boundary_forces, place_force
+from sims.verdict.pair_score import total_length_mm
 
 SAMPLING_MM = 0.15
 """How far depth steps twice as long change the length of a deadband (docs/understand/model.md) [mm]."""

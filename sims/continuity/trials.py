@@ -19,21 +19,18 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 from design.errors import OptopadError
-from design.fields.paths import get_at
+from design.fields.base import get_at
 from design.progress import OnStep
 from design.rules.check import check
-from design.shape.cavity import cavity_of
-from design.shape.pairs import is_facing_rows
+from design.shape.cavity import cavity_of, is_facing_rows
 from design.spec import SensorDesign
 from design.spec.cheap_fields import CLEAR, HEIGHTS
 from sims.continuity.build_tolerance import governing_judge
-from sims.continuity.judge import Judge
+from sims.continuity.judge import SETTINGS, Judge
 from sims.continuity.result import ContinuityScore
-from sims.continuity.settings import SETTINGS
-from sims.verdict.build_judge import BuildJudge, facing_judge
-from sims.verdict.builds import Brief, accuracy_of_builds
+from sims.verdict.builds import Brief, BuildJudge, accuracy_of_builds, facing_judge
 from sims.verdict.causes import Cause
-from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
+from sims.verdict.depth_curve import DEADBAND_THRESHOLD
 from sims.verdict.trial import Found, Move, Trial, TriedMove
 
 Line = tuple[tuple[str, int], ...]

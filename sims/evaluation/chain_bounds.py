@@ -15,7 +15,7 @@ One frame of signals y (lit less off, all pairs) of a stage's press θ = (x, y, 
 The nuisances have priors, so the bound is the hybrid one (Van Trees 1968, section 2.4; Messer 2006): information of all
 parameters, the priors' added, the nuisances eliminated by a Schur complement. For e and r that leaves
 
-    F = Jᵀ C⁻¹ J,   C = V + G Gᵀ      (`sims.learning.inference.signal_map.reading_noise`; J = ∂m/∂θ)
+    F = Jᵀ C⁻¹ J,   C = V + G Gᵀ      (`sims.learning.inference.signal_map`; J = ∂m/∂θ)
 
 and for δ, which enters only as θ + δ,
 
@@ -41,9 +41,16 @@ from design.arrays import FloatArray
 from design.progress import OnShare
 from design.shape.cavity import workspace_of
 from design.spec import SensorDesign
-from sims.bounds.fisher import Bounds, Sensitivity, bounds_of
-from sims.bounds.stencil import SEED_GAP, Steps, stencil_derivatives, stencil_presses
-from sims.learning.inference.signal_map.reading_noise import ReadingNoise
+from sims.bounds.fisher import (
+    SEED_GAP,
+    Bounds,
+    Sensitivity,
+    Steps,
+    bounds_of,
+    stencil_derivatives,
+    stencil_presses,
+)
+from sims.learning.inference.signal_map import ReadingNoise
 from sims.optics.accuracy import Accuracy
 from sims.optics.tracing import trace
 

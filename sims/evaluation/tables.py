@@ -6,19 +6,187 @@ samples at a depth that are truly touched (the regressor alone), and over those 
 cascade); how many it finds stands beside. Standard errors by resampling places and sessions, not samples: press and
 retraction at one place share its signals, all presses of a session its drift and reference depth. From a single session
 the error leaves out what sessions differ by.
+
+Which samples the tables and pictures need: a data set has ten times as many as they show.
+
+Presses beside what a model says of them: the rows that every table and picture is made of.
+
+What was published of a sensor's touch, to hold the simulated table against.
+
+Its untouched rows bounded the assumed noise of the signal chain (`design.spec.sensor`), so they are no blind test;
+nothing is fitted to the others.
 """
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import FloatArray
-from sims.evaluation.judged import JudgedPresses
+from design.arrays import BoolArray, FloatArray, IntArray
+from design.errors import InputError
+from design.preset import preset
+from design.spec import SensorDesign
+from sims.learning.inference.prediction import Prediction
+from sims.press import place_numbers
+from sims.readings.press_data import PressData
+
+
+def needed_samples(data: PressData, places_mm: FloatArray) -> PressData:
+    """Samples at the depths of the tables, and all of the presses nearest to some places.
+
+    Parameters
+    ----------
+    places_mm : (place, 2) where depth is shown sample by sample [mm]
+    """
+    depth_mm = data.press_mm[:, 2]
+    wanted = np.zeros(len(data), dtype=np.bool_)
+    for row in _all_depths():
+        wanted |= np.abs(depth_mm - row) <= DEPTH_TOLERANCE_MM
+    number = data.press_numbers()
+    for place in places_mm:
+        nearest = int(np.hypot(*(data.press_mm[:, :2] - place).T).argmin())
+        wanted |= number == number[nearest]
+    return data.only(wanted)
+
+
+def _all_depths() -> Sequence[float]:
+    return sorted({*TOUCH_DEPTHS_MM, *ERROR_DEPTHS_MM})
+
+
+DEPTH_TOLERANCE_MM = 0.04
+"""A sample belongs to a row of a table when its depth is this near; schedules step by 0.1 mm."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JudgedPresses:
+    """Samples, and what one model says of each.
+
+    Attributes
+    ----------
+    press_mm : (n, 3) x, y, depth as the stage reported them; depth below 0 is untouched, 0 and above touched [mm]
+    said_mm : (n, 3) what the model says, whether it finds a touch or not [mm]
+    is_found : (n,) whether the model finds a touch
+    place_number : (n,) which place a sample belongs to; samples of one place share what is particular to it
+    session_number : (n,) which set of which draw; samples of one session share its drift and its reference depth
+    """
+
+    press_mm: FloatArray
+    said_mm: FloatArray
+    is_found: BoolArray
+    place_number: IntArray
+    session_number: IntArray
+
+    @property
+    def is_touched(self) -> BoolArray:
+        """(n,) whether the tip was at the surface or in it."""
+        return np.asarray(self.press_mm[:, 2] >= 0.0)
+
+    @property
+    def false_alarms(self) -> float | None:
+        """Share of the untouched samples that the model finds touched [-]; None without untouched samples."""
+        quiet = self.is_found[~self.is_touched]
+        return float(quiet.mean()) if len(quiet) else None
+
+    @property
+    def location_error_mm(self) -> FloatArray:
+        """(n,) distance in the plane between said and reported place [mm]."""
+        return np.asarray(np.hypot(*(self.said_mm - self.press_mm)[:, :2].T))
+
+    @property
+    def depth_error_mm(self) -> FloatArray:
+        """(n,) absolute difference of depth [mm]."""
+        return np.asarray(np.abs(self.said_mm[:, 2] - self.press_mm[:, 2]))
+
+    def at_depth(self, depth_mm: float) -> JudgedPresses:
+        """The samples of one row of a table."""
+        return self.only(np.abs(self.press_mm[:, 2] - depth_mm) <= DEPTH_TOLERANCE_MM)
+
+    def only(self, chosen: BoolArray) -> JudgedPresses:
+        """The samples that a mask (n,) picks."""
+        return JudgedPresses(**{one.name: getattr(self, one.name)[chosen] for one in fields(self)})
+
+    def __len__(self) -> int:
+        return len(self.press_mm)
+
+
+def judged(data: PressData, said: Prediction) -> JudgedPresses:
+    """Hold a model's answers against a data set.
+
+    Raises
+    ------
+    InputError : another number of answers than of samples.
+    """
+    if len(said.press_mm) != len(data.press_mm):
+        raise InputError(
+            f"prediction: {len(said.press_mm)} rows for {len(data.press_mm)} samples; predict all"
+        )
+    return JudgedPresses(
+        press_mm=np.asarray(data.press_mm, dtype=np.float64),
+        said_mm=np.asarray(said.press_mm, dtype=np.float64),
+        is_found=np.asarray(said.is_touched, dtype=bool),
+        place_number=place_numbers(data.press_mm[:, :2]),
+        session_number=np.asarray(np.unique(data.set_number, return_inverse=True)[1], dtype=np.int64),
+    )
+
+
+def joined(parts: Sequence[JudgedPresses]) -> JudgedPresses:
+    """Samples of several data sets or draws as one: sessions stay apart, places that are the same become one."""
+    press_mm = np.concatenate([part.press_mm for part in parts])
+    shifts = np.cumsum([0, *(int(part.session_number.max(initial=-1)) + 1 for part in parts[:-1])])
+    return JudgedPresses(
+        press_mm=press_mm,
+        said_mm=np.concatenate([part.said_mm for part in parts]),
+        is_found=np.concatenate([part.is_found for part in parts]),
+        place_number=place_numbers(press_mm[:, :2]),
+        session_number=np.concatenate(
+            [part.session_number + shift for part, shift in zip(parts, shifts, strict=True)]
+        ),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PublishedTouch:
+    """A published table of touch.
+
+    Attributes
+    ----------
+    source : where it stands
+    depth_mm : of its rows [mm]
+    ambient, dark : share told rightly in ambient light and in the dark [-]
+    """
+
+    source: str
+    depth_mm: tuple[float, ...]
+    ambient: tuple[float, ...]
+    dark: tuple[float, ...]
+
+    def right(self, depth_mm: float, *, is_ambient: bool) -> float | None:
+        """Share told rightly at one depth [-]; None where the table has no such row."""
+        rows = self.ambient if is_ambient else self.dark
+        return next(
+            (share for at, share in zip(self.depth_mm, rows, strict=True) if abs(at - depth_mm) < 1e-9), None
+        )
+
+
+def published_touch(design: SensorDesign) -> PublishedTouch | None:
+    """The table of the sensor that a packaged design describes; None for all others, changed ones included."""
+    text = (files("sims.evaluation") / "data" / "touch_success.toml").read_text(encoding="utf-8")
+    found = tomllib.loads(text).get(design.name)
+    if found is None or design.digest != preset(design.name).digest:
+        return None
+    return PublishedTouch(
+        source=found["source"],
+        depth_mm=tuple(found["depth_mm"]),
+        ambient=tuple(found["ambient"]),
+        dark=tuple(found["dark"]),
+    )
+
 
 TOUCH_DEPTHS_MM = (-0.4, -0.2, 0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 ERROR_DEPTHS_MM = (0.1, 0.5, 1.0, 2.0, 3.0, 5.0)

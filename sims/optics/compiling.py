@@ -3,7 +3,7 @@
 
 Compiling takes a minute of one core, once on a machine. The process that traces compiles what it calls, in the order in
 which it calls it; this one begins with what comes last in that order. Whoever comes second to a kernel waits for it
-(`sims.cache.kernels`). It ends with its standard input; with `--alone` it goes on until all is compiled.
+(`sims.cache`). It ends with its standard input; with `--alone` it goes on until all is compiled.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def signatures() -> dict[str, tuple[Any, ...]]:
     import numba
     from numba import types
 
-    from sims.optics.surface.top import Top
+    from sims.optics.surface.tops import Top
 
     one, two, three, four = (types.Array(types.float64, sides, "C") for sides in (1, 2, 3, 4))
     layout, wanted = types.Array(types.int64, 2, "C"), types.Array(types.boolean, 2, "C")

@@ -27,11 +27,11 @@ StraightRules = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray
 ImageRules = tuple[
     FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray
 ]
-"""Nodes and weights of whole images (`sims.optics.engine.mirrored.mirror_paths`)."""
+"""Nodes and weights of whole images (`sims.optics.engine.mirrored`)."""
 Patches = tuple[IntArray, FloatArray]
-"""Layout of the patches (`sims.optics.engine.scattered.diffuse.layout_of`), and their areas."""
+"""Layout of the patches (`sims.optics.engine.scattered.layout_of`), and their areas."""
 Orders = tuple[IntArray, FloatArray, FloatArray]
-"""What light that is scattered more than once needs (`sims.optics.engine.scattered.orders`)."""
+"""What light that is scattered more than once needs (`sims.optics.engine.repeated`)."""
 UntouchedLight = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 """Of the untouched pad: straight flux, mirrored flux and gain of straight flux in one array; scattered and
 wall-mirrored flux; both deposits, and their join."""

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from sims.plots.style import BLUE, GREY, GRID, INK, MUTED, VERMILLION
-from sims.verdict.build_study import BuildStudy
-from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
+from sims.verdict.builds import BuildStudy
+from sims.verdict.depth_curve import DEADBAND_THRESHOLD
 from sims.verdict.tolerance import ToleranceBand, ToleranceRow
 
 ROW_IN = 0.36

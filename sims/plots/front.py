@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from design.arrays import FloatArray
 from design.search.figures import FIGURES
-from design.search.judged import Judged, Tried
+from design.search.improve import Judged, Tried
 from design.search.space import SearchSpace, SpaceField, Value
 from sims.plots.style import BLUE, GREY, GRID, INK, MUTED, VERMILLION, axes_or_new, plain_style, svg_text
 

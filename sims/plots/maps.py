@@ -3,6 +3,8 @@
 A cell stands for the press at its centre; nothing is interpolated between places. Cells at the border
 reach half a pitch beyond the workspace, which is drawn dashed; where the workspace has no place there is no cell.
 Places without a finite value are hatched. Maps of several depths share one scale, so that they compare.
+
+A pad, its workspace and its parts from above, as marks of a plot.
 """
 
 from __future__ import annotations
@@ -15,15 +17,61 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Colormap, LinearSegmentedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Patch, Polygon, Rectangle
 
 from design.arrays import BoolArray, FloatArray
-from design.shape.cavity import CavityGeometry
+from design.shape.cavity import TURN_RAD, CavityGeometry, PlacedPart, Plan, outline_mm
+from design.shape.outline import Outline
 from sims.bounds.felt import FeltForce
 from sims.bounds.observability import PadBounds
-from sims.plots.shapes.pad_patches import clip_to_pad, draw_part, outline_patch, workspace_patch
 from sims.plots.style import BLUE, INK, MUTED, VERMILLION, WIDTH_IN, axes_or_new
 from sims.verdict.pad_map import PadMap, Place
+
+NAME_POINTS = 5
+"""Distance of a part's name from its mark [points]."""
+
+
+def outline_patch(plan: Plan, **look: Any) -> Patch:
+    """A pad's outline."""
+    return Polygon(outline_mm(plan), **look)
+
+
+def workspace_patch(space: Outline, **look: Any) -> Patch:
+    """The places that presses are judged at."""
+    return Polygon(space.points(TURN_RAD), **look)
+
+
+def clip_to_pad(artist: Any, ax: Any, cavity: CavityGeometry) -> None:
+    """Leave of cells only what lies in the pad."""
+    artist.set_clip_path(outline_patch(cavity.plan, transform=ax.transData))
+
+
+def draw_part(ax: Axes, part: PlacedPart, colour: str, *, size: float, is_named: bool) -> None:
+    """A part from above: an emitter as a dot, a receiver as an open square, its name outward of it.
+
+    Parameters
+    ----------
+    size : of the mark [points]
+    """
+    x, y, _ = part.position_mm
+    is_emitter = part.kind == "emitter"
+    look: dict[str, Any] = {"markersize": size, "markeredgecolor": colour, "clip_on": False, "zorder": 5}
+    ax.plot(
+        x, y, marker="o" if is_emitter else "s", markerfacecolor=colour if is_emitter else "white", **look
+    )
+    if is_named:
+        right, up = part.line.outward
+        ax.annotate(
+            part.name,
+            (x, y),
+            xytext=(NAME_POINTS * right, NAME_POINTS * up),
+            textcoords="offset points",
+            ha=("center", "left", "right")[round(right)],
+            va=("center", "bottom", "top")[round(up)],
+            fontsize=7,
+            color=colour,
+        )
+
 
 Quantity = Literal["location", "depth"]
 Lines = tuple[tuple[float, ...], tuple[float, ...]]

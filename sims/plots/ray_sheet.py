@@ -9,18 +9,18 @@ from matplotlib.figure import Figure
 
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
-from sims.plots.ray_cut import Cut
 from sims.plots.rays import (
     HEAD_ROOM,
     PLAN_ROOM,
     SECTION_ROOM,
+    Cut,
     legend_handles,
     percent,
     plot_ray_plan,
     plot_ray_section,
 )
 from sims.plots.style import INK, MUTED
-from sims.rays.ray_states import RayState
+from sims.rays import RayState
 
 LEAST_WIDTH_IN = 8.6
 SECTION_IN = (6.0, 2.9)

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from sims.continuity.headline import NEGLIGIBLE_MM
+from sims.continuity.result import NEGLIGIBLE_MM
 from sims.continuity.sweep import SweepRow
 from sims.plots.signal import DIRECT, TOP, TOTAL
 from sims.plots.style import GRID, INK, MUTED, PALE_BLUE, PALE_ORANGE

@@ -10,9 +10,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from sims.plots.style import BLUE, GREY, GRID, INK, VERMILLION, WIDTH_IN, axes_or_new
-from sims.verdict.field_effects import Effect, FieldSteps
-from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
-from sims.verdict.tolerance import ToleranceBand, ToleranceRow
+from sims.verdict.depth_curve import DEADBAND_THRESHOLD
+from sims.verdict.tolerance import Effect, FieldSteps, ToleranceBand, ToleranceRow
 
 ROW_IN = 0.42
 FRAME_IN = 1.0

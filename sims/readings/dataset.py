@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 from design.arrays import FloatArray, IntArray
 from design.errors import InputError
 from design.recordings import OFF, UNNAMED, SetEntry
-from sims.press.same_places import SAME_PLACE_MM
-from sims.readings.data_writer import DataWriter, header_of, save_data
+from sims.press import SAME_PLACE_MM
+from sims.readings.data_writer import DataWriter, header_of, read_netcdf, require_numbers, save_data
 from sims.readings.label_checks import (
     LENGTHS_MM,
     TIMES_S,
@@ -37,7 +37,6 @@ from sims.readings.label_checks import (
     known_design,
     require_true_labels,
 )
-from sims.readings.netcdf_file import read_netcdf, require_numbers
 from sims.readings.press_data import (
     CONVERTED,
     PressData,

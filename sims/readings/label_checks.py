@@ -219,7 +219,7 @@ def _require_in_the_cavity(location_mm: FloatArray, design: SensorDesign | None)
     x_mm, y_mm = location_mm.T
     whole = rectangle((0.0, 0.0, LARGEST_MM, LARGEST_MM))
     if design is not None:
-        from design.shape.plan import plan_of
+        from design.shape.cavity import plan_of
 
         whole = plan_of(design).outline
     out = np.flatnonzero(~whole.contains(x_mm, y_mm, SLACK_MM))

@@ -21,16 +21,22 @@ from design.errors import InputError
 from design.progress import OnStep
 from design.protocols.press import PressProtocol
 from design.recordings import OFF
-from design.shape.cavity import cavity_of
-from design.shape.pairs import judged_pairs, mask_of
+from design.shape.cavity import cavity_of, judged_pairs, mask_of
 from design.spec import SensorDesign
 from sims.optics.accuracy import Accuracy
-from sims.readings.chain.signal_chain import SetDraw, SignalChain, chain_of
-from sims.readings.chain.stage import drawn_press, drawn_set_offset_mm, true_depth_mm
-from sims.readings.chain.walls import blended, unbonded_share, with_loose_walls
-from sims.readings.press_curves import PressCurves, knots_mm, traced_curves
-from sims.readings.press_data import PressData
+from sims.readings.press_data import PressCurves, PressData, knots_mm, traced_curves
 from sims.readings.readout import Readout, readout_of
+from sims.readings.signal_chain import (
+    SetDraw,
+    SignalChain,
+    blended,
+    chain_of,
+    drawn_press,
+    drawn_set_offset_mm,
+    true_depth_mm,
+    unbonded_share,
+    with_loose_walls,
+)
 
 ORDER, SET, PRESS, FRAME = range(4)
 """What a stream of random numbers is for."""

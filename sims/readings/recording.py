@@ -28,13 +28,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from design.arrays import FloatArray
-from design.csv_table import CsvTable, read_csv
 from design.errors import InputError
+from design.files import TEXT_KINDS, CsvTable, kind_of_file, read_csv
 from design.recordings import OFF, signals_of
-from design.text_file import TEXT_KINDS, kind_of_file
+from sims.readings.data_writer import read_netcdf, require_numbers
 from sims.readings.dataset import AXES, off_last
 from sims.readings.label_checks import LENGTHS_MM, in_unit, known_design, require_finite, require_true_labels
-from sims.readings.netcdf_file import read_netcdf, require_numbers
 
 if TYPE_CHECKING:
     from design.spec import SensorDesign

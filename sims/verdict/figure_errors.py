@@ -8,23 +8,122 @@ a symmetry makes one share their draws.
 Left out: errors of neighbouring depths go together to an unknown degree (they are drawn apart, which is too much jitter
 and too little drift), that of the untouched pad, whose light has no replicates, errors of the gain, of the boundaries
 of the modes (they have their own), and of the models.
+
+Mode boundaries in newtons: the load at which a mode starts or ends, with the band of the modulus.
+
+    depth of the boundary ──► load of the press there, at the modulus believed most and at both ends of its band
+
+Depths do not depend on the modulus (light sees the shape only, and the shape of a frictionless layer does not
+depend on its stiffness); loads are proportional to it. So a softer mix moves every boundary in newtons and none in
+millimetres. The load is that of the pair's own press, near walls included where the contact model covers the
+place; elsewhere that of the centred press, and `is_at_place` says so.
+
+Left out: the error of the contact model, friction, viscosity.
+
+How far the light trace's own error may move the boundaries of the modes.
+
+A boundary is where a curve crosses a level, so an error of the curve moves it by that error over the curve's slope
+there. The trace tells the standard error of the whole light only; it is taken for that of the mirrored and of the
+direct part, too, which is too much for the direct part (quadrature, no rays). Errors of the level (a share of the
+curve's range) and of neighbouring depths, which partly cancel, are left out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from design.arrays import FloatArray
+from design.errors import ModelScopeError
 from design.spec import SensorDesign
+from sims.contact.force_curve import LoadCurve, load_curve
+from sims.contact.indentation import solved_press
+from sims.press import depth_schedule_mm
 from sims.readings.readout import Readout
-from sims.verdict.pair.deadbands import continuity, deadband_intervals_mm, evenness
-from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
-from sims.verdict.pair.depth_curve import between, clipped
-from sims.verdict.pair.noise_units import noise_of, noise_units
-from sims.verdict.pair.pair_score import PairScore
+from sims.verdict.depth_curve import DEADBAND_THRESHOLD, between, clipped, noise_of, noise_units
+from sims.verdict.pair_score import Modes, PairScore, continuity, deadband_intervals_mm, evenness
 from sims.verdict.presses import PairCurves
+
+Load = tuple[float, float, float]
+"""Load and both ends of its band [N]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoundaryForces:
+    """Loads at the boundaries of the modes: (load, low end, high end) [N]; None for an open boundary.
+
+    Attributes
+    ----------
+    mode1_start, mode1_end, mode2_onset, mode2_end : the boundaries
+    is_at_place : whether the load is that of the pair's press; else that of the centred press
+    """
+
+    mode1_start: Load
+    mode1_end: Load
+    mode2_onset: Load | None
+    mode2_end: Load | None
+    is_at_place: bool
+
+    def to_json(self) -> dict[str, object]:
+        """Plain data for JSON."""
+        loads = {name: getattr(self, name) for name in BOUNDARIES}
+        return {
+            name: None if load is None else [round(end, 4) for end in load] for name, load in loads.items()
+        } | {"is_at_place": self.is_at_place}
+
+
+BOUNDARIES = ("mode1_start", "mode1_end", "mode2_onset", "mode2_end")
+
+
+def boundary_forces(modes: Modes, force: LoadCurve, *, is_at_place: bool = True) -> BoundaryForces:
+    """The loads of a press at the boundaries of the modes.
+
+    Parameters
+    ----------
+    force : load of the press, at least as deep as the deepest boundary
+    """
+    onset, end = modes.mode2_mm
+    return BoundaryForces(
+        mode1_start=force.at(modes.mode1_mm[0]),
+        mode1_end=force.at(modes.mode1_mm[1]),
+        mode2_onset=None if onset is None else force.at(onset),
+        mode2_end=None if end is None else force.at(end),
+        is_at_place=is_at_place,
+    )
+
+
+def place_force(design: SensorDesign, place_mm: tuple[float, float]) -> tuple[LoadCurve, bool]:
+    """Load against depth of a press at a place, and whether it is that place's or the centred press's."""
+    depth_mm = depth_schedule_mm(design.operating.max_depth_mm)
+    try:
+        return load_curve(design, solved_press(design, at_mm=place_mm), depth_mm), True
+    except ModelScopeError:
+        return load_curve(design, solved_press(design), depth_mm), False
+
+
+Errors = tuple[float | None, float | None]
+
+
+def mode_errors_mm(curves: PairCurves, modes: Modes) -> tuple[Errors, Errors]:
+    """Standard errors of the boundaries of mode 1 and mode 2 [mm]; None where open, or where the curve is flat."""
+    first = tuple(_moved_mm(curves, curves.top, boundary) for boundary in modes.mode1_mm)
+    second = tuple(_moved_mm(curves, curves.direct, boundary) for boundary in modes.mode2_mm)
+    return (first[0], first[1]), (second[0], second[1])
+
+
+def _moved_mm(curves: PairCurves, light: FloatArray, boundary_mm: float | None) -> float | None:
+    """Standard error over slope, both in the segment that holds the boundary [mm]."""
+    if boundary_mm is None:
+        return None
+    depth = curves.depth_mm
+    segment = min(max(int(np.searchsorted(depth, boundary_mm)) - 1, 0), len(depth) - 2)
+    slope = abs(light[segment + 1] - light[segment]) / (depth[segment + 1] - depth[segment])
+    if slope == 0.0:
+        return None
+    return float(np.interp(boundary_mm, depth, curves.standard_error) / slope)
+
 
 FIGURES = ("continuity", "evenness", "swing", "resolvable_steps")
 """Columns of drawn figures: shares [-], and a number of steps."""
@@ -84,7 +183,7 @@ def _figures(
     end_mm: float,
     full_scale_counts: float,
 ) -> FloatArray:
-    """(figure,) of one curve of counts, as `sims.verdict.pair.pair_score` works them out."""
+    """(figure,) of one curve of counts, as `sims.verdict.pair_score` works them out."""
     noise = noise_of(design)
     at_mm, counts = clipped(depth_mm, unlimited, full_scale_counts)
     _, units = between(at_mm, noise_units(counts, **noise), 0.0, end_mm)

@@ -14,14 +14,12 @@ import numpy as np
 
 from design.arrays import FloatArray
 from design.progress import OnShare
-from design.shape.cavity import CavityGeometry
-from design.shape.pairs import chord_midpoint_mm
-from design.shape.plan import plan_of
+from design.shape.cavity import CavityGeometry, chord_midpoint_mm, plan_of
 from design.spec import SensorDesign
 from sims.optics.accuracy import ACCURACIES, MIRRORED_FINER, Accuracy
 from sims.optics.light_signals import LightSignals
 from sims.optics.tracing import trace
-from sims.press.depths import NEAR_CONTACT_MM, depth_schedule_mm
+from sims.press import NEAR_CONTACT_MM, depth_schedule_mm
 
 Pair = tuple[int, int]
 

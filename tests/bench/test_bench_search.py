@@ -12,7 +12,7 @@ import time
 import pytest
 
 from design.search.explore import explore
-from design.search.judged import Judged
+from design.search.improve import Judged
 from design.search.space import load_space
 from sims.continuity.objective import judge
 

@@ -11,8 +11,7 @@ import pytest
 from design.preset import preset
 from design.spec.tolerances import build_tolerances
 from optopad.jobs.sweep import run_sweep
-from sims.verdict.build_judge import facing_judge
-from sims.verdict.build_study import build_study
+from sims.verdict.builds import build_study, facing_judge
 
 PAIR = preset("piacenza2017-pair")
 SWEEP_LIMIT_S = 30.0

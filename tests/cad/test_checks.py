@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from cad.checks import PartFile, check_parts, design_findings, overhang_area_mm2
-from cad.mesh import Mesh, stl_bytes
-from cad.picture import mold_picture
+from cad.mesh import Mesh, mold_picture, stl_bytes
 from cad.volume import mold_volume_mm3
 from design.preset import preset
 

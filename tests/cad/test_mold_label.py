@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import trimesh
 
+from cad.checks import cavity_agreement
 from cad.export import part_files
 from cad.mesh import read_stl
 from cad.mold import build_mold
-from cad.optical import cavity_agreement
 from cad.volume import mold_volume_mm3
 from design.errors import DesignError
 from design.mold.label import LARGEST_PITCH_MM, label_lines, letters, mold_label

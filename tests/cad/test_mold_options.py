@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from cad.checks import PartFile, check_parts, design_findings
+from cad.checks import PartFile, cavity_agreement, check_parts, design_findings
 from cad.export import export_parts, part_files
 from cad.indenter_tip import shank_mm
 from cad.mesh import mesh_of as solid_mesh
 from cad.mold import build_mold
-from cad.optical import cavity_agreement
 from cad.pour_gauge import gauge_size, pour_gauge
 from cad.solder_jig import jig_size, solder_jig
 from cad.volume import base_volume_mm3, mold_volume_mm3
@@ -20,8 +19,8 @@ from design.errors import DesignError, InputError
 from design.mold.lettering import area_mm2, shapes_of
 from design.mold.outline import bed_lift_mm, outline_of
 from design.mold.part_numbers import DEPTH_MM, small_letters
+from design.parts.assumptions import bed_of
 from design.parts.catalog import find_board, packaged
-from design.parts.printer import bed_of
 from design.preset import FLAT_PRESETS, PRESETS, preset
 from design.rules.check import require_valid
 from design.shape.cavity import cavity_of

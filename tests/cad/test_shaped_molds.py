@@ -9,16 +9,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from cad.checks import design_findings
+from cad.checks import cavity_agreement, design_findings, dish_agreement, first_hits_mm
 from cad.export import export_parts, part_files
 from cad.leveling_blade import PLAY_MM as BLADE_PLAY_MM
 from cad.leveling_blade import blade_size, leveling_blade
-from cad.lid import lid
-from cad.lid_size import DRAFT_DEG, OVER_CROWN_MM, lid_size, turned_over
-from cad.mesh import CHORD_LIMIT_MM, CHORD_MM, mesh_of, read_stl
+from cad.lid import DRAFT_DEG, OVER_CROWN_MM, lid, lid_size, turned_over
+from cad.mesh import CHORD_LIMIT_MM, CHORD_MM, mesh_of, northern_half, read_stl, section_picture
 from cad.mold import build_mold
-from cad.optical import cavity_agreement, dish_agreement, first_hits_mm
-from cad.picture import northern_half, section_picture
 from cad.pour_gauge import gauge_size
 from cad.volume import lid_volume_mm3, mold_volume_mm3
 from design.mold.outline import bed_lift_mm, outline_of

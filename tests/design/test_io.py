@@ -18,12 +18,12 @@ from design.io import (
     dump_design,
     file_schema,
     load_design,
+    migrated,
     save_design,
     without_empty,
     write_text_atomically,
     written_together,
 )
-from design.migrate import migrated
 from design.parts import catalog
 from design.preset import PRESETS, preset, preset_text
 from design.rules.check import check, require_valid

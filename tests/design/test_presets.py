@@ -9,8 +9,7 @@ import pytest
 from design.errors import InputError
 from design.preset import PRESETS, new_text, preset, preset_text, true_description
 from design.rules.check import check
-from design.shape.cavity import cavity_of
-from design.shape.pairs import facing_pairs
+from design.shape.cavity import cavity_of, facing_pairs
 from design.spec import SensorDesign
 
 

@@ -14,12 +14,7 @@ import pytest
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from design.errors import InputError, OutputError
-from design.io import save_design, write_text_atomically, written_together
-from design.preset import preset
-from design.protocols.press import PressProtocol, PressSet
-from design.search.space import SearchSpace
-from design.spec import SensorDesign
-from design.whole_file import (
+from design.files import (
     folder_fault,
     name_fault,
     own_folder,
@@ -28,6 +23,11 @@ from design.whole_file import (
     whole_file,
     write_whole,
 )
+from design.io import save_design, write_text_atomically, written_together
+from design.preset import preset
+from design.protocols.press import PressProtocol, PressSet
+from design.search.space import SearchSpace
+from design.spec import SensorDesign
 
 ROOT = Path(__file__).parents[2]
 DEVICES = ["CON", "con", "Prn", "AUX", "nul", "COM1", "com9", "LPT1", "lpt9", "LPT²", "CONIN$"]
@@ -183,4 +183,4 @@ def test_no_other_module_names_hidden_files_and_folders() -> None:
         for path in (ROOT / room).rglob("*.py")
         if makers.search(path.read_text())
     }
-    assert found == {"design/whole_file.py", "design/io.py", "optopad/studio/design_file.py"}
+    assert found == {"design/files.py", "design/io.py", "optopad/studio/design_file.py"}

@@ -11,7 +11,7 @@ from docstring_sections import with_lists
 from field_text import MEANINGS, QUANTITY, Field, design_schema, every_field, sections
 from generated_pages import FILLED, filled
 
-from design.fields.paths import known_values
+from design.fields.base import known_values
 from design.preset import preset
 from design.spec import SensorDesign
 from optopad.cli.commands import whole_command

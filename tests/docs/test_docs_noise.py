@@ -4,7 +4,7 @@ import json
 import re
 from pathlib import Path
 
-from design.spec.noise import Noise
+from design.spec.sensor import Noise
 
 PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "simulate-data-set.md"
 

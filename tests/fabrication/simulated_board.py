@@ -34,8 +34,8 @@ from fabrication.driver.link.protocol import (
     unpack_self_test,
 )
 from fabrication.driver.link.scanner import Scanner
-from fabrication.firmware.image import COMPILER, compile_elf, has_compiler
-from fabrication.firmware.settings import FirmwareSettings, firmware_settings
+from fabrication.firmware.flash import COMPILER, compile_elf, has_compiler
+from fabrication.firmware.sketch import FirmwareSettings, firmware_settings
 
 HARNESS = Path(__file__).parent / "loop" / "simulated_board.c"
 LIBRARIES = ("-lsimavr", "-lelf", "-lm", "-lutil")
@@ -149,8 +149,7 @@ def random_table(settings: FirmwareSettings, seed: int = 0) -> IntArray:
 
 def light_table_mv(design: SensorDesign) -> IntArray:
     """(state, receiver) voltages of a pressed pad by the light model, at the design's gain, on ambient light [mV]."""
-    from design.shape.cavity import cavity_of
-    from design.shape.pairs import judged_pairs, mask_of
+    from design.shape.cavity import cavity_of, judged_pairs, mask_of
     from sims.optics import trace
     from sims.readings.readout import readout_of
 

@@ -12,16 +12,15 @@ from hypothesis import strategies as st
 
 from design.circuit.emitter_switch import emitter_switch
 from design.circuit.pins import board_of
-from design.parts.assumptions import assumption
+from design.parts.assumptions import E24, assumption, ohm_text, standard_at_least, standard_at_most
 from design.parts.catalog import Part
-from design.parts.standard_values import E24, ohm_text, standard_at_least, standard_at_most
 from design.preset import PRESETS, preset
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from design.spec.properties import part_of
 from fabrication.sheets.bom import COLUMNS, bom_csv, bom_rows
-from fabrication.sheets.formats.table import csv_text, safe_text
-from fabrication.sheets.silicone import pours
+from fabrication.sheets.casting import pours
+from fabrication.sheets.table import csv_text, safe_text
 
 PAD = preset("piacenza2017-pad")
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from fabrication.firmware.config_header import plain
+from fabrication.firmware.sketch import plain
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from design.circuit import timing
+from design.circuit import pins as timing
 from design.circuit.pins import assigned_pins
 from design.errors import DesignError, InputError
 from design.preset import PRESETS, preset
@@ -278,7 +278,7 @@ def test_a_missing_field_is_named(field: str) -> None:
 
 def test_the_reader_needs_the_standard_library_only() -> None:
     program = (
-        "import sys; import fabrication.driver_file; "
+        "import sys; import fabrication.driver_config; "
         "print([n for n in ('numpy', 'pydantic', 'tomlkit', 'cadquery', 'mujoco', 'numba') if n in sys.modules])"
     )
     root = Path(__file__).parents[2]

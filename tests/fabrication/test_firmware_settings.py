@@ -19,10 +19,18 @@ from design.spec import SensorDesign
 from fabrication.driver.link.protocol import Command, pack_command
 from fabrication.driver_config import dump_driver_config
 from fabrication.driver_file import config_from_document
-from fabrication.firmware.config_header import config_header
-from fabrication.firmware.image import compiled_image
-from fabrication.firmware.settings import firmware_gaps, firmware_settings
-from fabrication.firmware.sketch import CONFIG, FIXED_FILES, IMAGE, sketch_texts, source_text, write_sketch
+from fabrication.firmware.flash import compiled_image
+from fabrication.firmware.sketch import (
+    CONFIG,
+    FIXED_FILES,
+    IMAGE,
+    config_header,
+    firmware_gaps,
+    firmware_settings,
+    sketch_texts,
+    source_text,
+    write_sketch,
+)
 from tests.fabrication.simulated_board import missing_compiler, quantised, random_table, simulate_elf
 
 PAD = preset("piacenza2017-pad")

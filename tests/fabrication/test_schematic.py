@@ -6,20 +6,17 @@ from xml.etree import ElementTree
 
 import pytest
 
-from design.circuit.emitter_switch import emitter_switch
+from design.circuit.emitter_switch import emitter_switch, supply_current
 from design.circuit.pins import assigned_pins
-from design.circuit.supply_current import supply_current
-from design.parts.assumptions import assumption
-from design.parts.standard_values import ohm_text
+from design.parts.assumptions import assumption, ohm_text
 from design.preset import PRESETS, preset
 from design.shape.cavity import cavity_of
 from design.spec.properties import part_of
 from fabrication.gain import SimulatedGain
 from fabrication.sheets.bom import NO_PRICE, bom_csv, bom_rows
-from fabrication.sheets.casting import casting_md
+from fabrication.sheets.casting import casting_md, pours
 from fabrication.sheets.orientation_svg import orientation_svg
 from fabrication.sheets.schematic_svg import schematic_svg
-from fabrication.sheets.silicone import pours
 
 PAD = preset("piacenza2017-pad")
 SVG = "{http://www.w3.org/2000/svg}"

@@ -17,17 +17,15 @@ from hypothesis import strategies as st
 from design.circuit.pins import assigned_pins, board_of
 from design.errors import OutputError
 from design.preset import PRESETS, SHAPED_PRESETS, preset
-from design.shape.cavity import cavity_of
-from design.shape.plan import plan_of
+from design.shape.cavity import cavity_of, plan_of
 from design.spec import SensorDesign
 from design.spec.properties import part_of
 from fabrication.driver_file import load_driver_config
 from fabrication.gain import SimulatedGain
 from fabrication.sheets import all_sheets as sheets
-from fabrication.sheets.all_sheets import sheet_texts, write_sheets
+from fabrication.sheets.all_sheets import sheet_texts, wiring_csv, write_sheets
 from fabrication.sheets.bom import bom_rows
 from fabrication.sheets.casting import casting_md, plain
-from fabrication.sheets.wiring import wiring_csv
 from fabrication.sheets.wiring_svg import spread, wiring_svg
 
 PAD = preset("piacenza2017-pad")

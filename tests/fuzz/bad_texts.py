@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from random import Random
 from typing import Any
 
-from design.fields.paths import known_paths
+from design.fields.base import known_paths
 from design.preset import PRESETS, preset_text
 from design.spec import SensorDesign
 

@@ -14,13 +14,12 @@ import optopad
 from design.errors import DesignError, InputError
 from optopad.jobs import compare as comparing
 from optopad.jobs import sweep as sweeping
-from optopad.results.accuracy import Accuracy, accuracy_of
 from optopad.results.comparison import labelled
-from optopad.results.prediction import Prediction
+from optopad.results.prediction import Accuracy, Prediction, accuracy_of
 from optopad.results.score import Score
 from sims.continuity import scoring
 from sims.continuity.sweep import sweep_row
-from sims.evaluation.judged import JudgedPresses
+from sims.evaluation.tables import JudgedPresses
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 
 ROOT = Path(__file__).parents[2]

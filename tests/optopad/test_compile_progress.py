@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from numba import njit
 
-from optopad.cli.progress import progress
-from sims.cache.compiling import compiling_told, is_there, listen_to_numba, tell_of
+from optopad.cli.output import progress
+from sims.cache import compiling_told, is_there, listen_to_numba, tell_of
 
 ROOT = Path(__file__).parents[2]
 LINE = "compiling the light kernels, once on this machine: a minute or two"
@@ -92,7 +92,7 @@ def test_machines_read_nothing_of_it(capsys: pytest.CaptureFixture[str]) -> None
 
 def test_drawing_progress_needs_no_numba() -> None:
     program = (
-        "import sys\nfrom optopad.cli.progress import progress\n"
+        "import sys\nfrom optopad.cli.output import progress\n"
         "with progress(quiet=False) as step:\n    step('mold', 1.0)\n"
         "print('numba' in sys.modules)"
     )

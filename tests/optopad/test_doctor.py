@@ -18,7 +18,7 @@ import pytest
 from optopad import doctor
 from optopad.cli import main
 from optopad.doctor import Failure, Finding, Package, explain_import_error
-from sims.cache.light_store import LightStore
+from sims.cache import LightStore
 
 ROOT = Path(__file__).parents[2]
 CADQUERY = Package("cadquery", "cadquery", "2.8")
@@ -298,7 +298,7 @@ def test_no_home_folder_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("OPTOPAD_CACHE", "NUMBA_CACHE_DIR"):
         monkeypatch.delenv(name, raising=False)
     for missing in (no_home, lambda _name: Path("~/.cache/optopad")):
-        monkeypatch.setattr("sims.cache.folder.user_cache_path", missing)
+        monkeypatch.setattr("sims.cache.user_cache_path", missing)
         findings = {one.name: one for one in doctor.examine()}
         for name in ("cache folder", "kernel cache", "light cache"):
             assert (findings[name].state, findings[name].detail) == (

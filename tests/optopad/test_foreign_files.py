@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from design.csv_table import read_csv
 from design.errors import OptopadError
+from design.files import read_csv
 from design.io import dump_design, load_design
 from design.preset import preset, preset_text
 from design.protocols.press import load_protocol_file
@@ -25,8 +25,8 @@ from fabrication.driver.recording.raw import read_records
 from fabrication.driver.simulated.finger import read_path
 from fabrication.driver_config import dump_driver_config
 from fabrication.driver_file import load_driver_config
-from fabrication.stage.press_list import read_press_list
-from optopad.cli.verbs.improve import _text as improve_text
+from fabrication.stage.stage import read_press_list
+from optopad.cli.search import _text as improve_text
 from sims.learning.inference.model_file import load_model
 from sims.readings.dataset import read_data
 from sims.readings.recording import read_recording

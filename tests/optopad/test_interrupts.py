@@ -103,9 +103,9 @@ import optopad.doctor
 optopad.doctor.examine = examine
 """
 AFTER_A_CLEAN_END = """
-import optopad.cli.driver.sensor
+import optopad.cli.sensor
 def examine():
-    with optopad.cli.driver.sensor._until_interrupted():
+    with optopad.cli.sensor._until_interrupted():
         os.kill(os.getpid(), signal.SIGINT)
         time.sleep(10)
     raise ValueError
@@ -130,7 +130,7 @@ IN_COMPILED_CODE = (
 def examine():
     from design.preset import preset
     from fabrication.bundle import bundle
-    from optopad.work.program import started
+    from optopad.work import started
     child = started(["-c", "import time; time.sleep(60)"])
     with bundle(preset("fingertip-16"), Path(os.environ["OUT"]), seed=0):
         print(child.pid, len(os.listdir(os.environ["OUT"])), flush=True)

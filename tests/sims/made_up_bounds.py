@@ -8,10 +8,8 @@ from design.preset import preset
 from design.shape.cavity import CavityGeometry, cavity_of
 from design.spec import SensorDesign
 from sims.bounds.felt import FeltForce
-from sims.bounds.figures import Figure
-from sims.bounds.losses import PartLoss
-from sims.bounds.observability import Limits, PadBounds, pair_names
-from sims.bounds.stencil import Steps
+from sims.bounds.fisher import Steps
+from sims.bounds.observability import Figure, Limits, PadBounds, PartLoss, pair_names
 from sims.verdict.pad_map import map_grid_mm
 
 DEPTHS_MM = (0.2, 0.7, 1.5, 2.8, 4.9)

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from design.arrays import BoolArray, FloatArray, IntArray
 from design.errors import InputError, OutputError
+from design.files import require_suffix, whole_file
 from design.recordings import sets_json, signals_of
-from design.whole_file import require_suffix, whole_file
 from fabrication.driver.descriptor import UNITS, descriptor_of
 from fabrication.driver.link.counters import Repeats, WrappingCounter, restarts
 from fabrication.driver.link.protocol import Unpacked, frame_format, unpack_frames

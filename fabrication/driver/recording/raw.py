@@ -28,8 +28,7 @@ from typing import IO, Any, Self
 import numpy as np
 
 from design.errors import InputError, OutputError
-from design.text_file import BYTES_FOR_KIND, kind_of, read_bytes
-from design.whole_file import require_suffix
+from design.files import BYTES_FOR_KIND, kind_of, read_bytes, require_suffix
 from fabrication.driver_file import DriverConfig, config_from_document
 from fabrication.record import plain_of
 

@@ -14,9 +14,8 @@ from matplotlib.axes import Axes
 from design.shape.cavity import CavityGeometry, PlacedPart, cavity_of
 from design.spec import SensorDesign
 from sims.contact.indentation import indent
-from sims.plots.ray_cut import Cut, cut_of_pair
-from sims.plots.rays import ceiling_mm, draw_cut_faces, draw_cut_pad
-from sims.plots.shapes.pressed_top import cut_tip_mm, press_frame
+from sims.plots.contact import cut_tip_mm, press_frame
+from sims.plots.rays import Cut, ceiling_mm, cut_of_pair, draw_cut_faces, draw_cut_pad
 from sims.plots.style import BLUE, GREEN, INK, WIDTH_IN, axes_or_new
 from sims.verdict.causes import GONE, WHOLE, Cause, Witness
 

@@ -22,8 +22,8 @@ from design.shape.outline import X
 from design.spec import SensorDesign
 from optopad.report.scenes.mold_scene import body_corners_mm
 from sims.contact.tip import tip_points_mm
+from sims.plots.maps import outline_patch, workspace_patch
 from sims.plots.rays import BLACK
-from sims.plots.shapes.pad_patches import outline_patch, workspace_patch
 from sims.plots.style import BLUE, GRID, INK, MUTED, PALE_BLUE, VERMILLION, WIDTH_IN
 
 SMALL, MEDIUM = 7.0, 8.5

@@ -1,4 +1,7 @@
-"""Maps over the pad as data for the page: one value a place and depth, how it is coloured, and what it means."""
+"""Maps over the pad as data for the page: one value a place and depth, how it is coloured, and what it means.
+
+The maps at a few depths side by side: what the page shows in print and where scripts do not run.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +10,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
+from matplotlib.patches import Patch
 
 from design.arrays import BoolArray, FloatArray
 from design.shape.cavity import CavityGeometry
 from optopad.report.scenes.pair_scene import plan_of
-from sims.verdict.pad_map import PadMap
-from sims.verdict.pad_profile import PadProfile
-from sims.verdict.pair.defaults import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
+from sims.plots.maps import HATCH, add_scale, draw_map, map_sheet
+from sims.plots.style import INK
+from sims.verdict.depth_curve import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
+from sims.verdict.pad_map import PadMap, PadProfile
 
 CHANGE = ("#f2f6f9", "#9cc9e6", "#0072b2", "#002e4a")
 DEAD = ("#eef1f4", "#c24e00")
@@ -184,3 +191,47 @@ def _pitch_mm(pad: PadMap) -> float:
 
 def _number(value: float) -> float | None:
     return float(f"{value:.4g}") if np.isfinite(value) else None
+
+
+MOST = 6
+"""Maps altogether."""
+PANEL_IN = 1.45
+"""Width of a map [inch]."""
+
+
+def plot_by_depth(scene: MapScene, one: DepthMap) -> Axes:
+    """One quantity at up to six depths, to one scale of colours; hatched as on the page. Returns the first axes."""
+    chosen, pad = _chosen(one), scene.pad_map
+    depths = [one.depth_mm[layer] for layer in chosen]
+    titles = [f"{depth:.2f} mm" if np.isfinite(depth) else one.title for depth in depths]
+    figure, panels = map_sheet(scene.cavity, titles, PANEL_IN)
+    colours = LinearSegmentedColormap.from_list(one.key, list(one.colours))
+    scale = (LogNorm if one.is_logarithmic else Normalize)(one.low, one.high)
+    for layer, ax in zip(chosen, panels, strict=True):
+        values = pad.grid(one.values[layer].clip(one.low, one.high))
+        is_hatched = pad.grid(one.is_hatched[layer] | ~np.isfinite(one.values[layer])) == 1.0
+        draw_map(
+            ax,
+            scene.cavity,
+            (pad.x_mm, pad.y_mm),
+            values,
+            colours,
+            scale,
+            hatched=is_hatched,
+            is_numbered=False,
+        )
+        ax.set_axis_off()
+    if not one.names:
+        add_scale(figure, panels, f"{one.title.lower()} [{one.unit}]", colours, scale)
+    key = Patch(facecolor="white", edgecolor=INK, hatch=HATCH, label=one.hatched, linewidth=0.5)
+    figure.legend(handles=[key], loc="outside lower left")
+    return panels[0]
+
+
+def _chosen(one: DepthMap) -> list[int]:
+    """Numbers of evenly spread depths, the deepest one included."""
+    count = len(one.depth_mm)
+    if count <= MOST:
+        return list(range(count))
+    wanted = np.linspace(one.depth_mm[0], one.depth_mm[-1], MOST + 1)[1:]
+    return sorted({int(np.abs(one.depth_mm - depth).argmin()) for depth in wanted})

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from design.arrays import FloatArray
 from design.mold.outline import MoldOutline, bed_lift_mm, outline_of
-from design.shape.cavity import PlacedPart, cavity_of
-from design.shape.plan import TURN_RAD
+from design.shape.cavity import TURN_RAD, PlacedPart, cavity_of
 from design.spec import SensorDesign
 
 if TYPE_CHECKING:
@@ -56,7 +55,7 @@ def mold_scene(design: SensorDesign, folder: Path) -> dict[str, Any] | None:
 
 
 def _solid(mesh: Mesh, places_mm: FloatArray) -> dict[str, Any]:
-    from cad.picture import creases
+    from cad.mesh import creases
 
     low, high = places_mm.min(axis=0), places_mm.max(axis=0)
     step = float((high - low).max()) / STEPS
@@ -74,7 +73,7 @@ def _lid(design: SensorDesign, stl: Path) -> dict[str, Any] | None:
     """The lid as it lies on the mold; None where there is none."""
     if not stl.is_file():
         return None
-    from cad.lid_size import lid_size, turned_over
+    from cad.lid import lid_size, turned_over
     from cad.mesh import read_stl
 
     size = lid_size(design)

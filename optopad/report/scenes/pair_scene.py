@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from design.arrays import FloatArray
-from design.shape.cavity import CavityGeometry, cavity_of
-from design.shape.plan import TURN_RAD
+from design.shape.cavity import TURN_RAD, CavityGeometry, cavity_of
 from design.spec import SensorDesign
-from optopad.report.text.words import governing, reading
+from optopad.report.words import governing, reading
 from sims.continuity.result import ContinuityScore, JudgedPair
-from sims.verdict.boundary_forces import Load
+from sims.verdict.figure_errors import Load
 
 STEPS = 10_000
 """Steps that a pair's untouched light is divided into."""

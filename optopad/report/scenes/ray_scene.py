@@ -12,17 +12,14 @@ from typing import Any
 import numpy as np
 
 from design.arrays import FloatArray
-from design.shape.cavity import CavityGeometry, cavity_of
-from design.shape.pairs import beside_chord, judged_pairs, pair_name
-from design.shape.plan import edge_mm
+from design.shape.cavity import CavityGeometry, beside_chord, cavity_of, edge_mm, judged_pairs, pair_name
 from design.spec import SensorDesign
-from optopad.report.text.words import governing
+from optopad.report.words import governing
 from sims.contact.tip import tip_points_mm
 from sims.continuity.result import ContinuityScore
 from sims.optics.oracle.paths import LightPath
-from sims.plots.shapes.pressed_top import press_frame
-from sims.rays.light_kinds import KINDS, LOST, LightKind, kind_of
-from sims.rays.ray_states import Pair, Press, RayChoice, RayState, ray_states
+from sims.plots.contact import press_frame
+from sims.rays import KINDS, LOST, LightKind, Pair, Press, RayChoice, RayState, kind_of, ray_states
 
 Interval = tuple[float, float]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from design.shape.plan import plan_of
+from design.shape.cavity import plan_of
 from design.spec import SensorDesign
-from optopad.report.text.markup import Html, bullets, element, facts, section
+from optopad.report.words import Html, bullets, element, facts, section
 from sims.continuity.result import ContinuityScore
 
 WALLS = (

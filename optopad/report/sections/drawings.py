@@ -6,22 +6,18 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from design.protocols.load import load_protocol
+from design.protocols.press import load_protocol
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from design.spec.properties import modulus
 from optopad.report.scenes.cause_drawing import plot_cause
 from optopad.report.scenes.layout_drawing import plot_layout
-from optopad.report.scenes.map_scene import MapScene
-from optopad.report.scenes.map_still import plot_by_depth
+from optopad.report.scenes.map_scene import MapScene, plot_by_depth
 from optopad.report.sections.published import published_load
-from optopad.report.text.markup import Html, element
-from optopad.report.text.words import governing, ranked
-from optopad.screen.answer import unit_of
-from optopad.screen.numbers import spans
+from optopad.report.words import Html, element, governing, ranked
+from optopad.screen.answer import spans, unit_of
 from sims.contact.force_curve import ForceCurve
-from sims.contact.load_protocol import load_history
-from sims.contact.viscoelastic import solid_of
+from sims.contact.load_protocol import load_history, solid_of
 from sims.continuity.result import ContinuityScore, JudgedPair
 from sims.plots.builds import plot_builds
 from sims.plots.contact import (
@@ -34,7 +30,6 @@ from sims.plots.contact import (
 from sims.plots.maps import plot_deadband_map, plot_margin_map, plot_usable_map
 from sims.plots.rays import BLACK
 from sims.plots.signal import plot_signal
-from sims.plots.spans import plot_spans
 from sims.plots.style import (
     BLUE,
     GREEN,
@@ -46,6 +41,7 @@ from sims.plots.style import (
     PALE_ORANGE,
     VERMILLION,
     plain_style,
+    plot_spans,
     svg_text,
 )
 from sims.plots.tolerance import (

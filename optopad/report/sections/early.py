@@ -10,7 +10,7 @@ from optopad.report.scenes.map_scene import MapScene
 from optopad.report.scenes.ray_scene import RayScene, ray_scene
 from optopad.report.sections.drawings import Drawing, drawings_without_tolerance
 from optopad.report.sections.maps import map_scene
-from optopad.work.beside import beside
+from optopad.work import beside
 from sims.continuity.result import ContinuityScore
 
 

@@ -8,16 +8,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from design.shape.pairs import beside_chord
+from design.shape.cavity import beside_chord
 from optopad.report.scenes.ray_scene import RayScene, scene_json
 from optopad.report.sections.drawings import drawn, figure_of
-from optopad.report.text.assets import data_element
-from optopad.report.text.markup import Html, element, radios, section, table
-from sims.plots.ray_cut import cut_of_pair
+from optopad.report.words import Html, data_element, element, radios, section, table
 from sims.plots.ray_sheet import ray_sheet
-from sims.plots.rays import percent
+from sims.plots.rays import cut_of_pair, percent
 from sims.plots.style import plain_style
-from sims.rays.light_kinds import LOST, LightKind
+from sims.rays import LOST, LightKind
 
 TITLE = "The sensor in three dimensions, and where its light goes"
 THIN = 2

@@ -5,13 +5,31 @@ from __future__ import annotations
 from design.spec import SensorDesign
 from optopad.report.scenes.pair_scene import pair_scene
 from optopad.report.sections.drawings import Drawing, figure_of, shown_causes, shown_pairs
-from optopad.report.text.assets import data_element
-from optopad.report.text.markup import Html, element, section, table
-from optopad.report.text.words import builds_table, builds_words, governing, ranked, reading
-from optopad.screen.answer import cause_sentence, fix_words, no_fix_words
-from optopad.screen.numbers import DASH, counted, depth, ends, signed, spans
+from optopad.report.words import (
+    Html,
+    builds_table,
+    builds_words,
+    data_element,
+    element,
+    governing,
+    ranked,
+    reading,
+    section,
+    table,
+)
+from optopad.screen.answer import (
+    DASH,
+    cause_sentence,
+    counted,
+    depth,
+    ends,
+    fix_words,
+    no_fix_words,
+    signed,
+    spans,
+)
 from sims.continuity.result import ContinuityScore, JudgedPair
-from sims.verdict.pair.defaults import DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT
+from sims.verdict.depth_curve import DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT
 from sims.verdict.tolerance import ToleranceBand
 from sims.verdict.trial import Trial
 

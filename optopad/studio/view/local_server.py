@@ -28,7 +28,7 @@ from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 
 from design.errors import InputError
-from optopad.studio.view.messages import LARGEST_B, LARGEST_PICTURE_B, fault_of
+from optopad.studio.view.shapes import LARGEST_B, LARGEST_PICTURE_B, fault_of
 
 HOST = "127.0.0.1"
 FIRST_PORT, PORTS = 8080, 50

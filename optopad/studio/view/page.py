@@ -18,15 +18,12 @@ import viser
 from cad.mesh import Mesh
 from design.errors import OptopadError
 from design.shape.cavity import cavity_of
-from optopad.studio import answers as found_by_work
+from optopad.studio import live as found_by_work
 from optopad.studio.actions import Errand, Ghost, MoldShop
-from optopad.studio.answers import Answer, Failed, Judged, Look, Rays, Readings
-from optopad.studio.live import LiveSensor, LiveView
+from optopad.studio.live import Answer, Failed, Judged, LiveSensor, LiveView, Look, Rays, Readings
 from optopad.studio.sentences import bad_parts
 from optopad.studio.session import Said, Session
-from optopad.studio.view.answers_panel import AnswersPanel
-from optopad.studio.view.controls import Controls
-from optopad.studio.view.doing import Doing
+from optopad.studio.view.controls import AnswersPanel, Controls, Doing
 from optopad.studio.view.local_server import local_server
 from optopad.studio.view.scene import Scene
 from optopad.studio.workshop import Wish, Workshop

@@ -14,14 +14,12 @@ import viser
 
 from cad.mesh import Mesh
 from design.arrays import FloatArray
-from design.shape.cavity import CavityGeometry, PlacedPart, cavity_of
-from design.shape.plan import Plan
+from design.shape.cavity import CavityGeometry, PlacedPart, Plan, cavity_of
 from design.spec import SensorDesign
 from fabrication.driver.touch_reader import Touch
 from optopad.studio.actions import Ghost
-from optopad.studio.answers import Look, Rays
-from optopad.studio.cut_mesh import cut_open
-from optopad.studio.pad_mesh import side_walls, slab, struck_place, untouched_top
+from optopad.studio.live import Look, Rays
+from optopad.studio.pad_mesh import cut_open, side_walls, slab, struck_place, untouched_top
 from optopad.studio.session import Press, Session
 from optopad.studio.view.shapes import (
     along_normal,
@@ -35,7 +33,7 @@ from optopad.studio.view.shapes import (
     tip_body,
     turn_deg,
 )
-from sims.rays.light_kinds import KINDS, LOST
+from sims.rays import KINDS, LOST
 
 Colour = tuple[int, int, int]
 PartDrag = viser.SceneNodeDragEvent[viser.BoxHandle]

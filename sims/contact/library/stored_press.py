@@ -1,16 +1,172 @@
-"""Solved states of one layer: kept in this process and on disk, solved where they are in neither."""
+"""Solved states of one layer: kept in this process and on disk, solved where they are in neither.
+
+Solve one layer with MuJoCo and pack the result as a `UnitPress`.
+
+The solver's states of one layer, as they were solved: surfaces, forces and checks at stored depths.
+
+Lengths in tip radii, forces in E R². `press_fit` makes smooth functions of depth of them.
+
+Solved presses on disk: one .npz an entry, named by a hash of everything the solution depends on.
+
+Plain arrays only: nothing in an entry is executed on reading. An entry is written whole or not at all,
+so readers and racing writers see whole files only. An entry that cannot be read, or that is not what
+its name says, counts as absent and is replaced.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cache
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import cache, cached_property
 from importlib.metadata import version
+from pathlib import Path
+from typing import Any
 
-from sims.contact.library.profiles import UnitPress
-from sims.contact.library.store import entry_key, read_entry, write_entry
+import numpy as np
+
+from design.arrays import FloatArray
+from design.errors import OutputError
+from design.files import whole_file
+from design.plain_arrays import plain_arrays
+from sims.cache import CACHE_VARIABLE
+from sims.cache import cache_folder as folder_of_all
+from sims.contact.library.smooth_press import contact_tolerance, surface_curve
 from sims.contact.scope import WALL_RADIUS
+from sims.contact.solver.mesh import radial_mesh
+from sims.contact.solver.wedge import WEDGE_ANGLE, solve_wedge
 from sims.contact.tip import HEMISPHERE, TipOutline
+
+
+def solve_unit_press(
+    layer_depth: float,
+    mesh_size: float,
+    depths: Sequence[float],
+    poisson_ratio: float,
+    on_step: Callable[[float], None] | None = None,
+    tip: TipOutline = HEMISPHERE,
+    wall_radius: float = WALL_RADIUS,
+    crown: float = 0.0,
+) -> UnitPress:
+    """Press a tip of radius 1 into a layer of modulus 1.
+
+    Parameters
+    ----------
+    layer_depth, mesh_size : elastic depth on the axis, node spacing under the tip [tip radii]
+    depths : increasing press depths [tip radii]
+    poisson_ratio : of the layer [-]
+    on_step : called with the fraction done
+    tip : what presses
+    wall_radius : of the bonded wall [tip radii]
+    crown : tip radius over the radius of the top's sphere, pressed at its apex; 0 is flat [-]
+
+    Raises
+    ------
+    InputError, ModelScopeError : a crown that is no number from 0 on, or that leaves too little at the rim
+    ContactSolveError : a state fails its checks
+    """
+    mesh = radial_mesh(layer_depth, wall_radius, mesh_size, crown)
+    solution = solve_wedge(mesh, depths, poisson_ratio, on_step, tip)
+    spacing = float(mesh.nodes[mesh.top[1], 0])
+    tolerance = contact_tolerance(spacing, WEDGE_ANGLE)
+    contact = [
+        surface_curve(
+            radius, height, float(depth), spacing=spacing, tolerance=tolerance, tip=tip, crown=crown
+        ).contact_radius
+        for radius, height, depth in zip(solution.radii, solution.heights, solution.depths, strict=True)
+    ]
+    checks = {
+        name: np.array([getattr(check, name) for check in solution.checks])
+        for name in (
+            "reaction",
+            "penetration",
+            "last_step",
+            "chatter",
+            "smallest_stretch",
+            "volume_loss",
+            "energy",
+        )
+    }
+    return UnitPress(
+        layer_depth=layer_depth,
+        wall_radius=wall_radius,
+        crown=crown,
+        mesh_size=spacing,
+        wedge_angle=WEDGE_ANGLE,
+        poisson_ratio=poisson_ratio,
+        tip_rows=np.array(tip.rows),
+        depths=solution.depths,
+        rest_radii=mesh.nodes[mesh.top, 0],
+        radii=solution.radii,
+        heights=solution.heights,
+        normal_force=solution.normal_force,
+        force=solution.force,
+        contact_radius=np.array(contact),
+        versions=(f"mujoco {version('mujoco')}",),
+        **checks,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnitPress:
+    """Settled states of one layer under one tip; lengths in tip radii, forces in E R².
+
+    Attributes
+    ----------
+    layer_depth, wall_radius : elastic depth of the layer on the axis, radius of the bonded wall
+    mesh_size : node spacing under the tip
+    wedge_angle : opening angle of the solved wedge [rad]
+    poisson_ratio : of the layer [-]
+    tip_rows : (piece, 7) outline of the tip, see `TipOutline`
+    depths : (depth,) solved press depths, increasing, without 0
+    rest_radii : (node,) radii of the top nodes at rest, from the axis to the wall
+    radii, heights : (depth, node) deformed top; heights are above the untouched apex
+    normal_force : (depth, node) force of the tip on each top node, whole turn; positive where it presses
+    force, contact_radius : (depth,)
+    reaction : (depth,) reaction of the bonded surfaces, computed from the shape alone
+    penetration, last_step : (depth,) overlap with the tip; last motion of the solver
+    chatter : (depth,) spread of the solver's cycle, 0 where it came to rest
+    smallest_stretch : (depth,) smallest volume ratio of an element [-]
+    volume_loss : (depth,) volume lost by compression [R³]
+    energy : (depth,) elastic energy of the layer [E R³]
+    versions : names and versions of what computed it
+    crown : tip radius over the radius of the top's sphere; 0 is flat [-]
+    """
+
+    layer_depth: float
+    wall_radius: float
+    mesh_size: float
+    wedge_angle: float
+    poisson_ratio: float
+    tip_rows: FloatArray
+    depths: FloatArray
+    rest_radii: FloatArray
+    radii: FloatArray
+    heights: FloatArray
+    normal_force: FloatArray
+    force: FloatArray
+    contact_radius: FloatArray
+    reaction: FloatArray
+    penetration: FloatArray
+    last_step: FloatArray
+    chatter: FloatArray
+    smallest_stretch: FloatArray
+    volume_loss: FloatArray
+    energy: FloatArray
+    versions: tuple[str, ...]
+    crown: float = 0.0
+
+    @property
+    def deepest(self) -> float:
+        """Deepest solved press [tip radii]."""
+        return float(self.depths[-1])
+
+    @cached_property
+    def tip(self) -> TipOutline:
+        """What presses."""
+        return TipOutline.from_rows(self.tip_rows)
+
 
 RECIPE = 13
 """Version of the solver behind stored solutions. Raise it when results change."""
@@ -67,7 +223,7 @@ class PressInputs:
 
 def _solve(inputs: PressInputs, on_step: Callable[[float], None] | None) -> UnitPress:
     """Run MuJoCo; imported here so that stored solutions need no solver."""
-    from sims.contact.library.unit_press import solve_unit_press
+    pass
 
     return solve_unit_press(
         round(inputs.layer, 9),
@@ -105,3 +261,80 @@ def stored_press(
             notes = (note,) if note else ()
         _SOLVED[key] = press
     return _SOLVED[key], notes
+
+
+FORMAT = 1
+"""Version of the entry's layout."""
+MOST_BYTES = 50_000_000
+"""Of an entry; the largest in use have some hundred kB."""
+_SCALARS = ("layer_depth", "wall_radius", "crown", "mesh_size", "wedge_angle", "poisson_ratio")
+_MAY_LACK = {"crown": 0.0}
+"""Fields that an entry of a flat layer may lack, and what they are there."""
+_PER_STATE = ("radii", "heights", "normal_force")
+
+
+def cache_folder() -> Path:
+    """Folder of the stored presses."""
+    return folder_of_all() / "contact"
+
+
+def entry_key(inputs: Mapping[str, object]) -> str:
+    """SHA-256 over the inputs of a solution, as 64 hexadecimal digits."""
+    text = json.dumps({"format": FORMAT, **inputs}, sort_keys=True, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def entry_path(key: str) -> Path:
+    """Where an entry lies."""
+    return cache_folder() / f"{key}.npz"
+
+
+def _is_whole(press: UnitPress) -> bool:
+    """Whether all arrays are finite and fit together."""
+    depths, nodes = press.depths.size, press.rest_radii.size
+    shapes = dict.fromkeys(_PER_STATE, (depths, nodes)) | {
+        "rest_radii": (nodes,),
+        "tip_rows": (len(press.tip_rows), 7),
+    }
+    arrays = {f.name: getattr(press, f.name) for f in fields(press) if f.name not in (*_SCALARS, "versions")}
+    return depths > 0 and all(
+        array.shape == shapes.get(name, (depths,)) and bool(np.isfinite(array).all())
+        for name, array in arrays.items()
+    )
+
+
+def read_entry(key: str) -> UnitPress | None:
+    """The stored press, or None where there is none that can be used."""
+    try:
+        entry = plain_arrays(entry_path(key), most_bytes=MOST_BYTES)
+        if str(entry["key"]) != key:
+            return None
+        found: dict[str, object] = {
+            f.name: entry[f.name] for f in fields(UnitPress) if f.name in entry or f.name not in _MAY_LACK
+        }
+    except (OSError, ValueError, KeyError):
+        return None
+    found = _MAY_LACK | found
+    found |= {name: float(np.asarray(found[name])) for name in _SCALARS}
+    found["versions"] = tuple(str(text) for text in np.atleast_1d(np.asarray(found["versions"])))
+    press = UnitPress(**found)  # type: ignore[arg-type]
+    return press if _is_whole(press) else None
+
+
+def _arrays(press: UnitPress) -> dict[str, np.ndarray[Any, Any]]:
+    """Every field as an array."""
+    return {field.name: np.array(getattr(press, field.name)) for field in fields(press)}
+
+
+def write_entry(key: str, press: UnitPress) -> str | None:
+    """Store a press; returns None, or a note that says why it could not be stored."""
+    path = entry_path(key)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with whole_file(path) as hidden, hidden.open("wb") as file:
+            np.savez(file, allow_pickle=False, key=np.array(key), **_arrays(press))
+    except (OSError, OutputError) as err:
+        cause = err.__cause__ or err
+        reason = getattr(cause, "strerror", None) or str(cause)
+        return f"contact solution not stored in {path.parent} ({reason}); set {CACHE_VARIABLE} to a writable folder"
+    return None

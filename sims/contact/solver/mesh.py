@@ -1,4 +1,4 @@
-"""The r-z mesh of the elastic layer: crossed triangles, fine under the tip, coarse towards the wall.
+r"""The r-z mesh of the elastic layer: crossed triangles, fine under the tip, coarse towards the wall.
 
 All lengths are in tip radii, so one mesh serves every press with the same elastic depth over radius.
 Every rectangle of a graded grid is cut by both diagonals into four triangles about a middle node.
@@ -7,8 +7,8 @@ crossed ones still satisfy the volume constraint of a quadrilateral with room to
 
         r = 0                                r = wall
     z=0  +--+--+--+--+--+---+----+------+------+   free top
-         |\\/|\\/|\\/|\\/|\\/|
-         |/\\|/\\|/\\|/\\|/\\| ...                 bonded wall
+         |\/|\/|\/|\/|\/|
+         |/\|/\|/\|/\|/\| ...                 bonded wall
     z=-h +--+--+--+--+--+---+----+------+------+   bonded bottom
 
 Under a spherical crown (`crown`) every column of that mesh is shrunk evenly to the thickness there, with its bottom
@@ -18,16 +18,102 @@ is singular; columns are finer towards that rim, else force comes out too large 
 The tip slides on the top, so the spacing there sets how well the contact radius is resolved: the
 fine zone reaches beyond the largest contact radius (one tip radius) and down to where the steep
 strain of a deep press has faded.
+
+A spherically crowned top: convex, highest on the press axis. Lengths in tip radii.
+
+                 ___---.---___              top: z = -s(r), a sphere of radius 1/κ about the axis
+            _--'       |      '--_          s(r) = r² κ / (1 + √(1 - κ² r²))
+     wall  |           | H        |
+           |           |          | rim     thickness t(r) = H - s(r)
+    z=-H   +-----------+----------+         flat bottom
+          -wall        0        wall
+
+κ is the tip's radius over the crown's radius: 0 is flat. The formula is 1/κ - √(1/κ² - r²) without its cancellation.
+
+Stable Neo-Hookean tetrahedra in plain arrays: the second opinion on every MuJoCo solution.
+
+MuJoCo computes the contact force; this module computes, from the deformed shape alone, the reaction
+of the bonded bottom and wall. Both must agree, which checks the equilibrium of the whole layer and
+not only that of the solver's own unknowns.
+
+Energy density (Smith, de Goes, Kim 2018, "Stable Neo-Hookean Flesh Simulation", without the
+logarithmic barrier), with Lamé's λ and μ of small strains:
+
+    ψ = μ/2 (tr FᵀF - 3) - μ (J - 1) + (λ + μ)/2 (J - 1)²
+
+It equals the forces of MuJoCo 4.0's `elastic3d = 1` to 3e-16; a test repeats the comparison.
+
+How hard the tip pushes each node of the top: what the pressure under the tip is made of.
+
+The solver finds one normal force a contact between the tip and an element of the layer. Each is shared
+out to the two nodes of the top between which the contact lies, by the lever rule, so that the forces on
+the nodes add up to the sum of all contacts. (The solver itself lets a contact act on all corners of its
+element, 1 to 2 % of the load on nodes below the top; that detail of the mesh is left out here.)
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 
 from design.arrays import BoolArray, FloatArray, IntArray
-from sims.contact.solver.crown import crown_drop, require_rim
+from design.errors import InputError, ModelScopeError
+
+LEAST_RIM_SHARE = 0.15
+"""Least thickness at the rim over that at the apex [-]. The rows of the mesh are as many there as at the apex."""
+
+
+def crown_drop(radius: FloatArray, crown: float) -> FloatArray:
+    """(...) how far the untouched top lies below its apex at radii (...) [tip radii].
+
+    Parameters
+    ----------
+    radius : (...) distance from the axis, at most 1/crown [tip radii]
+    crown : tip radius over the crown's radius [-]
+    """
+    bent = crown * np.asarray(radius, dtype=np.float64)
+    return np.asarray(bent * radius / (1.0 + np.sqrt(1.0 - bent**2)), dtype=np.float64)
+
+
+def crown_slope(radius: FloatArray, crown: float) -> FloatArray:
+    """(...) derivative of `crown_drop` by the radius, at radii below 1/crown [-]."""
+    bent = crown * np.asarray(radius, dtype=np.float64)
+    return np.asarray(bent / np.sqrt(1.0 - bent**2), dtype=np.float64)
+
+
+def require_rim(layer_depth: float, wall_radius: float, crown: float) -> None:
+    """Refuse a crown that leaves too little at the rim.
+
+    Parameters
+    ----------
+    layer_depth, wall_radius : thickness at the apex, radius of the wall [tip radii]
+    crown : tip radius over the crown's radius [-]
+
+    Raises
+    ------
+    InputError : a crown that is no number from 0 on
+    ModelScopeError : the crown ends before the wall, or the rim is thinner than `LEAST_RIM_SHARE` of the apex
+    """
+    if not (math.isfinite(crown) and crown >= 0.0):
+        raise InputError(
+            f"crown: {crown:g} must be 0 (flat) or more, the tip's radius over the crown's: only convex tops are solved"
+        )
+    if crown * wall_radius >= 1.0:
+        raise ModelScopeError(
+            f"crown: a sphere of {1.0 / crown:.3f} tip radii ends before the wall at {wall_radius:.3f}; "
+            "take a larger crown radius or a smaller pad"
+        )
+    rim = layer_depth - float(crown_drop(np.array(wall_radius), crown))
+    least = LEAST_RIM_SHARE * layer_depth
+    if rim < least:
+        raise ModelScopeError(
+            f"crown: {rim:.3f} tip radii are left at the rim, {least:.3f} are needed ({LEAST_RIM_SHARE:g} of the "
+            "thickness at the apex); take a larger crown radius, a smaller pad or a thicker layer"
+        )
+
 
 FINE_RADIUS = 4 / 3
 """Radius of the fine zone [tip radii]."""
@@ -149,4 +235,107 @@ def radial_mesh(layer_depth: float, wall_radius: float, spacing: float, crown: f
         triangles=_crossed(len(radii), rows),
         top=np.arange(len(radii), dtype=np.int64) * rows + rows - 1,
         is_bonded=(nodes[:, 1] < -layer_depth + 1e-9) | (nodes[:, 0] > wall_radius - 1e-9),
+    )
+
+
+def lame_parameters(youngs_modulus: float, poisson_ratio: float) -> tuple[float, float]:
+    """Lamé's λ and μ, in the unit of the modulus."""
+    shear = youngs_modulus / (2.0 * (1.0 + poisson_ratio))
+    first = youngs_modulus * poisson_ratio / ((1.0 + poisson_ratio) * (1.0 - 2.0 * poisson_ratio))
+    return first, shear
+
+
+def _edges(points: FloatArray, tetrahedra: IntArray) -> FloatArray:
+    """(tetrahedron, 3, 3) edge vectors from the first corner, as columns."""
+    return np.swapaxes(points[tetrahedra[:, 1:]] - points[tetrahedra[:, :1]], 1, 2)
+
+
+def volumes(points: FloatArray, tetrahedra: IntArray) -> FloatArray:
+    """(tetrahedron,) signed volumes; an inverted element is negative."""
+    return np.asarray(np.linalg.det(_edges(points, tetrahedra)) / 6.0, dtype=np.float64)
+
+
+def elastic_energy(
+    rest: FloatArray, deformed: FloatArray, tetrahedra: IntArray, youngs_modulus: float, poisson_ratio: float
+) -> float:
+    """Energy stored in the body [force · length]; arguments as for `nodal_forces`."""
+    first, shear = lame_parameters(youngs_modulus, poisson_ratio)
+    rest_edges = _edges(rest, tetrahedra)
+    gradient = _edges(deformed, tetrahedra) @ np.linalg.inv(rest_edges)
+    dilation = np.linalg.det(gradient) - 1.0
+    squares = np.einsum("eij,eij->e", gradient, gradient)
+    density = 0.5 * shear * (squares - 3.0) - shear * dilation + 0.5 * (first + shear) * dilation**2
+    return float(np.abs(np.linalg.det(rest_edges)) @ density) / 6.0
+
+
+def nodal_forces(
+    rest: FloatArray, deformed: FloatArray, tetrahedra: IntArray, youngs_modulus: float, poisson_ratio: float
+) -> FloatArray:
+    """Forces that the elastic body exerts on its nodes.
+
+    Parameters
+    ----------
+    rest, deformed : (node, 3) positions [length]
+    tetrahedra : (tetrahedron, 4) node indices
+    youngs_modulus, poisson_ratio : of small strains [force/length²], [-]
+
+    Returns
+    -------
+    (node, 3) forces [force]; they sum to zero.
+    """
+    first, shear = lame_parameters(youngs_modulus, poisson_ratio)
+    rest_edges = _edges(rest, tetrahedra)
+    inverse = np.linalg.inv(rest_edges)
+    gradient = _edges(deformed, tetrahedra) @ inverse
+    ratio = np.linalg.det(gradient)[:, None, None]
+    cofactor = ratio * np.swapaxes(np.linalg.inv(gradient), 1, 2)
+    stress = shear * gradient + ((first + shear) * (ratio - 1.0) - shear) * cofactor
+    volume = np.abs(np.linalg.det(rest_edges))[:, None, None] / 6.0
+    corner = -volume * stress @ np.swapaxes(inverse, 1, 2)
+    forces = np.zeros_like(rest)
+    for column in range(3):
+        np.add.at(forces, tetrahedra[:, column + 1], corner[:, :, column])
+    np.add.at(forces, tetrahedra[:, 0], -corner.sum(axis=2))
+    return forces
+
+
+def contact_forces(data: mujoco.MjData) -> tuple[FloatArray, FloatArray]:
+    """Frictionless contacts of the last step.
+
+    Returns
+    -------
+    (contact, 2) radius and height of the contacts, (contact,) their normal forces, on this wedge alone
+    """
+    count = data.ncon
+    address = np.asarray(data.contact.efc_address[:count], dtype=np.int64)
+    kept = address >= 0
+    place = np.asarray(data.contact.pos[:count], dtype=np.float64).reshape(-1, 3)[kept]
+    at = np.stack([np.hypot(place[:, 0], place[:, 1]), place[:, 2]], axis=1)
+    return at, np.asarray(data.efc_force, dtype=np.float64)[address[kept]]
+
+
+def shared_out(at: FloatArray, force: FloatArray, nodes: FloatArray) -> FloatArray:
+    """Point forces on the nodes of a polyline, each split between the ends of the segment nearest to it.
+
+    Parameters
+    ----------
+    at : (force, 2) where the forces act
+    force : (force,) their sizes
+    nodes : (node, 2) the polyline
+
+    Returns
+    -------
+    (node,) their sum is that of `force`
+    """
+    side = np.diff(nodes, axis=0)
+    offset = at[:, None, :] - nodes[None, :-1, :]
+    share = np.clip(np.einsum("fsk,sk->fs", offset, side) / np.einsum("sk,sk->s", side, side), 0.0, 1.0)
+    distance = np.linalg.norm(offset - share[:, :, None] * side[None], axis=2)
+    nearest = distance.argmin(axis=1)
+    far = share[np.arange(len(force)), nearest]
+    count = len(nodes)
+    return np.asarray(
+        np.bincount(nearest, weights=(1.0 - far) * force, minlength=count)
+        + np.bincount(nearest + 1, weights=far * force, minlength=count),
+        dtype=np.float64,
     )

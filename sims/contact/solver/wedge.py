@@ -26,25 +26,436 @@ so the two faces of the wedge differ a little (9 µm at 3 mm depth on a 0.45 mm 
 
 Method and its traps: feasibility study of this project, section "Contact"; MuJoCo 4.0 documentation,
 `flex` and the `discrete` integrator.
+
+Is a solved press to be believed? Checks from the deformed shape alone, independent of MuJoCo.
+
+A state passes when it is settled and finite, no element is inverted, the top has not sunk into the
+tip, and the force on the tip equals the reaction of the bonded bottom and wall, which is computed
+from the deformed shape by `neo_hookean`. A state that fails raises; nothing is repaired.
+
+The tip as convex bodies for MuJoCo, which takes a mesh to be its convex hull.
+
+An outline whose slope only grows is one convex body of revolution. Another one is cut where its slope
+falls; each part is a body by itself, whose hull lies inside the tip because heights never fall outward
+(the hull closes the hole of a ring with a disc, which lies above the outline further in). A part is
+prolonged straight beyond its end as far as that stays inside the tip, so that no side of a part lies
+near the tip's surface, where the solver could take it for the way out of an overlap.
+
+Arcs become points, with a sagitta of 1e-6 tip radii: coarser ones (1e-4) made contact chatter, these do
+not. Around the axis, points are dense over the wedge and sparse elsewhere.
+
+When is an iteration at rest? When its steps have died away, or when it circles a fixed point closely.
+
+At a few deep presses one facet at the contact edge enters and leaves the contact again and again, and the
+iteration ends in a cycle of a few micrometres that no damping removes. The mean of such a cycle is taken
+as the state if two windows of iterates have the same mean and no iterate is far from it. A state found so
+says so (its `chatter` is not 0) and has to pass the same force balance as every other.
+
+What wedge and block ask of MuJoCo: a flex beneath a tip, stepped by hand. Lengths in tip radii, forces in E R².
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
+from threading import Lock
 
 import mujoco
 import numpy as np
 
-from design.arrays import FloatArray, IntArray
-from sims.contact.solver import pressed_flex
-from sims.contact.solver.mesh import RadialMesh
-from sims.contact.solver.press_checks import PressState, StepCheck, check_press, is_balanced, settled_limit
-from sims.contact.solver.settling import WINDOW, History
-from sims.contact.solver.tip_hulls import tip_hulls
-from sims.contact.solver.top_load import contact_forces, shared_out
-from sims.contact.tip import HEMISPHERE, TipOutline
+from design.arrays import BoolArray, FloatArray, IntArray
+from sims.contact.solver.mesh import (
+    RadialMesh,
+    contact_forces,
+    elastic_energy,
+    nodal_forces,
+    shared_out,
+    volumes,
+)
+from sims.contact.tip import HEMISPHERE, TipOutline, tip_gap
+
+SETTLED_LIMIT = 1e-4
+"""Largest last step of any vertex [tip radii]."""
+SHALLOW = 0.05
+"""Depth below which the contact spans a few nodes only, and a step moves its force more [tip radii]."""
+SHALLOW_SHARE, DEEP_SHARE = 2e-4, 4e-4
+"""Largest last step of any vertex as a fraction of the depth [-], for shallow presses and for deeper ones."""
+PENETRATION_LIMIT = 0.02
+"""Deepest a surface facet may lie inside the tip [tip radii]: 60 µm for a 3 mm tip."""
+BALANCE_LIMIT = 0.01
+"""Largest difference between contact force and reaction, as a fraction of the force, [-]."""
+BALANCE_FLOOR = 1e-4
+"""Forces below this are compared absolutely [E R²]: 0.9 mN for 3 mm and 1 MPa."""
+
+
+class ContactSolveError(RuntimeError):
+    """The contact solver returned a state that fails its own checks."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PressState:
+    """One state of the wedge; lengths in tip radii, forces in E R².
+
+    Attributes
+    ----------
+    depth : press depth
+    rest, deformed : (vertex, 3) positions
+    elements : (tetrahedron, 4) vertex indices
+    is_bonded : (vertex,) True where the layer is bonded
+    poisson_ratio : [-]
+    copies : how many wedges make the full turn [-]
+    contact_force : force of the full turn on the tip
+    overlap : deepest overlap of a surface facet with the tip, as the solver sees it
+    last_step : largest motion of a vertex in the last solver step
+    chatter : largest distance of a vertex from the mean of the cycle that this state is; 0: no cycle
+    steps : solver steps taken [-]
+    tip : what presses
+    """
+
+    depth: float
+    rest: FloatArray
+    deformed: FloatArray
+    elements: IntArray
+    is_bonded: BoolArray
+    poisson_ratio: float
+    copies: float
+    contact_force: float
+    overlap: float
+    last_step: float
+    chatter: float
+    steps: int
+    tip: TipOutline = HEMISPHERE
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepCheck:
+    """What the checks of one depth found; lengths in tip radii, forces in E R².
+
+    Attributes
+    ----------
+    depth, force : press depth and force
+    reaction : vertical reaction of the bonded surfaces
+    penetration : deepest overlap of the layer with the tip, by facets and by vertices
+    last_step : largest motion of a vertex in the last solver step
+    chatter : largest distance of a vertex from the mean of the cycle that this state is; 0: no cycle
+    smallest_stretch : smallest volume ratio of an element [-]
+    volume_loss : volume lost by compression, whole turn [R³]
+    energy : elastic energy of the layer, whole turn [E R³]
+    steps : solver steps taken [-]
+    """
+
+    depth: float
+    force: float
+    reaction: float
+    penetration: float
+    last_step: float
+    chatter: float
+    smallest_stretch: float
+    volume_loss: float
+    energy: float
+    steps: float
+
+
+def settled_limit(depth: float) -> float:
+    """Largest last step of a settled state at this depth [tip radii]."""
+    share = DEEP_SHARE if depth > SHALLOW else SHALLOW_SHARE
+    return min(SETTLED_LIMIT, share * depth)
+
+
+def _reaction(state: PressState) -> float:
+    """Vertical force that the layer exerts on its bonded vertices, downwards positive."""
+    forces = nodal_forces(state.rest, state.deformed, state.elements, 1.0, state.poisson_ratio)
+    return -state.copies * float(forces[state.is_bonded, 2].sum())
+
+
+def _balances(force: float, reaction: float) -> bool:
+    """Whether the force on the tip is that on the bonded surfaces; False where one is no number."""
+    return abs(force - reaction) <= BALANCE_LIMIT * max(force, BALANCE_FLOOR)
+
+
+def is_balanced(state: PressState) -> bool:
+    """Whether the force on the tip is that on the bonded surfaces."""
+    return _balances(state.contact_force, _reaction(state))
+
+
+def _penetration(state: PressState) -> float:
+    """Deepest overlap; vertices are looked at too, because the solver sees no contact that it missed."""
+    radius = np.hypot(state.deformed[:, 0], state.deformed[:, 1])
+    return max(
+        state.overlap, 0.0, -float(tip_gap(radius, state.deformed[:, 2], state.depth, state.tip).min())
+    )
+
+
+def measure_press(state: PressState) -> StepCheck:
+    """Measure a state without judging it."""
+    rest_volumes = volumes(state.rest, state.elements)
+    present_volumes = volumes(state.deformed, state.elements)
+    energy = elastic_energy(state.rest, state.deformed, state.elements, 1.0, state.poisson_ratio)
+    return StepCheck(
+        depth=state.depth,
+        force=state.contact_force,
+        reaction=_reaction(state),
+        penetration=_penetration(state),
+        last_step=state.last_step,
+        chatter=state.chatter,
+        smallest_stretch=float((present_volumes / rest_volumes).min()),
+        volume_loss=state.copies * float((rest_volumes - present_volumes).sum()),
+        energy=state.copies * energy,
+        steps=float(state.steps),
+    )
+
+
+def _complaints(check: StepCheck) -> list[str]:
+    """What is wrong with a measured state, in words."""
+    found = []
+    limit = settled_limit(check.depth)
+    if not check.last_step <= limit:
+        found.append(f"not settled: last step {check.last_step:.1e}, limit {limit:.0e} tip radii")
+    if not check.chatter <= CHATTER_LIMIT:
+        found.append(f"chatter of {check.chatter:.1e}, limit {CHATTER_LIMIT:.0e} tip radii")
+    if not check.penetration <= PENETRATION_LIMIT:
+        found.append(f"surface {check.penetration:.3f} tip radii inside the tip, limit {PENETRATION_LIMIT}")
+    if not check.smallest_stretch > 0.0:
+        found.append(f"inverted element: volume ratio {check.smallest_stretch:.2f}")
+    if not _balances(check.force, check.reaction):
+        found.append(f"force {check.force:.4e} against reaction {check.reaction:.4e} E R²")
+    return found
+
+
+def check_press(state: PressState) -> StepCheck:
+    """Measure a state and raise `ContactSolveError` if it cannot be believed."""
+    where = f"contact solver at a depth of {state.depth:.4f} tip radii"
+    if not np.isfinite(state.deformed).all():
+        raise ContactSolveError(f"{where}: positions are not finite; use a finer mesh")
+    check = measure_press(state)
+    found = _complaints(check)
+    if found:
+        raise ContactSolveError(f"{where}: {'; '.join(found)}; try another mesh_mm")
+    return check
+
+
+SAGITTA = 1e-6
+"""How far an arc's chord may lie inside the arc [tip radii]."""
+TOP_HEIGHT = 6.0
+"""Height of the shank above the outline [tip radii]; more than the deepest press."""
+DENSE_HALF_ANGLE = 0.06
+"""Half of the sector in which meridians are dense [rad]; the wedge has 0.05."""
+DENSE_COUNT, SPARSE_COUNT = 5, 12
+"""Meridians in that sector and in the rest of the turn; a facet's middle is on a dense one."""
+_SLOPE_NOISE = 1e-9
+
+
+def tip_hulls(tip: TipOutline) -> list[FloatArray]:
+    """(vertex, 3) points of each convex body, height above the apex; lengths in tip radii."""
+    outline = outline_points(tip)
+    top = float(outline[-1, 1]) + TOP_HEIGHT
+    return [_revolved(_prolonged(chain, outline), top) for chain in convex_chains(outline)]
+
+
+def outline_points(tip: TipOutline) -> FloatArray:
+    """(n, 2) radius and height of points of the outline, from the apex to the shank."""
+    found = [np.zeros((1, 2))]
+    for start, length, (first, last), row in zip(
+        tip.starts[:-1], tip.lengths[:-1], tip.angles[:-1], tip.rows, strict=True
+    ):
+        step = np.sqrt(8.0 * SAGITTA / row[6]) if row[6] > 0.0 else np.inf
+        count = max(1, int(np.ceil((last - first) / step)))
+        along = start + length * np.arange(1, count + 1) / count
+        found.append(np.stack(tip.points(along[:-1]), axis=1))
+        found.append(np.array([[row[2], row[3]]]))
+    return np.concatenate(found)
+
+
+def convex_chains(outline: FloatArray) -> list[FloatArray]:
+    """The outline cut where its slope falls: runs of points (n, 2) that share their ends."""
+    step = np.diff(outline, axis=0)
+    angle = np.arctan2(step[:, 1], step[:, 0])
+    cuts = np.flatnonzero(np.diff(angle) < -_SLOPE_NOISE) + 1
+    ends = [0, *cuts.tolist(), len(outline) - 1]
+    return [outline[first : last + 1] for first, last in pairwise(ends)]
+
+
+def _prolonged(chain: FloatArray, outline: FloatArray) -> FloatArray:
+    """The chain with its last line prolonged while that stays above the outline."""
+    (r0, h0), (r1, h1) = chain[-2], chain[-1]
+    beyond = outline[outline[:, 0] > r1 + 1e-12]
+    if len(beyond) == 0 or r1 - r0 < 1e-12:
+        return chain
+    above = h1 + (h1 - h0) / (r1 - r0) * (beyond[:, 0] - r1) - beyond[:, 1]
+    count = int(np.argmax(above < 0.0)) if (above < 0.0).any() else len(beyond)
+    if count == 0:
+        return chain
+    reach = beyond[count - 1, 0]
+    return np.concatenate([chain, [[reach, h1 + (h1 - h0) / (r1 - r0) * (reach - r1)]]])
+
+
+def _revolved(chain: FloatArray, top: float) -> FloatArray:
+    """(vertex, 3) points of a chain, closed upward to a height, on all meridians."""
+    sparse = np.linspace(DENSE_HALF_ANGLE, 2.0 * np.pi - DENSE_HALF_ANGLE, SPARSE_COUNT + 2)[1:-1]
+    angle = np.concatenate([np.linspace(-DENSE_HALF_ANGLE, DENSE_HALF_ANGLE, DENSE_COUNT), sparse])
+    rim = np.array([[chain[-1, 0], max(top, float(chain[-1, 1]) + 1.0)]])
+    profile = np.concatenate([chain, rim])
+    on_axis = profile[profile[:, 0] <= 1e-12]
+    rings = profile[profile[:, 0] > 1e-12]
+    radius, height = rings[:, 0, None], rings[:, 1, None]
+    points = np.stack(
+        [radius * np.cos(angle), radius * np.sin(angle), height + np.zeros_like(angle)], axis=-1
+    ).reshape(-1, 3)
+    return np.concatenate([np.stack([on_axis[:, 0], on_axis[:, 0], on_axis[:, 1]], axis=1), points])
+
+
+WINDOW = 40
+"""Iterates a window."""
+CHATTER_LIMIT = 2e-3
+"""Largest distance of a vertex from the mean of its cycle [tip radii]: 6 µm for a 3 mm tip, a fifth of the
+default mesh's error at the depths where cycles occur."""
+DRIFT_LIMIT = 3e-4
+"""Largest difference between the means of two windows [tip radii]: 0.9 µm for a 3 mm tip."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cycle:
+    """The mean of a cycle of iterates.
+
+    Attributes
+    ----------
+    mean : (value,) mean iterate
+    spread : largest distance of an iterate's value from its mean
+    force : mean force
+    """
+
+    mean: FloatArray
+    spread: float
+    force: float
+
+
+class History:
+    """The last two windows of iterates and forces."""
+
+    def __init__(self) -> None:
+        self._states: deque[FloatArray] = deque(maxlen=2 * WINDOW)
+        self._forces: deque[float] = deque(maxlen=2 * WINDOW)
+
+    def add(self, state: FloatArray, force: float) -> None:
+        """Append one iterate; a copy is kept."""
+        self._states.append(state.copy())
+        self._forces.append(force)
+
+    def cycle(self) -> Cycle | None:
+        """The cycle that the iteration is in, or None if it is still on its way."""
+        if len(self._states) < 2 * WINDOW:
+            return None
+        states = np.array(self._states)
+        before, after = states[:WINDOW].mean(axis=0), states[WINDOW:].mean(axis=0)
+        spread = float(np.abs(states[WINDOW:] - after).max())
+        drift = float(np.abs(after - before).max())
+        if not (drift <= DRIFT_LIMIT and spread <= CHATTER_LIMIT):
+            return None
+        return Cycle(mean=after, spread=spread, force=float(np.mean(list(self._forces)[WINDOW:])))
+
+
+CONTACT_TIME = 0.1
+"""Time constant of the contact over the time step [-]; smaller ones chatter, larger ones sink in."""
+CONTACT = {"solref": [CONTACT_TIME, 1.0], "solimp": [0.9999, 0.9999, 0.001, 0.5, 2.0], "condim": 1}
+_TIP_HALF_LENGTH = 4.0
+_FLEX_RADIUS = 3e-5
+
+
+def set_options(spec: mujoco.MjSpec, iterations: int, memory: int) -> None:
+    """Static Newton iterations: unit time step, no gravity, no safety floor on contact stiffness."""
+    option = spec.option
+    option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
+    option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    option.timestep, option.gravity = 1.0, [0.0, 0.0, 0.0]
+    option.tolerance, option.iterations = 1e-8, iterations
+    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_REFSAFE
+    spec.memory = memory
+
+
+def add_round_tip(spec: mujoco.MjSpec) -> None:
+    """A hemisphere of radius 1 with a straight shank on a body that is moved by hand, 1 above the apex."""
+    tip = spec.worldbody.add_body(name="tip", mocap=True, pos=[0.0, 0.0, 2.0])
+    size, pos = [1.0, _TIP_HALF_LENGTH, 0.0], [0.0, 0.0, _TIP_HALF_LENGTH]
+    tip.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=size, pos=pos, **CONTACT)
+
+
+def add_flex(
+    spec: mujoco.MjSpec,
+    owners: list[str],
+    offsets: list[float],
+    elements: IntArray,
+    **material: float,
+) -> None:
+    """The layer, of vertices that bodies or the world own; `material`: poisson and damping [-]."""
+    flex = spec.add_flex(name="layer", dim=3, young=1.0, **material)
+    flex.elastic3d = 1
+    flex.radius, flex.contype, flex.conaffinity = _FLEX_RADIUS, 1, 1
+    flex.selfcollide = mujoco.mjtFlexSelf.mjFLEXSELF_NONE
+    flex.condim, flex.solref, flex.solimp = CONTACT["condim"], CONTACT["solref"], CONTACT["solimp"]
+    flex.vertbody, flex.vert, flex.elem = owners, offsets, elements.ravel().tolist()
+
+
+class _Quiet:
+    """How many solves want MuJoCo quiet, and the handler that returns with the last of them."""
+
+    lock, solves, previous = Lock(), 0, None
+
+
+@contextmanager
+def quiet_mujoco() -> Iterator[None]:
+    """Keep MuJoCo from writing a log file into the working folder; threads may nest it.
+
+    It warns that the unconstrained start of a step is solved to 1e-4 only; that start does not matter for
+    a state at rest, which `check_press` judges from its shape.
+    """
+    with _Quiet.lock:
+        if _Quiet.solves == 0:
+            _Quiet.previous = mujoco.get_mju_user_warning()
+            mujoco.set_mju_user_warning(lambda _message: None)
+        _Quiet.solves += 1
+    try:
+        yield
+    finally:
+        with _Quiet.lock:
+            _Quiet.solves -= 1
+            if _Quiet.solves == 0:
+                mujoco.set_mju_user_warning(_Quiet.previous)
+
+
+class PressedFlex:
+    """One model being pressed deeper and deeper; so many copies of it make the whole."""
+
+    def __init__(self, model: mujoco.MjModel, copies: float) -> None:
+        self.model, self.copies = model, copies
+        self.data = mujoco.MjData(model)
+        vertical = [j for j in range(model.njnt) if model.jnt_axis[j][2] > 0.5]
+        self.vertical_dofs = model.jnt_dofadr[vertical]
+
+    def place(self, depth: float, guess: FloatArray) -> None:
+        """Move the tip to `depth` and the vertices to `guess`."""
+        self.data.mocap_pos[0] = [0.0, 0.0, 1.0 - depth]
+        self.data.qpos[:] = guess
+
+    def step(self) -> float:
+        """One damped static iteration; largest motion of a vertex [tip radii]."""
+        before = self.data.qpos.copy()
+        mujoco.mj_step(self.model, self.data)
+        self.data.qvel[:] = 0.0
+        return float(np.abs(self.data.qpos - before).max())
+
+    def force(self) -> float:
+        """Contact force of the whole [E R²]."""
+        return -self.copies * float(self.data.qfrc_constraint[self.vertical_dofs].sum())
+
+    def deformed(self) -> FloatArray:
+        """(vertex, 3) the present positions."""
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_flex(self.model, self.data)
+        return np.array(self.data.flexvert_xpos)
+
 
 WEDGE_ANGLE = 0.1
 """Opening angle of the wedge [rad]."""
@@ -125,13 +536,13 @@ def sweep(mesh: RadialMesh) -> Tetrahedra:
 def _add_tip(spec: mujoco.MjSpec, shape: TipOutline) -> None:
     """A tip of radius 1 with a straight shank on a body that is moved by hand, 1 above the apex."""
     if shape == HEMISPHERE:
-        pressed_flex.add_round_tip(spec)
+        add_round_tip(spec)
         return
     tip = spec.worldbody.add_body(name="tip", mocap=True, pos=[0.0, 0.0, 2.0])
     for index, points in enumerate(tip_hulls(shape)):
         hull = spec.add_mesh(name=f"tip{index}", inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX)
         hull.uservert = (points - [0.0, 0.0, 1.0]).ravel().tolist()
-        tip.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=hull.name, **pressed_flex.CONTACT)
+        tip.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=hull.name, **CONTACT)
 
 
 def _add_vertex(spec: mujoco.MjSpec, name: str, point: FloatArray, angle: float, mass: float) -> None:
@@ -164,7 +575,7 @@ def _add_layer(spec: mujoco.MjSpec, mesh: RadialMesh, wedge: Tetrahedra, poisson
         _add_vertex(spec, f"v{index}", point, float(angle), MASS_PER_RADIUS * spacing * WEDGE_ANGLE * radius)
         owners.append(f"v{index}")
         offsets += [0.0, 0.0, 0.0]
-    pressed_flex.add_flex(spec, owners, offsets, wedge.elements, poisson=poisson_ratio, damping=DAMPING)
+    add_flex(spec, owners, offsets, wedge.elements, poisson=poisson_ratio, damping=DAMPING)
 
 
 def compile_wedge(
@@ -172,13 +583,13 @@ def compile_wedge(
 ) -> mujoco.MjModel:
     """Lower the wedge to a MuJoCo model."""
     spec = mujoco.MjSpec()
-    pressed_flex.set_options(spec, iterations=200, memory=1 << 30)
+    set_options(spec, iterations=200, memory=1 << 30)
     _add_tip(spec, tip)
     _add_layer(spec, mesh, wedge, poisson_ratio)
     return spec.compile()
 
 
-class _Press(pressed_flex.PressedFlex):
+class _Press(PressedFlex):
     """One model being pressed deeper and deeper."""
 
     def __init__(self, mesh: RadialMesh, poisson_ratio: float, tip: TipOutline) -> None:
@@ -275,7 +686,7 @@ def solve_wedge(
     ContactSolveError : a state is not settled, not finite, inverted, sunk in, or out of balance
     """
     found = []
-    with pressed_flex.quiet_mujoco():
+    with quiet_mujoco():
         for settled in _settled(_Press(mesh, poisson_ratio, tip), depths):
             found.append(settled)
             if on_step is not None:

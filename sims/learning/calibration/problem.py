@@ -1,6 +1,36 @@
 """Samples, light and noise of one calibration: what `sims.learning.calibration.fit` minimises, and where it traces.
 
 The equations are there. Light is traced at places rounded to `PLACE_MM`, so that symmetric ones stay so.
+
+Errors of the light model that readings share: one of its numbers, several readings.
+
+Model
+-----
+Places that a symmetry of the pad makes one are traced once, and a pair whose light misses the dimple keeps its
+untouched light: on a grid of presses several readings stand against one number of the light model, and its error is
+theirs together. A parameter is the same for all parts of a kind, so its slopes are symmetric as the errors are, and
+these add up instead of averaging out: taken for independent they make a deviation too small by up to the root of how
+many share one. So
+
+    residual rᵢ = own noise + cᵢ ε_g,   ε_g standard normal, one a group g,   cᵢ in own standard deviations
+
+with the covariance 1 + c cᵀ in every group, groups being disjoint. Its inverse root is in closed form (Sherman and
+Morrison 1950),
+
+    (1 + c cᵀ)^-½ = 1 - f c cᵀ,   f = (1 - (1 + |c|²)^-½) / |c|²
+
+which takes residuals and slopes to independent ones of spread 1. Left out: errors of neighbouring depths and places,
+which are alike too, but not equal.
+
+What is not known of a build's optics before it is calibrated, and how wide the doubt is.
+
+The optical ones of the design's tolerances (`design.spec.tolerances`): heights of emitters and receivers, the emitting
+area, the emitters' half angle, reflectances, refractive index and absorption, thickness of the clear layer. Each is
+one number for all parts of a kind. A doubt that is uniform from end to end enters the fit as a normal one of the same
+spread, and the fit stays within the ends. Left out: the cavity's length and width and the tip's radius, which a
+caliper measures; the black layer; scatter from part to part.
+
+The few readings of a recording that a calibration is fitted to: some depths of every press on its way in.
 """
 
 from __future__ import annotations
@@ -10,12 +40,226 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from design.arrays import FloatArray
+from design.arrays import FloatArray, IntArray
+from design.errors import InputError
 from design.progress import OnStep
-from sims.learning.calibration.samples import CalibrationSamples
-from sims.learning.calibration.shared_error import shared_error
-from sims.learning.inference.signal_map.reading_noise import ReadingNoise
-from sims.learning.signal_map.map_learner import gain_parts
+from design.spec import SensorDesign
+from design.spec.tolerances import UNIT_ENDS, Tolerance, build_tolerances
+from sims.learning.fits.map_learner import Untouched, gain_parts, untouched_of
+from sims.learning.inference.signal_map import ReadingNoise
+from sims.readings.dataset import PressData
+
+DIGITS = 11
+"""Light that agrees to so many digits of the brightest is one number of the model, renumbered by a symmetry."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SharedError:
+    """Readings sorted by what number of the light model they stand against.
+
+    Attributes
+    ----------
+    order : (reading,) readings group by group
+    starts : (group,) where each group begins in that order
+    group : (reading,) group of each reading
+    """
+
+    order: IntArray
+    starts: IntArray
+    group: IntArray
+
+    def sums(self, values: FloatArray) -> FloatArray:
+        """(group, ...) sums over the readings (reading, ...) of each group."""
+        return np.asarray(np.add.reduceat(values[self.order], self.starts, axis=0))
+
+    def whitened(self, values: FloatArray, shared: FloatArray) -> FloatArray:
+        """(reading, column) values in own standard deviations, made independent.
+
+        Parameters
+        ----------
+        values : (reading, column); shared : (reading,) spread of the shared error in own standard deviations
+        """
+        square = self.sums(shared**2)
+        factor = np.where(square > 0.0, (1.0 - (1.0 + square) ** -0.5) / np.maximum(square, 1e-300), 0.0)
+        along = factor[:, None] * self.sums(shared[:, None] * values)
+        return np.asarray(values - shared[:, None] * along[self.group])
+
+
+def shared_error(light: FloatArray) -> SharedError:
+    """Groups of readings by equal light (sample, pair), which is flattened."""
+    _, group = np.unique(np.round(light.ravel() / np.abs(light).max(), DIGITS), return_inverse=True)
+    group = group.reshape(-1)
+    order = np.argsort(group, kind="stable")
+    starts = np.flatnonzero(np.diff(group[order], prepend=-1))
+    return SharedError(order=order, starts=starts, group=group)
+
+
+OPTICAL_ENDS = (
+    "emitters.height_mm",
+    "receivers.height_mm",
+    ".active_width_mm",
+    ".active_height_mm",
+    ".half_angle_deg",
+    "surfaces.wall_reflectance",
+    "surfaces.bottom_reflectance",
+    "elastomer.refractive_index",
+    "elastomer.absorption_db_per_cm",
+    "cavity.clear_thickness_mm",
+)
+"""Ends of the paths that are fitted."""
+NORMAL_ENDS = 2.0
+"""Ends of a normal tolerance, in standard deviations (`design.spec.tolerances`)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unknown:
+    """One parameter to fit.
+
+    Attributes
+    ----------
+    path, unit : dotted path that sets it
+    value : the design's
+    low, high : ends of the doubt
+    spread : its standard deviation
+    """
+
+    path: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    spread: float
+
+    @property
+    def middle(self) -> float:
+        """Where the doubt is centred."""
+        return 0.5 * (self.low + self.high)
+
+    @property
+    def words(self) -> str:
+        """Its name in plain words."""
+        last = self.path.rsplit(".", 1)[-1]
+        for end, unit in UNIT_ENDS.items():
+            last = last.removesuffix(end) if unit == self.unit else last
+        kind = self.path.split(".")[0].rstrip("s")
+        return f"{kind} {last}".replace("_", " ").replace("part measurement ", "LED ")
+
+
+def unknowns_of(design: SensorDesign) -> tuple[Unknown, ...]:
+    """The optical parameters of a design that are not measured, in a fixed order.
+
+    Raises
+    ------
+    InputError : all of them are measured, so that nothing is left to fit.
+    """
+    found = tuple(_unknown(one) for one in build_tolerances(design) if one.path.endswith(OPTICAL_ENDS))
+    if not found:
+        raise InputError(
+            f"calibrate: {design.name} has no optical value with a tolerance, all are measured; "
+            "train a model on the data instead"
+        )
+    return found
+
+
+def _unknown(one: Tolerance) -> Unknown:
+    width = one.high - one.low
+    spread = width / (2.0 * NORMAL_ENDS) if one.distribution == "normal" else width / np.sqrt(12.0)
+    return Unknown(
+        path=one.path, unit=one.unit, value=one.value, low=one.low, high=one.high, spread=float(spread)
+    )
+
+
+def with_values(design: SensorDesign, unknowns: tuple[Unknown, ...], values: FloatArray) -> SensorDesign:
+    """The design with parameters (unknown,) set."""
+    return design.with_(**{one.path: float(value) for one, value in zip(unknowns, values, strict=True)})
+
+
+FEWEST_PRESSES = 5
+STATES = 95
+"""Light is traced for about so many presses and depths at every step of the fit: 1 s to 2 s on one core."""
+FEWEST_DEPTHS, MOST_DEPTHS = 3, 10
+SHALLOWEST_MM = 0.4
+"""Lighter presses say more of the reference depth's error than of the optics."""
+NEAR_MM = 0.15
+"""A depth counts as reached by a frame this near to it."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CalibrationSamples:
+    """Readings to fit.
+
+    Attributes
+    ----------
+    press_mm : (n, 3) x, y, depth by the stage [mm]
+    press : (n,) number of the press
+    press_set : (press,) number of the set that each press belongs to
+    signals : (n, pair) readings less the off state [counts]
+    untouched : what the sensor reads without a touch
+    emitters : how many
+    """
+
+    press_mm: FloatArray
+    press: IntArray
+    press_set: IntArray
+    signals: FloatArray
+    untouched: Untouched
+    emitters: int
+
+    @property
+    def presses(self) -> int:
+        """How many."""
+        return int(self.press.max()) + 1
+
+
+def calibration_samples(data: PressData, deepest_mm: float) -> CalibrationSamples:
+    """Choose readings.
+
+    Parameters
+    ----------
+    data : presses with untouched frames
+    deepest_mm : deepest press of the design
+
+    Raises
+    ------
+    InputError : too few presses or untouched frames.
+    """
+    untouched, number = untouched_of(data), data.press_numbers()
+    reached = [
+        one for one in range(number.max() + 1) if data.press_mm[number == one, 2].max() >= SHALLOWEST_MM
+    ]
+    if len(reached) < FEWEST_PRESSES:
+        raise InputError(
+            f"calibrate: {len(reached)} presses of {SHALLOWEST_MM:g} mm and more, needs >= {FEWEST_PRESSES}, "
+            "better 30; press at places spread over the workspace"
+        )
+    depths = int(np.clip(STATES // len(reached), FEWEST_DEPTHS, MOST_DEPTHS))
+    rows, press = [], []
+    for count, one in enumerate(reached):
+        chosen = _rows_of(data.press_mm[:, 2], np.flatnonzero(number == one), depths, deepest_mm)
+        rows.append(chosen)
+        press.append(np.full(len(chosen), count))
+    kept = np.concatenate(rows)
+    return CalibrationSamples(
+        press_mm=data.press_mm[kept],
+        press=np.concatenate(press),
+        press_set=np.array([data.set_number[number == one][0] for one in reached], dtype=np.int64),
+        signals=data.only(kept).features().astype(np.float64),
+        untouched=untouched,
+        emitters=len(data.emitter_names),
+    )
+
+
+def _rows_of(depth_mm: FloatArray, rows: IntArray, depths: int, deepest_mm: float) -> IntArray:
+    """Rows of one press nearest to wanted depths, on the way in."""
+    way_in = rows[: int(np.argmax(depth_mm[rows])) + 1]
+    end = min(float(depth_mm[way_in].max()), 0.9 * deepest_mm)
+    wanted = np.linspace(np.sqrt(SHALLOWEST_MM), np.sqrt(end), depths) ** 2
+    nearest = [int(way_in[np.argmin(np.abs(depth_mm[way_in] - one))]) for one in wanted]
+    kept = sorted(
+        {row for row, one in zip(nearest, wanted, strict=True) if abs(depth_mm[row] - one) <= NEAR_MM}
+    )
+    return np.array(kept or nearest[-1:], dtype=np.int64)
+
 
 Light = Callable[[FloatArray, FloatArray, int], FloatArray]
 """Flux (n, pair) of parameters (unknown,) in spreads and presses (n, 3), depth 0 untouched; by one of several seeds."""

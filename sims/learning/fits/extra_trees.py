@@ -20,15 +20,12 @@ from sklearn.ensemble import ExtraTreesRegressor
 
 from design.arrays import BoolArray, FloatArray
 from design.progress import OnStep
-from sims.learning.fits.beginning import begun
-from sims.learning.fits.trust import trust_of
+from sims.learning.fits.kernel_ridge import begun
+from sims.learning.fits.touch import trust_of
 from sims.learning.inference.extra_trees import ExtraTreesModel, Forest
 from sims.learning.inference.feature_scaling import FeatureScaling
 from sims.learning.inference.sigma_table import UNIT_SIGMA
-from sims.learning.samples.model_header import trained_header
-from sims.learning.samples.press_samples import PressSamples
-from sims.learning.samples.scalings import counts_scaling
-from sims.learning.samples.settings import DEFAULT, FitSettings
+from sims.learning.samples import DEFAULT, FitSettings, PressSamples, counts_scaling, trained_header
 from sims.readings.dataset import PressData
 
 FEWEST_IN_LEAF = 2

@@ -7,32 +7,341 @@ locations, judged on the last fifth (`mean_error_mm`). Fewer locations in the fi
 than the final one. The grid of γ goes with the data: γ times the median L1 distance of two training samples takes fixed
 values, as the paper's own numbers belong to its own units. The final fit uses samples of all presses. Targets have
 their mean taken off: far from every sample the answer is the mean press, not the origin.
+
+How every fit begins: the data checked, touch told; of a better learner also touched samples chosen.
+
+Cholesky factor of a large symmetric matrix in its own memory, block by block.
+
+    A = L Lᵀ,   for each block column k:   L_kk = chol(A_kk),   L_ik = A_ik L_kk⁻ᵀ,   A_ij -= L_ik L_jkᵀ   (i ≥ j > k)
+
+Only the lower triangle is read and written. LAPACK's own routine does the same in one call; with the OpenBLAS that
+SciPy 1.17 brings, that call ended in a memory fault for 24,000 rows on two threads. Here every call works on blocks of
+`BLOCK` rows, and nearly all of the time goes into their products. Source: Golub and Van Loan, Matrix computations
+(2013), section 4.2.
+
+The linear system of kernel ridge regression, solved in the memory that there is.
+
+    (K + λ I) a = y,    K_ij = exp(-γ |s_i - s_j|₁)
+
+`exact`     double precision, Cholesky in place: 8 n² bytes. 24,000 samples take 4.6 GB.
+`single`    where that does not fit: single precision, 4 n² bytes, and one step of iterative refinement, whose residual
+            is computed in double precision from the samples: r = y - (K + λ I) a, then a += (K + λ I)⁻¹ r.
+`nystroem`  where that does not fit either: all samples, but kernels of m of them only (landmarks z),
+            min |y - K_nm a|² + λ aᵀ K_mm a, by its normal equations accumulated in blocks: 8 m² bytes. Source: Williams
+            and Seeger, Using the Nystroem method to speed up kernel machines, NIPS 13 (2001); Rudi, Camoriano and
+            Rosasco, Less is more, NIPS 28 (2015).
+
+Which one served is part of the result: nothing is approximated silently. The matrix is built a block of rows at a time,
+lower triangle only, so that nothing else of its size exists.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 from scipy.spatial.distance import cdist
 
 from design.arrays import FloatArray
 from design.errors import InputError
-from design.progress import OnStep
-from sims.learning.fits.beginning import touch_told
-from sims.learning.fits.block_cholesky import substituted
-from sims.learning.fits.kernel_solve import factorise, method_for, solve_kernel
-from sims.learning.fits.touch import fit_plain_touch
+from design.progress import OnShare, OnStep
+from sims.learning.fits.touch import fit_plain_touch, fit_tuned_touch
 from sims.learning.inference.kernel_ridge import KernelRidgeModel
-from sims.learning.samples.errors_mm import held_out_figures, mean_error_mm
-from sims.learning.samples.model_header import trained_header
-from sims.learning.samples.scalings import counts_scaling
-from sims.learning.samples.settings import DEFAULT, FitSettings
-from sims.learning.samples.splits import held_out, spread_samples
-from sims.learning.samples.training_data import TrainingData
+from sims.learning.inference.touch_svm import TouchSvm
+from sims.learning.samples import (
+    DEFAULT,
+    FitSettings,
+    PressSamples,
+    TrainingData,
+    counts_scaling,
+    held_out,
+    held_out_figures,
+    mean_error_mm,
+    prepared,
+    press_samples,
+    spread_samples,
+    trained_header,
+)
 from sims.readings.dataset import PressData
+
+FitTouch = Callable[[TrainingData, np.random.Generator, int], tuple[TouchSvm, dict[str, Any]]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ToldTouch:
+    """What a fit goes on from once touch is told.
+
+    Attributes
+    ----------
+    data : checked
+    rng : of all further choices of the fit
+    touch : the classifier, and `facts` of its fit for the header
+    """
+
+    data: TrainingData
+    rng: np.random.Generator
+    touch: TouchSvm
+    facts: dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Begun(ToldTouch):
+    """The same, and touched `samples` with those that are held out to measure trust."""
+
+    samples: PressSamples
+
+
+def touch_told(
+    train: PressData, fit_touch: FitTouch, *, seed: int, settings: FitSettings, on_step: OnStep
+) -> ToldTouch:
+    """Check the data and fit the classifier.
+
+    Raises
+    ------
+    InputError : too little data, or data that tell nothing.
+    """
+    data, rng = prepared(train), np.random.default_rng(seed)
+    on_step("touch", 0.0)
+    touch, facts = fit_touch(data, rng, 4 * settings.fit_samples)
+    on_step("touch", 1.0)
+    return ToldTouch(data=data, rng=rng, touch=touch, facts=facts)
+
+
+def begun(train: PressData, seed: int, settings: FitSettings, on_step: OnStep) -> Begun:
+    """Begin the fit of a better learner; errors of `touch_told`."""
+    told = touch_told(train, fit_tuned_touch, seed=seed, settings=settings, on_step=on_step)
+    samples = press_samples(told.data, settings.network_samples, told.rng)
+    return Begun(
+        data=told.data,
+        rng=told.rng,
+        touch=told.touch,
+        facts=told.facts | {"fit_samples": len(samples)},
+        samples=samples,
+    )
+
+
+BLOCK = 1_500
+
+
+def factorise_in_place(matrix: NDArray[Any]) -> None:
+    """Put L into the lower triangle of a matrix (n, n), single or double precision.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError : not positive definite in this precision; the matrix is then spoilt.
+    """
+    size = len(matrix)
+    for start in range(0, size, BLOCK):
+        here = slice(start, min(start + BLOCK, size))
+        # without what lies above: a signalling NaN there would pass for a matrix that is not positive definite
+        matrix[here, here] = np.linalg.cholesky(np.tril(matrix[here, here]))
+        for rows in _below(here.stop, size):
+            matrix[rows, here] = solve_triangular(
+                matrix[here, here], matrix[rows, here].T, lower=True, check_finite=False
+            ).T
+        for columns in _below(here.stop, size):
+            for rows in _below(columns.start, size):
+                matrix[rows, columns] -= matrix[rows, here] @ matrix[columns, here].T
+
+
+def substituted(factor: NDArray[Any], targets: FloatArray) -> FloatArray:
+    """(n, output) solution of L Lᵀ x = targets (n, output); L in the lower triangle of a factor (n, n)."""
+    found = np.array(targets, dtype=factor.dtype)
+    blocks = list(_below(0, len(factor)))
+    for here in blocks:
+        found[here] -= factor[here, : here.start] @ found[: here.start]
+        found[here] = _solved(factor[here, here], found[here], "N")
+    for here in reversed(blocks):
+        found[here] -= factor[here.stop :, here].T @ found[here.stop :]
+        found[here] = _solved(factor[here, here], found[here], "T")
+    return np.asarray(found, dtype=np.float64)
+
+
+def _below(start: int, size: int) -> list[slice]:
+    """Blocks of rows from a start to the end."""
+    return [slice(row, min(row + BLOCK, size)) for row in range(start, size, BLOCK)]
+
+
+def _solved(triangle: NDArray[Any], right: NDArray[Any], trans: str) -> NDArray[Any]:
+    return np.asarray(solve_triangular(triangle, right, lower=True, trans=trans, check_finite=False))
+
+
+BLOCK_ROWS = 500
+CHECKED_ROWS = 1_000
+RIDGE_OF_LANDMARKS = 1e-9
+"""Added to K_mm in proportion to its diagonal, which is 1: keeps its Cholesky factor real beside rounding errors."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KernelSolution:
+    """Weights of the kept samples.
+
+    Attributes
+    ----------
+    kept : (kept,) numbers of the samples that carry weights
+    weights : (kept, output) in units of the targets
+    method : exact, single or nystroem
+    largest_residual : of `CHECKED_ROWS` rows of the system, over the largest target [-]; NaN for `nystroem`, which
+        solves another one
+    """
+
+    kept: NDArray[np.intp]
+    weights: FloatArray
+    method: str
+    largest_residual: float
+
+
+def method_for(samples: int, memory_gb: float) -> str:
+    """The most exact method whose matrix fits."""
+    if 8e-9 * samples**2 <= memory_gb:
+        return "exact"
+    return "single" if 4e-9 * samples**2 <= memory_gb else "nystroem"
+
+
+def solve_kernel(
+    features: FloatArray,
+    targets: FloatArray,
+    *,
+    gamma: float,
+    ridge: float,
+    method: str,
+    landmarks: NDArray[np.intp] | None = None,
+    refinements: int = 1,
+    on_share: OnShare = lambda _share: None,
+) -> KernelSolution:
+    """Solve by one of the methods.
+
+    Parameters
+    ----------
+    features : (sample, feature) [-]
+    targets : (sample, output), their mean taken off
+    gamma : per unit of L1 distance [-]
+    ridge : λ [-]
+    landmarks : numbers of the samples that `nystroem` keeps
+    refinements : of `single`; 0 is for the comparison with it
+
+    Raises
+    ------
+    InputError : the matrix is not positive definite in the precision at hand.
+    """
+    if method == "nystroem":
+        assert landmarks is not None
+        weights = _nystroem(features, targets, landmarks, gamma, ridge, on_share)
+        return KernelSolution(kept=landmarks, weights=weights, method=method, largest_residual=float("nan"))
+    kind = np.float64 if method == "exact" else np.float32
+    factor = factorise(kernel_matrix(features, gamma, kind, on_share), ridge)
+    weights = substituted(factor, targets)
+    everything = np.arange(len(features))
+    for _ in range(refinements if method == "single" else 0):
+        residual = _residual(features, targets, weights, gamma, ridge, everything)
+        weights = weights + substituted(factor, residual)
+    checked = everything[:: -(-len(features) // CHECKED_ROWS)]
+    residual = _residual(features, targets, weights, gamma, ridge, checked)
+    return KernelSolution(
+        kept=np.arange(len(features)),
+        weights=weights,
+        method=method,
+        largest_residual=float(np.abs(residual).max() / np.abs(targets).max()),
+    )
+
+
+def kernel_matrix(
+    features: FloatArray, gamma: float, kind: type[Any], on_share: OnShare = lambda _share: None
+) -> NDArray[Any]:
+    """(sample, sample) kernel, lower triangle only; zeros above it, which cost no memory until they are touched."""
+    samples = len(features)
+    matrix = np.zeros((samples, samples), kind)
+
+    def fill(start: int) -> int:
+        end = min(start + BLOCK_ROWS, samples)
+        block = cdist(features[start:end], features[:end], "cityblock")
+        block *= -gamma
+        np.exp(block, out=matrix[start:end, :end], casting="same_kind")
+        return end
+
+    with ThreadPoolExecutor(
+        kernel_threads()
+    ) as pool:  # SciPy's distances and NumPy's exp let go of the interpreter
+        for end in pool.map(fill, range(0, samples, BLOCK_ROWS)):
+            on_share(0.5 * (end / samples) ** 2)
+    return matrix
+
+
+def kernel_threads() -> int:
+    """Threads that fill the matrix: as many as BLAS may take by `OMP_NUM_THREADS`, else the machine's cores."""
+    wanted = os.environ.get("OMP_NUM_THREADS", "")
+    return max(1, int(wanted) if wanted.isdecimal() else os.cpu_count() or 1)
+
+
+def factorise(matrix: NDArray[Any], ridge: float) -> NDArray[Any]:
+    """Cholesky factor of matrix + ridge I, in the lower triangle of the matrix' own memory.
+
+    Raises
+    ------
+    InputError : not positive definite in this precision.
+    """
+    matrix.flat[:: len(matrix) + 1] += ridge
+    try:
+        factorise_in_place(matrix)
+    except np.linalg.LinAlgError:
+        raise InputError(
+            f"kernel ridge: the matrix is not positive definite at lambda {ridge:g}; give a larger lambda"
+        ) from None
+    return matrix
+
+
+def _residual(
+    features: FloatArray,
+    targets: FloatArray,
+    weights: FloatArray,
+    gamma: float,
+    ridge: float,
+    rows: NDArray[np.intp],
+) -> FloatArray:
+    """(row, output) y - (K + λ I) a of some rows, in double precision, a block of them at a time."""
+    residual = targets[rows] - ridge * weights[rows]
+
+    def subtract(start: int) -> None:
+        block = rows[start : start + BLOCK_ROWS]
+        kernel = np.exp(-gamma * cdist(features[block], features, "cityblock"))
+        residual[start : start + BLOCK_ROWS] -= kernel @ weights
+
+    with ThreadPoolExecutor(kernel_threads()) as pool:
+        list(pool.map(subtract, range(0, len(rows), BLOCK_ROWS)))
+    return residual
+
+
+def _nystroem(
+    features: FloatArray,
+    targets: FloatArray,
+    landmarks: NDArray[np.intp],
+    gamma: float,
+    ridge: float,
+    on_share: OnShare,
+) -> FloatArray:
+    """Weights of the landmarks; the Cholesky factor of K_mm conditions the normal equations."""
+    points = features[landmarks]
+    among = np.exp(-gamma * cdist(points, points, "cityblock"))
+    among.flat[:: len(among) + 1] += RIDGE_OF_LANDMARKS
+    root = np.linalg.cholesky(among)
+    normal = np.zeros((len(points), len(points)))
+    right = np.zeros((len(points), targets.shape[1]))
+    for start in range(0, len(features), BLOCK_ROWS):
+        rows = slice(start, start + BLOCK_ROWS)
+        kernel = np.exp(-gamma * cdist(points, features[rows], "cityblock"))
+        white = solve_triangular(root, kernel, lower=True, overwrite_b=True, check_finite=False)
+        normal += white @ white.T
+        right += white @ targets[rows]
+        on_share(0.8 * (start + BLOCK_ROWS) / (len(features) + BLOCK_ROWS))
+    weights = substituted(factorise(normal, ridge), right)
+    return np.asarray(solve_triangular(root, weights, lower=True, trans="T", check_finite=False))
+
 
 GAMMA_TIMES_MEDIAN = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 RIDGES = (1e-2, 1e-1, 1.0, 10.0)

@@ -17,13 +17,11 @@ from sklearn.neural_network import MLPRegressor
 
 from design.arrays import BoolArray, FloatArray
 from design.progress import OnShare, OnStep
-from sims.learning.fits.beginning import begun
-from sims.learning.fits.trust import trust_of
+from sims.learning.fits.kernel_ridge import begun
+from sims.learning.fits.touch import trust_of
 from sims.learning.inference.network import Network, NetworkModel
 from sims.learning.inference.sigma_table import UNIT_SIGMA
-from sims.learning.samples.model_header import trained_header
-from sims.learning.samples.scalings import standard_scaling
-from sims.learning.samples.settings import DEFAULT, FitSettings
+from sims.learning.samples import DEFAULT, FitSettings, standard_scaling, trained_header
 from sims.readings.dataset import PressData
 
 HIDDEN = (256, 128, 64)

@@ -3,6 +3,8 @@
 The archive (.npz, a zip file) holds an array `header` (the JSON text's UTF-8 bytes), the arrays of the model, and
 `sha256` (the checksum's 32 bytes) over header and arrays: names, types, shapes and contents, in the order of the
 names. Nothing in the file is executed on reading. It is written whole or not at all.
+
+The kinds of models there are: for each, how its numbers become a model again.
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +20,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import InputError
+from design.files import kind_of_file, whole_file
 from design.plain_arrays import plain_arrays
-from design.text_file import kind_of_file
-from design.whole_file import whole_file
-from sims.learning.inference.header import header_of_json
-from sims.learning.inference.kinds import KINDS
+from sims.learning.inference.extra_trees import extra_trees_of_arrays
+from sims.learning.inference.header import ModelHeader, header_of_json
+from sims.learning.inference.kernel_ridge import kernel_ridge_of_arrays
+from sims.learning.inference.network import network_of_arrays
+from sims.learning.inference.signal_map import signal_map_of_arrays
 from sims.learning.inference.touch_model import Arrays, TouchModel
+
+KINDS: dict[str, Callable[[ModelHeader, Arrays], TouchModel]] = {
+    "kernel-ridge": kernel_ridge_of_arrays,
+    "extra-trees": extra_trees_of_arrays,
+    "network": network_of_arrays,
+    "signal-map": signal_map_of_arrays,
+}
+"""Kind of a model's header -> model of header and arrays; raises InputError where the arrays do not fit."""
 
 NEEDED = "a model (.optomodel), which `optopad train` writes"
 MOST_BYTES = 400_000_000
@@ -35,7 +48,7 @@ def save_model(file: str | os.PathLike[str], model: TouchModel) -> None:
 
     Raises
     ------
-    InputError, OutputError : as `design.whole_file.whole_file`.
+    InputError, OutputError : as `design.files.whole_file`.
     """
     text = json.dumps(model.header.to_json(), allow_nan=False).encode()
     arrays: dict[str, NDArray[Any]] = {name: np.asarray(array) for name, array in model.arrays().items()}

@@ -1,48 +1,84 @@
 # mypy: no-warn-return-any
-"""The compiled entry points, kept on disk; everything below them is compiled into them."""
+"""The compiled entry points, kept on disk; everything below them is compiled into them.
+
+One piece of work a thread: compiled code that lets go of the interpreter runs side by side.
+
+As many threads as numba is set to (`NUMBA_NUM_THREADS`, `numba.set_num_threads`). Numba's own parallel loops do the
+same, but compile everything below them twice.
+"""
 
 from __future__ import annotations
 
 import sys
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 
 import numpy as np
 from numba import njit
 
 from design.arrays import BoolArray, FloatArray, IntArray
-from sims.cache.compiling import listen_to_numba
-from sims.cache.kernels import entry_points
-from sims.optics.engine import states
-from sims.optics.engine.mirrored import image_cells, images, mirror_paths, pinhole
-from sims.optics.engine.scattered import diffuse, landing, orders, repeated, repeated_cells, top_light
-from sims.optics.engine.scattered.diffuse import bounces, deposit, golden_shift, join, layout_of
-from sims.optics.engine.scattered.diffuse import patch_areas as areas_of
-from sims.optics.engine.scattered.orders import all_orders
-from sims.optics.engine.straight import direct, marches, polygon, rays
-from sims.optics.engine.straight.direct import flat_flux
+from sims.cache import entry_points, listen_to_numba
+from sims.optics.engine import images, mirrored, repeated, states, straight
+from sims.optics.engine import scattered as scattered_kernels
+from sims.optics.engine.repeated import all_orders
+from sims.optics.engine.scattered import bounces, deposit, golden_shift, join, layout_of
+from sims.optics.engine.scattered import patch_areas as areas_of
+from sims.optics.engine.straight import flat_flux
 from sims.optics.kernel_types import ImageRules, Orders, Patches, StraightRules, UntouchedLight, UntouchedRays
-from sims.optics.surface import curves, radial, radial_table, top, top_grid
-from sims.optics.surface.top import Top
+from sims.optics.surface import curves, radial, tops
+from sims.optics.surface.tops import Top
+
+_WAITING = threading.local()
+
+
+@contextmanager
+def between_pieces(call: Callable[[], None]) -> Iterator[None]:
+    """Have something called between pieces of the work that this thread waits for; what it raises ends that work."""
+    former = getattr(_WAITING, "call", None)
+    _WAITING.call = call
+    try:
+        yield
+    finally:
+        _WAITING.call = former
+
+
+def run_each(work: Callable[[int], object], count: int) -> None:
+    """Call `work` with 0 to `count` - 1. What the first compiles the others wait for: Numba compiles behind a lock.
+
+    An error, or an interruption, ends it as soon as the pieces under way are done.
+    """
+    import numba
+
+    attend = getattr(_WAITING, "call", None) or _nothing
+    threads = min(int(numba.get_num_threads()), count)
+    if threads < 2:
+        for number in range(count):
+            work(number)
+            attend()
+        return
+    pool = ThreadPoolExecutor(max_workers=threads)
+    try:
+        for _ in pool.map(work, range(count)):
+            attend()
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _nothing() -> None:
+    """Between pieces of work that nobody waits for a word of."""
+
 
 EMITTER_SEQUENCE, RECEIVER_SEQUENCE = states.EMITTER_SEQUENCE, states.RECEIVER_SEQUENCE
 KERNEL_MODULES = (
-    radial_table,
     curves,
     radial,
-    top,
-    marches,
-    rays,
-    top_grid,
-    image_cells,
-    direct,
-    polygon,
-    pinhole,
-    mirror_paths,
+    tops,
+    straight,
+    mirrored,
     images,
-    diffuse,
-    orders,
-    top_light,
-    landing,
-    repeated_cells,
+    scattered_kernels,
     repeated,
     states,
     sys.modules[__name__],

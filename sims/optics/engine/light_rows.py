@@ -21,7 +21,7 @@ from typing import Protocol
 import numpy as np
 
 from design.arrays import BoolArray, FloatArray, IntArray
-from sims.cache.fingerprint import folder_fingerprint
+from sims.cache import folder_fingerprint
 from sims.optics.accuracy import Accuracy
 from sims.optics.scene.optical_scene import OpticalScene
 

@@ -51,18 +51,17 @@ import numpy as np
 
 from design.arrays import BoolArray, FloatArray, IntArray
 from sims.optics.accuracy import ACCURACIES, LADDER, Accuracy, accuracy_of, checked_target
+from sims.optics.engine.compiled import run_each
 from sims.optics.engine.formed.formed_lower import FormedStack, check_formed, stack_formed
 from sims.optics.engine.formed.trace_formed import trace_formed
 from sims.optics.engine.light_rows import KeptRows, content_of, name_of_names, names_of, row_names, row_of
-from sims.optics.engine.stated_error import standard_error
-from sims.optics.engine.threads import run_each
+from sims.optics.engine.states import standard_error
 from sims.optics.engine.untouched import Untouched, gauss, straight_rules, untouched_pad
-from sims.optics.scene.checks import check_scene, wanted_pairs
-from sims.optics.scene.optical_scene import OpticalScene
-from sims.optics.scene.smooth_field import SmoothField
+from sims.optics.scene.lower import check_scene, wanted_pairs
+from sims.optics.scene.optical_scene import OpticalScene, SmoothField
 from sims.optics.scene.symmetry import StateClasses, each_its_own, press_keys, state_classes
 from sims.optics.surface.tops import Presses, TopStack, stack_tops
-from sims.press.indentation import Indentation
+from sims.press import Indentation
 
 __all__ = ["ACCURACIES", "CLASS_NAMES", "Accuracy", "RawLight", "trace_scene"]
 
@@ -126,7 +125,7 @@ def trace_scene(
 
     Raises
     ------
-    InputError, ModelScopeError : see `sims.optics.scene.checks`, `sims.optics.surface.curves` and
+    InputError, ModelScopeError : see `sims.optics.scene.lower`, `sims.optics.surface.curves` and
     `sims.optics.surface.tops`.
     """
     check_scene(scene)

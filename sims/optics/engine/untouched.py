@@ -12,11 +12,10 @@ import numpy as np
 from design.arrays import FloatArray, IntArray
 from sims.optics.accuracy import Accuracy
 from sims.optics.kernel_types import StraightRules
-from sims.optics.scene.optical_scene import OpticalScene
-from sims.optics.scene.pad_form import PadForm
+from sims.optics.scene.optical_scene import OpticalScene, PadForm
 
 if TYPE_CHECKING:
-    from sims.optics.surface.top import Top
+    from sims.optics.surface.tops import Top
 
 Orders = tuple[IntArray, FloatArray, FloatArray]
 Kept = TypeVar("Kept")
@@ -47,8 +46,8 @@ class UnshiftedPad:
     given, taken : (patch row, patch) deposits of emitters and of receivers
     joined : (emitter, receiver) scattered flux of all orders, of these deposits
     orders : layout, areas and transfer of the patches of the orders beyond the first, see
-    `sims.optics.engine.scattered.orders` points : (ray, 4) Sobol points in the unit cube
-    layout, areas, reflectances : of the patches, see `sims.optics.engine.scattered.diffuse`
+    `sims.optics.engine.repeated` points : (ray, 4) Sobol points in the unit cube
+    layout, areas, reflectances : of the patches, see `sims.optics.engine.scattered`
     """
 
     box: FloatArray
@@ -173,7 +172,7 @@ def straight_rules(settings: Accuracy) -> StraightRules:
 
 def _no_press(box: FloatArray) -> Top:
     from sims.optics.surface.curves import HIGHEST, LOWEST, ROW, TOP
-    from sims.optics.surface.top import Top
+    from sims.optics.surface.tops import Top
 
     rows = np.zeros((1, ROW))
     rows[0, [TOP, LOWEST, HIGHEST]] = box[2]
@@ -275,7 +274,7 @@ def _wall_reference_rays(settings: Accuracy) -> int:
 def _solved(scene: OpticalScene, settings: Accuracy, rays: int) -> UnshiftedPad:
     from scipy.stats import qmc
 
-    from sims.cache.kernels import compile_beside
+    from sims.cache import compile_beside
     from sims.optics.engine import compiled
 
     compile_beside("sims.optics.compiling", compiled.trace_further)

@@ -43,8 +43,8 @@ from scipy.interpolate import PchipInterpolator
 from design.arrays import FloatArray, IntArray
 from design.errors import ModelScopeError
 from sims.optics.oracle.profile import SEAM_MM, check_indentation, free_curve
-from sims.optics.scene.smooth_field import SmoothField
-from sims.press.indentation import Indentation
+from sims.optics.scene.optical_scene import SmoothField
+from sims.press import Indentation
 
 Tip = tuple[FloatArray, Indentation]
 

@@ -14,13 +14,11 @@ from numpy.typing import ArrayLike
 
 from design.arrays import BoolArray, FloatArray
 from design.errors import InputError
-from sims.optics.oracle.compiled import next_path
 from sims.optics.oracle.scene import lower_scene
 from sims.optics.oracle.top import Presses, lower_presses
-from sims.optics.oracle.tracer import check_seed
+from sims.optics.oracle.tracer import check_seed, next_path
 from sims.optics.oracle.walk import FATES
-from sims.optics.scene.optical_scene import OpticalScene
-from sims.optics.scene.smooth_field import SmoothField
+from sims.optics.scene.optical_scene import OpticalScene, SmoothField
 
 LOST = -1
 """In place of a receiver's number: light that no receiver gets."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from design.arrays import FloatArray
 from design.errors import InputError
-from sims.press.indentation import Indentation
+from sims.press import Indentation
 
 SEAM_MM = 1e-6
 """Overlap of neighbouring pieces of a surface [mm], so that no ray slips through a seam; points nearer are one."""

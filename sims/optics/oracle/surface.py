@@ -30,7 +30,7 @@ from scipy.interpolate import PchipInterpolator
 
 from design.arrays import FloatArray
 from sims.optics.oracle.profile import SEAM_MM, check_indentation, free_curve
-from sims.press.indentation import Indentation
+from sims.press import Indentation
 
 TURN_LIMIT = 0.01
 """Largest turn of the curve within one straight piece [rad]."""

@@ -34,8 +34,8 @@ from sims.optics.oracle.crown import (
 )
 from sims.optics.oracle.heights import REACH_SHARE, Crown, SummedSurface, Tip, lower_sum, on_crown
 from sims.optics.oracle.march import INSIDE, OUTSIDE, is_under_sum, summed_hit
-from sims.optics.oracle.outline import UNIT_TOLERANCE, beyond_walls_mm, outline_mm
 from sims.optics.oracle.profile import check_indentation, free_curve
+from sims.optics.oracle.scene import UNIT_TOLERANCE, beyond_walls_mm, outline_mm
 from sims.optics.oracle.surface import (
     RevolvedSurface,
     is_submerged,
@@ -43,10 +43,8 @@ from sims.optics.oracle.surface import (
     surface_entry,
     surface_hit,
 )
-from sims.optics.scene.optical_scene import OpticalScene
-from sims.optics.scene.pad_form import PadForm
-from sims.optics.scene.smooth_field import SmoothField
-from sims.press.indentation import Indentation
+from sims.optics.scene.optical_scene import OpticalScene, PadForm, SmoothField
+from sims.press import Indentation
 
 Presses = Indentation | None | Sequence[Indentation | None]
 """What presses on the pad in one state: one tip, none, or one press or None for each tip."""

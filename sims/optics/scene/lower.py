@@ -1,4 +1,7 @@
-"""Lower a design to the arrays of an optical scene: blocks by themselves, other pads with their form."""
+"""Lower a design to the arrays of an optical scene: blocks by themselves, other pads with their form.
+
+Refuse, by name, an optical scene or a request that the tracer cannot use.
+"""
 
 from __future__ import annotations
 
@@ -7,16 +10,136 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from design.arrays import FloatArray, IntArray
-from design.shape.cavity import PlacedPart, cavity_of
+from design.arrays import BoolArray, FloatArray, IntArray
+from design.errors import InputError
+from design.shape.cavity import PlacedPart, Plan, cavity_of
 from design.shape.outline import Arc, Outline
-from design.shape.plan import Plan
 from design.spec import SensorDesign
 from design.spec.properties import absorption_coefficient_per_mm, emitter_order, refractive_index, wall_index
-from sims.optics.scene.acceptance import response_nodes
-from sims.optics.scene.emission import COSINE_NODES, table_pattern
-from sims.optics.scene.optical_scene import OpticalScene
-from sims.optics.scene.pad_form import WHOLE_CIRCLE, PadForm
+from sims.optics.scene.optical_scene import (
+    COSINE_NODES,
+    WHOLE_CIRCLE,
+    OpticalScene,
+    PadForm,
+    pattern_power,
+    response_nodes,
+    table_pattern,
+)
+
+WALLS = 4
+POWER_TOLERANCE = 1e-6
+"""Far below the light model's 0.01 % bias: a pattern off by more was never normalised."""
+
+
+def check_scene(scene: OpticalScene) -> None:
+    """Raise an InputError that names the first field out of range."""
+    for name in ("length_mm", "width_mm", "height_mm"):
+        _require(name, getattr(scene, name), 0.0, np.inf, open_low=True)
+    _require("refractive_index", scene.refractive_index, 1.0, 4.0)
+    _require("absorption_per_mm", scene.absorption_per_mm, 0.0, np.inf)
+    for name in ("wall_reflectance", "bottom_reflectance", "tip_reflectance"):
+        _require(name, getattr(scene, name), 0.0, 0.99)
+    _check_patches("emitter", scene.emitter_wall, scene.emitter_patch, scene)
+    _check_patches("receiver", scene.receiver_wall, scene.receiver_patch, scene)
+    if np.shape(scene.emitter_order) != np.shape(scene.emitter_wall):
+        raise InputError(f"emitter_order: shape {np.shape(scene.emitter_order)}, needs one per emitter")
+    for k, order in enumerate(scene.emitter_order):
+        _require(f"emitter_order[{k}]", order, 0.0, 1000.0)
+    if scene.emitter_pattern is not None:
+        _check_pattern(scene.emitter_pattern, len(scene.emitter_wall))
+    if scene.receiver_response is not None:
+        _check_response(scene.receiver_response, len(scene.receiver_wall))
+    if scene.wall_index is not None:
+        _require("wall_index", scene.wall_index, 1.0, 4.0)
+
+
+def wanted_pairs(pairs: BoolArray | None, states: int, emitters: int, receivers: int) -> BoolArray:
+    """(state, emitter, receiver) mask of pairs to trace, from None, one mask, or one per state."""
+    if pairs is None:
+        return np.ones((states, emitters, receivers), dtype=np.bool_)
+    mask = np.asarray(pairs)
+    if mask.dtype != np.bool_ or mask.shape not in ((emitters, receivers), (states, emitters, receivers)):
+        raise InputError(
+            f"pairs: {mask.dtype} of shape {mask.shape}; give booleans of shape "
+            f"({emitters}, {receivers}) or ({states}, {emitters}, {receivers})"
+        )
+    return np.array(np.broadcast_to(mask, (states, emitters, receivers)), order="C")
+
+
+def _require(name: str, value: float, low: float, high: float, *, open_low: bool = False) -> None:
+    inside = low < value <= high if open_low else low <= value <= high
+    if not (inside and np.isfinite(value)):
+        raise InputError(
+            f"{name}: {value:g}, must lie in {low:g} to {high:g}{' (not 0)' if open_low else ''}"
+        )
+
+
+def _check_patches(kind: str, walls: IntArray, patches: FloatArray, scene: OpticalScene) -> None:
+    if np.ndim(walls) != 1 or len(walls) == 0 or np.shape(patches) != (len(walls), 4):
+        raise InputError(
+            f"{kind}_patch: shape {np.shape(patches)}, needs ({np.size(walls)}, 4) and one or more"
+        )
+    for k, (wall, patch) in enumerate(zip(walls, patches, strict=True)):
+        name = f"{kind}_patch[{k}]"
+        if scene.form is None and wall not in range(WALLS):
+            raise InputError(f"{kind}_wall[{k}]: {wall}, must be 0 to 3 (south, east, north, west)")
+        if scene.form is not None and wall not in range(len(scene.form.walls)):
+            raise InputError(
+                f"{kind}_wall[{k}]: {wall}, must be a row of form.walls, 0 to {len(scene.form.walls) - 1}"
+            )
+        if not np.isfinite(patch).all():
+            raise InputError(f"{name}: {patch} is not finite")
+        along, z, half_width, half_height = patch
+        if half_width <= 0 or half_height <= 0:
+            raise InputError(f"{name}: half sizes {half_width:g}, {half_height:g} mm must be above 0")
+        length = scene.length_mm if wall % 2 == 0 else scene.width_mm
+        if scene.form is None and (along - half_width < -1e-9 or along + half_width > length + 1e-9):
+            raise InputError(
+                f"{name}: {along - half_width:g} to {along + half_width:g} mm along a wall of {length:g} mm; "
+                "move it inward or widen the cavity"
+            )
+        if z + half_height <= 0 or z - half_height >= scene.height_mm:
+            raise InputError(
+                f"{name}: {z - half_height:g} to {z + half_height:g} mm high, nothing of it in the clear layer of "
+                f"{scene.height_mm:g} mm; change its height"
+            )
+
+
+def _check_table(name: str, table: FloatArray, rows: int) -> None:
+    if np.ndim(table) != 2 or len(table) != rows or np.shape(table)[1] < 2:
+        raise InputError(
+            f"{name}: shape {np.shape(table)}, needs ({rows}, 2 or more): a row each, at cosines linspace(0, 1, n)"
+        )
+
+
+def _check_pattern(pattern: FloatArray, emitters: int) -> None:
+    _check_table("emitter_pattern", pattern, emitters)
+    for k, row in enumerate(np.asarray(pattern, dtype=np.float64)):
+        if np.isnan(row).all():
+            continue  # by its order
+        if not (np.isfinite(row).all() and (row >= 0).all()):
+            node = int(np.argwhere(~(np.isfinite(row) & (row >= 0)))[0, 0])
+            raise InputError(
+                f"emitter_pattern[{k}, {node}]: {row[node]:g}, must be 0 or more; "
+                "only a whole row may be NaN, which stands for emitter_order"
+            )
+        power = float(pattern_power(row))
+        if abs(power - 1.0) > POWER_TOLERANCE:
+            raise InputError(
+                f"emitter_pattern[{k}]: its power 2 pi int c L dc is {power:.7g}, must be 1 within "
+                f"{POWER_TOLERANCE:g}; divide the row by it (sims.optics.scene.optical_scene.normalised_pattern)"
+            )
+
+
+def _check_response(response: FloatArray, receivers: int) -> None:
+    _check_table("receiver_response", response, receivers)
+    bad = np.argwhere(~((np.asarray(response) >= 0) & (np.asarray(response) <= 1)))
+    if len(bad):
+        k, node = bad[0]
+        raise InputError(
+            f"receiver_response[{k}, {node}]: {response[k, node]:g}, a share of the arriving light must lie in 0 to 1"
+        )
+
 
 TURN_RAD = 2.0 * math.pi
 BORDER_STEP_RAD = TURN_RAD / 96

@@ -8,15 +8,392 @@ half sizes. The part of a patch above the top is not in the scene: only the subm
 or receives, and an emitter's flux is a fraction of the power that its *whole* area would emit.
 
 Angles at a patch are tables over the cosine c to its inward normal, at nodes `np.linspace(0, 1, n)`,
-linear between them (`sims.optics.scene.emission` makes and weighs them).
+linear between them (`sims.optics.scene.optical_scene` makes and weighs them).
+
+The form of a pad that is no block: its walls in plan as plain arrays, and its convex top.
+
+In plan the elastomer is convex: { p : n · (p - o) <= 0 for every flat wall, |p - c| <= r for every round one in whose
+sector, seen from its centre c, p lies }. The bottom is the plane z = 0; the top is a `design.shape.top.Top`.
+
+What counts of the light that arrives at a receiver from inside the elastomer, by its angle.
+
+Model
+-----
+Elastomer of index n lies on the part's flat face, behind it epoxy of index n_e with the chip. Light at angle a
+in the elastomer enters the epoxy at angle e, n sin a = n_e sin e (Snell), as the unpolarised Fresnel share
+T(n -> n_e, a) = 1 - (R_s + R_p) / 2 (Hecht, Optics, eqs 4.34 to 4.62), and the chip counts the share q(e) of it:
+
+    response(cos a) = T(n -> n_e, a) q(e),   q(0) = 1.
+
+So normal incidence counts T(n -> n_e, 0), 0.998 for silicone against common epoxy, and a bare receiver, whose
+part has no epoxy index, counts 1 at every angle. One common gain scales all signals; only ratios of angles matter.
+
+The chip's own q comes from the sheet's angles in air, where the same face sees, relative to the axis,
+S(b) = cos b T(1 -> n_e, b) / T(1 -> n_e, 0) q(e), sin b = n_e sin e:
+
+* a table: q is S over the other two factors, at most 1 (a sheet that was rounded to the cosine gives a little more).
+  It holds to the table's last angle or `FARTHEST_DEG`, whichever comes first; light further out, which in air the face
+  cannot even let in, is assumed to count as at that angle.
+* a half angle h: q = cos^p e with the p, 0 or more, that gives S(h) = 1/2. A half angle of 60 degrees or more is p = 0,
+  a flat chip that counts all light alike.
+
+As a table over the cosine, linear between 129 nodes, T is off by 1e-5 of diffuse light for epoxy denser than the
+elastomer; for a thinner one the critical angle is rounded off within a cell, 1.6e-3 at most (scan of indices).
+
+Left out: lenses (bedded in elastomer they lose their power; `check` warns), reflection at the chip, light lost at the
+epoxy's side faces, polarisation.
+
+Angular patterns as tables over the cosine: grid, power, and the power laws.
+
+A pattern is the radiance over power and area L(c) [1/sr] of a flat patch at the cosines
+`np.linspace(0, 1, n)`, linear between. Its power into the half space is 2 pi int_0^1 c L(c) dc, here
+integrated exactly: a cell of width h from node a to node b adds h / 6 (c_a (2 L_a + L_b) + c_b (L_a + 2 L_b)).
+
+A sheet's table of the intensity I over the angle becomes L(c) = I / c at every node but c = 0. That node gets the
+value, 0 or more, with which the first cell holds the sheet's power there: the limit where I vanishes at 90 degrees, and
+a bounded value where a sheet shows light at 90 degrees, which a flat face cannot emit. The pattern is then scaled to
+unit power. It is taken as it stands in the elastomer, as a half angle is: how a package shines into air, sheets say;
+refraction at its face is left out (a Lambertian source behind a flat face stays one but for Fresnel losses).
+
+A smooth height field over the pad's top, for what a press of revolution cannot describe.
+
+Between nodes the field is the bicubic Hermite patch of value, both slopes and the mixed derivative at
+the four corners of a cell, so it and its slope are continuous everywhere inside; outside it is 0. Whoever makes a
+field sees to it that it and its slope vanish at the border, or that the border lies on or beyond the walls.
+The nodes' derivatives come from the C2 bicubic spline through the heights (not-a-knot ends). Where heights are sampled
+at the nodes alone, the Hermite patches reproduce it exactly; where they are sampled more closely, its derivatives are
+nearly those of the height itself, and few nodes hold a steep one.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
 
 from design.arrays import FloatArray, IntArray
-from sims.optics.scene.pad_form import PadForm
+from design.errors import InputError
+from design.parts.angular import AngularTable
+from design.parts.catalog import Part
+from design.shape.top import Top
+
+WALL_COLUMNS = ("x", "y", "tx", "ty", "nx", "ny")
+ARC_COLUMNS = ("x", "y", "radius", "ux", "uy", "cosine")
+WHOLE_CIRCLE = (0.0, 0.0, -1.0)
+"""Sector of a round wall that counts in every direction."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class PadForm:
+    """Walls and top of a pad that is no block; the domain in plan is convex.
+
+    Attributes
+    ----------
+    walls : (k, 6) flat walls by `WALL_COLUMNS`: x, y of the place where `along` is 0 [mm]; unit tangent in which
+        along grows [-]; unit outward normal [-]
+    arcs : (m, 6) round walls by `ARC_COLUMNS`: x, y of the axis, and radius [mm]; unit direction from the axis to the
+        middle of the sector in which it is the wall, and cosine of half the sector's turn [-], or `WHOLE_CIRCLE`
+    top : untouched; its highest point is the scene's height
+    """
+
+    walls: FloatArray
+    arcs: FloatArray
+    top: Top
+
+    def __repr__(self) -> str:
+        """Every number in full, so that two forms have one text only where they are the same."""
+        walls, arcs = np.asarray(self.walls).tolist(), np.asarray(self.arcs).tolist()
+        return f"PadForm(walls={walls}, arcs={arcs}, top={self.top!r})"
+
+
+FARTHEST_DEG = 80.0
+"""Towards grazing a sheet divides one small number by another; beyond 80 degrees a sheet says little."""
+
+
+def transmitted_share(cosine: FloatArray, index_from: float, index_to: float) -> FloatArray:
+    """Unpolarised Fresnel transmission of power at a flat interface.
+
+    Parameters
+    ----------
+    cosine : (...,) cosine of the angle of incidence, 0 to 1 [-]
+    index_from, index_to : of the medium that the light comes from, and goes to [-]
+
+    Returns
+    -------
+    (...,) share of the power, 0 beyond the critical angle [-]
+    """
+    c = np.asarray(cosine, dtype=np.float64)
+    if index_from == index_to:
+        return np.ones_like(c)
+    inner = refracted_cosine(c, index_from, index_to)
+    c = np.where(inner > 0.0, c, 1.0)  # no light passes there; only keeps 0 / 0 out
+    s = (index_from * c - index_to * inner) / (index_from * c + index_to * inner)
+    p = (index_to * c - index_from * inner) / (index_to * c + index_from * inner)
+    share = 1.0 - (s * s + p * p) / 2.0
+    return np.asarray(np.where(inner > 0.0, share, 0.0))
+
+
+def refracted_cosine(cosine: FloatArray, index_from: float, index_to: float) -> FloatArray:
+    """(...,) cosine behind the interface by Snell's law; 0 at the critical angle and beyond [-]."""
+    sine = index_from / index_to * np.sqrt(1.0 - np.asarray(cosine, dtype=np.float64) ** 2)
+    return np.asarray(np.sqrt(np.clip(1.0 - sine * sine, 0.0, None)))
+
+
+COSINE_NODES = 129
+GRAZING_NODES = 32
+
+
+def cosine_nodes(count: int = COSINE_NODES) -> FloatArray:
+    """(count,) cosines from 0, grazing, to 1, along the normal [-]."""
+    return np.linspace(0.0, 1.0, count)
+
+
+def response_nodes(part: Part, refractive_index: float, count: int = COSINE_NODES) -> FloatArray:
+    """Response of a receiver at the cosine's nodes, for the scene.
+
+    Parameters
+    ----------
+    part : the receiver
+    refractive_index : of the elastomer [-]
+    count : nodes
+
+    Returns
+    -------
+    (count,) share of the arriving light that is counted, 0 to 1 [-]; all 1 for a bare receiver
+    """
+    if part.epoxy_index is None:
+        return np.ones(count)
+    cosine, epoxy = cosine_nodes(count), part.epoxy_index.value
+    inner = refracted_cosine(cosine, refractive_index, epoxy)
+    if part.angular_response is None:
+        counted = inner ** half_angle_power(part.half_angle_deg.value, epoxy)
+    else:
+        counted = _counted_by_table(part.angular_response, inner, epoxy)
+    return np.asarray(transmitted_share(cosine, refractive_index, epoxy) * counted)
+
+
+def half_angle_power(half_angle_deg: float, epoxy_index: float) -> float:
+    """The p, at least 0, of the chip's cos^p in epoxy whose response in air is half at an angle [-]."""
+    outer = np.cos(np.radians(half_angle_deg))
+    face = float(outer * _relative_entry(outer, epoxy_index))
+    inner = float(refracted_cosine(outer, 1.0, epoxy_index))
+    return max(0.0, float(np.log(0.5 / face) / np.log(inner)))
+
+
+def _counted_by_table(table: AngularTable, inner: FloatArray, epoxy_index: float) -> FloatArray:
+    """(n,) the chip's q at cosines in the epoxy, from a sheet's response in air."""
+    sine = np.minimum(epoxy_index * np.sqrt(1.0 - inner * inner), 1.0)
+    angle = np.minimum(np.degrees(np.arcsin(sine)), min(FARTHEST_DEG, table.last_deg))
+    outer = np.cos(np.radians(angle))
+    seen = table.at(angle) / table.relative[0]
+    return np.minimum(seen / (outer * _relative_entry(outer, epoxy_index)), 1.0)
+
+
+def _relative_entry(outer: FloatArray, epoxy_index: float) -> FloatArray:
+    """(...,) transmission from air into the epoxy over that on the axis [-]."""
+    on_axis = transmitted_share(np.ones(()), 1.0, epoxy_index)
+    return np.asarray(transmitted_share(outer, 1.0, epoxy_index) / on_axis)
+
+
+def pattern_power(radiance: FloatArray) -> FloatArray:
+    """(...,) power of (..., n) patterns: 1 where they are normalised [-]."""
+    c = cosine_nodes(np.shape(radiance)[-1])
+    low, high = radiance[..., :-1], radiance[..., 1:]
+    cells = c[:-1] * (2 * low + high) + c[1:] * (low + 2 * high)
+    return np.asarray(2 * np.pi * np.sum(cells, axis=-1) * (c[1] - c[0]) / 6)
+
+
+def normalised_pattern(radiance: FloatArray) -> FloatArray:
+    """(..., n) patterns of unit power from patterns of any.
+
+    Raises
+    ------
+    InputError : a pattern without power, or with a negative or undefined value.
+    """
+    values = np.asarray(radiance, dtype=np.float64)
+    power = pattern_power(values)
+    if not (np.isfinite(values).all() and (values >= 0).all() and (power > 0).all()):
+        raise InputError("pattern: must be finite, not negative, and above 0 somewhere; correct its table")
+    return values / power[..., None]
+
+
+def lambertian_pattern(order: float, count: int = COSINE_NODES) -> FloatArray:
+    """(count,) pattern of the intensity c^order, order 1 or more; exact at order 1 and 2, else to the table's step.
+
+    Raises
+    ------
+    InputError : an order below 1, whose radiance has no bound at grazing angles.
+    """
+    if not 1.0 <= order < np.inf:
+        raise InputError(f"order: {order:g}, a table needs 1 or more; give emitter_order instead")
+    return normalised_pattern(cosine_nodes(count) ** (order - 1.0))
+
+
+def table_pattern(table: AngularTable, count: int = COSINE_NODES) -> FloatArray:
+    """(count,) pattern of unit power of a sheet's intensity over the angle, at the cosine's nodes."""
+    c = cosine_nodes(count)
+    radiance = np.zeros(count)
+    radiance[1:] = table.at(np.degrees(np.arccos(c[1:]))) / c[1:]
+    within, weights = np.polynomial.legendre.leggauss(GRAZING_NODES)
+    grazing = c[1] * (within + 1) / 2
+    power = c[1] / 2 * np.sum(weights * table.at(np.degrees(np.arccos(grazing))))
+    radiance[0] = max(0.0, 6 * power / c[1] ** 2 - 2 * radiance[1])
+    return normalised_pattern(radiance)
+
+
+MIN_CELLS = 4
+"""A bicubic spline needs four points a side; one cell more keeps its ends apart."""
+MAX_NODES = 1_000_000
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SmoothField:
+    """A height added to the top, on a regular grid.
+
+    Attributes
+    ----------
+    origin_mm : (2,) x and y of the first node in the cavity frame [mm]
+    step_mm : (2,) distance of nodes along x and y [mm]
+    nodes : (nx, ny, 4) value [mm], slope along x [-], slope along y [-], mixed derivative [1/mm] at
+        x_i = x_0 + i dx, y_j = y_0 + j dy
+
+    Raises
+    ------
+    InputError : a wrong shape, a step that is not above 0, or a value that is not finite.
+    """
+
+    origin_mm: FloatArray
+    step_mm: FloatArray
+    nodes: FloatArray
+
+    def __post_init__(self) -> None:
+        """Refuse what no kernel can read."""
+        for name in ("origin_mm", "step_mm"):
+            values = np.asarray(getattr(self, name))
+            if values.shape != (2,) or not np.isfinite(values).all():
+                raise InputError(f"{name}: {values}, needs two finite numbers, of x and y")
+        if not (np.asarray(self.step_mm) > 0).all():
+            raise InputError(f"step_mm: {self.step_mm}, must be above 0 mm along x and y")
+        shape = np.shape(self.nodes)
+        if len(shape) != 3 or shape[2] != 4 or min(shape[:2]) < 2:
+            raise InputError(f"nodes: shape {shape}, needs (2 or more, 2 or more, 4)")
+        if not np.isfinite(self.nodes).all():
+            i, j, k = np.argwhere(~np.isfinite(self.nodes))[0]
+            raise InputError(f"nodes[{i}, {j}, {k}]: {self.nodes[i, j, k]}, must be finite")
+
+    def height_mm(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
+        """(...,) height [mm] at (...,) places in the cavity frame [mm]: the readable form of the kernels' patch."""
+        u, i = _cell(np.asarray(x_mm, dtype=np.float64), self.origin_mm[0], self.step_mm[0], len(self.nodes))
+        v, j = _cell(
+            np.asarray(y_mm, dtype=np.float64), self.origin_mm[1], self.step_mm[1], self.nodes.shape[1]
+        )
+        inside = (u >= 0) & (u <= 1) & (v >= 0) & (v <= 1)
+        along, across = _hermite(u, self.step_mm[0]), _hermite(v, self.step_mm[1])
+        total = np.zeros(np.broadcast(u, v).shape)
+        for a in range(2):
+            for b in range(2):
+                node = self.nodes[i + a, j + b]
+                total += node[..., 0] * along[a][0] * across[b][0] + node[..., 1] * along[a][1] * across[b][0]
+                total += node[..., 2] * along[a][0] * across[b][1] + node[..., 3] * along[a][1] * across[b][1]
+        return np.where(inside, total, 0.0)
+
+
+def smooth_field(
+    height_mm: Callable[[FloatArray, FloatArray], FloatArray],
+    length_mm: float,
+    width_mm: float,
+    spacing_mm: float,
+    finer: int = 1,
+) -> SmoothField:
+    """Sample a height over the whole pad, from wall to wall.
+
+    Parameters
+    ----------
+    height_mm : (nx, 1) x and (1, ny) y in the cavity frame [mm] to (nx, ny) height [mm]
+    length_mm, width_mm : of the cavity [mm]
+    spacing_mm : of the nodes at most; the grid is stretched to end at the walls [mm]
+    finer : the height is sampled so many times between neighbouring nodes, for the nodes' derivatives
+
+    Raises
+    ------
+    InputError : a size or spacing that is not above 0, too many nodes, or heights that are not finite.
+    """
+    for name, value in (("length_mm", length_mm), ("width_mm", width_mm), ("spacing_mm", spacing_mm)):
+        if not 0 < value < np.inf:
+            raise InputError(f"{name}: {value:g} mm, must be above 0")
+    counts = [max(MIN_CELLS, int(np.ceil(size / spacing_mm - 1e-9))) + 1 for size in (length_mm, width_mm)]
+    if counts[0] * counts[1] > MAX_NODES:
+        raise InputError(
+            f"spacing_mm: {spacing_mm:g} mm makes {counts[0]} x {counts[1]} nodes, at most {MAX_NODES}; widen it"
+        )
+    x, y = (
+        np.linspace(0.0, size, (count - 1) * finer + 1)
+        for size, count in zip((length_mm, width_mm), counts, strict=True)
+    )
+    values = np.asarray(height_mm(x[:, None], y[None, :]), dtype=np.float64)
+    if values.shape != (len(x), len(y)):
+        raise InputError(
+            f"height_mm: gave shape {values.shape} for {len(x)} x {len(y)} places; give one height each"
+        )
+    step = np.array([x[finer], y[finer]])
+    return SmoothField(origin_mm=np.zeros(2), step_mm=step, nodes=_spline_nodes(x, y, values, finer))
+
+
+def sum_of_fields(fields: Sequence[SmoothField]) -> SmoothField:
+    """The sum of one or more fields on the same grid; of one, that field itself.
+
+    Raises
+    ------
+    InputError : no field, or grids that differ.
+    """
+    grids = {(*field.origin_mm, *field.step_mm, *field.nodes.shape) for field in fields}
+    if len(grids) != 1:
+        raise InputError(
+            f"fields: {len(fields)} on {len(grids)} different grids; give one or more on one grid"
+        )
+    if len(fields) == 1:
+        return fields[0]
+    nodes = np.sum([field.nodes for field in fields], axis=0)
+    return SmoothField(origin_mm=fields[0].origin_mm, step_mm=fields[0].step_mm, nodes=nodes)
+
+
+def _spline_nodes(x: FloatArray, y: FloatArray, heights: FloatArray, finer: int) -> FloatArray:
+    if not np.isfinite(heights).all():
+        i, j = np.argwhere(~np.isfinite(heights))[0]
+        raise InputError(f"height_mm: {heights[i, j]} at ({x[i]:g}, {y[j]:g}) mm, must be finite everywhere")
+    (rise_x, rise_y), kept = (
+        (_spline_slopes(len(t), float(t[-1]), finer) for t in (x, y)),
+        slice(None, None, finer),
+    )
+    along = rise_x @ heights
+    columns = (heights[kept, kept], along[:, kept], heights[kept] @ rise_y.T, along @ rise_y.T)
+    return np.stack(columns, axis=-1)
+
+
+@lru_cache(maxsize=8)
+def _spline_slopes(count: int, size: float, finer: int) -> FloatArray:
+    """(node, count) slopes at every `finer`-th of evenly spread points, of the spline through values at all of them."""
+    from scipy.interpolate import CubicSpline
+
+    t = np.linspace(0.0, size, count)
+    return np.asarray(CubicSpline(t, np.eye(count))(t[::finer], 1))
+
+
+def _cell(place: FloatArray, origin: float, step: float, count: int) -> tuple[FloatArray, IntArray]:
+    """Fraction within, and number of, the cell of a place; the fraction leaves 0 to 1 outside the grid."""
+    t = (place - origin) / step
+    cell = np.clip(np.floor(t), 0, count - 2).astype(np.int64)
+    return t - cell, cell
+
+
+def _hermite(
+    t: FloatArray, step: float
+) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
+    """For the cell's first and second end: weights of its value and of its slope."""
+    s = 1.0 - t
+    return ((1 + 2 * t) * s * s, step * t * s * s), ((1 + 2 * s) * t * t, -step * s * t * t)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,9 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from design.arrays import FloatArray, IntArray
-from sims.optics.scene.optical_scene import OpticalScene
-from sims.optics.scene.pad_form import WHOLE_CIRCLE, PadForm
-from sims.press.indentation import Indentation
+from sims.optics.scene.optical_scene import WHOLE_CIRCLE, OpticalScene, PadForm
+from sims.press import Indentation
 
 SAME_PLACE_MM = 1e-6
 """Two places are one when they agree to this: patterns make them agree to round-off."""

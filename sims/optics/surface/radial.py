@@ -17,22 +17,25 @@ from numba import njit
 from design.arrays import FloatArray
 from sims.optics.kernel_types import KernelDecorator
 from sims.optics.surface.curves import (
+    CELLS,
     CONTACT,
     CONTACT_PARTS,
+    FALL,
     LOWEST,
     OFFSET,
     OUTER_2,
     PER_LEVEL,
+    PIECE_COLUMNS,
     PIECES,
     REACH,
     SCALE,
     SPHERE_2,
     SPHERE_Z,
     START,
+    STEEP,
     TIP_2,
     TOP,
 )
-from sims.optics.surface.radial_table import CELLS, FALL, PIECE_COLUMNS, STEEP
 
 PATCH_TABLE = 7
 

@@ -1,29 +1,46 @@
+# mypy: no-warn-return-any
 """Lower presses to the tops that kernels see: several tips and a smooth field in one state.
 
 Model
 -----
 The top's height over the undisturbed plane is the sum of every tip's radial curve (`sims.optics.surface.curves`) and
-of a smooth field (`sims.optics.scene.smooth_field`). Superposition is exact where at most one curve differs from
+of a smooth field (`sims.optics.scene.optical_scene`). Superposition is exact where at most one curve differs from
 zero; it leaves out how one tip's dimple deforms under another, and is refused where the steep parts overlap.
+
+Kernels: the deformed top as the sum of every tip's radial table and of a smooth field.
+
+A state's top is a `Top`: rows of `sims.optics.surface.curves.SurfaceStack` for each tip, a bicubic field
+(`sims.optics.scene.optical_scene`; empty where there is none), and what is known of the field as a whole.
+
+Kernels: the top in cells of (u, v) around every tip.
+
+A tip owns the part of the box that is nearer to it than to any other, a convex polygon. Each edge of it spans a
+sector: v runs along the edge, u from the contact edge (0) to it (1) with r = a + (r_edge(v) - a) u², so that cells are
+narrow at the contact edge. A grid has the same number of rings everywhere and one run of columns per tip.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from design.arrays import FloatArray, IntArray
 from design.errors import InputError, ModelScopeError
-from sims.optics.scene.optical_scene import OpticalScene
-from sims.optics.scene.smooth_field import SmoothField
+from sims.optics.scene.optical_scene import OpticalScene, SmoothField
 from sims.optics.surface.curves import (
     ACTIVE,
+    CELLS,
+    COLUMNS,
+    CONTACT_R,
     FIELD_COLUMNS,
     OUTER_R,
+    PIECE_COLUMNS,
     PIECES,
     SKIRT_R,
     SPHERE_R,
@@ -31,11 +48,460 @@ from sims.optics.surface.curves import (
     SurfaceStack,
     X,
     Y,
+    lowest_of_pieces_mm,
+    node_radii_mm,
     stack_surfaces,
 )
-from sims.optics.surface.radial_table import CELLS, PIECE_COLUMNS, lowest_of_pieces_mm, node_radii_mm
-from sims.optics.surface.top import FIELD_BEND, FIELD_LOWEST, FIELD_ON, FIELD_SLOPE, SLACK
-from sims.press.indentation import Indentation
+from sims.optics.surface.radial import (
+    array_kernel,
+    contact_radius_2,
+    distance,
+    height,
+    height_and_turn,
+    height_turn_bend,
+    inlined,
+    kernel,
+)
+from sims.press import Indentation
+
+FIELD_ON, FIELD_X, FIELD_Y, PER_X, PER_Y, FIELD_LOWEST, FIELD_SLOPE, FIELD_BEND, SLACK = range(
+    COLUMNS, COLUMNS + FIELD_COLUMNS
+)
+
+
+class Top(NamedTuple):
+    """One state's surface.
+
+    Attributes
+    ----------
+    rows : (tip, n) see `sims.optics.surface.curves`; in the first, from `FIELD_ON`: field on, origin [mm], cells per mm
+        along x and y, lowest value (0 or below) [mm], largest slope [-] and bend [1/mm] of the field; how far the field
+        and the tips beside the one at hand may lower the top [mm]
+    field : (nx, ny, 16) coefficients of u^p v^q in each cell, q the faster, u and v from 0 to 1 [mm]; or (0, 0, 16)
+    """
+
+    rows: FloatArray
+    field: FloatArray
+
+
+@inlined
+def is_plain(top: Top) -> bool:
+    """Whether one radial table is all there is."""
+    return top.rows.shape[0] == 1 and top.rows[0, FIELD_ON] == 0.0
+
+
+@kernel
+def is_touched(top: Top) -> bool:
+    """Whether the top differs from the undisturbed plane."""
+    if top.rows[0, FIELD_ON] != 0.0:
+        return True
+    touched = False
+    for k in range(top.rows.shape[0]):
+        touched = touched or top.rows[k, ACTIVE] > 0.0
+    return touched
+
+
+@kernel
+def touching_tip(x: float, y: float, top: Top) -> tuple[int, float]:
+    """The tip that touches the top there (-1: none), and the smallest distance from an axis over its skirt radius."""
+    share = 1e30
+    tip = -1
+    for k in range(top.rows.shape[0]):
+        if top.rows[k, ACTIVE] > 0.0:
+            r = distance(x - top.rows[k, X], y - top.rows[k, Y])
+            if r < top.rows[k, CONTACT_R]:
+                tip = k
+            share = min(share, r / top.rows[k, SKIRT_R])
+    return tip, share
+
+
+@kernel
+def is_beyond(x: float, y: float, top: Top) -> bool:
+    """Whether a place lies beyond the outer radius of every tip, where the top without a field is undisturbed."""
+    for k in range(top.rows.shape[0]):
+        outer = top.rows[k, OUTER_R] if top.rows[k, ACTIVE] > 0.0 else 0.0
+        if distance(x - top.rows[k, X], y - top.rows[k, Y]) < outer:
+            return False
+    return True
+
+
+@inlined
+def _field_cell(x: float, y: float, top: Top) -> tuple[int, int, float, float]:
+    """Cell of the field and fractions within it; -1 outside."""
+    u = (x - top.rows[0, FIELD_X]) * top.rows[0, PER_X]
+    v = (y - top.rows[0, FIELD_Y]) * top.rows[0, PER_Y]
+    nx = top.field.shape[0]
+    ny = top.field.shape[1]
+    if not (0.0 <= u <= nx and 0.0 <= v <= ny):
+        return -1, -1, 0.0, 0.0
+    i = min(int(u), nx - 1)
+    j = min(int(v), ny - 1)
+    return i, j, u - i, v - j
+
+
+@inlined
+def _cubic(c: FloatArray, k: int, v: float) -> float:
+    """A cubic of four coefficients from the k-th on."""
+    return c[k] + v * (c[k + 1] + v * (c[k + 2] + v * c[k + 3]))
+
+
+@inlined
+def _cubic_slope(c: FloatArray, k: int, v: float) -> float:
+    """Its first derivative."""
+    return c[k + 1] + v * (2.0 * c[k + 2] + v * 3.0 * c[k + 3])
+
+
+@inlined
+def field_height(x: float, y: float, top: Top) -> float:
+    """The field's height; 0 outside it."""
+    i, j, u, v = _field_cell(x, y, top)
+    if i < 0:
+        return 0.0
+    c = top.field[i, j]
+    return _cubic(c, 0, v) + u * (_cubic(c, 4, v) + u * (_cubic(c, 8, v) + u * _cubic(c, 12, v)))
+
+
+@inlined
+def field_gradient(x: float, y: float, top: Top) -> tuple[float, float, float]:
+    """The field's height, dh/dx, dh/dy; 0 outside it."""
+    i, j, u, v = _field_cell(x, y, top)
+    if i < 0:
+        return 0.0, 0.0, 0.0
+    c = top.field[i, j]
+    b1 = _cubic(c, 4, v)
+    b2 = _cubic(c, 8, v)
+    b3 = _cubic(c, 12, v)
+    height = _cubic(c, 0, v) + u * (b1 + u * (b2 + u * b3))
+    along = b1 + u * (2.0 * b2 + u * 3.0 * b3)
+    across = _cubic_slope(c, 0, v)
+    across += u * (_cubic_slope(c, 4, v) + u * (_cubic_slope(c, 8, v) + u * _cubic_slope(c, 12, v)))
+    return height, along * top.rows[0, PER_X], across * top.rows[0, PER_Y]
+
+
+@kernel
+def _field_bends(x: float, y: float, top: Top) -> tuple[float, float, float]:
+    """The field's d2h/dx2, d2h/dxdy, d2h/dy2; 0 outside it."""
+    i, j, u, v = _field_cell(x, y, top)
+    if i < 0:
+        return 0.0, 0.0, 0.0
+    c = top.field[i, j]
+    hxx = 0.0
+    hxy = 0.0
+    hyy = 0.0
+    for p in range(3, -1, -1):
+        hyy = hyy * u + 2.0 * c[4 * p + 2] + v * 6.0 * c[4 * p + 3]
+        if p > 0:
+            hxy = hxy * u + p * _cubic_slope(c, 4 * p, v)
+        if p > 1:
+            hxx = hxx * u + p * (p - 1) * _cubic(c, 4 * p, v)
+    per_x = top.rows[0, PER_X]
+    per_y = top.rows[0, PER_Y]
+    return hxx * per_x * per_x, hxy * per_x * per_y, hyy * per_y * per_y
+
+
+@kernel
+def surface_height(x: float, y: float, top: Top) -> float:
+    """Height of the top above the bottom."""
+    rows = top.rows
+    rx = x - rows[0, X]
+    ry = y - rows[0, Y]
+    h = height(rx * rx + ry * ry, 0, rows)
+    if is_plain(top):
+        return h
+    for k in range(1, rows.shape[0]):
+        rx = x - rows[k, X]
+        ry = y - rows[k, Y]
+        h += height(rx * rx + ry * ry, k, rows) - rows[k, TOP]
+    if top.rows[0, FIELD_ON] != 0.0:
+        h += field_height(x, y, top)
+    return h
+
+
+@kernel
+def surface_gradient(x: float, y: float, top: Top) -> tuple[float, float, float]:
+    """Height of the top, dh/dx, dh/dy."""
+    rows = top.rows
+    rx = x - rows[0, X]
+    ry = y - rows[0, Y]
+    h, per = height_and_turn(rx * rx + ry * ry, 0, rows)
+    gx = per * rx
+    gy = per * ry
+    if is_plain(top):
+        return h, gx, gy
+    for k in range(1, rows.shape[0]):
+        rx = x - rows[k, X]
+        ry = y - rows[k, Y]
+        more, per = height_and_turn(rx * rx + ry * ry, k, rows)
+        h += more - rows[k, TOP]
+        gx += per * rx
+        gy += per * ry
+    if top.rows[0, FIELD_ON] != 0.0:
+        more, mx, my = field_gradient(x, y, top)
+        h += more
+        gx += mx
+        gy += my
+    return h, gx, gy
+
+
+@kernel
+def _tip_bend(
+    x: float, y: float, tip: int, rows: FloatArray
+) -> tuple[float, float, float, float, float, float]:
+    """One tip's height, gradient and second derivatives."""
+    rx = x - rows[tip, X]
+    ry = y - rows[tip, Y]
+    h, turn, bend = height_turn_bend(rx * rx + ry * ry, tip, rows)
+    return h, turn * rx, turn * ry, turn + bend * rx * rx, bend * rx * ry, turn + bend * ry * ry
+
+
+@kernel
+def surface_bend(x: float, y: float, top: Top) -> tuple[float, float, float, float, float, float]:
+    """Height of the top, dh/dx, dh/dy, d2h/dx2, d2h/dxdy, d2h/dy2."""
+    h, gx, gy, hxx, hxy, hyy = _tip_bend(x, y, 0, top.rows)
+    if is_plain(top):
+        return h, gx, gy, hxx, hxy, hyy
+    for k in range(1, top.rows.shape[0]):
+        more, mx, my, mxx, mxy, myy = _tip_bend(x, y, k, top.rows)
+        h += more - top.rows[k, TOP]
+        gx += mx
+        gy += my
+        hxx += mxx
+        hxy += mxy
+        hyy += myy
+    if top.rows[0, FIELD_ON] != 0.0:
+        more, mx, my = field_gradient(x, y, top)
+        mxx, mxy, myy = _field_bends(x, y, top)
+        h += more
+        gx += mx
+        gy += my
+        hxx += mxx
+        hxy += mxy
+        hyy += myy
+    return h, gx, gy, hxx, hxy, hyy
+
+
+# columns of a sector row
+AX, AY, BX, BY, SPAN, TIP = range(6)
+# columns of a node row
+NX, NY, NZ, GX, GY, HXX, HXY, HYY = range(8)
+NODE_COLUMNS = 8
+MOST_EDGES = 12
+FEWEST_COLUMNS = 3
+
+
+@kernel
+def _cell_of_tip(tip: int, top: Top, box: FloatArray, corners: FloatArray, other: FloatArray) -> int:
+    """Corners (n, 2) of the part of the box nearest to a tip; their number."""
+    corners[0, 0], corners[0, 1] = 0.0, 0.0
+    corners[1, 0], corners[1, 1] = box[0], 0.0
+    corners[2, 0], corners[2, 1] = box[0], box[1]
+    corners[3, 0], corners[3, 1] = 0.0, box[1]
+    n = 4
+    x = top.rows[tip, X]
+    y = top.rows[tip, Y]
+    for k in range(top.rows.shape[0]):
+        if k == tip or top.rows[k, ACTIVE] == 0.0:
+            continue
+        dx = top.rows[k, X] - x
+        dy = top.rows[k, Y] - y
+        half = 0.5 * (dx * dx + dy * dy)
+        kept = 0
+        for c in range(n):
+            d = c + 1 if c + 1 < n else 0
+            fc = half - (corners[c, 0] - x) * dx - (corners[c, 1] - y) * dy
+            fd = half - (corners[d, 0] - x) * dx - (corners[d, 1] - y) * dy
+            if fc >= 0.0:
+                other[kept, 0] = corners[c, 0]
+                other[kept, 1] = corners[c, 1]
+                kept += 1
+            if (fc >= 0.0) != (fd >= 0.0):
+                t = fc / (fc - fd)
+                other[kept, 0] = corners[c, 0] + t * (corners[d, 0] - corners[c, 0])
+                other[kept, 1] = corners[c, 1] + t * (corners[d, 1] - corners[c, 1])
+                kept += 1
+        n = kept
+        for c in range(n):
+            corners[c, 0] = other[c, 0]
+            corners[c, 1] = other[c, 1]
+    return n
+
+
+@array_kernel
+def sectors_of(top: Top, box: FloatArray) -> FloatArray:
+    """(sector, 6) start of each edge and vector to its end, both from the axis; angle; tip. Sorted by tip.
+
+    Where no tip touches, the first one's axis serves as the middle of the grid.
+    """
+    corners = np.empty((MOST_EDGES, 2))
+    other = np.empty((MOST_EDGES, 2))
+    out = np.empty((top.rows.shape[0] * MOST_EDGES, 6))
+    found = 0
+    for tip in range(top.rows.shape[0]):
+        if top.rows[tip, ACTIVE] == 0.0 and not (tip == 0 and top.rows[:, ACTIVE].max() == 0.0):
+            continue
+        n = _cell_of_tip(tip, top, box, corners, other)
+        for c in range(n):
+            d = c + 1 if c + 1 < n else 0
+            ax = corners[c, 0] - top.rows[tip, X]
+            ay = corners[c, 1] - top.rows[tip, Y]
+            bx = corners[d, 0] - top.rows[tip, X]
+            by = corners[d, 1] - top.rows[tip, Y]
+            out[found, AX] = ax
+            out[found, AY] = ay
+            out[found, BX] = bx - ax
+            out[found, BY] = by - ay
+            out[found, SPAN] = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
+            out[found, TIP] = tip
+            if out[found, SPAN] > 1e-9:
+                found += 1
+    return out[:found]
+
+
+@kernel
+def place_on_top(
+    sector: int, u: float, v: float, sectors: FloatArray, top: Top
+) -> tuple[float, float, float, float]:
+    """Place (x, y) of (u, v), its radius, and the plan area per du dv."""
+    wx = sectors[sector, AX] + v * sectors[sector, BX]
+    wy = sectors[sector, AY] + v * sectors[sector, BY]
+    reach2 = wx * wx + wy * wy
+    reach = math.sqrt(reach2)
+    turn = (wx * sectors[sector, BY] - wy * sectors[sector, BX]) / reach2
+    tip = int(sectors[sector, TIP])
+    inner = top.rows[tip, CONTACT_R]
+    span = max(reach - inner, 0.0)
+    r = inner + span * u * u
+    x = top.rows[tip, X] + r * wx / reach
+    y = top.rows[tip, Y] + r * wy / reach
+    return x, y, r, r * 2.0 * span * u * turn
+
+
+@kernel
+def place_in_contact(
+    sector: int, s: float, v: float, sectors: FloatArray, top: Top
+) -> tuple[float, float, float]:
+    """Place (x, y) in a tip's contact, s from the axis (0) to the edge (1) by area, and the plan area per ds dv."""
+    wx = sectors[sector, AX] + v * sectors[sector, BX]
+    wy = sectors[sector, AY] + v * sectors[sector, BY]
+    reach2 = wx * wx + wy * wy
+    turn = (wx * sectors[sector, BY] - wy * sectors[sector, BX]) / reach2
+    tip = int(sectors[sector, TIP])
+    r2, growth = contact_radius_2(s, tip, top.rows)
+    share = math.sqrt(r2 / reach2)
+    x = top.rows[tip, X] + share * wx
+    y = top.rows[tip, Y] + share * wy
+    return x, y, 0.5 * growth * turn
+
+
+@kernel
+def top_point(
+    sector: int, u: float, v: float, sectors: FloatArray, top: Top
+) -> tuple[float, float, float, float, float, float, float]:
+    """Point of the top, dh/dx, dh/dy, radius, and the plan area per du dv."""
+    x, y, r, area = place_on_top(sector, u, v, sectors, top)
+    h, gx, gy = surface_gradient(x, y, top)
+    return x, y, h, gx, gy, r, area
+
+
+@array_kernel
+def columns_of(columns: float, phase: float, sectors: FloatArray) -> FloatArray:
+    """(column, 5) sector, v where it starts, v where it ends, previous column, next column (round the tip).
+
+    The phase, 0 to 1, moves the inner borders of each sector's columns.
+    """
+    counts = np.empty(sectors.shape[0], np.int64)
+    for k in range(sectors.shape[0]):
+        counts[k] = max(FEWEST_COLUMNS, round(columns * sectors[k, SPAN] / (2.0 * math.pi)))
+    out = np.empty((counts.sum(), 5))
+    n = 0
+    first = 0
+    for k in range(sectors.shape[0]):
+        if k > 0 and sectors[k, TIP] != sectors[k - 1, TIP]:
+            first = n
+        for b in range(counts[k]):
+            out[n, 0] = k
+            out[n, 1] = (b + phase - 0.5) / counts[k] if b > 0 else 0.0
+            out[n, 2] = (b + phase + 0.5) / counts[k] if b + 1 < counts[k] else 1.0
+            out[n, 3] = n - 1
+            out[n, 4] = n + 1
+            n += 1
+        if k + 1 == sectors.shape[0] or sectors[k + 1, TIP] != sectors[k, TIP]:
+            out[first, 3] = n - 1
+            out[n - 1, 4] = first
+    return out
+
+
+@kernel
+def ring_edge(ring: int, rings: int, phase: float) -> float:
+    """u of a ring's inner border; the phase, 0 to 1, moves all but the first and the last."""
+    if ring == 0:
+        return 0.0
+    if ring == rings:
+        return 1.0
+    return (ring + phase - 0.5) / rings
+
+
+@array_kernel
+def top_nodes(rings: int, phase: float, columns: FloatArray, sectors: FloatArray, top: Top) -> FloatArray:
+    """(ring + 1, column, 8) place, height, gradient and second derivatives at every column's start."""
+    nodes = np.empty((rings + 1, columns.shape[0], NODE_COLUMNS))
+    for b in range(columns.shape[0]):
+        for a in range(rings + 1):
+            u = ring_edge(a, rings, phase)
+            _put_node(nodes[a, b], int(columns[b, 0]), u, columns[b, 1], sectors, top)
+    return nodes
+
+
+@array_kernel
+def top_middles(rings: int, phase: float, columns: FloatArray, sectors: FloatArray, top: Top) -> FloatArray:
+    """(ring, column, 8) the same in the middle of every cell."""
+    nodes = np.empty((rings, columns.shape[0], NODE_COLUMNS))
+    for b in range(columns.shape[0]):
+        for a in range(rings):
+            u = 0.5 * (ring_edge(a, rings, phase) + ring_edge(a + 1, rings, phase))
+            v = 0.5 * (columns[b, 1] + columns[b, 2])
+            _put_node(nodes[a, b], int(columns[b, 0]), u, v, sectors, top)
+    return nodes
+
+
+@kernel
+def _put_node(row: FloatArray, sector: int, u: float, v: float, sectors: FloatArray, top: Top) -> None:
+    """Fill a row of `top_nodes`."""
+    row[NX], row[NY], _, _ = place_on_top(sector, u, v, sectors, top)
+    row[NZ], row[GX], row[GY], row[HXX], row[HXY], row[HYY] = surface_bend(row[NX], row[NY], top)
+
+
+@kernel
+def cell_at(
+    x: float, y: float, rings: int, phase: float, columns: FloatArray, sectors: FloatArray, top: Top
+) -> tuple[int, int]:
+    """Ring and column of the cell that holds a place; (-1, -1) in a contact or outside."""
+    for n in range(columns.shape[0]):
+        k = int(columns[n, 0])
+        tip = int(sectors[k, TIP])
+        dx = x - top.rows[tip, X]
+        dy = y - top.rows[tip, Y]
+        ax = sectors[k, AX] + columns[n, 1] * sectors[k, BX]
+        ay = sectors[k, AY] + columns[n, 1] * sectors[k, BY]
+        bx = sectors[k, AX] + columns[n, 2] * sectors[k, BX]
+        by = sectors[k, AY] + columns[n, 2] * sectors[k, BY]
+        one = ax * dy - ay * dx
+        two = dx * by - dy * bx
+        if one < 0.0 or two < 0.0 or ax * dx + ay * dy < 0.0:
+            continue
+        v = one / max(one + two, 1e-30)
+        wx = ax + v * (bx - ax)
+        wy = ay + v * (by - ay)
+        reach = math.sqrt(wx * wx + wy * wy)
+        r = math.sqrt(dx * dx + dy * dy)
+        inner = top.rows[tip, CONTACT_R]
+        if r < inner or r > reach:
+            continue
+        u = math.sqrt((r - inner) / max(reach - inner, 1e-12))
+        ring = min(max(int(u * rings + 0.5 - phase), 0), rings - 1)
+        return ring, n
+    return -1, -1
+
 
 Presses = Sequence[Indentation | Sequence[Indentation | None] | None]
 SUBDIVISION = 2
@@ -60,7 +526,7 @@ class TopStack:
     step_mm: FloatArray
 
     def part(self, states: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Arrays of some states in the order of `sims.optics.surface.top.Top`."""
+        """Arrays of some states in the order of `sims.optics.surface.tops.Top`."""
         return self.rows[states], _cells(self.field[states], self.step_mm)
 
 

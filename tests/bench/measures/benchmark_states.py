@@ -22,7 +22,7 @@ from design.spec import SensorDesign
 from sims.contact import indent
 from sims.optics.scene.lower import scene_of
 from sims.optics.scene.optical_scene import OpticalScene
-from sims.press.indentation import Indentation
+from sims.press import Indentation
 from tests.sims.optics.surface.analytic import compact_dimple
 
 DESIGN_FILE = Path(__file__).with_name("light-benchmark.toml")

@@ -10,11 +10,10 @@ import numpy as np
 from numba import njit
 
 from design.arrays import FloatArray
-from sims.optics.engine.straight.rays import top_hit
+from sims.optics.engine.straight import top_hit
 from sims.optics.surface.radial import wall_hit
-from sims.optics.surface.top import Top
-from sims.optics.surface.tops import stack_tops
-from sims.press.indentation import Indentation
+from sims.optics.surface.tops import Top, stack_tops
+from sims.press import Indentation
 from tests.bench.measures import forward_walk
 from tests.bench.measures.benchmark_states import benchmark_scene
 from tests.bench.measures.surface_mesh import box_mesh, top_mesh

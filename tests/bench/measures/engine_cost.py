@@ -12,7 +12,7 @@ import numpy as np
 from design.arrays import BoolArray, FloatArray
 from sims.optics.engine.trace_states import Accuracy, trace_scene
 from sims.optics.scene.optical_scene import OpticalScene
-from sims.press.indentation import Indentation
+from sims.press import Indentation
 
 Setting = str | float | Accuracy
 

@@ -22,7 +22,7 @@ from numba import njit
 
 from design.arrays import BoolArray, FloatArray
 from sims.optics.scene.optical_scene import OpticalScene
-from sims.press.indentation import Indentation
+from sims.press import Indentation
 
 SHORTEST_MM = 0.02
 FAINT, KEPT = 1e-3, 0.1

@@ -11,9 +11,8 @@ from scipy.interpolate import CubicHermiteSpline, RectBivariateSpline
 
 from design.arrays import FloatArray, IntArray
 from design.shape.top import Top
-from sims.optics.scene.optical_scene import OpticalScene
-from sims.optics.scene.pad_form import PadForm
-from sims.press.indentation import Indentation
+from sims.optics.scene.optical_scene import OpticalScene, PadForm
+from sims.press import Indentation
 from tests.bench.measures.forward_walk import dimple_row
 
 GRID = 192

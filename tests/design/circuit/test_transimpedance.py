@@ -16,9 +16,8 @@ from design.circuit.transimpedance import (
     responsivity_at,
 )
 from design.errors import DesignError
-from design.parts.assumptions import assumption
+from design.parts.assumptions import E24, assumption, standard_nearest
 from design.parts.catalog import Part
-from design.parts.standard_values import E24, standard_nearest
 from design.preset import PRESETS, preset
 from design.rules.check import check, require_valid
 from design.shape.cavity import cavity_of

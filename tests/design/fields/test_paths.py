@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from design.errors import DesignError
-from design.fields.paths import get_at, is_value, known_paths, known_values, leaves, set_at
+from design.fields.base import get_at, is_value, known_paths, known_values, leaves, set_at
 from design.spec import SensorDesign
 
 KNOWN = known_paths(SensorDesign)

@@ -8,8 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from design.circuit.pins import assigned_pins, board_of
-from design.circuit.timing import baud_error, frame_bytes, frame_time_ms, link_time_ms, made_baud, state_count
+from design.circuit.pins import (
+    assigned_pins,
+    baud_error,
+    board_of,
+    frame_bytes,
+    frame_time_ms,
+    link_time_ms,
+    made_baud,
+    state_count,
+)
 from design.errors import DesignError
 from design.parts.catalog import find_board, packaged
 from design.rules.check import check

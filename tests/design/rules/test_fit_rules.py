@@ -14,7 +14,7 @@ from design.fields.finding import Finding
 from design.mold.webs import clearances, rim_clearances
 from design.preset import preset
 from design.rules.check import check, notes
-from design.rules.webs import WORDS, web_findings
+from design.rules.mold import WORDS, web_findings
 from design.spec import SensorDesign
 from tests.design.rules.rule_cases import BENCHMARK, about, and_more, facing, only, single
 from tests.design.spec.spec_fields import good, with_layout

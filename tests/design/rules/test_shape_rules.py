@@ -10,7 +10,7 @@ import pytest
 from design.errors import DesignError
 from design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
 from design.rules.check import check, require_valid
-from design.rules.contact_scope import deepest_modelled_mm, thinnest_elastic_mm
+from design.rules.shape import deepest_modelled_mm, thinnest_elastic_mm
 from design.spec import SensorDesign
 
 DISC, CROWNED, DOME, FLAT = "levi2013-disc", "crowned-40x25", "fingertip-dome", "piacenza2017-pad"

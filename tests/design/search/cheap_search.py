@@ -11,7 +11,7 @@ from pathlib import Path
 
 from design.preset import preset
 from design.search.explore import Findings, explore
-from design.search.judged import Judged, Limit
+from design.search.improve import Judged, Limit
 from design.search.space import SearchSpace, space_from
 from design.spec import SensorDesign
 

@@ -15,10 +15,9 @@ import optuna
 import pytest
 
 from design.errors import DesignError, InputError
-from design.search.explore import explore, findings_of
+from design.search.explore import explore, findings_of, sampler_of
 from design.search.front import not_dominated
-from design.search.judged import Judged
-from design.search.study import sampler_of
+from design.search.improve import Judged
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]

@@ -12,6 +12,8 @@ from design.search.improve import (
     CLEAR,
     HEIGHTS,
     KINDS,
+    Judged,
+    Tried,
     changes_of,
     improvement_space,
     is_sound,
@@ -19,7 +21,6 @@ from design.search.improve import (
     picks,
     usable_of,
 )
-from design.search.judged import Judged, Tried
 from design.search.points import first_points, refinements, spread_points, start_of
 
 PAIR, PAD = preset("piacenza2017-pair"), preset("piacenza2017-pad")

@@ -17,8 +17,7 @@ from pathlib import Path
 import pytest
 
 from design.errors import InputError
-from design.search.explore import explore, findings_of
-from design.search.study import grid_size
+from design.search.explore import explore, findings_of, grid_size
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]

@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from design.mold.filling import filling_holes
 from design.mold.outline import outline_of
 from design.preset import SHAPED_PRESETS, preset
-from design.shape.cavity import cavity_of, workspace_of
+from design.shape.cavity import Plan, cavity_of, facet, plan_of, workspace_of
 from design.shape.outline import Arc
-from design.shape.plan import Plan, facet, plan_of
 from design.spec import Crown, SensorDesign
 
 DISC, CROWNED, DOME, _ = (preset(name) for name in SHAPED_PRESETS)

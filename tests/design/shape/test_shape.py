@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from design.shape.cavity import facet
 from design.shape.outline import Arc, Outline, disc, rectangle, stadium
-from design.shape.plan import facet
 from design.shape.top import Top
 
 RADIUS = 11.0

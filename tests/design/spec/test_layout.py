@@ -11,14 +11,15 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
 from design.errors import DesignError
-from design.shape.cavity import cavity_of, workspace_of
-from design.shape.pairs import (
+from design.shape.cavity import (
+    cavity_of,
     chord_midpoint_mm,
     direct_path_pairs,
     facing_pairs,
     is_facing_rows,
     judged_pairs,
     mask_of,
+    workspace_of,
 )
 from design.spec.layout import OPPOSITE, WALLS, Pattern, Placement, expand
 from design.spec.pad import Cavity

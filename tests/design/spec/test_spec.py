@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from design.errors import DesignError
-from design.fields.paths import leaves, set_at
+from design.fields.base import leaves, set_at
 from design.io import dump_design
 from design.spec import SensorDesign, Viscoelastic
 from tests.design.bad_designs import design_text

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from design.spec import Indenter
-from design.spec.tip_shape import Piece, tip_height_mm, tip_outline, tip_volume_mm3, tip_words
+from design.spec.indenter import Piece, tip_height_mm, tip_outline, tip_volume_mm3, tip_words
 from tests.design.spec.spec_fields import good
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from design.errors import DesignError
-from design.fields.paths import get_at
+from design.fields.base import get_at
 from design.io import dump_design, load_design
 from design.preset import PRESETS, preset
 from design.rules.check import check

@@ -16,7 +16,7 @@ from fabrication.driver.descriptor import Descriptor, descriptor_of
 from fabrication.driver.simulated.faults import faults_of
 from fabrication.driver_config import dump_driver_config
 from fabrication.driver_file import DriverConfig, config_from_document
-from optopad.sensor.driver_source import simulated_gain
+from optopad.sensor.driver_view import simulated_gain
 from tests.fabrication.driver.made_up_pad import frame
 
 PART_SPREAD, PAIR_SPREAD = 0.3, 0.12

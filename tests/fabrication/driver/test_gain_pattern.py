@@ -9,7 +9,7 @@ import pytest
 
 from fabrication.driver.drift import GAIN_SHARE, HELD_EXCESS, SHORT_S
 from fabrication.driver.gain_pattern import GainPattern, relative_change
-from optopad.sensor.driver_source import driver_source, press_table
+from optopad.sensor.driver_view import driver_source, press_table
 
 LEVELS = np.random.default_rng(2).uniform(50, 800, (8, 8))
 NOISE = np.hypot(0.76, 0.002 * LEVELS)

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from design.circuit import timing
+from design.circuit import pins as timing
 from fabrication.driver.link.protocol import (
     COMMAND_BYTES,
     Command,

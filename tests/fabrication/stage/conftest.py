@@ -8,4 +8,4 @@ import pytest
 @pytest.fixture(autouse=True)
 def quick_greeting(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("fabrication.stage.fake_printer.BOOT_S", 0.02)
-    monkeypatch.setattr("fabrication.stage.gcode_line.QUIET_S", 0.05)
+    monkeypatch.setattr("fabrication.stage.gcode_stage.QUIET_S", 0.05)

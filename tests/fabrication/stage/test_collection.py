@@ -11,7 +11,7 @@ import pytest
 from design.errors import DeviceError, InputError
 from design.recordings import SetEntry
 from fabrication.stage.collection import Collector
-from fabrication.stage.press_list import PressList, press_list, read_press_list
+from fabrication.stage.stage import PressList, press_list, read_press_list
 from sims.readings.dataset import read_data
 from tests.fabrication.driver.made_up_pad import press_table
 from tests.fabrication.stage.made_up_bench import MIDDLE, bench

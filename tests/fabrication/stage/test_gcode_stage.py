@@ -12,8 +12,7 @@ import pytest
 from design.errors import DeviceError, InputError
 from fabrication.driver.link.ports import Port
 from fabrication.driver.simulated.port import FakePort
-from fabrication.stage.gcode_line import GcodeLine, place_of
-from fabrication.stage.gcode_stage import TRAVEL_MM, GcodeStage, feed_word
+from fabrication.stage.gcode_stage import TRAVEL_MM, GcodeLine, GcodeStage, feed_word, place_of
 from tests.fabrication.driver.made_up_pad import board
 from tests.fabrication.stage.made_up_bench import LIMITS, MIDDLE, Bench, bench
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from design.errors import InputError
-from design.whole_file import require_suffix
+from design.files import require_suffix
 from fabrication.driver.simulated.port import PtyWire
 from optopad.cli.commands import whole_command
 from optopad.cli.main import BAD_INPUT, main

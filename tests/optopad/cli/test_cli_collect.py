@@ -122,7 +122,7 @@ def test_a_full_disk_ends_it_with_the_place_of_the_tip(
     def full(*_given: object, **_named: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("fabrication.stage.collected_parts.np.savez", full)
+    monkeypatch.setattr("fabrication.stage.collection.np.savez", full)
     with bench(has_board=True) as made:
         assert made.board_port is not None
         command = ["driver", "collect", "driver.toml", "--stage-port", made.stage_port.name, "--out", "a.nc"]

@@ -14,7 +14,7 @@ import pytest
 
 from design.io import load_design
 from design.rules.check import check
-from design.search.judged import Judged
+from design.search.improve import Judged
 from design.search.space import SPACES, load_space
 from optopad.cli import main
 from optopad.jobs.exploration import figures_wanted

@@ -15,7 +15,8 @@ from design.preset import preset
 from fabrication.bundle import bundle_name
 from fabrication.driver.link.ports import FoundPort
 from fabrication.driver.simulated.port import FakePort
-from fabrication.firmware import flash, image
+from fabrication.firmware import flash
+from fabrication.firmware import flash as image
 from optopad.cli import main
 from optopad.sensor.firmware import board_setup
 from tests.fabrication.driver.made_up_pad import board

@@ -13,7 +13,7 @@ from design.protocols.press import load_protocol_file
 from optopad.cli import main
 from sims.readings import protocol as simulated
 from sims.readings.dataset import read_data, require_design
-from sims.readings.press_curves import PressCurves
+from sims.readings.press_data import PressCurves
 
 SMALL = """
 name = "small"

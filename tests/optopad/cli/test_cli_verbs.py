@@ -7,9 +7,9 @@ import pytest
 from design.io import load_design
 from design.preset import PRESETS, preset
 from optopad.cli import main
-from optopad.cli.verbs.sweep import parsed_sweep
+from optopad.cli.physics import parsed_sweep
 from optopad.screen.verdict import checks_line
-from optopad.work.designs import parsed_change, parsed_value
+from optopad.work import parsed_change, parsed_value
 
 
 @pytest.fixture
@@ -171,7 +171,7 @@ def test_migrate_leaves_a_present_file_alone_and_refuses_a_newer_one(folder, cap
 
 
 def test_migrate_keeps_the_file_that_it_reads(folder, capsys, monkeypatch):
-    monkeypatch.setattr("design.migrate.migrated", lambda document: document | {"schema_version": 1})
+    monkeypatch.setattr("design.io.migrated", lambda document: document | {"schema_version": 1})
     main(["new", "mine.toml"])
     old = (folder / "mine.toml").read_bytes().replace(b"schema_version = 1", b"schema_version = 0")
     (folder / "mine.toml").write_bytes(old)

@@ -8,11 +8,10 @@ from design.errors import DesignError
 from design.preset import preset
 from design.shape.outline import rectangle
 from optopad.cli import main
-from optopad.jobs.accuracy_files import write_accuracy
 from optopad.jobs.evaluation import _named
-from optopad.results.accuracy import Accuracy, accuracy_lines, accuracy_of
-from sims.evaluation.judged import JudgedPresses
-from sims.evaluation.published import published_touch
+from optopad.jobs.prediction import write_accuracy
+from optopad.results.prediction import Accuracy, accuracy_lines, accuracy_of
+from sims.evaluation.tables import JudgedPresses, published_touch
 from tests.sims.learning.made_up_models import made_up_kernel_ridge
 
 SPACE = rectangle((6.0, 6.0, 26.0, 26.0))
@@ -92,11 +91,11 @@ def test_an_interrupted_evaluation_leaves_the_earlier_one_as_it_was(tmp_path, mo
             file.write_text('<svg viewBox="0 0 1 1"></svg>', encoding="utf-8")
         return files
 
-    monkeypatch.setattr("optopad.jobs.accuracy_files.write_plot", uninked)
+    monkeypatch.setattr("optopad.jobs.prediction.write_plot", uninked)
     folder = tmp_path / "evaluation"
     write_accuracy(found_accuracy(), SPACE, folder, "evaluation")
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    monkeypatch.setattr("optopad.jobs.accuracy_files.accuracy_page", interrupted)
+    monkeypatch.setattr("optopad.jobs.prediction.accuracy_page", interrupted)
     with pytest.raises(KeyboardInterrupt):
         write_accuracy(found_accuracy(name="other"), SPACE, folder, "evaluation")
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before

@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from optopad.work.beside import beside
+from optopad.work import beside
 
 
 def test_the_block_and_the_work_go_on_together():

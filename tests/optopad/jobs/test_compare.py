@@ -10,7 +10,7 @@ from fabrication.bundle import altered_files, bundle_name
 from optopad.cli import main
 from optopad.jobs import compare as comparing
 from optopad.jobs.compare import changes_of, compare
-from optopad.report.compare_page import compare_html
+from optopad.report.before_after import compare_html
 from sims.continuity.sweep import sweep_row
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 

@@ -18,7 +18,7 @@ import sims.continuity.objective as objective
 from design.io import load_design
 from design.preset import preset, preset_text
 from optopad.cli.main import main
-from optopad.cli.verbs.explore import INTERRUPTED
+from optopad.cli.search import INTERRUPTED
 from optopad.screen.verdict import LINES
 from tests.design.search.test_improvement_space import judge
 from tests.optopad.screen.test_one_screen import cause

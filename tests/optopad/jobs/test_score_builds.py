@@ -53,7 +53,7 @@ def test_an_interrupted_study_goes_on_where_it_stopped(few_values, monkeypatch, 
             raise KeyboardInterrupt
         return real(design, seed=seed)
 
-    monkeypatch.setattr("sims.verdict.build_judge.facing_brief", judge)
+    monkeypatch.setattr("sims.verdict.builds.facing_brief", judge)
     assert main(COMMAND) == 130
     capsys.readouterr()
     assert main(COMMAND) == 0

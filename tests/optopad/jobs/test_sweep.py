@@ -13,7 +13,7 @@ from optopad.cli import main
 from optopad.jobs import sweep as sweeping
 from optopad.jobs.sweep import marked, run_sweep
 from optopad.results.sweep import Sweep
-from optopad.work.finished import FinishedWork
+from optopad.work import FinishedWork
 from sims.continuity.sweep import SweepRow, disputed, sweep_row
 from sims.plots.sweep import plot_sweep
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score

@@ -8,10 +8,8 @@ import numpy as np
 
 from design.preset import preset
 from sims.bounds.felt import FeltForce
-from sims.bounds.figures import Figure
-from sims.bounds.losses import PartLoss
-from sims.bounds.observability import Limits, PadBounds
-from sims.bounds.stencil import Steps
+from sims.bounds.fisher import Steps
+from sims.bounds.observability import Figure, Limits, PadBounds, PartLoss
 from sims.continuity.result import ContinuityScore
 from tests.sims.made_up_scores import dead_score
 

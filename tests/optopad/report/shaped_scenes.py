@@ -11,7 +11,7 @@ from design.spec import SensorDesign
 from optopad.report.scenes.ray_scene import RayScene
 from sims.continuity.result import ContinuityScore
 from sims.optics.oracle.paths import LightPath
-from sims.rays.ray_states import RayState
+from sims.rays import RayState
 from tests.sims.made_up_scores import dead_score
 from tests.sims.plots.shaped_pads import in_workspace, made_up_press, shaped_bounds
 

@@ -19,8 +19,7 @@ from optopad.report.sections.closing import WRITTEN_LAST
 from optopad.report.sections.drawings import drawings_of, shown_pairs
 from optopad.report.sections.load import force_section
 from optopad.report.sections.published import PIACENZA_2017, compared, published_load
-from optopad.report.text.markup import Html, bullets, element, table
-from optopad.report.text.words import governing, headline, ranked, rests_on
+from optopad.report.words import Html, bullets, element, governing, headline, ranked, rests_on, table
 from optopad.screen.answer import answer_of
 from sims.continuity.result import ContinuityScore
 from tests.optopad.report.page_reader import Page

@@ -14,7 +14,7 @@ from optopad.report.page import write_report
 from optopad.report.scenes.cause_drawing import plot_cause
 from optopad.screen.answer import cause_sentence
 from optopad.screen.verdict import step_lines
-from sims.verdict.field_effects import Effect, FieldStep, FieldSteps
+from sims.verdict.tolerance import Effect, FieldStep, FieldSteps
 from sims.verdict.trial import Move, Trial, TriedMove
 from tests.optopad.report.page_reader import Page
 from tests.optopad.screen.test_one_screen import cause

@@ -25,8 +25,8 @@ from optopad.report.scenes.ray_scene import (
     scene_json,
 )
 from optopad.report.sections.rays import rays_section
-from optopad.report.text.assets import script_policy
-from sims.rays.light_kinds import DIRECT, LOST, MIRRORED
+from optopad.report.words import script_policy
+from sims.rays import DIRECT, LOST, MIRRORED
 from tests.optopad.report.page_reader import Page
 from tests.sims.made_up_scores import CHECKS, contiguous_score, dead_score, out_of_scope_score
 

@@ -15,7 +15,7 @@ from design.shape.cavity import cavity_of
 from optopad.report.page import write_report
 from optopad.report.scenes.cause_drawing import plot_cause
 from optopad.report.scenes.layout_drawing import plot_layout
-from optopad.report.scenes.map_still import plot_by_depth
+from optopad.report.scenes.map_scene import plot_by_depth
 from optopad.report.scenes.mold_scene import mold_scene
 from optopad.report.scenes.pair_scene import plan_of
 from optopad.report.scenes.ray_scene import scene_json
@@ -43,7 +43,7 @@ class Load:
 def made_up_contact(monkeypatch: pytest.MonkeyPatch) -> None:
     """Presses and loads that need no contact library."""
     monkeypatch.setattr("optopad.report.scenes.cause_drawing.indent", made_up_press)
-    monkeypatch.setattr("optopad.report.sections.bound_maps.place_force", lambda *_: (Load(), True))
+    monkeypatch.setattr("optopad.report.sections.maps.place_force", lambda *_: (Load(), True))
 
 
 def words_of(axes) -> set[str]:

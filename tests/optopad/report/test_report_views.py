@@ -12,24 +12,18 @@ import pytest
 from cad.mesh import read_stl
 from design.mold.outline import bed_lift_mm, outline_of
 from design.preset import preset
-from design.shape.cavity import cavity_of
-from design.shape.pairs import direct_path_pairs
+from design.shape.cavity import cavity_of, direct_path_pairs
 from design.spec.tolerances import Tolerance
 from fabrication.sheets.casting import casting_md
 from optopad.report.page import write_report
 from optopad.report.scenes.mold_scene import mold_scene
 from optopad.report.scenes.pair_scene import STEPS, pair_scene
-from optopad.report.sections.bound_maps import load_map
-from optopad.report.sections.maps import map_scene
-from optopad.report.text.assets import data_element, script_text
-from optopad.report.text.markdown import html_of
-from optopad.report.text.words import bounds_tile, bounds_words, losses_table
+from optopad.report.sections.maps import load_map, map_scene
+from optopad.report.words import bounds_tile, bounds_words, data_element, html_of, losses_table, script_text
 from sims.optics.light_signals import LightSignals
-from sims.verdict.build_study import BuildStudy
-from sims.verdict.builds import Brief
-from sims.verdict.pad_map import Place
-from sims.verdict.pad_profile import pad_profile
-from sims.verdict.pair.noise_units import noise_units
+from sims.verdict.builds import Brief, BuildStudy
+from sims.verdict.depth_curve import noise_units
+from sims.verdict.pad_map import Place, pad_profile
 from tests.optopad.report.bounded_score import bounded_score
 from tests.optopad.report.page_reader import Page
 from tests.optopad.report.shell_mold import shell_stl
@@ -133,7 +127,7 @@ def test_the_change_by_depth_is_that_of_the_most_responsive_pair_over_three_tent
 
 def test_the_least_change_by_depth_is_the_margin_of_the_verdict() -> None:
     """Where the whole curve is known, the map by depth and the verdict's margin agree."""
-    from sims.verdict.pair.window_range import smallest_range
+    from sims.verdict.depth_curve import smallest_range
 
     score = contiguous_score(PAIR)
     depth = np.linspace(0.0, 5.0, 51)

@@ -4,7 +4,7 @@ import pytest
 
 from design.preset import preset
 from optopad.screen.verdict import learner_line
-from optopad.work.prediction_cost import quick_prediction_s
+from optopad.work import quick_prediction_s
 
 PAD = preset("piacenza2017-pad")
 ROWS = [

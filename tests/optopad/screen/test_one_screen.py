@@ -9,7 +9,7 @@ import numpy as np
 
 from design.fields.finding import error, warning
 from design.preset import preset
-from optopad.report.text.words import bounds_words
+from optopad.report.words import bounds_words
 from optopad.screen.answer import answer_of, cause_sentence, unit_of
 from optopad.screen.verdict import LINES, WIDTH, as_typed, bound_lines, findings_screen, verdict_screen
 from sims.verdict.causes import Cause, Witness

@@ -9,7 +9,7 @@ import re
 
 import pytest
 
-from design.fields.paths import get_at
+from design.fields.base import get_at
 from design.preset import preset
 from design.spec import SensorDesign
 from design.spec.properties import used_values

@@ -11,7 +11,7 @@ from optopad.studio.design_file import DesignFile
 from optopad.studio.live import FAKE, LiveSensor
 from optopad.studio.session import Session
 from optopad.studio.view.page import Page
-from optopad.work.designs import read_design
+from optopad.work import read_design
 from tests.optopad.studio.chromium import Page as Browser
 from tests.optopad.studio.chromium import chromium_page
 

@@ -19,8 +19,7 @@ from design.io import load_design, save_design
 from design.preset import FLAT_PRESETS, PRESETS, SHAPED_PRESETS, preset, preset_text
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
-from optopad.studio.design_file import DesignFile
-from optopad.studio.design_text import comments_of, edited_text
+from optopad.studio.design_file import DesignFile, comments_of, edited_text
 from optopad.studio.knobs import changes_of, knobs_of
 from optopad.studio.moves import moved
 from tests.design.parts.own_parts import own_part

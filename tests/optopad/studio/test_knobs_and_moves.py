@@ -9,11 +9,10 @@ from typing import Any
 import pytest
 
 from design.errors import DesignError, InputError
-from design.fields.paths import get_at
+from design.fields.base import get_at
 from design.io import file_schema
 from design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
-from design.shape.cavity import PlacedPart, cavity_of
-from design.shape.plan import plan_of
+from design.shape.cavity import PlacedPart, cavity_of, plan_of
 from design.spec import SensorDesign
 from optopad.studio.knobs import (
     BY_HAND,

@@ -24,10 +24,10 @@ from design.errors import InputError
 from design.preset import preset_text
 from optopad.studio.design_file import DesignFile
 from optopad.studio.session import Session
-from optopad.studio.view.doing import Doing
+from optopad.studio.view.controls import Doing
 from optopad.studio.view.local_server import LARGEST_MESSAGE_B, LocalServer, local_server
-from optopad.studio.view.messages import KINDS, LARGEST_B
 from optopad.studio.view.page import Page
+from optopad.studio.view.shapes import KINDS, LARGEST_B
 
 VISER = Subprotocol(f"viser-v{viser.__version__}")
 Message = dict[str, Any]
@@ -437,7 +437,7 @@ def test_the_page_saves_in_the_folder_of_the_design_alone(page: Page, name: str,
 def test_a_picture_that_does_not_come_is_told_in_the_page(
     page: Page, monkeypatch: pytest.MonkeyPatch, said: Said
 ) -> None:
-    monkeypatch.setattr("optopad.studio.view.doing.PICTURE_S", 0.05)
+    monkeypatch.setattr("optopad.studio.view.controls.PICTURE_S", 0.05)
     with line_to(page) as line:
         sent(line, "ViewerCameraMessage", rightly(page)["ViewerCameraMessage"])
         heard(page, line)

@@ -12,8 +12,7 @@ from design.preset import PRESETS, SHAPED_PRESETS, preset
 from design.shape.cavity import cavity_of, workspace_of
 from design.spec import SensorDesign
 from optopad.studio import surface_mesh
-from optopad.studio.cut_mesh import cut_open
-from optopad.studio.pad_mesh import outline_mm, side_walls, slab, struck_place, untouched_top
+from optopad.studio.pad_mesh import cut_open, outline_mm, side_walls, slab, struck_place, untouched_top
 from optopad.studio.surface_mesh import pressed_top
 from optopad.studio.view.shapes import (
     along_normal,

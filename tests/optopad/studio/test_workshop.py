@@ -15,11 +15,11 @@ import pytest
 from design.preset import preset
 from design.spec import SensorDesign
 from optopad.studio import workshop as workshop_module
-from optopad.studio.answers import Answer, Curves, Doing, Failed, Judged, Look, Rays, Readings
+from optopad.studio.live import Answer, Curves, Doing, Failed, Judged, Look, Rays, Readings
 from optopad.studio.session import Press
 from optopad.studio.workshop import Wish, Workshop
-from sims.continuity import draft
-from sims.continuity.draft import curves_under, draft_score
+from sims.continuity import objective as draft
+from sims.continuity.objective import curves_under, draft_score
 from sims.continuity.result import ContinuityScore
 from sims.continuity.scoring import score
 
@@ -321,7 +321,7 @@ def test_rays_of_a_press_that_has_moved_on_are_given_up(monkeypatch: pytest.Monk
             time.sleep(0.01)
         raise AssertionError("never given up")
 
-    monkeypatch.setattr("sims.rays.ray_states.ray_states", stand_in)
+    monkeypatch.setattr("sims.rays.ray_states", stand_in)
     with working(wish_of(with_rays=True)) as (shop, answers):
         answers.wait(lambda one: isinstance(one, Doing) and one.stage == "rays")
         moved = Press(x_mm=11.0, y_mm=11.0, depth_mm=2.0)
@@ -385,7 +385,7 @@ def test_a_fault_of_ours_is_said_and_the_rest_of_the_work_is_done(
     def fail(*_: Any, **__: Any) -> Any:
         raise ZeroDivisionError("of ours")
 
-    monkeypatch.setattr("sims.continuity.draft.draft_score", fail)
+    monkeypatch.setattr("sims.continuity.objective.draft_score", fail)
     with working(wish_of()) as (_, answers):
         answers.wait_idle(answers.wait(lambda one: isinstance(one, Failed)))
         assert answers.names() == ["Curves", "Look", "Failed"]

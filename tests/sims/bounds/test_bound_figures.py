@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from sims.bounds.felt import _first_reached_mm
-from sims.bounds.figures import depth_weights, median_of, share_of
-from sims.bounds.fisher import Bounds
-from sims.bounds.stencil import Steps, stencil_derivatives, stencil_presses
+from sims.bounds.fisher import Bounds, Steps, stencil_derivatives, stencil_presses
+from sims.bounds.observability import depth_weights, median_of, share_of
 
 
 def bounds_with(location, depth, error=0.0):

@@ -4,12 +4,9 @@ import numpy as np
 import pytest
 
 from design.preset import preset
-from design.shape.cavity import cavity_of
-from design.shape.pairs import judged_pairs, mask_of
-from sims.bounds.fisher import bounds_of
+from design.shape.cavity import cavity_of, judged_pairs, mask_of
+from sims.bounds.fisher import Steps, bounds_of, pad_answers, sensitivity
 from sims.bounds.observability import BOUND_ACCURACIES, own_readout, pad_bounds
-from sims.bounds.pad_answers import pad_answers
-from sims.bounds.stencil import Steps, sensitivity
 from sims.continuity.maps_file import bounds_dataset
 from sims.optics.tracing import trace
 from sims.readings.readout import readout_of

@@ -11,8 +11,7 @@ from design.spec import SensorDesign
 from sims.contact import indent
 from sims.contact.indentation import solved_press
 from sims.contact.library.profile_library import shipped_library
-from sims.contact.pad_surface import curve_height_mm, pad_surface
-from sims.contact.press_notes import contact_notes
+from sims.contact.pad_surface import contact_notes, curve_height_mm, pad_surface
 
 NODES = np.linspace(0.0, 32.0, 65)
 PLACES = [(16.0, 16.0), (7.0, 9.0), (6.0, 16.0), (6.0, 6.0)]

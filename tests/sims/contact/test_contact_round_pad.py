@@ -12,9 +12,7 @@ from design.spec import SensorDesign
 from sims.contact import indent
 from sims.contact.indentation import solved_press
 from sims.contact.library.profile_library import LAYERS, PAD_RADII, WALL_LAYERS, Library, shipped_library
-from sims.contact.library.run_out import LONGEST, run_out
-from sims.contact.library.smooth_press import arc_shares, sample_arcs
-from sims.contact.library.surface_curve import TopCurve
+from sims.contact.library.smooth_press import LONGEST, TopCurve, arc_shares, run_out, sample_arcs
 from sims.contact.scope import HALF_WIDTH, WALL_RADIUS, half_width_of, round_radius, wall_radius
 
 

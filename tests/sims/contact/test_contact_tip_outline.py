@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from design.spec import Indenter
-from sims.contact.library.surface_curve import contact_coordinate, contact_tolerance, hertz_gap, surface_curve
-from sims.contact.solver.tip_hulls import (
+from sims.contact.library.smooth_press import contact_coordinate, contact_tolerance, hertz_gap, surface_curve
+from sims.contact.solver.wedge import (
     DENSE_HALF_ANGLE,
     TOP_HEIGHT,
     convex_chains,

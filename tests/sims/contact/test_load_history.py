@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from design.protocols.load import load_protocol
+from design.protocols.press import load_protocol
 from sims.contact import load_protocol as module
-from sims.contact.load_protocol import load_history, protocol_path
-from sims.contact.viscoelastic import StandardLinearSolid
+from sims.contact.load_protocol import StandardLinearSolid, load_history, protocol_path
 
 PAPER = load_protocol("piacenza2017")
 SOLID = StandardLinearSolid(relaxed_share=0.2, time_constant_s=5.0)

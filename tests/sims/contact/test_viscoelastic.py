@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from design.arrays import FloatArray
 from design.errors import InputError
 from design.preset import preset
-from sims.contact.viscoelastic import StandardLinearSolid, loop_energy_mj, solid_of, viscoelastic_load_n
+from sims.contact.load_protocol import StandardLinearSolid, loop_energy_mj, solid_of, viscoelastic_load_n
 
 SOLID = StandardLinearSolid(relaxed_share=0.3, time_constant_s=2.0)
 EXCESS = 0.3 / 0.7

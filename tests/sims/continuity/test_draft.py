@@ -9,17 +9,16 @@ import pytest
 
 from design.errors import DesignError, ModelScopeError, OptopadError
 from design.preset import FLAT_PRESETS, preset
-from design.shape.cavity import cavity_of
-from design.shape.pairs import beside_chord, judged_pairs, pair_name
+from design.shape.cavity import beside_chord, cavity_of, judged_pairs, pair_name
 from design.spec import SensorDesign
 from sims.bounds.observability import pad_bounds
 from sims.contact.indentation import round_press, solved_press
-from sims.continuity import map_judging
-from sims.continuity.draft import curves_under, draft_score, pairs_under, with_draft_bounds
+from sims.continuity import judge as map_judging
+from sims.continuity.judge import SETTINGS
+from sims.continuity.objective import curves_under, draft_score, pairs_under, with_draft_bounds
 from sims.continuity.result import ContinuityScore
 from sims.continuity.scoring import score
-from sims.continuity.settings import SETTINGS
-from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
+from sims.verdict.depth_curve import DEADBAND_THRESHOLD
 
 PAD, PAIR = "piacenza2017-pad", "piacenza2017-pair"
 MIDDLE = {PAD: (16.0, 16.0), PAIR: (10.0, 10.0)}

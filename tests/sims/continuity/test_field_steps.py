@@ -9,7 +9,7 @@ import pytest
 from design.preset import preset
 from sims.continuity.field_steps import STEPS, stepped_fields, with_field_steps
 from sims.continuity.scoring import score
-from sims.verdict.field_effects import AMPLE_MARGIN, Effect, FieldStep, FieldSteps
+from sims.verdict.tolerance import AMPLE_MARGIN, Effect, FieldStep, FieldSteps
 from tests.sims.made_up_scores import out_of_scope_score
 
 PAIR, PAD = preset("piacenza2017-pair"), preset("piacenza2017-pad")

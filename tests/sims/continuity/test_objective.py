@@ -6,7 +6,7 @@ import pytest
 
 from design.errors import DesignError
 from design.preset import preset
-from design.search.judged import Limit
+from design.search.improve import Limit
 from sims.continuity import judge as stages
 from sims.continuity.objective import judge
 from sims.continuity.scoring import score

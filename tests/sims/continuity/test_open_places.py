@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+import sims.continuity.judge as judging
 import sims.continuity.judge as stages
-import sims.continuity.map_judging as judging
 from design.preset import preset
-from design.shape.cavity import cavity_of
-from design.shape.pairs import direct_path_pairs
-from sims.continuity.cautions import margin_caution
+from design.shape.cavity import cavity_of, direct_path_pairs
 from sims.continuity.judge import Judge
+from sims.continuity.result import margin_caution
 from sims.continuity.scoring import score
 from sims.optics.light_signals import LightSignals
 from sims.readings.readout import readout_of

@@ -7,10 +7,16 @@ from design.errors import InputError
 from design.preset import preset
 from design.recordings import SetEntry
 from design.shape.outline import rectangle
-from sims.evaluation.judged import JudgedPresses, joined, judged
-from sims.evaluation.published import published_touch
-from sims.evaluation.rows import needed_samples
-from sims.evaluation.tables import error_json, error_rows, touch_rows
+from sims.evaluation.tables import (
+    JudgedPresses,
+    error_json,
+    error_rows,
+    joined,
+    judged,
+    needed_samples,
+    published_touch,
+    touch_rows,
+)
 from sims.learning.inference.prediction import Prediction
 from sims.readings.press_data import PressData
 

@@ -9,11 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from design.shape.outline import rectangle
+from sims.learning.fits.traced_map import SignalMap
 from sims.learning.inference.header import ForceCurve, ModelHeader
-from sims.learning.inference.signal_map.press_search import Box
-from sims.learning.inference.signal_map.reading_noise import ReadingNoise
-from sims.learning.inference.signal_map.signal_map_model import SignalMapModel
-from sims.learning.signal_map.traced_map import SignalMap
+from sims.learning.inference.signal_map import Box, ReadingNoise, SignalMapModel
 
 SIDE_MM = 32.0
 COUNT = 8

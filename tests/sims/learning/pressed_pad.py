@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sims.learning.samples.errors_mm import location_error_mm
+from sims.learning.samples import location_error_mm
 from sims.readings.dataset import PressData, SetEntry
 
 FULL_SCALE = 1023.0

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sims.learning.fits import block_cholesky
-from sims.learning.fits.block_cholesky import factorise_in_place, substituted
+from sims.learning.fits import kernel_ridge as block_cholesky
+from sims.learning.fits.kernel_ridge import factorise_in_place, substituted
 
 
 @pytest.fixture

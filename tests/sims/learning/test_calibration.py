@@ -5,11 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sims.learning.calibration.fit import Fitted, fitted
-from sims.learning.calibration.problem import Light
-from sims.learning.calibration.report import undetermined
-from sims.learning.calibration.samples import calibration_samples
-from sims.learning.calibration.unknowns import Unknown
+from sims.learning.calibration.fit import Fitted, fitted, undetermined
+from sims.learning.calibration.problem import Light, Unknown, calibration_samples
 from tests.sims.learning.made_up_map import (
     COUNT,
     PAIRS,

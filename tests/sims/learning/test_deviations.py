@@ -9,9 +9,13 @@ import pytest
 
 from sims.learning.calibration import problem
 from sims.learning.calibration.fit import fitted
-from sims.learning.calibration.problem import MODEL_SHARE, Problem
-from sims.learning.calibration.samples import calibration_samples
-from sims.learning.calibration.shared_error import SharedError, shared_error
+from sims.learning.calibration.problem import (
+    MODEL_SHARE,
+    Problem,
+    SharedError,
+    calibration_samples,
+    shared_error,
+)
 from tests.sims.learning.made_up_map import COUNT, EMITTER_MM, RECEIVER_MM, made_up_noise, ratios
 from tests.sims.learning.made_up_presses import made_up_data
 

@@ -10,11 +10,11 @@ import pytest
 from design.preset import preset
 from design.protocols.press import protocol_from
 from design.shape.cavity import cavity_of
-from sims.learning.calibration.build import calibrated
-from sims.learning.calibration.unknowns import unknowns_of, with_values
+from sims.learning.calibration.fit import calibrated
+from sims.learning.calibration.problem import unknowns_of, with_values
 from sims.optics.tracing import trace
-from sims.readings.chain import chain_of
 from sims.readings.protocol import draw, protocol_curves
+from sims.readings.signal_chain import chain_of
 
 FITTED = ("emitters.height_mm", "receivers.height_mm")
 PROTOCOL = protocol_from(

@@ -15,8 +15,8 @@ import pytest
 
 from design.errors import InputError, OutputError
 from design.plain_arrays import plain_arrays
-from fabrication.stage.collected_parts import CollectedParts
-from sims.contact.library.store import read_entry
+from fabrication.stage.collection import CollectedParts
+from sims.contact.library.stored_press import read_entry
 from sims.learning.inference import model_file
 from sims.learning.inference.header import header_of_json, require_design
 from sims.learning.inference.model_file import load_model, save_model
@@ -234,7 +234,7 @@ def zeros(archive: zipfile.ZipFile, count: int, said: int) -> None:
 def test_every_reader_of_arrays_checks_sizes_before_it_unpacks(
     tmp_path, monkeypatch, reader, packed, count, said
 ):
-    monkeypatch.setattr("sims.contact.library.store.cache_folder", lambda: tmp_path)
+    monkeypatch.setattr("sims.contact.library.stored_press.cache_folder", lambda: tmp_path)
     with zipfile.ZipFile(tmp_path / "bomb", "w", packed) as archive:
         zeros(archive, count, said)
     tracemalloc.start()

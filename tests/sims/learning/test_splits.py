@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from design.errors import InputError
-from sims.learning.samples.splits import held_out, spread_samples
-from sims.learning.samples.training_data import prepared
+from sims.learning.samples import held_out, prepared, spread_samples
 from tests.sims.learning.pressed_pad import grid_mm, made_up_data
 
 

@@ -9,7 +9,7 @@ from design.errors import InputError, ModelScopeError
 from design.preset import preset
 from sims.optics.engine.trace_states import Accuracy, accuracy_of, trace_scene
 from sims.optics.tracing import trace
-from sims.press.indentation import Indentation
+from sims.press import Indentation
 from tests.sims.optics.oracle.oracle_scenes import scene_of
 from tests.sims.optics.surface.analytic import compact_dimple
 

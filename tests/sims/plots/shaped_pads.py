@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from design.preset import preset
-from design.shape.cavity import cavity_of
-from design.shape.plan import plan_of
+from design.shape.cavity import cavity_of, plan_of
 from design.spec import SensorDesign
 from sims.bounds.felt import FeltForce
 from sims.bounds.observability import PadBounds
-from sims.press.indentation import Indentation
+from sims.press import Indentation
 from sims.verdict.pad_map import PadMap, grid_inside
 from tests.sims.made_up_bounds import made_up_bounds
 from tests.sims.made_up_scores import made_up_map

@@ -16,12 +16,11 @@ from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 
 from design.preset import preset
-from design.protocols.load import load_protocol
+from design.protocols.press import load_protocol
 from design.shape.cavity import cavity_of
 from design.spec.properties import modulus
-from sims.contact.load_protocol import LoadHistory, load_history
+from sims.contact.load_protocol import LoadHistory, StandardLinearSolid, load_history
 from sims.contact.pressure import ContactPressure
-from sims.contact.viscoelastic import StandardLinearSolid
 from sims.plots.contact import (
     plot_contact_radius,
     plot_force,
@@ -33,10 +32,9 @@ from sims.plots.contact import (
 )
 from sims.plots.maps import plot_deadband_map, plot_margin_map
 from sims.plots.signal import plot_signal
-from sims.plots.spans import plot_spans
-from sims.plots.style import plain_style, svg_text
+from sims.plots.style import plain_style, plot_spans, svg_text
 from sims.plots.tolerance import plot_gap_tolerance, plot_tolerance
-from sims.press.indentation import Indentation
+from sims.press import Indentation
 from sims.verdict.pad_map import PadMap
 from tests.sims.made_up_scores import (
     FULL_SCALE,

@@ -10,19 +10,17 @@ from matplotlib.collections import QuadMesh
 from matplotlib.patches import Polygon
 
 from design.preset import preset
-from design.shape.cavity import cavity_of
-from design.shape.plan import edge_mm, outline_mm
-from sims.plots.contact import plot_profile
+from design.shape.cavity import cavity_of, edge_mm, outline_mm
+from sims.plots.contact import CutPlane, cut_tip_mm, cut_top_mm, plot_profile, press_frame
 from sims.plots.maps import (
+    outline_patch,
     plot_bound_sheet,
     plot_deadband_map,
     plot_felt_map,
     plot_margin_map,
     plot_usable_map,
 )
-from sims.plots.ray_cut import cut_across, cut_through
-from sims.plots.shapes.pad_patches import outline_patch
-from sims.plots.shapes.pressed_top import CutPlane, cut_tip_mm, cut_top_mm, press_frame
+from sims.plots.rays import cut_across, cut_through
 from tests.sims.plots.shaped_pads import BENT, DISC, DOME, made_up_press, shaped_bounds, shaped_map
 
 PAD = preset("piacenza2017-pad")

@@ -14,18 +14,20 @@ from sims.optics.engine.trace_states import CLASS_NAMES
 from sims.optics.oracle.paths import LightPath
 from sims.optics.oracle.walk import FATES
 from sims.plots import style
-from sims.plots.ray_cut import Cut, cut_across, cut_of_pair, cut_through
 from sims.plots.ray_sheet import ray_sheet
 from sims.plots.rays import (
+    Cut,
+    cut_across,
+    cut_of_pair,
+    cut_through,
     legend_handles,
     percent,
     plot_ray_plan,
     plot_ray_section,
 )
 from sims.plots.style import plain_style, svg_text
-from sims.press.indentation import Indentation
-from sims.rays.light_kinds import KINDS, LOST, kind_of
-from sims.rays.ray_states import FEWEST, RayChoice, RayState, ray_states
+from sims.press import Indentation
+from sims.rays import FEWEST, KINDS, LOST, RayChoice, RayState, kind_of, ray_states
 
 DESIGN = preset("piacenza2017-pair")
 CAVITY = cavity_of(DESIGN)

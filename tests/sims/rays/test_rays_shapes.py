@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from design.shape.cavity import cavity_of
-from sims.plots.ray_cut import cut_of_pair
-from sims.plots.rays import plot_ray_plan, plot_ray_section
-from sims.plots.shapes.pressed_top import press_frame
-from sims.rays.ray_states import RayChoice, RayState, ray_states
+from sims.plots.contact import press_frame
+from sims.plots.rays import cut_of_pair, plot_ray_plan, plot_ray_section
+from sims.rays import RayChoice, RayState, ray_states
 from tests.sims.plots.shaped_pads import DOME, made_up_press
 
 PAIR = (0, 3)
@@ -25,7 +24,7 @@ def states() -> tuple[RayState, ...]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("sims.contact.indent", made_up_press)
         power = SimpleNamespace(by_class={"direct": np.ones((2, 6, 6)), "top": np.ones((2, 6, 6))})
-        patch.setattr("sims.rays.ray_states._light", lambda *_: power)
+        patch.setattr("sims.rays._light", lambda *_: power)
         choice = RayChoice(pairs=(PAIR,), count=8, pool_per_path=2, most_rays=200_000, seed=3)
         return ray_states(DOME, choice, [(*AT_MM, 1.0)])
 

@@ -18,7 +18,7 @@ import xarray as xr
 
 from design.errors import InputError, OutputError
 from design.preset import preset
-from sims.learning.samples.training_data import prepared
+from sims.learning.samples import prepared
 from sims.readings.dataset import (
     DataWriter,
     PressData,

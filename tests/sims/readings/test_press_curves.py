@@ -7,7 +7,7 @@ import pytest
 
 from design.errors import InputError, ModelScopeError
 from design.preset import preset
-from sims.readings.press_curves import (
+from sims.readings.press_data import (
     BEYOND_MM,
     KNOTS_MM,
     PressCurves,

@@ -12,9 +12,9 @@ import pytest
 from design.errors import InputError
 from design.preset import preset
 from design.protocols.press import PressProtocol, protocol_from
-from sims.readings.chain import chain_of, without_noise
-from sims.readings.press_curves import KNOTS_MM, PressCurves
+from sims.readings.press_data import KNOTS_MM, PressCurves
 from sims.readings.protocol import ProtocolCurves, draw, drawn_presses, untouched_readout
+from sims.readings.signal_chain import chain_of, without_noise
 
 PAD = preset("piacenza2017-pad")
 PROTOCOL = protocol_from(

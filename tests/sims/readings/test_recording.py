@@ -11,7 +11,7 @@ from design.preset import preset
 from optopad.cli import main
 from sims.evaluation import recorded_press as laying
 from sims.evaluation.recorded_press import recorded_press
-from sims.press.depths import depth_schedule_mm
+from sims.press import depth_schedule_mm
 from sims.readings.recording import read_recording
 from tests.sims.made_up_scores import made_up_pair
 

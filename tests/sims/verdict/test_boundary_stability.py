@@ -3,9 +3,8 @@
 import pytest
 
 from design.preset import preset
-from design.shape.cavity import cavity_of
-from design.shape.pairs import judged_pairs, mask_of
-from sims.press.depths import depth_schedule_mm
+from design.shape.cavity import cavity_of, judged_pairs, mask_of
+from sims.press import depth_schedule_mm
 from sims.readings.readout import readout_of
 from sims.verdict.builds import score_curves
 from sims.verdict.presses import pair_curves, untouched_flux

@@ -10,8 +10,7 @@ from design.errors import InputError, ModelScopeError
 from design.preset import preset
 from design.spec.tolerances import build_tolerances
 from sims.plots.builds import plot_builds
-from sims.verdict.build_study import build_study, drawn_values, remembered
-from sims.verdict.builds import Brief, facing_brief
+from sims.verdict.builds import Brief, build_study, drawn_values, facing_brief, remembered
 from tests.sims.made_up_scores import made_up_band
 
 PAIR = preset("piacenza2017-pair")

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from design.preset import preset
-from design.shape.cavity import cavity_of
-from design.shape.pairs import chord_midpoint_mm, direct_path_pairs, facing_pairs
+from design.shape.cavity import cavity_of, chord_midpoint_mm, direct_path_pairs, facing_pairs
 from sims.continuity.scoring import score
 from sims.optics.light_signals import LightSignals
 from sims.optics.oracle.tracer import CLASSES, trace_oracle

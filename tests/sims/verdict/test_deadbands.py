@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from design.errors import InputError
-from sims.verdict.pair.deadbands import (
+from sims.verdict.depth_curve import counts_of_noise_units, noise_units
+from sims.verdict.pair_score import (
     continuity,
     deadband_intervals_mm,
     evenness,
@@ -18,7 +19,6 @@ from sims.verdict.pair.deadbands import (
     saturation_interval_mm,
     total_length_mm,
 )
-from sims.verdict.pair.noise_units import counts_of_noise_units, noise_units
 
 PROPERTY = settings(max_examples=60, deadline=None, derandomize=True)
 EXACT_MM = 1e-9  # rounding of u, some 1e-13 of up to 2000 units, over slopes of at least 1 unit/mm

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from design.preset import preset
-from sims.press.depths import depth_schedule_mm
+from sims.press import depth_schedule_mm
 from sims.readings.readout import Readout
 from sims.verdict.builds import score_curves
 from sims.verdict.figure_errors import DRAWS, FIGURES, drawn_figures, figure_errors, figures_of

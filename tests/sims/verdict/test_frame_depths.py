@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sims.verdict.frame_depths import DepthReading, Frames, read_depths
-from sims.verdict.pair.deadbands import deadband_intervals_mm
-from sims.verdict.pair.depth_curve import clipped
-from sims.verdict.pair.noise_units import noise_units
+from sims.verdict.depth_curve import clipped, noise_units
+from sims.verdict.pad_map import DepthReading, Frames, read_depths
+from sims.verdict.pair_score import deadband_intervals_mm
 
 DEPTH = np.arange(0.0, 5.0001, 0.1)
 

@@ -9,11 +9,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from design.errors import InputError
-from sims.verdict.pair.deadbands import total_length_mm
-from sims.verdict.pair.depth_curve import clipped, share_above
-from sims.verdict.pair.noise_units import noise_units, sigma_counts
-from sims.verdict.pair.pair_score import score_pair
-from sims.verdict.pair.trace_noise import noise_margin, trace_noise_warning, widened_threshold
+from sims.verdict.depth_curve import (
+    clipped,
+    noise_margin,
+    noise_units,
+    share_above,
+    sigma_counts,
+    trace_noise_warning,
+    widened_threshold,
+)
+from sims.verdict.pair_score import score_pair, total_length_mm
 
 PROPERTY = settings(max_examples=50, deadline=None, derandomize=True)
 DEPTH_MM = np.linspace(0.0, 5.0, 101)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from design.preset import preset
-from design.shape.cavity import cavity_of
-from design.shape.pairs import chord_midpoint_mm, judged_pairs, mask_of
+from design.shape.cavity import cavity_of, chord_midpoint_mm, judged_pairs, mask_of
 from sims.optics.tracing import trace
 from sims.verdict.presses import (
     MAP_ACCURACY,

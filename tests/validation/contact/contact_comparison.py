@@ -19,7 +19,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from design.arrays import FloatArray
-from sims.press.indentation import Indentation
+from sims.press import Indentation
 from tests.validation.contact.contact_reference import ReferenceState, contact_edge, sampled_curve
 
 NEAR_RADIUS = 3.0

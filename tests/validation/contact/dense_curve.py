@@ -16,7 +16,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from design.arrays import FloatArray
 from sims.optics.surface.curves import TAIL_MM
-from sims.press.indentation import Indentation
+from sims.press import Indentation
 
 POINTS_A_PIECE = 8
 TAIL_POINTS = 80

@@ -19,13 +19,10 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial import cKDTree
 
-from sims.contact.library.build import entry_inputs, entry_press
-from sims.contact.library.incompressible import POISSON_RATIOS, nearly_incompressible
-from sims.contact.library.press_fit import fit_press
+from sims.contact.library.build import entry_inputs, entry_press, fit_press
 from sims.contact.library.profile_library import LAYERS, shipped_library
-from sims.contact.library.smooth_press import SmoothPress
-from sims.contact.library.store import CACHE_VARIABLE
-from sims.contact.library.stored_press import PressInputs, stored_press
+from sims.contact.library.smooth_press import POISSON_RATIOS, SmoothPress, nearly_incompressible
+from sims.contact.library.stored_press import CACHE_VARIABLE, PressInputs, stored_press
 from sims.contact.scope import solved_depths
 from tests.validation.contact.contact_reference import BUILD
 

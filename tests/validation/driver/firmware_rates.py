@@ -19,14 +19,13 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from design.arrays import IntArray
-from design.circuit.pins import board_of
-from design.circuit.timing import MS_PER_S, US_PER_S, frame_time_ms
+from design.circuit.pins import MS_PER_S, US_PER_S, board_of, frame_time_ms
 from design.io import write_text_atomically
 from design.preset import PRESETS, preset
 from design.spec import SensorDesign
 from fabrication.driver.link.protocol import Command, pack_command
-from fabrication.firmware.image import COMPILER, compiled_image
-from fabrication.firmware.settings import firmware_settings
+from fabrication.firmware.flash import COMPILER, compiled_image
+from fabrication.firmware.sketch import firmware_settings
 from tests.fabrication.simulated_board import (
     AMPLIFIER_TAU_US,
     LIGHT_TAU_US,
@@ -66,7 +65,7 @@ class Rate:
     frames, wrong_readings : how many were read, and how many of their readings were not the simulated voltage
     simulator_hz : with the simulator's converter, which starts at once
     edges_hz : with conversions that wait for the next edge of the converter's clock, as on a chip
-    budget_hz : by the plain sum of design.circuit.timing, which rules and driver.toml rest on
+    budget_hz : by the plain sum of design.circuit.pins, which rules and driver.toml rest on
     """
 
     prescaler: int
@@ -207,7 +206,7 @@ Nothing here was measured on a real board.
   with the simulated voltage.
 - *Simulator*: its converter starts at once. *With clock edges*: a chip's converter starts at the next edge of its clock
   (the data sheet); the harness around the simulator adds that wait. It is the better guess for a board.
-- *Sum*: settle, convert, then send, one after the other (`design/circuit/timing.py`). Rules and `driver.toml` promise
+- *Sum*: settle, convert, then send, one after the other (`design/circuit/pins.py`). Rules and `driver.toml` promise
 no more.
 
 ## Frame rates

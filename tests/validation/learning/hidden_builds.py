@@ -31,16 +31,15 @@ from design.preset import preset
 from design.protocols.press import PressProtocol, protocol_from
 from design.spec import SensorDesign
 from sims.evaluation.chain_bounds import chain_bounds
-from sims.learning.calibration.build import Calibration, calibrated
-from sims.learning.calibration.unknowns import Unknown, unknowns_of, with_values
+from sims.learning.calibration.fit import Calibration, calibrated
+from sims.learning.calibration.problem import Unknown, unknowns_of, with_values
 from sims.learning.fits.kernel_ridge import fit_kernel_ridge
+from sims.learning.fits.map_learner import chain_noise, fit_signal_map, map_header, mapped
+from sims.learning.fits.traced_map import SignalMap
 from sims.learning.inference.touch_model import TouchModel
-from sims.learning.signal_map.map_learner import chain_noise, fit_signal_map, map_header, mapped
-from sims.learning.signal_map.traced_map import SignalMap
-from sims.readings.chain import SignalChain, chain_of
-from sims.readings.press_curves import PressCurves, traced_curves
-from sims.readings.press_data import PressData
+from sims.readings.press_data import PressCurves, PressData, traced_curves
 from sims.readings.protocol import ProtocolCurves, draw, protocol_curves
+from sims.readings.signal_chain import SignalChain, chain_of
 from tests.validation.contact.contact_table import markdown_table, with_table
 
 PAGE = Path(__file__).parents[3] / "docs" / "validation" / "calibration.md"

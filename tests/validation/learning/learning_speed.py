@@ -22,10 +22,8 @@ from pathlib import Path
 import numpy as np
 
 from design.io import write_text_atomically
-from sims.learning.fits.kernel_ridge import median_distance
-from sims.learning.fits.kernel_solve import solve_kernel
-from sims.learning.samples.splits import spread_samples
-from sims.learning.samples.training_data import prepared
+from sims.learning.fits.kernel_ridge import median_distance, solve_kernel
+from sims.learning.samples import prepared, spread_samples
 from tests.sims.learning.pressed_pad import grid_mm, made_up_data, random_places_mm
 
 ROOT = Path(__file__).parents[3]

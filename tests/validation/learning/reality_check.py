@@ -28,15 +28,13 @@ from design.shape.cavity import workspace_of
 from design.spec import SensorDesign
 from optopad.jobs.evaluation import accuracies
 from optopad.jobs.prediction import bound_mm
-from optopad.results.accuracy import ModelAccuracy, accuracy_of, bound_text
-from optopad.work.finished import source_digest
-from sims.evaluation.judged import JudgedPresses
-from sims.evaluation.published import PublishedTouch, published_touch
-from sims.evaluation.tables import TOUCH_DEPTHS_MM, Spread
-from sims.learning.inference.signal_map.signal_map_model import KIND as SIGNAL_MAP
+from optopad.results.prediction import ModelAccuracy, accuracy_of, bound_text
+from optopad.work import source_digest
+from sims.evaluation.tables import TOUCH_DEPTHS_MM, JudgedPresses, PublishedTouch, Spread, published_touch
+from sims.learning.fits.map_learner import signal_map_learner
+from sims.learning.inference.signal_map import KIND as SIGNAL_MAP
 from sims.learning.learners import LEARNERS, Learner
-from sims.learning.samples.settings import DEFAULT, FitSettings
-from sims.learning.signal_map.map_learner import signal_map_learner
+from sims.learning.samples import DEFAULT, FitSettings
 from sims.readings.protocol import ProtocolCurves, draw, protocol_curves
 from tests.validation.contact.contact_table import markdown_table, with_table
 

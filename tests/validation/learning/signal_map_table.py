@@ -14,10 +14,9 @@ import numpy as np
 
 from design.io import write_text_atomically
 from design.preset import preset
-from design.shape.cavity import cavity_of
-from design.shape.pairs import judged_pairs, mask_of
-from sims.learning.signal_map.map_learner import MAP_SEED
-from sims.learning.signal_map.traced_map import (
+from design.shape.cavity import cavity_of, judged_pairs, mask_of
+from sims.learning.fits.map_learner import MAP_SEED
+from sims.learning.fits.traced_map import (
     DEPTH_NODES,
     PITCH_MM,
     QUICK_DEPTH_NODES,
@@ -27,7 +26,7 @@ from sims.learning.signal_map.traced_map import (
 )
 from sims.optics.tracing import trace
 from sims.readings.readout import readout_of
-from sims.verdict.pair.noise_units import sigma_counts
+from sims.verdict.depth_curve import sigma_counts
 from tests.validation.contact.contact_table import markdown_table, with_table
 
 PAGE = Path(__file__).parents[3] / "docs" / "validation" / "calibration.md"

@@ -9,10 +9,10 @@ import pytest
 from design.preset import preset
 from design.protocols.press import load_protocol_file
 from design.shape.cavity import cavity_of
-from sims.evaluation.published import published_touch
+from sims.evaluation.tables import published_touch
 from sims.learning.learners import LEARNERS
-from sims.learning.samples.settings import QUICK
-from sims.readings.press_curves import PressCurves
+from sims.learning.samples import QUICK
+from sims.readings.press_data import PressCurves
 from sims.readings.protocol import ProtocolCurves, untouched_readout
 from tests.validation.learning.reality_check import (
     DESIGN,

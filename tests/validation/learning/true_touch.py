@@ -17,8 +17,8 @@ import numpy as np
 from design.io import write_text_atomically
 from design.preset import preset
 from design.protocols.press import load_protocol_file
-from sims.learning.inference.signal_map.signal_map_model import SignalMapModel
-from sims.learning.signal_map.map_learner import fit_signal_map, map_header, mapped
+from sims.learning.fits.map_learner import fit_signal_map, map_header, mapped
+from sims.learning.inference.signal_map import SignalMapModel
 from sims.readings.press_data import PressData
 from sims.readings.protocol import draw, protocol_curves
 from tests.validation.contact.contact_table import markdown_table, with_table

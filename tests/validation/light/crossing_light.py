@@ -24,7 +24,7 @@ import numpy as np
 from design.arrays import FloatArray
 from sims.optics.oracle.tracer import CLASSES, trace_oracle
 from sims.optics.scene.optical_scene import OpticalScene
-from sims.press.indentation import Indentation
+from sims.press import Indentation
 from tests.bench.measures.benchmark_states import (
     DEPTHS_MM,
     SURFACES,

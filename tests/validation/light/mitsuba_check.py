@@ -23,16 +23,20 @@ from scipy.interpolate import RectBivariateSpline
 
 import optopad
 from design.arrays import BoolArray, FloatArray
-from design.whole_file import write_whole
+from design.files import write_whole
 from sims.contact.pad_surface import pad_surface
 from sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
-from sims.optics.scene.acceptance import half_angle_power, refracted_cosine, transmitted_share
-from sims.optics.scene.emission import cosine_nodes
 from sims.optics.scene.lower import scene_of
-from sims.optics.scene.optical_scene import OpticalScene
-from sims.optics.scene.smooth_field import SmoothField
+from sims.optics.scene.optical_scene import (
+    OpticalScene,
+    SmoothField,
+    cosine_nodes,
+    half_angle_power,
+    refracted_cosine,
+    transmitted_share,
+)
 from sims.optics.tracing import pressed_tops
-from sims.press.indentation import Indentation
+from sims.press import Indentation
 from tests.bench.measures import surface_mesh
 from tests.bench.measures.benchmark_states import DESIGN_FILE, different_walls
 from tests.bench.measures.surface_mesh import TopMesh, compact_curve, pressed_mesh

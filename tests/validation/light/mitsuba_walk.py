@@ -22,8 +22,7 @@ import mitsuba as mi
 import numpy as np
 
 from design.arrays import FloatArray
-from sims.optics.scene.optical_scene import OpticalScene
-from sims.optics.scene.pad_form import PadForm
+from sims.optics.scene.optical_scene import OpticalScene, PadForm
 from tests.bench.measures.forward_walk import FAINT, KEPT, MOST_FLIGHTS
 from tests.bench.measures.surface_mesh import TopMesh, form_of
 

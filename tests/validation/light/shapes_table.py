@@ -33,10 +33,15 @@ from sims.optics.engine.formed import formed_pad
 from sims.optics.engine.trace_states import trace_scene
 from sims.optics.oracle.tracer import trace_oracle
 from sims.optics.oracle.walk import CROSSING
-from sims.optics.scene.acceptance import half_angle_power, refracted_cosine, transmitted_share
-from sims.optics.scene.emission import COSINE_NODES, cosine_nodes
 from sims.optics.scene.lower import scene_of
-from sims.optics.scene.optical_scene import OpticalScene
+from sims.optics.scene.optical_scene import (
+    COSINE_NODES,
+    OpticalScene,
+    cosine_nodes,
+    half_angle_power,
+    refracted_cosine,
+    transmitted_share,
+)
 from sims.optics.surface.tops import Presses
 from sims.optics.tracing import pressed_tops
 

@@ -20,7 +20,7 @@ from typing import Any
 import optopad
 from design.preset import preset
 from design.spec import SensorDesign
-from optopad.work.finished import source_digest
+from optopad.work import source_digest
 from sims.continuity.scoring import score
 from tests.validation.contact.contact_table import markdown_table, with_table
 

@@ -26,8 +26,7 @@ from design.errors import OptopadError
 from design.io import load_design, write_text_atomically
 from design.preset import preset
 from design.rules.check import check
-from design.search.improve import HEIGHTS, betters, improvement_space, is_sound, worth
-from design.search.judged import Judged, Limit
+from design.search.improve import HEIGHTS, Judged, Limit, betters, improvement_space, is_sound, worth
 from design.spec import SensorDesign
 from design.spec.cheap_fields import CLEAR
 from optopad.jobs.improvement import improve
@@ -35,7 +34,7 @@ from sims.continuity.build_tolerance import with_tolerance
 from sims.continuity.objective import judge
 from sims.continuity.result import ContinuityScore
 from sims.continuity.scoring import verdict_of
-from sims.verdict.pair.defaults import DEADBAND_THRESHOLD
+from sims.verdict.depth_curve import DEADBAND_THRESHOLD
 
 ROOT = Path(__file__).parents[3]
 FOLDER = ROOT / "build" / "validation" / "improve"

@@ -19,11 +19,11 @@ import numpy as np
 from design.io import write_text_atomically
 from design.search.explore import Findings
 from design.search.figures import FIGURES
-from design.search.judged import Judged, Tried
+from design.search.improve import Judged, Tried
 from design.search.space import SearchSpace, load_space
 from design.spec import SensorDesign
 from optopad.jobs.exploration import search
-from optopad.work.finished import source_digest
+from optopad.work import source_digest
 from sims.continuity.objective import judge
 from sims.plots.front import choice_text, front_svg
 from tests.validation.verdict import improve_table

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 
 from design.arrays import BoolArray, FloatArray
-from sims.cache.kernels import entry_points
+from sims.cache import entry_points
 from sims.optics.engine.formed import (
     formed_chains,
     formed_cuts,
@@ -31,10 +31,9 @@ from sims.optics.engine.formed.formed_mirrored import (
 )
 from sims.optics.engine.formed.formed_scattered import scattered_flux
 from sims.optics.engine.formed.formed_top import FormedTop
-from sims.optics.surface import curves, radial, radial_table
+from sims.optics.surface import curves, radial
 
 KERNEL_MODULES = (
-    radial_table,
     curves,
     radial,
     formed_top,

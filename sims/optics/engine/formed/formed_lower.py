@@ -24,8 +24,7 @@ from sims.optics.engine.formed.formed_top import (
     FormedTop,
     empty_rows,
 )
-from sims.optics.scene.optical_scene import OpticalScene
-from sims.optics.scene.pad_form import PadForm
+from sims.optics.scene.optical_scene import OpticalScene, PadForm
 from sims.optics.surface.curves import (
     CONTACT_R,
     OUTER_R,
@@ -34,9 +33,10 @@ from sims.optics.surface.curves import (
     SKIRT_R,
     check_curve,
     lower_curve,
+    lowest_of_pieces_mm,
+    outward_cup,
 )
-from sims.optics.surface.radial_table import lowest_of_pieces_mm, outward_cup
-from sims.press.indentation import Indentation
+from sims.press import Indentation
 
 REACH_SHARE = 0.97
 """Farthest place from the axis of a press, over the crown's radius: beyond, its frame sees the top too steep."""

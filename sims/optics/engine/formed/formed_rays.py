@@ -2,7 +2,7 @@
 """Rays in a pad with a form: walls, windows, sight, and the first meeting of either with the top.
 
 Places and directions are those of the cavity; the top is asked in its own frame. `walls` (k, 3) hold outward normals
-and levels of the flat walls, `arcs` (m, 6) the round ones as in `sims.optics.scene.pad_form`; windows are rows of
+and levels of the flat walls, `arcs` (m, 6) the round ones as in `sims.optics.scene.optical_scene`; windows are rows of
 `sims.optics.engine.formed.formed_lower`.
 
 The pad is convex. A ray from inside leaves a circle behind in one place; where that lies in the arc's sector, the ray

@@ -34,9 +34,18 @@ from typing import NamedTuple
 import numpy as np
 
 from design.arrays import FloatArray
-from sims.optics.surface.curves import OFFSET, PIECES, ROW, SCALE, SPHERE_2, START
+from sims.optics.surface.curves import (
+    CELLS,
+    OFFSET,
+    PIECE_COLUMNS,
+    PIECES,
+    ROW,
+    SCALE,
+    SPHERE_2,
+    START,
+    STEEP,
+)
 from sims.optics.surface.radial import height_and_turn, inlined, kernel
-from sims.optics.surface.radial_table import CELLS, PIECE_COLUMNS, STEEP
 
 NEVER = 1e30
 STEP_MM, LEAST_STEP_MM = 0.3, 0.06

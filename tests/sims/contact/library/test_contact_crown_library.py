@@ -13,11 +13,10 @@ from sims.contact.library.build import (
     crown_changes,
     crowned_pads,
     entry_inputs,
+    fit_press,
     library_depths,
     slope_and_bow,
 )
-from sims.contact.library.incompressible import POISSON_RATIOS, nearly_incompressible
-from sims.contact.library.press_fit import fit_press
 from sims.contact.library.profile_library import (
     CORNER,
     CROWN_CENTRE,
@@ -30,10 +29,16 @@ from sims.contact.library.profile_library import (
     shipped_library,
     solved_crowns,
 )
-from sims.contact.library.smooth_press import SmoothPress, above_crown, off_crown
+from sims.contact.library.smooth_press import (
+    POISSON_RATIOS,
+    SmoothPress,
+    above_crown,
+    nearly_incompressible,
+    off_crown,
+)
 from sims.contact.library.stored_press import stored_press
 from sims.contact.scope import WALL_RADIUS, WALL_RADIUS_RANGE
-from sims.contact.solver.crown import crown_drop, require_rim
+from sims.contact.solver.mesh import crown_drop, require_rim
 from tests.validation.contact.library_interpolation import distances_um
 
 DOME = (4.5, 5.5, 1 / 9)

@@ -11,8 +11,7 @@ import pytest
 from design.errors import InputError, ModelScopeError
 from sims.contact.library.smooth_press import above_crown, on_crown
 from sims.contact.library.solved_press import SolvedPress
-from sims.contact.library.store import entry_path, read_entry, write_entry
-from sims.contact.library.stored_press import PressInputs
+from sims.contact.library.stored_press import PressInputs, entry_path, read_entry, write_entry
 from sims.contact.tip import tip_gap
 from tests.sims.contact.kept_presses import COARSE_MM, CROWNED_DEPTH_MM
 from tests.sims.contact.kept_presses import CROWNED_PAD as PAD

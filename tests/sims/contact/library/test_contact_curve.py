@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sims.contact.library.surface_curve import contact_coordinate, contact_tolerance, hertz_gap, surface_curve
+from sims.contact.library.smooth_press import contact_coordinate, contact_tolerance, hertz_gap, surface_curve
 from sims.contact.tip import outside_tip, tip_coordinate, tip_gap, tip_outline
 
 

@@ -18,11 +18,10 @@ from sims.contact.library.build import (
     crown_changes,
     entry_inputs,
     entry_press,
+    fit_press,
     library_depths,
     write_library,
 )
-from sims.contact.library.incompressible import POISSON_RATIOS, nearly_incompressible
-from sims.contact.library.press_fit import fit_press
 from sims.contact.library.profile_library import (
     CORNER,
     FILE,
@@ -32,7 +31,7 @@ from sims.contact.library.profile_library import (
     pack,
     shipped_library,
 )
-from sims.contact.library.smooth_press import SmoothPress
+from sims.contact.library.smooth_press import POISSON_RATIOS, SmoothPress, nearly_incompressible
 from sims.contact.library.solved_press import SolvedPress
 from sims.contact.library.stored_press import PressInputs
 from tests.validation.contact.library_interpolation import distances_um

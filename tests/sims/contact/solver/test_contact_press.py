@@ -12,13 +12,12 @@ from scipy.spatial import cKDTree
 from design.errors import ModelScopeError
 from design.spec import SensorDesign
 from sims.contact.indentation import indent
-from sims.contact.library.press_fit import fit_press
-from sims.contact.library.profiles import UnitPress
-from sims.contact.library.smooth_press import SmoothPress
+from sims.contact.library.build import fit_press
+from sims.contact.library.smooth_press import SmoothPress, TopCurve, contact_tolerance, surface_curve
 from sims.contact.library.solved_press import SolvedPress
-from sims.contact.library.surface_curve import TopCurve, contact_tolerance, surface_curve
+from sims.contact.library.stored_press import UnitPress
 from sims.contact.tip import tip_gap
-from sims.press.indentation import Indentation
+from sims.press import Indentation
 
 CHECK_FORCE_N = {0.5: 1.261, 1.0: 3.758, 2.0: 11.06, 3.0: 19.89}
 """Check values of the feasibility study at 8 mm elastic depth, 3 mm tip, 1 MPa [N]."""

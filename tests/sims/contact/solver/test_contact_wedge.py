@@ -9,9 +9,17 @@ import numpy as np
 import pytest
 
 from sims.contact.solver.mesh import radial_mesh
-from sims.contact.solver.press_checks import ContactSolveError, PressState, check_press, settled_limit
-from sims.contact.solver.settling import WINDOW, History
-from sims.contact.solver.wedge import WEDGE_ANGLE, solve_wedge, sweep
+from sims.contact.solver.wedge import (
+    WEDGE_ANGLE,
+    WINDOW,
+    ContactSolveError,
+    History,
+    PressState,
+    check_press,
+    settled_limit,
+    solve_wedge,
+    sweep,
+)
 
 MESH = radial_mesh(2.0, 16 / 3, 0.25)
 

@@ -8,10 +8,16 @@ from scipy.integrate import quad
 from scipy.special import j0, jv
 
 from sims.contact.library.profile_library import shipped_library
-from sims.contact.walls.block_layer import BlockLayer, block_layer
-from sims.contact.walls.elements import QuadraticAxis, graded_ticks
-from sims.contact.walls.far_press import LOAD_RADII, load_fields, wide_fields
-from sims.contact.walls.surroundings import surroundings
+from sims.contact.walls import (
+    LOAD_RADII,
+    BlockLayer,
+    QuadraticAxis,
+    block_layer,
+    graded_ticks,
+    load_fields,
+    surroundings,
+    wide_fields,
+)
 
 PAD = (32 / 3, 32 / 3)
 

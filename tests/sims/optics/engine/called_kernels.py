@@ -9,11 +9,12 @@ import sys
 
 import numpy as np
 
-from sims.cache.kernels import entry_points
+from sims.cache import entry_points
+from sims.optics.engine import straight as rays
 from sims.optics.engine.compiled import KERNEL_MODULES
-from sims.optics.engine.straight import rays
-from sims.optics.surface import radial, top
-from sims.optics.surface.top import surface_height
+from sims.optics.surface import radial
+from sims.optics.surface import tops as top
+from sims.optics.surface.tops import surface_height
 
 entry = entry_points((*KERNEL_MODULES, sys.modules[__name__]), error_model="numpy")
 

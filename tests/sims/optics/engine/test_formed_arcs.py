@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from design.arrays import FloatArray
+from design.shape.cavity import Plan, facet
 from design.shape.outline import Line, Outline, stadium
-from design.shape.plan import Plan, facet
 from sims.optics.engine.formed import formed_deposits, formed_rays
 from sims.optics.engine.formed.formed_lower import walls_of
 from sims.optics.engine.formed.formed_patches import PatchLayout, is_in_plan, patch_layout
 from sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
 from sims.optics.oracle import scene as oracle_scene
-from sims.optics.oracle.outline import outline_mm, wall_runs
+from sims.optics.oracle.scene import outline_mm, wall_runs
 from sims.optics.oracle.tracer import trace_oracle
 from sims.optics.scene.lower import form_of
 from sims.optics.scene.optical_scene import OpticalScene

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sims.cache.light_store import LightStore
+from sims.cache import LightStore
 from sims.optics.accuracy import ACCURACIES
 from sims.optics.engine import trace_states as engine
 from sims.optics.engine.formed.formed_lower import stack_formed

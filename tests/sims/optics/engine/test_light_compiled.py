@@ -10,13 +10,12 @@ import numba
 import numpy as np
 import pytest
 
-from sims.cache import fingerprint
+from sims import cache as fingerprint
 from sims.optics.compiling import signatures
 from sims.optics.engine import compiled
-from sims.optics.engine.threads import between_pieces, run_each
+from sims.optics.engine.compiled import between_pieces, run_each
 from sims.optics.engine.trace_states import trace_scene
-from sims.optics.scene.emission import lambertian_pattern
-from sims.optics.scene.smooth_field import smooth_field
+from sims.optics.scene.optical_scene import lambertian_pattern, smooth_field
 from tests.bench.measures.start_time import first_trace
 from tests.sims.optics.oracle.oracle_scenes import ring_scene
 from tests.sims.optics.surface.analytic import compact_dimple

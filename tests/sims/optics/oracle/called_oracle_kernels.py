@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import sys
 
-from sims.cache.kernels import entry_points
+from sims.cache import entry_points
 from sims.optics.oracle import march, surface, top
-from sims.optics.oracle.compiled import MODULES
+from sims.optics.oracle.tracer import MODULES
 
 _entry = entry_points((*MODULES, sys.modules[__name__]))
 

@@ -10,9 +10,8 @@ import numpy as np
 
 from design.arrays import FloatArray
 from design.shape.top import Top
-from sims.optics.scene.optical_scene import OpticalScene
-from sims.optics.scene.pad_form import WHOLE_CIRCLE, PadForm
-from sims.press.indentation import Indentation
+from sims.optics.scene.optical_scene import WHOLE_CIRCLE, OpticalScene, PadForm
+from sims.press import Indentation
 
 DISC_MM = 12.0
 """Radius of the round pads."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from design.arrays import FloatArray
 from sims.optics.scene.optical_scene import OpticalScene
-from sims.press.indentation import Indentation
+from sims.press import Indentation
 
 
 def scene_of(

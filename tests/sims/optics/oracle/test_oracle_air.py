@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sims.optics.oracle.border import fresnel_reflectance, refracted_direction
 from sims.optics.oracle.paths import sample_paths
+from sims.optics.oracle.scene import fresnel_reflectance, refracted_direction
 from sims.optics.oracle.surface import lower_surface
 from sims.optics.oracle.top import lower_presses
 from sims.optics.oracle.tracer import CLASSES, trace_oracle
 from sims.optics.oracle.walk import FATES
-from sims.optics.scene.smooth_field import smooth_field
+from sims.optics.scene.optical_scene import smooth_field
 from tests.sims.optics.oracle.called_oracle_kernels import surface_entry, surface_hit, tip_hit
 from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene, scene_of, wrapped_press
 

@@ -15,7 +15,7 @@ from sims.optics.oracle.surface import CONTACT, FREE, NOTHING
 from sims.optics.oracle.top import is_untouched, lower_presses
 from sims.optics.oracle.tracer import CLASSES, trace_oracle
 from sims.optics.oracle.walk import FATES
-from sims.optics.scene.smooth_field import smooth_field
+from sims.optics.scene.optical_scene import smooth_field
 from tests.sims.optics.oracle.called_oracle_kernels import (
     is_in_elastomer,
     tip_met,

@@ -14,8 +14,7 @@ from design.errors import InputError
 from sims.optics.oracle.paths import LightWalker, sample_paths
 from sims.optics.oracle.tracer import CLASSES, trace_oracle
 from sims.optics.oracle.walk import FATES
-from sims.optics.scene.pad_form import ARC_COLUMNS
-from sims.optics.scene.smooth_field import smooth_field
+from sims.optics.scene.optical_scene import ARC_COLUMNS, smooth_field
 from tests.sims.optics.oracle.form_scenes import (
     DISC_MM,
     block,

@@ -10,7 +10,7 @@ from design.errors import ModelScopeError
 from sims.optics.oracle.heights import lower_sum
 from sims.optics.oracle.march import INSIDE, OUTSIDE
 from sims.optics.oracle.surface import CONTACT, FREE, NOTHING, lower_surface
-from sims.optics.scene.smooth_field import SmoothField, smooth_field
+from sims.optics.scene.optical_scene import SmoothField, smooth_field
 from tests.sims.optics.oracle.called_oracle_kernels import (
     is_under_sum,
     summed_height,

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from design.errors import InputError, ModelScopeError
-from sims.optics.oracle.border import fresnel_reflectance
 from sims.optics.oracle.chance import pattern_cosine, pattern_shares, table_value
 from sims.optics.oracle.paths import LightWalker
+from sims.optics.oracle.scene import fresnel_reflectance
 from sims.optics.oracle.tracer import CLASSES, trace_oracle
 from sims.optics.oracle.walk import FATES
-from sims.optics.scene.smooth_field import SmoothField, smooth_field
+from sims.optics.scene.optical_scene import SmoothField, smooth_field
 from tests.sims.optics.form_factors import parallel_factor
 from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene, scene_of, wrapped_press
 

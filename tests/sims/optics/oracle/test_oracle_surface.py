@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from design.errors import InputError
 from sims.optics.oracle.surface import CONTACT, FREE, NOTHING, lower_surface
-from sims.press.indentation import Indentation
+from sims.press import Indentation
 from tests.sims.optics.oracle.called_oracle_kernels import is_submerged, surface_hit
 from tests.sims.optics.oracle.oracle_scenes import dimple, dimple_height_mm, dimple_shape_mm, wrapped_press
 

@@ -6,8 +6,13 @@ import numpy as np
 import pytest
 
 from design.parts.catalog import Part
-from sims.optics.scene.acceptance import half_angle_power, refracted_cosine, response_nodes, transmitted_share
-from sims.optics.scene.emission import cosine_nodes
+from sims.optics.scene.optical_scene import (
+    cosine_nodes,
+    half_angle_power,
+    refracted_cosine,
+    response_nodes,
+    transmitted_share,
+)
 from tests.design.parts.own_parts import SHEET, own_part, quantity
 
 ROUNDING = 1e-12

@@ -5,7 +5,7 @@ import pytest
 
 from design.errors import InputError
 from design.parts.angular import AngularTable
-from sims.optics.scene.emission import (
+from sims.optics.scene.optical_scene import (
     cosine_nodes,
     lambertian_pattern,
     normalised_pattern,

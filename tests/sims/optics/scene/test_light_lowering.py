@@ -8,10 +8,8 @@ import pytest
 from design.errors import InputError
 from design.preset import SHAPED_PRESETS, preset
 from design.shape.cavity import cavity_of
-from sims.optics.scene.acceptance import response_nodes
-from sims.optics.scene.checks import check_scene
-from sims.optics.scene.emission import COSINE_NODES, pattern_power
-from sims.optics.scene.lower import scene_of
+from sims.optics.scene.lower import check_scene, scene_of
+from sims.optics.scene.optical_scene import COSINE_NODES, pattern_power, response_nodes
 from tests.design.parts.own_parts import SHEET, own_part, quantity, with_own_part
 from tests.design.spec.spec_fields import good
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from design.errors import InputError
-from sims.optics.scene.smooth_field import SmoothField, smooth_field
+from sims.optics.scene.optical_scene import SmoothField, smooth_field
 
 
 def wave(x, y):

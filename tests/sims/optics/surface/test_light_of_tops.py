@@ -8,8 +8,7 @@ import pytest
 from sims.optics.accuracy import ACCURACIES
 from sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
 from sims.optics.oracle.tracer import CLASSES, trace_oracle
-from sims.optics.scene.emission import lambertian_pattern
-from sims.optics.scene.smooth_field import smooth_field
+from sims.optics.scene.optical_scene import lambertian_pattern, smooth_field
 from sims.optics.scene.symmetry import symmetries_of
 from tests.sims.optics.form_factors import parallel_factor
 from tests.sims.optics.oracle.oracle_scenes import ring_scene, scene_of

@@ -5,13 +5,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from sims.optics.engine.straight.rays import MIN_STEP_MM
-from sims.optics.scene.smooth_field import smooth_field
+from sims.optics.engine.straight import MIN_STEP_MM
+from sims.optics.scene.optical_scene import smooth_field
 from sims.optics.surface import curves as surface
-from sims.optics.surface.radial_table import BEND, CELLS, PIECE_COLUMNS, WINDOW, node_radii_mm
-from sims.optics.surface.top import Top
-from sims.optics.surface.tops import stack_tops
-from sims.press.indentation import Indentation
+from sims.optics.surface.curves import BEND, CELLS, PIECE_COLUMNS, WINDOW, node_radii_mm
+from sims.optics.surface.tops import Top, stack_tops
+from sims.press import Indentation
 from tests.sims.optics.engine.called_kernels import (
     bend_at,
     first_chord,

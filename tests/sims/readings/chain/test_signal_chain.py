@@ -8,12 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from design.circuit.timing import frame_time_ms
+from design.circuit.pins import frame_time_ms
 from design.preset import preset
-from design.spec.noise import CHAIN, PURE, Noise
-from sims.readings.chain import SignalChain, chain_of, without_noise
-from sims.readings.chain.amplifier import relative_power, shot_variance_per_count
+from design.spec.sensor import CHAIN, PURE, Noise
 from sims.readings.readout import Readout
+from sims.readings.signal_chain import (
+    SignalChain,
+    chain_of,
+    relative_power,
+    shot_variance_per_count,
+    without_noise,
+)
 
 DESIGN = preset("piacenza2017-pad")
 READOUT = Readout(counts_per_flux=54_500.0, full_scale_counts=1023.0)

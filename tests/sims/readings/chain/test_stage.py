@@ -7,9 +7,16 @@ import pytest
 
 from design.errors import ModelScopeError
 from design.preset import preset
-from design.spec.noise import Noise
-from sims.readings.chain.stage import PressDraw, drawn_press, drawn_set_offset_mm, true_depth_mm
-from sims.readings.chain.walls import blended, unbonded_share, with_loose_walls
+from design.spec.sensor import Noise
+from sims.readings.signal_chain import (
+    PressDraw,
+    blended,
+    drawn_press,
+    drawn_set_offset_mm,
+    true_depth_mm,
+    unbonded_share,
+    with_loose_walls,
+)
 
 IN_MM = np.array([-1.0, 0.0, 2.5, 5.0])
 WAY_MM = np.concatenate([IN_MM, IN_MM[::-1]])

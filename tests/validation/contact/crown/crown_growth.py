@@ -25,7 +25,7 @@ import numpy as np
 
 from design.arrays import FloatArray
 from sims.contact.library.profile_library import shipped_library
-from sims.press.indentation import Indentation
+from sims.press import Indentation
 from tests.validation.contact.contact_comparison import PressError, press_error
 from tests.validation.contact.contact_reference import contact_edge, sampled_curve
 from tests.validation.contact.contact_table import markdown_table

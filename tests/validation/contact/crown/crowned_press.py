@@ -17,15 +17,13 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from design.errors import InputError, ModelScopeError
-from design.rules.contact_scope import DEEPEST_PRESS, LARGEST_SHARE_OF_LAYER, LAYER_DEPTH_RANGE
-from sims.contact.library.incompressible import POISSON_RATIOS
-from sims.contact.library.live_press import LEAST_DEPTH, MESH_RANGE, both_ratios
-from sims.contact.library.smooth_press import SmoothPress, above_crown
+from design.rules.shape import DEEPEST_PRESS, LARGEST_SHARE_OF_LAYER, LAYER_DEPTH_RANGE
+from sims.contact.library.build import LEAST_DEPTH, MESH_RANGE, both_ratios
+from sims.contact.library.smooth_press import POISSON_RATIOS, SmoothPress, TopCurve, above_crown
 from sims.contact.library.stored_press import PressInputs
-from sims.contact.library.surface_curve import TopCurve
 from sims.contact.scope import solved_depths
-from sims.contact.solver.crown import require_rim
-from sims.press.indentation import Indentation
+from sims.contact.solver.mesh import require_rim
+from sims.press import Indentation
 
 CROWNED_MESH = 1 / 15
 """Node spacing under the tip [tip radii]: 0.2 mm for a 3 mm tip, that of the library."""

@@ -27,9 +27,8 @@ import numpy as np
 
 from design.arrays import BoolArray, FloatArray
 from sims.contact.library.profile_library import shipped_library
-from sims.contact.library.run_out import run_out
-from sims.contact.library.store import CACHE_VARIABLE
-from sims.contact.library.surface_curve import TopCurve
+from sims.contact.library.smooth_press import TopCurve, run_out
+from sims.contact.library.stored_press import CACHE_VARIABLE
 from sims.contact.scope import WALL_RADIUS_RANGE
 from tests.validation.contact.contact_reference import BUILD
 from tests.validation.contact.contact_table import markdown_table

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from design.preset import preset
-from design.shape.plan import plan_of
+from design.shape.cavity import plan_of
 from tests.validation.contact.contact_reference import POISSON_RATIO
 from tests.validation.contact.crown.offset_oracle import OffsetPress, offset_state, rim_mesh
 from tests.validation.contact.crown.stadium_oracle import AREA_MM2, PADS, STORED

@@ -1,0 +1,541 @@
+"""Files and folders that are written: names that every system takes, whole contents, true reasons for a refusal.
+
+A file is written beside its target under a name that no other thread or process has, and takes the target's location
+in one step: of several writers the last one's file stays, whole. A link at the target is replaced and not followed.
+Needs the standard library only.
+
+Files as people have them: one way to read text, and the kind of a file by its first bytes.
+
+Text is UTF-8, with or without a byte order mark. Line ends of any system become line feeds. A file of another kind is
+named, so that the message can say what to do with it. Needs the standard library only.
+
+Tables in CSV: the one reader of every table that optopad is given.
+
+The first line that is no remark is the heading. Values are separated by commas, decimals have a point. Lines that
+begin with # are remarks; empty lines and empty cells at the end of a line do not count. A row with another number of
+cells is refused, because a decimal comma shifts all that follow it. Needs the standard library only.
+"""
+
+from __future__ import annotations
+
+import csv
+import errno
+import math
+import os
+import re
+import shutil
+import stat
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from design.errors import InputError, OptopadError, OutputError, shown
+
+FULL = (errno.ENOSPC, errno.EDQUOT)
+_DEVICES = frozenset(
+    {"con", "prn", "aux", "nul", "conin$", "conout$"}
+    | {port + number for port in ("com", "lpt") for number in "123456789¹²³"}
+)
+"""Names that Windows keeps for devices, in every folder and with every extension."""
+
+_FILE_SUFFIX = re.compile(
+    r"\.(csv|tsv|txt|md|jsonl?|ndjson|toml|ya?ml|xml|html?|pdf|png|svg|jpe?g|gif|webp|nc|h5|hdf5|np[yz]|mat|pkl|pickle|"
+    r"joblib|parquet|xlsx?|ods|db|sqlite3?|zip|gz|tar|stl|ste?p|3mf|gcode|hex|ino|optorec|optomodel)",
+    re.IGNORECASE,
+)
+
+
+def name_fault(name: str) -> str | None:
+    """Why no file or folder can have this name on every system, in words; None where it can."""
+    stem = name.partition(".")[0].rstrip(" ")
+    if stem.lower() in _DEVICES:
+        return f"{stem} is the name of a device on Windows"
+    return "Windows drops a dot or a blank at the end of a name" if name != name.rstrip(". ") else None
+
+
+def require_file_name(file: Path, option: str = "") -> None:
+    """Refuse a name that not every system takes.
+
+    Parameters
+    ----------
+    option : start of the message, as "--out: "
+
+    Raises
+    ------
+    InputError : the name and why.
+    """
+    if fault := name_fault(file.name):
+        raise InputError(f"{option}{file}: is refused as a name: {fault}; choose another name")
+
+
+def require_suffix(file: Path, suffixes: tuple[str, ...], option: str = "") -> None:
+    """Refuse a name that promises another content than what is written.
+
+    Parameters
+    ----------
+    suffixes : those of the formats that are written, as ".nc"
+    option : start of the message, as "--out: "
+
+    Raises
+    ------
+    InputError : the name, and which suffixes are written.
+    """
+    require_file_name(file, option)
+    if file.suffix.lower() not in suffixes:
+        say = f"; say {file.with_name((file.stem or 'file') + suffixes[0])}" if file.name else ""
+        raise InputError(f"{option}{file}: what is written here ends in {' or '.join(suffixes)}{say}")
+
+
+def has_file_suffix(path: Path) -> bool:
+    """Whether a name promises a file, not a folder."""
+    return _FILE_SUFFIX.fullmatch(path.suffix) is not None
+
+
+def require_folder_name(folder: Path, option: str = "") -> None:
+    """Refuse the name of a new folder that promises a file or is a device's; InputError with the way out."""
+    if folder.is_dir():
+        return
+    require_file_name(folder, option)
+    if has_file_suffix(folder):
+        raise InputError(
+            f"{option}{folder}: a folder is written here, and the name is that of a {folder.suffix} file; say "
+            f"{folder.with_suffix('')}"
+        )
+
+
+@contextmanager
+def whole_file(file: Path, way_out: str = "choose another folder") -> Iterator[Path]:
+    """An empty file to write into: it takes the location of ``file`` when the block ends well, and is gone otherwise.
+
+    Parameters
+    ----------
+    way_out : end of the message where the disk does not take it
+
+    Raises
+    ------
+    InputError : the name is a device's on Windows.
+    OutputError : the folder is missing, read-only or full; the old file is intact.
+    """
+    require_file_name(file)
+    hidden = None
+    try:
+        descriptor, hidden = tempfile.mkstemp(
+            dir=file.parent, prefix=f".{file.name[:40]}.", suffix=".partial"
+        )
+        os.close(descriptor)
+        yield Path(hidden)
+        os.chmod(hidden, 0o644)
+        os.replace(hidden, file)
+        hidden = None
+    except OSError as err:
+        raise unwritable(file, err, way_out) from err
+    except ValueError as err:
+        if hidden is not None:
+            raise
+        raise OutputError(f"{str(file)!r}: no name of a file: {err}") from None  # a null byte in it
+    finally:
+        if hidden is not None:
+            Path(hidden).unlink(missing_ok=True)
+
+
+def write_whole(file: Path, content: bytes) -> None:
+    """Write a file at once or not at all; raises as `whole_file`."""
+    with whole_file(file) as hidden:
+        hidden.write_bytes(content)
+
+
+def made_folder(folder: Path, way_out: str = "choose another folder") -> Path:
+    """Make a folder, its parents too, unless it is there; OutputError where it cannot be made."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as err:
+        raise unwritable(folder, err, way_out) from err
+    return folder
+
+
+def own_folder(folder: Path, way_out: str = "choose another folder") -> Path:
+    """As `made_folder`, of a folder whose files are replaced and removed; OutputError where it is a link."""
+    if folder.is_symlink():
+        raise OutputError(
+            f"{folder}: is a link, and files are not written through links; replace it by a folder, or {way_out}"
+        )
+    return made_folder(folder, way_out)
+
+
+def temporary_folder() -> tempfile.TemporaryDirectory[str]:
+    """A folder for files that nobody needs later; it is removed when its block ends.
+
+    Raises
+    ------
+    OutputError : no folder of this system takes temporary files.
+    """
+    try:
+        return tempfile.TemporaryDirectory(prefix="optopad-")
+    except OSError as err:
+        raise OutputError(
+            f"temporary files cannot be written: {err.strerror or err}; set TMPDIR to a folder that can be written"
+        ) from None
+
+
+def unwritable(file: Path, err: OSError, way_out: str = "choose another folder") -> OutputError:
+    """The error of a file or folder that the system refused, with its reason."""
+    room = "free some room on its disk, or " if err.errno in FULL else ""
+    return OutputError(f"{file}: cannot be written: {err.strerror or err}; {room}{way_out}")
+
+
+def nearest_existing(folder: Path) -> Path:
+    """The folder itself, or the first of its ancestors that is there."""
+    path = folder.absolute()
+    return next((place for place in (path, *path.parents) if os.path.lexists(place)), Path(path.anchor))
+
+
+def folder_fault(folder: Path) -> str | None:
+    """Why no file can be written into a folder, or the folder cannot be made; None where it can.
+
+    It is tried with a folder, which is removed again: the system's word on rights is not enough, since it says yes to
+    an administrator even where nothing can be written.
+    """
+    if "\0" in str(folder):
+        return "a null byte is in its name"
+    existing = nearest_existing(folder)
+    try:
+        os.rmdir(tempfile.mkdtemp(prefix=".optopad-", dir=existing))
+        return "its disk is full" if shutil.disk_usage(existing).free == 0 else None
+    except (OSError, ValueError) as err:
+        reason = _reason(existing, err)
+    if existing == folder.absolute():
+        return reason
+    return f"it does not exist and cannot be made: {existing}: {reason}"
+
+
+def _reason(existing: Path, err: OSError | ValueError) -> str:
+    number = getattr(err, "errno", None)
+    if existing.is_symlink() and not existing.exists():
+        return "a link that leads nowhere"
+    if not os.path.isdir(existing):
+        return "a file, not a folder"
+    if number in FULL:
+        return "its disk is full"
+    said = getattr(err, "strerror", None) or str(err)
+    return f"it is not writable ({said})"
+
+
+BYTES_FOR_KIND = 16_384
+"""Of a file's start: a workbook names its sheets within them."""
+
+_UTF16 = "text in UTF-16"
+_STARTS = (
+    (b"\x89HDF\r\n\x1a\n", "an HDF5 or netCDF-4 file"),
+    (b"CDF\x01", "a netCDF-3 file"),
+    (b"CDF\x02", "a netCDF-3 file"),
+    (b"CDF\x05", "a netCDF file of the CDF-5 format"),
+    (b"PAR1", "a Parquet file"),
+    (b"ARROW1", "an Arrow file"),
+    (b"\x89MCAP0\r\n", "an MCAP log"),
+    (b"#ROSBAG", "a ROS 1 bag"),
+    (b"SQLite format 3\x00", "an SQLite database, as ROS 2 bags and searches are"),
+    (b"MATLAB ", "a MATLAB file (.mat)"),
+    (b"\x93NUMPY", "a NumPy array (.npy)"),
+    (b"\xd0\xcf\x11\xe0", "an Excel workbook (.xls)"),
+    (b"\x1f\x8b", "a gzip file"),
+    (b"BZh", "a bzip2 file"),
+    (b"\xfd7zXZ", "an xz file"),
+    (b"7z\xbc\xaf", "a 7-Zip archive"),
+    (b"\x28\xb5\x2f\xfd", "a Zstandard file"),
+    (b"%PDF", "a PDF"),
+    (b"\x89PNG", "a PNG picture"),
+    (b"\xff\xd8\xff", "a JPEG picture"),
+    (b"ISO-10303-21", "a STEP file"),
+    (b'{"format": "optopad-recording"', "a recording of `optopad driver record` (.optorec)"),
+    (b"\xff\xfe", _UTF16),
+    (b"\xfe\xff", _UTF16),
+)
+_IN_ARCHIVES = (
+    (b"opendocument.spreadsheet", "an OpenDocument spreadsheet (.ods)"),
+    (b"xl/", "an Excel workbook (.xlsx)"),
+    (b"word/", "a Word document (.docx)"),
+    (b".npy", "a NumPy archive (.npz), as models are"),
+)
+TEXT_KINDS = ("TOML text", "JSON text", "XML or HTML text", "a CSV table", "plain text", "an empty file")
+_PICKLE = re.compile(rb"\x80[\x02-\x05]")
+_TOML = re.compile(r"\s*(?:#[^\n]*\n\s*)*(?:\[|[\w.\"'-]+\s*=)")
+
+
+def kind_of(content: bytes) -> str:
+    """The kind of a file by its first bytes, in words, as "an Excel workbook (.xlsx)"."""
+    for start, kind in _STARTS:
+        if content.startswith(start):
+            return kind
+    if content.startswith(b"PK\x03\x04"):
+        return next((kind for part, kind in _IN_ARCHIVES if part in content), "a zip archive")
+    if _PICKLE.match(content):
+        return "a Python pickle, which is not read because it can hold a program"
+    if not content.strip():
+        return "an empty file"
+    if b"\x00" in content:
+        return "binary data of an unknown kind"
+    text = content.decode("utf-8-sig", errors="replace")
+    if text.lstrip()[:1] in "{<":
+        return "JSON text" if text.lstrip()[0] == "{" else "XML or HTML text"
+    if _TOML.match(text):
+        return "TOML text"
+    return "a CSV table" if re.search(r"[,;\t]", text.partition("\n")[0]) else "plain text"
+
+
+def kind_of_file(file: Path) -> str:
+    """The kind of a file that can be opened; "a file that cannot be opened" for others."""
+    try:
+        with file.open("rb") as stream:
+            return kind_of(stream.read(BYTES_FOR_KIND))
+    except (OSError, ValueError):
+        return "a file that cannot be opened"
+
+
+def read_bytes(file: Path, *, needed: str, most_bytes: int, error: type[OptopadError] = InputError) -> bytes:
+    """The content of a file.
+
+    Parameters
+    ----------
+    needed : what the file must be and how it is made, in words for the message
+    most_bytes : size above which the file is refused unread
+    error : class of the error that is raised
+
+    Raises
+    ------
+    OptopadError : missing, a folder, unreadable or too large; of the class `error`.
+    """
+    try:
+        with file.open("rb") as stream:
+            status = os.fstat(stream.fileno())
+            size = status.st_size if stat.S_ISREG(status.st_mode) else most_bytes
+            content = stream.read(min(size, most_bytes) + 1)
+    except FileNotFoundError:
+        raise error(f"{file}: no such file; needed is {needed}") from None
+    except IsADirectoryError:
+        raise error(f"{file}: a folder; needed is {needed}") from None
+    except OSError as err:
+        raise error(f"{file}: cannot be read: {err.strerror}; name the right file") from None
+    except ValueError as err:  # a null byte in the name
+        raise error(f"{str(file)!r}: no name of a file: {err}") from None
+    if len(content) > most_bytes:
+        raise error(f"{file}: larger than {most_bytes} bytes, which is too much; needed is {needed}")
+    return content
+
+
+def read_text(file: Path, *, needed: str, most_bytes: int, error: type[OptopadError] = InputError) -> str:
+    """The text of a file, without a byte order mark, its lines ended by line feeds.
+
+    Parameters, errors: as `read_bytes`; files that are no UTF-8 text are refused with their kind.
+    """
+    content = read_bytes(file, needed=needed, most_bytes=most_bytes, error=error)
+    return text_of(content, str(file), needed=needed, error=error)
+
+
+def text_of(content: bytes, where: str, *, needed: str, error: type[OptopadError] = InputError) -> str:
+    """As `read_text`, of bytes that were read already; `where` names the file in messages."""
+    kind = kind_of(content[:BYTES_FOR_KIND])
+    if kind == _UTF16:
+        raise error(f"{where}: not UTF-8 but {kind}; save it as UTF-8")
+    if kind not in TEXT_KINDS:
+        raise error(f"{where}: {kind}, not UTF-8 text; needed is {needed}")
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as err:
+        line = content.count(b"\n", 0, err.start) + 1
+        raise error(f"{where}: not UTF-8 text (byte {err.start}, line {line}); save it as UTF-8") from None
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+DECIMAL_COMMA = "decimal comma? write 8.9, and separate by commas"
+MOST_BYTES = 500_000_000
+_COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+")
+_WITH_UNIT = re.compile(r"[+-]?[\d.]+(?:[eE][+-]?\d+)?\s*[^\W\d_]+")
+_OTHER_SEPARATORS = {";": "semicolons", "\t": "tabs"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class CsvTable:
+    """A table as text.
+
+    Attributes
+    ----------
+    file : where it is from
+    heading : names of the columns, without blanks around them
+    rows : the cells of each row, as many as the heading has
+    lines : (row,) number of each row in the file, from 1, as editors and spreadsheets count
+    remarks : the lines that begin with #
+    """
+
+    file: Path
+    heading: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    lines: tuple[int, ...]
+    remarks: tuple[str, ...]
+    error: type[OptopadError] = InputError
+
+    def column(self, name: str) -> list[str]:
+        """The cells of a column."""
+        at = self.heading.index(name)
+        return [row[at] for row in self.rows]
+
+    def records(self) -> list[dict[str, str]]:
+        """The cells of each row by column."""
+        return [dict(zip(self.heading, row, strict=True)) for row in self.rows]
+
+    def where(self, row: int) -> str:
+        """The beginning of a message on a row: the file and the row's number in it."""
+        return f"{self.file}: row {self.lines[row]}"
+
+    def numbers(self, name: str) -> list[float]:
+        """The cells of a column as finite numbers.
+
+        Raises
+        ------
+        OptopadError : a cell that is no number; the message names row, column and value.
+        """
+        return self.parsed(name, float, "a finite number")
+
+    def parsed(self, name: str, parse: Callable[[str], float], needed: str) -> list[float]:
+        """As `numbers`, with another parser, which raises ValueError, and words for what it needs."""
+        found = []
+        for row, text in enumerate(self.column(name)):
+            try:
+                value = parse(text)
+                if not math.isfinite(value):
+                    raise ValueError
+            except (ValueError, OverflowError):
+                way_out = _way_out(text) or "correct or drop the row"
+                raise self.error(
+                    f"{self.where(row)}: {name} is {shown(text)}, needs {needed}; {way_out}"
+                ) from None
+            found.append(value)
+        return found
+
+
+def read_csv(
+    file: Path,
+    *,
+    needed: str,
+    fewest_rows: int = 1,
+    lower: bool = False,
+    most_bytes: int = MOST_BYTES,
+    error: type[OptopadError] = InputError,
+) -> CsvTable:
+    """Read a table.
+
+    Parameters
+    ----------
+    needed : what the table must hold, in words for messages
+    fewest_rows : rows below the heading that must be there
+    lower : whether names of columns are in small letters whatever the file has
+    most_bytes : size above which the file is refused unread
+    error : class of the error that is raised
+
+    Raises
+    ------
+    OptopadError : no text, another separator, too few rows, a row of another length, a column that is there twice.
+    """
+    text = read_text(file, needed=needed, most_bytes=most_bytes, error=error)
+    remarks: list[str] = []
+    numbered: list[tuple[int, list[str]]] = []
+    for number, line in enumerate(text.split("\n"), start=1):
+        if number == 1 and re.fullmatch(r"sep=.?", line.strip(), re.IGNORECASE):
+            if line.strip()[4:] not in (",", ""):
+                raise error(f"{file}: row 1 is {shown(line.strip())}; {DECIMAL_COMMA}")
+            continue
+        if line.lstrip('" \t').startswith("#"):
+            remarks.append(line.strip('",; \t'))
+            continue
+        if any(cells := _cells(line)):
+            numbered.append((number, cells))
+    heading = _without_last_empty(numbered[0][1]) if numbered else []
+    heading = [name.lower() for name in heading] if lower else heading
+    for sign, name in _OTHER_SEPARATORS.items():
+        if any(sign in cell for cell in heading):
+            raise error(f"{file}: its values are separated by {name}; {DECIMAL_COMMA}")
+    if len(numbered) <= fewest_rows:
+        counted = "a row" if fewest_rows == 1 else f"{fewest_rows} rows"
+        raise error(
+            f"{file}: {max(len(numbered) - 1, 0)} rows below the heading, needs at least {counted}; needed is {needed}"
+        )
+    if doubled := sorted({name for name in heading if heading.count(name) > 1}):
+        raise error(f"{file}: has the column {', '.join(map(repr, doubled))} twice; keep one")
+    rows = [
+        (number, _fitted(cells, heading, f"{file}: row {number}", error)) for number, cells in numbered[1:]
+    ]
+    return CsvTable(
+        file=file,
+        heading=tuple(heading),
+        rows=tuple(cells for _, cells in rows),
+        lines=tuple(number for number, _ in rows),
+        remarks=tuple(remarks),
+        error=error,
+    )
+
+
+def numbered_points(
+    file: Path, *, needed: str, most_bytes: int = 1_000_000, error: type[OptopadError] = InputError
+) -> list[tuple[int, tuple[float, float]]]:
+    """The points of a curve, two numbers a row, each with the number of its row in the file; a heading may be there.
+
+    Numbers are separated by a comma, a semicolon or blanks, with a point for decimals.
+
+    Parameters, errors: as `read_csv`; fewer than two points, or a row that is no pair of finite numbers.
+    """
+    found: list[tuple[int, tuple[float, float]]] = []
+    text = read_text(file, needed=needed, most_bytes=most_bytes, error=error)
+    for number, line in enumerate(text.split("\n"), start=1):
+        words = [word for word in re.split(r"[\s,;]+", line.strip()) if word]
+        if not words or words[0].startswith("#") or (not found and not is_number(words[0])):
+            continue
+        if len(words) != 2 or not all(map(is_number, words)):
+            hint = DECIMAL_COMMA if len(words) > 2 and all(map(is_number, words)) else "write it as 1.5, 0.4"
+            raise error(f"{file}: row {number}: {shown(line.strip())} is no pair of numbers; {hint}")
+        pair = float(words[0]), float(words[1])
+        if not all(map(math.isfinite, pair)):
+            raise error(f"{file}: row {number}: {shown(line.strip())}: numbers must be finite")
+        found.append((number, pair))
+    if len(found) < 2:
+        raise error(f"{file}: holds {len(found)} points, needs at least 2; needed is {needed}")
+    return found
+
+
+def is_number(text: str) -> bool:
+    """Whether a text is a number, finite or not."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _cells(line: str) -> list[str]:
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(",")]
+    return [cell.strip() for cell in next(csv.reader([line], skipinitialspace=True), [])]
+
+
+def _without_last_empty(cells: list[str]) -> list[str]:
+    return cells[: max((k for k, cell in enumerate(cells, start=1) if cell), default=0)]
+
+
+def _fitted(
+    cells: list[str], heading: Sequence[str], where: str, error: type[OptopadError]
+) -> tuple[str, ...]:
+    """The cells of a row, without empty ones beyond the heading."""
+    found = cells if len(cells) <= len(heading) else _without_last_empty(cells)
+    found += [""] * (len(heading) - len(found)) if len(cells) >= len(heading) else []
+    if len(found) == len(heading):
+        return tuple(found)
+    way_out = "give an empty cell its comma, too" if len(found) < len(heading) else "correct the row"
+    if len(found) > len(heading) and all(is_number(cell) for cell in found if cell):
+        way_out = DECIMAL_COMMA
+    raise error(f"{where} has {len(found)} values, the heading {len(heading)} columns; {way_out}")
+
+
+def _way_out(text: str) -> str | None:
+    if _COMMA_NUMBER.fullmatch(text):
+        return DECIMAL_COMMA
+    return "write the number without its unit" if _WITH_UNIT.fullmatch(text) else None

@@ -1,1 +1,0 @@
-"""Ready designs, as the commented files that `optopad new` hands out."""

@@ -1,1 +1,0 @@
-"""Ready search spaces; `optopad explore` takes them by name."""

@@ -1,0 +1,202 @@
+"""The few shapes of a technical drawing as SVG elements; text is escaped and stripped of control characters.
+
+Lengths in drawing units (px), y downward.
+
+Circuit symbols as SVG elements, on a grid of drawing units; y downward (IEC 60617 shapes, simplified).
+"""
+
+from __future__ import annotations
+
+import math
+from xml.etree import ElementTree
+
+from fabrication.sheets.table import one_line
+
+Element = ElementTree.Element
+Point = tuple[float, float]
+
+ARROW_PX = 8.0
+ARROW_HALF_PX = 3.0
+
+
+def drawing(width: float, height: float, title: str, description: str) -> Element:
+    """An empty white sheet with what a screen reader says about it."""
+    root = Element(
+        "svg",
+        xmlns="http://www.w3.org/2000/svg",
+        viewBox=f"0 0 {_px(width)} {_px(height)}",
+        width=_px(width),
+        height=_px(height),
+        role="img",
+    )
+    root.set("font-family", "Helvetica, Arial, 'Liberation Sans', sans-serif")
+    ElementTree.SubElement(root, "title").text = one_line(title)
+    ElementTree.SubElement(root, "desc").text = one_line(description)
+    root.append(rectangle((0, 0), (width, height), fill="#ffffff"))
+    return root
+
+
+def to_text(root: Element) -> str:
+    """The file's text."""
+    ElementTree.indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def group(label: str = "") -> Element:
+    """Shapes that belong together; the label shows when the mouse rests on them."""
+    element = Element("g")
+    if label:
+        ElementTree.SubElement(element, "title").text = one_line(label)
+    return element
+
+
+def rectangle(corner: Point, opposite: Point, **style: str) -> Element:
+    """A rectangle between two corners."""
+    (xa, ya), (xb, yb) = corner, opposite
+    return _shape(
+        "rect",
+        style,
+        x=_px(min(xa, xb)),
+        y=_px(min(ya, yb)),
+        width=_px(abs(xb - xa)),
+        height=_px(abs(yb - ya)),
+    )
+
+
+def circle(centre: Point, radius: float, **style: str) -> Element:
+    """A circle."""
+    return _shape("circle", style, cx=_px(centre[0]), cy=_px(centre[1]), r=_px(radius))
+
+
+def polygon(points: list[Point], **style: str) -> Element:
+    """A closed outline."""
+    return _shape("polygon", style, points=_points(points))
+
+
+def outline(corners: list[Point], **style: str) -> Element:
+    """A closed outline; one of four corners whose sides run along the sheet's is a rectangle."""
+    if len(corners) == 4 and {corners[0], corners[2]} <= {
+        (x, y) for x, _ in corners[1::2] for _, y in corners[1::2]
+    }:
+        return rectangle(corners[0], corners[2], **style)
+    return polygon(corners, **style)
+
+
+def polyline(points: list[Point], **style: str) -> Element:
+    """A line through points."""
+    return _shape("polyline", {"fill": "none", **style}, points=_points(points))
+
+
+def text(at: Point, content: str, size: float, **style: str) -> Element:
+    """A line of text; `anchor` is start, middle or end."""
+    element = _shape("text", style, x=_px(at[0]), y=_px(at[1]))
+    element.set("font-size", _px(size))
+    element.text = one_line(content)
+    return element
+
+
+def arrow(tail: Point, head: Point, colour: str) -> list[Element]:
+    """A line that ends in an arrow head."""
+    angle = math.atan2(head[1] - tail[1], head[0] - tail[0])
+    back = (head[0] - ARROW_PX * math.cos(angle), head[1] - ARROW_PX * math.sin(angle))
+    across = (-ARROW_HALF_PX * math.sin(angle), ARROW_HALF_PX * math.cos(angle))
+    wings = [(back[0] + sign * across[0], back[1] + sign * across[1]) for sign in (1, -1)]
+    return [polyline([tail, back], stroke=colour), polygon([head, *wings], fill=colour)]
+
+
+def triangle(centre: Point, toward: Point, radius: float, **style: str) -> Element:
+    """An equilateral triangle whose tip points along a direction."""
+    angle = math.atan2(toward[1], toward[0])
+    corners = [angle + k * math.tau / 3 for k in range(3)]
+    points = [(centre[0] + radius * math.cos(a), centre[1] + radius * math.sin(a)) for a in corners]
+    return polygon(points, **style)
+
+
+def _shape(tag: str, style: dict[str, str], **geometry: str) -> Element:
+    element = Element(tag, geometry)
+    for name, value in style.items():
+        element.set("text-anchor" if name == "anchor" else name.replace("_", "-"), value)
+    return element
+
+
+def _points(points: list[Point]) -> str:
+    return " ".join(f"{_px(x)},{_px(y)}" for x, y in points)
+
+
+def _px(value: float) -> str:
+    return f"{value:.2f}".rstrip("0").rstrip(".")
+
+
+LINE = "#222222"
+WIRE = {"stroke": LINE, "stroke_width": "1.6"}
+BOX = {"fill": "#ffffff", "stroke": LINE, "stroke_width": "1.6"}
+LONG, SHORT = 34.0, 11.0
+"""A resistor's length and width."""
+
+
+def wire(*points: Point) -> Element:
+    """A wire through points."""
+    return polyline(list(points), **WIRE)
+
+
+def dot(at: Point) -> Element:
+    """A joint of wires."""
+    return circle(at, 2.6, fill=LINE)
+
+
+def resistor(centre: Point, *, upright: bool) -> Element:
+    """A resistor; wires end at half its length from the centre."""
+    half = (SHORT / 2, LONG / 2) if upright else (LONG / 2, SHORT / 2)
+    low = centre[0] - half[0], centre[1] - half[1]
+    return rectangle(low, (centre[0] + half[0], centre[1] + half[1]), **BOX)
+
+
+def capacitor(centre: Point) -> list[Element]:
+    """A capacitor between wires from left and right, which end 3 units from its centre."""
+    x, y = centre
+    return [wire((x + side, y - 9), (x + side, y + 9)) for side in (-3.0, 3.0)]
+
+
+def ground(at: Point) -> list[Element]:
+    """Ground below a wire that ends here."""
+    x, y = at
+    return [wire((x - half, y + k * 4), (x + half, y + k * 4)) for k, half in enumerate((9.0, 6.0, 3.0))]
+
+
+def diode(centre: Point, *, emits: bool) -> list[Element]:
+    """An LED, current downward, or a photodiode with its cathode up; 10 units to each end."""
+    x, y = centre
+    way = 1.0 if emits else -1.0
+    triangle = [(x - 9, y - 8 * way), (x + 9, y - 8 * way), (x, y + 8 * way)]
+    bar = wire((x - 9, y + 8 * way), (x + 9, y + 8 * way))
+    rays = []
+    for shift in (-5.0, 5.0):
+        inner, outer = (x + 12, y + shift), (x + 24, y + shift - 7)
+        rays += arrow(inner, outer, LINE) if emits else arrow(outer, inner, LINE)
+    return [polygon(triangle, **BOX), bar, *rays]
+
+
+def npn(base: Point) -> list[Element]:
+    """An NPN transistor: base at the left, collector 24 right and 22 up, emitter 24 right and 22 down."""
+    x, y = base
+    bar = x + 8
+    return [
+        wire((x, y), (bar, y)),
+        polyline([(bar, y - 13), (bar, y + 13)], stroke=LINE, stroke_width="3"),
+        wire((bar, y - 6), (x + 24, y - 14), (x + 24, y - 22)),
+        *arrow((bar, y + 6), (x + 24, y + 14), LINE),
+        wire((x + 24, y + 14), (x + 24, y + 22)),
+    ]
+
+
+def amplifier(tip: Point) -> list[Element]:
+    """An operational amplifier, its output at the tip; inputs 46 left of it, - 12 up and + 12 down."""
+    x, y = tip
+    body = polygon([(x - 46, y - 25), (x - 46, y + 25), (x, y)], **BOX)
+    signs = [text((x - 41, y - 8), "−", 14), text((x - 41, y + 16), "+", 14)]
+    return [body, *signs]
+
+
+def terminal(at: Point) -> Element:
+    """An end where a cable goes on."""
+    return circle(at, 4.0, **BOX)

@@ -1,0 +1,66 @@
+"""Comma-separated tables that a spreadsheet opens as text, never as a formula.
+
+A cell of text that starts with one of = + - @ (or a control character, which spreadsheets skip)
+would run when the table is opened; it gets an apostrophe in front. Numbers of ours stay as they are.
+
+A user's text inside Markdown.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Iterable, Sequence
+
+from design.shape.outline import Outline
+
+FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r", "\n")
+
+Cell = str | int | float | None
+
+
+def csv_text(columns: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:
+    """A table with a heading as CSV, lines ended by a line feed; None is an empty cell."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows([_shown(cell) for cell in row] for row in rows)
+    return stream.getvalue()
+
+
+def safe_text(text: str) -> str:
+    """Text on one line, without control characters, that no spreadsheet takes for a formula."""
+    line = one_line(text)
+    return f"'{line}" if line.startswith(FORMULA_STARTS) else line
+
+
+def one_line(text: str) -> str:
+    """Text without line breaks and control characters, its blanks joined."""
+    printable = "".join(char if char.isprintable() else " " for char in text)
+    return " ".join(printable.split())
+
+
+def number(value: float) -> str:
+    """A number to a ten-thousandth, without trailing zeros."""
+    return f"{value:.4f}".rstrip("0").rstrip(".")
+
+
+def size_words(outline: Outline, unit: str = "") -> str:
+    """What an outline measures [mm], as 40 x 25, or 55 across."""
+    sizes = outline.dimensions
+    across = " across" if sizes[0].is_diameter else ""
+    return f"{' x '.join(number(one.size_mm) for one in sizes)}{unit}{across}"
+
+
+def _shown(cell: Cell) -> str:
+    if cell is None:
+        return ""
+    if isinstance(cell, str):
+        return safe_text(cell)
+    return number(cell)
+
+
+def plain(text: str) -> str:
+    """A user's text on one line, with Markdown's and HTML's own signs made harmless."""
+    return re.sub(r"([\\`*_{}\[\]<>#|~])", r"\\\1", one_line(text)).replace("\\<", "&lt;")

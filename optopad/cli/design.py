@@ -1,0 +1,300 @@
+"""Verbs that write and validate designs: new, check, schema, migrate.
+
+Verbs that make things to hold: build.
+
+The verb that opens the studio: a design live in a browser.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+import webbrowser
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from design.errors import InputError
+from design.preset import PRESETS
+from optopad.cli import options
+from optopad.cli.interrupts import answered
+from optopad.cli.output import print_json, progress, say, tell
+from optopad.work import read_design
+
+if TYPE_CHECKING:
+    from design.spec import SensorDesign
+    from optopad.studio.live import LiveSensor
+    from optopad.studio.session import Session
+
+
+def new(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Design file to write.")],
+    preset: Annotated[
+        str,
+        typer.Option(help=f"{', '.join(PRESETS[:-1])} or {PRESETS[-1]}."),
+    ] = "piacenza2017-pad",
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
+    as_json: options.Json = False,
+) -> None:
+    """Write a commented design file to start from."""
+    import re
+    import tomllib
+
+    from design.errors import InputError
+    from design.fields.base import NAME_PATTERN
+    from design.files import require_suffix
+    from design.io import write_text_atomically
+    from design.preset import new_text
+    from design.spec import SensorDesign
+
+    require_suffix(file, (".toml",))
+    if not re.fullmatch(NAME_PATTERN, file.stem):
+        plain = re.sub(r"[^A-Za-z0-9._-]+", "-", file.stem).strip("._-")[:63] or "my-pad"
+        raise InputError(
+            f"{file}: a design is named after its file, in plain letters, digits, dots, dashes and underscores, "
+            f"63 at most; say {file.with_name(plain + '.toml')}"
+        )
+    if file.exists() and not force:
+        raise InputError(f"{file}: exists already; choose another name, or --force to replace it")
+    text = new_text(file.stem, preset)
+    design = SensorDesign.from_document(tomllib.loads(text), where=str(file))
+    write_text_atomically(file, text)
+    if as_json:
+        print_json({"file": str(file), "preset": preset, "digest": design.digest})
+    else:
+        say(f"{file} written from {preset}. Next: optopad check {file}, then optopad run {file}")
+
+
+def check(
+    design: options.Design,
+    set_: options.Set = None,
+    details: options.Details = False,
+    as_json: options.Json = False,
+) -> None:
+    """Does it fit and can it work? Lists every finding; exit 2 when one is an error."""
+    from dataclasses import asdict
+
+    from design.rules.check import check as findings_of
+    from design.rules.check import notes
+    from optopad.screen.answer import counted
+    from optopad.screen.verdict import as_typed, findings_screen
+
+    read = read_design(design, set_)
+    findings = findings_of(read)
+    errors = [finding for finding in findings if finding.severity == "error"]
+    total = f"{read.name}: {counted(len(errors), 'error')}, {counted(len(findings) - len(errors), 'warning')}"
+    findings = findings if errors else (*findings, *notes(read))
+    tell(
+        as_json,
+        lambda: {"name": read.name, "digest": read.digest, "findings": [asdict(f) for f in findings]},
+        lambda: (
+            [*map(str, findings), total]
+            if details
+            else findings_screen(read.name, findings, command=f"score {as_typed(design, set_)}")
+        ),
+    )
+    if errors:
+        raise typer.Exit(2)
+
+
+def schema(
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="File to write (.json); default: standard output.",
+            callback=options.file_name(".json"),
+        ),
+    ] = None,
+) -> None:
+    """JSON Schema of a design file, for an editor's completion and checks."""
+    import json
+
+    from design.io import file_schema, write_text_atomically
+
+    text = json.dumps(file_schema(), indent=2) + "\n"
+    if out is None:
+        typer.echo(text, nl=False)
+    else:
+        write_text_atomically(out, text)
+        say(f'{out} written. In a design file: "#:schema {out}" as the first line')
+
+
+def migrate(
+    file: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design file of an older schema version.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="File to write (.toml); default: beside it, -migrated.",
+            callback=options.file_name(".toml"),
+        ),
+    ] = None,
+    as_json: options.Json = False,
+) -> None:
+    """Lift a design file of an older schema version to the present one; newer ones are refused."""
+    import tomlkit
+
+    from design.io import check_version, migrated, read_toml, without_empty, write_text_atomically
+    from design.spec import SCHEMA_VERSION
+
+    document = read_toml(file)
+    version = document.get("schema_version")
+    if version == SCHEMA_VERSION:
+        read_design(str(file), None)
+        message, target = f"{file}: already schema version {SCHEMA_VERSION}; nothing to do", file
+    else:
+        lifted = migrated(document)
+        check_version(lifted, file)
+        target = out or file.with_name(f"{file.stem}-migrated{file.suffix}")
+        options.checked_out(target, file)
+        write_text_atomically(target, tomlkit.dumps(without_empty(lifted)))
+        message = f"{target} written: schema version {version} lifted to {SCHEMA_VERSION}"
+    tell(as_json, lambda: {"file": str(target), "from": version, "to": SCHEMA_VERSION}, lambda: [message])
+
+
+def build(
+    design: options.Design,
+    set_: options.Set = None,
+    out: options.Out = options.DEFAULT_OUT,
+    bed: Annotated[
+        str | None, typer.Option(help="Room of the printer in mm, as 220,220,250; the usual one if left out.")
+    ] = None,
+    slice_parts: Annotated[
+        bool, typer.Option("--slice", help="Ask PrusaSlicer for time, filament and its warnings, too.")
+    ] = False,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
+) -> None:
+    """Mold and tools as STL, STEP and 3MF, with their checks."""
+    from design.mold.filling import is_cast_under_lid
+    from design.parts.assumptions import bed_of
+    from design.shape.cavity import plan_of
+    from optopad.jobs.pipeline import write_parts
+    from optopad.screen.verdict import checks_line, finding_line
+
+    read, room = read_design(design, set_), None if bed is None else bed_of(bed)
+    with progress(quiet=as_json) as step:
+        checks, folder = write_parts(read, out, seed=seed, on_step=step, bed_mm=room, slice_parts=slice_parts)
+    if as_json:
+        print_json({"bundle": str(folder), "checks": checks})
+        return
+    for finding in checks["findings"]:
+        if finding["state"] != "ok":
+            say(finding_line(finding))
+    for part, printed in checks.get("prints", {}).items():
+        say(f"{part:<15} {printed['minutes']:6.0f} min {printed['filament_g']:7.2f} g")
+    say(checks_line(checks))
+    if is_cast_under_lid(plan_of(read)):
+        say("cast      upside down on the lid, by weight: " + ", then ".join(_weights(read)))
+    say(f"files     {folder / 'cad'}")
+
+
+def _weights(design: SensorDesign) -> Iterator[str]:
+    from fabrication.sheets.casting import pours
+
+    return (f"{pour.net_g:.2f} g of {pour.layer} silicone" for pour in pours(design))
+
+
+QUICK_SWITCH_S = 0.001
+"""How soon the page and a sensor get their turn beside the work [s]."""
+
+
+def studio(
+    design: options.Design,
+    set_: options.Set = None,
+    port: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--port",
+            metavar="NUMBER|NAME|fake",
+            help="A number: of the page. A name: serial port of the built sensor; fake: a simulated one. Repeatable.",
+        ),
+    ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option("--model", metavar="FILE", help="With a sensor: show touches by a trained model."),
+    ] = None,
+    patience: options.Patience = None,
+    no_open: Annotated[
+        bool, typer.Option("--no-open", help="Open no browser; the address is printed.")
+    ] = False,
+    out: options.Out = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
+) -> None:
+    """The design live in a browser: drag parts, press the pad, see the verdict. Ctrl-C ends it."""
+    page_port, device = _ports(port or [])
+    if model is not None and device is None:
+        raise InputError(f"--model: {model} needs a sensor, as --port fake or --port /dev/ttyUSB0; add it")
+    session = _session(design, set_)
+    live = _sensor(session, device, model, out, seed, patience)
+    try:
+        from optopad.studio.view.page import Page
+    except ModuleNotFoundError as err:
+        if err.name != "viser":
+            raise
+        raise InputError(
+            "studio: needs the package viser; install it (pip install 'optopad[studio]', or pip install viser)"
+        ) from None
+    sys.setswitchinterval(QUICK_SWITCH_S)
+    page = Page(session, out=out, port=page_port, seed=seed, live=live)
+    try:
+        page.start()
+        if as_json:
+            print_json({"url": page.url, "design": session.design.name, "digest": session.design.digest})
+        else:
+            say(f"studio    {page.url}")
+            say("          Ctrl-C ends it; nothing is saved but by Save")
+        sys.stdout.flush()
+        if not no_open:
+            webbrowser.open(page.url)
+        while True:
+            time.sleep(0.2)
+    except KeyboardInterrupt:
+        answered()  # that is how it ends
+    finally:
+        page.close()
+
+
+def _session(design: str, changes: list[str] | None) -> Session:
+    from optopad.studio.design_file import DesignFile
+    from optopad.studio.session import Session
+    from optopad.work import read_design
+
+    start = read_design(design, changes)  # a name that is none is refused with the nearest ones
+    return Session(DesignFile(design), start)
+
+
+def _sensor(
+    session: Session,
+    device: str | None,
+    model: Path | None,
+    out: Path,
+    seed: int,
+    patience: float | None,
+) -> LiveSensor | None:
+    if device is None:
+        return None
+    from optopad.studio.live import LiveSensor
+
+    return LiveSensor(session.design, port=device, model=model, bundles=out, seed=seed, patience_s=patience)
+
+
+def _ports(given: list[str]) -> tuple[int | None, str | None]:
+    """The page's port and the sensor's, of what was given."""
+    numbers = [one for one in given if one.isdigit()]
+    names = [one for one in given if not one.isdigit()]
+    for kind, found in (("number, the page's", numbers), ("name, the sensor's", names)):
+        if len(found) > 1:
+            raise InputError(f"--port: {' and '.join(found)} are refused: give one {kind}")
+    if not numbers:
+        return None, names[0] if names else None
+    page = int(numbers[0])
+    if not 1024 <= page <= 65535:
+        raise InputError(f"--port: {page} is refused: a page's port is 1024 to 65535")
+    return page, names[0] if names else None

@@ -1,0 +1,126 @@
+"""Verbs of the board's program: driver firmware, driver flash."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from design.errors import DeviceError
+from optopad.cli import options
+from optopad.cli.output import print_json, say
+from optopad.work import read_design
+
+if TYPE_CHECKING:
+    from fabrication.driver_file import BoardSetup
+
+
+def firmware(
+    design: options.Design,
+    set_: options.Set = None,
+    out: options.Out = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
+) -> None:
+    """Sketch folder for the Arduino IDE, of exactly this geometry; with avr-gcc installed also a .hex."""
+    from fabrication.firmware.sketch import firmware_settings
+    from optopad.sensor.firmware import write_firmware
+
+    read = read_design(design, set_)
+    settings, files = firmware_settings(read), write_firmware(read, out, seed=seed)
+    image = files.image
+    if as_json:
+        print_json(
+            {
+                "sketch": str(files.sketch),
+                "board": settings.chip.arduino_board,
+                "image": None if files.image_file is None else str(files.image_file),
+                "no_image_because": files.no_image_because,
+                "flash_bytes": None if image is None else image.flash_bytes,
+                "ram_bytes": None if image is None else image.ram_bytes,
+                "config_crc": settings.config_crc(),
+            }
+        )
+        return
+    say(f"sketch    {files.sketch}")
+    say(f"board     {settings.board_title} ({settings.chip.arduino_board})")
+    if image is None:
+        say(f"no .hex   {files.no_image_because}")
+    else:
+        say(f"image     {files.image_file}")
+        say(
+            f"takes     {_share(image.flash_bytes, settings.chip.flash_bytes)} of program memory, "
+            f"{_share(image.ram_bytes, settings.chip.ram_bytes)} of RAM"
+        )
+
+
+def flash(
+    design: options.Design,
+    port: Annotated[
+        str | None,
+        typer.Option(
+            "--port", help="Serial port, as /dev/ttyACM0 or COM3; found by its USB identity if left out."
+        ),
+    ] = None,
+    image: Annotated[
+        Path | None, typer.Option("--image", help="A .hex file to upload in place of the design's own.")
+    ] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the command and upload nothing.")] = False,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="Do not ask about a port that only a serial chip speaks for.")
+    ] = False,
+    patience: options.Patience = None,
+    set_: options.Set = None,
+    out: options.Out = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
+) -> None:
+    """Upload the firmware of a design to its board, with avrdude. A printer is listened for first, and refused."""
+    from fabrication.driver.link.printers import require_no_printer
+    from fabrication.driver.sensor import PATIENCE_S
+    from fabrication.firmware.flash import require_uploader, upload, upload_command
+    from fabrication.firmware.sketch import firmware_settings
+    from optopad.sensor.firmware import board_setup, given_image, image_to_upload
+
+    read = read_design(design, set_)
+    chip = firmware_settings(read).chip
+    file = image_to_upload(read, out, seed=seed) if image is None else given_image(image)
+    board = board_setup(read)
+    found = _found_port(board, is_agreed=yes or dry_run, may_ask=not as_json) if port is None else port
+    command = upload_command(chip, file, found)
+    if not dry_run:
+        require_uploader(found)
+        print(f"listening {found}: is a printer there?", file=sys.stderr)
+        require_no_printer(found, board.baud, PATIENCE_S if patience is None else patience)
+        upload(chip, file, found)
+    if as_json:
+        print_json({"command": command, "port": found, "image": str(file), "uploaded": not dry_run})
+    elif dry_run:
+        say(shlex.join(command))
+    else:
+        say(f"uploaded  {file} to {found}; the board says hello within 3 s")
+
+
+def _found_port(board: BoardSetup, *, is_agreed: bool, may_ask: bool) -> str:
+    """The board's port by its USB identity; one that only a serial chip speaks for has to be agreed to."""
+    from fabrication.driver.link.ports import GUESSED, find_port, is_guess
+
+    found = find_port(board)
+    if is_agreed or not is_guess(found, board):
+        return found.name
+    if not (may_ask and sys.stdin.isatty()):
+        raise DeviceError(
+            f"{found}: {GUESSED} Nothing was opened or written; if it is the board, name it: --port {found.name}, or "
+            "add --yes"
+        )
+    answer = input(f"{found}: {GUESSED} Write the sensor's firmware to it? [y/N] ")
+    if answer.strip().lower() not in ("y", "yes"):
+        raise DeviceError(f"{found}: nothing was opened or written; name the board's port with --port")
+    return found.name
+
+
+def _share(taken_bytes: int, of_bytes: int) -> str:
+    return f"{taken_bytes} bytes ({taken_bytes / of_bytes:.0%})"

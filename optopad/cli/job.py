@@ -1,0 +1,82 @@
+"""The main job and its page: run, report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from optopad.cli import options
+from optopad.cli.output import foretell_score, print_json, progress, say, tell
+from optopad.work import read_design
+
+
+def run(
+    design: options.Design,
+    set_: options.Set = None,
+    fine: options.Fine = False,
+    out: options.Out = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    details: options.Details = False,
+    as_json: options.Json = False,
+) -> None:
+    """The main job: mold, verdict, driver config and report in one bundle."""
+    from optopad.jobs.pipeline import run as make
+    from optopad.screen.verdict import (
+        as_typed,
+        checks_line,
+        checks_words,
+        learner_line,
+        row,
+        score_lines,
+        verdict_screen,
+    )
+
+    read = read_design(design, set_)
+    foretell_score(read, fine=fine, full=False, quiet=as_json, is_run=True)
+    with progress(quiet=as_json) as step:
+        made = make(read, out, fine=fine, seed=seed, on_step=step)
+    place = {"bundle": str(made.folder), "checks_ok": made.checks["ok"]}
+    page, typed = str(made.folder / "report.html"), as_typed(design, set_)
+    tell(
+        as_json,
+        lambda: place | {"score": made.score.to_dict()},
+        lambda: (
+            [*score_lines(made.score.found), checks_line(made.checks), f"report    {page}"]
+            if details
+            else verdict_screen(
+                read,
+                made.score.found,
+                [*row("mold", checks_words(made.checks), 2), f"report      {page}"],
+                command=typed,
+                is_built=True,
+                learner=learner_line(read, made.folder, typed),
+            )
+        ),
+    )
+
+
+def report(
+    bundle: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Bundle folder of an earlier run.")],
+    open_: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
+    as_json: options.Json = False,
+) -> None:
+    """Where the report of a bundle is, after checking every file against the manifest."""
+    import webbrowser
+
+    from design.errors import InputError
+    from fabrication.bundle import MANIFEST, altered_files
+
+    page = bundle / "report.html"
+    if not (bundle / MANIFEST).is_file() or not page.is_file():
+        raise InputError(f"{bundle}: no bundle with a report; make one with `optopad run DESIGN`")
+    altered = altered_files(bundle)
+    if as_json:
+        print_json({"report": str(page), "altered": list(altered)})
+    else:
+        say(f"report    {page}")
+        for name in altered:
+            say(f"warning   {name} differs from the manifest: it was changed after the run")
+    if open_:
+        webbrowser.open(page.resolve().as_uri())

@@ -1,0 +1,243 @@
+"""The verb from a verdict to a better design: improve.
+
+The verb of the search: explore.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from design.errors import InputError
+from design.spec import SensorDesign
+from optopad.cli import options
+from optopad.cli.output import print_json, progress, say
+from optopad.work import parsed_change, read_design
+
+if TYPE_CHECKING:
+    from design.search.explore import Findings, OnTried
+    from design.search.improve import Tried
+    from design.search.space import SearchSpace
+    from optopad.results.shown import Search
+
+
+def improve(
+    design: options.Design,
+    set_: options.Set = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option("--vary", metavar="FIELD[=A:B]", help="Vary this field, too, from A to B. Repeatable."),
+    ] = None,
+    keep: Annotated[
+        list[str] | None,
+        typer.Option("--keep", metavar="FIELD", help="Leave this field as it is. Repeatable."),
+    ] = None,
+    more_parts: Annotated[
+        bool, typer.Option("--more-parts", help="More parts a side may help, too.")
+    ] = False,
+    budget: Annotated[
+        float | None,
+        typer.Option(
+            "--budget", metavar="MINUTES", help="Time to search, about: 3 for a pad, 2 for facing rows."
+        ),
+    ] = None,
+    out: options.Out = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
+) -> None:
+    """Up to four verified changes that mend or better a design, as design files; the same command goes on."""
+    from optopad.jobs.improvement import improve as search_around
+
+    read = read_design(design, set_)
+    with progress(quiet=as_json) as step, telling(quiet=as_json) as tell:
+        made = search_around(
+            read,
+            out,
+            text=_text(design, read, is_changed=bool(set_)),
+            vary=dict(_range(one) for one in vary or []),
+            keep=keep or [],
+            more_parts=more_parts,
+            budget_min=budget,
+            seed=seed,
+            on_step=step,
+            on_tried=tell,
+        )
+    if as_json:
+        print_json(made.to_json())
+    else:
+        say("\n".join(made.lines()))
+    if made.is_interrupted:
+        raise typer.Exit(INTERRUPTED)
+
+
+def _text(where: str, design: SensorDesign, *, is_changed: bool) -> str | None:
+    """The design as its author wrote it; None where changes or parts of its own are not in that file."""
+    from design.io import read_design_text
+    from design.preset import preset_text
+
+    path = Path(where)
+    if is_changed or any(design.catalog.model_dump().values()):
+        return None
+    if not path.exists():
+        return preset_text(where)
+    text = read_design_text(path / "design.toml" if path.is_dir() else path)
+    first, _, rest = text.partition("\n")
+    return rest if first.startswith("# optopad design ") else text  # it names a digest, which will be another
+
+
+def _range(text: str) -> tuple[str, tuple[float, float] | None]:
+    """Path and range of one ``FIELD[=A:B]``."""
+    path, equals, ends = text.partition("=")
+    if not equals:
+        return path.strip(), None
+    try:
+        low, high = (float(end) for end in ends.split(":"))
+    except ValueError:
+        raise InputError(
+            f"--vary: {text!r} is refused: write FIELD=A:B, as receivers.height_mm=5:7"
+        ) from None
+    return path.strip(), (low, high)
+
+
+INTERRUPTED = 130
+LINE_EVERY_S = 30.0
+"""Without a terminal: a line whenever the front changes, else this often."""
+
+
+def explore(
+    space: Annotated[
+        str, typer.Argument(metavar="SPACE", help="Search-space file (.toml), or the name of a packaged one.")
+    ],
+    trials: Annotated[
+        int | None, typer.Option(min=1, help="Designs to judge, those of earlier runs included.")
+    ] = None,
+    storage: Annotated[
+        str | None,
+        typer.Option(metavar="URL", help="Database that many workers share, as postgresql://user@host/name."),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers judge, as tcp://host:8786."),
+    ] = None,
+    set_: options.Set = None,
+    out: options.Out = options.DEFAULT_OUT,
+    seed: Annotated[
+        int | None,
+        typer.Option(min=0, max=options.LARGEST_SEED, help="Seed of the search; default: the space's."),
+    ] = None,
+    as_json: options.Json = False,
+) -> None:
+    """Search for better designs; the same command goes on where a search was stopped."""
+    from optopad.jobs.exploration import search, summary
+
+    read = _read(space, set_, seed)
+    with telling(quiet=as_json) as tell:
+        result = search(read, out, trials=trials, storage=storage, scheduler=scheduler, on_tried=tell)
+    if as_json:
+        print_json(summary(result))
+    else:
+        _say(result)
+    if result.findings.is_interrupted:
+        raise typer.Exit(INTERRUPTED)
+
+
+def _read(where: str, changes: list[str] | None, seed: int | None) -> SearchSpace:
+    from design.search.space import load_space, space_from
+
+    space = load_space(where)
+    document = space.model_dump(mode="json")
+    if changes:
+        base = space.base.with_(**dict(parsed_change(change) for change in changes))
+        document |= {"base": base.model_dump(mode="json")}
+    if seed is not None:
+        document["search"] |= {"seed": seed}
+    return space_from(document, where=where) if changes or seed is not None else space
+
+
+@contextmanager
+def telling(*, quiet: bool) -> Iterator[OnTried | None]:
+    """Live progress on standard error: a bar with the best so far, or lines where there is no terminal."""
+    if quiet:
+        yield None
+    elif sys.stderr.isatty():
+        yield from _bar()
+    else:
+        yield _lines()
+
+
+def _bar() -> Iterator[OnTried]:
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        BarColumn(bar_width=24),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.description}"),
+    )
+    with Progress(*columns, console=Console(stderr=True)) as bars:
+        task = bars.add_task("base design", total=None)
+
+        def tell(found: Findings, _: Tried | None) -> None:
+            bars.update(task, completed=len(found.tried), total=found.wanted, description=standing(found))
+
+        yield tell
+
+
+def _lines() -> OnTried:
+    last = {"time": -LINE_EVERY_S, "front": -1.0}
+
+    def tell(found: Findings, _: Tried | None) -> None:
+        front = hash(tuple(best.digest for best in found.front))
+        now = time.monotonic()
+        if front != last["front"] or now - last["time"] >= LINE_EVERY_S or len(found.tried) == found.wanted:
+            last.update(time=now, front=front)
+            print(f"{len(found.tried):>6} of {found.wanted}  {standing(found)}", file=sys.stderr)
+
+    return tell
+
+
+def standing(found: Findings) -> str:
+    """Best so far in each objective, the base's beside it."""
+    parts = [f"front {len(found.front)}"]
+    for objective in found.space.objectives:
+        values = [value for one in found.front if (value := one.judged.figures[objective.figure]) is not None]
+        base = found.base.figures.get(objective.figure)
+        if values:
+            best = min(values) if objective.sense == "minimize" else max(values)
+            parts.append(
+                f"{objective.figure} {best:.3g}" + (f" (base {base:.3g})" if base is not None else "")
+            )
+    return ", ".join(parts)
+
+
+def _say(result: Search) -> None:
+    found = result.findings
+    stopped = sum(bool(one.judged.reason) for one in found.tried)
+    say(
+        f"search    {found.space.name}: {len(found.tried)} of {max(found.wanted, len(found.tried))} designs judged, "
+        f"{stopped} stopped early"
+    )
+    names = [objective.figure for objective in found.space.objectives]
+    for limit in found.limits:
+        say(f"limit     {limit}")
+    if "usable_depth_mm" in found.base.figures and "usable_depth_mm" not in names:
+        names.append("usable_depth_mm")
+    say(f"{'design':<28}" + "".join(f"{name:>20}" for name in names) + "  verdict")
+    rows = [("base", found.base, result.base_headline)] + [
+        (file, one.judged, result.headline(one)) for file, one in zip(result.files, found.front, strict=True)
+    ]
+    for label, judged, words in rows:
+        values = [judged.figures.get(name) for name in names]
+        told = "".join(f"{'-' if value is None else f'{value:.4g}':>20}" for value in values)
+        say(f"{label:<28}{told}  {words}")
+    if not found.front:
+        say("front     empty: no design was judged to the end within all limits; designs.csv says why")
+    say(f"files     {result.folder}")
+    say(f"report    {result.folder / 'report.html'}")

@@ -1,0 +1,674 @@
+"""Verbs of the built sensor on its port: read, record, check.
+
+The verb fake: a simulated board that read, record and check can talk to.
+
+The verb export: a recording as netCDF, with the positions of the stage that pressed.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+
+import typer
+
+from design.errors import DeviceError, InputError, OutputError
+from optopad.cli import options
+from optopad.cli.interrupts import answered
+from optopad.cli.output import print_json, progress, say, tell
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from fabrication.driver.recording.joined_log import JoinedLog
+    from fabrication.driver.sensor import Sensor
+    from fabrication.driver.simulated.board import FakeBoard
+    from fabrication.driver.simulated.finger import Finger, FingerPath
+    from fabrication.driver.simulated.port import FakePort, Wire
+    from fabrication.driver.simulated.press_table import PressTable
+    from fabrication.driver.touch_reader import TouchReader
+    from fabrication.driver_file import DriverConfig
+    from fabrication.stage.fake_printer import FakePrinter
+    from optopad.sensor.driver_view import DriverSource
+    from sims.learning.inference.touch_model import TouchModel
+
+Answer = TypeVar("Answer")
+LIVE_EVERY_S = 0.1
+LINE_EVERY_S = 1.0
+CHECK_S = 1.5
+
+
+def read(
+    config: options.Config,
+    port: options.Port = None,
+    rate: options.Rate = None,
+    frames: options.Frames = None,
+    seconds: options.Seconds = None,
+    accept_digest: options.Accept = None,
+    patience: options.Patience = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            "--model", metavar="FILE", help="Show touch, place, depth and force by a trained model."
+        ),
+    ] = None,
+    drift_time: Annotated[
+        float | None,
+        typer.Option(
+            "--drift-time",
+            metavar="S",
+            min=0.1,
+            help="With --model: time constant of drift (10 if left out).",
+        ),
+    ] = None,
+    guard: Annotated[
+        float | None,
+        typer.Option(
+            "--guard", metavar="S", min=0.0, help="With --model: no drift so near a touch (0.5 if left out)."
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="Write the JSON lines into a new file (.jsonl).",
+            callback=options.file_name(".jsonl", ".ndjson"),
+        ),
+    ] = None,
+    set_: options.Set = None,
+    bundles: options.Bundles = options.DEFAULT_OUT,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="A JSON object a line on standard output, one a frame.")
+    ] = False,
+) -> None:
+    """Show the sensor live: its signals, or touches by a model. Leave the pad alone for the first half second."""
+    _refuse_without_model(model, drift_time=drift_time, guard=guard)
+    from fabrication.driver.sensor import BASELINE_S
+    from optopad.sensor.driver_view import driver_source, fitting_model, link_line
+
+    source = driver_source(config, set_, bundles)
+    trained = None if model is None else fitting_model(model, source.config)
+    baseline_s = BASELINE_S if trained is None else 0.0  # a model's reader takes its own
+    with (
+        _lines(out, as_json) as write,
+        _sensor(source.config, port, rate, accept_digest, patience, baseline_s=baseline_s) as sensor,
+    ):
+        with _until_interrupted():
+            if trained is None:
+                _show(sensor, frames, seconds, write)
+            else:
+                reader = _touch_reader(sensor, trained, drift_time, guard)
+                _show_touch(reader, frames, seconds, write)
+        if not as_json:
+            say(link_line(sensor))
+
+
+def record(
+    config: options.Config,
+    port: options.Port = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="A new file (.optorec); by default the design's name and the time.",
+            callback=options.file_name(".optorec"),
+        ),
+    ] = None,
+    rate: options.Rate = None,
+    frames: options.Frames = None,
+    seconds: options.Seconds = None,
+    accept_digest: options.Accept = None,
+    patience: options.Patience = None,
+    netcdf: Annotated[
+        bool, typer.Option("--netcdf/--no-netcdf", help="Make the netCDF beside it at the end.")
+    ] = True,
+    set_: options.Set = None,
+    bundles: options.Bundles = options.DEFAULT_OUT,
+    as_json: options.Json = False,
+) -> None:
+    """Record raw frames into a file that no interruption can spoil. Ctrl-C is a clean end."""
+    if seconds is not None and not seconds > 0.0:
+        raise InputError(
+            f"--seconds: {seconds:g} is refused: give more than 0, or leave it out and end with Ctrl-C"
+        )
+    from optopad.sensor.driver_view import driver_source, link_json, link_line
+
+    source = driver_source(config, set_, bundles)
+    file = out or _default_file(source)
+    with (
+        _sensor(source.config, port, rate, accept_digest, patience) as sensor,
+        sensor.record(file) as recorder,
+    ):
+        try:
+            with _until_interrupted():
+                _follow(
+                    sensor,
+                    None,
+                    seconds,
+                    quiet=as_json,
+                    is_over=lambda: recorder.frames >= (frames or math.inf),
+                )
+        except DeviceError as err:
+            raise DeviceError(f"{err}; {file} holds the {recorder.frames} frames before") from err
+        recorder.close()
+        link, line = link_json(sensor), link_line(sensor)
+    made = _netcdf_beside(file) if netcdf else None
+    if as_json:
+        netcdf_name = None if made is None else str(made)
+        print_json({"file": str(file), "netcdf": netcdf_name, "recorded": recorder.frames, "link": link})
+        return
+    say(line)
+    say(f"files     {file} ({recorder.frames} frames){'' if made is None else f', {made}'}")
+
+
+def check(
+    config: options.Config,
+    port: options.Port = None,
+    rate: options.Rate = None,
+    accept_digest: options.Accept = None,
+    patience: options.Patience = None,
+    seconds: Annotated[
+        float, typer.Option("--seconds", metavar="S", min=0.1, help="Of untouched pad.")
+    ] = CHECK_S,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="Write the outcome as JSON, too.",
+            callback=options.file_name(".json"),
+        ),
+    ] = None,
+    set_: options.Set = None,
+    bundles: options.Bundles = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
+) -> None:
+    """Test every LED and photodiode of the untouched pad against the simulated pattern."""
+    from design.io import write_text_atomically
+    from fabrication.driver.check import check_frames
+    from optopad.sensor.driver_view import check_lines, driver_source, link_json, with_expected_pattern
+
+    if out is not None:
+        options.checked_out(out, config)
+    source = driver_source(config, set_, bundles)
+    with progress(quiet=as_json) as step:
+        expected = with_expected_pattern(source, seed=seed, on_step=step)
+    with _sensor(expected, port, rate, accept_digest, patience) as sensor:
+        sensor.read()
+        verdict = check_frames(sensor.frames(seconds=seconds), sensor.descriptor, sensor.self_test())
+        document = {**verdict.to_json(), "link": link_json(sensor)}
+    if out is not None:
+        write_text_atomically(out, json.dumps(document, indent=2) + "\n")
+    tell(as_json, lambda: document, lambda: check_lines(verdict))
+
+
+def _show(
+    sensor: Sensor, frames: int | None, seconds: float | None, write: Callable[[str], None] | None
+) -> None:
+    from optopad.sensor.driver_view import frame_json
+
+    if write is not None:
+        for frame in sensor.frames(frames, seconds):
+            write(json.dumps(frame_json(frame)))
+    elif sys.stdout.isatty():
+        _live(sensor, frames, seconds)
+    else:
+        _follow(sensor, frames, seconds, quiet=False)
+
+
+def _sensor(
+    config: DriverConfig,
+    port: str | None,
+    rate: float | None,
+    accept_digest: str | None,
+    patience: float | None,
+    *,
+    baseline_s: float = 0.0,
+) -> Sensor:
+    """A sensor as the options name it."""
+    from fabrication.driver.sensor import Sensor
+
+    return Sensor(
+        config, port, rate_hz=rate, accept_digest=accept_digest, patience_s=patience, baseline_s=baseline_s
+    )
+
+
+def _refuse_without_model(model: Path | None, **given: float | None) -> None:
+    for name, value in given.items():
+        if model is None and value is not None:
+            option = name.replace("_", "-")
+            raise InputError(
+                f"--{option}: {value:g} needs --model, whose drift it is for; add it, or drop --{option}"
+            )
+
+
+def _touch_reader(
+    sensor: Sensor, model: TouchModel, drift_time: float | None, guard: float | None
+) -> TouchReader:
+    from fabrication.driver.drift import GUARD_S, TIME_CONSTANT_S
+    from fabrication.driver.touch_reader import TouchReader
+
+    return TouchReader(
+        sensor,
+        model,
+        time_constant_s=TIME_CONSTANT_S if drift_time is None else drift_time,
+        guard_s=GUARD_S if guard is None else guard,
+    )
+
+
+def _show_touch(
+    reader: TouchReader, frames: int | None, seconds: float | None, write: Callable[[str], None] | None
+) -> None:
+    from optopad.sensor.touch_view import start_note, touch_json, touch_line, touch_view
+
+    touches = reader.touches(frames, seconds)
+    if note := start_note(reader):
+        print(note, file=sys.stderr)
+    if write is not None:
+        for touch in touches:
+            write(json.dumps(touch_json(touch)))
+    elif sys.stdout.isatty():
+        _drawn(touches, lambda touch: touch_view(touch, reader))
+    else:
+        said_at = -math.inf
+        for touch in touches:
+            if (now := time.monotonic()) - said_at >= LINE_EVERY_S:
+                said_at = now
+                print(touch_line(touch), file=sys.stderr)
+
+
+def _live(sensor: Sensor, frames: int | None, seconds: float | None) -> None:
+    from optopad.sensor.driver_view import live_table
+
+    _drawn(sensor.frames(frames, seconds), lambda frame: live_table(frame, sensor))
+
+
+def _drawn(answers: Iterator[Answer], view: Callable[[Answer], RenderableType]) -> None:
+    """Draw ten of them a second, in one place."""
+    from rich.console import Console
+    from rich.live import Live
+
+    drawn_at = 0.0
+    with Live(console=Console(), auto_refresh=False) as live:
+        for answer in answers:
+            if (now := time.monotonic()) - drawn_at >= LIVE_EVERY_S:
+                drawn_at = now
+                live.update(view(answer), refresh=True)
+
+
+def _follow(
+    sensor: Sensor,
+    frames: int | None,
+    seconds: float | None,
+    *,
+    quiet: bool,
+    is_over: Callable[[], bool] = lambda: False,
+) -> None:
+    """A line a second while frames come, until so many or so long or `is_over`."""
+    from optopad.sensor.driver_view import link_line, strongest_change
+
+    said_at = time.monotonic()
+    for frame in sensor.frames(frames, seconds):
+        if not quiet and (now := time.monotonic()) - said_at >= LINE_EVERY_S:
+            said_at = now
+            print(f"{link_line(sensor)}  {strongest_change(frame, sensor)}".rstrip(), file=sys.stderr)
+        if is_over():
+            return
+
+
+@contextmanager
+def _lines(out: Path | None, as_json: bool) -> Iterator[Callable[[str], None] | None]:
+    """Where JSON lines go: a new file, standard output, or nowhere."""
+    if out is None:
+        yield _print_line if as_json else None
+        return
+    try:
+        with out.open("x", encoding="utf-8") as stream:
+            try:
+                yield lambda line: print(line, file=stream)
+            except BaseException:
+                # ended before the first line: the same command can be given again
+                if not stream.tell():
+                    out.unlink(missing_ok=True)
+                raise
+    except FileExistsError:
+        raise InputError(f"--out {out}: exists already; choose another name") from None
+    except OSError as err:
+        raise OutputError(f"--out {out}: cannot be written: {err.strerror}; choose another folder") from None
+
+
+def _print_line(line: str) -> None:
+    """A line on standard output, at once; OutputError where it goes to a full disk."""
+    try:
+        print(line, flush=True)
+    except BrokenPipeError:
+        raise
+    except OSError as err:
+        _drop_output()
+        raise OutputError(
+            f"standard output: cannot be written: {err.strerror}; free some room, or send it elsewhere"
+        ) from None
+
+
+def _drop_output() -> None:
+    """What Python would still write to standard output at its end goes nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+@contextmanager
+def _until_interrupted() -> Iterator[None]:
+    """Ctrl-C, or a closed pipe, is how reading and recording end when no other end was asked for."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        answered()
+    except BrokenPipeError:  # as `| head` leaves it
+        _drop_output()
+
+
+def _default_file(source: DriverSource) -> Path:
+    from fabrication.driver.recording.raw import SUFFIX
+
+    return Path(f"{source.config.design}-{time.strftime('%Y%m%d-%H%M%S')}{SUFFIX}")
+
+
+def _netcdf_beside(file: Path) -> Path | None:
+    """The netCDF of a recording that ended well; None where it cannot be made, or a file of its name exists."""
+    from fabrication.driver.recording.export import can_export, read_recorded, write_netcdf
+
+    target = file.with_suffix(".nc")
+    if not can_export() or target.exists():  # another recording's is not overwritten
+        return None
+    try:
+        write_netcdf(read_recorded(file), target, file.name)
+    except InputError:
+        return None  # not one frame came before the end
+    return target
+
+
+def fake(
+    config: options.Config,
+    path: Annotated[
+        Path | None,
+        typer.Option(
+            "--path", metavar="CSV", help="Presses over time: t_s,x_mm,y_mm,depth_mm, over and over."
+        ),
+    ] = None,
+    still: Annotated[bool, typer.Option("--still", help="No finger: the pad stays untouched.")] = False,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--fault", metavar="KIND:PARTS", help="swap:E1,E2, dead:E3, dim:E4 or saturated:R5. Repeatable."
+        ),
+    ] = None,
+    socket: Annotated[
+        bool, typer.Option("--socket", help="A socket of this machine, not a pseudo-terminal.")
+    ] = False,
+    stage_link: Annotated[
+        Path | None,
+        typer.Option(
+            "--stage-link",
+            metavar="NAME",
+            help="A simulated printer on a port of this name, whose tip is the finger.",
+        ),
+    ] = None,
+    link: Annotated[
+        Path | None, typer.Option("--link", metavar="NAME", help="A name for the port that stays the same.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="CSV",
+            help="Write the finger's path, for `driver export --presses`.",
+            callback=options.file_name(".csv"),
+        ),
+    ] = None,
+    seconds: options.Seconds = None,
+    set_: options.Set = None,
+    bundles: options.Bundles = options.DEFAULT_OUT,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
+) -> None:
+    """A simulated board on a port, fed by the simulation, with a finger that moves. Ctrl-C ends it."""
+    from fabrication.driver.simulated.board import FakeBoard
+    from fabrication.driver.simulated.faults import faults_of
+    from fabrication.stage.fake_printer import TipFinger
+    from optopad.sensor.driver_view import driver_source, press_table
+
+    if out is not None:
+        options.checked_out(out, config, path)
+    _require_free_names(link, stage_link)
+    source = driver_source(config, set_, bundles)
+    faults = faults_of(source.config, fault or [])
+    with progress(quiet=as_json) as step:
+        said, table = press_table(source, seed=seed, on_step=step)
+    printer = None if stage_link is None else _printer(said, table, path, out, still)
+    finger: Finger = TipFinger(printer) if printer else _path(said, table, path, still, out)
+    board = FakeBoard(said, table, finger, faults=faults, seed=seed)
+    wire, stage = _ports(printer, use_socket=socket, link=link, stage_link=stage_link)
+    if as_json:
+        document = {"port": wire.name, "design": said.design, "digest": said.digest, "faults": fault or []}
+        print_json(document | ({} if stage is None else {"stage_port": stage.name}))
+    else:
+        say(f"port      {wire.name}")
+        if stage is not None:
+            say(f"stage     {stage.name}: its tip barely touches the middle of the pad")
+        say(f"try       optopad driver read {config} --port {wire.name}")
+    with stage or nullcontext():
+        _serve(board, wire, seconds)
+
+
+def _require_free_names(link: Path | None, stage_link: Path | None) -> None:
+    """Refuse, before the light is simulated, a port's name that is another's."""
+    from design.errors import InputError
+    from fabrication.driver.simulated.port import require_free
+
+    if link is not None:
+        require_free(link)
+    if stage_link is not None:
+        require_free(stage_link, "--stage-link")
+    if link is not None and stage_link is not None and link.absolute() == stage_link.absolute():
+        raise InputError(
+            f"--stage-link {stage_link}: is the board's --link, too; choose another name for one"
+        )
+
+
+def _ports(
+    printer: FakePrinter | None, *, use_socket: bool, link: Path | None, stage_link: Path | None
+) -> tuple[Wire, FakePort | None]:
+    """The board's line and the printer's port; a name that is refused leaves no link of the other."""
+    from design.errors import InputError
+    from fabrication.driver.simulated.port import FakePort, new_wire
+
+    wire = new_wire(use_socket=use_socket, link=link)
+    try:
+        return wire, None if printer is None else FakePort(printer, new_wire(link=stage_link))
+    except InputError:
+        wire.close()
+        raise
+
+
+def _printer(
+    said: DriverConfig, table: PressTable, path: Path | None, out: Path | None, still: bool
+) -> FakePrinter:
+    """A printer whose tip barely touches the middle of the pad."""
+    from design.errors import InputError
+    from fabrication.stage.fake_printer import FakePrinter
+
+    if path is not None or still or out is not None or not table.knows_presses:
+        reason = (
+            "the tip is the finger, --path, --still and --out say another"
+            if table.knows_presses
+            else "no press of this design was simulated; name the design, or run `score`"
+        )
+        raise InputError(f"--stage-link: {reason}")
+    area = said.workspace
+    return FakePrinter(((area.x0_mm + area.x1_mm) / 2, (area.y0_mm + area.y1_mm) / 2, 0.0))
+
+
+def _path(
+    said: DriverConfig, table: PressTable, path: Path | None, still: bool, out: Path | None
+) -> FingerPath:
+    from design.io import write_text_atomically
+
+    finger = _finger(said, table, path, still)
+    if out is not None:
+        write_text_atomically(out, finger.csv_text())
+    return finger
+
+
+def _finger(said: DriverConfig, table: PressTable, path: Path | None, still: bool) -> FingerPath:
+    from design.errors import InputError
+    from fabrication.driver.simulated.finger import NO_FINGER, demo_path, read_path
+
+    if path is not None and (still or not table.knows_presses):
+        reason = (
+            "--still was given"
+            if still
+            else "no press of this design was simulated; name the design, or run `score`"
+        )
+        raise InputError(f"--path: {reason}")
+    if path is not None:
+        return read_path(path)
+    return NO_FINGER if still or not table.knows_presses else demo_path(said.workspace)
+
+
+def _serve(board: FakeBoard, wire: Wire, seconds: float | None) -> None:
+    from fabrication.driver.simulated.port import FakePort
+
+    end = None if seconds is None else time.monotonic() + seconds
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a link is taken away, however it is ended
+    try:
+        with FakePort(board, wire):
+            while end is None or time.monotonic() < end:
+                time.sleep(0.1 if end is None else min(0.1, max(end - time.monotonic(), 0.0)))
+    except KeyboardInterrupt:
+        return
+
+
+def export(
+    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="A file of `driver record`.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="netCDF (.nc) or a table (.csv); by default .nc, next to the recording.",
+            callback=options.file_name(".nc", ".csv"),
+        ),
+    ] = None,
+    presses: Annotated[
+        Path | None,
+        typer.Option(
+            "--presses",
+            metavar="CSV",
+            help="Where it was pressed: t_s (the board's clock), x_mm, y_mm, depth_mm.",
+        ),
+    ] = None,
+    stage: Annotated[
+        Path | None,
+        typer.Option(
+            "--stage", metavar="CSV", help="A stage's log: time, x_mm, y_mm, depth_mm; perhaps set, place."
+        ),
+    ] = None,
+    offset: Annotated[
+        str | None,
+        typer.Option("--offset", metavar="S", help="This machine's clock less the log's; `auto` finds it."),
+    ] = None,
+    as_json: options.Json = False,
+) -> None:
+    """A recording as netCDF or CSV, as `optopad compare` and learners read it; a torn one gives what is whole."""
+    from fabrication.driver.recording.export import read_recorded, write_csv, write_netcdf
+    from fabrication.driver.recording.joined_log import joined
+    from fabrication.driver.recording.position_log import read_position_log
+    from fabrication.driver.simulated.finger import read_path
+
+    target = out or recording.with_suffix(".nc")
+    if target.resolve() == recording.resolve():
+        raise InputError(f"--out {target}: is the recording itself; choose another name")
+    options.checked_out(target, presses, stage)
+    if presses is not None and stage is not None:
+        raise InputError("--presses and --stage: two sources of positions; give one")
+    if offset is not None and stage is None:
+        raise InputError("--offset: shifts a stage's log; give --stage, too")
+    shift = _parsed_offset(offset)
+    log = None if stage is None else read_position_log(stage)
+    found = read_recorded(recording, None if presses is None else read_path(presses))
+    join = None if log is None else joined(found, log, shift)
+    found = found if join is None else join.recorded
+    write = write_csv if target.suffix.lower() == ".csv" else write_netcdf
+    write(found, target, recording.name)
+    document = {
+        "file": str(target),
+        "frames": len(found.sequence),
+        "lost": found.lost,
+        "doubled": found.doubled,
+        "connections": int(found.connection[-1]),
+        "ended_cleanly": found.ended_cleanly,
+        "stray_bytes": found.stray_bytes,
+        "has_presses": found.press_mm is not None,
+    }
+    if as_json:
+        print_json(document if join is None else document | {"stage": _join_json(join)})
+        return
+    torn = (
+        "" if found.ended_cleanly else f"; no clean end, {found.stray_bytes} bytes belong to no whole record"
+    )
+    say(
+        f"{len(found.sequence)} frames, {found.lost} lost{f', {found.doubled} doubled' if found.doubled else ''}{torn}"
+    )
+    if join is not None:
+        say(_join_line(join))
+    if found.press_mm is None:
+        say(
+            "presses   none in it; `optopad compare` needs them (--presses, --stage, or the recorder's press())"
+        )
+    say(f"files     {target}")
+
+
+def _parsed_offset(text: str | None) -> float | Literal["auto"] | None:
+    if text is None:
+        return None
+    if text == "auto":
+        return "auto"
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"--offset: {text!r} is refused: seconds, or auto")
+    return value
+
+
+def _join_json(join: JoinedLog) -> dict[str, Any]:
+    match = join.match
+    has_edges = math.isfinite(match.spread_s)
+    return {
+        "offset_s": round(join.offset_s, 4),
+        "edges": match.edges,
+        "edges_met": round(match.share, 4),
+        "lag_s": round(match.offset_s - join.offset_s, 4) if has_edges else None,
+        "spread_s": round(match.spread_s, 4) if has_edges else None,
+        "left_out": join.left_out,
+    }
+
+
+def _join_line(join: JoinedLog) -> str:
+    match, text = join.match, f"log       offset {join.offset_s:.3f} s"
+    if math.isfinite(match.spread_s):
+        lag = match.offset_s - join.offset_s
+        text += f"; {match.share:.0%} of {match.edges} touch edges meet"
+        text += f", {lag:+.3f} s late, scatter {match.spread_s:.3f} s"
+    return text + f"; {join.left_out} frames without a known position left out"

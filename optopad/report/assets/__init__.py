@@ -1,1 +1,0 @@
-"""Style sheet, templates and scripts of a page."""

@@ -1,0 +1,661 @@
+"""The files that pages are made of, the page that needs no script, and the one script of the others.
+
+The policy of a page lets that script run and no other. Every part of it looks for its own elements and does nothing
+without them. Data for it is stored in the page as JSON, which a browser reads and does not run; a closing tag inside
+is escaped.
+
+Building HTML safely: text becomes markup in one place only, and is escaped there.
+
+`element` escapes every child that is not `Html` already, so whatever a design file says stays text.
+
+The build sheet's Markdown as HTML: headings, paragraphs, lists, tables, fenced code, code in a line.
+
+Only what `fabrication.sheets.casting` writes; text is escaped after the sheet's own escapes are taken back, so that
+what a design says stays text.
+
+The verdict in words, the figures next to it, its bounds, and the units that keep it.
+
+The words follow the definitions of the verdict: a deadband is an interval of depth over which a signal
+changes by less than so many standard deviations of one reading.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from html import escape
+from importlib.resources import files
+from itertools import groupby
+from string import Template
+from typing import Any
+
+from design.spec import SensorDesign
+from optopad.screen.answer import answer_of, counted, signed, spans
+from sims.bounds.observability import Figure, PadBounds
+from sims.continuity.result import ContinuityScore, JudgedPair, Verdict
+from sims.verdict.builds import BuildStudy
+from sims.verdict.depth_curve import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
+
+PARTS = ("theme.js", "plan.js", "pad.js", "solid.js", "rays_view.js", "pairs_view.js", "maps_view.js")
+
+
+def asset(name: str) -> str:
+    """The text of a file of `optopad/report/assets`."""
+    return (files("optopad.report.assets") / name).read_text(encoding="utf-8")
+
+
+def still_page(
+    what: str, name: str, digest: str, titles: Mapping[str, str], verdict: Html, sections: Iterable[Html]
+) -> str:
+    """The whole page as HTML text; `titles` name the sections by their anchors."""
+    links = bullets([element("a", title, href=f"#{anchor}") for anchor, title in titles.items()])
+    return Template(asset("still_page.html")).substitute(
+        title=escape(f"{name}: {what}"),
+        style=asset("page.css"),
+        kind=f"{what} report",
+        name=escape(name),
+        digest=escape(digest[:8]),
+        navigation=element("nav", links, aria_label="Parts of this page"),
+        verdict=verdict,
+        sections=joined(sections, "\n"),
+    )
+
+
+def script_text() -> str:
+    """All parts one after the other."""
+    return "\n".join(map(asset, PARTS))
+
+
+def script_policy() -> str:
+    """The part of the page's policy that lets the script run, by its hash."""
+    digest = base64.b64encode(hashlib.sha256(script_text().encode()).digest()).decode("ascii")
+    return f"; script-src 'sha256-{digest}'"
+
+
+def script_element() -> Html:
+    """The script, for the end of the page."""
+    return element("script", Html(script_text()))
+
+
+def data_element(identifier: str, data: Any) -> Html:
+    """Data for the script.
+
+    Parameters
+    ----------
+    data : what JSON can hold; no NaN and no infinity
+    """
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False, ensure_ascii=False)
+    return element("script", Html(text.replace("<", "\\u003c")), type="application/json", id=identifier)
+
+
+VOID = frozenset({"img", "br", "input"})
+
+
+class Html(str):
+    """Text that is markup already."""
+
+    __slots__ = ()
+
+
+def element(tag: str, *children: str, **attributes: str | None) -> Html:
+    """One element; plain text among its children is escaped.
+
+    Parameters
+    ----------
+    attributes : values; None leaves one out; ``class_`` stands for class, ``aria_label`` for aria-label
+    """
+    inside = "".join(
+        f' {name.rstrip("_").replace("_", "-")}="{escape(value)}"'
+        for name, value in attributes.items()
+        if value is not None
+    )
+    if tag in VOID:
+        return Html(f"<{tag}{inside}>")
+    return Html(f"<{tag}{inside}>{joined(children)}</{tag}>")
+
+
+def joined(parts: Iterable[str], between: str = "") -> Html:
+    """Markup and text one after the other; text is escaped."""
+    return Html(escape(between).join(part if isinstance(part, Html) else escape(part) for part in parts))
+
+
+def bullets(items: Iterable[str], class_: str | None = None) -> Html:
+    """An unordered list."""
+    return element("ul", *(element("li", item) for item in items), class_=class_)
+
+
+def radios(name: str, labels: Iterable[str]) -> list[Html]:
+    """One radio button a label, with its number as value; the first is chosen."""
+    return [
+        element(
+            "label",
+            element("input", type="radio", name=name, value=str(number), checked="" if number == 0 else None),
+            f" {label}",
+        )
+        for number, label in enumerate(labels)
+    ]
+
+
+def table(
+    heads: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    *,
+    label: str,
+    numeric: Sequence[int] = (),
+    class_: str | None = None,
+) -> Html:
+    """A table that scrolls sideways on a narrow page; the first cell of a row is its heading.
+
+    Parameters
+    ----------
+    label : read out by a screen reader, and the name of the scrolling region
+    numeric : columns that are aligned to the right and never broken
+    """
+    looks = ["number" if column in numeric else None for column in range(len(heads))]
+    head = element(
+        "tr",
+        *(element("th", text, scope="col", class_=look) for text, look in zip(heads, looks, strict=True)),
+    )
+    body = [
+        element(
+            "tr",
+            element("th", row[0], scope="row"),
+            *(element("td", cell, class_=look) for cell, look in zip(row[1:], looks[1:], strict=True)),
+        )
+        for row in rows
+    ]
+    grid = element("table", element("thead", head), element("tbody", *body), class_=class_)
+    return element("div", grid, class_="scroll", tabindex="0", role="region", aria_label=label)
+
+
+def facts(rows: Iterable[tuple[str, str]]) -> Html:
+    """Names and values in two columns."""
+    pairs = (joined([element("dt", name), element("dd", value)]) for name, value in rows)
+    return element("dl", *(element("div", pair) for pair in pairs))
+
+
+def section(identifier: str, title: str, *children: str, class_: str | None = None) -> Html:
+    """A part of the page with a heading that can be linked to."""
+    heading = f"{identifier}-title"
+    return element(
+        "section",
+        element("h2", title, id=heading),
+        *children,
+        id=identifier,
+        aria_labelledby=heading,
+        class_=class_,
+    )
+
+
+_ESCAPE = re.compile(r"\\([\\`*_{}\[\]<>#|~])")
+_CELLS = re.compile(r"(?<!\\)\|")
+
+
+def html_of(text: str, *, deepest_heading: int = 4) -> Html:
+    """Blocks of a sheet, its title left out; second-level headings become third-level ones, and so on."""
+    return joined(_blocks(text, deepest_heading))
+
+
+def _blocks(text: str, deepest: int) -> Iterator[Html]:
+    pieces = re.split(r"^```\w*\n(.*?)^```\n?", text, flags=re.DOTALL | re.MULTILINE)
+    for number, piece in enumerate(pieces):
+        if number % 2:
+            yield element("pre", element("code", piece.rstrip("\n")), tabindex="0")
+            continue
+        for block in re.split(r"\n\s*\n", piece):
+            if lines := [line for line in block.splitlines() if line.strip()]:
+                yield from _block(lines, deepest)
+
+
+def _block(lines: list[str], deepest: int) -> Iterator[Html]:
+    for kind, group in groupby(_joined_lines(lines), key=_kind):
+        rows = list(group)
+        if kind == "heading":
+            yield from (_heading(row, deepest) for row in rows)
+        elif kind == "table":
+            yield _table(rows)
+        elif kind == "ordered":
+            yield element("ol", *(element("li", _inline(row.split(". ", 1)[1])) for row in rows))
+        elif kind == "bullets":
+            yield bullets(_inline(row[2:]) for row in rows)
+        else:
+            yield from (element("p", _inline(row)) for row in rows)
+
+
+def _joined_lines(lines: list[str]) -> list[str]:
+    """Lines that go on joined to what they go on from; a sentence on a line of its own stays its own paragraph."""
+    found: list[str] = []
+    for line in lines:
+        goes_on = line.startswith(" ") or (_kind(line) == "text" and found and _kind(found[-1]) == "text")
+        if found and goes_on and not found[-1].endswith((".", ":")):
+            found[-1] += " " + line.strip()
+        else:
+            found.append(line.strip())
+    return found
+
+
+def _kind(line: str) -> str:
+    if line.startswith("#"):
+        return "heading"
+    if line.startswith("|"):
+        return "table"
+    if re.match(r"\d+\. ", line):
+        return "ordered"
+    return "bullets" if line.startswith("- ") else "text"
+
+
+def _heading(line: str, deepest: int) -> Html:
+    level = len(line) - len(line.lstrip("#"))
+    if level == 1:
+        return Html("")
+    return element(f"h{min(level + 1, deepest)}", _inline(line[level:].strip()))
+
+
+def _table(rows: list[str]) -> Html:
+    cells = [[cell.strip() for cell in _CELLS.split(row)[1:-1]] for row in rows]
+    heads, body = cells[0], cells[2:]
+    numeric = [
+        column
+        for column in range(1, len(heads))
+        if all(re.fullmatch(r"-?[\d.]+\*?", row[column]) for row in body)
+    ]
+    return table(
+        [_plain(head) for head in heads],
+        [[_inline(cell) for cell in row] for row in body],
+        label=_plain(", ".join(heads)),
+        numeric=numeric,
+    )
+
+
+def _inline(text: str) -> Html:
+    """Code in a line, the rest as text."""
+    pieces = re.split(r"(?<!\\)`([^`]*)`", text)
+    return joined(
+        element("code", piece) if number % 2 else _plain(piece) for number, piece in enumerate(pieces)
+    )
+
+
+def _plain(text: str) -> str:
+    return _ESCAPE.sub(r"\1", text).replace("&lt;", "<")
+
+
+Tile = tuple[str, str, str]
+MICROMETRES_BELOW_MM = 0.1
+"""The headline gives smaller bounds in micrometres [mm]."""
+MOST_NAMED = 3
+"""Values named in the words; the plot and the table have all."""
+SYMBOLS: dict[Verdict, str] = {
+    "CONTIGUOUS": "\N{CHECK MARK}",
+    "DEADBAND": "\N{SQUARE WITH UPPER RIGHT TO LOWER LEFT FILL}",
+    "OUT_OF_MODEL_SCOPE": "?",
+}
+RULE = (
+    f"A deadband is an interval of depth, at least {DEADBAND_MIN_LENGTH_MM:g} mm long, over which a signal changes by "
+    f"less than {DEADBAND_THRESHOLD:g} noise units and after which it comes back; one noise unit is one standard "
+    "deviation of a reading. A pad is judged by all readings of a frame together."
+)
+
+
+def ranked(score: ContinuityScore) -> list[JudgedPair]:
+    """Judged pairs from worst to best: most deadband first, then least evenness."""
+    return sorted(score.pairs, key=lambda pair: (-pair.score.deadband_total_mm, pair.score.evenness))
+
+
+def governing(score: ContinuityScore) -> JudgedPair:
+    """The pair that stands for the rest."""
+    return next(pair for pair in score.pairs if pair.name == score.governing)
+
+
+def clipping(pair: JudgedPair) -> str:
+    """What to keep in mind about a pair that reads above full scale; empty for the others."""
+    if not pair.score.is_clipped:
+        return ""
+    share = f"{pair.score.clipped_share:.0%} of the depth"
+    return f"{pair.name} reads above full scale over {share} and is blind there"
+
+
+def reading(pair: JudgedPair) -> str:
+    """What the curves of one pair say."""
+    gap, dead = pair.score.modes.gap_mm, pair.score.deadbands_mm
+    if gap is None:
+        apart = "Mode 2 does not begin within the depth"
+    else:
+        apart = f"The modes overlap by {-gap:.2f} mm" if gap < 0 else f"The modes are {gap:.2f} mm apart"
+    blind = f" {clipping(pair)}." if clipping(pair) else ""
+    return f"{apart}; {'deadband ' + spans(dead) + ' mm' if dead else 'no deadband'}.{blind}"
+
+
+def rests_on(score: ContinuityScore) -> Html | None:
+    """The warning in one line: how many values nobody measured, and which of them turn the verdict."""
+    band = score.tolerance
+    if band is None or not (band.rows or band.unbanded):
+        return None
+    low, high = band.deadband_range_mm
+    turned = (
+        f"its verdict is turned by {', '.join(band.flipping)}"
+        if band.flipping
+        else "no single one of them turns its verdict"
+    )
+    return element(
+        "p",
+        element(
+            "strong",
+            f"Rests on {counted(len(band.rows) + len(band.unbanded), 'value')} not measured on the build",
+        ),
+        f": over their bands the deadband of {band.judged} is {low:.2f} to {high:.2f} mm; {turned}.",
+        " ",
+        element("a", "See tolerance", href="#tolerance"),
+        " and ",
+        element("a", counted(len(score.warnings), "warning"), href="#warnings"),
+        ".",
+        class_="rests",
+    )
+
+
+def _error(score: ContinuityScore, figure: str, digits: int = 3) -> str:
+    """What the light trace's error does to a figure; nothing where it was not worked out."""
+    if score.figure_errors is None:
+        return ""
+    return f", ± {score.figure_errors[figure]:.{digits}f} by the light trace"
+
+
+def headline(score: ContinuityScore) -> Html:
+    """The figures: worst deadband, share of pairs, mode gap, continuity, evenness, strength."""
+    if score.strength is None or score.continuity is None or score.evenness is None:
+        return Html("")
+    of = governing(score).name if score.is_facing_rows else f"median of {len(score.pairs)} judged pairs"
+    steps = score.strength["resolvable_steps"]
+    tiles = (
+        _deadband_tile(score),
+        _pairs_tile(score),
+        _gap_tile(score, of),
+        (
+            "Continuity",
+            f"{score.continuity:.2f}",
+            f"share of the depth outside deadbands{_error(score, 'continuity')}; {of}",
+        ),
+        (
+            "Evenness",
+            f"{score.evenness:.2f}",
+            f"smallest over mean change in a 0.5 mm window{_error(score, 'evenness')}; {of}",
+        ),
+        (
+            "Strength",
+            f"{score.strength['untouched_counts']:.0f} counts",
+            f"untouched, {score.strength['untouched_flux']:.2e} of the emitted power; swing "
+            f"{score.strength['swing']:.0%}, {steps:.0f} resolvable steps{_error(score, 'resolvable_steps', 1)}; {of}",
+        ),
+    )
+    more = [tile for tile in (bounds_tile(score), builds_tile(score.builds)) if tile is not None]
+    return element("dl", *(_tile(*tile) for tile in (*tiles, *more)), class_="tiles")
+
+
+def _tile(label: str, value: str, note: str) -> Html:
+    return element(
+        "div",
+        element("dt", label),
+        element("dd", element("span", value, class_="value"), element("span", note, class_="note")),
+    )
+
+
+def _deadband_tile(score: ContinuityScore) -> Tile:
+    value = f"{score.deadband_total_mm:.2f} mm" if score.deadbands_mm else "none"
+    if score.is_facing_rows:
+        where = f"{governing(score).name}: {spans(score.deadbands_mm, 'no interval')}"
+        return "Deadband of the middle facing pair", value, where + (" mm" if score.deadbands_mm else "")
+    if not score.deadbands_mm or score.pad_map is None:
+        return "Worst deadband of the pad", value, "at any place pressed, all readings of a frame together"
+    worst = score.pad_map.worst
+    return (
+        "Worst deadband of the pad",
+        value,
+        f"at x = {worst.x_mm:g}, y = {worst.y_mm:g} mm, all pairs together",
+    )
+
+
+def _pairs_tile(score: ContinuityScore) -> Tile:
+    value = f"{score.pairs_with_deadband} of {len(score.pairs)}"
+    note = "none has one"
+    if score.worst_pair_mm:
+        note = f"worst {score.worst_pair} with {score.worst_pair_mm:.2f} mm"
+    if score.clipped:
+        note += f"; {len(score.clipped)} read above full scale"
+    return "Pairs with a deadband of their own", value, f"{note}; each pressed at its own mid-span"
+
+
+def _gap_tile(score: ContinuityScore, of: str) -> Tile:
+    gap = score.mode_gap_mm
+    if gap is not None:
+        return (
+            "Mode gap",
+            f"{signed(gap)} mm",
+            f"{'the modes overlap' if gap < 0 else 'from mode 1 to mode 2'}; {of}",
+        )
+    least = governing(score).score.modes.gap_at_least_mm
+    bound = f", at least {least:.2f} mm for {governing(score).name}" if least is not None else ""
+    return "Mode gap", "open", f"mode 2 does not begin within the depth{bound}; {of}"
+
+
+def banner(design: SensorDesign, score: ContinuityScore) -> Html:
+    """The verdict as a box: word, symbol, the answer in the screen's sentences, and the rule behind it."""
+    said = answer_of(design, score)
+    word = element(
+        "p",
+        element("span", SYMBOLS[score.verdict], class_="symbol", aria_hidden="true"),
+        element("strong", score.verdict.replace("_", " ")),
+        class_="word",
+    )
+    after = said.verdict.removeprefix(score.verdict).lstrip(":, ")
+    lines = [element("p", _sentence(after), class_="meaning")]
+    why = said.why if score.causes or not said.why else f"weakest at {said.why}"
+    worth = f"resolution: {said.worth}" if said.worth else ""
+    lines += [element("p", _sentence(text)) for text in (why, said.fix, said.sure, worth) if text]
+    if score.verdict != "OUT_OF_MODEL_SCOPE":
+        lines.append(element("p", RULE, class_="note"))
+    rests = rests_on(score)
+    return element(
+        "div",
+        joined([word, *lines]),
+        *([rests] if rests else []),
+        class_=f"verdict {score.verdict.lower()}",
+        role="status",
+    )
+
+
+def _sentence(text: str) -> str:
+    """With a capital, unless it begins with the path of a field, and a full stop."""
+    is_path = "." in text.split(" ", 1)[0]
+    return f"{text if is_path else text[:1].upper() + text[1:]}."
+
+
+def bounds_tile(score: ContinuityScore) -> Tile | None:
+    """Label, value and note for the headline; None where nothing was bounded."""
+    bounds = score.bounds
+    if bounds is None:
+        return None
+    if score.is_facing_rows:
+        depth = bounds.median_depth_alone_mm
+        return (
+            "Resolution of depth, at best",
+            _mm(depth.value),
+            "standard deviation, median over the pad, one frame of all readings, place known",
+        )
+    place, depth = bounds.median_location_mm, bounds.median_depth_mm
+    if math.isinf(place.value):
+        return (
+            "Resolution, at best",
+            "blind",
+            "over half of the pad's volume place or depth cannot be told at all",
+        )
+    return (
+        "Resolution of place, and of depth, at best",
+        _both(place.value, depth.value),
+        f"standard deviation, median over the pad, one frame of all readings; {bounds.dead_share.percent()} of the "
+        "volume dead",
+    )
+
+
+def bounds_words(score: ContinuityScore) -> list[Html]:
+    """The summary of the bounds in a paragraph."""
+    bounds = score.bounds
+    if bounds is None:
+        return []
+    parts = (
+        [_depth_alone_words(bounds)] if score.is_facing_rows else [_pad_words(bounds), _volume_words(bounds)]
+    )
+    if bounds.felt is not None:
+        parts.append(_felt_words(bounds))
+    return [element("p", " ".join(parts))]
+
+
+def _pad_words(bounds: PadBounds) -> str:
+    worst = bounds.worst
+    at = f"x {worst.x_mm:g}, y {worst.y_mm:g} mm, {worst.depth_mm:g} mm deep"
+    end = (
+        f"At {at}, the pad is blind."
+        if math.isinf(worst.location_mm)
+        else f"The worst place is known to {_mm(worst.location_mm)}, at {at}."
+    )
+    return (
+        f"At best, one frame of readings tells the place of a press to {_span(bounds.median_location_mm)} and its "
+        f"depth to {_span(bounds.median_depth_mm)}, standard deviations, median over the pad. {end}"
+    )
+
+
+def _depth_alone_words(bounds: PadBounds) -> str:
+    return (
+        "At best, one frame of readings tells the depth of a press at a known place to "
+        f"{_span(bounds.median_depth_alone_mm)}, standard deviation, median over the pad."
+    )
+
+
+def _volume_words(bounds: PadBounds) -> str:
+    limits = bounds.limits
+    return (
+        f"Covered, to {limits.covered_location_mm:g} mm in place and {limits.covered_depth_mm:g} mm in depth: "
+        f"{bounds.coverage.percent()} of the volume. Dead, worse than {limits.dead_location_mm:g} mm in place or "
+        f"{limits.dead_depth_mm:g} mm in depth: {bounds.dead_share.percent()}."
+    )
+
+
+def _felt_words(bounds: PadBounds) -> str:
+    felt = bounds.felt
+    assert felt is not None
+    row, column = felt.worst
+    at, force = f"x {felt.x_mm[column]:g}, y {felt.y_mm[row]:g} mm", float(felt.force_n[row, column])
+    if math.isinf(force):
+        return f"At {at} no press within the range of use is felt."
+    low, high = float(felt.low_n[row, column]), float(felt.high_n[row, column])
+    return f"Felt everywhere: from {force:.3g} N ({low:.3g} to {high:.3g} N over the modulus's band), heaviest at {at}."
+
+
+def losses_table(score: ContinuityScore) -> Html:
+    """The pad without each part in turn; nothing where that was not asked."""
+    bounds = score.bounds
+    if bounds is None or not bounds.losses or score.is_facing_rows:
+        return Html("")
+    worst = bounds.worst_loss
+    assert worst is not None
+    whole = (
+        "none",
+        bounds.coverage.percent(),
+        _span(bounds.median_location_mm),
+        _span(bounds.median_depth_mm),
+        f"{bounds.blind_share:.0%}",
+    )
+    rows = [
+        (
+            loss.part,
+            loss.coverage.percent(),
+            _span(loss.median_location_mm),
+            _span(loss.median_depth_mm),
+            f"{loss.blind_share:.0%}",
+        )
+        for loss in bounds.losses
+    ]
+    heads = ("without", "covered", "place, median", "depth, median", "blind")
+    words = f"When a part dies: {worst.part} is missed most, {worst.coverage.percent()} of the volume stays covered"
+    return element(
+        "details",
+        element("summary", words),
+        table(heads, [whole, *rows], label="What the loss of a part costs", numeric=(1, 2, 3, 4)),
+        class_="sheet",
+        open="",
+    )
+
+
+def _both(place_mm: float, depth_mm: float) -> str:
+    if max(place_mm, depth_mm) < MICROMETRES_BELOW_MM:
+        return f"{1000 * place_mm:.2g}, {1000 * depth_mm:.2g} \N{MICRO SIGN}m"
+    return f"{_number(place_mm)}, {_number(depth_mm)} mm"
+
+
+def _span(figure: Figure) -> str:
+    if math.isinf(figure.value):
+        return "blind"
+    high = "open" if math.isinf(figure.high) else _number(figure.high)
+    return f"{_number(figure.value)} mm ({_number(figure.low)} to {high})"
+
+
+def _number(value: float) -> str:
+    return f"{value:#.2g}" if value < 0.1 else f"{value:.2f}"
+
+
+def _mm(value: float) -> str:
+    return "blind" if math.isinf(value) else f"{_number(value)} mm"
+
+
+def builds_tile(study: BuildStudy | None) -> Tile | None:
+    """Label, value and note for the headline; None where no builds were drawn."""
+    if study is None:
+        return None
+    low, high = study.kept_interval
+    return (
+        "Builds that keep the verdict",
+        f"{study.kept_share:.0%}",
+        f"{study.kept} of {study.builds} drawn with everything off at once; 95 %: {low:.0%} to {high:.0%}",
+    )
+
+
+def builds_words(study: BuildStudy) -> Html:
+    """The share with its interval, what is in doubt, and what matters most."""
+    low, high = study.kept_interval
+    verdict = "a deadband" if study.as_designed.deadband_mm else "no deadband"
+    found = study.rank_correlations()
+    clear = [number for number in study.ranking if found[number][1] > 0.0 or found[number][2] < 0.0]
+    named = ", ".join(study.tolerances[number].path for number in clear[:MOST_NAMED])
+    parts = [
+        f"Of {counted(study.builds, 'build')} drawn with everything off at once, {study.kept} keep the verdict, "
+        f"{verdict}: {study.kept_share:.0%} (95 % interval of the count: {low:.0%} to {high:.0%}).",
+        f"What matters most: {named}." if named else "No single value stands out.",
+    ]
+    if study.doubtful:
+        parts.append(f"{counted(study.doubtful, 'build')} in doubt by the light trace's own error.")
+    if study.unjudged:
+        reasons = "; ".join(f"{reason}: {count}" for reason, count in study.unjudged.items())
+        parts.append(f"Not judged: {reasons}.")
+    return element("p", " ".join(parts))
+
+
+def builds_table(study: BuildStudy) -> Html:
+    """Every value that was varied, the one that matters most first."""
+    found = study.rank_correlations()
+    rows = []
+    for number in study.ranking:
+        one, (rank, low, high) = study.tolerances[number], found[number]
+        band = f"{one.low:.4g} to {one.high:.4g} {one.unit}"
+        rows.append(
+            (one.path, band, one.distribution, one.origin, f"{rank:+.2f} ({low:+.2f} to {high:+.2f})")
+        )
+    heads = ("value", "band", "drawn", "why", "rank correlation (95 %)")
+    return element(
+        "details",
+        element("summary", f"{counted(len(rows), 'value')} varied"),
+        table(heads, rows, label="Values varied over the builds", numeric=(4,), class_="wide"),
+        class_="sheet",
+        open="",
+    )

@@ -1,0 +1,518 @@
+# mypy: allow-untyped-calls
+"""Where results are kept between runs: the system's cache folder for optopad, or the one that is named.
+
+A number for the sources that results rest on: another number, other sources.
+
+Word of kernels being compiled: once on each machine, and again where a source, numba or the processor has changed.
+
+Who draws progress asks to be told; rooms that hold compiled code listen to numba, which says when it compiles. Code
+read from numba's cache on disk is not compiled, and nobody is told. Nothing here imports numba before it is needed.
+
+Compiled kernels on disk: one folder for the sources they are made of, outside the checkout and the installation.
+
+Numba keeps compiled code beside the sources, where a new clone does not find it. Here it is kept in the cache folder
+(`NUMBA_CACHE_DIR`, else ``kernels`` in `sims.cache`), in a folder named by a hash of the sources: any checkout
+with the same sources reads it, and a changed source is never answered from an old cache. Numba itself looks after its
+own version and the processor. Of two processes that need the same kernel one compiles, and the other waits for it.
+
+What is used of numba is no public interface: `FunctionCache`, its locators, and the attribute ``_cache``.
+
+Traced light on disk: one row an emitter and state, named by a hash of everything that it depends on.
+
+One SQLite file of plain bytes. SQLite's locks keep processes apart, and its journal takes back what a killed process
+left half-done; it does not wait for the disk, so a power cut may damage the file. Each row carries a checksum over its
+name and bytes: a row that fails it counts as absent, and a file that is no database any more is removed and begun
+anew. When the file is full, the oldest quarter of the rows goes. Whatever goes wrong here costs a trace and no
+answer: nothing is ever raised but for a size that is no number.
+
+Measured on a state of 8 + 8 parts, which takes 60 ms and more to trace: naming its rows 0.03 ms, reading 0.1 ms,
+writing 0.05 ms.
+
+`OPTOPAD_LIGHT_CACHE_MB` sets the size, 0 does without; deleting the folder clears it, at any time.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import hashlib
+import math
+import os
+import shutil
+import sqlite3
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any, TypeVar
+
+from numba import njit
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+from platformdirs import user_cache_path
+
+from design.errors import InputError
+from design.files import folder_fault
+
+CACHE_VARIABLE = "OPTOPAD_CACHE"
+"""Environment variable that names the cache folder."""
+
+
+NO_HOME = Path(os.devnull) / "no home folder"
+"""The home of a user who has none: nothing can be kept below it, and a run goes on without."""
+
+
+def cache_folder() -> Path:
+    """The folder that `OPTOPAD_CACHE` names, else the system's cache folder for optopad; it need not exist."""
+    if chosen := os.environ.get(CACHE_VARIABLE):
+        return Path(os.path.expanduser(chosen))
+    try:
+        folder = user_cache_path("optopad")
+    except RuntimeError:  # no home
+        return NO_HOME
+    return folder if folder.is_absolute() else NO_HOME
+
+
+def kernel_folder() -> Path:
+    """Where compiled kernels are kept: `NUMBA_CACHE_DIR`, else in the cache folder; it need not exist."""
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    return Path(chosen) if chosen else cache_folder() / "kernels"
+
+
+SUFFIXES = {".py", ".toml", ".npz"}
+
+
+def source_fingerprint(modules: Iterable[ModuleType]) -> int:
+    """63-bit hash of the modules' source files, in their order."""
+    return _hash_of_files(Path(str(module.__file__)) for module in modules)
+
+
+def folder_fingerprint(*folders: Path) -> int:
+    """63-bit hash of every source and data file in the folders and below them."""
+    files = (path for folder in folders for path in sorted(folder.rglob("*")))
+    return _hash_of_files(path for path in files if path.suffix in SUFFIXES)
+
+
+def _hash_of_files(paths: Iterable[Path]) -> int:
+    digest = hashlib.sha256()
+    for path in paths:
+        digest.update(path.read_bytes())
+    return int.from_bytes(digest.digest()[:8], "big") >> 1
+
+
+LAST = ("trace_further", "trace_emitter", "next_path", "straight_matrix")
+"""Entry points that are called after all others of their kind of pad, or of the ray tracer."""
+
+_TOLD = set(LAST)
+"""Entry points, which take long; what is compiled for a caller in Python takes less than a second."""
+_ASKED: list[_Word] = []
+_LISTENERS: list[Any] = []
+"""At most one."""
+
+
+class _Word:
+    """What one who asked has been told so far."""
+
+    def __init__(self, tell: Callable[[float], None]) -> None:
+        self.tell, self.share = tell, 1.0
+
+    def say(self, share: float) -> None:
+        if share != self.share:
+            self.share = share
+            self.tell(share)
+
+
+@contextmanager
+def compiling_told(tell: Callable[[float], None]) -> Iterator[None]:
+    """While this lasts, call `tell` with 0 when compiling begins and with 1 when it is done."""
+    word = _Word(tell)
+    _ASKED.append(word)
+    try:
+        yield
+    finally:
+        _ASKED.remove(word)
+        word.say(1.0)
+
+
+def listen_to_numba() -> None:
+    """Pass numba's own events on; called by modules with compiled entry points, as often as they like."""
+    from numba.core import event
+
+    class Listener(event.Listener):
+        def on_start(self, event: Any) -> None:
+            if event.data["dispatcher"].py_func.__name__ in _TOLD:
+                _say(0.0)
+
+        def on_end(self, event: Any) -> None:
+            is_there(event.data["dispatcher"].py_func.__name__)
+
+    if not _LISTENERS:
+        _LISTENERS.append(Listener())
+        event.register("numba:compile", _LISTENERS[0])
+
+
+def tell_of(entry_point: str) -> None:
+    """Tell when this function is compiled, too."""
+    _TOLD.add(entry_point)
+
+
+def is_there(entry_point: str) -> None:
+    """An entry point is compiled, by this process or by another one."""
+    if entry_point in LAST:
+        _say(1.0)
+
+
+def _say(share: float) -> None:
+    for word in _ASKED:
+        word.say(share)
+
+
+Function = TypeVar("Function", bound=Callable[..., object])
+KEPT_FOLDERS = 24
+"""Of sources whose kernels are kept; the ones used longest ago go when another is added."""
+
+
+def entry_points(modules: Sequence[ModuleType], **options: Any) -> Callable[[Function], Function]:
+    """Decorator of compiled entry points that are kept on disk; everything that they call is compiled into them.
+
+    Parameters
+    ----------
+    modules : of all that they call, and last the module that defines them
+    options : of `numba.njit`
+    """
+    room, _, own = modules[-1].__name__.rpartition(".")
+    name = f"{room.rpartition('.')[2]}-{own}-{source_fingerprint(modules):016x}"
+
+    def entry_point(function: Function) -> Function:
+        dispatcher: Any = njit(**options)(function)
+        dispatcher._cache = _KernelFiles(function, name)
+        tell_of(function.__name__)
+        return dispatcher  # type: ignore[no-any-return]
+
+    return entry_point
+
+
+@cache
+def compile_beside(program: str, entry_point: Any) -> None:
+    """Start a program that compiles, once, unless an entry point is on disk; it ends with this process at the latest.
+
+    Parameters
+    ----------
+    program : name of a module that runs as a program, until it is done or its standard input ends
+    entry_point : one of those that it compiles
+    """
+    files = entry_point._cache
+    folder = Path(files.cache_path)
+    if (
+        os.path.isfile(folder / f"{files._impl.filename_base}.nbi")
+        or folder_fault(folder)  # another process could not hand its kernels over
+    ):
+        return
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-m", program],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    threading.Thread(target=_see_out, args=(process,), daemon=True).start()
+
+
+def _see_out(process: subprocess.Popen[bytes]) -> None:
+    with process:  # leaving closes its standard input
+        process.wait()
+
+
+class _KernelFiles(FunctionCache):
+    """Files of one entry point, and the lock that the process which compiles it holds."""
+
+    def __init__(self, function: Any, name: str) -> None:
+        class Implementation(CompileResultCacheImpl):
+            _locator_classes: list[Any] = [_located(name)]  # noqa: RUF012 (as numba has it)
+
+        self._impl_class = Implementation
+        self._lock: int | None = None
+        super().__init__(function)
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """What is on disk; where nothing is, what another process is about to write there."""
+        try:
+            found = super().load_overload(sig, target_context)
+            if found is None and self._lock is None:
+                self._take_lock()
+                found = super().load_overload(sig, target_context)
+        except OSError:
+            found = None
+        if found is not None:
+            self._leave_lock()
+            is_there(self._py_func.__name__)
+        return found
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep what was compiled; a folder that cannot be written costs compiling once more, and no answer."""
+        try:
+            super().save_overload(sig, data)
+        except OSError:
+            self.disable()
+        finally:
+            self._leave_lock()
+
+    def _take_lock(self) -> None:
+        """Until it is left, or this process ends however it does."""
+        self._impl.locator.ensure_cache_path()
+        file = Path(self.cache_path) / f"{self._impl.filename_base}.lock"
+        self._lock = os.open(file, os.O_RDWR | os.O_CREAT)
+        fcntl.flock(self._lock, fcntl.LOCK_EX)
+
+    def _leave_lock(self) -> None:
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
+
+def _located(name: str) -> type[Any]:
+    """Where numba looks for the kernels of a folder."""
+
+    class Locator(_CacheLocator):
+        def get_cache_path(self) -> str:
+            return str(kernel_folder() / name)
+
+        def ensure_cache_path(self) -> None:
+            folder = kernel_folder() / name
+            if not any(folder.glob("*.nbi")):
+                _make_room(folder.parent)
+            folder.mkdir(parents=True, exist_ok=True)
+
+        def get_source_stamp(self) -> str:
+            return name
+
+        def get_disambiguator(self) -> str:
+            return "1"
+
+        @classmethod
+        def from_function(cls, _function: Any, _file: str) -> Any:
+            return cls()
+
+    return Locator
+
+
+def _make_room(folder: Path) -> None:
+    """Remove the kernels of sources that were compiled longest ago."""
+    if folder.is_dir():
+        known = sorted(
+            (path for path in folder.iterdir() if path.is_dir()), key=lambda path: path.stat().st_mtime
+        )
+        for path in known[: 1 - KEPT_FOLDERS]:
+            shutil.rmtree(path, ignore_errors=True)
+
+
+SIZE_VARIABLE = "OPTOPAD_LIGHT_CACHE_MB"
+"""Environment variable that sets the largest size [MB]; 0: nothing is kept."""
+DEFAULT_SIZE_MB = 500.0
+"""50,000 states of a pad of 8 + 8 parts and their derivates; such a map of the pad takes 189."""
+PATIENCE_S = 10.0
+"""Longest wait for another process's write."""
+CHECKSUM_BYTES = 8
+WRITTEN_EVERY_S = 1.0
+"""A trace writes its rows so often: what a killed process loses at most."""
+MOST_ROW_BYTES = 64_000_000
+"""Of one row; the light of one emitter and state has some kB."""
+ASKED_AT_ONCE = 500
+"""Names in one question; SQLite allows 999 and more."""
+PASSING = (
+    sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_FULL,
+    sqlite3.SQLITE_PERM, sqlite3.SQLITE_AUTH, sqlite3.SQLITE_NOMEM,
+)  # fmt: skip
+"""What is no damage of the file: another process, rights, a full disk."""
+_TABLE = "CREATE TABLE IF NOT EXISTS light (name BLOB PRIMARY KEY, content BLOB NOT NULL)"
+
+
+class _DamagedFileError(Exception):
+    """The file's own numbers cannot be."""
+
+
+@dataclass(frozen=True)
+class LightStore:
+    """Rows of light in one file.
+
+    Attributes
+    ----------
+    path : of the file; it need not exist
+    size_mb : beyond which the oldest rows go
+    """
+
+    path: Path
+    size_mb: float
+
+    def read(self, names: Sequence[bytes]) -> dict[bytes, bytes]:
+        """The rows that are there and whole."""
+        found: dict[bytes, bytes] = {}
+        if not os.path.isfile(self.path):  # which says no where the folder may not be looked into
+            return found
+        with (
+            self._going_on((*PASSING, sqlite3.SQLITE_ERROR)),
+            self._opened() as file,
+        ):  # there may be no table yet
+            for start in range(0, len(names), ASKED_AT_ONCE):
+                asked = names[start : start + ASKED_AT_ONCE]
+                names_of = f"name IN ({','.join('?' * len(asked))}) AND length(content) <= ?"
+                question = f"SELECT name, content FROM light WHERE {names_of}"
+                found.update(file.execute(question, [*asked, MOST_ROW_BYTES]))
+        whole = ((name, _unsealed(name, content)) for name, content in found.items())
+        return {name: content for name, content in whole if content is not None}
+
+    def write(self, rows: Mapping[bytes, bytes]) -> None:
+        """Keep rows; a row that is there already is replaced."""
+        with contextlib.suppress(OSError), self._going_on(PASSING):
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            with self._opened() as file:
+                file.execute(_TABLE)
+                sealed = [(name, _sealed(name, content)) for name, content in rows.items()]
+                file.executemany("INSERT OR REPLACE INTO light VALUES (?, ?)", sealed)
+                if _used_mb(file) > self.size_mb:
+                    _drop_oldest_quarter(file)
+
+    def rows(self) -> int:
+        """How many rows there are; 0 where none can be counted."""
+        count = 0
+        if os.path.isfile(self.path):
+            with contextlib.suppress(sqlite3.Error, UnicodeDecodeError), self._opened() as file:
+                (count,) = file.execute("SELECT COUNT(*) FROM light").fetchone()
+        return count
+
+    @contextlib.contextmanager
+    def _opened(self) -> Iterator[sqlite3.Connection]:
+        """The file, what is done in it done wholly or not at all."""
+        with contextlib.closing(sqlite3.connect(self.path, timeout=PATIENCE_S)) as file, file:
+            file.execute("PRAGMA synchronous = OFF")
+            yield file
+
+    @contextlib.contextmanager
+    def _going_on(self, passing: tuple[int, ...]) -> Iterator[None]:
+        """Go on without what SQLite cannot do; the file is removed but for what may pass by itself."""
+        try:
+            yield
+        except (UnicodeDecodeError, _DamagedFileError):
+            self._remove()
+        except sqlite3.Error as err:
+            code = err.sqlite_errorcode & 0xFF
+            is_protected = code == sqlite3.SQLITE_READONLY and not os.access(self.path, os.W_OK)
+            if code not in passing and not is_protected:
+                self._remove()
+
+    def _remove(self) -> None:
+        for path in (self.path, self.path.with_name(self.path.name + "-journal")):
+            with contextlib.suppress(OSError):
+                path.unlink()
+
+
+class GatheredLight:
+    """Rows of one trace: in memory at once, and in the store at most `WRITTEN_EVERY_S` later. Threads may share it.
+
+    Parameters
+    ----------
+    store : None: the rows are kept in memory alone
+    """
+
+    def __init__(self, store: LightStore | None) -> None:
+        self._store = store
+        self._rows: dict[bytes, bytes] = {}
+        self._asked: set[bytes] = set()
+        self._unwritten: dict[bytes, bytes] = {}
+        self._lock = threading.Lock()
+        self._written_s = time.monotonic()
+
+    def read(self, names: Sequence[bytes]) -> dict[bytes, bytes]:
+        """The rows that are known; the store is asked for each name once."""
+        new = [name for name in names if name not in self._asked]
+        if new and self._store is not None:
+            self._rows.update(self._store.read(new))
+        self._asked.update(new)
+        return {name: self._rows[name] for name in names if name in self._rows}
+
+    def write(self, rows: Mapping[bytes, bytes]) -> None:
+        """Keep rows."""
+        with self._lock:
+            self._asked.update(rows)
+            self._rows.update(rows)
+            self._unwritten.update(rows)
+            if time.monotonic() - self._written_s >= WRITTEN_EVERY_S:
+                self._put_away()
+
+    def put_away(self) -> None:
+        """Write what is in memory alone."""
+        with self._lock:
+            self._put_away()
+
+    def _put_away(self) -> None:
+        if self._store is not None and self._unwritten:
+            self._store.write(self._unwritten)
+        self._unwritten = {}
+        self._written_s = time.monotonic()
+
+
+def light_store() -> LightStore | None:
+    """The store of this user; None where it is turned off.
+
+    Raises
+    ------
+    InputError : `OPTOPAD_LIGHT_CACHE_MB` is no number of 0 or more.
+    """
+    size_mb = _size_mb()
+    return LightStore(store_file(), size_mb) if size_mb > 0 else None
+
+
+def store_file() -> Path:
+    """Where the rows lie."""
+    return cache_folder() / "light" / "rows.sqlite"
+
+
+def _size_mb() -> float:
+    text = os.environ.get(SIZE_VARIABLE, "")
+    try:
+        size_mb = float(text) if text else DEFAULT_SIZE_MB
+    except ValueError:
+        size_mb = math.nan
+    if not 0 <= size_mb < math.inf:
+        raise InputError(
+            f"{SIZE_VARIABLE}: {text!r} is refused: give megabytes, as {DEFAULT_SIZE_MB:g}, or 0 to keep no light"
+        )
+    return size_mb
+
+
+def _checksum(name: bytes, content: bytes) -> bytes:
+    return hashlib.blake2b(name + content, digest_size=CHECKSUM_BYTES).digest()
+
+
+def _sealed(name: bytes, content: bytes) -> bytes:
+    return _checksum(name, content) + content
+
+
+def _unsealed(name: bytes, sealed: object) -> bytes | None:
+    """A row's bytes; None where they are not what was written."""
+    if not isinstance(sealed, bytes):
+        return None
+    content = sealed[CHECKSUM_BYTES:]
+    return content if sealed[:CHECKSUM_BYTES] == _checksum(name, content) else None
+
+
+def _used_mb(file: sqlite3.Connection) -> float:
+    pages, free, size = (
+        file.execute(f"PRAGMA {what}").fetchone()[0] for what in ("page_count", "freelist_count", "page_size")
+    )
+    if not 0 <= free < pages:
+        raise _DamagedFileError
+    return float((pages - free) * size / 1e6)
+
+
+def _drop_oldest_quarter(file: sqlite3.Connection) -> None:
+    """Rows are numbered as they are written; freed pages are used again, so the file stops growing."""
+    (count,) = file.execute("SELECT COUNT(*) FROM light").fetchone()
+    file.execute(
+        "DELETE FROM light WHERE rowid IN (SELECT rowid FROM light ORDER BY rowid LIMIT ?)", (-(-count // 4),)
+    )

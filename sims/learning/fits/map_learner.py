@@ -1,0 +1,393 @@
+"""The learner "signal-map": a traced map and a sensor's own readings make a model.
+
+    ratio of a pair to its untouched signal    from the light model (`sims.learning.fits.traced_map`)
+    untouched signal                           mean of the sensor's untouched frames
+    of a pair at full scale while untouched    from gains of emitters and receivers fitted to the other pairs, moved by
+                                               the touched frames in which it reads less
+    noise                                      the design's signal chain, widened to what untouched frames show, and the
+                                               map's measured error
+    threshold of touch                         what `FALSE_ALARMS` of the untouched frames exceed in the worst of the
+                                               sets, each held against the untouched signals of the others: a new set
+                                               has gains, lamps and a phase of its own
+
+So few presses are needed, or none: untouched frames alone do. Left out: a bias of the reference depth in the data,
+which the model does not learn (`sims.learning.calibration` does).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from platform import python_version
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from design.arrays import BoolArray, FloatArray
+from design.errors import InputError
+from design.progress import OnStep
+from design.spec import SensorDesign
+from sims.contact.force_curve import force_curve
+from sims.contact.indentation import solved_press
+from sims.learning.fits.touch import sigma_table
+from sims.learning.fits.traced_map import (
+    DEPTH_NODES,
+    PITCH_MM,
+    QUICK_DEPTH_NODES,
+    QUICK_PITCH_MM,
+    SignalMap,
+    measured_error,
+    traced_map,
+)
+from sims.learning.inference.header import ForceCurve, ModelHeader
+from sims.learning.inference.sigma_table import UNIT_SIGMA, SigmaTable
+from sims.learning.inference.signal_map import KIND, Box, ReadingNoise, SignalMapModel
+from sims.learning.samples import CLEARLY_UNTOUCHED_MM, DEFAULT, SIGMA_OF_TIP, FitSettings
+from sims.readings.dataset import PressData
+
+if TYPE_CHECKING:
+    from sims.learning.learners import Learner
+
+MAP_SEED = 104_729
+"""Added to the seed for the map's light: simulated data have the seed itself, and must not share the map's errors."""
+FALSE_ALARMS = 0.01
+"""Share of untouched training frames that may count as touched."""
+LEAST_THRESHOLD = 3.0
+"""Of touch, where untouched frames are few: half of χ² with three degrees of freedom exceeds it once in nine times."""
+FEWEST_UNTOUCHED = 10
+FORCE_DEPTHS = 51
+LOCATED_MM = 0.2
+"""Presses from this depth on tell how far deviations are to be trusted: a lighter one is felt but not located."""
+CHECK_FRAMES = 4
+TRUST_BINS = 5
+"""Frames of each such press, bins of depth: ten presses a bin, whose errors of the map make a factor known to 16 % in x
+and y and to 22 % in depth."""
+MOST_FOR_THRESHOLD = 1500
+"""Untouched frames that the threshold is set by, of all sets together."""
+MOST_FOR_CLIPPED = 3000
+BRIGHT = 0.05
+"""Pairs of more than this share of the median untouched signal tell gains."""
+CLIP_SHARE = 0.99
+"""Untouched readings above this share of the largest reading count as clipped."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Untouched:
+    """What a sensor reads without a touch.
+
+    Attributes
+    ----------
+    mean_counts, spread_counts : (pair,) mean and standard deviation of one frame within a set [counts]
+    clip_counts : (pair,) largest signal that the converter can give [counts]; infinite where not known
+    """
+
+    mean_counts: FloatArray
+    spread_counts: FloatArray
+    clip_counts: FloatArray
+
+    @property
+    def is_clipped(self) -> BoolArray:
+        """(pair,) whether the mean is at full scale."""
+        return np.asarray(self.mean_counts >= CLIP_SHARE * self.clip_counts)
+
+
+def untouched_rows(data: PressData) -> BoolArray:
+    """(sample,) frames that surely touch nothing.
+
+    Raises
+    ------
+    InputError : too few of them.
+    """
+    rows = data.press_mm[:, 2] <= CLEARLY_UNTOUCHED_MM
+    if rows.sum() < FEWEST_UNTOUCHED:
+        raise InputError(
+            f"data: {int(rows.sum())} frames at {CLEARLY_UNTOUCHED_MM:g} mm or above the surface, needs "
+            f">= {FEWEST_UNTOUCHED}; record some frames with the tip clear of the pad (negative depth)"
+        )
+    return np.asarray(rows)
+
+
+def untouched_of(data: PressData) -> Untouched:
+    """Mean, spread and clipping of a recording's untouched frames; raises InputError where there are too few."""
+    quiet = data.only(untouched_rows(data))
+    signals = quiet.features().astype(np.float64)
+    own = signals.copy()
+    for number in np.unique(quiet.set_number):
+        own[quiet.set_number == number] -= own[quiet.set_number == number].mean(axis=0)
+    full = np.inf if data.full_scale_counts is None else data.full_scale_counts
+    off = quiet.counts[:, -1].mean(axis=0, dtype=np.float64)
+    return Untouched(
+        mean_counts=signals.mean(axis=0),
+        spread_counts=own.std(axis=0),
+        clip_counts=np.tile(full - off, len(data.emitter_names)),
+    )
+
+
+def gain_parts(emitters: int, pairs: int) -> FloatArray:
+    """(pair, emitters + receivers) 1 where a part's gain counts for a pair; pairs with the emitter outermost."""
+    receivers = pairs // emitters
+    emitter, receiver = np.divmod(np.arange(pairs), receivers)
+    return np.concatenate([np.eye(emitters)[emitter], np.eye(receivers)[receiver]], axis=1)
+
+
+def fitted_gains(untouched: Untouched, flux: FloatArray, emitters: int) -> FloatArray:
+    """(pair,) counts per flux as a product of a gain of the emitter and one of the receiver.
+
+    Least squares of the logarithms over bright pairs that do not clip; a part without such a pair gets the mean gain.
+
+    Raises
+    ------
+    InputError : no pair is bright without clipping.
+    """
+    counts = untouched.mean_counts
+    good = ~untouched.is_clipped & (counts > BRIGHT * np.median(counts)) & (flux > BRIGHT * np.median(flux))
+    if not good.any():
+        raise InputError("data: no pair reads light without clipping while untouched; check gains and wiring")
+    parts = gain_parts(emitters, len(flux))
+    level = np.log(counts[good] / flux[good])
+    ridge = 1e-4 * np.eye(parts.shape[1])
+    normal = parts[good].T @ parts[good] + ridge
+    gains = np.linalg.solve(normal, parts[good].T @ (level - level.mean()))
+    return np.asarray(np.exp(level.mean() + parts @ gains))
+
+
+def chain_noise(design: SensorDesign, emitters: int, pairs: int) -> ReadingNoise:
+    """A frame's noise by the design's signal chain, in the dark; full scale is left open."""
+    noise = design.noise
+    rounding = 1.0 / 12.0 if noise.quantised else 0.0
+    floor = np.sqrt(2.0 * (rounding + noise.read_noise_counts**2))
+    return ReadingNoise(
+        floor_counts=np.full(pairs, max(floor, 1e-3)),
+        shot=noise.shot_variance_per_count or 0.0,
+        relative=0.0,
+        emitter_drift=float(np.hypot(noise.led_fluctuation, noise.gain_drift)),
+        receiver_drift=noise.gain_drift,
+        emitters=emitters,
+        clip_counts=np.full(pairs, np.inf),
+    )
+
+
+def mapped(
+    design: SensorDesign,
+    *,
+    quick: bool = False,
+    accuracy: str = "draft",
+    seed: int = 0,
+    on_step: OnStep | None = None,
+) -> SignalMap:
+    """Trace the map of a design with its error at places and depths that are not on its grid.
+
+    Parameters
+    ----------
+    quick : a coarser grid, a third of the time (docs/validation/calibration.md has both errors)
+    seed : of the data that the model will be compared with; the map's light has another
+    """
+    found = traced_map(
+        design,
+        pitch_mm=QUICK_PITCH_MM if quick else PITCH_MM,
+        depth_nodes=QUICK_DEPTH_NODES if quick else DEPTH_NODES,
+        accuracy=accuracy,
+        seed=seed + MAP_SEED,
+        on_step=on_step,
+    )
+    error = measured_error(design, found, accuracy=accuracy, on_step=on_step)
+    return replace(found, error=error.of_ratio(found.untouched), checked=error)
+
+
+def signal_map_learner(design: SensorDesign, *, quick: bool = False, seed: int = 0) -> Learner:
+    """The learner of a design, beside those that see only data: its map is traced at the first fit, and kept.
+
+    Parameters
+    ----------
+    quick, seed : as `mapped` takes them
+    """
+    traced: list[SignalMap] = []
+
+    def fit(
+        train: PressData,
+        *,
+        seed: int = seed,
+        on_step: OnStep = lambda _stage, _share: None,
+        settings: FitSettings = DEFAULT,  # noqa: ARG001  nothing of it concerns a map
+    ) -> SignalMapModel:
+        if not traced:
+            traced.append(mapped(design, quick=quick, seed=map_seed, on_step=on_step))
+        header = map_header(design, train, traced[0], seed)
+        return fit_signal_map(design, traced[0], header, train, seed=seed, on_step=on_step)
+
+    map_seed = seed
+    return fit
+
+
+def map_header(design: SensorDesign, data: PressData, found: SignalMap, seed: int) -> ModelHeader:
+    """Header of a model that is made of a map: the data's sensor, the map's design, the force of a centred press."""
+    deepest = design.operating.max_depth_mm
+    press = solved_press(design, max_depth_mm=deepest)
+    curve = force_curve(design, press, np.linspace(0.0, deepest, FORCE_DEPTHS))
+    return ModelHeader(
+        kind=KIND,
+        design_digest=data.design_digest,
+        emitter_names=data.emitter_names,
+        receiver_names=data.receiver_names,
+        untouched_counts=np.zeros(len(data.emitter_names) * len(data.receiver_names)),
+        trained_on={
+            "is_simulated": data.true_press_mm is not None,
+            "sets": [one.name for one in data.sets],
+            "samples": len(data),
+            "map_of_design": found.digest,
+        },
+        settings={
+            "pitch_mm": float(found.x_mm[1] - found.x_mm[0]),
+            "depths": len(found.root_depth),
+            "accuracy": found.accuracy,
+            "map_seed": found.seed,
+            "seed": seed,
+            "sigma_of": SIGMA_OF_TIP,
+        },
+        created_with={name: version(name) for name in ("optopad", "numpy")} | {"python": python_version()},
+        force_curve=ForceCurve(
+            depth_mm=tuple(float(one) for one in curve.depth_mm),
+            force_n=tuple(float(one) for one in curve.force_n),
+        ),
+    )
+
+
+def fit_signal_map(
+    design: SensorDesign,
+    found: SignalMap,
+    header: ModelHeader,
+    data: PressData,
+    *,
+    seed: int = 0,
+    on_step: OnStep | None = None,
+) -> SignalMapModel:
+    """Make a model of a map and a sensor's readings.
+
+    Parameters
+    ----------
+    found : of that design, or of the design fitted to the build
+    header : of the model; kind and untouched counts are set here
+    data : untouched frames at least; touched ones help pairs that clip
+    seed : which untouched frames the threshold is set by
+
+    Raises
+    ------
+    InputError : too few untouched frames, or no pair that reads light without clipping.
+    """
+    untouched = untouched_of(data)
+    emitters, spline = len(data.emitter_names), found.ratio_root
+    gains = fitted_gains(untouched, found.untouched, emitters)
+    full = np.where(
+        untouched.is_clipped,
+        np.maximum(gains * found.untouched, untouched.clip_counts),
+        np.maximum(untouched.mean_counts, 1e-3 * gains * np.median(found.untouched)),
+    )
+    model = SignalMapModel(
+        header=replace(header, kind=KIND, untouched_counts=untouched.mean_counts),
+        ratio_root=spline,
+        full_counts=full,
+        noise=_sensor_noise(
+            chain_noise(design, emitters, len(full)),
+            design.noise.led_fluctuation,
+            untouched,
+            full,
+            found.error,
+        ),
+        box=_box(found),
+        threshold=0.0,
+    )
+    model = replace(model, full_counts=_moved_by_touches(model, untouched, data, seed))
+    own = _sensor_noise(
+        chain_noise(design, emitters, len(full)), design.noise.led_fluctuation, untouched, full, None
+    )
+    model = replace(model, sigma=_trust(model, found, own, seed))
+    return replace(model, threshold=_threshold(model, data, seed, on_step))
+
+
+def _trust(model: SignalMapModel, found: SignalMap, noise: ReadingNoise, seed: int) -> SigmaTable:
+    """Error over deviation by depth, at the presses that the map was checked with, under the sensor's own noise."""
+    if found.checked is None:
+        return UNIT_SIGMA
+    located = found.checked.press_mm[:, 2] >= LOCATED_MM
+    press_mm = np.tile(found.checked.press_mm[located], (CHECK_FRAMES, 1))
+    flux = np.tile(found.checked.truth[located].reshape(int(located.sum()), -1), (CHECK_FRAMES, 1))
+    mean = flux / found.untouched * model.full_counts
+    chance = np.random.default_rng(seed)
+    own = chance.normal(size=mean.shape) * np.sqrt(noise.variance(mean))
+    columns = noise.gain_columns(mean)
+    shared = np.einsum("ng,ngk->nk", chance.normal(size=columns.shape[:2]), columns)
+    told = model.found(np.minimum(mean + own + shared, noise.clip_counts))
+    raw_mm = np.sqrt(np.einsum("nii->ni", told.covariance))
+    # x and y are alike: each counts for both
+    told_mm, spread_mm, true_mm = (
+        np.concatenate([one, one[:, [1, 0, 2]]]) for one in (told.press_mm, raw_mm, press_mm)
+    )
+    return sigma_table(told_mm, spread_mm, true_mm, TRUST_BINS)
+
+
+def _box(found: SignalMap) -> Box:
+    space = found.workspace
+    return Box(
+        low=np.array([space.x0_mm, space.y0_mm, 0.0]),
+        high=np.array([space.x1_mm, space.y1_mm, found.root_depth[-1] ** 2]),
+    )
+
+
+def _sensor_noise(
+    chain: ReadingNoise, fluctuation: float, untouched: Untouched, full: FloatArray, error: FloatArray | None
+) -> ReadingNoise:
+    """The chain's noise, no less than untouched frames show beside the LEDs' fluctuation, and the map's own error."""
+    seen = np.where(
+        untouched.is_clipped, 0.0, untouched.spread_counts**2 - (fluctuation * full) ** 2 - chain.shot * full
+    )
+    map_error = np.zeros(len(full)) if error is None else error * full
+    floor = np.sqrt(np.maximum(chain.floor_counts**2, seen) + map_error**2)
+    return replace(chain, floor_counts=floor, clip_counts=untouched.clip_counts)
+
+
+def _moved_by_touches(model: SignalMapModel, untouched: Untouched, data: PressData, seed: int) -> FloatArray:
+    """(pair,) full counts, those of clipping pairs by the median of reading over ratio where they read less."""
+    touched = np.flatnonzero(data.press_mm[:, 2] > 0.3)
+    full = model.full_counts.copy()
+    if not untouched.is_clipped.any() or not len(touched):
+        return full
+    if len(touched) > MOST_FOR_CLIPPED:
+        touched = np.sort(np.random.default_rng(seed).choice(touched, MOST_FOR_CLIPPED, replace=False))
+    signals = data.only(touched).features().astype(np.float64)
+    ratio = model.ratio_root.values(data.press_mm[touched]) ** 2
+    for pair in np.flatnonzero(untouched.is_clipped):
+        reads = (signals[:, pair] < 0.97 * untouched.clip_counts[pair]) & (ratio[:, pair] > 0.1)
+        if reads.sum() >= FEWEST_UNTOUCHED:
+            moved = np.median(signals[reads, pair] / ratio[reads, pair])
+            full[pair] = max(float(moved), float(untouched.clip_counts[pair]))
+    return full
+
+
+def _threshold(model: SignalMapModel, data: PressData, seed: int, on_step: OnStep | None) -> float:
+    """What few untouched frames exceed in any set, with untouched signals of the other sets (of all, if it is one)."""
+    quiet = data.only(untouched_rows(data))
+    numbers = [
+        one for one in np.unique(quiet.set_number) if (quiet.set_number == one).sum() >= FEWEST_UNTOUCHED
+    ]
+    most = MOST_FOR_THRESHOLD // max(len(numbers), 1)
+    highest = LEAST_THRESHOLD
+    for number in numbers or [None]:
+        own = np.ones(len(quiet), dtype=bool) if number is None else quiet.set_number == number
+        others = model if own.all() else _without(model, quiet, own)
+        rows = np.flatnonzero(own)
+        if len(rows) > most:
+            rows = np.sort(np.random.default_rng(seed).choice(rows, most, replace=False))
+        score = others.predict(quiet.only(rows).features().astype(np.float64)).touch_score
+        highest = max(highest, float(np.quantile(score, 1.0 - FALSE_ALARMS)))
+    if on_step is not None:
+        on_step("fit", 1.0)
+    return highest
+
+
+def _without(model: SignalMapModel, quiet: PressData, own: BoolArray) -> SignalMapModel:
+    """The model with the untouched signals (but those at full scale) of the frames that are not `own`."""
+    signals = quiet.features().astype(np.float64)
+    whole, rest = signals.mean(axis=0), signals[~own].mean(axis=0)
+    is_clipped = whole >= CLIP_SHARE * model.noise.clip_counts
+    change = np.where(is_clipped, 1.0, rest / np.maximum(whole, 1.0))
+    return replace(model, full_counts=model.full_counts * np.maximum(change, 0.5))

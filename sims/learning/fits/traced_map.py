@@ -1,0 +1,287 @@
+"""The force that goes with a depth, for a model's header: the contact model's load of the centred press.
+
+Left out: nearer walls raise the force by up to a tenth at 1 mm (docs/understand/model.md); the band of the modulus;
+viscosity.
+
+Signals of a design over its whole workspace: traced on a grid of places and depths, smooth in between.
+
+    places   a grid that reaches a little beyond the workspace, 1 mm apart at most; what lies past round ends of it is
+             mirrored at its border, f(outside) = 2 f(border) - f(inside), so that the spline is smooth there
+    depths   equal steps of √depth, 0 (the untouched pad) to the deepest press
+    between  a tensor cubic spline of √(light / untouched light), pair by pair (`inference.tensor_spline`)
+
+The root of the ratio was chosen by measurement: on the paper's pad, at 400 random presses traced finer and with another
+seed, the spline of the ratio itself errs as much to 3.5 mm and by a quarter more beyond, that of its logarithm by half
+more (docs/validation/calibration.md has the figures). A pitch of 2 mm errs four times as much.
+
+Symmetric places are traced once (`sims.optics.scene.symmetry`): a quarter of them on a pad that is alike on four
+sides. `measured_error` compares with presses at random places and depths, traced with another seed; it holds the
+interpolation and both traces' own errors.
+
+Left out: two tips at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from design.arrays import FloatArray, IntArray
+from design.errors import InputError
+from design.progress import OnStep
+from design.rules.shape import NEAREST_WALL
+from design.shape.cavity import cavity_of
+from design.shape.outline import Outline
+from design.spec import SensorDesign
+from sims.contact.force_curve import force_curve
+from sims.contact.indentation import solved_press
+from sims.contact.scope import depth_limit_mm
+from sims.learning.inference.header import ForceCurve
+from sims.learning.inference.signal_map import TensorSpline, fitted_spline
+from sims.optics.accuracy import Accuracy
+from sims.optics.tracing import trace
+from sims.press import COARSE_STEP_MM, depth_schedule_mm
+
+
+def load_curve(design: SensorDesign) -> ForceCurve:
+    """Force against depth to the design's deepest press.
+
+    Raises
+    ------
+    ModelScopeError : deeper than the contact model goes.
+    """
+    deepest = design.operating.max_depth_mm
+    found = force_curve(design, solved_press(design, deepest), depth_schedule_mm(deepest, COARSE_STEP_MM))
+    return ForceCurve(
+        depth_mm=tuple(float(depth) for depth in found.depth_mm),
+        force_n=tuple(float(force) for force in found.force_n),
+    )
+
+
+PITCH_MM = 1.0
+QUICK_PITCH_MM = 1.5
+DEPTH_NODES = 11
+QUICK_DEPTH_NODES = 10
+"""Grid of a map and of a quick one; nodes of depth count the untouched pad."""
+MARGIN_MM = 1.0
+"""How far a map reaches beyond the workspace at most: the border's presses lie inside a cell, not at its end."""
+BEYOND_MM = 0.1
+"""How far a map reaches beyond the deepest press, where the contact model does."""
+ERROR_PRESSES = 60
+ERROR_SEED_GAP = 15_485_863
+"""Added to the seed for the presses that tell the error, and for their light; a prime."""
+FAINTEST = 1e-3
+"""Least untouched light that a ratio is taken to, over the median pair's: a fainter pair would show its noise only."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SignalMap:
+    """Light of every pair over places and depths.
+
+    Attributes
+    ----------
+    x_mm : (nx,), y_mm : (ny,), root_depth : (ns,) nodes at equal steps [mm, mm, √mm]; the first depth is 0
+    flux : (nx, ny, ns, emitter, receiver) light over emitted power [-]
+    workspace : press centres that it is for
+    digest, accuracy, seed : of what design, how finely traced
+    error : (pair,) RMS error of the ratio to the untouched light at random presses [-]; None where not measured
+    checked : those presses and their light; None where not measured
+    """
+
+    x_mm: FloatArray
+    y_mm: FloatArray
+    root_depth: FloatArray
+    flux: FloatArray
+    workspace: Outline
+    digest: str
+    accuracy: str
+    seed: int
+    error: FloatArray | None = None
+    checked: MapError | None = None
+
+    @property
+    def untouched(self) -> FloatArray:
+        """(pair,) light of the untouched pad, faint pairs lifted to what a ratio can be taken to [-]."""
+        flat = self.flux[0, 0, 0].ravel()
+        return np.asarray(np.maximum(flat, FAINTEST * np.median(flat)))
+
+    @property
+    def ratio_root(self) -> TensorSpline:
+        """√(light / untouched light) of every pair as a spline."""
+        values = self.flux.reshape(*self.flux.shape[:3], -1) / self.untouched
+        nodes = (self.x_mm, self.y_mm, self.root_depth)
+        return fitted_spline(
+            np.sqrt(np.maximum(values, 0.0)),
+            np.array([axis[0] for axis in nodes]),
+            np.array([axis[1] - axis[0] for axis in nodes]),
+        )
+
+    def at(self, press_mm: FloatArray) -> FloatArray:
+        """(n, emitter, receiver) light at presses (n, 3) [-]."""
+        found = self.ratio_root.values(press_mm) ** 2 * self.untouched
+        return np.asarray(found.reshape(-1, *self.flux.shape[3:]))
+
+
+def map_nodes(
+    design: SensorDesign, pitch_mm: float, depth_nodes: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Nodes of a map: x [mm], y [mm], √depth [√mm].
+
+    Raises
+    ------
+    InputError : a pitch or a number of depths that makes no map.
+    """
+    if not 0.2 <= pitch_mm <= 5.0 or not 5 <= depth_nodes <= 60:
+        raise InputError(
+            f"map: pitch {pitch_mm:g} mm and {depth_nodes} depths; needs 0.2 to 5 mm and 5 to 60 depths"
+        )
+    space = cavity_of(design).workspace
+    beside = design.operating.workspace_margin_mm
+    to_scope = beside - (NEAREST_WALL - 1.0) * design.indenter.tip_radius_mm
+    margin = max(0.0, min(MARGIN_MM, 0.5 * beside, to_scope))
+    deepest = min(design.operating.max_depth_mm + BEYOND_MM, depth_limit_mm(design))
+    return (
+        _line(space.x0_mm - margin, space.x1_mm + margin, pitch_mm),
+        _line(space.y0_mm - margin, space.y1_mm + margin, pitch_mm),
+        np.linspace(0.0, np.sqrt(deepest), depth_nodes),
+    )
+
+
+def _line(low: float, high: float, pitch: float) -> FloatArray:
+    return np.linspace(low, high, max(int(np.ceil((high - low) / pitch - 1e-9)) + 1, 5))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Nodes:
+    """Where a map is traced, and how its nodes follow.
+
+    Attributes
+    ----------
+    traced_mm : (place, 2) [mm]
+    border, inner : (node,) places whose light makes a node's, 2 border - inner; one and the same where it was traced
+    """
+
+    traced_mm: FloatArray
+    border: IntArray
+    inner: IntArray
+
+    def filled(self, at_places: FloatArray, untouched: FloatArray) -> FloatArray:
+        """(node, ...) light from (place, ...): the root of the ratio to the untouched light is what is mirrored."""
+        root = np.sqrt(at_places / np.where(untouched > 0.0, untouched, 1.0))
+        mirrored = np.maximum(2.0 * root[self.border] - root[self.inner], 0.0) ** 2 * untouched
+        is_own = (self.border == self.inner).reshape(-1, *(1,) * (at_places.ndim - 1))
+        return np.where(is_own, at_places[self.border], mirrored)
+
+
+def _nodes_of(space: Outline, x_mm: FloatArray, y_mm: FloatArray) -> _Nodes:
+    """The nodes of a grid, x outermost; those outside a workspace as large from two places each."""
+    nodes = np.stack([axis.ravel() for axis in np.meshgrid(x_mm, y_mm, indexing="ij")], axis=1)
+    reach = space.in_box((x_mm[0], y_mm[0], x_mm[-1], y_mm[-1]))
+    is_own = reach.contains(*nodes.T)
+    own, outside = np.flatnonzero(is_own), np.flatnonzero(~is_own)
+    ends = np.array([reach.clamped(*node) for node in nodes[outside].tolist()]).reshape(-1, 2)
+    border, inner = np.zeros(len(nodes), dtype=np.int64), np.zeros(len(nodes), dtype=np.int64)
+    border[own] = inner[own] = np.arange(len(own))
+    border[outside] = len(own) + np.arange(len(outside))
+    inner[outside] = border[outside] + len(outside)
+    places = np.concatenate([nodes[own], ends, 2.0 * ends - nodes[outside]])
+    return _Nodes(traced_mm=places, border=border, inner=inner)
+
+
+def traced_map(
+    design: SensorDesign,
+    *,
+    pitch_mm: float = PITCH_MM,
+    depth_nodes: int = DEPTH_NODES,
+    accuracy: str | Accuracy = "draft",
+    seed: int = 0,
+    on_step: OnStep | None = None,
+) -> SignalMap:
+    """Trace a design's map.
+
+    Parameters
+    ----------
+    pitch_mm : largest distance of places; depth_nodes : how many depths, the untouched pad counted
+    accuracy, seed : of the light
+    on_step : called with ``map`` and the share that is done
+
+    Raises
+    ------
+    InputError : a grid that makes no map.
+    ModelScopeError : presses that contact or light model do not cover.
+    """
+    x_mm, y_mm, root = map_nodes(design, pitch_mm, depth_nodes)
+    depths = root[1:] ** 2
+    nodes = _nodes_of(cavity_of(design).workspace, x_mm, y_mm)
+    presses = np.column_stack(
+        [np.repeat(nodes.traced_mm, len(depths), axis=0), np.tile(depths, len(nodes.traced_mm))]
+    )
+    tell = on_step or (lambda _stage, _share: None)
+    light = trace(
+        design,
+        np.concatenate([[[x_mm.mean(), y_mm.mean(), 0.0]], presses]),
+        accuracy=accuracy,
+        seed=seed,
+        on_step=lambda done, total: tell("map", done / total),
+    )
+    parts = light.flux.shape[1:]
+    at_places = light.flux[1:].reshape(len(nodes.traced_mm), len(depths), *parts)
+    pressed = nodes.filled(at_places, light.flux[0]).reshape(len(x_mm), len(y_mm), len(depths), *parts)
+    flat = np.broadcast_to(light.flux[0], (len(x_mm), len(y_mm), 1, *parts))
+    space = cavity_of(design).workspace
+    return SignalMap(
+        x_mm=x_mm,
+        y_mm=y_mm,
+        root_depth=root,
+        flux=np.concatenate([flat, pressed], axis=2),
+        workspace=space,
+        digest=design.digest,
+        accuracy=accuracy if isinstance(accuracy, str) else "own settings",
+        seed=seed,
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MapError:
+    """A map against presses traced apart from it.
+
+    Attributes
+    ----------
+    press_mm : (n, 3) presses
+    found, truth : (n, emitter, receiver) light by the map and by the trace [-]
+    """
+
+    press_mm: FloatArray
+    found: FloatArray
+    truth: FloatArray
+
+    def of_ratio(self, untouched: FloatArray) -> FloatArray:
+        """(pair,) RMS error over untouched light (pair,) [-]."""
+        off = (self.found - self.truth).reshape(len(self.press_mm), -1) / untouched
+        return np.asarray(np.sqrt((off**2).mean(axis=0)))
+
+
+def measured_error(
+    design: SensorDesign,
+    found: SignalMap,
+    *,
+    presses: int = ERROR_PRESSES,
+    accuracy: str | Accuracy = "draft",
+    on_step: OnStep | None = None,
+) -> MapError:
+    """Compare a map with presses at random places of the workspace, √depth uniform, traced with another seed."""
+    seed = found.seed + ERROR_SEED_GAP
+    chance = np.random.default_rng(seed).uniform(size=(presses, 3))
+    press_mm = np.column_stack(
+        [found.workspace.spread(chance[:, :2]), (chance[:, 2] * found.root_depth[-1]) ** 2]
+    )
+    tell = on_step or (lambda _stage, _share: None)
+    light = trace(
+        design,
+        press_mm,
+        accuracy=accuracy,
+        seed=seed,
+        on_step=lambda done, total: tell("map error", done / total),
+    )
+    return MapError(press_mm=press_mm, found=found.at(press_mm), truth=light.flux)

@@ -1,0 +1,345 @@
+"""How far a press that was told lies from the one that was: what grid searches and held-out checks minimise.
+
+How much work a fit may be: numbers of samples, memory, and the sizes of the better learners.
+
+The scalings of `sims.learning.inference.feature_scaling`, from training samples.
+
+Touched samples as the better learners take them: readings, presses, and which of them are held out for trust.
+
+Which samples tune, which train: by location, never by sample; and a smaller share that covers all of them.
+
+The header of a model that was just trained.
+
+Training data as learners take them: checked, clipped pairs set aside, samples numbered by location.
+
+A *location* is all places within 0.15 mm of each other, over all sets: the paper presses the same grid four times, and
+a press held out while its location stays in the training half would be no test of places never pressed.
+"""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.arrays import BoolArray, FloatArray, IntArray
+from design.errors import InputError
+from sims.learning.inference.feature_scaling import FeatureScaling
+from sims.learning.inference.header import ModelHeader
+from sims.press import place_numbers
+from sims.readings.dataset import PressData
+
+FROM_DEPTH_MM = 1.0
+"""Lighter presses change few pairs: where they are is hardly in the signal, and would hide what a learner does."""
+
+
+def location_error_mm(told_mm: FloatArray, press_mm: FloatArray) -> FloatArray:
+    """(n,) distance in the plane of the pad [mm]."""
+    return np.asarray(np.hypot(*(told_mm[:, :2] - press_mm[:, :2]).T))
+
+
+def held_out_figures(told_mm: FloatArray, press_mm: FloatArray) -> dict[str, float]:
+    """Medians at samples of `FROM_DEPTH_MM` and more that the fit did without, for a model's header [mm]."""
+    deep = press_mm[:, 2] >= FROM_DEPTH_MM
+    if not deep.any():
+        return {}
+    told_mm, press_mm = told_mm[deep], press_mm[deep]
+    return {
+        "held_out_location_mm": float(np.median(location_error_mm(told_mm, press_mm))),
+        "held_out_depth_mm": float(np.median(np.abs(told_mm[:, 2] - press_mm[:, 2]))),
+    }
+
+
+def mean_error_mm(told_mm: FloatArray, press_mm: FloatArray) -> float:
+    """Mean distance in the plane plus mean difference in depth [mm]: one figure for a search to minimise."""
+    depth = np.abs(told_mm[:, 2] - press_mm[:, 2])
+    return float(location_error_mm(told_mm, press_mm).mean() + depth.mean())
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitSettings:
+    """Limits of a fit; every learner takes what concerns it.
+
+    Attributes
+    ----------
+    search_samples : touched samples that the grid search sees, fitted and held out together
+    fit_samples : touched samples of the final kernel-ridge fit; those beyond are used by the approximation only
+    network_samples : touched samples of trees and network
+    memory_gb : of the kernel matrix of the final fit [GB]
+    landmarks : kept samples of the approximation that serves what does not fit into memory_gb
+    trees : of the forest
+    epochs : passes of the network over its samples
+    """
+
+    search_samples: int = 6_000
+    fit_samples: int = 10_000
+    network_samples: int = 30_000
+    memory_gb: float = 5.0
+    landmarks: int = 8_000
+    trees: int = 80
+    epochs: int = 60
+
+
+DEFAULT = FitSettings()
+QUICK = FitSettings(search_samples=2_000, fit_samples=4_000, network_samples=8_000, trees=40, epochs=40)
+"""Seconds instead of minutes, for a first look."""
+FULL = FitSettings(fit_samples=24_000, network_samples=60_000, trees=120, epochs=100)
+"""Half of the paper's touched training samples in one exact kernel."""
+WHOLE = replace(FULL, fit_samples=60_000, memory_gb=12.0)
+"""All of the paper's touched training samples, 49,368, in one kernel: single precision, 9.8 GB."""
+EFFORTS = {"quick": QUICK, "default": DEFAULT, "full": FULL, "whole": WHOLE}
+
+LEAST_SCALE_COUNTS = 1.0
+"""About the noise of a reading less the off state (0.5 count each and the converter's steps): a pair whose signal
+varies less than that is not blown up."""
+
+
+def counts_scaling(kept: NDArray[np.intp]) -> FeatureScaling:
+    """The readings as they are."""
+    return FeatureScaling(kept=kept, centre=np.zeros(len(kept)), scale=np.ones(len(kept)))
+
+
+def standard_scaling(kept: NDArray[np.intp], signals: NDArray[np.float32]) -> FeatureScaling:
+    """Every pair by its own mean and standard deviation over samples (n, pair), at least the noise's.
+
+    Parameters
+    ----------
+    kept : pairs that are used
+    """
+    used = signals[:, kept].astype(np.float64)
+    return FeatureScaling(
+        kept=kept, centre=used.mean(axis=0), scale=np.maximum(used.std(axis=0), LEAST_SCALE_COUNTS)
+    )
+
+
+HELD_OUT_SHARE = 0.2
+"""Of the locations, for the table of trust."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PressSamples:
+    """Samples of touch.
+
+    Attributes
+    ----------
+    signals : (n, pair) readings less the off state [counts]
+    press_mm : (n, 3) [mm]
+    is_held_out : (n,) at locations that the fit for trust does without
+    """
+
+    signals: FloatArray
+    press_mm: FloatArray
+    is_held_out: BoolArray
+
+    def __len__(self) -> int:
+        return len(self.press_mm)
+
+
+def press_samples(data: TrainingData, most: int, rng: np.random.Generator) -> PressSamples:
+    """At most so many samples of depth 0 and more, spread over presses and depths."""
+    touched = np.flatnonzero(data.is_touched)
+    chosen = touched[spread_samples(data.press[touched], data.press_mm[touched, 2], most, rng)]
+    return PressSamples(
+        signals=data.signals[chosen].astype(np.float64),
+        press_mm=data.press_mm[chosen],
+        is_held_out=held_out(data.location[chosen], HELD_OUT_SHARE, rng),
+    )
+
+
+def held_out(location: IntArray, share: float, rng: np.random.Generator) -> BoolArray:
+    """(sample,) whether the sample's location is held out; at least one location is, and one is not.
+
+    Parameters
+    ----------
+    location : (sample,) number of the location, or of the press where presses are to be held out
+    share : of the locations that are held out
+    """
+    numbers = np.unique(location)
+    count = int(np.clip(round(share * len(numbers)), 1, len(numbers) - 1))
+    return np.asarray(np.isin(location, rng.permutation(numbers)[:count]))
+
+
+def spread_samples(press: IntArray, depth_mm: FloatArray, count: int, rng: np.random.Generator) -> IntArray:
+    """Numbers of at most ``count`` samples, spread over presses and depths, in rising order.
+
+    Every press gives its share, taken at even steps along its depths from a start of its own: each press covers the
+    depths evenly, and neighbouring presses do not all fall on the same ones.
+    """
+    samples = len(press)
+    if samples <= count:
+        return np.arange(samples)
+    order = np.lexsort((depth_mm, press))
+    _, begins, sizes = np.unique(press[order], return_index=True, return_counts=True)
+    wanted = _shares(sizes, count, rng)
+    chosen = [
+        order[begin + ((np.arange(take) + rng.random()) * size / take).astype(np.int64)]
+        for begin, size, take in zip(begins, sizes, wanted, strict=True)
+        if take
+    ]
+    return np.sort(np.concatenate(chosen))
+
+
+def _shares(sizes: IntArray, count: int, rng: np.random.Generator) -> IntArray:
+    """How many of each press, in proportion to its size; what rounding leaves over goes to presses drawn at random."""
+    exact = sizes * (count / sizes.sum())
+    shares: IntArray = np.floor(exact).astype(np.int64)
+    order = rng.permutation(len(sizes))
+    left = count - int(shares.sum())
+    open_ones = order[shares[order] < sizes[order]][:left]
+    shares[open_ones] += 1
+    return shares
+
+
+LIBRARIES = ("optopad", "numpy", "scipy", "scikit-learn")
+SIGMA_OF_STAGE = "what the stage says, its errors included"
+SIGMA_OF_TIP = "where the tip is, without the stage's errors"
+"""What a model's `sigma_mm` is a deviation of, for its header: learners know the tip by the stage's word only."""
+
+
+def trained_header(kind: str, data: TrainingData, settings: Mapping[str, Any], seed: int) -> ModelHeader:
+    """What the data were and what the fit chose; the force curve is added where the design is at hand."""
+    source = data.source
+    return ModelHeader(
+        kind=kind,
+        design_digest=source.design_digest,
+        emitter_names=source.emitter_names,
+        receiver_names=source.receiver_names,
+        untouched_counts=data.untouched_counts,
+        trained_on=data.facts(),
+        settings={**settings, "seed": seed, "sigma_of": SIGMA_OF_STAGE},
+        created_with={name: version(name) for name in LIBRARIES} | {"python": platform.python_version()},
+    )
+
+
+CLEARLY_UNTOUCHED_MM = -0.25
+"""Frames above this depth touch nothing, whatever the reference depth's error."""
+FEWEST_LOCATIONS = 9
+"""Three a side: fewer cannot tell a slope of the signal from a curve."""
+FEWEST_TOUCHED = 200
+FEWEST_UNTOUCHED = 50
+"""With fewer, the held-out half decides by chance."""
+MOST_CLIPPED = 0.01
+"""A pair that reads full scale in more of the untouched frames than this is left out: it says nothing of light touches,
+and its difference to the off state says how bright the room is."""
+FEWEST_PAIRS = 3
+"""x, y and depth cannot come from fewer readings."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrainingData:
+    """Samples to learn from.
+
+    Attributes
+    ----------
+    source : what they were made of
+    signals : (sample, pair) readings less the off state [counts]
+    press_mm : (sample, 3) x, y, depth [mm]
+    location : (sample,) number of the location, from 0
+    press : (sample,) number of the press (set and place), from 0
+    kept : (feature,) pairs that learners look at
+    left_out : what was left out, as sentences
+    """
+
+    source: PressData
+    signals: NDArray[np.float32]
+    press_mm: FloatArray
+    location: IntArray
+    press: IntArray
+    kept: NDArray[np.intp]
+    left_out: tuple[str, ...]
+
+    @property
+    def is_touched(self) -> BoolArray:
+        """(sample,) depth 0 or more, as the paper counts."""
+        return np.asarray(self.press_mm[:, 2] >= 0.0)
+
+    @property
+    def untouched_counts(self) -> FloatArray:
+        """(pair,) mean signals of the untouched frames [counts]."""
+        return np.asarray(self.signals[~self.is_touched].mean(axis=0, dtype=np.float64))
+
+    def facts(self) -> dict[str, Any]:
+        """What the model's header says of them; locations and presses are those in contact, deeper than 0."""
+        pressed = self.press_mm[:, 2] > 0.0
+        return {
+            "is_simulated": self.source.true_press_mm is not None,
+            "sets": [self.source.sets[k].name for k in np.unique(self.source.set_number)],
+            "samples": len(self.press_mm),
+            "touched_samples": int(self.is_touched.sum()),
+            "locations": len(np.unique(self.location[pressed])),
+            "presses": len(np.unique(self.press[pressed])),
+            "left_out": list(self.left_out),
+            "data": _plain(self.source.attributes),
+        }
+
+
+def prepared(train: PressData) -> TrainingData:
+    """Check data and set aside what tells nothing.
+
+    Raises
+    ------
+    InputError : too few samples, locations or usable pairs; values that are no numbers.
+    """
+    signals = np.asarray(train.features(), dtype=np.float32)
+    if not np.isfinite(signals).all() or not np.isfinite(train.press_mm).all():
+        raise InputError("training data: some readings or presses are no finite numbers; drop these samples")
+    location = place_numbers(train.press_mm[:, :2])
+    _require_enough(train.press_mm[:, 2] >= 0.0, location)
+    kept, left_out = _usable_pairs(train, signals)
+    return TrainingData(
+        source=train,
+        signals=signals,
+        press_mm=train.press_mm,
+        location=location,
+        press=train.press_numbers(),
+        kept=kept,
+        left_out=left_out,
+    )
+
+
+def _require_enough(is_touched: BoolArray, location: IntArray) -> None:
+    touched, untouched = int(is_touched.sum()), int((~is_touched).sum())
+    for name, found, fewest in (
+        ("touched samples", touched, FEWEST_TOUCHED),
+        ("untouched samples", untouched, FEWEST_UNTOUCHED),
+        ("locations", len(np.unique(location[is_touched])), FEWEST_LOCATIONS),
+    ):
+        if found < fewest:
+            raise InputError(
+                f"training data: has {found} {name}, needs >= {fewest}; record more presses, "
+                "above the surface and into it, at places all over the workspace"
+            )
+
+
+def _usable_pairs(train: PressData, signals: NDArray[np.float32]) -> tuple[NDArray[np.intp], tuple[str, ...]]:
+    """Pairs that neither clip while untouched nor stand still, and sentences about the others."""
+    untouched = train.press_mm[:, 2] < 0.0
+    share = train.only(untouched).clipped_share()
+    clipped = ((share[:-1] > MOST_CLIPPED) | (share[-1:] > MOST_CLIPPED)).reshape(-1)
+    still = signals.max(axis=0) == signals.min(axis=0)
+    left_out = []
+    for mask, why in ((clipped, "at full scale while untouched"), (still & ~clipped, "without any change")):
+        if mask.any():
+            names = [name for name, is_out in zip(train.pair_names, mask, strict=True) if is_out]
+            left_out.append(f"{len(names)} of {len(mask)} pairs {why}: {', '.join(names)}")
+    kept = np.flatnonzero(~(clipped | still))
+    if len(kept) < FEWEST_PAIRS:
+        raise InputError(
+            f"training data: only {len(kept)} pairs tell anything ({'; '.join(left_out)}); "
+            "lower the gain, or check the wiring with `optopad driver check`"
+        )
+    return kept, tuple(left_out)
+
+
+def _plain(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """What of the data's attributes a JSON header can hold."""
+    return {
+        name: value
+        for name, value in attributes.items()
+        if value is None or isinstance(value, str | int | float | bool)
+    }

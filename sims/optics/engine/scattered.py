@@ -1,0 +1,660 @@
+# mypy: no-warn-return-any
+"""Kernels: where light from one point of an emitter ends after it met one point of the deformed top.
+
+Kernels: light that walls, bottom or tip scatter once.
+
+The power of every emitter is deposited on patches of walls, bottom and tip by rays that follow the whole specular
+chain through the top; the same is done from every receiver, and by reciprocity
+
+    flux = sum over patches of  reflectance x deposit_e x deposit_r x A_r / A_patch.
+
+A deposit is shared between the four patches around it, so it changes smoothly with the ray. Receiver faces absorb;
+emitter faces reflect like the wall around them. Smooth walls mirror their Fresnel share on. Patches of walls and bottom
+have a finite size (a bias of the join that is the same with and without a press); `sims.optics.engine.trace_states`
+divides it out with the untouched pad's join. The untouched pad knows no tip, so light by way of the tip is taken as
+joined.
+
+Kernels: what the pressed top does to the light that it receives first hand, on a lattice of its points.
+
+A ray from a patch to a point p of the top, contact included, has a fate now and had one in the untouched pad. The
+difference of the two, summed over the lattice with the weight
+
+    radiance x cos x (g . d) / d^3 dA,    g = (-dh/dx, -dh/dy, 1), d from the patch to p,
+
+is the exact change of the light that falls on walls and bottom: a ray that does not meet the top first never meets it.
+The lattice goes on over the part of the top that is still flat, for what that mirrors may then meet a dimple. One ray
+serves both, so a top that hardly changes changes hardly anything.
+
+Rays of one lattice differ in power by orders of magnitude. Cells that are large for their distance from a patch are
+divided for it, and a ray of little power is followed by chance: one of power w < w0 with probability w / w0, and then
+with power w0 (Russian roulette: Arvo and Kirk 1990), which leaves the mean as it is.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from design.arrays import FloatArray, IntArray
+from sims.optics.engine.straight import BOTTOM, LOST, LOST_WEIGHT, TIP, chain, is_clear
+from sims.optics.surface.curves import CONTACT, CONTACT_AREA, CONTACT_PARTS, TOP, X, Y
+from sims.optics.surface.radial import (
+    array_kernel,
+    contact_radius_2,
+    fresnel,
+    kernel,
+    mirrored_share,
+    radiance,
+    wall_hit,
+    wall_normal,
+    wall_point,
+)
+from sims.optics.surface.tops import (
+    AX,
+    AY,
+    BX,
+    BY,
+    FIELD_ON,
+    Top,
+    is_beyond,
+    place_in_contact,
+    place_on_top,
+    surface_gradient,
+    surface_height,
+    touching_tip,
+)
+from sims.optics.surface.tops import TIP as TIP_OF
+
+
+@kernel
+def put_point(p: FloatArray, sector: int, u: float, v: float, sectors: FloatArray, top: Top) -> None:
+    """Fill a lattice row with a point of the top and the plan area of a unit of (u, v) there."""
+    p[PX], p[PY], _, p[AREA] = place_on_top(sector, u, v, sectors, top)
+    p[PZ], p[GX], p[GY] = surface_gradient(p[PX], p[PY], top)
+
+
+@kernel
+def landing(
+    p: FloatArray, along: float, up: float, source: FloatArray, box: FloatArray, top: Top
+) -> tuple[float, int, float, float, int, float, float]:
+    """Power, wall and place, further reflections, nearest one and cosine of arrival of the path from an emitter point
+    over p; power 0 if there is none.
+    """
+    ex, ey, ez = wall_point(int(source[0]), along, up, box)
+    if ez >= surface_height(ex, ey, top):
+        return 0.0, -1, 0.0, 0.0, 0, 1e30, 1.0
+    weight, dx, dy, dz, cos_in = first_leg(p, ex, ey, ez, source, box, top, 0.0, 0.0)
+    if weight == 0.0:
+        return 0.0, -1, 0.0, 0.0, 0, 1e30, 1.0
+    kind, x, y, z, dx, dy, dz, left, tops, nearest = echo(p, dx, dy, dz, cos_in, box, top)
+    n0, n1 = wall_normal(kind) if 0 <= kind < 4 else (0.0, 0.0)
+    return weight * left, kind, (x if kind == 0 or kind == 2 else y), z, tops, nearest, -(dx * n0 + dy * n1)
+
+
+@kernel
+def unit_there(
+    kind: int, low_s: float, high_s: float, low_z: float, high_z: float, receivers: FloatArray, units: FloatArray,
+) -> float:  # fmt: skip
+    """The smallest unit of the receivers that a box on a wall overlaps; 0 if none with one."""
+    least = 0.0
+    for j in range(receivers.shape[0]):
+        if units[j] == 0.0 or receivers[j, 0] != kind or (least > 0.0 and units[j] >= least):
+            continue
+        if low_s > receivers[j, 1] + receivers[j, 3] or high_s < receivers[j, 1] - receivers[j, 3]:
+            continue
+        if low_z > receivers[j, 2] + receivers[j, 4] or high_z < receivers[j, 2] - receivers[j, 4]:
+            continue
+        least = units[j]
+    return least
+
+
+TIP_RINGS = 3
+TIP_SECTORS = 12
+MIRRORINGS = 64
+"""Most reflections at smooth walls on one path."""
+
+
+@kernel
+def fraction(x: float) -> float:
+    """Part after the point."""
+    return x - math.floor(x)
+
+
+@kernel
+def golden_pair(n: int, one: float, two: float) -> tuple[float, float]:
+    """n-th point of an additive sequence in the unit square, moved by (one, two)."""
+    return fraction(n * 0.7548776662466927 + one), fraction(n * 0.5698402909980532 + two)
+
+
+@array_kernel
+def golden_shift(k: float) -> FloatArray:
+    """(4,) k-th point of an additive sequence with irrational, mutually unrelated steps, in 0..1."""
+    out = np.empty(4)
+    out[0] = fraction(k * 0.8566748838545029)
+    out[1] = fraction(k * 0.7338918566271260)
+    out[2] = fraction(k * 0.6287067210378087)
+    out[3] = fraction(k * 0.5385972572236101)
+    return out
+
+
+@array_kernel
+def layout_of(box: FloatArray, size: float) -> IntArray:
+    """(6, 3) columns, rows, first index of the patches on walls 0-3, bottom and tip (5)."""
+    out = np.zeros((6, 3), np.int64)
+    first = 0
+    for k in range(6):
+        across = box[0] if k == 0 or k == 2 or k == BOTTOM else box[1]
+        up = box[1] if k == BOTTOM else box[2]
+        out[k, 0] = max(1, math.ceil(across / size))
+        out[k, 1] = max(1, math.ceil(up / size))
+        if k == TIP:
+            out[k, 0] = TIP_SECTORS
+            out[k, 1] = TIP_RINGS
+        out[k, 2] = first
+        first += out[k, 0] * out[k, 1]
+    return out
+
+
+@kernel
+def tip_patch(x: float, y: float, layout: IntArray, tip: int, rows: FloatArray) -> int:
+    """Index of the tip's patch that holds a place: rings of equal area, a wrapped shank with them."""
+    px = x - rows[tip, X]
+    py = y - rows[tip, Y]
+    r2 = px * px + py * py
+    part = 0
+    while part < CONTACT_PARTS - 1 and rows[tip, CONTACT + part + 1] < r2:
+        part += 1
+    low = rows[tip, CONTACT + part]
+    share = (part + (r2 - low) / (rows[tip, CONTACT + part + 1] - low)) / CONTACT_PARTS
+    a = min(int((math.atan2(py, px) / (2.0 * math.pi) + 0.5) * TIP_SECTORS), TIP_SECTORS - 1)
+    b = min(int(share * TIP_RINGS), TIP_RINGS - 1)
+    return layout[TIP, 2] + b * layout[TIP, 0] + a
+
+
+@kernel
+def place_on_tip(patch: int, one: float, two: float, tip: int, rows: FloatArray) -> tuple[float, float]:
+    """Place (x, y) on one of the tip's patches, at fractions of its area outward and of its angle."""
+    r2, _ = contact_radius_2((patch // TIP_SECTORS + one) / TIP_RINGS, tip, rows)
+    r = math.sqrt(r2)
+    angle = 2.0 * math.pi * ((patch % TIP_SECTORS + two) / TIP_SECTORS - 0.5)
+    return rows[tip, X] + r * math.cos(angle), rows[tip, Y] + r * math.sin(angle)
+
+
+@kernel
+def tip_patch_area(tip: int, rows: FloatArray) -> float:
+    """Area of each of a tip's patches."""
+    return rows[tip, CONTACT_AREA] / (TIP_RINGS * TIP_SECTORS)
+
+
+@kernel
+def add_deposit(
+    kind: int, x: float, y: float, z: float, weight: float, layout: IntArray, box: FloatArray, top: Top,
+    out: FloatArray,
+) -> None:  # fmt: skip
+    """Add a weight to the patches around a point of a wall, the bottom or the tip."""
+    if kind == TIP:
+        out[tip_patch(x, y, layout, 0, top.rows)] += weight
+        return
+    columns = layout[kind, 0]
+    rows = layout[kind, 1]
+    across = box[0] if kind == 0 or kind == 2 or kind == BOTTOM else box[1]
+    up = box[1] if kind == BOTTOM else box[2]
+    along = x if kind == 0 or kind == 2 or kind == BOTTOM else y
+    s = min(max(along / across * columns - 0.5, 0.0), columns - 1.0)
+    t = min(max((y if kind == BOTTOM else z) / up * rows - 0.5, 0.0), rows - 1.0)
+    a = min(int(s), max(columns - 2, 0))
+    b = min(int(t), max(rows - 2, 0))
+    s -= a
+    t -= b
+    first = layout[kind, 2] + b * columns + a
+    right = 1 if columns > 1 else 0
+    above = columns if rows > 1 else 0
+    out[first] += weight * (1.0 - s) * (1.0 - t)
+    out[first + right] += weight * s * (1.0 - t)
+    out[first + above] += weight * (1.0 - s) * t
+    out[first + above + right] += weight * s * t
+
+
+@kernel
+def receiver_at(kind: int, x: float, y: float, z: float, receivers: FloatArray) -> int:
+    """The receiver whose face holds a wall point; -1 if none."""
+    along = x if kind == 0 or kind == 2 else y
+    for j in range(receivers.shape[0]):
+        if (
+            receivers[j, 0] == kind
+            and abs(along - receivers[j, 1]) <= receivers[j, 3]
+            and abs(z - receivers[j, 2]) <= receivers[j, 4]
+        ):
+            return j
+    return -1
+
+
+@array_kernel
+def patch_areas(layout: IntArray, receivers: FloatArray, box: FloatArray) -> FloatArray:
+    """Area of every wall and bottom patch without receiver faces; 0 for the tip's."""
+    out = np.zeros(layout[5, 2] + layout[5, 0] * layout[5, 1])
+    for k in range(5):
+        du = (box[0] if k == 0 or k == 2 or k == BOTTOM else box[1]) / layout[k, 0]
+        dv = (box[1] if k == BOTTOM else box[2]) / layout[k, 1]
+        for b in range(layout[k, 1]):
+            for a in range(layout[k, 0]):
+                area = du * dv
+                if k < BOTTOM:
+                    for j in range(receivers.shape[0]):
+                        if receivers[j, 0] == k:
+                            u0 = max(a * du, receivers[j, 1] - receivers[j, 3])
+                            u1 = min((a + 1) * du, receivers[j, 1] + receivers[j, 3])
+                            v0 = max(b * dv, receivers[j, 2] - receivers[j, 4])
+                            v1 = min((b + 1) * dv, receivers[j, 2] + receivers[j, 4])
+                            area -= max(u1 - u0, 0.0) * max(v1 - v0, 0.0)
+                out[layout[k, 2] + b * layout[k, 0] + a] = max(area, 0.0)
+    return out
+
+
+@kernel
+def leaving(
+    patch: FloatArray, p: FloatArray, shift: FloatArray, box: FloatArray
+) -> tuple[float, float, float, float, float, float, float]:
+    """A point of a wall patch and a direction by its cosine order (a table: Lambertian): start, direction, weight."""
+    wall = int(patch[0])
+    along = patch[1] + patch[3] * (2.0 * fraction(p[0] + shift[0]) - 1.0)
+    other = patch[2] + patch[4] * (2.0 * fraction(p[1] + shift[1]) - 1.0)
+    order = max(patch[5], 1.0) if patch[5] < 0.0 else patch[5]
+    cos_out = (1.0 - fraction(p[2] + shift[2])) ** (1.0 / (order + 1.0))
+    sin_out = math.sqrt(max(1.0 - cos_out * cos_out, 0.0))
+    phi = 2.0 * math.pi * fraction(p[3] + shift[3])
+    weight = 4.0 * patch[3] * patch[4] / patch[6]
+    if patch[5] < 0.0:
+        weight *= math.pi * radiance(patch, cos_out)
+    if wall == BOTTOM:
+        return along, other, 0.0, sin_out * math.cos(phi), sin_out * math.sin(phi), cos_out, weight
+    x, y, z = wall_point(wall, along, other, box)
+    n0, n1 = wall_normal(wall)
+    side = sin_out * math.cos(phi)
+    return x, y, z, n0 * cos_out - n1 * side, n1 * cos_out + n0 * side, sin_out * math.sin(phi), weight
+
+
+@kernel
+def follow(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, weight: float, gathers: bool,
+    receivers: FloatArray, layout: IntArray, box: FloatArray, top: Top, out: FloatArray, seen: FloatArray,
+) -> None:  # fmt: skip
+    """Deposit what a ray brings to walls, bottom and tip; add to seen what smooth walls mirror onto receivers.
+
+    Light loses the mirrored share where it enters a smooth wall to be scattered, not where it comes out of it again: a
+    ray that gathers light for a receiver, backwards, loses nothing there.
+    """
+    for mirrorings in range(MIRRORINGS):
+        kind, x, y, z, dx, dy, dz, left, _, _ = chain(x, y, z, dx, dy, dz, 1.0, box, top)
+        weight *= left
+        if kind < 0 or weight < LOST_WEIGHT:
+            return
+        if kind >= BOTTOM:
+            add_deposit(kind, x, y, z, weight, layout, box, top, out)
+            return
+        n0, n1 = wall_normal(kind)
+        cos_in = -(dx * n0 + dy * n1)
+        j = receiver_at(kind, x, y, z, receivers)
+        if j >= 0:
+            if mirrorings > 0:
+                seen[j] += weight * math.pi * radiance(receivers[j], cos_in)
+            return
+        share = mirrored_share(cos_in, box[3], box[5]) if box[5] > 0.0 else 0.0
+        entering = weight if gathers else weight * (1.0 - share)
+        add_deposit(kind, x, y, z, entering, layout, box, top, out)
+        weight *= share
+        if weight < LOST_WEIGHT:
+            return
+        dx += 2.0 * cos_in * n0
+        dy += 2.0 * cos_in * n1
+        x += 1e-9 * n0
+        y += 1e-9 * n1
+
+
+@kernel
+def deposit(
+    source: FloatArray, gathers: bool, receivers: FloatArray, box: FloatArray, top: Top, points: FloatArray,
+    count: int, shift: FloatArray, layout: IntArray, out: FloatArray, seen: FloatArray,
+) -> None:  # fmt: skip
+    """Add the share of a patch's emission that lands on every patch after any specular chain, by rays into the
+    half space; and what smooth walls mirror onto receivers.
+    """
+    for k in range(count):
+        x, y, z, dx, dy, dz, weight = leaving(source, points[k], shift, box)
+        if z < surface_height(x, y, top):
+            follow(x, y, z, dx, dy, dz, weight / count, gathers, receivers, layout, box, top, out, seen)
+
+
+@kernel
+def join(
+    from_emitter: FloatArray, from_receiver: FloatArray, receiver_area: float, areas: FloatArray, layout: IntArray,
+    reflectances: FloatArray,
+) -> float:  # fmt: skip
+    """Flux of a pair that walls and bottom scatter once, from its two deposits."""
+    total = 0.0
+    for k in range(TIP):
+        part = 0.0
+        for n in range(layout[k, 2], layout[k, 2] + layout[k, 0] * layout[k, 1]):
+            product = from_emitter[n] * from_receiver[n]
+            if product != 0.0 and areas[n] > 1e-9:
+                part += product / areas[n]
+        total += part * reflectances[k]
+    return total * receiver_area
+
+
+@kernel
+def join_on_tip(
+    from_emitter: FloatArray, from_receiver: FloatArray, receiver_area: float, layout: IntArray,
+    reflectances: FloatArray, top: Top,
+) -> float:  # fmt: skip
+    """Flux of a pair that a tip scatters once, from its two deposits."""
+    if reflectances[TIP] == 0.0:
+        return 0.0
+    total = 0.0
+    for n in range(layout[TIP, 2], layout[TIP, 2] + layout[TIP, 0] * layout[TIP, 1]):
+        total += from_emitter[n] * from_receiver[n]
+    area = tip_patch_area(0, top.rows)
+    return total / area * reflectances[TIP] * receiver_area if area > 1e-9 else 0.0
+
+
+@array_kernel
+def bounces(
+    layout: IntArray, receivers: FloatArray, box: FloatArray, top: Top, points: FloatArray, count: int
+) -> FloatArray:
+    """(patch, patch) share of one patch's scattered light that lands on another, untouched top."""
+    patches = layout[5, 2]
+    out = np.zeros((patches, patches + layout[5, 0] * layout[5, 1]))
+    source = np.zeros(7)
+    seen = np.zeros(receivers.shape[0])
+    for k in range(5):
+        du = (box[0] if k == 0 or k == 2 or k == BOTTOM else box[1]) / layout[k, 0]
+        dv = (box[1] if k == BOTTOM else box[2]) / layout[k, 1]
+        for b in range(layout[k, 1]):
+            for a in range(layout[k, 0]):
+                n = layout[k, 2] + b * layout[k, 0] + a
+                source[0], source[1], source[2] = k, (a + 0.5) * du, (b + 0.5) * dv
+                source[3], source[4], source[5] = 0.5 * du, 0.5 * dv, 1.0
+                source[6] = du * dv
+                shift = golden_shift(n + 1.0)
+                deposit(source, False, receivers, box, top, points, count, shift, layout, out[n], seen)
+    return out[:, :patches]
+
+
+# columns of a lattice row
+PX, PY, PZ, GX, GY, AREA, TOUCHED, SECTOR, U0, U1, V0, V1, FLAT, MX, MY, MZ, SIZE = range(17)
+POINT_COLUMNS = 17
+# columns of an echo row: where a ray from the emitter ends; in the contact its power is all that lands on the cell
+POWER, KIND, ALONG, UP, TOPS = range(5)
+ECHO_COLUMNS = 5
+NEAR = 0.4
+"""Largest size of a cell of the lattice over its distance from a patch: a larger one is divided for that patch. On the
+paper's pad, whose parts reach to 0.7 mm below the top, undivided cells made errors of scattered light three times
+those with it, up to 16 % of a signal."""
+MOST_PARTS = 8
+FEWEST_CONTACT_RINGS = 3
+COLUMNS_A_CONTACT_RING = 10
+"""Columns of the lattice for each ring in the contact: cells half as wide as high at a tip that is all the way in. With
+three rings light behind such a tip, where next to nothing is left, erred by 0.4 % of the signal however many columns
+there were."""
+COSINES = 16
+THIRD_TURN = 0.381966011250105
+"""2 less the golden ratio: a sequence of its own beside that of the emitter's points."""
+
+
+@kernel
+def contact_rings(columns: float) -> int:
+    """Rings of a lattice in the contact, for so many columns around a tip."""
+    return max(int(columns) // COLUMNS_A_CONTACT_RING, FEWEST_CONTACT_RINGS)
+
+
+@kernel
+def first_free_row(lattice: FloatArray) -> int:
+    """The first row of a lattice that is not in the contact."""
+    row = 0
+    while row < lattice.shape[0] and lattice[row, 0, TOUCHED] == 1.0:
+        row += 1
+    return row
+
+
+@kernel
+def lattice_points(
+    in_contact: int, columns: FloatArray, shift_u: float, shift_v: float, sectors: FloatArray, top: Top,
+    out: FloatArray,
+) -> None:  # fmt: skip
+    """Fill zeros (row, column, 17) with points of the pressed top, middles and sizes of their cells; rows are rings in
+    the contact, as many as told, whose u is its s, then rings of u.
+    """
+    rings = out.shape[0] - in_contact
+    for b in range(columns.shape[0]):
+        k = int(columns[b, 0])
+        v = columns[b, 1] + shift_v * (columns[b, 2] - columns[b, 1])
+        for a in range(out.shape[0]):
+            row = out[a, b]
+            row[TOUCHED] = 1.0 if a < in_contact else 0.0
+            count = in_contact if a < in_contact else rings
+            n = a if a < in_contact else a - in_contact
+            row[U0] = n / count
+            row[U1] = (n + 1.0) / count
+            row[SECTOR] = k
+            row[V0] = columns[b, 1]
+            row[V1] = columns[b, 2]
+            put_on_top(row, (n + shift_u) / count, v, (columns[b, 2] - columns[b, 1]) / count, sectors, top)
+            row[MX], row[MY], _ = _place(
+                row, 0.5 * (row[U0] + row[U1]), 0.5 * (row[V0] + row[V1]), sectors, top
+            )
+            row[MZ] = surface_height(row[MX], row[MY], top)
+            row[SIZE] = 0.0
+            for c in range(4):
+                x, y, _ = _place(
+                    row, row[U0] if c < 2 else row[U1], row[V0] if c % 2 == 0 else row[V1], sectors, top
+                )
+                rise = surface_height(x, y, top) - row[MZ] if row[TOUCHED] == 1.0 else 0.0
+                row[SIZE] = max(row[SIZE], math.sqrt((x - row[MX]) ** 2 + (y - row[MY]) ** 2 + rise * rise))
+
+
+@kernel
+def _place(row: FloatArray, u: float, v: float, sectors: FloatArray, top: Top) -> tuple[float, float, float]:
+    """Place (x, y) of (u, v) in a lattice row's sector, in or outside the contact as it is, and plan area per du dv."""
+    if row[TOUCHED] == 1.0:
+        return place_in_contact(int(row[SECTOR]), u, v, sectors, top)
+    x, y, _, area = place_on_top(int(row[SECTOR]), u, v, sectors, top)
+    return x, y, area
+
+
+@kernel
+def put_on_top(row: FloatArray, u: float, v: float, share: float, sectors: FloatArray, top: Top) -> None:
+    """Fill place, gradient and area of a point of a row's sector that stands for a share of a unit of (u, v)."""
+    row[PX], row[PY], area = _place(row, u, v, sectors, top)
+    row[AREA] = area * share
+    row[FLAT] = 0.0
+    if row[TOUCHED] == 0.0:
+        tip, _ = touching_tip(row[PX], row[PY], top)
+        if tip >= 0:
+            row[AREA] = 0.0
+        row[FLAT] = 1.0 if top.rows[0, FIELD_ON] == 0.0 and is_beyond(row[PX], row[PY], top) else 0.0
+    row[PZ], row[GX], row[GY] = surface_gradient(row[PX], row[PY], top)
+
+
+@kernel
+def contact_cell_area(row: FloatArray, rings: int, sectors: FloatArray, top: Top) -> float:
+    """Area of the top in a lattice row's cell of the contact, of as many rings of equal area."""
+    k = int(row[SECTOR])
+    x0 = sectors[k, AX] + row[V0] * sectors[k, BX]
+    y0 = sectors[k, AY] + row[V0] * sectors[k, BY]
+    x1 = sectors[k, AX] + row[V1] * sectors[k, BX]
+    y1 = sectors[k, AY] + row[V1] * sectors[k, BY]
+    angle = math.atan2(x0 * y1 - y0 * x1, x0 * x1 + y0 * y1)
+    return top.rows[int(sectors[k, TIP_OF]), CONTACT_AREA] / rings * angle / (2.0 * math.pi)
+
+
+@kernel
+def _whole_power(patch: FloatArray) -> float:
+    """What a patch sends or counts of all directions: 1 for an emitter, the mean response for a receiver."""
+    power = 0.0
+    for k in range(COSINES):
+        cosine = (k + 0.5) / COSINES
+        power += 2.0 * math.pi / COSINES * cosine * radiance(patch, cosine)
+    return power
+
+
+@kernel
+def parts_of(cell: FloatArray, patch: FloatArray, box: FloatArray) -> int:
+    """Parts along each side into which a cell of the lattice is divided for a patch near to it."""
+    x0, y0, z = wall_point(int(patch[0]), patch[1], patch[2], box)
+    on_x = int(patch[0]) % 2 == 0
+    along = max(abs(cell[MX] - x0 if on_x else cell[MY] - y0) - patch[3], 0.0)
+    across = cell[MY] - y0 if on_x else cell[MX] - x0
+    up = max(abs(cell[MZ] - z) - patch[4], 0.0)
+    near = math.sqrt(along * along + across * across + up * up)
+    return int(min(max(math.ceil(cell[SIZE] / (NEAR * near + 1e-9)), 1.0), MOST_PARTS))
+
+
+@kernel
+def first_leg(
+    p: FloatArray, ex: float, ey: float, ez: float, source: FloatArray, box: FloatArray, top: Top, least: float,
+    luck: float,
+) -> tuple[float, float, float, float, float]:  # fmt: skip
+    """Weight of the leg from e to a lattice point, 0 if it is hidden or the wrong side; direction; cosine there.
+
+    A weight below `least` becomes that if it is above `luck` (0 to 1) of it, and else 0.
+    """
+    n0, n1 = wall_normal(int(source[0]))
+    dx = p[PX] - ex
+    dy = p[PY] - ey
+    dz = p[PZ] - ez
+    out = dx * n0 + dy * n1
+    into = dz - p[GX] * dx - p[GY] * dy
+    if out <= 0.0 or into <= 0.0 or p[AREA] == 0.0:
+        return 0.0, dx, dy, dz, 0.0
+    d = math.sqrt(dx * dx + dy * dy + dz * dz)
+    dx /= d
+    dy /= d
+    dz /= d
+    weight = radiance(source, out / d) * out * into / (d * d * d * d) * p[AREA] * math.exp(-box[4] * d)
+    weight *= 4.0 * source[3] * source[4] / source[6]
+    if weight < least * luck:
+        return 0.0, dx, dy, dz, 0.0
+    if not is_clear(p[PX], p[PY], p[PZ], -dx, -dy, -dz, d, top):
+        return 0.0, dx, dy, dz, 0.0
+    weight = max(weight, least)
+    return weight, dx, dy, dz, into / (d * math.sqrt(1.0 + p[GX] * p[GX] + p[GY] * p[GY]))
+
+
+@kernel
+def echo(
+    p: FloatArray, dx: float, dy: float, dz: float, cos_in: float, box: FloatArray, top: Top
+) -> tuple[int, float, float, float, float, float, float, float, int, float]:
+    """Where the ray goes after its reflection at a lattice point: kind, point, direction, share left, further
+    reflections, nearest one (over the skirt's radius).
+    """
+    norm = 1.0 / math.sqrt(1.0 + p[GX] * p[GX] + p[GY] * p[GY])
+    back = 2.0 * cos_in * norm
+    return chain(
+        p[PX] + 1e-9 * p[GX] * norm, p[PY] + 1e-9 * p[GY] * norm, p[PZ] - 1e-9 * norm,
+        dx + back * p[GX], dy + back * p[GY], dz - back, fresnel(cos_in, box[3]), box, top,
+    )  # fmt: skip
+
+
+@kernel
+def _untouched_fate(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, height: float, box: FloatArray
+) -> tuple[int, float, float, float, float]:
+    """Where the ray would end under an undisturbed top: kind, point, share of its power at z that is left."""
+    t, kind = wall_hit(x, y, z, dx, dy, dz, box)
+    left = 1.0
+    run = 0.0
+    if dz > 0.0 and (height - z) / dz < t:
+        run = (height - z) / dz
+        x += run * dx
+        y += run * dy
+        z = height
+        left = fresnel(dz, box[3])
+        dz = -dz
+        t, kind = wall_hit(x, y, z, dx, dy, dz, box)
+    return kind, x + t * dx, y + t * dy, z + t * dz, left * math.exp(-box[4] * (run + t))
+
+
+@kernel
+def top_change(
+    source: FloatArray, receivers: FloatArray, lattice: FloatArray, shift: FloatArray, layout: IntArray,
+    box: FloatArray, top: Top, out: FloatArray, echoes: FloatArray, ray_share: float, offset: FloatArray,
+    sectors: FloatArray, p: FloatArray,
+) -> None:  # fmt: skip
+    """Add the change of a patch's deposits to out (patch,); fill echoes (row, column, 5) with each cell's ray's end, of
+    several the brightest that is mirrored again, and in the contact with what lands there.
+
+    ray_share : power over the mean below which a ray is followed by chance; offset : place in a divided cell's parts
+    """
+    height = top.rows[0, TOP]
+    least = ray_share * _whole_power(source) / (lattice.shape[0] * lattice.shape[1])
+    n = 0
+    for a in range(lattice.shape[0]):
+        for b in range(lattice.shape[1]):
+            cell = lattice[a, b]
+            echoes[a, b, POWER] = 0.0
+            echoes[a, b, KIND] = LOST
+            parts = parts_of(cell, source, box)
+            if parts == 1:
+                n += 1
+                _follow(
+                    n, cell, source, receivers, shift, height, least, 1, layout, box, top, out, echoes[a, b]
+                )
+                continue
+            share = (cell[U1] - cell[U0]) * (cell[V1] - cell[V0]) / parts**2
+            for part in range(parts * parts):
+                n += 1
+                u = cell[U0] + (part // parts + offset[0]) / parts * (cell[U1] - cell[U0])
+                v = cell[V0] + (part % parts + offset[1]) / parts * (cell[V1] - cell[V0])
+                p[SECTOR] = cell[SECTOR]
+                p[TOUCHED] = cell[TOUCHED]
+                put_on_top(p, u, v, share, sectors, top)
+                _follow(
+                    n, p, source, receivers, shift, height, least, parts, layout, box, top, out, echoes[a, b]
+                )
+
+
+@kernel
+def _follow(
+    n: int, p: FloatArray, source: FloatArray, receivers: FloatArray, shift: FloatArray, height: float, least: float,
+    parts: int, layout: IntArray, box: FloatArray, top: Top, out: FloatArray, found: FloatArray,
+) -> None:  # fmt: skip
+    """Add one ray's change of deposits to out, the n-th of its patch, by one of parts² points of a cell.
+
+    Its end goes to `found` (5,), the power that of the whole cell, if that is empty, or if it is mirrored again and
+    what is there is not, or is fainter. What lands on the contact adds up there.
+    """
+    one, two = golden_pair(n, shift[0], shift[1])
+    along = source[1] + source[3] * (2.0 * one - 1.0)
+    up = source[2] + source[4] * (2.0 * two - 1.0)
+    ex, ey, ez = wall_point(int(source[0]), along, up, box)
+    if ez >= surface_height(ex, ey, top):
+        return
+    luck = THIRD_TURN * n + shift[0] + shift[1]
+    luck -= math.floor(luck)
+    weight, dx, dy, dz, cos_in = first_leg(p, ex, ey, ez, source, box, top, least, luck)
+    if weight == 0.0:
+        return
+    if p[TOUCHED] == 0.0:
+        kind, x, y, z, _, _, _, left, tops, _ = echo(p, dx, dy, dz, cos_in, box, top)
+        power = weight * left * parts * parts
+        if found[POWER] == 0.0 or (tops > 0 and (found[TOPS] == 0.0 or power > found[POWER])):
+            found[POWER] = power
+            found[KIND] = kind
+            found[ALONG] = x if kind == 0 or kind == 2 else y
+            found[UP] = z
+            found[TOPS] = tops
+        if p[FLAT] == 1.0 and tops == 0 and kind != TIP:
+            return  # the undisturbed top mirrors it to the same place
+        if kind >= 0 and (kind >= BOTTOM or receiver_at(kind, x, y, z, receivers) < 0):
+            add_deposit(kind, x, y, z, weight * left, layout, box, top, out)
+    else:
+        found[POWER] += weight
+        found[KIND] = TIP
+        add_deposit(TIP, p[PX], p[PY], p[PZ], weight, layout, box, top, out)
+    gone = weight
+    if box[4] > 0.0:
+        gone *= math.exp(box[4] * math.sqrt((p[PX] - ex) ** 2 + (p[PY] - ey) ** 2 + (p[PZ] - ez) ** 2))
+    kind, x, y, z, left = _untouched_fate(ex, ey, ez, dx, dy, dz, height, box)
+    if kind >= 0 and (kind == BOTTOM or receiver_at(kind, x, y, z, receivers) < 0):
+        add_deposit(kind, x, y, z, -gone * left, layout, box, top, out)

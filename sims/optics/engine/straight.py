@@ -1,0 +1,768 @@
+# mypy: no-warn-return-any
+"""Kernels: convex polygons of homogeneous points (x, y, w) in rows of an array: cut, area, centroid.
+
+Sutherland and Hodgman's clipping, one half plane at a time; w lets a point lie behind the eye.
+
+Kernels: one ray and the deformed top. Arrays only; lengths mm, directions unit vectors.
+
+Whether a ray meets the top is told by `marches`, where by Newton's steps in the bracket that it gives.
+
+Kernels: where along a ray the deformed top may be crossed.
+
+The top is the sum of what every tip does to it and of a smooth field (`sims.optics.surface.tops`). The gap
+g(t) = h(x(t), y(t)) - z(t) closes at most at the rate dz + M |d_plan|, M the largest slope of the part of the surface
+still ahead (of its falling part once the ray moves outward), so steps of g over that rate cannot jump over a
+crossing. Nor can those to the root of g + g' s - K |d_plan|^2 s^2 / 2, K the largest bend ahead; of both the longer is
+taken. No step is shorter than `MIN_STEP_MM`, so a chord through the tip shorter than that is missed (it would be
+less than 2e-5 mm deep in a 3 mm tip).
+
+One tip without a field: beyond the outer radius the top is a plane and needs no steps, and a ray that stays below the
+undisturbed top is followed only where the top may come below the ray's highest point. One tip with a field, a pad's
+usual top: slopes and bends of both add up. Several tips: by slopes alone.
+
+Kernels: straight light, and light mirrored by a flat top, between two rectangles on walls.
+
+Gauss quadrature over the emitter's area, the receiver's columns and, in each column, the part of its
+height that the emitter point sees. That part is known without sampling: in the vertical plane through
+emitter point e and column u the top's horizon over the column is
+
+    Z* = z_e + min over the chord of (h(s) - z_e) / s,     s = fraction of the way in plan,
+
+and straight light is visible below Z*. Several tips: the smallest of their horizons. Patches are clipped to the clear
+layer; Fresnel at the top, Beer-Lambert along the path.
+"""
+
+from __future__ import annotations
+
+import math
+
+from design.arrays import FloatArray
+from sims.optics.surface.curves import (
+    ACTIVE,
+    BEND,
+    CELLS,
+    FALL,
+    LOWEST,
+    OFFSET,
+    OUTER_2,
+    OUTER_R,
+    PIECE_COLUMNS,
+    PIECES,
+    SCALE,
+    SPHERE_2,
+    SPHERE_Z,
+    START,
+    TIP_2,
+    TOP,
+    WINDOW,
+    X,
+    Y,
+)
+from sims.optics.surface.radial import (
+    NEVER,
+    distance,
+    fall_bound,
+    fresnel,
+    height,
+    height_and_turn,
+    inlined,
+    kernel,
+    radiance,
+    reach2,
+    slope_bound,
+    wall_hit,
+    wall_normal,
+    wall_point,
+)
+from sims.optics.surface.tops import (
+    FIELD_BEND,
+    FIELD_LOWEST,
+    FIELD_SLOPE,
+    SLACK,
+    Top,
+    field_gradient,
+    is_plain,
+    surface_gradient,
+    surface_height,
+    touching_tip,
+)
+
+
+@kernel
+def cut(n: int, poly: FloatArray, other: FloatArray, along: float, up: float, whole: float) -> int:
+    """Clip a polygon of homogeneous points (x, y, w) to along x + up y + whole w >= 0; its number of corners."""
+    outside = 0
+    for c in range(n):
+        if along * poly[c, 0] + up * poly[c, 1] + whole * poly[c, 2] < 0.0:
+            outside += 1
+    if outside == 0:
+        return n
+    if outside == n:
+        return 0
+    kept = 0
+    fc = along * poly[0, 0] + up * poly[0, 1] + whole * poly[0, 2]
+    for c in range(n):
+        d = c + 1 if c + 1 < n else 0
+        fd = along * poly[d, 0] + up * poly[d, 1] + whole * poly[d, 2]
+        if fc >= 0.0:
+            for k in range(3):
+                other[kept, k] = poly[c, k]
+            kept += 1
+        if (fc >= 0.0) != (fd >= 0.0):
+            t = fc / (fc - fd)
+            for k in range(3):
+                other[kept, k] = poly[c, k] + t * (poly[d, k] - poly[c, k])
+            kept += 1
+        fc = fd
+    for c in range(kept):
+        for k in range(3):
+            poly[c, k] = other[c, k]
+    return kept if kept > 2 else 0
+
+
+@kernel
+def cut_to_rectangle(n: int, poly: FloatArray, other: FloatArray, half_x: float, half_y: float) -> int:
+    """Clip a polygon in front of the eye to |x| <= half_x, |y| <= half_y; its number of corners."""
+    n = cut(n, poly, other, -1.0, 0.0, half_x)
+    if n > 0:
+        n = cut(n, poly, other, 1.0, 0.0, half_x)
+    if n > 0:
+        n = cut(n, poly, other, 0.0, -1.0, half_y)
+    if n > 0:
+        n = cut(n, poly, other, 0.0, 1.0, half_y)
+    return n
+
+
+@kernel
+def area_and_centroid(n: int, poly: FloatArray) -> tuple[float, float, float]:
+    """Signed area and centroid of a polygon whose w are 1."""
+    x0 = poly[0, 0]
+    y0 = poly[0, 1]
+    area = 0.0
+    sx = 0.0
+    sy = 0.0
+    for c in range(1, n - 1):
+        ax = poly[c, 0] - x0
+        ay = poly[c, 1] - y0
+        bx = poly[c + 1, 0] - x0
+        by = poly[c + 1, 1] - y0
+        cross = ax * by - ay * bx
+        area += cross
+        sx += cross * (ax + bx)
+        sy += cross * (ay + by)
+    if abs(area) < 1e-15:
+        return 0.0, x0, y0
+    return 0.5 * area, x0 + sx / (3.0 * area), y0 + sy / (3.0 * area)
+
+
+CLOSED_MM = 1e-10
+"""A gap at which a crossing is found."""
+BOTTOM, TIP, LOST = 4, 5, -1
+MAX_BOUNCES = 24
+LOST_WEIGHT = 1e-9
+
+
+@inlined
+def crossing(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, t0: float, t1: float, top: Top
+) -> tuple[float, float]:
+    """Bracket of a crossing from below to above the top in [t0, t1]; (t0, -1) if there is none."""
+    if is_plain(top):
+        return march(x, y, z, dx, dy, dz, t0, t1, True, 0, top.rows)
+    if top.rows.shape[0] == 1:
+        return march_field(x, y, z, dx, dy, dz, t0, t1, True, top)
+    return march_any(x, y, z, dx, dy, dz, t0, t1, top)
+
+
+@kernel
+def is_clear(x: float, y: float, z: float, dx: float, dy: float, dz: float, length: float, top: Top) -> bool:
+    """Whether the leg of this length that leaves a point of the top stays below the top."""
+    t0 = min(MIN_STEP_MM, 0.5 * length)
+    _, hit = crossing(x, y, z, dx, dy, dz, t0, length, top)
+    return hit < 0.0
+
+
+@inlined
+def top_hit(x: float, y: float, z: float, dx: float, dy: float, dz: float, t1: float, top: Top) -> float:
+    """First distance in (0, t1) where the ray meets the top; -1 if it does not."""
+    if is_plain(top):
+        return _tip_hit(x, y, z, dx, dy, dz, t1, top.rows)
+    return _any_hit(x, y, z, dx, dy, dz, t1, top)
+
+
+@kernel
+def _tip_hit(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, t1: float, rows: FloatArray
+) -> float:
+    """`top_hit` for one tip and no field."""
+    low, high = march(x, y, z, dx, dy, dz, 0.0, t1, False, 0, rows)
+    return high if high <= low else _refined(x, y, z, dx, dy, dz, low, high, rows)
+
+
+@kernel
+def _any_hit(x: float, y: float, z: float, dx: float, dy: float, dz: float, t1: float, top: Top) -> float:
+    """`top_hit` for several tips or a field: in the bracket Newton's steps, halved where they leave it."""
+    if top.rows.shape[0] == 1:
+        low, high = march_field(x, y, z, dx, dy, dz, 0.0, t1, False, top)
+    else:
+        low, high = march_any(x, y, z, dx, dy, dz, 0.0, t1, top)
+    if high <= low:
+        return high
+    t = high
+    for _ in range(60):
+        h, gx, gy = surface_gradient(x + dx * t, y + dy * t, top)
+        gap = h - z - dz * t
+        if abs(gap) < CLOSED_MM:
+            break
+        if gap < 0.0:
+            high = t
+        else:
+            low = t
+        if high - low < 1e-12:
+            break
+        rate = gx * dx + gy * dy - dz
+        t = t - gap / rate if rate < 0.0 else low
+        if not low < t < high:
+            t = 0.5 * (low + high)
+    return t
+
+
+@inlined
+def _refined(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, low: float, high: float, rows: FloatArray
+) -> float:
+    """Crossing of one tip's top in a bracket: Newton's steps, halved where they leave it."""
+    px = x - rows[0, X]
+    py = y - rows[0, Y]
+    plan2 = dx * dx + dy * dy
+    b = px * dx + py * dy
+    c = px * px + py * py
+    t = high
+    for _ in range(60):
+        r2 = max(c + t * (2.0 * b + plan2 * t), 0.0)
+        h, turn = height_and_turn(r2, 0, rows)
+        gap = h - z - dz * t
+        if abs(gap) < CLOSED_MM:
+            break
+        if gap < 0.0:
+            high = t
+        else:
+            low = t
+        if high - low < 1e-12:
+            break
+        rate = turn * (b + plan2 * t) - dz
+        t = t - gap / rate if rate < 0.0 else low
+        if not low < t < high:
+            t = 0.5 * (low + high)
+    return t
+
+
+@kernel
+def chain(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, weight: float, box: FloatArray, top: Top
+) -> tuple[int, float, float, float, float, float, float, float, int, float]:
+    """Follow a ray through specular reflections at the top to a wall, the bottom or a tip.
+
+    Returns kind (0-3 wall, 4 bottom, 5 tip, -1 lost), point, direction, weight with Fresnel and absorption, number of
+    top reflections, smallest distance of one from a tip's axis over that tip's skirt radius.
+    """
+    tops = 0
+    nearest = 1e30
+    for _ in range(MAX_BOUNCES):
+        t, kind = wall_hit(x, y, z, dx, dy, dz, box)
+        if kind == LOST and dz <= 0.0:
+            break
+        hit = top_hit(x, y, z, dx, dy, dz, t, top)
+        if hit >= 0.0:
+            t = hit
+        x += t * dx
+        y += t * dy
+        z += t * dz
+        weight *= math.exp(-box[4] * t)
+        if hit < 0.0:
+            return kind, x, y, z, dx, dy, dz, weight, tops, nearest
+        tip, share = touching_tip(x, y, top)
+        if tip >= 0:
+            return TIP, x, y, z, dx, dy, dz, weight, tops, nearest
+        _, gx, gy = surface_gradient(x, y, top)
+        norm = 1.0 / math.sqrt(1.0 + gx * gx + gy * gy)
+        cos_in = (dz - dx * gx - dy * gy) * norm
+        if cos_in <= 0.0:
+            break
+        weight *= fresnel(cos_in, box[3])
+        if weight < LOST_WEIGHT:
+            break
+        tops += 1
+        nearest = min(nearest, share)
+        back = 2.0 * cos_in * norm
+        dx += back * gx
+        dy += back * gy
+        dz -= back
+        x += 1e-9 * gx * norm
+        y += 1e-9 * gy * norm
+        z -= 1e-9 * norm
+    return LOST, x, y, z, dx, dy, dz, weight, tops, nearest
+
+
+MIN_STEP_MM = 0.02
+LEAST_BEND = 1e-12
+"""Added to what is divided by [1/mm]."""
+NEAREST_AHEAD_MM, AHEAD_SHARE = 0.25, 0.35
+"""Towards one of several tips a step looks this far, or this share of the distance to its axis."""
+
+
+@inlined
+def _plane_hit(z: float, dz: float, t0: float, t1: float, top: float) -> float:
+    """Where a ray meets the undisturbed top in [t0, t1]; -1 if it does not."""
+    if dz <= 0.0:
+        return -1.0
+    t = (top - z) / dz
+    return max(t, t0) if t <= t1 else -1.0
+
+
+@inlined
+def march(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, t0: float, t1: float, takes_any: bool, tip: int,
+    rows: FloatArray,
+) -> tuple[float, float]:  # fmt: skip
+    """Bracket of the first crossing from below to above one tip's top in [t0, t1]; (t0, -1) if there is none.
+
+    `takes_any`: any crossing will do; a ray that has one is nearly always above the top where it is nearest the axis.
+    """
+    highest = max(z + dz * t0, z + dz * t1)
+    if highest < rows[tip, LOWEST]:
+        return t0, -1.0
+    px = x - rows[tip, X]
+    py = y - rows[tip, Y]
+    plan2 = max(dx * dx + dy * dy, 1e-20)
+    closest = -(px * dx + py * dy) / plan2
+    c = px * px + py * py
+    near2 = max(c - plan2 * closest * closest, 0.0)
+    outer2 = rows[tip, OUTER_2] if highest >= rows[tip, TOP] else reach2(highest, tip, rows)
+    if near2 >= outer2:
+        hit = _plane_hit(z, dz, t0, t1, rows[tip, TOP])
+        return (t0, hit) if hit < 0.0 else (hit, hit)
+    half = math.sqrt((outer2 - near2) / plan2)
+    t = max(t0, closest - half)
+    end = min(t1, closest + half)
+    if t > t0:
+        hit = _plane_hit(z, dz, t0, min(t, t1), rows[tip, TOP])
+        if hit >= 0.0:
+            return hit, hit
+    if t < end:
+        if takes_any:
+            middle = min(max(t, closest), end)
+            away = middle - closest
+            if height(near2 + plan2 * away * away, tip, rows) < z + dz * middle:
+                return t, middle
+        low, high = _march_within(z, dz, t, end, closest, near2, plan2, tip, rows)
+        if high >= 0.0:
+            return low, high
+    if end < t1:
+        hit = _plane_hit(z, dz, max(end, t0), t1, rows[tip, TOP])
+        if hit >= 0.0:
+            return hit, hit
+    return t0, -1.0
+
+
+@inlined
+def _on_curve(r2: float, tip: int, rows: FloatArray) -> tuple[float, float, int]:
+    """Height of one tip's top within its outer radius, dh/dr over r, and where its piece begins."""
+    if r2 <= rows[tip, SPHERE_2]:
+        root = math.sqrt(rows[tip, TIP_2] - r2)
+        return rows[tip, SPHERE_Z] - root, 1.0 / root, PIECES
+    w = math.sqrt(rows[tip, SCALE] * r2 + rows[tip, OFFSET])
+    u = w - rows[tip, START]
+    k = min(int(u), CELLS - 1)
+    u -= k
+    piece = PIECES + PIECE_COLUMNS * k
+    c1, c2, c3 = rows[tip, piece + 1], rows[tip, piece + 2], rows[tip, piece + 3]
+    turn = (c1 + u * (2.0 * c2 + u * 3.0 * c3)) * rows[tip, SCALE] / w
+    return rows[tip, piece] + u * (c1 + u * (c2 + u * c3)), turn, piece
+
+
+@inlined
+def _bent_step(gap: float, opening: float, bend: float) -> float:
+    """How far a gap that opens at this rate, and bends shut at this one at most, cannot close."""
+    root = math.sqrt(opening * opening + 2.0 * bend * gap)
+    return (opening + root) / bend if opening >= 0.0 else 2.0 * gap / (root - opening)
+
+
+@inlined
+def _march_within(
+    z: float, dz: float, t: float, end: float, closest: float, near2: float, plan2: float, tip: int, rows: FloatArray,
+) -> tuple[float, float]:  # fmt: skip
+    """The bracket in [t, end], inside a tip's outer radius; its upper end is -1 if there is none."""
+    plan = math.sqrt(plan2)
+    inward_rate = dz + slope_bound(near2, tip, rows) * plan
+    previous = t
+    while True:
+        away = t - closest
+        r2 = near2 + plan2 * away * away
+        if r2 >= rows[tip, OUTER_2]:
+            gap, turn, piece = rows[tip, TOP], 0.0, PIECES + PIECE_COLUMNS * (CELLS - 1)
+        else:
+            gap, turn, piece = _on_curve(r2, tip, rows)
+        gap -= z + dz * t
+        if gap < 0.0:
+            return previous, t
+        rate = inward_rate if away < 0.0 else dz + rows[tip, piece + FALL] * plan
+        if rate <= 0.0:
+            return t, -1.0
+        step = _bent_step(gap, turn * plan2 * away - dz, rows[tip, piece + BEND] * plan2 + LEAST_BEND)
+        if away < 0.0:
+            step = min(step, rows[tip, piece + WINDOW] / plan)
+        step = max(step, gap / rate)
+        if t + step >= end:
+            return t, -1.0
+        previous = t
+        t = min(t + max(step, MIN_STEP_MM), end)
+
+
+@kernel
+def march_field(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, t0: float, t1: float, takes_any: bool, top: Top,
+) -> tuple[float, float]:  # fmt: skip
+    """As `march`, for one tip and a field: their gaps, slopes and bends add up."""
+    rows = top.rows
+    reach = max(z + dz * t0, z + dz * t1) - rows[0, FIELD_LOWEST]
+    if reach < rows[0, LOWEST]:
+        return t0, -1.0
+    px = x - rows[0, X]
+    py = y - rows[0, Y]
+    plan2 = max(dx * dx + dy * dy, 1e-20)
+    closest = -(px * dx + py * dy) / plan2
+    near2 = max(px * px + py * py - plan2 * closest * closest, 0.0)
+    t = t0
+    end = t1
+    if reach < rows[0, TOP]:
+        within2 = reach2(reach, 0, rows)
+        if near2 >= within2:
+            return t0, -1.0
+        half = math.sqrt((within2 - near2) / plan2)
+        t = max(t0, closest - half)
+        end = min(t1, closest + half)
+        if t >= end:
+            return t0, -1.0
+    if takes_any:
+        middle = min(max(t, closest), end)
+        if middle > t and surface_height(x + dx * middle, y + dy * middle, top) < z + dz * middle:
+            return t, middle
+    return _march_on_field(x, y, z, dx, dy, dz, t, end, closest, near2, plan2, top)
+
+
+@inlined
+def _march_on_field(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, t: float, end: float, closest: float, near2: float,
+    plan2: float, top: Top,
+) -> tuple[float, float]:  # fmt: skip
+    """The bracket in [t, end]; its upper end is -1 if there is none. Outside the tip's curve the field is alone."""
+    rows = top.rows
+    plan = math.sqrt(plan2)
+    outer2 = rows[0, OUTER_2]
+    entry = closest - math.sqrt(max(outer2 - near2, 0.0) / plan2)
+    field_rate = dz + rows[0, FIELD_SLOPE] * plan
+    inward_rate = field_rate + slope_bound(near2, 0, rows) * plan
+    field_bend = rows[0, FIELD_BEND] * plan2 + LEAST_BEND
+    previous = t
+    while True:
+        away = t - closest
+        r2 = near2 + plan2 * away * away
+        gap, gx, gy = field_gradient(x + dx * t, y + dy * t, top)
+        gap -= z + dz * t
+        opening = gx * dx + gy * dy - dz
+        if r2 >= outer2:
+            gap += rows[0, TOP]
+            goes_in = away < 0.0 and near2 < outer2
+            rate = inward_rate if goes_in else field_rate
+            window = max(entry - t, MIN_STEP_MM) if goes_in else NEVER
+            if gap < 0.0:
+                return previous, t
+            if rate <= 0.0:
+                return t, -1.0
+            step = max(_bent_step(gap, opening, field_bend), gap / field_rate if field_rate > 0.0 else NEVER)
+        else:
+            height_mm, turn, piece = _on_curve(r2, 0, rows)
+            gap += height_mm
+            rate = inward_rate if away < 0.0 else field_rate + rows[0, piece + FALL] * plan
+            window = rows[0, piece + WINDOW] / plan if away < 0.0 else NEVER
+            if gap < 0.0:
+                return previous, t
+            if rate <= 0.0:
+                return t, -1.0
+            step = _bent_step(gap, opening + turn * plan2 * away, field_bend + rows[0, piece + BEND] * plan2)
+        step = max(min(step, window), gap / rate)
+        if t + step >= end:
+            return t, -1.0
+        previous = t
+        t = min(t + max(step, MIN_STEP_MM), end)
+
+
+@kernel
+def march_any(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, t0: float, t1: float, top: Top
+) -> tuple[float, float]:
+    """As `march`, for several tips and a field: the rates of all of them add up."""
+    tips = top.rows.shape[0]
+    lowest = top.rows[0, FIELD_LOWEST]
+    for k in range(tips):
+        lowest += min(top.rows[k, LOWEST], top.rows[k, TOP]) - (top.rows[k, TOP] if k > 0 else 0.0)
+    if max(z + dz * t0, z + dz * t1) < lowest:
+        return t0, -1.0
+    plan = math.sqrt(dx * dx + dy * dy)
+    t = t0
+    if dz > 0.0:
+        t = max(t, min((lowest - z) / dz, t1))
+    previous = t
+    while True:
+        px = x + dx * t
+        py = y + dy * t
+        gap = surface_height(px, py, top) - (z + dz * t)
+        if gap < 0.0:
+            return previous, t
+        if t >= t1:
+            return t, -1.0
+        previous = t
+        window = 1e9
+        slope = top.rows[0, FIELD_SLOPE]
+        for k in range(tips):
+            if top.rows[k, ACTIVE] == 0.0:
+                continue
+            rx = px - top.rows[k, X]
+            ry = py - top.rows[k, Y]
+            r = distance(rx, ry)
+            if rx * dx + ry * dy >= 0.0:
+                slope += fall_bound(r * r, k, top.rows)
+            else:
+                ahead = max(NEAREST_AHEAD_MM, AHEAD_SHARE * r)
+                window = min(window, ahead)
+                slope += slope_bound(max(r - ahead, 0.0) ** 2, k, top.rows)
+        rate = dz + slope * plan
+        if rate <= 0.0 and window > 1e8:
+            return t, -1.0
+        step = gap / rate if rate > 0.0 else 1e9
+        if plan > 0.0:
+            step = min(step, window / plan)
+        t = min(t + max(step, MIN_STEP_MM), t1)
+
+
+HORIZON_SAMPLES = 14
+HORIZON_BISECTIONS = 9
+GOLDEN = 0.6180339887498949
+OPEN = 1e9
+
+
+@kernel
+def blocking_radius(z: float, tip: int, rows: FloatArray) -> float:
+    """Radius beyond which the top lies nowhere below z; -1: nowhere at all."""
+    if rows[tip, ACTIVE] == 0.0 or z <= rows[tip, LOWEST]:
+        return -1.0
+    return math.sqrt(reach2(z, tip, rows)) if z < rows[tip, TOP] else rows[tip, OUTER_R]
+
+
+@kernel
+def plan_distance(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> float:
+    """Distance of (cx, cy) to the segment a-b in plan."""
+    dx = bx - ax
+    dy = by - ay
+    t = min(max(((cx - ax) * dx + (cy - ay) * dy) / max(dx * dx + dy * dy, 1e-30), 0.0), 1.0)
+    return distance(ax + t * dx - cx, ay + t * dy - cy)
+
+
+@kernel
+def bundle_misses(
+    source: FloatArray, target: FloatArray, radius: float, box: FloatArray, x: float, y: float
+) -> bool:
+    """Whether no straight line in plan from source to target comes within radius of the press axis."""
+    a0, b0, _ = wall_point(int(source[0]), source[1] - source[3], 0.0, box)
+    a1, b1, _ = wall_point(int(source[0]), source[1] + source[3], 0.0, box)
+    c0, d0, _ = wall_point(int(target[0]), target[1] - target[3], 0.0, box)
+    c1, d1, _ = wall_point(int(target[0]), target[1] + target[3], 0.0, box)
+    near = min(
+        min(plan_distance(a0, b0, c0, d0, x, y), plan_distance(a0, b0, c1, d1, x, y)),
+        min(plan_distance(a1, b1, c0, d0, x, y), plan_distance(a1, b1, c1, d1, x, y)),
+    )
+    near = min(near, min(plan_distance(a0, b0, a1, b1, x, y), plan_distance(c0, d0, c1, d1, x, y)))
+    if near <= radius:
+        return False
+    inside = _left_of(a0, b0, c0, d0, x, y) * _left_of(a1, b1, c1, d1, x, y) < 0.0
+    crossed = _left_of(a0, b0, c1, d1, x, y) * _left_of(a1, b1, c0, d0, x, y) < 0.0
+    return not (inside or crossed)
+
+
+@kernel
+def _left_of(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> float:
+    return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+
+
+@kernel
+def reach_of(z: float, top: Top, radii: FloatArray) -> None:
+    """Fill radii (tip,) beyond which no tip's dimple can block a line that stays below z."""
+    for k in range(top.rows.shape[0]):
+        radii[k] = blocking_radius(z + top.rows[0, SLACK], k, top.rows)
+
+
+@kernel
+def misses_all(source: FloatArray, target: FloatArray, radii: FloatArray, box: FloatArray, top: Top) -> bool:
+    """Whether the pair's bundle in plan stays clear of every tip's radius."""
+    for k in range(top.rows.shape[0]):
+        if top.rows[k, ACTIVE] > 0.0 and not bundle_misses(
+            source, target, radii[k], box, top.rows[k, X], top.rows[k, Y]
+        ):
+            return False
+    return True
+
+
+@kernel
+def _rise(s: float, b: float, c: float, a: float, z: float, tip: int, rows: FloatArray) -> float:
+    return (height(max(a * s * s + 2.0 * b * s + c, 0.0), tip, rows) - z) / s
+
+
+@kernel
+def _rise_any(s: float, x: float, y: float, dx: float, dy: float, z: float, top: Top) -> float:
+    return (surface_height(x + s * dx, y + s * dy, top) - z) / s
+
+
+@kernel
+def horizon(x: float, y: float, z: float, qx: float, qy: float, radii: FloatArray, top: Top) -> float:
+    """Height at q below which the straight line from (x, y, z) passes under the top; OPEN if none can block."""
+    lowest = OPEN
+    for k in range(top.rows.shape[0]):
+        if radii[k] > 0.0:
+            lowest = min(lowest, _horizon_of(k, x, y, z, qx, qy, radii[k], top))
+    return lowest
+
+
+@kernel
+def _horizon_of(
+    tip: int, x: float, y: float, z: float, qx: float, qy: float, radius: float, top: Top
+) -> float:
+    """The horizon of the part of the chord within `radius` of a tip's axis."""
+    plain = is_plain(top)
+    dx = qx - x
+    dy = qy - y
+    px = x - top.rows[tip, X]
+    py = y - top.rows[tip, Y]
+    a = dx * dx + dy * dy
+    b = px * dx + py * dy
+    c = px * px + py * py
+    disc = b * b - a * (c - radius * radius)
+    if disc <= 0.0:
+        return OPEN
+    root = math.sqrt(disc)
+    low = max((-b - root) / a, 1e-6)
+    high = min((-b + root) / a, 1.0)
+    if high <= low:
+        return OPEN
+    step = (high - low) / HORIZON_SAMPLES
+    best = 1e18
+    at = 0
+    for k in range(HORIZON_SAMPLES + 1):
+        s = low + step * k
+        value = _rise(s, b, c, a, z, tip, top.rows) if plain else _rise_any(s, x, y, dx, dy, z, top)
+        if value < best:
+            best = value
+            at = k
+    left = low + step * max(at - 1, 0)
+    right = low + step * min(at + 1, HORIZON_SAMPLES)
+    s1 = right - GOLDEN * (right - left)
+    s2 = left + GOLDEN * (right - left)
+    f1 = _rise(s1, b, c, a, z, tip, top.rows) if plain else _rise_any(s1, x, y, dx, dy, z, top)
+    f2 = _rise(s2, b, c, a, z, tip, top.rows) if plain else _rise_any(s2, x, y, dx, dy, z, top)
+    for _ in range(HORIZON_BISECTIONS):
+        if f1 < f2:
+            right = s2
+            s2 = s1
+            f2 = f1
+            s1 = right - GOLDEN * (right - left)
+            f1 = _rise(s1, b, c, a, z, tip, top.rows) if plain else _rise_any(s1, x, y, dx, dy, z, top)
+        else:
+            left = s1
+            s1 = s2
+            f1 = f2
+            s2 = left + GOLDEN * (right - left)
+            f2 = _rise(s2, b, c, a, z, tip, top.rows) if plain else _rise_any(s2, x, y, dx, dy, z, top)
+    return z + min(best, min(f1, f2))
+
+
+@kernel
+def column_flux(
+    x: float, y: float, z: float, source: FloatArray, target: FloatArray, qx: float, qy: float, z0: float, z1: float,
+    mirrored: bool, box: FloatArray, nodes: FloatArray, weights: FloatArray,
+) -> float:  # fmt: skip
+    """Flux from an emitter point through a column's heights z0..z1, per column width and emitter share."""
+    if z1 <= z0:
+        return 0.0
+    n0, n1 = wall_normal(int(source[0]))
+    m0, m1 = wall_normal(int(target[0]))
+    dx = qx - x
+    dy = qy - y
+    out = dx * n0 + dy * n1
+    into = -(dx * m0 + dy * m1)
+    if out <= 0.0 or into <= 0.0:
+        return 0.0
+    plain = source[5] == 1.0 and target[5] == 1.0
+    plan2 = dx * dx + dy * dy
+    total = 0.0
+    for k in range(nodes.shape[0]):
+        height_k = z0 + (z1 - z0) * nodes[k]
+        dz = (2.0 * box[2] - height_k if mirrored else height_k) - z
+        d2 = plan2 + dz * dz
+        d = math.sqrt(d2)
+        f = out * into / (d2 * d2)
+        if not plain:
+            f *= math.pi * math.pi * radiance(source, out / d) * radiance(target, into / d)
+        if mirrored:
+            f *= fresnel(dz / d, box[3])
+        if box[4] > 0.0:
+            f *= math.exp(-box[4] * d)
+        total += weights[k] * f
+    return total * (z1 - z0) / math.pi
+
+
+@kernel
+def direct_flux(
+    source: FloatArray, target: FloatArray, radii: FloatArray, box: FloatArray, top: Top, nodes_e: FloatArray,
+    weights_e: FloatArray, nodes_u: FloatArray, weights_u: FloatArray, nodes_z: FloatArray, weights_z: FloatArray,
+) -> float:  # fmt: skip
+    """Straight flux of a pair under a press, as a fraction of the emitter's power."""
+    total = 0.0
+    low = target[2] - target[4]
+    high = target[2] + target[4]
+    for a in range(nodes_e.shape[0]):
+        for b in range(nodes_e.shape[0]):
+            along = source[1] + source[3] * (2.0 * nodes_e[a] - 1.0)
+            z = source[2] + source[4] * (2.0 * nodes_e[b] - 1.0)
+            x, y, z = wall_point(int(source[0]), along, z, box)
+            share = weights_e[a] * weights_e[b]
+            for c in range(nodes_u.shape[0]):
+                column = target[1] + target[3] * (2.0 * nodes_u[c] - 1.0)
+                qx, qy, _ = wall_point(int(target[0]), column, 0.0, box)
+                edge = min(high, horizon(x, y, z, qx, qy, radii, top))
+                flux = column_flux(x, y, z, source, target, qx, qy, low, edge, False, box, nodes_z, weights_z)
+                total += share * weights_u[c] * flux
+    return total * 2.0 * target[3] * 4.0 * source[3] * source[4] / source[6]
+
+
+@kernel
+def flat_flux(
+    source: FloatArray, target: FloatArray, box: FloatArray, mirrored: bool, nodes_e: FloatArray, weights_e: FloatArray,
+    nodes_u: FloatArray, weights_u: FloatArray, nodes_z: FloatArray, weights_z: FloatArray,
+) -> float:  # fmt: skip
+    """Straight or mirrored flux of a pair under a flat top."""
+    total = 0.0
+    low = target[2] - target[4]
+    high = target[2] + target[4]
+    for a in range(nodes_e.shape[0]):
+        for b in range(nodes_e.shape[0]):
+            along = source[1] + source[3] * (2.0 * nodes_e[a] - 1.0)
+            z = source[2] + source[4] * (2.0 * nodes_e[b] - 1.0)
+            x, y, z = wall_point(int(source[0]), along, z, box)
+            for c in range(nodes_u.shape[0]):
+                column = target[1] + target[3] * (2.0 * nodes_u[c] - 1.0)
+                qx, qy, _ = wall_point(int(target[0]), column, 0.0, box)
+                flux = column_flux(
+                    x, y, z, source, target, qx, qy, low, high, mirrored, box, nodes_z, weights_z
+                )
+                total += weights_e[a] * weights_e[b] * weights_u[c] * flux
+    return total * 2.0 * target[3] * 4.0 * source[3] * source[4] / source[6]

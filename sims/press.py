@@ -1,0 +1,104 @@
+"""The depths at which signals are computed: fine near contact, where mode 1 can be over in 0.3 mm.
+
+The deformed surface of the pad under one press: the vocabulary shared by contact and light.
+
+A press is axisymmetric. The surface is stored as a curve (radius, height) that starts on the axis
+under the tip and runs outward; near the shank it may run back, so radius need not increase.
+Heights are relative to the undisturbed surface, negative in the dimple, positive in the pile-up.
+Inside the contact circle the surface is the tip's: exactly a sphere under a hemisphere, the curve itself
+under any other tip.
+
+Places that a stage reports a little differently each time, and that are one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from design.arrays import FloatArray, IntArray
+
+NEAR_CONTACT_MM = (0.0, 0.02, 0.05, 0.1, 0.15)
+"""First depths [mm]; from the study of depth steps."""
+
+NEAR_CONTACT_COARSE_MM = (0.0, 0.1)
+"""First depths of a coarse schedule [mm]."""
+
+STEP_MM = 0.1
+"""Step of the fine schedule [mm]."""
+
+COARSE_STEP_MM = 0.2
+"""Step of the coarse schedule [mm]: it moves mode boundaries by up to 0.04 mm, at half the cost."""
+
+
+def depth_schedule_mm(max_depth_mm: float, step_mm: float = STEP_MM) -> FloatArray:
+    """Depths from 0 to the deepest press, rising, the deepest one included.
+
+    Parameters
+    ----------
+    max_depth_mm : deepest press [mm]
+    step_mm : step beyond 0.2 mm [mm]
+
+    Returns
+    -------
+    (n,) depths [mm]
+    """
+    first = NEAR_CONTACT_MM if step_mm < COARSE_STEP_MM else NEAR_CONTACT_COARSE_MM
+    near = [depth for depth in first if depth < max_depth_mm]
+    regular = np.arange(0.2, max_depth_mm - 1e-9, step_mm)
+    return np.unique(np.round(np.concatenate([near, regular, [max_depth_mm]]), 6))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Indentation:
+    """One press of a tip, which is a body of revolution, into the pad.
+
+    Attributes
+    ----------
+    depth_mm : how far the tip's apex lies below the undisturbed surface [mm]; 0 = untouched
+    tip_radius_mm : radius of the tip and its shank [mm]
+    radius_mm : (n,) distance from the press axis along the curve [mm]
+    height_mm : (n,) height relative to the undisturbed surface [mm]
+    contact_radius_mm : radius of the circle where the surface leaves the tip [mm]
+    force_n : press force [N]
+    is_hemisphere : whether the tip is a hemisphere of that radius
+    inclination_deg : (n,) angle of the curve's tangent to the radial direction, continuous along the curve
+        (its normal is C1 data, the points are its knots) [deg]; None where only points are known
+    """
+
+    depth_mm: float
+    tip_radius_mm: float
+    radius_mm: FloatArray
+    height_mm: FloatArray
+    contact_radius_mm: float
+    force_n: float
+    is_hemisphere: bool = True
+    inclination_deg: FloatArray | None = None
+
+
+SAME_PLACE_MM = 0.15
+"""Places this near are one: seven positioning errors of the default stage, random places lie a millimetre apart."""
+
+
+def place_numbers(at_mm: FloatArray, within_mm: float = SAME_PLACE_MM) -> IntArray:
+    """Number the places of samples.
+
+    Parameters
+    ----------
+    at_mm : (n, 2) reported x, y [mm]
+    within_mm : places linked by steps of at most this are one [mm]
+
+    Returns
+    -------
+    (n,) numbers from 0 without gaps
+    """
+    distinct, number = np.unique(at_mm, axis=0, return_inverse=True)
+    linked = cKDTree(distinct).query_pairs(within_mm, output_type="ndarray")
+    count = len(distinct)
+    graph = coo_array((np.ones(len(linked)), (linked[:, 0], linked[:, 1])), shape=(count, count))
+    _, cluster = connected_components(graph, directed=False)
+    return np.asarray(cluster[np.asarray(number).reshape(-1)], dtype=np.int64)

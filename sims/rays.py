@@ -1,0 +1,408 @@
+"""What becomes of light, for people: kinds of path, the mode that each belongs to, its words and its colours.
+
+The light models tell more classes and losses apart than a picture can; this is the one table that says which
+of them are drawn alike. A class that is not in it is drawn as `other`, under its own name.
+
+Colours are those of the signal plots (Okabe and Ito 2008) and pale versions of them for a dark ground; dash
+and mark differ too, so that nothing rests on colour alone.
+
+Sample paths of some pairs' light, untouched and under presses, with the power that each kind carries.
+
+Two models, each for what it is good at: the paths are walks of the ray tracer (`sims.optics.oracle.paths`), at random;
+the powers are integrals of the light model (`sims.optics.trace`), which a few dozen paths could never give. Paths are
+drawn on the press's curve around its axis, without what walls add beside it, up to a few tenths of a millimetre beside
+them; powers are those of the whole surface.
+The classes of both agree but for the border between `top` and `skirt`, which are one kind here.
+
+Paths of a kind are each as likely as the power that they carry. How many are drawn of a kind grows with the square
+root of its power, so that weak kinds are still seen and strong ones do not hide them; at least a few. Light lost
+under a press is found by following the rays that arrived while the pad was untouched, so it is a sample of what
+the press takes away. Left out: absorption along the drawn paths, and kinds so rare that no ray of the search
+shows them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from design.arrays import FloatArray
+from design.spec import SensorDesign
+from sims.optics.engine.trace_states import Accuracy
+from sims.optics.light_signals import LightSignals
+from sims.optics.oracle.paths import LOST as NO_RECEIVER
+from sims.optics.oracle.paths import LightPath, LightWalker
+from sims.optics.scene.lower import scene_of
+from sims.optics.tracing import trace
+from sims.press import Indentation
+
+Mark = Literal["none", "mirror", "scatter", "end"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LightKind:
+    """Light that is drawn alike.
+
+    Attributes
+    ----------
+    key : short name, in files and in the page
+    title : for a legend
+    words : what it is, in a sentence
+    mode : 1, 2, or None for light that is part of neither
+    classes : names of path classes and losses of the light models
+    colour, night_colour : on a light and on a dark ground
+    dash : lengths of strokes and gaps over the line's width; empty for a solid line
+    mark : what is marked along a path: places where it is mirrored or scattered, or its end
+    """
+
+    key: str
+    title: str
+    words: str
+    mode: int | None
+    classes: tuple[str, ...]
+    colour: str
+    night_colour: str
+    dash: tuple[float, ...]
+    mark: Mark
+
+
+DIRECT = LightKind(
+    key="direct",
+    title="mode 2: direct",
+    words="straight from emitter to receiver, until the dimple or the tip is in the way",
+    mode=2,
+    classes=("direct",),
+    colour="#0072b2",
+    night_colour="#5cb8f0",
+    dash=(),
+    mark="none",
+)
+MIRRORED = LightKind(
+    key="top",
+    title="mode 1: mirrored by the top",
+    words="mirrored by the top; a press tilts the mirror",
+    mode=1,
+    classes=("top", "skirt"),
+    colour="#c24e00",
+    night_colour="#ff9f5f",
+    dash=(),
+    mark="mirror",
+)
+WALL = LightKind(
+    key="wall",
+    title="mirrored by a wall",
+    words="mirrored by a smooth wall at least once, never scattered",
+    mode=None,
+    classes=("wall",),
+    colour="#93387a",
+    night_colour="#eb9fd2",
+    dash=(7.0, 2.0),
+    mark="mirror",
+)
+CROSSING = LightKind(
+    key="crossing",
+    title="across the crater",
+    words="left through the top and came back in across the crater",
+    mode=None,
+    classes=("crossing",),
+    colour="#7a5c00",
+    night_colour="#e3c75a",
+    dash=(4.0, 1.5, 1.0, 1.5),
+    mark="mirror",
+)
+SCATTERED = LightKind(
+    key="diffuse",
+    title="scattered",
+    words="scattered at least once by a wall, the bottom or the tip",
+    mode=None,
+    classes=("diffuse",),
+    colour="#00785a",
+    night_colour="#57cfa9",
+    dash=(5.0, 1.5, 1.0, 1.5),
+    mark="scatter",
+)
+LOST = LightKind(
+    key="lost",
+    title="lost",
+    words="absorbed by walls, bottom or tip, or gone through the top",
+    mode=None,
+    classes=("walls", "bottom", "tip", "volume", "escaped", "uncounted", "unsubmerged", "unresolved"),
+    colour="#5b6470",
+    night_colour="#98a1ac",
+    dash=(1.0, 2.0),
+    mark="end",
+)
+KINDS = (DIRECT, MIRRORED, WALL, CROSSING, SCATTERED, LOST)
+"""All kinds, in the order of a legend; `LOST` last."""
+
+_BY_CLASS = {name: kind for kind in KINDS for name in kind.classes}
+
+
+def kind_of(class_name: str) -> LightKind:
+    """The kind of a path class or loss; one that is not in the table becomes a kind of its own."""
+    if class_name in _BY_CLASS:
+        return _BY_CLASS[class_name]
+    return LightKind(
+        key="other",
+        title=f"other: {class_name}",
+        words=f"the light model's class {class_name!r}",
+        mode=None,
+        classes=(class_name,),
+        colour="#444c57",
+        night_colour="#c3cad2",
+        dash=(3.0, 1.0),
+        mark="none",
+    )
+
+
+Pair = tuple[int, int]
+Press = tuple[float, float, float]
+
+POOL_PER_PATH = 20
+"""Paths found for each one drawn, so that a kind with a hundredth of the power is still there."""
+FEWEST = 5
+"""Paths drawn of a kind however weak it is, where as many were found."""
+MOST_RAYS = 2_000_000
+"""Rays tried for an emitter under one press: 1 to 3 s."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RayState:
+    """Light of the chosen pairs under one press.
+
+    Attributes
+    ----------
+    press_mm : x, y, depth [mm]; depth 0 is untouched
+    indentation : the deformed surface around the axis; None where untouched
+    power : (pair,) by path class, over the power of the pair's emitter [-]
+    emitters : number of emitters that the pairs have together
+    paths : light that arrives, the more of a kind the more power it has
+    lost : light that does not: under a press, rays that arrived while it was untouched
+    lost_by : for each of the lost, the receiver that it reached while untouched, or `NO_RECEIVER`
+    """
+
+    press_mm: Press
+    indentation: Indentation | None
+    power: dict[str, FloatArray]
+    emitters: int
+    paths: tuple[LightPath, ...]
+    lost: tuple[LightPath, ...]
+    lost_by: tuple[int, ...]
+
+    @property
+    def power_by_kind(self) -> dict[str, float]:
+        """Power of all pairs together by the key of its kind, over that of their emitters together [-]."""
+        everything = list(range(len(next(iter(self.power.values())))))
+        return {key: value / self.emitters for key, value in self.sums_by_kind(everything).items()}
+
+    def sums_by_kind(self, pairs: list[int]) -> dict[str, float]:
+        """Power of some pairs, by their places in `power`, by the key of its kind, over that of one emitter [-]."""
+        found: dict[str, float] = {}
+        for name, values in self.power.items():
+            key = kind_of(name).key
+            found[key] = found.get(key, 0.0) + float(values[pairs].sum())
+        return found
+
+    @property
+    def total(self) -> float:
+        """Power of all pairs and kinds together, over that of their emitters together [-]."""
+        return sum(self.power_by_kind.values())
+
+
+@dataclass(frozen=True, kw_only=True)
+class RayChoice:
+    """Which light is looked at, and how many paths of it.
+
+    Attributes
+    ----------
+    pairs : emitter and receiver numbers
+    count : paths drawn of the strongest kind of light
+    draws_each_pair : so many of each pair's strongest kind, in place of that of all pairs together
+    shows_all_losses : draw any light that no receiver of the pairs gets, in place of what the press takes away
+    pool_per_path : paths looked for, over those drawn
+    most_rays : rays tried for an emitter under one press
+    accuracy : of the light model
+    seed : of all random streams
+    """
+
+    pairs: tuple[Pair, ...]
+    count: int
+    draws_each_pair: bool = False
+    shows_all_losses: bool = False
+    pool_per_path: int = POOL_PER_PATH
+    most_rays: int = MOST_RAYS
+    accuracy: str | Accuracy = "standard"
+    seed: int = 0
+
+    @property
+    def receivers(self) -> dict[int, tuple[int, ...]]:
+        """Receivers of each emitter."""
+        emitters = dict.fromkeys(emitter for emitter, _ in self.pairs)
+        return {one: tuple(r for emitter, r in self.pairs if emitter == one) for one in emitters}
+
+    @property
+    def groups(self) -> list[list[int]]:
+        """Pairs whose light is drawn together, by their places in `pairs`."""
+        everything = list(range(len(self.pairs)))
+        return [[number] for number in everything] if self.draws_each_pair else [everything]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Found:
+    """A path, and the pair that it is drawn for: for lost light, the one that it reached while untouched."""
+
+    pair: Pair
+    path: LightPath
+
+
+def ray_states(
+    design: SensorDesign,
+    choice: RayChoice,
+    presses: Sequence[Press],
+    on_step: Callable[[float], None] | None = None,
+) -> tuple[RayState, ...]:
+    """Find paths and powers, untouched first and then under each press.
+
+    Parameters
+    ----------
+    presses : x, y, depth > 0 [mm]
+    on_step : called with the share that is done
+
+    Raises
+    ------
+    InputError, ModelScopeError : a press that contact or light model refuses
+    """
+    from sims.contact import indent
+
+    rows = [(design.cavity.length_mm / 2, design.cavity.width_mm / 2, 0.0), *presses]
+    light = _light(design, choice, rows)
+    scene = scene_of(design)
+    before: list[_Found] = []
+    states: list[RayState] = []
+    for number, row in enumerate(rows):
+        press = indent(design, row[2], row[:2]) if number else None
+        search = _Search(walker=LightWalker(scene, row[:2], press, choice.seed), choice=choice)
+        state = RayState(
+            press_mm=row,
+            indentation=press,
+            power=_power(light, number, choice.pairs),
+            emitters=len(choice.receivers),
+            paths=(),
+            lost=(),
+            lost_by=(),
+        )
+        arriving = search.arriving()
+        before = before if number else arriving
+        lost = (
+            search.anything_lost(len(scene.receiver_wall))
+            if choice.shows_all_losses
+            else search.missing(before)
+        )
+        states.append(_filled(state, (states or [state])[0], choice, arriving, before, lost))
+        if on_step is not None:
+            on_step((number + 1) / len(rows))
+    return tuple(states)
+
+
+def _light(design: SensorDesign, choice: RayChoice, rows: Sequence[Press]) -> LightSignals:
+    scene = scene_of(design)
+    mask = np.zeros((len(scene.emitter_wall), len(scene.receiver_wall)), dtype=np.bool_)
+    mask[tuple(np.array(choice.pairs).T)] = True
+    return trace(design, np.array(rows), accuracy=choice.accuracy, seed=choice.seed, pairs=mask)
+
+
+def _power(light: LightSignals, state: int, pairs: tuple[Pair, ...]) -> dict[str, FloatArray]:
+    emitters, receivers = np.array(pairs).T
+    return {name: flux[state, emitters, receivers] for name, flux in light.by_class.items()}
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Search:
+    """Looks for paths under one press."""
+
+    walker: LightWalker
+    choice: RayChoice
+
+    def arriving(self) -> list[_Found]:
+        """Light that the pairs' receivers get."""
+        choice = self.choice
+        together = len(choice.pairs) if choice.draws_each_pair else 1
+        wanted = max(1, round(choice.count * choice.pool_per_path * together / len(choice.receivers)))
+        return [
+            _Found(pair=(emitter, path.receiver), path=path)
+            for emitter, ends in choice.receivers.items()
+            for path in self.walker.random_paths(emitter, ends, count=wanted, most_rays=choice.most_rays)
+        ]
+
+    def anything_lost(self, receivers: int) -> list[_Found]:
+        """Light that no receiver of the pairs gets, of so many receivers in all."""
+        choice, found = self.choice, []
+        for emitter, own in choice.receivers.items():
+            ends = [NO_RECEIVER, *sorted(set(range(receivers)) - set(own))]
+            paths = self.walker.random_paths(emitter, ends, count=choice.count, most_rays=choice.most_rays)
+            found += [_Found(pair=(emitter, NO_RECEIVER), path=path) for path in paths]
+        return found
+
+    def missing(self, before: list[_Found]) -> list[_Found]:
+        """Light that arrived before and does not now."""
+        found = []
+        for emitter, own in self.choice.receivers.items():
+            former = {one.path.ray: one.pair for one in before if one.pair[0] == emitter}
+            now = self.walker.follow(emitter, list(former))
+            found += [_Found(pair=former[path.ray], path=path) for path in now if path.receiver not in own]
+        return found
+
+
+def _filled(
+    state: RayState,
+    untouched: RayState,
+    choice: RayChoice,
+    arriving: list[_Found],
+    before: list[_Found],
+    lost: list[_Found],
+) -> RayState:
+    """A state with the paths that are drawn of those found."""
+    drawn: list[_Found] = []
+    gone: list[_Found] = []
+    for group in choice.groups:
+        pairs = {choice.pairs[number] for number in group}
+        mine, former = _of(pairs, arriving), _of(pairs, before)
+        brightest = max(untouched.sums_by_kind(group).values())
+        powers = state.sums_by_kind(group)
+        for key in dict.fromkeys(kind_of(one.path.fate).key for one in mine):
+            share = powers.get(key, 0.0) / brightest if brightest > 0.0 else 1.0
+            same = [one for one in mine if kind_of(one.path.fate).key == key]
+            drawn += _in_turn(same, _number(share, choice.count))
+        if not choice.shows_all_losses:
+            away = _of(pairs, lost)
+            gone += _in_turn(away, _number(len(away) / max(1, len(former)), choice.count))
+    if choice.shows_all_losses:
+        gone = _in_turn(lost, choice.count)
+    return replace(
+        state,
+        paths=tuple(one.path for one in drawn),
+        lost=tuple(one.path for one in gone),
+        lost_by=tuple(one.pair[1] for one in gone),
+    )
+
+
+def _of(pairs: set[Pair], found: list[_Found]) -> list[_Found]:
+    return [one for one in found if one.pair in pairs]
+
+
+def _number(share: float, count: int) -> int:
+    """How many paths are drawn of a kind with so much power, over the brightest kind of the untouched pad."""
+    return min(count, max(FEWEST, round(count * float(np.sqrt(max(share, 0.0))))))
+
+
+def _in_turn(found: list[_Found], count: int) -> list[_Found]:
+    """The first of every emitter's, one after the other, up to a count."""
+    seen: dict[int, int] = {}
+    ranks = []
+    for place, one in enumerate(found):
+        seen[one.pair[0]] = rank = seen.get(one.pair[0], -1) + 1
+        ranks.append((rank, place))
+    return [found[place] for _, place in sorted(ranks)[:count]]

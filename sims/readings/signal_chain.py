@@ -1,0 +1,360 @@
+"""How much of the walls a press has torn loose, and the signals in between.
+
+The paper: elastomer and wall bond and unbond over 5 to 10 s, which shows as hysteresis; it gives no magnitude. Here
+a press of depth d unbonds at least the share s d / d_max of all walls, and what is loose heals:
+
+    du/dt = -u / T,   u >= s max(d, 0) / d_max
+
+with s = `noise.wall_unbonded_share` (0 by default) and T = `noise.wall_heal_s`. Signals are (1 - u) times those of
+the design's bonded walls plus u times those of walls with an air gap, both from the light model: light adds up over
+patches of wall, so this is right for what meets walls once and a first order for the rest.
+
+With a black layer the bottom is silicone cast on silicone and stays. Without one the mold's floor may come loose too;
+the light model has no smooth floor, so only the walls are followed there too. Left out: where along the
+walls the bond goes, and the change of force and shape.
+
+Where the tip really is, beside what the stage says.
+
+    depth = reported + offset of the set + offset of the place, and on the way back + lag, never beyond the turn
+    x, y  = reported + error of the press
+
+The offsets of depth stand for a zero that was set by hand and a surface that is not level; the lag is backlash, so
+that after the turn the tip stays until the lag is taken up. Light is traced at the protocol's places and depths are
+interpolated, so the error in x and y is put on the reported place: its spread is the same, and one trace serves all
+seeds. Left out: a stage that is not square or not level, errors that depend on the place.
+
+Shot noise of the receivers' amplifiers, and the emitters' unequal power.
+
+The current i of a photodiode has the spectral density 2 q i (Schottky). A transimpedance amplifier with feedback
+R and C passes the noise bandwidth 1 / (4 R C), its step is V = supply / 2^bits, and n counts are i R = n V. In counts
+
+    variance = 2 q i R^2 / (4 R C V^2) = n q / (2 C V)
+
+so that neither the light nor the resistor matters, but for the capacitor that goes with it. With 27 pF and 10 bits
+of 5 V it is 6e-7 a count: 0.01 counts at 300, far below the reading noise of any board here. Left out: the
+resistor's thermal noise, which no data sheet of a chosen amplifier allows to be added up; `read_noise_counts` has it.
+
+From flux to counts, frame by frame.
+
+Of emitter e, receiver r, in a frame that begins at t, with flux F (share of the emitted power):
+
+    lit      = F x power_e x gain_r                      counts of a still sensor (`sims.readings.readout`)
+    drifted  = lit x (1 + a_e)(1 + b_r)                  a, b: drawn for a set, and steady within it by the hour
+    now      = drifted x (1 + c_e)                       c: drawn for a frame, one for all receivers of an emitter
+    ambient  = A (1 + m cos(2 pi f t_er + phase))        in all states, the off state too, each at its own time t_er
+    reading  = now + ambient + dark + noise              noise: normal, variance = read^2 + shot x (now + ambient)
+    counts   = whole number within 0 and full scale
+
+States follow one another as on the board: every emitter alone, then all off; in each, receiver after receiver
+(`design.circuit.pins`). Whoever takes the off state away is left with the flicker between its time and the others'.
+
+Left out: settling of amplifiers (the firmware waits for it), crosstalk of the converter's inputs, ambient light that
+the finger shadows, the converter's nonlinearity, temperature but for the drift.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.arrays import BoolArray, FloatArray
+from design.circuit.pins import MS_PER_S, US_PER_S, board_of, conversion_time_ms
+from design.circuit.transimpedance import emitted_mw, feedbacks_of, responsivity_at
+from design.errors import ModelScopeError
+from design.parts.assumptions import assumption
+from design.shape.cavity import cavity_of
+from design.spec import SensorDesign
+from design.spec.sensor import PURE, Noise
+from sims.readings.readout import Readout
+
+
+def unbonded_share(
+    depth_mm: FloatArray, time_s: FloatArray, *, deepest_mm: float, share: float, heal_s: float
+) -> FloatArray:
+    """(n,) share of the walls that is loose at each of a series of samples, whole at the first [-].
+
+    Parameters
+    ----------
+    depth_mm, time_s : (n,) of the samples, times rising [mm], [s]
+    deepest_mm : press that unbonds `share` [mm]
+    heal_s : time constant [s]
+    """
+    forced = share * np.clip(depth_mm / deepest_mm, 0.0, 1.0)
+    found = np.empty(len(forced))
+    left = 0.0
+    kept = np.exp(-np.diff(time_s, prepend=time_s[:1]) / heal_s)
+    for k, least in enumerate(forced):
+        left = max(left * kept[k], least)
+        found[k] = left
+    return found
+
+
+def with_loose_walls(design: SensorDesign) -> SensorDesign:
+    """The design with an air gap at all walls.
+
+    Raises
+    ------
+    ModelScopeError : its walls have one already, so nothing can come loose.
+    """
+    if design.surfaces.wall_finish == "air_gap":
+        raise ModelScopeError(
+            "noise.wall_unbonded_share: the walls have an air gap already (surfaces.wall_finish), nothing is left to "
+            "come loose; set it to 0, or take a bonded finish"
+        )
+    return design.with_(**{"surfaces.wall_finish": "air_gap", "surfaces.wall_index": None})
+
+
+def blended(bonded: FloatArray, loose: FloatArray, share: FloatArray) -> FloatArray:
+    """(n, emitter, receiver) flux where a share (n,) of the walls is loose."""
+    u = share[:, None, None]
+    return np.asarray((1.0 - u) * bonded + u * loose)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PressDraw:
+    """Errors of one press.
+
+    Attributes
+    ----------
+    zero_offset_mm : true less reported depth on the way in [mm]
+    place_error_mm : (2,) true less reported x, y [mm]
+    """
+
+    zero_offset_mm: float
+    place_error_mm: FloatArray
+
+
+def drawn_set_offset_mm(noise: Noise, rng: np.random.Generator) -> float:
+    """Offset of a set's reference depth [mm]."""
+    return float(noise.zero_offset_set_mm * rng.standard_normal())
+
+
+def drawn_press(noise: Noise, set_offset_mm: float, rng: np.random.Generator) -> PressDraw:
+    """Errors of a new press."""
+    return PressDraw(
+        zero_offset_mm=set_offset_mm + float(noise.zero_offset_place_mm * rng.standard_normal()),
+        place_error_mm=noise.position_error_mm * rng.standard_normal(2),
+    )
+
+
+def true_depth_mm(
+    reported_mm: FloatArray, is_retracting: BoolArray, drawn: PressDraw, retract_lag_mm: float
+) -> FloatArray:
+    """(n,) depth of the tip in one press, in and back [mm]."""
+    deepest = reported_mm.max() if len(reported_mm) else 0.0
+    lagging = np.where(is_retracting, np.minimum(reported_mm + retract_lag_mm, deepest), reported_mm)
+    return np.asarray(lagging + drawn.zero_offset_mm)
+
+
+ELECTRON_C = 1.602176634e-19
+"""Charge of the electron, exact in the SI [C]."""
+F_PER_PF = 1e-12
+UNKNOWN_FEEDBACK_PF = 22.0
+"""Feedback capacitor where an emitter's power is unknown, so that none can be chosen; assumed [pF]."""
+
+
+def shot_variance_per_count(design: SensorDesign, readout: Readout) -> FloatArray:
+    """(receiver,) variance of a reading over its counts, or the design's own value for all [counts]."""
+    count = len(cavity_of(design).receivers)
+    if design.noise.shot_variance_per_count is not None:
+        return np.full(count, design.noise.shot_variance_per_count)
+    feedbacks = feedbacks_of(design, readout.of_each(count))
+    capacitors = (
+        [UNKNOWN_FEEDBACK_PF] * count if feedbacks is None else [one.capacitor_pf for one in feedbacks]
+    )
+    step_v = assumption("supply_v").value / 2 ** board_of(design).adc_bits
+    return np.asarray(ELECTRON_C / (2.0 * np.array(capacitors) * F_PER_PF * step_v))
+
+
+def relative_power(design: SensorDesign) -> FloatArray:
+    """(emitter, receiver) photocurrent over that of the mean emitter, for equal flux [-].
+
+    1 where all emitters are one part, and where the power of one is unknown. The gains of a readout belong to the
+    mean emitter.
+    """
+    cavity = cavity_of(design)
+    powers = [emitted_mw(one.part) for one in cavity.emitters]
+    colours = [one.part.wavelength_nm for one in cavity.emitters]
+    shape = (len(cavity.emitters), len(cavity.receivers))
+    if len({one.part_id for one in cavity.emitters}) == 1 or any(one is None for one in (*powers, *colours)):
+        return np.ones(shape)
+    current = np.array(
+        [
+            [
+                power.value * responsivity_at(receiver.part, colour.value).value
+                for receiver in cavity.receivers
+            ]
+            for power, colour in zip(powers, colours, strict=True)
+            if power is not None and colour is not None
+        ]
+    )
+    return np.asarray(current / current.mean(axis=0))
+
+
+S_PER_HOUR = 3600.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class SetDraw:
+    """What holds for one data set: drawn once.
+
+    Attributes
+    ----------
+    emitter_drift, receiver_drift : (emitter,), (receiver,) relative change of gain at the set's begin [-]
+    emitter_rate, receiver_rate : the same by the hour [1/h]
+    flicker_phase : of the lamps at time 0 [rad]
+    ambient_counts : 0 in a dark set [counts]
+    """
+
+    emitter_drift: FloatArray
+    receiver_drift: FloatArray
+    emitter_rate: FloatArray
+    receiver_rate: FloatArray
+    flicker_phase: float
+    ambient_counts: float
+
+    def gain(self, time_s: FloatArray) -> FloatArray:
+        """(n, emitter, receiver) factor of the signals at times within the set [-]."""
+        hours = np.asarray(time_s, dtype=np.float64)[:, None] / S_PER_HOUR
+        emitter = 1.0 + self.emitter_drift + hours * self.emitter_rate
+        receiver = 1.0 + self.receiver_drift + hours * self.receiver_rate
+        return np.asarray(emitter[:, :, None] * receiver[:, None, :])
+
+
+@dataclass(frozen=True, kw_only=True)
+class SignalChain:
+    """The chain of one sensor; a copy with other gains (`dataclasses.replace`) is another build of it.
+
+    Attributes
+    ----------
+    gains : (emitter, receiver) counts for all of an emitter's power on a receiver [counts]
+    full_scale_counts : largest reading [counts]
+    noise : the design's parameters
+    shot_variance_per_count : (receiver,) [counts]
+    read_at_s : (state, receiver) when each is read, from the frame's begin; off is last [s]
+    """
+
+    gains: FloatArray
+    full_scale_counts: float
+    noise: Noise
+    shot_variance_per_count: FloatArray
+    read_at_s: FloatArray
+
+    def draw_set(self, rng: np.random.Generator, *, is_ambient: bool) -> SetDraw:
+        """Drift and lamps of a new data set."""
+        emitters, receivers = self.gains.shape
+        noise = self.noise
+        drifts: list[FloatArray] = [
+            scale * np.asarray(rng.standard_normal(count))
+            for scale in (noise.gain_drift, noise.gain_drift_per_hour)
+            for count in (emitters, receivers)
+        ]
+        return SetDraw(
+            emitter_drift=drifts[0],
+            receiver_drift=drifts[1],
+            emitter_rate=drifts[2],
+            receiver_rate=drifts[3],
+            flicker_phase=float(rng.uniform(0.0, 2.0 * np.pi)),
+            ambient_counts=noise.ambient_counts if is_ambient else 0.0,
+        )
+
+    def counts(
+        self,
+        flux: FloatArray,
+        time_s: FloatArray,
+        rng: np.random.Generator,
+        is_ambient: bool = False,
+        drawn: SetDraw | None = None,
+    ) -> NDArray[np.float32]:
+        """Readings of frames.
+
+        Parameters
+        ----------
+        flux : (n, emitter, receiver) share of the emitted power [-]
+        time_s : (n,) begin of each frame within its set [s]
+        rng : of all noise from frame to frame
+        is_ambient : whether lamps are on; where `drawn` is given it decides
+        drawn : of the set that the frames belong to; None draws a new one from `rng`
+
+        Returns
+        -------
+        (n, state, receiver) whole counts, off last; not rounded where `noise.quantised` is false [counts]
+        """
+        held = self.draw_set(rng, is_ambient=is_ambient) if drawn is None else drawn
+        emitters, receivers = self.gains.shape
+        lit = flux * self.gains * held.gain(time_s)
+        lit *= 1.0 + self.noise.led_fluctuation * rng.standard_normal((len(flux), emitters, 1))
+        light = np.zeros((len(flux), emitters + 1, receivers))
+        light[:, :-1] = lit
+        light += self._ambient(np.asarray(time_s, dtype=np.float64), held)
+        sigma = np.sqrt(self.noise.read_noise_counts**2 + self.shot_variance_per_count * light)
+        reading = light + self.noise.dark_counts + sigma * rng.standard_normal(light.shape)
+        if self.noise.quantised:
+            np.rint(reading, out=reading)
+        return np.clip(reading, 0.0, self.full_scale_counts).astype(np.float32)
+
+    def pair_sigma_counts(self, signal: FloatArray) -> FloatArray:
+        """Standard deviation from frame to frame of a pair's signal, the off state taken away [counts].
+
+        Two readings with read noise, rounding and shot noise, and the emitter's fluctuation. Not in it: drift, and
+        flicker (`flicker_sigma_counts`), which neighbouring pairs share.
+
+        Parameters
+        ----------
+        signal : (..., emitter, receiver) signals [counts]
+        """
+        rounding = 1.0 / 12.0 if self.noise.quantised else 0.0
+        each = self.noise.read_noise_counts**2 + rounding
+        shot = self.shot_variance_per_count * np.maximum(signal, 0.0)
+        return np.sqrt(2.0 * each + shot + (self.noise.led_fluctuation * signal) ** 2)
+
+    def flicker_sigma_counts(self) -> FloatArray:
+        """(emitter, receiver) what is left of the lamps' flicker without the off state, rms over phases [counts].
+
+        A m sqrt(1 - cos(2 pi f dt)), dt the time between a pair's reading and the off state's.
+        """
+        apart_s = self.read_at_s[-1] - self.read_at_s[:-1]
+        turn = 1.0 - np.cos(2.0 * np.pi * self.noise.flicker_hz * apart_s)
+        return np.asarray(
+            self.noise.ambient_counts * self.noise.ambient_flicker * np.sqrt(np.maximum(turn, 0.0))
+        )
+
+    def _ambient(self, time_s: FloatArray, held: SetDraw) -> FloatArray | float:
+        if held.ambient_counts == 0.0:
+            return 0.0
+        turns = 2.0 * np.pi * self.noise.flicker_hz * (time_s[:, None, None] + self.read_at_s)
+        wave = self.noise.ambient_flicker * np.cos(turns + held.flicker_phase)
+        return np.asarray(held.ambient_counts * (1.0 + wave))
+
+
+def chain_of(design: SensorDesign, readout: Readout) -> SignalChain:
+    """The chain of a design with the gains of a readout.
+
+    Unequal emitters count by their power where all are known; a readout's gains belong to the mean one.
+    """
+    cavity = cavity_of(design)
+    gains = relative_power(design) * readout.of_each(len(cavity.receivers))
+    return SignalChain(
+        gains=gains,
+        full_scale_counts=readout.full_scale_counts,
+        noise=design.noise,
+        shot_variance_per_count=shot_variance_per_count(design, readout),
+        read_at_s=reading_times_s(design),
+    )
+
+
+def reading_times_s(design: SensorDesign) -> FloatArray:
+    """(state, receiver) begin of each conversion, from the frame's begin: every emitter alone, then all off [s]."""
+    cavity = cavity_of(design)
+    states, receivers = len(cavity.emitters) + 1, len(cavity.receivers)
+    conversion_s = conversion_time_ms(board_of(design), design.board.adc_prescaler) / MS_PER_S
+    settle_s = design.board.settle_us / US_PER_S
+    begins = np.arange(states) * (settle_s + receivers * conversion_s) + settle_s
+    return np.asarray(begins[:, None] + np.arange(receivers) * conversion_s)
+
+
+def without_noise(design: SensorDesign) -> SensorDesign:
+    """The design with everything of the chain off: its counts are gain times light, up to full scale."""
+    return design.with_(**{f"noise.{name}": value for name, value in PURE.items()})

@@ -1,0 +1,567 @@
+"""The numbers that a verdict depends on, in one place; every function takes them as keywords.
+
+Sources
+-------
+[P] P. Piacenza et al., "Accurate contact localization and indentation depth prediction with an
+    optics-based tactile sensor", ICRA 2017: two modes, and the deadband between them, as words.
+[F] A feasibility study of one emitter and one receiver 20 mm apart under clear layers of 6 to 12 mm,
+    which turned the words into the definitions used here. Confidence: chosen, then varied. Mode
+    boundaries move by at most 0.28 mm for mode tolerances of 2 to 10 %; the same thicknesses have
+    deadbands for a relative noise of 0.001 to 0.01.
+[S] Rounding to whole counts has the variance of a uniform error one count wide, 1/12 (Bennett 1948).
+[T] L. H. C. Tippett, Biometrika 17 (1925): the range of 30 independent normal errors is on average
+    4.09 standard errors; 30 is more samples than a deadband of 2.5 mm has at steps of 0.1 mm.
+
+Signals sampled at depths, read as the straight lines between the samples.
+
+Everything the verdict says about depth (mode boundaries, deadbands) is exact for this interpolant, so
+it does not depend on any finer grid. What the samples themselves miss between two depths is missed.
+
+Counts on a scale where equal steps are equal numbers of standard deviations.
+
+Model: one reading of c counts has the variance σ² = σ0² + (ρ c)², σ0² = 1/12 + read noise². The first
+part is rounding and electronics, the second is light that fluctuates in proportion to itself. The
+noise unit u is the variance-stabilising scale of that model, du = dc / σ(c), which integrates to
+u = asinh(ρ c / σ0) / ρ, and to u = c / σ0 when ρ is zero.
+
+Left out: shot noise (its variance grows with c, not c²), drift between recordings, ambient light, and
+noise that is correlated between readings. A step of one unit is one standard deviation of one
+reading; the difference of two readings is √2 times as noisy.
+
+Source: Bartlett, "The use of transformations", Biometrics 3 (1947); default figures in `defaults`.
+
+The error of a Monte-Carlo light trace, and what it can do to a verdict.
+
+The noise of a reading is modelled (`noise_units`); the error of the simulation that predicts the
+mean reading is not noise of the sensor, and must never pass for information. Jitter between depths
+widens the range of a flat signal, so it *hides* deadbands; on a slope just steep enough it can also
+make one up. Errors of neighbouring depths share random numbers and are correlated to an unknown degree,
+so they cannot be subtracted in quadrature. What is given instead:
+
+- the noise margin: the largest standard error within an interval, in noise units. Up to one half, the
+  range that errors add to a constant stays on average below the deadband threshold; above, a verdict
+  carries a warning;
+- possible deadbands: those found when the threshold is raised by 4.09 times the margin, the mean range
+  of 30 independent errors (Tippett 1925). Correlation lowers that range. It is a band of doubt,
+  not a confidence limit, and it leaves out bias of the trace.
+
+The range of piecewise-linear signals within a sliding window of depth, without a resampling grid.
+
+A window [a, a + L] moves over curves that are straight between samples. Between two events (an end of
+the window passes a sample) the samples inside stay the same ones, so their largest value M and
+smallest value m are constants, and the two end values l = u(a), r = u(a + L) are linear in a. The
+range is then the largest of seven lines,
+
+    l - r,  r - l,  l - m,  M - l,  r - m,  M - r,  M - m,
+
+hence convex in a. "Range below k" is therefore one open interval of a in each cell between events,
+which follows in closed form; the smallest range of a cell is the lowest point of a convex function.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from design.arrays import BoolArray, FloatArray
+from design.errors import InputError
+from design.spec import SensorDesign
+
+QUANTISATION_VARIANCE: Final = 1.0 / 12.0
+"""Variance of rounding to whole counts [counts squared]; [S]."""
+
+READ_NOISE_COUNTS: Final = 0.5
+"""Standard deviation of one reading in the dark, without rounding [counts]; [F], assumed."""
+
+RELATIVE_NOISE: Final = 0.003
+"""Standard deviation of the light over its mean [-]; [F], assumed."""
+
+DEADBAND_THRESHOLD: Final = 3.0
+"""A signal that varies by less than this many noise units is flat [-]; [F]."""
+
+DEADBAND_MIN_LENGTH_MM: Final = 0.3
+"""A flat interval shorter than this is not a deadband [mm]; [F]."""
+
+EVENNESS_WINDOW_MM: Final = 0.5
+"""Length of the depth window whose signal range evenness compares [mm]; [F]."""
+
+MODE_TOLERANCE: Final = 0.05
+"""How near to its first and last value the light counts as being there, as a share [-]; [F]."""
+
+TRACE_ERROR_LIMIT: Final = 0.5
+"""Largest Monte-Carlo standard error that a verdict takes without a warning [noise units]; chosen so
+that the range it adds over a typical deadband, 4.09 times itself, stays below the threshold of 3."""
+
+TRACE_ERROR_SPREAD: Final = 4.09
+"""Range that independent errors add over a deadband, in standard errors [-]; [T]."""
+
+
+def require_depths_mm(depth_mm: ArrayLike) -> FloatArray:
+    """Depths as an array, refused unless they start untouched and grow.
+
+    Parameters
+    ----------
+    depth_mm : (n,) depths of one press [mm]; n >= 2, the first 0, strictly increasing
+
+    Returns
+    -------
+    (n,) the same depths [mm]
+    """
+    depth = np.asarray(depth_mm, dtype=np.float64)
+    if depth.ndim != 1 or depth.size < 2:
+        raise InputError(f"depth_mm: shape {depth.shape}, needs (n,) with n >= 2; trace more depths")
+    if not np.all(np.isfinite(depth)):
+        raise InputError("depth_mm: has a value that is not finite; needs finite depths, drop the bad ones")
+    if depth[0] != 0.0:
+        raise InputError(f"depth_mm[0]: {depth[0]} mm, needs 0 mm; put the untouched state first")
+    if not np.all(np.diff(depth) > 0.0):
+        i = int(np.flatnonzero(np.diff(depth) <= 0.0)[0])
+        raise InputError(
+            f"depth_mm[{i + 1}]: {depth[i + 1]} mm, needs more than {depth[i]} mm; "
+            "sort the depths and drop repeats"
+        )
+    return depth
+
+
+def require_samples(name: str, values: ArrayLike, depth_mm: FloatArray, *, axes: int = 1) -> FloatArray:
+    """Samples as an array, refused unless there is one finite row a depth.
+
+    Parameters
+    ----------
+    name : what to call the samples in a message
+    values : (n,) or, with axes = 2, (n, m) samples
+    depth_mm : (n,) depths [mm]
+    axes : number of axes that the samples must have
+
+    Returns
+    -------
+    the same samples
+    """
+    samples = np.asarray(values, dtype=np.float64)
+    if samples.ndim != axes or samples.shape[0] != depth_mm.size or samples.size == 0:
+        shape = f"({depth_mm.size},)" if axes == 1 else f"({depth_mm.size}, pairs >= 1)"
+        raise InputError(f"{name}: shape {samples.shape}, needs {shape}; give one sample a depth")
+    if not np.all(np.isfinite(samples)):
+        raise InputError(f"{name}: has a value that is not finite; needs finite samples, retrace that state")
+    return samples
+
+
+def interpolated(depth_mm: FloatArray, values: FloatArray, at_mm: FloatArray) -> FloatArray:
+    """Samples at other depths, along straight lines.
+
+    Parameters
+    ----------
+    depth_mm : (n,) increasing depths [mm]
+    values : (n, ...) samples
+    at_mm : (m,) depths asked for [mm]; outside the samples the end value holds
+
+    Returns
+    -------
+    (m, ...) samples at `at_mm`
+    """
+    right = np.clip(np.searchsorted(depth_mm, at_mm), 1, depth_mm.size - 1)
+    left = right - 1
+    share = np.clip((at_mm - depth_mm[left]) / (depth_mm[right] - depth_mm[left]), 0.0, 1.0)
+    share = share.reshape(share.shape + (1,) * (values.ndim - 1))
+    line: FloatArray = values[left] * (1.0 - share) + values[right] * share
+    return line
+
+
+def between(
+    depth_mm: FloatArray, values: FloatArray, from_mm: float, to_mm: float
+) -> tuple[FloatArray, FloatArray]:
+    """The part of a curve between two depths, with a sample at each of its ends.
+
+    Parameters
+    ----------
+    depth_mm : (n,) increasing depths [mm]
+    values : (n, ...) samples
+    from_mm, to_mm : first and last depth of the part [mm]
+
+    Returns
+    -------
+    depth_mm : (m,) depths of the part [mm]
+    values : (m, ...) samples of the part
+    """
+    inside = depth_mm[(depth_mm > from_mm) & (depth_mm < to_mm)]
+    part_mm = np.concatenate(([from_mm], inside, [to_mm]))
+    return part_mm, interpolated(depth_mm, values, part_mm)
+
+
+def clipped(
+    depth_mm: FloatArray, counts: FloatArray, full_scale_counts: float
+) -> tuple[FloatArray, FloatArray]:
+    """Counts as a converter reads them: never above full scale, with a sample wherever a line meets it.
+
+    Parameters
+    ----------
+    depth_mm : (n,) increasing depths [mm]
+    counts : (n,) or (n, pair) unlimited counts
+    full_scale_counts : largest reading [counts]
+
+    Returns
+    -------
+    depth_mm : (m,) the depths, and those where some pair enters or leaves full scale [mm]
+    counts : (m,) or (m, pair) counts, at most full scale
+    """
+    table = counts.reshape(depth_mm.size, -1)
+    before, after = table[:-1] - full_scale_counts, table[1:] - full_scale_counts
+    segment, pair = np.nonzero(before * after < 0.0)
+    share = before[segment, pair] / (before[segment, pair] - after[segment, pair])
+    meets_mm = depth_mm[segment] + share * np.diff(depth_mm)[segment]
+    all_mm = np.union1d(depth_mm, meets_mm)
+    return all_mm, np.minimum(interpolated(depth_mm, counts, all_mm), full_scale_counts)
+
+
+def share_above(depth_mm: FloatArray, values: FloatArray, level: float) -> float:
+    """Share of the depth range over which a curve lies above a level.
+
+    Parameters
+    ----------
+    depth_mm : (n,) increasing depths [mm]
+    values : (n,) samples
+    level : level, in the unit of the samples
+
+    Returns
+    -------
+    share [-], 0 to 1
+    """
+    before, after = values[:-1] - level, values[1:] - level
+    high, low = np.maximum(before, after), np.minimum(before, after)
+    part = np.where(low > 0.0, 1.0, np.maximum(high, 0.0) / np.where(high > low, high - low, 1.0))
+    part = np.where((high <= 0.0), 0.0, part)
+    return float(np.sum(part * np.diff(depth_mm)) / (depth_mm[-1] - depth_mm[0]))
+
+
+_SERIES_BELOW = 1e-8  # there asinh(x)/x and sinh(x)/x differ from 1 by x²/6 < 2e-17, less than rounding
+
+
+def _zero_signal_sigma_counts(read_noise_counts: float, relative_noise: float) -> float:
+    for name, value in (("read_noise_counts", read_noise_counts), ("relative_noise", relative_noise)):
+        if not (np.isfinite(value) and value >= 0.0):
+            raise InputError(f"{name}: {value}, needs a finite number >= 0; give the noise of one reading")
+    return float(np.sqrt(QUANTISATION_VARIANCE + read_noise_counts**2))
+
+
+def sigma_counts(
+    counts: ArrayLike, read_noise_counts: float = READ_NOISE_COUNTS, relative_noise: float = RELATIVE_NOISE
+) -> FloatArray:
+    """Standard deviation of one reading.
+
+    Parameters
+    ----------
+    counts : (...) mean reading [counts]
+    read_noise_counts : standard deviation in the dark, without rounding [counts]
+    relative_noise : standard deviation of the light over its mean [-]
+
+    Returns
+    -------
+    (...) standard deviation [counts]
+    """
+    sigma0 = _zero_signal_sigma_counts(read_noise_counts, relative_noise)
+    return np.hypot(sigma0, relative_noise * np.asarray(counts, dtype=np.float64))
+
+
+def noise_units(
+    counts: ArrayLike, read_noise_counts: float = READ_NOISE_COUNTS, relative_noise: float = RELATIVE_NOISE
+) -> FloatArray:
+    """Counts in noise units, u = asinh(ρ c / σ0) / ρ.
+
+    Parameters
+    ----------
+    counts : (...) mean reading [counts]
+    read_noise_counts : standard deviation in the dark, without rounding [counts]
+    relative_noise : standard deviation of the light over its mean [-]; zero gives u = c / σ0
+
+    Returns
+    -------
+    (...) reading [noise units]; odd and increasing in counts
+    """
+    linear = np.asarray(counts, dtype=np.float64) / _zero_signal_sigma_counts(
+        read_noise_counts, relative_noise
+    )
+    return linear * _ratio_to_argument(np.arcsinh, relative_noise * linear)
+
+
+def counts_of_noise_units(
+    units: ArrayLike, read_noise_counts: float = READ_NOISE_COUNTS, relative_noise: float = RELATIVE_NOISE
+) -> FloatArray:
+    """Counts of a reading given in noise units, c = σ0 sinh(ρ u) / ρ: the inverse of `noise_units`.
+
+    Parameters
+    ----------
+    units : (...) reading [noise units]
+    read_noise_counts : standard deviation in the dark, without rounding [counts]
+    relative_noise : standard deviation of the light over its mean [-]; zero gives c = σ0 u
+
+    Returns
+    -------
+    (...) reading [counts]
+    """
+    u = np.asarray(units, dtype=np.float64)
+    sigma0 = _zero_signal_sigma_counts(read_noise_counts, relative_noise)
+    return sigma0 * u * _ratio_to_argument(np.sinh, relative_noise * u)
+
+
+def _ratio_to_argument(function: np.ufunc, x: FloatArray) -> FloatArray:
+    """function(x) / x for asinh or sinh, with its limit 1 where x is too small to matter."""
+    small = np.abs(x) < _SERIES_BELOW
+    safe = np.where(small, 1.0, x)
+    ratio: FloatArray = np.where(small, 1.0, function(safe) / safe)
+    return ratio
+
+
+def noise_of(design: SensorDesign) -> dict[str, float]:
+    """The design's noise model, as keywords of the verdict's functions."""
+    return {
+        "read_noise_counts": design.noise.read_noise_counts,
+        "relative_noise": design.noise.relative_noise,
+    }
+
+
+def samples_between(depth_mm: FloatArray, start_mm: float, end_mm: float) -> slice:
+    """The samples that straight lines between two depths rest on, those at or just outside the ends included."""
+    first = int(np.searchsorted(depth_mm, start_mm, side="right")) - 1
+    return slice(max(first, 0), int(np.searchsorted(depth_mm, end_mm, side="left")) + 1)
+
+
+def noise_margin(
+    depth_mm: ArrayLike,
+    counts: ArrayLike,
+    standard_error_counts: ArrayLike,
+    *,
+    within_mm: Interval | None = None,
+    read_noise_counts: float = READ_NOISE_COUNTS,
+    relative_noise: float = RELATIVE_NOISE,
+) -> float:
+    """Largest standard error of the trace within an interval of depth.
+
+    Parameters
+    ----------
+    depth_mm : (n,) depths of the press [mm]; the first 0, increasing
+    counts : (n,) or (n, pair) mean readings [counts]
+    standard_error_counts : same shape, standard error of these means from the trace [counts]
+    within_mm : interval (from, to) that is looked at, its ends included [mm]; None is all depths
+    read_noise_counts, relative_noise : noise of one reading [counts], [-]
+
+    Returns
+    -------
+    standard error [noise units]; the largest over depths, and over pairs where there are several
+    """
+    depth = require_depths_mm(depth_mm)
+    readings = require_samples("counts", counts, depth, axes=2 if np.ndim(counts) == 2 else 1)
+    error = require_samples("standard_error_counts", standard_error_counts, depth, axes=readings.ndim)
+    if np.any(error < 0.0) or error.shape != readings.shape:
+        raise InputError(
+            f"standard_error_counts: shape {error.shape}, smallest {error.min()}, "
+            f"needs shape {readings.shape} and no negative value; "
+            "pass the trace's own standard error times the gain"
+        )
+    units = error / sigma_counts(readings, read_noise_counts, relative_noise)
+    if within_mm is None:
+        return float(units.max())
+    return float(between(depth, units, *within_mm)[1].max())
+
+
+def widened_threshold(
+    margin: float, *, threshold: float = DEADBAND_THRESHOLD, spread: float = TRACE_ERROR_SPREAD
+) -> float:
+    """Deadband threshold that also takes in the range which trace errors may add.
+
+    Parameters
+    ----------
+    margin : largest standard error of the trace [noise units]
+    threshold : deadband threshold of an exact trace [noise units]
+    spread : range of the errors over an interval, in standard errors [-]
+
+    Returns
+    -------
+    threshold [noise units]
+    """
+    return threshold + spread * margin
+
+
+def trace_noise_warning(
+    margin: float, *, hidden_mm: float = 0.0, limit: float = TRACE_ERROR_LIMIT
+) -> str | None:
+    """What to tell the reader of a verdict about the error of its light trace.
+
+    Parameters
+    ----------
+    margin : largest standard error of the trace over the judged depth [noise units]
+    hidden_mm : length of possible deadband beyond the deadband found [mm]
+    limit : margin up to which nothing is said [noise units]
+
+    Returns
+    -------
+    one sentence with the value, the limit and the way out; None when the trace is fine enough
+    """
+    if margin <= limit:
+        return None
+    hidden = f" and may hide up to {hidden_mm:.2f} mm of deadband" if hidden_mm > 0.0 else ""
+    return (
+        f"light trace: standard error up to {margin:.2g} noise units, limit {limit:.2g}; "
+        f"its jitter can pass for signal{hidden}; run with --fine"
+    )
+
+
+Interval = tuple[float, float]
+
+GOLDEN = (5.0**0.5 - 1.0) / 2.0
+GOLDEN_STEPS = 60
+"""Each step leaves 0.62 of the bracket: 60 leave 3e-13 of a cell."""
+
+
+def flat_intervals_mm(
+    depth_mm: FloatArray, units: FloatArray, length_mm: float, threshold: float
+) -> tuple[Interval, ...]:
+    """Depths that lie in some window over which every signal's range is below a threshold.
+
+    Parameters
+    ----------
+    depth_mm : (n,) increasing depths [mm]
+    units : (n, pair) signals, straight between the depths
+    length_mm : window length [mm]
+    threshold : range that no signal may reach within the window, in the unit of the signals
+
+    Returns
+    -------
+    disjoint intervals (from, to) in order [mm]; each is at least `length_mm` long
+
+    Notes
+    -----
+    Every interval of at least the window's length with a range below the threshold is a union of such
+    windows, and every such window is such an interval: the result is the union of the maximal ones.
+    """
+    if depth_mm[-1] - depth_mm[0] < length_mm:
+        return ()
+    first_mm, last_mm, at_first, at_last = _range_lines(depth_mm, units, length_mm)
+    enter, leave = _shares_below(at_first, at_last, threshold)
+    flat = enter < leave
+    starts = (first_mm * (1.0 - enter) + last_mm * enter)[flat]
+    last_starts = (first_mm * (1.0 - leave) + last_mm * leave)[flat]
+    ends = np.where(last_starts >= last_mm[-1], depth_mm[-1], last_starts + length_mm)
+    return _union(starts, ends)
+
+
+def smallest_range(depth_mm: FloatArray, units: FloatArray, length_mm: float) -> float:
+    """Smallest range of a signal, or of the most responsive of several, within any window of a given length.
+
+    As `smallest_ranges`.
+
+    Returns
+    -------
+    range, in the unit of the signal
+    """
+    return float(np.min(smallest_ranges(depth_mm, units, length_mm)[2]))
+
+
+def smallest_ranges(
+    depth_mm: FloatArray, units: FloatArray, length_mm: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Smallest range of a signal, or of the most responsive of several, by where the window starts.
+
+    Parameters
+    ----------
+    depth_mm : (n,) increasing depths [mm]
+    units : (n,) signal or (n, pair) signals, straight between the depths
+    length_mm : window length [mm]; at most the depth range
+
+    Returns
+    -------
+    (cell,) first and last start of the windows of each cell [mm]; (cell,) smallest range, in the unit of the signal
+    """
+    first_mm, last_mm, *lines = _range_lines(depth_mm, units.reshape(len(depth_mm), -1), length_mm)
+    first, last = (np.moveaxis(of_end, 1, 2).reshape(-1, of_end.shape[1]) for of_end in lines)
+    return first_mm, last_mm, _lowest_of_highest(first, last)
+
+
+def _lowest_of_highest(first: FloatArray, last: FloatArray) -> FloatArray:
+    """Lowest point, within each cell, of the highest of several straight lines.
+
+    The highest of straight lines is convex, so golden-section search shrinks each cell to its lowest point.
+
+    Parameters
+    ----------
+    first, last : (line, cell) values of the lines at a cell's two ends
+
+    Returns
+    -------
+    (cell,) lowest value
+    """
+    low, high = np.zeros(first.shape[1]), np.ones(first.shape[1])
+    slope = last - first
+    for _ in range(GOLDEN_STEPS):
+        left, right = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+        goes_left = np.max(first + slope * left, axis=0) <= np.max(first + slope * right, axis=0)
+        low, high = np.where(goes_left, low, left), np.where(goes_left, right, high)
+    ends = np.stack(
+        [
+            np.max(first + slope * share, axis=0)
+            for share in (low, high, np.zeros_like(low), np.ones_like(low))
+        ]
+    )
+    return np.asarray(ends.min(axis=0))
+
+
+def _range_lines(
+    depth_mm: FloatArray, units: FloatArray, length_mm: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Cells of window starts, and the seven lines at each cell's two ends.
+
+    Returns
+    -------
+    first_mm, last_mm : (cell,) first and last window start of each cell [mm]
+    at_first, at_last : (7, cell, pair) the lines at these two starts
+    """
+    events = np.concatenate((depth_mm, depth_mm - length_mm))
+    events = np.unique(np.clip(events, depth_mm[0], depth_mm[-1] - length_mm))
+    first_mm, last_mm = (events, events) if events.size == 1 else (events[:-1], events[1:])
+    low, high, empty = _inner_extremes(depth_mm, units, 0.5 * (first_mm + last_mm), length_mm)
+    lines = []
+    for start_mm in (first_mm, last_mm):
+        left = interpolated(depth_mm, units, start_mm)
+        right = interpolated(depth_mm, units, start_mm + length_mm)
+        inner = np.stack((left - low, high - left, right - low, high - right, high - low))
+        inner[:, empty] = 0.0
+        lines.append(np.concatenate((np.stack((left - right, right - left)), inner)))
+    return first_mm, last_mm, lines[0], lines[1]
+
+
+def _inner_extremes(
+    depth_mm: FloatArray, units: FloatArray, start_mm: FloatArray, length_mm: float
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Smallest and largest sample strictly inside each window, and which windows hold none."""
+    begin = np.searchsorted(depth_mm, start_mm, side="right")
+    stop = np.searchsorted(depth_mm, start_mm + length_mm, side="left")
+    low = np.zeros((start_mm.size, units.shape[1]))
+    high = np.zeros_like(low)
+    for cell in np.flatnonzero(stop > begin):
+        inside = units[begin[cell] : stop[cell]]
+        low[cell], high[cell] = inside.min(axis=0), inside.max(axis=0)
+    return low, high, stop <= begin
+
+
+def _shares_below(
+    at_first: FloatArray, at_last: FloatArray, threshold: float
+) -> tuple[FloatArray, FloatArray]:
+    """Open part of each cell, as shares 0 to 1, where all lines of all pairs lie below a threshold."""
+    rise = at_last - at_first
+    crossing = (threshold - at_first) / np.where(rise == 0.0, np.inf, rise)
+    first_below, last_below = at_first < threshold, at_last < threshold
+    enter = np.where(first_below, 0.0, np.where(last_below, crossing, 1.0))
+    leave = np.where(last_below, 1.0, np.where(first_below, crossing, 0.0))
+    return enter.max(axis=(0, 2)), leave.min(axis=(0, 2))
+
+
+def _union(starts: FloatArray, ends: FloatArray) -> tuple[Interval, ...]:
+    """Union of intervals given in order of their starts; those that touch become one."""
+    merged: list[Interval] = []
+    for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
+        if merged and start <= merged[-1][1]:
+            merged[-1] = (merged[-1][0], max(end, merged[-1][1]))
+        else:
+            merged.append((start, end))
+    return tuple(merged)
