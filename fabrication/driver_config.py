@@ -42,8 +42,8 @@ from fabrication.driver_file import (
     WorkspaceLimits,
     content_sha256,
 )
-from fabrication.firmware.sketch import firmware_gaps, firmware_settings
 from fabrication.record import plain_of
+from fabrication.sketch import firmware_gaps, firmware_settings
 
 HEADING = (
     "Driver configuration of one sensor design; written by optopad, read by the PC beside the sensor.",

@@ -4,39 +4,22 @@ Work on a thread of its own: light is traced outside Python, so pictures are dra
 
 A design by a word: a file, a bundle or a preset, with changes on top.
 
-Designs judged on a Dask cluster: a search's batch goes out, answers come back in any order.
-
-The cluster is the user's: scheduler and workers with the same optopad installed. A worker that dies loses nothing: the
-scheduler gives its designs to another. The kernels use all processors of a worker by themselves, so workers want one
-thread each (`dask worker --nthreads 1`).
-
 Finished pieces of long work, kept beside the bundle so that an interrupted command goes on where it stopped.
 
 One line of JSON a piece, appended and flushed as soon as it is known; a line that was cut short by a power
 cut is ignored. A store answers only for the same work: its file is named by a hash of what was asked (the
 caller's key: digests, seed, settings) and of all sources and data that a result depends on, so a changed
 program never takes up an old result. The file is removed when the work is done.
-
-A figure as files: SVG with text for pages and print, PNG for everything that cannot read SVG.
-
-What others need to know of a prediction without its libraries: its file, and how long a quick one takes.
-
-Almost all of the time is light; places that a symmetry of the layout carries onto each other are traced once. Measured
-on `fingertip-16`, a ring of 4 + 4 parts on 30 x 22 mm, and the paper's pad, on two cores shared with other work: 122,
-46 and 129 ms of processor time a press (64, 16 and 64 pairs). The constants below are a sixth lower, for a machine
-without other work. What is left is the fit of the paper's learner at quick settings (0.3 to 5 s), its test, and the
-pictures.
 """
 
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
@@ -44,22 +27,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 from weakref import WeakSet
 
-import numpy as np
-from matplotlib.figure import Figure
-
 import design
 import sims
-from design.errors import DesignError, InputError, ModelScopeError, OptopadError
-from design.files import unwritable, write_whole
-from design.io import write_text_atomically
-from design.protocols.press import load_protocol_file
-from design.search.improve import FanOut, Judged, Limit, Objective
-from design.shape.cavity import cavity_of
-from design.spec import SensorDesign
+from design.errors import InputError
+from design.files import unwritable
 from design.toml_text import parsed_toml
-from sims.bounds.observability import PadBounds
-from sims.plots.maps import plot_bound_sheet, plot_felt_map
-from sims.plots.style import plain_style, svg_text
 
 if TYPE_CHECKING:
     from design.spec import SensorDesign
@@ -162,67 +134,6 @@ def parsed_value(text: str) -> Any:
         return text
 
 
-CONNECT_TIMEOUT_S = 10
-
-
-@contextmanager
-def on_cluster(address: str) -> Iterator[FanOut]:
-    """A fan-out over the workers of the scheduler at an address, as tcp://127.0.0.1:8786.
-
-    Raises
-    ------
-    InputError : the package is missing, no scheduler answers, it has no workers, or it is lost on the way.
-    """
-    try:
-        from distributed import Client
-    except ImportError:
-        raise InputError(
-            "--scheduler: needs the package distributed; install it (pip install distributed), or leave it out"
-        ) from None
-    try:
-        client: Any = Client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False)  # type: ignore[no-untyped-call]
-    except (OSError, ValueError, TimeoutError) as err:
-        reason = str(err).splitlines()[0] if str(err) else type(err).__name__
-        raise InputError(
-            f"--scheduler: no scheduler answers at {address!r}: {reason}; start one with `dask scheduler`"
-        ) from None
-    with client:
-        if not client.scheduler_info()["workers"]:
-            raise InputError(
-                f"--scheduler: {address} has no workers; start some with `dask worker {address} --nthreads 1`"
-            )
-        yield _fan_out(client, address)
-
-
-def _fan_out(client: Any, address: str) -> FanOut:
-    from distributed import CancelledError, KilledWorker, as_completed
-
-    def fan_out(
-        objective: Objective, designs: Sequence[SensorDesign], limits: tuple[Limit, ...]
-    ) -> Iterable[tuple[int, Judged]]:
-        sent = {
-            client.submit(objective, design, limits, pure=False): number
-            for number, design in enumerate(designs)
-        }
-        try:
-            for future in as_completed(list(sent), loop=client.loop):  # type: ignore[no-untyped-call]
-                yield sent[future], future.result()
-        except OptopadError:
-            raise
-        except KilledWorker as err:
-            raise InputError(
-                f"--scheduler: workers of {address} die over one design ({err.last_worker}); see their logs: memory is "
-                "the usual cause (finished designs are kept)"
-            ) from None
-        except (CancelledError, OSError, TimeoutError) as err:
-            raise InputError(
-                f"--scheduler: {address} was lost: {err or type(err).__name__}; finished designs are kept: "
-                "start it again and give the same command"
-            ) from None
-
-    return fan_out
-
-
 SOURCES = ("*.py", "*.toml", "*.npz")
 ROOMS = (design, sims)
 
@@ -298,62 +209,3 @@ def _read(path: Path) -> dict[str, Any]:
         except (ValueError, KeyError, TypeError):
             continue  # cut short while it was written
     return found
-
-
-PNG_DPI = 160
-
-
-def write_plot(figure: Figure, stem: Path) -> tuple[Path, Path]:
-    """Write ``<stem>.svg`` and ``<stem>.png``; call it inside `plain_style`. Returns both paths."""
-    svg, png = (stem.with_name(f"{stem.name}.{kind}") for kind in ("svg", "png"))
-    write_text_atomically(svg, svg_text(figure, stem.name))
-    figure.set_layout_engine("none")  # laid out for the SVG: all keeps its place
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=PNG_DPI, metadata={"Software": None})
-    write_whole(png, buffer.getvalue())
-    return svg, png
-
-
-def write_bound_plots(design: SensorDesign, bounds: PadBounds, folder: Path) -> list[Path]:
-    """Location and depth bounds by depth, and the lightest press felt: ``bounds-*.svg`` and ``.png``; their paths."""
-    cavity = cavity_of(design)
-    written: list[Path] = []
-    with plain_style():
-        written += write_plot(plot_bound_sheet(bounds, cavity, "location"), folder / "bounds-location")
-        written += write_plot(plot_bound_sheet(bounds, cavity, "depth"), folder / "bounds-depth")
-        if bounds.felt is not None:
-            figure = plot_felt_map(bounds.felt, cavity).get_figure(root=True)
-            assert figure is not None
-            written += write_plot(figure, folder / "felt-force")
-    return written
-
-
-STEM = "prediction"
-"""Of the files of `optopad predict` in a bundle's ``sims`` folder."""
-QUICK_PROTOCOL = "piacenza2017-quick"
-PRESS_S, PAIR_S = 14e-3, 1.4e-3
-"""Processor time of a press, and of each pair under it [s]."""
-LEFT_S = 8.0
-"""Processor time of all that is not light [s]."""
-
-
-def quick_prediction_s(design: SensorDesign) -> float | None:
-    """Time of `optopad predict DESIGN --quick` on all cores of this machine, nothing known before [s].
-
-    None where the protocol cannot press the design.
-    """
-    from sims.optics.scene.lower import scene_of
-    from sims.optics.scene.symmetry import state_classes
-    from sims.readings.press_data import knots_mm
-
-    try:
-        protocol = load_protocol_file(QUICK_PROTOCOL).fitted_to(design)
-        places = np.unique(np.concatenate(protocol.places_mm(design)), axis=0)
-        knots = knots_mm(design, is_coarse=True, deepest_mm=protocol.deepest_mm)
-        scene = scene_of(design)
-    except (DesignError, InputError, ModelScopeError):
-        return None
-    distinct = len(state_classes(scene, places[:, None, :], [[1.0]] * len(places)).first)
-    pairs = len(scene.emitter_wall) * len(scene.receiver_wall)
-    core_s = distinct * (len(knots) - 1) * (PRESS_S + pairs * PAIR_S) + LEFT_S
-    return core_s / (os.cpu_count() or 1)

@@ -3,11 +3,6 @@
 
 A number for the sources that results rest on: another number, other sources.
 
-Word of kernels being compiled: once on each machine, and again where a source, numba or the processor has changed.
-
-Who draws progress asks to be told; rooms that hold compiled code listen to numba, which says when it compiles. Code
-read from numba's cache on disk is not compiled, and nobody is told. Nothing here imports numba before it is needed.
-
 Compiled kernels on disk: one folder for the sources they are made of, outside the checkout and the installation.
 
 Numba keeps compiled code beside the sources, where a new clone does not find it. Here it is kept in the cache folder
@@ -45,7 +40,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -58,6 +52,7 @@ from platformdirs import user_cache_path
 
 from design.errors import InputError
 from design.files import folder_fault
+from sims.compiling import is_there, tell_of
 
 CACHE_VARIABLE = "OPTOPAD_CACHE"
 """Environment variable that names the cache folder."""
@@ -103,73 +98,6 @@ def _hash_of_files(paths: Iterable[Path]) -> int:
     for path in paths:
         digest.update(path.read_bytes())
     return int.from_bytes(digest.digest()[:8], "big") >> 1
-
-
-LAST = ("trace_further", "trace_emitter", "next_path", "straight_matrix")
-"""Entry points that are called after all others of their kind of pad, or of the ray tracer."""
-
-_TOLD = set(LAST)
-"""Entry points, which take long; what is compiled for a caller in Python takes less than a second."""
-_ASKED: list[_Word] = []
-_LISTENERS: list[Any] = []
-"""At most one."""
-
-
-class _Word:
-    """What one who asked has been told so far."""
-
-    def __init__(self, tell: Callable[[float], None]) -> None:
-        self.tell, self.share = tell, 1.0
-
-    def say(self, share: float) -> None:
-        if share != self.share:
-            self.share = share
-            self.tell(share)
-
-
-@contextmanager
-def compiling_told(tell: Callable[[float], None]) -> Iterator[None]:
-    """While this lasts, call `tell` with 0 when compiling begins and with 1 when it is done."""
-    word = _Word(tell)
-    _ASKED.append(word)
-    try:
-        yield
-    finally:
-        _ASKED.remove(word)
-        word.say(1.0)
-
-
-def listen_to_numba() -> None:
-    """Pass numba's own events on; called by modules with compiled entry points, as often as they like."""
-    from numba.core import event
-
-    class Listener(event.Listener):
-        def on_start(self, event: Any) -> None:
-            if event.data["dispatcher"].py_func.__name__ in _TOLD:
-                _say(0.0)
-
-        def on_end(self, event: Any) -> None:
-            is_there(event.data["dispatcher"].py_func.__name__)
-
-    if not _LISTENERS:
-        _LISTENERS.append(Listener())
-        event.register("numba:compile", _LISTENERS[0])
-
-
-def tell_of(entry_point: str) -> None:
-    """Tell when this function is compiled, too."""
-    _TOLD.add(entry_point)
-
-
-def is_there(entry_point: str) -> None:
-    """An entry point is compiled, by this process or by another one."""
-    if entry_point in LAST:
-        _say(1.0)
-
-
-def _say(share: float) -> None:
-    for word in _ASKED:
-        word.say(share)
 
 
 Function = TypeVar("Function", bound=Callable[..., object])

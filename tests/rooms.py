@@ -33,14 +33,13 @@ FLOORS: dict[str, tuple[str, ...]] = {
         "mold",
         "circuit",
         "rules",
-        "protocols",
         "search",
     ),
     "sims": (
         *("press", "cache", "contact", "optics", "rays", "readings", "verdict", "bounds", "continuity"),
-        *("learning", "evaluation", "plots"),
+        *("learning", "plots"),
     ),
-    "sims/contact": ("solver", "walls", "library", "indentation", "pad_surface"),
+    "sims/contact": ("wedge", "walls", "library", "indentation", "pad_surface"),
     "sims/optics": ("scene", "surface", "oracle", "engine", "tracing"),
     "sims/optics/engine": (
         "straight",
@@ -51,11 +50,11 @@ FLOORS: dict[str, tuple[str, ...]] = {
         "compiled",
         "trace_states",
     ),
-    "sims/learning": ("inference", "samples", "fits", "signal_map", "calibration"),
-    "fabrication": ("driver_file", "firmware", "driver_config", "sheets", "driver", "stage"),
+    "sims/learning": ("inference", "samples", "fits", "calibration"),
+    "fabrication": ("driver_file", "sketch", "driver_config", "sheets", "driver", "stage"),
     "fabrication/driver": ("link", "simulated", "recording", "stream", "sensor"),
     "optopad": ("work", "screen", "results", "report", "jobs", "sensor", "studio", "api", "cli"),
-    "optopad/report": ("text", "scenes", "sections", "page"),
+    "optopad/report": ("words", "scenes", "sections", "page"),
     "optopad/studio": ("session", "workshop", "live", "view"),
 }
 """From the ground up; of files beside folders only those that a floor needs."""

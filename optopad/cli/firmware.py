@@ -26,7 +26,7 @@ def firmware(
     as_json: options.Json = False,
 ) -> None:
     """Sketch folder for the Arduino IDE, of exactly this geometry; with avr-gcc installed also a .hex."""
-    from fabrication.firmware.sketch import firmware_settings
+    from fabrication.sketch import firmware_settings
     from optopad.sensor.firmware import write_firmware
 
     read = read_design(design, set_)
@@ -81,8 +81,8 @@ def flash(
     """Upload the firmware of a design to its board, with avrdude. A printer is listened for first, and refused."""
     from fabrication.driver.link.printers import require_no_printer
     from fabrication.driver.sensor import PATIENCE_S
-    from fabrication.firmware.flash import require_uploader, upload, upload_command
-    from fabrication.firmware.sketch import firmware_settings
+    from fabrication.flash import require_uploader, upload, upload_command
+    from fabrication.sketch import firmware_settings
     from optopad.sensor.firmware import board_setup, given_image, image_to_upload
 
     read = read_design(design, set_)

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from design.progress import OnStep
-from optopad.screen.answer import STAGE_TITLES
-from sims.cache import compiling_told
+from optopad.screen.stages import STAGE_TITLES
+from sims.compiling import compiling_told
 
 if TYPE_CHECKING:
     from design.spec import SensorDesign

@@ -160,7 +160,7 @@ def _refuse_beside_protocol(**given: Any) -> None:
 def _simulate_protocol(
     design: SensorDesign, where: str, *, fit: bool, out: Path, seed: int, as_json: bool
 ) -> None:
-    from design.protocols.press import load_protocol_file
+    from design.press_protocol import load_protocol_file
     from optopad.jobs.recorded import data_lines, write_protocol_data
 
     protocol = load_protocol_file(where)

@@ -10,10 +10,10 @@ from typing import Any
 from design.io import save_design, write_text_atomically, written_together
 from design.progress import OnStep
 from design.spec import SensorDesign
-from sims.learning.calibration.fit import Calibration, CalibrationReport, calibrated, report_of
-from sims.learning.fits.map_learner import fit_signal_map, map_header, mapped
+from sims.learning.calibration import Calibration, CalibrationReport, calibrated, report_of
 from sims.learning.inference.model_file import save_model
 from sims.learning.inference.signal_map import SignalMapModel
+from sims.learning.map_learner import fit_signal_map, map_header, mapped
 from sims.readings.dataset import read_data, require_design
 from sims.readings.press_data import PressData, data_notes
 

@@ -218,8 +218,8 @@ def _require_comparable(designs: Sequence[SensorDesign], labels: Sequence[str]) 
 
 
 def _write(design: SensorDesign, out: Path, found: Comparison, seed: int) -> None:
+    from optopad.plot_files import write_plot
     from optopad.report.before_after import compare_html
-    from optopad.work import write_plot
     from sims.plots.style import plain_style, svg_text
     from sims.plots.sweep import plot_sweep
 

@@ -14,10 +14,10 @@ from design.shape.cavity import workspace_of
 from design.shape.outline import Outline, rectangle
 from design.spec import SensorDesign
 from optopad.results.prediction import Accuracy, ModelAccuracy, accuracy_of
-from sims.evaluation.tables import judged, needed_samples, published_touch
 from sims.learning.inference.header import require_design as require_model_of
 from sims.learning.inference.model_file import load_model
 from sims.learning.inference.touch_model import TouchModel
+from sims.learning.tables import judged, needed_samples, published_touch
 from sims.plots.accuracy import shown_places_mm
 from sims.readings.dataset import read_data, require_design
 from sims.readings.press_data import PressData, data_notes

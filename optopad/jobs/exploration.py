@@ -270,7 +270,7 @@ def _fanning_out(scheduler: str | None) -> Iterator[FanOut]:
     if scheduler is None:
         yield one_by_one
         return
-    from optopad.work import on_cluster
+    from optopad.fan_out import on_cluster
 
     with on_cluster(scheduler) as fan_out:
         yield fan_out

@@ -245,8 +245,8 @@ def _without_tolerance(
 ) -> EarlyDrawings | None:
     """Write signals, maps and their plots; draw what a page shows of them."""
     from design.shape.cavity import cavity_of
+    from optopad.plot_files import write_bound_plots
     from optopad.report.sections.early import early_drawings
-    from optopad.work import write_bound_plots
     from sims.continuity.maps_file import maps_dataset
     from sims.readings.readout import save_dataset, signals_dataset
 
@@ -273,7 +273,7 @@ def _write_builds(score: ContinuityScore, sims: Path) -> None:
     """The plot of a study of builds, if there was one."""
     if score.builds is None or score.tolerance is None:
         return
-    from optopad.work import write_plot
+    from optopad.plot_files import write_plot
     from sims.plots.builds import plot_builds
     from sims.plots.style import plain_style
 
@@ -313,8 +313,8 @@ def _known_gain(folder: Path) -> SimulatedGain | None:
 
 
 def _write_fabrication(design: SensorDesign, folder: Path, gain: SimulatedGain | None) -> None:
-    from fabrication.firmware.sketch import firmware_gaps, write_sketch
     from fabrication.sheets.all_sheets import write_sheets
+    from fabrication.sketch import firmware_gaps, write_sketch
 
     (folder / "fabrication").mkdir(exist_ok=True)
     write_sheets(design, folder / "fabrication", gain)

@@ -19,26 +19,27 @@ from matplotlib.figure import Figure
 
 from design.errors import InputError
 from design.io import write_text_atomically, written_together
+from design.press_protocol import PressProtocol, load_protocol_file
 from design.progress import OnStep
-from design.protocols.press import PressProtocol, load_protocol_file
 from design.rules.check import require_valid
 from design.shape.cavity import workspace_of
 from design.shape.outline import Outline
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
 from optopad.jobs.evaluation import accuracies
+from optopad.plot_files import write_plot
+from optopad.prediction_cost import QUICK_PROTOCOL, STEM
 from optopad.report.accuracy import accuracy_page
 from optopad.report.sections.drawings import Drawing
 from optopad.results.prediction import Accuracy, ModelAccuracy, accuracy_of
-from optopad.work import QUICK_PROTOCOL, STEM, write_plot
-from sims.evaluation.chain_bounds import bounds_by_depth
-from sims.evaluation.tables import ERROR_DEPTHS_MM, published_touch
-from sims.learning.fits.map_learner import chain_noise, signal_map_learner
+from sims.learning.chain_bounds import bounds_by_depth
 from sims.learning.inference.model_file import save_model
 from sims.learning.inference.signal_map import KIND as SIGNAL_MAP
 from sims.learning.inference.touch_model import TouchModel
 from sims.learning.learners import LEARNERS, Learner
-from sims.learning.samples import EFFORTS
+from sims.learning.map_learner import chain_noise, signal_map_learner
+from sims.learning.settings import EFFORTS
+from sims.learning.tables import ERROR_DEPTHS_MM, published_touch
 from sims.plots.accuracy import plot_arrows, plot_depths, plot_errors, plot_touch, shown_places_mm
 from sims.plots.style import plain_style
 from sims.readings.press_data import clipped_note

@@ -12,7 +12,7 @@ import numpy as np
 from design.arrays import FloatArray
 from design.errors import InputError
 from design.fields.quantity import Quantity
-from design.protocols.press import LoadProtocol, load_protocol
+from design.press_protocol import LoadProtocol, load_protocol
 from design.rules.check import require_valid
 from design.spec import SensorDesign
 from design.spec.properties import modulus
@@ -297,7 +297,7 @@ def write_pictures(view: PressView, out: Path, *, seed: int) -> list[Path]:
     DesignError : the design breaks a rule; nothing is written
     OutputError : the folder cannot be written; an earlier bundle is intact
     """
-    from optopad.work import write_plot
+    from optopad.plot_files import write_plot
     from sims.plots.style import plain_style
 
     require_valid(view.design)

@@ -307,7 +307,7 @@ def write_pictures(view: RayView, out: Path) -> list[Path]:
     OutputError : the folder cannot be written; an earlier bundle is intact
     """
     from design.io import write_text_atomically
-    from optopad.work import write_plot
+    from optopad.plot_files import write_plot
 
     stem = f"{PREFIX}-{view.name}"
     with bundle(view.design, out, seed=view.seed) as folder, plain_style():

@@ -16,13 +16,13 @@ import numpy as np
 
 from design.errors import InputError
 from design.io import write_text_atomically
+from design.press_protocol import PressProtocol
 from design.progress import OnStep
-from design.protocols.press import PressProtocol
 from design.rules.check import require_valid
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
 from optopad.work import source_digest
-from sims.evaluation.recorded_press import RecordedPair, RecordedPress, recorded_press
+from sims.learning.recorded_press import RecordedPair, RecordedPress, recorded_press
 from sims.readings.recording import read_recording
 
 
@@ -143,7 +143,7 @@ def compare_recording(
     ------
     DesignError, InputError : a design, recording, pair or place that is refused; nothing is written.
     """
-    from optopad.work import write_plot
+    from optopad.plot_files import write_plot
     from sims.plots.signal import plot_recorded
     from sims.plots.style import plain_style
 

@@ -18,8 +18,9 @@ from design.io import write_text_atomically
 from design.progress import OnStep, silent
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
+from optopad.plot_files import write_plot
 from optopad.results.sweep import FINE, FULL, Sweep
-from optopad.work import FinishedWork, write_plot
+from optopad.work import FinishedWork
 from sims.continuity.sweep import SweepRow, disputed, sweep_row, swept_designs
 
 NAME_LIMIT = 63

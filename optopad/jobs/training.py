@@ -15,7 +15,8 @@ from sims.learning.inference.header import ForceCurve, ModelHeader
 from sims.learning.inference.model_file import save_model
 from sims.learning.inference.touch_model import TouchModel
 from sims.learning.learners import LEARNERS, Learner
-from sims.learning.samples import EFFORTS, prepared
+from sims.learning.samples import prepared
+from sims.learning.settings import EFFORTS
 from sims.readings.dataset import PressData, data_notes, joined, read_data, require_design
 
 SUFFIX = ".optomodel"
@@ -163,7 +164,7 @@ def _learners(learner: str, design: SensorDesign | None, effort: str, seed: int)
         )
     if design is None:
         raise InputError(f"--learner: {SIGNAL_MAP} is made of a design's light; name it with --design")
-    from sims.learning.fits.map_learner import signal_map_learner
+    from sims.learning.map_learner import signal_map_learner
 
     return {SIGNAL_MAP: signal_map_learner(design, quick=effort == "quick", seed=seed)}
 
@@ -197,7 +198,7 @@ def _training_data(files: Sequence[Path], design: SensorDesign | None) -> tuple[
 
 
 def _load_curve(design: SensorDesign) -> ForceCurve:
-    from sims.learning.fits.traced_map import load_curve
+    from sims.learning.traced_map import load_curve
 
     return load_curve(design)
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from optopad.report.sections.drawings import Drawing, figure_of
 from optopad.report.words import Html, bullets, element, section, still_page, table
 from optopad.results.prediction import Accuracy, ModelAccuracy, bound_text
-from sims.evaluation.tables import WITHIN_MM, ErrorRow, Spread
+from sims.learning.tables import WITHIN_MM, ErrorRow, Spread
 
 TITLES = {
     "touch": "Touch",

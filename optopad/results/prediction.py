@@ -15,7 +15,8 @@ import numpy as np
 
 from design.spec import SensorDesign
 from optopad.results.shown import block, number, picture, table
-from sims.evaluation.tables import (
+from sims.learning.inference.signal_map import KIND as SIGNAL_MAP
+from sims.learning.tables import (
     ErrorRow,
     JudgedPresses,
     PublishedTouch,
@@ -27,7 +28,6 @@ from sims.evaluation.tables import (
     touch_json,
     touch_rows,
 )
-from sims.learning.inference.signal_map import KIND as SIGNAL_MAP
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -6,8 +6,6 @@ values over ten simulated builds of thirty presses (docs/validation/calibration.
 more. The other tools are usual ones of an optics bench, by order of magnitude.
 
 Numbers as the page writes them: depths to the hundredth of a millimetre, open ends as words.
-
-Stages of the work in words, for whoever shows how far it is.
 """
 
 from __future__ import annotations
@@ -56,34 +54,6 @@ def counted(count: int, one: str, many: str | None = None) -> str:
     """A number with its noun."""
     return f"{count} {one if count == 1 else many or one + 's'}"
 
-
-STAGE_TITLES = {
-    "kernels": "compiling the light kernels, once on this machine: a minute or two",
-    "contact": "contact (MuJoCo)",
-    "pairs": "light, pair by pair",
-    "light": "light",
-    "loose walls": "light, walls torn loose",
-    "data": "samples",
-    "map": "light, map of the pad",
-    "doubtful places": "light, doubtful places again",
-    "map error": "light, between the map's nodes",
-    "calibration": "fit of the build's optics",
-    "fit": "model",
-    "curves": "light, pairs under the tip",
-    "open pairs": "light, open pairs again",
-    "open places": "light, open places again",
-    "bounds": "light, bounds of place and depth",
-    "tolerance": "tolerance of open values",
-    "what matters": "what matters: a step of each field",
-    "trial": "trial: heights and thickness moved",
-    "builds": "builds, everything off at once",
-    "oracle": "ray tracer",
-    "rays": "sample paths",
-    "mold": "mold and tools",
-    "mold beside": "mold and tools: wait",
-    "presses": "presses of the stage",
-    "files": "build sheet, driver config, report",
-}
 
 USABLE_DOUBT_MM = 0.2
 """Range of the usable depth from which on it is told."""

@@ -12,6 +12,7 @@ from textwrap import shorten, wrap
 from typing import TYPE_CHECKING, Any
 
 from design.spec import SensorDesign
+from optopad.prediction_cost import STEM, quick_prediction_s
 from optopad.screen.answer import (
     answer_of,
     command_words,
@@ -21,7 +22,6 @@ from optopad.screen.answer import (
     unresolved,
     verdict_words,
 )
-from optopad.work import STEM, quick_prediction_s
 
 if TYPE_CHECKING:
     from design.fields.finding import Finding

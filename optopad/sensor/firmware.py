@@ -11,8 +11,8 @@ from design.io import write_text_atomically
 from design.rules.check import require_valid
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
-from fabrication.firmware.flash import Image, compiled_image, has_compiler
-from fabrication.firmware.sketch import IMAGE, SKETCH, write_sketch
+from fabrication.flash import Image, compiled_image, has_compiler
+from fabrication.sketch import IMAGE, SKETCH, write_sketch
 
 if TYPE_CHECKING:
     from fabrication.driver_file import BoardSetup

@@ -1,4 +1,4 @@
-"""A press protocol (`design.protocols.press`) as the presses that a stage makes: places shuffled within each set."""
+"""A press protocol (`design.press_protocol`) as the presses that a stage makes: places shuffled within each set."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from design.protocols.press import load_protocol_file
+from design.press_protocol import load_protocol_file
 from design.recordings import SetEntry
 from design.spec import SensorDesign
 from fabrication.stage.stage import Position, PressList, press_list

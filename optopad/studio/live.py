@@ -11,8 +11,6 @@ expected pattern of the untouched pad comes from the bundle, or from the owner b
 Leave the pad alone for the first 1.5 s after every connection: baseline, check of the wiring and the model's levels
 are taken then. A press at that time is taken for the untouched pad until `rebase`.
 
-What the studio's work finds, piece by piece, each with the digest of the design that it is of.
-
 A simulated board as a process of its own, for want of a real one: `optopad driver fake`, which ends with us.
 """
 
@@ -26,12 +24,12 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
-from typing import Literal, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from design.arrays import BoolArray, FloatArray, IntArray
+from design.arrays import BoolArray, FloatArray
 from design.errors import DeviceError, InputError
 from design.files import temporary_folder
 from design.io import save_design
@@ -45,106 +43,7 @@ from fabrication.driver.sensor import Sensor
 from fabrication.driver.stream import LinkCounts
 from fabrication.driver.touch_reader import Touch, TouchReader
 from optopad.sensor.driver_view import fitting_model, source_of
-from optopad.studio.session import Press
 from optopad.work import started
-from sims.continuity.objective import PlaceCurves
-from sims.continuity.result import ContinuityScore
-
-Level = Literal["draft", "score", "whole"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Look:
-    """The pressed top.
-
-    Attributes
-    ----------
-    press : where, how deep
-    points_mm : (n, 3) of the top's mesh [mm]; triangles : (m, 3) numbers of points
-    force_n, contact_radius_mm : of the press; 0 where untouched
-    """
-
-    digest: str
-    press: Press
-    points_mm: FloatArray
-    triangles: IntArray
-    force_n: float
-    contact_radius_mm: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class Curves:
-    """Pairs under the tip against depth."""
-
-    digest: str
-    found: PlaceCurves
-
-
-@dataclass(frozen=True, kw_only=True)
-class Ray:
-    """One sample path of light: the key of its kind, its pair's name, places (n, 3) [mm]."""
-
-    kind: str
-    pair: str
-    places_mm: FloatArray
-
-
-@dataclass(frozen=True, kw_only=True)
-class Rays:
-    """Sample paths under the press as it is."""
-
-    digest: str
-    press: Press
-    rays: tuple[Ray, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Readings:
-    """What a built sensor should read.
-
-    Attributes
-    ----------
-    untouched, pressed : (emitter, receiver) of the untouched pad, and under the press [counts]
-    """
-
-    digest: str
-    press: Press
-    untouched: FloatArray
-    pressed: FloatArray
-
-
-@dataclass(frozen=True, kw_only=True)
-class Judged:
-    """A verdict.
-
-    Attributes
-    ----------
-    level : draft (a search's light), score (as `optopad score`, tolerance to come), whole (all of it)
-    score : verdict, map, bounds
-    """
-
-    digest: str
-    level: Level
-    score: ContinuityScore
-
-
-@dataclass(frozen=True, kw_only=True)
-class Doing:
-    """What is being worked at, and the share of it that is done; an empty stage: nothing."""
-
-    stage: str
-    share: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class Failed:
-    """Why there is no answer for a design."""
-
-    digest: str
-    text: str
-
-
-Answer = Look | Curves | Rays | Readings | Judged | Doing | Failed
 
 STARTING_BOARD = "starting the simulated board"
 

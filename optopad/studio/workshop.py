@@ -5,7 +5,7 @@
 
 A wish is a design, a press and whether rays are shown. Another design gives up what is under way, but for the pairs
 under the tip, which are done in a moment and keep a drag alive. Another press leaves a score under way: the new top and
-pairs are worked out in between, between two pieces of its light (`sims.optics.engine.compiled.between_pieces`).
+pairs are worked out in between, between two pieces of its light (`sims.optics.engine.threads.between_pieces`).
 Light that was traced once is found again on disk, so that work given up is not lost.
 """
 
@@ -23,7 +23,7 @@ from design.arrays import FloatArray
 from design.errors import DesignError, OptopadError
 from design.shape.cavity import cavity_of, pair_name
 from design.spec import SensorDesign
-from optopad.studio.live import Answer, Curves, Doing, Failed, Judged, Look, Ray, Rays, Readings
+from optopad.studio.answers import Answer, Curves, Doing, Failed, Judged, Look, Ray, Rays, Readings
 from optopad.studio.session import Press
 
 Post = Callable[[Answer], None]
@@ -106,8 +106,8 @@ class Workshop:
             self._thread.join(wait_s)
 
     def _run(self) -> None:
-        from sims.cache import compiling_told
-        from sims.optics.engine.compiled import between_pieces
+        from sims.compiling import compiling_told
+        from sims.optics.engine.threads import between_pieces
 
         with between_pieces(self._attend), compiling_told(lambda share: self._doing("kernels", share)):
             while not self._is_closing:

@@ -56,7 +56,7 @@ import numpy as np
 
 from design.arrays import BoolArray, FloatArray, IntArray
 from design.errors import InputError
-from design.protocols.press import LoadProtocol
+from design.press_protocol import LoadProtocol
 from design.spec import SensorDesign
 
 

@@ -9,7 +9,7 @@ from sims.learning.fits.extra_trees import fit_extra_trees
 from sims.learning.fits.kernel_ridge import fit_kernel_ridge
 from sims.learning.fits.network import fit_network
 from sims.learning.inference.touch_model import TouchModel
-from sims.learning.samples import FitSettings
+from sims.learning.settings import FitSettings
 from sims.readings.dataset import PressData
 
 

@@ -1,7 +1,5 @@
 """How far a press that was told lies from the one that was: what grid searches and held-out checks minimise.
 
-How much work a fit may be: numbers of samples, memory, and the sizes of the better learners.
-
 The scalings of `sims.learning.inference.feature_scaling`, from training samples.
 
 Touched samples as the better learners take them: readings, presses, and which of them are held out for trust.
@@ -20,7 +18,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Any
 
@@ -60,39 +58,6 @@ def mean_error_mm(told_mm: FloatArray, press_mm: FloatArray) -> float:
     depth = np.abs(told_mm[:, 2] - press_mm[:, 2])
     return float(location_error_mm(told_mm, press_mm).mean() + depth.mean())
 
-
-@dataclass(frozen=True, kw_only=True)
-class FitSettings:
-    """Limits of a fit; every learner takes what concerns it.
-
-    Attributes
-    ----------
-    search_samples : touched samples that the grid search sees, fitted and held out together
-    fit_samples : touched samples of the final kernel-ridge fit; those beyond are used by the approximation only
-    network_samples : touched samples of trees and network
-    memory_gb : of the kernel matrix of the final fit [GB]
-    landmarks : kept samples of the approximation that serves what does not fit into memory_gb
-    trees : of the forest
-    epochs : passes of the network over its samples
-    """
-
-    search_samples: int = 6_000
-    fit_samples: int = 10_000
-    network_samples: int = 30_000
-    memory_gb: float = 5.0
-    landmarks: int = 8_000
-    trees: int = 80
-    epochs: int = 60
-
-
-DEFAULT = FitSettings()
-QUICK = FitSettings(search_samples=2_000, fit_samples=4_000, network_samples=8_000, trees=40, epochs=40)
-"""Seconds instead of minutes, for a first look."""
-FULL = FitSettings(fit_samples=24_000, network_samples=60_000, trees=120, epochs=100)
-"""Half of the paper's touched training samples in one exact kernel."""
-WHOLE = replace(FULL, fit_samples=60_000, memory_gb=12.0)
-"""All of the paper's touched training samples, 49,368, in one kernel: single precision, 9.8 GB."""
-EFFORTS = {"quick": QUICK, "default": DEFAULT, "full": FULL, "whole": WHOLE}
 
 LEAST_SCALE_COUNTS = 1.0
 """About the noise of a reading less the off state (0.5 count each and the converter's steps): a pair whose signal

@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 
 from design.arrays import FloatArray
 from design.shape.outline import Outline
-from sims.evaluation.tables import ErrorRow, JudgedPresses, PublishedTouch, TouchRow
+from sims.learning.tables import ErrorRow, JudgedPresses, PublishedTouch, TouchRow
 from sims.plots.style import BLUE, GREEN, GREY, GRID, INK, MUTED, VERMILLION, WIDTH_IN
 
 LOOKS = ((BLUE, "-", "o"), (VERMILLION, "-", "s"), (GREEN, "-", "^"), (INK, ":", "D"), (GREY, "-.", "v"))

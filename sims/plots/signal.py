@@ -18,7 +18,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from sims.continuity.result import JudgedPair
-from sims.evaluation.recorded_press import RecordedPair, RecordedPress
+from sims.learning.recorded_press import RecordedPair, RecordedPress
 from sims.plots.style import BLUE, GREEN, GRID, INK, MUTED, PALE_BLUE, PALE_ORANGE, VERMILLION, axes_or_new
 
 HEIGHT_IN = 3.9

@@ -18,8 +18,8 @@ import numpy as np
 
 from design.arrays import FloatArray, IntArray
 from design.errors import InputError
+from design.press_protocol import PressProtocol
 from design.progress import OnStep
-from design.protocols.press import PressProtocol
 from design.recordings import OFF
 from design.shape.cavity import cavity_of, judged_pairs, mask_of
 from design.spec import SensorDesign

@@ -10,9 +10,9 @@ from sims.contact.library.build import entry_inputs
 from sims.contact.library.profile_library import shipped_library
 from sims.contact.library.smooth_press import POISSON_RATIOS
 from sims.contact.library.stored_press import solve_unit_press
+from sims.contact.mesh import radial_mesh
 from sims.contact.scope import WALL_RADIUS
-from sims.contact.solver.mesh import radial_mesh
-from sims.contact.solver.wedge import solve_wedge
+from sims.contact.wedge import solve_wedge
 
 
 def test_press_from_the_loaded_library(benchmark):

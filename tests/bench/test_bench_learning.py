@@ -13,7 +13,7 @@ import pytest
 from sims.learning.fits.kernel_ridge import fit_kernel_ridge
 from sims.learning.inference.kernel_ridge import KernelRidgeModel
 from sims.learning.learners import LEARNERS
-from sims.learning.samples import DEFAULT, QUICK
+from sims.learning.settings import DEFAULT, QUICK
 from tests.sims.learning.pressed_pad import grid_mm, made_up_data, random_places_mm
 
 KEPT_SAMPLES = 10_000

@@ -25,7 +25,7 @@ from design.files import (
 )
 from design.io import save_design, write_text_atomically, written_together
 from design.preset import preset
-from design.protocols.press import PressProtocol, PressSet
+from design.press_protocol import PressProtocol, PressSet
 from design.search.space import SearchSpace
 from design.spec import SensorDesign
 

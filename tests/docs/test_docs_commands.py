@@ -111,7 +111,7 @@ def few_presses(design_file: Path, recording: Path) -> None:
     from dataclasses import replace
 
     from design.io import load_design
-    from design.protocols.press import protocol_from
+    from design.press_protocol import protocol_from
     from sims.readings.dataset import save_data
     from sims.readings.protocol import simulate_protocol
 

@@ -34,8 +34,8 @@ from fabrication.driver.link.protocol import (
     unpack_self_test,
 )
 from fabrication.driver.link.scanner import Scanner
-from fabrication.firmware.flash import COMPILER, compile_elf, has_compiler
-from fabrication.firmware.sketch import FirmwareSettings, firmware_settings
+from fabrication.flash import COMPILER, compile_elf, has_compiler
+from fabrication.sketch import FirmwareSettings, firmware_settings
 
 HARNESS = Path(__file__).parent / "loop" / "simulated_board.c"
 LIBRARIES = ("-lsimavr", "-lelf", "-lm", "-lutil")

@@ -2,7 +2,7 @@
 
 import pytest
 
-from fabrication.firmware.sketch import plain
+from fabrication.sketch import plain
 
 
 @pytest.mark.parametrize(

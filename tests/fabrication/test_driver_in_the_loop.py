@@ -14,7 +14,7 @@ from fabrication.driver.check import check_frames
 from fabrication.driver.sensor import Sensor
 from fabrication.driver.simulated.faults import faults_of
 from fabrication.driver_config import dump_driver_config
-from fabrication.firmware.sketch import firmware_settings
+from fabrication.sketch import firmware_settings
 from tests.fabrication.driver.made_up_pad import pad_config, untouched
 from tests.fabrication.simulated_board import (
     FULL_SCALE,

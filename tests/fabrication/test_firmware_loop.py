@@ -10,7 +10,7 @@ import pytest
 from design.preset import preset
 from design.spec import SensorDesign
 from fabrication.driver.link.protocol import Command, Kind, pack_command
-from fabrication.firmware.sketch import firmware_settings
+from fabrication.sketch import firmware_settings
 from tests.fabrication.simulated_board import (
     Run,
     light_table_mv,

@@ -19,8 +19,8 @@ from design.spec import SensorDesign
 from fabrication.driver.link.protocol import Command, pack_command
 from fabrication.driver_config import dump_driver_config
 from fabrication.driver_file import config_from_document
-from fabrication.firmware.flash import compiled_image
-from fabrication.firmware.sketch import (
+from fabrication.flash import compiled_image
+from fabrication.sketch import (
     CONFIG,
     FIXED_FILES,
     IMAGE,

@@ -115,7 +115,7 @@ def _space(file: Path) -> list[str]:
 
 
 def _protocol(file: Path) -> list[str]:
-    from design.protocols.press import load_protocol_file
+    from design.press_protocol import load_protocol_file
 
     load_protocol_file(file).fitted_to(preset(PAD)).places_mm(preset(PAD))
     return []

@@ -19,7 +19,7 @@ from optopad.results.prediction import Accuracy, Prediction, accuracy_of
 from optopad.results.score import Score
 from sims.continuity import scoring
 from sims.continuity.sweep import sweep_row
-from sims.evaluation.tables import JudgedPresses
+from sims.learning.tables import JudgedPresses
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 
 ROOT = Path(__file__).parents[2]

@@ -18,7 +18,7 @@ from design.errors import OptopadError
 from design.files import read_csv
 from design.io import dump_design, load_design
 from design.preset import preset, preset_text
-from design.protocols.press import load_protocol_file
+from design.press_protocol import load_protocol_file
 from design.search.space import load_space
 from fabrication.driver.recording.position_log import read_position_log
 from fabrication.driver.recording.raw import read_records

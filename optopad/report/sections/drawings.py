@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from design.protocols.press import load_protocol
+from design.press_protocol import load_protocol
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from design.spec.properties import modulus

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from design.fields.quantity import Quantity
-from design.protocols.press import load_protocol
+from design.press_protocol import load_protocol
 from design.spec import SensorDesign
 from design.spec.properties import modulus
 from optopad.report.sections.drawings import PROTOCOL, Drawing, figure_of

@@ -21,10 +21,11 @@ from design.errors import OptopadError
 from design.shape.cavity import cavity_of
 from fabrication.bundle import bundle_name
 from optopad.studio.actions import Errand, Ghost
+from optopad.studio.answers import Answer, Curves, Failed, Judged, Look, Readings
+from optopad.studio.answers import Doing as Working
 from optopad.studio.drawings import QUANTITIES, curves_svg, map_svg, quantity, readings_svg
 from optopad.studio.knobs import Knob, knobs_of
-from optopad.studio.live import Answer, Curves, Failed, Judged, LiveSensor, LiveView, Look, Readings
-from optopad.studio.live import Doing as Working
+from optopad.studio.live import LiveSensor, LiveView
 from optopad.studio.sentences import bad_parts, curves_title, pins_html, said_html, sensor_html, verdict_html
 from optopad.studio.session import Session
 

@@ -18,9 +18,10 @@ import viser
 from cad.mesh import Mesh
 from design.errors import OptopadError
 from design.shape.cavity import cavity_of
-from optopad.studio import live as found_by_work
+from optopad.studio import answers as found_by_work
 from optopad.studio.actions import Errand, Ghost, MoldShop
-from optopad.studio.live import Answer, Failed, Judged, LiveSensor, LiveView, Look, Rays, Readings
+from optopad.studio.answers import Answer, Failed, Judged, Look, Rays, Readings
+from optopad.studio.live import LiveSensor, LiveView
 from optopad.studio.sentences import bad_parts
 from optopad.studio.session import Said, Session
 from optopad.studio.view.controls import AnswersPanel, Controls, Doing

@@ -33,10 +33,10 @@ from design.plain_arrays import plain_arrays
 from sims.cache import CACHE_VARIABLE
 from sims.cache import cache_folder as folder_of_all
 from sims.contact.library.smooth_press import contact_tolerance, surface_curve
+from sims.contact.mesh import radial_mesh
 from sims.contact.scope import WALL_RADIUS
-from sims.contact.solver.mesh import radial_mesh
-from sims.contact.solver.wedge import WEDGE_ANGLE, solve_wedge
 from sims.contact.tip import HEMISPHERE, TipOutline
+from sims.contact.wedge import WEDGE_ANGLE, solve_wedge
 
 
 def solve_unit_press(

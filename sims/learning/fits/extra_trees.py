@@ -25,7 +25,8 @@ from sims.learning.fits.touch import trust_of
 from sims.learning.inference.extra_trees import ExtraTreesModel, Forest
 from sims.learning.inference.feature_scaling import FeatureScaling
 from sims.learning.inference.sigma_table import UNIT_SIGMA
-from sims.learning.samples import DEFAULT, FitSettings, PressSamples, counts_scaling, trained_header
+from sims.learning.samples import PressSamples, counts_scaling, trained_header
+from sims.learning.settings import DEFAULT, FitSettings
 from sims.readings.dataset import PressData
 
 FEWEST_IN_LEAF = 2

@@ -55,8 +55,6 @@ from sims.learning.fits.touch import fit_plain_touch, fit_tuned_touch
 from sims.learning.inference.kernel_ridge import KernelRidgeModel
 from sims.learning.inference.touch_svm import TouchSvm
 from sims.learning.samples import (
-    DEFAULT,
-    FitSettings,
     PressSamples,
     TrainingData,
     counts_scaling,
@@ -68,6 +66,7 @@ from sims.learning.samples import (
     spread_samples,
     trained_header,
 )
+from sims.learning.settings import DEFAULT, FitSettings
 from sims.readings.dataset import PressData
 
 FitTouch = Callable[[TrainingData, np.random.Generator, int], tuple[TouchSvm, dict[str, Any]]]

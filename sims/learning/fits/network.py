@@ -21,7 +21,8 @@ from sims.learning.fits.kernel_ridge import begun
 from sims.learning.fits.touch import trust_of
 from sims.learning.inference.network import Network, NetworkModel
 from sims.learning.inference.sigma_table import UNIT_SIGMA
-from sims.learning.samples import DEFAULT, FitSettings, standard_scaling, trained_header
+from sims.learning.samples import standard_scaling, trained_header
+from sims.learning.settings import DEFAULT, FitSettings
 from sims.readings.dataset import PressData
 
 HIDDEN = (256, 128, 64)

@@ -1,25 +1,16 @@
 # mypy: no-warn-return-any
-"""The compiled entry points, kept on disk; everything below them is compiled into them.
-
-One piece of work a thread: compiled code that lets go of the interpreter runs side by side.
-
-As many threads as numba is set to (`NUMBA_NUM_THREADS`, `numba.set_num_threads`). Numba's own parallel loops do the
-same, but compile everything below them twice.
-"""
+"""The compiled entry points, kept on disk; everything below them is compiled into them."""
 
 from __future__ import annotations
 
 import sys
-import threading
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 
 import numpy as np
 from numba import njit
 
 from design.arrays import BoolArray, FloatArray, IntArray
-from sims.cache import entry_points, listen_to_numba
+from sims.cache import entry_points
+from sims.compiling import listen_to_numba
 from sims.optics.engine import images, mirrored, repeated, states, straight
 from sims.optics.engine import scattered as scattered_kernels
 from sims.optics.engine.repeated import all_orders
@@ -29,46 +20,6 @@ from sims.optics.engine.straight import flat_flux
 from sims.optics.kernel_types import ImageRules, Orders, Patches, StraightRules, UntouchedLight, UntouchedRays
 from sims.optics.surface import curves, radial, tops
 from sims.optics.surface.tops import Top
-
-_WAITING = threading.local()
-
-
-@contextmanager
-def between_pieces(call: Callable[[], None]) -> Iterator[None]:
-    """Have something called between pieces of the work that this thread waits for; what it raises ends that work."""
-    former = getattr(_WAITING, "call", None)
-    _WAITING.call = call
-    try:
-        yield
-    finally:
-        _WAITING.call = former
-
-
-def run_each(work: Callable[[int], object], count: int) -> None:
-    """Call `work` with 0 to `count` - 1. What the first compiles the others wait for: Numba compiles behind a lock.
-
-    An error, or an interruption, ends it as soon as the pieces under way are done.
-    """
-    import numba
-
-    attend = getattr(_WAITING, "call", None) or _nothing
-    threads = min(int(numba.get_num_threads()), count)
-    if threads < 2:
-        for number in range(count):
-            work(number)
-            attend()
-        return
-    pool = ThreadPoolExecutor(max_workers=threads)
-    try:
-        for _ in pool.map(work, range(count)):
-            attend()
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _nothing() -> None:
-    """Between pieces of work that nobody waits for a word of."""
-
 
 EMITTER_SEQUENCE, RECEIVER_SEQUENCE = states.EMITTER_SEQUENCE, states.RECEIVER_SEQUENCE
 KERNEL_MODULES = (

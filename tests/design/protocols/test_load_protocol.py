@@ -7,7 +7,7 @@ from pydantic import ValidationError
 
 from design.errors import InputError
 from design.fields.quantity import Quantity
-from design.protocols.press import LoadProtocol, load_protocol
+from design.press_protocol import LoadProtocol, load_protocol
 
 PAPER = load_protocol("piacenza2017")
 

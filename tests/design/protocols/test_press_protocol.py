@@ -10,7 +10,7 @@ import pytest
 
 from design.errors import DesignError, InputError, ModelScopeError
 from design.preset import PRESETS, preset
-from design.protocols.press import PROTOCOLS, PressProtocol, load_protocol_file, protocol_from
+from design.press_protocol import PROTOCOLS, PressProtocol, load_protocol_file, protocol_from
 
 PAD = preset("piacenza2017-pad")
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from design.preset import preset
-from design.protocols.press import load_protocol_file
+from design.press_protocol import load_protocol_file
 from fabrication.driver_config import dump_driver_config
 from fabrication.stage.stage import limits_of
 from optopad.cli import main

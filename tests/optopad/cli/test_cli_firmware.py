@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 
 from design.preset import preset
+from fabrication import flash
+from fabrication import flash as image
 from fabrication.bundle import bundle_name
 from fabrication.driver.link.ports import FoundPort
 from fabrication.driver.simulated.port import FakePort
-from fabrication.firmware import flash
-from fabrication.firmware import flash as image
 from optopad.cli import main
 from optopad.sensor.firmware import board_setup
 from tests.fabrication.driver.made_up_pad import board

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from design.preset import preset
-from design.protocols.press import load_protocol_file
+from design.press_protocol import load_protocol_file
 from optopad.cli import main
 from sims.readings import protocol as simulated
 from sims.readings.dataset import read_data, require_design

@@ -11,7 +11,7 @@ from optopad.cli import main
 from optopad.jobs.evaluation import _named
 from optopad.jobs.prediction import write_accuracy
 from optopad.results.prediction import Accuracy, accuracy_lines, accuracy_of
-from sims.evaluation.tables import JudgedPresses, published_touch
+from sims.learning.tables import JudgedPresses, published_touch
 from tests.sims.learning.made_up_models import made_up_kernel_ridge
 
 SPACE = rectangle((6.0, 6.0, 26.0, 26.0))
@@ -143,7 +143,7 @@ grid_mm = 5.0
 
 
 def test_places_that_are_trained_and_tested_on_are_refused():
-    from design.protocols.press import protocol_from
+    from design.press_protocol import protocol_from
 
     sets = [
         {"name": "a", "role": "train", "is_ambient": False, "random_places": 9},

@@ -13,8 +13,8 @@ from design.io import load_design
 from design.preset import preset
 from optopad.cli import main
 from optopad.jobs.calibration import CalibratedBuild, earlier_model_note, write_calibration
-from sims.learning.calibration.fit import Calibration, Fitted, report_of
-from sims.learning.calibration.problem import calibration_samples, unknowns_of, with_values
+from sims.learning.calibration import Calibration, Fitted, report_of
+from sims.learning.calibration_problem import calibration_samples, unknowns_of, with_values
 from sims.learning.inference.model_file import load_model
 from sims.readings.dataset import save_data
 from tests.sims.learning.made_up_map import made_up_map_model, ratios, untouched_counts

@@ -18,7 +18,7 @@ import pytest
 from design.errors import InputError
 from design.search.explore import explore
 from design.search.space import load_space
-from optopad.work import on_cluster
+from optopad.fan_out import on_cluster
 
 ROOT = Path(__file__).parents[3]
 CHEAP = ROOT / "tests" / "design" / "search" / "cheap_search.py"

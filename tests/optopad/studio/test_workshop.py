@@ -15,7 +15,7 @@ import pytest
 from design.preset import preset
 from design.spec import SensorDesign
 from optopad.studio import workshop as workshop_module
-from optopad.studio.live import Answer, Curves, Doing, Failed, Judged, Look, Rays, Readings
+from optopad.studio.answers import Answer, Curves, Doing, Failed, Judged, Look, Rays, Readings
 from optopad.studio.session import Press
 from optopad.studio.workshop import Wish, Workshop
 from sims.continuity import objective as draft

@@ -11,8 +11,8 @@ from sims.contact.indentation import solved_press
 from sims.contact.library.build import fit_press, tributary_areas
 from sims.contact.library.solved_press import SolvedPress
 from sims.contact.library.stored_press import solve_unit_press
+from sims.contact.mesh import shared_out
 from sims.contact.pressure import FEWEST_SPACINGS, contact_pressure
-from sims.contact.solver.mesh import shared_out
 
 PAD = preset("piacenza2017-pad")
 TWELFTH = 1.0 / 12.0

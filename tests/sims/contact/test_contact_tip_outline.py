@@ -10,13 +10,6 @@ from scipy.spatial import ConvexHull
 
 from design.spec import Indenter
 from sims.contact.library.smooth_press import contact_coordinate, contact_tolerance, hertz_gap, surface_curve
-from sims.contact.solver.wedge import (
-    DENSE_HALF_ANGLE,
-    TOP_HEIGHT,
-    convex_chains,
-    outline_points,
-    tip_hulls,
-)
 from sims.contact.tip import (
     HEMISPHERE,
     TipOutline,
@@ -25,6 +18,13 @@ from sims.contact.tip import (
     tip_gap,
     tip_of,
     tip_outline,
+)
+from sims.contact.wedge import (
+    DENSE_HALF_ANGLE,
+    TOP_HEIGHT,
+    convex_chains,
+    outline_points,
+    tip_hulls,
 )
 
 PUNCH = tip_of(Indenter(shape="flat_punch"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from design.protocols.press import load_protocol
+from design.press_protocol import load_protocol
 from sims.contact import load_protocol as module
 from sims.contact.load_protocol import StandardLinearSolid, load_history, protocol_path
 

@@ -7,7 +7,8 @@ from design.errors import InputError
 from design.preset import preset
 from design.recordings import SetEntry
 from design.shape.outline import rectangle
-from sims.evaluation.tables import (
+from sims.learning.inference.prediction import Prediction
+from sims.learning.tables import (
     JudgedPresses,
     error_json,
     error_rows,
@@ -17,7 +18,6 @@ from sims.evaluation.tables import (
     published_touch,
     touch_rows,
 )
-from sims.learning.inference.prediction import Prediction
 from sims.readings.press_data import PressData
 
 DEPTHS_MM = (-0.4, -0.2, 0.0, 0.2, 0.5, 1.0, 2.0)

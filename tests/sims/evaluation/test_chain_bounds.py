@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import sims.evaluation.chain_bounds as chain_bounds_module
-from sims.evaluation.chain_bounds import StageErrors, bounds_under
+import sims.learning.chain_bounds as chain_bounds_module
+from sims.learning.chain_bounds import StageErrors, bounds_under
 from tests.sims.learning.made_up_map import (
     COUNT,
     made_up_map_model,

@@ -15,7 +15,7 @@ from sims.learning.fits.touch import sigma_table
 from sims.learning.inference.model_file import load_model, save_model
 from sims.learning.inference.sigma_table import SigmaTable
 from sims.learning.learners import LEARNERS
-from sims.learning.samples import QUICK
+from sims.learning.settings import QUICK
 from tests.sims.learning.pressed_pad import grid_mm, made_up_data, random_places_mm, require_places_found
 
 SMALL = replace(QUICK, fit_samples=500, network_samples=2_000, search_samples=400, trees=15, epochs=20)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sims.learning.calibration.fit import Fitted, fitted, undetermined
-from sims.learning.calibration.problem import Light, Unknown, calibration_samples
+from sims.learning.calibration import Fitted, fitted, undetermined
+from sims.learning.calibration_problem import Light, Unknown, calibration_samples
 from tests.sims.learning.made_up_map import (
     COUNT,
     PAIRS,

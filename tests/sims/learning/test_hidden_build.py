@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from design.preset import preset
-from design.protocols.press import protocol_from
+from design.press_protocol import protocol_from
 from design.shape.cavity import cavity_of
-from sims.learning.calibration.fit import calibrated
-from sims.learning.calibration.problem import unknowns_of, with_values
+from sims.learning.calibration import calibrated
+from sims.learning.calibration_problem import unknowns_of, with_values
 from sims.optics.tracing import trace
 from sims.readings.protocol import draw, protocol_curves
 from sims.readings.signal_chain import chain_of

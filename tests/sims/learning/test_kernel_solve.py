@@ -8,7 +8,7 @@ from sklearn.kernel_ridge import KernelRidge
 
 from design.errors import InputError
 from sims.learning.fits.kernel_ridge import BLOCK_ROWS, factorise, kernel_matrix, method_for, solve_kernel
-from sims.learning.samples import EFFORTS
+from sims.learning.settings import EFFORTS
 
 GAMMA, RIDGE = 0.02, 0.1
 

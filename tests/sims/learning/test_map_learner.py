@@ -9,9 +9,9 @@ import pytest
 
 from design.errors import InputError
 from design.preset import preset
-from sims.learning.fits.map_learner import fit_signal_map, fitted_gains, untouched_of
-from sims.learning.fits.traced_map import MapError, map_nodes
 from sims.learning.inference.model_file import load_model, save_model
+from sims.learning.map_learner import fit_signal_map, fitted_gains, untouched_of
+from sims.learning.traced_map import MapError, map_nodes
 from tests.sims.learning.made_up_map import (
     COUNT,
     made_up_map_model,

@@ -16,7 +16,7 @@ from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 
 from design.preset import preset
-from design.protocols.press import load_protocol
+from design.press_protocol import load_protocol
 from design.shape.cavity import cavity_of
 from design.spec.properties import modulus
 from sims.contact.load_protocol import LoadHistory, StandardLinearSolid, load_history

@@ -11,7 +11,7 @@ import pytest
 
 from design.errors import InputError
 from design.preset import preset
-from design.protocols.press import PressProtocol, protocol_from
+from design.press_protocol import PressProtocol, protocol_from
 from sims.readings.press_data import KNOTS_MM, PressCurves
 from sims.readings.protocol import ProtocolCurves, draw, drawn_presses, untouched_readout
 from sims.readings.signal_chain import chain_of, without_noise

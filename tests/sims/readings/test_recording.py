@@ -9,8 +9,8 @@ import xarray as xr
 from design.errors import InputError
 from design.preset import preset
 from optopad.cli import main
-from sims.evaluation import recorded_press as laying
-from sims.evaluation.recorded_press import recorded_press
+from sims.learning import recorded_press as laying
+from sims.learning.recorded_press import recorded_press
 from sims.press import depth_schedule_mm
 from sims.readings.recording import read_recording
 from tests.sims.made_up_scores import made_up_pair

@@ -24,8 +24,8 @@ from design.io import write_text_atomically
 from design.preset import PRESETS, preset
 from design.spec import SensorDesign
 from fabrication.driver.link.protocol import Command, pack_command
-from fabrication.firmware.flash import COMPILER, compiled_image
-from fabrication.firmware.sketch import firmware_settings
+from fabrication.flash import COMPILER, compiled_image
+from fabrication.sketch import firmware_settings
 from tests.fabrication.simulated_board import (
     AMPLIFIER_TAU_US,
     LIGHT_TAU_US,

@@ -28,15 +28,15 @@ import numpy as np
 
 from design.io import write_text_atomically
 from design.preset import preset
-from design.protocols.press import PressProtocol, protocol_from
+from design.press_protocol import PressProtocol, protocol_from
 from design.spec import SensorDesign
-from sims.evaluation.chain_bounds import chain_bounds
-from sims.learning.calibration.fit import Calibration, calibrated
-from sims.learning.calibration.problem import Unknown, unknowns_of, with_values
+from sims.learning.calibration import Calibration, calibrated
+from sims.learning.calibration_problem import Unknown, unknowns_of, with_values
+from sims.learning.chain_bounds import chain_bounds
 from sims.learning.fits.kernel_ridge import fit_kernel_ridge
-from sims.learning.fits.map_learner import chain_noise, fit_signal_map, map_header, mapped
-from sims.learning.fits.traced_map import SignalMap
 from sims.learning.inference.touch_model import TouchModel
+from sims.learning.map_learner import chain_noise, fit_signal_map, map_header, mapped
+from sims.learning.traced_map import SignalMap
 from sims.readings.press_data import PressCurves, PressData, traced_curves
 from sims.readings.protocol import ProtocolCurves, draw, protocol_curves
 from sims.readings.signal_chain import SignalChain, chain_of

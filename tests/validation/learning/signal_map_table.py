@@ -15,8 +15,8 @@ import numpy as np
 from design.io import write_text_atomically
 from design.preset import preset
 from design.shape.cavity import cavity_of, judged_pairs, mask_of
-from sims.learning.fits.map_learner import MAP_SEED
-from sims.learning.fits.traced_map import (
+from sims.learning.map_learner import MAP_SEED
+from sims.learning.traced_map import (
     DEPTH_NODES,
     PITCH_MM,
     QUICK_DEPTH_NODES,

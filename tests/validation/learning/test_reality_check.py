@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from design.preset import preset
-from design.protocols.press import load_protocol_file
+from design.press_protocol import load_protocol_file
 from design.shape.cavity import cavity_of
-from sims.evaluation.tables import published_touch
 from sims.learning.learners import LEARNERS
-from sims.learning.samples import QUICK
+from sims.learning.settings import QUICK
+from sims.learning.tables import published_touch
 from sims.readings.press_data import PressCurves
 from sims.readings.protocol import ProtocolCurves, untouched_readout
 from tests.validation.learning.reality_check import (

@@ -16,12 +16,12 @@ import numpy as np
 
 from design.io import write_text_atomically
 from design.preset import preset
-from design.protocols.press import load_protocol_file
-from sims.evaluation.tables import PublishedTouch, published_touch
+from design.press_protocol import load_protocol_file
 from sims.learning.fits import touch as touch_fit
 from sims.learning.fits.touch import fit_plain_touch, fit_tuned_touch
 from sims.learning.inference.touch_svm import TouchSvm
 from sims.learning.samples import TrainingData, prepared
+from sims.learning.tables import PublishedTouch, published_touch
 from sims.readings.protocol import draw, protocol_curves
 
 ROOT = Path(__file__).parents[3]

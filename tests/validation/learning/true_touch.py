@@ -16,9 +16,9 @@ import numpy as np
 
 from design.io import write_text_atomically
 from design.preset import preset
-from design.protocols.press import load_protocol_file
-from sims.learning.fits.map_learner import fit_signal_map, map_header, mapped
+from design.press_protocol import load_protocol_file
 from sims.learning.inference.signal_map import SignalMapModel
+from sims.learning.map_learner import fit_signal_map, map_header, mapped
 from sims.readings.press_data import PressData
 from sims.readings.protocol import draw, protocol_curves
 from tests.validation.contact.contact_table import markdown_table, with_table

@@ -16,15 +16,15 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from design.arrays import BoolArray, FloatArray
-from sims.cache import listen_to_numba
+from sims.compiling import listen_to_numba
 from sims.optics.accuracy import Accuracy
-from sims.optics.engine.compiled import run_each
 from sims.optics.engine.formed.formed_lower import formed_top, walls_of, windows_of
 from sims.optics.engine.formed.formed_patches import PatchLayout, patch_layout
 from sims.optics.engine.formed.formed_points import GridPoints, TopGrid, pitch_of, points_of, top_grid
 from sims.optics.engine.formed.formed_rays import AREA
 from sims.optics.engine.formed.formed_scattered import DIMENSIONS
 from sims.optics.engine.formed.formed_top import FLAT, KIND, SPHERE, FormedTop
+from sims.optics.engine.threads import run_each
 from sims.optics.engine.untouched import above_zero
 from sims.optics.scene.optical_scene import OpticalScene
 

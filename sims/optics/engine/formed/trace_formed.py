@@ -29,7 +29,6 @@ import numpy as np
 
 from design.arrays import BoolArray, FloatArray, IntArray
 from sims.optics.accuracy import Accuracy
-from sims.optics.engine.compiled import run_each
 from sims.optics.engine.formed.formed_deposits import TIP_PATCHES
 from sims.optics.engine.formed.formed_lower import FormedStack
 from sims.optics.engine.formed.formed_pad import CLASSES, FormedWays, formed_ways, jackknifed, lattice_error
@@ -47,6 +46,7 @@ from sims.optics.engine.formed.formed_top import (
     empty_rows,
     out_of_frame,
 )
+from sims.optics.engine.threads import run_each
 from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.surface.curves import CONTACT_AREA
 

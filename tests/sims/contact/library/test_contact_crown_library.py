@@ -37,8 +37,8 @@ from sims.contact.library.smooth_press import (
     off_crown,
 )
 from sims.contact.library.stored_press import stored_press
+from sims.contact.mesh import crown_drop, require_rim
 from sims.contact.scope import WALL_RADIUS, WALL_RADIUS_RANGE
-from sims.contact.solver.mesh import crown_drop, require_rim
 from tests.validation.contact.library_interpolation import distances_um
 
 DOME = (4.5, 5.5, 1 / 9)

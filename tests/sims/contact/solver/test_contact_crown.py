@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from design.errors import InputError, ModelScopeError
-from sims.contact.solver.mesh import (
+from sims.contact.mesh import (
     LEAST_RIM_SHARE,
     RIM_SPACING,
     crown_drop,
@@ -16,7 +16,7 @@ from sims.contact.solver.mesh import (
     radial_mesh,
     require_rim,
 )
-from sims.contact.solver.wedge import WEDGE_ANGLE, solve_wedge, sweep
+from sims.contact.wedge import WEDGE_ANGLE, solve_wedge, sweep
 
 CROWN, WALL = 3 / 14, 11 / 3
 

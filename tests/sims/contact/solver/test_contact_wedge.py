@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sims.contact.solver.mesh import radial_mesh
-from sims.contact.solver.wedge import (
+from sims.contact.mesh import radial_mesh
+from sims.contact.wedge import (
     WEDGE_ANGLE,
     WINDOW,
     ContactSolveError,

@@ -13,7 +13,7 @@ import pytest
 from sims import cache as fingerprint
 from sims.optics.compiling import signatures
 from sims.optics.engine import compiled
-from sims.optics.engine.compiled import between_pieces, run_each
+from sims.optics.engine.threads import between_pieces, run_each
 from sims.optics.engine.trace_states import trace_scene
 from sims.optics.scene.optical_scene import lambertian_pattern, smooth_field
 from tests.bench.measures.start_time import first_trace

@@ -1,4 +1,4 @@
-"""Samples, light and noise of one calibration: what `sims.learning.calibration.fit` minimises, and where it traces.
+"""Samples, light and noise of one calibration: what `sims.learning.calibration` minimises, and where it traces.
 
 The equations are there. Light is traced at places rounded to `PLACE_MM`, so that symmetric ones stay so.
 
@@ -45,8 +45,8 @@ from design.errors import InputError
 from design.progress import OnStep
 from design.spec import SensorDesign
 from design.spec.tolerances import UNIT_ENDS, Tolerance, build_tolerances
-from sims.learning.fits.map_learner import Untouched, gain_parts, untouched_of
 from sims.learning.inference.signal_map import ReadingNoise
+from sims.learning.map_learner import Untouched, gain_parts, untouched_of
 from sims.readings.dataset import PressData
 
 DIGITS = 11

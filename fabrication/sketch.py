@@ -247,7 +247,7 @@ MAIN = "main.c"
 
 def source_text(name: str) -> str:
     """A packaged source file."""
-    return files("fabrication.firmware").joinpath("source", name).read_text(encoding="utf-8")
+    return files("fabrication").joinpath("firmware", "source", name).read_text(encoding="utf-8")
 
 
 def sketch_texts(design: SensorDesign) -> dict[str, str]:

@@ -20,7 +20,7 @@ from design.errors import DeviceError
 from design.files import temporary_folder
 from design.parts.board_firmware import BoardFirmware
 from design.spec import SensorDesign
-from fabrication.firmware.sketch import MAIN, FirmwareSettings, firmware_settings, sketch_texts, source_text
+from fabrication.sketch import MAIN, FirmwareSettings, firmware_settings, sketch_texts, source_text
 
 COMPILER, COPIER, SIZER = "avr-gcc", "avr-objcopy", "avr-size"
 OPTIONS = (

@@ -68,7 +68,7 @@ from design.arrays import FloatArray
 from design.progress import OnStep
 from design.spec import SensorDesign
 from sims.bounds.fisher import SEED_GAP, TOLD_FROM_ZERO
-from sims.learning.calibration.problem import (
+from sims.learning.calibration_problem import (
     HALVES,
     LIGHTS,
     CalibrationSamples,
@@ -79,8 +79,8 @@ from sims.learning.calibration.problem import (
     unknowns_of,
     with_values,
 )
-from sims.learning.fits.map_learner import chain_noise, fitted_gains
 from sims.learning.inference.signal_map import ReadingNoise
+from sims.learning.map_learner import chain_noise, fitted_gains
 from sims.optics.tracing import trace
 from sims.readings.dataset import PressData
 

@@ -67,7 +67,7 @@ import mujoco
 import numpy as np
 
 from design.arrays import BoolArray, FloatArray, IntArray
-from sims.contact.solver.mesh import (
+from sims.contact.mesh import (
     RadialMesh,
     contact_forces,
     elastic_energy,

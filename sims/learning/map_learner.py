@@ -1,6 +1,6 @@
 """The learner "signal-map": a traced map and a sensor's own readings make a model.
 
-    ratio of a pair to its untouched signal    from the light model (`sims.learning.fits.traced_map`)
+    ratio of a pair to its untouched signal    from the light model (`sims.learning.traced_map`)
     untouched signal                           mean of the sensor's untouched frames
     of a pair at full scale while untouched    from gains of emitters and receivers fitted to the other pairs, moved by
                                                the touched frames in which it reads less
@@ -30,7 +30,12 @@ from design.spec import SensorDesign
 from sims.contact.force_curve import force_curve
 from sims.contact.indentation import solved_press
 from sims.learning.fits.touch import sigma_table
-from sims.learning.fits.traced_map import (
+from sims.learning.inference.header import ForceCurve, ModelHeader
+from sims.learning.inference.sigma_table import UNIT_SIGMA, SigmaTable
+from sims.learning.inference.signal_map import KIND, Box, ReadingNoise, SignalMapModel
+from sims.learning.samples import CLEARLY_UNTOUCHED_MM, SIGMA_OF_TIP
+from sims.learning.settings import DEFAULT, FitSettings
+from sims.learning.traced_map import (
     DEPTH_NODES,
     PITCH_MM,
     QUICK_DEPTH_NODES,
@@ -39,10 +44,6 @@ from sims.learning.fits.traced_map import (
     measured_error,
     traced_map,
 )
-from sims.learning.inference.header import ForceCurve, ModelHeader
-from sims.learning.inference.sigma_table import UNIT_SIGMA, SigmaTable
-from sims.learning.inference.signal_map import KIND, Box, ReadingNoise, SignalMapModel
-from sims.learning.samples import CLEARLY_UNTOUCHED_MM, DEFAULT, SIGMA_OF_TIP, FitSettings
 from sims.readings.dataset import PressData
 
 if TYPE_CHECKING:

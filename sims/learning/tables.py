@@ -176,7 +176,7 @@ class PublishedTouch:
 
 def published_touch(design: SensorDesign) -> PublishedTouch | None:
     """The table of the sensor that a packaged design describes; None for all others, changed ones included."""
-    text = (files("sims.evaluation") / "data" / "touch_success.toml").read_text(encoding="utf-8")
+    text = (files("sims.learning") / "touch_success.toml").read_text(encoding="utf-8")
     found = tomllib.loads(text).get(design.name)
     if found is None or design.digest != preset(design.name).digest:
         return None

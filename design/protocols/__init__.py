@@ -1,1 +1,0 @@
-"""Ready press protocols; `optopad simulate --protocol` takes them by name."""

@@ -1,1 +1,0 @@
-"""Firmware of exactly this geometry: the generated `config.h`, the sketch folder, its compilation and its upload."""

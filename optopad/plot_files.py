@@ -1,0 +1,43 @@
+"""A figure as files: SVG with text for pages and print, PNG for everything that cannot read SVG."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from design.files import write_whole
+from design.io import write_text_atomically
+from design.shape.cavity import cavity_of
+from design.spec import SensorDesign
+from sims.bounds.observability import PadBounds
+from sims.plots.maps import plot_bound_sheet, plot_felt_map
+from sims.plots.style import plain_style, svg_text
+
+PNG_DPI = 160
+
+
+def write_plot(figure: Figure, stem: Path) -> tuple[Path, Path]:
+    """Write ``<stem>.svg`` and ``<stem>.png``; call it inside `plain_style`. Returns both paths."""
+    svg, png = (stem.with_name(f"{stem.name}.{kind}") for kind in ("svg", "png"))
+    write_text_atomically(svg, svg_text(figure, stem.name))
+    figure.set_layout_engine("none")  # laid out for the SVG: all keeps its place
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=PNG_DPI, metadata={"Software": None})
+    write_whole(png, buffer.getvalue())
+    return svg, png
+
+
+def write_bound_plots(design: SensorDesign, bounds: PadBounds, folder: Path) -> list[Path]:
+    """Location and depth bounds by depth, and the lightest press felt: ``bounds-*.svg`` and ``.png``; their paths."""
+    cavity = cavity_of(design)
+    written: list[Path] = []
+    with plain_style():
+        written += write_plot(plot_bound_sheet(bounds, cavity, "location"), folder / "bounds-location")
+        written += write_plot(plot_bound_sheet(bounds, cavity, "depth"), folder / "bounds-depth")
+        if bounds.felt is not None:
+            figure = plot_felt_map(bounds.felt, cavity).get_figure(root=True)
+            assert figure is not None
+            written += write_plot(figure, folder / "felt-force")
+    return written

@@ -1,1 +1,0 @@
-"""Fitting the twin to a build: unknown optical parameters and gains from a few real presses."""

@@ -1,0 +1,51 @@
+"""One piece of work a thread: compiled code that lets go of the interpreter runs side by side.
+
+As many threads as numba is set to (`NUMBA_NUM_THREADS`, `numba.set_num_threads`). Numba's own parallel loops do the
+same, but compile everything below them twice.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+
+_WAITING = threading.local()
+
+
+@contextmanager
+def between_pieces(call: Callable[[], None]) -> Iterator[None]:
+    """Have something called between pieces of the work that this thread waits for; what it raises ends that work."""
+    former = getattr(_WAITING, "call", None)
+    _WAITING.call = call
+    try:
+        yield
+    finally:
+        _WAITING.call = former
+
+
+def run_each(work: Callable[[int], object], count: int) -> None:
+    """Call `work` with 0 to `count` - 1. What the first compiles the others wait for: Numba compiles behind a lock.
+
+    An error, or an interruption, ends it as soon as the pieces under way are done.
+    """
+    import numba
+
+    attend = getattr(_WAITING, "call", None) or _nothing
+    threads = min(int(numba.get_num_threads()), count)
+    if threads < 2:
+        for number in range(count):
+            work(number)
+            attend()
+        return
+    pool = ThreadPoolExecutor(max_workers=threads)
+    try:
+        for _ in pool.map(work, range(count)):
+            attend()
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _nothing() -> None:
+    """Between pieces of work that nobody waits for a word of."""
