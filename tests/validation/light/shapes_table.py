@@ -1,4 +1,4 @@
-"""Light of discs and crowned pads against the oracle, pair by pair: `python -m tests.validation.light.shapes_table`.
+"""Light of other pads than blocks against the oracle, pair by pair: `python -m tests.validation.light.shapes_table`.
 
 Every preset of another shape, and two of them with receivers behind epoxy, untouched and under four presses, by the
 engine's settings for maps, near contact and "standard". The oracle runs in batches, whose rays are the same with and
@@ -47,7 +47,10 @@ from sims.optics.tracing import pressed_tops
 
 EPOXY = ", receivers behind epoxy"
 """What comes after a preset's name where its receivers have a half angle of 40 degrees in epoxy of index 1.55."""
-PADS = ("levi2013-disc", "crowned-40x25", "fingertip-dome", f"levi2013-disc{EPOXY}", f"fingertip-dome{EPOXY}")
+PADS = (
+    *("levi2013-disc", "crowned-40x25", "fingertip-dome", "gripper-stadium"),
+    *(f"levi2013-disc{EPOXY}", f"fingertip-dome{EPOXY}"),
+)
 SETTINGS: dict[str, Accuracy] = {
     "score": ACCURACIES["score"],
     "near contact": MIRRORED_FINER,
