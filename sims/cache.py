@@ -1,16 +1,6 @@
-# mypy: allow-untyped-calls
 """Where results are kept between runs: the system's cache folder for optopad, or the one that is named.
 
 A number for the sources that results rest on: another number, other sources.
-
-Compiled kernels on disk: one folder for the sources they are made of, outside the checkout and the installation.
-
-Numba keeps compiled code beside the sources, where a new clone does not find it. Here it is kept in the cache folder
-(`NUMBA_CACHE_DIR`, else ``kernels`` in `sims.cache`), in a folder named by a hash of the sources: any checkout
-with the same sources reads it, and a changed source is never answered from an old cache. Numba itself looks after its
-own version and the processor. Of two processes that need the same kernel one compiles, and the other waits for it.
-
-What is used of numba is no public interface: `FunctionCache`, its locators, and the attribute ``_cache``.
 
 Traced light on disk: one row an emitter and state, named by a hash of everything that it depends on.
 
@@ -29,30 +19,20 @@ writing 0.05 ms.
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import hashlib
 import math
 import os
-import shutil
 import sqlite3
-import subprocess
-import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from types import ModuleType
-from typing import Any, TypeVar
 
-from numba import njit
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 from platformdirs import user_cache_path
 
 from design.errors import InputError
-from design.files import folder_fault
-from sims.compiling import is_there, tell_of
 
 CACHE_VARIABLE = "OPTOPAD_CACHE"
 """Environment variable that names the cache folder."""
@@ -98,145 +78,6 @@ def _hash_of_files(paths: Iterable[Path]) -> int:
     for path in paths:
         digest.update(path.read_bytes())
     return int.from_bytes(digest.digest()[:8], "big") >> 1
-
-
-Function = TypeVar("Function", bound=Callable[..., object])
-KEPT_FOLDERS = 24
-"""Of sources whose kernels are kept; the ones used longest ago go when another is added."""
-
-
-def entry_points(modules: Sequence[ModuleType], **options: Any) -> Callable[[Function], Function]:
-    """Decorator of compiled entry points that are kept on disk; everything that they call is compiled into them.
-
-    Parameters
-    ----------
-    modules : of all that they call, and last the module that defines them
-    options : of `numba.njit`
-    """
-    room, _, own = modules[-1].__name__.rpartition(".")
-    name = f"{room.rpartition('.')[2]}-{own}-{source_fingerprint(modules):016x}"
-
-    def entry_point(function: Function) -> Function:
-        dispatcher: Any = njit(**options)(function)
-        dispatcher._cache = _KernelFiles(function, name)
-        tell_of(function.__name__)
-        return dispatcher  # type: ignore[no-any-return]
-
-    return entry_point
-
-
-@cache
-def compile_beside(program: str, entry_point: Any) -> None:
-    """Start a program that compiles, once, unless an entry point is on disk; it ends with this process at the latest.
-
-    Parameters
-    ----------
-    program : name of a module that runs as a program, until it is done or its standard input ends
-    entry_point : one of those that it compiles
-    """
-    files = entry_point._cache
-    folder = Path(files.cache_path)
-    if (
-        os.path.isfile(folder / f"{files._impl.filename_base}.nbi")
-        or folder_fault(folder)  # another process could not hand its kernels over
-    ):
-        return
-    process = subprocess.Popen(
-        [sys.executable, "-P", "-m", program],
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
-        stdin=subprocess.PIPE,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    threading.Thread(target=_see_out, args=(process,), daemon=True).start()
-
-
-def _see_out(process: subprocess.Popen[bytes]) -> None:
-    with process:  # leaving closes its standard input
-        process.wait()
-
-
-class _KernelFiles(FunctionCache):
-    """Files of one entry point, and the lock that the process which compiles it holds."""
-
-    def __init__(self, function: Any, name: str) -> None:
-        class Implementation(CompileResultCacheImpl):
-            _locator_classes: list[Any] = [_located(name)]  # noqa: RUF012 (as numba has it)
-
-        self._impl_class = Implementation
-        self._lock: int | None = None
-        super().__init__(function)
-
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """What is on disk; where nothing is, what another process is about to write there."""
-        try:
-            found = super().load_overload(sig, target_context)
-            if found is None and self._lock is None:
-                self._take_lock()
-                found = super().load_overload(sig, target_context)
-        except OSError:
-            found = None
-        if found is not None:
-            self._leave_lock()
-            is_there(self._py_func.__name__)
-        return found
-
-    def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep what was compiled; a folder that cannot be written costs compiling once more, and no answer."""
-        try:
-            super().save_overload(sig, data)
-        except OSError:
-            self.disable()
-        finally:
-            self._leave_lock()
-
-    def _take_lock(self) -> None:
-        """Until it is left, or this process ends however it does."""
-        self._impl.locator.ensure_cache_path()
-        file = Path(self.cache_path) / f"{self._impl.filename_base}.lock"
-        self._lock = os.open(file, os.O_RDWR | os.O_CREAT)
-        fcntl.flock(self._lock, fcntl.LOCK_EX)
-
-    def _leave_lock(self) -> None:
-        if self._lock is not None:
-            os.close(self._lock)
-            self._lock = None
-
-
-def _located(name: str) -> type[Any]:
-    """Where numba looks for the kernels of a folder."""
-
-    class Locator(_CacheLocator):
-        def get_cache_path(self) -> str:
-            return str(kernel_folder() / name)
-
-        def ensure_cache_path(self) -> None:
-            folder = kernel_folder() / name
-            if not any(folder.glob("*.nbi")):
-                _make_room(folder.parent)
-            folder.mkdir(parents=True, exist_ok=True)
-
-        def get_source_stamp(self) -> str:
-            return name
-
-        def get_disambiguator(self) -> str:
-            return "1"
-
-        @classmethod
-        def from_function(cls, _function: Any, _file: str) -> Any:
-            return cls()
-
-    return Locator
-
-
-def _make_room(folder: Path) -> None:
-    """Remove the kernels of sources that were compiled longest ago."""
-    if folder.is_dir():
-        known = sorted(
-            (path for path in folder.iterdir() if path.is_dir()), key=lambda path: path.stat().st_mtime
-        )
-        for path in known[: 1 - KEPT_FOLDERS]:
-            shutil.rmtree(path, ignore_errors=True)
 
 
 SIZE_VARIABLE = "OPTOPAD_LIGHT_CACHE_MB"

@@ -36,7 +36,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
         "search",
     ),
     "sims": (
-        *("press", "cache", "contact", "optics", "rays", "readings", "verdict", "bounds", "continuity"),
+        *("press", "cache", "kernels", "contact", "optics", "rays", "readings", "verdict", "bounds", "continuity"),
         *("learning", "plots"),
     ),
     "sims/contact": ("wedge", "walls", "library", "indentation", "pad_surface"),

@@ -35,10 +35,10 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from design.arrays import FloatArray
+from design.csv_table import numbered_points
 from design.errors import DesignError
 from design.fields.base import Model
 from design.fields.quantity import NM_PER_UM, Confidence, Quantity, Text, weakest
-from design.files import numbered_points
 
 CURVE_FILE = "curve_csv"
 CURVES = {

@@ -38,9 +38,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
+from design.csv_table import numbered_points
 from design.errors import DesignError
 from design.fields.base import Model
-from design.files import numbered_points
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -23,8 +23,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self
 
+from design.csv_table import read_csv
 from design.errors import InputError
-from design.files import read_csv
 from design.recordings import SetEntry
 from design.shape.outline import Outline
 from fabrication.driver.recording.position_log import set_entry, whole_place

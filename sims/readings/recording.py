@@ -28,8 +28,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from design.arrays import FloatArray
+from design.csv_table import CsvTable, read_csv
 from design.errors import InputError
-from design.files import TEXT_KINDS, CsvTable, kind_of_file, read_csv
+from design.files import TEXT_KINDS, kind_of_file
 from design.recordings import OFF, signals_of
 from sims.readings.data_writer import read_netcdf, require_numbers
 from sims.readings.dataset import AXES, off_last

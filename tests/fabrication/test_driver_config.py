@@ -278,7 +278,7 @@ def test_a_missing_field_is_named(field: str) -> None:
 
 def test_the_reader_needs_the_standard_library_only() -> None:
     program = (
-        "import sys; import fabrication.driver_config; "
+        "import sys; import fabrication.driver_file; "
         "print([n for n in ('numpy', 'pydantic', 'tomlkit', 'cadquery', 'mujoco', 'numba') if n in sys.modules])"
     )
     root = Path(__file__).parents[2]

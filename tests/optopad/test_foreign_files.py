@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from design.csv_table import read_csv
 from design.errors import OptopadError
-from design.files import read_csv
 from design.io import dump_design, load_design
 from design.preset import preset, preset_text
 from design.press_protocol import load_protocol_file

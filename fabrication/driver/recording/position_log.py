@@ -20,8 +20,8 @@ from pathlib import Path
 import numpy as np
 
 from design.arrays import BoolArray, FloatArray, IntArray
+from design.csv_table import CsvTable, is_number, read_csv
 from design.errors import InputError, shown
-from design.files import CsvTable, is_number, read_csv
 from design.recordings import UNNAMED, SetEntry
 from fabrication.driver.recording.press_labels import PressLabels
 

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from design.arrays import FloatArray
+from design.csv_table import read_csv
 from design.errors import InputError
-from design.files import read_csv
 from fabrication.driver_file import WorkspaceLimits
 
 HEADING = ("t_s", "x_mm", "y_mm", "depth_mm")

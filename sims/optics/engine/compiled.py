@@ -9,8 +9,8 @@ import numpy as np
 from numba import njit
 
 from design.arrays import BoolArray, FloatArray, IntArray
-from sims.cache import entry_points
 from sims.compiling import listen_to_numba
+from sims.kernels import entry_points
 from sims.optics.engine import images, mirrored, repeated, states, straight
 from sims.optics.engine import scattered as scattered_kernels
 from sims.optics.engine.repeated import all_orders

@@ -274,7 +274,7 @@ def _wall_reference_rays(settings: Accuracy) -> int:
 def _solved(scene: OpticalScene, settings: Accuracy, rays: int) -> UnshiftedPad:
     from scipy.stats import qmc
 
-    from sims.cache import compile_beside
+    from sims.kernels import compile_beside
     from sims.optics.engine import compiled
 
     compile_beside("sims.optics.compiling", compiled.trace_further)

@@ -40,8 +40,8 @@ from numpy.typing import ArrayLike
 
 from design.arrays import BoolArray, FloatArray
 from design.errors import InputError
-from sims.cache import entry_points
 from sims.compiling import listen_to_numba
+from sims.kernels import entry_points
 from sims.optics.oracle import chance, crown, heights, march, profile, scene, surface, top
 from sims.optics.oracle import walk as walk_file
 from sims.optics.oracle.chance import ray_stream

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from sims import cache as kernels
+from sims import kernels
 
 PROGRAM = """
 import sys
@@ -27,7 +27,7 @@ print(module.{function}(2.0))
 """
 MODULE = """
 import sys
-from sims.cache import entry_points
+from sims.kernels import entry_points
 
 @entry_points([sys.modules[__name__]])
 def twice(x):
@@ -45,7 +45,7 @@ BESIDE = """
 import time
 from pathlib import Path
 from rooms import module
-from sims.cache import compile_beside
+from sims.kernels import compile_beside
 
 for _ in range(2):
     compile_beside("rooms.module", module.thrice)

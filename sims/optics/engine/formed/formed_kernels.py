@@ -8,7 +8,7 @@ import sys
 import numpy as np
 
 from design.arrays import BoolArray, FloatArray
-from sims.cache import entry_points
+from sims.kernels import entry_points
 from sims.optics.engine.formed import (
     formed_chains,
     formed_cuts,

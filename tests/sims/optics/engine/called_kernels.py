@@ -9,7 +9,7 @@ import sys
 
 import numpy as np
 
-from sims.cache import entry_points
+from sims.kernels import entry_points
 from sims.optics.engine import straight as rays
 from sims.optics.engine.compiled import KERNEL_MODULES
 from sims.optics.surface import radial

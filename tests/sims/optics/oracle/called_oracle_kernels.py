@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 
-from sims.cache import entry_points
+from sims.kernels import entry_points
 from sims.optics.oracle import march, surface, top
 from sims.optics.oracle.tracer import MODULES
 
