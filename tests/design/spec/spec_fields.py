@@ -137,7 +137,7 @@ def designs() -> st.SearchStrategy[SensorDesign]:
     )
     ids = st.from_regex(r"[a-z0-9][a-z0-9-]{0,20}", fullmatch=True)
     others = {
-        "name": st.from_regex(r"[A-Za-z0-9][A-Za-z0-9._-]{0,20}", fullmatch=True),
+        "name": st.from_regex(r"[A-Za-z0-9]([A-Za-z0-9._-]{0,19}[A-Za-z0-9_-])?", fullmatch=True),
         "description": st.text(st.characters(exclude_categories=["Cs"]), max_size=30),
         "crown": crown,
         "measured": st.lists(st.sampled_from(["emitters.height_mm", "board.baud"]), unique=True),
