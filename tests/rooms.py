@@ -174,7 +174,9 @@ def table() -> str:
         if files:
             out = ", ".join(imported_rooms(folder)) or "-"
             rows.append(f"{'/'.join(folder):34} {len(files):5} {sum(map(lines_of, files)):6}  {out}")
-    return "\n".join([f"{'folder':34} {'files':>5} {'lines':>6}  imports", *rows])
+    lines = sum(map(lines_of, modules().values()))
+    whole = f"{len(rows)} folders, {len(modules())} modules, {lines} lines of Python"
+    return "\n".join([f"{'folder':34} {'files':>5} {'lines':>6}  imports", *rows, whole])
 
 
 if __name__ == "__main__":
