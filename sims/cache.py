@@ -68,8 +68,8 @@ def source_fingerprint(modules: Iterable[ModuleType]) -> int:
 
 
 def folder_fingerprint(*folders: Path) -> int:
-    """63-bit hash of every source and data file in the folders and below them."""
-    files = (path for folder in folders for path in sorted(folder.rglob("*")))
+    """63-bit hash of every source and data file in the folders and below them, or of the files that are named."""
+    files = (path for folder in folders for path in (folder, *sorted(folder.rglob("*"))) if path.is_file())
     return _hash_of_files(path for path in files if path.suffix in SUFFIXES)
 
 
