@@ -412,6 +412,8 @@ def _check_patches(scene: OpticalScene, kind: str) -> None:
 def untouched_top(scene: Scene, x: float, y: float) -> float:
     """Height of the untouched top at a place [mm]."""
     kx, ky, apex_x, apex_y = scene.crown
+    if kx == ky == 0.0:
+        return scene.height
     return float(scene.height - sag(kx, ky, x - apex_x, y - apex_y)[0])
 
 

@@ -78,6 +78,7 @@ MARGIN_MM = 1e-6
 FACE_MM = 1e-7
 """Fall of the clearance across a border that is a vertical face, not rounding [mm]."""
 
+Vector = tuple[float, float, float]
 Ray = tuple[float, float, float, float, float, float]
 """Place [mm] and unit direction [-]."""
 Meeting = tuple[float, int, float, float, float]
@@ -89,8 +90,8 @@ class Surface(NamedTuple):
 
     Attributes
     ----------
-    origin : (3,) of the frame, on the untouched top [mm]
-    axes : (3, 3) of the frame, a row each [-]
+    origin : of the frame, on the untouched top [mm]
+    axes : the nine numbers of the frame's axes, one axis after another [-]
     kx, ky : curvatures of the untouched top [1/mm], 0 <= kx <= ky
     lowest, highest : bounds of the surface [mm]
     is_sum : whether heights are added; if not, one tip on a flat top, or none, is the plane and cones
@@ -105,12 +106,12 @@ class Surface(NamedTuple):
     starts : (k, BINS) first row of `curve` that may hold a radius of the ring
     bends : (k, BINS) largest |d''| and |d'| / r within the ring [1/mm]
     nodes : (nx, ny, 4) the field's value, slopes and mixed derivative; (0, 0, 4) without a field
-    corner, step : (2,) of the field's grid [mm]
+    corner, step : of the field's grid [mm]
     field_bend : bound of the field's second derivative in any direction [1/mm]
     """
 
-    origin: FloatArray
-    axes: FloatArray
+    origin: Vector
+    axes: tuple[float, ...]
     kx: float
     ky: float
     lowest: float
@@ -124,8 +125,8 @@ class Surface(NamedTuple):
     starts: IntArray
     bends: FloatArray
     nodes: FloatArray
-    corner: FloatArray
-    step: FloatArray
+    corner: tuple[float, float]
+    step: tuple[float, float]
     field_bend: float
 
 
@@ -152,7 +153,7 @@ def is_in_elastomer(s: Surface, x: float, y: float, z: float) -> bool:
         return bool(w <= top_height(s, u, v)[0])
     r = math.hypot(u, v)
     if s.tips.shape[0] == 0 or r >= s.tips[0, EDGE]:
-        return w <= 0.0
+        return bool(w <= 0.0)
     above = 0
     if r < s.tips[0, CONTACT_RADIUS] and _tip_z(s) - math.sqrt(s.tips[0, SPHERE] ** 2 - r * r) > w:
         above += 1
@@ -169,12 +170,12 @@ def is_untouched(s: Surface) -> bool:
     return s.tips.shape[0] == 0 and s.nodes.shape[0] == 0
 
 
-@njit()
+@njit(forceinline=True)
 def is_steep(s: Surface, slope: float, place_and_normal: Ray) -> bool:
     """Whether press and field slope by more than `slope` [-] at a place of the top, given with the unit normal out."""
     x, y, _, nx, ny, nz = in_frame(s, place_and_normal)
     _, along, across = sag(s.kx, s.ky, x, y)
-    return nz <= 0.0 or math.hypot(along - nx / nz, across - ny / nz) > slope
+    return bool(nz <= 0.0 or math.hypot(along - nx / nz, across - ny / nz) > slope)
 
 
 @njit()
@@ -212,7 +213,7 @@ def tip_hit(s: Surface, ray: Ray, limit: float) -> tuple[float, bool, float, flo
     return best, hit, nx, ny, nz
 
 
-@njit()
+@njit(forceinline=True)
 def in_frame(s: Surface, ray: Ray) -> Ray:
     """A ray of the cavity in the frame."""
     x, y, z, dx, dy, dz = ray
@@ -220,23 +221,23 @@ def in_frame(s: Surface, ray: Ray) -> Ray:
     return place + _turned(s.axes, dx, dy, dz)
 
 
-@njit()
-def _turned(a: FloatArray, vx: float, vy: float, vz: float) -> tuple[float, float, float]:
+@njit(forceinline=True)
+def _turned(a: tuple[float, ...], vx: float, vy: float, vz: float) -> Vector:
     """A vector of the cavity in the frame."""
     return (
-        a[0, 0] * vx + a[0, 1] * vy + a[0, 2] * vz,
-        a[1, 0] * vx + a[1, 1] * vy + a[1, 2] * vz,
-        a[2, 0] * vx + a[2, 1] * vy + a[2, 2] * vz,
+        a[0] * vx + a[1] * vy + a[2] * vz,
+        a[3] * vx + a[4] * vy + a[5] * vz,
+        a[6] * vx + a[7] * vy + a[8] * vz,
     )
 
 
-@njit()
-def _turned_back(a: FloatArray, vx: float, vy: float, vz: float) -> tuple[float, float, float]:
+@njit(forceinline=True)
+def _turned_back(a: tuple[float, ...], vx: float, vy: float, vz: float) -> Vector:
     """A vector of the frame in the cavity."""
     return (
-        a[0, 0] * vx + a[1, 0] * vy + a[2, 0] * vz,
-        a[0, 1] * vx + a[1, 1] * vy + a[2, 1] * vz,
-        a[0, 2] * vx + a[1, 2] * vy + a[2, 2] * vz,
+        a[0] * vx + a[3] * vy + a[6] * vz,
+        a[1] * vx + a[4] * vy + a[7] * vz,
+        a[2] * vx + a[5] * vy + a[8] * vz,
     )
 
 
@@ -247,7 +248,8 @@ def sag(kx: float, ky: float, x: float, y: float) -> tuple[float, float, float]:
     square = u * u + v * v
     if square <= STEEPEST_SHARE * STEEPEST_SHARE:
         root = math.sqrt(1.0 - square)
-        return (u * x + v * y) / (1.0 + root), u / root, v / root
+        steepness = 1.0 / root
+        return (u * x + v * y) / (1.0 + root), steepness * u, steepness * v
     root = math.sqrt(1.0 - STEEPEST_SHARE * STEEPEST_SHARE)
     slope, share = STEEPEST_SHARE / root, math.sqrt(square)
     fall = STEEPEST_SHARE * STEEPEST_SHARE / (1.0 + root) + slope * (share - STEEPEST_SHARE)
@@ -357,7 +359,7 @@ def _sum_hit(s: Surface, side: float, ray: Ray, limit: float) -> Meeting:
     return limit, NOTHING, 0.0, 0.0, side
 
 
-@njit()
+@njit(forceinline=True)
 def _clearance(s: Surface, side: float, ray: Ray, t: float) -> tuple[float, float]:
     """Clearance of a ray [mm] and its growth along the ray [-]."""
     x, y, z, dx, dy, dz = ray
@@ -387,8 +389,9 @@ def _bends(s: Surface, side: float, ray: Ray, t0: float, t1: float) -> tuple[flo
     crown = 0.0
     if s.ky > 0.0:
         for t in (t0, t1):
-            crown = max(crown, math.hypot(s.kx * (x + t * dx), s.ky * (y + t * dy)))
-        inner = 1.0 - min(crown, STEEPEST_SHARE) ** 2
+            u, v = s.kx * (x + t * dx), s.ky * (y + t * dy)
+            crown = max(crown, u * u + v * v)
+        inner = 1.0 - min(crown, STEEPEST_SHARE * STEEPEST_SHARE)
         crown = (s.kx * dx * dx + s.ky * dy * dy) / (inner * math.sqrt(inner))
     return (bound, bound + crown) if side == INSIDE else (bound + crown, bound)
 
@@ -496,7 +499,7 @@ def _face(s: Surface, which: int, ray: Ray, t: float) -> Meeting:
     return t, FREE, nx / size, ny / size, 0.0
 
 
-@njit()
+@njit(forceinline=True)
 def _tip_z(s: Surface) -> float:
     """Height of the centre of the one tip's sphere [mm]."""
     return float(s.tips[0, SPHERE] - s.tips[0, DROP])
@@ -542,7 +545,7 @@ def _cone_normal(cone: FloatArray, side: float, r: float, z: float) -> tuple[flo
     return -side * math.sin(angle), side * math.cos(angle)
 
 
-@njit()
+@njit(forceinline=True)
 def _cap_distance(s: Surface, ray: Ray) -> float:
     """Distance at which a ray enters the tip sphere through its wetted cap [mm]; infinity if it does not."""
     x, y, z, dx, dy, dz = ray

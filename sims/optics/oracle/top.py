@@ -170,8 +170,8 @@ def lower_top(
     nodes, corner, step, low, high, field_bend = _lowered_field(field)
     cones = _joined([part.cones for part in parts], 8)
     return Surface(
-        origin=origin,
-        axes=np.ascontiguousarray(axes),
+        origin=tuple(origin.tolist()),
+        axes=tuple(axes.ravel().tolist()),
         kx=curve.kx,
         ky=curve.ky,
         lowest=low - float(_falls(reach, curve.ky)) + sum(part.lowest for part in parts),
@@ -187,8 +187,8 @@ def lower_top(
         ),
         bends=_joined([part.bends for part in parts], BINS),
         nodes=nodes,
-        corner=corner,
-        step=step,
+        corner=(float(corner[0]), float(corner[1])),
+        step=(float(step[0]), float(step[1])),
         field_bend=field_bend,
     )
 
